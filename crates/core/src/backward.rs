@@ -1,0 +1,304 @@
+//! Backward passes over the tape.
+//!
+//! A pass starts from upstream gradients at some variables and walks the operations in reverse.
+//! An operation runs where one of its outputs has an upstream gradient and one of its inputs
+//! leads to a requested variable; every other one is skipped. Gradients of inner values live
+//! until the operation that made the value has used them; then their buffers serve the operations
+//! further down.
+
+use std::fmt;
+use std::time::Instant;
+
+use smallvec::SmallVec;
+
+use crate::error::TensorError;
+use crate::op::{Accumulator, Accumulators, Inputs, Kept};
+use crate::scalar::Scalar;
+use crate::tape::{Inner, Tape};
+use crate::tensor::Tensor;
+use crate::var::Var;
+
+/// The gradients that a backward pass was asked for.
+pub struct Gradients<'t, T: Scalar> {
+    tape: &'t Tape<T>,
+    /// By requested variable, in increasing order; `None` where the gradient is zero because
+    /// nothing that the pass started from depends on the variable.
+    results: Vec<(u32, Option<Tensor<T>>)>,
+}
+
+impl<'t, T: Scalar> Gradients<'t, T> {
+    /// The gradient with respect to `variable`, in its shape; `None` where it was not asked for,
+    /// or is zero because nothing that the pass started from depends on it.
+    pub fn get(&self, variable: Var<'t, T>) -> Option<&Tensor<T>> {
+        if !std::ptr::eq(variable.tape, self.tape) {
+            return None;
+        }
+        let at = self.results.binary_search_by_key(&variable.index, |&(index, _)| index).ok()?;
+        self.results[at].1.as_ref()
+    }
+
+    /// The gradient with respect to `variable`, in its shape, zeros where [`Gradients::get`] has
+    /// none.
+    pub fn get_or_zeros(&self, variable: Var<'t, T>) -> Tensor<T> {
+        let zeros = || Tensor::zeros(variable.shape());
+        self.get(variable).cloned().unwrap_or_else(zeros)
+    }
+}
+
+impl<T: Scalar> Drop for Gradients<'_, T> {
+    fn drop(&mut self) {
+        // Not while a panic inside the tape unwinds past this value.
+        let Ok(mut inner) = self.tape.inner.try_borrow_mut() else { return };
+        for (_, tensor) in self.results.drain(..) {
+            if let Some(tensor) = tensor {
+                inner.pool.give(tensor);
+            }
+        }
+        inner.results = std::mem::take(&mut self.results);
+    }
+}
+
+impl<T: Scalar> fmt::Debug for Gradients<'_, T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_map().entries(self.results.iter().map(|(index, tensor)| (index, tensor))).finish()
+    }
+}
+
+impl<'t, T: Scalar> Var<'t, T> {
+    /// The gradients of this scalar with respect to every leaf.
+    ///
+    /// # Errors
+    /// [`TensorError::NotScalar`] unless the variable has exactly one entry.
+    pub fn backward(self) -> Result<Gradients<'t, T>, TensorError> {
+        self.tape.run_backward(&[(self, None)], None)
+    }
+
+    /// The gradients of this scalar with respect to `wrt` alone, leaves or not; what leads to
+    /// none of them is not computed.
+    ///
+    /// # Errors
+    /// [`TensorError::NotScalar`] unless the variable has exactly one entry;
+    /// [`TensorError::ForeignVariable`] where one of `wrt` belongs to another tape.
+    pub fn backward_to(self, wrt: &[Var<'t, T>]) -> Result<Gradients<'t, T>, TensorError> {
+        self.tape.run_backward(&[(self, None)], Some(wrt))
+    }
+}
+
+impl<T: Scalar> Tape<T> {
+    /// The gradients of `sum_k <upstream_k, variable_k>` with respect to every leaf: the
+    /// vector-Jacobian product for the given upstream gradients.
+    ///
+    /// # Errors
+    /// [`TensorError::Mismatch`] unless each upstream gradient has the shape of its variable;
+    /// [`TensorError::ForeignVariable`] where a variable belongs to another tape.
+    pub fn vjp<'t>(
+        &'t self,
+        seeds: &[(Var<'t, T>, &Tensor<T>)],
+    ) -> Result<Gradients<'t, T>, TensorError> {
+        let seeds: SmallVec<[_; 4]> = seeds.iter().map(|&(var, tensor)| (var, Some(tensor))).collect();
+        self.run_backward(&seeds, None)
+    }
+
+    /// [`Tape::vjp`] with respect to `wrt` alone, leaves or not; what leads to none of them is not
+    /// computed.
+    ///
+    /// # Errors
+    /// As [`Tape::vjp`].
+    pub fn vjp_to<'t>(
+        &'t self,
+        seeds: &[(Var<'t, T>, &Tensor<T>)],
+        wrt: &[Var<'t, T>],
+    ) -> Result<Gradients<'t, T>, TensorError> {
+        let seeds: SmallVec<[_; 4]> = seeds.iter().map(|&(var, tensor)| (var, Some(tensor))).collect();
+        self.run_backward(&seeds, Some(wrt))
+    }
+
+    /// A pass from `seeds` (`None`: a gradient of 1 at a scalar) to `wrt` (`None`: all leaves).
+    fn run_backward<'t>(
+        &'t self,
+        seeds: &[(Var<'t, T>, Option<&Tensor<T>>)],
+        wrt: Option<&[Var<'t, T>]>,
+    ) -> Result<Gradients<'t, T>, TensorError> {
+        let all = seeds.iter().map(|&(var, _)| var).chain(wrt.unwrap_or_default().iter().copied());
+        if all.into_iter().any(|var| !std::ptr::eq(var.tape, self)) {
+            return Err(TensorError::ForeignVariable { operation: "backward" });
+        }
+        let mut inner = self.inner.borrow_mut();
+        inner.check_seeds(seeds)?;
+        inner.mark_wanted(wrt);
+        inner.seed(seeds);
+        inner.walk();
+        let mut results = std::mem::take(&mut inner.results);
+        inner.collect_results(&mut results);
+        Ok(Gradients { tape: self, results })
+    }
+}
+
+impl<T: Scalar> Inner<T> {
+    fn check_seeds(&self, seeds: &[(Var<'_, T>, Option<&Tensor<T>>)]) -> Result<(), TensorError> {
+        for (var, upstream) in seeds {
+            let shape = self.values[var.index as usize].tensor.shape();
+            match upstream {
+                None if shape.size() != 1 => {
+                    return Err(TensorError::NotScalar { shape: shape.clone() });
+                }
+                Some(upstream) if upstream.shape() != shape => {
+                    return Err(TensorError::Mismatch {
+                        operation: "backward",
+                        rule: "an upstream gradient of its variable's shape",
+                        left: upstream.shape().clone(),
+                        right: shape.clone(),
+                    });
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// Marks the values whose gradients a pass computes, and lists the results it returns.
+    fn mark_wanted(&mut self, wrt: Option<&[Var<'_, T>]>) {
+        let Self { values, nodes, live, wanted, results, gradients, .. } = self;
+        results.clear();
+        wanted.clear();
+        gradients.clear();
+        gradients.resize_with(values.len(), || None);
+        let Some(wrt) = wrt else {
+            wanted.extend(values.iter().map(|value| value.needs));
+            let mut produced = nodes[..*live].iter().flat_map(|node| {
+                node.first_output..node.first_output + node.output_count
+            });
+            let mut next = produced.next();
+            for (index, value) in (0..).zip(values.iter()) {
+                if next == Some(index) {
+                    next = produced.next();
+                } else if value.needs {
+                    results.push((index, None));
+                }
+            }
+            return;
+        };
+        wanted.resize(values.len(), false);
+        for var in wrt.iter().filter(|var| values[var.index as usize].needs) {
+            wanted[var.index as usize] = true;
+            results.push((var.index, None));
+        }
+        results.sort_unstable_by_key(|&(index, _)| index);
+        results.dedup_by_key(|&mut (index, _)| index);
+        for node in &nodes[..*live] {
+            if node.inputs.iter().any(|&input| wanted[input as usize]) {
+                for output in node.first_output..node.first_output + node.output_count {
+                    wanted[output as usize] = true;
+                }
+            }
+        }
+    }
+
+    /// Puts the upstream gradients of the seeds in place.
+    fn seed(&mut self, seeds: &[(Var<'_, T>, Option<&Tensor<T>>)]) {
+        let Self { values, pool, gradients, wanted, .. } = self;
+        for (var, upstream) in seeds {
+            let index = var.index as usize;
+            if !wanted[index] {
+                continue;
+            }
+            let slot = &mut gradients[index];
+            let sum = match slot {
+                Some(tensor) => tensor.own_data_mut(),
+                None => {
+                    let tensor = slot.insert(pool.take(values[index].tensor.shape().clone()));
+                    tensor.own_data_mut().fill(T::ZERO);
+                    tensor.own_data_mut()
+                }
+            };
+            match upstream {
+                Some(upstream) => {
+                    sum.iter_mut().zip(upstream.data()).for_each(|(sum, &entry)| *sum += entry);
+                }
+                None => sum[0] += T::ONE,
+            }
+        }
+    }
+
+    /// Runs the backward passes of the operations, last to first.
+    fn walk(&mut self) {
+        let Self { values, nodes, live, pool, report, timed, gradients, wanted, results, .. } = self;
+        for node in nodes[..*live].iter().rev() {
+            let outputs = node.first_output as usize..(node.first_output + node.output_count) as usize;
+            if gradients[outputs.clone()].iter().all(Option::is_none)
+                || !node.inputs.iter().any(|&input| wanted[input as usize])
+            {
+                continue;
+            }
+            let start = timed.then(Instant::now);
+            let upstream: SmallVec<[Option<Tensor<T>>; 2]> =
+                gradients[outputs.clone()].iter_mut().map(Option::take).collect();
+
+            // The sum so far of each wanted input; the same variable twice gets a second sum,
+            // added to the first one afterwards.
+            let mut slots: SmallVec<[Option<Accumulator<T>>; 4]> = node
+                .inputs
+                .iter()
+                .enumerate()
+                .map(|(k, &input)| {
+                    if !wanted[input as usize] {
+                        return None;
+                    }
+                    let repeated = node.inputs[..k].contains(&input);
+                    let started = if repeated { None } else { gradients[input as usize].take() };
+                    let fresh = started.is_none();
+                    let shape = || values[input as usize].tensor.shape().clone();
+                    let tensor = started.unwrap_or_else(|| pool.take(shape()));
+                    Some(Accumulator { tensor, fresh })
+                })
+                .collect();
+
+            let kept = Kept {
+                operation: node.recorded.name(),
+                keep: node.keep,
+                inputs: Inputs { values, indices: &node.inputs },
+                outputs: &values[outputs.clone()],
+                upstream: &upstream,
+            };
+            node.recorded.backward(&kept, &mut Accumulators { slots: &mut slots });
+
+            for (slot, &input) in slots.into_iter().zip(&node.inputs) {
+                let Some(Accumulator { tensor, fresh }) = slot else { continue };
+                let sum = &mut gradients[input as usize];
+                if fresh {
+                    pool.give(tensor);
+                } else if let Some(sum) = sum {
+                    let entries = tensor.data().iter();
+                    sum.own_data_mut().iter_mut().zip(entries).for_each(|(sum, &entry)| *sum += entry);
+                    pool.give(tensor);
+                } else {
+                    *sum = Some(tensor);
+                }
+            }
+            for (index, tensor) in outputs.zip(upstream) {
+                let Some(tensor) = tensor else { continue };
+                match results.binary_search_by_key(&(index as u32), |&(index, _)| index) {
+                    Ok(at) => results[at].1 = Some(tensor),
+                    Err(_) => pool.give(tensor),
+                }
+            }
+            let entry = report.operation(node.recorded.name());
+            entry.backward_calls += 1;
+            if let Some(start) = start {
+                entry.backward += start.elapsed();
+            }
+        }
+    }
+
+    /// Moves the gradients that were asked for into `results`, the others back to the pool.
+    fn collect_results(&mut self, results: &mut [(u32, Option<Tensor<T>>)]) {
+        for (index, result) in results.iter_mut() {
+            if result.is_none() {
+                *result = self.gradients[*index as usize].take();
+            }
+        }
+        for tensor in self.gradients.drain(..).flatten() {
+            self.pool.give(tensor);
+        }
+    }
+}

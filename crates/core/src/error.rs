@@ -1,0 +1,135 @@
+//! What a caller can get wrong with tensors and tapes.
+
+use std::fmt;
+
+use crate::shape::Shape;
+
+/// An error of a tensor operation. Each message says the rule, then the value that broke it.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum TensorError {
+    /// The data has not as many entries as the shape.
+    Length {
+        /// The shape asked for.
+        shape: Shape,
+        /// The number of entries given.
+        entries: usize,
+    },
+    /// Two shapes do not broadcast.
+    Broadcast {
+        /// The operation.
+        operation: &'static str,
+        /// The left operand's shape.
+        left: Shape,
+        /// The right operand's shape.
+        right: Shape,
+    },
+    /// An input's shape breaks the operation's rule.
+    Shape {
+        /// The operation.
+        operation: &'static str,
+        /// The rule, as the end of "... needs ...".
+        rule: &'static str,
+        /// The shape given.
+        shape: Shape,
+    },
+    /// Two shapes that must fit each other do not.
+    Mismatch {
+        /// The operation.
+        operation: &'static str,
+        /// The rule, as the end of "... needs ...".
+        rule: &'static str,
+        /// The first shape.
+        left: Shape,
+        /// The second shape.
+        right: Shape,
+    },
+    /// There is no such axis.
+    Axis {
+        /// The operation.
+        operation: &'static str,
+        /// The axis given.
+        axis: usize,
+        /// The shape of the input.
+        shape: Shape,
+    },
+    /// A range or an index lies outside an axis.
+    Index {
+        /// The operation.
+        operation: &'static str,
+        /// The first index that is too large, or the start of a reversed range.
+        index: usize,
+        /// The extent of the axis.
+        extent: usize,
+    },
+    /// A parameter of an operation breaks its rule.
+    Value {
+        /// The operation.
+        operation: &'static str,
+        /// The rule, as the end of "... needs ...".
+        rule: &'static str,
+        /// The value given.
+        value: f64,
+    },
+    /// An operation got the wrong number of inputs.
+    Inputs {
+        /// The operation.
+        operation: &'static str,
+        /// The rule, as the end of "... needs ...".
+        rule: &'static str,
+        /// The number given.
+        given: usize,
+    },
+    /// A variable belongs to another tape.
+    ForeignVariable {
+        /// The operation.
+        operation: &'static str,
+    },
+    /// A backward pass without an upstream gradient starts at something other than a scalar.
+    NotScalar {
+        /// The shape of the variable.
+        shape: Shape,
+    },
+}
+
+impl fmt::Display for TensorError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Length { shape, entries } => {
+                write!(f, "shape {shape} needs {} entries, got {entries}", shape.size())
+            }
+            Self::Broadcast { operation, left, right } => {
+                write!(f, "{operation} needs shapes that broadcast, got {left} and {right}")
+            }
+            Self::Shape { operation, rule, shape } => {
+                write!(f, "{operation} needs {rule}, got shape {shape}")
+            }
+            Self::Mismatch { operation, rule, left, right } => {
+                write!(f, "{operation} needs {rule}, got shapes {left} and {right}")
+            }
+            Self::Axis { operation, axis, shape } => write!(
+                f,
+                "{operation} needs an axis below the rank {}, got axis {axis} of shape {shape}",
+                shape.rank()
+            ),
+            Self::Index { operation, index, extent } => {
+                write!(f, "{operation} needs indices within an axis of extent {extent}, got {index}")
+            }
+            Self::Value { operation, rule, value } => {
+                write!(f, "{operation} needs {rule}, got {value}")
+            }
+            Self::Inputs { operation, rule, given } => {
+                write!(f, "{operation} needs {rule}, got {given} inputs")
+            }
+            Self::ForeignVariable { operation } => {
+                write!(f, "{operation} needs variables of one tape, got one of another")
+            }
+            Self::NotScalar { shape } => write!(
+                f,
+                "a backward pass without an upstream gradient needs a scalar, got shape {shape}"
+            ),
+        }
+    }
+}
+
+impl std::error::Error for TensorError {}

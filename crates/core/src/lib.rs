@@ -1,0 +1,49 @@
+//! A tape-based reverse-mode automatic differentiation engine.
+//!
+//! Values live on a [`Tape`]; a [`Var`] is a handle to one of them, with operators, so that a
+//! computation reads as mathematics. [`Var::backward`] gives the gradient of a scalar with
+//! respect to every leaf:
+//!
+//! ```
+//! use bokashi_core::{Tape, Tensor};
+//!
+//! let tape = Tape::<f64>::new();
+//! let x = tape.leaf(&Tensor::new([2], vec![1.0, 2.0])?);
+//! let loss = (x * x).sum();
+//! let gradients = loss.backward()?;
+//! assert_eq!(gradients.get(x).unwrap().data(), [2.0, 4.0]);
+//! # Ok::<(), bokashi_core::TensorError>(())
+//! ```
+//!
+//! An operation of one's own implements [`Op`], the trait that the built-in ones implement too.
+//!
+//! Results are bitwise the same for any number of threads, and a step that repeats the last one
+//! allocates nothing on one thread.
+
+mod backward;
+mod broadcast;
+mod elementwise;
+mod error;
+mod op;
+mod pool;
+mod report;
+mod scalar;
+mod shape;
+mod summation;
+mod tape;
+mod tensor;
+mod var;
+
+pub mod ops;
+pub mod parallel;
+
+pub use backward::Gradients;
+pub use error::TensorError;
+pub use op::{Accumulator, Accumulators, Inputs, Keep, Kept, Op, Outputs};
+pub use report::{LeftOut, OperationReport, Report};
+pub use scalar::Scalar;
+pub use shape::Shape;
+pub use summation::sum;
+pub use tape::Tape;
+pub use tensor::Tensor;
+pub use var::Var;

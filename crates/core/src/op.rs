@@ -1,0 +1,305 @@
+//! The one interface behind every operation on the tape, built in or a user's.
+//!
+//! An operation maps input tensors to output tensors and knows its adjoint: given the gradient of
+//! a loss with respect to its outputs (*upstream*), it adds `J^T upstream` into the gradients of
+//! those inputs that need one. Two masks save work: while recording, [`Inputs::needs`] says which
+//! gradients could ever be asked for (it decides what is kept); in a backward pass,
+//! [`Accumulators::needs`] says which are wanted now (it decides what is computed).
+
+use smallvec::SmallVec;
+
+use crate::error::TensorError;
+use crate::pool::Pool;
+use crate::scalar::Scalar;
+use crate::shape::Shape;
+use crate::tensor::Tensor;
+
+/// A differentiable operation with a hand-written backward pass.
+///
+/// Used through [`Tape::apply`](crate::Tape::apply) and [`Tape::record`](crate::Tape::record).
+pub trait Op<T: Scalar>: Send + 'static {
+    /// What `forward` computes beside its outputs and `backward` reads. Where a step repeats the
+    /// last one, `forward` finds here what the last step left: it overwrites the contents and
+    /// reuses the memory.
+    type Saved: Default + Send + 'static;
+
+    /// What `forward` can refuse.
+    type Error: From<TensorError>;
+
+    /// The name in reports and messages.
+    fn name(&self) -> &'static str;
+
+    /// Computes the outputs, in [`Outputs`], from the inputs.
+    ///
+    /// # Errors
+    /// Inputs that the operation is not defined for; the tape then stays as it was.
+    fn forward(
+        &self,
+        inputs: &Inputs<'_, T>,
+        outputs: &mut Outputs<'_, T>,
+        saved: &mut Self::Saved,
+    ) -> Result<(), Self::Error>;
+
+    /// Which inputs and outputs `backward` reads; it can read no others. Asked after `forward`,
+    /// and only where some input needs a gradient.
+    fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep;
+
+    /// Adds `J^T upstream` into the gradients of the inputs that need one.
+    fn backward(
+        &self,
+        kept: &Kept<'_, T>,
+        saved: &Self::Saved,
+        gradients: &mut Accumulators<'_, T>,
+    );
+
+    /// The size of what is saved, in bytes, for reports.
+    fn saved_bytes(&self, _saved: &Self::Saved) -> usize {
+        0
+    }
+}
+
+/// What a backward pass reads of the inputs and outputs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Keep {
+    inputs: u64,
+    outputs: u64,
+}
+
+impl Keep {
+    /// Nothing: the backward pass needs shapes alone.
+    pub const NOTHING: Self = Self { inputs: 0, outputs: 0 };
+
+    /// The value of input `i`, one of the first 64.
+    #[must_use]
+    pub const fn input(self, i: usize) -> Self {
+        Self { inputs: self.inputs | 1 << i, ..self }
+    }
+
+    /// The value of output `j`, one of the first 64.
+    #[must_use]
+    pub const fn output(self, j: usize) -> Self {
+        Self { outputs: self.outputs | 1 << j, ..self }
+    }
+
+    fn has_input(self, i: usize) -> bool {
+        self.inputs.checked_shr(i as u32).is_some_and(|bits| bits & 1 == 1)
+    }
+
+    fn has_output(self, j: usize) -> bool {
+        self.outputs.checked_shr(j as u32).is_some_and(|bits| bits & 1 == 1)
+    }
+}
+
+/// A value on the tape.
+#[derive(Debug)]
+pub(crate) struct Value<T> {
+    pub(crate) tensor: Tensor<T>,
+    /// Whether some leaf below could need a gradient through it.
+    pub(crate) needs: bool,
+    /// Whether the buffer goes back to the pool: not for what a user handed in, nor for a second
+    /// name of a buffer that another value returns.
+    pub(crate) pooled: bool,
+}
+
+/// The inputs of an operation while it is recorded.
+#[derive(Debug)]
+pub struct Inputs<'a, T> {
+    pub(crate) values: &'a [Value<T>],
+    pub(crate) indices: &'a [u32],
+}
+
+impl<'a, T: Scalar> Inputs<'a, T> {
+    /// How many inputs there are.
+    #[allow(clippy::len_without_is_empty, reason = "an operation knows how many inputs it takes")]
+    pub fn len(&self) -> usize {
+        self.indices.len()
+    }
+
+    /// The value of input `i`.
+    pub fn tensor(&self, i: usize) -> &'a Tensor<T> {
+        &self.values[self.indices[i] as usize].tensor
+    }
+
+    /// The entries of input `i`, row-major.
+    pub fn data(&self, i: usize) -> &'a [T] {
+        self.tensor(i).data()
+    }
+
+    /// The shape of input `i`.
+    pub fn shape(&self, i: usize) -> &'a Shape {
+        self.tensor(i).shape()
+    }
+
+    /// Whether a gradient with respect to input `i` could be asked for later.
+    pub fn needs(&self, i: usize) -> bool {
+        self.values[self.indices[i] as usize].needs
+    }
+
+    /// Whether a gradient with respect to any input could be asked for later.
+    pub fn any_needs(&self) -> bool {
+        (0..self.len()).any(|i| self.needs(i))
+    }
+}
+
+/// The outputs that an operation computes.
+#[derive(Debug)]
+pub struct Outputs<'a, T> {
+    pub(crate) pool: &'a mut Pool<T>,
+    /// Each output, and whether its buffer is the pool's.
+    pub(crate) tensors: SmallVec<[(Tensor<T>, bool); 2]>,
+}
+
+impl<T: Scalar> Outputs<'_, T> {
+    /// Adds an output of `shape` and gives its entries. They start as whatever an earlier use of
+    /// the buffer left: the operation writes every one of them.
+    pub fn push(&mut self, shape: impl Into<Shape>) -> &mut [T] {
+        let [entries] = self.push_all([shape.into()]);
+        entries
+    }
+
+    /// Adds an output for each of `shapes`, as [`Outputs::push`] does, and gives the entries of
+    /// all of them at once.
+    pub fn push_all<const N: usize>(&mut self, shapes: [Shape; N]) -> [&mut [T]; N] {
+        let first = self.tensors.len();
+        for shape in shapes {
+            self.tensors.push((self.pool.take(shape), true));
+        }
+        let mut new = self.tensors[first..].iter_mut();
+        std::array::from_fn(|_| {
+            let (tensor, _) = new.next().expect("one tensor was pushed per shape");
+            tensor.own_data_mut()
+        })
+    }
+
+    /// Adds an output that shares the buffer of `tensor`: an input under another shape.
+    pub fn push_shared(&mut self, tensor: Tensor<T>) {
+        self.tensors.push((tensor, false));
+    }
+}
+
+/// What a backward pass sees: the upstream gradients, and the values that the operation kept.
+#[derive(Debug)]
+pub struct Kept<'a, T> {
+    pub(crate) operation: &'static str,
+    pub(crate) keep: Keep,
+    pub(crate) inputs: Inputs<'a, T>,
+    pub(crate) outputs: &'a [Value<T>],
+    pub(crate) upstream: &'a [Option<Tensor<T>>],
+}
+
+impl<T: Scalar> Kept<'_, T> {
+    /// The gradient of the loss with respect to output `j`; `None` where it is zero because
+    /// nothing after this operation used the output.
+    pub fn upstream(&self, j: usize) -> Option<&[T]> {
+        self.upstream[j].as_ref().map(Tensor::data)
+    }
+
+    /// The gradient with respect to the only output of an operation that has one.
+    pub fn only_upstream(&self) -> &[T] {
+        self.upstream(0).expect("backward runs where some output has an upstream gradient")
+    }
+
+    /// The entries of input `i`.
+    ///
+    /// # Panics
+    /// Where the operation did not ask to keep it.
+    pub fn input(&self, i: usize) -> &[T] {
+        assert!(self.keep.has_input(i), "{} did not keep its input {i}", self.operation);
+        self.inputs.data(i)
+    }
+
+    /// The entries of output `j`.
+    ///
+    /// # Panics
+    /// Where the operation did not ask to keep it.
+    pub fn output(&self, j: usize) -> &[T] {
+        assert!(self.keep.has_output(j), "{} did not keep its output {j}", self.operation);
+        self.outputs[j].tensor.data()
+    }
+
+    /// How many inputs there are.
+    pub fn input_count(&self) -> usize {
+        self.inputs.len()
+    }
+
+    /// The shape of input `i`, kept or not.
+    pub fn input_shape(&self, i: usize) -> &Shape {
+        self.inputs.shape(i)
+    }
+
+    /// The shape of output `j`, kept or not.
+    pub fn output_shape(&self, j: usize) -> &Shape {
+        self.outputs[j].tensor.shape()
+    }
+}
+
+/// The gradients of an operation's inputs, to be added to.
+#[derive(Debug)]
+pub struct Accumulators<'a, T> {
+    pub(crate) slots: &'a mut [Option<Accumulator<T>>],
+}
+
+impl<T: Scalar> Accumulators<'_, T> {
+    /// Whether the gradient of input `i` is wanted now.
+    pub fn needs(&self, i: usize) -> bool {
+        self.slots[i].is_some()
+    }
+
+    /// The gradient of input `i`, where it is wanted.
+    pub fn get(&mut self, i: usize) -> Option<&mut Accumulator<T>> {
+        self.slots[i].as_mut()
+    }
+
+    /// The gradients of the first `N` inputs at once, each where it is wanted.
+    pub fn first<const N: usize>(&mut self) -> [Option<&mut Accumulator<T>>; N] {
+        let mut slots = self.slots.iter_mut();
+        std::array::from_fn(|_| slots.next().expect("an operation has these inputs").as_mut())
+    }
+}
+
+/// The gradient of one input. Everything adds to what is already there; nothing overwrites it.
+#[derive(Debug)]
+pub struct Accumulator<T> {
+    pub(crate) tensor: Tensor<T>,
+    /// Whether nothing has been added yet: the buffer then holds no meaningful numbers.
+    pub(crate) fresh: bool,
+}
+
+impl<T: Scalar> Accumulator<T> {
+    /// Adds `entry(k)` to the k-th entry, for every k.
+    #[inline]
+    pub fn add_each(&mut self, mut entry: impl FnMut(usize) -> T) {
+        let fresh = std::mem::replace(&mut self.fresh, false);
+        let sum = self.tensor.own_data_mut();
+        if fresh {
+            sum.iter_mut().enumerate().for_each(|(k, sum)| *sum = entry(k));
+        } else {
+            sum.iter_mut().enumerate().for_each(|(k, sum)| *sum += entry(k));
+        }
+    }
+
+    /// Adds `entries[k]` to the k-th entry, for every k.
+    ///
+    /// # Panics
+    /// Unless there are as many entries as the input has.
+    pub fn add(&mut self, entries: &[T]) {
+        let fresh = std::mem::replace(&mut self.fresh, false);
+        let sum = self.tensor.own_data_mut();
+        assert_eq!(sum.len(), entries.len(), "a gradient has as many entries as its input");
+        if fresh {
+            sum.copy_from_slice(entries);
+        } else {
+            sum.iter_mut().zip(entries).for_each(|(sum, &entry)| *sum += entry);
+        }
+    }
+
+    /// The sum so far, zeros at first, for an operation that adds to some entries.
+    pub fn entries(&mut self) -> &mut [T] {
+        let fresh = std::mem::replace(&mut self.fresh, false);
+        let sum = self.tensor.own_data_mut();
+        if fresh {
+            sum.fill(T::ZERO);
+        }
+        sum
+    }
+}

@@ -1,0 +1,48 @@
+//! The larger of two arrays' entries: `z = maximum(x, y)`; the larger one gets `z_bar`.
+//!
+//! # Where it is not smooth
+//! At `x = y`, where each side gets half of `z_bar`: the middle of the subgradients, so that
+//! swapping the arguments swaps the gradients. A NaN on either side gives NaN.
+
+use crate::broadcast::Binary;
+use crate::error::TensorError;
+use crate::scalar::Scalar;
+use crate::var::Var;
+
+#[derive(Clone, Copy)]
+struct Larger;
+
+impl<T: Scalar> Binary<T> for Larger {
+    const NAME: &'static str = "maximum";
+    const LEFT_SLOPE_FROM: [bool; 2] = [true, true];
+    const RIGHT_SLOPE_FROM: [bool; 2] = [true, true];
+
+    fn value(self, x: T, y: T) -> T {
+        x.maximum(y)
+    }
+    fn left_slope(self, x: T, y: T) -> T {
+        share(x > y, x == y)
+    }
+    fn right_slope(self, x: T, y: T) -> T {
+        share(y > x, x == y)
+    }
+}
+
+/// The share of the upstream gradient that one side gets.
+fn share<T: Scalar>(is_larger: bool, is_equal: bool) -> T {
+    match (is_larger, is_equal) {
+        (true, _) => T::ONE,
+        (_, true) => T::from_f64(0.5),
+        _ => T::ZERO,
+    }
+}
+
+impl<T: Scalar> Var<'_, T> {
+    /// The larger of `self` and `other`, entry by entry, with broadcasting.
+    ///
+    /// # Errors
+    /// [`TensorError::Broadcast`] unless the shapes broadcast.
+    pub fn maximum(self, other: Self) -> Result<Self, TensorError> {
+        self.pairwise(other, Larger)
+    }
+}

@@ -1,0 +1,48 @@
+//! The smaller of two arrays' entries: `z = minimum(x, y)`; the smaller one gets `z_bar`.
+//!
+//! # Where it is not smooth
+//! At `x = y`, where each side gets half of `z_bar`: the middle of the subgradients, so that
+//! swapping the arguments swaps the gradients. A NaN on either side gives NaN.
+
+use crate::broadcast::Binary;
+use crate::error::TensorError;
+use crate::scalar::Scalar;
+use crate::var::Var;
+
+#[derive(Clone, Copy)]
+struct Smaller;
+
+impl<T: Scalar> Binary<T> for Smaller {
+    const NAME: &'static str = "minimum";
+    const LEFT_SLOPE_FROM: [bool; 2] = [true, true];
+    const RIGHT_SLOPE_FROM: [bool; 2] = [true, true];
+
+    fn value(self, x: T, y: T) -> T {
+        x.minimum(y)
+    }
+    fn left_slope(self, x: T, y: T) -> T {
+        share(x < y, x == y)
+    }
+    fn right_slope(self, x: T, y: T) -> T {
+        share(y < x, x == y)
+    }
+}
+
+/// The share of the upstream gradient that one side gets.
+fn share<T: Scalar>(is_smaller: bool, is_equal: bool) -> T {
+    match (is_smaller, is_equal) {
+        (true, _) => T::ONE,
+        (_, true) => T::from_f64(0.5),
+        _ => T::ZERO,
+    }
+}
+
+impl<T: Scalar> Var<'_, T> {
+    /// The smaller of `self` and `other`, entry by entry, with broadcasting.
+    ///
+    /// # Errors
+    /// [`TensorError::Broadcast`] unless the shapes broadcast.
+    pub fn minimum(self, other: Self) -> Result<Self, TensorError> {
+        self.pairwise(other, Smaller)
+    }
+}

@@ -1,0 +1,149 @@
+//! The numbers that tensors hold.
+
+use std::fmt::{Debug, Display};
+use std::iter::Sum;
+use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+
+/// A number that kernels compute with: `f32`, `f64`, or anything that behaves as one.
+///
+/// Comparisons go by value, so that a kernel generic over `Scalar` takes the same branches for a
+/// number that carries a derivative.
+pub trait Scalar:
+    Copy
+    + Default
+    + PartialEq
+    + PartialOrd
+    + Debug
+    + Display
+    + Send
+    + Sync
+    + 'static
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + AddAssign
+    + SubAssign
+    + MulAssign
+    + Sum
+{
+    /// Zero.
+    const ZERO: Self;
+    /// One.
+    const ONE: Self;
+    /// The type for long sums and for geometry that decides coverage: twice the digits for
+    /// `f32`, the type itself otherwise.
+    type Wide: Scalar<Wide = Self::Wide>;
+
+    /// The nearest representable number.
+    fn from_f64(value: f64) -> Self;
+    /// The value in `f64`.
+    fn to_f64(self) -> f64;
+    /// The same number with the digits of [`Scalar::Wide`].
+    fn widen(self) -> Self::Wide;
+    /// The nearest number to a wide one.
+    fn narrow(wide: Self::Wide) -> Self;
+
+    /// e to the power of `self`.
+    fn exp(self) -> Self;
+    /// Natural logarithm.
+    fn ln(self) -> Self;
+    /// ln(1 + `self`), accurate near 0.
+    fn ln_1p(self) -> Self;
+    /// Square root.
+    fn sqrt(self) -> Self;
+    /// Sine of an angle in radians.
+    fn sin(self) -> Self;
+    /// Cosine of an angle in radians.
+    fn cos(self) -> Self;
+    /// Hyperbolic tangent.
+    fn tanh(self) -> Self;
+    /// Integer power.
+    fn powi(self, exponent: i32) -> Self;
+    /// Absolute value.
+    fn abs(self) -> Self;
+    /// Whether neither infinite nor NaN.
+    fn is_finite(self) -> bool;
+
+    /// The smaller of two; NaN where either is NaN, so that a NaN is never masked.
+    fn minimum(self, other: Self) -> Self {
+        if self < other || self != self { self } else { other }
+    }
+
+    /// The larger of two; NaN where either is NaN, so that a NaN is never masked.
+    fn maximum(self, other: Self) -> Self {
+        if self > other || self != self { self } else { other }
+    }
+}
+
+macro_rules! scalar {
+    ($t:ident, $wide:ident) => {
+        impl Scalar for $t {
+            const ZERO: Self = 0.0;
+            const ONE: Self = 1.0;
+            type Wide = $wide;
+
+            fn from_f64(value: f64) -> Self {
+                value as $t
+            }
+            fn to_f64(self) -> f64 {
+                f64::from(self)
+            }
+            fn widen(self) -> $wide {
+                $wide::from(self)
+            }
+            fn narrow(wide: $wide) -> Self {
+                wide as $t
+            }
+            fn exp(self) -> Self {
+                $t::exp(self)
+            }
+            fn ln(self) -> Self {
+                $t::ln(self)
+            }
+            fn ln_1p(self) -> Self {
+                $t::ln_1p(self)
+            }
+            fn sqrt(self) -> Self {
+                $t::sqrt(self)
+            }
+            fn sin(self) -> Self {
+                $t::sin(self)
+            }
+            fn cos(self) -> Self {
+                $t::cos(self)
+            }
+            fn tanh(self) -> Self {
+                $t::tanh(self)
+            }
+            fn powi(self, exponent: i32) -> Self {
+                $t::powi(self, exponent)
+            }
+            fn abs(self) -> Self {
+                $t::abs(self)
+            }
+            fn is_finite(self) -> bool {
+                $t::is_finite(self)
+            }
+        }
+    };
+}
+
+scalar!(f32, f64);
+scalar!(f64, f64);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn minimum_and_maximum_never_mask_a_nan() {
+        for (a, b) in [(f64::NAN, 1.0), (1.0, f64::NAN)] {
+            assert!(a.minimum(b).is_nan());
+            assert!(a.maximum(b).is_nan());
+        }
+        assert_eq!(2.0.minimum(1.0), 1.0);
+        assert_eq!(2.0.maximum(1.0), 2.0);
+    }
+}

@@ -1,0 +1,157 @@
+//! The shape of a dense row-major array, and how two shapes broadcast.
+
+use std::fmt;
+use std::ops::Deref;
+
+use smallvec::SmallVec;
+
+/// Extents per axis, outermost first; `[]` is a scalar. Up to four axes need no allocation.
+#[derive(Clone, PartialEq, Eq, Hash, Default)]
+pub struct Shape(SmallVec<[usize; 4]>);
+
+impl Shape {
+    /// The number of entries: the product of the extents, 1 for a scalar.
+    pub fn size(&self) -> usize {
+        self.0.iter().product()
+    }
+
+    /// The number of axes.
+    pub fn rank(&self) -> usize {
+        self.0.len()
+    }
+
+    /// The shape with `axis` removed.
+    pub(crate) fn without(&self, axis: usize) -> Self {
+        let mut axes = self.0.clone();
+        axes.remove(axis);
+        Self(axes)
+    }
+
+    /// The shape with the extent of `axis` replaced.
+    pub(crate) fn with(&self, axis: usize, extent: usize) -> Self {
+        let mut axes = self.0.clone();
+        axes[axis] = extent;
+        Self(axes)
+    }
+
+    /// The array seen as `[outer, extent of axis, inner]`.
+    pub(crate) fn around(&self, axis: usize) -> [usize; 3] {
+        let outer = self.0[..axis].iter().product();
+        let inner = self.0[axis + 1..].iter().product();
+        [outer, self.0[axis], inner]
+    }
+
+    /// The common shape of two shapes, aligned at their last axes, where an extent of 1 repeats;
+    /// `None` where two extents differ and neither is 1.
+    pub(crate) fn broadcast(&self, other: &Self) -> Option<Self> {
+        let rank = self.rank().max(other.rank());
+        let axes = (0..rank)
+            .map(|axis| match (self.extent_of(axis, rank), other.extent_of(axis, rank)) {
+                (a, b) if a == b => Some(a),
+                (1, b) => Some(b),
+                (a, 1) => Some(a),
+                _ => None,
+            })
+            .collect::<Option<_>>()?;
+        Some(Self(axes))
+    }
+
+    /// The extent of `axis` once the shape is padded with leading 1s to `rank` axes.
+    fn extent_of(&self, axis: usize, rank: usize) -> usize {
+        (axis + self.rank()).checked_sub(rank).map_or(1, |own| self.0[own])
+    }
+
+    /// How far one step along each axis of `full` moves in an array of this shape: its row-major
+    /// stride, or 0 along the axes that it repeats.
+    pub(crate) fn strides_in(&self, full: &Self) -> SmallVec<[usize; 4]> {
+        let rank = full.rank();
+        let mut strides: SmallVec<[usize; 4]> = SmallVec::from_elem(0, rank);
+        let mut stride = 1;
+        for axis in (0..rank).rev() {
+            let extent = self.extent_of(axis, rank);
+            if extent == full[axis] {
+                strides[axis] = stride;
+            }
+            stride *= extent;
+        }
+        strides
+    }
+}
+
+impl Deref for Shape {
+    type Target = [usize];
+
+    fn deref(&self) -> &[usize] {
+        &self.0
+    }
+}
+
+impl fmt::Display for Shape {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_list().entries(self.0.iter()).finish()
+    }
+}
+
+impl fmt::Debug for Shape {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
+}
+
+impl<const N: usize> From<[usize; N]> for Shape {
+    fn from(axes: [usize; N]) -> Self {
+        Self(SmallVec::from_slice(&axes))
+    }
+}
+
+impl From<&[usize]> for Shape {
+    fn from(axes: &[usize]) -> Self {
+        Self(SmallVec::from_slice(axes))
+    }
+}
+
+impl From<&Shape> for Shape {
+    fn from(shape: &Shape) -> Self {
+        shape.clone()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shape(axes: &[usize]) -> Shape {
+        Shape::from(axes)
+    }
+
+    #[test]
+    fn broadcasting_aligns_last_axes_and_repeats_extent_one() {
+        let cases: &[(&[usize], &[usize], Option<&[usize]>)] = &[
+            (&[], &[], Some(&[])),
+            (&[2, 3], &[], Some(&[2, 3])),
+            (&[2, 3], &[3], Some(&[2, 3])),
+            (&[2, 1], &[1, 3], Some(&[2, 3])),
+            (&[0], &[1], Some(&[0])),
+            (&[2, 3], &[2], None),
+            (&[0], &[2], None),
+        ];
+        for (left, right, expected) in cases {
+            assert_eq!(shape(left).broadcast(&shape(right)), expected.map(shape));
+            assert_eq!(shape(right).broadcast(&shape(left)), expected.map(shape));
+        }
+    }
+
+    #[test]
+    fn strides_are_zero_along_repeated_axes() {
+        let full = shape(&[4, 2, 3]);
+        assert_eq!(shape(&[2, 1]).strides_in(&full).as_slice(), [0, 1, 0]);
+        assert_eq!(full.strides_in(&full).as_slice(), [6, 3, 1]);
+        assert_eq!(shape(&[]).strides_in(&full).as_slice(), [0, 0, 0]);
+    }
+
+    #[test]
+    fn around_splits_into_outer_axis_inner() {
+        assert_eq!(shape(&[2, 3, 4, 5]).around(1), [2, 3, 20]);
+        assert_eq!(shape(&[7]).around(0), [1, 7, 1]);
+    }
+}

@@ -1,0 +1,46 @@
+//! Long sums that are accurate and the same for any number of threads.
+//!
+//! Entries are summed in pieces of a fixed size, in [`Scalar::Wide`], and the pieces' sums are
+//! added in order. In `f32` the result is the rounded sum; in `f64` the error is below
+//! `(ENTRIES_PER_PIECE / LANES + pieces) eps sum |x|`.
+
+use crate::parallel::{ENTRIES_PER_PIECE, map_ranges};
+use crate::scalar::Scalar;
+
+/// Independent partial sums within a piece, so that additions overlap in the processor.
+const LANES: usize = 8;
+
+/// The sum of `term(k)` over `0..length`.
+pub fn sum<T: Scalar>(length: usize, term: impl Fn(usize) -> T::Wide + Send + Sync) -> T::Wide {
+    let piece = |range: std::ops::Range<usize>| {
+        let mut lanes = [T::Wide::default(); LANES];
+        let mut k = range.start;
+        while k + LANES <= range.end {
+            for (lane, sum) in lanes.iter_mut().enumerate() {
+                *sum += term(k + lane);
+            }
+            k += LANES;
+        }
+        for rest in k..range.end {
+            lanes[rest - k] += term(rest);
+        }
+        lanes.into_iter().sum()
+    };
+    if length <= ENTRIES_PER_PIECE {
+        return piece(0..length);
+    }
+    map_ranges(length, ENTRIES_PER_PIECE, piece).into_iter().sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sum_of_integers_is_exact_at_every_length() {
+        for length in [0, 1, 7, 8, 9, ENTRIES_PER_PIECE, 3 * ENTRIES_PER_PIECE + 5] {
+            let expected = (length * length.saturating_sub(1) / 2) as f64;
+            assert_eq!(sum::<f32>(length, |k| k as f64), expected);
+        }
+    }
+}

@@ -1,0 +1,309 @@
+//! The tape: every value and operation of a step, in the order of recording.
+//!
+//! An operation is recorded after its inputs, so the order of recording is a topological order,
+//! and a backward pass is one loop over the operations in reverse: no hashing, no locks, no
+//! reference counts, no recursion.
+
+use std::any::Any;
+use std::cell::RefCell;
+use std::fmt;
+use std::time::Instant;
+
+use smallvec::SmallVec;
+
+use crate::error::TensorError;
+use crate::op::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Value};
+use crate::pool::Pool;
+use crate::report::Report;
+use crate::scalar::Scalar;
+use crate::shape::Shape;
+use crate::tensor::Tensor;
+use crate::var::Var;
+
+/// A record of one step's values and operations.
+///
+/// A step records, runs any number of backward passes, and ends with [`Tape::reset`], which
+/// recycles every buffer. The borrow checker refuses a variable that outlives the reset:
+///
+/// ```compile_fail
+/// let mut tape = bokashi_core::Tape::<f64>::new();
+/// let x = tape.scalar(1.0);
+/// tape.reset();
+/// let y = x + x; // x belongs to the step that ended
+/// ```
+pub struct Tape<T: Scalar> {
+    pub(crate) inner: RefCell<Inner<T>>,
+}
+
+/// What the tape holds.
+pub(crate) struct Inner<T> {
+    pub(crate) values: Vec<Value<T>>,
+    /// The recorded operations; those from `live` on are of an earlier step and wait to be
+    /// recorded over, so that their memory is used again.
+    pub(crate) nodes: Vec<Node<T>>,
+    pub(crate) live: usize,
+    pub(crate) pool: Pool<T>,
+    pub(crate) report: Report,
+    pub(crate) timed: bool,
+    /// Gradients of a backward pass by value, kept for their memory.
+    pub(crate) gradients: Vec<Option<Tensor<T>>>,
+    /// Which values a backward pass is about, kept for its memory.
+    pub(crate) wanted: Vec<bool>,
+    /// The list of results that a backward pass returns, kept for its memory.
+    pub(crate) results: Vec<(u32, Option<Tensor<T>>)>,
+}
+
+/// One recorded operation.
+pub(crate) struct Node<T> {
+    pub(crate) recorded: Box<dyn Recorded<T>>,
+    pub(crate) inputs: SmallVec<[u32; 4]>,
+    pub(crate) first_output: u32,
+    pub(crate) output_count: u32,
+    pub(crate) keep: Keep,
+}
+
+/// An operation of any type with what it saved.
+pub(crate) trait Recorded<T>: Any + Send {
+    fn name(&self) -> &'static str;
+    fn backward(&self, kept: &Kept<'_, T>, gradients: &mut Accumulators<'_, T>);
+    /// Drops the operation, and with it what it shares with others; keeps the memory of what it
+    /// saved.
+    fn retire(&mut self);
+}
+
+/// The place on the tape of an operation of type `O`.
+struct Slot<O, S> {
+    op: Option<O>,
+    saved: S,
+}
+
+impl<T: Scalar, O: Op<T>> Recorded<T> for Slot<O, O::Saved> {
+    fn name(&self) -> &'static str {
+        self.op.as_ref().map_or("retired", |op| op.name())
+    }
+
+    fn backward(&self, kept: &Kept<'_, T>, gradients: &mut Accumulators<'_, T>) {
+        let op = self.op.as_ref().expect("a node within `live` holds its operation");
+        op.backward(kept, &self.saved, gradients);
+    }
+
+    fn retire(&mut self) {
+        self.op = None;
+    }
+}
+
+impl<T: Scalar> Default for Tape<T> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<T: Scalar> Tape<T> {
+    /// An empty tape.
+    pub fn new() -> Self {
+        Self {
+            inner: RefCell::new(Inner {
+                values: Vec::new(),
+                nodes: Vec::new(),
+                live: 0,
+                pool: Pool::default(),
+                report: Report::default(),
+                timed: false,
+                gradients: Vec::new(),
+                wanted: Vec::new(),
+                results: Vec::new(),
+            }),
+        }
+    }
+
+    /// Ends a step: forgets every value and operation and keeps their memory for the next step.
+    pub fn reset(&mut self) {
+        let Inner { values, nodes, live, pool, .. } = self.inner.get_mut();
+        for node in &mut nodes[..*live] {
+            node.recorded.retire();
+        }
+        *live = 0;
+        // Backwards: a second name of a buffer goes before the value that returns it.
+        while let Some(value) = values.pop() {
+            if value.pooled {
+                pool.give(value.tensor);
+            }
+        }
+    }
+
+    /// A variable with a gradient. Shares the buffer of `tensor`.
+    pub fn leaf(&self, tensor: &Tensor<T>) -> Var<'_, T> {
+        self.push(tensor.clone(), true, false)
+    }
+
+    /// A variable with a gradient that starts as a copy of `tensor`, in recycled memory: `tensor`
+    /// can then be written to without a copy of its own.
+    pub fn leaf_copied(&self, tensor: &Tensor<T>) -> Var<'_, T> {
+        let copy = self.inner.borrow_mut().pool.copy(tensor);
+        self.push(copy, true, true)
+    }
+
+    /// A value without a gradient. Shares the buffer of `tensor`.
+    pub fn constant(&self, tensor: &Tensor<T>) -> Var<'_, T> {
+        self.push(tensor.clone(), false, false)
+    }
+
+    /// A scalar variable with a gradient.
+    pub fn scalar(&self, value: T) -> Var<'_, T> {
+        self.push_full(Shape::default(), value, true)
+    }
+
+    /// A value of `shape` without a gradient, every entry `value`.
+    pub fn constant_full(&self, shape: impl Into<Shape>, value: T) -> Var<'_, T> {
+        self.push_full(shape.into(), value, false)
+    }
+
+    fn push_full(&self, shape: Shape, value: T, needs: bool) -> Var<'_, T> {
+        let mut tensor = self.inner.borrow_mut().pool.take(shape);
+        tensor.own_data_mut().fill(value);
+        self.push(tensor, needs, true)
+    }
+
+    fn push(&self, tensor: Tensor<T>, needs: bool, pooled: bool) -> Var<'_, T> {
+        let values = &mut self.inner.borrow_mut().values;
+        values.push(Value { tensor, needs, pooled });
+        Var { tape: self, index: values.len() as u32 - 1 }
+    }
+
+    /// Records `op` on `inputs` and returns its outputs.
+    ///
+    /// # Errors
+    /// Whatever the operation refuses, and [`TensorError::ForeignVariable`] for a variable of
+    /// another tape. The tape then stays as it was.
+    pub fn record<'t, O: Op<T>>(
+        &'t self,
+        op: O,
+        inputs: &[Var<'t, T>],
+    ) -> Result<SmallVec<[Var<'t, T>; 2]>, O::Error> {
+        let name = op.name();
+        let mut indices: SmallVec<[u32; 4]> = SmallVec::with_capacity(inputs.len());
+        for input in inputs {
+            if !std::ptr::eq(input.tape, self) {
+                return Err(TensorError::ForeignVariable { operation: name }.into());
+            }
+            indices.push(input.index);
+        }
+
+        let mut inner = self.inner.borrow_mut();
+        let Inner { values, nodes, live, pool, report, timed, .. } = &mut *inner;
+        let start = timed.then(Instant::now);
+
+        let view = Inputs { values, indices: &indices };
+        let mut outputs = Outputs { pool, tensors: SmallVec::new() };
+        let slot = slot_for::<T, O>(nodes, *live);
+        op.forward(&view, &mut outputs, &mut slot.saved)?;
+        let needs = view.any_needs();
+        let keep = if needs { op.keeps(&view) } else { Keep::NOTHING };
+
+        let entry = report.operation(name);
+        entry.calls += 1;
+        if let Some(start) = start {
+            entry.forward += start.elapsed();
+        }
+        entry.bytes += op.saved_bytes(&slot.saved) as u64;
+        slot.op = Some(op);
+
+        let tensors = outputs.tensors;
+        let first_output = values.len() as u32;
+        let node = &mut nodes[*live];
+        node.inputs = indices;
+        node.first_output = first_output;
+        node.output_count = tensors.len() as u32;
+        node.keep = keep;
+        *live += 1;
+
+        let mut variables = SmallVec::new();
+        for (tensor, pooled) in tensors {
+            if pooled {
+                entry.bytes += std::mem::size_of_val(tensor.data()) as u64;
+            }
+            variables.push(Var { tape: self, index: values.len() as u32 });
+            values.push(Value { tensor, needs, pooled });
+        }
+        Ok(variables)
+    }
+
+    /// Records `op`, which has one output, on `inputs` and returns the output.
+    ///
+    /// # Errors
+    /// As [`Tape::record`].
+    ///
+    /// # Panics
+    /// Where the operation has another number of outputs.
+    pub fn apply<'t, O: Op<T>>(
+        &'t self,
+        op: O,
+        inputs: &[Var<'t, T>],
+    ) -> Result<Var<'t, T>, O::Error> {
+        let outputs = self.record(op, inputs)?;
+        assert_eq!(outputs.len(), 1, "`apply` is for operations of one output");
+        Ok(outputs[0])
+    }
+
+    /// Notes in the report that work of the operation `name` was not needed, and why.
+    pub fn leave_out(&self, name: &'static str, reason: &'static str) {
+        self.inner.borrow_mut().report.leave_out(name, reason);
+    }
+
+    /// Whether operations are timed from now on. Off at first: a look at the clock costs as much
+    /// as a small operation.
+    pub fn set_timed(&self, timed: bool) {
+        self.inner.borrow_mut().timed = timed;
+    }
+
+    /// What the tape did since the report was last taken.
+    pub fn take_report(&self) -> Report {
+        std::mem::take(&mut self.inner.borrow_mut().report)
+    }
+
+    /// How many values the current step holds.
+    pub fn len(&self) -> usize {
+        self.inner.borrow().values.len()
+    }
+
+    /// Whether the current step holds no value.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// The slot of node `live`, of the right type: the one that the last step left there where it
+/// recorded the same kind of operation, a new one otherwise.
+fn slot_for<T: Scalar, O: Op<T>>(
+    nodes: &mut Vec<Node<T>>,
+    live: usize,
+) -> &mut Slot<O, O::Saved> {
+    let reusable = nodes.get(live).is_some_and(|node| {
+        let any: &dyn Any = &*node.recorded;
+        any.is::<Slot<O, O::Saved>>()
+    });
+    if !reusable {
+        let recorded: Box<dyn Recorded<T>> =
+            Box::new(Slot::<O, O::Saved> { op: None, saved: O::Saved::default() });
+        match nodes.get_mut(live) {
+            Some(node) => node.recorded = recorded,
+            None => nodes.push(Node {
+                recorded,
+                inputs: SmallVec::new(),
+                first_output: 0,
+                output_count: 0,
+                keep: Keep::NOTHING,
+            }),
+        }
+    }
+    let any: &mut dyn Any = &mut *nodes[live].recorded;
+    any.downcast_mut().expect("the slot was made for this type")
+}
+
+impl<T: Scalar> fmt::Debug for Tape<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let inner = self.inner.borrow();
+        let names: Vec<_> = inner.nodes[..inner.live].iter().map(|n| n.recorded.name()).collect();
+        f.debug_struct("Tape").field("values", &inner.values.len()).field("nodes", &names).finish()
+    }
+}

@@ -1,0 +1,1 @@
+//! Laws across the crates live in the files beside this package's manifest.
