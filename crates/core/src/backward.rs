@@ -223,7 +223,7 @@ impl<T: Scalar> Inner<T> {
     /// Runs the backward passes of the operations, last to first.
     fn walk(&mut self) {
         let Self { values, nodes, live, pool, report, timed, gradients, wanted, results, .. } = self;
-        for node in nodes[..*live].iter().rev() {
+        for node in nodes[..*live].iter_mut().rev() {
             let outputs = node.first_output as usize..(node.first_output + node.output_count) as usize;
             if gradients[outputs.clone()].iter().all(Option::is_none)
                 || !node.inputs.iter().any(|&input| wanted[input as usize])

@@ -82,7 +82,7 @@ impl<T: Scalar, F: Binary<T>> Op<T> for Broadcast<F> {
         keep
     }
 
-    fn backward(&self, kept: &Kept<'_, T>, _saved: &(), gradients: &mut Accumulators<'_, T>) {
+    fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
         let z_bar = kept.only_upstream();
         let pairs = Pairs::of(kept.input_shape(0), kept.input_shape(1), kept.output_shape(0));
         let [x_bar, y_bar] = gradients.first();

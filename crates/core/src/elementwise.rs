@@ -62,7 +62,7 @@ impl<T: Scalar, F: Unary<T>> Op<T> for Elementwise<F> {
         }
     }
 
-    fn backward(&self, kept: &Kept<'_, T>, _saved: &(), gradients: &mut Accumulators<'_, T>) {
+    fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
         let Some(x_bar) = gradients.get(0) else { return };
         let y_bar = kept.only_upstream();
         let argument = match F::SLOPE_FROM {

@@ -45,10 +45,12 @@ pub trait Op<T: Scalar>: Send + 'static {
     fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep;
 
     /// Adds `J^T upstream` into the gradients of the inputs that need one.
+    ///
+    /// It may use memory in `saved`, but leaves there what another backward pass will read.
     fn backward(
         &self,
         kept: &Kept<'_, T>,
-        saved: &Self::Saved,
+        saved: &mut Self::Saved,
         gradients: &mut Accumulators<'_, T>,
     );
 

@@ -21,7 +21,7 @@ pub fn for_each_piece_mut<T: Send>(
     work: impl Fn(usize, &mut [T]) + Send + Sync,
 ) {
     #[cfg(feature = "parallel")]
-    if data.len() > piece && rayon::current_num_threads() > 1 {
+    if is_shared(data.len(), piece) {
         data.par_chunks_mut(piece).enumerate().for_each(|(k, chunk)| work(k, chunk));
         return;
     }
@@ -33,19 +33,33 @@ pub fn for_each_item_mut<T: Send>(items: &mut [T], work: impl Fn(usize, &mut T) 
     for_each_piece_mut(items, 1, |k, item| work(k, &mut item[0]));
 }
 
-/// `work(range)` of each range of `piece` indices of `0..length`, in the order of the ranges.
-pub fn map_ranges<R: Send>(
+/// Calls `merge(work(range))` for each range of `piece` indices of `0..length`, in the order of the
+/// ranges; the work, not the merging, may run at the same time.
+pub fn merge_ranges<R: Send>(
     length: usize,
     piece: usize,
     work: impl Fn(Range<usize>) -> R + Send + Sync,
-) -> Vec<R> {
-    let range = |k: usize| k * piece..((k + 1) * piece).min(length);
+    mut merge: impl FnMut(R),
+) {
     let pieces = length.div_ceil(piece);
+    let range = |k: usize| k * piece..((k + 1) * piece).min(length);
     #[cfg(feature = "parallel")]
-    if pieces > 1 && rayon::current_num_threads() > 1 {
-        return (0..pieces).into_par_iter().map(|k| work(range(k))).collect();
+    if is_shared(length, piece) {
+        let results: Vec<R> = (0..pieces).into_par_iter().map(|k| work(range(k))).collect();
+        results.into_iter().for_each(merge);
+        return;
     }
-    (0..pieces).map(|k| work(range(k))).collect()
+    (0..pieces).for_each(|k| merge(work(range(k))));
+}
+
+/// Whether work on `length` entries in pieces of `piece` is shared by several threads. For work
+/// whose results need memory per piece only then; its results must not depend on the answer.
+pub fn is_shared(length: usize, piece: usize) -> bool {
+    #[cfg(feature = "parallel")]
+    let threads = rayon::current_num_threads();
+    #[cfg(not(feature = "parallel"))]
+    let threads = 1;
+    length > piece && threads > 1
 }
 
 #[cfg(test)]
@@ -55,8 +69,8 @@ mod tests {
     #[test]
     fn pieces_cover_everything_once_and_in_order() {
         for length in [0, 1, 9, 10, 11, 100] {
-            let ranges = map_ranges(length, 10, |range| range);
-            let covered: Vec<usize> = ranges.into_iter().flatten().collect();
+            let mut covered = Vec::new();
+            merge_ranges(length, 10, |range| range, |range| covered.extend(range));
             assert_eq!(covered, (0..length).collect::<Vec<_>>());
 
             let mut data = vec![0; length];

@@ -67,12 +67,12 @@ pub trait Scalar:
     fn is_finite(self) -> bool;
 
     /// The smaller of two; NaN where either is NaN, so that a NaN is never masked.
-    fn minimum(self, other: Self) -> Self {
+    fn lesser(self, other: Self) -> Self {
         if self < other || self != self { self } else { other }
     }
 
     /// The larger of two; NaN where either is NaN, so that a NaN is never masked.
-    fn maximum(self, other: Self) -> Self {
+    fn greater(self, other: Self) -> Self {
         if self > other || self != self { self } else { other }
     }
 }
@@ -138,12 +138,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn minimum_and_maximum_never_mask_a_nan() {
+    fn lesser_and_greater_never_mask_a_nan() {
         for (a, b) in [(f64::NAN, 1.0), (1.0, f64::NAN)] {
-            assert!(a.minimum(b).is_nan());
-            assert!(a.maximum(b).is_nan());
+            assert!(a.lesser(b).is_nan());
+            assert!(a.greater(b).is_nan());
         }
-        assert_eq!(2.0.minimum(1.0), 1.0);
-        assert_eq!(2.0.maximum(1.0), 2.0);
+        assert_eq!(2.0_f64.lesser(1.0), 1.0);
+        assert_eq!(2.0_f64.greater(1.0), 2.0);
     }
 }

@@ -4,7 +4,7 @@
 //! added in order. In `f32` the result is the rounded sum; in `f64` the error is below
 //! `(ENTRIES_PER_PIECE / LANES + pieces) eps sum |x|`.
 
-use crate::parallel::{ENTRIES_PER_PIECE, map_ranges};
+use crate::parallel::{ENTRIES_PER_PIECE, merge_ranges};
 use crate::scalar::Scalar;
 
 /// Independent partial sums within a piece, so that additions overlap in the processor.
@@ -29,7 +29,9 @@ pub fn sum<T: Scalar>(length: usize, term: impl Fn(usize) -> T::Wide + Send + Sy
     if length <= ENTRIES_PER_PIECE {
         return piece(0..length);
     }
-    map_ranges(length, ENTRIES_PER_PIECE, piece).into_iter().sum()
+    let mut total = T::Wide::default();
+    merge_ranges(length, ENTRIES_PER_PIECE, piece, |sum| total += sum);
+    total
 }
 
 #[cfg(test)]

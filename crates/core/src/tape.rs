@@ -65,7 +65,7 @@ pub(crate) struct Node<T> {
 /// An operation of any type with what it saved.
 pub(crate) trait Recorded<T>: Any + Send {
     fn name(&self) -> &'static str;
-    fn backward(&self, kept: &Kept<'_, T>, gradients: &mut Accumulators<'_, T>);
+    fn backward(&mut self, kept: &Kept<'_, T>, gradients: &mut Accumulators<'_, T>);
     /// Drops the operation, and with it what it shares with others; keeps the memory of what it
     /// saved.
     fn retire(&mut self);
@@ -82,9 +82,9 @@ impl<T: Scalar, O: Op<T>> Recorded<T> for Slot<O, O::Saved> {
         self.op.as_ref().map_or("retired", |op| op.name())
     }
 
-    fn backward(&self, kept: &Kept<'_, T>, gradients: &mut Accumulators<'_, T>) {
+    fn backward(&mut self, kept: &Kept<'_, T>, gradients: &mut Accumulators<'_, T>) {
         let op = self.op.as_ref().expect("a node within `live` holds its operation");
-        op.backward(kept, &self.saved, gradients);
+        op.backward(kept, &mut self.saved, gradients);
     }
 
     fn retire(&mut self) {
@@ -180,6 +180,20 @@ impl<T: Scalar> Tape<T> {
         op: O,
         inputs: &[Var<'t, T>],
     ) -> Result<SmallVec<[Var<'t, T>; 2]>, O::Error> {
+        Ok(self.record_with(op, inputs, |_| ())?.0)
+    }
+
+    /// [`Tape::record`], with a look at what the operation saved: results that are not numbers,
+    /// such as indices, are shared with the caller that way.
+    ///
+    /// # Errors
+    /// As [`Tape::record`].
+    pub fn record_with<'t, O: Op<T>, R>(
+        &'t self,
+        op: O,
+        inputs: &[Var<'t, T>],
+        look: impl FnOnce(&O::Saved) -> R,
+    ) -> Result<(SmallVec<[Var<'t, T>; 2]>, R), O::Error> {
         let name = op.name();
         let mut indices: SmallVec<[u32; 4]> = SmallVec::with_capacity(inputs.len());
         for input in inputs {
@@ -206,6 +220,7 @@ impl<T: Scalar> Tape<T> {
             entry.forward += start.elapsed();
         }
         entry.bytes += op.saved_bytes(&slot.saved) as u64;
+        let seen = look(&slot.saved);
         slot.op = Some(op);
 
         let tensors = outputs.tensors;
@@ -225,7 +240,7 @@ impl<T: Scalar> Tape<T> {
             variables.push(Var { tape: self, index: values.len() as u32 });
             values.push(Value { tensor, needs, pooled });
         }
-        Ok(variables)
+        Ok((variables, seen))
     }
 
     /// Records `op`, which has one output, on `inputs` and returns the output.

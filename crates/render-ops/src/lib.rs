@@ -1,1 +1,54 @@
-//! Under construction.
+//! Differentiable rendering operations on the Bokashi tape.
+//!
+//! Each is a custom operation with a hand-written backward pass, registered on the tape through
+//! the same trait that is open to everyone. Surface first, image last:
+//!
+//! ```
+//! use bokashi_core::{Tape, Tensor};
+//! use bokashi_render_ops::{
+//!     Background, Blur, Mesh, Size, antialias, gaussian_blur, interpolate, project, rasterize,
+//!     resolve,
+//! };
+//!
+//! let mesh = Mesh::new(vec![[0, 1, 2]], 3)?;
+//! let tape = Tape::<f32>::new();
+//! let corners = vec![-0.5, -0.5, 0.0, 0.5, -0.5, 0.0, 0.0, 0.6, 0.0];
+//! let positions = tape.leaf(&Tensor::new([3, 3], corners)?);
+//! let colors = tape.leaf(&Tensor::full([3, 3], 0.8));
+//! let sigma = tape.scalar(1.0);
+//!
+//! let clip = project(positions, &glam::DMat4::IDENTITY, None)?;
+//! let fragments = rasterize(clip, &mesh, Size::square(16))?;
+//! let surface = interpolate(colors, &fragments)?;
+//! let image = resolve(surface, &fragments, Background::Zero)?;
+//! let image = antialias(image, &fragments, clip)?;
+//! let image = gaussian_blur(image, sigma, &Blur::default())?;
+//! let gradients = image.square().sum().backward()?;
+//! assert!(gradients.get(positions).is_some() && gradients.get(sigma).is_some());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod antialias;
+mod error;
+mod fragments;
+mod gaussian_blur;
+mod homogeneous;
+mod interpolate;
+mod mesh;
+mod project;
+mod rasterize;
+mod resolve;
+mod rotation;
+mod runs;
+mod size;
+
+pub use antialias::antialias;
+pub use error::RenderError;
+pub use fragments::{Coverage, Culled, Fragments};
+pub use gaussian_blur::{Blur, Border, Kernel, Radius, gaussian_blur};
+pub use interpolate::{interpolate, interpolate_indexed};
+pub use mesh::{Adjacency, Mesh};
+pub use project::{Pose, project};
+pub use rasterize::{Cull, RasterOptions, rasterize};
+pub use resolve::{Background, resolve};
+pub use size::Size;

@@ -21,7 +21,7 @@ impl<T: Scalar> Unary<T> for Clamp<T> {
     const SLOPE_FROM: SlopeFrom = SlopeFrom::Input;
 
     fn value(self, x: T) -> T {
-        x.maximum(self.low).minimum(self.high)
+        x.greater(self.low).lesser(self.high)
     }
     fn slope(self, x: T) -> T {
         if x >= self.low && x <= self.high { T::ONE } else { T::ZERO }

@@ -15,7 +15,7 @@ impl<T: Scalar> Unary<T> for Softplus {
     const SLOPE_FROM: SlopeFrom = SlopeFrom::Input;
 
     fn value(self, x: T) -> T {
-        x.maximum(T::ZERO) + (-x.abs()).exp().ln_1p()
+        x.greater(T::ZERO) + (-x.abs()).exp().ln_1p()
     }
     fn slope(self, x: T) -> T {
         let e = (-x.abs()).exp();

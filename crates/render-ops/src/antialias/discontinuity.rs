@@ -1,0 +1,190 @@
+//! Where an edge crosses between two neighbouring pixel centres, and where exactly.
+//!
+//! Coordinates are local to the pair: origin at the centre of the *owner*, the pixel that the
+//! edge's face covers; x along the pair from the first pixel to the second, y across, in pixels,
+//! homogeneous with w. For vertices `(x_1, y_1, w_1)` and `(x_2, y_2, w_2)` the edge meets the
+//! line y = 0 at `x = n / m`, `n = x_1 y_2 - y_1 x_2`, `m = w_1 y_2 - y_1 w_2`; nothing is divided
+//! by a w, so an end behind the eye needs no clipping.
+
+use bokashi_core::Scalar;
+
+use crate::fragments::Coverage;
+use crate::homogeneous::Vertex;
+use crate::size::Size;
+
+/// How far beyond the two pixel centres a crossing may lie, in pixels, and still count: rounding
+/// moves an edge that passes through a centre to either side of it. Then it is clamped.
+const SLACK: f64 = 1.0 / 16.0;
+
+/// One blend of neighbouring pixels across a silhouette.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Blend<S> {
+    /// The pixel on the left or above.
+    pub(super) pixel: u32,
+    /// Whether the other pixel is the one below, not the one on the right.
+    pub(super) below: bool,
+    /// Whether the face covers the first pixel, not the second.
+    pub(super) covers_first: bool,
+    /// The vertices of the edge.
+    pub(super) edge: [u32; 2],
+    /// The share, in [-1/2, 1/2]: of the second pixel mixed into the first where positive, of the
+    /// first into the second where negative.
+    pub(super) alpha: S,
+    /// Whether the crossing was clamped, so that the share does not move with it.
+    pub(super) clamped: bool,
+}
+
+/// A vertex in the coordinates of a pair.
+#[derive(Debug, Clone, Copy)]
+struct Local<S> {
+    x: S,
+    y: S,
+    w: S,
+}
+
+/// The local coordinates of a pair of pixels.
+#[derive(Debug, Clone, Copy)]
+struct Frame<S> {
+    below: bool,
+    center: [S; 2],
+}
+
+impl<S: Scalar<Wide = S>> Frame<S> {
+    fn of(pixel: u32, below: bool, covers_first: bool, size: Size) -> Self {
+        let (mut row, mut column) = (pixel as usize / size.width, pixel as usize % size.width);
+        if !covers_first {
+            if below { row += 1 } else { column += 1 }
+        }
+        Self { below, center: [size.center_x(column), size.center_y(row)] }
+    }
+
+    /// Scaled coordinates count 2 units a pixel and y upwards.
+    fn local(&self, vertex: Vertex<S>) -> Local<S> {
+        let half = S::from_f64(0.5);
+        let [x, y] = vertex.relative_to(self.center[0], self.center[1]);
+        let (right, down) = (half * x, -half * y);
+        if self.below {
+            Local { x: down, y: right, w: vertex.w }
+        } else {
+            Local { x: right, y: down, w: vertex.w }
+        }
+    }
+
+    /// The gradient with respect to clip (x, y, w) from that with respect to local (x, y, w).
+    fn pull_back(&self, local_bar: [S; 3], size: Size) -> [S; 3] {
+        let half = S::from_f64(0.5);
+        let [along, across, w_bar] = local_bar;
+        let (right, down) = if self.below { (across, along) } else { (along, across) };
+        let (x_bar, y_bar) = (half * right, -half * down);
+        [
+            x_bar * S::from_f64(size.width as f64),
+            y_bar * S::from_f64(size.height as f64),
+            w_bar - self.center[0] * x_bar - self.center[1] * y_bar,
+        ]
+    }
+}
+
+/// Where the line through two vertices meets y = 0.
+struct Crossing<S> {
+    x: S,
+    m: S,
+}
+
+fn crossing<S: Scalar>(p: Local<S>, q: Local<S>) -> Crossing<S> {
+    let m = p.w * q.y - p.y * q.w;
+    Crossing { x: (p.x * q.y - p.y * q.x) / m, m }
+}
+
+/// Whether the visible part of the edge crosses y = 0. Its point there has the sign of
+/// `m / (q.y - p.y)` as its w.
+fn straddles<S: Scalar>(p: Local<S>, q: Local<S>, m: S) -> bool {
+    let zero = S::ZERO;
+    (p.y < zero) != (q.y < zero) && (m > zero) == (q.y > p.y) && m != zero
+}
+
+/// The determinant of three vertices: positive where `r` lies on the left of the edge from `p` to
+/// `q`, for parts in front of the eye.
+fn side<S: Scalar>(p: Local<S>, q: Local<S>, r: Local<S>) -> S {
+    r.w * (p.x * q.y - p.y * q.x) + r.x * (p.y * q.w - p.w * q.y) + r.y * (p.w * q.x - p.x * q.w)
+}
+
+/// The blend at `pixel` and its neighbour, whose triangle ids differ, by the edges of face `face`,
+/// which covers one of them; `None` where no silhouette of the face passes between the centres.
+pub(super) fn blend<T: Scalar>(
+    clip: &[T],
+    coverage: &Coverage,
+    face: usize,
+    pixel: u32,
+    below: bool,
+    covers_first: bool,
+) -> Option<Blend<T::Wide>> {
+    let size = coverage.size();
+    let frame = Frame::<T::Wide>::of(pixel, below, covers_first, size);
+    let indices = coverage.mesh().faces()[face];
+    let local = |index: u32| frame.local(Vertex::of(clip, index, size));
+    let corners = indices.map(local);
+    let sign = if covers_first { T::Wide::ONE } else { -T::Wide::ONE };
+
+    // The straddling edge that lies farthest towards the neighbour: the one where the face ends.
+    let mut farthest: Option<(usize, T::Wide, T::Wide)> = None;
+    for corner in 0..3 {
+        let (p, q) = (corners[(corner + 1) % 3], corners[(corner + 2) % 3]);
+        let Crossing { x, m } = crossing(p, q);
+        if straddles(p, q, m) && farthest.is_none_or(|(_, distance, _)| sign * x > distance) {
+            farthest = Some((corner, sign * x, m));
+        }
+    }
+    let (corner, distance, m) = farthest?;
+    let (j, k) = ((corner + 1) % 3, (corner + 2) % 3);
+    let (p, q) = (corners[j], corners[k]);
+
+    // Edges closer to the direction of the pair belong to pairs in the other direction.
+    if m.abs() < (p.w * q.x - p.x * q.w).abs() {
+        return None;
+    }
+    let slack = T::Wide::from_f64(SLACK);
+    if !(distance >= -slack && distance <= T::Wide::ONE + slack) {
+        return None;
+    }
+    if let Some(other) = coverage.mesh().adjacency().across(face, corner) {
+        // Both faces at the edge on the same side of it: the surface turns away here. A face seen
+        // exactly edge-on covers neither side, so the other one ends there too.
+        let (own_side, other_side) = (side(p, q, corners[corner]), side(p, q, local(other)));
+        let zero = T::Wide::ZERO;
+        if own_side > zero && other_side < zero || own_side < zero && other_side > zero {
+            return None;
+        }
+    }
+    let inside = distance.greater(T::Wide::ZERO).lesser(T::Wide::ONE);
+    Some(Blend {
+        pixel,
+        below,
+        covers_first,
+        edge: [indices[j], indices[k]],
+        alpha: sign * (T::Wide::from_f64(0.5) - inside),
+        clamped: inside != distance,
+    })
+}
+
+impl<S: Scalar<Wide = S>> Blend<S> {
+    /// The gradients with respect to clip (x, y, w) of the edge's two vertices, from the gradient
+    /// `alpha_bar`.
+    ///
+    /// `dalpha/dx = -1` whichever pixel owns the edge, and from `x = n / m`:
+    /// `dx/dx_1 = y_2 / m`, `dx/dx_2 = -y_1 / m`, `dx/dy_1 = (x w_2 - x_2) / m`,
+    /// `dx/dy_2 = (x_1 - x w_1) / m`, `dx/dw_1 = -x y_2 / m`, `dx/dw_2 = x y_1 / m`.
+    pub(super) fn pull_back<T: Scalar<Wide = S>>(
+        &self,
+        alpha_bar: S,
+        clip: &[T],
+        size: Size,
+    ) -> [[S; 3]; 2] {
+        let frame = Frame::of(self.pixel, self.below, self.covers_first, size);
+        let [p, q] = self.edge.map(|index| frame.local(Vertex::of(clip, index, size)));
+        let Crossing { x, m } = crossing(p, q);
+        let scale = -alpha_bar / m;
+        let p_bar = [q.y, x * q.w - q.x, -x * q.y].map(|partial| scale * partial);
+        let q_bar = [-p.y, p.x - x * p.w, x * p.y].map(|partial| scale * partial);
+        [p_bar, q_bar].map(|bar| frame.pull_back(bar, size))
+    }
+}

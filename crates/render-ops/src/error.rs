@@ -1,0 +1,116 @@
+//! What a caller can get wrong with rendering operations.
+
+use bokashi_core::{Shape, TensorError};
+
+use crate::size::Size;
+
+/// An error of a rendering operation. Each message says the rule, then the value that broke it.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RenderError {
+    /// An error of the tape below.
+    #[error(transparent)]
+    Tensor(#[from] TensorError),
+
+    /// An image has no pixels, or too many.
+    #[error("an image needs at least one pixel and fewer than 2^32, got {size}")]
+    ImageSize {
+        /// The size given.
+        size: Size,
+    },
+
+    /// A face refers to a vertex that does not exist.
+    #[error("a face needs vertex indices below {vertex_count}, got {index} in face {face}")]
+    FaceIndex {
+        /// The face's index.
+        face: usize,
+        /// The vertex index given.
+        index: u32,
+        /// The number of vertices.
+        vertex_count: usize,
+    },
+
+    /// A mesh has too many faces or vertices for 32-bit indices.
+    #[error("a mesh needs fewer than 2^31 faces and vertices, got {given}")]
+    MeshSize {
+        /// The number given.
+        given: usize,
+    },
+
+    /// A vertex position is infinite or NaN.
+    #[error("clip positions need to be finite, got ({x}, {y}, {z}, {w}) at vertex {vertex}")]
+    Position {
+        /// The vertex's index.
+        vertex: usize,
+        /// Clip x.
+        x: f64,
+        /// Clip y.
+        y: f64,
+        /// Clip z.
+        z: f64,
+        /// Clip w.
+        w: f64,
+    },
+
+    /// An entry of a camera matrix is infinite or NaN.
+    #[error("a camera matrix needs finite entries, got {value} in row {row}, column {column}")]
+    Camera {
+        /// The row.
+        row: usize,
+        /// The column.
+        column: usize,
+        /// The entry given.
+        value: f64,
+    },
+
+    /// A quaternion that is not a rotation, even after normalization.
+    #[error("a rotation needs a finite quaternion other than zero, got ({x}, {y}, {z}, {w})")]
+    Rotation {
+        /// Quaternion x.
+        x: f64,
+        /// Quaternion y.
+        y: f64,
+        /// Quaternion z.
+        z: f64,
+        /// Quaternion w.
+        w: f64,
+    },
+
+    /// An input's shape breaks the operation's rule.
+    #[error("{operation} needs {rule}, got shape {shape}")]
+    Shape {
+        /// The operation.
+        operation: &'static str,
+        /// The rule.
+        rule: String,
+        /// The shape given.
+        shape: Shape,
+    },
+
+    /// An index buffer has another number of faces than the mesh that was rasterized.
+    #[error("attribute indices need one face per rasterized face, {expected}, got {given}")]
+    FaceCount {
+        /// Faces of the mesh that was rasterized.
+        expected: usize,
+        /// Faces of the index buffer.
+        given: usize,
+    },
+
+    /// A standard deviation that the blur is not defined for.
+    #[error("gaussian_blur needs {rule}, got sigma {sigma}")]
+    BadSigma {
+        /// The rule.
+        rule: &'static str,
+        /// The standard deviation given, in pixels.
+        sigma: f64,
+    },
+
+    /// A window radius or a tolerance that the blur is not defined for.
+    #[error("gaussian_blur needs {rule}, got {value}")]
+    BadRadius {
+        /// The rule.
+        rule: &'static str,
+        /// The value given.
+        value: f64,
+    },
+}

@@ -1,0 +1,248 @@
+//! Gaussian blur of an image, with a standard deviation that can be learnt.
+//!
+//! # Forward
+//! `b = K_y K_x c`: along the rows, then along the columns, channel by channel, with the window
+//! `w_k` of `taps` and the border rule of `border`.
+//!
+//! # Backward
+//! `c_bar = K_x^T K_y^T b_bar`. For the zero and the mirror border `K^T = K`; for the clamp border
+//! what leaves the image is added to the border pixels: `K^T = K_zero` plus, at the first pixel,
+//! `sum_j g_j sum_(k > j) w_k`, and likewise at the last.
+//! `sigma_bar = <K_y^T b_bar, K'_x c> + <b_bar, K'_y K_x c>` with `K' = dK/dsigma`.
+//!
+//! # Where it is not smooth
+//! A radius that follows from a tolerance steps with sigma; the jump is below that tolerance. A fit
+//! whose target lies on a step keeps an error of that size, so fix the radius there.
+//!
+//! # Source
+//! Kitabayashi and Iwasaki, on parameter estimation of Gaussian filtering by differentiable
+//! rendering, equations (1) to (5): the seed kernel. The sampled one is what image libraries use.
+
+mod border;
+mod convolution;
+mod taps;
+
+use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
+
+pub use self::border::Border;
+use self::border::pad;
+use self::convolution::Lines;
+use self::taps::Taps;
+use crate::error::RenderError;
+
+/// Which weights a window has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Kernel {
+    /// The density of the normal distribution at the pixels' centres, as the paper prints it. Its
+    /// sum is a gain that grows above 1 as sigma falls below 0.6; it is not defined at sigma 0.
+    Seed,
+    /// The same, divided by its sum: constant images stay as they are, and sigma 0 is the
+    /// identity. Below sigma 0.2 hardly anything moves with sigma.
+    #[default]
+    Sampled,
+}
+
+/// How far a window reaches.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Radius {
+    /// This many pixels to either side, whatever sigma is.
+    Fixed(usize),
+    /// As far as it must for the window to miss at most this share of an endless window's weight,
+    /// per axis.
+    Tolerance(f64),
+}
+
+/// What kind of blur.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Blur {
+    /// The window's weights.
+    pub kernel: Kernel,
+    /// What the window sees beyond the border of the image.
+    pub border: Border,
+    /// How far the window reaches.
+    pub radius: Radius,
+}
+
+impl Default for Blur {
+    /// Sampled weights, a mirror border, and a window that misses at most 1e-6 of the weight.
+    fn default() -> Self {
+        let (kernel, border) = (Kernel::default(), Border::default());
+        Self { kernel, border, radius: Radius::Tolerance(1e-6) }
+    }
+}
+
+/// `image: [H, W, C]` blurred with standard deviation `sigma: []`, in pixels; returns `[H, W, C]`.
+///
+/// Sampled weights with sigma 0 are the identity: the image itself is returned.
+///
+/// # Errors
+/// [`RenderError::BadSigma`] unless sigma is finite and positive (or 0, for sampled weights);
+/// [`RenderError::Shape`] unless the image is `[H, W, C]` with at least one entry and sigma a single
+/// number; [`RenderError::BadRadius`] for a tolerance outside (0, 1) or a radius above 16384.
+pub fn gaussian_blur<'t, T: Scalar>(
+    image: Var<'t, T>,
+    sigma: Var<'t, T>,
+    blur: &Blur,
+) -> Result<Var<'t, T>, RenderError> {
+    let shape = sigma.shape();
+    if shape.size() != 1 {
+        let rule = "a single number for sigma".to_owned();
+        return Err(RenderError::Shape { operation: "gaussian_blur", rule, shape });
+    }
+    let value = sigma.item().to_f64();
+    if blur.kernel == Kernel::Sampled && value == 0.0 {
+        image.tape().leave_out("gaussian_blur", "sigma is 0");
+        return Ok(image);
+    }
+    image.tape().apply(GaussianBlur { blur: *blur }, &[image, sigma])
+}
+
+/// Inputs: image `[H, W, C]`, sigma `[]`.
+struct GaussianBlur {
+    blur: Blur,
+}
+
+/// The window, the padded pictures that the forward passes read, and memory.
+#[derive(Debug)]
+struct Saved<T> {
+    taps: Taps<T>,
+    /// The image, with its rows padded.
+    rows: Vec<T>,
+    /// The image blurred along its rows, with its columns padded.
+    columns: Vec<T>,
+    /// Memory for a pass: a padded picture, the picture between the passes, the last one.
+    padded: Vec<T>,
+    between: Vec<T>,
+    last: Vec<T>,
+}
+
+impl<T: Default> Default for Saved<T> {
+    fn default() -> Self {
+        Self {
+            taps: Taps::default(),
+            rows: Vec::new(),
+            columns: Vec::new(),
+            padded: Vec::new(),
+            between: Vec::new(),
+            last: Vec::new(),
+        }
+    }
+}
+
+/// The two passes over an image `[H, W, C]`: along the rows, along the columns.
+struct Passes {
+    rows: Lines,
+    columns: Lines,
+}
+
+impl Passes {
+    fn of([height, width, channels]: [usize; 3], border: Border, radius: usize) -> Self {
+        let cell = width * channels;
+        Self {
+            rows: Lines {
+                lines: height,
+                extent: width,
+                cell: channels,
+                pad: border.reach(radius, width),
+            },
+            columns: Lines { lines: 1, extent: height, cell, pad: border.reach(radius, height) },
+        }
+    }
+}
+
+impl GaussianBlur {
+    /// `y = K^T g` along `lines`, with `padded` as memory.
+    fn adjoint<T: Scalar>(
+        &self,
+        taps: &Taps<T>,
+        lines: Lines,
+        g: &[T],
+        padded: &mut Vec<T>,
+        y: &mut [T],
+    ) {
+        // The clamp border's adjoint is the zero border's, and what leaves the image.
+        let border = if self.blur.border == Border::Clamp { Border::Zero } else { self.blur.border };
+        pad(border, g, lines, padded);
+        lines.convolve(padded, taps.window(lines.pad).weights, y);
+        if self.blur.border == Border::Clamp {
+            border::add_overhang(g, lines, &taps.weights, y);
+        }
+    }
+}
+
+impl<T: Scalar> Op<T> for GaussianBlur {
+    type Saved = Saved<T>;
+    type Error = RenderError;
+
+    fn name(&self) -> &'static str {
+        "gaussian_blur"
+    }
+
+    fn forward(
+        &self,
+        inputs: &Inputs<'_, T>,
+        outputs: &mut Outputs<'_, T>,
+        saved: &mut Self::Saved,
+    ) -> Result<(), RenderError> {
+        let &[height, width, channels] = &**inputs.shape(0) else {
+            return Err(wrong_image(inputs.shape(0)));
+        };
+        if inputs.shape(0).size() == 0 {
+            return Err(wrong_image(inputs.shape(0)));
+        }
+        let Saved { taps, rows, columns, between, .. } = saved;
+        taps.fill(inputs.data(1)[0], &self.blur)?;
+        let passes = Passes::of([height, width, channels], self.blur.border, taps.radius());
+        between.resize(inputs.shape(0).size(), T::ZERO);
+        pad(self.blur.border, inputs.data(0), passes.rows, rows);
+        passes.rows.convolve(rows, taps.window(passes.rows.pad).weights, between);
+        pad(self.blur.border, between, passes.columns, columns);
+        let out = outputs.push(inputs.shape(0));
+        passes.columns.convolve(columns, taps.window(passes.columns.pad).weights, out);
+        Ok(())
+    }
+
+    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
+        Keep::NOTHING
+    }
+
+    fn backward(
+        &self,
+        kept: &Kept<'_, T>,
+        saved: &mut Self::Saved,
+        gradients: &mut Accumulators<'_, T>,
+    ) {
+        let b_bar = kept.only_upstream();
+        let &[height, width, channels] = &**kept.input_shape(0) else {
+            unreachable!("forward has checked the rank");
+        };
+        let Saved { taps, rows, columns, padded, between, last } = saved;
+        let passes = Passes::of([height, width, channels], self.blur.border, taps.radius());
+        self.adjoint(taps, passes.columns, b_bar, padded, between);
+        if let Some(sigma_bar) = gradients.get(1) {
+            let along_rows =
+                passes.rows.slope_product(rows, &taps.window(passes.rows.pad), between);
+            let along_columns =
+                passes.columns.slope_product(columns, &taps.window(passes.columns.pad), b_bar);
+            sigma_bar.add_each(|_| T::narrow(along_rows + along_columns));
+        }
+        if let Some(image_bar) = gradients.get(0) {
+            last.resize(between.len(), T::ZERO);
+            self.adjoint(taps, passes.rows, between, padded, last);
+            image_bar.add(last);
+        }
+    }
+
+    fn saved_bytes(&self, saved: &Self::Saved) -> usize {
+        let Saved { rows, columns, padded, between, last, .. } = saved;
+        size_of::<T>() * [rows, columns, padded, between, last].map(Vec::len).iter().sum::<usize>()
+    }
+}
+
+fn wrong_image(shape: &bokashi_core::Shape) -> RenderError {
+    RenderError::Shape {
+        operation: "gaussian_blur",
+        rule: "an image of shape [H, W, C] with at least one entry".to_owned(),
+        shape: shape.clone(),
+    }
+}

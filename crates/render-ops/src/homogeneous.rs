@@ -1,0 +1,47 @@
+//! Points and lines of the image plane in homogeneous coordinates.
+//!
+//! With a vertex `(x, y, w)` in scaled coordinates and a pixel centre `(X, Y)`, the vertex relative
+//! to the pixel is `q = (x - X w, y - Y w)`, and the edge from vertex 1 to vertex 2 is
+//! `a = q1 x q2`: positive on its left, zero on the line. No division by `w`, so that vertices
+//! behind the eye need no clipping.
+//!
+//! # Source
+//! Olano and Greer, *Triangle scan conversion using 2D homogeneous coordinates*, Graphics Hardware
+//! 1997.
+
+use bokashi_core::Scalar;
+
+use crate::size::Size;
+
+/// A vertex in clip space with x times the image's width and y times its height.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Vertex<S> {
+    pub(crate) x: S,
+    pub(crate) y: S,
+    pub(crate) z: S,
+    pub(crate) w: S,
+}
+
+impl<S: Scalar<Wide = S>> Vertex<S> {
+    /// Vertex `index` of the rows of `clip: [V, 4]`.
+    pub(crate) fn of<T: Scalar<Wide = S>>(clip: &[T], index: u32, size: Size) -> Self {
+        let [x, y, z, w] = std::array::from_fn(|k| clip[4 * index as usize + k].widen());
+        let (width, height) = (S::from_f64(size.width as f64), S::from_f64(size.height as f64));
+        Self { x: x * width, y: y * height, z, w }
+    }
+
+    /// Every coordinate times `factor`: the same point.
+    pub(crate) fn scaled(self, factor: S) -> Self {
+        Self { x: self.x * factor, y: self.y * factor, z: self.z * factor, w: self.w * factor }
+    }
+
+    /// The vertex relative to the pixel centre `(x, y)`.
+    pub(crate) fn relative_to(self, x: S, y: S) -> [S; 2] {
+        [self.x - x * self.w, self.y - y * self.w]
+    }
+}
+
+/// The cross product of two plane vectors.
+pub(crate) fn cross<S: Scalar>(a: [S; 2], b: [S; 2]) -> S {
+    a[0] * b[1] - a[1] * b[0]
+}

@@ -1,0 +1,187 @@
+//! Triangle meshes: which vertices make a face, and which faces share an edge.
+
+use std::sync::{Arc, OnceLock};
+
+use crate::error::RenderError;
+
+/// The faces of a triangle mesh: for each face the indices of its three vertices.
+///
+/// Serves as the index buffer of positions and, with its own vertex count, of attributes. Cheap to
+/// clone: clones share the faces and the adjacency, which is built once, when first asked for.
+#[derive(Debug, Clone)]
+pub struct Mesh(Arc<Inner>);
+
+#[derive(Debug)]
+struct Inner {
+    faces: Vec<[u32; 3]>,
+    vertex_count: usize,
+    adjacency: OnceLock<Adjacency>,
+}
+
+impl Mesh {
+    /// The mesh of `faces` over `vertex_count` vertices.
+    ///
+    /// A face may name a vertex twice: it has no area, is never drawn and has no neighbours.
+    ///
+    /// # Errors
+    /// [`RenderError::FaceIndex`] for an index that is not below `vertex_count`;
+    /// [`RenderError::MeshSize`] for 2^31 faces or vertices and more.
+    pub fn new(faces: Vec<[u32; 3]>, vertex_count: usize) -> Result<Self, RenderError> {
+        let limit = 1_usize << 31;
+        for given in [faces.len(), vertex_count] {
+            if given >= limit {
+                return Err(RenderError::MeshSize { given });
+            }
+        }
+        for (face, indices) in faces.iter().enumerate() {
+            if let Some(&index) = indices.iter().find(|&&index| index as usize >= vertex_count) {
+                return Err(RenderError::FaceIndex { face, index, vertex_count });
+            }
+        }
+        Ok(Self(Arc::new(Inner { faces, vertex_count, adjacency: OnceLock::new() })))
+    }
+
+    /// The vertex indices of each face.
+    pub fn faces(&self) -> &[[u32; 3]] {
+        &self.0.faces
+    }
+
+    /// The number of vertices.
+    pub fn vertex_count(&self) -> usize {
+        self.0.vertex_count
+    }
+
+    /// Which faces share an edge.
+    pub fn adjacency(&self) -> &Adjacency {
+        self.0.adjacency.get_or_init(|| Adjacency::of(&self.0.faces))
+    }
+}
+
+/// Whether a face names a vertex twice.
+pub(crate) fn repeats_a_vertex([a, b, c]: [u32; 3]) -> bool {
+    a == b || b == c || c == a
+}
+
+/// Which faces share an edge of a mesh, by vertex index.
+///
+/// An edge of exactly two faces joins them. An edge of one face is a *boundary*; where vertices
+/// are duplicated, as at a texture seam, both sides are boundaries. An edge of three or more faces
+/// joins none of them: each treats it as a boundary, since whichever way it is seen, some face
+/// ends there.
+#[derive(Debug, Default)]
+pub struct Adjacency {
+    /// Per face and corner k: the vertex across the edge that faces corner k, or [`NO_VERTEX`].
+    across: Vec<[u32; 3]>,
+    boundary_edges: usize,
+    crowded_edges: usize,
+}
+
+/// Stands for "no face on the other side".
+const NO_VERTEX: u32 = u32::MAX;
+
+impl Adjacency {
+    fn of(faces: &[[u32; 3]]) -> Self {
+        // Each face's edges as (smaller vertex, larger vertex, face, facing corner), sorted: equal
+        // edges end up side by side, in an order that depends on nothing but the faces.
+        let mut edges: Vec<([u32; 2], u32, u8)> = Vec::with_capacity(3 * faces.len());
+        for (face, &indices) in faces.iter().enumerate() {
+            if repeats_a_vertex(indices) {
+                continue;
+            }
+            for corner in 0..3 {
+                let (a, b) = (indices[(corner + 1) % 3], indices[(corner + 2) % 3]);
+                edges.push(([a.min(b), a.max(b)], face as u32, corner as u8));
+            }
+        }
+        edges.sort_unstable();
+
+        let mut adjacency = Self { across: vec![[NO_VERTEX; 3]; faces.len()], ..Self::default() };
+        for same in edges.chunk_by(|left, right| left.0 == right.0) {
+            match *same {
+                [_] => adjacency.boundary_edges += 1,
+                [(_, f, j), (_, g, k)] => {
+                    let (f, j, g, k) = (f as usize, j as usize, g as usize, k as usize);
+                    adjacency.across[f][j] = faces[g][k];
+                    adjacency.across[g][k] = faces[f][j];
+                }
+                _ => adjacency.crowded_edges += 1,
+            }
+        }
+        adjacency
+    }
+
+    /// The vertex across the edge that faces corner `corner` of `face`: the corner of the one
+    /// other face at that edge that does not lie on it.
+    pub fn across(&self, face: usize, corner: usize) -> Option<u32> {
+        let vertex = self.across[face][corner];
+        (vertex != NO_VERTEX).then_some(vertex)
+    }
+
+    /// The number of edges that one face has alone.
+    pub fn boundary_edges(&self) -> usize {
+        self.boundary_edges
+    }
+
+    /// The number of edges that three or more faces share.
+    pub fn crowded_edges(&self) -> usize {
+        self.crowded_edges
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_index_out_of_range_is_refused_by_name() {
+        let error = Mesh::new(vec![[0, 1, 2], [0, 3, 1]], 3).unwrap_err();
+        assert_eq!(error, RenderError::FaceIndex { face: 1, index: 3, vertex_count: 3 });
+        assert_eq!(
+            error.to_string(),
+            "a face needs vertex indices below 3, got 3 in face 1"
+        );
+    }
+
+    #[test]
+    fn two_faces_see_each_other_across_their_edge() {
+        let mesh = Mesh::new(vec![[0, 1, 2], [2, 1, 3]], 4).unwrap();
+        let adjacency = mesh.adjacency();
+        assert_eq!(adjacency.across(0, 0), Some(3));
+        assert_eq!(adjacency.across(1, 2), Some(0));
+        assert_eq!(adjacency.across(0, 1), None);
+        assert_eq!(adjacency.boundary_edges(), 4);
+    }
+
+    #[test]
+    fn an_edge_of_three_faces_joins_none_of_them() {
+        let mesh = Mesh::new(vec![[0, 1, 2], [0, 1, 3], [0, 1, 4]], 5).unwrap();
+        let adjacency = mesh.adjacency();
+        assert!((0..3).all(|face| adjacency.across(face, 2).is_none()));
+        assert_eq!(adjacency.crowded_edges(), 1);
+        assert_eq!(adjacency.boundary_edges(), 6);
+    }
+
+    #[test]
+    fn a_face_that_repeats_a_vertex_has_no_neighbours() {
+        let mesh = Mesh::new(vec![[0, 1, 2], [1, 1, 2]], 3).unwrap();
+        assert_eq!(mesh.adjacency().across(0, 0), None);
+        assert_eq!(mesh.adjacency().boundary_edges(), 3);
+    }
+
+    #[test]
+    fn adjacency_does_not_depend_on_the_order_of_faces() {
+        let cube = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]];
+        let mut reversed = cube;
+        reversed.reverse();
+        let (forth, back) =
+            (Mesh::new(cube.to_vec(), 8).unwrap(), Mesh::new(reversed.to_vec(), 8).unwrap());
+        for face in 0..6 {
+            for corner in 0..3 {
+                assert_eq!(
+                    forth.adjacency().across(face, corner),
+                    back.adjacency().across(5 - face, corner)
+                );
+            }
+        }
+    }
+}

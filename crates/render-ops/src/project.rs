@@ -1,0 +1,249 @@
+//! Projection of positions to clip space.
+//!
+//! # Forward
+//! `clip_i = M (R p_i + t, 1)`, with the camera matrix `M: [4, 4]` (projection times view), and a
+//! pose of rotation `R` (from a quaternion, see `rotation`) and translation `t`; without a pose
+//! `R = 1` and `t = 0`. With `N` the first three columns of M and m its last: `clip_i = A p_i + b`,
+//! `A = N R`, `b = N t + m`.
+//!
+//! # Backward
+//! `p_bar_i = A^T clip_bar_i`; `A_bar = sum_i clip_bar_i p_i^T`, `R_bar = N^T A_bar`;
+//! `t_bar = N^T sum_i clip_bar_i`. It is smooth everywhere.
+//!
+//! # Source
+//! Laine et al., *Modular primitives for high-performance differentiable rendering*, ACM TOG 39(6),
+//! 2020, where the projection is left to the user.
+
+use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
+use glam::DMat4;
+
+use crate::error::RenderError;
+use crate::rotation::{self, Matrix3};
+
+/// Where an object is: turned about its origin, then moved.
+#[derive(Debug, Clone, Copy)]
+pub struct Pose<'t, T: Scalar> {
+    /// A quaternion (x, y, z, w), w the real part, of any length but 0. Shape `[4]`.
+    pub rotation: Var<'t, T>,
+    /// The translation, in units of world space. Shape `[3]`.
+    pub translation: Var<'t, T>,
+}
+
+/// Positions `[V, 3]` in clip space `[V, 4]`: `camera` times the posed positions.
+///
+/// The camera matrix maps to OpenGL clip space: visible where `w > 0` and `-w <= x, y, z <= w`
+/// (glam's `perspective_rh_gl` times a view matrix).
+///
+/// # Errors
+/// [`RenderError::Shape`] unless positions are `[V, 3]`, the rotation `[4]` and the translation
+/// `[3]`; [`RenderError::Camera`] for a matrix entry that is not finite;
+/// [`RenderError::Rotation`] for a quaternion that is zero or not finite.
+pub fn project<'t, T: Scalar>(
+    positions: Var<'t, T>,
+    camera: &DMat4,
+    pose: Option<Pose<'t, T>>,
+) -> Result<Var<'t, T>, RenderError> {
+    let columns = camera.to_cols_array_2d();
+    for (column, entries) in columns.iter().enumerate() {
+        if let Some(row) = entries.iter().position(|entry| !entry.is_finite()) {
+            return Err(RenderError::Camera { row, column, value: entries[row] });
+        }
+    }
+    let camera = std::array::from_fn(|row| std::array::from_fn(|k| T::Wide::from_f64(columns[k][row])));
+    let op = Project { camera };
+    match pose {
+        None => positions.tape().apply(op, &[positions]),
+        Some(Pose { rotation, translation }) => {
+            positions.tape().apply(op, &[positions, rotation, translation])
+        }
+    }
+}
+
+/// Inputs: positions `[V, 3]`, and with a pose rotation `[4]` and translation `[3]`.
+struct Project<S> {
+    /// By rows.
+    camera: [[S; 4]; 4],
+}
+
+impl<S: Scalar<Wide = S>> Project<S> {
+    /// A, by rows.
+    fn linear(&self, rotation: Option<&[impl Scalar<Wide = S>]>) -> [[S; 3]; 4] {
+        let rotation = rotation.map(|q| rotation::matrix(widened(q)));
+        self.camera.map(|[x, y, z, _]| match rotation {
+            None => [x, y, z],
+            Some(r) => std::array::from_fn(|k| x * r[0][k] + y * r[1][k] + z * r[2][k]),
+        })
+    }
+
+    /// N^T v for a vector of clip space.
+    fn transposed(&self, v: [S; 4]) -> [S; 3] {
+        std::array::from_fn(|k| (0..4).map(|row| self.camera[row][k] * v[row]).sum())
+    }
+}
+
+/// The entries of a short vector with more digits.
+fn widened<T: Scalar, const N: usize>(entries: &[T]) -> [T::Wide; N] {
+    std::array::from_fn(|k| entries[k].widen())
+}
+
+impl<T: Scalar> Op<T> for Project<T::Wide> {
+    type Saved = ();
+    type Error = RenderError;
+
+    fn name(&self) -> &'static str {
+        "project"
+    }
+
+    fn forward(
+        &self,
+        inputs: &Inputs<'_, T>,
+        outputs: &mut Outputs<'_, T>,
+        _saved: &mut (),
+    ) -> Result<(), RenderError> {
+        let rules: [(&str, &[usize]); 3] =
+            [("positions of shape [V, 3]", &[3]), ("a rotation of shape [4]", &[4]), ("a translation of shape [3]", &[3])];
+        for (i, (rule, trailing)) in rules.into_iter().enumerate().take(inputs.len()) {
+            let shape = inputs.shape(i);
+            let leading = if i == 0 { shape.rank() == 2 } else { shape.rank() == 1 };
+            if !leading || !shape.ends_with(trailing) {
+                return Err(RenderError::Shape {
+                    operation: "project",
+                    rule: rule.to_owned(),
+                    shape: shape.clone(),
+                });
+            }
+        }
+        let posed = inputs.len() == 3;
+        if posed {
+            let q = inputs.data(1);
+            let length = rotation::length(widened::<T, 4>(q)).to_f64();
+            if !(length > 0.0 && length.is_finite()) {
+                let [x, y, z, w] = std::array::from_fn(|k| q[k].to_f64());
+                return Err(RenderError::Rotation { x, y, z, w });
+            }
+        }
+        let a = self.linear(posed.then(|| inputs.data(1)));
+        let t: [T::Wide; 3] = if posed { widened(inputs.data(2)) } else { Default::default() };
+        let b = self.camera.map(|[x, y, z, last]| x * t[0] + y * t[1] + z * t[2] + last);
+        let (positions, clip) = (inputs.data(0), outputs.push([inputs.shape(0)[0], 4]));
+        for (p, clip) in positions.chunks_exact(3).zip(clip.chunks_exact_mut(4)) {
+            let p: [T::Wide; 3] = widened(p);
+            for (row, clip) in clip.iter_mut().enumerate() {
+                let a = a[row];
+                *clip = T::narrow(a[0] * p[0] + a[1] * p[1] + a[2] * p[2] + b[row]);
+            }
+        }
+        Ok(())
+    }
+
+    fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
+        let mut keep = Keep::NOTHING;
+        if inputs.len() == 3 {
+            if inputs.needs(0) || inputs.needs(1) {
+                keep = keep.input(1);
+            }
+            if inputs.needs(1) {
+                keep = keep.input(0);
+            }
+        }
+        keep
+    }
+
+    fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
+        let clip_bar = kept.only_upstream();
+        let posed = kept.input_count() == 3;
+        if let Some(positions_bar) = gradients.get(0) {
+            let a = self.linear(posed.then(|| kept.input(1)));
+            let rows = clip_bar.chunks_exact(4);
+            for (p_bar, clip_bar) in positions_bar.entries().chunks_exact_mut(3).zip(rows) {
+                let clip_bar: [T::Wide; 4] = widened(clip_bar);
+                for (k, p_bar) in p_bar.iter_mut().enumerate() {
+                    *p_bar += T::narrow((0..4).map(|row| a[row][k] * clip_bar[row]).sum());
+                }
+            }
+        }
+        if !posed {
+            return;
+        }
+        if let Some(rotation_bar) = gradients.get(1) {
+            let mut a_bar = [[T::Wide::ZERO; 3]; 4];
+            let positions = kept.input(0).chunks_exact(3);
+            for (p, clip_bar) in positions.zip(clip_bar.chunks_exact(4)) {
+                for (row, &clip_bar) in a_bar.iter_mut().zip(clip_bar) {
+                    row.iter_mut().zip(p).for_each(|(a, &p)| *a += clip_bar.widen() * p.widen());
+                }
+            }
+            let r_bar: Matrix3<T::Wide> = {
+                let columns: [[T::Wide; 3]; 3] =
+                    std::array::from_fn(|k| self.transposed(a_bar.map(|row| row[k])));
+                std::array::from_fn(|i| std::array::from_fn(|k| columns[k][i]))
+            };
+            let q_bar = rotation::pull_back(widened(kept.input(1)), r_bar);
+            rotation_bar.add_each(|k| T::narrow(q_bar[k]));
+        }
+        if let Some(translation_bar) = gradients.get(2) {
+            let mut b_bar = [T::Wide::ZERO; 4];
+            for clip_bar in clip_bar.chunks_exact(4) {
+                b_bar.iter_mut().zip(clip_bar).for_each(|(b, &clip)| *b += clip.widen());
+            }
+            let t_bar = self.transposed(b_bar);
+            translation_bar.add_each(|k| T::narrow(t_bar[k]));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bokashi_core::{Tape, Tensor};
+
+    use super::*;
+
+    #[test]
+    fn without_a_pose_it_is_the_matrix_product() {
+        let camera = DMat4::perspective_rh_gl(1.0, 1.5, 0.1, 10.0)
+            * DMat4::look_at_rh((1.0, 2.0, 3.0).into(), glam::DVec3::ZERO, glam::DVec3::Y);
+        let tape = Tape::<f64>::new();
+        let p = tape.leaf(&Tensor::new([1, 3], vec![0.3, -0.2, 0.5]).unwrap());
+        let clip = project(p, &camera, None).unwrap().value();
+        let expected = camera * glam::DVec4::new(0.3, -0.2, 0.5, 1.0);
+        for (k, &entry) in clip.data().iter().enumerate() {
+            approx::assert_relative_eq!(entry, expected[k], max_relative = 1e-14);
+        }
+    }
+
+    #[test]
+    fn the_length_of_the_quaternion_does_not_matter() {
+        let tape = Tape::<f64>::new();
+        let p = tape.leaf(&Tensor::new([1, 3], vec![0.3, -0.2, 0.5]).unwrap());
+        let translation = tape.leaf(&Tensor::new([3], vec![0.1, 0.2, -3.0]).unwrap());
+        let clip = |length: f64| {
+            let q = [0.1, 0.7, -0.5, 0.5].map(|entry| entry * length);
+            let rotation = tape.leaf(&Tensor::new([4], q.to_vec()).unwrap());
+            project(p, &DMat4::IDENTITY, Some(Pose { rotation, translation })).unwrap().value()
+        };
+        for (one, other) in clip(1.0).data().iter().zip(clip(4.0).data()) {
+            approx::assert_relative_eq!(one, other, max_relative = 1e-14);
+        }
+    }
+
+    #[test]
+    fn wrong_input_is_refused_with_rule_and_value() {
+        let tape = Tape::<f32>::new();
+        let p = tape.leaf(&Tensor::zeros([2, 3]));
+        let flat = tape.leaf(&Tensor::zeros([6]));
+        let error = project(flat, &DMat4::IDENTITY, None).unwrap_err();
+        assert_eq!(error.to_string(), "project needs positions of shape [V, 3], got shape [6]");
+
+        let pose = Pose { rotation: tape.leaf(&Tensor::zeros([4])), translation: tape.leaf(&Tensor::zeros([3])) };
+        let error = project(p, &DMat4::IDENTITY, Some(pose)).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "a rotation needs a finite quaternion other than zero, got (0, 0, 0, 0)"
+        );
+
+        let mut camera = DMat4::IDENTITY;
+        camera.col_mut(2).y = f64::NAN;
+        let error = project(p, &camera, None).unwrap_err();
+        assert!(matches!(error, RenderError::Camera { row: 1, column: 2, .. }));
+    }
+}

@@ -1,0 +1,82 @@
+//! The size of an image, and where its pixel centres are.
+//!
+//! Geometry is done in *scaled* normalized device coordinates: x times the width and y times the
+//! height, so that the image is `[-W, W] x [-H, H]`, y up, a pixel is 2 units wide, and every
+//! pixel centre is a whole number, free of rounding.
+
+use std::fmt;
+
+use bokashi_core::Scalar;
+
+use crate::error::RenderError;
+
+/// The size of an image in pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Size {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+}
+
+impl Size {
+    /// `side` columns and rows.
+    pub const fn square(side: usize) -> Self {
+        Self { width: side, height: side }
+    }
+
+    /// The number of pixels.
+    pub const fn pixels(self) -> usize {
+        self.width * self.height
+    }
+
+    /// The size itself.
+    ///
+    /// # Errors
+    /// [`RenderError::ImageSize`] unless the pixels can be counted in 32 bits and there is one.
+    pub(crate) fn checked(self) -> Result<Self, RenderError> {
+        match self.width.checked_mul(self.height) {
+            Some(pixels) if pixels > 0 && pixels < u32::MAX as usize => Ok(self),
+            _ => Err(RenderError::ImageSize { size: self }),
+        }
+    }
+
+    /// The scaled x of the centres of column `column`.
+    pub(crate) fn center_x<S: Scalar>(self, column: usize) -> S {
+        S::from_f64((2 * column + 1) as f64 - self.width as f64)
+    }
+
+    /// The scaled y of the centres of row `row`, row 0 on top.
+    pub(crate) fn center_y<S: Scalar>(self, row: usize) -> S {
+        S::from_f64(self.height as f64 - (2 * row + 1) as f64)
+    }
+}
+
+impl fmt::Display for Size {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} x {}", self.width, self.height)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pixel_centres_lie_symmetrically_with_row_zero_on_top() {
+        let size = Size { width: 4, height: 3 };
+        let xs: Vec<f64> = (0..4).map(|column| size.center_x(column)).collect();
+        let ys: Vec<f64> = (0..3).map(|row| size.center_y(row)).collect();
+        assert_eq!(xs, [-3.0, -1.0, 1.0, 3.0]);
+        assert_eq!(ys, [2.0, 0.0, -2.0]);
+    }
+
+    #[test]
+    fn an_image_without_pixels_or_with_too_many_is_refused() {
+        for size in [Size::square(0), Size { width: 0, height: 5 }, Size::square(1 << 16)] {
+            assert_eq!(size.checked(), Err(RenderError::ImageSize { size }));
+        }
+        assert!(Size::square(usize::MAX).checked().is_err());
+        assert!(Size::square(1).checked().is_ok());
+    }
+}
