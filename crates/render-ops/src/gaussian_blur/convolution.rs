@@ -28,18 +28,12 @@ pub(super) struct Lines {
 impl Lines {
     /// `out_i = w_0 p_i + sum_k w_k (p_(i-k) + p_(i+k))` over padded lines p.
     pub(super) fn convolve<T: Scalar>(&self, padded: &[T], weights: &[T], out: &mut [T]) {
+        let windows = Windows { lines: *self, padded, own: weights[0], weights: &weights[1..] };
+        let pair = |left, _, right| left + right;
         for_each_piece_mut(out, ENTRIES_PER_PIECE, |piece, out| {
             let first = piece * ENTRIES_PER_PIECE;
-            self.for_each_block(first..first + out.len(), |at, length| {
-                let sums = self.window_sums(
-                    padded,
-                    at,
-                    length,
-                    weights[0],
-                    &weights[1..],
-                    |left, _, right| left + right,
-                );
-                out[at - first..][..length].copy_from_slice(&sums[..length]);
+            windows.for_each_sum(first..first + out.len(), pair, |at, sums| {
+                out[at - first..][..sums.len()].copy_from_slice(sums);
             });
         });
     }
@@ -53,18 +47,13 @@ impl Lines {
         window: &Window<'_, T>,
         g: &[T],
     ) -> T::Wide {
+        let weights = &window.slopes[1..];
+        let windows = Windows { lines: *self, padded, own: window.slope_sum, weights };
+        let pair = |left, center, right| (left - center) + (right - center);
         let work = |range: Range<usize>| {
             let mut total = T::Wide::ZERO;
-            self.for_each_block(range, |at, length| {
-                let sums = self.window_sums(
-                    padded,
-                    at,
-                    length,
-                    window.slope_sum,
-                    &window.slopes[1..],
-                    |left, center, right| (left - center) + (right - center),
-                );
-                for (sum, g) in sums.iter().zip(&g[at..at + length]) {
+            windows.for_each_sum(range, pair, |at, sums| {
+                for (sum, g) in sums.iter().zip(&g[at..]) {
                     total += sum.widen() * g.widen();
                 }
             });
@@ -74,66 +63,67 @@ impl Lines {
         merge_ranges(g.len(), ENTRIES_PER_PIECE, work, |piece| total += piece);
         total
     }
+}
 
-    /// Calls `visit(start, length)` on blocks of at most [`BLOCK`] entries of `range` that lie in
-    /// one line each.
-    fn for_each_block(&self, range: Range<usize>, mut visit: impl FnMut(usize, usize)) {
-        let line = self.extent * self.cell;
+/// Windows of one set of weights over padded lines.
+struct Windows<'a, T> {
+    lines: Lines,
+    padded: &'a [T],
+    /// The weight of the centre.
+    own: T,
+    /// The weights of the pairs at distance 1 and on.
+    weights: &'a [T],
+}
+
+impl<T: Scalar> Windows<'_, T> {
+    /// Calls `visit(i, sums)` with runs of `own p_i + sum_k weights_k pair(p_(i-k), p_i, p_(i+k))`
+    /// until all outputs i in `range` are covered.
+    fn for_each_sum(
+        &self,
+        range: Range<usize>,
+        pair: impl Fn(T, T, T) -> T + Copy,
+        mut visit: impl FnMut(usize, &[T]),
+    ) {
+        let Lines { extent, cell, pad, .. } = self.lines;
+        let line_length = extent * cell;
         let mut at = range.start;
         while at < range.end {
-            let length = BLOCK.min(range.end - at).min(line - at % line);
-            visit(at, length);
-            at += length;
+            let line = at / line_length;
+            let end = range.end.min((line + 1) * line_length);
+            let offset = (2 * line + 1) * pad * cell;
+            // A length known to the compiler lets it keep the sums in registers.
+            while at + BLOCK <= end {
+                visit(at, &self.sums::<BLOCK>(at + offset, pair));
+                at += BLOCK;
+            }
+            while at + 4 <= end {
+                visit(at, &self.sums::<4>(at + offset, pair));
+                at += 4;
+            }
+            while at < end {
+                visit(at, &self.sums::<1>(at + offset, pair));
+                at += 1;
+            }
         }
     }
 
-    /// `own p_i + sum_k weights_k pair(p_(i-k), p_i, p_(i+k))` with k from 1, for `length` entries
-    /// from output entry `at`.
+    /// The sums of N neighbouring windows, the first one centred at `start` of the padded lines.
     #[inline(always)]
-    fn window_sums<T: Scalar>(
-        &self,
-        padded: &[T],
-        at: usize,
-        length: usize,
-        own: T,
-        weights: &[T],
-        pair: impl Fn(T, T, T) -> T,
-    ) -> [T; BLOCK] {
-        let line = at / (self.extent * self.cell);
-        let start = at + (2 * line + 1) * self.pad * self.cell;
-        let mut sums = [T::ZERO; BLOCK];
-        // A length known to the compiler lets it keep the sums in registers.
-        if length == BLOCK {
-            self.add_windows(padded, start, own, weights, pair, &mut sums);
-        } else {
-            self.add_windows(padded, start, own, weights, pair, &mut sums[..length]);
-        }
-        sums
-    }
-
-    #[inline(always)]
-    fn add_windows<T: Scalar>(
-        &self,
-        padded: &[T],
-        start: usize,
-        own: T,
-        weights: &[T],
-        pair: impl Fn(T, T, T) -> T,
-        sums: &mut [T],
-    ) {
-        let n = sums.len();
-        let center = &padded[start..][..n];
-        for i in 0..n {
-            sums[i] = own * center[i];
-        }
+    fn sums<const N: usize>(&self, start: usize, pair: impl Fn(T, T, T) -> T) -> [T; N] {
+        let entries = |start: usize| -> &[T; N] {
+            self.padded[start..start + N].try_into().expect("the range has N entries")
+        };
+        let center = entries(start);
+        let mut sums = center.map(|entry| self.own * entry);
         let mut offset = 0;
-        for &weight in weights {
-            offset += self.cell;
-            let (left, right) = (&padded[start - offset..][..n], &padded[start + offset..][..n]);
-            for i in 0..n {
+        for &weight in self.weights {
+            offset += self.lines.cell;
+            let (left, right) = (entries(start - offset), entries(start + offset));
+            for i in 0..N {
                 sums[i] += weight * pair(left[i], center[i], right[i]);
             }
         }
+        sums
     }
 }
 
