@@ -14,16 +14,14 @@ use smallvec::SmallVec;
 use crate::error::TensorError;
 use crate::op::{Accumulator, Accumulators, Inputs, Kept};
 use crate::scalar::Scalar;
-use crate::tape::{Inner, Tape};
+use crate::tape::{Inner, Node, Results, Tape};
 use crate::tensor::Tensor;
 use crate::var::Var;
 
 /// The gradients that a backward pass was asked for.
 pub struct Gradients<'t, T: Scalar> {
     tape: &'t Tape<T>,
-    /// By requested variable, in increasing order; `None` where the gradient is zero because
-    /// nothing that the pass started from depends on the variable.
-    results: Vec<(u32, Option<Tensor<T>>)>,
+    results: Results<T>,
 }
 
 impl<'t, T: Scalar> Gradients<'t, T> {
@@ -49,12 +47,10 @@ impl<T: Scalar> Drop for Gradients<'_, T> {
     fn drop(&mut self) {
         // Not while a panic inside the tape unwinds past this value.
         let Ok(mut inner) = self.tape.inner.try_borrow_mut() else { return };
-        for (_, tensor) in self.results.drain(..) {
-            if let Some(tensor) = tensor {
-                inner.pool.give(tensor);
-            }
-        }
-        inner.results = std::mem::take(&mut self.results);
+        self.results.drain(..).filter_map(|(_, tensor)| tensor).for_each(|tensor| {
+            inner.pool.give(tensor);
+        });
+        inner.results.push(std::mem::take(&mut self.results));
     }
 }
 
@@ -95,7 +91,8 @@ impl<T: Scalar> Tape<T> {
         &'t self,
         seeds: &[(Var<'t, T>, &Tensor<T>)],
     ) -> Result<Gradients<'t, T>, TensorError> {
-        let seeds: SmallVec<[_; 4]> = seeds.iter().map(|&(var, tensor)| (var, Some(tensor))).collect();
+        let seeds: SmallVec<[_; 4]> =
+            seeds.iter().map(|&(var, tensor)| (var, Some(tensor))).collect();
         self.run_backward(&seeds, None)
     }
 
@@ -109,7 +106,8 @@ impl<T: Scalar> Tape<T> {
         seeds: &[(Var<'t, T>, &Tensor<T>)],
         wrt: &[Var<'t, T>],
     ) -> Result<Gradients<'t, T>, TensorError> {
-        let seeds: SmallVec<[_; 4]> = seeds.iter().map(|&(var, tensor)| (var, Some(tensor))).collect();
+        let seeds: SmallVec<[_; 4]> =
+            seeds.iter().map(|&(var, tensor)| (var, Some(tensor))).collect();
         self.run_backward(&seeds, Some(wrt))
     }
 
@@ -125,10 +123,10 @@ impl<T: Scalar> Tape<T> {
         }
         let mut inner = self.inner.borrow_mut();
         inner.check_seeds(seeds)?;
-        inner.mark_wanted(wrt);
+        let mut results = inner.results.pop().unwrap_or_default();
+        inner.mark_wanted(wrt, &mut results);
         inner.seed(seeds);
-        inner.walk();
-        let mut results = std::mem::take(&mut inner.results);
+        inner.walk(&mut results);
         inner.collect_results(&mut results);
         Ok(Gradients { tape: self, results })
     }
@@ -157,17 +155,14 @@ impl<T: Scalar> Inner<T> {
     }
 
     /// Marks the values whose gradients a pass computes, and lists the results it returns.
-    fn mark_wanted(&mut self, wrt: Option<&[Var<'_, T>]>) {
-        let Self { values, nodes, live, wanted, results, gradients, .. } = self;
-        results.clear();
+    fn mark_wanted(&mut self, wrt: Option<&[Var<'_, T>]>, results: &mut Results<T>) {
+        let Self { values, nodes, live, wanted, gradients, .. } = self;
         wanted.clear();
         gradients.clear();
         gradients.resize_with(values.len(), || None);
         let Some(wrt) = wrt else {
             wanted.extend(values.iter().map(|value| value.needs));
-            let mut produced = nodes[..*live].iter().flat_map(|node| {
-                node.first_output..node.first_output + node.output_count
-            });
+            let mut produced = nodes[..*live].iter().flat_map(Node::outputs);
             let mut next = produced.next();
             for (index, value) in (0..).zip(values.iter()) {
                 if next == Some(index) {
@@ -187,9 +182,7 @@ impl<T: Scalar> Inner<T> {
         results.dedup_by_key(|&mut (index, _)| index);
         for node in &nodes[..*live] {
             if node.inputs.iter().any(|&input| wanted[input as usize]) {
-                for output in node.first_output..node.first_output + node.output_count {
-                    wanted[output as usize] = true;
-                }
+                node.outputs().for_each(|output| wanted[output as usize] = true);
             }
         }
     }
@@ -220,64 +213,64 @@ impl<T: Scalar> Inner<T> {
         }
     }
 
-    /// Runs the backward passes of the operations, last to first.
-    fn walk(&mut self) {
-        let Self { values, nodes, live, pool, report, timed, gradients, wanted, results, .. } = self;
+    /// Runs the backward passes of the operations, last to first; puts the gradients of those
+    /// requested variables that are outputs into `results`.
+    fn walk(&mut self, results: &mut Results<T>) {
+        let Self { values, nodes, live, pool, report, timed, gradients, wanted, .. } = self;
+        let mut slots = std::mem::take(&mut self.slots);
         for node in nodes[..*live].iter_mut().rev() {
-            let outputs = node.first_output as usize..(node.first_output + node.output_count) as usize;
-            if gradients[outputs.clone()].iter().all(Option::is_none)
+            let first_output = node.first_output as usize;
+            // Inputs were recorded before outputs.
+            let (below, above) = gradients.split_at_mut(first_output);
+            let upstream = &mut above[..node.output_count as usize];
+            if upstream.iter().all(Option::is_none)
                 || !node.inputs.iter().any(|&input| wanted[input as usize])
             {
                 continue;
             }
             let start = timed.then(Instant::now);
-            let upstream: SmallVec<[Option<Tensor<T>>; 2]> =
-                gradients[outputs.clone()].iter_mut().map(Option::take).collect();
 
             // The sum so far of each wanted input; the same variable twice gets a second sum,
             // added to the first one afterwards.
-            let mut slots: SmallVec<[Option<Accumulator<T>>; 4]> = node
-                .inputs
-                .iter()
-                .enumerate()
-                .map(|(k, &input)| {
-                    if !wanted[input as usize] {
-                        return None;
-                    }
+            for (k, &input) in node.inputs.iter().enumerate() {
+                slots.push(wanted[input as usize].then(|| {
                     let repeated = node.inputs[..k].contains(&input);
-                    let started = if repeated { None } else { gradients[input as usize].take() };
+                    let started = if repeated { None } else { below[input as usize].take() };
                     let fresh = started.is_none();
                     let shape = || values[input as usize].tensor.shape().clone();
                     let tensor = started.unwrap_or_else(|| pool.take(shape()));
-                    Some(Accumulator { tensor, fresh })
-                })
-                .collect();
+                    Accumulator { tensor, fresh }
+                }));
+            }
 
             let kept = Kept {
                 operation: node.recorded.name(),
                 keep: node.keep,
                 inputs: Inputs { values, indices: &node.inputs },
-                outputs: &values[outputs.clone()],
-                upstream: &upstream,
+                outputs: &values[first_output..][..upstream.len()],
+                upstream,
             };
             node.recorded.backward(&kept, &mut Accumulators { slots: &mut slots });
 
-            for (slot, &input) in slots.into_iter().zip(&node.inputs) {
+            for (slot, &input) in slots.drain(..).zip(&node.inputs) {
                 let Some(Accumulator { tensor, fresh }) = slot else { continue };
-                let sum = &mut gradients[input as usize];
+                let sum = &mut below[input as usize];
                 if fresh {
                     pool.give(tensor);
                 } else if let Some(sum) = sum {
                     let entries = tensor.data().iter();
-                    sum.own_data_mut().iter_mut().zip(entries).for_each(|(sum, &entry)| *sum += entry);
+                    sum.own_data_mut()
+                        .iter_mut()
+                        .zip(entries)
+                        .for_each(|(sum, &entry)| *sum += entry);
                     pool.give(tensor);
                 } else {
                     *sum = Some(tensor);
                 }
             }
-            for (index, tensor) in outputs.zip(upstream) {
-                let Some(tensor) = tensor else { continue };
-                match results.binary_search_by_key(&(index as u32), |&(index, _)| index) {
+            for (index, tensor) in node.outputs().zip(upstream) {
+                let Some(tensor) = tensor.take() else { continue };
+                match results.binary_search_by_key(&index, |&(index, _)| index) {
                     Ok(at) => results[at].1 = Some(tensor),
                     Err(_) => pool.give(tensor),
                 }
@@ -288,10 +281,11 @@ impl<T: Scalar> Inner<T> {
                 entry.backward += start.elapsed();
             }
         }
+        self.slots = slots;
     }
 
     /// Moves the gradients that were asked for into `results`, the others back to the pool.
-    fn collect_results(&mut self, results: &mut [(u32, Option<Tensor<T>>)]) {
+    fn collect_results(&mut self, results: &mut Results<T>) {
         for (index, result) in results.iter_mut() {
             if result.is_none() {
                 *result = self.gradients[*index as usize].take();

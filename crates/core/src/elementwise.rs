@@ -2,7 +2,7 @@
 
 use crate::error::TensorError;
 use crate::op::{Accumulators, Inputs, Keep, Kept, Op, Outputs};
-use crate::parallel::{ENTRIES_PER_PIECE, for_each_piece_mut};
+use crate::parallel::for_each_zipped_mut;
 use crate::scalar::Scalar;
 use crate::var::Var;
 
@@ -46,11 +46,8 @@ impl<T: Scalar, F: Unary<T>> Op<T> for Elementwise<F> {
         outputs: &mut Outputs<'_, T>,
         _saved: &mut (),
     ) -> Result<(), TensorError> {
-        let x = inputs.data(0);
-        for_each_piece_mut(outputs.push(inputs.shape(0)), ENTRIES_PER_PIECE, |k, y| {
-            let x = &x[k * ENTRIES_PER_PIECE..][..y.len()];
-            y.iter_mut().zip(x).for_each(|(y, &x)| *y = self.0.value(x));
-        });
+        let y = outputs.push(inputs.shape(0));
+        for_each_zipped_mut(y, [inputs.data(0)], |y, [x]| *y = self.0.value(x));
         Ok(())
     }
 
@@ -71,7 +68,7 @@ impl<T: Scalar, F: Unary<T>> Op<T> for Elementwise<F> {
             // Any numbers will do.
             SlopeFrom::Nothing => y_bar,
         };
-        x_bar.add_each(|k| self.0.slope(argument[k]) * y_bar[k]);
+        x_bar.add_zipped([argument, y_bar], |[argument, y_bar]| self.0.slope(argument) * y_bar);
     }
 }
 

@@ -113,7 +113,10 @@ impl fmt::Display for TensorError {
                 shape.rank()
             ),
             Self::Index { operation, index, extent } => {
-                write!(f, "{operation} needs indices within an axis of extent {extent}, got {index}")
+                write!(
+                    f,
+                    "{operation} needs indices within an axis of extent {extent}, got {index}"
+                )
             }
             Self::Value { operation, rule, value } => {
                 write!(f, "{operation} needs {rule}, got {value}")

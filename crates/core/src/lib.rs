@@ -20,12 +20,15 @@
 //! Results are bitwise the same for any number of threads, and a step that repeats the last one
 //! allocates nothing on one thread.
 
+mod axis;
 mod backward;
 mod broadcast;
 mod elementwise;
 mod error;
+mod logistic;
 mod op;
 mod pool;
+mod preference;
 mod report;
 mod scalar;
 mod shape;
@@ -33,6 +36,7 @@ mod summation;
 mod tape;
 mod tensor;
 mod var;
+mod walk;
 
 pub mod ops;
 pub mod parallel;
@@ -44,6 +48,6 @@ pub use report::{LeftOut, OperationReport, Report};
 pub use scalar::Scalar;
 pub use shape::Shape;
 pub use summation::sum;
-pub use tape::Tape;
+pub use tape::{Tape, Variables};
 pub use tensor::Tensor;
 pub use var::Var;

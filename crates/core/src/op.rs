@@ -6,9 +6,8 @@
 //! gradients could ever be asked for (it decides what is kept); in a backward pass,
 //! [`Accumulators::needs`] says which are wanted now (it decides what is computed).
 
-use smallvec::SmallVec;
-
 use crate::error::TensorError;
+use crate::parallel::for_each_zipped_mut;
 use crate::pool::Pool;
 use crate::scalar::Scalar;
 use crate::shape::Shape;
@@ -148,15 +147,16 @@ impl<'a, T: Scalar> Inputs<'a, T> {
 pub struct Outputs<'a, T> {
     pub(crate) pool: &'a mut Pool<T>,
     /// Each output, and whether its buffer is the pool's.
-    pub(crate) tensors: SmallVec<[(Tensor<T>, bool); 2]>,
+    pub(crate) tensors: &'a mut Vec<(Tensor<T>, bool)>,
 }
 
 impl<T: Scalar> Outputs<'_, T> {
     /// Adds an output of `shape` and gives its entries. They start as whatever an earlier use of
     /// the buffer left: the operation writes every one of them.
     pub fn push(&mut self, shape: impl Into<Shape>) -> &mut [T] {
-        let [entries] = self.push_all([shape.into()]);
-        entries
+        self.tensors.push((self.pool.take(shape.into()), true));
+        let (tensor, _) = self.tensors.last_mut().expect("one was just pushed");
+        tensor.own_data_mut()
     }
 
     /// Adds an output for each of `shapes`, as [`Outputs::push`] does, and gives the entries of
@@ -280,19 +280,34 @@ impl<T: Scalar> Accumulator<T> {
         }
     }
 
+    /// Adds `entry([from[0][k], from[1][k], ...])` to the k-th entry, for every k; entries of a
+    /// large array are worked on at the same time.
+    ///
+    /// # Panics
+    /// Where one of `from` is shorter than the input.
+    #[inline]
+    pub fn add_zipped<const N: usize>(
+        &mut self,
+        from: [&[T]; N],
+        entry: impl Fn([T; N]) -> T + Send + Sync,
+    ) {
+        let fresh = std::mem::replace(&mut self.fresh, false);
+        let sum = self.tensor.own_data_mut();
+        if fresh {
+            for_each_zipped_mut(sum, from, |sum, from| *sum = entry(from));
+        } else {
+            for_each_zipped_mut(sum, from, |sum, from| *sum += entry(from));
+        }
+    }
+
     /// Adds `entries[k]` to the k-th entry, for every k.
     ///
     /// # Panics
     /// Unless there are as many entries as the input has.
     pub fn add(&mut self, entries: &[T]) {
-        let fresh = std::mem::replace(&mut self.fresh, false);
-        let sum = self.tensor.own_data_mut();
-        assert_eq!(sum.len(), entries.len(), "a gradient has as many entries as its input");
-        if fresh {
-            sum.copy_from_slice(entries);
-        } else {
-            sum.iter_mut().zip(entries).for_each(|(sum, &entry)| *sum += entry);
-        }
+        let size = self.tensor.size();
+        assert_eq!(size, entries.len(), "a gradient has as many entries as its input");
+        self.add_zipped([entries], |[entry]| entry);
     }
 
     /// The sum so far, zeros at first, for an operation that adds to some entries.

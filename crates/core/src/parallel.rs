@@ -20,6 +20,12 @@ pub fn for_each_piece_mut<T: Send>(
     piece: usize,
     work: impl Fn(usize, &mut [T]) + Send + Sync,
 ) {
+    if data.len() <= piece {
+        if !data.is_empty() {
+            work(0, data);
+        }
+        return;
+    }
     #[cfg(feature = "parallel")]
     if is_shared(data.len(), piece) {
         data.par_chunks_mut(piece).enumerate().for_each(|(k, chunk)| work(k, chunk));
@@ -28,9 +34,28 @@ pub fn for_each_piece_mut<T: Send>(
     data.chunks_mut(piece).enumerate().for_each(|(k, chunk)| work(k, chunk));
 }
 
-/// Calls `work(item, k)` on each item; items may run at the same time.
+/// Calls `work(k, item)` on each item; items may run at the same time.
 pub fn for_each_item_mut<T: Send>(items: &mut [T], work: impl Fn(usize, &mut T) + Send + Sync) {
     for_each_piece_mut(items, 1, |k, item| work(k, &mut item[0]));
+}
+
+/// Calls `work(entry, [from[0][k], from[1][k], ...])` for the k-th entry of `data`, for every k;
+/// entries may be worked on at the same time.
+///
+/// # Panics
+/// Where one of `from` is shorter than `data`.
+#[inline]
+pub fn for_each_zipped_mut<T: Copy + Send + Sync, const N: usize>(
+    data: &mut [T],
+    from: [&[T]; N],
+    work: impl Fn(&mut T, [T; N]) + Send + Sync,
+) {
+    for_each_piece_mut(data, ENTRIES_PER_PIECE, |k, piece| {
+        let from = from.map(|entries| &entries[k * ENTRIES_PER_PIECE..][..piece.len()]);
+        for (k, entry) in piece.iter_mut().enumerate() {
+            work(entry, from.map(|entries| entries[k]));
+        }
+    });
 }
 
 /// Calls `merge(work(range))` for each range of `piece` indices of `0..length`, in the order of the
@@ -79,5 +104,13 @@ mod tests {
             });
             assert_eq!(data, (0..length).collect::<Vec<_>>());
         }
+    }
+    #[test]
+    fn zipped_entries_stay_beside_each_other_across_pieces() {
+        let length = 2 * ENTRIES_PER_PIECE + 3;
+        let numbers: Vec<usize> = (0..length).collect();
+        let mut sums = vec![1; length];
+        for_each_zipped_mut(&mut sums, [&numbers, &numbers], |sum, [a, b]| *sum += a + b);
+        assert!(sums.iter().enumerate().all(|(k, &sum)| sum == 1 + 2 * k));
     }
 }

@@ -28,11 +28,13 @@ impl<T: Scalar> Pool<T> {
             Some(buffer) => buffer,
             None => Arc::new(Vec::with_capacity(1 << class)),
         };
-        let data = Arc::get_mut(&mut buffer).expect("the pool holds unshared buffers alone");
-        data.truncate(length);
-        data.resize(length, T::ZERO);
-        if cfg!(debug_assertions) {
-            data.fill(T::from_f64(f64::NAN));
+        // A look at the length is cheaper than a check that nobody shares the buffer.
+        if buffer.len() != length || cfg!(debug_assertions) {
+            let data = Arc::get_mut(&mut buffer).expect("the pool holds unshared buffers alone");
+            data.resize(length, T::ZERO);
+            if cfg!(debug_assertions) {
+                data.fill(T::from_f64(f64::NAN));
+            }
         }
         Tensor::from_buffer(shape, buffer)
     }
@@ -46,10 +48,13 @@ impl<T: Scalar> Pool<T> {
 
     /// Takes a buffer back, unless somebody else still holds it.
     pub(crate) fn give(&mut self, tensor: Tensor<T>) {
-        let mut buffer = tensor.into_buffer();
-        let Some(data) = Arc::get_mut(&mut buffer) else { return };
+        let buffer = tensor.into_buffer();
+        // There are no weak references, and nobody can copy a reference that is the only one.
+        if Arc::strong_count(&buffer) > 1 {
+            return;
+        }
         // The largest class that the capacity fills, so that whoever takes it has room.
-        let Some(class) = data.capacity().checked_ilog2() else { return };
+        let Some(class) = buffer.capacity().checked_ilog2() else { return };
         let class = class as usize;
         if self.classes.len() <= class {
             self.classes.resize_with(class + 1, Vec::new);

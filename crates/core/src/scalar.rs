@@ -68,11 +68,13 @@ pub trait Scalar:
 
     /// The smaller of two; NaN where either is NaN, so that a NaN is never masked.
     fn lesser(self, other: Self) -> Self {
+        #[expect(clippy::eq_op, reason = "only a NaN differs from itself")]
         if self < other || self != self { self } else { other }
     }
 
     /// The larger of two; NaN where either is NaN, so that a NaN is never masked.
     fn greater(self, other: Self) -> Self {
+        #[expect(clippy::eq_op, reason = "only a NaN differs from itself")]
         if self > other || self != self { self } else { other }
     }
 }

@@ -6,7 +6,7 @@ use std::ops::Deref;
 use smallvec::SmallVec;
 
 /// Extents per axis, outermost first; `[]` is a scalar. Up to four axes need no allocation.
-#[derive(Clone, PartialEq, Eq, Hash, Default)]
+#[derive(Eq, Default)]
 pub struct Shape(SmallVec<[usize; 4]>);
 
 impl Shape {
@@ -32,13 +32,6 @@ impl Shape {
         let mut axes = self.0.clone();
         axes[axis] = extent;
         Self(axes)
-    }
-
-    /// The array seen as `[outer, extent of axis, inner]`.
-    pub(crate) fn around(&self, axis: usize) -> [usize; 3] {
-        let outer = self.0[..axis].iter().product();
-        let inner = self.0[axis + 1..].iter().product();
-        [outer, self.0[axis], inner]
     }
 
     /// The common shape of two shapes, aligned at their last axes, where an extent of 1 repeats;
@@ -75,6 +68,30 @@ impl Shape {
             stride *= extent;
         }
         strides
+    }
+}
+
+/// Shapes are copied and compared several times per operation: with up to four axes in a few
+/// instructions, where the general way makes calls.
+impl Clone for Shape {
+    #[inline]
+    fn clone(&self) -> Self {
+        let (axes, rank) = match *self.0 {
+            [] => ([0; 4], 0),
+            [a] => ([a, 0, 0, 0], 1),
+            [a, b] => ([a, b, 0, 0], 2),
+            [a, b, c] => ([a, b, c, 0], 3),
+            [a, b, c, d] => ([a, b, c, d], 4),
+            _ => return Self(self.0.clone()),
+        };
+        Self(SmallVec::from_buf_and_len(axes, rank))
+    }
+}
+
+impl PartialEq for Shape {
+    #[inline]
+    fn eq(&self, other: &Self) -> bool {
+        self.rank() == other.rank() && self.0.iter().zip(&other.0).all(|(a, b)| a == b)
     }
 }
 
@@ -126,7 +143,8 @@ mod tests {
 
     #[test]
     fn broadcasting_aligns_last_axes_and_repeats_extent_one() {
-        let cases: &[(&[usize], &[usize], Option<&[usize]>)] = &[
+        type Case = (&'static [usize], &'static [usize], Option<&'static [usize]>);
+        let cases: &[Case] = &[
             (&[], &[], Some(&[])),
             (&[2, 3], &[], Some(&[2, 3])),
             (&[2, 3], &[3], Some(&[2, 3])),
@@ -147,11 +165,5 @@ mod tests {
         assert_eq!(shape(&[2, 1]).strides_in(&full).as_slice(), [0, 1, 0]);
         assert_eq!(full.strides_in(&full).as_slice(), [6, 3, 1]);
         assert_eq!(shape(&[]).strides_in(&full).as_slice(), [0, 0, 0]);
-    }
-
-    #[test]
-    fn around_splits_into_outer_axis_inner() {
-        assert_eq!(shape(&[2, 3, 4, 5]).around(1), [2, 3, 20]);
-        assert_eq!(shape(&[7]).around(0), [1, 7, 1]);
     }
 }

@@ -4,6 +4,8 @@
 //! added in order. In `f32` the result is the rounded sum; in `f64` the error is below
 //! `(ENTRIES_PER_PIECE / LANES + pieces) eps sum |x|`.
 
+use std::ops::Range;
+
 use crate::parallel::{ENTRIES_PER_PIECE, merge_ranges};
 use crate::scalar::Scalar;
 
@@ -12,7 +14,7 @@ const LANES: usize = 8;
 
 /// The sum of `term(k)` over `0..length`.
 pub fn sum<T: Scalar>(length: usize, term: impl Fn(usize) -> T::Wide + Send + Sync) -> T::Wide {
-    let piece = |range: std::ops::Range<usize>| {
+    let piece = |range: Range<usize>| {
         let mut lanes = [T::Wide::default(); LANES];
         let mut k = range.start;
         while k + LANES <= range.end {
@@ -26,11 +28,8 @@ pub fn sum<T: Scalar>(length: usize, term: impl Fn(usize) -> T::Wide + Send + Sy
         }
         lanes.into_iter().sum()
     };
-    if length <= ENTRIES_PER_PIECE {
-        return piece(0..length);
-    }
-    let mut total = T::Wide::default();
-    merge_ranges(length, ENTRIES_PER_PIECE, piece, |sum| total += sum);
+    let mut total = T::Wide::ZERO;
+    merge_ranges(length, ENTRIES_PER_PIECE, piece, |partial: T::Wide| total += partial);
     total
 }
 

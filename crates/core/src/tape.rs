@@ -7,12 +7,13 @@
 use std::any::Any;
 use std::cell::RefCell;
 use std::fmt;
+use std::ops::Range;
 use std::time::Instant;
 
 use smallvec::SmallVec;
 
 use crate::error::TensorError;
-use crate::op::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Value};
+use crate::op::{Accumulator, Accumulators, Inputs, Keep, Kept, Op, Outputs, Value};
 use crate::pool::Pool;
 use crate::report::Report;
 use crate::scalar::Scalar;
@@ -35,6 +36,9 @@ pub struct Tape<T: Scalar> {
     pub(crate) inner: RefCell<Inner<T>>,
 }
 
+/// The outputs of a recorded operation; up to four need no allocation.
+pub type Variables<'t, T> = SmallVec<[Var<'t, T>; 4]>;
+
 /// What the tape holds.
 pub(crate) struct Inner<T> {
     pub(crate) values: Vec<Value<T>>,
@@ -45,13 +49,22 @@ pub(crate) struct Inner<T> {
     pub(crate) pool: Pool<T>,
     pub(crate) report: Report,
     pub(crate) timed: bool,
-    /// Gradients of a backward pass by value, kept for their memory.
+    // The rest is empty, or means nothing, between two calls, and is kept for its memory.
+    /// The outputs of the operation that is being recorded, and whether each is the pool's.
+    pub(crate) outputs: Vec<(Tensor<T>, bool)>,
+    /// The gradients of a backward pass, by value.
     pub(crate) gradients: Vec<Option<Tensor<T>>>,
-    /// Which values a backward pass is about, kept for its memory.
+    /// Which values a backward pass is about.
     pub(crate) wanted: Vec<bool>,
-    /// The list of results that a backward pass returns, kept for its memory.
-    pub(crate) results: Vec<(u32, Option<Tensor<T>>)>,
+    /// The gradients of the inputs of the operation that a backward pass is at.
+    pub(crate) slots: Vec<Option<Accumulator<T>>>,
+    /// Lists for the results of backward passes.
+    pub(crate) results: Vec<Results<T>>,
 }
+
+/// The gradients that a backward pass was asked for, by value, in increasing order; `None` where
+/// nothing that the pass started from depends on the value.
+pub(crate) type Results<T> = Vec<(u32, Option<Tensor<T>>)>;
 
 /// One recorded operation.
 pub(crate) struct Node<T> {
@@ -60,6 +73,13 @@ pub(crate) struct Node<T> {
     pub(crate) first_output: u32,
     pub(crate) output_count: u32,
     pub(crate) keep: Keep,
+}
+
+impl<T> Node<T> {
+    /// The indices of the outputs.
+    pub(crate) fn outputs(&self) -> Range<u32> {
+        self.first_output..self.first_output + self.output_count
+    }
 }
 
 /// An operation of any type with what it saved.
@@ -109,8 +129,10 @@ impl<T: Scalar> Tape<T> {
                 pool: Pool::default(),
                 report: Report::default(),
                 timed: false,
+                outputs: Vec::new(),
                 gradients: Vec::new(),
                 wanted: Vec::new(),
+                slots: Vec::new(),
                 results: Vec::new(),
             }),
         }
@@ -179,12 +201,12 @@ impl<T: Scalar> Tape<T> {
         &'t self,
         op: O,
         inputs: &[Var<'t, T>],
-    ) -> Result<SmallVec<[Var<'t, T>; 2]>, O::Error> {
+    ) -> Result<Variables<'t, T>, O::Error> {
         Ok(self.record_with(op, inputs, |_| ())?.0)
     }
 
     /// [`Tape::record`], with a look at what the operation saved: results that are not numbers,
-    /// such as indices, are shared with the caller that way.
+    /// such as indices, are shared with the caller that way. `look` must not use the tape.
     ///
     /// # Errors
     /// As [`Tape::record`].
@@ -193,54 +215,9 @@ impl<T: Scalar> Tape<T> {
         op: O,
         inputs: &[Var<'t, T>],
         look: impl FnOnce(&O::Saved) -> R,
-    ) -> Result<(SmallVec<[Var<'t, T>; 2]>, R), O::Error> {
-        let name = op.name();
-        let mut indices: SmallVec<[u32; 4]> = SmallVec::with_capacity(inputs.len());
-        for input in inputs {
-            if !std::ptr::eq(input.tape, self) {
-                return Err(TensorError::ForeignVariable { operation: name }.into());
-            }
-            indices.push(input.index);
-        }
-
-        let mut inner = self.inner.borrow_mut();
-        let Inner { values, nodes, live, pool, report, timed, .. } = &mut *inner;
-        let start = timed.then(Instant::now);
-
-        let view = Inputs { values, indices: &indices };
-        let mut outputs = Outputs { pool, tensors: SmallVec::new() };
-        let slot = slot_for::<T, O>(nodes, *live);
-        op.forward(&view, &mut outputs, &mut slot.saved)?;
-        let needs = view.any_needs();
-        let keep = if needs { op.keeps(&view) } else { Keep::NOTHING };
-
-        let entry = report.operation(name);
-        entry.calls += 1;
-        if let Some(start) = start {
-            entry.forward += start.elapsed();
-        }
-        entry.bytes += op.saved_bytes(&slot.saved) as u64;
-        let seen = look(&slot.saved);
-        slot.op = Some(op);
-
-        let tensors = outputs.tensors;
-        let first_output = values.len() as u32;
-        let node = &mut nodes[*live];
-        node.inputs = indices;
-        node.first_output = first_output;
-        node.output_count = tensors.len() as u32;
-        node.keep = keep;
-        *live += 1;
-
-        let mut variables = SmallVec::new();
-        for (tensor, pooled) in tensors {
-            if pooled {
-                entry.bytes += std::mem::size_of_val(tensor.data()) as u64;
-            }
-            variables.push(Var { tape: self, index: values.len() as u32 });
-            values.push(Value { tensor, needs, pooled });
-        }
-        Ok((variables, seen))
+    ) -> Result<(Variables<'t, T>, R), O::Error> {
+        let (indices, seen) = self.record_node(op, inputs, look)?;
+        Ok((indices.map(|index| Var { tape: self, index }).collect(), seen))
     }
 
     /// Records `op`, which has one output, on `inputs` and returns the output.
@@ -255,9 +232,63 @@ impl<T: Scalar> Tape<T> {
         op: O,
         inputs: &[Var<'t, T>],
     ) -> Result<Var<'t, T>, O::Error> {
-        let outputs = self.record(op, inputs)?;
+        let (outputs, ()) = self.record_node(op, inputs, |_| ())?;
         assert_eq!(outputs.len(), 1, "`apply` is for operations of one output");
-        Ok(outputs[0])
+        Ok(Var { tape: self, index: outputs.start })
+    }
+
+    /// Records `op` on `inputs`; returns the indices of its outputs, and what `look` saw.
+    fn record_node<'t, O: Op<T>, R>(
+        &'t self,
+        op: O,
+        inputs: &[Var<'t, T>],
+        look: impl FnOnce(&O::Saved) -> R,
+    ) -> Result<(Range<u32>, R), O::Error> {
+        let name = op.name();
+        if inputs.iter().any(|input| !std::ptr::eq(input.tape, self)) {
+            return Err(TensorError::ForeignVariable { operation: name }.into());
+        }
+        let mut inner = self.inner.borrow_mut();
+        let Inner { values, nodes, live, pool, report, timed, outputs, .. } = &mut *inner;
+        let start = timed.then(Instant::now);
+
+        // From here until `live` grows, the node is a spare one: it may hold anything.
+        let node = spare_node::<T, O>(nodes, *live);
+        node.inputs.clear();
+        node.inputs.extend(inputs.iter().map(|input| input.index));
+        let slot = slot_in::<T, O>(&mut *node.recorded);
+        let view = Inputs { values, indices: &node.inputs };
+        let mut tensors = std::mem::take(outputs);
+        let mut computed = Outputs { pool, tensors: &mut tensors };
+        if let Err(error) = op.forward(&view, &mut computed, &mut slot.saved) {
+            let pooled = tensors.drain(..).filter(|&(_, pooled)| pooled);
+            pooled.for_each(|(tensor, _)| pool.give(tensor));
+            *outputs = tensors;
+            return Err(error);
+        }
+        let needs = view.any_needs();
+        node.keep = if needs { op.keeps(&view) } else { Keep::NOTHING };
+        node.first_output = values.len() as u32;
+        node.output_count = tensors.len() as u32;
+        let seen = look(&slot.saved);
+
+        let entry = report.operation(name);
+        entry.calls += 1;
+        if let Some(start) = start {
+            entry.forward += start.elapsed();
+        }
+        entry.bytes += op.saved_bytes(&slot.saved) as u64;
+        slot.op = Some(op);
+        *live += 1;
+
+        for (tensor, pooled) in tensors.drain(..) {
+            if pooled {
+                entry.bytes += std::mem::size_of_val(tensor.data()) as u64;
+            }
+            values.push(Value { tensor, needs, pooled });
+        }
+        *outputs = tensors;
+        Ok((node.outputs(), seen))
     }
 
     /// Notes in the report that work of the operation `name` was not needed, and why.
@@ -287,31 +318,31 @@ impl<T: Scalar> Tape<T> {
     }
 }
 
-/// The slot of node `live`, of the right type: the one that the last step left there where it
+/// Node `live`, with a slot of the right type: the one that the last step left there where it
 /// recorded the same kind of operation, a new one otherwise.
-fn slot_for<T: Scalar, O: Op<T>>(
-    nodes: &mut Vec<Node<T>>,
-    live: usize,
-) -> &mut Slot<O, O::Saved> {
-    let reusable = nodes.get(live).is_some_and(|node| {
-        let any: &dyn Any = &*node.recorded;
-        any.is::<Slot<O, O::Saved>>()
-    });
-    if !reusable {
-        let recorded: Box<dyn Recorded<T>> =
-            Box::new(Slot::<O, O::Saved> { op: None, saved: O::Saved::default() });
-        match nodes.get_mut(live) {
-            Some(node) => node.recorded = recorded,
-            None => nodes.push(Node {
-                recorded,
-                inputs: SmallVec::new(),
-                first_output: 0,
-                output_count: 0,
-                keep: Keep::NOTHING,
-            }),
+fn spare_node<T: Scalar, O: Op<T>>(nodes: &mut Vec<Node<T>>, live: usize) -> &mut Node<T> {
+    let new_slot = || Box::new(Slot::<O, O::Saved> { op: None, saved: O::Saved::default() });
+    match nodes.get_mut(live) {
+        Some(node) => {
+            let any: &dyn Any = &*node.recorded;
+            if !any.is::<Slot<O, O::Saved>>() {
+                node.recorded = new_slot();
+            }
         }
+        None => nodes.push(Node {
+            recorded: new_slot(),
+            inputs: SmallVec::new(),
+            first_output: 0,
+            output_count: 0,
+            keep: Keep::NOTHING,
+        }),
     }
-    let any: &mut dyn Any = &mut *nodes[live].recorded;
+    &mut nodes[live]
+}
+
+/// The slot of an operation of type `O`.
+fn slot_in<T: Scalar, O: Op<T>>(recorded: &mut dyn Recorded<T>) -> &mut Slot<O, O::Saved> {
+    let any: &mut dyn Any = recorded;
     any.downcast_mut().expect("the slot was made for this type")
 }
 

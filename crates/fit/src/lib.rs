@@ -1,1 +1,50 @@
-//! Under construction.
+//! Fits of any differentiable pipeline on the Bokashi tape.
+//!
+//! [`Parameters`] are what changes, a [`Pipeline`] says how a loss follows from them, and a [`Fit`]
+//! steps until a rule says stop; its [`History`] holds the loss and the error of every step:
+//!
+//! ```
+//! use bokashi_core::{Tensor, Tape};
+//! use bokashi_fit::{Fit, FitSettings, Mapping, Parameter, Parameters, from_fn, squared_error};
+//!
+//! // y = a exp(-k t), with k > 0, from four samples.
+//! let times = Tensor::from_fn([4], |n| n as f64);
+//! let samples = times.map(|t: f64| 3.0 * (-0.5 * t).exp());
+//! let parameters = Parameters::new()
+//!     .with(Parameter::new("a", Tensor::scalar(1.0)).rate(0.1))?
+//!     .with(Parameter::new("k", Tensor::scalar(1.0)).rate(0.05).mapping(Mapping::Softplus))?;
+//! let mut decay = from_fn(|tape: &Tape<f64>, variables| {
+//!     let t = tape.constant(&times);
+//!     let curve = variables.get("a")? * (-variables.get("k")? * t).exp();
+//!     Ok(squared_error(curve, tape.constant(&samples))?)
+//! });
+//! let mut fit = Fit::new(parameters, FitSettings::default())?;
+//! fit.run(&mut decay)?;
+//! assert!((fit.parameters().value("k")?.item() - 0.5).abs() < 1e-6);
+//! # Ok::<(), bokashi_fit::FitError>(())
+//! ```
+//!
+//! The feature `scenes` has the paper's experiments, `report` their figures.
+
+mod error;
+mod fit;
+mod history;
+mod loss;
+mod optimizer;
+mod parameter;
+mod pipeline;
+mod schedule;
+
+#[cfg(feature = "report")]
+pub mod report;
+#[cfg(feature = "scenes")]
+pub mod scenes;
+
+pub use error::{FitError, Quantity};
+pub use fit::{Fit, FitSettings, Seen, Stepped};
+pub use history::{History, Step, Stop};
+pub use loss::{mean_squared_error, squared_error};
+pub use optimizer::Optimizer;
+pub use parameter::{Mapping, Parameter, Parameters, Variables};
+pub use pipeline::{FromFn, Pipeline, from_fn};
+pub use schedule::Schedule;

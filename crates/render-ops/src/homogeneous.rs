@@ -45,3 +45,20 @@ impl<S: Scalar<Wide = S>> Vertex<S> {
 pub(crate) fn cross<S: Scalar>(a: [S; 2], b: [S; 2]) -> S {
     a[0] * b[1] - a[1] * b[0]
 }
+
+/// The vertices of a face times a power of two that brings their coordinates near 1, and that
+/// factor: 1 but where products of three coordinates would leave the range of the numbers. It
+/// changes no weight and no depth.
+pub(crate) fn in_range<S: Scalar<Wide = S>>(vertices: [Vertex<S>; 3]) -> ([Vertex<S>; 3], S) {
+    let largest = vertices
+        .iter()
+        .flat_map(|vertex| [vertex.x, vertex.y, vertex.w])
+        .map(|coordinate| coordinate.abs().to_f64())
+        .fold(0.0, f64::max);
+    if largest == 0.0 || (1e-60..1e60).contains(&largest) {
+        return (vertices, S::ONE);
+    }
+    // 2^-1074 would need a factor beyond the range; near it will do.
+    let factor = S::from_f64(f64::powi(2.0, -(largest.log2() as i32).clamp(-1000, 1000)));
+    (vertices.map(|vertex| vertex.scaled(factor)), factor)
+}

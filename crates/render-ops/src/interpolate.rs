@@ -61,7 +61,12 @@ struct Interpolate {
 
 impl Interpolate {
     /// The attributes of the three vertices of fragment `fragment`'s face.
-    fn corners<'a, T>(&self, attributes: &'a [T], channels: usize, fragment: usize) -> [&'a [T]; 3] {
+    fn corners<'a, T>(
+        &self,
+        attributes: &'a [T],
+        channels: usize,
+        fragment: usize,
+    ) -> [&'a [T]; 3] {
         let face = self.indices.faces()[self.coverage.faces()[fragment] as usize];
         face.map(|vertex| &attributes[vertex as usize * channels..][..channels])
     }

@@ -136,10 +136,7 @@ mod tests {
     fn an_index_out_of_range_is_refused_by_name() {
         let error = Mesh::new(vec![[0, 1, 2], [0, 3, 1]], 3).unwrap_err();
         assert_eq!(error, RenderError::FaceIndex { face: 1, index: 3, vertex_count: 3 });
-        assert_eq!(
-            error.to_string(),
-            "a face needs vertex indices below 3, got 3 in face 1"
-        );
+        assert_eq!(error.to_string(), "a face needs vertex indices below 3, got 3 in face 1");
     }
 
     #[test]

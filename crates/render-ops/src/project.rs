@@ -32,7 +32,7 @@ pub struct Pose<'t, T: Scalar> {
 /// Positions `[V, 3]` in clip space `[V, 4]`: `camera` times the posed positions.
 ///
 /// The camera matrix maps to OpenGL clip space: visible where `w > 0` and `-w <= x, y, z <= w`
-/// (glam's `perspective_rh_gl` times a view matrix).
+/// (`glam::dcamera::rh::proj::opengl::perspective` times a view matrix).
 ///
 /// # Errors
 /// [`RenderError::Shape`] unless positions are `[V, 3]`, the rotation `[4]` and the translation
@@ -49,7 +49,8 @@ pub fn project<'t, T: Scalar>(
             return Err(RenderError::Camera { row, column, value: entries[row] });
         }
     }
-    let camera = std::array::from_fn(|row| std::array::from_fn(|k| T::Wide::from_f64(columns[k][row])));
+    let camera =
+        std::array::from_fn(|row| std::array::from_fn(|k| T::Wide::from_f64(columns[k][row])));
     let op = Project { camera };
     match pose {
         None => positions.tape().apply(op, &[positions]),
@@ -100,8 +101,11 @@ impl<T: Scalar> Op<T> for Project<T::Wide> {
         outputs: &mut Outputs<'_, T>,
         _saved: &mut (),
     ) -> Result<(), RenderError> {
-        let rules: [(&str, &[usize]); 3] =
-            [("positions of shape [V, 3]", &[3]), ("a rotation of shape [4]", &[4]), ("a translation of shape [3]", &[3])];
+        let rules: [(&str, &[usize]); 3] = [
+            ("positions of shape [V, 3]", &[3]),
+            ("a rotation of shape [4]", &[4]),
+            ("a translation of shape [3]", &[3]),
+        ];
         for (i, (rule, trailing)) in rules.into_iter().enumerate().take(inputs.len()) {
             let shape = inputs.shape(i);
             let leading = if i == 0 { shape.rank() == 2 } else { shape.rank() == 1 };
@@ -195,13 +199,15 @@ impl<T: Scalar> Op<T> for Project<T::Wide> {
 #[cfg(test)]
 mod tests {
     use bokashi_core::{Tape, Tensor};
+    use glam::dcamera::rh::proj::opengl::perspective;
+    use glam::dcamera::rh::view::look_at_mat4;
 
     use super::*;
 
     #[test]
     fn without_a_pose_it_is_the_matrix_product() {
-        let camera = DMat4::perspective_rh_gl(1.0, 1.5, 0.1, 10.0)
-            * DMat4::look_at_rh((1.0, 2.0, 3.0).into(), glam::DVec3::ZERO, glam::DVec3::Y);
+        let camera = perspective(1.0, 1.5, 0.1, 10.0)
+            * look_at_mat4((1.0, 2.0, 3.0).into(), glam::DVec3::ZERO, glam::DVec3::Y);
         let tape = Tape::<f64>::new();
         let p = tape.leaf(&Tensor::new([1, 3], vec![0.3, -0.2, 0.5]).unwrap());
         let clip = project(p, &camera, None).unwrap().value();
@@ -234,7 +240,10 @@ mod tests {
         let error = project(flat, &DMat4::IDENTITY, None).unwrap_err();
         assert_eq!(error.to_string(), "project needs positions of shape [V, 3], got shape [6]");
 
-        let pose = Pose { rotation: tape.leaf(&Tensor::zeros([4])), translation: tape.leaf(&Tensor::zeros([3])) };
+        let pose = Pose {
+            rotation: tape.leaf(&Tensor::zeros([4])),
+            translation: tape.leaf(&Tensor::zeros([3])),
+        };
         let error = project(p, &DMat4::IDENTITY, Some(pose)).unwrap_err();
         assert_eq!(
             error.to_string(),

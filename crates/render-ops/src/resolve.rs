@@ -123,7 +123,8 @@ impl<T: Scalar> Op<T> for Resolve {
         let channels = kept.input_shape(0)[1];
         if let Some(values_bar) = gradients.get(0) {
             let pixels = self.coverage.pixels();
-            values_bar.add_each(|k| image_bar[pixels[k / channels] as usize * channels + k % channels]);
+            values_bar
+                .add_each(|k| image_bar[pixels[k / channels] as usize * channels + k % channels]);
         }
         if kept.input_count() == 1 {
             return;

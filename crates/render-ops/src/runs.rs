@@ -61,7 +61,12 @@ impl RunSums<'_> {
         };
 
         if !is_shared(faces.len(), FRAGMENTS_PER_PIECE) {
-            merge_ranges(faces.len(), FRAGMENTS_PER_PIECE, |range| range, |range| walk(range, &mut add));
+            merge_ranges(
+                faces.len(),
+                FRAGMENTS_PER_PIECE,
+                |range| range,
+                |range| walk(range, &mut add),
+            );
             return;
         }
         let work = |range| {

@@ -1,8 +1,9 @@
 //! Scale and shift by constants: `y = a x + b`; `x_bar += a y_bar`.
 //!
-//! Serves `-x` and the operators between a variable and a number.
+//! Serves `-x` and the operators between a variable and a number, except division. Where nothing
+//! is added, `b` is -0, the neutral number of addition: 0 would turn a product of -0 into +0.
 
-use std::ops::{Add, Div, Mul, Neg, Sub};
+use std::ops::{Add, Mul, Neg, Sub};
 
 use crate::elementwise::{SlopeFrom, Unary};
 use crate::scalar::Scalar;
@@ -38,7 +39,7 @@ impl<T: Scalar> Neg for Var<'_, T> {
     type Output = Self;
 
     fn neg(self) -> Self {
-        self.affine(-T::ONE, T::ZERO)
+        self.affine(-T::ONE, -T::ZERO)
     }
 }
 
@@ -62,15 +63,7 @@ impl<T: Scalar> Mul<T> for Var<'_, T> {
     type Output = Self;
 
     fn mul(self, number: T) -> Self {
-        self.affine(number, T::ZERO)
-    }
-}
-
-impl<T: Scalar> Div<T> for Var<'_, T> {
-    type Output = Self;
-
-    fn div(self, number: T) -> Self {
-        self.affine(T::ONE / number, T::ZERO)
+        self.affine(number, -T::ZERO)
     }
 }
 
@@ -96,7 +89,7 @@ macro_rules! number_on_the_left {
             type Output = Var<'t, $t>;
 
             fn mul(self, x: Var<'t, $t>) -> Var<'t, $t> {
-                x.affine(self, 0.0)
+                x.affine(self, -0.0)
             }
         }
     };

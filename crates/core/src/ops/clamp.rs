@@ -24,7 +24,8 @@ impl<T: Scalar> Unary<T> for Clamp<T> {
         x.greater(self.low).lesser(self.high)
     }
     fn slope(self, x: T) -> T {
-        if x >= self.low && x <= self.high { T::ONE } else { T::ZERO }
+        // A NaN is its own value, so it gets its own gradient.
+        if x < self.low || x > self.high { T::ZERO } else { T::ONE }
     }
 }
 
@@ -34,10 +35,10 @@ impl<T: Scalar> Var<'_, T> {
     /// # Errors
     /// [`TensorError::Value`] unless `low <= high`.
     pub fn clamp(self, low: T, high: T) -> Result<Self, TensorError> {
-        if low > high || low != low || high != high {
-            let value = low.to_f64();
-            return Err(TensorError::Value { operation: "clamp", rule: "low <= high", value });
+        if low <= high {
+            return Ok(self.each(Clamp { low, high }));
         }
-        Ok(self.each(Clamp { low, high }))
+        let (rule, value) = ("bounds with low <= high", low.to_f64());
+        Err(TensorError::Value { operation: "clamp", rule, value })
     }
 }

@@ -52,3 +52,27 @@ impl<'t, T: Scalar> Div for Var<'t, T> {
         }
     }
 }
+
+/// `self / number`; the number is a constant.
+impl<T: Scalar> Div<T> for Var<'_, T> {
+    type Output = Self;
+
+    fn div(self, number: T) -> Self {
+        self / self.tape.constant_full([], number)
+    }
+}
+
+macro_rules! number_on_the_left {
+    ($t:ty) => {
+        impl<'t> Div<Var<'t, $t>> for $t {
+            type Output = Var<'t, $t>;
+
+            fn div(self, x: Var<'t, $t>) -> Var<'t, $t> {
+                x.tape.constant_full([], self) / x
+            }
+        }
+    };
+}
+
+number_on_the_left!(f32);
+number_on_the_left!(f64);

@@ -2,10 +2,13 @@
 //!
 //! # Where it is not smooth
 //! At `x = y`, where each side gets half of `z_bar`: the middle of the subgradients, so that
-//! swapping the arguments swaps the gradients. A NaN on either side gives NaN.
+//! swapping the arguments swaps the gradients. A NaN on either side gives NaN, value and slopes.
+
+use std::cmp::Ordering;
 
 use crate::broadcast::Binary;
 use crate::error::TensorError;
+use crate::preference::share;
 use crate::scalar::Scalar;
 use crate::var::Var;
 
@@ -21,19 +24,10 @@ impl<T: Scalar> Binary<T> for Larger {
         x.greater(y)
     }
     fn left_slope(self, x: T, y: T) -> T {
-        share(x > y, x == y)
+        share(x, y, Ordering::Greater)
     }
     fn right_slope(self, x: T, y: T) -> T {
-        share(y > x, x == y)
-    }
-}
-
-/// The share of the upstream gradient that one side gets.
-fn share<T: Scalar>(is_larger: bool, is_equal: bool) -> T {
-    match (is_larger, is_equal) {
-        (true, _) => T::ONE,
-        (_, true) => T::from_f64(0.5),
-        _ => T::ZERO,
+        share(y, x, Ordering::Greater)
     }
 }
 

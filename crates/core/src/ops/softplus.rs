@@ -4,6 +4,7 @@
 //! `x = y + ln(1 - e^-y)`.
 
 use crate::elementwise::{SlopeFrom, Unary};
+use crate::logistic::logistic;
 use crate::scalar::Scalar;
 use crate::var::Var;
 
@@ -18,8 +19,7 @@ impl<T: Scalar> Unary<T> for Softplus {
         x.greater(T::ZERO) + (-x.abs()).exp().ln_1p()
     }
     fn slope(self, x: T) -> T {
-        let e = (-x.abs()).exp();
-        if x < T::ZERO { e / (T::ONE + e) } else { T::ONE / (T::ONE + e) }
+        logistic(x)
     }
 }
 

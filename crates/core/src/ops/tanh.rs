@@ -1,6 +1,10 @@
-//! Hyperbolic tangent: `y = tanh x`; `x_bar += (1 - y^2) y_bar`.
+//! Hyperbolic tangent: `y = tanh x`; `x_bar += y_bar / cosh^2 x`.
+//!
+//! The slope is not taken as `1 - y^2`, which loses its digits in both tails. With the logistic
+//! function `s`, `tanh x = 2 s(2x) - 1`, so it is `4 s'(2x)`.
 
 use crate::elementwise::{SlopeFrom, Unary};
+use crate::logistic::logistic_slope;
 use crate::scalar::Scalar;
 use crate::var::Var;
 
@@ -9,13 +13,13 @@ struct Tangent;
 
 impl<T: Scalar> Unary<T> for Tangent {
     const NAME: &'static str = "tanh";
-    const SLOPE_FROM: SlopeFrom = SlopeFrom::Output;
+    const SLOPE_FROM: SlopeFrom = SlopeFrom::Input;
 
     fn value(self, x: T) -> T {
         x.tanh()
     }
-    fn slope(self, y: T) -> T {
-        (T::ONE - y) * (T::ONE + y)
+    fn slope(self, x: T) -> T {
+        T::from_f64(4.0) * logistic_slope(x + x)
     }
 }
 

@@ -82,7 +82,9 @@ impl<T: Scalar> Antialias<T> {
                 (column + 1 < size.width, column > 0)
             };
             if has_previous && coverage.fragment_at(pixel - step).is_none() {
-                if let Some(blend) = blend(clip, coverage, face, (pixel - step) as u32, below, false) {
+                if let Some(blend) =
+                    blend(clip, coverage, face, (pixel - step) as u32, below, false)
+                {
                     found(blend);
                 }
             }
@@ -99,7 +101,8 @@ impl<T: Scalar> Antialias<T> {
                     (Some(_), Some(other_face)) => (other_face, false),
                     _ => (face, true),
                 };
-                if let Some(blend) = blend(clip, coverage, face, pixel as u32, below, covers_first) {
+                if let Some(blend) = blend(clip, coverage, face, pixel as u32, below, covers_first)
+                {
                     found(blend);
                 }
             }
@@ -136,7 +139,10 @@ impl<T: Scalar> Antialias<T> {
             Err(RenderError::Shape { operation: "antialias", rule, shape: shape.clone() })
         };
         if image.rank() != 3 || image[..2] != [size.height, size.width] {
-            return refused(format!("an image of shape [{}, {}, C]", size.height, size.width), image);
+            return refused(
+                format!("an image of shape [{}, {}, C]", size.height, size.width),
+                image,
+            );
         }
         let vertices = self.coverage.mesh().vertex_count();
         if **clip != [vertices, 4] {

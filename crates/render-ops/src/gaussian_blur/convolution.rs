@@ -159,7 +159,8 @@ mod tests {
             let mut out = vec![0.0; lines.lines * lines.extent * lines.cell];
             lines.convolve(&padded, &[0.5, 0.25, -0.125], &mut out);
             for (at, &value) in out.iter().enumerate() {
-                let (line, rest) = (at / (lines.extent * lines.cell), at % (lines.extent * lines.cell));
+                let (line, rest) =
+                    (at / (lines.extent * lines.cell), at % (lines.extent * lines.cell));
                 let (cell, offset) = ((rest / lines.cell) as isize, rest % lines.cell);
                 let p = |k: isize| entry(&padded, lines, line, cell + k, offset);
                 let expected = 0.5 * p(0) + 0.25 * (p(-1) + p(1)) - 0.125 * (p(-2) + p(2));

@@ -161,7 +161,8 @@ impl GaussianBlur {
         y: &mut [T],
     ) {
         // The clamp border's adjoint is the zero border's, and what leaves the image.
-        let border = if self.blur.border == Border::Clamp { Border::Zero } else { self.blur.border };
+        let border =
+            if self.blur.border == Border::Clamp { Border::Zero } else { self.blur.border };
         pad(border, g, lines, padded);
         lines.convolve(padded, taps.window(lines.pad).weights, y);
         if self.blur.border == Border::Clamp {

@@ -113,7 +113,10 @@ pub(super) struct Window<'a, T> {
 /// weight, per axis.
 fn smallest_radius(sigma: f64, tolerance: f64) -> Result<usize, RenderError> {
     if !(tolerance > 0.0 && tolerance < 1.0) {
-        return Err(RenderError::BadRadius { rule: "a tolerance between 0 and 1", value: tolerance });
+        return Err(RenderError::BadRadius {
+            rule: "a tolerance between 0 and 1",
+            value: tolerance,
+        });
     }
     let shape = |k: usize| (-0.5 * (k as f64 / sigma).powi(2)).exp();
     // Beyond 9.2 sigma taps are negligible.

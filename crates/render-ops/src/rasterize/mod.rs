@@ -24,6 +24,8 @@
 //! 2020; coverage as in `homogeneous`.
 
 mod setup;
+#[cfg(test)]
+mod tests;
 mod visibility;
 
 use std::ops::Range;
@@ -34,7 +36,7 @@ use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 use self::visibility::Visibility;
 use crate::error::RenderError;
 use crate::fragments::{Coverage, Fragments, NO_FRAGMENT};
-use crate::homogeneous::{Vertex, cross};
+use crate::homogeneous::{Vertex, cross, in_range};
 use crate::mesh::Mesh;
 use crate::runs::RunSums;
 use crate::size::Size;
@@ -87,7 +89,8 @@ pub fn rasterize<'t, T: Scalar>(
     let options = options.into();
     options.size.checked()?;
     let op = Rasterize { mesh: mesh.clone(), options };
-    let (outputs, coverage) = clip.tape().record_with(op, &[clip], |saved| saved.coverage.clone())?;
+    let (outputs, coverage) =
+        clip.tape().record_with(op, &[clip], |saved| saved.coverage.clone())?;
     let coverage = coverage.expect("forward has filled in the coverage");
     Ok(Fragments { barycentrics: outputs[0], depth: outputs[1], coverage })
 }
@@ -204,16 +207,18 @@ impl<T: Scalar> Op<T> for Rasterize {
         let sums = RunSums { coverage, mesh: &self.mesh, width: 4 };
         sums.add_to(clip_bar, |face, fragments: Range<usize>, sums| {
             let vertices = self.mesh.faces()[face].map(|index| Vertex::of(clip, index, size));
+            let (vertices, factor) = in_range(vertices);
             for fragment in fragments {
                 let pixel = coverage.pixels[fragment] as usize;
-                let center =
-                    [size.center_x(pixel % size.width), size.center_y(pixel / size.width)];
+                let center = [size.center_x(pixel % size.width), size.center_y(pixel / size.width)];
                 let upstream = Upstream {
-                    uv: barycentrics_bar.map(|bar| [bar[2 * fragment], bar[2 * fragment + 1]].map(T::widen)),
+                    uv: barycentrics_bar
+                        .map(|bar| [bar[2 * fragment], bar[2 * fragment + 1]].map(T::widen)),
                     depth: depth_bar.map(|bar| bar[fragment].widen()),
                 };
                 upstream.pull_back(&vertices, center, size, sums);
             }
+            sums.iter_mut().for_each(|sum| *sum = factor * *sum);
         });
     }
 

@@ -6,16 +6,22 @@
 //! covered where all `a_i` have the sign of D: then its weights `a_i / sum a` are positive and so
 //! is `w = D / sum a`.
 //!
-//! Two faces at an edge see the same three products, swapped, so their edge functions are exact
+//! Two faces at an edge see the same products, swapped, so their edge functions are exact
 //! opposites and no pixel centre is lost or drawn twice between them. One exactly on an edge
 //! belongs to the face to whose inside it would move if it were shifted by a little to the right,
 //! and by far less downwards (the top-left rule).
+//!
+//! Faces around a vertex must agree too. The coefficients carry the rounding of the distance from
+//! the image's middle to the vertices, so near a vertex the signs of several edges' functions are
+//! accidents. Where an edge function is smaller than that rounding it is worked out again, as
+//! `q_1 x q_2`: all faces see the same `q`, rounded once per vertex, and the cross product of two
+//! vectors is right to within the rounding of their own lengths.
 
 use bokashi_core::Scalar;
 
 use super::{Cull, RasterOptions};
 use crate::fragments::Culled;
-use crate::homogeneous::Vertex;
+use crate::homogeneous::{Vertex, cross, in_range};
 use crate::mesh::{Mesh, repeats_a_vertex};
 use crate::size::Size;
 
@@ -23,12 +29,15 @@ use crate::size::Size;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Setup<S> {
     pub(super) face: u32,
-    /// The edge functions' coefficients, with signs such that they are positive inside.
+    vertices: [Vertex<S>; 3],
+    /// 1 or -1, which makes the edge functions positive inside.
+    sign: S,
+    /// The edge functions' coefficients, with that sign.
     edges: [[S; 3]; 3],
+    /// The size below which the sign of an edge function is in doubt.
+    doubt: [S; 3],
     /// Whether a pixel centre exactly on the edge is covered.
     owns_edge: [bool; 3],
-    z: [S; 3],
-    w: [S; 3],
     /// The columns and rows, first and last, that the face can touch.
     pub(super) columns: [usize; 2],
     pub(super) rows: [usize; 2],
@@ -63,18 +72,20 @@ impl<S: Scalar<Wide = S>> Setup<S> {
             return None;
         };
 
-        let vertices = vertices.map(|vertex| vertex.scaled(range_scale(&vertices)));
+        let (vertices, _) = in_range(vertices);
         let edges: [[S; 3]; 3] = std::array::from_fn(|corner| {
             let (p, q) = (vertices[(corner + 1) % 3], vertices[(corner + 2) % 3]);
             [p.x * q.y - p.y * q.x, p.y * q.w - p.w * q.y, p.w * q.x - p.x * q.w]
         });
+        let doubt: [S; 3] = std::array::from_fn(|corner| {
+            doubt(vertices[(corner + 1) % 3], vertices[(corner + 2) % 3], options.size)
+        });
+        // D = sum_i w_i a_i, so its rounding errors are below sum_i |w_i| doubt_i; where it is no
+        // larger, its sign is one of them.
         let first = vertices[0];
-        let terms = [first.w * edges[0][0], first.x * edges[0][1], first.y * edges[0][2]];
-        let determinant = terms[0] + terms[1] + terms[2];
-        // Below this the sign of the determinant is an accident of rounding: three products of
-        // two roundings each, and the sums.
-        let noise = S::from_f64(8.0 * f64::EPSILON)
-            * (terms[0].abs() + terms[1].abs() + terms[2].abs());
+        let determinant = first.w * edges[0][0] + first.x * edges[0][1] + first.y * edges[0][2];
+        let noise: S =
+            vertices.iter().zip(doubt).map(|(vertex, doubt)| vertex.w.abs() * doubt).sum();
         if determinant.abs() <= noise {
             culled.degenerate += 1;
             return None;
@@ -84,39 +95,82 @@ impl<S: Scalar<Wide = S>> Setup<S> {
             Cull::Back if !front => culled.facing += 1,
             Cull::Front if front => culled.facing += 1,
             _ => {
-                let edges = if front { edges } else { edges.map(|edge| edge.map(|e| -e)) };
-                let owns_edge = edges.map(|[_, ex, ey]| ex > S::ZERO || ex == S::ZERO && ey < S::ZERO);
-                let (z, w) = (vertices.map(|vertex| vertex.z), vertices.map(|vertex| vertex.w));
-                return Some(Self { face: face as u32, edges, owns_edge, z, w, columns, rows });
+                let sign = if front { S::ONE } else { -S::ONE };
+                let edges = edges.map(|edge| edge.map(|e| sign * e));
+                let owns_edge =
+                    edges.map(|[_, ex, ey]| ex > S::ZERO || ex == S::ZERO && ey < S::ZERO);
+                let face = face as u32;
+                return Some(Self { face, vertices, sign, edges, doubt, owns_edge, columns, rows });
             }
         }
         None
     }
 
     /// The parts of the edge functions that a row of pixel centres shares.
-    pub(super) fn row(&self, y: S) -> [S; 3] {
-        self.edges.map(|[e, _, ey]| e + ey * y)
+    pub(super) fn row(&self, y: S) -> Row<S> {
+        Row { y, edges: self.edges.map(|[e, _, ey]| e + ey * y) }
     }
 
     /// The sample at column position `x` of a row, where the face covers it and its depth is
     /// within the depth range.
     #[inline]
-    pub(super) fn sample(&self, row: &[S; 3], x: S) -> Option<Sample<S>> {
+    pub(super) fn sample(&self, row: &Row<S>, x: S) -> Option<Sample<S>> {
         let mut a = [S::ZERO; 3];
         for k in 0..3 {
-            a[k] = row[k] + self.edges[k][1] * x;
+            a[k] = row.edges[k] + self.edges[k][1] * x;
+            if a[k] < -self.doubt[k] {
+                return None;
+            }
+        }
+        if (0..3).any(|k| a[k] <= self.doubt[k]) {
+            a = self.settle(a, x, row.y)?;
+        }
+        let sum = |term: fn(&Vertex<S>) -> S| -> S {
+            let [p, q, r] = &self.vertices;
+            term(p) * a[0] + term(q) * a[1] + term(r) * a[2]
+        };
+        let total = a[0] + a[1] + a[2];
+        let depth = sum(|vertex| vertex.z) / sum(|vertex| vertex.w);
+        let visible = depth >= -S::ONE && depth <= S::ONE;
+        visible.then(|| Sample { u: a[0] / total, v: a[1] / total, depth })
+    }
+
+    /// The edge functions `a` at a point on an edge or near it, those in doubt worked out again;
+    /// `None` where the point is not covered.
+    #[cold]
+    fn settle(&self, mut a: [S; 3], x: S, y: S) -> Option<[S; 3]> {
+        let q = self.vertices.map(|vertex| vertex.relative_to(x, y));
+        for k in 0..3 {
+            if a[k] <= self.doubt[k] {
+                a[k] = self.sign * cross(q[(k + 1) % 3], q[(k + 2) % 3]);
+            }
             let inside = a[k] > S::ZERO || a[k] == S::ZERO && self.owns_edge[k];
             if !inside {
                 return None;
             }
         }
-        let total = a[0] + a[1] + a[2];
-        let z = self.z[0] * a[0] + self.z[1] * a[1] + self.z[2] * a[2];
-        let w = self.w[0] * a[0] + self.w[1] * a[1] + self.w[2] * a[2];
-        let depth = z / w;
-        let visible = depth >= -S::ONE && depth <= S::ONE;
-        visible.then(|| Sample { u: a[0] / total, v: a[1] / total, depth })
+        Some(a)
     }
+}
+
+/// The parts of the edge functions that a row of pixel centres shares.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Row<S> {
+    y: S,
+    edges: [S; 3],
+}
+
+/// More than the rounding errors of the edge function from `p` to `q` anywhere in the image, from
+/// its coefficients or from the vertices relative to a pixel centre: some ten roundings of products
+/// of at most this size. The same for `q` to `p`.
+fn doubt<S: Scalar<Wide = S>>(p: Vertex<S>, q: Vertex<S>, size: Size) -> S {
+    let (width, height) = (S::from_f64(size.width as f64), S::from_f64(size.height as f64));
+    let extent = |vertex: Vertex<S>| {
+        let w = vertex.w.abs();
+        (vertex.x.abs() + width * w, vertex.y.abs() + height * w)
+    };
+    let ((px, py), (qx, qy)) = (extent(p), extent(q));
+    S::from_f64(8.0 * f64::EPSILON) * (px * qy + py * qx)
 }
 
 /// The columns and rows, first and last, that a face can touch; `None` where all of it lies beside
@@ -158,19 +212,4 @@ fn touched<S: Scalar>(scaled: [S; 3], extent: usize) -> Option<[usize; 2]> {
     let first = low.floor().max(0.0);
     let last = high.ceil().min(extent as f64 - 1.0);
     (first <= last).then_some([first as usize, last as usize])
-}
-
-/// A power of two that brings a face's coordinates near 1 where products of three of them would
-/// leave the range of the numbers; 1 nearly always. It changes no weight and no depth.
-fn range_scale<S: Scalar>(vertices: &[Vertex<S>; 3]) -> S {
-    let largest = vertices
-        .iter()
-        .flat_map(|vertex| [vertex.x, vertex.y, vertex.w])
-        .map(|coordinate| coordinate.abs().to_f64())
-        .fold(0.0, f64::max);
-    if largest == 0.0 || (1e-60..1e60).contains(&largest) {
-        return S::ONE;
-    }
-    // Of the exponent the half suffices: 2^-1074 would need a factor beyond the range.
-    S::from_f64(f64::powi(2.0, -(largest.log2() as i32).clamp(-1000, 1000)))
 }

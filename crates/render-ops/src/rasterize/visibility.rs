@@ -99,7 +99,9 @@ impl<S: Scalar<Wide = S>> Band<S> {
                 let shared = setup.row(size.center_y(row));
                 let first = (row - rows[0]) * size.width;
                 for (column, nearest) in (left..).zip(&mut nearest[first + left..=first + right]) {
-                    let Some(sample) = setup.sample(&shared, size.center_x(column)) else { continue };
+                    let Some(sample) = setup.sample(&shared, size.center_x(column)) else {
+                        continue;
+                    };
                     if nearest.is_none_or(|(_, other)| sample.depth < other.depth) {
                         *nearest = Some((setup.face, sample));
                     }

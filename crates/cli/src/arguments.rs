@@ -1,0 +1,305 @@
+//! What the program is asked to do: its commands and options.
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+use bokashi_fit::scenes::{Experiment, Precision, Preset};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::error::ErrorKind;
+use clap::{Args, Parser, Subcommand};
+
+use crate::failure::Failure;
+
+/// Learns a cube and its blur from pictures, by gradient descent through a renderer.
+///
+/// Without a command: the paper's experiment 5.3 (vertices, colours and sigma together) for all
+/// four sigmas, one seed each, with a report in out/.
+#[derive(Debug, Parser)]
+#[command(name = "bokashi", version, args_conflicts_with_subcommands = true)]
+pub(crate) struct Request {
+    #[command(subcommand)]
+    pub(crate) command: Option<Command>,
+    #[command(flatten)]
+    pub(crate) common: Common,
+}
+
+/// What to do other than the default.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// One fit; writes files only where --out or --json asks for them.
+    Fit(FitArguments),
+    /// All of the paper's experiments 5.1, 5.2 and 5.3, with a report in out/.
+    ///
+    /// 5.1 at 8, 16 and 32 px, with and without antialias; 5.2 and 5.3 for sigma 1, 1.4, 2.8 and
+    /// 4. With the paper's learning rates, and with tuned ones for 5.1 (32 px, antialias) and 5.3.
+    Reproduce(ReproduceArguments),
+}
+
+/// The options of every command.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct Common {
+    /// Updates per fit
+    #[arg(long, value_name = "N", default_value_t = 10_000, value_parser = steps)]
+    pub(crate) steps: u64,
+    /// Numbers to compute with
+    #[arg(long, value_name = "WORD", default_value = "f32", value_parser = words::<Precision>(&["f32", "f64"]))]
+    pub(crate) precision: Precision,
+    /// Threads [default: one per core]; results are the same bits for any number
+    #[arg(long, value_name = "N", value_parser = threads)]
+    pub(crate) threads: Option<usize>,
+    /// Folder for the report [default: out, for fit: no report]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// No progress bar and no summary
+    #[arg(long)]
+    pub(crate) quiet: bool,
+}
+
+/// The options of `fit`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct FitArguments {
+    /// What is learnt: vertices and colours (5.1), sigma (5.2), or all of them (5.3)
+    #[arg(long, value_name = "WORD", default_value = "joint", value_parser = words::<Experiment>(&["vertices", "sigma", "joint"]))]
+    pub(crate) experiment: Experiment,
+    /// Learning rates: as printed in the paper, or larger ones that fall along a cosine
+    #[arg(long, value_name = "WORD", default_value = "paper", value_parser = words::<Preset>(&["paper", "tuned"]))]
+    pub(crate) preset: Preset,
+    /// Width and height of the images, in pixels
+    #[arg(long, value_name = "N", default_value_t = 32, value_parser = resolution)]
+    pub(crate) resolution: usize,
+    /// Blur of the target, in pixels [default: 4]; not for --experiment vertices
+    #[arg(long, value_name = "S", value_parser = sigma, allow_negative_numbers = true)]
+    pub(crate) sigma: Option<f64>,
+    /// Seed of the start and of the poses
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = seed)]
+    pub(crate) seed: u64,
+    /// Leave silhouettes jagged, in the learnt image and in the target
+    #[arg(long)]
+    pub(crate) no_antialias: bool,
+    /// File for the outcome as a JSON object; - for standard output, and then nothing else there
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) common: Common,
+}
+
+/// The options of `reproduce`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct ReproduceArguments {
+    /// Seeds per experiment and setting, counted from 0
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = seeds)]
+    pub(crate) seeds: u64,
+    #[command(flatten)]
+    pub(crate) common: Common,
+}
+
+impl Request {
+    /// The options that every command has.
+    pub(crate) fn common(&self) -> &Common {
+        match &self.command {
+            None => &self.common,
+            Some(Command::Fit(fit)) => &fit.common,
+            Some(Command::Reproduce(reproduce)) => &reproduce.common,
+        }
+    }
+
+    /// Where the report goes; `None`: there is none.
+    pub(crate) fn out(&self) -> Option<PathBuf> {
+        let out = self.common().out.clone();
+        match self.command {
+            Some(Command::Fit(_)) => out,
+            _ => Some(out.unwrap_or_else(|| "out".into())),
+        }
+    }
+
+    /// Where the outcome goes as JSON.
+    pub(crate) fn json(&self) -> Option<&PathBuf> {
+        match &self.command {
+            Some(Command::Fit(fit)) => fit.json.as_ref(),
+            _ => None,
+        }
+    }
+}
+
+/// Why there is no request.
+#[derive(Debug)]
+pub(crate) enum Stopped {
+    /// Help or the version was asked for; the text is for standard output.
+    Shown(String),
+    /// The command line is wrong.
+    Wrong(Failure),
+}
+
+/// Reads a command line, the program's name first.
+pub(crate) fn parse(
+    arguments: impl IntoIterator<Item = impl Into<OsString> + Clone>,
+) -> Result<Request, Stopped> {
+    let request = Request::try_parse_from(arguments).map_err(|error| match error.kind() {
+        ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => Stopped::Shown(error.to_string()),
+        _ => Stopped::Wrong(Failure::Use(folded(&error.to_string()))),
+    })?;
+    match &request.command {
+        Some(Command::Fit(fit)) if fit.sigma.is_some() && fit.experiment == Experiment::Vertices => {
+            let rule = "--sigma needs --experiment sigma or joint: vertices are learnt without blur";
+            Err(Stopped::Wrong(Failure::Use(rule.to_owned())))
+        }
+        _ => Ok(request),
+    }
+}
+
+/// The parser's message of several lines as one: what is wrong, what is allowed, where to look.
+fn folded(message: &str) -> String {
+    let lines = message.lines().map(str::trim).filter(|line| !line.is_empty());
+    let lines = lines.filter(|line| !line.starts_with("Usage:"));
+    let text = lines.collect::<Vec<_>>().join(" ");
+    text.strip_prefix("error: ").unwrap_or(&text).replace(" For more information, try", "; see")
+}
+
+/// One of some words, each of which `T` can be read from.
+fn words<T>(all: &'static [&'static str]) -> impl TypedValueParser<Value = T>
+where
+    T: std::str::FromStr<Err: std::error::Error + Send + Sync + 'static>,
+    T: Clone + Send + Sync + 'static,
+{
+    PossibleValuesParser::new(all).try_map(|word| word.parse::<T>())
+}
+
+/// A whole number within bounds.
+fn whole(text: &str, least: u64, most: u64) -> Result<u64, String> {
+    let number = text.parse().ok().filter(|number| (least..=most).contains(number));
+    number.ok_or_else(|| format!("needs a whole number from {least} to {most}"))
+}
+
+/// A history takes about 100 bytes per step: at most 1 GB.
+fn steps(text: &str) -> Result<u64, String> {
+    whole(text, 1, 10_000_000)
+}
+
+fn threads(text: &str) -> Result<usize, String> {
+    whole(text, 1, 1024).map(|number| number as usize)
+}
+
+/// Larger images would need more memory than a report of them is worth.
+fn resolution(text: &str) -> Result<usize, String> {
+    whole(text, 1, 4096).map(|number| number as usize)
+}
+
+fn seeds(text: &str) -> Result<u64, String> {
+    whole(text, 1, 1000)
+}
+
+fn seed(text: &str) -> Result<u64, String> {
+    whole(text, 0, u64::MAX)
+}
+
+/// Wider than that, a blur leaves nothing of an image.
+fn sigma(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|&number| number > 0.0 && number <= 1e3);
+    number.ok_or_else(|| "needs a number of pixels above 0 and up to 1000".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(line: &str) -> Result<Request, Stopped> {
+        parse(std::iter::once("bokashi").chain(line.split_whitespace()))
+    }
+
+    fn wrong(line: &str) -> String {
+        match read(line) {
+            Err(Stopped::Wrong(failure @ Failure::Use(_))) => failure.to_string(),
+            other => panic!("{line}: {other:?}"),
+        }
+    }
+
+    #[test]
+    fn the_parser_itself_is_sound() {
+        use clap::CommandFactory as _;
+        Request::command().debug_assert();
+    }
+
+    #[test]
+    fn without_a_command_the_report_goes_to_out() {
+        let request = read("").expect("nothing is needed");
+        assert!(request.command.is_none());
+        assert_eq!(request.out(), Some("out".into()));
+        assert_eq!(request.common().steps, 10_000);
+        let request = read("--out here --quiet --steps 5").expect("options without a command");
+        assert_eq!((request.out(), request.common().steps), (Some("here".into()), 5));
+    }
+
+    #[test]
+    fn a_fit_has_the_papers_defaults_and_writes_nothing() {
+        let request = read("fit").expect("nothing is needed");
+        assert_eq!((request.out(), request.json()), (None, None));
+        let Some(Command::Fit(fit)) = request.command else { panic!("fit") };
+        assert_eq!((fit.experiment, fit.preset), (Experiment::Joint, Preset::Paper));
+        assert_eq!((fit.resolution, fit.seed, fit.no_antialias), (32, 0, false));
+        assert_eq!((fit.sigma, fit.common.threads), (None, None));
+        assert_eq!(fit.common.precision, Precision::F32);
+    }
+
+    #[test]
+    fn every_option_of_a_fit_is_read() {
+        let line = "fit --experiment sigma --preset tuned --resolution 16 --sigma 2.8 --steps 7 \
+             --seed 3 --no-antialias --precision f64 --threads 2 --out a --json - --quiet";
+        let request = read(line).expect("all of them");
+        assert_eq!(request.out(), Some("a".into()));
+        let Some(Command::Fit(fit)) = request.command else { panic!("fit") };
+        assert_eq!((fit.experiment, fit.preset), (Experiment::Sigma, Preset::Tuned));
+        assert_eq!((fit.resolution, fit.sigma, fit.seed), (16, Some(2.8), 3));
+        assert_eq!((fit.common.steps, fit.common.threads), (7, Some(2)));
+        assert_eq!(fit.common.precision, Precision::F64);
+        assert_eq!(fit.json, Some("-".into()));
+        assert!(fit.no_antialias && fit.common.quiet);
+    }
+
+    #[test]
+    fn reproduce_has_twenty_seeds() {
+        let request = read("reproduce").expect("nothing is needed");
+        assert_eq!(request.out(), Some("out".into()));
+        let Some(Command::Reproduce(reproduce)) = request.command else { panic!("reproduce") };
+        assert_eq!(reproduce.seeds, 20);
+    }
+
+    #[test]
+    fn bad_use_is_one_line_that_says_what_is_allowed() {
+        let table = [
+            ("fit --experiment all", "'all'", "[possible values: vertices, sigma, joint]"),
+            ("fit --preset best", "'best'", "[possible values: paper, tuned]"),
+            ("fit --precision f16", "'f16'", "[possible values: f32, f64]"),
+            ("fit --resolution 0", "'0'", "needs a whole number from 1 to 4096"),
+            ("fit --resolution 3.5", "'3.5'", "needs a whole number from 1 to 4096"),
+            ("fit --resolution 99999999999999999999", "--resolution", "from 1 to 4096"),
+            ("fit --sigma 0", "'0'", "needs a number of pixels above 0 and up to 1000"),
+            ("fit --sigma -1", "'-1'", "needs a number of pixels above 0 and up to 1000"),
+            ("fit --sigma NaN", "'NaN'", "needs a number of pixels above 0 and up to 1000"),
+            ("fit --sigma inf", "'inf'", "needs a number of pixels above 0 and up to 1000"),
+            ("fit --experiment vertices --sigma 1", "--sigma", "--experiment sigma or joint"),
+            ("fit --steps 0", "'0'", "needs a whole number from 1 to 10000000"),
+            ("fit --seed 0.5", "'0.5'", "needs a whole number from 0 to"),
+            ("fit --threads 0", "'0'", "needs a whole number from 1 to 1024"),
+            ("reproduce --seeds 0", "'0'", "needs a whole number from 1 to 1000"),
+            ("fit --steps", "a value is required", "--steps <N>"),
+            ("fit --stepz 3", "'--stepz'", "'--steps'"),
+            ("fitt", "'fitt'", "fit"),
+            ("fit extra", "'extra'", "--help"),
+            ("--seed 3", "'--seed'", "--help"),
+        ];
+        for (line, what, allowed) in table {
+            let text = wrong(line);
+            assert!(text.contains(what) && text.contains(allowed), "{line}: {text}");
+            assert!(!text.contains('\n') && !text.contains("Usage") , "{line}: {text}");
+            assert!(!text.starts_with("error"), "{line}: {text}");
+        }
+    }
+
+    #[test]
+    fn help_and_version_are_no_failures() {
+        for line in ["--help", "-h", "--version", "-V", "help", "fit --help", "reproduce -h"] {
+            let Err(Stopped::Shown(text)) = read(line) else { panic!("{line}") };
+            assert!(text.contains("bokashi"), "{line}: {text}");
+        }
+    }
+}

@@ -1,0 +1,46 @@
+//! Why the program ends without success: one line, and an exit status.
+
+use std::fmt;
+use std::process::ExitCode;
+
+/// A reason, in one line.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Failure {
+    /// The program was asked for what it cannot do: status 2.
+    Use(String),
+    /// What was asked for went wrong: status 1.
+    Work(String),
+}
+
+impl Failure {
+    /// The status that the program ends with.
+    pub(crate) fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::Use(_) => ExitCode::from(2),
+            Self::Work(_) => ExitCode::FAILURE,
+        }
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (Self::Use(text) | Self::Work(text)) = self;
+        f.write_str(&one_line(text))
+    }
+}
+
+/// Text of several lines as one.
+pub(crate) fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failure_is_one_line() {
+        let failure = Failure::Work("first\n\n  second\tthird\r\n".into());
+        assert_eq!(failure.to_string(), "first second third");
+    }
+}

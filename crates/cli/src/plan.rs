@@ -1,0 +1,91 @@
+//! Which fits a command stands for.
+
+use bokashi_fit::scenes::{CubeSettings, Experiment, Preset};
+
+use crate::arguments::{Command, Request};
+
+/// The target sigmas of the paper's experiments 5.2 and 5.3, in pixels.
+const SIGMAS: [f64; 4] = [1.0, 1.4, 2.8, 4.0];
+/// The resolutions of the paper's experiment 5.1, in pixels.
+const RESOLUTIONS: [usize; 3] = [8, 16, 32];
+
+/// The settings of every fit that `request` asks for, in the order they are done in.
+pub(crate) fn plan(request: &Request) -> Vec<CubeSettings> {
+    let common = request.common();
+    let new = |experiment, preset| CubeSettings {
+        steps: common.steps,
+        precision: common.precision,
+        ..CubeSettings::new(experiment, preset)
+    };
+    let sigmas = |experiment, preset| {
+        let settings = new(experiment, preset);
+        SIGMAS.map(|sigma_target| CubeSettings { sigma_target, ..settings.clone() })
+    };
+    match &request.command {
+        None => sigmas(Experiment::Joint, Preset::Paper).to_vec(),
+        Some(Command::Fit(fit)) => {
+            let settings = new(fit.experiment, fit.preset);
+            vec![CubeSettings {
+                resolution: fit.resolution,
+                sigma_target: fit.sigma.unwrap_or(settings.sigma_target),
+                seed: fit.seed,
+                antialias: !fit.no_antialias,
+                ..settings
+            }]
+        }
+        Some(Command::Reproduce(reproduce)) => {
+            let mut all = Vec::new();
+            for (resolution, antialias) in
+                RESOLUTIONS.into_iter().flat_map(|side| [(side, true), (side, false)])
+            {
+                let settings = new(Experiment::Vertices, Preset::Paper);
+                all.push(CubeSettings { resolution, antialias, ..settings });
+            }
+            all.push(new(Experiment::Vertices, Preset::Tuned));
+            all.extend(sigmas(Experiment::Sigma, Preset::Paper));
+            all.extend(sigmas(Experiment::Joint, Preset::Paper));
+            all.extend(sigmas(Experiment::Joint, Preset::Tuned));
+            let seeds = |settings: CubeSettings| {
+                (0..reproduce.seeds).map(move |seed| CubeSettings { seed, ..settings.clone() })
+            };
+            all.into_iter().flat_map(seeds).collect()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::arguments::parse;
+
+    fn planned(line: &str) -> Vec<CubeSettings> {
+        let words = std::iter::once("bokashi").chain(line.split_whitespace());
+        plan(&parse(words).expect("a good command line"))
+    }
+
+    #[test]
+    fn the_default_is_experiment_5_3_for_four_sigmas() {
+        let all = planned("");
+        assert_eq!(all.iter().map(|fit| fit.sigma_target).collect::<Vec<_>>(), SIGMAS);
+        assert!(all.iter().all(|fit| fit.experiment == Experiment::Joint));
+    }
+
+    #[test]
+    fn a_fit_is_one_fit() {
+        let all = planned("fit --no-antialias --sigma 0.5 --seed 9 --resolution 8");
+        let [fit] = &all[..] else { panic!("one") };
+        let found = (fit.antialias, fit.sigma_target, fit.seed, fit.resolution);
+        assert_eq!(found, (false, 0.5, 9, 8));
+    }
+
+    #[test]
+    fn reproducing_covers_every_figure_of_the_paper_and_both_presets() {
+        let all = planned("reproduce --seeds 2 --steps 3 --precision f64");
+        let count = |what: &dyn Fn(&CubeSettings) -> bool| all.iter().filter(|fit| what(fit)).count();
+        assert_eq!(all.len(), 2 * (6 + 1 + 4 + 4 + 4));
+        assert_eq!(count(&|fit| fit.experiment == Experiment::Vertices && !fit.antialias), 2 * 3);
+        assert_eq!(count(&|fit| fit.experiment == Experiment::Vertices && fit.resolution == 8), 4);
+        assert_eq!(count(&|fit| fit.preset == Preset::Tuned), 2 * 5);
+        assert_eq!(count(&|fit| fit.seed == 1 && fit.steps == 3), 19);
+    }
+}

@@ -1,0 +1,174 @@
+//! Doing what was asked: the fits, the report, the JSON, the last words.
+
+use std::fs;
+use std::io::{self, Write as _};
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use bokashi_fit::report::{About, Report, ReportError, check_folder, write_whole};
+use bokashi_fit::scenes::run_cube;
+
+use crate::arguments::Request;
+use crate::failure::Failure;
+use crate::plan::plan;
+use crate::progress::{Bar, name};
+use crate::summary::Summary;
+
+/// Held while files are written: a program that is interrupted finishes them first.
+type Writing = Arc<Mutex<()>>;
+
+/// Does all that `request` asks for.
+pub(crate) fn run(request: &Request) -> Result<(), Failure> {
+    if let Some(out) = request.out() {
+        let said = |error| Failure::Use(format!("--out needs a folder to write to: {error}"));
+        check_folder(&out).map_err(said)?;
+    }
+    if let Some(file) = request.json().filter(|file| !is_standard_output(file)) {
+        check_file(file)?;
+    }
+    let writing = Writing::default();
+    end_when_interrupted(&writing)?;
+    match request.common().threads {
+        None => fit_all(request, &writing),
+        Some(threads) => {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            let pool = pool.map_err(|error| {
+                Failure::Work(format!("{threads} threads could not be started: {error}"))
+            })?;
+            pool.install(|| fit_all(request, &writing))
+        }
+    }
+}
+
+/// Every fit, one after the other, so that none disturbs another's times.
+fn fit_all(request: &Request, writing: &Writing) -> Result<(), Failure> {
+    let plan = plan(request);
+    let quiet = request.common().quiet;
+    let mut report = request.out().map(|_| Report::new(about()));
+    let (mut summary, mut json, mut failures) = (Summary::default(), Vec::new(), Vec::new());
+    let mut bar = Bar::new(plan.iter().map(|settings| settings.steps).sum(), quiet);
+    for (at, settings) in plan.iter().enumerate() {
+        bar.begin(&name(settings, at + 1, plan.len()));
+        let outcome = run_cube(settings, &mut |progress| {
+            bar.step(&progress);
+            ControlFlow::Continue(())
+        });
+        bar.end(settings.steps);
+        match outcome {
+            Ok(outcome) => {
+                summary.add(settings, &outcome);
+                if request.json().is_some() {
+                    json = serde_json::to_vec(&outcome)
+                        .map_err(|error| Failure::Work(format!("no JSON: {error}")))?;
+                    json.push(b'\n');
+                }
+                if let Some(report) = &mut report {
+                    report.add(settings, outcome);
+                }
+            }
+            Err(error) => {
+                if let Some(report) = &mut report {
+                    report.add_failure(settings, &error);
+                }
+                failures.push(format!("{}: {error}", name(settings, at + 1, plan.len())));
+            }
+        }
+    }
+    bar.say("writing");
+    let written = write(request, report.as_ref(), &json, writing);
+    bar.clear();
+    let page = written?;
+    if !quiet && !request.json().is_some_and(|file| is_standard_output(file)) {
+        let page = page.map(|page| format!("\nReport: {page}\n")).unwrap_or_default();
+        say(&format!("{}{page}", summary.table()))?;
+    }
+    match &failures[..] {
+        [] => Ok(()),
+        [only] if plan.len() == 1 => Err(Failure::Work(only.clone())),
+        [first, ..] => {
+            let (count, all) = (failures.len(), plan.len());
+            Err(Failure::Work(format!("{count} of {all} fits failed, the first: {first}")))
+        }
+    }
+}
+
+/// Writes what was asked for; returns the path of the report's page.
+fn write(
+    request: &Request,
+    report: Option<&Report>,
+    json: &[u8],
+    writing: &Writing,
+) -> Result<Option<String>, Failure> {
+    let failed = |error: ReportError| Failure::Work(error.to_string());
+    let report = report.filter(|report| !report.is_empty());
+    let rendered = report.map(Report::render).transpose().map_err(failed)?;
+    let _held = writing.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(file) = request.json().filter(|_| !json.is_empty()) {
+        if is_standard_output(file) {
+            say_bytes(json)?;
+        } else {
+            let said = |error| Failure::Work(format!("{} not written: {error}", file.display()));
+            write_whole(file, json).map_err(said)?;
+        }
+    }
+    let (Some(rendered), Some(out)) = (rendered, request.out()) else { return Ok(None) };
+    let page = rendered.write(&out).map_err(failed)?;
+    Ok(Some(page.display().to_string()))
+}
+
+/// What the report says of this run.
+fn about() -> About {
+    let arguments = std::env::args_os().skip(1);
+    let words: Vec<_> = arguments.map(|word| word.to_string_lossy().into_owned()).collect();
+    About {
+        program: concat!("bokashi ", env!("CARGO_PKG_VERSION")).to_owned(),
+        command: format!("bokashi {}", words.join(" ")).trim_end().to_owned(),
+        threads: rayon::current_num_threads(),
+    }
+}
+
+/// Whether `--json` names standard output.
+fn is_standard_output(file: &Path) -> bool {
+    file == Path::new("-")
+}
+
+/// Whether a file could be written, before hours are spent on what it should hold.
+fn check_file(file: &Path) -> Result<(), Failure> {
+    let said = |rule: String| Failure::Use(format!("--json needs a file to write to: {rule}"));
+    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let folder = folder.unwrap_or(Path::new("."));
+    if fs::metadata(file).is_ok_and(|found| found.is_dir()) || file.file_name().is_none() {
+        return Err(said(format!("{} is a folder", file.display())));
+    }
+    if !folder.is_dir() {
+        return Err(said(format!("{} is not a folder", folder.display())));
+    }
+    check_folder(folder).map_err(|error| said(error.to_string()))
+}
+
+/// Ends the program at an interrupt, but never between the halves of a file.
+fn end_when_interrupted(writing: &Writing) -> Result<(), Failure> {
+    let writing = Arc::clone(writing);
+    let end = move || {
+        let _held = writing.lock().unwrap_or_else(PoisonError::into_inner);
+        // As a shell would report it: 128 and the signal's number.
+        std::process::exit(130);
+    };
+    ctrlc::set_handler(end).map_err(|error| Failure::Work(error.to_string()))
+}
+
+/// Writes to standard output. A reader that went away is no failure.
+pub(crate) fn say(text: &str) -> Result<(), Failure> {
+    say_bytes(text.as_bytes())
+}
+
+fn say_bytes(bytes: &[u8]) -> Result<(), Failure> {
+    let mut output = io::stdout().lock();
+    match output.write_all(bytes).and_then(|()| output.flush()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+            Err(Failure::Work(format!("standard output: {error}")))
+        }
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,113 @@
+//! The last words of a run: what the fits reached, and how long they took.
+
+use std::fmt::Write as _;
+
+use bokashi_fit::scenes::{CubeSettings, Experiment, Outcome};
+
+/// What is kept of a fit for the summary.
+#[derive(Debug, Clone)]
+struct Line {
+    settings: CubeSettings,
+    /// Vertex error, sigma error, colour error, milliseconds per step, seconds.
+    numbers: [Option<f64>; 5],
+}
+
+/// A summary in the making: one row per setting, medians over its seeds.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Summary {
+    lines: Vec<Line>,
+}
+
+impl Summary {
+    /// Adds a fit.
+    pub(crate) fn add(&mut self, settings: &CubeSettings, outcome: &Outcome) {
+        let sigma_error = outcome.sigma_final.zip(outcome.sigma_target).map(|(a, b)| (a - b).abs());
+        self.lines.push(Line {
+            settings: settings.clone(),
+            numbers: [
+                outcome.vertex_error_final,
+                sigma_error,
+                outcome.color_error_final,
+                outcome.ms_per_step_median,
+                Some(outcome.wall_seconds),
+            ],
+        });
+    }
+
+    /// The rows, a heading first.
+    pub(crate) fn table(&self) -> String {
+        let mut text = format!(
+            "{:<36}{:>6}{:>14}{:>14}{:>14}{:>10}{:>10}\n",
+            "", "seeds", "vertex error", "sigma error", "colour error", "ms/step", "seconds"
+        );
+        for group in self.lines.chunk_by(|a, b| alike(&a.settings, &b.settings)) {
+            let median = |at: usize| median(group.iter().filter_map(|line| line.numbers[at]));
+            let error = |at| median(at).map_or("-".to_owned(), |number| format!("{number:.1e}"));
+            let time = |at| median(at).map_or("-".to_owned(), |number| format!("{number:.3}"));
+            // Writing to a string cannot fail.
+            let _ = writeln!(
+                text,
+                "{:<36}{:>6}{:>14}{:>14}{:>14}{:>10}{:>10}",
+                name(&group[0].settings),
+                group.len(),
+                error(0),
+                error(1),
+                error(2),
+                time(3),
+                time(4)
+            );
+        }
+        text
+    }
+}
+
+/// Whether two fits differ in their seeds at most.
+fn alike(a: &CubeSettings, b: &CubeSettings) -> bool {
+    CubeSettings { seed: b.seed, ..a.clone() } == *b
+}
+
+/// Settings in words.
+fn name(settings: &CubeSettings) -> String {
+    let what = match settings.experiment {
+        Experiment::Vertices => format!("5.1 vertices, {} px", settings.resolution),
+        Experiment::Sigma => format!("5.2 sigma {}", settings.sigma_target),
+        Experiment::Joint => format!("5.3 joint, sigma {}", settings.sigma_target),
+    };
+    let jagged = if settings.antialias { "" } else { ", no antialias" };
+    format!("{what}, {}{jagged}", settings.preset)
+}
+
+/// The middle of some numbers, the mean of the two in the middle of an even number.
+fn median(numbers: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut sorted: Vec<f64> = numbers.collect();
+    sorted.sort_by(f64::total_cmp);
+    let last = sorted.len().checked_sub(1)?;
+    Some(0.5 * (sorted[last / 2] + sorted[sorted.len() / 2]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bokashi_fit::scenes::Preset;
+
+    #[test]
+    fn seeds_of_one_setting_share_a_row() {
+        let mut summary = Summary::default();
+        for (resolution, seed, error) in [(8, 0, 1.0), (8, 1, 3.0), (16, 0, 5.0)] {
+            let new = CubeSettings::new(Experiment::Vertices, Preset::Paper);
+            let settings = CubeSettings { resolution, seed, ..new };
+            let numbers = [Some(error), None, Some(error), Some(0.03), Some(1.0)];
+            summary.lines.push(Line { settings, numbers });
+        }
+        let table = summary.table();
+        let rows: Vec<Vec<&str>> =
+            table.lines().skip(1).map(|row| row.split_whitespace().collect()).collect();
+        assert_eq!(
+            rows,
+            [
+                ["5.1", "vertices,", "8", "px,", "paper", "2", "2.0e0", "-", "2.0e0", "0.030", "1.000"],
+                ["5.1", "vertices,", "16", "px,", "paper", "1", "5.0e0", "-", "5.0e0", "0.030", "1.000"]
+            ]
+        );
+    }
+}

@@ -1,0 +1,125 @@
+//! Arrays along one of their axes, seen as `[outer, extent, inner]`.
+
+use crate::error::TensorError;
+use crate::parallel::{ENTRIES_PER_PIECE, for_each_piece_mut};
+use crate::scalar::Scalar;
+use crate::shape::Shape;
+use crate::summation::sum;
+
+/// Sums that are formed side by side.
+const LANES: usize = 8;
+
+/// An array of `shape` seen as `[outer, extent of axis, inner]`.
+///
+/// # Errors
+/// [`TensorError::Axis`] unless there is such an axis.
+pub(crate) fn blocks(
+    shape: &Shape,
+    axis: usize,
+    operation: &'static str,
+) -> Result<[usize; 3], TensorError> {
+    let Some(&extent) = shape.get(axis) else {
+        return Err(TensorError::Axis { operation, axis, shape: shape.clone() });
+    };
+    Ok([shape[..axis].iter().product(), extent, shape[axis + 1..].iter().product()])
+}
+
+/// Sums `x: [outer, extent, inner]` over its middle axis into `sums: [outer, inner]`, each sum
+/// through `round` from [`Scalar::Wide`].
+pub(crate) fn sum_along<T: Scalar>(
+    x: &[T],
+    [_, extent, inner]: [usize; 3],
+    sums: &mut [T],
+    round: impl Fn(T::Wide) -> T + Send + Sync,
+) {
+    if inner == 1 {
+        let piece = (ENTRIES_PER_PIECE / extent.max(1)).max(1);
+        for_each_piece_mut(sums, piece, |k, sums| {
+            for (row, total) in (k * piece..).zip(sums) {
+                let x = &x[row * extent..][..extent];
+                *total = round(sum::<T>(extent, |k| x[k].widen()));
+            }
+        });
+        return;
+    }
+    // Neighbours in memory side by side, each in a lane of its own: the inner loop is over slices.
+    let sum_rows = |first: usize, sums: &mut [T]| {
+        for (group, sums) in sums.chunks_mut(LANES).enumerate() {
+            let mut lanes = [T::Wide::default(); LANES];
+            let first = first + group * LANES;
+            for row in 0..extent {
+                let x = &x[first + row * inner..][..sums.len()];
+                lanes.iter_mut().zip(x).for_each(|(lane, x)| *lane += x.widen());
+            }
+            sums.iter_mut().zip(lanes).for_each(|(sum, lane)| *sum = round(lane));
+        }
+    };
+    let blocks = (ENTRIES_PER_PIECE / (extent * inner).max(1)).max(1);
+    for_each_piece_mut(sums, (blocks * inner).max(1), |k, sums| {
+        for (block, sums) in (k * blocks..).zip(sums.chunks_mut(inner)) {
+            sum_rows(block * extent * inner, sums);
+        }
+    });
+}
+
+/// The adjoint of [`sum_along`]: adds `entry(sums_bar)`, with `sums_bar: [outer, inner]`, to
+/// each row of `x_bar: [outer, extent, inner]`.
+pub(crate) fn spread_along<T: Scalar>(
+    sums_bar: &[T],
+    [_, extent, inner]: [usize; 3],
+    x_bar: &mut [T],
+    entry: impl Fn(T) -> T + Send + Sync,
+) {
+    if x_bar.is_empty() {
+        return;
+    }
+    let rows = (ENTRIES_PER_PIECE / inner).max(1);
+    for_each_piece_mut(x_bar, rows * inner, |k, x_bar| {
+        for (row, x_bar) in (k * rows..).zip(x_bar.chunks_mut(inner)) {
+            let sums_bar = &sums_bar[row / extent * inner..][..inner];
+            x_bar.iter_mut().zip(sums_bar).for_each(|(x_bar, &bar)| *x_bar += entry(bar));
+        }
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blocks_are_outer_axis_inner() {
+        assert_eq!(blocks(&[2, 3, 4, 5].into(), 1, "slice"), Ok([2, 3, 20]));
+        assert_eq!(blocks(&[7].into(), 0, "slice"), Ok([1, 7, 1]));
+        let message = "slice needs an axis below the rank 1, got axis 1 of shape [7]";
+        assert_eq!(blocks(&[7].into(), 1, "slice").unwrap_err().to_string(), message);
+    }
+
+    #[test]
+    fn sums_along_an_axis_are_exact_on_integers_at_every_extent() {
+        let extents = [0, 1, 2, LANES, LANES + 1, 200];
+        for k in 0..extents.len().pow(3) {
+            let [outer, extent, inner] = [k / 36, k / 6 % 6, k % 6].map(|at| extents[at]);
+            let x: Vec<f32> = (0..outer * extent * inner).map(|k| (k % 101) as f32).collect();
+            let mut sums = vec![f32::NAN; outer * inner];
+            sum_along(&x, [outer, extent, inner], &mut sums, |total| total as f32);
+            for (k, &total) in sums.iter().enumerate() {
+                let first = (k / inner) * extent * inner + k % inner;
+                let expected: f32 = (0..extent).map(|row| x[first + row * inner]).sum();
+                assert_eq!(total, expected, "[{outer}, {extent}, {inner}] at {k}");
+            }
+        }
+    }
+
+    #[test]
+    fn spreading_is_the_adjoint_of_summing() {
+        for [outer, extent, inner] in [[3, 4, 5], [1, 7, 1], [2, 0, 3], [2, 3, 0], [9, 1, 1]] {
+            let x: Vec<f64> = (0..outer * extent * inner).map(|k| (k % 7) as f64).collect();
+            let upstream: Vec<f64> = (0..outer * inner).map(|k| (k % 5) as f64 - 2.0).collect();
+            let (mut sums, mut x_bar) = (vec![0.0; upstream.len()], vec![0.0; x.len()]);
+            sum_along(&x, [outer, extent, inner], &mut sums, |total| total);
+            spread_along(&upstream, [outer, extent, inner], &mut x_bar, |bar| bar);
+            let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+            assert_eq!(dot(&sums, &upstream), dot(&x, &x_bar));
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! Arrays one after another along an axis; each gets its own part of the upstream gradient.
+
+use crate::axis::blocks;
+use crate::error::TensorError;
+use crate::op::{Accumulators, Inputs, Keep, Kept, Op, Outputs};
+use crate::scalar::Scalar;
+use crate::var::Var;
+
+struct Concat {
+    axis: usize,
+}
+
+impl Concat {
+    const NAME: &'static str = "concat";
+}
+
+impl<T: Scalar> Op<T> for Concat {
+    type Saved = ();
+    type Error = TensorError;
+
+    fn name(&self) -> &'static str {
+        Self::NAME
+    }
+
+    fn forward(
+        &self,
+        inputs: &Inputs<'_, T>,
+        outputs: &mut Outputs<'_, T>,
+        _saved: &mut (),
+    ) -> Result<(), TensorError> {
+        let shape = inputs.shape(0);
+        let [outer, mut extent, inner] = blocks(shape, self.axis, Self::NAME)?;
+        for other in (1..inputs.len()).map(|i| inputs.shape(i)) {
+            let joined = other.get(self.axis).copied().unwrap_or_default();
+            if other.rank() != shape.rank() || other.with(self.axis, shape[self.axis]) != *shape {
+                return Err(TensorError::Mismatch {
+                    operation: Self::NAME,
+                    rule: "shapes that agree outside the joined axis",
+                    left: shape.clone(),
+                    right: other.clone(),
+                });
+            }
+            extent += joined;
+        }
+        let mut z = outputs.push(shape.with(self.axis, extent));
+        for block in 0..outer {
+            for i in 0..inputs.len() {
+                let length = inputs.shape(i)[self.axis] * inner;
+                let (head, rest) = z.split_at_mut(length);
+                head.copy_from_slice(&inputs.data(i)[block * length..][..length]);
+                z = rest;
+            }
+        }
+        Ok(())
+    }
+
+    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
+        Keep::NOTHING
+    }
+
+    fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
+        let z_bar = kept.only_upstream();
+        let [outer, extent, inner] = blocks(kept.output_shape(0), self.axis, Self::NAME)
+            .expect("the forward pass found the axis");
+        let mut start = 0;
+        for i in 0..kept.input_count() {
+            let length = kept.input_shape(i)[self.axis] * inner;
+            if let Some(x_bar) = gradients.get(i) {
+                let x_bar = x_bar.entries();
+                for block in 0..outer {
+                    let z_bar = &z_bar[block * extent * inner + start..][..length];
+                    let x_bar = &mut x_bar[block * length..][..length];
+                    x_bar.iter_mut().zip(z_bar).for_each(|(x_bar, &z_bar)| *x_bar += z_bar);
+                }
+            }
+            start += length;
+        }
+    }
+}
+
+impl<T: Scalar> Var<'_, T> {
+    /// `parts` one after another along `axis`.
+    ///
+    /// # Errors
+    /// [`TensorError::Inputs`] without any part; [`TensorError::Axis`] unless there is such an
+    /// axis; [`TensorError::Mismatch`] unless the shapes agree outside it.
+    pub fn concat(parts: &[Self], axis: usize) -> Result<Self, TensorError> {
+        let Some(first) = parts.first() else {
+            let (operation, rule) = (Concat::NAME, "at least one part");
+            return Err(TensorError::Inputs { operation, rule, given: 0 });
+        };
+        first.tape.apply(Concat { axis }, parts)
+    }
+}

@@ -1,0 +1,37 @@
+//! Which side of a comparison gets the upstream gradient, for minimum and maximum.
+
+use std::cmp::Ordering;
+
+use crate::scalar::Scalar;
+
+/// The share of the upstream gradient that goes to `own`: all of it where `own` compares to
+/// `other` as `preferred`, half where they are equal, NaN where one is NaN.
+pub(crate) fn share<T: Scalar>(own: T, other: T, preferred: Ordering) -> T {
+    match own.partial_cmp(&other) {
+        Some(Ordering::Equal) => T::from_f64(0.5),
+        Some(ordering) if ordering == preferred => T::ONE,
+        Some(_) => T::ZERO,
+        None => own + other,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_shares_of_both_sides_add_up_to_one() {
+        for (a, b) in [(1.0, 2.0), (2.0, 1.0), (3.0, 3.0), (0.0, -0.0), (-1.0, f64::INFINITY)] {
+            for preferred in [Ordering::Less, Ordering::Greater] {
+                assert_eq!(share(a, b, preferred) + share(b, a, preferred), 1.0);
+            }
+        }
+    }
+
+    #[test]
+    fn a_nan_on_either_side_gives_nan() {
+        for (a, b) in [(f64::NAN, 1.0), (1.0, f64::NAN)] {
+            assert!(share(a, b, Ordering::Less).is_nan());
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! What a caller can get wrong with fits, and what a fit can run into.
+
+use std::fmt;
+
+use bokashi_core::TensorError;
+
+/// What was found to be infinite or NaN.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Quantity {
+    /// The loss.
+    Loss,
+    /// The gradient of the loss with respect to the named parameter.
+    Gradient(String),
+    /// The square of the gradient with respect to the named parameter, which Adam averages.
+    SquaredGradient(String),
+    /// The value of the named parameter.
+    Value(String),
+}
+
+impl fmt::Display for Quantity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Loss => write!(f, "the loss"),
+            Self::Gradient(name) => write!(f, "the gradient of {name:?}"),
+            Self::SquaredGradient(name) => write!(f, "the squared gradient of {name:?}"),
+            Self::Value(name) => write!(f, "the value of {name:?}"),
+        }
+    }
+}
+
+/// An error of a fit. Each message says the rule, then the value that broke it.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum FitError {
+    /// A tensor operation refused its inputs.
+    #[error(transparent)]
+    Tensor(#[from] TensorError),
+    /// A rendering operation refused its inputs.
+    #[cfg(feature = "scenes")]
+    #[error(transparent)]
+    Render(#[from] bokashi_render_ops::RenderError),
+    /// A number became infinite or NaN. Parameters and moments are as they were before the step.
+    #[error("{quantity} needs to be finite, got {value} at step {step}")]
+    NotFinite {
+        /// What it was.
+        quantity: Quantity,
+        /// The first such value.
+        value: f64,
+        /// How many updates the parameters had.
+        step: u64,
+    },
+    /// There is no parameter of this name.
+    #[error("a parameter's name needs to be one of {known:?}, got {name:?}")]
+    UnknownParameter {
+        /// The name given.
+        name: String,
+        /// The names there are.
+        known: Vec<String>,
+    },
+    /// A setting breaks its rule.
+    #[error("{setting} needs {rule}, got {value}")]
+    Setting {
+        /// What was set.
+        setting: &'static str,
+        /// The rule, as the end of "... needs ...".
+        rule: &'static str,
+        /// The value given.
+        value: String,
+    },
+}
+
+impl FitError {
+    /// An error about `setting`.
+    pub(crate) fn setting(
+        setting: &'static str,
+        rule: &'static str,
+        value: impl fmt::Display,
+    ) -> Self {
+        Self::Setting { setting, rule, value: value.to_string() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_say_the_rule_and_then_the_value() {
+        let quantity = Quantity::Gradient("sigma".into());
+        let error = FitError::NotFinite { quantity, value: f64::NAN, step: 7 };
+        let message = "the gradient of \"sigma\" needs to be finite, got NaN at step 7";
+        assert_eq!(error.to_string(), message);
+
+        let error = FitError::setting("resolution", "at least 1 pixel", 0);
+        assert_eq!(error.to_string(), "resolution needs at least 1 pixel, got 0");
+
+        let known = vec!["vertices".into(), "sigma".into()];
+        let error = FitError::UnknownParameter { name: "sigm".into(), known };
+        let message =
+            "a parameter's name needs to be one of [\"vertices\", \"sigma\"], got \"sigm\"";
+        assert_eq!(error.to_string(), message);
+    }
+}

@@ -1,0 +1,497 @@
+//! The fit loop.
+//!
+//! A step prepares the pipeline, records its loss, and, unless a rule says stop, runs backward and
+//! updates the parameters. What a history holds of a step is its state before the update, so its
+//! first entry is where the fit started and its last is where it ended, of which no update followed.
+
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+use bokashi_core::{Gradients, Scalar, Tape, TensorError, Var};
+
+use crate::error::{FitError, Quantity};
+use crate::history::{History, Step, Stop};
+use crate::optimizer::Optimizer;
+use crate::parameter::{Parameters, Variables};
+use crate::pipeline::Pipeline;
+use crate::schedule::Schedule;
+
+/// How to fit, and when to stop.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FitSettings {
+    /// The largest number of updates.
+    pub steps: u64,
+    /// How gradients change parameters.
+    pub optimizer: Optimizer,
+    /// How the learning rates change over the run.
+    pub schedule: Schedule,
+    /// Stops where the loss is below this.
+    pub loss_below: Option<f64>,
+    /// Stops where the loss has found no new minimum for so many steps. Where the pose changes
+    /// from step to step, so does the loss: allow for it.
+    pub patience: Option<u64>,
+    /// Stops where every entry of the gradient (of the raw numbers) is smaller than this.
+    pub gradient_below: Option<f64>,
+}
+
+/// A thousand steps of Adam at a constant rate, without a rule to stop earlier.
+impl Default for FitSettings {
+    fn default() -> Self {
+        Self {
+            steps: 1_000,
+            optimizer: Optimizer::default(),
+            schedule: Schedule::Constant,
+            loss_below: None,
+            patience: None,
+            gradient_below: None,
+        }
+    }
+}
+
+impl FitSettings {
+    fn check(&self) -> Result<(), FitError> {
+        self.optimizer.check()?;
+        self.schedule.check()?;
+        let limits = [("loss limit", self.loss_below), ("gradient limit", self.gradient_below)];
+        for (setting, limit) in limits {
+            if let Some(limit) = limit.filter(|limit| limit.is_nan()) {
+                return Err(FitError::setting(setting, "a number", limit));
+            }
+        }
+        if self.patience == Some(0) {
+            return Err(FitError::setting("patience", "at least 1 step", 0));
+        }
+        Ok(())
+    }
+}
+
+/// What a callback sees of a step, before its update.
+#[derive(Debug)]
+pub struct Seen<'a, T, M> {
+    /// Step, seconds, loss and errors.
+    pub step: &'a Step<M>,
+    /// The parameters.
+    pub parameters: &'a Parameters<T>,
+    /// Milliseconds of the last update: forward, backward and optimizer; 0 before the first.
+    pub ms: f64,
+}
+
+/// What a step driven by hand gives back.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stepped {
+    /// How many updates came before.
+    pub step: u64,
+    /// The loss before the update.
+    pub loss: f64,
+    /// Milliseconds of forward, backward and optimizer.
+    pub ms: f64,
+    /// Milliseconds of the preparation.
+    pub target_ms: f64,
+}
+
+/// A fit under way: the parameters, the state of the optimizer and a tape.
+#[derive(Debug)]
+pub struct Fit<T: Scalar> {
+    tape: Tape<T>,
+    parameters: Parameters<T>,
+    settings: FitSettings,
+    step: u64,
+}
+
+/// How a step ended.
+enum Advance {
+    Updated(Stepped),
+    Stopped(Stop),
+}
+
+impl<T: Scalar> Fit<T> {
+    /// A fit that starts from `parameters`.
+    ///
+    /// # Errors
+    /// [`FitError::Setting`] for settings outside their range.
+    pub fn new(parameters: Parameters<T>, settings: FitSettings) -> Result<Self, FitError> {
+        settings.check()?;
+        Ok(Self { tape: Tape::new(), parameters, settings, step: 0 })
+    }
+
+    /// The parameters.
+    pub fn parameters(&self) -> &Parameters<T> {
+        &self.parameters
+    }
+
+    /// The parameters, to be changed between steps.
+    pub fn parameters_mut(&mut self) -> &mut Parameters<T> {
+        &mut self.parameters
+    }
+
+    /// The parameters, the fit given up.
+    pub fn into_parameters(self) -> Parameters<T> {
+        self.parameters
+    }
+
+    /// The tape, to time its operations and to take its report.
+    pub fn tape(&self) -> &Tape<T> {
+        &self.tape
+    }
+
+    /// How many updates are done.
+    pub fn steps_done(&self) -> u64 {
+        self.step
+    }
+
+    /// Does one step, whatever the rules to stop say.
+    ///
+    /// # Errors
+    /// What the pipeline refuses; [`FitError::NotFinite`] where a value, the loss or a gradient is
+    /// infinite or NaN. Parameters and moments are then as they were.
+    pub fn step<P: Pipeline<T>>(&mut self, pipeline: &mut P) -> Result<Stepped, FitError> {
+        let target_ms = self.prepare(pipeline)?;
+        match self.advance(pipeline, None, |_, _| ControlFlow::Continue(()))? {
+            Advance::Updated(stepped) => Ok(Stepped { target_ms, ..stepped }),
+            Advance::Stopped(_) => unreachable!("no rule was given"),
+        }
+    }
+
+    /// Steps until a rule says stop.
+    ///
+    /// # Errors
+    /// As [`Fit::step`].
+    pub fn run<P: Pipeline<T>>(
+        &mut self,
+        pipeline: &mut P,
+    ) -> Result<History<P::Measure>, FitError> {
+        self.run_with(pipeline, |_| ControlFlow::Continue(()))
+    }
+
+    /// Steps until a rule or `on_step` says stop. `on_step` sees every state before its update, and
+    /// the final one.
+    ///
+    /// # Errors
+    /// As [`Fit::step`].
+    pub fn run_with<P: Pipeline<T>>(
+        &mut self,
+        pipeline: &mut P,
+        mut on_step: impl FnMut(&Seen<'_, T, P::Measure>) -> ControlFlow<()>,
+    ) -> Result<History<P::Measure>, FitError> {
+        let start = Instant::now();
+        let settings = self.settings;
+        let mut history = History::with_room_for(settings.steps.saturating_sub(self.step));
+        let mut best = (f64::INFINITY, self.step);
+        let mut last_ms = 0.0;
+        loop {
+            let step = self.step;
+            history.target_ms.push(self.prepare(pipeline)?);
+            let steps = &mut history.steps;
+            let measured = &*pipeline;
+            let observe = |parameters: &Parameters<T>, loss: f64| {
+                let seconds = start.elapsed().as_secs_f64();
+                let measure = measured.measure(parameters);
+                steps.push(Step { step, seconds, loss, measure });
+                let seen = Seen { step: &steps[steps.len() - 1], parameters, ms: last_ms };
+                if on_step(&seen).is_break() {
+                    return ControlFlow::Break(Stop::Callback);
+                }
+                if settings.loss_below.is_some_and(|limit| loss < limit) {
+                    return ControlFlow::Break(Stop::LossBelow);
+                }
+                if loss < best.0 {
+                    best = (loss, step);
+                }
+                if settings.patience.is_some_and(|patience| step - best.1 >= patience) {
+                    return ControlFlow::Break(Stop::NoProgress);
+                }
+                if step >= settings.steps {
+                    return ControlFlow::Break(Stop::Steps);
+                }
+                ControlFlow::Continue(())
+            };
+            match self.advance(pipeline, settings.gradient_below, observe)? {
+                Advance::Updated(stepped) => {
+                    last_ms = stepped.ms;
+                    history.step_ms.push(last_ms);
+                }
+                Advance::Stopped(stop) => {
+                    history.stop = stop;
+                    return Ok(history);
+                }
+            }
+        }
+    }
+
+    /// Prepares the next step; returns the milliseconds it took.
+    fn prepare<P: Pipeline<T>>(&mut self, pipeline: &mut P) -> Result<f64, FitError> {
+        // Here and not at the end: whatever ended the last step, its values are let go, the target
+        // image among them.
+        self.tape.reset();
+        let start = Instant::now();
+        pipeline.prepare(self.step)?;
+        Ok(milliseconds_since(start))
+    }
+
+    /// Does the rest of a step; `observe` is asked before the update, and is not timed.
+    fn advance<P: Pipeline<T>>(
+        &mut self,
+        pipeline: &P,
+        gradient_below: Option<f64>,
+        observe: impl FnOnce(&Parameters<T>, f64) -> ControlFlow<Stop>,
+    ) -> Result<Advance, FitError> {
+        let Self { tape, parameters, settings, step } = self;
+        let start = Instant::now();
+        let variables = parameters.record(tape);
+        let loss = record_loss(pipeline, tape, parameters, &variables)?;
+        let value = loss.item().to_f64();
+        let forward_ms = milliseconds_since(start);
+        if let ControlFlow::Break(stop) = observe(parameters, value) {
+            return Ok(Advance::Stopped(stop));
+        }
+
+        let start = Instant::now();
+        let gradients = loss.backward()?;
+        if gradient_below.is_some_and(|limit| all_below(limit, &variables, &gradients)) {
+            return Ok(Advance::Stopped(Stop::GradientBelow));
+        }
+        let factor = settings.schedule.factor(*step);
+        settings.optimizer.update(parameters, &variables, &gradients, factor)?;
+        drop(gradients);
+        let ms = forward_ms + milliseconds_since(start);
+        let stepped = Stepped { step: *step, loss: value, ms, target_ms: 0.0 };
+        *step += 1;
+        Ok(Advance::Updated(stepped))
+    }
+}
+
+/// Records the loss and checks that it is a finite scalar; blames a parameter's value where that
+/// is at fault.
+fn record_loss<'t, T: Scalar, P: Pipeline<T>>(
+    pipeline: &P,
+    tape: &'t Tape<T>,
+    parameters: &Parameters<T>,
+    variables: &Variables<'t, T>,
+) -> Result<Var<'t, T>, FitError> {
+    let loss = match pipeline.loss(tape, variables) {
+        Ok(loss) => loss,
+        Err(error) => {
+            parameters.check_values()?;
+            return Err(error);
+        }
+    };
+    let shape = loss.shape();
+    if shape.size() != 1 {
+        return Err(TensorError::NotScalar { shape }.into());
+    }
+    let value = loss.item();
+    if !value.is_finite() {
+        parameters.check_values()?;
+        let (value, step) = (value.to_f64(), parameters.updates);
+        return Err(FitError::NotFinite { quantity: Quantity::Loss, value, step });
+    }
+    Ok(loss)
+}
+
+/// Whether every entry of every gradient is smaller than `limit`.
+fn all_below<'t, T: Scalar>(
+    limit: f64,
+    variables: &Variables<'t, T>,
+    gradients: &Gradients<'t, T>,
+) -> bool {
+    let mut all = variables.list.iter().filter_map(|variable| gradients.get(variable.raw));
+    all.all(|gradient| gradient.data().iter().all(|entry| entry.abs().to_f64() < limit))
+}
+
+fn milliseconds_since(start: Instant) -> f64 {
+    1e3 * start.elapsed().as_secs_f64()
+}
+
+#[cfg(test)]
+mod tests {
+    use bokashi_core::Tensor;
+
+    use super::*;
+    use crate::loss::squared_error;
+    use crate::parameter::{Mapping, Parameter};
+    use crate::pipeline::from_fn;
+
+    /// `sum (x - c)^2` with `c = (1, -2)`, which moves by `drift` each step.
+    struct Bowl {
+        drift: f64,
+        center: [f64; 2],
+        prepared: Vec<u64>,
+    }
+
+    impl Bowl {
+        fn new(drift: f64) -> Self {
+            Self { drift, center: [1.0, -2.0], prepared: Vec::new() }
+        }
+    }
+
+    impl<T: Scalar> Pipeline<T> for Bowl {
+        type Measure = f64;
+
+        fn prepare(&mut self, step: u64) -> Result<(), FitError> {
+            self.prepared.push(step);
+            self.center = [1.0 + self.drift * step as f64, -2.0];
+            Ok(())
+        }
+
+        fn loss<'t>(
+            &self,
+            tape: &'t Tape<T>,
+            variables: &Variables<'t, T>,
+        ) -> Result<Var<'t, T>, FitError> {
+            let center = Tensor::from_fn([2], |k| T::from_f64(self.center[k]));
+            Ok(squared_error(variables.get("x")?, tape.constant(&center))?)
+        }
+
+        fn measure(&self, parameters: &Parameters<T>) -> f64 {
+            let x = parameters.get("x").unwrap().raw().data();
+            (0..2).map(|k| (x[k].to_f64() - self.center[k]).abs()).sum()
+        }
+    }
+
+    fn start<T: Scalar>(rate: f64) -> Parameters<T> {
+        Parameters::new().with(Parameter::new("x", Tensor::zeros([2])).rate(rate)).unwrap()
+    }
+
+    fn descent(steps: u64) -> FitSettings {
+        FitSettings { steps, optimizer: Optimizer::GradientDescent, ..FitSettings::default() }
+    }
+
+    #[test]
+    fn one_pipeline_runs_in_both_precisions() {
+        let mut bowl = Bowl::new(0.0);
+        let wide = Fit::<f64>::new(start(0.25), descent(40)).unwrap().run(&mut bowl).unwrap();
+        let narrow = Fit::<f32>::new(start(0.25), descent(40)).unwrap().run(&mut bowl).unwrap();
+        for (wide, narrow) in wide.steps.iter().zip(&narrow.steps) {
+            assert!((wide.loss - narrow.loss).abs() <= 1e-6 * wide.loss + 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_history_holds_the_state_before_each_update_and_the_final_one() {
+        let mut bowl = Bowl::new(0.0);
+        // At a rate of 1/4 each update halves the distance, exactly.
+        let history = Fit::<f64>::new(start(0.25), descent(10)).unwrap().run(&mut bowl).unwrap();
+        assert_eq!(history.stop, Stop::Steps);
+        assert_eq!(history.steps.len(), 11);
+        assert_eq!((history.step_ms.len(), history.target_ms.len()), (10, 11));
+        for (k, step) in history.steps.iter().enumerate() {
+            assert_eq!(step.step, k as u64);
+            assert_eq!(step.measure, 3.0 * 0.5_f64.powi(k as i32));
+            assert_eq!(step.loss, 5.0 * 0.25_f64.powi(k as i32));
+        }
+        assert!(history.steps.windows(2).all(|pair| pair[0].seconds <= pair[1].seconds));
+        assert_eq!(bowl.prepared, (0..=10).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn no_steps_leave_the_initial_state_alone() {
+        let history =
+            Fit::<f64>::new(start(0.25), descent(0)).unwrap().run(&mut Bowl::new(0.0)).unwrap();
+        assert_eq!(history.steps.len(), 1);
+        assert_eq!(history.initial(), history.last());
+        assert_eq!(history.step_ms_median(), None);
+    }
+
+    #[test]
+    fn steps_by_hand_are_the_steps_of_a_run() {
+        let mut by_hand = Fit::<f64>::new(start(0.1), FitSettings::default()).unwrap();
+        let mut run = Fit::<f64>::new(start(0.1), FitSettings::default()).unwrap();
+        let history = run.run(&mut Bowl::new(0.01)).unwrap();
+        let mut bowl = Bowl::new(0.01);
+        for step in &history.steps[..1_000] {
+            let stepped = by_hand.step(&mut bowl).unwrap();
+            assert_eq!((stepped.step, stepped.loss), (step.step, step.loss));
+        }
+        assert_eq!(by_hand.parameters().value("x"), run.parameters().value("x"));
+    }
+
+    #[test]
+    fn a_schedule_multiplies_the_rate() {
+        let schedule = Schedule::Step { steps: 1, factor: 0.5 };
+        let settings = FitSettings { schedule, ..descent(2) };
+        let history =
+            Fit::<f64>::new(start(0.25), settings).unwrap().run(&mut Bowl::new(0.0)).unwrap();
+        // Rates 1/4 and 1/8: distances 1/2 and 1/2 * 3/4.
+        assert_eq!(history.last().measure, 3.0 * 0.5 * 0.75);
+    }
+
+    #[test]
+    fn each_rule_stops_before_the_update_that_it_spares() {
+        let run = |settings: FitSettings, drift: f64| {
+            let mut fit = Fit::<f64>::new(start(0.25), settings).unwrap();
+            let history = fit.run(&mut Bowl::new(drift)).unwrap();
+            assert_eq!(fit.steps_done(), history.last().step);
+            history
+        };
+        // The loss is 5 / 4^k and the largest gradient 4 / 2^k.
+        let below = run(FitSettings { loss_below: Some(0.1), ..descent(100) }, 0.0);
+        assert_eq!((below.stop, below.last().step), (Stop::LossBelow, 3));
+        let flat = run(FitSettings { gradient_below: Some(0.3), ..descent(100) }, 0.0);
+        assert_eq!((flat.stop, flat.last().step), (Stop::GradientBelow, 4));
+        // The centre runs away at a constant speed: the distance settles at twice the speed, which
+        // is more than the first loss.
+        let stuck = run(FitSettings { patience: Some(5), ..descent(100) }, 10.0);
+        assert_eq!((stuck.stop, stuck.last().step), (Stop::NoProgress, 5));
+    }
+
+    #[test]
+    fn a_callback_sees_every_state_and_can_stop() {
+        let mut fit = Fit::<f64>::new(start(0.25), descent(10)).unwrap();
+        let mut seen = Vec::new();
+        let history = fit.run_with(&mut Bowl::new(0.0), |state| {
+            seen.push((state.step.step, state.parameters.get("x").unwrap().raw().data()[0]));
+            if state.step.step == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        assert_eq!(seen, [(0, 0.0), (1, 0.5), (2, 0.75), (3, 0.875)]);
+        let history = history.unwrap();
+        assert_eq!((history.stop, history.steps.len()), (Stop::Callback, 4));
+    }
+
+    #[test]
+    fn what_is_not_finite_is_named_and_changes_nothing() {
+        let x = || Parameter::new("x", Tensor::scalar(1.0_f64));
+        let error_of = |parameter: Parameter<f64>, raw: Option<f64>, power: i32| {
+            let mut list = Parameters::new().with(parameter).unwrap();
+            if let Some(raw) = raw {
+                list.list[0].raw = Tensor::scalar(raw);
+            }
+            let before = list.list[0].raw.clone();
+            let mut fit = Fit::new(list, FitSettings::default()).unwrap();
+            let mut pipeline = from_fn(move |_, variables| {
+                let x = variables.get("x")?;
+                Ok(x.powi(power))
+            });
+            let error = fit.step(&mut pipeline).unwrap_err();
+            assert_eq!(fit.parameters().list[0].raw.data(), before.data());
+            assert_eq!(fit.steps_done(), 0);
+            error.to_string()
+        };
+        let value = error_of(x().mapping(Mapping::Exp), Some(800.0), 1);
+        assert_eq!(value, "the value of \"x\" needs to be finite, got inf at step 0");
+        let loss = error_of(x(), Some(1e200), 2);
+        assert_eq!(loss, "the loss needs to be finite, got inf at step 0");
+        let gradient = error_of(x(), Some(0.0), -1);
+        assert_eq!(gradient, "the loss needs to be finite, got inf at step 0");
+    }
+
+    #[test]
+    fn a_loss_that_is_no_scalar_is_refused() {
+        let mut fit = Fit::<f64>::new(start(0.1), FitSettings::default()).unwrap();
+        let error = fit.run(&mut from_fn(|_, variables| variables.get("x"))).unwrap_err();
+        assert!(error.to_string().ends_with("needs a scalar, got shape [2]"), "{error}");
+    }
+
+    #[test]
+    fn settings_outside_their_range_are_refused() {
+        for settings in [
+            FitSettings { patience: Some(0), ..FitSettings::default() },
+            FitSettings { loss_below: Some(f64::NAN), ..FitSettings::default() },
+            FitSettings {
+                schedule: Schedule::Step { steps: 0, factor: 0.5 },
+                ..FitSettings::default()
+            },
+        ] {
+            assert!(matches!(Fit::<f64>::new(start(0.1), settings), Err(FitError::Setting { .. })));
+        }
+    }
+}

@@ -1,0 +1,188 @@
+//! Losses between an image and its target.
+//!
+//! # Forward
+//! `L = s sum_k (x_k - t_k)^2`, with `s = 1` (sum of squared errors) or `1 / n` (mean squared
+//! error), summed in [`Scalar::Wide`].
+//!
+//! # Backward
+//! `x_bar_k = 2 s (x_k - t_k) L_bar`, `t_bar_k = -x_bar_k`.
+
+use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, TensorError, Var, sum};
+
+/// The squared error of input 0 against input 1.
+struct SquaredError {
+    /// Whether it is the mean of the squares rather than their sum.
+    mean: bool,
+}
+
+impl SquaredError {
+    /// `s` for `n` entries.
+    fn scale<T: Scalar>(&self, n: usize) -> T {
+        if self.mean { T::ONE / T::from_f64(n as f64) } else { T::ONE }
+    }
+}
+
+impl<T: Scalar> Op<T> for SquaredError {
+    type Saved = ();
+    type Error = TensorError;
+
+    fn name(&self) -> &'static str {
+        if self.mean { "mean_squared_error" } else { "squared_error" }
+    }
+
+    fn forward(
+        &self,
+        inputs: &Inputs<'_, T>,
+        outputs: &mut Outputs<'_, T>,
+        _saved: &mut (),
+    ) -> Result<(), TensorError> {
+        let operation = Op::<T>::name(self);
+        let (x_shape, t_shape) = (inputs.shape(0), inputs.shape(1));
+        if x_shape != t_shape {
+            let rule = "an image and a target of one shape";
+            let (left, right) = (x_shape.clone(), t_shape.clone());
+            return Err(TensorError::Mismatch { operation, rule, left, right });
+        }
+        let (x, t) = (inputs.data(0), inputs.data(1));
+        if self.mean && x.is_empty() {
+            let rule = "at least one entry";
+            return Err(TensorError::Shape { operation, rule, shape: x_shape.clone() });
+        }
+        let t = &t[..x.len()];
+        let squares = sum::<T>(x.len(), |k| {
+            let difference = x[k].widen() - t[k].widen();
+            difference * difference
+        });
+        outputs.push([])[0] = T::narrow(self.scale::<T::Wide>(x.len()) * squares);
+        Ok(())
+    }
+
+    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
+        Keep::NOTHING.input(0).input(1)
+    }
+
+    fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
+        let (x, t) = (kept.input(0), kept.input(1));
+        let t = &t[..x.len()];
+        let slope = T::from_f64(2.0) * self.scale::<T>(x.len()) * kept.only_upstream()[0];
+        let [x_bar, t_bar] = gradients.first();
+        if let Some(x_bar) = x_bar {
+            x_bar.add_each(|k| slope * (x[k] - t[k]));
+        }
+        if let Some(t_bar) = t_bar {
+            t_bar.add_each(|k| slope * (t[k] - x[k]));
+        }
+    }
+}
+
+/// The sum of squared errors of `image` against `target`, of any one shape; returns `[]`.
+///
+/// # Errors
+/// [`TensorError::Mismatch`] unless both have the same shape; [`TensorError::ForeignVariable`]
+/// unless both are on one tape.
+pub fn squared_error<'t, T: Scalar>(
+    image: Var<'t, T>,
+    target: Var<'t, T>,
+) -> Result<Var<'t, T>, TensorError> {
+    image.tape().apply(SquaredError { mean: false }, &[image, target])
+}
+
+/// The mean squared error of `image` against `target`, of any one shape; returns `[]`.
+///
+/// # Errors
+/// As [`squared_error`]; [`TensorError::Shape`] for images without an entry.
+pub fn mean_squared_error<'t, T: Scalar>(
+    image: Var<'t, T>,
+    target: Var<'t, T>,
+) -> Result<Var<'t, T>, TensorError> {
+    image.tape().apply(SquaredError { mean: true }, &[image, target])
+}
+
+#[cfg(test)]
+mod tests {
+    use bokashi_core::{Tape, Tensor};
+
+    use super::*;
+
+    type Loss<T> = for<'t> fn(Var<'t, T>, Var<'t, T>) -> Result<Var<'t, T>, TensorError>;
+
+    fn losses<T: Scalar>() -> [(Loss<T>, f64); 2] {
+        [(squared_error, 1.0), (mean_squared_error, 0.25)]
+    }
+
+    #[test]
+    fn loss_and_gradients_are_exactly_zero_where_target_equals_image() {
+        for (loss, _) in losses::<f32>() {
+            let image = Tensor::from_fn([3, 5, 2], |k| (k as f32).sqrt());
+            let tape = Tape::new();
+            let (x, t) = (tape.leaf(&image), tape.leaf(&image));
+            let loss = loss(x, t).unwrap();
+            assert_eq!(loss.item(), 0.0);
+            let gradients = loss.backward().unwrap();
+            assert!(gradients.get(x).unwrap().data().iter().all(|&entry| entry == 0.0));
+            assert!(gradients.get(t).unwrap().data().iter().all(|&entry| entry == 0.0));
+        }
+    }
+
+    #[test]
+    fn value_and_gradients_are_those_worked_out_by_hand() {
+        for (loss, scale) in losses::<f64>() {
+            let tape = Tape::new();
+            let x = tape.leaf(&Tensor::new([2, 2], vec![1.0, 2.0, 3.0, 4.0]).unwrap());
+            let t = tape.leaf(&Tensor::new([2, 2], vec![1.5, 2.0, 1.0, 5.0]).unwrap());
+            let loss = loss(x, t).unwrap();
+            assert_eq!(loss.item(), scale * (0.25 + 4.0 + 1.0));
+            // Through a factor of 3, so that the upstream gradient counts.
+            let gradients = (loss * 3.0).backward().unwrap();
+            let expected = [-0.5, 0.0, 2.0, -1.0].map(|difference| 6.0 * scale * difference);
+            assert_eq!(gradients.get(x).unwrap().data(), expected);
+            assert_eq!(gradients.get(t).unwrap().data(), expected.map(|entry| -entry));
+        }
+    }
+
+    #[test]
+    fn a_loss_of_an_image_with_itself_as_target_has_no_gradient() {
+        let tape = Tape::<f64>::new();
+        let x = tape.leaf(&Tensor::full([4], 2.0));
+        let gradients = squared_error(x, x).unwrap().backward().unwrap();
+        assert_eq!(gradients.get(x).unwrap().data(), [0.0; 4]);
+    }
+
+    #[test]
+    fn long_sums_keep_their_digits_in_f32() {
+        let n = 1_000_000;
+        let tape = Tape::<f32>::new();
+        let image = tape.constant_full([n], 0.1);
+        let target = tape.constant_full([n], 0.0);
+        let exact = n as f64 * f64::from(0.1_f32) * f64::from(0.1_f32);
+        assert_eq!(squared_error(image, target).unwrap().item(), exact as f32);
+    }
+
+    #[test]
+    fn only_the_inputs_that_need_a_gradient_get_one() {
+        let tape = Tape::<f64>::new();
+        let leaf = tape.leaf(&Tensor::full([4], 2.0));
+        let constant = tape.constant(&Tensor::full([4], 1.0));
+        for loss in [squared_error(leaf, constant), squared_error(constant, leaf)] {
+            let gradients = loss.unwrap().backward().unwrap();
+            assert_eq!(gradients.get(leaf).unwrap().data(), [2.0; 4]);
+            assert!(gradients.get(constant).is_none());
+        }
+    }
+
+    #[test]
+    fn shapes_must_agree_and_a_mean_needs_entries() {
+        let tape = Tape::<f64>::new();
+        let (a, b) = (tape.constant_full([2, 3], 0.0), tape.constant_full([3, 2], 0.0));
+        assert_eq!(
+            squared_error(a, b).unwrap_err().to_string(),
+            "squared_error needs an image and a target of one shape, got shapes [2, 3] and [3, 2]"
+        );
+        let empty = tape.constant_full([0, 3], 0.0);
+        assert_eq!(squared_error(empty, empty).unwrap().item(), 0.0);
+        assert_eq!(
+            mean_squared_error(empty, empty).unwrap_err().to_string(),
+            "mean_squared_error needs at least one entry, got shape [0, 3]"
+        );
+    }
+}

@@ -1,0 +1,90 @@
+//! What is fitted: any composition of operations that ends in a loss.
+
+use std::marker::PhantomData;
+
+use bokashi_core::{Scalar, Tape, Var};
+
+use crate::error::FitError;
+use crate::parameter::{Parameters, Variables};
+
+/// A computation from parameters to a loss, written once; generic over `T`, it runs in `f32` and
+/// in `f64`.
+///
+/// A pipeline without changing inputs is just a function: see [`from_fn`].
+pub trait Pipeline<T: Scalar> {
+    /// The errors of the parameters against the truth; `()` where it is unknown.
+    type Measure: Clone + Default;
+
+    /// Sets what changes from step to step and is not learnt: a pose, a target image. Called once
+    /// per step, before [`Pipeline::loss`], and timed apart.
+    ///
+    /// # Errors
+    /// Whatever the operations refuse.
+    fn prepare(&mut self, step: u64) -> Result<(), FitError> {
+        let _ = step;
+        Ok(())
+    }
+
+    /// Records the loss of the parameters `variables`, a scalar, on `tape`.
+    ///
+    /// # Errors
+    /// Whatever the operations refuse.
+    fn loss<'t>(
+        &self,
+        tape: &'t Tape<T>,
+        variables: &Variables<'t, T>,
+    ) -> Result<Var<'t, T>, FitError>;
+
+    /// Measures the parameters against the truth.
+    fn measure(&self, parameters: &Parameters<T>) -> Self::Measure {
+        let _ = parameters;
+        Self::Measure::default()
+    }
+}
+
+/// A function from parameters to a loss as a [`Pipeline`].
+#[derive(Debug, Clone, Copy)]
+pub struct FromFn<T, F> {
+    loss: F,
+    numbers: PhantomData<fn(T)>,
+}
+
+/// Makes a [`Pipeline`] of a function from parameters to a loss.
+///
+/// ```
+/// use bokashi_core::Tensor;
+/// use bokashi_fit::{Fit, FitSettings, Parameter, Parameters, from_fn};
+///
+/// let x = Parameter::new("x", Tensor::new([2], vec![3.0, -4.0])?).rate(0.1);
+/// let mut bowl = from_fn(|_tape, variables| {
+///     let x = variables.get("x")?;
+///     Ok((x * x).sum())
+/// });
+/// let mut fit = Fit::<f64>::new(Parameters::new().with(x)?, FitSettings::default())?;
+/// let history = fit.run(&mut bowl)?;
+/// assert!(history.last().loss < 1e-6 * history.initial().loss);
+/// # Ok::<(), bokashi_fit::FitError>(())
+/// ```
+pub fn from_fn<T, F>(loss: F) -> FromFn<T, F>
+where
+    T: Scalar,
+    F: for<'t> Fn(&'t Tape<T>, &Variables<'t, T>) -> Result<Var<'t, T>, FitError>,
+{
+    FromFn { loss, numbers: PhantomData }
+}
+
+impl<T, F> Pipeline<T> for FromFn<T, F>
+where
+    T: Scalar,
+    F: for<'t> Fn(&'t Tape<T>, &Variables<'t, T>) -> Result<Var<'t, T>, FitError>,
+{
+    type Measure = ();
+
+    fn loss<'t>(
+        &self,
+        tape: &'t Tape<T>,
+        variables: &Variables<'t, T>,
+    ) -> Result<Var<'t, T>, FitError> {
+        (self.loss)(tape, variables)
+    }
+}

@@ -1,0 +1,194 @@
+//! The page of a report: one HTML file that needs nothing beside it.
+//!
+//! Figures are inline SVG, pictures are inline PNG; there is no script, no font and no address
+//! to load. Light and dark follow the reader's setting.
+
+use std::fmt::Write as _;
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+
+use crate::scenes::{CubeSettings, Experiment};
+
+use super::digest::Group;
+use super::figure::{GRID, INK, PALETTE, PALETTE_DARK};
+use super::film::Film;
+use super::{About, ReportError, film, gallery, panels, results};
+
+/// The style sheet, without the colours of the figures.
+const STYLE: &str = include_str!("page.css");
+
+/// Text as HTML.
+pub(crate) fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// A PNG file as an address.
+pub(crate) fn data_uri(png: &[u8]) -> String {
+    format!("data:image/png;base64,{}", STANDARD.encode(png))
+}
+
+/// Exchanges the colours that figures are drawn in for those of a dark page.
+fn dark_figures() -> String {
+    let mut style = String::from("@media (prefers-color-scheme:dark){");
+    let pairs = PALETTE.iter().zip(PALETTE_DARK);
+    for (light, dark) in pairs.chain([(&INK[0], INK[1]), (&GRID[0], GRID[1])]) {
+        // Writing to a string cannot fail.
+        let _ = write!(
+            style,
+            "svg [stroke=\"{light}\"]{{stroke:{dark}}}svg [fill=\"{light}\"]{{fill:{dark}}}"
+        );
+    }
+    style.push('}');
+    style
+}
+
+/// The whole page.
+pub(crate) fn page(
+    about: &About,
+    groups: &[&Group],
+    failures: &[(CubeSettings, String)],
+    film: Option<&Film>,
+) -> Result<String, ReportError> {
+    let of = |experiment| -> Vec<&Group> {
+        groups.iter().copied().filter(|group| group.settings.experiment == experiment).collect()
+    };
+    let experiments = [Experiment::Vertices, Experiment::Sigma, Experiment::Joint]
+        .map(|experiment| (panels::heading(experiment), of(experiment)))
+        .into_iter()
+        .filter(|(_, groups)| !groups.is_empty())
+        .collect::<Vec<_>>();
+
+    let mut sections: Vec<(&str, &str, String)> = Vec::new();
+    sections.push(("time", "Error against run time", against_time(&experiments)?));
+    sections.push(("speed", "Time per step, and the error it buys", speed(groups)));
+    if let Some(film) = film {
+        sections.push(("film", "The fit in motion", film_of(groups, film)));
+    }
+    sections.push(("pictures", "The learnt cube", pictures(&experiments)?));
+    sections.push(("steps", "Distance and sigma against step", against_step(&experiments)?));
+    if let Some(stuck) = results::stuck(groups)? {
+        sections.push(("stuck", "Fits that are stuck", stuck));
+    }
+    if !failures.is_empty() {
+        sections.push(("failures", "Fits that ended in an error", results::failures(failures)));
+    }
+    sections.push(("fits", "Every fit", every_fit(groups)));
+    sections.push(("choices", "Every choice", results::choices(about, groups)));
+    sections.retain(|(_, _, body)| !body.is_empty());
+
+    let (mut contents, mut body) = (String::new(), String::new());
+    for (id, title, section) in &sections {
+        let _ = write!(contents, "<li><a href=\"#{id}\">{title}</a>");
+        let _ = write!(body, "<section id=\"{id}\"><h2>{title}</h2>{section}</section>");
+    }
+    let count: usize = groups.iter().map(|group| group.fits.len()).sum();
+    let fits = if count == 1 { "one fit".to_owned() } else { format!("{count} fits") };
+    let program = escaped(&about.program);
+    Ok(format!(
+        "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\">\
+         <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\
+         <title>Bokashi: error against run time</title><style>{STYLE}{}</style></head><body>\
+         <header><h1>A cube, learnt from its blurred pictures</h1>\
+         <p>Vertices, colours and the strength of a Gaussian blur, found by gradient descent \
+         through a renderer, on a CPU. This report shows {fits}, and every seed of them.</p>\
+         <nav><ul>{contents}</ul></nav></header>\
+         <main>{body}</main>\
+         <footer>Made by {program}. Beside this page: <code>fits.csv</code>, \
+         <code>histories.csv</code>, <code>fit.png</code>, <code>pictures/</code>.</footer>\
+         </body></html>\n",
+        dark_figures(),
+    ))
+}
+
+type Experiments<'a> = [(&'static str, Vec<&'a Group>)];
+
+fn against_time(experiments: &Experiments<'_>) -> Result<String, ReportError> {
+    let mut html = String::new();
+    for (heading, groups) in experiments {
+        let panels = panels::against_time(groups);
+        if !panels.is_empty() {
+            let _ = write!(html, "<h3>{heading}</h3>{}", panels::html(groups, &panels)?);
+        }
+    }
+    let groups = || experiments.iter().flat_map(|(_, groups)| groups);
+    if !html.is_empty() && groups().any(|group| group.fits.len() > 1) {
+        html.push_str(
+            "<p class=\"note\">Lines: median over the seeds; bands: from the lower to the upper \
+             quartile. Both axes are logarithmic: farther down is better, farther left is \
+             sooner.</p>",
+        );
+    } else if !html.is_empty() {
+        html.push_str(
+            "<p class=\"note\">One seed per line. A line is the median of the few steps that a \
+             point of it stands for, the band around it their least and largest value. Both \
+             axes are logarithmic.</p>",
+        );
+    }
+    Ok(html)
+}
+
+fn speed(groups: &[&Group]) -> String {
+    format!(
+        "{}<p class=\"note\">Medians over seeds of medians over steps: forward, backward and \
+         optimizer of the learnt image; rendering the target of a new pose is apart, under \
+         <i>target image</i>. <i>Paper’s GPU</i>: an NVIDIA RTX 3060 Ti, as printed. <i>Last \
+         tenth</i>: the largest error within the last tenth of a run, since Adam at a constant \
+         rate can jump back after it has converged. <i>Stuck</i>: ended farther than {} from the \
+         cube.</p>",
+        results::speed(groups),
+        super::digest::STUCK,
+    )
+}
+
+fn film_of(groups: &[&Group], film: &Film) -> String {
+    let names = film::cast(groups);
+    let names: Vec<_> = names.iter().map(|group| escaped(&group.name())).collect();
+    format!(
+        "<div class=\"film\"><picture><source media=\"(prefers-reduced-motion:reduce)\" \
+         srcset=\"{}\"><img alt=\"learnt cubes turn into their targets\" src=\"{}\"></picture>\
+         <div><p>Above the learnt cube, below its target, from the first step to the last.</p>\
+         <p>From left to right: {}.</p><p class=\"note\">The bar counts steps, evenly in their \
+         logarithm; its marks are the powers of ten.</p></div></div>",
+        data_uri(&film.still),
+        data_uri(&film.moving),
+        names.join(", "),
+    )
+}
+
+fn pictures(experiments: &Experiments<'_>) -> Result<String, ReportError> {
+    let mut html = String::new();
+    for (heading, groups) in experiments {
+        let gallery = gallery::html(groups)?;
+        if !gallery.is_empty() {
+            let _ = write!(html, "<h3>{heading}</h3>{gallery}");
+        }
+    }
+    if html.is_empty() {
+        return Ok(html);
+    }
+    Ok(format!(
+        "<p><i>Seen</i>: the image that a fit compares with its target, pixel by pixel. \
+         <i>Cube</i>: the same cube large and sharp, white the learnt wireframe, yellow the true \
+         one.</p>{html}"
+    ))
+}
+
+fn against_step(experiments: &Experiments<'_>) -> Result<String, ReportError> {
+    let mut html = String::new();
+    for (heading, groups) in experiments {
+        let panels = panels::against_step(groups);
+        if !panels.is_empty() {
+            let _ = write!(html, "<h3>{heading}</h3>{}", panels::html(groups, &panels)?);
+        }
+    }
+    Ok(html)
+}
+
+fn every_fit(groups: &[&Group]) -> String {
+    format!(
+        "<p><i>Own vertex to own place</i>: the vertex error without automorphisms; it is about \
+         1 where a fit found the cube with its corners renamed, which no picture can tell.</p>{}",
+        results::every_fit(groups)
+    )
+}

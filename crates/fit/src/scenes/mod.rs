@@ -1,0 +1,19 @@
+//! The paper's experiments on a cube, built only from the public interface of the operations.
+//!
+//! [`run_cube`] does one fit and returns its [`Outcome`]; [`picture`] and [`outline`] draw what a
+//! [`Snapshot`] of it holds.
+
+mod automorphism;
+mod cube;
+mod experiment;
+mod outcome;
+mod picture;
+mod scene;
+mod settings;
+
+pub use automorphism::automorphisms;
+pub use cube::{FACES, VERTEX_COUNT, View, random_start, truth};
+pub use experiment::{CubeMeasure, CubePipeline, run_cube};
+pub use outcome::{Outcome, Progress, Record, Snapshot};
+pub use picture::{edges, outline, picture};
+pub use settings::{CubeSettings, Experiment, Precision, Preset, Rates};

@@ -1,0 +1,50 @@
+//! The paper's pipeline, from vertices to an image, as operations composed.
+
+use bokashi_core::{Scalar, Var};
+use bokashi_render_ops::{
+    Background, Blur, Mesh, Size, antialias, gaussian_blur, interpolate, project, rasterize,
+    resolve,
+};
+use glam::DMat4;
+
+use super::cube::{FACES, VERTEX_COUNT};
+use crate::error::FitError;
+
+/// A cube in front of black, up to its vertices, colours, pose and sigma.
+#[derive(Debug, Clone)]
+pub(crate) struct Scene {
+    mesh: Mesh,
+    size: Size,
+    antialias: bool,
+    blur: Option<Blur>,
+}
+
+impl Scene {
+    /// A scene in images of `size` times `size` pixels.
+    pub(crate) fn new(size: usize, antialias: bool, blur: Option<Blur>) -> Result<Self, FitError> {
+        let mesh = Mesh::new(FACES.to_vec(), VERTEX_COUNT)?;
+        Ok(Self { mesh, size: Size::square(size), antialias, blur })
+    }
+
+    /// Records the image, `[H, W, 3]`, of `vertices` and `colors`, `[8, 3]` each, blurred by
+    /// `sigma`, `[]`, where the scene has a blur and there is a sigma.
+    pub(crate) fn image<'t, T: Scalar>(
+        &self,
+        camera: &DMat4,
+        vertices: Var<'t, T>,
+        colors: Var<'t, T>,
+        sigma: Option<Var<'t, T>>,
+    ) -> Result<Var<'t, T>, FitError> {
+        let clip = project(vertices, camera, None)?;
+        let fragments = rasterize(clip, &self.mesh, self.size)?;
+        let surface = interpolate(colors, &fragments)?;
+        let mut image = resolve(surface, &fragments, Background::Zero)?;
+        if self.antialias {
+            image = antialias(image, &fragments, clip)?;
+        }
+        if let (Some(blur), Some(sigma)) = (&self.blur, sigma) {
+            image = gaussian_blur(image, sigma, blur)?;
+        }
+        Ok(image)
+    }
+}

@@ -1,0 +1,114 @@
+//! Learning rates over a run: a factor for every rate, by step.
+
+use std::f64::consts::PI;
+
+use crate::error::FitError;
+
+/// A factor that multiplies every learning rate, by step.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[non_exhaustive]
+pub enum Schedule {
+    /// 1 throughout.
+    #[default]
+    Constant,
+    /// From 1 down to `floor` along half a cosine, and `floor` from `steps` on.
+    Cosine {
+        /// The step that reaches the floor.
+        steps: u64,
+        /// The last factor.
+        floor: f64,
+    },
+    /// Halved (for `factor` 1/2) smoothly every `steps`: `factor^(step / steps)`.
+    Exponential {
+        /// How many steps multiply the rate by `factor` once.
+        steps: u64,
+        /// The factor, in (0, 1].
+        factor: f64,
+    },
+    /// Multiplied by `factor` at once every `steps`.
+    Step {
+        /// How many steps keep a rate.
+        steps: u64,
+        /// The factor, in (0, 1].
+        factor: f64,
+    },
+}
+
+impl Schedule {
+    /// The factor of step `step`, counted from 0.
+    pub fn factor(&self, step: u64) -> f64 {
+        match *self {
+            Self::Constant => 1.0,
+            Self::Cosine { steps, floor } if step >= steps => floor,
+            Self::Cosine { steps, floor } => {
+                let done = step as f64 / steps as f64;
+                floor + (1.0 - floor) * 0.5 * (1.0 + (PI * done).cos())
+            }
+            Self::Exponential { steps, factor } => factor.powf(step as f64 / steps as f64),
+            Self::Step { steps, factor } => factor.powf((step / steps) as f64),
+        }
+    }
+
+    /// Checks the parts.
+    ///
+    /// # Errors
+    /// [`FitError::Setting`] for a factor or floor outside its range, or a period of no steps.
+    pub fn check(&self) -> Result<(), FitError> {
+        match *self {
+            Self::Cosine { floor, .. } if !(0.0..=1.0).contains(&floor) => {
+                Err(FitError::setting("schedule", "a floor from 0 to 1", floor))
+            }
+            Self::Exponential { steps: 0, .. } | Self::Step { steps: 0, .. } => {
+                Err(FitError::setting("schedule", "a period of at least 1 step", 0))
+            }
+            Self::Exponential { factor, .. } | Self::Step { factor, .. }
+                if !(factor > 0.0 && factor <= 1.0) =>
+            {
+                Err(FitError::setting("schedule", "a factor above 0 and up to 1", factor))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cosine_starts_at_one_halves_half_way_and_stays_at_its_floor() {
+        let schedule = Schedule::Cosine { steps: 100, floor: 0.25 };
+        assert_eq!(schedule.factor(0), 1.0);
+        assert!((schedule.factor(50) - 0.625).abs() < 1e-15);
+        assert_eq!(schedule.factor(100), 0.25);
+        assert_eq!(schedule.factor(u64::MAX), 0.25);
+        assert!((0..100).all(|step| schedule.factor(step) > schedule.factor(step + 1)));
+    }
+
+    #[test]
+    fn exponential_and_step_agree_at_whole_periods() {
+        let smooth = Schedule::Exponential { steps: 10, factor: 0.5 };
+        let sudden = Schedule::Step { steps: 10, factor: 0.5 };
+        for period in 0..5 {
+            let expected = 0.5_f64.powi(period);
+            assert_eq!(smooth.factor(10 * period as u64), expected);
+            assert_eq!(sudden.factor(10 * period as u64), expected);
+            assert_eq!(sudden.factor(10 * period as u64 + 9), expected);
+        }
+        assert!((smooth.factor(5) - 0.5_f64.sqrt()).abs() < 1e-15);
+    }
+
+    #[test]
+    fn schedules_outside_their_range_are_refused() {
+        let message = |schedule: Schedule| schedule.check().map_err(|error| error.to_string());
+        assert_eq!(message(Schedule::Constant), Ok(()));
+        assert_eq!(message(Schedule::Cosine { steps: 0, floor: 0.0 }), Ok(()));
+        assert_eq!(Schedule::Cosine { steps: 0, floor: 0.0 }.factor(0), 0.0);
+        let floor = message(Schedule::Cosine { steps: 9, floor: 1.5 });
+        assert_eq!(floor, Err("schedule needs a floor from 0 to 1, got 1.5".into()));
+        let steps = message(Schedule::Step { steps: 0, factor: 0.5 });
+        assert_eq!(steps, Err("schedule needs a period of at least 1 step, got 0".into()));
+        let factor = message(Schedule::Exponential { steps: 1, factor: f64::NAN });
+        assert_eq!(factor, Err("schedule needs a factor above 0 and up to 1, got NaN".into()));
+    }
+}

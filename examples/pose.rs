@@ -1,0 +1,92 @@
+//! A pipeline of one's own: where is this cube, and how blurred is its picture?
+//!
+//! Takes one blurred picture of a cube whose shape and colours are known, and learns its pose (a
+//! quaternion and a translation) and the blur's sigma together, from a start that is off by half a
+//! radian, a quarter of the cube's side, and a factor of two in sigma.
+
+use bokashi_core::{Scalar, Tape, Tensor, Var};
+use bokashi_fit::{
+    Fit, FitError, FitSettings, Mapping, Parameter, Parameters, Schedule, from_fn, squared_error,
+};
+use bokashi_render_ops::{
+    Background, Blur, Mesh, Pose, Size, antialias, gaussian_blur, interpolate, project, rasterize,
+    resolve,
+};
+use glam::dcamera::rh::proj::opengl::perspective;
+use glam::{DMat4, DQuat, DVec3};
+
+/// The known cube and the camera that looks at it.
+struct Scene {
+    mesh: Mesh,
+    vertices: Tensor<f64>,
+    colors: Tensor<f64>,
+    camera: DMat4,
+}
+
+impl Scene {
+    fn new() -> Result<Self, FitError> {
+        // Vertex k has the bits of k as its coordinates, side 1 about the origin.
+        let bit = |entry: usize| ((entry / 3) >> (2 - entry % 3) & 1) as f64;
+        let faces = vec![
+            [0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
+            [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3],
+        ];
+        Ok(Self {
+            mesh: Mesh::new(faces, 8)?,
+            vertices: Tensor::from_fn([8, 3], |entry| bit(entry) - 0.5),
+            colors: Tensor::from_fn([8, 3], bit),
+            camera: perspective(0.7, 1.0, 1.0, 50.0),
+        })
+    }
+
+    /// The picture of the cube in `pose`, in either precision.
+    fn picture<'t, T: Scalar>(
+        &self,
+        pose: Pose<'t, T>,
+        sigma: Var<'t, T>,
+    ) -> Result<Var<'t, T>, FitError> {
+        let tape: &Tape<T> = sigma.tape();
+        let clip = project(tape.constant(&self.vertices.cast()), &self.camera, Some(pose))?;
+        let fragments = rasterize(clip, &self.mesh, Size::square(64))?;
+        let surface = interpolate(tape.constant(&self.colors.cast()), &fragments)?;
+        let image = resolve(surface, &fragments, Background::Zero)?;
+        let image = antialias(image, &fragments, clip)?;
+        Ok(gaussian_blur(image, sigma, &Blur::default())?)
+    }
+}
+
+fn main() -> Result<(), FitError> {
+    let scene = Scene::new()?;
+    let rotation = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, -0.5).normalize(), 0.9);
+    let translation = DVec3::new(0.2, -0.1, -4.0);
+
+    let tape = Tape::<f64>::new();
+    let truth = Pose {
+        rotation: tape.constant(&Tensor::new([4], rotation.to_array().to_vec())?),
+        translation: tape.constant(&Tensor::new([3], translation.to_array().to_vec())?),
+    };
+    let photo = scene.picture(truth, tape.constant_full([], 1.5))?.value();
+
+    let start = DQuat::from_axis_angle(DVec3::Y, 0.5) * rotation;
+    let away = translation + DVec3::new(-0.15, 0.15, 0.15);
+    let mut fit = Fit::new(
+        Parameters::new()
+            .with(Parameter::new("rotation", Tensor::new([4], start.to_array().to_vec())?).rate(0.02))?
+            .with(Parameter::new("translation", Tensor::new([3], away.to_array().to_vec())?).rate(0.01))?
+            .with(Parameter::new("sigma", Tensor::scalar(3.0)).rate(0.02).mapping(Mapping::Softplus))?,
+        FitSettings { steps: 500, schedule: Schedule::Cosine { steps: 500, floor: 0.0 }, ..FitSettings::default() },
+    )?;
+    let history = fit.run(&mut from_fn(|tape, variables| {
+        let (rotation, translation) = (variables.get("rotation")?, variables.get("translation")?);
+        let image = scene.picture(Pose { rotation, translation }, variables.get("sigma")?)?;
+        Ok(squared_error(image, tape.constant(&photo))?)
+    }))?;
+
+    let learnt = |name| fit.parameters().value(name);
+    let q = DQuat::from_slice(learnt("rotation")?.data()).normalize();
+    println!("loss         {:.1e} -> {:.1e}", history.initial().loss, history.last().loss);
+    println!("rotation     {:.1e} rad off", q.angle_between(rotation));
+    println!("translation  {:.1e} off", DVec3::from_slice(learnt("translation")?.data()).distance(translation));
+    println!("sigma        {:.6}, the truth is 1.5", learnt("sigma")?.item());
+    Ok(())
+}

@@ -1,1 +1,0 @@
-//! The examples live in the files beside this package's manifest.

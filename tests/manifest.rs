@@ -1,0 +1,32 @@
+//! Every test file and every example is listed in its manifest: with `autotests = false` and
+//! `autoexamples = false` a forgotten one would never run.
+
+use std::fs;
+use std::path::Path;
+
+/// The names of the Rust files right inside `directory`.
+fn sources(directory: &Path) -> Vec<String> {
+    let entries = fs::read_dir(directory).unwrap().map(|entry| entry.unwrap().path());
+    let sources = entries.filter(|path| path.extension().is_some_and(|ending| ending == "rs"));
+    sources.map(|path| path.file_name().unwrap().to_str().unwrap().to_owned()).collect()
+}
+
+fn assert_all_listed(directory: &Path) {
+    let manifest = fs::read_to_string(directory.join("Cargo.toml")).unwrap();
+    let sources = sources(directory);
+    assert!(!sources.is_empty(), "{} holds no Rust file", directory.display());
+    for source in sources {
+        let listed = manifest.lines().any(|line| line == format!("path = \"{source}\""));
+        assert!(listed, "{} is missing from {}/Cargo.toml", source, directory.display());
+    }
+}
+
+#[test]
+fn every_test_is_listed() {
+    assert_all_listed(Path::new(env!("CARGO_MANIFEST_DIR")));
+}
+
+#[test]
+fn every_example_is_listed() {
+    assert_all_listed(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples"));
+}

@@ -1,1 +1,0 @@
-//! Laws across the crates live in the files beside this package's manifest.
