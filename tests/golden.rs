@@ -57,7 +57,8 @@ struct BlurGradients {
 }
 
 fn golden(name: &str) -> Golden {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("golden").join(name).with_extension("json");
+    let path =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("golden").join(name).with_extension("json");
     let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path:?}: {error}"));
     serde_json::from_str(&text).unwrap_or_else(|error| panic!("{path:?}: {error}"))
 }
@@ -112,7 +113,11 @@ impl<'t, T: Scalar> Scene<'t, T> {
         let upstream = tensor(of.shape(), &flat_image(&expected.upstream));
         let gradients = of.tape().vjp(&[(of, &upstream)]).unwrap();
         let (clip, attributes) = (flat(&expected.clip), flat(&expected.attributes));
-        self.assert_close(&format!("clip gradient of {what}"), &gradients.get_or_zeros(self.clip), &clip);
+        self.assert_close(
+            &format!("clip gradient of {what}"),
+            &gradients.get_or_zeros(self.clip),
+            &clip,
+        );
         let found = gradients.get_or_zeros(self.attributes);
         self.assert_close(&format!("attribute gradient of {what}"), &found, &attributes);
     }
@@ -123,14 +128,16 @@ impl<'t, T: Scalar> Scene<'t, T> {
 
         let size = Size { width: golden.width, height: golden.height };
         let dense = |values: Var<'t, T>, channels: usize| {
-            let rows = values.value().reshaped([self.fragments.coverage.count(), channels]).unwrap();
+            let rows =
+                values.value().reshaped([self.fragments.coverage.count(), channels]).unwrap();
             let values = values.tape().constant(&rows);
             resolve(values, &self.fragments, Background::Zero).unwrap().value()
         };
         assert_eq!(self.fragments.coverage.size(), size);
         let barycentrics = dense(self.fragments.barycentrics, 2);
         // The golden arrays hold some numbers outside the triangles too.
-        let covered: Vec<f64> = golden.triangle_id.concat().iter().map(|&id| id.min(1).into()).collect();
+        let covered: Vec<f64> =
+            golden.triangle_id.concat().iter().map(|&id| id.min(1).into()).collect();
         let expected: Vec<f64> = flat_image(&golden.barycentric_uv)
             .iter()
             .enumerate()

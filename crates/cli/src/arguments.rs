@@ -139,8 +139,11 @@ pub(crate) fn parse(
         _ => Stopped::Wrong(Failure::Use(folded(&error.to_string()))),
     })?;
     match &request.command {
-        Some(Command::Fit(fit)) if fit.sigma.is_some() && fit.experiment == Experiment::Vertices => {
-            let rule = "--sigma needs --experiment sigma or joint: vertices are learnt without blur";
+        Some(Command::Fit(fit))
+            if fit.sigma.is_some() && fit.experiment == Experiment::Vertices =>
+        {
+            let rule =
+                "--sigma needs --experiment sigma or joint: vertices are learnt without blur";
             Err(Stopped::Wrong(Failure::Use(rule.to_owned())))
         }
         _ => Ok(request),
@@ -290,7 +293,7 @@ mod tests {
         for (line, what, allowed) in table {
             let text = wrong(line);
             assert!(text.contains(what) && text.contains(allowed), "{line}: {text}");
-            assert!(!text.contains('\n') && !text.contains("Usage") , "{line}: {text}");
+            assert!(!text.contains('\n') && !text.contains("Usage"), "{line}: {text}");
             assert!(!text.starts_with("error"), "{line}: {text}");
         }
     }

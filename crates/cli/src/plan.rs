@@ -81,7 +81,8 @@ mod tests {
     #[test]
     fn reproducing_covers_every_figure_of_the_paper_and_both_presets() {
         let all = planned("reproduce --seeds 2 --steps 3 --precision f64");
-        let count = |what: &dyn Fn(&CubeSettings) -> bool| all.iter().filter(|fit| what(fit)).count();
+        let count =
+            |what: &dyn Fn(&CubeSettings) -> bool| all.iter().filter(|fit| what(fit)).count();
         assert_eq!(all.len(), 2 * (6 + 1 + 4 + 4 + 4));
         assert_eq!(count(&|fit| fit.experiment == Experiment::Vertices && !fit.antialias), 2 * 3);
         assert_eq!(count(&|fit| fit.experiment == Experiment::Vertices && fit.resolution == 8), 4);

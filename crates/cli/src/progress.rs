@@ -12,23 +12,37 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 /// How often the bar is drawn.
 const PER_SECOND: u32 = 12;
 
+/// About what a step of a fit costs, in arbitrary units, so that the time left is about right
+/// where fits of several sizes follow each other.
+fn cost(settings: &CubeSettings) -> u64 {
+    let pixels = (settings.resolution * settings.resolution) as u64;
+    match settings.experiment {
+        Experiment::Vertices => 200 + pixels,
+        Experiment::Sigma => 200 + pixels / 2,
+        Experiment::Joint => 200 + 2 * pixels,
+    }
+}
+
 /// A bar over the steps of all fits, on standard error; nothing where that is no terminal.
 #[derive(Debug)]
 pub(crate) struct Bar {
     bar: Option<ProgressBar>,
     drawn: Instant,
+    /// What the fits before this one cost, and what a step of this one costs.
     before: u64,
+    cost: u64,
     /// Milliseconds and number of the updates since the bar was drawn.
     spent: (f64, u32),
 }
 
 impl Bar {
-    /// A bar for fits of `steps` updates altogether.
-    pub(crate) fn new(steps: u64, quiet: bool) -> Self {
+    /// A bar for the fits of `plan`.
+    pub(crate) fn new(plan: &[CubeSettings], quiet: bool) -> Self {
         let bar = (!quiet && std::io::stderr().is_terminal()).then(|| {
+            let total = plan.iter().map(|settings| cost(settings) * settings.steps).sum();
             let target = ProgressDrawTarget::stderr_with_hz(PER_SECOND as u8);
-            let bar = ProgressBar::with_draw_target(Some(steps), target);
-            let style = "{prefix} {wide_bar:.blue/8} {msg}  {eta_precise} left";
+            let bar = ProgressBar::with_draw_target(Some(total), target);
+            let style = "{prefix}  {wide_bar:.blue/8}  {eta} left\n{msg}";
             // The template is fixed; where it were wrong, the default bar is as good.
             let style = ProgressStyle::with_template(style);
             bar.set_style(
@@ -36,11 +50,12 @@ impl Bar {
             );
             bar
         });
-        Self { bar, drawn: Instant::now(), before: 0, spent: (0.0, 0) }
+        Self { bar, drawn: Instant::now(), before: 0, cost: 0, spent: (0.0, 0) }
     }
 
     /// Names the fit that begins.
-    pub(crate) fn begin(&mut self, name: &str) {
+    pub(crate) fn begin(&mut self, settings: &CubeSettings, name: &str) {
+        self.cost = cost(settings);
         if let Some(bar) = &self.bar {
             bar.set_prefix(name.to_owned());
         }
@@ -57,12 +72,12 @@ impl Bar {
         let ms = self.spent.0 / f64::from(self.spent.1);
         (self.drawn, self.spent) = (now, (0.0, 0));
         bar.set_message(message(at, ms));
-        bar.set_position(self.before + at.step);
+        bar.set_position(self.before + self.cost * at.step);
     }
 
     /// Ends a fit of `steps` updates.
     pub(crate) fn end(&mut self, steps: u64) {
-        self.before += steps;
+        self.before += self.cost * steps;
         if let Some(bar) = &self.bar {
             bar.set_position(self.before);
         }
@@ -130,8 +145,9 @@ mod tests {
 
     #[test]
     fn a_quiet_bar_takes_steps_and_shows_nothing() {
-        let mut bar = Bar::new(10, true);
-        bar.begin("name");
+        let settings = CubeSettings::new(Experiment::Joint, Preset::Paper);
+        let mut bar = Bar::new(std::slice::from_ref(&settings), true);
+        bar.begin(&settings, "name");
         bar.step(&at(None, None));
         bar.end(10);
         bar.clear();

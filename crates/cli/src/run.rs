@@ -47,9 +47,9 @@ fn fit_all(request: &Request, writing: &Writing) -> Result<(), Failure> {
     let quiet = request.common().quiet;
     let mut report = request.out().map(|_| Report::new(about()));
     let (mut summary, mut json, mut failures) = (Summary::default(), Vec::new(), Vec::new());
-    let mut bar = Bar::new(plan.iter().map(|settings| settings.steps).sum(), quiet);
+    let mut bar = Bar::new(&plan, quiet);
     for (at, settings) in plan.iter().enumerate() {
-        bar.begin(&name(settings, at + 1, plan.len()));
+        bar.begin(settings, &name(settings, at + 1, plan.len()));
         let outcome = run_cube(settings, &mut |progress| {
             bar.step(&progress);
             ControlFlow::Continue(())

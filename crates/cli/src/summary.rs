@@ -36,9 +36,12 @@ impl Summary {
 
     /// The rows, a heading first.
     pub(crate) fn table(&self) -> String {
+        const HEADING: &str = "error at the end of";
+        let widths = self.lines.iter().map(|line| name(&line.settings).chars().count());
+        let width = widths.chain([HEADING.len()]).max().unwrap_or(0);
         let mut text = format!(
-            "{:<36}{:>6}{:>14}{:>14}{:>14}{:>10}{:>10}\n",
-            "", "seeds", "vertex error", "sigma error", "colour error", "ms/step", "seconds"
+            "{HEADING:<width$}{:>7}{:>10}{:>10}{:>10}{:>9}{:>9}\n",
+            "seeds", "vertices", "sigma", "colours", "ms/step", "seconds"
         );
         for group in self.lines.chunk_by(|a, b| alike(&a.settings, &b.settings)) {
             let median = |at: usize| median(group.iter().filter_map(|line| line.numbers[at]));
@@ -47,7 +50,7 @@ impl Summary {
             // Writing to a string cannot fail.
             let _ = writeln!(
                 text,
-                "{:<36}{:>6}{:>14}{:>14}{:>14}{:>10}{:>10}",
+                "{:<width$}{:>7}{:>10}{:>10}{:>10}{:>9}{:>9}",
                 name(&group[0].settings),
                 group.len(),
                 error(0),
@@ -105,8 +108,32 @@ mod tests {
         assert_eq!(
             rows,
             [
-                ["5.1", "vertices,", "8", "px,", "paper", "2", "2.0e0", "-", "2.0e0", "0.030", "1.000"],
-                ["5.1", "vertices,", "16", "px,", "paper", "1", "5.0e0", "-", "5.0e0", "0.030", "1.000"]
+                [
+                    "5.1",
+                    "vertices,",
+                    "8",
+                    "px,",
+                    "paper",
+                    "2",
+                    "2.0e0",
+                    "-",
+                    "2.0e0",
+                    "0.030",
+                    "1.000"
+                ],
+                [
+                    "5.1",
+                    "vertices,",
+                    "16",
+                    "px,",
+                    "paper",
+                    "1",
+                    "5.0e0",
+                    "-",
+                    "5.0e0",
+                    "0.030",
+                    "1.000"
+                ]
             ]
         );
     }

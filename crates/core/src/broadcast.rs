@@ -165,3 +165,97 @@ impl<T: Scalar> Var<'_, T> {
         self.tape.apply(Broadcast(f), &[self, other])
     }
 }
+
+/// `f(x, y)` and its partial derivatives, as the tape computes them.
+#[cfg(test)]
+pub(crate) fn value_and_slopes<T: Scalar>(
+    x: T,
+    y: T,
+    f: impl for<'t> Fn(Var<'t, T>, Var<'t, T>) -> Var<'t, T>,
+) -> [T; 3] {
+    let tape = crate::Tape::new();
+    let (x, y) = (tape.scalar(x), tape.scalar(y));
+    let z = f(x, y);
+    let gradients = z.backward().expect("a scalar");
+    [z.item(), gradients.get_or_zeros(x).item(), gradients.get_or_zeros(y).item()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tape::Tape;
+    use crate::tensor::Tensor;
+
+    /// `x y` and both gradients, where everything is summed with the upstream gradient 1, 2, ...
+    fn product(x: &[usize], y: &[usize]) -> [Tensor<f64>; 3] {
+        let tape = Tape::new();
+        let x = tape.leaf(&Tensor::from_fn(x, |k| 1.0 + k as f64));
+        let y = tape.leaf(&Tensor::from_fn(y, |k| 10.0 * (1.0 + k as f64)));
+        let z = x.try_mul(y).unwrap();
+        let upstream = Tensor::from_fn(z.shape(), |k| 1.0 + k as f64);
+        let gradients = tape.vjp(&[(z, &upstream)]).unwrap();
+        [z.value(), gradients.get_or_zeros(x), gradients.get_or_zeros(y)]
+    }
+
+    #[test]
+    fn a_repeated_entry_collects_the_terms_of_all_its_copies() {
+        let [z, x_bar, y_bar] = product(&[2, 1], &[3]);
+        assert_eq!(z.data(), [10.0, 20.0, 30.0, 20.0, 40.0, 60.0]);
+        assert_eq!(x_bar.data(), [10.0 + 40.0 + 90.0, 40.0 + 100.0 + 180.0]);
+        assert_eq!(y_bar.data(), [1.0 + 8.0, 2.0 + 10.0, 3.0 + 12.0]);
+        assert_eq!(x_bar.shape(), &Shape::from([2, 1]));
+    }
+
+    #[test]
+    fn both_sides_mirror_each_other() {
+        let shapes: [&[usize]; 6] = [&[], &[1], &[3], &[2, 1], &[4, 1, 3], &[1, 2, 1]];
+        for (left, right) in shapes.iter().flat_map(|&l| shapes.iter().map(move |&r| (l, r))) {
+            let tape = Tape::new();
+            let x = Tensor::from_fn(left, |k| 0.3 + k as f64);
+            let y = Tensor::from_fn(right, |k| 0.7 - k as f64);
+            let [a, b] = [tape.leaf(&x), tape.leaf(&y)];
+            let (ab, ba) = ((a * b).sum(), (b * a).sum());
+            let (one, other) = (ab.backward().unwrap(), ba.backward().unwrap());
+            assert_eq!(ab.value(), ba.value());
+            assert_eq!(one.get(a), other.get(a), "{left:?} {right:?}");
+            assert_eq!(one.get(b), other.get(b), "{left:?} {right:?}");
+        }
+    }
+
+    #[test]
+    fn long_sums_of_copies_keep_their_digits_in_f32() {
+        // In f32, 1 + 2^-24 is 1: summed so, the small terms would all be lost.
+        let (rows, columns) = (1 << 16, 2);
+        let tape = Tape::<f32>::new();
+        let x = tape.leaf(&Tensor::zeros([columns]));
+        let small = 2.0_f32.powi(-24);
+        let terms = Tensor::from_fn([rows, columns], |k| if k < columns { 1.0 } else { small });
+        let z = x + tape.constant(&Tensor::zeros([rows, columns]));
+        let gradients = tape.vjp(&[(z, &terms)]).unwrap();
+        let expected = (1.0 + (rows - 1) as f64 * f64::from(small)) as f32;
+        assert_eq!(gradients.get(x).unwrap().data(), [expected, expected]);
+    }
+
+    #[test]
+    fn one_entry_and_none_broadcast_to_none() {
+        let [z, x_bar, y_bar] = product(&[1], &[0]);
+        assert_eq!((z.size(), y_bar.size()), (0, 0));
+        assert_eq!(x_bar.data(), [0.0]);
+    }
+
+    #[test]
+    fn what_the_slopes_do_not_need_is_not_kept() {
+        let tape = Tape::new();
+        let [x, c] = [tape.scalar(2.0), tape.constant_full([], 3.0)];
+        let _ = x * c;
+        assert_eq!(tape.inner.borrow().nodes[0].keep, Keep::NOTHING.input(1));
+    }
+
+    #[test]
+    fn shapes_that_do_not_broadcast_are_named() {
+        let tape = Tape::<f32>::new();
+        let [x, y] = [[2, 3], [3, 2]].map(|shape| tape.constant_full(shape, 0.0));
+        let message = "mul needs shapes that broadcast, got [2, 3] and [3, 2]";
+        assert_eq!(x.try_mul(y).unwrap_err().to_string(), message);
+    }
+}

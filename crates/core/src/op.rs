@@ -320,3 +320,161 @@ impl<T: Scalar> Accumulator<T> {
         sum
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tape::Tape;
+
+    /// `[x, 2 x]`; keeps its input only if told to, and reads it in any case.
+    struct Doubles {
+        keeps_input: bool,
+        refuses: bool,
+    }
+
+    const HONEST: Doubles = Doubles { keeps_input: true, refuses: false };
+
+    impl Op<f64> for Doubles {
+        type Saved = Vec<f64>;
+        type Error = TensorError;
+
+        fn name(&self) -> &'static str {
+            "doubles"
+        }
+
+        fn forward(
+            &self,
+            inputs: &Inputs<'_, f64>,
+            outputs: &mut Outputs<'_, f64>,
+            saved: &mut Vec<f64>,
+        ) -> Result<(), TensorError> {
+            saved.clear();
+            saved.extend(inputs.data(0));
+            let shape = inputs.shape(0);
+            let [once, twice] = outputs.push_all([shape.clone(), shape.clone()]);
+            for (k, &x) in inputs.data(0).iter().enumerate() {
+                (once[k], twice[k]) = (x, 2.0 * x);
+            }
+            if self.refuses {
+                return Err(TensorError::NotScalar { shape: shape.clone() });
+            }
+            Ok(())
+        }
+
+        fn keeps(&self, _inputs: &Inputs<'_, f64>) -> Keep {
+            if self.keeps_input { Keep::NOTHING.input(0) } else { Keep::NOTHING }
+        }
+
+        fn backward(
+            &self,
+            kept: &Kept<'_, f64>,
+            saved: &mut Vec<f64>,
+            gradients: &mut Accumulators<'_, f64>,
+        ) {
+            assert_eq!(kept.input(0), saved);
+            let Some(x_bar) = gradients.get(0) else { return };
+            for (j, factor) in [(0, 1.0), (1, 2.0)] {
+                if let Some(y_bar) = kept.upstream(j) {
+                    x_bar.add_zipped([y_bar], |[y_bar]| factor * y_bar);
+                }
+            }
+        }
+
+        fn saved_bytes(&self, saved: &Vec<f64>) -> usize {
+            std::mem::size_of_val(&saved[..])
+        }
+    }
+
+    #[test]
+    fn an_output_that_nothing_uses_has_no_upstream_gradient() {
+        let tape = Tape::new();
+        let x = tape.leaf(&Tensor::full([3], 1.5));
+        let outputs = tape.record(HONEST, &[x]).unwrap();
+        let (once, twice) = (outputs[0], outputs[1]);
+        for (loss, expected) in [(once, 1.0), (twice, 2.0), (once + twice, 3.0)] {
+            let gradients = loss.sum().backward().unwrap();
+            assert_eq!(gradients.get(x), Some(&Tensor::full([3], expected)));
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "doubles did not keep its input 0")]
+    fn what_was_not_kept_cannot_be_read() {
+        let tape = Tape::new();
+        let op = Doubles { keeps_input: false, refuses: false };
+        let outputs = tape.record(op, &[tape.scalar(1.0)]).unwrap();
+        let _ = outputs[0].backward();
+    }
+
+    #[test]
+    fn what_is_kept_is_told_apart() {
+        let keep = Keep::NOTHING.input(0).input(63).output(2);
+        let inputs: Vec<_> = (0..130).filter(|&i| keep.has_input(i)).collect();
+        let outputs: Vec<_> = (0..130).filter(|&j| keep.has_output(j)).collect();
+        assert_eq!((inputs, outputs), (vec![0, 63], vec![2]));
+    }
+
+    #[test]
+    #[should_panic(expected = "`apply` is for operations of one output")]
+    fn several_outputs_need_record() {
+        let tape = Tape::new();
+        let _ = tape.apply(HONEST, &[tape.scalar(1.0)]);
+    }
+
+    #[test]
+    fn a_refusal_leaves_the_tape_as_it_was() {
+        let run = |refusals: usize| {
+            let tape = Tape::new();
+            let x = tape.leaf(&Tensor::from_fn([3], |k| k as f64));
+            let y = x.square();
+            for _ in 0..refusals {
+                assert!(tape.record(Doubles { refuses: true, ..HONEST }, &[y]).is_err());
+                assert_eq!(tape.len(), 2);
+            }
+            let z = (y.exp() * x).sum();
+            (z.value(), z.backward().unwrap().get_or_zeros(x), tape.take_report())
+        };
+        assert_eq!(run(0), run(2));
+    }
+
+    #[test]
+    fn what_is_saved_is_counted_and_shown() {
+        let tape = Tape::new();
+        let x = tape.constant(&Tensor::full([3], 1.0));
+        let (_, seen) = tape.record_with(HONEST, &[x], |saved| saved.clone()).unwrap();
+        assert_eq!(seen, [1.0; 3]);
+        // Two outputs and what was saved, three numbers each.
+        assert_eq!(tape.take_report().operations[0].bytes, 9 * 8);
+    }
+
+    fn accumulator(fresh: bool) -> Accumulator<f64> {
+        // NaN: what a fresh buffer holds means nothing.
+        let entry = if fresh { f64::NAN } else { 10.0 };
+        Accumulator { tensor: Tensor::full([2], entry), fresh }
+    }
+
+    #[test]
+    fn every_way_to_add_adds_once_to_what_is_there() {
+        for (fresh, before) in [(true, 0.0), (false, 10.0)] {
+            let ways: [fn(&mut Accumulator<f64>); 4] = [
+                |sum| sum.add_each(|k| 1.0 + k as f64),
+                |sum| sum.add(&[1.0, 2.0]),
+                |sum| sum.add_zipped([&[3.0, 5.0], &[2.0, 3.0]], |[a, b]| a - b),
+                |sum| sum.entries().iter_mut().zip([1.0, 2.0]).for_each(|(s, x)| *s += x),
+            ];
+            for way in ways {
+                let mut sum = accumulator(fresh);
+                way(&mut sum);
+                assert_eq!(sum.tensor.data(), [before + 1.0, before + 2.0]);
+                way(&mut sum);
+                assert_eq!(sum.tensor.data(), [before + 2.0, before + 4.0]);
+            }
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "a gradient has as many entries as its input")]
+    fn a_gradient_of_another_length_is_refused() {
+        accumulator(true).add(&[1.0]);
+    }
+}

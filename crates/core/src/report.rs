@@ -95,3 +95,46 @@ impl fmt::Display for Report {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::tape::Tape;
+    use std::time::Duration;
+
+    #[test]
+    fn a_report_counts_calls_passes_and_bytes_and_starts_anew_when_taken() {
+        let tape = Tape::<f32>::new();
+        let x = tape.leaf(&crate::Tensor::full([10], 0.5));
+        let y = x.exp().exp().sum();
+        let _ = y.backward().unwrap();
+        let _ = y.backward().unwrap();
+        let report = tape.take_report();
+        let counts = report.operations.iter().map(|o| (o.name, o.calls, o.backward_calls, o.bytes));
+        let counts: Vec<_> = counts.collect();
+        assert_eq!(counts, [("exp", 2, 4, 2 * 10 * 4), ("sum", 1, 2, 4)]);
+        assert!(report.operations.iter().all(|o| o.forward + o.backward == Duration::ZERO));
+        assert!(tape.take_report().operations.is_empty());
+    }
+
+    #[test]
+    fn time_is_taken_where_it_is_asked_for() {
+        let tape = Tape::<f64>::new();
+        tape.set_timed(true);
+        let x = tape.leaf(&crate::Tensor::full([10_000], 0.5));
+        let _ = x.exp().sum().backward().unwrap();
+        let report = tape.take_report();
+        assert!(report.operations[0].forward > Duration::ZERO);
+        assert!(report.operations[0].backward > Duration::ZERO);
+    }
+
+    #[test]
+    fn what_was_left_out_is_counted_by_name_and_reason() {
+        let tape = Tape::<f64>::new();
+        tape.leave_out("blur", "sigma is 0");
+        tape.leave_out("blur", "the image is constant");
+        tape.leave_out("blur", "sigma is 0");
+        let report = tape.take_report();
+        assert_eq!(report.left_out.iter().map(|entry| entry.count).collect::<Vec<_>>(), [2, 1]);
+        assert!(report.to_string().contains("left out: blur (sigma is 0), 2 times"));
+    }
+}

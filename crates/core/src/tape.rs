@@ -353,3 +353,89 @@ impl<T: Scalar> fmt::Debug for Tape<T> {
         f.debug_struct("Tape").field("values", &inner.values.len()).field("nodes", &names).finish()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A step on many kinds of operations: the loss and the gradient of each leaf.
+    fn step(tape: &Tape<f32>, x: &Tensor<f32>) -> [Tensor<f32>; 3] {
+        let (leaf, copied) = (tape.leaf(x), tape.leaf_copied(x));
+        let y = (leaf * copied.exp() + 1.0).reshape([6]).unwrap();
+        let loss = (y / (y.square() + 2.0)).sum()
+            + leaf.matmul(copied.transpose().unwrap()).unwrap().sum();
+        let gradients = loss.backward().unwrap();
+        [loss.value(), gradients.get_or_zeros(leaf), gradients.get_or_zeros(copied)]
+    }
+
+    #[test]
+    fn a_later_step_in_recycled_memory_gives_the_same_bits() {
+        let mut tape = Tape::new();
+        let x = Tensor::from_fn([2, 3], |k| 0.3 * k as f32 - 0.7);
+        let first = step(&tape, &x);
+        for k in 0..4 {
+            tape.reset();
+            // Another pipeline in between, so that memory and nodes are found in other hands.
+            if k % 2 == 0 {
+                let _ = (tape.constant_full([k + 1], 5.0).exp() + 1.0).sum();
+                tape.reset();
+            }
+            assert_eq!(step(&tape, &x), first);
+        }
+    }
+
+    #[test]
+    fn a_value_that_is_still_held_keeps_its_numbers() {
+        let mut tape = Tape::new();
+        let x = tape.leaf(&Tensor::full([4], 2.0));
+        let y = x.square();
+        let (held, gradient) = (y.value(), y.sum().backward().unwrap().get_or_zeros(x));
+        for _ in 0..3 {
+            tape.reset();
+            let x = tape.leaf_copied(&Tensor::full([4], 7.0));
+            let _ = x.square().sum().backward().unwrap();
+        }
+        assert_eq!((held, gradient), (Tensor::full([4], 4.0), Tensor::full([4], 4.0)));
+    }
+
+    #[test]
+    fn a_copied_leaf_leaves_its_tensor_unshared() {
+        let tape = Tape::new();
+        let mut parameter = Tensor::full([2], 1.0);
+        let address = parameter.data().as_ptr();
+        let x = tape.leaf_copied(&parameter);
+        parameter.data_mut()[0] = 5.0;
+        assert_eq!(parameter.data().as_ptr(), address);
+        assert_eq!(x.value().data(), [1.0, 1.0]);
+    }
+
+    #[test]
+    fn variables_of_another_tape_are_refused() {
+        let (tape, other) = (Tape::<f64>::new(), Tape::new());
+        let (x, foreign) = (tape.scalar(1.0), other.scalar(1.0));
+        let message = "add needs variables of one tape, got one of another";
+        assert_eq!(x.try_add(foreign).unwrap_err().to_string(), message);
+        assert_eq!((tape.len(), other.len()), (1, 1));
+    }
+
+    #[test]
+    fn what_a_tape_holds_can_be_sent_to_another_thread() {
+        let tape = Tape::new();
+        let _ = tape.scalar(3.0).square();
+        let squares = std::thread::spawn(move || tape.scalar(2.0).square().item());
+        assert_eq!(squares.join().unwrap(), 4.0);
+    }
+
+    #[test]
+    fn memory_of_what_was_saved_is_used_again_by_the_same_kind_of_operation() {
+        let mut tape = Tape::<f64>::new();
+        for _ in 0..3 {
+            let x = tape.scalar(0.5);
+            let _ = x.exp().sin() + x;
+            tape.reset();
+        }
+        assert!(tape.is_empty());
+        assert_eq!(tape.inner.borrow().nodes.len(), 3);
+        assert_eq!(format!("{tape:?}"), "Tape { values: 0, nodes: [] }");
+    }
+}

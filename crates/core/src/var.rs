@@ -66,3 +66,21 @@ impl<T: Scalar> fmt::Debug for Var<'_, T> {
         write!(f, "Var {} = {:?}", self.index, self.value())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::tape::Tape;
+    use crate::tensor::Tensor;
+
+    #[test]
+    fn a_detached_variable_is_a_constant_of_the_same_value() {
+        let tape = Tape::new();
+        let x = tape.leaf(&Tensor::full([2], 3.0));
+        let frozen = x.square().detach();
+        assert_eq!(frozen.value(), Tensor::full([2], 9.0));
+        assert!(x.needs_gradient() && !frozen.needs_gradient());
+        let gradients = (frozen * x).sum().backward().unwrap();
+        assert_eq!(gradients.get(x), Some(&Tensor::full([2], 9.0)));
+        assert_eq!(gradients.get(frozen), None);
+    }
+}

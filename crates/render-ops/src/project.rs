@@ -199,6 +199,7 @@ impl<T: Scalar> Op<T> for Project<T::Wide> {
 #[cfg(test)]
 mod tests {
     use bokashi_core::{Tape, Tensor};
+    use glam::DVec3;
     use glam::dcamera::rh::proj::opengl::perspective;
     use glam::dcamera::rh::view::look_at_mat4;
 
@@ -207,7 +208,7 @@ mod tests {
     #[test]
     fn without_a_pose_it_is_the_matrix_product() {
         let camera = perspective(1.0, 1.5, 0.1, 10.0)
-            * look_at_mat4((1.0, 2.0, 3.0).into(), glam::DVec3::ZERO, glam::DVec3::Y);
+            * look_at_mat4(DVec3::new(1.0, 2.0, 3.0), DVec3::ZERO, DVec3::Y);
         let tape = Tape::<f64>::new();
         let p = tape.leaf(&Tensor::new([1, 3], vec![0.3, -0.2, 0.5]).unwrap());
         let clip = project(p, &camera, None).unwrap().value();
@@ -232,6 +233,90 @@ mod tests {
         }
     }
 
+    /// A camera none of whose entries is zero.
+    fn any_camera() -> DMat4 {
+        let turned = look_at_mat4(DVec3::new(1.0, 2.0, 3.0), DVec3::new(0.2, -0.1, 0.3), DVec3::Y);
+        DMat4::from_cols_array(&std::array::from_fn(|k| 0.1 + 0.03 * k as f64)) + turned
+    }
+
+    const POSITIONS: [f64; 9] = [0.3, -0.2, 0.5, -0.7, 0.1, 0.9, 0.4, 0.8, -0.6];
+
+    #[test]
+    fn a_pose_is_the_matrix_product_with_a_rotation_and_a_translation() {
+        let q = [0.1, 0.7, -0.5, 0.3];
+        let turn = glam::DQuat::from_array(q).normalize();
+        let matrix =
+            any_camera() * DMat4::from_rotation_translation(turn, DVec3::new(0.4, -0.6, 1.5));
+        let tape = Tape::<f64>::new();
+        let positions = tape.leaf(&Tensor::new([3, 3], POSITIONS.to_vec()).unwrap());
+        let rotation = tape.leaf(&Tensor::new([4], q.to_vec()).unwrap());
+        let translation = tape.leaf(&Tensor::new([3], vec![0.4, -0.6, 1.5]).unwrap());
+        let clip = project(positions, &any_camera(), Some(Pose { rotation, translation })).unwrap();
+        for (p, clip) in POSITIONS.chunks(3).zip(clip.value().data().chunks(4)) {
+            let expected = matrix * DVec3::from_slice(p).extend(1.0);
+            for k in 0..4 {
+                approx::assert_relative_eq!(clip[k], expected[k], epsilon = 1e-14);
+            }
+        }
+    }
+
+    #[test]
+    fn the_gradients_are_difference_quotients_whichever_are_asked_for() {
+        let inputs = [POSITIONS.to_vec(), vec![0.1, 0.7, -0.5, 0.3], vec![0.4, -0.6, 1.5]];
+        let shapes: [&[usize]; 3] = [&[3, 3], &[4], &[3]];
+        let upstream = Tensor::from_fn([3, 4], |k| (k as f64 + 1.0) / (2.0 * k as f64 - 5.0));
+        let value = |inputs: &[Vec<f64>; 3]| -> f64 {
+            let tape = Tape::<f64>::new();
+            let [positions, rotation, translation] = std::array::from_fn(|i| {
+                tape.leaf(&Tensor::new(shapes[i], inputs[i].clone()).unwrap())
+            });
+            let clip =
+                project(positions, &any_camera(), Some(Pose { rotation, translation })).unwrap();
+            clip.value().data().iter().zip(upstream.data()).map(|(c, u)| c * u).sum()
+        };
+        // Every choice of inputs that have a gradient.
+        for mask in 1..8 {
+            let tape = Tape::<f64>::new();
+            let needs = |i: usize| mask >> i & 1 == 1;
+            let variables: [Var<'_, f64>; 3] = std::array::from_fn(|i| {
+                let tensor = Tensor::new(shapes[i], inputs[i].clone()).unwrap();
+                if needs(i) { tape.leaf(&tensor) } else { tape.constant(&tensor) }
+            });
+            let [positions, rotation, translation] = variables;
+            let clip =
+                project(positions, &any_camera(), Some(Pose { rotation, translation })).unwrap();
+            let gradients = tape.vjp(&[(clip, &upstream)]).unwrap();
+            for i in 0..3 {
+                let Some(gradient) = gradients.get(variables[i]) else {
+                    assert!(!needs(i));
+                    continue;
+                };
+                for (k, &entry) in gradient.data().iter().enumerate() {
+                    let moved = |h: f64| {
+                        let mut inputs = inputs.clone();
+                        inputs[i][k] += h;
+                        value(&inputs)
+                    };
+                    let quotient = (moved(1e-5) - moved(-1e-5)) / 2e-5;
+                    approx::assert_relative_eq!(
+                        entry,
+                        quotient,
+                        max_relative = 1e-8,
+                        epsilon = 1e-8
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn without_positions_clip_space_is_empty() {
+        let tape = Tape::<f32>::new();
+        let none = tape.leaf(&Tensor::zeros([0, 3]));
+        let clip = project(none, &DMat4::IDENTITY, None).unwrap();
+        assert_eq!(clip.shape(), [0, 4].into());
+    }
+
     #[test]
     fn wrong_input_is_refused_with_rule_and_value() {
         let tape = Tape::<f32>::new();
@@ -249,6 +334,15 @@ mod tests {
             error.to_string(),
             "a rotation needs a finite quaternion other than zero, got (0, 0, 0, 0)"
         );
+
+        let pose = |rotation: usize, translation: usize| Pose {
+            rotation: tape.leaf(&Tensor::full([rotation], 0.5)),
+            translation: tape.leaf(&Tensor::zeros([translation])),
+        };
+        let error = project(p, &DMat4::IDENTITY, Some(pose(3, 3))).unwrap_err();
+        assert_eq!(error.to_string(), "project needs a rotation of shape [4], got shape [3]");
+        let error = project(p, &DMat4::IDENTITY, Some(pose(4, 4))).unwrap_err();
+        assert_eq!(error.to_string(), "project needs a translation of shape [3], got shape [4]");
 
         let mut camera = DMat4::IDENTITY;
         camera.col_mut(2).y = f64::NAN;

@@ -149,3 +149,123 @@ impl<T: Scalar> Op<T> for Resolve {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use bokashi_core::{Tape, Tensor};
+
+    use super::*;
+    use crate::mesh::Mesh;
+    use crate::rasterize::rasterize;
+    use crate::size::Size;
+
+    const SIZE: Size = Size { width: 5, height: 3 };
+
+    /// The fragments of a face over part of an image, and values `[N, 2]` on it.
+    fn surface<T: Scalar>(tape: &Tape<T>) -> (Fragments<'_, T>, Var<'_, T>) {
+        let clip = [-1.2, -0.9, 0.0, 1.0, 0.6, -0.7, 0.0, 1.0, 0.1, 1.3, 0.0, 1.0].map(T::from_f64);
+        let clip = tape.leaf(&Tensor::new([3, 4], clip.to_vec()).unwrap());
+        let fragments = rasterize(clip, &Mesh::new(vec![[0, 1, 2]], 3).unwrap(), SIZE).unwrap();
+        let count = fragments.coverage.count();
+        assert!((3..12).contains(&count), "{count}");
+        let values = Tensor::from_fn([count, 2], |k| T::from_f64(100.0 + k as f64));
+        (fragments, tape.leaf(&values))
+    }
+
+    /// The image by looking up each pixel's fragment.
+    fn expected(
+        fragments: &Fragments<'_, f64>,
+        value: impl Fn(usize) -> f64,
+        behind: impl Fn(usize) -> f64,
+    ) -> Vec<f64> {
+        (0..30)
+            .map(|k| match fragments.coverage.fragment_at(k / 2) {
+                Some(fragment) => value(2 * fragment + k % 2),
+                None => behind(k),
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_pixel_is_its_fragments_value_or_the_background() {
+        let tape = Tape::new();
+        let (fragments, values) = surface(&tape);
+        let color = tape.leaf(&Tensor::new([2], vec![0.25, 0.5]).unwrap());
+        let image = tape.leaf(&Tensor::from_fn([3, 5, 2], |k| -(k as f64)));
+        let backgrounds: [(Background<'_, f64>, fn(usize) -> f64); 3] = [
+            (Background::Zero, |_| 0.0),
+            (Background::Color(color), |k| [0.25, 0.5][k % 2]),
+            (Background::Image(image), |k| -(k as f64)),
+        ];
+        for (background, behind) in backgrounds {
+            let out = resolve(values, &fragments, background).unwrap().value();
+            assert_eq!(*out.shape(), [3, 5, 2].into());
+            assert_eq!(out.data(), expected(&fragments, |k| 100.0 + k as f64, behind));
+        }
+    }
+
+    #[test]
+    fn each_upstream_entry_goes_to_the_fragment_or_to_the_background() {
+        let tape = Tape::new();
+        let (fragments, values) = surface(&tape);
+        let upstream = Tensor::from_fn([3, 5, 2], |k| (k + 1) as f64);
+        let at_uncovered = expected(&fragments, |_| 0.0, |k| (k + 1) as f64);
+        let at_covered: Vec<_> = fragments
+            .coverage
+            .pixels()
+            .iter()
+            .flat_map(|&pixel| [2 * pixel + 1, 2 * pixel + 2].map(f64::from))
+            .collect();
+        let color = tape.leaf(&Tensor::zeros([2]));
+        let image = tape.leaf(&Tensor::zeros([3, 5, 2]));
+        for background in [Background::Zero, Background::Color(color), Background::Image(image)] {
+            let out = resolve(values, &fragments, background).unwrap();
+            let gradients = tape.vjp(&[(out, &upstream)]).unwrap();
+            assert_eq!(gradients.get(values).unwrap().data(), at_covered);
+            match background {
+                Background::Zero => {}
+                Background::Color(color) => {
+                    let sum = |c: usize| at_uncovered.iter().skip(c).step_by(2).sum::<f64>();
+                    assert_eq!(gradients.get(color).unwrap().data(), [sum(0), sum(1)]);
+                }
+                Background::Image(image) => {
+                    assert_eq!(gradients.get(image).unwrap().data(), at_uncovered);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn an_image_that_nothing_covers_is_the_background() {
+        let tape = Tape::<f32>::new();
+        let clip = tape.leaf(&Tensor::zeros([1, 4]));
+        let fragments = rasterize(clip, &Mesh::new(vec![], 1).unwrap(), SIZE).unwrap();
+        let values = tape.leaf(&Tensor::zeros([0, 1]));
+        let color = tape.leaf(&Tensor::full([1], 0.5));
+        let out = resolve(values, &fragments, Background::Color(color)).unwrap();
+        assert_eq!(out.value().data(), [0.5; 15]);
+        let gradients = out.sum().backward().unwrap();
+        assert_eq!(gradients.get(color).unwrap().data(), [15.0]);
+    }
+
+    #[test]
+    fn wrong_shapes_are_refused() {
+        let tape = Tape::<f64>::new();
+        let (fragments, values) = surface(&tape);
+        let count = fragments.coverage.count();
+        for shape in [vec![count], vec![count + 1, 2], vec![count, 0], vec![count, 2, 1]] {
+            let wrong = tape.leaf(&Tensor::zeros(shape.as_slice()));
+            let error = resolve(wrong, &fragments, Background::Zero).unwrap_err();
+            let rule = format!("resolve needs values of shape [{count}, C], C > 0, got shape");
+            assert!(error.to_string().starts_with(&rule), "{error}");
+        }
+        for shape in [&[][..], &[3], &[1], &[5, 3, 2], &[3, 5, 1], &[30]] {
+            let behind = tape.leaf(&Tensor::zeros(shape));
+            for background in [Background::Color(behind), Background::Image(behind)] {
+                let error = resolve(values, &fragments, background).unwrap_err();
+                let rule = "resolve needs a background of shape [2] or [3, 5, 2], got shape";
+                assert!(error.to_string().starts_with(rule), "{error}");
+            }
+        }
+    }
+}

@@ -40,3 +40,24 @@ impl<T: Scalar> Var<'_, T> {
         self.pairwise(other, Larger)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::broadcast::value_and_slopes;
+
+    #[test]
+    fn the_larger_side_gets_the_gradient_and_equal_sides_share_it() {
+        let of = |x, y| value_and_slopes(x, y, |x, y| x.maximum(y).unwrap());
+        assert_eq!(of(1.0, 2.0), [2.0, 0.0, 1.0]);
+        assert_eq!(of(2.0, 1.0), [2.0, 1.0, 0.0]);
+        assert_eq!(of(3.0, 3.0), [3.0, 0.5, 0.5]);
+    }
+
+    #[test]
+    fn a_nan_on_either_side_is_not_masked() {
+        for (x, y) in [(f64::NAN, 1.0), (1.0, f64::NAN)] {
+            let of = value_and_slopes(x, y, |x, y| x.maximum(y).unwrap());
+            assert!(of.iter().all(|number| number.is_nan()));
+        }
+    }
+}

@@ -83,3 +83,49 @@ impl<T: Scalar> Var<'_, T> {
         self.tape.apply(Slice { axis, range }, &[self])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tape::Tape;
+    use crate::tensor::Tensor;
+
+    #[test]
+    fn slices_along_every_axis_by_hand() {
+        let tape = Tape::new();
+        let x = tape.leaf(&Tensor::from_fn([3, 2], |k| k as f64));
+        let rows = x.slice(0, 1..3).unwrap();
+        assert_eq!(rows.value(), Tensor::new([2, 2], vec![2.0, 3.0, 4.0, 5.0]).unwrap());
+        let column = x.slice(1, 1..2).unwrap();
+        assert_eq!(column.value(), Tensor::new([3, 1], vec![1.0, 3.0, 5.0]).unwrap());
+        let gradients = column.sum().backward().unwrap();
+        assert_eq!(gradients.get(x).unwrap().data(), [0.0, 1.0, 0.0, 1.0, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn slices_joined_again_are_the_array() {
+        let tape = Tape::new();
+        let x = tape.leaf(&Tensor::from_fn([2, 5, 2], |k| k as f64));
+        for axis in 0..3 {
+            let end = x.shape()[axis];
+            let (head, tail) = (x.slice(axis, 0..1).unwrap(), x.slice(axis, 1..end).unwrap());
+            let joined = Var::concat(&[head, tail], axis).unwrap();
+            assert_eq!(joined.value(), x.value());
+            let gradients = tape.vjp(&[(joined, &x.value())]).unwrap();
+            assert_eq!(gradients.get(x), Some(&x.value()));
+        }
+    }
+
+    #[test]
+    fn a_range_must_lie_within_its_axis() {
+        let tape = Tape::<f64>::new();
+        let x = tape.constant_full([2, 3], 0.0);
+        let message = "slice needs indices within an axis of extent 3, got 4";
+        assert_eq!(x.slice(1, 1..4).unwrap_err().to_string(), message);
+        #[expect(clippy::reversed_empty_ranges, reason = "a caller's mistake")]
+        let reversed = x.slice(1, 2..1).unwrap_err();
+        assert_eq!(reversed, TensorError::Index { operation: "slice", index: 2, extent: 3 });
+        assert!(x.slice(2, 0..1).is_err());
+        assert_eq!(x.slice(1, 3..3).unwrap().value().size(), 0);
+    }
+}

@@ -63,9 +63,8 @@ pub(crate) fn film(groups: &[&Group]) -> Result<Option<Film>, ReportError> {
     let moves = fits[0].settings.experiment != Experiment::Sigma;
     for at in 0..longest {
         let part = at as f64 / longest.max(2) as f64;
-        let turned = View::angles([0.6, 0.5 + 0.5 * std::f64::consts::PI * part]);
-        let view =
-            if fits[0].settings.experiment == Experiment::Sigma { View::fixed() } else { turned };
+        let turned = View::angles([0.6, 0.5 + std::f64::consts::FRAC_PI_2 * part]);
+        let view = if moves { turned } else { View::fixed() };
         let (mut learnt, mut truth) = (Vec::new(), Vec::new());
         for fit in &fits {
             let snapshot = &fit.snapshots[at.min(fit.snapshots.len() - 1)];

@@ -11,8 +11,8 @@ use image::{Rgb, RgbImage};
 use crate::scenes::{self, Experiment, Preset, Snapshot, View};
 
 use super::ReportError;
+use super::axis::grouped;
 use super::digest::{Fit, Group};
-use super::figure::grouped;
 use super::page::{data_uri, escaped};
 use super::picture::{enlarged, picture_of, png, sheet};
 
@@ -112,7 +112,11 @@ fn strip(fit: &Fit, shown: &[&Snapshot]) -> Result<String, ReportError> {
     let (mut top, mut bottom) = (String::new(), String::new());
     for snapshot in shown.iter().copied().chain([&target]) {
         let is_target = std::ptr::eq(snapshot, &target);
-        let head = if is_target { "target".to_owned() } else { format!("step {}", grouped(snapshot.step as f64)) };
+        let head = if is_target {
+            "target".to_owned()
+        } else {
+            format!("step {}", grouped(snapshot.step as f64))
+        };
         let sigma = match snapshot.sigma.filter(|_| fit.settings.blurs()) {
             Some(sigma) => format!(" <small>σ {sigma:.3}</small>"),
             None => String::new(),

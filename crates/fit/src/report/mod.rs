@@ -14,6 +14,7 @@
 //! Each file is written whole or not at all.
 
 mod animation;
+mod axis;
 mod digest;
 mod figure;
 mod film;
@@ -40,7 +41,7 @@ pub use write::{check_folder, write_whole};
 pub enum ReportError {
     /// A picture could not be rendered.
     #[error(transparent)]
-    Fit(#[from] FitError),
+    Fit(Box<FitError>),
     /// A figure could not be drawn.
     #[error("a figure could not be drawn: {0}")]
     Figure(String),
@@ -55,6 +56,12 @@ pub enum ReportError {
         /// What the file system said.
         error: io::Error,
     },
+}
+
+impl From<FitError> for ReportError {
+    fn from(error: FitError) -> Self {
+        Self::Fit(Box::new(error))
+    }
 }
 
 /// Circumstances of a report that its fits don't know.
@@ -148,5 +155,130 @@ impl Rendered {
             written.map_err(|error| ReportError::Write { path, error })?;
         }
         Ok(folder.join(PAGE))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenes::{Experiment, Preset, Record, random_start, truth};
+
+    /// A made-up outcome whose errors fall from 1 to `last`.
+    fn outcome(settings: &CubeSettings, last: f64) -> Outcome {
+        let learns = settings.experiment != Experiment::Sigma;
+        let sigma = settings.blurs().then_some(settings.sigma_target);
+        let record = |step: u64| {
+            let error = if step == settings.steps { last } else { 1.0 / (1 + step) as f64 };
+            Record {
+                step,
+                seconds: 1e-3 * step as f64,
+                loss: error,
+                vertex_error: learns.then_some(error),
+                sigma: sigma.map(|sigma| sigma + error),
+                color_error: learns.then_some(error),
+            }
+        };
+        Outcome {
+            experiment: settings.experiment,
+            preset: settings.preset,
+            resolution: settings.resolution,
+            seed: settings.seed,
+            steps: settings.steps,
+            antialias: settings.antialias,
+            precision: settings.precision,
+            sigma_target: sigma,
+            sigma_final: sigma.map(|sigma| sigma + last),
+            vertex_error_initial: learns.then_some(1.0),
+            vertex_error_final: learns.then_some(last),
+            vertex_error_plain: learns.then_some(last),
+            vertex_error_tail: learns.then_some(last),
+            color_error_final: learns.then_some(last),
+            loss_initial: 1.0,
+            loss_final: last,
+            ms_per_step_median: Some(0.03),
+            target_ms_per_step_median: Some(0.02),
+            wall_seconds: 1.0,
+            history: (0..=settings.steps).map(record).collect(),
+            snapshots: vec![random_start(settings.seed, sigma), truth(sigma)],
+        }
+    }
+
+    fn page(fits: &[(CubeSettings, f64)]) -> String {
+        let mut report = Report::new(About::default());
+        for (settings, last) in fits {
+            report.add(settings, outcome(settings, *last));
+        }
+        let rendered = report.render().expect("a report");
+        let (_, page) = rendered.files.last().expect("a page");
+        String::from_utf8(page.clone()).expect("text")
+    }
+
+    fn settings(experiment: Experiment) -> CubeSettings {
+        CubeSettings { resolution: 8, steps: 20, ..CubeSettings::new(experiment, Preset::Paper) }
+    }
+
+    #[test]
+    fn what_was_not_run_leaves_no_section() {
+        let page = page(&[(settings(Experiment::Sigma), 1e-9)]);
+        assert!(page.contains("5.2 Sigma alone") && page.contains("Sigma error"));
+        for missing in ["5.1 ", "5.3 ", "Vertex error", "Colour error", "stuck</h2>"] {
+            assert!(!page.contains(missing), "{missing}");
+        }
+    }
+
+    #[test]
+    fn a_stuck_seed_is_shown_and_counted() {
+        let fits = [1e-6, 0.4, 1e-7].iter().enumerate().map(|(seed, &last)| {
+            (CubeSettings { seed: seed as u64, ..settings(Experiment::Vertices) }, last)
+        });
+        let page = page(&fits.collect::<Vec<_>>());
+        assert!(page.contains("<b>8 px, seed 1</b><br>vertex error 0.400"));
+        assert!(page.contains("1 of the 3 fits"));
+        assert_eq!(page.matches("<span class=\"stuck\">stuck</span>").count(), 1);
+    }
+
+    #[test]
+    fn zero_and_broken_numbers_make_a_page() {
+        for last in [0.0, 1e-300, f64::NAN, f64::INFINITY] {
+            for experiment in [Experiment::Vertices, Experiment::Sigma, Experiment::Joint] {
+                for seeds in [1, 2] {
+                    let fits = (0..seeds)
+                        .map(|seed| (CubeSettings { seed, ..settings(experiment) }, last));
+                    let page = page(&fits.collect::<Vec<_>>());
+                    let drawn = page.split("points=\"").skip(1);
+                    let points = drawn.map(|text| text.split('"').next().unwrap_or(""));
+                    for points in points {
+                        let number = |c: char| c.is_ascii_digit() || " ,-".contains(c);
+                        assert!(points.chars().all(number), "{points}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_fit_that_failed_is_named() {
+        let mut report = Report::new(About::default());
+        let (good, bad) = (settings(Experiment::Joint), settings(Experiment::Sigma));
+        report.add(&good, outcome(&good, 1e-3));
+        report.add_failure(&bad, &FitError::setting("a < b", "c", "d"));
+        let rendered = report.render().expect("a report");
+        let (_, page) = rendered.files.last().expect("a page");
+        let page = String::from_utf8_lossy(page);
+        assert!(page.contains("Fits that ended in an error") && page.contains("a &lt; b needs c"));
+    }
+
+    #[test]
+    fn groups_of_one_name_have_files_of_their_own() {
+        let mut report = Report::new(About::default());
+        for steps in [20, 30] {
+            let settings = CubeSettings { steps, ..settings(Experiment::Vertices) };
+            report.add(&settings, outcome(&settings, 0.0));
+        }
+        let rendered = report.render().expect("a report");
+        let mut names: Vec<_> = rendered.files.iter().map(|(name, _)| name).collect();
+        names.sort();
+        names.dedup();
+        assert_eq!(names.len(), rendered.files.len());
     }
 }

@@ -83,7 +83,10 @@ pub(crate) fn page(
         let _ = write!(body, "<section id=\"{id}\"><h2>{title}</h2>{section}</section>");
     }
     let count: usize = groups.iter().map(|group| group.fits.len()).sum();
-    let fits = if count == 1 { "one fit".to_owned() } else { format!("{count} fits") };
+    let fits = match count {
+        1 => "one fit".to_owned(),
+        count => format!("{count} fits, none left out"),
+    };
     let program = escaped(&about.program);
     Ok(format!(
         "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\">\
@@ -91,7 +94,7 @@ pub(crate) fn page(
          <title>Bokashi: error against run time</title><style>{STYLE}{}</style></head><body>\
          <header><h1>A cube, learnt from its blurred pictures</h1>\
          <p>Vertices, colours and the strength of a Gaussian blur, found by gradient descent \
-         through a renderer, on a CPU. This report shows {fits}, and every seed of them.</p>\
+         through a renderer, on a CPU. This report shows {fits}.</p>\
          <nav><ul>{contents}</ul></nav></header>\
          <main>{body}</main>\
          <footer>Made by {program}. Beside this page: <code>fits.csv</code>, \

@@ -6,8 +6,9 @@ use std::fmt::Write as _;
 use crate::scenes::Experiment;
 
 use super::ReportError;
+use super::axis::Scale;
 use super::digest::{Group, Quantity, Window};
-use super::figure::{Curve, Figure, INK, PALETTE, Scale, Stroke};
+use super::figure::{Curve, Figure, INK, PALETTE, SIZES, Stroke};
 use super::page::escaped;
 
 /// A figure with its heading.
@@ -24,20 +25,26 @@ pub(crate) struct Panel {
 pub(crate) fn against_time(groups: &[&Group]) -> Vec<Panel> {
     let panels = [
         (Quantity::Loss, "Loss, sum of squared differences"),
-        (Quantity::VertexError, "Vertex error, mean distance (the cube’s edge is 1)"),
+        (Quantity::VertexError, "Vertex error, in edges of the cube"),
         (Quantity::ColorError, "Colour error, mean distance in RGB"),
         (Quantity::SigmaError, "Sigma error |σ − σ*|, pixels"),
     ];
     let panels = panels.map(|(quantity, title)| {
-        panel(groups, title, quantity, (Scale::Seconds, "wall-clock time"), Scale::Logarithmic)
+        let y = if quantity == Quantity::Loss { Scale::Squares } else { Scale::Logarithmic };
+        panel(groups, title, quantity, (Scale::Seconds, "wall-clock time"), y)
     });
-    panels.into_iter().filter(|panel| !panel.figure.is_empty()).collect()
+    let mut panels = Vec::from(panels);
+    panels.retain(|panel| !panel.figure.is_empty());
+    if panels.len() == 3 {
+        panels.iter_mut().for_each(|panel| panel.figure.size = SIZES[1]);
+    }
+    panels
 }
 
 /// Mean vertex distance and sigma against step: the paper's Figures 4, 6 and 7.
 pub(crate) fn against_step(groups: &[&Group]) -> Vec<Panel> {
     let x = (Scale::Counts, "step");
-    let distance = "Mean distance of the 8 vertices from the truth";
+    let distance = "Vertex error, in edges of the cube";
     let mut panels = vec![
         panel(groups, distance, Quantity::VertexError, x, Scale::Logarithmic),
         panel(groups, "Sigma, pixels; thin lines: targets", Quantity::Sigma, x, Scale::Linear),
@@ -67,7 +74,10 @@ fn panel(
     let names: Vec<_> = groups.iter().map(|group| group.name()).collect();
     let spoken = format!("{title}, against {x_title}: {}", names.join("; "));
     let curves = curves.collect();
-    Panel { title, figure: Figure { x, y, x_title, spoken, curves, marks: Vec::new() } }
+    Panel {
+        title,
+        figure: Figure { x, y, x_title, size: SIZES[0], spoken, curves, marks: Vec::new() },
+    }
 }
 
 /// One colour per resolution or sigma: the index of the group's among all there are.
@@ -109,10 +119,12 @@ fn legend(groups: &[&Group]) -> String {
             Stroke::Dashed => "tuned rates",
             Stroke::Dotted => "no antialias",
         };
-        if strokes.len() > 1 || *stroke != Stroke::Solid {
-            let class = if at == 0 { " class=\"apart\"" } else { "" };
-            let _ = write!(html, "<li{class}>{}{name}", line(INK[0], *stroke));
-        }
+        let class = if at == 0 { " class=\"apart\"" } else { "" };
+        let _ = match (strokes.len(), stroke) {
+            (1, Stroke::Solid) => Ok(()),
+            (1, _) => write!(html, "<li{class}><small>{name}</small>"),
+            _ => write!(html, "<li{class}>{}{name}", line(INK[0], *stroke)),
+        };
     }
     let counts: BTreeSet<usize> = groups.iter().map(|group| group.fits.len()).collect();
     if let (Some(least), Some(most)) = (counts.first(), counts.last()) {
@@ -129,7 +141,7 @@ fn legend(groups: &[&Group]) -> String {
 /// Panels side by side under their legend, as HTML.
 pub(crate) fn html(groups: &[&Group], panels: &[Panel]) -> Result<String, ReportError> {
     let mut html = legend(groups);
-    let class = if panels.len() % 3 == 0 { "panels three" } else { "panels" };
+    let class = if panels.len() == 3 { "panels three" } else { "panels" };
     let _ = write!(html, "<div class=\"{class}\">");
     for panel in panels {
         let (title, svg) = (escaped(panel.title), panel.figure.svg()?);

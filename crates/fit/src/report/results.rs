@@ -6,8 +6,8 @@ use bokashi_render_ops::Radius;
 
 use crate::scenes::{self, CubeSettings, Experiment, FACES, Preset, VERTEX_COUNT};
 
+use super::axis::grouped;
 use super::digest::{Fit, Group, STUCK, quartiles};
-use super::figure::grouped;
 use super::page::escaped;
 use super::table::{plain, short};
 use super::{About, ReportError, gallery};
@@ -61,7 +61,10 @@ pub(crate) fn speed(groups: &[&Group]) -> String {
             (_, count) => format!("<span class=\"stuck\">{count}</span>"),
         };
         let ours = time(&|fit| fit.outcome.ms_per_step_median);
-        let target = time(&|fit| fit.outcome.target_ms_per_step_median);
+        let target = match group.settings.experiment {
+            Experiment::Sigma => "once".to_owned(),
+            _ => time(&|fit| fit.outcome.target_ms_per_step_median),
+        };
         let seconds = time(&|fit| Some(fit.outcome.wall_seconds));
         let errors = [
             median(&|fit| fit.outcome.vertex_error_final),
@@ -164,9 +167,8 @@ pub(crate) fn failures(failures: &[(CubeSettings, String)]) -> String {
 pub(crate) fn every_fit(groups: &[&Group]) -> String {
     let single = groups.iter().all(|group| group.fits.len() == 1);
     let mut html = String::new();
-    let together = |a: &&Group, b: &&Group| {
-        single && a.settings.experiment == b.settings.experiment
-    };
+    let together =
+        |a: &&Group, b: &&Group| single && a.settings.experiment == b.settings.experiment;
     for groups in groups.chunk_by(together) {
         let heading = super::panels::heading(groups[0].settings.experiment);
         let rows: Vec<(String, &Fit)> = if single {
@@ -296,12 +298,12 @@ pub(crate) fn choices(about: &About, groups: &[&Group]) -> String {
             "Blur radius",
             blur(&|settings| {
                 let sigma = settings.sigma_target;
-            match settings.blur_radius() {
-                Radius::Fixed(radius) => {
-                    format!("{radius} px to either side for σ = {sigma}, fixed during a fit")
+                match settings.blur_radius() {
+                    Radius::Fixed(radius) => {
+                        format!("{radius} px to either side for σ = {sigma}, fixed during a fit")
+                    }
+                    other => format!("{other:?} for σ = {sigma}").to_lowercase(),
                 }
-                other => format!("{other:?} for σ = {sigma}").to_lowercase(),
-            }
             }),
         ));
         rows.push((

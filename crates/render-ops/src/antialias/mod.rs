@@ -28,6 +28,8 @@
 //! 2020, section 3.5.
 
 mod discontinuity;
+#[cfg(test)]
+mod tests;
 
 use std::ops::Range;
 use std::sync::Arc;

@@ -21,6 +21,8 @@
 mod border;
 mod convolution;
 mod taps;
+#[cfg(test)]
+mod tests;
 
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 

@@ -33,7 +33,19 @@ pub(super) struct Taps<T> {
 
 impl<T: Scalar> Taps<T> {
     /// Fills in the taps for standard deviation `sigma`, in pixels.
+    ///
+    /// # Errors
+    /// [`RenderError::BadSigma`] unless sigma is finite and positive, and, for the seed kernel,
+    /// large enough for the weights and their derivatives to be finite;
+    /// [`RenderError::BadRadius`] for a tolerance outside (0, 1) or a radius above 16384.
     pub(super) fn fill(&mut self, sigma: T, blur: &Blur) -> Result<(), RenderError> {
+        let bad_sigma = |rule| RenderError::BadSigma { rule, sigma: sigma.to_f64() };
+        if !(sigma > T::ZERO && sigma.is_finite()) {
+            return Err(bad_sigma(match blur.kernel {
+                Kernel::Seed => "a finite and positive sigma for the seed kernel",
+                Kernel::Sampled => "a finite sigma of at least 0",
+            }));
+        }
         let sigma = sigma.widen();
         let shape = |k: usize| {
             let t = T::Wide::from_f64(k as f64) / sigma;
@@ -82,6 +94,9 @@ impl<T: Scalar> Taps<T> {
                 self.slopes.extend((0..=radius).map(|k| T::narrow(slope(k))));
                 self.slope_sum = T::narrow((0..=radius).map(|k| count(k) * slope(k)).sum());
             }
+        }
+        if !(self.weights[0].is_finite() && self.slopes[0].is_finite()) {
+            return Err(bad_sigma("a sigma at which the seed kernel does not overflow"));
         }
         Ok(())
     }

@@ -379,6 +379,25 @@ fn bands_join_without_a_seam() {
     assert!(told * 100 > all * 99);
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(4000))]
+
+    #[test]
+    fn three_points_on_a_line_but_for_rounding_are_not_drawn(
+        pixel in 0..12 * 9_usize,
+        angle in 0.0..std::f64::consts::TAU,
+        points in prop::array::uniform3((-1.0..1.0_f64, 0.5..1.5_f64)),
+    ) {
+        let size = Size { width: 12, height: 9 };
+        let [x, y, ..] = at_px(size, (pixel % 12) as f64 + 0.5, (pixel / 12) as f64 + 0.5);
+        let (sin, cos) = angle.sin_cos();
+        let clip = points.map(|(t, w)| [(x + t * cos) * w, (y + t * sin) * w, 0.1 * w, w]);
+        let drawn = draw::<f64>(&clip.to_vec(), &[[0, 1, 2]], size);
+        prop_assert_eq!(drawn.count(), 0);
+        prop_assert_eq!(drawn.culled.degenerate + drawn.culled.outside, 1);
+    }
+}
+
 // ---- Which face is seen
 
 /// A scene of several layers, some through each other, one behind the eye in part.

@@ -1,0 +1,244 @@
+//! The program as its users meet it: exit statuses, what it prints, what it writes.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+use serde_json::Value;
+
+/// Runs the program in `folder`.
+fn bokashi(folder: &Path, line: &str) -> Output {
+    let words = line.split_whitespace();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_bokashi"));
+    command.args(words).current_dir(folder).stdin(Stdio::null());
+    command.output().expect("the program starts")
+}
+
+fn folder() -> tempfile::TempDir {
+    tempfile::tempdir().expect("a temporary folder")
+}
+
+/// Every file below a folder, hidden ones too, by path.
+fn files(folder: &Path) -> Vec<String> {
+    let mut found = Vec::new();
+    let mut open = vec![folder.to_owned()];
+    while let Some(next) = open.pop() {
+        for entry in fs::read_dir(next).expect("a folder") {
+            let path = entry.expect("an entry").path();
+            if path.is_dir() {
+                open.push(path);
+            } else {
+                let below = path.strip_prefix(folder).expect("below");
+                found.push(below.to_string_lossy().replace('\\', "/"));
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).expect("text")
+}
+
+/// The keys of the JSON object, in order.
+const KEYS: [&str; 20] = [
+    "experiment",
+    "preset",
+    "resolution",
+    "seed",
+    "steps",
+    "antialias",
+    "precision",
+    "sigma_target",
+    "sigma_final",
+    "vertex_error_initial",
+    "vertex_error_final",
+    "vertex_error_plain",
+    "vertex_error_tail",
+    "color_error_final",
+    "loss_initial",
+    "loss_final",
+    "ms_per_step_median",
+    "target_ms_per_step_median",
+    "wall_seconds",
+    "history",
+];
+
+/// The object on standard output, alone there.
+fn object(output: &Output) -> Value {
+    assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), String::new()));
+    let value: Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
+    assert_eq!(text(&output.stdout).lines().count(), 1);
+    value
+}
+
+#[test]
+fn json_on_standard_output_is_one_object_with_every_key() {
+    let folder = folder();
+    let value = object(&bokashi(folder.path(), "fit --resolution 8 --steps 12 --json -"));
+    let object = value.as_object().expect("an object");
+    for key in KEYS {
+        assert!(object.contains_key(key), "{key}");
+    }
+    assert_eq!(object.len(), KEYS.len());
+    assert_eq!(value["experiment"], "joint");
+    assert_eq!(value["precision"], "f32");
+    assert_eq!(value["sigma_target"], 4.0);
+    let history = value["history"].as_array().expect("a list");
+    assert_eq!(history.len(), 13);
+    for key in ["step", "seconds", "loss", "vertex_error", "sigma"] {
+        assert!(history[12][key].is_number(), "{key}");
+    }
+    assert!(files(folder.path()).is_empty());
+}
+
+#[test]
+fn keys_that_do_not_apply_are_null() {
+    let folder = folder();
+    let line = "fit --resolution 8 --steps 2 --json - --experiment";
+    let vertices = object(&bokashi(folder.path(), &format!("{line} vertices")));
+    assert!(vertices["sigma_target"].is_null() && vertices["sigma_final"].is_null());
+    assert!(vertices["vertex_error_final"].is_number());
+    let sigma = object(&bokashi(folder.path(), &format!("{line} sigma")));
+    assert!(sigma["vertex_error_final"].is_null() && sigma["color_error_final"].is_null());
+    assert!(sigma["sigma_final"].is_number());
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bits_for_any_number_of_threads() {
+    let folder = folder();
+    let run = |threads: usize| {
+        let line = format!("fit --resolution 16 --steps 30 --json - --quiet --threads {threads}");
+        let value = object(&bokashi(folder.path(), &line));
+        let history = value["history"].as_array().expect("a list");
+        let step = |step: &Value| (step["loss"].clone(), step["vertex_error"].clone());
+        (value["sigma_final"].clone(), history.iter().map(step).collect::<Vec<_>>())
+    };
+    let one = run(1);
+    assert_eq!(run(2), one);
+    assert_eq!(run(5), one);
+}
+
+#[test]
+fn bad_use_is_status_2_and_one_line() {
+    let folder = folder();
+    fs::write(folder.path().join("file"), "mine").expect("a file");
+    let table = [
+        ("fit --experiment all", "vertices, sigma, joint"),
+        ("fit --resolution 0", "from 1 to 4096"),
+        ("fit --sigma 0", "above 0"),
+        ("fit --sigma -1", "above 0"),
+        ("fit --sigma NaN", "above 0"),
+        ("fit --steps 0", "from 1"),
+        ("fit --threads 0", "from 1"),
+        ("fit --precision f16", "f32, f64"),
+        ("fit --unknown", "--help"),
+        ("dance", "--help"),
+        ("reproduce --seeds 0", "from 1"),
+        ("fit --steps 1 --out file", "--out"),
+        ("fit --steps 1 --out file/below", "--out"),
+        ("--steps 1 --out file", "--out"),
+        ("fit --steps 1 --json .", "--json"),
+        ("fit --steps 1 --json no/such/folder.json", "--json"),
+        ("fit --steps 1 --json file/below", "--json"),
+    ];
+    for (line, allowed) in table {
+        let output = bokashi(folder.path(), line);
+        let said = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{line}: {said}");
+        assert!(output.stdout.is_empty(), "{line}");
+        assert!(said.starts_with("bokashi: ") && said.contains(allowed), "{line}: {said}");
+        assert_eq!(said.trim_end_matches('\n').lines().count(), 1, "{line}: {said}");
+        assert_eq!(files(folder.path()), ["file"], "{line}");
+    }
+    assert_eq!(fs::read(folder.path().join("file")).expect("still there"), b"mine");
+}
+
+#[test]
+fn help_and_version_are_status_0() {
+    let folder = folder();
+    for line in ["--help", "fit --help", "reproduce --help", "--version"] {
+        let output = bokashi(folder.path(), line);
+        assert_eq!(output.status.code(), Some(0), "{line}");
+        assert!(text(&output.stdout).contains("bokashi"), "{line}");
+        assert!(output.stderr.is_empty(), "{line}");
+    }
+}
+
+#[test]
+fn quiet_prints_nothing_and_a_fit_writes_only_what_it_is_asked_for() {
+    let folder = folder();
+    let output = bokashi(folder.path(), "fit --resolution 8 --steps 3 --quiet");
+    assert_eq!(output.status.code(), Some(0));
+    assert!(output.stdout.is_empty() && output.stderr.is_empty());
+    assert!(files(folder.path()).is_empty());
+
+    let line = "fit --resolution 8 --steps 3 --quiet --json fit.json";
+    let output = bokashi(folder.path(), line);
+    assert!(output.stdout.is_empty() && output.stderr.is_empty());
+    assert_eq!(files(folder.path()), ["fit.json"]);
+}
+
+#[test]
+fn a_fit_ends_with_its_errors_and_times() {
+    let folder = folder();
+    let output = bokashi(folder.path(), "fit --resolution 8 --steps 3");
+    let said = text(&output.stdout);
+    assert!(said.contains("vertices") && said.contains("ms/step"), "{said}");
+    assert!(output.stderr.is_empty(), "no bar without a terminal");
+}
+
+#[test]
+fn a_report_is_a_page_that_needs_nothing_else_with_tables_and_pictures_beside_it() {
+    let folder = folder();
+    let line = "fit --resolution 8 --steps 20 --sigma 1.4 --out made/here";
+    let output = bokashi(folder.path(), line);
+    assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), String::new()));
+    assert!(text(&output.stdout).contains("Report: "));
+    let made = folder.path().join("made/here");
+    assert_eq!(
+        files(&made),
+        [
+            "fit.png",
+            "fits.csv",
+            "histories.csv",
+            "index.html",
+            "pictures/joint-8px-sigma-1.4-paper-f32.png"
+        ]
+    );
+    let page = fs::read_to_string(made.join("index.html")).expect("a page");
+    assert!(page.contains("Error against run time"));
+    assert!(page.find("Error against run time") < page.find("Every fit"));
+    for loads in ["<script", "src=\"http", "href=\"http", "url(", "@import", "<link"] {
+        assert!(!page.contains(loads), "{loads}");
+    }
+    // With a comma, a quote or a bracket: the letters alone may be part of a picture.
+    for wrong in [">NaN", "NaN,", ",NaN", "\"NaN", "inf,", ">inf"] {
+        assert!(!page.contains(wrong), "{wrong}");
+    }
+    let table = fs::read_to_string(made.join("fits.csv")).expect("a table");
+    let columns: Vec<usize> = table.lines().map(|row| row.split(',').count()).collect();
+    assert_eq!(columns, [20, 20]);
+}
+
+#[test]
+fn without_a_command_four_sigmas_are_fitted_into_out() {
+    let folder = folder();
+    let output = bokashi(folder.path(), "--steps 2");
+    assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), String::new()));
+    let table = fs::read_to_string(folder.path().join("out/fits.csv")).expect("a table");
+    assert_eq!(table.lines().count(), 5);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_status_1_and_one_line() {
+    let folder = folder();
+    let full = fs::OpenOptions::new().write(true).open("/dev/full").expect("a full device");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_bokashi"));
+    command.args(["fit", "--resolution", "8", "--steps", "2", "--json", "-"]);
+    let output = command.current_dir(folder.path()).stdout(full).output().expect("it starts");
+    assert_eq!(output.status.code(), Some(1));
+    assert_eq!(text(&output.stderr).lines().count(), 1);
+}

@@ -1,0 +1,358 @@
+//! Laws of antialiasing.
+
+use bokashi_core::{Tape, Tensor};
+
+use super::*;
+use crate::mesh::Mesh;
+use crate::rasterize::rasterize;
+use crate::size::Size;
+
+/// Vertices and faces.
+#[derive(Clone)]
+struct Scene {
+    clip: Vec<[f64; 4]>,
+    faces: Vec<[u32; 3]>,
+    size: Size,
+}
+
+impl Scene {
+    /// A scene of points in pixels from the image's top left corner, and their depths.
+    fn of_points(points: &[[f64; 3]], faces: &[[u32; 3]], size: Size) -> Self {
+        let (width, height) = (size.width as f64, size.height as f64);
+        let clip =
+            points.iter().map(|&[x, y, z]| [2.0 * x / width - 1.0, 1.0 - 2.0 * y / height, z, 1.0]);
+        Self { clip: clip.collect(), faces: faces.to_vec(), size }
+    }
+
+    fn positions<'t, T: Scalar>(&self, tape: &'t Tape<T>) -> Var<'t, T> {
+        tape.leaf(&Tensor::from_fn([self.clip.len(), 4], |k| T::from_f64(self.clip[k / 4][k % 4])))
+    }
+
+    fn rasterized<'t, T: Scalar>(&self, clip: Var<'t, T>) -> Fragments<'t, T> {
+        let mesh = Mesh::new(self.faces.clone(), self.clip.len()).unwrap();
+        rasterize(clip, &mesh, self.size).unwrap()
+    }
+
+    /// The antialiased picture `[H, W]` whose entry at pixel k is `color(k, id of its face)`.
+    fn picture<T: Scalar>(&self, color: impl Fn(usize, u32) -> f64) -> Vec<f64> {
+        let tape = Tape::<T>::new();
+        let clip = self.positions(&tape);
+        let fragments = self.rasterized(clip);
+        let image = tape.leaf(&self.image(&fragments, color));
+        let out = antialias(image, &fragments, clip).unwrap().value();
+        out.data().iter().map(|entry| entry.to_f64()).collect()
+    }
+
+    fn image<T: Scalar>(
+        &self,
+        fragments: &Fragments<'_, T>,
+        color: impl Fn(usize, u32) -> f64,
+    ) -> Tensor<T> {
+        let ids = fragments.coverage.triangle_ids();
+        Tensor::from_fn([self.size.height, self.size.width, 1], |k| T::from_f64(color(k, ids[k])))
+    }
+
+    /// The gradient of `sum out_bar . out` with respect to the image and the positions.
+    fn gradients(&self, image: &[f64], out_bar: &[f64]) -> [Vec<f64>; 2] {
+        let tape = Tape::<f64>::new();
+        let clip = self.positions(&tape);
+        let fragments = self.rasterized(clip);
+        let image = tape.leaf(&self.image(&fragments, |k, _| image[k]));
+        let out = antialias(image, &fragments, clip).unwrap();
+        let upstream = Tensor::new(out.shape(), out_bar.to_vec()).unwrap();
+        let gradients = tape.vjp(&[(out, &upstream)]).unwrap();
+        [image, clip].map(|variable| gradients.get_or_zeros(variable).data().to_vec())
+    }
+}
+
+/// Colours that differ from pixel to pixel.
+fn motley(k: usize) -> f64 {
+    ((k * 7919 + 13) % 101) as f64 / 101.0
+}
+
+fn is_covered(_: usize, id: u32) -> f64 {
+    f64::from(id.min(1))
+}
+
+const SIZE: Size = Size { width: 9, height: 6 };
+
+/// A face whose only edge in sight runs down the image at `x` px, on the left of it or the right.
+fn upright(x: f64, on_left: bool) -> Scene {
+    let far = if on_left { -200.0 } else { 200.0 };
+    Scene::of_points(&[[x, -300.0, 0.0], [x, 300.0, 0.0], [far, 3.0, 0.0]], &[[0, 1, 2]], SIZE)
+}
+
+/// The same across the image.
+fn level(y: f64, above: bool) -> Scene {
+    let far = if above { -200.0 } else { 200.0 };
+    Scene::of_points(&[[-300.0, y, 0.0], [300.0, y, 0.0], [3.0, far, 0.0]], &[[0, 1, 2]], SIZE)
+}
+
+/// The image with its rows and columns exchanged.
+fn transposed(image: &[f64], width: usize) -> Vec<f64> {
+    let height = image.len() / width;
+    (0..image.len()).map(|k| image[k % height * width + k / height]).collect()
+}
+
+fn assert_close(found: &[f64], expected: &[f64], tolerance: f64) {
+    assert_eq!(found.len(), expected.len());
+    for (k, (found, expected)) in found.iter().zip(expected).enumerate() {
+        assert!((found - expected).abs() <= tolerance, "entry {k}: {found} instead of {expected}");
+    }
+}
+
+#[test]
+fn an_upright_or_level_edge_gives_the_area_that_is_covered() {
+    for part in [0.02, 0.25, 0.4999, 0.5, 0.5001, 0.75, 0.98] {
+        for first in [1.0, 4.0] {
+            let edge = first + part;
+            let share = |at: usize| (edge - at as f64).clamp(0.0, 1.0);
+            for near in [true, false] {
+                let share = |at: usize| if near { share(at) } else { 1.0 - share(at) };
+                let columns: Vec<_> = (0..54).map(|k| share(k % 9)).collect();
+                assert_close(&upright(edge, near).picture::<f64>(is_covered), &columns, 1e-13);
+                assert_close(&upright(edge, near).picture::<f32>(is_covered), &columns, 1e-5);
+                let rows: Vec<_> = (0..54).map(|k| share(k / 9)).collect();
+                assert_close(&level(edge, near).picture::<f64>(is_covered), &rows, 1e-13);
+                assert_close(&level(edge, near).picture::<f32>(is_covered), &rows, 1e-5);
+            }
+        }
+    }
+}
+
+#[test]
+fn moving_an_upright_or_level_edge_moves_the_sum_of_the_image_by_the_area() {
+    // The area is H x or W y pixels, and a pixel is 2 / W by 2 / H; y runs up.
+    let image = |scene: &Scene| {
+        scene.rasterized(scene.positions(&Tape::<f64>::new())).coverage.triangle_ids()
+    };
+    for (part, near) in [(0.25, true), (0.75, true), (0.25, false), (0.75, false)] {
+        let direction = if near { 1.0 } else { -1.0 };
+        for (scene, axis, area) in
+            [(upright(4.0 + part, near), 0, 27.0), (level(3.0 + part, near), 1, -27.0)]
+        {
+            let image: Vec<_> = image(&scene).into_iter().map(f64::from).collect();
+            let [_, clip_bar] = scene.gradients(&image, &[1.0; 54]);
+            let moved = clip_bar[axis] + clip_bar[4 + axis];
+            approx::assert_relative_eq!(moved, direction * area, max_relative = 1e-12);
+            // The third vertex is on no edge in sight, and depth plays no part.
+            assert!(clip_bar[8..].iter().all(|&entry| entry == 0.0));
+            assert!(clip_bar.chunks(4).all(|vertex| vertex[2] == 0.0));
+        }
+    }
+}
+
+#[test]
+fn a_constant_image_is_unchanged() {
+    let out = star().picture::<f64>(|_, _| 0.7);
+    assert!(out.iter().all(|&entry| entry == 0.7));
+    let [_, clip_bar] = star().gradients(&[0.7; 54], &[1.0; 54]);
+    assert!(clip_bar.iter().all(|&entry| entry == 0.0));
+}
+
+/// Two faces at an edge, a third one that hides parts of them, in general position.
+fn star() -> Scene {
+    let points = [
+        [0.7, 0.9, 0.3],
+        [7.8, 1.3, 0.2],
+        [4.2, 5.4, 0.1],
+        [8.9, 5.2, 0.4],
+        [2.3, -1.1, -0.3],
+        [5.9, 2.8, -0.2],
+        [0.2, 4.6, -0.4],
+    ];
+    Scene::of_points(&points, &[[0, 1, 2], [2, 1, 3], [4, 5, 6]], SIZE)
+}
+
+#[test]
+fn transposing_the_scene_transposes_the_image() {
+    for scene in [star(), upright(4.3, true), level(2.2, false)] {
+        let mut across = scene.clone();
+        across.size = Size { width: scene.size.height, height: scene.size.width };
+        across.clip.iter_mut().for_each(|[x, y, ..]| (*x, *y) = (-*y, -*x));
+        let colors: Vec<_> = (0..54).map(motley).collect();
+        let turned = transposed(&colors, 9);
+        let [image, turned] =
+            [scene.picture::<f64>(|k, _| colors[k]), across.picture::<f64>(|k, _| turned[k])];
+        assert!(image != colors);
+        assert_close(&turned, &transposed(&image, 9), 1e-13);
+    }
+}
+
+#[test]
+fn the_image_gradient_is_the_adjoint_of_the_linear_map() {
+    // For given positions the image is mapped linearly.
+    let scene = star();
+    let image: Vec<_> = (0..54).map(motley).collect();
+    let out_bar: Vec<_> = (0..54).map(|k| motley(3 * k + 1) - 0.5).collect();
+    let [image_bar, _] = scene.gradients(&image, &out_bar);
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let out = scene.picture::<f64>(|k, _| image[k]);
+    approx::assert_relative_eq!(dot(&out, &out_bar), dot(&image, &image_bar), max_relative = 1e-13);
+}
+
+#[test]
+fn an_inner_edge_is_no_silhouette_and_leaves_the_image_itself() {
+    // Two faces that cover the image, whichever way they are cut and wound.
+    let points = [[-9.0, -9.0, 0.0], [20.0, -8.0, 0.1], [22.0, 18.0, 0.2], [-8.0, 15.0, 0.0]];
+    for faces in [[[0, 1, 2], [0, 2, 3]], [[0, 1, 2], [3, 2, 0]], [[1, 2, 3], [0, 1, 3]]] {
+        let scene = Scene::of_points(&points, &faces, SIZE);
+        let tape = Tape::<f32>::new();
+        let clip = scene.positions(&tape);
+        let fragments = scene.rasterized(clip);
+        assert_eq!(fragments.coverage.count(), 54);
+        assert!(fragments.coverage.faces().contains(&0) && fragments.coverage.faces().contains(&1));
+        let image = tape.leaf(&scene.image(&fragments, |k, _| motley(k)));
+        let out = antialias(image, &fragments, clip).unwrap();
+        assert_eq!(out.value().data().as_ptr(), image.value().data().as_ptr());
+        // The gradient passes through, and there is none for the positions.
+        let gradients = out.square().sum().backward().unwrap();
+        let doubled: Vec<_> = image.value().data().iter().map(|c| 2.0 * c).collect();
+        assert_eq!(gradients.get(image).unwrap().data(), doubled);
+        assert!(gradients.get_or_zeros(clip).data().iter().all(|&entry| entry == 0.0));
+    }
+}
+
+#[test]
+fn where_a_surface_turns_away_its_edge_is_as_good_as_a_boundary() {
+    // A roof seen along its ridge: the second face hides behind the first.
+    let points = [[4.3, -300.0, 0.0], [4.4, 300.0, 0.0], [-200.0, 3.0, -0.2], [-190.0, 4.0, 0.2]];
+    for second in [[0, 3, 1], [1, 0, 3]] {
+        let roof = Scene::of_points(&points, &[[0, 1, 2], second], SIZE);
+        let alone = Scene::of_points(&points, &[[0, 1, 2]], SIZE);
+        let color = |k: usize, id: u32| motley(k) + f64::from(id);
+        assert_eq!(roof.picture::<f64>(color), alone.picture::<f64>(color));
+        // With the fourth vertex on the other side the surface goes on.
+        let mut flat = roof.clone();
+        flat.clip[3][0] *= -1.0;
+        assert_eq!(flat.picture::<f64>(|k, _| motley(k)), (0..54).map(motley).collect::<Vec<_>>());
+    }
+}
+
+#[test]
+fn of_two_faces_the_nearer_ones_edge_counts() {
+    // A near face on the left of x = 4.3, a far one everywhere: the same as the near one before a
+    // background of the far one's colours.
+    let points = [[4.3, -300.0, -0.1], [4.4, 300.0, -0.1], [-200.0, 3.0, -0.1]];
+    let behind = [[-300.0, -300.0, 0.1], [900.0, -300.0, 0.1], [-300.0, 900.0, 0.1]];
+    let both: Vec<_> = points.into_iter().chain(behind).collect();
+    let alone = Scene::of_points(&points, &[[0, 1, 2]], SIZE);
+    let expected = alone.picture::<f64>(|k, _| motley(k));
+    assert!(expected != (0..54).map(motley).collect::<Vec<_>>());
+    for faces in [[[0, 1, 2], [3, 4, 5]], [[3, 4, 5], [0, 1, 2]]] {
+        let scene = Scene::of_points(&both, &faces, SIZE);
+        assert_eq!(scene.picture::<f64>(|k, _| motley(k)), expected);
+    }
+}
+
+#[test]
+fn a_face_partly_behind_the_eye_blends_as_its_visible_part() {
+    // Vertex 2 lies behind the eye; the part with w > 0.02 is two faces that end far outside the
+    // image. The depth is the same everywhere, and no corner is in sight: at a corner the blends
+    // depend on how the surface is cut into faces.
+    let upwards = [[-0.44, -1.65, 0.11, 1.1], [0.27, -1.26, 0.09, 0.9], [-0.05, 2.0, -0.05, -0.5]];
+    let rightwards =
+        [[-1.65, -0.55, 0.11, 1.1], [-1.26, 0.36, 0.09, 0.9], [1.2, -0.03, -0.03, -0.3]];
+    for clip in [upwards, rightwards] {
+        let cut = |from: [f64; 4], to: [f64; 4]| -> [f64; 4] {
+            let t = (from[3] - 0.02) / (from[3] - to[3]);
+            std::array::from_fn(|k| from[k] + t * (to[k] - from[k]))
+        };
+        let whole = Scene { clip: clip.to_vec(), faces: vec![[0, 1, 2]], size: SIZE };
+        let part = Scene {
+            clip: vec![clip[0], clip[1], cut(clip[1], clip[2]), cut(clip[0], clip[2])],
+            faces: vec![[0, 1, 2], [0, 2, 3]],
+            size: SIZE,
+        };
+        let [image, expected] = [&whole, &part].map(|scene| scene.picture::<f64>(|k, _| motley(k)));
+        assert_close(&image, &expected, 1e-12);
+        let blended = image.iter().enumerate().filter(|&(k, &entry)| entry != motley(k)).count();
+        assert!(blended >= 4, "{blended}");
+        let single = whole.picture::<f32>(|k, _| motley(k));
+        assert_close(&single, &expected, 1e-4);
+        let [_, clip_bar] = whole.gradients(&image, &[1.0; 54]);
+        assert!(clip_bar.iter().all(|entry| entry.is_finite()));
+        assert!(clip_bar[8..].iter().any(|&entry| entry != 0.0));
+    }
+}
+
+#[test]
+fn an_edge_half_way_between_centres_moves_nothing_but_has_a_gradient() {
+    let scene = upright(4.0, true);
+    let image = scene.picture::<f64>(is_covered);
+    assert!(image.iter().all(|&entry: &f64| (entry - entry.round()).abs() < 1e-14));
+    let [_, clip_bar] = scene.gradients(&image, &[1.0; 54]);
+    approx::assert_relative_eq!(clip_bar[0] + clip_bar[4], 27.0, max_relative = 1e-12);
+}
+
+#[test]
+fn an_edge_at_45_degrees_keeps_every_blend_within_its_two_pixels() {
+    for shift in [0.0, 0.25, 0.5, 0.75] {
+        let points = [[-10.0 + shift, -10.0, 0.0], [20.0 + shift, 20.0, 0.0], [-30.0, 20.0, 0.0]];
+        let scene = Scene::of_points(&points, &[[0, 1, 2]], Size::square(8));
+        for image in [scene.picture::<f64>(is_covered), scene.picture::<f32>(is_covered)] {
+            assert!(image.iter().all(|entry| (0.0..=1.0).contains(entry)));
+        }
+        let [_, clip_bar] = scene.gradients(&[1.0; 64], &[1.0; 64]);
+        assert!(clip_bar.iter().all(|entry| entry.is_finite()));
+    }
+}
+
+#[test]
+fn a_crossing_beyond_the_pair_by_rounding_is_clamped_and_gets_no_gradient() {
+    // An edge through the centres of column 4, which belong to the face on its right; it is moved
+    // after rasterization, so that it passes on the wrong side of them.
+    for (edge, alpha) in [(4.53, 0.5), (4.47, 0.5 - 0.03)] {
+        let tape = Tape::<f64>::new();
+        let (drawn, moved) = (upright(4.5, false), upright(edge, false));
+        let fragments = drawn.rasterized(drawn.positions(&tape));
+        let clip = moved.positions(&tape);
+        let image = tape.leaf(&drawn.image(&fragments, is_covered));
+        assert_eq!(image.value().data()[4], 1.0);
+        let out = antialias(image, &fragments, clip).unwrap();
+        // Half of the pixel belongs to the background, and no more.
+        approx::assert_relative_eq!(out.value().data()[4], 1.0 - alpha, epsilon = 1e-12);
+        let gradients = out.sum().backward().unwrap();
+        let has_gradient = gradients.get_or_zeros(clip).data().iter().any(|&entry| entry != 0.0);
+        assert_eq!(has_gradient, alpha < 0.5);
+    }
+}
+
+#[test]
+fn images_of_one_pixel_row_or_column_have_pairs_along_them_alone() {
+    let scene = |width, height| Scene { size: Size { width, height }, ..star() };
+    for (width, height) in [(1, 1), (13, 1), (1, 13)] {
+        let out = scene(width, height).picture::<f64>(|k, _| motley(k));
+        assert_eq!(out.len(), width * height);
+        assert!(out.iter().all(|entry| entry.is_finite()));
+    }
+    assert_eq!(scene(1, 1).picture::<f64>(|_, _| 0.3), [0.3]);
+}
+
+#[test]
+fn a_mesh_that_nobody_sees_leaves_the_image_itself() {
+    let scene = upright(-40.0, true);
+    assert_eq!(scene.picture::<f32>(|_, _| 0.5), [0.5; 54]);
+}
+
+#[test]
+fn wrong_shapes_are_refused() {
+    let scene = star();
+    let tape = Tape::<f32>::new();
+    let clip = scene.positions(&tape);
+    let fragments = scene.rasterized(clip);
+    for shape in [&[9, 6, 1][..], &[6, 9], &[54, 1, 1]] {
+        let error = antialias(tape.leaf(&Tensor::zeros(shape)), &fragments, clip).unwrap_err();
+        let message = error.to_string();
+        assert!(
+            message.starts_with("antialias needs an image of shape [6, 9, C], got"),
+            "{message}"
+        );
+    }
+    let (image, few) = (tape.leaf(&Tensor::zeros([6, 9, 2])), tape.leaf(&Tensor::zeros([6, 4])));
+    let error = antialias(image, &fragments, few).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "antialias needs clip positions of shape [7, 4], got shape [6, 4]"
+    );
+}

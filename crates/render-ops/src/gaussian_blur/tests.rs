@@ -1,0 +1,347 @@
+//! Laws of the blur.
+
+use bokashi_core::{Tape, Tensor};
+
+use super::*;
+
+const KERNELS: [Kernel; 2] = [Kernel::Seed, Kernel::Sampled];
+const BORDERS: [Border; 3] = [Border::Zero, Border::Mirror, Border::Clamp];
+/// Smaller than the window and larger, along one axis and both; more entries than a block.
+const SHAPES: [[usize; 3]; 6] =
+    [[1, 1, 1], [1, 9, 2], [8, 1, 3], [5, 7, 3], [40, 3, 1], [2, 37, 1]];
+const RADII: [Radius; 5] = [
+    Radius::Fixed(0),
+    Radius::Fixed(1),
+    Radius::Fixed(4),
+    Radius::Fixed(30),
+    Radius::Tolerance(1e-6),
+];
+
+/// Every kernel, border and radius on every shape.
+fn for_each_case(mut check: impl FnMut(Blur, [usize; 3])) {
+    for shape in SHAPES {
+        for (kernel, border) in KERNELS.into_iter().flat_map(|k| BORDERS.map(|b| (k, b))) {
+            RADII.into_iter().for_each(|radius| check(Blur { kernel, border, radius }, shape));
+        }
+    }
+}
+
+fn numbers<T: Scalar>(shape: [usize; 3], seed: usize) -> Tensor<T> {
+    Tensor::from_fn(shape, |k| {
+        T::from_f64(((k * 7919 + seed * 104_729) % 1009) as f64 / 1009.0 - 0.4)
+    })
+}
+
+fn blurred<T: Scalar>(image: &Tensor<T>, sigma: f64, blur: &Blur) -> Tensor<T> {
+    let tape = Tape::new();
+    let sigma = tape.scalar(T::from_f64(sigma));
+    gaussian_blur(tape.leaf(image), sigma, blur).unwrap().value()
+}
+
+/// The gradients of `<out_bar, blurred image>` with respect to the image and sigma.
+fn gradients<T: Scalar>(
+    image: &Tensor<T>,
+    sigma: f64,
+    blur: &Blur,
+    out_bar: &Tensor<T>,
+) -> (Tensor<T>, f64) {
+    let tape = Tape::new();
+    let (image, sigma) = (tape.leaf(image), tape.scalar(T::from_f64(sigma)));
+    let out = gaussian_blur(image, sigma, blur).unwrap();
+    let gradients = tape.vjp(&[(out, out_bar)]).unwrap();
+    (gradients.get(image).unwrap().clone(), gradients.get(sigma).unwrap().item().to_f64())
+}
+
+fn dot<T: Scalar>(x: &Tensor<T>, y: &Tensor<T>) -> f64 {
+    x.data().iter().zip(y.data()).map(|(x, y)| x.to_f64() * y.to_f64()).sum()
+}
+
+fn assert_close<T: Scalar>(found: &Tensor<T>, expected: &Tensor<f64>, tolerance: f64) {
+    assert_eq!(found.shape(), expected.shape());
+    for (k, (found, expected)) in found.data().iter().zip(expected.data()).enumerate() {
+        let error = (found.to_f64() - expected).abs();
+        assert!(error <= tolerance, "entry {k}: {found} instead of {expected}");
+    }
+}
+
+/// The blurred entry at `[row, column, channel]`, by the definition as a double sum.
+fn double_sum(image: &Tensor<f64>, at: [usize; 3], sigma: f64, radius: isize, blur: &Blur) -> f64 {
+    let &[height, width, channels] = &**image.shape() else { panic!("an image has three axes") };
+    let shape = |k: isize| (-0.5 * (k as f64 / sigma).powi(2)).exp();
+    let total = match blur.kernel {
+        Kernel::Seed => sigma * std::f64::consts::TAU.sqrt(),
+        Kernel::Sampled => (-radius..=radius).map(shape).sum(),
+    };
+    let source = |at: isize, extent: usize| -> Option<usize> {
+        let last = extent as isize - 1;
+        let inside = (0..=last).contains(&at);
+        match blur.border {
+            Border::Zero => inside.then_some(at as usize),
+            Border::Clamp => Some(at.clamp(0, last) as usize),
+            Border::Mirror => {
+                // Reflected at one end, then at the other, until it is inside.
+                let mut at = at;
+                while !(0..=last).contains(&at) {
+                    at = if at < 0 { -1 - at } else { 2 * last + 1 - at };
+                }
+                Some(at as usize)
+            }
+        }
+    };
+    let [row, column, channel] = at;
+    let mut sum = 0.0;
+    for (i, j) in (-radius..=radius).flat_map(|i| (-radius..=radius).map(move |j| (i, j))) {
+        let (y, x) = (source(row as isize + i, height), source(column as isize + j, width));
+        if let (Some(y), Some(x)) = (y, x) {
+            let weight = shape(i) * shape(j) / (total * total);
+            sum += weight * image.data()[(y * width + x) * channels + channel];
+        }
+    }
+    sum
+}
+
+#[test]
+fn every_pixel_is_the_double_sum_over_its_window() {
+    for_each_case(|blur, shape| {
+        let Radius::Fixed(radius) = blur.radius else { return };
+        let image = numbers::<f64>(shape, 1);
+        for sigma in [0.4, 1.3] {
+            // The implementation cuts off taps below 1e-18 of the largest.
+            let [_, width, channels] = shape;
+            let expected = Tensor::from_fn(shape, |k| {
+                let at = [k / (width * channels), k / channels % width, k % channels];
+                double_sum(&image, at, sigma, radius.min(14) as isize, &blur)
+            });
+            assert_close(&blurred(&image, sigma, &blur), &expected, 1e-14);
+            assert_close(&blurred(&image.cast::<f32>(), sigma, &blur), &expected, 1e-5);
+        }
+    });
+}
+
+#[test]
+fn backward_is_the_adjoint_of_forward() {
+    for_each_case(|blur, shape| {
+        for sigma in [0.3, 1.7, 9.0] {
+            let (image, out_bar) = (numbers::<f64>(shape, 1), numbers::<f64>(shape, 2));
+            let (image_bar, _) = gradients(&image, sigma, &blur, &out_bar);
+            let (left, right) =
+                (dot(&blurred(&image, sigma, &blur), &out_bar), dot(&image, &image_bar));
+            let size = dot(&image, &image).sqrt() * dot(&image_bar, &image_bar).sqrt();
+            assert!((left - right).abs() <= 1e-14 * size, "{left} {right} {blur:?} {shape:?}");
+        }
+    });
+}
+
+#[test]
+fn the_sigma_gradient_is_the_difference_quotient() {
+    for_each_case(|blur, shape| {
+        // A fixed radius, or one of a tolerance away from its steps.
+        for sigma in [0.45, 1.1, 2.6] {
+            let (image, out_bar) = (numbers::<f64>(shape, 3), numbers::<f64>(shape, 4));
+            let (_, sigma_bar) = gradients(&image, sigma, &blur, &out_bar);
+            let quotient = |h: f64| {
+                let at = |sigma: f64| dot(&blurred(&image, sigma, &blur), &out_bar);
+                (at(sigma + h) - at(sigma - h)) / (2.0 * h)
+            };
+            let h = 1e-3 * sigma;
+            let richardson = (4.0 * quotient(0.5 * h) - quotient(h)) / 3.0;
+            let size = dot(&image, &image) + dot(&out_bar, &out_bar);
+            let error = (sigma_bar - richardson).abs();
+            assert!(error <= 1e-9 * size, "{sigma_bar} {richardson} {blur:?} {shape:?} {sigma}");
+        }
+    });
+}
+
+#[test]
+fn a_constant_image_is_kept_by_mirror_and_clamp_and_its_sigma_gradient_is_zero() {
+    for_each_case(|blur, shape| {
+        if blur.kernel == Kernel::Seed || blur.border == Border::Zero {
+            return;
+        }
+        for sigma in [1e-12, 0.3, 2.0, 50.0, 300.0] {
+            let image = Tensor::<f64>::full(shape, 0.7);
+            assert_close(&blurred(&image, sigma, &blur), &image, 1e-14);
+            let (_, sigma_bar) = gradients(&image, sigma, &blur, &numbers(shape, 5));
+            // Each pass rounds the constant, the next one sees the difference.
+            assert!(sigma_bar.abs() < 1e-12, "{sigma_bar}");
+        }
+    });
+}
+
+#[test]
+fn an_impulse_in_the_corner_keeps_its_mass_under_a_mirror_border() {
+    for_each_case(|blur, shape| {
+        if blur.kernel == Kernel::Seed || blur.border != Border::Mirror {
+            return;
+        }
+        for sigma in [0.5, 3.0, 80.0] {
+            let mut image = Tensor::<f64>::zeros(shape);
+            image.data_mut()[0] = 1.0;
+            let out = blurred(&image, sigma, &blur);
+            approx::assert_relative_eq!(out.data().iter().sum::<f64>(), 1.0, max_relative = 1e-14);
+            assert!(out.data().iter().all(|&entry| entry >= 0.0));
+        }
+    });
+}
+
+#[test]
+fn a_zero_border_darkens_and_a_wide_mirrored_blur_is_the_mean() {
+    let image = Tensor::<f64>::full([32, 32, 1], 1.0);
+    let blur = |border, radius| Blur { border, radius, ..Blur::default() };
+    let dark = blurred(&image, 4.0, &blur(Border::Zero, Radius::Fixed(40)));
+    // The share of its mass that a row keeps, squared: from a sum over erf by hand, 0.81.
+    let mean = dark.data().iter().sum::<f64>() / 1024.0;
+    approx::assert_relative_eq!(mean, 0.81, epsilon = 0.005);
+
+    let image = numbers::<f64>([4, 5, 1], 6);
+    let mean = image.data().iter().sum::<f64>() / 20.0;
+    let wide = blurred(&image, 60.0, &blur(Border::Mirror, Radius::Tolerance(1e-12)));
+    assert_close(&wide, &Tensor::full([4, 5, 1], mean), 1e-10);
+}
+
+#[test]
+fn transposing_the_image_transposes_the_blur() {
+    let transposed = |image: &Tensor<f64>| {
+        let &[height, width, channels] = &**image.shape() else {
+            panic!("an image has three axes")
+        };
+        Tensor::from_fn([width, height, channels], |k| {
+            let (y, x) = (k / channels % height, k / (channels * height));
+            image.data()[(y * width + x) * channels + k % channels]
+        })
+    };
+    for_each_case(|blur, shape| {
+        let image = numbers::<f64>(shape, 7);
+        let out = transposed(&blurred(&image, 1.4, &blur));
+        assert_close(&blurred(&transposed(&image), 1.4, &blur), &out, 1e-14);
+    });
+}
+
+#[test]
+fn channels_do_not_mix() {
+    let image = numbers::<f64>([6, 5, 3], 8);
+    let out = blurred(&image, 1.2, &Blur::default());
+    for channel in 0..3 {
+        let alone =
+            |image: &Tensor<f64>| Tensor::from_fn([6, 5, 1], |k| image.data()[3 * k + channel]);
+        assert_close(&blurred(&alone(&image), 1.2, &Blur::default()), &alone(&out), 1e-15);
+    }
+}
+
+#[test]
+fn pieces_of_a_large_image_join_without_a_seam() {
+    // Several pieces, whose borders lie within rows.
+    let (shape, blur) = ([131, 257, 1], Blur { radius: Radius::Fixed(3), ..Blur::default() });
+    let (image, out_bar) = (numbers::<f64>(shape, 9), numbers::<f64>(shape, 10));
+    let out = blurred(&image, 1.1, &blur);
+    for k in (0..out.size()).step_by(97).chain(16_380..16_390) {
+        let expected = double_sum(&image, [k / 257, k % 257, 0], 1.1, 3, &blur);
+        approx::assert_relative_eq!(out.data()[k], expected, epsilon = 1e-14);
+    }
+    let (image_bar, sigma_bar) = gradients(&image, 1.1, &blur, &out_bar);
+    approx::assert_relative_eq!(dot(&out, &out_bar), dot(&image, &image_bar), max_relative = 1e-12);
+    let at = |sigma: f64| dot(&blurred(&image, sigma, &blur), &out_bar);
+    let quotient = (at(1.1 + 1e-5) - at(1.1 - 1e-5)) / 2e-5;
+    approx::assert_relative_eq!(sigma_bar, quotient, max_relative = 1e-6);
+}
+
+#[test]
+fn f32_gradients_are_those_of_f64() {
+    for_each_case(|blur, shape| {
+        let (image, out_bar) = (numbers::<f32>(shape, 11), numbers::<f32>(shape, 12));
+        let wide = gradients(&image.cast::<f64>(), 1.5, &blur, &out_bar.cast());
+        let narrow = gradients(&image, 1.5, &blur, &out_bar);
+        assert_close(&narrow.0, &wide.0, 1e-5);
+        let size = dot(&image, &image).sqrt() * dot(&out_bar, &out_bar).sqrt();
+        approx::assert_relative_eq!(narrow.1, wide.1, epsilon = 1e-5 * size);
+    });
+}
+
+#[test]
+fn sampled_weights_with_sigma_zero_are_the_identity_and_leave_no_trace() {
+    let tape = Tape::<f32>::new();
+    let image = tape.leaf(&numbers([3, 4, 2], 13));
+    for zero in [0.0, -0.0] {
+        let sigma = tape.scalar(zero);
+        let before = tape.len();
+        let out = gaussian_blur(image, sigma, &Blur::default()).unwrap();
+        assert_eq!(tape.len(), before);
+        assert_eq!(out.value().data().as_ptr(), image.value().data().as_ptr());
+        let report = format!("{:?}", tape.take_report());
+        assert!(report.contains("sigma is 0"), "{report}");
+    }
+}
+
+#[test]
+fn a_small_sigma_is_nearly_the_identity() {
+    for sigma in [1e-300, 1e-12, 1e-6, 0.05] {
+        let image = numbers::<f64>([4, 3, 2], 14);
+        assert_close(&blurred(&image, sigma, &Blur::default()), &image, 1e-15);
+        let (image_bar, sigma_bar) = gradients(&image, sigma, &Blur::default(), &image);
+        assert_close(&image_bar, &image, 1e-15);
+        assert_eq!(sigma_bar, 0.0);
+    }
+}
+
+#[test]
+fn a_sigma_that_the_kernel_is_not_defined_for_is_refused() {
+    let tape = Tape::<f64>::new();
+    let image = tape.leaf(&numbers([3, 3, 1], 15));
+    let message = |kernel, sigma: f64, radius| {
+        let sigma = tape.scalar(sigma);
+        let before = tape.len();
+        let error =
+            gaussian_blur(image, sigma, &Blur { kernel, radius, ..Blur::default() }).unwrap_err();
+        assert!(matches!(error, RenderError::BadSigma { .. }), "{error}");
+        assert_eq!(tape.len(), before);
+        error.to_string()
+    };
+    for radius in [Radius::Fixed(2), Radius::Tolerance(1e-3)] {
+        for sigma in [-1.0, -1e-300, f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            assert_eq!(
+                message(Kernel::Sampled, sigma, radius),
+                format!("gaussian_blur needs a finite sigma of at least 0, got sigma {sigma}")
+            );
+        }
+        for sigma in [0.0, -0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert_eq!(
+                message(Kernel::Seed, sigma, radius),
+                format!(
+                    "gaussian_blur needs a finite and positive sigma for the seed kernel, got sigma {sigma}"
+                )
+            );
+        }
+        assert!(message(Kernel::Seed, 1e-200, radius).contains("does not overflow"));
+    }
+}
+
+#[test]
+fn a_radius_or_tolerance_out_of_range_is_refused() {
+    let tape = Tape::<f32>::new();
+    let (image, sigma) = (tape.leaf(&numbers([3, 3, 1], 16)), tape.scalar(2.0));
+    let tolerances = [0.0, -1.0, 1.0, 2.0, f64::NAN].map(Radius::Tolerance);
+    for radius in tolerances.into_iter().chain([Radius::Fixed(16_385)]) {
+        for kernel in KERNELS {
+            let error = gaussian_blur(image, sigma, &Blur { kernel, radius, ..Blur::default() })
+                .unwrap_err();
+            assert!(matches!(error, RenderError::BadRadius { .. }), "{error}");
+        }
+    }
+    let error = gaussian_blur(image, tape.scalar(1e6), &Blur::default()).unwrap_err();
+    assert!(matches!(error, RenderError::BadRadius { .. }), "{error}");
+}
+
+#[test]
+fn wrong_shapes_are_refused() {
+    let tape = Tape::<f32>::new();
+    let (image, sigma) = (tape.leaf(&numbers([3, 3, 1], 17)), tape.scalar(2.0));
+    let pair = tape.leaf(&Tensor::full([2], 1.0));
+    let error = gaussian_blur(image, pair, &Blur::default()).unwrap_err();
+    assert_eq!(error.to_string(), "gaussian_blur needs a single number for sigma, got shape [2]");
+    for shape in [&[3, 3][..], &[3, 3, 0], &[0, 3, 1], &[3, 3, 1, 1]] {
+        let error =
+            gaussian_blur(tape.leaf(&Tensor::zeros(shape)), sigma, &Blur::default()).unwrap_err();
+        let rule = "gaussian_blur needs an image of shape [H, W, C] with at least one entry, got";
+        assert!(error.to_string().starts_with(rule), "{error}");
+    }
+}
