@@ -58,7 +58,7 @@ fn size(width: usize, height: usize) -> Size {
 
 /// The corners of a cube of side 1 about the origin, each coordinate off by up to `jitter`.
 fn cube(jitter: f64) -> BoxedStrategy<Vec<f64>> {
-    let corner = |k: usize| (k / 3 >> (2 - k % 3) & 1) as f64 - 0.5;
+    let corner = |k: usize| (((k / 3) >> (2 - k % 3)) & 1) as f64 - 0.5;
     vec(-jitter..jitter, 24)
         .prop_map(move |offsets| (0..24).map(|k| corner(k) + offsets[k]).collect())
         .boxed()
@@ -342,7 +342,7 @@ fn antialias_is_the_sum_of_the_blends_of_its_definition() {
             .unwrap();
         let pairs = scenes.size.pixels() > 1;
         println!("{}: {} blends", scenes.name, count.get());
-        assert!(count.get() > 100 || !pairs, "{}: {} blends", scenes.name, count.get());
+        assert!(count.get() > 20 || !pairs, "{}: {} blends", scenes.name, count.get());
     }
 }
 

@@ -134,7 +134,7 @@ fn check_gradients<S: PartialEq, E: Debug>(
         check_identities(&tape, &seeds, i, leaf, &gradient)?;
 
         let quotients: Vec<_> =
-            (0..gradient.size()).map(|k| quotient(inputs, i, k, ROUNDING * size, &value)).collect();
+            (0..gradient.size()).map(|k| quotient(inputs, i, k, ROUNDING * size, value)).collect();
         let references = quotients.iter().flatten().map(|&(reference, _)| reference);
         let sizes = gradient.data().iter().copied().chain(references).map(f64::abs);
         let scale = sizes.fold(NEGLIGIBLE * size, f64::max);
@@ -145,8 +145,7 @@ fn check_gradients<S: PartialEq, E: Debug>(
                 continue;
             };
             let difference = (entry - reference).abs();
-            // Written so that a NaN breaks the law.
-            if !(difference <= TOLERANCE * scale + bar) {
+            if difference.is_nan() || difference > TOLERANCE * scale + bar {
                 return Err(format!(
                     "input {i}, entry {k}: gradient {entry:e}, difference quotient {reference:e} \
                      +- {bar:e}, at scale {scale:e}"
@@ -206,7 +205,8 @@ fn check_identities<'t>(
     let bound = 1e-10 * gradient.data().iter().fold(1.0, |size: f64, entry| size.max(entry.abs()));
     let entries = more.data().iter().zip(gradient.data()).zip(begun.data());
     for (k, ((&more, &gradient), &begun)) in entries.enumerate() {
-        if !((more - gradient - begun).abs() <= bound) {
+        let difference = (more - gradient - begun).abs();
+        if difference.is_nan() || difference > bound {
             return Err(format!(
                 "input {i}, entry {k}: a sum of {begun:e} already begun became {more:e}, not \
                  larger by the gradient {gradient:e}"

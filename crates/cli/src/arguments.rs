@@ -155,7 +155,10 @@ fn folded(message: &str) -> String {
     let lines = message.lines().map(str::trim).filter(|line| !line.is_empty());
     let lines = lines.filter(|line| !line.starts_with("Usage:"));
     let text = lines.collect::<Vec<_>>().join(" ");
-    text.strip_prefix("error: ").unwrap_or(&text).replace(" For more information, try", "; see")
+    text.strip_prefix("error: ")
+        .unwrap_or(&text)
+        .replace(" For more information, try", "; see")
+        .replace(" tip:", "; tip:")
 }
 
 /// One of some words, each of which `T` can be read from.

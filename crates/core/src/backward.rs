@@ -230,16 +230,15 @@ impl<T: Scalar> Inner<T> {
             }
             let start = timed.then(Instant::now);
 
-            // The sum so far of each wanted input; the same variable twice gets a second sum,
-            // added to the first one afterwards.
-            for (k, &input) in node.inputs.iter().enumerate() {
-                slots.push(wanted[input as usize].then(|| {
-                    let repeated = node.inputs[..k].contains(&input);
-                    let started = if repeated { None } else { below[input as usize].take() };
-                    let fresh = started.is_none();
-                    let shape = || values[input as usize].tensor.shape().clone();
-                    let tensor = started.unwrap_or_else(|| pool.take(shape()));
-                    Accumulator { tensor, fresh }
+            // The sum so far of each wanted input; the same variable a second time finds it taken
+            // and starts a sum of its own, added to the first one afterwards.
+            for input in node.inputs.iter().map(|&input| input as usize) {
+                slots.push(wanted[input].then(|| match below[input].take() {
+                    Some(tensor) => Accumulator { tensor, fresh: false },
+                    None => {
+                        let tensor = pool.take(values[input].tensor.shape().clone());
+                        Accumulator { tensor, fresh: true }
+                    }
                 }));
             }
 

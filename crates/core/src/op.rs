@@ -430,6 +430,8 @@ mod tests {
             for _ in 0..refusals {
                 assert!(tape.record(Doubles { refuses: true, ..HONEST }, &[y]).is_err());
                 assert_eq!(tape.len(), 2);
+                // Its two outputs, for the next one to take.
+                assert_eq!(tape.inner.borrow().pool.count(), 2);
             }
             let z = (y.exp() * x).sum();
             (z.value(), z.backward().unwrap().get_or_zeros(x), tape.take_report())

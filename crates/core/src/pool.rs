@@ -61,6 +61,12 @@ impl<T: Scalar> Pool<T> {
         }
         self.classes[class].push(buffer);
     }
+
+    /// How many buffers wait to be taken.
+    #[cfg(test)]
+    pub(crate) fn count(&self) -> usize {
+        self.classes.iter().map(Vec::len).sum()
+    }
 }
 
 /// The smallest class whose buffers hold `length` entries.

@@ -18,6 +18,14 @@ pub enum Schedule {
         /// The last factor.
         floor: f64,
     },
+    /// From 1 down to 0 as `(1 - step / steps)^power`, and 0 from `steps` on: the larger the power,
+    /// the more of the run is left for small rates.
+    Polynomial {
+        /// The step that reaches 0.
+        steps: u64,
+        /// The power, above 0.
+        power: f64,
+    },
     /// Halved (for `factor` 1/2) smoothly every `steps`: `factor^(step / steps)`.
     Exponential {
         /// How many steps multiply the rate by `factor` once.
@@ -44,6 +52,8 @@ impl Schedule {
                 let done = step as f64 / steps as f64;
                 floor + (1.0 - floor) * 0.5 * (1.0 + (PI * done).cos())
             }
+            Self::Polynomial { steps, .. } if step >= steps => 0.0,
+            Self::Polynomial { steps, power } => ((steps - step) as f64 / steps as f64).powf(power),
             Self::Exponential { steps, factor } => factor.powf(step as f64 / steps as f64),
             Self::Step { steps, factor } => factor.powf((step / steps) as f64),
         }
@@ -57,6 +67,9 @@ impl Schedule {
         match *self {
             Self::Cosine { floor, .. } if !(0.0..=1.0).contains(&floor) => {
                 Err(FitError::setting("schedule", "a floor from 0 to 1", floor))
+            }
+            Self::Polynomial { power, .. } if !(power > 0.0 && power.is_finite()) => {
+                Err(FitError::setting("schedule", "a finite power above 0", power))
             }
             Self::Exponential { steps: 0, .. } | Self::Step { steps: 0, .. } => {
                 Err(FitError::setting("schedule", "a period of at least 1 step", 0))
@@ -83,6 +96,17 @@ mod tests {
         assert_eq!(schedule.factor(100), 0.25);
         assert_eq!(schedule.factor(u64::MAX), 0.25);
         assert!((0..100).all(|step| schedule.factor(step) > schedule.factor(step + 1)));
+    }
+
+    #[test]
+    fn a_polynomial_falls_from_one_to_zero_by_its_power() {
+        let schedule = Schedule::Polynomial { steps: 100, power: 3.0 };
+        assert_eq!(schedule.factor(0), 1.0);
+        assert_eq!(schedule.factor(50), 0.125);
+        assert_eq!((schedule.factor(100), schedule.factor(101)), (0.0, 0.0));
+        let flat = Schedule::Polynomial { steps: 100, power: 0.0 };
+        let message = "schedule needs a finite power above 0, got 0";
+        assert_eq!(flat.check().unwrap_err().to_string(), message);
     }
 
     #[test]

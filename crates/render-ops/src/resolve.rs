@@ -192,14 +192,14 @@ mod tests {
         let (fragments, values) = surface(&tape);
         let color = tape.leaf(&Tensor::new([2], vec![0.25, 0.5]).unwrap());
         let image = tape.leaf(&Tensor::from_fn([3, 5, 2], |k| -(k as f64)));
-        let backgrounds: [(Background<'_, f64>, fn(usize) -> f64); 3] = [
-            (Background::Zero, |_| 0.0),
-            (Background::Color(color), |k| [0.25, 0.5][k % 2]),
-            (Background::Image(image), |k| -(k as f64)),
-        ];
-        for (background, behind) in backgrounds {
+        for background in [Background::Zero, Background::Color(color), Background::Image(image)] {
             let out = resolve(values, &fragments, background).unwrap().value();
             assert_eq!(*out.shape(), [3, 5, 2].into());
+            let behind = |k: usize| match background {
+                Background::Zero => 0.0,
+                Background::Color(_) => [0.25, 0.5][k % 2],
+                Background::Image(_) => -(k as f64),
+            };
             assert_eq!(out.data(), expected(&fragments, |k| 100.0 + k as f64, behind));
         }
     }

@@ -15,6 +15,7 @@
 
 mod animation;
 mod axis;
+mod choices;
 mod digest;
 mod figure;
 mod film;

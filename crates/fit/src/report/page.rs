@@ -13,7 +13,7 @@ use crate::scenes::{CubeSettings, Experiment};
 use super::digest::Group;
 use super::figure::{GRID, INK, PALETTE, PALETTE_DARK};
 use super::film::Film;
-use super::{About, ReportError, film, gallery, panels, results};
+use super::{About, ReportError, choices, film, gallery, panels, results};
 
 /// The style sheet, without the colours of the figures.
 const STYLE: &str = include_str!("page.css");
@@ -74,7 +74,7 @@ pub(crate) fn page(
         sections.push(("failures", "Fits that ended in an error", results::failures(failures)));
     }
     sections.push(("fits", "Every fit", every_fit(groups)));
-    sections.push(("choices", "Every choice", results::choices(about, groups)));
+    sections.push(("choices", "Every choice", choices::choices(about, groups)));
     sections.retain(|(_, _, body)| !body.is_empty());
 
     let (mut contents, mut body) = (String::new(), String::new());

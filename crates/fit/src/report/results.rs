@@ -1,16 +1,13 @@
-//! The report's tables: error beside time, stuck fits, every fit, every choice.
+//! The report's tables: error beside time, stuck fits, every fit.
 
 use std::fmt::Write as _;
 
-use bokashi_render_ops::Radius;
+use crate::scenes::{self, CubeSettings, Experiment, FACES, VERTEX_COUNT};
 
-use crate::scenes::{self, CubeSettings, Experiment, FACES, Preset, VERTEX_COUNT};
-
-use super::axis::grouped;
-use super::digest::{Fit, Group, STUCK, quartiles};
+use super::digest::{Fit, Group, STUCK};
 use super::page::escaped;
 use super::table::{plain, short};
-use super::{About, ReportError, gallery};
+use super::{ReportError, gallery};
 
 /// How many stuck fits are shown as pictures; beyond, they are in the table of all fits.
 const MOST_PICTURES: usize = 24;
@@ -219,118 +216,4 @@ fn numbers(fit: &Fit) -> String {
     let mark = if fit.is_stuck() { "<span class=\"stuck\">stuck</span>" } else { "" };
     let (numbers, times) = (numbers.map(short).join("<td>"), times.map(plain).join("<td>"));
     format!("<td>{numbers}<td>{times}<td>{mark}")
-}
-
-/// What was chosen where the paper leaves a choice, and what else makes the numbers.
-pub(crate) fn choices(about: &About, groups: &[&Group]) -> String {
-    let all = |what: &dyn Fn(&CubeSettings) -> String| {
-        let mut words: Vec<String> = groups.iter().map(|group| what(&group.settings)).collect();
-        words.dedup();
-        let mut kept: Vec<String> = Vec::new();
-        for word in words {
-            if !kept.contains(&word) {
-                kept.push(word);
-            }
-        }
-        escaped(&kept.join("; "))
-    };
-    let blurs = groups.iter().any(|group| group.settings.blurs());
-    let learns = groups.iter().any(|group| group.settings.experiment != Experiment::Sigma);
-    let seeds = quartiles(groups.iter().map(|group| group.fits.len() as f64))[1];
-    let blur = |what: &dyn Fn(&CubeSettings) -> String| {
-        all(&|settings| if settings.blurs() { what(settings) } else { "no blur".to_owned() })
-    };
-    let mut rows = vec![
-        ("Program", escaped(&about.program)),
-        ("Command", format!("<code>{}</code>", escaped(&about.command))),
-        ("Threads", about.threads.to_string()),
-        ("Numbers", all(&|settings| settings.precision.to_string())),
-        ("Steps", all(&|settings| grouped(settings.steps as f64))),
-        (
-            "Seeds",
-            format!(
-                "{seeds} per row of the first table; a fit is made again by its seed, \
-                           bit for bit, with any number of threads"
-            ),
-        ),
-        ("Learning rates", all(&rates)),
-        ("Optimizer", "Adam, β₁ = 0.9, β₂ = 0.999".to_owned()),
-        ("Loss", "sum of squared differences over all pixels and channels".to_owned()),
-        ("Cube", "vertices {−½, ½}³, colours {0, 1}³, 12 faces".to_owned()),
-    ];
-    if learns {
-        rows.push((
-            "Start",
-            "true vertices, each shifted by a uniform offset in [−½, ½]³, and \
-                    uniform colours"
-                .to_owned(),
-        ));
-        rows.push((
-            "Poses",
-            "a rotation uniform over all rotations, anew at each step; the \
-                    target image is rendered with it (5.2: one fixed pose)"
-                .to_owned(),
-        ));
-        rows.push((
-            "Vertex error",
-            "mean distance of the 8 vertices to their places, the least \
-                    over the 24 automorphisms of the triangulation: each of them gives the same \
-                    images"
-                .to_owned(),
-        ));
-    }
-    rows.push((
-        "Camera",
-        "3.5 from the cube’s centre, half-width 0.4 at distance 1; pictures here \
-                are all from the pose of 5.2"
-            .to_owned(),
-    ));
-    if blurs {
-        rows.push((
-            "Blur kernel",
-            blur(&|settings| format!("{:?}", settings.kernel).to_lowercase()),
-        ));
-        rows.push((
-            "Blur border",
-            blur(&|settings| format!("{:?}", settings.border).to_lowercase()),
-        ));
-        rows.push((
-            "Blur radius",
-            blur(&|settings| {
-                let sigma = settings.sigma_target;
-                match settings.blur_radius() {
-                    Radius::Fixed(radius) => {
-                        format!("{radius} px to either side for σ = {sigma}, fixed during a fit")
-                    }
-                    other => format!("{other:?} for σ = {sigma}").to_lowercase(),
-                }
-            }),
-        ));
-        rows.push((
-            "Sigma stays positive by",
-            blur(&|settings| format!("{:?}", settings.sigma_mapping).to_lowercase()),
-        ));
-        rows.push(("Sigma starts at", blur(&|settings| settings.sigma_start.to_string())));
-    }
-    rows.push((
-        "Time",
-        "wall clock from the start of a fit, all included: poses, target images, \
-                updates, and measuring the errors; ms per step: forward, backward and optimizer \
-                of the learnt image, median over a fit"
-            .to_owned(),
-    ));
-    let rows = rows.iter().map(|(what, value)| format!("<tr><th>{what}<td>{value}"));
-    format!("<table class=\"choices\"><tbody>{}</tbody></table>", rows.collect::<String>())
-}
-
-/// A preset's rates, in words.
-fn rates(settings: &CubeSettings) -> String {
-    let rates = settings.preset.rates();
-    let (v, c, s) = (rates.vertices, rates.colors, rates.sigma);
-    match settings.preset {
-        Preset::Paper => format!("paper: vertices {v}, colours {c}, sigma {s}, constant"),
-        Preset::Tuned => {
-            format!("tuned: vertices {v}, colours {c}, sigma {s}, along half a cosine to 0")
-        }
-    }
 }

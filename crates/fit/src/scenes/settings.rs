@@ -28,8 +28,8 @@ pub enum Experiment {
 pub enum Preset {
     /// As printed in the paper: vertices and colours 1e-3, sigma 1e-2, constant.
     Paper,
-    /// Larger ones that fall along a cosine: in 5.1 vertices 6e-3 and colours 6e-2, to 0; with a
-    /// blur vertices 3e-3, colours 2e-2 and sigma 5e-2, to 0.06 of them by 3/5 of the run.
+    /// Larger ones that fall over the run: in 5.1 vertices 6e-3 and colours 6e-2, along a cosine to
+    /// 0; with a blur vertices 5e-3, colours 3e-2 and sigma 6e-2, exponentially to 0.01 of them.
     Tuned,
 }
 
@@ -102,8 +102,7 @@ impl Preset {
             (Self::Tuned, Experiment::Vertices) => {
                 Rates { vertices: 6e-3, colors: 6e-2, sigma: 5e-2 }
             }
-            // A blur couples everything: at twice these rates seeds are lost.
-            (Self::Tuned, _) => Rates { vertices: 3e-3, colors: 2e-2, sigma: 5e-2 },
+            (Self::Tuned, _) => Rates { vertices: 5e-3, colors: 3e-2, sigma: 6e-2 },
         }
     }
 
@@ -112,10 +111,9 @@ impl Preset {
         match (self, experiment) {
             (Self::Paper, _) => Schedule::Constant,
             (Self::Tuned, Experiment::Vertices) => Schedule::Cosine { steps, floor: 0.0 },
-            // Under a wide blur Adam is unstable above about a tenth of the rates and converges
-            // geometrically below, so a run needs many steps there: a cosine down to 0 gives some
-            // seeds too few.
-            (Self::Tuned, _) => Schedule::Cosine { steps: steps / 5 * 3, floor: 0.06 },
+            // Under a wide blur Adam is unstable above about a tenth of these rates and converges
+            // geometrically below: a run needs many steps there, which a cosine does not give it.
+            (Self::Tuned, _) => Schedule::Exponential { steps: steps.max(1), factor: 0.01 },
         }
     }
 }

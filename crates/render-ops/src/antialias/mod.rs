@@ -69,10 +69,10 @@ struct Antialias<T> {
 }
 
 impl<T: Scalar> Antialias<T> {
-    /// The blends at the pairs that belong to fragment `fragment`: itself with its right and its
-    /// lower neighbour, and an uncovered left or upper neighbour with itself.
-    fn visit(&self, clip: &[T], fragment: usize, found: &mut impl FnMut(Blend<T::Wide>)) {
-        let coverage = &*self.coverage;
+    /// Adds the blends at the pairs that belong to fragment `fragment`: itself with its right and
+    /// its lower neighbour, and an uncovered left or upper neighbour with itself.
+    fn visit(&self, clip: &[T], fragment: usize, blends: &mut Vec<Blend<T::Wide>>) {
+        let (coverage, depth) = (&*self.coverage, self.depth.data());
         let size = coverage.size();
         let pixel = coverage.pixels()[fragment] as usize;
         let face = coverage.faces()[fragment] as usize;
@@ -84,29 +84,18 @@ impl<T: Scalar> Antialias<T> {
                 (column + 1 < size.width, column > 0)
             };
             if has_previous && coverage.fragment_at(pixel - step).is_none() {
-                if let Some(blend) =
-                    blend(clip, coverage, face, (pixel - step) as u32, below, false)
-                {
-                    found(blend);
-                }
+                blends.extend(blend(clip, coverage, face, (pixel - step) as u32, below, false));
             }
             if has_next {
                 let other = coverage.fragment_at(pixel + step);
-                let other_face = other.map(|other| coverage.faces()[other] as usize);
-                if other_face == Some(face) {
-                    continue;
-                }
+                let face_of = |fragment: usize| coverage.faces()[fragment] as usize;
                 // The nearer of two faces; of equally near ones the first pixel's.
-                let behind =
-                    other.filter(|&other| self.depth.data()[other] < self.depth.data()[fragment]);
-                let (face, covers_first) = match (behind, other_face) {
-                    (Some(_), Some(other_face)) => (other_face, false),
+                let (face, covers_first) = match other {
+                    Some(other) if face_of(other) == face => continue,
+                    Some(other) if depth[other] < depth[fragment] => (face_of(other), false),
                     _ => (face, true),
                 };
-                if let Some(blend) = blend(clip, coverage, face, pixel as u32, below, covers_first)
-                {
-                    found(blend);
-                }
+                blends.extend(blend(clip, coverage, face, pixel as u32, below, covers_first));
             }
         }
     }
@@ -116,12 +105,12 @@ impl<T: Scalar> Antialias<T> {
         blends.clear();
         let count = self.coverage.count();
         if !is_shared(count, FRAGMENTS_PER_PIECE) {
-            (0..count).for_each(|n| self.visit(clip, n, &mut |blend| blends.push(blend)));
+            (0..count).for_each(|n| self.visit(clip, n, blends));
             return;
         }
         let work = |fragments: Range<usize>| {
             let mut found = Vec::new();
-            fragments.for_each(|n| self.visit(clip, n, &mut |blend| found.push(blend)));
+            fragments.for_each(|n| self.visit(clip, n, &mut found));
             found
         };
         merge_ranges(count, FRAGMENTS_PER_PIECE, work, |found| blends.extend(found));
