@@ -69,7 +69,7 @@ fn main() -> Result<(), TensorError> {
 
     let step = f64::EPSILON.cbrt();
     for (k, name) in ["slope", "intercept"].into_iter().enumerate() {
-        let mut beside = |offset: f64| {
+        let beside = |offset: f64| {
             let mut moved = line.clone();
             moved.data_mut()[k] += offset;
             let tape = Tape::new();

@@ -5,6 +5,7 @@
 //! radian, a quarter of the cube's side, and a factor of two in sigma.
 
 use bokashi_core::{Scalar, Tape, Tensor, Var};
+use bokashi_fit::scenes::FACES;
 use bokashi_fit::{
     Fit, FitError, FitSettings, Mapping, Parameter, Parameters, Schedule, from_fn, squared_error,
 };
@@ -27,12 +28,8 @@ impl Scene {
     fn new() -> Result<Self, FitError> {
         // Vertex k has the bits of k as its coordinates, side 1 about the origin.
         let bit = |entry: usize| ((entry / 3) >> (2 - entry % 3) & 1) as f64;
-        let faces = vec![
-            [0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
-            [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3],
-        ];
         Ok(Self {
-            mesh: Mesh::new(faces, 8)?,
+            mesh: Mesh::new(FACES.to_vec(), 8)?,
             vertices: Tensor::from_fn([8, 3], |entry| bit(entry) - 0.5),
             colors: Tensor::from_fn([8, 3], bit),
             camera: perspective(0.7, 1.0, 1.0, 50.0),
@@ -71,10 +68,21 @@ fn main() -> Result<(), FitError> {
     let away = translation + DVec3::new(-0.15, 0.15, 0.15);
     let mut fit = Fit::new(
         Parameters::new()
-            .with(Parameter::new("rotation", Tensor::new([4], start.to_array().to_vec())?).rate(0.02))?
-            .with(Parameter::new("translation", Tensor::new([3], away.to_array().to_vec())?).rate(0.01))?
-            .with(Parameter::new("sigma", Tensor::scalar(3.0)).rate(0.02).mapping(Mapping::Softplus))?,
-        FitSettings { steps: 500, schedule: Schedule::Cosine { steps: 500, floor: 0.0 }, ..FitSettings::default() },
+            .with(
+                Parameter::new("rotation", Tensor::new([4], start.to_array().to_vec())?).rate(0.02),
+            )?
+            .with(
+                Parameter::new("translation", Tensor::new([3], away.to_array().to_vec())?)
+                    .rate(0.01),
+            )?
+            .with(
+                Parameter::new("sigma", Tensor::scalar(3.0)).rate(0.02).mapping(Mapping::Softplus),
+            )?,
+        FitSettings {
+            steps: 500,
+            schedule: Schedule::Cosine { steps: 500, floor: 0.0 },
+            ..FitSettings::default()
+        },
     )?;
     let history = fit.run(&mut from_fn(|tape, variables| {
         let (rotation, translation) = (variables.get("rotation")?, variables.get("translation")?);
@@ -86,7 +94,10 @@ fn main() -> Result<(), FitError> {
     let q = DQuat::from_slice(learnt("rotation")?.data()).normalize();
     println!("loss         {:.1e} -> {:.1e}", history.initial().loss, history.last().loss);
     println!("rotation     {:.1e} rad off", q.angle_between(rotation));
-    println!("translation  {:.1e} off", DVec3::from_slice(learnt("translation")?.data()).distance(translation));
+    println!(
+        "translation  {:.1e} off",
+        DVec3::from_slice(learnt("translation")?.data()).distance(translation)
+    );
     println!("sigma        {:.6}, the truth is 1.5", learnt("sigma")?.item());
     Ok(())
 }

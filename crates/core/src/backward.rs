@@ -144,8 +144,7 @@ impl<T: Scalar> Inner<T> {
                     return Err(TensorError::Mismatch {
                         operation: "backward",
                         rule: "an upstream gradient of its variable's shape",
-                        left: upstream.shape().clone(),
-                        right: shape.clone(),
+                        shapes: Box::new([upstream.shape().clone(), shape.clone()]),
                     });
                 }
                 _ => {}

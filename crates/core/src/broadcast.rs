@@ -56,8 +56,7 @@ impl<T: Scalar, F: Binary<T>> Op<T> for Broadcast<F> {
         }
         let shape = left.broadcast(right).ok_or_else(|| TensorError::Broadcast {
             operation: F::NAME,
-            left: left.clone(),
-            right: right.clone(),
+            shapes: Box::new([left.clone(), right.clone()]),
         })?;
         let z = outputs.push(&shape);
         if *left == shape && right.size() == 1 {

@@ -19,10 +19,8 @@ pub enum TensorError {
     Broadcast {
         /// The operation.
         operation: &'static str,
-        /// The left operand's shape.
-        left: Shape,
-        /// The right operand's shape.
-        right: Shape,
+        /// The operands' shapes, left and right; boxed, so that a `Result` stays small.
+        shapes: Box<[Shape; 2]>,
     },
     /// An input's shape breaks the operation's rule.
     Shape {
@@ -39,10 +37,8 @@ pub enum TensorError {
         operation: &'static str,
         /// The rule, as the end of "... needs ...".
         rule: &'static str,
-        /// The first shape.
-        left: Shape,
-        /// The second shape.
-        right: Shape,
+        /// The two shapes; boxed, so that a `Result` stays small.
+        shapes: Box<[Shape; 2]>,
     },
     /// There is no such axis.
     Axis {
@@ -98,13 +94,15 @@ impl fmt::Display for TensorError {
             Self::Length { shape, entries } => {
                 write!(f, "shape {shape} needs {} entries, got {entries}", shape.size())
             }
-            Self::Broadcast { operation, left, right } => {
+            Self::Broadcast { operation, shapes } => {
+                let [left, right] = &**shapes;
                 write!(f, "{operation} needs shapes that broadcast, got {left} and {right}")
             }
             Self::Shape { operation, rule, shape } => {
                 write!(f, "{operation} needs {rule}, got shape {shape}")
             }
-            Self::Mismatch { operation, rule, left, right } => {
+            Self::Mismatch { operation, rule, shapes } => {
+                let [left, right] = &**shapes;
                 write!(f, "{operation} needs {rule}, got shapes {left} and {right}")
             }
             Self::Axis { operation, axis, shape } => write!(

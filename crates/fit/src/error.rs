@@ -1,6 +1,8 @@
 //! What a caller can get wrong with fits, and what a fit can run into.
 
+use std::error::Error;
 use std::fmt;
+use std::sync::Arc;
 
 use bokashi_core::TensorError;
 
@@ -40,6 +42,9 @@ pub enum FitError {
     #[cfg(feature = "scenes")]
     #[error(transparent)]
     Render(#[from] bokashi_render_ops::RenderError),
+    /// An operation of a user's own, or of another crate, refused its inputs.
+    #[error(transparent)]
+    Operation(OperationError),
     /// A number became infinite or NaN. Parameters and moments are as they were before the step.
     #[error("{quantity} needs to be finite, got {value} at step {step}")]
     NotFinite {
@@ -70,7 +75,23 @@ pub enum FitError {
     },
 }
 
+/// An error of any type, shared. Two are equal where they are the same one.
+#[derive(Debug, Clone, thiserror::Error)]
+#[error(transparent)]
+pub struct OperationError(Arc<dyn Error + Send + Sync>);
+
+impl PartialEq for OperationError {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+}
+
 impl FitError {
+    /// An error of an operation in a pipeline, whatever its type: for `map_err`.
+    pub fn operation(error: impl Error + Send + Sync + 'static) -> Self {
+        Self::Operation(OperationError(Arc::new(error)))
+    }
+
     /// An error about `setting`.
     pub(crate) fn setting(
         setting: &'static str,

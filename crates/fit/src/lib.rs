@@ -40,7 +40,7 @@ pub mod report;
 #[cfg(feature = "scenes")]
 pub mod scenes;
 
-pub use error::{FitError, Quantity};
+pub use error::{FitError, OperationError, Quantity};
 pub use fit::{Fit, FitSettings, Seen, Stepped};
 pub use history::{History, Step, Stop};
 pub use loss::{mean_squared_error, squared_error};

@@ -40,8 +40,8 @@ impl<T: Scalar> Op<T> for SquaredError {
         let (x_shape, t_shape) = (inputs.shape(0), inputs.shape(1));
         if x_shape != t_shape {
             let rule = "an image and a target of one shape";
-            let (left, right) = (x_shape.clone(), t_shape.clone());
-            return Err(TensorError::Mismatch { operation, rule, left, right });
+            let shapes = Box::new([x_shape.clone(), t_shape.clone()]);
+            return Err(TensorError::Mismatch { operation, rule, shapes });
         }
         let (x, t) = (inputs.data(0), inputs.data(1));
         if self.mean && x.is_empty() {

@@ -140,6 +140,31 @@ mod tests {
     }
 
     #[test]
+    fn counts_beyond_31_bits_are_refused() {
+        let error = Mesh::new(vec![], 1 << 31).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "a mesh needs fewer than 2^31 faces and vertices, got 2147483648"
+        );
+        assert!(Mesh::new(vec![], (1 << 31) - 1).is_ok());
+    }
+
+    #[test]
+    fn clones_share_the_adjacency() {
+        let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
+        let clone = mesh.clone();
+        assert!(std::ptr::eq(mesh.adjacency(), clone.adjacency()));
+    }
+
+    #[test]
+    fn duplicated_vertices_make_both_sides_of_a_seam_a_boundary() {
+        // Vertices 3 and 4 stand where 1 and 2 do.
+        let mesh = Mesh::new(vec![[0, 1, 2], [4, 3, 5]], 6).unwrap();
+        assert_eq!(mesh.adjacency().across(0, 0), None);
+        assert_eq!(mesh.adjacency().boundary_edges(), 6);
+    }
+
+    #[test]
     fn two_faces_see_each_other_across_their_edge() {
         let mesh = Mesh::new(vec![[0, 1, 2], [2, 1, 3]], 4).unwrap();
         let adjacency = mesh.adjacency();

@@ -36,8 +36,7 @@ impl<T: Scalar> Op<T> for Concat {
                 return Err(TensorError::Mismatch {
                     operation: Self::NAME,
                     rule: "shapes that agree outside the joined axis",
-                    left: shape.clone(),
-                    right: other.clone(),
+                    shapes: Box::new([shape.clone(), other.clone()]),
                 });
             }
             extent += joined;

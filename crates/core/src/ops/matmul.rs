@@ -83,8 +83,7 @@ fn extents(left: &Shape, right: &Shape) -> Result<[usize; 3], TensorError> {
         _ => Err(TensorError::Mismatch {
             operation: "matmul",
             rule: "shapes [m, k] and [k, n]",
-            left: left.clone(),
-            right: right.clone(),
+            shapes: Box::new([left.clone(), right.clone()]),
         }),
     }
 }

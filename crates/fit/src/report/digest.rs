@@ -112,6 +112,15 @@ impl Fit {
         Self { settings: settings.clone(), outcome, windows, snapshots }
     }
 
+    /// `[x, least, median, largest]` of a quantity.
+    pub(crate) fn curve(&self, quantity: Quantity, x: impl Fn(&Window) -> f64) -> Vec<[f64; 4]> {
+        let point = |window: &Window| {
+            let [low, middle, high] = window.values[quantity as usize];
+            [x(window), low, middle, high]
+        };
+        self.windows.iter().map(point).collect()
+    }
+
     /// Distance of sigma from its target at the end.
     pub(crate) fn sigma_error(&self) -> Option<f64> {
         let (last, target) = (self.outcome.sigma_final?, self.outcome.sigma_target?);
@@ -180,11 +189,7 @@ impl Group {
     pub(crate) fn curve(&self, quantity: Quantity, x: impl Fn(&Window) -> f64) -> Vec<[f64; 4]> {
         let at = quantity as usize;
         if let [fit] = &self.fits[..] {
-            let point = |window: &Window| {
-                let [low, middle, high] = window.values[at];
-                [x(window), low, middle, high]
-            };
-            return fit.windows.iter().map(point).collect();
+            return fit.curve(quantity, x);
         }
         let mut windows: Vec<&Window> = self.fits.iter().flat_map(|fit| &fit.windows).collect();
         windows.sort_by_key(|window| window.number);

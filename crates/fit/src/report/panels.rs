@@ -15,7 +15,7 @@ use super::page::escaped;
 #[derive(Debug)]
 pub(crate) struct Panel {
     /// What is shown, with its unit.
-    pub(crate) title: &'static str,
+    pub(crate) title: String,
     /// The panel.
     pub(crate) figure: Figure,
 }
@@ -75,7 +75,7 @@ fn panel(
     let spoken = format!("{title}, against {x_title}: {}", names.join("; "));
     let curves = curves.collect();
     Panel {
-        title,
+        title: title.to_owned(),
         figure: Figure { x, y, x_title, size: SIZES[0], spoken, curves, marks: Vec::new() },
     }
 }
@@ -88,20 +88,22 @@ fn color(groups: &[&Group], group: &Group) -> usize {
     grades.iter().position(|&grade| grade == group.grade()).unwrap_or(0)
 }
 
+/// A stretch of line for a legend, as HTML.
+pub(crate) fn line(color: &str, stroke: Stroke) -> String {
+    let dashes = match stroke {
+        Stroke::Solid => "",
+        Stroke::Dashed => " stroke-dasharray=\"7 4\"",
+        Stroke::Dotted => " stroke-dasharray=\"0.5 4.5\"",
+    };
+    format!(
+        "<svg viewBox=\"0 0 34 10\" aria-hidden=\"true\"><line x1=\"2\" y1=\"5\" x2=\"32\" \
+         y2=\"5\" stroke=\"{color}\" stroke-width=\"2.5\" stroke-linecap=\"round\"{dashes}/></svg>"
+    )
+}
+
 /// The legend of a row of panels, as HTML: the colours, then the kinds of line where there are
 /// several.
 fn legend(groups: &[&Group]) -> String {
-    let line = |color: &str, stroke: Stroke| {
-        let dashes = match stroke {
-            Stroke::Solid => "",
-            Stroke::Dashed => " stroke-dasharray=\"7 4\"",
-            Stroke::Dotted => " stroke-dasharray=\"0.5 4.5\"",
-        };
-        format!(
-            "<svg viewBox=\"0 0 34 10\" aria-hidden=\"true\"><line x1=\"2\" y1=\"5\" x2=\"32\" \
-             y2=\"5\" stroke=\"{color}\" stroke-width=\"2.5\" stroke-linecap=\"round\"{dashes}/></svg>"
-        )
-    };
     let strokes: BTreeSet<Stroke> = groups.iter().map(|group| group.stroke()).collect();
     let mut html = String::from("<ul class=\"legend\">");
     let mut grades = groups.to_vec();
@@ -140,11 +142,15 @@ fn legend(groups: &[&Group]) -> String {
 
 /// Panels side by side under their legend, as HTML.
 pub(crate) fn html(groups: &[&Group], panels: &[Panel]) -> Result<String, ReportError> {
-    let mut html = legend(groups);
+    Ok(legend(groups) + &row(panels)?)
+}
+
+/// Panels side by side, as HTML.
+pub(crate) fn row(panels: &[Panel]) -> Result<String, ReportError> {
     let class = if panels.len() == 3 { "panels three" } else { "panels" };
-    let _ = write!(html, "<div class=\"{class}\">");
+    let mut html = format!("<div class=\"{class}\">");
     for panel in panels {
-        let (title, svg) = (escaped(panel.title), panel.figure.svg()?);
+        let (title, svg) = (escaped(&panel.title), panel.figure.svg()?);
         let _ = write!(html, "<figure><figcaption>{title}</figcaption>{svg}</figure>");
     }
     html.push_str("</div>");

@@ -3,6 +3,7 @@
 //! [`run_cube`] does one fit and returns its [`Outcome`]; [`picture`] and [`outline`] draw what a
 //! [`Snapshot`] of it holds.
 
+mod alternative;
 mod automorphism;
 mod cube;
 mod experiment;
@@ -11,6 +12,7 @@ mod picture;
 mod scene;
 mod settings;
 
+pub use alternative::{Alternative, Choice, alternatives};
 pub use automorphism::automorphisms;
 pub use cube::{FACES, VERTEX_COUNT, View, random_start, truth};
 pub use experiment::{CubeMeasure, CubePipeline, run_cube};

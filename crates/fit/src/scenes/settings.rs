@@ -88,12 +88,6 @@ pub struct Rates {
 }
 
 impl Preset {
-    /// The learning rates of experiment 5.3.
-    #[deprecated = "the rates depend on the experiment: see `CubeSettings::learning_rates`"]
-    pub fn rates(self) -> Rates {
-        self.rates_of(Experiment::Joint)
-    }
-
     /// The learning rates of `experiment`.
     pub fn rates_of(self, experiment: Experiment) -> Rates {
         match (self, experiment) {

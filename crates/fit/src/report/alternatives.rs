@@ -1,0 +1,221 @@
+//! What other choices do than ours, where the paper leaves one open: a table, and sigma's error
+//! against step for the window's radius.
+//!
+//! These fits stand by themselves: no other part of the report shows or counts them.
+
+use std::fmt::Write as _;
+
+use crate::scenes::{Alternative, Choice, CubeSettings, Experiment, Outcome};
+
+use super::ReportError;
+use super::axis::{Scale, grouped};
+use super::digest::{Fit, Quantity};
+use super::figure::{Curve, Figure, PALETTE, SIZES, Stroke};
+use super::page::escaped;
+use super::panels::{self, Panel};
+use super::table::{plain, short};
+
+/// Sigma is learnt where its error is below this and stays there: a tenth of what an eye sees.
+const LEARNT: f64 = 1e-4;
+
+/// A fit of one alternative.
+#[derive(Debug, Clone)]
+pub(crate) struct Trial {
+    alternative: Alternative,
+    settings: CubeSettings,
+    /// What it reached, or the error that it ended in: that too is what a choice does.
+    reached: Result<Reached, String>,
+}
+
+/// What a fit reached.
+#[derive(Debug, Clone)]
+struct Reached {
+    fit: Fit,
+    /// The largest error of sigma in the last tenth of the run.
+    tail: f64,
+    /// Steps and seconds until sigma was learnt for good.
+    learnt: Option<(u64, f64)>,
+    /// The least sigma on the way.
+    least: f64,
+}
+
+impl Trial {
+    /// A fit that came to its end, or the error that it ended in.
+    pub(crate) fn new(
+        alternative: Alternative,
+        settings: &CubeSettings,
+        outcome: Result<Outcome, String>,
+    ) -> Self {
+        let reached = outcome.map(|outcome| Reached::new(settings, outcome));
+        Self { alternative, settings: settings.clone(), reached }
+    }
+}
+
+impl Reached {
+    fn new(settings: &CubeSettings, outcome: Outcome) -> Self {
+        let history = &outcome.history;
+        let sigmas = || history.iter().map(|record| record.sigma.unwrap_or(f64::NAN));
+        let errors: Vec<f64> = sigmas().map(|sigma| (sigma - settings.sigma_target).abs()).collect();
+        // An error that is NaN is not below.
+        let first = errors.iter().rposition(|&error| !(error < LEARNT)).map_or(0, |last| last + 1);
+        let last_tenth = &errors[errors.len() - errors.len().div_ceil(10)..];
+        Self {
+            tail: last_tenth.iter().copied().max_by(f64::total_cmp).unwrap_or(f64::NAN),
+            learnt: history.get(first).map(|record| (record.step, record.seconds)),
+            least: sigmas().min_by(f64::total_cmp).unwrap_or(f64::NAN),
+            fit: Fit::new(settings, outcome),
+        }
+    }
+}
+
+/// The section, as HTML; empty without fits.
+pub(crate) fn html(trials: &[Trial]) -> Result<String, ReportError> {
+    let Some(first) = trials.first() else { return Ok(String::new()) };
+    Ok(format!(
+        "<p>The paper leaves open how far the blur’s window reaches, what it sees outside the \
+         image, how its taps are made, and how sigma stays positive. Here each choice of ours is \
+         exchanged for another, one at a time, in the learnt image and in its target. One seed \
+         each, in {}, where rounding hides no floor; σ* is the target.</p><ul>{}</ul>\
+         {}<p class=\"note\">Sigma error against step for the rules of the radius. A line is the \
+         median of the few steps that a point of it stands for, the band around it their least \
+         and largest value.</p>{}<p class=\"note\"><i>Learnt</i>: from here on the error stays \
+         below 10⁻⁴ pixels. <i>Last tenth</i>: the largest error within the last tenth of a run. \
+         Seconds and ms per step are wall clock on the machine of this report.</p>",
+        first.settings.precision,
+        Choice::ALL.map(what_to_look_for).concat(),
+        figure(trials)?,
+        table(trials),
+    ))
+}
+
+/// What a reader should compare, as an item of a list. It claims nothing that another run could
+/// contradict.
+fn what_to_look_for(choice: Choice) -> String {
+    let text = match choice {
+        Choice::Radius => {
+            "a window that follows sigma jumps by a tap where its radius steps, and so does the \
+             loss. Where that step lies on σ*, look for a floor that the error does not fall \
+             below, the higher the sooner the window ends; beside σ*, or fixed, for none."
+        }
+        Choice::Border => {
+            "the target is blurred alike, so any border leads to σ*; look at how soon, and for \
+             how wide a blur the border begins to matter."
+        }
+        Choice::Kernel => {
+            "the seed’s gain differs from 1 below sigma 0.6 alone; look whether a fit comes \
+             that low (<i>least sigma</i>), and else for no difference beyond the cut-off tails."
+        }
+        Choice::Mapping => {
+            "look at the steps that each mapping takes to learn the same sigma, and at the least \
+             sigma on the way: with nothing to hold it, sigma is positive for as long as no \
+             update is larger than what is left of it."
+        }
+    };
+    format!("<li><b>{}</b>: {text}", capital(&choice.to_string()))
+}
+
+/// Fits of one experiment and target, in the order they were given.
+fn parts(trials: &[Trial]) -> impl Iterator<Item = (String, &[Trial])> {
+    let key = |trial: &Trial| (trial.settings.experiment, trial.settings.sigma_target);
+    trials.chunk_by(move |a, b| key(a) == key(b)).map(|part| {
+        let CubeSettings { experiment, preset, sigma_target, .. } = part[0].settings;
+        (format!("{}, σ* = {sigma_target}, {preset} rates", panels::heading(experiment)), part)
+    })
+}
+
+/// One row per fit.
+fn table(trials: &[Trial]) -> String {
+    let mut html = String::from(
+        "<div class=\"scroll\"><table class=\"wide\"><thead><tr><th rowspan=2>Choice\
+         <th colspan=2>sigma error<th colspan=2>sigma is learnt after\
+         <th rowspan=2>ms per<br>step<th rowspan=2>least<br>sigma\
+         <tr><th class=\"first\">at the end<th>last tenth<th class=\"first\">steps<th>seconds\
+         </thead><tbody>",
+    );
+    for (heading, part) in parts(trials) {
+        // Writing to a string cannot fail.
+        let _ = write!(html, "<tr class=\"part\"><th colspan=7>{heading}");
+        for trial in part {
+            let _ = write!(html, "<tr><th>{}{}", name(trial), numbers(trial));
+        }
+    }
+    html.push_str("</tbody></table></div>");
+    html
+}
+
+/// What was chosen, as HTML, ours marked.
+fn name(trial: &Trial) -> String {
+    let name = escaped(trial.alternative.name);
+    match trial.alternative.choice {
+        None => format!("<b>Ours</b>: {name}"),
+        Some(choice) => format!("{}: {name}", capital(&choice.to_string())),
+    }
+}
+
+/// The cells of one fit.
+fn numbers(trial: &Trial) -> String {
+    let reached = match &trial.reached {
+        Ok(reached) => reached,
+        Err(error) => return format!("<td class=\"first\" colspan=6>{}", escaped(error)),
+    };
+    let never = || ("never".to_owned(), "–".to_owned());
+    let (steps, seconds) = reached.learnt.map_or_else(never, |(steps, seconds)| {
+        (grouped(steps as f64), plain(Some(seconds)))
+    });
+    format!(
+        "<td class=\"first\">{}<td>{}<td class=\"first\">{steps}<td>{seconds}<td>{}<td>{}",
+        short(reached.fit.sigma_error()),
+        short(Some(reached.tail)),
+        plain(reached.fit.outcome.ms_per_step_median),
+        short(Some(reached.least)),
+    )
+}
+
+/// Whether a fit is one of the figure: ours, or another rule for the radius.
+fn is_drawn(trial: &Trial) -> bool {
+    matches!(trial.alternative.choice, None | Some(Choice::Radius))
+}
+
+/// Sigma's error against step for every rule of the radius, a panel per experiment and target.
+fn figure(trials: &[Trial]) -> Result<String, ReportError> {
+    let mut names: Vec<Alternative> = Vec::new();
+    for trial in trials.iter().filter(|trial| is_drawn(trial)) {
+        if !names.contains(&trial.alternative) {
+            names.push(trial.alternative);
+        }
+    }
+    let place = |trial: &Trial| names.iter().position(|&name| name == trial.alternative);
+    let panels = parts(trials).map(|(heading, part)| {
+        let drawn = part.iter().filter(|trial| is_drawn(trial));
+        let curves = drawn.filter_map(|trial| {
+            let points = trial.reached.as_ref().ok()?.fit;
+            Some(Curve {
+                color: place(trial)?,
+                stroke: stroke(trial.alternative),
+                points: points.curve(Quantity::SigmaError, |window| window.step),
+            })
+        });
+        let number = heading.split(' ').next().unwrap_or(&heading);
+        let title = format!("{number}, σ* = {}: |σ − σ*|, pixels", part[0].settings.sigma_target);
+        let spoken = format!("Sigma error against step. {heading}");
+        Panel {
+            figure: Figure {
+                x: Scale::Counts,
+                y: Scale::Logarithmic,
+                x_title: "step",
+                size: SIZES[1],
+                spoken,
+                curves: curves.collect(),
+                marks: Vec::new(),
+            },
+            title,
+        }
+    });
+    let panels: Vec<Panel> = panels.filter(|panel| !panel.figure.is_empty()).collect();
+    let legend = names.iter().enumerate().map(|(at, &name)| {
+        let line = panels::line(PALETTE[at % PALETTE.len()], stroke(name));
+        format!("<li>{line}{}", escaped(name.name))
+    });
+    let legend: String = legend.collect();
+    Ok(format!("<ul class=\"legend\">{legend}</ul>{}", panels::row(&panels)?))
+}

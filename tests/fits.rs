@@ -1,0 +1,103 @@
+//! The paper's experiments end where they should: a sample of seeds of each, and every choice that
+//! the paper leaves open. `bokashi reproduce` does all seeds.
+
+use std::ops::ControlFlow;
+
+use bokashi_fit::scenes::{CubeSettings, Experiment, Outcome, Precision, Preset, run_cube};
+use bokashi_render_ops::{Border, Kernel};
+
+fn run(settings: &CubeSettings) -> Outcome {
+    run_cube(settings, &mut |_| ControlFlow::Continue(())).expect("the experiment runs")
+}
+
+/// The experiment in f64, at the paper's other settings.
+fn experiment(experiment: Experiment, preset: Preset) -> CubeSettings {
+    CubeSettings { precision: Precision::F64, ..CubeSettings::new(experiment, preset) }
+}
+
+/// The vertex errors at the end for some seeds, in increasing order.
+fn vertex_errors(settings: &CubeSettings, seeds: u64) -> Vec<f64> {
+    let of_seed = |seed| run(&CubeSettings { seed, ..settings.clone() }).vertex_error_final;
+    let mut errors: Vec<f64> = (0..seeds).filter_map(of_seed).collect();
+    assert_eq!(errors.len() as u64, seeds, "every fit has a vertex error");
+    errors.sort_unstable_by(f64::total_cmp);
+    errors
+}
+
+#[test]
+fn sigma_is_found_under_every_kernel_and_border_from_either_side() {
+    for kernel in [Kernel::Seed, Kernel::Sampled] {
+        for border in [Border::Zero, Border::Mirror, Border::Clamp] {
+            for sigma_target in [1.0, 4.0] {
+                let fit = experiment(Experiment::Sigma, Preset::Paper);
+                let outcome =
+                    run(&CubeSettings { kernel, border, sigma_target, steps: 3000, ..fit });
+                let error_at = |step: usize| {
+                    let sigma = outcome.history[step].sigma.expect("sigma is learnt");
+                    (sigma - sigma_target).abs()
+                };
+                let what = format!("{kernel:?} {border:?} to {sigma_target}");
+                assert!(error_at(1000) < 1e-4, "{what}: {:.1e} at 1,000 steps", error_at(1000));
+                assert!(error_at(3000) < 1e-9, "{what}: {:.1e} at 3,000 steps", error_at(3000));
+            }
+        }
+    }
+}
+
+#[test]
+fn sigma_is_found_in_f32_too() {
+    for sigma_target in [1.0, 1.4, 2.8, 4.0] {
+        let fit = CubeSettings::new(Experiment::Sigma, Preset::Paper);
+        let outcome = run(&CubeSettings { sigma_target, steps: 3000, ..fit });
+        let error = (outcome.sigma_final.expect("sigma is learnt") - sigma_target).abs();
+        assert!(error < 1e-5, "{error:.1e} off {sigma_target}");
+    }
+}
+
+#[test]
+fn vertices_are_found_with_antialias_and_never_without() {
+    let fit = CubeSettings { resolution: 8, ..experiment(Experiment::Vertices, Preset::Paper) };
+    let with = vertex_errors(&fit, 5);
+    assert!(with[2] < 1e-5, "with antialias: {with:?}");
+    let without = vertex_errors(&CubeSettings { antialias: false, ..fit }, 5);
+    assert!(without[0] > 0.05, "without antialias: {without:?}");
+}
+
+#[test]
+fn tuned_rates_find_the_vertices_in_a_thousand_steps() {
+    let fit = CubeSettings { steps: 1000, ..experiment(Experiment::Vertices, Preset::Tuned) };
+    let errors = vertex_errors(&fit, 5);
+    assert!(errors[2] < 1e-6, "{errors:?}");
+}
+
+#[test]
+fn vertices_colors_and_sigma_are_found_together() {
+    for sigma_target in [1.0, 4.0] {
+        let fit = CubeSettings { sigma_target, ..experiment(Experiment::Joint, Preset::Tuned) };
+        let outcome = run(&fit);
+        let vertices = outcome.vertex_error_final.expect("vertices are learnt");
+        let sigma = (outcome.sigma_final.expect("sigma is learnt") - sigma_target).abs();
+        assert!(vertices < 1e-8, "vertices {vertices:.1e} off at sigma {sigma_target}");
+        assert!(sigma < 1e-8, "sigma {sigma:.1e} off {sigma_target}");
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bits_on_any_number_of_threads() {
+    let bits = |threads: usize, precision: Precision| {
+        let fit = CubeSettings::new(Experiment::Joint, Preset::Paper);
+        let fit = CubeSettings { precision, resolution: 160, steps: 12, seed: 3, ..fit };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+        let outcome = pool.install(|| run(&fit));
+        let numbers = outcome.history.iter().flat_map(|record| {
+            [record.loss, record.vertex_error.unwrap_or(0.0), record.sigma.unwrap_or(0.0)]
+        });
+        numbers.map(f64::to_bits).collect::<Vec<_>>()
+    };
+    for precision in [Precision::F32, Precision::F64] {
+        let one = bits(1, precision);
+        for threads in [1, 2, 4, 8] {
+            assert_eq!(bits(threads, precision), one, "{threads} threads, {precision}");
+        }
+    }
+}
