@@ -57,33 +57,24 @@ fn main() -> Result<(), FitError> {
     let rotation = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, -0.5).normalize(), 0.9);
     let translation = DVec3::new(0.2, -0.1, -4.0);
 
+    let quaternion = |q: DQuat| Tensor::from_fn([4], |k| q.to_array()[k]);
+    let vector = |v: DVec3| Tensor::from_fn([3], |k| v[k]);
     let tape = Tape::<f64>::new();
     let truth = Pose {
-        rotation: tape.constant(&Tensor::new([4], rotation.to_array().to_vec())?),
-        translation: tape.constant(&Tensor::new([3], translation.to_array().to_vec())?),
+        rotation: tape.constant(&quaternion(rotation)),
+        translation: tape.constant(&vector(translation)),
     };
     let photo = scene.picture(truth, tape.constant_full([], 1.5))?.value();
 
-    let start = DQuat::from_axis_angle(DVec3::Y, 0.5) * rotation;
-    let away = translation + DVec3::new(-0.15, 0.15, 0.15);
-    let mut fit = Fit::new(
-        Parameters::new()
-            .with(
-                Parameter::new("rotation", Tensor::new([4], start.to_array().to_vec())?).rate(0.02),
-            )?
-            .with(
-                Parameter::new("translation", Tensor::new([3], away.to_array().to_vec())?)
-                    .rate(0.01),
-            )?
-            .with(
-                Parameter::new("sigma", Tensor::scalar(3.0)).rate(0.02).mapping(Mapping::Softplus),
-            )?,
-        FitSettings {
-            steps: 500,
-            schedule: Schedule::Cosine { steps: 500, floor: 0.0 },
-            ..FitSettings::default()
-        },
-    )?;
+    let turned = quaternion(DQuat::from_axis_angle(DVec3::Y, 0.5) * rotation);
+    let moved = vector(translation + DVec3::new(-0.15, 0.15, 0.15));
+    let parameters = Parameters::new()
+        .with(Parameter::new("rotation", turned).rate(0.02))?
+        .with(Parameter::new("translation", moved).rate(0.01))?
+        .with(Parameter::new("sigma", Tensor::scalar(3.0)).rate(0.02).mapping(Mapping::Softplus))?;
+    let schedule = Schedule::Cosine { steps: 500, floor: 0.0 };
+    let settings = FitSettings { steps: 500, schedule, ..FitSettings::default() };
+    let mut fit = Fit::new(parameters, settings)?;
     let history = fit.run(&mut from_fn(|tape, variables| {
         let (rotation, translation) = (variables.get("rotation")?, variables.get("translation")?);
         let image = scene.picture(Pose { rotation, translation }, variables.get("sigma")?)?;
@@ -92,12 +83,10 @@ fn main() -> Result<(), FitError> {
 
     let learnt = |name| fit.parameters().value(name);
     let q = DQuat::from_slice(learnt("rotation")?.data()).normalize();
+    let away = DVec3::from_slice(learnt("translation")?.data()).distance(translation);
     println!("loss         {:.1e} -> {:.1e}", history.initial().loss, history.last().loss);
     println!("rotation     {:.1e} rad off", q.angle_between(rotation));
-    println!(
-        "translation  {:.1e} off",
-        DVec3::from_slice(learnt("translation")?.data()).distance(translation)
-    );
+    println!("translation  {away:.1e} off");
     println!("sigma        {:.6}, the truth is 1.5", learnt("sigma")?.item());
     Ok(())
 }

@@ -32,6 +32,7 @@ pub(crate) enum Command {
     ///
     /// 5.1 at 8, 16 and 32 px, with and without antialias; 5.2 and 5.3 for sigma 1, 1.4, 2.8 and
     /// 4. With the paper's learning rates, and with tuned ones for 5.1 (32 px, antialias) and 5.3.
+    /// Then, once, in f64: what other choices do where the paper leaves one open.
     Reproduce(ReproduceArguments),
 }
 

@@ -1,6 +1,6 @@
 //! Which fits a command stands for.
 
-use bokashi_fit::scenes::{CubeSettings, Experiment, Preset};
+use bokashi_fit::scenes::{Alternative, CubeSettings, Experiment, Preset, alternatives};
 
 use crate::arguments::{Command, Request};
 
@@ -9,8 +9,30 @@ const SIGMAS: [f64; 4] = [1.0, 1.4, 2.8, 4.0];
 /// The resolutions of the paper's experiment 5.1, in pixels.
 const RESOLUTIONS: [usize; 3] = [8, 16, 32];
 
-/// The settings of every fit that `request` asks for, in the order they are done in.
-pub(crate) fn plan(request: &Request) -> Vec<CubeSettings> {
+/// A fit to do.
+#[derive(Debug, Clone)]
+pub(crate) struct Planned {
+    pub(crate) settings: CubeSettings,
+    /// Set where the fit is there to show what another choice than ours does.
+    pub(crate) alternative: Option<Alternative>,
+}
+
+/// Every fit that `request` asks for, in the order they are done in.
+pub(crate) fn plan(request: &Request) -> Vec<Planned> {
+    let fits = experiments(request).into_iter();
+    let fits = fits.map(|settings| Planned { settings, alternative: None });
+    let others = match &request.command {
+        Some(Command::Reproduce(reproduce)) => alternatives(reproduce.common.steps),
+        _ => Vec::new(),
+    };
+    let others = others
+        .into_iter()
+        .map(|(alternative, settings)| Planned { settings, alternative: Some(alternative) });
+    fits.chain(others).collect()
+}
+
+/// The settings of the experiments that `request` asks for.
+fn experiments(request: &Request) -> Vec<CubeSettings> {
     let common = request.common();
     let new = |experiment, preset| CubeSettings {
         steps: common.steps,
@@ -58,9 +80,15 @@ mod tests {
     use super::*;
     use crate::arguments::parse;
 
-    fn planned(line: &str) -> Vec<CubeSettings> {
+    fn all_planned(line: &str) -> Vec<Planned> {
         let words = std::iter::once("bokashi").chain(line.split_whitespace());
         plan(&parse(words).expect("a good command line"))
+    }
+
+    /// The experiments, without what shows other choices.
+    fn planned(line: &str) -> Vec<CubeSettings> {
+        let fits = all_planned(line).into_iter().filter(|fit| fit.alternative.is_none());
+        fits.map(|fit| fit.settings).collect()
     }
 
     #[test]
@@ -88,5 +116,18 @@ mod tests {
         assert_eq!(count(&|fit| fit.experiment == Experiment::Vertices && fit.resolution == 8), 4);
         assert_eq!(count(&|fit| fit.preset == Preset::Tuned), 2 * 5);
         assert_eq!(count(&|fit| fit.seed == 1 && fit.steps == 3), 19);
+    }
+    #[test]
+    fn other_choices_are_shown_once_whatever_the_seeds_and_by_reproducing_alone() {
+        let others = |line| {
+            let all = all_planned(line).into_iter();
+            all.filter(|fit| fit.alternative.is_some()).collect::<Vec<_>>()
+        };
+        for line in ["reproduce --seeds 1 --steps 3", "reproduce --seeds 5 --steps 3"] {
+            let others = others(line);
+            assert_eq!(others.len(), alternatives(3).len());
+            assert!(others.iter().all(|fit| fit.settings.steps == 3 && fit.settings.seed == 0));
+        }
+        assert!(others("").is_empty() && others("fit").is_empty());
     }
 }

@@ -9,6 +9,8 @@ use std::time::{Duration, Instant};
 use bokashi_fit::scenes::{CubeSettings, Experiment, Preset, Progress};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use crate::plan::Planned;
+
 /// How often the bar is drawn.
 const PER_SECOND: u32 = 12;
 
@@ -37,9 +39,9 @@ pub(crate) struct Bar {
 
 impl Bar {
     /// A bar for the fits of `plan`.
-    pub(crate) fn new(plan: &[CubeSettings], quiet: bool) -> Self {
+    pub(crate) fn new(plan: &[Planned], quiet: bool) -> Self {
         let bar = (!quiet && std::io::stderr().is_terminal()).then(|| {
-            let total = plan.iter().map(|settings| cost(settings) * settings.steps).sum();
+            let total = plan.iter().map(|fit| cost(&fit.settings) * fit.settings.steps).sum();
             let target = ProgressDrawTarget::stderr_with_hz(PER_SECOND as u8);
             let bar = ProgressBar::with_draw_target(Some(total), target);
             let style = "{prefix}  {wide_bar:.blue/8}  {eta} left\n{msg}";
@@ -112,7 +114,8 @@ fn message(at: &Progress, ms: f64) -> String {
 }
 
 /// A fit in a few words, the `number`-th of `count`.
-pub(crate) fn name(settings: &CubeSettings, number: usize, count: usize) -> String {
+pub(crate) fn name(planned: &Planned, number: usize, count: usize) -> String {
+    let settings = &planned.settings;
     let what = match settings.experiment {
         Experiment::Vertices => format!("5.1 {} px", settings.resolution),
         Experiment::Sigma => format!("5.2 σ {}", settings.sigma_target),
@@ -120,6 +123,11 @@ pub(crate) fn name(settings: &CubeSettings, number: usize, count: usize) -> Stri
     };
     let tuned = if settings.preset == Preset::Tuned { " tuned" } else { "" };
     let jagged = if settings.antialias { "" } else { " no antialias" };
+    if let Some(alternative) = planned.alternative {
+        let choice =
+            alternative.choice.map_or("our choices".to_owned(), |choice| choice.to_string());
+        return format!("{number}/{count}  {what}{tuned} {choice} {}", alternative.name);
+    }
     match count {
         1 => format!("{what}{tuned}{jagged}"),
         _ => format!("{number}/{count}  {what}{tuned}{jagged} seed {}", settings.seed),
@@ -129,6 +137,7 @@ pub(crate) fn name(settings: &CubeSettings, number: usize, count: usize) -> Stri
 #[cfg(test)]
 mod tests {
     use super::*;
+    use bokashi_fit::scenes::{Alternative, Choice};
 
     fn at(vertex_error: Option<f64>, sigma: Option<f64>) -> Progress {
         let (step, steps, seconds) = (420, 10_000, 1.0);
@@ -146,7 +155,8 @@ mod tests {
     #[test]
     fn a_quiet_bar_takes_steps_and_shows_nothing() {
         let settings = CubeSettings::new(Experiment::Joint, Preset::Paper);
-        let mut bar = Bar::new(std::slice::from_ref(&settings), true);
+        let planned = Planned { settings: settings.clone(), alternative: None };
+        let mut bar = Bar::new(&[planned], true);
         bar.begin(&settings, "name");
         bar.step(&at(None, None));
         bar.end(10);
@@ -158,9 +168,13 @@ mod tests {
     fn a_fit_is_named_by_what_sets_it_apart() {
         let mut settings = CubeSettings::new(Experiment::Joint, Preset::Tuned);
         settings.sigma_target = 1.4;
-        assert_eq!(name(&settings, 1, 1), "5.3 σ 1.4 tuned");
-        settings = CubeSettings::new(Experiment::Vertices, Preset::Paper);
+        let mut fit = Planned { settings, alternative: None };
+        assert_eq!(name(&fit, 1, 1), "5.3 σ 1.4 tuned");
+        fit.alternative = Some(Alternative { choice: Some(Choice::Border), name: "mirror" });
+        assert_eq!(name(&fit, 2, 8), "2/8  5.3 σ 1.4 tuned border mirror");
+        let mut settings = CubeSettings::new(Experiment::Vertices, Preset::Paper);
         settings.antialias = false;
-        assert_eq!(name(&settings, 3, 8), "3/8  5.1 32 px no antialias seed 0");
+        let fit = Planned { settings, alternative: None };
+        assert_eq!(name(&fit, 3, 8), "3/8  5.1 32 px no antialias seed 0");
     }
 }

@@ -48,13 +48,21 @@ fn fit_all(request: &Request, writing: &Writing) -> Result<(), Failure> {
     let mut report = request.out().map(|_| Report::new(about()));
     let (mut summary, mut json, mut failures) = (Summary::default(), Vec::new(), Vec::new());
     let mut bar = Bar::new(&plan, quiet);
-    for (at, settings) in plan.iter().enumerate() {
-        bar.begin(settings, &name(settings, at + 1, plan.len()));
+    for (at, planned) in plan.iter().enumerate() {
+        let (settings, name) = (&planned.settings, name(planned, at + 1, plan.len()));
+        bar.begin(settings, &name);
         let outcome = run_cube(settings, &mut |progress| {
             bar.step(&progress);
             ControlFlow::Continue(())
         });
         bar.end(settings.steps);
+        if let Some(alternative) = planned.alternative {
+            // An error is what such a fit may be there to show.
+            if let Some(report) = &mut report {
+                report.add_alternative(alternative, settings, outcome);
+            }
+            continue;
+        }
         match outcome {
             Ok(outcome) => {
                 summary.add(settings, &outcome);
@@ -71,7 +79,7 @@ fn fit_all(request: &Request, writing: &Writing) -> Result<(), Failure> {
                 if let Some(report) = &mut report {
                     report.add_failure(settings, &error);
                 }
-                failures.push(format!("{}: {error}", name(settings, at + 1, plan.len())));
+                failures.push(format!("{name}: {error}"));
             }
         }
     }

@@ -5,7 +5,7 @@
 
 use std::fmt::Write as _;
 
-use crate::scenes::{Alternative, Choice, CubeSettings, Experiment, Outcome};
+use crate::scenes::{Alternative, Choice, CubeSettings, Outcome};
 
 use super::ReportError;
 use super::axis::{Scale, grouped};
@@ -15,7 +15,8 @@ use super::page::escaped;
 use super::panels::{self, Panel};
 use super::table::{plain, short};
 
-/// Sigma is learnt where its error is below this and stays there: a tenth of what an eye sees.
+/// Sigma is learnt where its error stays below this, in pixels: far below what a picture shows, far
+/// above every floor of rounding.
 const LEARNT: f64 = 1e-4;
 
 /// A fit of one alternative.
@@ -55,7 +56,8 @@ impl Reached {
     fn new(settings: &CubeSettings, outcome: Outcome) -> Self {
         let history = &outcome.history;
         let sigmas = || history.iter().map(|record| record.sigma.unwrap_or(f64::NAN));
-        let errors: Vec<f64> = sigmas().map(|sigma| (sigma - settings.sigma_target).abs()).collect();
+        let errors: Vec<f64> =
+            sigmas().map(|sigma| (sigma - settings.sigma_target).abs()).collect();
         // An error that is NaN is not below.
         let first = errors.iter().rposition(|&error| !(error < LEARNT)).map_or(0, |last| last + 1);
         let last_tenth = &errors[errors.len() - errors.len().div_ceil(10)..];
@@ -111,7 +113,7 @@ fn what_to_look_for(choice: Choice) -> String {
              update is larger than what is left of it."
         }
     };
-    format!("<li><b>{}</b>: {text}", capital(&choice.to_string()))
+    format!("<li><b>{}</b>: {text}", capital(choice))
 }
 
 /// Fits of one experiment and target, in the order they were given.
@@ -147,9 +149,19 @@ fn table(trials: &[Trial]) -> String {
 fn name(trial: &Trial) -> String {
     let name = escaped(trial.alternative.name);
     match trial.alternative.choice {
-        None => format!("<b>Ours</b>: {name}"),
-        Some(choice) => format!("{}: {name}", capital(&choice.to_string())),
+        None => {
+            let CubeSettings { border, kernel, sigma_mapping, .. } = trial.settings;
+            let others = format!("{border:?}, {kernel:?}, {sigma_mapping:?}").to_lowercase();
+            format!("<b class=\"ours\">Ours</b>: {name}, {others}")
+        }
+        Some(choice) => format!("{}: {name}", capital(choice)),
     }
+}
+
+/// A choice as the beginning of a line.
+fn capital(choice: Choice) -> String {
+    let name = choice.to_string();
+    name[..1].to_uppercase() + &name[1..]
 }
 
 /// The cells of one fit.
@@ -159,9 +171,9 @@ fn numbers(trial: &Trial) -> String {
         Err(error) => return format!("<td class=\"first\" colspan=6>{}", escaped(error)),
     };
     let never = || ("never".to_owned(), "–".to_owned());
-    let (steps, seconds) = reached.learnt.map_or_else(never, |(steps, seconds)| {
-        (grouped(steps as f64), plain(Some(seconds)))
-    });
+    let (steps, seconds) = reached
+        .learnt
+        .map_or_else(never, |(steps, seconds)| (grouped(steps as f64), plain(Some(seconds))));
     format!(
         "<td class=\"first\">{}<td>{}<td class=\"first\">{steps}<td>{seconds}<td>{}<td>{}",
         short(reached.fit.sigma_error()),
@@ -176,6 +188,11 @@ fn is_drawn(trial: &Trial) -> bool {
     matches!(trial.alternative.choice, None | Some(Choice::Radius))
 }
 
+/// Ours is dashed: a line that runs along it stays visible.
+fn stroke(alternative: Alternative) -> Stroke {
+    if alternative.choice.is_none() { Stroke::Dashed } else { Stroke::Solid }
+}
+
 /// Sigma's error against step for every rule of the radius, a panel per experiment and target.
 fn figure(trials: &[Trial]) -> Result<String, ReportError> {
     let mut names: Vec<Alternative> = Vec::new();
@@ -188,15 +205,16 @@ fn figure(trials: &[Trial]) -> Result<String, ReportError> {
     let panels = parts(trials).map(|(heading, part)| {
         let drawn = part.iter().filter(|trial| is_drawn(trial));
         let curves = drawn.filter_map(|trial| {
-            let points = trial.reached.as_ref().ok()?.fit;
+            let fit = &trial.reached.as_ref().ok()?.fit;
             Some(Curve {
                 color: place(trial)?,
                 stroke: stroke(trial.alternative),
-                points: points.curve(Quantity::SigmaError, |window| window.step),
+                points: fit.curve(Quantity::SigmaError, |window| window.step),
             })
         });
-        let number = heading.split(' ').next().unwrap_or(&heading);
-        let title = format!("{number}, σ* = {}: |σ − σ*|, pixels", part[0].settings.sigma_target);
+        let CubeSettings { experiment, sigma_target, .. } = part[0].settings;
+        let number = panels::number(experiment);
+        let title = format!("{number}, σ* = {sigma_target}: |σ − σ*|, pixels");
         let spoken = format!("Sigma error against step. {heading}");
         Panel {
             figure: Figure {
@@ -214,8 +232,64 @@ fn figure(trials: &[Trial]) -> Result<String, ReportError> {
     let panels: Vec<Panel> = panels.filter(|panel| !panel.figure.is_empty()).collect();
     let legend = names.iter().enumerate().map(|(at, &name)| {
         let line = panels::line(PALETTE[at % PALETTE.len()], stroke(name));
-        format!("<li>{line}{}", escaped(name.name))
+        let ours = if name.choice.is_none() { "ours: " } else { "" };
+        format!("<li>{line}{ours}{}", escaped(name.name))
     });
     let legend: String = legend.collect();
     Ok(format!("<ul class=\"legend\">{legend}</ul>{}", panels::row(&panels)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::tests::outcome;
+    use crate::scenes::alternatives;
+
+    fn reached(errors: &[f64]) -> Reached {
+        let (_, settings) = alternatives(errors.len() as u64 - 1).remove(0);
+        let mut outcome = outcome(&settings, 0.0);
+        for (record, error) in outcome.history.iter_mut().zip(errors) {
+            record.sigma = Some(settings.sigma_target + error);
+        }
+        Reached::new(&settings, outcome)
+    }
+
+    #[test]
+    fn sigma_is_learnt_where_its_error_stays_below() {
+        let step = |errors: &[f64]| reached(errors).learnt.map(|(step, _)| step);
+        assert_eq!(step(&[1.0, 0.0, 0.5, 1e-5, 1e-6]), Some(3));
+        assert_eq!(step(&[0.0, 0.0]), Some(0));
+        assert_eq!(step(&[0.0, f64::NAN, 0.0]), Some(2));
+        assert_eq!(step(&[0.0, 1.0]), None);
+        assert_eq!(step(&[0.0, f64::NAN]), None);
+    }
+
+    #[test]
+    fn the_last_tenth_and_the_least_sigma_are_of_single_steps() {
+        let mut errors = [1e-6; 30];
+        (errors[3], errors[26], errors[28]) = (-0.25, 9.0, 1e-3);
+        let reached = reached(&errors);
+        assert!((reached.tail - 1e-3).abs() < 1e-12);
+        assert_eq!(reached.least, 0.75);
+    }
+
+    #[test]
+    fn every_fit_has_a_row_in_its_part_and_a_failed_one_says_why() {
+        let trials: Vec<Trial> = alternatives(20)
+            .iter()
+            .map(|(alternative, settings)| {
+                let failed = alternative.name == "nothing";
+                let outcome = outcome(settings, 1e-3);
+                let outcome = if failed { Err("sigma < 0".to_owned()) } else { Ok(outcome) };
+                Trial::new(*alternative, settings, outcome)
+            })
+            .collect();
+        let html = html(&trials).expect("a section");
+        let parts = parts(&trials).count();
+        assert_eq!(html.matches("<tr class=\"part\">").count(), parts);
+        assert_eq!(html.matches(">Ours</b>").count(), parts);
+        assert_eq!(html.matches("sigma &lt; 0").count(), parts);
+        assert_eq!(html.matches("<svg viewBox=\"0 0 680").count(), parts);
+        assert_eq!(html.matches("<tr><th>").count(), trials.len());
+    }
 }

@@ -95,8 +95,7 @@ fn rates(settings: &CubeSettings) -> String {
         Experiment::Sigma => format!("sigma {s}"),
         Experiment::Joint => format!("vertices {v}, colours {c}, sigma {s}"),
     };
-    let name = super::panels::heading(settings.experiment);
-    let number = name.split(' ').next().unwrap_or(name);
+    let number = super::panels::number(settings.experiment);
     format!("{number} {}: {rates}, {}", settings.preset, schedule(settings.rate_schedule()))
 }
 

@@ -5,7 +5,7 @@
 //!
 //! - `index.html`: the whole report in one file that needs nothing else, online or beside it.
 //!   First of all it shows error against run time, then what the paper's Figures 3 to 7 show,
-//!   then every fit and every choice.
+//!   then every fit, every choice, and what other choices do.
 //! - `fits.csv`: one row per fit. `histories.csv`: the histories, thinned evenly in the
 //!   logarithm of the step.
 //! - `pictures/`: the learnt cubes beside their targets, one PNG per group of fits that differ
@@ -13,6 +13,7 @@
 //!
 //! Each file is written whole or not at all.
 
+mod alternatives;
 mod animation;
 mod axis;
 mod choices;
@@ -31,8 +32,9 @@ use std::path::{Path, PathBuf};
 use std::{fs, io};
 
 use crate::error::FitError;
-use crate::scenes::{CubeSettings, Outcome};
+use crate::scenes::{Alternative, CubeSettings, Outcome};
 
+use alternatives::Trial;
 use digest::{Fit, Group};
 pub use write::{check_folder, write_whole};
 
@@ -82,12 +84,13 @@ pub struct Report {
     about: About,
     fits: Vec<Fit>,
     failures: Vec<(CubeSettings, String)>,
+    trials: Vec<Trial>,
 }
 
 impl Report {
     /// A report without fits.
     pub fn new(about: About) -> Self {
-        Self { about, fits: Vec::new(), failures: Vec::new() }
+        Self { about, ..Self::default() }
     }
 
     /// Adds a fit. Of its history only what will be shown is kept.
@@ -98,6 +101,18 @@ impl Report {
     /// Adds a fit that ended in an error: the report shows it too.
     pub fn add_failure(&mut self, settings: &CubeSettings, error: &FitError) {
         self.failures.push((settings.clone(), error.to_string()));
+    }
+
+    /// Adds a fit that shows what another choice does, or the error it ended in. It has a section
+    /// of its own, apart from all other fits.
+    pub fn add_alternative(
+        &mut self,
+        alternative: Alternative,
+        settings: &CubeSettings,
+        outcome: Result<Outcome, FitError>,
+    ) {
+        let outcome = outcome.map_err(|error| error.to_string());
+        self.trials.push(Trial::new(alternative, settings, outcome));
     }
 
     /// Whether there is nothing to show.
@@ -122,7 +137,7 @@ impl Report {
                 files.push((format!("pictures/{name}{number}.png").into(), sheet));
             }
         }
-        let page = page::page(&self.about, &groups, &self.failures, film.as_ref())?;
+        let page = page::page(self, &groups, film.as_ref())?;
         files.extend(film.map(|film| (PathBuf::from("fit.png"), film.moving)));
         files.push(("fits.csv".into(), table::fits(&self.fits).into()));
         files.push(("histories.csv".into(), table::histories(&self.fits).into()));
@@ -165,7 +180,7 @@ mod tests {
     use crate::scenes::{Experiment, Preset, Record, random_start, truth};
 
     /// A made-up outcome whose errors fall from 1 to `last`.
-    fn outcome(settings: &CubeSettings, last: f64) -> Outcome {
+    pub(super) fn outcome(settings: &CubeSettings, last: f64) -> Outcome {
         let learns = settings.experiment != Experiment::Sigma;
         let sigma = settings.blurs().then_some(settings.sigma_target);
         let record = |step: u64| {
@@ -267,6 +282,27 @@ mod tests {
         let (_, page) = rendered.files.last().expect("a page");
         let page = String::from_utf8_lossy(page);
         assert!(page.contains("Fits that ended in an error") && page.contains("a &lt; b needs c"));
+    }
+
+    #[test]
+    fn other_choices_stay_out_of_everything_but_their_section() {
+        let ours = settings(Experiment::Sigma);
+        let mut report = Report::new(About::default());
+        report.add(&ours, outcome(&ours, 1e-3));
+        let files = |report: &Report| report.render().expect("a report").files;
+        let without = files(&report);
+        for (alternative, settings) in crate::scenes::alternatives(20) {
+            let outcome = outcome(&settings, 1e-3);
+            report.add_alternative(alternative, &settings, Ok(outcome));
+        }
+        let mut with = files(&report);
+        let (_, page) = with.last_mut().expect("a page");
+        let text = String::from_utf8(page.clone()).expect("text");
+        let start = text.find("<section id=\"others\">").expect("a section");
+        let end = start + text[start..].find("</section>").expect("its end") + "</section>".len();
+        let link = "<li><a href=\"#others\">What other choices do</a>";
+        *page = (text[..start].replace(link, "") + &text[end..]).into();
+        assert!(with == without);
     }
 
     #[test]

@@ -8,12 +8,12 @@ use std::fmt::Write as _;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 
-use crate::scenes::{CubeSettings, Experiment};
+use crate::scenes::Experiment;
 
 use super::digest::Group;
 use super::figure::{GRID, INK, PALETTE, PALETTE_DARK};
 use super::film::Film;
-use super::{About, ReportError, choices, film, gallery, panels, results};
+use super::{Report, ReportError, alternatives, choices, film, gallery, panels, results};
 
 /// The style sheet, without the colours of the figures.
 const STYLE: &str = include_str!("page.css");
@@ -43,13 +43,13 @@ fn dark_figures() -> String {
     style
 }
 
-/// The whole page.
+/// The whole page of `report`, whose fits are in `groups`.
 pub(crate) fn page(
-    about: &About,
+    report: &Report,
     groups: &[&Group],
-    failures: &[(CubeSettings, String)],
     film: Option<&Film>,
 ) -> Result<String, ReportError> {
+    let Report { about, failures, trials, .. } = report;
     let of = |experiment| -> Vec<&Group> {
         groups.iter().copied().filter(|group| group.settings.experiment == experiment).collect()
     };
@@ -75,6 +75,7 @@ pub(crate) fn page(
     }
     sections.push(("fits", "Every fit", every_fit(groups)));
     sections.push(("choices", "Every choice", choices::choices(about, groups)));
+    sections.push(("others", "What other choices do", alternatives::html(trials)?));
     sections.retain(|(_, _, body)| !body.is_empty());
 
     let (mut contents, mut body) = (String::new(), String::new());

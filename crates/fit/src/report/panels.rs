@@ -165,3 +165,9 @@ pub(crate) fn heading(experiment: Experiment) -> &'static str {
         Experiment::Joint => "5.3 Vertices, colours and sigma together",
     }
 }
+
+/// The number of an experiment in the paper.
+pub(crate) fn number(experiment: Experiment) -> &'static str {
+    let heading = heading(experiment);
+    heading.split(' ').next().unwrap_or(heading)
+}

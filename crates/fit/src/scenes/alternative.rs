@@ -45,7 +45,7 @@ impl fmt::Display for Choice {
 pub struct Alternative {
     /// What is chosen differently; `None`: nothing, these are our choices.
     pub choice: Option<Choice>,
-    /// What is chosen, in words.
+    /// What is chosen, in words; of our choices the radius, which the others are seen against.
     pub name: &'static str,
 }
 
@@ -88,7 +88,8 @@ fn around(ours: &CubeSettings) -> Vec<(Alternative, CubeSettings)> {
     ];
     let others =
         others.map(|(choice, name, fit)| (Alternative { choice: Some(choice), name }, fit));
-    let ours = (Alternative { choice: None, name: "ours" }, ours.clone());
+    let ours =
+        (Alternative { choice: None, name: "fixed, 4 times the larger sigma" }, ours.clone());
     [ours].into_iter().chain(others).collect()
 }
 
