@@ -59,7 +59,10 @@ impl Reached {
         let errors: Vec<f64> =
             sigmas().map(|sigma| (sigma - settings.sigma_target).abs()).collect();
         // An error that is NaN is not below.
-        let first = errors.iter().rposition(|&error| !(error < LEARNT)).map_or(0, |last| last + 1);
+        let first = errors
+            .iter()
+            .rposition(|error| error.is_nan() || *error >= LEARNT)
+            .map_or(0, |last| last + 1);
         let last_tenth = &errors[errors.len() - errors.len().div_ceil(10)..];
         Self {
             tail: last_tenth.iter().copied().max_by(f64::total_cmp).unwrap_or(f64::NAN),
@@ -77,7 +80,8 @@ pub(crate) fn html(trials: &[Trial]) -> Result<String, ReportError> {
         "<p>The paper leaves open how far the blur’s window reaches, what it sees outside the \
          image, how its taps are made, and how sigma stays positive. Here each choice of ours is \
          exchanged for another, one at a time, in the learnt image and in its target. One seed \
-         each, in {}, where rounding hides no floor; σ* is the target.</p><ul>{}</ul>\
+         each, in {}, where rounding hides no floor, and counted nowhere else in this report; σ* is the \
+         target.</p><ul>{}</ul>\
          {}<p class=\"note\">Sigma error against step for the rules of the radius. A line is the \
          median of the few steps that a point of it stands for, the band around it their least \
          and largest value.</p>{}<p class=\"note\"><i>Learnt</i>: from here on the error stays \
@@ -95,22 +99,24 @@ pub(crate) fn html(trials: &[Trial]) -> Result<String, ReportError> {
 fn what_to_look_for(choice: Choice) -> String {
     let text = match choice {
         Choice::Radius => {
-            "a window that follows sigma jumps by a tap where its radius steps, and so does the \
-             loss. Where that step lies on σ*, look for a floor that the error does not fall \
-             below, the higher the sooner the window ends; beside σ*, or fixed, for none."
+            "a window that follows sigma gains or loses a tap where its radius steps, and the \
+             loss jumps there. Where that step lies on σ*, look for a floor that the error does \
+             not pass, or jumps back to long after; compare 3σ* with 4σ*, and with windows that \
+             are fixed or step beside σ*."
         }
         Choice::Border => {
-            "the target is blurred alike, so any border leads to σ*; look at how soon, and for \
-             how wide a blur the border begins to matter."
+            "the target has the same border, so the truth is a minimum under each; look whether \
+             the steps to it differ, and whether they do so more for the wider blur."
         }
         Choice::Kernel => {
-            "the seed’s gain differs from 1 below sigma 0.6 alone; look whether a fit comes \
-             that low (<i>least sigma</i>), and else for no difference beyond the cut-off tails."
+            "over a window without an end, the seed’s gain differs from 1 by more than 0.4 % only \
+             below sigma 0.6; look whether a fit comes that low (<i>least sigma</i>), and \
+             whether its numbers differ from ours without that."
         }
         Choice::Mapping => {
-            "look at the steps that each mapping takes to learn the same sigma, and at the least \
-             sigma on the way: with nothing to hold it, sigma is positive for as long as no \
-             update is larger than what is left of it."
+            "a step of the optimizer is a step of what the mapping is given: look at how many \
+             each takes. With nothing to hold it, sigma is positive only while no step is larger \
+             than what is left of it: look at the <i>least sigma</i>, or for an error."
         }
     };
     format!("<li><b>{}</b>: {text}", capital(choice))
@@ -203,7 +209,8 @@ fn figure(trials: &[Trial]) -> Result<String, ReportError> {
     }
     let place = |trial: &Trial| names.iter().position(|&name| name == trial.alternative);
     let panels = parts(trials).map(|(heading, part)| {
-        let drawn = part.iter().filter(|trial| is_drawn(trial));
+        // Ours, the first, lies over the others.
+        let drawn = part.iter().rev().filter(|trial| is_drawn(trial));
         let curves = drawn.filter_map(|trial| {
             let fit = &trial.reached.as_ref().ok()?.fit;
             Some(Curve {
