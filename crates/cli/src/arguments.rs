@@ -62,7 +62,7 @@ pub(crate) struct FitArguments {
     /// What is learnt: vertices and colours (5.1), sigma (5.2), or all of them (5.3)
     #[arg(long, value_name = "WORD", default_value = "joint", value_parser = words::<Experiment>(&["vertices", "sigma", "joint"]))]
     pub(crate) experiment: Experiment,
-    /// Learning rates: as printed in the paper, or larger ones that fall along a cosine
+    /// Learning rates: as printed in the paper, or larger ones that fall over the run
     #[arg(long, value_name = "WORD", default_value = "paper", value_parser = words::<Preset>(&["paper", "tuned"]))]
     pub(crate) preset: Preset,
     /// Width and height of the images, in pixels

@@ -91,9 +91,12 @@ pub enum TensorError {
 impl fmt::Display for TensorError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Length { shape, entries } => {
-                write!(f, "shape {shape} needs {} entries, got {entries}", shape.size())
-            }
+            Self::Length { shape, entries } => match shape.checked_size() {
+                Some(size) => write!(f, "shape {shape} needs {size} entries, got {entries}"),
+                None => {
+                    write!(f, "shape {shape} needs more entries than fit an index, got {entries}")
+                }
+            },
             Self::Broadcast { operation, shapes } => {
                 let [left, right] = &**shapes;
                 write!(f, "{operation} needs shapes that broadcast, got {left} and {right}")

@@ -15,6 +15,14 @@ impl Shape {
         self.0.iter().product()
     }
 
+    /// [`Shape::size`], or `None` where it does not fit a `usize`.
+    pub(crate) fn checked_size(&self) -> Option<usize> {
+        if self.0.contains(&0) {
+            return Some(0);
+        }
+        self.0.iter().try_fold(1_usize, |size, &extent| size.checked_mul(extent))
+    }
+
     /// The number of axes.
     pub fn rank(&self) -> usize {
         self.0.len()

@@ -21,7 +21,7 @@ impl<T: Scalar> Tensor<T> {
     /// [`TensorError::Length`] unless `data` has as many entries as the shape.
     pub fn new(shape: impl Into<Shape>, data: Vec<T>) -> Result<Self, TensorError> {
         let shape = shape.into();
-        if shape.size() != data.len() {
+        if shape.checked_size() != Some(data.len()) {
             return Err(TensorError::Length { shape, entries: data.len() });
         }
         Ok(Self { shape, data: Arc::new(data) })
@@ -85,7 +85,7 @@ impl<T: Scalar> Tensor<T> {
     /// [`TensorError::Length`] unless both shapes have the same number of entries.
     pub fn reshaped(&self, shape: impl Into<Shape>) -> Result<Self, TensorError> {
         let shape = shape.into();
-        if shape.size() != self.size() {
+        if shape.checked_size() != Some(self.size()) {
             return Err(TensorError::Length { shape, entries: self.size() });
         }
         Ok(Self { shape, data: Arc::clone(&self.data) })
@@ -147,6 +147,12 @@ mod tests {
         let error = Tensor::new([2, 3], vec![0.0_f32; 5]).unwrap_err();
         assert_eq!(error.to_string(), "shape [2, 3] needs 6 entries, got 5");
         assert!(Tensor::new([0, 3], Vec::<f32>::new()).is_ok());
+        // A product that wraps around is no match.
+        let huge = Tensor::new([1 << 33, 1 << 31], Vec::<f32>::new()).unwrap_err();
+        assert_eq!(
+            huge.to_string(),
+            "shape [8589934592, 2147483648] needs more entries than fit an index, got 0"
+        );
     }
 
     #[test]

@@ -96,6 +96,8 @@ pub struct Fit<T: Scalar> {
     parameters: Parameters<T>,
     settings: FitSettings,
     step: u64,
+    /// What it took to recycle the last step's memory: part of the step that uses it.
+    reset_ms: f64,
 }
 
 /// How a step ended.
@@ -111,7 +113,7 @@ impl<T: Scalar> Fit<T> {
     /// [`FitError::Setting`] for settings outside their range.
     pub fn new(parameters: Parameters<T>, settings: FitSettings) -> Result<Self, FitError> {
         settings.check()?;
-        Ok(Self { tape: Tape::new(), parameters, settings, step: 0 })
+        Ok(Self { tape: Tape::new(), parameters, settings, step: 0, reset_ms: 0.0 })
     }
 
     /// The parameters.
@@ -142,8 +144,8 @@ impl<T: Scalar> Fit<T> {
     /// Does one step, whatever the rules to stop say.
     ///
     /// # Errors
-    /// What the pipeline refuses; [`FitError::NotFinite`] where a value, the loss or a gradient is
-    /// infinite or NaN. Parameters and moments are then as they were.
+    /// What the pipeline refuses; [`FitError::NotFinite`] where the loss or a gradient is infinite
+    /// or NaN (a value where the loss comes from one). Parameters and moments are then as they were.
     pub fn step<P: Pipeline<T>>(&mut self, pipeline: &mut P) -> Result<Stepped, FitError> {
         let target_ms = self.prepare(pipeline)?;
         match self.advance(pipeline, None, |_, _| ControlFlow::Continue(()))? {
@@ -222,7 +224,9 @@ impl<T: Scalar> Fit<T> {
     fn prepare<P: Pipeline<T>>(&mut self, pipeline: &mut P) -> Result<f64, FitError> {
         // Here and not at the end: whatever ended the last step, its values are let go, the target
         // image among them.
+        let start = Instant::now();
         self.tape.reset();
+        self.reset_ms = milliseconds_since(start);
         let start = Instant::now();
         pipeline.prepare(self.step)?;
         Ok(milliseconds_since(start))
@@ -235,7 +239,7 @@ impl<T: Scalar> Fit<T> {
         gradient_below: Option<f64>,
         observe: impl FnOnce(&Parameters<T>, f64) -> ControlFlow<Stop>,
     ) -> Result<Advance, FitError> {
-        let Self { tape, parameters, settings, step } = self;
+        let Self { tape, parameters, settings, step, reset_ms } = self;
         let start = Instant::now();
         let variables = parameters.record(tape);
         let loss = record_loss(pipeline, tape, parameters, &variables)?;
@@ -253,7 +257,7 @@ impl<T: Scalar> Fit<T> {
         let factor = settings.schedule.factor(*step);
         settings.optimizer.update(parameters, &variables, &gradients, factor)?;
         drop(gradients);
-        let ms = forward_ms + milliseconds_since(start);
+        let ms = *reset_ms + forward_ms + milliseconds_since(start);
         let stepped = Stepped { step: *step, loss: value, ms, target_ms: 0.0 };
         *step += 1;
         Ok(Advance::Updated(stepped))

@@ -69,8 +69,9 @@ impl Optimizer {
     /// every learning rate.
     ///
     /// # Errors
-    /// [`FitError::NotFinite`] where a gradient (or, for Adam, its square) is infinite or NaN. All
-    /// parameters and moments are then as they were.
+    /// [`FitError::NotFinite`] where a gradient (or, for Adam, its square) is infinite or NaN;
+    /// [`FitError::Setting`] where a rate is too large, or Adam's epsilon too small, for the
+    /// numbers of the fit. All parameters and moments are then as they were.
     pub fn update<'t, T: Scalar>(
         &self,
         parameters: &mut Parameters<T>,
@@ -80,7 +81,11 @@ impl Optimizer {
     ) -> Result<(), FitError> {
         let gradient = |k: usize| gradients.get(variables.list[k].raw).map(|tensor| tensor.data());
         for (k, parameter) in parameters.list.iter().enumerate() {
-            if let (false, Some(gradient)) = (parameter.is_frozen(), gradient(k)) {
+            if parameter.is_frozen() {
+                continue;
+            }
+            self.check_settings_in::<T>(parameter.rate * factor)?;
+            if let Some(gradient) = gradient(k) {
                 self.check_gradient(parameter, gradient, parameters.updates)?;
             }
         }
@@ -93,12 +98,28 @@ impl Optimizer {
             match *self {
                 Self::GradientDescent => descend(parameter, gradient(k), rate),
                 Self::Adam { beta1, beta2, epsilon } => {
-                    let adam = Adam { beta1, beta2, epsilon, updates: parameters.updates };
+                    parameter.updates += 1;
+                    let adam = Adam { beta1, beta2, epsilon, updates: parameter.updates };
                     adam.step(parameter, gradient(k), rate);
                 }
             }
         }
         Ok(())
+    }
+
+    /// Checks that the rate, and epsilon, are numbers in `T` too.
+    fn check_settings_in<T: Scalar>(&self, rate: f64) -> Result<(), FitError> {
+        if !T::from_f64(rate).is_finite() {
+            let rule = "a finite number in the precision of the fit";
+            return Err(FitError::setting("learning rate", rule, rate));
+        }
+        match *self {
+            Self::Adam { epsilon, .. } if T::from_f64(epsilon) == T::ZERO => {
+                let rule = "a number above 0 in the precision of the fit";
+                Err(FitError::setting("Adam's epsilon", rule, epsilon))
+            }
+            _ => Ok(()),
+        }
     }
 
     fn check_gradient<T: Scalar>(
@@ -142,7 +163,7 @@ struct Adam {
     beta1: f64,
     beta2: f64,
     epsilon: f64,
-    /// How many updates there were, this one included.
+    /// How many updates the parameter's moments have seen, this one included.
     updates: u64,
 }
 

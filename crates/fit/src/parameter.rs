@@ -78,6 +78,8 @@ pub struct Parameter<T> {
     pub(crate) first: Vec<T>,
     /// Adam's moving average of the squared gradient.
     pub(crate) second: Vec<T>,
+    /// How many updates the moving averages have seen.
+    pub(crate) updates: u64,
 }
 
 /// The rate of a parameter that was given none: Adam's usual one.
@@ -94,6 +96,7 @@ impl<T: Scalar> Parameter<T> {
             frozen: false,
             first: Vec::new(),
             second: Vec::new(),
+            updates: 0,
         }
     }
 
@@ -173,7 +176,7 @@ pub struct Parameters<T> {
     pub(crate) list: Vec<Parameter<T>>,
     /// The names in the order of the list, shared with every step's variables.
     names: Arc<[String]>,
-    /// How many updates the moments have seen.
+    /// How many updates there were.
     pub(crate) updates: u64,
 }
 

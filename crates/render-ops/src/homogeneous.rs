@@ -46,10 +46,12 @@ pub(crate) fn cross<S: Scalar>(a: [S; 2], b: [S; 2]) -> S {
     a[0] * b[1] - a[1] * b[0]
 }
 
-/// The vertices of a face times a power of two that brings their coordinates near 1, and that
+/// Vertices of a face times a power of two that brings their coordinates near 1, and that
 /// factor: 1 but where products of three coordinates would leave the range of the numbers. It
 /// changes no weight and no depth.
-pub(crate) fn in_range<S: Scalar<Wide = S>>(vertices: [Vertex<S>; 3]) -> ([Vertex<S>; 3], S) {
+pub(crate) fn in_range<S: Scalar<Wide = S>, const N: usize>(
+    vertices: [Vertex<S>; N],
+) -> ([Vertex<S>; N], S) {
     let largest = vertices
         .iter()
         .flat_map(|vertex| [vertex.x, vertex.y, vertex.w])

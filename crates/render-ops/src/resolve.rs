@@ -66,7 +66,8 @@ impl Resolve {
 }
 
 impl<T: Scalar> Op<T> for Resolve {
-    type Saved = ();
+    /// Memory for the sums over the pixels that show a background of one colour.
+    type Saved = Vec<T::Wide>;
     type Error = RenderError;
 
     fn name(&self) -> &'static str {
@@ -77,7 +78,7 @@ impl<T: Scalar> Op<T> for Resolve {
         &self,
         inputs: &Inputs<'_, T>,
         outputs: &mut Outputs<'_, T>,
-        _saved: &mut (),
+        _saved: &mut Self::Saved,
     ) -> Result<(), RenderError> {
         let count = self.coverage.count();
         let refused = |rule: String, shape: &Shape| {
@@ -118,7 +119,12 @@ impl<T: Scalar> Op<T> for Resolve {
         Keep::NOTHING
     }
 
-    fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
+    fn backward(
+        &self,
+        kept: &Kept<'_, T>,
+        sums: &mut Self::Saved,
+        gradients: &mut Accumulators<'_, T>,
+    ) {
         let image_bar = kept.only_upstream();
         let channels = kept.input_shape(0)[1];
         if let Some(values_bar) = gradients.get(0) {
@@ -132,7 +138,8 @@ impl<T: Scalar> Op<T> for Resolve {
         if let Some(background_bar) = gradients.get(1) {
             let is_color = kept.input_shape(1).rank() == 1;
             if is_color {
-                let mut sums = vec![T::Wide::ZERO; channels];
+                sums.clear();
+                sums.resize(channels, T::Wide::ZERO);
                 for at in self.uncovered(channels) {
                     let row = &image_bar[at..at + channels];
                     sums.iter_mut().zip(row).for_each(|(sum, bar)| *sum += bar.widen());

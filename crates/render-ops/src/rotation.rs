@@ -13,9 +13,14 @@ use bokashi_core::Scalar;
 /// A 3x3 matrix, by rows.
 pub(crate) type Matrix3<S> = [[S; 3]; 3];
 
-/// The length of `q`.
+/// The length of `q`, of any size that a number can have.
 pub(crate) fn length<S: Scalar>(q: [S; 4]) -> S {
-    q.into_iter().map(|entry| entry * entry).sum::<S>().sqrt()
+    let largest = q.into_iter().map(S::abs).fold(S::ZERO, S::greater);
+    if largest == S::ZERO || !largest.is_finite() {
+        return largest;
+    }
+    let squares = q.into_iter().map(|entry| (entry / largest) * (entry / largest));
+    largest * squares.sum::<S>().sqrt()
 }
 
 /// The rotation matrix of `q`, which need not have length 1.
@@ -70,6 +75,17 @@ mod tests {
         for (row, expected) in matrix(Q).iter().zip(expected) {
             for (entry, expected) in row.iter().zip(expected) {
                 assert_relative_eq!(*entry, expected, epsilon = 1e-15);
+            }
+        }
+    }
+
+    #[test]
+    fn the_smallest_and_the_largest_quaternions_are_rotations_too() {
+        for scale in [1e-300, 1e300] {
+            for (row, expected) in matrix(Q.map(|entry| entry * scale)).iter().zip(matrix(Q)) {
+                for (entry, expected) in row.iter().zip(expected) {
+                    assert_relative_eq!(*entry, expected, epsilon = 1e-14);
+                }
             }
         }
     }

@@ -17,7 +17,8 @@ impl<T: Scalar> Unary<T> for Power {
     const SLOPE_FROM: SlopeFrom = SlopeFrom::Input;
 
     fn value(self, x: T) -> T {
-        x.powi(self.exponent)
+        // A square as a product is the same on every machine.
+        if self.exponent == 2 { x * x } else { x.powi(self.exponent) }
     }
     fn slope(self, x: T) -> T {
         match self.exponent {

@@ -209,9 +209,9 @@ impl CubeSettings {
         for (setting, sigma) in
             [("target sigma", self.sigma_target), ("starting sigma", self.sigma_start)]
         {
-            // A window of 4 sigma then still fits an index, and its taps any memory.
-            if !(sigma > 0.0 && sigma <= 1e4) {
-                return Err(FitError::setting(setting, "a number above 0 and up to 1e4", sigma));
+            // A window of 4 sigma is then no wider than the blur allows.
+            if !(sigma > 0.0 && sigma <= 4096.0) {
+                return Err(FitError::setting(setting, "a number above 0 and up to 4096", sigma));
             }
         }
         Ok(())
@@ -247,7 +247,7 @@ mod tests {
             Err("resolution needs at least 1 pixel, got 0".into())
         );
         for sigma in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            let rule = "sigma needs a number above 0 and up to 1e4, got";
+            let rule = "sigma needs a number above 0 and up to 4096, got";
             assert_eq!(
                 message(CubeSettings { sigma_target: sigma, ..settings.clone() }),
                 Err(format!("target {rule} {sigma}"))

@@ -59,7 +59,11 @@ pub fn antialias<'t, T: Scalar>(
 ) -> Result<Var<'t, T>, RenderError> {
     let coverage = Arc::clone(&fragments.coverage);
     let op = Antialias { coverage, depth: fragments.depth.value() };
-    image.tape().apply(op, &[image, clip])
+    let (outputs, is_identity) = image.tape().record_with(op, &[image, clip], Vec::is_empty)?;
+    if is_identity {
+        image.tape().leave_out("antialias", "no discontinuities");
+    }
+    Ok(outputs[0])
 }
 
 /// Inputs: image `[H, W, C]`, clip `[V, 4]`.

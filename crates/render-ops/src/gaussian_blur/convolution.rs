@@ -175,7 +175,7 @@ mod tests {
             let mut padded = numbers(padded_size(lines));
             let g = numbers(lines.lines * lines.extent * lines.cell);
             let slopes = [f64::NAN, 0.75, -0.5];
-            let window = Window { weights: &[], slopes: &slopes, slope_sum: 0.0 };
+            let window = Window { slopes: &slopes, slope_sum: 0.0 };
             let product = lines.slope_product(&padded, &window, &g);
             // The same through a convolution: w'_0 is minus the sum of all others.
             let mut blurred = vec![0.0; g.len()];

@@ -29,7 +29,7 @@ use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 pub use self::border::Border;
 use self::border::pad;
 use self::convolution::Lines;
-use self::taps::Taps;
+use self::taps::{Taps, check_radius};
 use crate::error::RenderError;
 
 /// Which weights a window has.
@@ -91,8 +91,11 @@ pub fn gaussian_blur<'t, T: Scalar>(
         let rule = "a single number for sigma".to_owned();
         return Err(RenderError::Shape { operation: "gaussian_blur", rule, shape });
     }
-    let value = sigma.item().to_f64();
-    if blur.kernel == Kernel::Sampled && value == 0.0 {
+    check_image(&image.shape())?;
+    check_radius(blur.radius)?;
+    let is_identity = blur.kernel == Kernel::Sampled && sigma.item() == T::ZERO;
+    // Of a variable of another tape the tape makes an error.
+    if is_identity && std::ptr::eq(image.tape(), sigma.tape()) {
         image.tape().leave_out("gaussian_blur", "sigma is 0");
         return Ok(image);
     }
@@ -166,7 +169,7 @@ impl GaussianBlur {
         let border =
             if self.blur.border == Border::Clamp { Border::Zero } else { self.blur.border };
         pad(border, g, lines, padded);
-        lines.convolve(padded, taps.window(lines.pad).weights, y);
+        lines.convolve(padded, &taps.weights[..=lines.pad], y);
         if self.blur.border == Border::Clamp {
             border::add_overhang(g, lines, &taps.weights, y);
         }
@@ -188,20 +191,17 @@ impl<T: Scalar> Op<T> for GaussianBlur {
         saved: &mut Self::Saved,
     ) -> Result<(), RenderError> {
         let &[height, width, channels] = &**inputs.shape(0) else {
-            return Err(wrong_image(inputs.shape(0)));
+            unreachable!("gaussian_blur has checked the rank");
         };
-        if inputs.shape(0).size() == 0 {
-            return Err(wrong_image(inputs.shape(0)));
-        }
         let Saved { taps, rows, columns, between, .. } = saved;
         taps.fill(inputs.data(1)[0], &self.blur)?;
         let passes = Passes::of([height, width, channels], self.blur.border, taps.radius());
         between.resize(inputs.shape(0).size(), T::ZERO);
         pad(self.blur.border, inputs.data(0), passes.rows, rows);
-        passes.rows.convolve(rows, taps.window(passes.rows.pad).weights, between);
+        passes.rows.convolve(rows, &taps.weights[..=passes.rows.pad], between);
         pad(self.blur.border, between, passes.columns, columns);
         let out = outputs.push(inputs.shape(0));
-        passes.columns.convolve(columns, taps.window(passes.columns.pad).weights, out);
+        passes.columns.convolve(columns, &taps.weights[..=passes.columns.pad], out);
         Ok(())
     }
 
@@ -217,7 +217,7 @@ impl<T: Scalar> Op<T> for GaussianBlur {
     ) {
         let b_bar = kept.only_upstream();
         let &[height, width, channels] = &**kept.input_shape(0) else {
-            unreachable!("forward has checked the rank");
+            unreachable!("gaussian_blur has checked the rank");
         };
         let Saved { taps, rows, columns, padded, between, last } = saved;
         let passes = Passes::of([height, width, channels], self.blur.border, taps.radius());
@@ -242,10 +242,13 @@ impl<T: Scalar> Op<T> for GaussianBlur {
     }
 }
 
-fn wrong_image(shape: &bokashi_core::Shape) -> RenderError {
-    RenderError::Shape {
+fn check_image(shape: &bokashi_core::Shape) -> Result<(), RenderError> {
+    if shape.rank() == 3 && shape.size() > 0 {
+        return Ok(());
+    }
+    Err(RenderError::Shape {
         operation: "gaussian_blur",
         rule: "an image of shape [H, W, C] with at least one entry".to_owned(),
         shape: shape.clone(),
-    }
+    })
 }

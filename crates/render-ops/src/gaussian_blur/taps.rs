@@ -105,34 +105,34 @@ impl<T: Scalar> Taps<T> {
         self.weights.len() - 1
     }
 
-    /// The taps up to `reach`, where those beyond see nothing but zeros.
+    /// The slopes up to `reach`, where those beyond see nothing but zeros.
     pub(super) fn window(&self, reach: usize) -> Window<'_, T> {
         let beyond: T = self.slopes[reach + 1..].iter().copied().sum();
-        Window {
-            weights: &self.weights[..=reach],
-            slopes: &self.slopes[..=reach],
-            slope_sum: self.slope_sum - (beyond + beyond),
-        }
+        Window { slopes: &self.slopes[..=reach], slope_sum: self.slope_sum - (beyond + beyond) }
     }
 }
 
-/// Half of a symmetric window that reaches over all the pixels that count.
+/// Half of the slopes of a symmetric window that reaches over all the pixels that count.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Window<'a, T> {
-    pub(super) weights: &'a [T],
     pub(super) slopes: &'a [T],
     pub(super) slope_sum: T,
+}
+
+/// Checks what is wrong with a radius whatever sigma is.
+pub(super) fn check_radius(radius: Radius) -> Result<(), RenderError> {
+    match radius {
+        Radius::Tolerance(tolerance) if !(tolerance > 0.0 && tolerance < 1.0) => {
+            let rule = "a tolerance between 0 and 1";
+            Err(RenderError::BadRadius { rule, value: tolerance })
+        }
+        _ => Ok(()),
+    }
 }
 
 /// The smallest radius whose window misses at most the share `tolerance` of an endless window's
 /// weight, per axis.
 fn smallest_radius(sigma: f64, tolerance: f64) -> Result<usize, RenderError> {
-    if !(tolerance > 0.0 && tolerance < 1.0) {
-        return Err(RenderError::BadRadius {
-            rule: "a tolerance between 0 and 1",
-            value: tolerance,
-        });
-    }
     let shape = |k: usize| (-0.5 * (k as f64 / sigma).powi(2)).exp();
     // Beyond 9.2 sigma taps are negligible.
     let end = (9.2 * sigma).ceil();
