@@ -5,6 +5,13 @@ use std::sync::Arc;
 use allocation_counter::measure;
 use bokashi_core::parallel::ENTRIES_PER_PIECE;
 use bokashi_core::{Tape, Tensor, TensorError, Var};
+use bokashi_fit::scenes::FACES;
+use bokashi_fit::{FitError, squared_error};
+use bokashi_render_ops::{
+    Background, Blur, Mesh, Pose, Size, antialias, gaussian_blur, interpolate, project, rasterize,
+    resolve,
+};
+use glam::dcamera::rh::proj::opengl::perspective;
 use rayon::ThreadPoolBuilder;
 
 /// The leaves of a step.
@@ -55,28 +62,98 @@ fn record(tape: &Tape<f32>, parameters: &Parameters) -> Result<f32, TensorError>
     Ok(a.data()[0] + b.data()[0] + first.get_or_zeros(scale).item())
 }
 
-fn assert_steady_from_step_3(pixels: usize) {
-    let mut tape = Tape::new();
-    let parameters = Parameters::new(pixels);
+/// A cube in a pose before a learnt colour, from vertices to a loss, with every gradient.
+struct Scene {
+    mesh: Mesh,
+    vertices: Tensor<f32>,
+    rotation: Tensor<f32>,
+    translation: Tensor<f32>,
+    background: Tensor<f32>,
+    target: Tensor<f32>,
+}
+
+impl Scene {
+    fn new(side: usize) -> Self {
+        let entries = |entries: &[f32]| Tensor::new([entries.len()], entries.to_vec()).unwrap();
+        Self {
+            mesh: Mesh::new(FACES.to_vec(), 8).unwrap(),
+            vertices: Tensor::from_fn([8, 3], |k| ((k / 3) >> (2 - k % 3) & 1) as f32 - 0.5),
+            rotation: entries(&[0.1, 0.3, 0.2, 0.9]),
+            translation: entries(&[0.1, 0.0, -3.0]),
+            background: entries(&[0.2, 0.1, 0.3]),
+            target: Tensor::full([side, side, 3], 0.5),
+        }
+    }
+
+    fn step(&self, tape: &mut Tape<f32>) -> Result<f32, FitError> {
+        let sum = self.record(tape)?;
+        tape.reset();
+        Ok(sum)
+    }
+
+    fn record(&self, tape: &Tape<f32>) -> Result<f32, FitError> {
+        let vertices = tape.leaf_copied(&self.vertices);
+        let rotation = tape.leaf_copied(&self.rotation);
+        let pose = Pose { rotation, translation: tape.leaf_copied(&self.translation) };
+        let background = tape.leaf_copied(&self.background);
+        let sigma = tape.scalar(1.2);
+
+        let clip = project(vertices, &perspective(0.7, 1.0, 1.0, 50.0), Some(pose))?;
+        let fragments = rasterize(clip, &self.mesh, Size::square(self.target.shape()[0]))?;
+        let surface = interpolate(vertices, &fragments)?;
+        let image = resolve(surface, &fragments, Background::Color(background))?;
+        let image = antialias(image, &fragments, clip)?;
+        let image = gaussian_blur(image, sigma, &Blur::default())?;
+        let loss = squared_error(image, tape.constant(&self.target))?;
+        let gradients = loss.backward()?;
+        let of = [vertices, rotation, background, sigma].map(|leaf| gradients.get(leaf));
+        Ok(of.into_iter().map(|gradient| gradient.expect("each is used").data()[0]).sum())
+    }
+}
+
+/// Steps 3 to 5 of many that are all the same give the same number and allocate nothing.
+fn assert_steady_from_step_3(mut step: impl FnMut() -> f32 + Send) {
     let alone = ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     alone.install(|| {
-        let first = step(&mut tape, &parameters).unwrap();
-        assert_eq!(step(&mut tape, &parameters), Ok(first));
+        let first = step();
+        assert_eq!(step(), first);
         for k in 3..6 {
             let mut sum = 0.0;
-            let counted = measure(|| sum = step(&mut tape, &parameters).unwrap());
+            let counted = measure(|| sum = step());
             assert_eq!(counted.count_total, 0, "step {k} allocates");
             assert_eq!(sum, first);
         }
     });
 }
 
+/// A step of every tensor operation on `pixels` pixels.
+fn tensor_steps(pixels: usize) -> impl FnMut() -> f32 + Send {
+    let (mut tape, parameters) = (Tape::new(), Parameters::new(pixels));
+    move || step(&mut tape, &parameters).unwrap()
+}
+
+/// A step of every rendering operation on an image of `side` x `side` pixels.
+fn rendering_steps(side: usize) -> impl FnMut() -> f32 + Send {
+    let (mut tape, scene) = (Tape::new(), Scene::new(side));
+    move || scene.step(&mut tape).unwrap()
+}
+
 #[test]
 fn a_steady_step_on_small_arrays_allocates_nothing() {
-    assert_steady_from_step_3(8);
+    assert_steady_from_step_3(tensor_steps(8));
 }
 
 #[test]
 fn a_steady_step_on_arrays_of_many_pieces_allocates_nothing() {
-    assert_steady_from_step_3(ENTRIES_PER_PIECE + 5);
+    assert_steady_from_step_3(tensor_steps(ENTRIES_PER_PIECE + 5));
+}
+
+#[test]
+fn a_steady_step_of_rendering_allocates_nothing() {
+    assert_steady_from_step_3(rendering_steps(32));
+}
+
+#[test]
+fn a_steady_step_of_rendering_in_many_pieces_allocates_nothing() {
+    assert_steady_from_step_3(rendering_steps(300));
 }

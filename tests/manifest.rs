@@ -1,5 +1,6 @@
 //! Every test file and every example is listed in its manifest: with `autotests = false` and
-//! `autoexamples = false` a forgotten one would never run.
+//! `autoexamples = false` a forgotten one would never run. And every file that the documents name is
+//! there.
 
 use std::fs;
 use std::path::Path;
@@ -29,4 +30,25 @@ fn every_test_is_listed() {
 #[test]
 fn every_example_is_listed() {
     assert_all_listed(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples"));
+}
+
+#[test]
+fn every_file_that_a_document_names_exists() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let mut named = 0;
+    for document in ["README.md", "docs/architecture.md", "docs/notation.md", "docs/results.md"] {
+        let text = fs::read_to_string(root.join(document)).unwrap();
+        let words = text.split(|c: char| c.is_whitespace() || "`()[],;:".contains(c));
+        let is_path = |word: &&str| {
+            ["docs/", "examples/", "tests/", "crates/"]
+                .iter()
+                .any(|folder| word.starts_with(folder))
+        };
+        for path in words.filter(is_path) {
+            assert!(root.join(path).exists(), "{document} names {path}, which is not there");
+            named += 1;
+        }
+        assert!(!text.contains("@@"), "{document} holds a placeholder");
+    }
+    assert!(named > 10, "only {named} paths were found");
 }
