@@ -242,6 +242,37 @@ mod tests {
     }
 
     #[test]
+    fn the_first_step_of_a_thawed_parameter_is_its_rate() {
+        let mut list = parameters([1.0, 2.0]);
+        list.set_rate("y", 0.0).unwrap();
+        for _ in 0..2000 {
+            update(Optimizer::default(), &mut list, [1.0, 1.0]).unwrap();
+        }
+        list.set_rate("y", 0.1).unwrap();
+        update(Optimizer::default(), &mut list, [1.0, 1.0]).unwrap();
+        assert!((values(&list)[1] - 1.9).abs() < 1e-6, "{}", values(&list)[1]);
+    }
+
+    #[test]
+    fn constants_that_the_numbers_of_a_fit_cannot_hold_change_nothing() {
+        let refused = |optimizer: Optimizer, rate: f64| {
+            let x = Parameter::new("x", Tensor::scalar(1.0_f32)).rate(rate);
+            let mut list = Parameters::new().with(x).unwrap();
+            let tape = Tape::new();
+            let variables = list.record(&tape);
+            // A gradient of 0, which a denominator of 0 would make NaN.
+            let gradients = (variables[0] * 0.0).backward().unwrap();
+            let error = optimizer.update(&mut list, &variables, &gradients, 1.0).unwrap_err();
+            assert_eq!(list.get("x").unwrap().item(), 1.0);
+            error.to_string()
+        };
+        let tiny = Optimizer::Adam { beta1: 0.9, beta2: 0.999, epsilon: 1e-50 };
+        assert!(refused(tiny, 0.1).starts_with("Adam's epsilon needs a number above 0 in"));
+        let rate = refused(Optimizer::GradientDescent, 1e300);
+        assert!(rate.starts_with("learning rate needs a finite number in"), "{rate}");
+    }
+
+    #[test]
     fn adam_follows_its_recurrence() {
         let mut list = parameters([1.0, 2.0]);
         let (mut x, mut m, mut v) = (1.0, 0.0, 0.0);

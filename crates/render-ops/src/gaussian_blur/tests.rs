@@ -273,6 +273,22 @@ fn sampled_weights_with_sigma_zero_are_the_identity_and_leave_no_trace() {
 }
 
 #[test]
+fn what_is_refused_elsewhere_is_refused_at_sigma_zero_too() {
+    let (tape, other) = (Tape::<f64>::new(), Tape::new());
+    let (image, zero) = (tape.leaf(&numbers([3, 4, 2], 13)), tape.scalar(0.0));
+    let blur = Blur::default();
+    let flat = tape.leaf(&Tensor::zeros([4, 4]));
+    let tolerance = Blur { radius: Radius::Tolerance(7.0), ..blur };
+    for error in [
+        gaussian_blur(flat, zero, &blur).map(|_| ()),
+        gaussian_blur(image, zero, &tolerance).map(|_| ()),
+        gaussian_blur(image, other.scalar(0.0), &blur).map(|_| ()),
+    ] {
+        assert!(error.is_err());
+    }
+}
+
+#[test]
 fn a_small_sigma_is_nearly_the_identity() {
     for sigma in [1e-300, 1e-12, 1e-6, 0.05] {
         let image = numbers::<f64>([4, 3, 2], 14);
