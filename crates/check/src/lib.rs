@@ -1,0 +1,1 @@
+//! Property-based gradient tests for anyone's operations on the Bokashi tape.

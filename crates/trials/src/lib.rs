@@ -1,0 +1,4 @@
+//! What Bokashi is put through: extreme cases, and stiff problems with known minima.
+
+pub mod stability;
+pub mod stiff;

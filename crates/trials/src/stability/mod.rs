@@ -1,0 +1,1 @@
+//! The extreme-case grid: input, expected result or error, what came out.

@@ -1,0 +1,1 @@
+//! Optimizers against stiff problems: error against time and against gradient evaluations.
