@@ -18,6 +18,8 @@ pub enum Quantity {
     SquaredGradient(String),
     /// The value of the named parameter.
     Value(String),
+    /// What an update would make of the named parameter, or of its moments.
+    Update(String),
 }
 
 impl fmt::Display for Quantity {
@@ -27,6 +29,7 @@ impl fmt::Display for Quantity {
             Self::Gradient(name) => write!(f, "the gradient of {name:?}"),
             Self::SquaredGradient(name) => write!(f, "the squared gradient of {name:?}"),
             Self::Value(name) => write!(f, "the value of {name:?}"),
+            Self::Update(name) => write!(f, "the update of {name:?}"),
         }
     }
 }

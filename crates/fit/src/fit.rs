@@ -10,7 +10,7 @@ use std::time::Instant;
 use bokashi_core::{Gradients, Scalar, Tape, TensorError, Var};
 
 use crate::error::{FitError, Quantity};
-use crate::history::{History, Step, Stop};
+use crate::history::{History, Step, Stop, Vanished};
 use crate::optimizer::Optimizer;
 use crate::parameter::{Parameters, Variables};
 use crate::pipeline::Pipeline;
@@ -87,6 +87,9 @@ pub struct Stepped {
     pub ms: f64,
     /// Milliseconds of the preparation.
     pub target_ms: f64,
+    /// How many entries of all parameters the update left as they were though it was not zero; by
+    /// parameter: [`Parameter::vanished`](crate::Parameter::vanished).
+    pub vanished: usize,
 }
 
 /// A fit under way: the parameters, the state of the optimizer and a tape.
@@ -211,6 +214,15 @@ impl<T: Scalar> Fit<T> {
                 Advance::Updated(stepped) => {
                     last_ms = stepped.ms;
                     history.step_ms.push(last_ms);
+                    if stepped.vanished > 0 {
+                        let list = self.parameters.list.iter().enumerate();
+                        let list = list.filter(|(_, parameter)| parameter.vanished > 0);
+                        history.vanished.extend(list.map(|(at, parameter)| Vanished {
+                            step: stepped.step,
+                            parameter: at,
+                            entries: parameter.vanished,
+                        }));
+                    }
                 }
                 Advance::Stopped(stop) => {
                     history.stop = stop;
@@ -258,7 +270,8 @@ impl<T: Scalar> Fit<T> {
         settings.optimizer.update(parameters, &variables, &gradients, factor)?;
         drop(gradients);
         let ms = *reset_ms + forward_ms + milliseconds_since(start);
-        let stepped = Stepped { step: *step, loss: value, ms, target_ms: 0.0 };
+        let vanished = parameters.list.iter().map(|parameter| parameter.vanished).sum();
+        let stepped = Stepped { step: *step, loss: value, ms, target_ms: 0.0, vanished };
         *step += 1;
         Ok(Advance::Updated(stepped))
     }
@@ -476,6 +489,23 @@ mod tests {
         assert_eq!(loss, "the loss needs to be finite, got inf at step 0");
         let gradient = error_of(x(), Some(0.0), -1);
         assert_eq!(gradient, "the loss needs to be finite, got inf at step 0");
+    }
+
+    #[test]
+    fn updates_that_vanish_are_in_the_history_by_step_and_parameter() {
+        let parameter = |name, rate| Parameter::new(name, Tensor::full([3], 1.0_f32)).rate(rate);
+        let list = Parameters::new()
+            .with(parameter("moves", 0.25))
+            .and_then(|list| list.with(parameter("stays", 1e-9)))
+            .unwrap();
+        let sum = || {
+            from_fn(|_, variables| Ok((variables.get("moves")? + variables.get("stays")?).sum()))
+        };
+        let mut fit = Fit::new(list, descent(2)).unwrap();
+        let history = fit.run(&mut sum()).unwrap();
+        let expected = [0, 1].map(|step| Vanished { step, parameter: 1, entries: 3 });
+        assert_eq!(history.vanished, expected);
+        assert_eq!(fit.step(&mut sum()).unwrap().vanished, 3);
     }
 
     #[test]

@@ -42,7 +42,7 @@ pub mod scenes;
 
 pub use error::{FitError, OperationError, Quantity};
 pub use fit::{Fit, FitSettings, Seen, Stepped};
-pub use history::{History, Step, Stop};
+pub use history::{History, Step, Stop, Vanished};
 pub use loss::{mean_squared_error, squared_error};
 pub use optimizer::Optimizer;
 pub use parameter::{Mapping, Parameter, Parameters, Variables};
