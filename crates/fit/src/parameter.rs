@@ -183,6 +183,29 @@ impl<T: Scalar> Parameter<T> {
     }
 }
 
+/// What a saved fit gives back.
+#[cfg(feature = "save")]
+impl<T: Scalar> Parameters<T> {
+    /// The list of `list`, whose raw numbers are what they are.
+    ///
+    /// # Errors
+    /// As [`Parameters::with`].
+    pub(crate) fn restored(list: Vec<Parameter<T>>, updates: u64) -> Result<Self, FitError> {
+        let mut known = std::collections::HashSet::new();
+        for parameter in &list {
+            if !known.insert(parameter.name.as_str()) {
+                let name = format!("{:?} twice", parameter.name);
+                return Err(FitError::setting("a parameter", "a name of its own", name));
+            }
+            check_rate(&parameter.name, parameter.rate)?;
+        }
+        let names = list.iter().map(|parameter| parameter.name.clone()).collect();
+        let list = Self { list, names, updates };
+        list.check_values()?;
+        Ok(list)
+    }
+}
+
 /// A list of named parameters.
 #[derive(Debug, Clone)]
 pub struct Parameters<T> {
