@@ -3,14 +3,17 @@
 //!
 //! - nothing panics, whatever the input: what cannot be done is an error;
 //! - finite input within the stated range gives finite values and finite gradients;
+//! - what was read from a file is written to the same bytes, however often;
 //! - the same step on the same tape gives the same bits, though its buffers were used before.
 
 mod image;
 mod matrix;
 mod mesh;
 mod number;
+mod saved;
 mod step;
 
 pub use image::image;
 pub use matrix::matrix;
 pub use mesh::mesh;
+pub use saved::saved;

@@ -12,7 +12,8 @@ pub struct Shape(SmallVec<[usize; 4]>);
 impl Shape {
     /// The number of entries: the product of the extents, 1 for a scalar.
     pub fn size(&self) -> usize {
-        self.0.iter().product()
+        // An extent of 0 first: the product of the others need not fit.
+        if self.0.contains(&0) { 0 } else { self.0.iter().product() }
     }
 
     /// [`Shape::size`], or `None` where it does not fit a `usize`.
@@ -73,7 +74,8 @@ impl Shape {
             if extent == full[axis] {
                 strides[axis] = stride;
             }
-            stride *= extent;
+            // Of an array without entries it is not used, and need not fit.
+            stride = stride.saturating_mul(extent);
         }
         strides
     }
@@ -147,6 +149,16 @@ mod tests {
 
     fn shape(axes: &[usize]) -> Shape {
         Shape::from(axes)
+    }
+
+    #[test]
+    fn an_extent_of_zero_leaves_no_entries_however_large_the_others_are() {
+        let huge = 1 << 40;
+        for axes in [[0, huge, huge], [huge, 0, huge], [huge, huge, 0]] {
+            assert_eq!(shape(&axes).size(), 0);
+            assert_eq!(shape(&axes).checked_size(), Some(0));
+            assert_eq!(shape(&axes).strides_in(&shape(&axes)).len(), 3);
+        }
     }
 
     #[test]

@@ -369,6 +369,11 @@ impl<'t, T: Scalar> Variables<'t, T> {
         Ok(self.list[position(&self.names, name)?].value)
     }
 
+    /// The values of all parameters, in the order of the list.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = Var<'t, T>> + '_ {
+        self.list.iter().map(|variable| variable.value)
+    }
+
     /// The raw numbers of the parameter `name`: the leaf that gradients are with respect to.
     ///
     /// # Errors

@@ -142,8 +142,15 @@ impl CubeSettings {
     /// # Errors
     /// As [`Fit::resume`]; [`FitError::Saved`] for a fit of something else.
     pub fn saved_in(path: impl AsRef<Path>) -> Result<Self, FitError> {
-        let file = read(path.as_ref())?;
-        let (precision, state) = precision_and_state(&file)?;
+        Self::of_saved(&read(path.as_ref())?)
+    }
+
+    /// The settings of the fit whose file's bytes are `file`.
+    ///
+    /// # Errors
+    /// As [`CubeSettings::saved_in`].
+    pub fn of_saved(file: &[u8]) -> Result<Self, FitError> {
+        let (precision, state) = precision_and_state(file)?;
         let settings = Self::restored(state.unwrap_or_default())?;
         if settings.precision.to_string() != precision {
             let rule = format!("the precision of its numbers, {precision}, in its settings");
