@@ -4,12 +4,13 @@ use arbitrary::{Result, Unstructured};
 use bokashi_core::Scalar;
 use bokashi_render_ops::{Blur, Border, Kernel, Radius, gaussian_blur};
 
-use super::number::Range;
+use super::number::{Range, expanded};
 use super::step::check;
 
 /// Runs the image and the blur that `bytes` stand for; returns the number of entries of what came out.
 pub fn image(bytes: &[u8]) -> usize {
-    let mut bytes = Unstructured::new(bytes);
+    let bytes = expanded(bytes);
+    let mut bytes = Unstructured::new(&bytes);
     let done = match bytes.arbitrary::<bool>() {
         Ok(true) => run::<f64>(&mut bytes),
         _ => run::<f32>(&mut bytes),

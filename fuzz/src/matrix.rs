@@ -10,12 +10,13 @@ use bokashi_render_ops::{
 use glam::DMat4;
 
 use super::mesh::{check_fragments, faces, size};
-use super::number::Range;
+use super::number::{Range, expanded};
 use super::step::check;
 
 /// Runs the camera, pose and mesh that `bytes` stand for; returns the number of fragments.
 pub fn matrix(bytes: &[u8]) -> usize {
-    let mut bytes = Unstructured::new(bytes);
+    let bytes = expanded(bytes);
+    let mut bytes = Unstructured::new(&bytes);
     let done = match bytes.arbitrary::<bool>() {
         Ok(true) => run::<f64>(&mut bytes),
         _ => run::<f32>(&mut bytes),

@@ -9,12 +9,13 @@ use bokashi_render_ops::{
     interpolate_indexed, rasterize, resolve,
 };
 
-use super::number::Range;
+use super::number::{Range, expanded};
 use super::step::check;
 
 /// Runs the mesh that `bytes` stand for; returns the number of fragments.
 pub fn mesh(bytes: &[u8]) -> usize {
-    let mut bytes = Unstructured::new(bytes);
+    let bytes = expanded(bytes);
+    let mut bytes = Unstructured::new(&bytes);
     let done = match bytes.arbitrary::<bool>() {
         Ok(true) => run::<f64>(&mut bytes),
         _ => run::<f32>(&mut bytes),

@@ -3,6 +3,31 @@
 use arbitrary::{Result, Unstructured};
 use bokashi_core::{Scalar, Tensor};
 
+/// The bytes of an input: with an odd first byte, followed by 4 kB that are drawn from the next
+/// four bytes, so that a short input can be a whole mesh or image.
+pub fn expanded(bytes: &[u8]) -> Vec<u8> {
+    /// Enough for the largest input.
+    const DRAWN: usize = 512;
+    let Some((how, seed, rest)) = bytes
+        .split_first()
+        .and_then(|(how, rest)| rest.split_first_chunk().map(|(s, r)| (how, s, r)))
+    else {
+        return bytes.to_vec();
+    };
+    let mut all = rest.to_vec();
+    if how % 2 == 1 {
+        // SplitMix64: any generator would do.
+        let mut state = u64::from(u32::from_le_bytes(*seed));
+        for _ in 0..DRAWN {
+            state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+            let mixed = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+            all.extend((mixed ^ (mixed >> 31)).to_le_bytes());
+        }
+    }
+    all
+}
+
 /// Which numbers an input is made of.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Range {
