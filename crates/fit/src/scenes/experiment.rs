@@ -217,7 +217,7 @@ fn run<T: Scalar>(
 ) -> Result<Outcome, FitError> {
     let (pipeline, parameters) = CubePipeline::<T>::new(settings)?;
     let mut fit = Fit::new(parameters, settings.fit_settings())?;
-    drive(settings, pipeline, &mut fit, &mut |progress, _| on_step(progress))
+    drive(settings, pipeline, &mut fit, |progress, _| on_step(progress))
 }
 
 /// Runs `fit`, new or resumed, to its end.
@@ -225,7 +225,7 @@ pub(super) fn drive<T: Scalar>(
     settings: &CubeSettings,
     mut pipeline: CubePipeline<T>,
     fit: &mut Fit<T>,
-    on_step: &mut dyn FnMut(Progress, &Seen<'_, T, CubeMeasure>) -> ControlFlow<()>,
+    mut on_step: impl FnMut(Progress, &Seen<'_, T, CubeMeasure>) -> ControlFlow<()>,
 ) -> Result<Outcome, FitError> {
     let start = Instant::now();
     let done = fit.steps_done();

@@ -65,7 +65,7 @@ fn run<T: Stored>(
     };
     let start = fit.steps_done();
     let mut failed = None;
-    let mut outcome = drive(settings, pipeline, &mut fit, &mut |progress, seen| {
+    let mut outcome = drive(settings, pipeline, &mut fit, |progress, seen| {
         let due = saving.every.is_some_and(|every| progress.step % every == 0);
         if let Some(path) = saving.save.as_ref().filter(|_| due && progress.step > start)
             && let Err(error) = seen.save(path)
