@@ -42,10 +42,10 @@ pub enum Range {
 }
 
 impl Range {
-    /// Mostly the stated one of numbers of type `T`: up to 1e6, or for `f32` up to 1e3, since a
+    /// Mostly the stated one of numbers of type `T`: up to 1e30, or for `f32` up to 1e6, since a
     /// gradient is a product of several of them.
     pub fn choose<T: Scalar>(bytes: &mut Unstructured<'_>) -> Result<Self> {
-        let most = if size_of::<T>() == 4 { 1e3 } else { 1e6 };
+        let most = if size_of::<T>() == 4 { 1e6 } else { 1e30 };
         Ok(if bytes.ratio(3, 4)? { Self::Stated { most } } else { Self::Any })
     }
 
@@ -61,7 +61,7 @@ impl Range {
             0..=3 => f64::from(bytes.arbitrary::<i8>()?) / 8.0,
             4 | 5 => f64::from(bytes.arbitrary::<i16>()?) / 16384.0,
             6 => {
-                let exponent = bytes.int_in_range(-18..=18)?;
+                let exponent = bytes.int_in_range(-100..=100)?;
                 let sign = if bytes.arbitrary()? { 1.0 } else { -1.0 };
                 sign * 2.0_f64.powi(exponent) * (1.0 + f64::from(bytes.arbitrary::<u8>()?) / 256.0)
             }
