@@ -76,13 +76,13 @@ pub struct Seen<'a, T, M> {
     pub ms: f64,
     /// What else there is to save.
     #[cfg(feature = "save")]
-    pub(crate) progress: Progress<'a>,
+    pub(crate) loop_state: LoopState<'a>,
 }
 
 /// What a fit is besides its parameters.
 #[cfg(feature = "save")]
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Progress<'a> {
+pub(crate) struct LoopState<'a> {
     pub(crate) settings: FitSettings,
     /// How many updates are done.
     pub(crate) step: u64,
@@ -175,27 +175,27 @@ impl<T: Scalar> Fit<T> {
         })
     }
 
-    /// The fit of `parameters` that `progress` was saved of.
+    /// The fit of `parameters` that `loop_state` was saved of.
     #[cfg(feature = "save")]
     pub(crate) fn restored(
         parameters: Parameters<T>,
-        progress: Progress<'_>,
+        loop_state: LoopState<'_>,
     ) -> Result<Self, FitError> {
-        let known = progress.pipeline;
+        let known = loop_state.pipeline;
         let pipeline = PipelineState {
             bytes: known.unwrap_or_default().to_vec(),
             is_known: known.is_some(),
             is_due: known.is_some(),
         };
-        let Progress { settings, step, best, .. } = progress;
+        let LoopState { settings, step, best, .. } = loop_state;
         Ok(Self { step, best, pipeline, ..Self::new(parameters, settings)? })
     }
 
     /// What the fit is besides its parameters.
     #[cfg(feature = "save")]
-    pub(crate) fn progress(&self) -> Progress<'_> {
+    pub(crate) fn loop_state(&self) -> LoopState<'_> {
         let Self { settings, step, best, pipeline, .. } = self;
-        Progress { settings: *settings, step: *step, best: *best, pipeline: pipeline.known() }
+        LoopState { settings: *settings, step: *step, best: *best, pipeline: pipeline.known() }
     }
 
     /// The settings.
@@ -295,7 +295,7 @@ impl<T: Scalar> Fit<T> {
                     parameters,
                     ms: last_ms,
                     #[cfg(feature = "save")]
-                    progress: Progress { settings, step, best, pipeline: saved.known() },
+                    loop_state: LoopState { settings, step, best, pipeline: saved.known() },
                 };
                 if on_step(&seen).is_break() {
                     return ControlFlow::Break(Stop::Callback);

@@ -28,7 +28,7 @@ pub(crate) use self::bytes::{Reader, Writer};
 pub(crate) use self::fields::tag;
 pub use self::stored::Stored;
 use crate::error::FitError;
-use crate::fit::{Fit, Progress, Seen};
+use crate::fit::{Fit, LoopState, Seen};
 use crate::parameter::{Parameter, Parameters};
 use crate::write::write_whole;
 use bokashi_core::Scalar;
@@ -60,7 +60,7 @@ impl<T: Stored> Fit<T> {
     /// # Errors
     /// [`FitError::NotFinite`] for a parameter whose value is not finite.
     pub fn to_bytes(&self) -> Result<Vec<u8>, FitError> {
-        encode(&self.progress(), self.parameters())
+        encode(&self.loop_state(), self.parameters())
     }
 
     /// The fit that was saved to the file `path`. It goes on to the same bits as if it had not been
@@ -85,9 +85,9 @@ impl<T: Stored> Fit<T> {
             return Err(FitError::saved(rule, head.precision));
         }
         let mut contents = Reader::new(head.contents(bytes)?);
-        let (parameters, progress) = decode(&mut contents)?;
+        let (parameters, loop_state) = decode(&mut contents)?;
         contents.end()?;
-        Self::restored(parameters, progress)
+        Self::restored(parameters, loop_state)
     }
 }
 
@@ -97,7 +97,7 @@ impl<T: Stored, M> Seen<'_, T, M> {
     /// # Errors
     /// As [`Fit::save`].
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), FitError> {
-        write(path.as_ref(), &encode(&self.progress, self.parameters)?)
+        write(path.as_ref(), &encode(&self.loop_state, self.parameters)?)
     }
 }
 
@@ -197,15 +197,15 @@ fn file_error(path: &Path, done: &'static str, error: &io::Error) -> FitError {
 }
 
 fn encode<T: Stored>(
-    progress: &Progress<'_>,
+    loop_state: &LoopState<'_>,
     parameters: &Parameters<T>,
 ) -> Result<Vec<u8>, FitError> {
     parameters.check_values()?;
     let mut contents = Writer::default();
-    contents.fit_settings(&progress.settings);
-    contents.count(progress.step);
-    contents.number(progress.best.0);
-    contents.count(progress.best.1);
+    contents.fit_settings(&loop_state.settings);
+    contents.count(loop_state.step);
+    contents.number(loop_state.best.0);
+    contents.count(loop_state.best.1);
     contents.count(parameters.updates);
     contents.count(parameters.list.len() as u64);
     for parameter in &parameters.list {
@@ -219,7 +219,7 @@ fn encode<T: Stored>(
         contents.entries(&parameter.second);
         contents.entries(&parameter.greatest);
     }
-    contents.option(progress.pipeline, Writer::block);
+    contents.option(loop_state.pipeline, Writer::block);
 
     let mut file = Writer { bytes: format!("{MAGIC} {VERSION} {}\n", T::NAME).into_bytes() };
     file.block(&contents.bytes);
@@ -244,7 +244,7 @@ pub(crate) fn precision_and_state(file: &[u8]) -> Result<(&str, Option<&[u8]>), 
 /// What [`encode`] wrote.
 fn decode<'a, T: Stored>(
     contents: &mut Reader<'a>,
-) -> Result<(Parameters<T>, Progress<'a>), FitError> {
+) -> Result<(Parameters<T>, LoopState<'a>), FitError> {
     let settings = contents.fit_settings()?;
     let step = updates(contents, "the updates done")?;
     let best = (contents.number("the least loss")?, contents.count("the step of the least loss")?);
@@ -260,7 +260,7 @@ fn decode<'a, T: Stored>(
     }
     let pipeline = contents.option("the state of the pipeline", Reader::block)?;
     let parameters = Parameters::restored(list, all_updates)?;
-    Ok((parameters, Progress { settings, step, best, pipeline }))
+    Ok((parameters, LoopState { settings, step, best, pipeline }))
 }
 
 fn updates(contents: &mut Reader<'_>, what: &str) -> Result<u64, FitError> {

@@ -126,7 +126,7 @@ fn a_resumed_fit_goes_on_to_the_same_bits() {
                         if seen.step.step < stop {
                             return ControlFlow::Continue(());
                         }
-                        saved = encode(&seen.progress, seen.parameters).unwrap();
+                        saved = encode(&seen.loop_state, seen.parameters).unwrap();
                         ControlFlow::Break(())
                     });
                     assert_eq!(losses(&run.unwrap()), all[..=stop as usize]);
