@@ -213,6 +213,7 @@ impl Check {
             let Tally { compared, left_out, .. } = tally;
             let (share, most) = match law {
                 Law::Differences => (tally.share_left_out(), MOST_LEFT_OUT),
+                Law::Curvature => (tally.share_left_out(), MOST_CASES_LEFT_OUT),
                 _ => (left_out as f64 / f64::from(self.cases), MOST_CASES_LEFT_OUT),
             };
             if share > most || (compared == 0 && law != Law::Refusals && law != Law::Threads) {

@@ -33,7 +33,7 @@ const VAGUE: f64 = 1e-3;
 /// smooth function, 1e-21 of its third derivative, is below any rounding.
 const NOISE_STEP: f64 = 1e-7;
 /// Errors this many standard deviations large are rare in a quotient of four values.
-const NOISE_MARGIN: f64 = 8.0;
+const NOISE_MARGIN: f64 = 12.0;
 /// Entries looked at per input; of a larger one, as many, evenly spread.
 const MOST_ENTRIES: usize = 160;
 
@@ -94,7 +94,7 @@ fn value(trial: &Trial, point: &Point<f64>) -> Option<f64> {
 /// The standard deviation of the rounding of `F`: third differences over steps so short that a
 /// smooth function has none to speak of. 0 where `F` is not smooth so close to the point.
 fn noise_level(trial: &Trial) -> f64 {
-    const POINTS: usize = 7;
+    const POINTS: usize = 13;
     let direction = direction(trial, 701);
     let at = |k: usize| value(trial, &moved(trial, &direction, k as f64 * NOISE_STEP));
     let Some(mut differences) = (0..POINTS).map(at).collect::<Option<Vec<f64>>>() else {
