@@ -11,11 +11,14 @@
 //!
 //! Steps become shorter until the discrete state is the same on the whole stencil and the bar is
 //! a millionth. An entry for which no step will do is left out: where the state changes however
-//! short the step, or the bar stays above `VAGUE` of the scale.
+//! short the step, or the bar stays above `VAGUE` of the scale and above the unit roundoff of a slope
+//! of 1.
 //!
 //! # Source
 //! The noise level: Moré and Wild, *Estimating computational noise*, SIAM Journal on Scientific
 //! Computing 33, 2011.
+
+use bokashi_core::Tensor;
 
 use super::adjoint::{direction, moved};
 use crate::failure::{Broken, differentiated, entry};
@@ -63,6 +66,7 @@ pub(crate) fn on_stencil<R>(step: f64, f: impl FnMut(f64) -> Option<R>) -> Optio
 pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
     let mut tally = Tally::default();
     let size = trial.size();
+    let upstream_size: f64 = trial.upstream.iter().flat_map(Tensor::data).map(|u| u.abs()).sum();
     let rounding = (ROUNDINGS * f64::EPSILON * size).max(NOISE_MARGIN * noise_level(trial));
     for (i, gradient) in trial.gradients() {
         let stride = gradient.size().div_ceil(MOST_ENTRIES).max(1);
@@ -70,8 +74,10 @@ pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
         let quotients: Vec<_> = entries().map(|k| quotient(trial, i, k, size, rounding)).collect();
         let references = quotients.iter().flatten().map(|quotient| quotient.value.abs());
         let scale = references.fold(largest(gradient).max(NEGLIGIBLE * size), f64::max);
+        // Where all of a gradient is 0, a bar below the rounding of slopes of 1 still says so.
+        let vague = (VAGUE * scale).max(f64::EPSILON * upstream_size);
         for (k, quotient) in entries().zip(quotients) {
-            let Some(Quotient { value, bar }) = quotient.filter(|q| q.bar <= VAGUE * scale) else {
+            let Some(Quotient { value, bar }) = quotient.filter(|q| q.bar <= vague) else {
                 tally.left_out += 1;
                 continue;
             };
