@@ -12,7 +12,7 @@ use bokashi_check::strategy::{
     aligned, camera, closed_mesh, image, image_of, number, sigma, sliver, tensor, through_the_eye,
     unit_quaternion, well_shaped,
 };
-use bokashi_check::{Case, Check, Input, Law, Outcome, Refusal, Subject};
+use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
     Background, Blur, Border, Fragments, Kernel, Mesh, Pose, Radius, RenderError, Size, antialias,
@@ -28,7 +28,12 @@ const CASES: u32 = 24;
 
 /// The laws, and that they see every wrong adjoint.
 fn check(name: &str, cases: impl Strategy<Value = Case> + 'static) {
-    let check = Check::of_cases(name, cases).cases(CASES);
+    check_also(Check::of_cases(name, cases));
+}
+
+/// The same of a check with large cases or with wrong input.
+fn check_also(check: Check) {
+    let check = check.cases(CASES);
     check.assert();
     let kills = check.kills();
     println!("{kills}");
@@ -149,15 +154,40 @@ fn project_with_and_without_a_pose() {
     let positions = |count| tensor([count, 3], number()).prop_map(Input::leaf);
     let bare = (camera(), positions(5));
     let bare = bare.prop_map(|(camera, p)| Case::new(Project { camera }, [p]));
-    check("project", bare);
-    let posed = (camera(), positions(4), unit_quaternion(), 0.5..2.0, tensor([3], number()));
-    check(
-        "project with a pose",
-        posed.prop_map(|(camera, p, q, length, t)| {
-            let rotation = Tensor::from_fn([4], |k| length * q[k]);
-            Case::new(Project { camera }, [p, Input::leaf(rotation), Input::leaf(t)])
-        }),
+    let not_a_point = Input::leaf(Tensor::zeros([5, 4]));
+    let mut blind = DMat4::IDENTITY.to_cols_array_2d();
+    blind[2][1] = f64::NAN;
+    check_also(
+        Check::of_cases("project", bare)
+            .refuses("points of four coordinates", project_by(identity(), &[not_a_point]))
+            .refuses("a camera that is not finite", project_by(blind, &[leaf([2, 3], 0.5)])),
     );
+    let posed = (camera(), positions(4), unit_quaternion(), 0.5..2.0, tensor([3], number()));
+    let posed = posed.prop_map(|(camera, p, q, length, t)| {
+        let rotation = Tensor::from_fn([4], |k| length * q[k]);
+        Case::new(Project { camera }, [p, Input::leaf(rotation), Input::leaf(t)])
+    });
+    let points = leaf([2, 3], 0.5);
+    let no_rotation = [points.clone(), leaf([4], 0.0), leaf([3], 0.0)];
+    let no_shift = [points, leaf([4], 1.0), leaf([2], 0.0)];
+    check_also(
+        Check::of_cases("project with a pose", posed)
+            .refuses("a quaternion of zeros", project_by(identity(), &no_rotation))
+            .refuses("a translation of two entries", project_by(identity(), &no_shift)),
+    );
+}
+
+fn identity() -> [[f64; 4]; 4] {
+    DMat4::IDENTITY.to_cols_array_2d()
+}
+
+fn project_by(camera: [[f64; 4]; 4], inputs: &[Input]) -> Case {
+    Case::new(Project { camera }, inputs)
+}
+
+/// A leaf with all entries alike.
+fn leaf<const N: usize>(axes: [usize; N], entry: f64) -> Input {
+    Input::leaf(Tensor::full(axes, entry))
 }
 
 #[derive(Debug)]
@@ -187,7 +217,18 @@ fn rasterize_to_barycentrics_and_depth() {
                 let clip = Input::leaf(scene.clip.clone());
                 Case::new(Rasterize { scene, outputs: outputs.clone() }, [clip])
             });
-            check(&format!("rasterize {kind} to {what}"), cases);
+            let [face] = [[[0.0, 0.0, 0.0, 1.0]; 3]];
+            let one = scene(face.to_vec(), vec![[0, 1, 2]], size(4, 4));
+            let of_one = |clip| Case::new(Rasterize { scene: one.clone(), outputs: 0..1 }, [clip]);
+            let none = Scene { size: size(0, 4), ..one.clone() };
+            let on_none = Rasterize { scene: none, outputs: 0..1 };
+            check_also(
+                Check::of_cases(format!("rasterize {kind} to {what}"), cases)
+                    .refuses("another number of vertices", of_one(leaf([2, 4], 1.0)))
+                    .refuses("points of three coordinates", of_one(leaf([3, 3], 1.0)))
+                    .refuses("an infinite position", of_one(leaf([3, 4], f64::INFINITY)))
+                    .refuses("no pixels", Case::new(on_none, [leaf([3, 4], 1.0)])),
+            );
         }
     }
 }
@@ -392,9 +433,25 @@ fn gaussian_blur_of_an_image_by_a_sigma() {
                 let inputs = [image, Tensor::scalar(sigma)].map(Input::leaf);
                 Case::new(GaussianBlur { blur: Blur { kernel, border, radius } }, inputs)
             });
-            check(&format!("gaussian_blur, {kernel:?}, {radius:?}"), cases);
+            let blur = Blur { kernel, border: Border::Mirror, radius };
+            let by = |sigma: Input| Case::new(GaussianBlur { blur }, [leaf([3, 3, 1], 0.5), sigma]);
+            let flat = [leaf([3, 3], 0.5), leaf([], 1.0)];
+            check_also(
+                Check::of_cases(format!("gaussian_blur, {kernel:?}, {radius:?}"), cases)
+                    .large(1, Just(large_blur(blur)))
+                    .refuses("a negative sigma", by(leaf([], -1.0)))
+                    .refuses("a sigma that is no number", by(leaf([], f64::NAN)))
+                    .refuses("two sigmas", by(leaf([2], 1.0)))
+                    .refuses("an image without channels", Case::new(GaussianBlur { blur }, flat)),
+            );
         }
     }
+}
+
+/// An image that is blurred in several pieces.
+fn large_blur(blur: Blur) -> Case {
+    let image = Input::leaf(Tensor::from_fn([150, 130, 3], motley));
+    Case::new(GaussianBlur { blur }, [image, leaf([], 1.7)])
 }
 
 #[derive(Debug)]
@@ -429,8 +486,8 @@ impl Subject for Pipeline {
     }
 }
 
-#[test]
-fn the_whole_pipeline() {
+/// Pipelines of any closed mesh, camera and blur, on an image of one size.
+fn pipelines(size: Size) -> impl Strategy<Value = Case> {
     let blurs = select(vec![
         Blur { radius: Radius::Fixed(4), ..Blur::default() },
         Blur { kernel: Kernel::Seed, border: Border::Zero, radius: Radius::Fixed(3) },
@@ -438,22 +495,25 @@ fn the_whole_pipeline() {
     ]);
     let view = (closed_mesh(), camera(), unit_quaternion(), blurs);
     let looks = (vec(number(), 96), tensor([3], number()), tensor([3], number()), 0.4..2.0);
-    let cases =
-        (view, looks).prop_map(|((mesh, camera, q, blur), (colors, shift, back, sigma))| {
-            let vertices = mesh.positions.len();
-            let inputs = [
-                Tensor::from_fn([vertices, 3], |k| mesh.positions[k / 3][k % 3]),
-                Tensor::from_fn([4], |k| q[k]),
-                shift.map(|entry| 0.1 * entry),
-                Tensor::from_fn([vertices, 3], |k| colors[k]),
-                back,
-                Tensor::scalar(sigma),
-            ];
-            let mesh = Mesh::new(mesh.faces, vertices).unwrap();
-            let pipeline = Pipeline { mesh, camera, blur, size: size(11, 8) };
-            Case::new(pipeline, inputs.map(Input::leaf))
-        });
-    check("the whole pipeline", cases);
+    (view, looks).prop_map(move |((mesh, camera, q, blur), (colors, shift, back, sigma))| {
+        let vertices = mesh.positions.len();
+        let inputs = [
+            Tensor::from_fn([vertices, 3], |k| mesh.positions[k / 3][k % 3]),
+            Tensor::from_fn([4], |k| q[k]),
+            shift.map(|entry| 0.1 * entry),
+            Tensor::from_fn([vertices, 3], |k| colors[k]),
+            back,
+            Tensor::scalar(sigma),
+        ];
+        let mesh = Mesh::new(mesh.faces, vertices).unwrap();
+        Case::new(Pipeline { mesh, camera, blur, size }, inputs.map(Input::leaf))
+    })
+}
+
+#[test]
+fn the_whole_pipeline() {
+    let pipeline = Check::of_cases("the whole pipeline", pipelines(size(11, 8)));
+    check_also(pipeline.large(2, pipelines(size(190, 150))));
 }
 
 #[test]
