@@ -47,10 +47,11 @@ pub enum Kernel {
 /// How far a window reaches.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Radius {
-    /// This many pixels to either side, whatever sigma is.
+    /// This many pixels to either side, at most 16384, whatever sigma is.
     Fixed(usize),
     /// As far as it must for the window to miss at most this share of an endless window's weight,
-    /// per axis.
+    /// per axis. Where that is beyond 16384 pixels, which takes a sigma of some thousand, the window
+    /// is endless, and misses nothing.
     Tolerance(f64),
 }
 
@@ -75,7 +76,9 @@ impl Default for Blur {
 
 /// `image: [H, W, C]` blurred with standard deviation `sigma: []`, in pixels; returns `[H, W, C]`.
 ///
-/// Sampled weights with sigma 0 are the identity: the image itself is returned.
+/// Sampled weights with sigma 0 are the identity: the image itself is returned. The larger sigma
+/// grows beyond the image, the closer the result comes to what its border stands for: the mean of
+/// the image (mirror), of its corners (clamp), or zero.
 ///
 /// # Errors
 /// [`RenderError::BadSigma`] unless sigma is finite and positive (or 0, for sampled weights);
@@ -110,7 +113,8 @@ struct GaussianBlur {
 /// The window, the padded pictures that the forward passes read, and memory.
 #[derive(Debug)]
 struct Saved<T> {
-    taps: Taps<T>,
+    /// The windows along the rows and along the columns.
+    taps: [Taps<T>; 2],
     /// The image, with its rows padded.
     rows: Vec<T>,
     /// The image blurred along its rows, with its columns padded.
@@ -124,7 +128,7 @@ struct Saved<T> {
 impl<T: Default> Default for Saved<T> {
     fn default() -> Self {
         Self {
-            taps: Taps::default(),
+            taps: [Taps::default(), Taps::default()],
             rows: Vec::new(),
             columns: Vec::new(),
             padded: Vec::new(),
@@ -141,16 +145,25 @@ struct Passes {
 }
 
 impl Passes {
-    fn of([height, width, channels]: [usize; 3], border: Border, radius: usize) -> Self {
+    fn of<T: Scalar>(
+        [height, width, channels]: [usize; 3],
+        border: Border,
+        [along_rows, along_columns]: &[Taps<T>; 2],
+    ) -> Self {
         let cell = width * channels;
         Self {
             rows: Lines {
                 lines: height,
                 extent: width,
                 cell: channels,
-                pad: border.reach(radius, width),
+                pad: border.reach(along_rows.radius(), width),
             },
-            columns: Lines { lines: 1, extent: height, cell, pad: border.reach(radius, height) },
+            columns: Lines {
+                lines: 1,
+                extent: height,
+                cell,
+                pad: border.reach(along_columns.radius(), height),
+            },
         }
     }
 }
@@ -194,14 +207,15 @@ impl<T: Scalar> Op<T> for GaussianBlur {
             unreachable!("gaussian_blur has checked the rank");
         };
         let Saved { taps, rows, columns, between, .. } = saved;
-        taps.fill(inputs.data(1)[0], &self.blur)?;
-        let passes = Passes::of([height, width, channels], self.blur.border, taps.radius());
+        Taps::fill(taps, inputs.data(1)[0], &self.blur, [width, height])?;
+        let passes = Passes::of([height, width, channels], self.blur.border, taps);
+        let [along_rows, along_columns] = taps;
         between.resize(inputs.shape(0).size(), T::ZERO);
         pad(self.blur.border, inputs.data(0), passes.rows, rows);
-        passes.rows.convolve(rows, &taps.weights[..=passes.rows.pad], between);
+        passes.rows.convolve(rows, &along_rows.weights[..=passes.rows.pad], between);
         pad(self.blur.border, between, passes.columns, columns);
         let out = outputs.push(inputs.shape(0));
-        passes.columns.convolve(columns, &taps.weights[..=passes.columns.pad], out);
+        passes.columns.convolve(columns, &along_columns.weights[..=passes.columns.pad], out);
         Ok(())
     }
 
@@ -220,18 +234,19 @@ impl<T: Scalar> Op<T> for GaussianBlur {
             unreachable!("gaussian_blur has checked the rank");
         };
         let Saved { taps, rows, columns, padded, between, last } = saved;
-        let passes = Passes::of([height, width, channels], self.blur.border, taps.radius());
-        self.adjoint(taps, passes.columns, b_bar, padded, between);
+        let passes = Passes::of([height, width, channels], self.blur.border, taps);
+        let [along_rows, along_columns] = &*taps;
+        self.adjoint(along_columns, passes.columns, b_bar, padded, between);
         if let Some(sigma_bar) = gradients.get(1) {
-            let along_rows =
-                passes.rows.slope_product(rows, &taps.window(passes.rows.pad), between);
-            let along_columns =
-                passes.columns.slope_product(columns, &taps.window(passes.columns.pad), b_bar);
-            sigma_bar.add_each(|_| T::narrow(along_rows + along_columns));
+            let by_rows =
+                passes.rows.slope_product(rows, &along_rows.window(passes.rows.pad), between);
+            let window = along_columns.window(passes.columns.pad);
+            let by_columns = passes.columns.slope_product(columns, &window, b_bar);
+            sigma_bar.add_each(|_| T::narrow(by_rows + by_columns));
         }
         if let Some(image_bar) = gradients.get(0) {
             last.resize(between.len(), T::ZERO);
-            self.adjoint(taps, passes.rows, between, padded, last);
+            self.adjoint(along_rows, passes.rows, between, padded, last);
             image_bar.add(last);
         }
     }

@@ -8,17 +8,32 @@
 //! | sampled | `g_k / sum g` | `w_k (k^2 - m_2) / sigma^3`, `m_2 = sum w_k k^2` |
 //!
 //! The sampled weights sum to 1, their derivatives to 0.
+//!
+//! # Windows wider than a line
+//! A line of n pixels with a mirror border repeats with period 2n, and beyond a clamp border all
+//! pixels are the same. So taps that see the same pixel are summed, and no window needs to reach
+//! farther than n: `u_k = w_k + w_(2n - k) + w_(2n + k) + ...` for a mirror, `u_n` half of the sum
+//! for k = n, which stands at either end; `u_n = sum_(k >= n) w_k` for a clamp.
+//!
+//! # Endless windows
+//! Where a tolerance asks for more than 16384 taps, the window misses nothing. So wide a Gaussian
+//! has the sum `sqrt(2 pi) sigma` to all digits, which makes the two kernels one, and a sum over
+//! its taps in steps of 2n is, by Poisson's formula, `u_k = (1 + 2 sum_m e_m cos(pi m k / n)) / 2n`
+//! with `e_m = exp(-(pi m sigma / n)^2 / 2)`; `de_m/dsigma = -(pi m / n)^2 sigma e_m`.
+
+use std::f64::consts::PI;
 
 use bokashi_core::Scalar;
 
-use super::{Blur, Kernel, Radius};
+use super::{Blur, Border, Kernel, Radius};
 use crate::error::RenderError;
 
 /// A tap below this share of the largest is cut off: it is below the rounding of any sum that it
 /// enters, and in `f32` numbers this small cost many times the time of others.
 const NEGLIGIBLE: f64 = 1e-18;
 
-/// The largest window radius, in pixels: beyond it the padded image would be the larger part.
+/// The largest number of taps on one side that are added up, in pixels: farther ones belong to an
+/// endless window, for which there is a formula.
 const LARGEST_RADIUS: usize = 1 << 14;
 
 /// Half of a symmetric window: index 0 is the centre.
@@ -32,13 +47,36 @@ pub(super) struct Taps<T> {
 }
 
 impl<T: Scalar> Taps<T> {
-    /// Fills in the taps for standard deviation `sigma`, in pixels.
+    /// Fills in the taps for standard deviation `sigma`, in pixels, along lines of `extents` pixels:
+    /// one half window for each of the two axes.
     ///
     /// # Errors
     /// [`RenderError::BadSigma`] unless sigma is finite and positive, and, for the seed kernel,
-    /// large enough for the weights and their derivatives to be finite;
-    /// [`RenderError::BadRadius`] for a tolerance outside (0, 1) or a radius above 16384.
-    pub(super) fn fill(&mut self, sigma: T, blur: &Blur) -> Result<(), RenderError> {
+    /// large enough for the weights and their derivatives to be finite.
+    pub(super) fn fill(
+        taps: &mut [Self; 2],
+        sigma: T,
+        blur: &Blur,
+        extents: [usize; 2],
+    ) -> Result<(), RenderError> {
+        if taps[0].fill_whole(sigma, blur)? {
+            let [first, second] = taps;
+            second.weights.clone_from(&first.weights);
+            second.slopes.clone_from(&first.slopes);
+            second.slope_sum = first.slope_sum;
+            for (taps, extent) in taps.iter_mut().zip(extents) {
+                taps.fold(blur.border, extent);
+            }
+        } else {
+            for (taps, extent) in taps.iter_mut().zip(extents) {
+                taps.fill_endless(sigma, blur.border, extent);
+            }
+        }
+        Ok(())
+    }
+
+    /// Fills in the taps without regard to the image; false where the window is endless.
+    fn fill_whole(&mut self, sigma: T, blur: &Blur) -> Result<bool, RenderError> {
         let bad_sigma = |rule| RenderError::BadSigma { rule, sigma: sigma.to_f64() };
         if !(sigma > T::ZERO && sigma.is_finite()) {
             return Err(bad_sigma(match blur.kernel {
@@ -53,14 +91,11 @@ impl<T: Scalar> Taps<T> {
         };
         let radius = match blur.radius {
             Radius::Fixed(radius) => radius,
-            Radius::Tolerance(tolerance) => smallest_radius(sigma.to_f64(), tolerance)?,
+            Radius::Tolerance(tolerance) => match smallest_radius(sigma.to_f64(), tolerance) {
+                Some(radius) => radius,
+                None => return Ok(false),
+            },
         };
-        if radius > LARGEST_RADIUS {
-            return Err(RenderError::BadRadius {
-                rule: "a window radius of at most 16384 pixels",
-                value: radius as f64,
-            });
-        }
         let is_negligible = |k: usize| shape(k).to_f64() < NEGLIGIBLE;
         let radius = (1..=radius).find(|&k| is_negligible(k)).map_or(radius, |k| k - 1);
 
@@ -98,7 +133,79 @@ impl<T: Scalar> Taps<T> {
         if !(self.weights[0].is_finite() && self.slopes[0].is_finite()) {
             return Err(bad_sigma("a sigma at which the seed kernel does not overflow"));
         }
-        Ok(())
+        Ok(true)
+    }
+
+    /// Sums taps that see the same pixel of a line of `extent` pixels.
+    fn fold(&mut self, border: Border, extent: usize) {
+        if self.radius() <= extent || border == Border::Zero {
+            return;
+        }
+        let source = |k: usize| match border {
+            Border::Mirror => (k % (2 * extent)).min(2 * extent - k % (2 * extent)),
+            _ => k.min(extent),
+        };
+        for taps in [&mut self.weights, &mut self.slopes] {
+            for k in extent + 1..taps.len() {
+                // The centre sees both the tap at k and the one at -k.
+                let count = if source(k) == 0 { 2.0 } else { 1.0 };
+                let tap = taps[k];
+                taps[source(k)] += T::from_f64(count) * tap;
+            }
+            taps.truncate(extent + 1);
+        }
+    }
+
+    /// Fills in the taps of an endless window along a line of `extent` pixels.
+    fn fill_endless(&mut self, sigma: T, border: Border, extent: usize) {
+        let number = T::Wide::from_f64;
+        let (sigma, n, half) = (sigma.widen(), extent as f64, number(0.5));
+        let count = |k: usize| number(if k == 0 { 1.0 } else { 2.0 });
+        let tap = |k: usize| -> [T::Wide; 2] {
+            let t = number(k as f64) / sigma;
+            let weight = (-half * t * t).exp() / (number(f64::sqrt(2.0 * PI)) * sigma);
+            [weight, weight * (t * t - T::Wide::ONE) / sigma]
+        };
+        // Half of what the taps below n leave of the whole, whose slope is 0.
+        let rest = || -> [T::Wide; 2] {
+            let mut rest = [half, T::Wide::ZERO];
+            for k in 0..extent {
+                let taps = tap(k);
+                (0..2).for_each(|i| rest[i] -= half * count(k) * taps[i]);
+            }
+            rest
+        };
+        let folded = |k: usize| -> [T::Wide; 2] {
+            let (mut sum, mut slope) = (T::Wide::ONE, T::Wide::ZERO);
+            for m in 1_usize.. {
+                let step = number(PI * m as f64 / n);
+                let e = (-half * (step * sigma).powi(2)).exp();
+                if e.to_f64() < NEGLIGIBLE {
+                    break;
+                }
+                // The phase is reduced first: the cosine of a large number has few digits.
+                let cosine = number(2.0 * (PI * (m * k % (2 * extent)) as f64 / n).cos());
+                sum += e * cosine;
+                slope -= step * step * sigma * e * cosine;
+            }
+            let share = number(if k == extent { 0.25 } else { 0.5 } / n);
+            [share * sum, share * slope]
+        };
+        self.weights.clear();
+        self.slopes.clear();
+        let mut slope_sum = T::Wide::ZERO;
+        for k in 0..=extent {
+            let [weight, slope] = match border {
+                Border::Mirror => folded(k),
+                Border::Clamp if k == extent => rest(),
+                Border::Zero | Border::Clamp => tap(k),
+            };
+            slope_sum += count(k) * slope;
+            self.weights.push(T::narrow(weight));
+            self.slopes.push(T::narrow(slope));
+        }
+        // A mirror and a clamp keep the whole; of a zero border the rest of the window is dark.
+        self.slope_sum = if border == Border::Zero { T::narrow(slope_sum) } else { T::ZERO };
     }
 
     pub(super) fn radius(&self) -> usize {
@@ -119,28 +226,30 @@ pub(super) struct Window<'a, T> {
     pub(super) slope_sum: T,
 }
 
-/// Checks what is wrong with a radius whatever sigma is.
+/// Checks a radius, whatever sigma is.
 pub(super) fn check_radius(radius: Radius) -> Result<(), RenderError> {
     match radius {
         Radius::Tolerance(tolerance) if !(tolerance > 0.0 && tolerance < 1.0) => {
             let rule = "a tolerance between 0 and 1";
             Err(RenderError::BadRadius { rule, value: tolerance })
         }
+        Radius::Fixed(radius) if radius > LARGEST_RADIUS => {
+            let rule = "a window radius of at most 16384 pixels";
+            Err(RenderError::BadRadius { rule, value: radius as f64 })
+        }
         _ => Ok(()),
     }
 }
 
 /// The smallest radius whose window misses at most the share `tolerance` of an endless window's
-/// weight, per axis.
-fn smallest_radius(sigma: f64, tolerance: f64) -> Result<usize, RenderError> {
+/// weight, per axis; `None` where it is larger than 16384, or sigma so large that no shorter
+/// window is looked for.
+fn smallest_radius(sigma: f64, tolerance: f64) -> Option<usize> {
     let shape = |k: usize| (-0.5 * (k as f64 / sigma).powi(2)).exp();
     // Beyond 9.2 sigma taps are negligible.
     let end = (9.2 * sigma).ceil();
     if end > 2.0 * LARGEST_RADIUS as f64 {
-        return Err(RenderError::BadRadius {
-            rule: "a window radius of at most 16384 pixels, from a tolerance sigma of at most 3561",
-            value: sigma,
-        });
+        return None;
     }
     let end = end as usize;
     let total: f64 = 1.0 + 2.0 * (1..=end).map(shape).sum::<f64>();
@@ -148,10 +257,10 @@ fn smallest_radius(sigma: f64, tolerance: f64) -> Result<usize, RenderError> {
     for k in (1..=end).rev() {
         missing += 2.0 * shape(k);
         if missing > tolerance * total {
-            return Ok(k);
+            return (k <= LARGEST_RADIUS).then_some(k);
         }
     }
-    Ok(0)
+    Some(0)
 }
 
 #[cfg(test)]
@@ -162,9 +271,55 @@ mod tests {
     use crate::gaussian_blur::Border;
 
     fn taps(sigma: f64, kernel: Kernel, radius: Radius) -> Taps<f64> {
-        let mut taps = Taps::default();
-        taps.fill(sigma, &Blur { kernel, border: Border::Zero, radius }).unwrap();
+        let mut taps = [Taps::default(), Taps::default()];
+        let blur = Blur { kernel, border: Border::Zero, radius };
+        Taps::fill(&mut taps, sigma, &blur, [1, 1]).unwrap();
+        let [taps, _] = taps;
         taps
+    }
+
+    /// The half windows of a line of `extent` pixels, folded and, above sigma 3561, endless.
+    fn folded(sigma: f64, border: Border, extent: usize, radius: Radius) -> Taps<f64> {
+        let mut taps = [Taps::default(), Taps::default()];
+        let blur = Blur { kernel: Kernel::Sampled, border, radius };
+        Taps::fill(&mut taps, sigma, &blur, [3, extent]).unwrap();
+        let [_, taps] = taps;
+        taps
+    }
+
+    #[test]
+    fn folding_keeps_the_sums_and_reaches_no_farther_than_the_line_is_long() {
+        for border in [Border::Mirror, Border::Clamp] {
+            for (extent, sigma) in [(1, 0.8), (1, 40.0), (4, 2.0), (7, 100.0), (7, 1e5), (2, 1e300)]
+            {
+                let taps = folded(sigma, border, extent, Radius::Tolerance(1e-9));
+                assert!(taps.radius() <= extent);
+                assert_relative_eq!(whole_sum(&taps.weights), 1.0, max_relative = 1e-13);
+                assert!(whole_sum(&taps.slopes).abs() <= 1e-13);
+                assert!(taps.weights.iter().all(|&weight| weight >= 0.0));
+            }
+        }
+    }
+
+    #[test]
+    fn the_endless_window_is_the_sum_over_all_taps_that_count() {
+        for border in [Border::Zero, Border::Mirror, Border::Clamp] {
+            for extent in [1, 2, 9, 50, 700] {
+                for sigma in [4.0, 50.0, 400.0] {
+                    let mut endless = Taps::default();
+                    endless.fill_endless(sigma, border, extent);
+                    let all = Radius::Fixed((9.2 * sigma) as usize);
+                    let long = folded(sigma, border, extent, all);
+                    for k in 0..=extent.min(long.radius()) {
+                        assert_relative_eq!(endless.weights[k], long.weights[k], epsilon = 1e-15);
+                        assert_relative_eq!(endless.slopes[k], long.slopes[k], epsilon = 1e-15);
+                    }
+                    assert!(
+                        endless.weights[long.radius().min(extent) + 1..].iter().all(|&w| w < 1e-15)
+                    );
+                }
+            }
+        }
     }
 
     fn whole_sum(half: &[f64]) -> f64 {
