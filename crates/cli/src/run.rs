@@ -9,14 +9,15 @@ use std::sync::{Arc, Mutex, PoisonError};
 use bokashi_fit::report::{About, Report, ReportError, check_folder, write_whole};
 use bokashi_fit::scenes::run_cube;
 
-use crate::arguments::Request;
+use crate::arguments::{Command, Request};
 use crate::failure::Failure;
 use crate::plan::plan;
 use crate::progress::{Bar, name};
+use crate::stability;
 use crate::summary::Summary;
 
 /// Held while files are written: a program that is interrupted finishes them first.
-type Writing = Arc<Mutex<()>>;
+pub(crate) type Writing = Arc<Mutex<()>>;
 
 /// Does all that `request` asks for.
 pub(crate) fn run(request: &Request) -> Result<(), Failure> {
@@ -29,15 +30,24 @@ pub(crate) fn run(request: &Request) -> Result<(), Failure> {
     }
     let writing = Writing::default();
     end_when_interrupted(&writing)?;
-    match request.common().threads {
-        None => fit_all(request, &writing),
-        Some(threads) => {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-            let pool = pool.map_err(|error| {
-                Failure::Work(format!("{threads} threads could not be started: {error}"))
-            })?;
-            pool.install(|| fit_all(request, &writing))
-        }
+    let Some(threads) = request.threads() else { return work(request, &writing) };
+    let builder = rayon::ThreadPoolBuilder::new().num_threads(threads);
+    let failed = |error: rayon::ThreadPoolBuildError| {
+        Failure::Work(format!("{threads} threads could not be started: {error}"))
+    };
+    if let Some(Command::Stability(_)) = request.command {
+        // Its cases run in threads of their own, which see the global pool alone.
+        builder.build_global().map_err(failed)?;
+        return work(request, &writing);
+    }
+    builder.build().map_err(failed)?.install(|| work(request, &writing))
+}
+
+/// Does what the command says.
+fn work(request: &Request, writing: &Writing) -> Result<(), Failure> {
+    match request.command {
+        Some(Command::Stability(_)) => stability::run(request, writing),
+        _ => fit_all(request, writing),
     }
 }
 
@@ -137,7 +147,7 @@ fn about() -> About {
 }
 
 /// Whether `--json` names standard output.
-fn is_standard_output(file: &Path) -> bool {
+pub(crate) fn is_standard_output(file: &Path) -> bool {
     file == Path::new("-")
 }
 
@@ -171,7 +181,7 @@ pub(crate) fn say(text: &str) -> Result<(), Failure> {
     say_bytes(text.as_bytes())
 }
 
-fn say_bytes(bytes: &[u8]) -> Result<(), Failure> {
+pub(crate) fn say_bytes(bytes: &[u8]) -> Result<(), Failure> {
     let mut output = io::stdout().lock();
     match output.write_all(bytes).and_then(|()| output.flush()) {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
