@@ -18,61 +18,18 @@
 //! Kitabayashi and Iwasaki, on parameter estimation of Gaussian filtering by differentiable
 //! rendering, equations (1) to (5): the seed kernel. The sampled one is what image libraries use.
 
-mod border;
 mod convolution;
-mod taps;
+mod padding;
 #[cfg(test)]
 mod tests;
 
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 
-pub use self::border::Border;
-use self::border::pad;
 use self::convolution::Lines;
-use self::taps::{Taps, check_radius};
+use self::padding::{add_overhang, pad};
+use crate::border::Border;
 use crate::error::RenderError;
-
-/// Which weights a window has.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Kernel {
-    /// The density of the normal distribution at the pixels' centres, as the paper prints it. Its
-    /// sum is a gain that grows above 1 as sigma falls below 0.6; it is not defined at sigma 0.
-    Seed,
-    /// The same, divided by its sum: constant images stay as they are, and sigma 0 is the
-    /// identity. Below sigma 0.2 hardly anything moves with sigma.
-    #[default]
-    Sampled,
-}
-
-/// How far a window reaches.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Radius {
-    /// This many pixels to either side, at most 16384, whatever sigma is.
-    Fixed(usize),
-    /// As far as it must for the window to miss at most this share of an endless window's weight,
-    /// per axis. Where that is beyond 16384 pixels, which takes a sigma of some thousand, the window
-    /// is endless, and misses nothing.
-    Tolerance(f64),
-}
-
-/// What kind of blur.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Blur {
-    /// The window's weights.
-    pub kernel: Kernel,
-    /// What the window sees beyond the border of the image.
-    pub border: Border,
-    /// How far the window reaches.
-    pub radius: Radius,
-}
-
-impl Default for Blur {
-    /// Sampled weights, a mirror border, and a window that misses at most 1e-6 of the weight.
-    fn default() -> Self {
-        let (kernel, border) = (Kernel::default(), Border::default());
-        Self { kernel, border, radius: Radius::Tolerance(1e-6) }
-    }
-}
+use crate::taps::{Blur, Kernel, Taps, check_radius};
 
 /// `image: [H, W, C]` blurred with standard deviation `sigma: []`, in pixels; returns `[H, W, C]`.
 ///
@@ -184,7 +141,7 @@ impl GaussianBlur {
         pad(border, g, lines, padded);
         lines.convolve(padded, &taps.weights[..=lines.pad], y);
         if self.blur.border == Border::Clamp {
-            border::add_overhang(g, lines, &taps.weights, y);
+            add_overhang(g, lines, &taps.weights, y);
         }
     }
 }

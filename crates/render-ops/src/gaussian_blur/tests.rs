@@ -3,6 +3,7 @@
 use bokashi_core::{Tape, Tensor};
 
 use super::*;
+use crate::taps::Radius;
 
 const KERNELS: [Kernel; 2] = [Kernel::Seed, Kernel::Sampled];
 const BORDERS: [Border; 3] = [Border::Zero, Border::Mirror, Border::Clamp];

@@ -1,7 +1,7 @@
 //! The table of cases.
 
 use super::row::Outcome;
-use super::{blur, faces, input, silhouettes, values, vertices};
+use super::{blur, faces, focus, input, silhouettes, values, vertices};
 
 /// A case: what is put in, what has to come out, and a run in each precision.
 #[derive(Debug, Clone, Copy)]
@@ -74,6 +74,9 @@ pub(super) const CASES: &[Case] = cases! {
     43 "variance 1e-12", "defined", blur::tiny_variance;
     44 "constant image", "kept, dsigma 0", blur::constant_image;
     45 "impulse in a corner", "mass 1 (mirror)", blur::impulse_in_a_corner;
+    46 "depth of field in focus", "the identity", focus::in_focus;
+    47 "depth -> 0", "capped, counted", focus::depth_to_zero;
+    48 "aperture 0", "the operation is absent", focus::aperture_zero;
     49 "1e6 faces in one pixel", "the nearest, in linear time", faces::many_faces_in_a_pixel;
     50 "colours of 1e30 and 1e-30", "finite, or an error", values::huge_and_tiny_colors;
     51 "window wider than the image", "each tap by the border", blur::wide_window_on_a_small_image;
@@ -88,4 +91,5 @@ pub(super) const CASES: &[Case] = cases! {
     60 "colours whose difference overflows", "an error", values::colors_that_overflow;
     61 "gradient of 1e30 under Adam", "a step, or an error", values::gradient_spike;
     62 "division by zero, ln 0, 0 / 0", "an error", values::division_by_zero;
+    63 "depth < 0 or NaN, a lens that is none", "an error", focus::bad_depth_or_lens;
 };

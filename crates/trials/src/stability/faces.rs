@@ -45,11 +45,11 @@ pub(super) fn repeated_index<T: Scalar>() -> Outcome {
 pub(super) fn collinear<T: Scalar>() -> Outcome {
     let size = Size::square(8);
     let mut wrong = 0;
-    // Through pixel centres and beside them, and at points that are no fractions of two.
+    // Through pixel centres, and beside them at points that are no fractions of two.
     for points in [
         [[0.5, 0.5], [3.5, 3.5], [7.5, 7.5]],
         [[1.0, 2.5], [6.0, 2.5], [3.0, 2.5]],
-        [[0.1, 0.3], [2.1, 1.3], [6.1, 3.3]],
+        [[0.1, 0.4], [2.1, 1.4], [6.1, 3.4]],
         [[3.3, 3.3], [3.3, 3.3], [7.0, 1.0]],
         [[4.4, 4.4], [4.4, 4.4], [4.4, 4.4]],
     ] {

@@ -216,7 +216,7 @@ pub(super) fn impossible_shapes<T: Scalar>() -> Outcome {
         ),
         (
             told(pair.sum_axis(3)),
-            "sum_axis needs an axis below the rank 1, got axis 3 of shape [2]".to_owned(),
+            "sum needs an axis below the rank 1, got axis 3 of shape [2]".to_owned(),
         ),
     ]))
 }

@@ -14,6 +14,7 @@
 mod blur;
 mod cases;
 mod faces;
+mod focus;
 mod input;
 mod oracle;
 mod page;

@@ -25,8 +25,50 @@ use std::f64::consts::PI;
 
 use bokashi_core::Scalar;
 
-use super::{Blur, Border, Kernel, Radius};
+use crate::border::Border;
 use crate::error::RenderError;
+
+/// Which weights a window has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Kernel {
+    /// The density of the normal distribution at the pixels' centres, as the paper prints it. Its
+    /// sum is a gain that grows above 1 as sigma falls below 0.6; it is not defined at sigma 0.
+    Seed,
+    /// The same, divided by its sum: constant images stay as they are, and sigma 0 is the
+    /// identity. Below sigma 0.2 hardly anything moves with sigma.
+    #[default]
+    Sampled,
+}
+
+/// How far a window reaches.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Radius {
+    /// This many pixels to either side, at most 16384, whatever sigma is.
+    Fixed(usize),
+    /// As far as it must for the window to miss at most this share of an endless window's weight,
+    /// per axis. Where that is beyond 16384 pixels, which takes a sigma of some thousand, the window
+    /// is endless, and misses nothing.
+    Tolerance(f64),
+}
+
+/// What kind of blur.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Blur {
+    /// The window's weights.
+    pub kernel: Kernel,
+    /// What the window sees beyond the border of the image.
+    pub border: Border,
+    /// How far the window reaches.
+    pub radius: Radius,
+}
+
+impl Default for Blur {
+    /// Sampled weights, a mirror border, and a window that misses at most 1e-6 of the weight.
+    fn default() -> Self {
+        let (kernel, border) = (Kernel::default(), Border::default());
+        Self { kernel, border, radius: Radius::Tolerance(1e-6) }
+    }
+}
 
 /// A tap below this share of the largest is cut off: it is below the rounding of any sum that it
 /// enters, and in `f32` numbers this small cost many times the time of others.
@@ -38,12 +80,12 @@ const LARGEST_RADIUS: usize = 1 << 14;
 
 /// Half of a symmetric window: index 0 is the centre.
 #[derive(Debug, Default, Clone)]
-pub(super) struct Taps<T> {
-    pub(super) weights: Vec<T>,
+pub(crate) struct Taps<T> {
+    pub(crate) weights: Vec<T>,
     /// The derivatives of the weights with respect to sigma.
-    pub(super) slopes: Vec<T>,
+    pub(crate) slopes: Vec<T>,
     /// The sum of all derivatives: exactly 0 where the weights are normalized.
-    pub(super) slope_sum: T,
+    pub(crate) slope_sum: T,
 }
 
 impl<T: Scalar> Taps<T> {
@@ -53,7 +95,7 @@ impl<T: Scalar> Taps<T> {
     /// # Errors
     /// [`RenderError::BadSigma`] unless sigma is finite and positive, and, for the seed kernel,
     /// large enough for the weights and their derivatives to be finite.
-    pub(super) fn fill(
+    pub(crate) fn fill(
         taps: &mut [Self; 2],
         sigma: T,
         blur: &Blur,
@@ -208,12 +250,12 @@ impl<T: Scalar> Taps<T> {
         self.slope_sum = if border == Border::Zero { T::narrow(slope_sum) } else { T::ZERO };
     }
 
-    pub(super) fn radius(&self) -> usize {
+    pub(crate) fn radius(&self) -> usize {
         self.weights.len() - 1
     }
 
     /// The slopes up to `reach`, where those beyond see nothing but zeros.
-    pub(super) fn window(&self, reach: usize) -> Window<'_, T> {
+    pub(crate) fn window(&self, reach: usize) -> Window<'_, T> {
         let beyond: T = self.slopes[reach + 1..].iter().copied().sum();
         Window { slopes: &self.slopes[..=reach], slope_sum: self.slope_sum - (beyond + beyond) }
     }
@@ -221,13 +263,13 @@ impl<T: Scalar> Taps<T> {
 
 /// Half of the slopes of a symmetric window that reaches over all the pixels that count.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Window<'a, T> {
-    pub(super) slopes: &'a [T],
-    pub(super) slope_sum: T,
+pub(crate) struct Window<'a, T> {
+    pub(crate) slopes: &'a [T],
+    pub(crate) slope_sum: T,
 }
 
 /// Checks a radius, whatever sigma is.
-pub(super) fn check_radius(radius: Radius) -> Result<(), RenderError> {
+pub(crate) fn check_radius(radius: Radius) -> Result<(), RenderError> {
     match radius {
         Radius::Tolerance(tolerance) if !(tolerance > 0.0 && tolerance < 1.0) => {
             let rule = "a tolerance between 0 and 1";
@@ -268,7 +310,6 @@ mod tests {
     use approx::assert_relative_eq;
 
     use super::*;
-    use crate::gaussian_blur::Border;
 
     fn taps(sigma: f64, kernel: Kernel, radius: Radius) -> Taps<f64> {
         let mut taps = [Taps::default(), Taps::default()];
