@@ -10,8 +10,9 @@ use std::cell::Cell;
 
 use bokashi_core::{Tape, Tensor, Var};
 use bokashi_render_ops::{
-    Background, Blur, Border, Fragments, Kernel, Mesh, Pose, Radius, RenderError, Size, antialias,
-    gaussian_blur, interpolate, interpolate_indexed, project, rasterize, resolve,
+    Background, Blur, Border, Fragments, Kernel, Lens, Mesh, Pose, Radius, RenderError, Size,
+    antialias, depth_of_field, gaussian_blur, interpolate, interpolate_indexed, project, rasterize,
+    resolve,
 };
 use difference::{Input, assert_gradients};
 use glam::dcamera::rh::proj::opengl::perspective;
@@ -384,6 +385,37 @@ fn gaussian_blur_of_an_image_by_a_sigma() {
                     Radius::Tolerance(_) => reach(vars[1], &blur)?,
                 };
                 Ok((vec![gaussian_blur(vars[0], vars[1], &blur)?], state))
+            });
+        }
+    }
+}
+
+#[test]
+fn depth_of_field_of_an_image_by_its_depths_and_the_lens() {
+    for (radius, largest_sigma) in
+        [(Radius::Fixed(3), 32.0), (Radius::Fixed(12), 2.0), (Radius::Tolerance(1e-13), 1.5)]
+    {
+        let lens = Lens { radius, largest_sigma };
+        for shape in [[5, 8, 2], [1, 1, 1], [1, 9, 1]] {
+            let pixels = shape[0] * shape[1];
+            // Depths from far before the focus to far behind it, many of them near it.
+            let depth = prop_oneof![0.6..6.0, 1.9..2.1];
+            let lenses = (0.3..3.0, 1.8..2.2);
+            let inputs = (numbers(&shape), vec(depth, pixels), lenses).prop_map(
+                move |(image, depths, (aperture, focus))| {
+                    let depths = Tensor::new([shape[0], shape[1]], depths).unwrap();
+                    let numbers = [aperture, focus].map(Tensor::scalar);
+                    [image, depths].into_iter().chain(numbers).map(Input::leaf).collect()
+                },
+            );
+            let name = format!("{lens:?} of {shape:?}");
+            assert_gradients(&name, 4, inputs, |_, vars| -> Result<_, RenderError> {
+                let (aperture, focus) = (vars[2].item(), vars[3].item());
+                let sigmas = vars[1].value().map(|z| aperture * (1.0 - focus / z).abs());
+                let capped: Vec<_> = sigmas.data().iter().map(|&s| s > largest_sigma).collect();
+                let focused = depth_of_field(vars[0], vars[1], vars[2], vars[3], &lens)?;
+                assert_eq!(focused.capped, capped.iter().filter(|&&capped| capped).count());
+                Ok((vec![focused.image], capped))
             });
         }
     }

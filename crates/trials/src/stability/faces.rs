@@ -284,16 +284,12 @@ pub(super) fn identical_faces<T: Scalar>() -> Outcome {
 }
 
 pub(super) fn depths_within_one_ulp<T: Scalar>() -> Outcome {
-    // Two slopes that cross, and between them faces nearer by one unit in the last place.
-    let up = |z: f64| {
-        let next = T::from_f64(z).to_f64();
-        let ulp = 2.0 * super::scene::rounding::<T>() * 0.5;
-        next + ulp
-    };
+    // Layers at 1/2, and at the next number above it.
+    let above = 0.5 + super::scene::rounding::<T>();
     let mut clip = Vec::new();
     let mut faces = Vec::new();
     for layer in 0..6_u32 {
-        let z = [0.5, up(0.5), 0.5, up(0.5), 0.5, 0.5][layer as usize];
+        let z = [0.5, above, 0.5, above, 0.5, 0.5][layer as usize];
         for [x, y] in [[-1.0, -1.0], [3.0, -1.0], [-1.0, 3.0]] {
             clip.push([x, y, z, 1.0]);
         }
