@@ -161,9 +161,11 @@ impl<T: Scalar> Scalar for Dual<T> {
         self.chain(self.value.cos(), -self.value.sin())
     }
     fn tanh(self) -> Self {
-        let tanh = self.value.tanh();
-        // 1 - tanh^2 without its cancellation.
-        self.chain(tanh, (T::ONE - tanh) * (T::ONE + tanh))
+        // 1 / cosh^2 x = 4 e / (1 + e)^2 with e = exp(-2 |x|): 1 - tanh^2 has no digits in the tails.
+        let size = self.value.abs();
+        let e = (-(size + size)).exp();
+        let slope = T::from_f64(4.0) * e / ((T::ONE + e) * (T::ONE + e));
+        self.chain(self.value.tanh(), slope)
     }
     fn powi(self, exponent: i32) -> Self {
         let slope = match exponent {

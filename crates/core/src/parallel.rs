@@ -28,10 +28,22 @@ pub fn for_each_piece_mut<T: Send>(
     }
     #[cfg(feature = "parallel")]
     if is_shared(data.len(), piece) {
-        data.par_chunks_mut(piece).enumerate().for_each(|(k, chunk)| work(k, chunk));
-        return;
+        return share(data, piece, &work);
     }
     data.chunks_mut(piece).enumerate().for_each(|(k, chunk)| work(k, chunk));
+}
+
+/// The pieces of [`for_each_piece_mut`] on the thread pool. By a reference to `work`, so that rayon is
+/// compiled once per type of entry and not for every operation.
+#[cfg(feature = "parallel")]
+fn share<T: Send>(data: &mut [T], piece: usize, work: &(dyn Fn(usize, &mut [T]) + Sync)) {
+    data.par_chunks_mut(piece).enumerate().for_each(|(k, chunk)| work(k, chunk));
+}
+
+/// The pieces of [`merge_ranges`] on the thread pool, by a reference to `work` as in [`share`].
+#[cfg(feature = "parallel")]
+fn share_ranges<R: Send>(pieces: usize, work: &(dyn Fn(usize) -> R + Sync)) -> Vec<R> {
+    (0..pieces).into_par_iter().map(work).collect()
 }
 
 /// Calls `work(k, item)` on each item; items may run at the same time.
@@ -70,9 +82,7 @@ pub fn merge_ranges<R: Send>(
     let range = |k: usize| k * piece..((k + 1) * piece).min(length);
     #[cfg(feature = "parallel")]
     if is_shared(length, piece) {
-        let results: Vec<R> = (0..pieces).into_par_iter().map(|k| work(range(k))).collect();
-        results.into_iter().for_each(merge);
-        return;
+        return share_ranges(pieces, &|k| work(range(k))).into_iter().for_each(merge);
     }
     (0..pieces).for_each(|k| merge(work(range(k))));
 }

@@ -44,8 +44,9 @@ pub(super) type Outcome = Result<Found, Failure>;
 impl Found {
     /// `outcome`, as long as `error` is no larger than `bound`; a NaN is.
     pub(super) fn within(outcome: impl Into<String>, error: f64, bound: f64) -> Self {
-        let pass = error <= bound;
-        Self { outcome: outcome.into(), pass, error: Some(error), bound: Some(bound) }
+        let (pass, outcome) = (error <= bound, outcome.into());
+        let outcome = if pass { outcome } else { format!("off by {error:.1e} from: {outcome}") };
+        Self { outcome, pass, error: Some(error), bound: Some(bound) }
     }
 
     /// `outcome`, where nothing but exactly the right answer passes and `wrong` counts the others.
@@ -99,6 +100,7 @@ mod tests {
         for (error, bound) in [(1.1, 1.0), (f64::NAN, 1.0), (f64::INFINITY, 1.0), (1.0, f64::NAN)] {
             assert!(!Found::within("", error, bound).pass);
         }
+        assert_eq!(Found::exactly("none", 3).outcome, "off by 3.0e0 from: none");
         let found = Found::exactly("right", 0).and(false, "late");
         assert_eq!((found.pass, &*found.outcome), (false, "right; but late"));
     }

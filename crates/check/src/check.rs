@@ -1,0 +1,324 @@
+//! Checking a subject against every law, on inputs from a strategy.
+
+use std::fmt;
+use std::sync::Arc;
+
+use proptest::strategy::{BoxedStrategy, Strategy, ValueTree};
+use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
+
+use crate::failure::{Broken, Failure, Law};
+use crate::laws;
+use crate::mutation::{Kills, kills};
+use crate::run::caught;
+use crate::shrink::{Found, shrink};
+use crate::subject::{AnySubject, Case, Input, Subject};
+use crate::trial::{Tally, Trial, Unfit};
+
+/// The share of the points of a difference check that may be left out.
+const MOST_LEFT_OUT: f64 = 0.1;
+/// The other laws leave out a whole case where one of its entries is beside a kink.
+const MOST_CASES_LEFT_OUT: f64 = 0.5;
+
+/// A check in the making: a subject, a strategy for its inputs, and what else to try.
+///
+/// ```
+/// use bokashi_check::{Check, Input, strategy, subject};
+/// use proptest::strategy::Strategy;
+///
+/// subject!(Product: |x| x[0].try_mul(x[1])?);
+///
+/// let factor = || strategy::tensor([2, 3], strategy::number()).prop_map(Input::leaf);
+/// let inputs = (factor(), factor()).prop_map(|(x, y)| vec![x, y]);
+/// let report = Check::new("product", Product, inputs).cases(8).assert();
+/// println!("{report}");
+/// ```
+#[derive(Debug, Clone)]
+pub struct Check {
+    name: String,
+    strategy: BoxedStrategy<Case>,
+    cases: u32,
+    large: Option<(BoxedStrategy<Case>, u32)>,
+    refused: Vec<(String, Case)>,
+    except: Vec<Law>,
+}
+
+impl Check {
+    /// A check of one subject.
+    pub fn new(
+        name: impl Into<String>,
+        subject: impl Subject,
+        inputs: impl Strategy<Value = Vec<Input>> + 'static,
+    ) -> Self {
+        let subject: Arc<dyn AnySubject> = Arc::new(subject);
+        let case = move |inputs| Case { subject: Arc::clone(&subject), inputs };
+        Self::of_cases(name, inputs.prop_map(case))
+    }
+
+    /// A check of subjects that differ from case to case: other options, other meshes.
+    pub fn of_cases(
+        name: impl Into<String>,
+        strategy: impl Strategy<Value = Case> + 'static,
+    ) -> Self {
+        Self {
+            name: name.into(),
+            strategy: strategy.boxed(),
+            cases: 32,
+            large: None,
+            refused: Vec::new(),
+            except: Vec::new(),
+        }
+    }
+
+    /// How many cases are drawn; always the same ones. 32 unless told.
+    #[must_use]
+    pub fn cases(self, cases: u32) -> Self {
+        Self { cases, ..self }
+    }
+
+    /// Cases that are large enough for work in pieces: they are checked for threads and recycling
+    /// alone.
+    #[must_use]
+    pub fn large(self, cases: u32, strategy: impl Strategy<Value = Case> + 'static) -> Self {
+        Self { large: Some((strategy.boxed(), cases)), ..self }
+    }
+
+    /// Wrong input, and what is wrong with it: the subject must refuse it, and leave the tape as it
+    /// was.
+    #[must_use]
+    pub fn refuses(mut self, what: impl Into<String>, case: Case) -> Self {
+        self.refused.push((what.into(), case));
+        self
+    }
+
+    /// A law that the subject is not meant to keep. The report says so.
+    #[must_use]
+    pub fn except(mut self, law: Law) -> Self {
+        self.except.push(law);
+        self
+    }
+
+    /// Checks every law on every case.
+    ///
+    /// # Errors
+    /// The first law that is broken, on the smallest inputs found that break it.
+    pub fn run(&self) -> Result<Report, Box<Failure>> {
+        let mut tallies: Vec<(Law, Tally)> = Vec::new();
+        let mut right: Option<Trial> = None;
+        let mut cases = points(&self.strategy);
+        for _ in 0..self.cases {
+            let trial = self.trial(&mut cases)?;
+            for law in Law::ALL.into_iter().filter(|law| !self.except.contains(law)) {
+                add(&mut tallies, law, self.check(law, &trial)?);
+            }
+            right.get_or_insert(trial);
+        }
+        if let Some((strategy, cases)) = &self.large {
+            let mut points = points(strategy);
+            for _ in 0..*cases {
+                let trial = self.trial(&mut points)?;
+                for law in [Law::Threads, Law::Recycling] {
+                    add(&mut tallies, law, self.check(law, &trial)?);
+                }
+            }
+        }
+        for (what, case) in &self.refused {
+            let tally = laws::refuses(case, right.as_ref()).map_err(|mut broken| {
+                broken.what = format!("{what}: {}", broken.what);
+                self.failure(Law::Refusals, broken, format!("{:?}", case.inputs))
+            })?;
+            add(&mut tallies, Law::Refusals, tally);
+        }
+        let report = Report {
+            name: self.name.clone(),
+            cases: self.cases,
+            tallies,
+            except: self.except.clone(),
+        };
+        self.enough(&report)?;
+        Ok(report)
+    }
+
+    /// [`Check::run`], with a line about what was compared on standard output.
+    ///
+    /// # Panics
+    /// Where a law is broken, with the failure as the message.
+    #[allow(clippy::must_use_candidate, reason = "most tests want the panic alone")]
+    pub fn assert(&self) -> Report {
+        match self.run() {
+            Ok(report) => {
+                println!("{report}");
+                report
+            }
+            Err(failure) => panic!("{failure}"),
+        }
+    }
+
+    /// Mutation controls: wrong adjoints, made from the right one, and how many of them the check
+    /// catches.
+    pub fn kills(&self) -> Kills {
+        kills(&self.name, &self.strategy, self.cases)
+    }
+
+    /// Whether every law holds; a failure is not made small.
+    pub(crate) fn passes(&self) -> bool {
+        let mut cases = points(&self.strategy);
+        (0..self.cases).filter_map(|_| cases.next().ok()).all(|case| {
+            let kept =
+                |trial: &Trial| Law::ALL.into_iter().all(|law| laws::check(law, trial).is_ok());
+            caught(|| Trial::new(case, None).is_ok_and(|trial| kept(&trial))).unwrap_or(false)
+        })
+    }
+
+    /// The next case, run once.
+    fn trial(&self, points: &mut Points) -> Result<Trial, Box<Failure>> {
+        let law = Law::Defined;
+        let case = points.next().map_err(|reason| {
+            self.failure(law, Broken::said(format!("no inputs: {reason}")), String::new())
+        })?;
+        let broken = match caught(|| Trial::new(case.clone(), None)) {
+            Ok(Ok(trial)) => return Ok(trial),
+            Ok(Err(Unfit::Broken(broken))) => broken,
+            Ok(Err(Unfit::Refused(why))) => {
+                Broken::said(format!("it refuses inputs of its strategy: {why}"))
+            }
+            Err(panic) => Broken::said(format!("it panicked: {panic}")),
+        };
+        Err(self.smallest(law, Found { case, upstream: Vec::new(), broken }))
+    }
+
+    /// Checks one law on one case.
+    fn check(&self, law: Law, trial: &Trial) -> Result<Tally, Box<Failure>> {
+        let broken = match caught(|| laws::check(law, trial)) {
+            Ok(Ok(tally)) => return Ok(tally),
+            Ok(Err(broken)) => broken,
+            Err(panic) => Broken::said(format!("it panicked: {panic}")),
+        };
+        let (case, upstream) = (trial.case.clone(), trial.upstream.clone());
+        Err(self.smallest(law, Found { case, upstream, broken }))
+    }
+
+    /// A failure made as small as can be.
+    fn smallest(&self, law: Law, found: Found) -> Box<Failure> {
+        let found = shrink(law, found);
+        self.failure(law, found.broken.clone(), described(&found))
+    }
+
+    fn failure(&self, law: Law, broken: Broken, inputs: String) -> Box<Failure> {
+        Box::new(Failure { name: self.name.clone(), law, broken, inputs })
+    }
+
+    /// Whether each law was checked on enough points.
+    fn enough(&self, report: &Report) -> Result<(), Box<Failure>> {
+        for &(law, tally) in &report.tallies {
+            let Tally { compared, left_out, .. } = tally;
+            let (share, most) = match law {
+                Law::Differences => (tally.share_left_out(), MOST_LEFT_OUT),
+                _ => (left_out as f64 / f64::from(self.cases), MOST_CASES_LEFT_OUT),
+            };
+            if share > most || (compared == 0 && law != Law::Refusals && law != Law::Threads) {
+                let what = format!(
+                    "{left_out} points left out and {compared} compared; at most {} % may be left \
+                     out",
+                    100.0 * most
+                );
+                return Err(self.failure(law, Broken::said(what), String::new()));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn add(tallies: &mut Vec<(Law, Tally)>, law: Law, tally: Tally) {
+    match tallies.iter_mut().find(|(found, _)| *found == law) {
+        Some((_, sum)) => sum.add(tally),
+        None => tallies.push((law, tally)),
+    }
+}
+
+/// The inputs of a failure, as text.
+fn described(found: &Found) -> String {
+    let mut text = format!("with {:?}", found.case.subject);
+    for (i, input) in found.case.inputs.iter().enumerate() {
+        let constant = if input.differentiable { "" } else { ", a constant" };
+        text.push_str(&format!("\n     in{i} = {:?}{constant}", input.tensor));
+    }
+    for (j, upstream) in found.upstream.iter().enumerate() {
+        text.push_str(&format!("\n     u{j} = {upstream:?}"));
+    }
+    text
+}
+
+/// The cases of a strategy, always the same ones.
+pub(crate) struct Points {
+    strategy: BoxedStrategy<Case>,
+    runner: TestRunner,
+}
+
+pub(crate) fn points(strategy: &BoxedStrategy<Case>) -> Points {
+    let config = Config { failure_persistence: None, ..Config::default() };
+    let rng = TestRng::deterministic_rng(RngAlgorithm::ChaCha);
+    let runner = TestRunner::new_with_rng(config, rng);
+    Points { strategy: strategy.clone(), runner }
+}
+
+impl Points {
+    pub(crate) fn next(&mut self) -> Result<Case, String> {
+        let tree = self.strategy.new_tree(&mut self.runner);
+        tree.map(|tree| tree.current()).map_err(|reason| reason.to_string())
+    }
+}
+
+/// What a check looked at. `Display` gives a line.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Report {
+    /// The subject's name.
+    pub name: String,
+    /// How many cases were drawn.
+    pub cases: u32,
+    /// What each law compared and left out.
+    pub tallies: Vec<(Law, Tally)>,
+    /// Laws that the subject is not meant to keep.
+    pub except: Vec<Law>,
+}
+
+impl Report {
+    /// What one law compared and left out.
+    pub fn tally(&self, law: Law) -> Tally {
+        let tally = self.tallies.iter().find(|(found, _)| *found == law);
+        tally.map(|&(_, tally)| tally).unwrap_or_default()
+    }
+}
+
+impl Tally {
+    /// Left out, of all points.
+    pub fn share_left_out(&self) -> f64 {
+        let all = self.compared + self.left_out;
+        if all == 0 { 0.0 } else { self.left_out as f64 / all as f64 }
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let differences = self.tally(Law::Differences);
+        let all = differences.compared + differences.left_out;
+        let compared: u64 = self.tallies.iter().map(|(_, tally)| tally.compared).sum();
+        let worst = self.tallies.iter().max_by(|(_, a), (_, b)| a.worst.total_cmp(&b.worst));
+        write!(
+            f,
+            "{}: {} cases, {compared} comparisons; {} of {all} difference quotients left out \
+             ({:.1} %)",
+            self.name,
+            self.cases,
+            differences.left_out,
+            100.0 * differences.share_left_out(),
+        )?;
+        if let Some((law, tally)) = worst.filter(|(_, tally)| tally.worst > 0.0) {
+            write!(f, "; largest error {:.2} of its bound ({law})", tally.worst)?;
+        }
+        if !self.except.is_empty() {
+            let laws: Vec<_> = self.except.iter().map(Law::to_string).collect();
+            write!(f, "; not checked: {}", laws.join(", "))?;
+        }
+        Ok(())
+    }
+}

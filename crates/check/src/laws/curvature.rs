@@ -1,0 +1,112 @@
+//! Hessian-vector products, forward over reverse: the backward pass over dual numbers.
+//!
+//! For `F = <u, out>` with Hessian `H`: `<H v, w> = <v, H w>` to rounding, and `H v` agrees with a
+//! Richardson pair of differences of the gradient along `v`. So the derivative of the backward
+//! pass is checked too, wherever a subject is used for second-order methods.
+
+use bokashi_core::Tensor;
+
+use super::adjoint::{direction, is_smooth, rounding};
+use super::differences::{Quotient, richardson};
+use crate::failure::{Broken, differentiated, entry};
+use crate::run::{Point, along, dot, largest, parts, run};
+use crate::trial::{NEGLIGIBLE, ROUNDINGS, Tally, Trial};
+
+/// As for the gradient, but along one direction, and the differences are of gradients.
+const STEPS: [f64; 3] = [1e-3, 1e-4, 1e-5];
+const SHARP: f64 = 1e-6;
+const VAGUE: f64 = 1e-3;
+
+pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
+    let mut tally = Tally::default();
+    let directions = [direction(trial, 201), direction(trial, 301)];
+    if !directions.iter().all(|direction| is_smooth(trial, direction)) {
+        tally.left_out += 1;
+        return Ok(tally);
+    }
+    let [along_v, along_w] = directions.each_ref().map(|v| products(trial, v));
+    let (along_v, along_w) = (along_v?, along_w?);
+    let of = |tensors: &[Option<Tensor<f64>>]| tensors.iter().flatten().cloned().collect();
+    let inputs: Vec<usize> = trial.gradients().map(|(i, _)| i).collect();
+    let [v, w] = directions.each_ref().map(|v| inputs.iter().map(|&i| &v[i]));
+    let (hv, hw): (Vec<_>, Vec<_>) = (of(&along_v), of(&along_w));
+    let (left, left_size) = dot(&hv, w);
+    let (right, right_size) = dot(v, &hw);
+    let bound = rounding(trial) * (left_size + right_size + gradient_size(trial));
+    tally.compare((left, right), bound, || "<H v, w> against <v, H w>".to_owned())?;
+
+    for (&i, hv) in inputs.iter().zip(&hv) {
+        let gradient = trial.nominal.gradients[i].as_ref().expect("a differentiable input");
+        // The gradient's own rounding, also where the Hessian is zero.
+        let size = largest(gradient).max(NEGLIGIBLE * trial.size());
+        let quotients = quotients(trial, &directions[0], i, size);
+        let Some(quotients) = quotients else {
+            tally.left_out += 1;
+            continue;
+        };
+        let values = quotients.iter().map(|quotient| quotient.value.abs());
+        let scale = values.fold(largest(hv).max(NEGLIGIBLE * size), f64::max);
+        for (k, (&got, Quotient { value, bar })) in hv.data().iter().zip(quotients).enumerate() {
+            if bar > VAGUE * scale {
+                tally.left_out += 1;
+                continue;
+            }
+            let bound = bar + ROUNDINGS * f64::EPSILON * (scale + size);
+            tally.compare((got, value), bound, || {
+                let place = entry(&format!("in{i}"), hv.shape(), k);
+                format!("derivative along v of d {} / d {place}", differentiated(&trial.upstream))
+            })?;
+        }
+    }
+    Ok(tally)
+}
+
+fn gradient_size(trial: &Trial) -> f64 {
+    trial.gradients().map(|(_, gradient)| largest(gradient)).fold(0.0, f64::max)
+}
+
+/// `H v` per input.
+fn products(trial: &Trial, v: &[Tensor<f64>]) -> Result<Vec<Option<Tensor<f64>>>, Broken> {
+    let run = along(&trial.case, &trial.upstream, v);
+    let run = run.map_err(|error| Broken::said(format!("refused over dual numbers: {error}")))?;
+    Ok(run.gradients.iter().map(|gradient| gradient.as_ref().map(|g| parts(g).1)).collect())
+}
+
+/// The gradient's quotients along `v`, for every entry of input `i`.
+fn quotients(trial: &Trial, v: &[Tensor<f64>], i: usize, size: f64) -> Option<Vec<Quotient>> {
+    let mut best: Option<Vec<Quotient>> = None;
+    let bar = |all: &[Quotient]| all.iter().fold(0.0, |bar: f64, q| bar.max(q.bar));
+    for step in STEPS {
+        let at = |h: f64| -> Option<Tensor<f64>> {
+            let moved: Point<f64> = trial
+                .point
+                .iter()
+                .zip(v)
+                .map(|((x, needs), v)| {
+                    let entry = |k: usize| x.data()[k] + h * v.data()[k];
+                    (Tensor::from_fn(x.shape(), entry), *needs)
+                })
+                .collect();
+            let run = run(&*trial.case.subject, &moved, &trial.upstream).ok()?;
+            (run.state == trial.nominal.state).then_some(run.gradients[i].clone()?)
+        };
+        let stencil = [step, -step, 0.5 * step, -0.5 * step].map(at);
+        let [Some(a), Some(b), Some(c), Some(d)] = stencil else { continue };
+        let rounding = ROUNDINGS * f64::EPSILON * size;
+        let quotient = |k: usize| {
+            let values = [(step, &a), (-step, &b), (0.5 * step, &c), (-0.5 * step, &d)];
+            let at = |h: f64| values.iter().find(|(at, _)| *at == h).map(|(_, g)| g.data()[k]);
+            richardson(step, rounding, at).expect("the stencil is defined")
+        };
+        let new: Vec<_> = (0..a.size()).map(quotient).collect();
+        let largest = new.iter().fold(0.0, |largest: f64, q| largest.max(q.value.abs()));
+        let sharp = bar(&new) <= SHARP * largest || bar(&new) <= SHARP * NEGLIGIBLE * size;
+        if best.as_ref().is_none_or(|best| bar(&new) < bar(best)) {
+            best = Some(new);
+        }
+        if sharp {
+            break;
+        }
+    }
+    best
+}

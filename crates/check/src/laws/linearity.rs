@@ -1,0 +1,62 @@
+//! The backward pass is linear in the upstream gradient `u`: exactly so for a power of two, and
+//! to rounding for a sum; no gradient comes from no upstream gradient.
+
+use bokashi_core::Tensor;
+
+use crate::failure::{Broken, entry};
+use crate::run::{Run, largest, noise, run};
+use crate::trial::{ROUNDINGS, Tally, Trial};
+
+/// Far enough that an absolute threshold hidden in a backward pass shows, and near enough that no
+/// product over- or underflows.
+const POWERS: [i32; 2] = [-40, 40];
+
+pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
+    let mut tally = Tally::default();
+    let with = |upstream: &[Tensor<f64>]| -> Result<Run<f64>, Broken> {
+        let run = run(&*trial.case.subject, &trial.point, upstream);
+        run.map_err(|error| Broken::said(error.to_string()))
+    };
+    let times = |factor: f64| -> Vec<Tensor<f64>> {
+        trial.upstream.iter().map(|u| u.map(|u| u * factor)).collect()
+    };
+    for power in POWERS {
+        let factor = f64::from(power).exp2();
+        let run = with(&times(factor))?;
+        for ((i, gradient), scaled) in trial.gradients().zip(run.gradients.iter().flatten()) {
+            for (k, (&scaled, &entry_of)) in scaled.data().iter().zip(gradient.data()).enumerate() {
+                let expected = entry_of * factor;
+                // A subnormal number has lost digits, and its terms may have.
+                if expected.abs() > f64::MIN_POSITIVE / f64::EPSILON || expected == 0.0 {
+                    tally.compare((scaled, expected), 0.0, || {
+                        let place = entry(&format!("in{i}"), gradient.shape(), k);
+                        format!("upstream times 2^{power}: gradient of {place}")
+                    })?;
+                }
+            }
+        }
+    }
+    let other: Vec<_> = trial.upstream.iter().zip(501..).map(|(u, j)| noise(u, j)).collect();
+    let add = |(u, v): (&Tensor<f64>, &Tensor<f64>)| {
+        Tensor::from_fn(u.shape(), |k| u.data()[k] + v.data()[k])
+    };
+    let both: Vec<_> = trial.upstream.iter().zip(&other).map(add).collect();
+    let (other, both, none) = (with(&other)?, with(&both)?, with(&times(0.0))?);
+    for (i, gradient) in trial.gradients() {
+        let of = |run: &Run<f64>| run.gradients[i].clone().expect("a differentiable input");
+        let (other, both, none) = (of(&other), of(&both), of(&none));
+        let size = largest(gradient).max(largest(&other)).max(largest(&both));
+        let bound = (ROUNDINGS + gradient.size() as f64) * f64::EPSILON * size;
+        for k in 0..gradient.size() {
+            let place = || entry(&format!("in{i}"), gradient.shape(), k);
+            let sum = gradient.data()[k] + other.data()[k];
+            tally.compare((both.data()[k], sum), bound, || {
+                format!("upstream u + v: gradient of {}", place())
+            })?;
+            tally.compare((none.data()[k], 0.0), 0.0, || {
+                format!("upstream 0: gradient of {}", place())
+            })?;
+        }
+    }
+    Ok(tally)
+}

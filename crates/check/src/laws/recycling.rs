@@ -1,0 +1,80 @@
+//! A tape that was used before is as good as a new one: after a step, and after a refusal.
+
+use bokashi_core::Tape;
+
+use crate::failure::Broken;
+use crate::run::{Run, caught, place, point, step};
+use crate::subject::Case;
+use crate::trial::{Tally, Trial};
+
+/// The same step three times on one tape, before each another one, which leaves other numbers in
+/// the memory: the same bits as on a new tape.
+pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
+    let mut tally = Tally::default();
+    let upstream: Vec<_> = trial.upstream.iter().cloned().map(Some).collect();
+    let mut other = trial.point.clone();
+    for (tensor, _) in &mut other {
+        tensor.data_mut().iter_mut().for_each(|entry| *entry *= 0.5);
+    }
+    let mut tape = Tape::new();
+    for k in 0..3 {
+        // Half of the values need not be values that the subject takes.
+        let _ = step(&tape, &*trial.case.subject, &other, &upstream);
+        tape.reset();
+        let run = step(&tape, &*trial.case.subject, &trial.point, &upstream);
+        let run = run.map_err(|error| Broken::said(format!("step {k}: {error}")))?;
+        compare(&mut tally, &run, &trial.nominal, &format!("step {k} on one tape"))?;
+        tape.reset();
+    }
+    Ok(tally)
+}
+
+/// Outputs and gradients of two runs, bit by bit.
+pub(super) fn compare<T: bokashi_core::Scalar>(
+    tally: &mut Tally,
+    run: &Run<T>,
+    expected: &Run<T>,
+    when: &str,
+) -> Result<(), Broken> {
+    for (j, (y, expected)) in run.outputs.iter().zip(&expected.outputs).enumerate() {
+        tally.same_bits(y, expected, || format!("{when}: out{j}"))?;
+    }
+    for (i, (x, expected)) in run.gradients.iter().zip(&expected.gradients).enumerate() {
+        let (Some(x), Some(expected)) = (x, expected) else { continue };
+        tally.same_bits(x, expected, || format!("{when}: gradient of in{i}"))?;
+    }
+    if run.state != expected.state {
+        return Err(Broken::said(format!("{when}: another discrete state")));
+    }
+    Ok(())
+}
+
+/// Wrong inputs are an error, and the tape is as it was before; it then gives `right` the same bits
+/// as a new one.
+pub(crate) fn refuses(wrong: &Case, right: Option<&Trial>) -> Result<Tally, Broken> {
+    let mut tally = Tally::default();
+    let mut tape = Tape::<f64>::new();
+    {
+        let inputs = place(&tape, &point(&wrong.inputs));
+        let before = tape.len();
+        match caught(|| wrong.subject.apply_f64(&tape, &inputs).map(|_| ())) {
+            Ok(Err(_)) => {}
+            Ok(Ok(())) => return Err(Broken::said("it was taken")),
+            Err(panic) => return Err(Broken::said(format!("it panicked: {panic}"))),
+        }
+        let after = tape.len();
+        if after != before {
+            let what = format!("the refusal left {after} values on a tape of {before}");
+            return Err(Broken::said(what));
+        }
+        tally.compared += 1;
+    }
+    if let Some(right) = right {
+        tape.reset();
+        let upstream: Vec<_> = right.upstream.iter().cloned().map(Some).collect();
+        let run = step(&tape, &*right.case.subject, &right.point, &upstream);
+        let run = run.map_err(|error| Broken::said(format!("after the refusal: {error}")))?;
+        compare(&mut tally, &run, &right.nominal, "after the refusal")?;
+    }
+    Ok(tally)
+}
