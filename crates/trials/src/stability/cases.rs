@@ -91,5 +91,5 @@ pub(super) const CASES: &[Case] = cases! {
     60 "colours whose difference overflows", "an error", values::colors_that_overflow;
     61 "gradient of 1e30 under Adam", "a step, or an error", values::gradient_spike;
     62 "division by zero, ln 0, 0 / 0", "an error", values::division_by_zero;
-    63 "depth < 0 or NaN, a lens that is none", "an error", focus::bad_depth_or_lens;
+    63 "negative depth, impossible lens", "an error", focus::bad_depth_or_lens;
 };

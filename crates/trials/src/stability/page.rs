@@ -32,35 +32,51 @@ pub fn page(rows: &[Row], program: &str) -> String {
     .html()
 }
 
-/// One line per case where both precisions say the same, else one per row.
+/// One line per case, the precisions side by side.
 fn table(rows: &[&Row]) -> String {
     let mut html = String::from(
-        "<div class=\"scroll\"><table class=\"choices\"><thead><tr><th>Case<th>Expected\
-         <th>What came out<th>Numbers<th>Error<th>Bound<th>Passed<tbody>",
+        "<div class=\"scroll\"><table class=\"wide cases\"><thead><tr><th>Case<th>Expected\
+         <th>What came out<th>f32<th>f64<tbody>",
     );
     for group in rows.chunk_by(|a, b| a.case == b.case) {
-        for (at, row) in group.iter().enumerate() {
-            let head = match at {
-                0 => format!("{}&ensp;{}", row.case, escaped(row.name)),
-                _ => String::new(),
-            };
-            let repeats = at > 0 && row.outcome == group[0].outcome;
-            let outcome = if repeats { "the same".to_owned() } else { escaped(&row.outcome) };
-            let expected = if at > 0 { String::new() } else { escaped(row.expected) };
-            let number = |number: Option<f64>| number.map_or("–".to_owned(), digits);
-            let pass = if row.pass { "yes" } else { "<span class=\"stuck\">no</span>" };
-            // Writing to a string cannot fail.
-            let _ = write!(
-                html,
-                "<tr><th>{head}<td>{expected}<td>{outcome}<td>{}<td>{}<td>{}<td>{pass}",
-                row.precision,
-                number(row.error),
-                number(row.bound)
-            );
+        let first = group[0];
+        let same = group.iter().all(|row| row.outcome == first.outcome);
+        let outcomes = group.iter().map(|row| match same {
+            true => escaped(&row.outcome),
+            false => format!("{}: {}", row.precision, escaped(&row.outcome)),
+        });
+        let mut outcomes: Vec<_> = outcomes.collect();
+        outcomes.dedup();
+        // Writing to a string cannot fail.
+        let _ = write!(
+            html,
+            "<tr><th>{}&ensp;{}<td>{}<td>{}",
+            first.case,
+            escaped(first.name),
+            escaped(first.expected),
+            outcomes.join("<br>")
+        );
+        for precision in ["f32", "f64"] {
+            let row = group.iter().find(|row| row.precision == precision);
+            let _ = write!(html, "<td>{}", row.map_or(String::new(), |row| cell(row)));
         }
     }
     html.push_str("</table></div>");
     html
+}
+
+/// Whether a row passed, its error, and the bound below it.
+fn cell(row: &Row) -> String {
+    let verdict = if row.pass { "" } else { "<span class=\"stuck\">failed</span> " };
+    match (row.error, row.bound) {
+        (None, None) if row.pass => "passed".to_owned(),
+        (None, None) => verdict.to_owned(),
+        (error, bound) => {
+            let error = error.map_or("not finite".to_owned(), digits);
+            let bound = bound.map_or(String::new(), digits);
+            format!("{verdict}{error}<br><small>bound {bound}</small>")
+        }
+    }
 }
 
 fn digits(number: f64) -> String {
@@ -88,6 +104,7 @@ mod tests {
         assert!(at("What failed") < at("The cases that were set out"));
         assert!(html.contains("panicked: a &lt; b") && html.contains("all w &lt;= 0"));
         assert!(html.contains("2 rows: 1 passed, 1 failed"));
+        assert!(html.contains("<span class=\"stuck\">failed</span> 0<br>"));
         assert!(!page(&[row(6, true)], "bokashi").contains("What failed"));
     }
 }

@@ -4,7 +4,7 @@ use super::row::Row;
 
 /// A row: whether it passed, and below it, where it did not, why.
 ///
-/// `ok   21 f32  fan of 512 faces                          error 0.0e0 <= 0.0e0`
+/// `ok   21 f32 fan of 512 faces                     error 0.0e0, bound 0.0e0`
 pub fn line(row: &Row) -> String {
     let verdict = if row.pass { "ok  " } else { "FAIL" };
     let numbers = match (row.error, row.bound) {
@@ -60,6 +60,7 @@ mod tests {
                 ..row(true, Some(f64::MIN_POSITIVE), Some(f64::MIN_POSITIVE))
             };
             assert!(line(&row).chars().count() <= 80, "{}", line(&row));
+            assert!(line(&row).contains(&format!("{} ", case.name)), "{}", line(&row));
         }
     }
 }
