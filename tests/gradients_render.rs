@@ -1,231 +1,251 @@
-//! One law, a list of operations: the gradient of every rendering operation agrees with difference
-//! quotients, on scenes that aim at trouble.
+//! One law, a list of operations: every rendering operation keeps the laws of `bokashi-check`, on
+//! scenes that aim at trouble; and the check catches every wrong adjoint made from it.
 
 #[path = "support/blends.rs"]
 mod blends;
-#[path = "support/difference.rs"]
-mod difference;
 
 use std::cell::Cell;
+use std::fs;
+use std::ops::Range;
 
-use bokashi_core::{Tape, Tensor, Var};
+use bokashi_check::strategy::{
+    aligned, camera, closed_mesh, image, image_of, number, sigma, sliver, tensor, through_the_eye,
+    unit_quaternion, well_shaped,
+};
+use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
     Background, Blur, Border, Fragments, Kernel, Lens, Mesh, Pose, Radius, RenderError, Size,
     antialias, depth_of_field, gaussian_blur, interpolate, interpolate_indexed, project, rasterize,
     resolve,
 };
-use difference::{Input, assert_gradients};
-use glam::dcamera::rh::proj::opengl::perspective;
-use glam::dcamera::rh::view::look_at_mat4;
-use glam::{DMat4, DVec3};
+use glam::DMat4;
 use proptest::collection::vec;
 use proptest::prelude::*;
+use proptest::sample::select;
 use proptest::test_runner::{RngAlgorithm, TestRng, TestRunner};
 
 const CASES: u32 = 24;
 
-/// Vertices move by this times the entries that the difference quotients move, so that a quotient
-/// seldom reaches across the next pixel.
-const ZOOM: f64 = 0.02;
+/// The laws, and that they see every wrong adjoint.
+fn check(name: &str, cases: impl Strategy<Value = Case> + 'static) {
+    check_also(Check::of_cases(name, cases));
+}
+
+/// The same of a check with large cases or with wrong input.
+fn check_also(check: Check) {
+    let check = check.cases(CASES);
+    check.assert();
+    let kills = check.kills();
+    println!("{kills}");
+    assert!(kills.tried > 0 && kills.survivors.is_empty(), "{kills}");
+}
 
 // ---- Scenes
 
-/// A family of scenes: faces, a distribution of clip positions `[V, 4]`, and an image size.
-struct Scenes {
-    name: &'static str,
+/// Faces, clip positions and an image size.
+#[derive(Debug, Clone)]
+struct Scene {
     mesh: Mesh,
-    positions: BoxedStrategy<Vec<f64>>,
+    /// `[V, 4]`.
+    clip: Tensor<f64>,
     size: Size,
 }
-
-const CUBE: [[u32; 3]; 12] = [
-    [0, 1, 3],
-    [0, 3, 2],
-    [4, 6, 7],
-    [4, 7, 5],
-    [0, 4, 5],
-    [0, 5, 1],
-    [2, 3, 7],
-    [2, 7, 6],
-    [0, 2, 6],
-    [0, 6, 4],
-    [1, 5, 7],
-    [1, 7, 3],
-];
 
 fn size(width: usize, height: usize) -> Size {
     Size { width, height }
 }
 
-/// The corners of a cube of side 1 about the origin, each coordinate off by up to `jitter`.
-fn cube(jitter: f64) -> BoxedStrategy<Vec<f64>> {
-    let corner = |k: usize| (((k / 3) >> (2 - k % 3)) & 1) as f64 - 0.5;
-    vec(-jitter..jitter, 24)
-        .prop_map(move |offsets| (0..24).map(|k| corner(k) + offsets[k]).collect())
-        .boxed()
+/// Images of a few pixels to a few dozen, a row and a column among them.
+fn sizes() -> impl Strategy<Value = Size> {
+    let extents = prop_oneof![
+        4 => (4..13_usize, 4..13_usize),
+        1 => (2..13_usize, Just(1)),
+        1 => (Just(1), 2..13_usize),
+    ];
+    extents.prop_map(|(width, height)| size(width, height))
 }
 
-fn camera(eye: DVec3, near: f64) -> DMat4 {
-    perspective(1.2, 1.2, near, 20.0) * look_at_mat4(eye, DVec3::ZERO, DVec3::Y)
+fn scene(vertices: Vec<[f64; 4]>, faces: Vec<[u32; 3]>, size: Size) -> Scene {
+    let mesh = Mesh::new(faces, vertices.len()).unwrap();
+    let clip = Tensor::from_fn([vertices.len(), 4], |k| vertices[k / 4][k % 4]);
+    Scene { mesh, clip, size }
 }
 
-/// Jittered cubes seen from `eye`, in clip space.
-fn cubes(eye: DVec3, near: f64) -> BoxedStrategy<Vec<f64>> {
-    let camera = camera(eye, near);
-    let clip = move |p: &[f64]| (camera * DVec3::from_slice(p).extend(1.0)).to_array();
-    cube(0.2).prop_map(move |positions| positions.chunks(3).flat_map(clip).collect()).boxed()
-}
-
-/// Vertices anywhere, most of them before the eye.
-fn anywhere(count: usize) -> BoxedStrategy<Vec<f64>> {
-    let w = prop_oneof![4 => 0.5..2.0, 1 => -0.8..0.2];
-    let vertex = (-1.3..1.3, -1.3..1.3, -0.9..0.9, w);
-    vec(vertex, count)
-        .prop_map(|vertices| {
-            let place = |(x, y, z, w): (f64, f64, f64, f64)| [x * w.abs(), y * w.abs(), z * w, w];
-            vertices.into_iter().flat_map(place).collect()
+/// Three faces that share no vertex.
+fn loose(triangle: BoxedStrategy<[[f64; 4]; 3]>) -> BoxedStrategy<Scene> {
+    (vec(triangle, 3), sizes())
+        .prop_map(|(triangles, size)| {
+            let faces = (0..3).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+            scene(triangles.concat(), faces, size)
         })
         .boxed()
 }
 
-/// Vertices on pixel centres, corners and sides of an image of `size`, off by very little.
-fn aligned(count: usize, size: Size) -> BoxedStrategy<Vec<f64>> {
-    let vertex = (0..=2 * size.width, 0..=2 * size.height, -0.8..0.8, 1e-3..1e-2, -1e-2..-1e-3);
-    vec(vertex, count)
-        .prop_map(move |vertices| {
-            let place = |(x, y, z, dx, dy): (usize, usize, f64, f64, f64)| {
-                let (x, y) = (x as f64 / size.width as f64, y as f64 / size.height as f64);
-                [x - 1.0 + dx, 1.0 - y + dy, z, 1.0]
-            };
-            vertices.into_iter().flat_map(place).collect()
+/// Three faces on pixel centres and corners, off by so little that a difference quotient can still
+/// stay on one side: a face that passes through a centre has no derivative.
+fn beside_pixel_centres() -> BoxedStrategy<Scene> {
+    let offset = || prop_oneof![1e-4..1e-3, -1e-3..-1e-4];
+    let nudged = (aligned(8), [offset(), offset(), offset(), offset(), offset(), offset()]);
+    let nudged = nudged.prop_map(|(mut triangle, offsets)| {
+        for (k, offset) in offsets.into_iter().enumerate() {
+            triangle[k / 2][k % 2] += offset;
+        }
+        triangle
+    });
+    loose(nudged.boxed())
+}
+
+/// A closed mesh seen by a camera: all around, from within, through the near plane.
+fn closed() -> BoxedStrategy<Scene> {
+    (closed_mesh(), camera(), sizes())
+        .prop_map(|(mesh, camera, size)| {
+            let camera = DMat4::from_cols_array_2d(&camera);
+            let clip = |p: &[f64; 3]| (camera * glam::DVec3::from(*p).extend(1.0)).to_array();
+            scene(mesh.positions.iter().map(clip).collect(), mesh.faces, size)
         })
         .boxed()
 }
 
-/// Long faces less than a pixel wide, side by side.
-fn slivers() -> BoxedStrategy<Vec<f64>> {
-    (0.0..std::f64::consts::TAU, vec((0.002..0.05, -0.5..0.5), 6))
-        .prop_map(|(angle, steps)| {
-            let (sin, cos) = angle.sin_cos();
-            let mut across = -0.1;
-            let vertex = |(k, (step, z)): (usize, (f64, f64))| {
-                across += step;
-                let along = if k % 2 == 0 { -0.9 } else { 0.8 };
-                [along * cos - across * sin, along * sin + across * cos, z, 1.0]
-            };
-            steps.into_iter().enumerate().flat_map(vertex).collect()
-        })
-        .boxed()
-}
-
-fn scenes() -> Vec<Scenes> {
-    let scenes = |name, faces: &[[u32; 3]], vertices, positions, size| {
-        let mesh = Mesh::new(faces.to_vec(), vertices).unwrap();
-        Scenes { name, mesh, positions, size }
-    };
-    let strip = [[0, 1, 2], [2, 1, 3], [2, 3, 4], [4, 3, 5]];
-    let loose = [[0, 1, 2], [3, 4, 5], [2, 1, 6], [6, 5, 0]];
-    let (eye, near_eye) = (DVec3::new(1.1, 0.9, 1.7), DVec3::new(0.8, 0.4, 0.9));
+/// Kinds of scenes.
+fn scenes() -> Vec<(&'static str, BoxedStrategy<Scene>)> {
     vec![
-        scenes("cubes", &CUBE, 8, cubes(eye, 0.1), size(11, 8)),
-        scenes("cubes through the near plane", &CUBE, 8, cubes(near_eye, 0.8), size(9, 9)),
-        scenes(
-            "open cubes around the eye",
-            &CUBE[..7],
-            8,
-            cubes(0.3 * near_eye, 0.01),
-            size(8, 11),
-        ),
-        scenes("faces anywhere", &loose, 7, anywhere(7), size(10, 7)),
-        scenes("aligned faces", &strip, 6, aligned(6, size(7, 5)), size(7, 5)),
-        scenes("slivers", &strip, 6, slivers(), size(12, 12)),
-        scenes("one pixel", &loose, 7, anywhere(7), size(1, 1)),
-        scenes("one row", &CUBE, 8, cubes(eye, 0.1), size(13, 1)),
-        scenes("one column", &loose, 7, anywhere(7), size(1, 9)),
+        ("faces", loose(well_shaped())),
+        ("slivers", loose(sliver())),
+        ("faces beside pixel centres", beside_pixel_centres()),
+        ("faces through the eye", loose(through_the_eye())),
+        ("closed meshes", closed()),
     ]
 }
 
-impl Scenes {
-    /// The inputs of a pipeline that starts with [`moved`]: fixed positions, and how far they move.
-    fn inputs(&self) -> BoxedStrategy<Vec<Input>> {
-        let vertices = self.mesh.vertex_count();
-        self.positions
-            .clone()
-            .prop_map(move |positions| {
-                let positions = Tensor::new([vertices, 4], positions).unwrap();
-                vec![Input::constant(positions), Input::leaf(Tensor::zeros([vertices, 4]))]
-            })
-            .boxed()
-    }
-}
-
-fn moved<'t>(vars: &[Var<'t, f64>]) -> Var<'t, f64> {
-    vars[0] + vars[1] * ZOOM
-}
-
-/// Numbers in `[-1, 1]`.
-fn numbers(shape: &[usize]) -> BoxedStrategy<Tensor<f64>> {
-    let shape = shape.to_vec();
-    let count = shape.iter().product::<usize>();
-    vec(-1.0..1.0, count).prop_map(move |data| Tensor::new(shape.as_slice(), data).unwrap()).boxed()
-}
-
-/// Numbers of which no two are alike, for upstream images of a size that is known only later.
+/// Numbers of which no two are alike, for images of a size that is known only later.
 fn motley(k: usize) -> f64 {
     ((k * 7919 + 13) % 1009) as f64 / 1009.0 - 0.5
 }
 
+fn wide<T: Scalar>(var: Var<'_, T>) -> Tensor<f64> {
+    var.value().cast()
+}
+
 // ---- The operations
 
-#[test]
-fn project_without_a_pose() {
-    let camera = camera(DVec3::new(1.0, 2.0, 3.0), 0.1);
-    let inputs = numbers(&[5, 3]).prop_map(|positions| vec![Input::leaf(positions)]);
-    assert_gradients("project", CASES, inputs, |_, vars| -> Result<_, RenderError> {
-        Ok((vec![project(vars[0], &camera, None)?], ()))
-    });
+#[derive(Debug)]
+struct Project {
+    camera: [[f64; 4]; 4],
+}
+
+impl Subject for Project {
+    /// Positions, or positions with a rotation and a translation.
+    fn apply<'t, T: Scalar>(
+        &self,
+        _tape: &'t Tape<T>,
+        inputs: &[Var<'t, T>],
+    ) -> Result<Outcome<'t, T>, Refusal> {
+        let camera = DMat4::from_cols_array_2d(&self.camera);
+        let pose = match *inputs {
+            [_, rotation, translation] => Some(Pose { rotation, translation }),
+            _ => None,
+        };
+        Ok(project(inputs[0], &camera, pose)?.into())
+    }
 }
 
 #[test]
-fn project_with_a_pose() {
-    let camera = camera(DVec3::new(1.0, 2.0, 3.0), 0.1);
-    let quaternion = numbers(&[4]).prop_filter("a rotation", |q| {
-        q.data().iter().map(|entry| entry * entry).sum::<f64>() > 0.1
+fn project_with_and_without_a_pose() {
+    let positions = |count| tensor([count, 3], number()).prop_map(Input::leaf);
+    let bare = (camera(), positions(5));
+    let bare = bare.prop_map(|(camera, p)| Case::new(Project { camera }, [p]));
+    let not_a_point = Input::leaf(Tensor::zeros([5, 4]));
+    let mut blind = DMat4::IDENTITY.to_cols_array_2d();
+    blind[2][1] = f64::NAN;
+    check_also(
+        Check::of_cases("project", bare)
+            .refuses("points of four coordinates", project_by(identity(), &[not_a_point]))
+            .refuses("a camera that is not finite", project_by(blind, &[leaf([2, 3], 0.5)])),
+    );
+    let posed = (camera(), positions(4), unit_quaternion(), 0.5..2.0, tensor([3], number()));
+    let posed = posed.prop_map(|(camera, p, q, length, t)| {
+        let rotation = Tensor::from_fn([4], |k| length * q[k]);
+        Case::new(Project { camera }, [p, Input::leaf(rotation), Input::leaf(t)])
     });
-    let inputs = (numbers(&[4, 3]), quaternion, numbers(&[3]))
-        .prop_map(|(p, q, t)| [p, q, t].map(Input::leaf).to_vec());
-    assert_gradients("project with a pose", CASES, inputs, |_, vars| -> Result<_, RenderError> {
-        let pose = Pose { rotation: vars[1], translation: vars[2] };
-        Ok((vec![project(vars[0], &camera, Some(pose))?], ()))
-    });
+    let points = leaf([2, 3], 0.5);
+    let no_rotation = [points.clone(), leaf([4], 0.0), leaf([3], 0.0)];
+    let no_shift = [points, leaf([4], 1.0), leaf([2], 0.0)];
+    check_also(
+        Check::of_cases("project with a pose", posed)
+            .refuses("a quaternion of zeros", project_by(identity(), &no_rotation))
+            .refuses("a translation of two entries", project_by(identity(), &no_shift)),
+    );
+}
+
+fn identity() -> [[f64; 4]; 4] {
+    DMat4::IDENTITY.to_cols_array_2d()
+}
+
+fn project_by(camera: [[f64; 4]; 4], inputs: &[Input]) -> Case {
+    Case::new(Project { camera }, inputs)
+}
+
+/// A leaf with all entries alike.
+fn leaf<const N: usize>(axes: [usize; N], entry: f64) -> Input {
+    Input::leaf(Tensor::full(axes, entry))
+}
+
+#[derive(Debug)]
+struct Rasterize {
+    scene: Scene,
+    outputs: Range<usize>,
+}
+
+impl Subject for Rasterize {
+    fn apply<'t, T: Scalar>(
+        &self,
+        _tape: &'t Tape<T>,
+        inputs: &[Var<'t, T>],
+    ) -> Result<Outcome<'t, T>, Refusal> {
+        let fragments = rasterize(inputs[0], &self.scene.mesh, self.scene.size)?;
+        let all = [fragments.barycentrics, fragments.depth];
+        let outputs = all[self.outputs.clone()].to_vec();
+        Ok(Outcome::from(outputs).with_state(fragments.coverage.triangle_ids()))
+    }
 }
 
 #[test]
 fn rasterize_to_barycentrics_and_depth() {
-    for scenes in scenes() {
+    for (kind, scenes) in scenes() {
         for (what, outputs) in [("barycentrics", 0..1), ("depth", 1..2), ("both", 0..2)] {
-            let name = format!("rasterize to {what}, {}", scenes.name);
-            assert_gradients(&name, CASES, scenes.inputs(), |_, vars| -> Result<_, RenderError> {
-                let fragments = rasterize(moved(vars), &scenes.mesh, scenes.size)?;
-                let all = [fragments.barycentrics, fragments.depth];
-                Ok((all[outputs.clone()].to_vec(), fragments.coverage.triangle_ids()))
+            let cases = scenes.clone().prop_map(move |scene| {
+                let clip = Input::leaf(scene.clip.clone());
+                Case::new(Rasterize { scene, outputs: outputs.clone() }, [clip])
             });
+            let [face] = [[[0.0, 0.0, 0.0, 1.0]; 3]];
+            let one = scene(face.to_vec(), vec![[0, 1, 2]], size(4, 4));
+            let of_one = |clip| Case::new(Rasterize { scene: one.clone(), outputs: 0..1 }, [clip]);
+            let none = Scene { size: size(0, 4), ..one.clone() };
+            let on_none = Rasterize { scene: none, outputs: 0..1 };
+            check_also(
+                Check::of_cases(format!("rasterize {kind} to {what}"), cases)
+                    .refuses("another number of vertices", of_one(leaf([2, 4], 1.0)))
+                    .refuses("points of three coordinates", of_one(leaf([3, 3], 1.0)))
+                    .refuses("an infinite position", of_one(leaf([3, 4], f64::INFINITY)))
+                    .refuses("no pixels", Case::new(on_none, [leaf([3, 4], 1.0)])),
+            );
         }
     }
 }
 
 /// Fragments of a fixed scene, whose barycentrics are a variable of their own.
-fn fixed_fragments<'t>(
-    tape: &'t Tape<f64>,
-    barycentrics: Option<Var<'t, f64>>,
-) -> Result<Fragments<'t, f64>, RenderError> {
+fn fixed_fragments<'t, T: Scalar>(
+    tape: &'t Tape<T>,
+    barycentrics: Option<Var<'t, T>>,
+) -> Result<Fragments<'t, T>, RenderError> {
     let clip = [
         [-0.9, -0.8, 0.0, 1.0],
         [1.9, -1.6, 0.0, 2.0],
         [1.2, 1.4, 0.1, 1.5],
         [-0.4, 0.4, 0.0, 0.5],
     ];
-    let clip = tape.constant(&Tensor::from_fn([4, 4], |k| clip[k / 4][k % 4]));
+    let clip = tape.constant(&Tensor::from_fn([4, 4], |k| T::from_f64(clip[k / 4][k % 4])));
     let mesh = Mesh::new(vec![[0, 1, 2], [0, 2, 3]], 4)?;
     let fragments = rasterize(clip, &mesh, size(6, 4))?;
     let barycentrics = barycentrics.unwrap_or(fragments.barycentrics);
@@ -234,99 +254,123 @@ fn fixed_fragments<'t>(
 
 /// How many fragments [`fixed_fragments`] has.
 fn fixed_count() -> usize {
-    fixed_fragments(&Tape::new(), None).unwrap().coverage.count()
+    fixed_fragments::<f64>(&Tape::new(), None).unwrap().coverage.count()
+}
+
+#[derive(Debug, Clone)]
+struct Interpolate {
+    indices: Option<Mesh>,
+}
+
+impl Subject for Interpolate {
+    fn apply<'t, T: Scalar>(
+        &self,
+        tape: &'t Tape<T>,
+        inputs: &[Var<'t, T>],
+    ) -> Result<Outcome<'t, T>, Refusal> {
+        let fragments = fixed_fragments(tape, Some(inputs[1]))?;
+        Ok(match &self.indices {
+            None => interpolate(inputs[0], &fragments)?.into(),
+            Some(indices) => interpolate_indexed(inputs[0], indices, &fragments)?.into(),
+        })
+    }
+}
+
+/// Leaves of these shapes.
+fn leaves(shapes: &[&[usize]]) -> BoxedStrategy<Vec<Input>> {
+    let tensors: Vec<_> = shapes.iter().map(|&axes| tensor(axes, number())).collect();
+    tensors.prop_map(|tensors| tensors.into_iter().map(Input::leaf).collect()).boxed()
 }
 
 #[test]
 fn interpolate_attributes_at_weights() {
+    let fragments = fixed_count();
     for channels in [1, 3, 9] {
-        let inputs = (numbers(&[4, channels]), numbers(&[fixed_count(), 2]))
-            .prop_map(|(attributes, uv)| vec![Input::leaf(attributes), Input::leaf(uv)]);
-        assert_gradients("interpolate", CASES, inputs, |tape, vars| -> Result<_, RenderError> {
-            let fragments = fixed_fragments(tape, Some(vars[1]))?;
-            Ok((vec![interpolate(vars[0], &fragments)?], ()))
-        });
+        let inputs = leaves(&[&[4, channels], &[fragments, 2]]);
+        let subject = Interpolate { indices: None };
+        check("interpolate", inputs.prop_map(move |inputs| Case::new(subject.clone(), inputs)));
+    }
+    // More attributes than vertices, one of them used by both faces, one by none, one twice.
+    let indices = Some(Mesh::new(vec![[5, 0, 2], [2, 3, 3]], 6).unwrap());
+    let (inputs, subject) = (leaves(&[&[6, 2], &[fragments, 2]]), Interpolate { indices });
+    let cases = inputs.prop_map(move |inputs| Case::new(subject.clone(), inputs));
+    check("interpolate with an index buffer of its own", cases);
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Resolve;
+
+impl Subject for Resolve {
+    /// Fragments' values, and perhaps a background: a colour or an image.
+    fn apply<'t, T: Scalar>(
+        &self,
+        tape: &'t Tape<T>,
+        inputs: &[Var<'t, T>],
+    ) -> Result<Outcome<'t, T>, Refusal> {
+        let background = match *inputs {
+            [_, background] if background.shape().rank() == 1 => Background::Color(background),
+            [_, background] => Background::Image(background),
+            _ => Background::Zero,
+        };
+        Ok(resolve(inputs[0], &fixed_fragments(tape, None)?, background)?.into())
     }
 }
 
 #[test]
-fn interpolate_with_an_index_buffer_of_its_own() {
-    // More attributes than vertices, one of them used by both faces, one by none, one twice.
-    let indices = Mesh::new(vec![[5, 0, 2], [2, 3, 3]], 6).unwrap();
-    let inputs = (numbers(&[6, 2]), numbers(&[fixed_count(), 2]))
-        .prop_map(|(attributes, uv)| vec![Input::leaf(attributes), Input::leaf(uv)]);
-    assert_gradients(
-        "interpolate_indexed",
-        CASES,
-        inputs,
-        |tape, vars| -> Result<_, RenderError> {
-            let fragments = fixed_fragments(tape, Some(vars[1]))?;
-            Ok((vec![interpolate_indexed(vars[0], &indices, &fragments)?], ()))
-        },
-    );
+fn resolve_before_every_background() {
+    let fragments = [fixed_count(), 2];
+    for background in [None, Some(&[2][..]), Some(&[4, 6, 2])] {
+        let shapes: Vec<&[usize]> = [&fragments[..]].into_iter().chain(background).collect();
+        check("resolve", leaves(&shapes).prop_map(|inputs| Case::new(Resolve, inputs)));
+    }
 }
 
-#[test]
-fn resolve_before_every_background() {
-    let values = || numbers(&[fixed_count(), 2]);
-    let alone = values().prop_map(|values| vec![Input::leaf(values)]);
-    assert_gradients("resolve", CASES, alone, |tape, vars| -> Result<_, RenderError> {
-        let fragments = fixed_fragments(tape, None)?;
-        Ok((vec![resolve(vars[0], &fragments, Background::Zero)?], ()))
-    });
-    for shape in [&[2][..], &[4, 6, 2]] {
-        let inputs =
-            (values(), numbers(shape)).prop_map(|(v, b)| vec![Input::leaf(v), Input::leaf(b)]);
-        assert_gradients(
-            "resolve before a background",
-            CASES,
-            inputs,
-            |tape, vars| -> Result<_, RenderError> {
-                let fragments = fixed_fragments(tape, None)?;
-                let background = match vars[1].shape().rank() {
-                    1 => Background::Color(vars[1]),
-                    _ => Background::Image(vars[1]),
-                };
-                Ok((vec![resolve(vars[0], &fragments, background)?], ()))
-            },
-        );
+#[derive(Debug)]
+struct Antialias {
+    scene: Scene,
+}
+
+impl Subject for Antialias {
+    /// Clip positions and an image.
+    fn apply<'t, T: Scalar>(
+        &self,
+        _tape: &'t Tape<T>,
+        inputs: &[Var<'t, T>],
+    ) -> Result<Outcome<'t, T>, Refusal> {
+        let fragments = rasterize(inputs[0], &self.scene.mesh, self.scene.size)?;
+        let blends = blends::blends(&fragments, &wide(inputs[0]));
+        let choices: Vec<_> = blends.iter().map(|blend| blend.choice()).collect();
+        let image = antialias(inputs[1], &fragments, inputs[0])?;
+        let ids = fragments.coverage.triangle_ids();
+        Ok(Outcome::from(image).with_state(ids).with_state(choices))
     }
 }
 
 #[test]
 fn antialias_an_image_along_moving_edges() {
-    for scenes in scenes() {
-        let Size { width, height } = scenes.size;
-        let inputs =
-            (scenes.inputs(), numbers(&[height, width, 2])).prop_map(|(mut inputs, image)| {
-                inputs.push(Input::leaf(image));
-                inputs
-            });
-        let name = format!("antialias, {}", scenes.name);
-        assert_gradients(&name, CASES, inputs, |_, vars| -> Result<_, RenderError> {
-            let clip = moved(vars);
-            let fragments = rasterize(clip, &scenes.mesh, scenes.size)?;
-            let blends = blends::blends(&fragments, &clip.value());
-            let choices: Vec<_> = blends.iter().map(|blend| blend.choice()).collect();
-            let image = antialias(vars[2], &fragments, clip)?;
-            Ok((vec![image], (fragments.coverage.triangle_ids(), choices)))
+    for (kind, scenes) in scenes() {
+        let cases = scenes.prop_flat_map(|scene| {
+            let Size { width, height } = scene.size;
+            image_of([height, width, 2]).prop_map(move |image| {
+                let inputs = [scene.clip.clone(), image].map(Input::leaf);
+                Case::new(Antialias { scene: scene.clone() }, inputs)
+            })
         });
+        check(&format!("antialias {kind}"), cases);
     }
 }
 
 #[test]
 fn antialias_is_the_sum_of_the_blends_of_its_definition() {
     let config = ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(200) };
-    for scenes in scenes() {
+    for (kind, scenes) in scenes() {
         let count = Cell::new(0);
         TestRunner::new_with_rng(config.clone(), TestRng::deterministic_rng(RngAlgorithm::ChaCha))
-            .run(&scenes.positions, |positions| {
+            .run(&scenes, |Scene { mesh, clip, size }| {
                 let tape = Tape::<f64>::new();
-                let vertices = scenes.mesh.vertex_count();
-                let clip = tape.leaf(&Tensor::new([vertices, 4], positions).unwrap());
-                let fragments = rasterize(clip, &scenes.mesh, scenes.size).unwrap();
-                let Size { width, height } = scenes.size;
-                let image = Tensor::from_fn([height, width, 1], motley);
+                let clip = tape.leaf(&clip);
+                let fragments = rasterize(clip, &mesh, size).unwrap();
+                let image = Tensor::from_fn([size.height, size.width, 1], motley);
                 let out = antialias(tape.leaf(&image), &fragments, clip).unwrap().value();
                 let mut expected = image.data().to_vec();
                 for blend in blends::blends(&fragments, &clip.value()) {
@@ -341,126 +385,221 @@ fn antialias_is_the_sum_of_the_blends_of_its_definition() {
                 Ok(())
             })
             .unwrap();
-        let pairs = scenes.size.pixels() > 1;
-        println!("{}: {} blends", scenes.name, count.get());
-        assert!(count.get() > 20 || !pairs, "{}: {} blends", scenes.name, count.get());
+        println!("{kind}: {} blends", count.get());
+        assert!(count.get() > 20, "{kind}: {} blends", count.get());
     }
 }
 
-/// Every kernel and border, with fixed radii that are smaller and larger than the image, and one
-/// by tolerance.
-fn blurs() -> Vec<Blur> {
-    let mut blurs = Vec::new();
-    for kernel in [Kernel::Seed, Kernel::Sampled] {
-        for border in [Border::Zero, Border::Mirror, Border::Clamp] {
-            for radius in [Radius::Fixed(2), Radius::Fixed(12), Radius::Tolerance(1e-4)] {
-                blurs.push(Blur { kernel, border, radius });
-            }
-        }
-    }
-    blurs
+#[derive(Debug)]
+struct GaussianBlur {
+    blur: Blur,
 }
 
-/// The number of taps of a window: the pixels that an impulse reaches.
-fn reach(sigma: Var<'_, f64>, blur: &Blur) -> Result<usize, RenderError> {
-    let impulse = Tensor::from_fn([1, 101, 1], |k| if k == 50 { 1.0 } else { 0.0 });
-    let image = sigma.tape().constant(&impulse);
+impl Subject for GaussianBlur {
+    /// An image and a sigma.
+    fn apply<'t, T: Scalar>(
+        &self,
+        _tape: &'t Tape<T>,
+        inputs: &[Var<'t, T>],
+    ) -> Result<Outcome<'t, T>, Refusal> {
+        let state = match self.blur.radius {
+            // Where the window is fixed, taps that are cut off as negligible are no kink.
+            Radius::Fixed(_) => 0,
+            Radius::Tolerance(_) => reach(inputs[1], &self.blur)?,
+        };
+        let image = gaussian_blur(inputs[0], inputs[1], &self.blur)?;
+        Ok(Outcome::from(image).with_state(state))
+    }
+}
+
+/// The number of taps of a window: the pixels that an impulse reaches. On a tape of its own, so
+/// that a refusal leaves the other as it was.
+fn reach<T: Scalar>(sigma: Var<'_, T>, blur: &Blur) -> Result<usize, RenderError> {
+    let tape = Tape::new();
+    let impulse = Tensor::from_fn([1, 201, 1], |k| T::from_f64(f64::from(u8::from(k == 100))));
     let blur = Blur { border: Border::Zero, ..*blur };
-    let out = gaussian_blur(image, sigma.detach(), &blur)?.value();
-    Ok(out.data().iter().filter(|&&entry| entry != 0.0).count())
+    let out = gaussian_blur(tape.constant(&impulse), tape.constant(&sigma.value()), &blur)?;
+    Ok(out.value().data().iter().filter(|&&entry| entry != T::ZERO).count())
 }
 
 #[test]
 fn gaussian_blur_of_an_image_by_a_sigma() {
-    for blur in blurs() {
-        for shape in [[5, 8, 2], [1, 1, 1], [1, 9, 1], [7, 1, 2]] {
-            let inputs = (numbers(&shape), 0.35..3.0).prop_map(|(image, sigma)| {
-                vec![Input::leaf(image), Input::leaf(Tensor::scalar(sigma))]
+    // Radii that are smaller and larger than the image, and one by tolerance.
+    for radius in [Radius::Fixed(2), Radius::Fixed(12), Radius::Tolerance(1e-4)] {
+        for kernel in [Kernel::Seed, Kernel::Sampled] {
+            let borders = select(&[Border::Zero, Border::Mirror, Border::Clamp][..]);
+            let cases = (borders, image(), sigma()).prop_map(move |(border, image, sigma)| {
+                // The seed kernel's gain at smaller ones is 1 / sigma^2.
+                let sigma = if kernel == Kernel::Seed { sigma.max(0.3) } else { sigma };
+                let inputs = [image, Tensor::scalar(sigma)].map(Input::leaf);
+                Case::new(GaussianBlur { blur: Blur { kernel, border, radius } }, inputs)
             });
-            let name = format!("{blur:?} of {shape:?}");
-            assert_gradients(&name, 4, inputs, |_, vars| -> Result<_, RenderError> {
-                // Where the window is fixed, taps that are cut off as negligible are no kink.
-                let state = match blur.radius {
-                    Radius::Fixed(_) => 0,
-                    Radius::Tolerance(_) => reach(vars[1], &blur)?,
-                };
-                Ok((vec![gaussian_blur(vars[0], vars[1], &blur)?], state))
-            });
+            let blur = Blur { kernel, border: Border::Mirror, radius };
+            let by = |sigma: Input| Case::new(GaussianBlur { blur }, [leaf([3, 3, 1], 0.5), sigma]);
+            let flat = [leaf([3, 3], 0.5), leaf([], 1.0)];
+            check_also(
+                Check::of_cases(format!("gaussian_blur, {kernel:?}, {radius:?}"), cases)
+                    .large(1, Just(large_blur(blur)))
+                    .refuses("a negative sigma", by(leaf([], -1.0)))
+                    .refuses("a sigma that is no number", by(leaf([], f64::NAN)))
+                    .refuses("two sigmas", by(leaf([2], 1.0)))
+                    .refuses("an image without channels", Case::new(GaussianBlur { blur }, flat)),
+            );
         }
+    }
+}
+
+/// An image that is blurred in several pieces.
+fn large_blur(blur: Blur) -> Case {
+    let image = Input::leaf(Tensor::from_fn([150, 130, 3], motley));
+    Case::new(GaussianBlur { blur }, [image, leaf([], 1.7)])
+}
+
+#[derive(Debug)]
+struct DepthOfField {
+    lens: Lens,
+}
+
+impl Subject for DepthOfField {
+    /// An image, its depths, an aperture and a focus.
+    fn apply<'t, T: Scalar>(
+        &self,
+        _tape: &'t Tape<T>,
+        inputs: &[Var<'t, T>],
+    ) -> Result<Outcome<'t, T>, Refusal> {
+        let focused = depth_of_field(inputs[0], inputs[1], inputs[2], inputs[3], &self.lens)?;
+        let (aperture, focus) = (wide(inputs[2]).item(), wide(inputs[3]).item());
+        let is_capped = |z: &f64| aperture * (1.0 - focus / z).abs() > self.lens.largest_sigma;
+        let capped: Vec<_> = wide(inputs[1]).data().iter().map(is_capped).collect();
+        Ok(Outcome::from(focused.image).with_state(capped))
     }
 }
 
 #[test]
 fn depth_of_field_of_an_image_by_its_depths_and_the_lens() {
+    // Windows that are smaller and larger than the image, and caps that some pixels reach.
     for (radius, largest_sigma) in
         [(Radius::Fixed(3), 32.0), (Radius::Fixed(12), 2.0), (Radius::Tolerance(1e-13), 1.5)]
     {
         let lens = Lens { radius, largest_sigma };
-        for shape in [[5, 8, 2], [1, 1, 1], [1, 9, 1]] {
-            let pixels = shape[0] * shape[1];
-            // Depths from far before the focus to far behind it, many of them near it.
-            let depth = prop_oneof![0.6..6.0, 1.9..2.1];
-            let lenses = (0.3..3.0, 1.8..2.2);
-            let inputs = (numbers(&shape), vec(depth, pixels), lenses).prop_map(
-                move |(image, depths, (aperture, focus))| {
-                    let depths = Tensor::new([shape[0], shape[1]], depths).unwrap();
-                    let numbers = [aperture, focus].map(Tensor::scalar);
-                    [image, depths].into_iter().chain(numbers).map(Input::leaf).collect()
-                },
-            );
-            let name = format!("{lens:?} of {shape:?}");
-            assert_gradients(&name, 4, inputs, |_, vars| -> Result<_, RenderError> {
-                let (aperture, focus) = (vars[2].item(), vars[3].item());
-                let sigmas = vars[1].value().map(|z| aperture * (1.0 - focus / z).abs());
-                let capped: Vec<_> = sigmas.data().iter().map(|&s| s > largest_sigma).collect();
-                let focused = depth_of_field(vars[0], vars[1], vars[2], vars[3], &lens)?;
-                assert_eq!(focused.capped, capped.iter().filter(|&&capped| capped).count());
-                Ok((vec![focused.image], capped))
-            });
-        }
+        let sizes = (1..6_usize, 2..7_usize);
+        let lenses = (0.5..3.0, 1.8..2.2);
+        // Depths from far before the focus to far behind it, some of them near it.
+        let depth = prop_oneof![4 => 0.7..6.0, 1 => 1.9..2.1];
+        let cases = (sizes, vec(number(), 72), vec(depth, 36), lenses).prop_map(
+            move |((height, width), colors, depths, (aperture, focus))| {
+                let inputs = [
+                    Tensor::from_fn([height, width, 2], |k| colors[k]),
+                    Tensor::from_fn([height, width], |k| depths[k]),
+                    Tensor::scalar(aperture),
+                    Tensor::scalar(focus),
+                ];
+                Case::new(DepthOfField { lens }, inputs.map(Input::leaf))
+            },
+        );
+        let by = |depth: Input, aperture: f64, focus: f64| {
+            let inputs = [leaf([3, 3, 1], 0.5), depth, leaf([], aperture), leaf([], focus)];
+            Case::new(DepthOfField { lens }, inputs)
+        };
+        check_also(
+            Check::of_cases(format!("depth_of_field, {radius:?}"), cases)
+                .large(1, Just(large_view(lens)))
+                .refuses("a negative depth", by(leaf([3, 3], -1.0), 1.0, 2.0))
+                .refuses("a negative aperture", by(leaf([3, 3], 1.0), -1.0, 2.0))
+                .refuses("a focus of 0", by(leaf([3, 3], 1.0), 1.0, 0.0))
+                .refuses("depths of another size", by(leaf([3, 2], 1.0), 1.0, 2.0)),
+        );
     }
+}
+
+/// An image that is gathered in several pieces.
+fn large_view(lens: Lens) -> Case {
+    let inputs = [
+        Tensor::from_fn([31, 27, 2], motley),
+        Tensor::from_fn([31, 27], |k| 2.0 + 0.9 * motley(3 * k)),
+        Tensor::scalar(1.1),
+        Tensor::scalar(2.0),
+    ];
+    Case::new(DepthOfField { lens }, inputs.map(Input::leaf))
+}
+
+#[derive(Debug)]
+struct Pipeline {
+    mesh: Mesh,
+    camera: [[f64; 4]; 4],
+    blur: Blur,
+    size: Size,
+}
+
+impl Subject for Pipeline {
+    /// Positions, rotation, translation, colours, background and sigma.
+    fn apply<'t, T: Scalar>(
+        &self,
+        _tape: &'t Tape<T>,
+        inputs: &[Var<'t, T>],
+    ) -> Result<Outcome<'t, T>, Refusal> {
+        let &[positions, rotation, translation, colors, background, sigma] = inputs else {
+            return Err("six inputs".into());
+        };
+        let camera = DMat4::from_cols_array_2d(&self.camera);
+        let clip = project(positions, &camera, Some(Pose { rotation, translation }))?;
+        let fragments = rasterize(clip, &self.mesh, self.size)?;
+        let blends = blends::blends(&fragments, &wide(clip));
+        let choices: Vec<_> = blends.iter().map(|blend| blend.choice()).collect();
+        let surface = interpolate(colors, &fragments)?;
+        let image = resolve(surface, &fragments, Background::Color(background))?;
+        let image = antialias(image, &fragments, clip)?;
+        let image = gaussian_blur(image, sigma, &self.blur)?;
+        let ids = fragments.coverage.triangle_ids();
+        Ok(Outcome::from(image.square()).with_state(ids).with_state(choices))
+    }
+}
+
+/// Pipelines of any closed mesh, camera and blur, on an image of one size.
+fn pipelines(size: Size) -> impl Strategy<Value = Case> {
+    let blurs = select(vec![
+        Blur { radius: Radius::Fixed(4), ..Blur::default() },
+        Blur { kernel: Kernel::Seed, border: Border::Zero, radius: Radius::Fixed(3) },
+        Blur { border: Border::Clamp, radius: Radius::Fixed(12), ..Blur::default() },
+    ]);
+    let view = (closed_mesh(), camera(), unit_quaternion(), blurs);
+    let looks = (vec(number(), 96), tensor([3], number()), tensor([3], number()), 0.4..2.0);
+    (view, looks).prop_map(move |((mesh, camera, q, blur), (colors, shift, back, sigma))| {
+        let vertices = mesh.positions.len();
+        let inputs = [
+            Tensor::from_fn([vertices, 3], |k| mesh.positions[k / 3][k % 3]),
+            Tensor::from_fn([4], |k| q[k]),
+            shift.map(|entry| 0.1 * entry),
+            Tensor::from_fn([vertices, 3], |k| colors[k]),
+            back,
+            Tensor::scalar(sigma),
+        ];
+        let mesh = Mesh::new(mesh.faces, vertices).unwrap();
+        Case::new(Pipeline { mesh, camera, blur, size }, inputs.map(Input::leaf))
+    })
 }
 
 #[test]
 fn the_whole_pipeline() {
-    let mesh = Mesh::new(CUBE.to_vec(), 8).unwrap();
-    let blurs = [
-        Blur { radius: Radius::Fixed(4), ..Blur::default() },
-        Blur { kernel: Kernel::Seed, border: Border::Zero, radius: Radius::Fixed(3) },
-        Blur { border: Border::Clamp, radius: Radius::Fixed(12), ..Blur::default() },
-    ];
-    for (blur, eye, near) in [
-        (blurs[0], DVec3::new(1.3, 1.0, 2.1), 0.1),
-        (blurs[1], DVec3::new(-1.3, 0.4, 1.5), 0.1),
-        (blurs[2], DVec3::new(0.6, 0.5, 0.9), 0.7),
-    ] {
-        let camera = camera(eye, near);
-        let fixed = (cube(0.15), numbers(&[4]), numbers(&[3]));
-        let inputs = (fixed, numbers(&[8, 3]), numbers(&[3]), 0.4..2.0).prop_map(
-            |((positions, turn, shift), colors, background, sigma)| {
-                let positions = Tensor::new([8, 3], positions).unwrap();
-                let turn = Tensor::from_fn([4], |k| 0.3 * turn.data()[k] + (k / 3) as f64);
-                let shift = Tensor::from_fn([3], |k| 0.2 * shift.data()[k]);
-                let mut inputs = Vec::new();
-                for tensor in [positions, turn, shift] {
-                    let shape = tensor.shape().clone();
-                    inputs.extend([Input::constant(tensor), Input::leaf(Tensor::zeros(&shape))]);
-                }
-                inputs.extend([colors, background, Tensor::scalar(sigma)].map(Input::leaf));
-                inputs
-            },
-        );
-        assert_gradients("the whole pipeline", 12, inputs, |_, vars| -> Result<_, RenderError> {
-            let [positions, rotation, translation] = [0, 2, 4].map(|k| moved(&vars[k..]));
-            let clip = project(positions, &camera, Some(Pose { rotation, translation }))?;
-            let fragments = rasterize(clip, &mesh, size(12, 9))?;
-            let blends = blends::blends(&fragments, &clip.value());
-            let choices: Vec<_> = blends.iter().map(|blend| blend.choice()).collect();
-            let surface = interpolate(vars[6], &fragments)?;
-            let image = resolve(surface, &fragments, Background::Color(vars[7]))?;
-            let image = antialias(image, &fragments, clip)?;
-            let image = gaussian_blur(image, vars[8], &blur)?;
-            Ok((vec![image.square()], (fragments.coverage.triangle_ids(), choices)))
-        });
+    let pipeline = Check::of_cases("the whole pipeline", pipelines(size(11, 8)));
+    check_also(pipeline.large(2, pipelines(size(190, 150))));
+}
+
+#[test]
+fn no_operation_is_forgotten() {
+    let source =
+        fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../crates/render-ops/src/lib.rs"));
+    let tests = include_str!("gradients_render.rs");
+    let source = source.unwrap();
+    let modules = source.lines().filter_map(|line| line.strip_prefix("pub use "));
+    let functions = modules.flat_map(|line| {
+        let names = line.split("::").last().unwrap_or("").trim_matches(|c| "{};".contains(c));
+        names.split(", ").map(str::to_owned).collect::<Vec<_>>()
+    });
+    let is_function = |name: &String| name.starts_with(|c: char| c.is_ascii_lowercase());
+    let functions: Vec<_> = functions.filter(is_function).collect();
+    assert!(functions.len() >= 7, "{functions:?}");
+    for function in functions {
+        assert!(tests.contains(&format!("{function}(inputs")), "{function} has no law");
     }
 }

@@ -1,7 +1,7 @@
 //! Antialiasing by its definition, one pair of neighbouring pixels after another: slow, plain, and
 //! independent of the implementation.
 
-use bokashi_core::Tensor;
+use bokashi_core::{Scalar, Tensor};
 use bokashi_render_ops::{Fragments, Size};
 
 /// One blend of neighbouring pixels.
@@ -27,7 +27,7 @@ impl Blend {
 }
 
 /// The blends of a picture of `fragments`, whose vertices are `clip: [V, 4]`.
-pub(crate) fn blends(fragments: &Fragments<'_, f64>, clip: &Tensor<f64>) -> Vec<Blend> {
+pub(crate) fn blends<T: Scalar>(fragments: &Fragments<'_, T>, clip: &Tensor<f64>) -> Vec<Blend> {
     let Size { width, height } = fragments.coverage.size();
     let mut blends = Vec::new();
     for row in 0..height {
@@ -44,13 +44,17 @@ pub(crate) fn blends(fragments: &Fragments<'_, f64>, clip: &Tensor<f64>) -> Vec<
     blends
 }
 
-fn blend(fragments: &Fragments<'_, f64>, clip: &Tensor<f64>, pair: [usize; 2]) -> Option<Blend> {
+fn blend<T: Scalar>(
+    fragments: &Fragments<'_, T>,
+    clip: &Tensor<f64>,
+    pair: [usize; 2],
+) -> Option<Blend> {
     let (coverage, depth) = (&fragments.coverage, fragments.depth.value());
     let Size { width, height } = coverage.size();
     let faces = coverage.mesh().faces();
     let [seen, beside] = pair.map(|pixel| {
         let fragment = coverage.fragment_at(pixel)?;
-        Some((coverage.faces()[fragment] as usize, depth.data()[fragment]))
+        Some((coverage.faces()[fragment] as usize, depth.data()[fragment].to_f64()))
     });
     let (face, covers_first) = match (seen, beside) {
         (None, None) => return None,

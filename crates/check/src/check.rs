@@ -19,19 +19,8 @@ const MOST_LEFT_OUT: f64 = 0.1;
 /// The other laws leave out a whole case where one of its entries is beside a kink.
 const MOST_CASES_LEFT_OUT: f64 = 0.5;
 
-/// A check in the making: a subject, a strategy for its inputs, and what else to try.
-///
-/// ```
-/// use bokashi_check::{Check, Input, strategy, subject};
-/// use proptest::strategy::Strategy;
-///
-/// subject!(Product: |x| x[0].try_mul(x[1])?);
-///
-/// let factor = || strategy::tensor([2, 3], strategy::number()).prop_map(Input::leaf);
-/// let inputs = (factor(), factor()).prop_map(|(x, y)| vec![x, y]);
-/// let report = Check::new("product", Product, inputs).cases(8).assert();
-/// println!("{report}");
-/// ```
+/// A check in the making: a subject, a strategy for its inputs, and what else to try. See the
+/// [crate] for an example.
 #[derive(Debug, Clone)]
 pub struct Check {
     name: String,
@@ -213,6 +202,7 @@ impl Check {
             let Tally { compared, left_out, .. } = tally;
             let (share, most) = match law {
                 Law::Differences => (tally.share_left_out(), MOST_LEFT_OUT),
+                Law::Curvature => (tally.share_left_out(), MOST_CASES_LEFT_OUT),
                 _ => (left_out as f64 / f64::from(self.cases), MOST_CASES_LEFT_OUT),
             };
             if share > most || (compared == 0 && law != Law::Refusals && law != Law::Threads) {

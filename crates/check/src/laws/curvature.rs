@@ -7,7 +7,7 @@
 use bokashi_core::Tensor;
 
 use super::adjoint::{direction, is_smooth, rounding};
-use super::differences::{Quotient, richardson};
+use super::differences::{Quotient, on_stencil, richardson};
 use crate::failure::{Broken, differentiated, entry};
 use crate::run::{Point, along, dot, largest, parts, run};
 use crate::trial::{NEGLIGIBLE, ROUNDINGS, Tally, Trial};
@@ -72,41 +72,36 @@ fn products(trial: &Trial, v: &[Tensor<f64>]) -> Result<Vec<Option<Tensor<f64>>>
     Ok(run.gradients.iter().map(|gradient| gradient.as_ref().map(|g| parts(g).1)).collect())
 }
 
-/// The gradient's quotients along `v`, for every entry of input `i`.
+/// The gradient's quotients along `v`, for every entry of input `i`, with the first step that will
+/// do, or else the one with the smallest bar.
 fn quotients(trial: &Trial, v: &[Tensor<f64>], i: usize, size: f64) -> Option<Vec<Quotient>> {
-    let mut best: Option<Vec<Quotient>> = None;
-    let bar = |all: &[Quotient]| all.iter().fold(0.0, |bar: f64, q| bar.max(q.bar));
+    let gradient_at = |h: f64| -> Option<Tensor<f64>> {
+        let along = |((x, needs), v): (&(Tensor<f64>, bool), &Tensor<f64>)| {
+            (Tensor::from_fn(x.shape(), |k| x.data()[k] + h * v.data()[k]), *needs)
+        };
+        let point: Point<f64> = trial.point.iter().zip(v).map(along).collect();
+        let run = run(&*trial.case.subject, &point, &trial.upstream).ok()?;
+        if run.state == trial.nominal.state { run.gradients.into_iter().nth(i)? } else { None }
+    };
+    let largest = |numbers: &[Quotient], number: fn(&Quotient) -> f64| {
+        numbers.iter().fold(0.0, |largest: f64, quotient| largest.max(number(quotient).abs()))
+    };
+    let rounding = ROUNDINGS * f64::EPSILON * size;
+    let mut best: Option<(f64, Vec<Quotient>)> = None;
     for step in STEPS {
-        let at = |h: f64| -> Option<Tensor<f64>> {
-            let moved: Point<f64> = trial
-                .point
-                .iter()
-                .zip(v)
-                .map(|((x, needs), v)| {
-                    let entry = |k: usize| x.data()[k] + h * v.data()[k];
-                    (Tensor::from_fn(x.shape(), entry), *needs)
-                })
-                .collect();
-            let run = run(&*trial.case.subject, &moved, &trial.upstream).ok()?;
-            (run.state == trial.nominal.state).then_some(run.gradients[i].clone()?)
-        };
-        let stencil = [step, -step, 0.5 * step, -0.5 * step].map(at);
-        let [Some(a), Some(b), Some(c), Some(d)] = stencil else { continue };
-        let rounding = ROUNDINGS * f64::EPSILON * size;
-        let quotient = |k: usize| {
-            let values = [(step, &a), (-step, &b), (0.5 * step, &c), (-0.5 * step, &d)];
-            let at = |h: f64| values.iter().find(|(at, _)| *at == h).map(|(_, g)| g.data()[k]);
-            richardson(step, rounding, at).expect("the stencil is defined")
-        };
-        let new: Vec<_> = (0..a.size()).map(quotient).collect();
-        let largest = new.iter().fold(0.0, |largest: f64, q| largest.max(q.value.abs()));
-        let sharp = bar(&new) <= SHARP * largest || bar(&new) <= SHARP * NEGLIGIBLE * size;
-        if best.as_ref().is_none_or(|best| bar(&new) < bar(best)) {
-            best = Some(new);
+        let Some(gradients) = on_stencil(step, gradient_at) else { continue };
+        let entry = |k: usize| gradients.each_ref().map(|gradient| gradient.data()[k]);
+        let new: Vec<_> =
+            (0..gradients[0].size()).map(|k| richardson(step, rounding, entry(k))).collect();
+        let bar = largest(&new, |quotient| quotient.bar);
+        let is_sharp =
+            bar <= SHARP * largest(&new, |q| q.value) || bar <= SHARP * NEGLIGIBLE * size;
+        if best.as_ref().is_none_or(|&(best, _)| bar < best) {
+            best = Some((bar, new));
         }
-        if sharp {
+        if is_sharp {
             break;
         }
     }
-    best
+    best.map(|(_, quotients)| quotients)
 }

@@ -11,11 +11,14 @@
 //!
 //! Steps become shorter until the discrete state is the same on the whole stencil and the bar is
 //! a millionth. An entry for which no step will do is left out: where the state changes however
-//! short the step, or the bar stays above `VAGUE` of the scale.
+//! short the step, or the bar stays above `VAGUE` of the scale and above the unit roundoff of a slope
+//! of 1.
 //!
 //! # Source
 //! The noise level: Moré and Wild, *Estimating computational noise*, SIAM Journal on Scientific
 //! Computing 33, 2011.
+
+use bokashi_core::Tensor;
 
 use super::adjoint::{direction, moved};
 use crate::failure::{Broken, differentiated, entry};
@@ -33,7 +36,7 @@ const VAGUE: f64 = 1e-3;
 /// smooth function, 1e-21 of its third derivative, is below any rounding.
 const NOISE_STEP: f64 = 1e-7;
 /// Errors this many standard deviations large are rare in a quotient of four values.
-const NOISE_MARGIN: f64 = 8.0;
+const NOISE_MARGIN: f64 = 12.0;
 /// Entries looked at per input; of a larger one, as many, evenly spread.
 const MOST_ENTRIES: usize = 160;
 
@@ -44,22 +47,26 @@ pub(crate) struct Quotient {
     pub(crate) bar: f64,
 }
 
-/// Richardson's pair for the slope of `f` at 0, where `f` is defined on the stencil. `rounding` is
-/// the error of a value of `f`.
-pub(crate) fn richardson(
-    step: f64,
-    rounding: f64,
-    mut f: impl FnMut(f64) -> Option<f64>,
-) -> Option<Quotient> {
-    let mut central = |h: f64| Some((f(h)? - f(-h)?) / (2.0 * h));
-    let (wide, narrow) = (central(step)?, central(0.5 * step)?);
+/// Richardson's pair for the slope at 0, from the values at `step`, `-step`, `step / 2` and
+/// `-step / 2`, each in error by `rounding`.
+pub(crate) fn richardson(step: f64, rounding: f64, values: [f64; 4]) -> Quotient {
+    let [above, below, half_above, half_below] = values;
+    let (wide, narrow) = ((above - below) / (2.0 * step), (half_above - half_below) / step);
     let value = (4.0 * narrow - wide) / 3.0;
-    Some(Quotient { value, bar: (value - narrow).abs() + rounding / step })
+    Quotient { value, bar: (value - narrow).abs() + rounding / step }
+}
+
+/// The values of `f` for [`richardson`], where it has all of them.
+pub(crate) fn on_stencil<R>(step: f64, f: impl FnMut(f64) -> Option<R>) -> Option<[R; 4]> {
+    let offsets = [step, -step, 0.5 * step, -0.5 * step];
+    let values: Option<Vec<R>> = offsets.into_iter().map(f).collect();
+    values?.try_into().ok()
 }
 
 pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
     let mut tally = Tally::default();
     let size = trial.size();
+    let upstream_size: f64 = trial.upstream.iter().flat_map(Tensor::data).map(|u| u.abs()).sum();
     let rounding = (ROUNDINGS * f64::EPSILON * size).max(NOISE_MARGIN * noise_level(trial));
     for (i, gradient) in trial.gradients() {
         let stride = gradient.size().div_ceil(MOST_ENTRIES).max(1);
@@ -67,8 +74,10 @@ pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
         let quotients: Vec<_> = entries().map(|k| quotient(trial, i, k, size, rounding)).collect();
         let references = quotients.iter().flatten().map(|quotient| quotient.value.abs());
         let scale = references.fold(largest(gradient).max(NEGLIGIBLE * size), f64::max);
+        // Where all of a gradient is 0, a bar below the rounding of slopes of 1 still says so.
+        let vague = (VAGUE * scale).max(f64::EPSILON * upstream_size);
         for (k, quotient) in entries().zip(quotients) {
-            let Some(Quotient { value, bar }) = quotient.filter(|q| q.bar <= VAGUE * scale) else {
+            let Some(Quotient { value, bar }) = quotient.filter(|q| q.bar <= vague) else {
                 tally.left_out += 1;
                 continue;
             };
@@ -94,7 +103,7 @@ fn value(trial: &Trial, point: &Point<f64>) -> Option<f64> {
 /// The standard deviation of the rounding of `F`: third differences over steps so short that a
 /// smooth function has none to speak of. 0 where `F` is not smooth so close to the point.
 fn noise_level(trial: &Trial) -> f64 {
-    const POINTS: usize = 7;
+    const POINTS: usize = 13;
     let direction = direction(trial, 701);
     let at = |k: usize| value(trial, &moved(trial, &direction, k as f64 * NOISE_STEP));
     let Some(mut differences) = (0..POINTS).map(at).collect::<Option<Vec<f64>>>() else {
@@ -122,7 +131,8 @@ fn quotient(trial: &Trial, i: usize, k: usize, size: f64, rounding: f64) -> Opti
     for step in STEPS {
         // A power of two, so that x + h - x is h but for the rounding of x + h itself.
         let step = (step * x.abs().max(1.0)).log2().floor().exp2();
-        let Some(new) = richardson(step, rounding, |h| at(x + h)) else { continue };
+        let Some(values) = on_stencil(step, |h| at(x + h)) else { continue };
+        let new = richardson(step, rounding, values);
         if best.is_none_or(|best| new.bar < best.bar) {
             best = Some(new);
         }
