@@ -2,8 +2,8 @@
 
 use bokashi_core::{Scalar, Tape, Tensor};
 use bokashi_render_ops::{
-    Background, Blur, Mesh, Pose, RenderError, Size, antialias, gaussian_blur, interpolate,
-    project, rasterize, resolve,
+    Background, Blur, Lens, Mesh, Pose, RenderError, Size, antialias, depth_of_field,
+    gaussian_blur, interpolate, project, rasterize, resolve,
 };
 use glam::dcamera::rh::proj::opengl::perspective;
 use rayon::ThreadPoolBuilder;
@@ -158,4 +158,27 @@ fn a_second_backward_pass_gives_the_same_bits() {
         [clip, colors, sigma].map(|leaf| gradients.get(leaf).unwrap().clone())
     };
     assert!(pass() == pass());
+}
+
+#[test]
+fn depth_of_field_gives_the_same_bits_on_any_number_of_threads() {
+    let run = |threads: usize| {
+        let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let tape = Tape::<f32>::new();
+            let number = |k: usize| ((k * 7919 + 13) % 1009) as f32 / 1009.0;
+            let image = tape.leaf(&Tensor::from_fn([37, 53, 3], number));
+            let depth = tape.leaf(&Tensor::from_fn([37, 53], |k| 0.5 + 4.0 * number(3 * k)));
+            let (aperture, focus) = (tape.scalar(1.3), tape.scalar(2.0));
+            let lens = Lens::default();
+            let out = depth_of_field(image, depth, aperture, focus, &lens).unwrap().image;
+            let gradients = out.square().sum().backward().unwrap();
+            let leaves = [image, depth, aperture, focus];
+            (out.value(), leaves.map(|leaf| gradients.get(leaf).unwrap().clone()))
+        })
+    };
+    let alone = run(1);
+    for threads in [2, 4, 8] {
+        assert!(run(threads) == alone, "{threads} threads");
+    }
 }

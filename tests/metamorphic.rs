@@ -255,6 +255,42 @@ proptest! {
     }
 
     #[test]
+    fn views_on_one_tape_are_the_views_one_by_one(scene in scenes(), turns in vec(0.0..6.0, 2)) {
+        // The same vertices and colours seen from several sides, in one recording and in a loop.
+        let turned = |angle: f64| -> [f64; 16] {
+            let (sin, cos) = f64::sin_cos(angle);
+            [cos, sin, 0., 0., -sin, cos, 0., 0., 0., 0., 1., 0., 0., 0., 0., 1.]
+        };
+        let views: Vec<_> =
+            turns.iter().map(|&angle| Tensor::new([4, 4], turned(angle).to_vec()).unwrap()).collect();
+        let run = |views: &[Tensor<f64>]| -> (Vec<f64>, [Tensor<f64>; 2]) {
+            let tape = Tape::new();
+            let [positions, colors] = scene.leaves(&tape);
+            let images: Vec<_> = views
+                .iter()
+                .map(|view| {
+                    let clip = positions.matmul(tape.constant(view)).unwrap();
+                    scene.image(clip, colors, true)
+                })
+                .collect();
+            let losses = images.iter().map(|image| image.square().sum());
+            let loss = losses.reduce(|sum, loss| sum + loss).unwrap();
+            let gradients = loss.backward().unwrap();
+            let images = images.iter().flat_map(|image| image.value().data().to_vec()).collect();
+            (images, [positions, colors].map(|leaf| gradients.get_or_zeros(leaf)))
+        };
+        let (images, bars) = run(&views);
+        let each: Vec<_> = views.chunks(1).map(run).collect();
+        let one_by_one: Vec<_> = each.iter().flat_map(|(images, _)| images.clone()).collect();
+        prop_assert_eq!(images, one_by_one);
+        for (k, bar) in bars.iter().enumerate() {
+            // Up to the order in which the terms are added.
+            let sums = each[0].1[k].data().iter().zip(each[1].1[k].data()).map(|(a, b)| a + b);
+            assert_close(bar.data(), &sums.collect::<Vec<_>>(), 1e-11)?;
+        }
+    }
+
+    #[test]
     fn an_upstream_gradient_of_zero_gives_zeros(scene in scenes()) {
         let rendered = scene.rendered(|_, _| 0.0);
         prop_assert!(rendered.clip_bar.iter().chain(&rendered.color_bar).all(|&bar| bar == 0.0));

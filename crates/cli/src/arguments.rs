@@ -35,6 +35,11 @@ pub(crate) enum Command {
     /// 4. With the paper's learning rates, and with tuned ones for 5.1 (32 px, antialias) and 5.3.
     /// Then, once, in f64: what other choices do where the paper leaves one open.
     Reproduce(ReproduceArguments),
+    /// The grid of extreme cases, in f32 and f64: what has to come out, and what does.
+    ///
+    /// Prints a row per case and precision, with the measured error and its bound; ends with
+    /// status 1 if any of them fails.
+    Stability(StabilityArguments),
 }
 
 /// The options of every command.
@@ -107,11 +112,25 @@ pub(crate) struct ReproduceArguments {
     pub(crate) common: Common,
 }
 
+/// The options of `stability`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct StabilityArguments {
+    /// File for the rows as a JSON list; - for standard output, and then nothing else there
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
+    /// Folder of the report to add a page to [default: no page]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Threads [default: one per core]; results are the same bits for any number
+    #[arg(long, value_name = "N", value_parser = threads)]
+    pub(crate) threads: Option<usize>,
+}
+
 impl Request {
-    /// The options that every command has.
+    /// The options that every command of fits has.
     pub(crate) fn common(&self) -> &Common {
         match &self.command {
-            None => &self.common,
+            None | Some(Command::Stability(_)) => &self.common,
             Some(Command::Fit(fit)) => &fit.common,
             Some(Command::Reproduce(reproduce)) => &reproduce.common,
         }
@@ -120,8 +139,9 @@ impl Request {
     /// Where the report goes; `None`: there is none.
     pub(crate) fn out(&self) -> Option<PathBuf> {
         let out = self.common().out.clone();
-        match self.command {
+        match &self.command {
             Some(Command::Fit(_)) => out,
+            Some(Command::Stability(stability)) => stability.out.clone(),
             _ => Some(out.unwrap_or_else(|| "out".into())),
         }
     }
@@ -130,6 +150,7 @@ impl Request {
     pub(crate) fn json(&self) -> Option<&PathBuf> {
         match &self.command {
             Some(Command::Fit(fit)) => fit.json.as_ref(),
+            Some(Command::Stability(stability)) => stability.json.as_ref(),
             _ => None,
         }
     }
@@ -139,6 +160,14 @@ impl Request {
         match &self.command {
             Some(Command::Fit(fit)) => fit.save.as_ref(),
             _ => None,
+        }
+    }
+
+    /// How many threads to compute with; `None`: one per core.
+    pub(crate) fn threads(&self) -> Option<usize> {
+        match &self.command {
+            Some(Command::Stability(stability)) => stability.threads,
+            _ => self.common().threads,
         }
     }
 }
@@ -314,6 +343,15 @@ mod tests {
     }
 
     #[test]
+    fn the_grid_writes_nothing_unless_asked() {
+        let request = read("stability").expect("nothing is needed");
+        assert_eq!((request.out(), request.json(), request.threads()), (None, None, None));
+        let request = read("stability --json - --out a --threads 3").expect("all of them");
+        assert_eq!((request.out(), request.json()), (Some("a".into()), Some(&"-".into())));
+        assert_eq!(request.threads(), Some(3));
+    }
+
+    #[test]
     fn bad_use_is_one_line_that_says_what_is_allowed() {
         let table = [
             ("fit --experiment all", "'all'", "[possible values: vertices, sigma, joint]"),
@@ -332,6 +370,8 @@ mod tests {
             ("fit --save a --save-every 0", "'0'", "needs a whole number from 1 to 10000000"),
             ("fit --seed 0.5", "'0.5'", "needs a whole number from 0 to"),
             ("fit --threads 0", "'0'", "needs a whole number from 1 to 1024"),
+            ("stability --threads 0", "'0'", "needs a whole number from 1 to 1024"),
+            ("stability --steps 3", "'--steps'", "--help"),
             ("reproduce --seeds 0", "'0'", "needs a whole number from 1 to 1000"),
             ("fit --steps", "a value is required", "--steps <N>"),
             ("fit --stepz 3", "'--stepz'", "'--steps'"),
@@ -349,7 +389,16 @@ mod tests {
 
     #[test]
     fn help_and_version_are_no_failures() {
-        for line in ["--help", "-h", "--version", "-V", "help", "fit --help", "reproduce -h"] {
+        for line in [
+            "--help",
+            "-h",
+            "--version",
+            "-V",
+            "help",
+            "fit --help",
+            "reproduce -h",
+            "stability --help",
+        ] {
             let Err(Stopped::Shown(text)) = read(line) else { panic!("{line}") };
             assert!(text.contains("bokashi"), "{line}: {text}");
         }

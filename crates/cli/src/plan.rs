@@ -99,6 +99,7 @@ fn experiments(request: &Request) -> Vec<CubeSettings> {
                 ..settings
             }]
         }
+        Some(Command::Stability(_)) => Vec::new(),
         Some(Command::Reproduce(reproduce)) => {
             let mut all = Vec::new();
             for (resolution, antialias) in

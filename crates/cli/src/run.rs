@@ -14,10 +14,11 @@ use crate::arguments::{Command, Request};
 use crate::failure::{Failure, INTERRUPTED};
 use crate::plan::{Planned, plan};
 use crate::progress::{Bar, name};
+use crate::stability;
 use crate::summary::Summary;
 
 /// Held while files are written: a program that is interrupted finishes them first.
-type Writing = Arc<Mutex<()>>;
+pub(crate) type Writing = Arc<Mutex<()>>;
 
 /// Set by the first interrupt of a fit that is saved: it then ends at its next step.
 type Interrupt = Arc<AtomicBool>;
@@ -34,20 +35,30 @@ pub(crate) fn run(request: &Request) -> Result<(), Failure> {
     if let Some(file) = request.save() {
         check_file(file, "--save")?;
     }
-    let plan = plan(request)?;
-    let (writing, interrupt) = (Writing::default(), Interrupt::default());
-    end_when_interrupted(&writing, request.save().map(|_| &interrupt))?;
-    let fit_all = || fit_all(request, &plan, &writing, &interrupt);
-    match request.common().threads {
-        None => fit_all(),
-        Some(threads) => {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-            let pool = pool.map_err(|error| {
-                Failure::Work(format!("{threads} threads could not be started: {error}"))
-            })?;
-            pool.install(fit_all)
-        }
+    let writing = Writing::default();
+    let Some(threads) = request.threads() else { return work(request, &writing) };
+    let builder = rayon::ThreadPoolBuilder::new().num_threads(threads);
+    let failed = |error: rayon::ThreadPoolBuildError| {
+        Failure::Work(format!("{threads} threads could not be started: {error}"))
+    };
+    if let Some(Command::Stability(_)) = request.command {
+        // Its cases run in threads of their own, which see the global pool alone.
+        builder.build_global().map_err(failed)?;
+        return work(request, &writing);
     }
+    builder.build().map_err(failed)?.install(|| work(request, &writing))
+}
+
+/// Does what the command says.
+fn work(request: &Request, writing: &Writing) -> Result<(), Failure> {
+    if let Some(Command::Stability(_)) = request.command {
+        end_when_interrupted(writing, None)?;
+        return stability::run(request, writing);
+    }
+    let plan = plan(request)?;
+    let interrupt = Interrupt::default();
+    end_when_interrupted(writing, request.save().map(|_| &interrupt))?;
+    fit_all(request, &plan, writing, &interrupt)
 }
 
 /// Every fit, one after the other, so that none disturbs another's times.
@@ -176,7 +187,7 @@ fn about() -> About {
 }
 
 /// Whether `--json` names standard output.
-fn is_standard_output(file: &Path) -> bool {
+pub(crate) fn is_standard_output(file: &Path) -> bool {
     file == Path::new("-")
 }
 
@@ -213,7 +224,7 @@ pub(crate) fn say(text: &str) -> Result<(), Failure> {
     say_bytes(text.as_bytes())
 }
 
-fn say_bytes(bytes: &[u8]) -> Result<(), Failure> {
+pub(crate) fn say_bytes(bytes: &[u8]) -> Result<(), Failure> {
     let mut output = io::stdout().lock();
     match output.write_all(bytes).and_then(|()| output.flush()) {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {

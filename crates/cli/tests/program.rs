@@ -121,6 +121,46 @@ fn the_same_seed_gives_the_same_bits_for_any_number_of_threads() {
 }
 
 #[test]
+fn the_grid_is_printed_with_errors_and_bounds_and_added_to_a_report() {
+    let folder = folder();
+    let output = bokashi(folder.path(), "stability --out made --json grid.json --threads 2");
+    let said = text(&output.stdout);
+    assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), String::new()), "{said}");
+    assert!(said.contains("ok    2 f64 empty image"), "{said}");
+    assert!(said.contains("error 0.0e0, bound 0.0e0") && said.contains(" passed, 0 failed"));
+    assert!(said.lines().all(|line| line.chars().count() <= 80), "{said}");
+    assert_eq!(files(folder.path()), ["grid.json", "made/stability.html"]);
+    let json = fs::read(folder.path().join("grid.json")).expect("a file");
+    let rows: Value = serde_json::from_slice(&json).expect("a list");
+    let rows = rows.as_array().expect("a list");
+    assert_eq!(rows.len(), said.lines().filter(|line| line.starts_with("ok ")).count());
+    for precision in ["f32", "f64"] {
+        let cases = rows.iter().filter(|row| row["precision"] == precision);
+        let cases: Vec<u64> = cases.filter_map(|row| row["case"].as_u64()).collect();
+        assert!((1..=50).all(|case| cases.contains(&case)));
+    }
+    let page = fs::read_to_string(folder.path().join("made/stability.html")).expect("a page");
+    assert!(page.contains("fan of 512 faces") && page.contains("each pixel once"));
+    for loads in ["<script", "src=\"http", "href=\"http", "url(", "@import", "<link"] {
+        assert!(!page.contains(loads), "{loads}");
+    }
+}
+
+#[test]
+fn the_grid_as_json_on_standard_output_is_alone_there() {
+    let folder = folder();
+    let output = bokashi(folder.path(), "stability --json -");
+    assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), String::new()));
+    let rows: Value = serde_json::from_slice(&output.stdout).expect("one list");
+    let row = rows[0].as_object().expect("objects");
+    let mut keys: Vec<_> = row.keys().map(String::as_str).collect();
+    keys.sort_unstable();
+    let expected = ["bound", "case", "error", "expected", "name", "outcome", "pass", "precision"];
+    assert_eq!(keys, expected);
+    assert!(files(folder.path()).is_empty());
+}
+
+#[test]
 fn bad_use_is_status_2_and_one_line() {
     let folder = folder();
     fs::write(folder.path().join("file"), "mine").expect("a file");
@@ -139,6 +179,9 @@ fn bad_use_is_status_2_and_one_line() {
         ("fit --steps 1 --out file", "--out"),
         ("fit --steps 1 --out file/below", "--out"),
         ("--steps 1 --out file", "--out"),
+        ("stability --out file", "--out"),
+        ("stability --json .", "--json"),
+        ("stability --threads 0", "from 1"),
         ("fit --steps 1 --json .", "--json"),
         ("fit --steps 1 --json no/such/folder.json", "--json"),
         ("fit --steps 1 --json file/below", "--json"),

@@ -11,9 +11,12 @@ pub struct Shape(SmallVec<[usize; 4]>);
 
 impl Shape {
     /// The number of entries: the product of the extents, 1 for a scalar.
+    ///
+    /// # Panics
+    /// Where it does not fit an index.
     pub fn size(&self) -> usize {
-        // An extent of 0 first: the product of the others need not fit.
-        if self.0.contains(&0) { 0 } else { self.0.iter().product() }
+        let size = self.checked_size();
+        size.unwrap_or_else(|| panic!("a shape needs fewer entries than fit an index, got {self}"))
     }
 
     /// [`Shape::size`], or `None` where it does not fit a `usize`.
@@ -177,6 +180,18 @@ mod tests {
             assert_eq!(shape(left).broadcast(&shape(right)), expected.map(shape));
             assert_eq!(shape(right).broadcast(&shape(left)), expected.map(shape));
         }
+    }
+
+    #[test]
+    #[should_panic(expected = "fewer entries than fit an index, got [4294967296, 4294967296]")]
+    fn a_size_beyond_any_index_never_wraps_around() {
+        let _ = shape(&[1 << 32, 1 << 32]).size();
+    }
+
+    #[test]
+    fn a_shape_without_entries_is_whole_however_large_its_axes() {
+        let none = shape(&[0, 1 << 40, 1 << 40]);
+        assert_eq!((none.size(), none.strides_in(&none).len()), (0, 3));
     }
 
     #[test]

@@ -28,6 +28,9 @@ impl<T: Scalar> Tensor<T> {
     }
 
     /// The array of `shape` whose k-th entry in row-major order is `entry(k)`.
+    ///
+    /// # Panics
+    /// Where the shape has more entries than fit an index.
     pub fn from_fn(shape: impl Into<Shape>, entry: impl FnMut(usize) -> T) -> Self {
         let shape = shape.into();
         let data = (0..shape.size()).map(entry).collect();

@@ -43,7 +43,8 @@ pub enum Schedule {
 }
 
 impl Schedule {
-    /// The factor of step `step`, counted from 0.
+    /// The factor of step `step`, counted from 0; NaN for a period of no steps, which
+    /// [`Schedule::check`] refuses.
     pub fn factor(&self, step: u64) -> f64 {
         match *self {
             Self::Constant => 1.0,
@@ -54,6 +55,7 @@ impl Schedule {
             }
             Self::Polynomial { steps, .. } if step >= steps => 0.0,
             Self::Polynomial { steps, power } => ((steps - step) as f64 / steps as f64).powf(power),
+            Self::Exponential { steps: 0, .. } | Self::Step { steps: 0, .. } => f64::NAN,
             Self::Exponential { steps, factor } => factor.powf(step as f64 / steps as f64),
             Self::Step { steps, factor } => factor.powf((step / steps) as f64),
         }
@@ -132,6 +134,8 @@ mod tests {
         assert_eq!(floor, Err("schedule needs a floor from 0 to 1, got 1.5".into()));
         let steps = message(Schedule::Step { steps: 0, factor: 0.5 });
         assert_eq!(steps, Err("schedule needs a period of at least 1 step, got 0".into()));
+        assert!(Schedule::Step { steps: 0, factor: 0.5 }.factor(3).is_nan());
+        assert!(Schedule::Exponential { steps: 0, factor: 0.5 }.factor(3).is_nan());
         let factor = message(Schedule::Exponential { steps: 1, factor: f64::NAN });
         assert_eq!(factor, Err("schedule needs a factor above 0 and up to 1, got NaN".into()));
     }

@@ -113,4 +113,22 @@ pub enum RenderError {
         /// The value given.
         value: f64,
     },
+
+    /// A depth that nothing in front of the eye has.
+    #[error("depth_of_field needs depths from 0 up, got {depth} at pixel {pixel}")]
+    Depth {
+        /// The pixel, `row * width + column`.
+        pixel: usize,
+        /// The depth given.
+        depth: f64,
+    },
+
+    /// A lens that the depth of field is not defined for.
+    #[error("depth_of_field needs {rule}, got {value}")]
+    BadLens {
+        /// The rule.
+        rule: &'static str,
+        /// The value given.
+        value: f64,
+    },
 }

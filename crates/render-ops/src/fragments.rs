@@ -6,13 +6,17 @@
 use std::fmt;
 use std::sync::Arc;
 
-use bokashi_core::{Scalar, Var};
+use bokashi_core::{Scalar, Tape, TensorError, Var};
 
+use crate::error::RenderError;
 use crate::mesh::Mesh;
 use crate::size::Size;
 
 /// What [`rasterize`](crate::rasterize()) gives: N covered samples in the order of their pixels,
 /// row by row from the top.
+///
+/// The fields can be exchanged for others of the same shape on the same tape; operations refuse
+/// all else.
 #[derive(Clone)]
 pub struct Fragments<'t, T: Scalar> {
     /// The perspective-correct weights of each fragment's face's vertices 0 and 1; that of
@@ -28,6 +32,35 @@ pub struct Fragments<'t, T: Scalar> {
 impl<T: Scalar> fmt::Debug for Fragments<'_, T> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Fragments").field("coverage", &self.coverage).finish_non_exhaustive()
+    }
+}
+
+impl<'t, T: Scalar> Fragments<'t, T> {
+    /// The coverage, where the fragments are whole and on `tape`.
+    ///
+    /// # Errors
+    /// [`TensorError::ForeignVariable`] for fragments of another tape; [`RenderError::Shape`] for
+    /// barycentrics or depths that are not one row per fragment.
+    pub(crate) fn checked_coverage(
+        &self,
+        operation: &'static str,
+        tape: &'t Tape<T>,
+    ) -> Result<Arc<Coverage>, RenderError> {
+        let variables = [self.barycentrics, self.depth];
+        if variables.iter().any(|variable| !std::ptr::eq(variable.tape(), tape)) {
+            return Err(TensorError::ForeignVariable { operation }.into());
+        }
+        let count = self.coverage.count();
+        let refused = |rule: String, variable: Var<'t, T>| {
+            Err(RenderError::Shape { operation, rule, shape: variable.shape() })
+        };
+        if *self.barycentrics.shape() != [count, 2] {
+            return refused(format!("barycentrics of shape [{count}, 2]"), self.barycentrics);
+        }
+        if *self.depth.shape() != [count] {
+            return refused(format!("depths of shape [{count}]"), self.depth);
+        }
+        Ok(Arc::clone(&self.coverage))
     }
 }
 
@@ -82,9 +115,9 @@ impl Coverage {
         &self.pixels
     }
 
-    /// The fragment of `pixel`, where it is covered.
+    /// The fragment of `pixel`, where it is covered. Nothing covers a pixel outside the image.
     pub fn fragment_at(&self, pixel: usize) -> Option<usize> {
-        let fragment = self.fragment_of_pixel[pixel];
+        let &fragment = self.fragment_of_pixel.get(pixel)?;
         (fragment != NO_FRAGMENT).then_some(fragment as usize)
     }
 
@@ -98,5 +131,76 @@ impl Coverage {
     /// How many faces were not drawn, and why.
     pub fn culled(&self) -> Culled {
         self.culled
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bokashi_core::Tensor;
+
+    use super::*;
+    use crate::antialias::antialias;
+    use crate::interpolate::interpolate;
+    use crate::rasterize::rasterize;
+    use crate::resolve::{Background, resolve};
+
+    fn fragments(tape: &Tape<f64>) -> (Var<'_, f64>, Fragments<'_, f64>) {
+        let clip = [-0.8, -0.9, 0.0, 1.0, 0.9, -0.7, 0.0, 1.0, 0.1, 0.8, 0.0, 1.0];
+        let clip = tape.leaf(&Tensor::new([3, 4], clip.to_vec()).unwrap());
+        let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
+        (clip, rasterize(clip, &mesh, Size::square(6)).unwrap())
+    }
+
+    #[test]
+    fn nothing_covers_a_pixel_outside_the_image() {
+        let tape = Tape::new();
+        let (_, fragments) = fragments(&tape);
+        let coverage = &fragments.coverage;
+        assert!((0..36).any(|pixel| coverage.fragment_at(pixel).is_some()));
+        assert!([36, 37, usize::MAX].iter().all(|&pixel| coverage.fragment_at(pixel).is_none()));
+    }
+
+    #[test]
+    fn fragments_that_are_not_whole_or_of_another_tape_are_refused_by_every_operation() {
+        let (tape, other) = (Tape::new(), Tape::new());
+        let (clip, whole) = fragments(&tape);
+        let count = whole.coverage.count();
+        let colors = tape.leaf(&Tensor::full([3, 1], 0.5));
+        let values = tape.leaf(&Tensor::full([count, 1], 0.5));
+        let image = tape.leaf(&Tensor::full([6, 6, 1], 0.5));
+        let messages = |fragments: &Fragments<'_, f64>| {
+            [
+                interpolate(colors, fragments).map(drop),
+                resolve(values, fragments, Background::Zero).map(drop),
+                antialias(image, fragments, clip).map(drop),
+            ]
+            .map(|result| result.unwrap_err().to_string())
+        };
+        let few =
+            Fragments { barycentrics: tape.leaf(&Tensor::zeros([count - 1, 2])), ..whole.clone() };
+        let flat = Fragments { depth: tape.leaf(&Tensor::zeros([count, 1])), ..whole.clone() };
+        let (_, foreign) = fragments(&other);
+        let before = tape.len();
+        for (at, operation) in ["interpolate", "resolve", "antialias"].iter().enumerate() {
+            assert_eq!(
+                messages(&few)[at],
+                format!(
+                    "{operation} needs barycentrics of shape [{count}, 2], got shape [{}, 2]",
+                    count - 1
+                )
+            );
+            assert_eq!(
+                messages(&flat)[at],
+                format!("{operation} needs depths of shape [{count}], got shape [{count}, 1]")
+            );
+            assert_eq!(
+                messages(&foreign)[at],
+                format!("{operation} needs variables of one tape, got one of another")
+            );
+        }
+        assert_eq!(tape.len(), before);
+        // What is exchanged for its like is accepted.
+        let moved = Fragments { depth: whole.depth * 0.5, ..whole };
+        assert!(antialias(image, &moved, clip).is_ok());
     }
 }

@@ -23,16 +23,33 @@ pub(crate) struct Vertex<S> {
 }
 
 impl<S: Scalar<Wide = S>> Vertex<S> {
-    /// Vertex `index` of the rows of `clip: [V, 4]`.
-    pub(crate) fn of<T: Scalar<Wide = S>>(clip: &[T], index: u32, size: Size) -> Self {
+    /// Vertex `index` of the rows of `clip: [V, 4]`, times a power of two, and that factor: 1 but
+    /// where products of three coordinates would leave the range of the numbers, or one coordinate
+    /// times the image's extent. A vertex times a positive number is the same point, so it changes
+    /// no edge's sign, no crossing and no depth; weights are per vertex, and take the factor back
+    /// (see [`missing_factors`]).
+    pub(crate) fn of<T: Scalar<Wide = S>>(clip: &[T], index: u32, size: Size) -> (Self, S) {
         let [x, y, z, w] = std::array::from_fn(|k| clip[4 * index as usize + k].widen());
         let (width, height) = (S::from_f64(size.width as f64), S::from_f64(size.height as f64));
-        Self { x: x * width, y: y * height, z, w }
+        let largest = [x, y, w].map(|coordinate| coordinate.abs().to_f64());
+        let largest = largest.into_iter().fold(0.0, f64::max);
+        if largest == 0.0 || (1e-60..1e60).contains(&largest) {
+            return (Self { x: x * width, y: y * height, z, w }, S::ONE);
+        }
+        // 2^-1074 would need a factor beyond the range; near it will do.
+        let factor = S::from_f64(f64::powi(2.0, -(largest.log2() as i32).clamp(-1000, 1000)));
+        let [x, y, z, w] = [x, y, z, w].map(|coordinate| factor * coordinate);
+        (Self { x: x * width, y: y * height, z, w }, factor)
     }
 
-    /// Every coordinate times `factor`: the same point.
-    pub(crate) fn scaled(self, factor: S) -> Self {
-        Self { x: self.x * factor, y: self.y * factor, z: self.z * factor, w: self.w * factor }
+    /// The vertices of a face, and their factors.
+    pub(crate) fn of_face<T: Scalar<Wide = S>>(
+        clip: &[T],
+        face: [u32; 3],
+        size: Size,
+    ) -> ([Self; 3], [S; 3]) {
+        let pairs = face.map(|index| Self::of(clip, index, size));
+        (pairs.map(|(vertex, _)| vertex), pairs.map(|(_, factor)| factor))
     }
 
     /// The vertex relative to the pixel centre `(x, y)`.
@@ -46,21 +63,23 @@ pub(crate) fn cross<S: Scalar>(a: [S; 2], b: [S; 2]) -> S {
     a[0] * b[1] - a[1] * b[0]
 }
 
-/// Vertices of a face times a power of two that brings their coordinates near 1, and that
-/// factor: 1 but where products of three coordinates would leave the range of the numbers. It
-/// changes no weight and no depth.
-pub(crate) fn in_range<S: Scalar<Wide = S>, const N: usize>(
-    vertices: [Vertex<S>; N],
-) -> ([Vertex<S>; N], S) {
-    let largest = vertices
-        .iter()
-        .flat_map(|vertex| [vertex.x, vertex.y, vertex.w])
-        .map(|coordinate| coordinate.abs().to_f64())
-        .fold(0.0, f64::max);
-    if largest == 0.0 || (1e-60..1e60).contains(&largest) {
-        return (vertices, S::ONE);
+/// What the edge functions `a` of vertices that were multiplied by `factors` lack, up to a factor
+/// they share, to be weights: `a_i` has the factors of the two other vertices, and not its own.
+#[inline]
+pub(crate) fn missing_factors<S: Scalar>(a: [S; 3], factors: [S; 3]) -> [S; 3] {
+    if factors == [S::ONE; 3] { factors } else { relative_factors(a, factors) }
+}
+
+/// The factors relative to the largest one that counts, so that the weights neither overflow nor
+/// vanish all three.
+#[cold]
+fn relative_factors<S: Scalar>(a: [S; 3], factors: [S; 3]) -> [S; 3] {
+    let counting = (0..3).filter(|&k| a[k] != S::ZERO).map(|k| factors[k]);
+    let largest = counting.fold(S::ZERO, S::greater);
+    if largest == S::ZERO {
+        return [S::ONE; 3];
     }
-    // 2^-1074 would need a factor beyond the range; near it will do.
-    let factor = S::from_f64(f64::powi(2.0, -(largest.log2() as i32).clamp(-1000, 1000)));
-    (vertices.map(|vertex| vertex.scaled(factor)), factor)
+    // One that doesn't count may be larger than any number times the largest one that does.
+    let most = S::from_f64(f64::powi(2.0, 1000));
+    factors.map(|factor| (factor / largest).lesser(most))
 }

@@ -25,7 +25,9 @@ use crate::runs::RunSums;
 /// Vertex attributes `[V, C]` at the fragments: `[N, C]`.
 ///
 /// # Errors
-/// [`RenderError::Shape`] unless the attributes are `[V, C]` with the mesh's number of vertices.
+/// [`RenderError::Shape`] unless the attributes are `[V, C]` with the mesh's number of vertices,
+/// and for fragments that are not whole; `TensorError::ForeignVariable` for variables of several
+/// tapes.
 pub fn interpolate<'t, T: Scalar>(
     attributes: Var<'t, T>,
     fragments: &Fragments<'t, T>,
@@ -38,18 +40,20 @@ pub fn interpolate<'t, T: Scalar>(
 ///
 /// # Errors
 /// [`RenderError::FaceCount`] unless `indices` has as many faces as the mesh that was rasterized;
-/// [`RenderError::Shape`] unless the attributes are `[A, C]` with A its number of vertices.
+/// [`RenderError::Shape`] unless the attributes are `[A, C]` with A its number of vertices, and for
+/// fragments that are not whole; `TensorError::ForeignVariable` for variables of several tapes.
 pub fn interpolate_indexed<'t, T: Scalar>(
     attributes: Var<'t, T>,
     indices: &Mesh,
     fragments: &Fragments<'t, T>,
 ) -> Result<Var<'t, T>, RenderError> {
-    let expected = fragments.coverage.mesh().faces().len();
+    let coverage = fragments.checked_coverage("interpolate", attributes.tape())?;
+    let expected = coverage.mesh().faces().len();
     let given = indices.faces().len();
     if given != expected {
         return Err(RenderError::FaceCount { expected, given });
     }
-    let op = Interpolate { indices: indices.clone(), coverage: Arc::clone(&fragments.coverage) };
+    let op = Interpolate { indices: indices.clone(), coverage };
     attributes.tape().apply(op, &[attributes, fragments.barycentrics])
 }
 

@@ -29,6 +29,8 @@
 //! ```
 
 mod antialias;
+mod border;
+mod depth_of_field;
 mod error;
 mod fragments;
 mod gaussian_blur;
@@ -41,14 +43,18 @@ mod resolve;
 mod rotation;
 mod runs;
 mod size;
+mod taps;
 
 pub use antialias::antialias;
+pub use border::Border;
+pub use depth_of_field::{Focused, Lens, depth_of_field};
 pub use error::RenderError;
 pub use fragments::{Coverage, Culled, Fragments};
-pub use gaussian_blur::{Blur, Border, Kernel, Radius, gaussian_blur};
+pub use gaussian_blur::gaussian_blur;
 pub use interpolate::{interpolate, interpolate_indexed};
 pub use mesh::{Adjacency, Mesh};
 pub use project::{Pose, project};
 pub use rasterize::{Cull, RasterOptions, rasterize};
 pub use resolve::{Background, resolve};
 pub use size::Size;
+pub use taps::{Blur, Kernel, Radius};

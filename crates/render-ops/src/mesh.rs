@@ -112,6 +112,9 @@ impl Adjacency {
 
     /// The vertex across the edge that faces corner `corner` of `face`: the corner of the one
     /// other face at that edge that does not lie on it.
+    ///
+    /// # Panics
+    /// Unless the mesh has such a face, and `corner` is below 3.
     pub fn across(&self, face: usize, corner: usize) -> Option<u32> {
         let vertex = self.across[face][corner];
         (vertex != NO_VERTEX).then_some(vertex)

@@ -31,24 +31,27 @@ pub enum Background<'t, T: Scalar> {
 ///
 /// # Errors
 /// [`RenderError::Shape`] unless the values are `[N, C]`, C > 0, with N the number of fragments, and
-/// the background has as many channels and, if it is an image, the image's size.
+/// the background has as many channels and, if it is an image, the image's size; and for fragments
+/// that are not whole. `TensorError::ForeignVariable` for variables of several tapes.
 pub fn resolve<'t, T: Scalar>(
     values: Var<'t, T>,
     fragments: &Fragments<'t, T>,
     background: Background<'t, T>,
 ) -> Result<Var<'t, T>, RenderError> {
-    let op = Resolve { coverage: Arc::clone(&fragments.coverage) };
+    let coverage = fragments.checked_coverage("resolve", values.tape())?;
+    let resolve = |is_color| Resolve { coverage, is_color };
     match background {
-        Background::Zero => values.tape().apply(op, &[values]),
-        Background::Color(behind) | Background::Image(behind) => {
-            values.tape().apply(op, &[values, behind])
-        }
+        Background::Zero => values.tape().apply(resolve(false), &[values]),
+        Background::Color(color) => values.tape().apply(resolve(true), &[values, color]),
+        Background::Image(image) => values.tape().apply(resolve(false), &[values, image]),
     }
 }
 
 /// Inputs: values `[N, C]`, and perhaps a background `[C]` or `[H, W, C]`.
 struct Resolve {
     coverage: Arc<Coverage>,
+    /// Whether the background is one colour.
+    is_color: bool,
 }
 
 impl Resolve {
@@ -92,9 +95,11 @@ impl<T: Scalar> Op<T> for Resolve {
         let shape = [size.height, size.width, channels];
         if inputs.len() == 2 {
             let background = inputs.shape(1);
-            if **background != [channels] && **background != shape {
-                let rule = format!("a background of shape [{channels}] or {shape:?}");
-                return refused(rule, background);
+            if self.is_color && **background != [channels] {
+                return refused(format!("a background colour of shape [{channels}]"), background);
+            }
+            if !self.is_color && **background != shape {
+                return refused(format!("a background image of shape {shape:?}"), background);
             }
         }
 
@@ -105,7 +110,7 @@ impl<T: Scalar> Op<T> for Resolve {
         } else {
             let behind = inputs.data(1);
             for at in self.uncovered(channels) {
-                let from = if behind.len() == channels { 0 } else { at };
+                let from = if self.is_color { 0 } else { at };
                 image[at..at + channels].copy_from_slice(&behind[from..from + channels]);
             }
         }
@@ -136,8 +141,7 @@ impl<T: Scalar> Op<T> for Resolve {
             return;
         }
         if let Some(background_bar) = gradients.get(1) {
-            let is_color = kept.input_shape(1).rank() == 1;
-            if is_color {
+            if self.is_color {
                 sums.clear();
                 sums.resize(channels, T::Wide::ZERO);
                 for at in self.uncovered(channels) {
@@ -266,12 +270,19 @@ mod tests {
             let rule = format!("resolve needs values of shape [{count}, C], C > 0, got shape");
             assert!(error.to_string().starts_with(&rule), "{error}");
         }
-        for shape in [&[][..], &[3], &[1], &[5, 3, 2], &[3, 5, 1], &[30]] {
+        for shape in [&[][..], &[3], &[1], &[2], &[5, 3, 2], &[3, 5, 1], &[3, 5, 2], &[30]] {
             let behind = tape.leaf(&Tensor::zeros(shape));
-            for background in [Background::Color(behind), Background::Image(behind)] {
-                let error = resolve(values, &fragments, background).unwrap_err();
-                let rule = "resolve needs a background of shape [2] or [3, 5, 2], got shape";
-                assert!(error.to_string().starts_with(rule), "{error}");
+            for (background, rule, right) in [
+                (Background::Color(behind), "a background colour of shape [2]", &[2][..]),
+                (Background::Image(behind), "a background image of shape [3, 5, 2]", &[3, 5, 2]),
+            ] {
+                let resolved = resolve(values, &fragments, background);
+                if shape == right {
+                    assert!(resolved.is_ok());
+                    continue;
+                }
+                let message = resolved.unwrap_err().to_string();
+                assert!(message.starts_with(&format!("resolve needs {rule}, got")), "{message}");
             }
         }
     }

@@ -9,7 +9,7 @@
 use bokashi_core::Scalar;
 
 use crate::fragments::Coverage;
-use crate::homogeneous::{Vertex, in_range};
+use crate::homogeneous::Vertex;
 use crate::size::Size;
 
 /// How far beyond the two pixel centres a crossing may lie, in pixels, and still count: rounding
@@ -121,7 +121,7 @@ pub(super) fn blend<T: Scalar>(
     let size = coverage.size();
     let frame = Frame::<T::Wide>::of(pixel, below, covers_first, size);
     let indices = coverage.mesh().faces()[face];
-    let (vertices, factor) = in_range(indices.map(|index| Vertex::of(clip, index, size)));
+    let (vertices, _) = Vertex::of_face(clip, indices, size);
     let corners = vertices.map(|vertex| frame.local(vertex));
     let sign = if covers_first { T::Wide::ONE } else { -T::Wide::ONE };
 
@@ -149,7 +149,7 @@ pub(super) fn blend<T: Scalar>(
     if let Some(other) = coverage.mesh().adjacency().across(face, corner) {
         // Both faces at the edge on the same side of it: the surface turns away here. A face seen
         // exactly edge-on covers neither side, so the other one ends there too.
-        let other = frame.local(Vertex::of(clip, other, size).scaled(factor));
+        let other = frame.local(Vertex::of(clip, other, size).0);
         let (own_side, other_side) = (side(p, q, corners[corner]), side(p, q, other));
         let zero = T::Wide::ZERO;
         if own_side > zero && other_side < zero || own_side < zero && other_side > zero {
@@ -181,12 +181,12 @@ impl<S: Scalar<Wide = S>> Blend<S> {
         size: Size,
     ) -> [[S; 3]; 2] {
         let frame = Frame::of(self.pixel, self.below, self.covers_first, size);
-        let (edge, factor) = in_range(self.edge.map(|index| Vertex::of(clip, index, size)));
-        let [p, q] = edge.map(|vertex| frame.local(vertex));
+        let [(p, p_factor), (q, q_factor)] = self.edge.map(|index| Vertex::of(clip, index, size));
+        let [p, q] = [p, q].map(|vertex| frame.local(vertex));
         let Crossing { x, m } = crossing(p, q);
-        let scale = -alpha_bar / m * factor;
-        let p_bar = [q.y, x * q.w - q.x, -x * q.y].map(|partial| scale * partial);
-        let q_bar = [-p.y, p.x - x * p.w, x * p.y].map(|partial| scale * partial);
+        let scale = -alpha_bar / m;
+        let p_bar = [q.y, x * q.w - q.x, -x * q.y].map(|partial| scale * p_factor * partial);
+        let q_bar = [-p.y, p.x - x * p.w, x * p.y].map(|partial| scale * q_factor * partial);
         [p_bar, q_bar].map(|bar| frame.pull_back(bar, size))
     }
 }

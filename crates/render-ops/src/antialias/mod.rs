@@ -51,13 +51,14 @@ const FRAGMENTS_PER_PIECE: usize = 1 << 13;
 ///
 /// # Errors
 /// [`RenderError::Shape`] unless the image is `[H, W, C]` of the fragments' size and `clip` is
-/// `[V, 4]` with the mesh's number of vertices.
+/// `[V, 4]` with the mesh's number of vertices, and for fragments that are not whole;
+/// `TensorError::ForeignVariable` for variables of several tapes.
 pub fn antialias<'t, T: Scalar>(
     image: Var<'t, T>,
     fragments: &Fragments<'t, T>,
     clip: Var<'t, T>,
 ) -> Result<Var<'t, T>, RenderError> {
-    let coverage = Arc::clone(&fragments.coverage);
+    let coverage = fragments.checked_coverage("antialias", image.tape())?;
     let op = Antialias { coverage, depth: fragments.depth.value() };
     let (outputs, is_identity) = image.tape().record_with(op, &[image, clip], Vec::is_empty)?;
     if is_identity {

@@ -10,7 +10,7 @@ use std::ops::Range;
 use bokashi_core::Scalar;
 use bokashi_core::parallel::{ENTRIES_PER_PIECE, for_each_piece_mut, merge_ranges};
 
-use super::taps::Window;
+use crate::taps::Window;
 
 /// Entries summed at a time: their sums stay in registers while the taps go by.
 const BLOCK: usize = 32;

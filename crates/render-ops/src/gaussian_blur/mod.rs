@@ -18,64 +18,24 @@
 //! Kitabayashi and Iwasaki, on parameter estimation of Gaussian filtering by differentiable
 //! rendering, equations (1) to (5): the seed kernel. The sampled one is what image libraries use.
 
-mod border;
 mod convolution;
-mod taps;
+mod padding;
 #[cfg(test)]
 mod tests;
 
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 
-pub use self::border::Border;
-use self::border::pad;
 use self::convolution::Lines;
-use self::taps::{Taps, check_radius};
+use self::padding::{add_overhang, pad};
+use crate::border::Border;
 use crate::error::RenderError;
-
-/// Which weights a window has.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Kernel {
-    /// The density of the normal distribution at the pixels' centres, as the paper prints it. Its
-    /// sum is a gain that grows above 1 as sigma falls below 0.6; it is not defined at sigma 0.
-    Seed,
-    /// The same, divided by its sum: constant images stay as they are, and sigma 0 is the
-    /// identity. Below sigma 0.2 hardly anything moves with sigma.
-    #[default]
-    Sampled,
-}
-
-/// How far a window reaches.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Radius {
-    /// This many pixels to either side, whatever sigma is.
-    Fixed(usize),
-    /// As far as it must for the window to miss at most this share of an endless window's weight,
-    /// per axis.
-    Tolerance(f64),
-}
-
-/// What kind of blur.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Blur {
-    /// The window's weights.
-    pub kernel: Kernel,
-    /// What the window sees beyond the border of the image.
-    pub border: Border,
-    /// How far the window reaches.
-    pub radius: Radius,
-}
-
-impl Default for Blur {
-    /// Sampled weights, a mirror border, and a window that misses at most 1e-6 of the weight.
-    fn default() -> Self {
-        let (kernel, border) = (Kernel::default(), Border::default());
-        Self { kernel, border, radius: Radius::Tolerance(1e-6) }
-    }
-}
+use crate::taps::{Blur, Kernel, Taps, check_radius};
 
 /// `image: [H, W, C]` blurred with standard deviation `sigma: []`, in pixels; returns `[H, W, C]`.
 ///
-/// Sampled weights with sigma 0 are the identity: the image itself is returned.
+/// Sampled weights with sigma 0 are the identity: the image itself is returned. The larger sigma
+/// grows beyond the image, the closer the result comes to what its border stands for: the mean of
+/// the image (mirror), of its corners (clamp), or zero.
 ///
 /// # Errors
 /// [`RenderError::BadSigma`] unless sigma is finite and positive (or 0, for sampled weights);
@@ -110,7 +70,8 @@ struct GaussianBlur {
 /// The window, the padded pictures that the forward passes read, and memory.
 #[derive(Debug)]
 struct Saved<T> {
-    taps: Taps<T>,
+    /// The windows along the rows and along the columns.
+    taps: [Taps<T>; 2],
     /// The image, with its rows padded.
     rows: Vec<T>,
     /// The image blurred along its rows, with its columns padded.
@@ -124,7 +85,7 @@ struct Saved<T> {
 impl<T: Default> Default for Saved<T> {
     fn default() -> Self {
         Self {
-            taps: Taps::default(),
+            taps: [Taps::default(), Taps::default()],
             rows: Vec::new(),
             columns: Vec::new(),
             padded: Vec::new(),
@@ -141,16 +102,25 @@ struct Passes {
 }
 
 impl Passes {
-    fn of([height, width, channels]: [usize; 3], border: Border, radius: usize) -> Self {
+    fn of<T: Scalar>(
+        [height, width, channels]: [usize; 3],
+        border: Border,
+        [along_rows, along_columns]: &[Taps<T>; 2],
+    ) -> Self {
         let cell = width * channels;
         Self {
             rows: Lines {
                 lines: height,
                 extent: width,
                 cell: channels,
-                pad: border.reach(radius, width),
+                pad: border.reach(along_rows.radius(), width),
             },
-            columns: Lines { lines: 1, extent: height, cell, pad: border.reach(radius, height) },
+            columns: Lines {
+                lines: 1,
+                extent: height,
+                cell,
+                pad: border.reach(along_columns.radius(), height),
+            },
         }
     }
 }
@@ -171,7 +141,7 @@ impl GaussianBlur {
         pad(border, g, lines, padded);
         lines.convolve(padded, &taps.weights[..=lines.pad], y);
         if self.blur.border == Border::Clamp {
-            border::add_overhang(g, lines, &taps.weights, y);
+            add_overhang(g, lines, &taps.weights, y);
         }
     }
 }
@@ -194,14 +164,15 @@ impl<T: Scalar> Op<T> for GaussianBlur {
             unreachable!("gaussian_blur has checked the rank");
         };
         let Saved { taps, rows, columns, between, .. } = saved;
-        taps.fill(inputs.data(1)[0], &self.blur)?;
-        let passes = Passes::of([height, width, channels], self.blur.border, taps.radius());
+        Taps::fill(taps, inputs.data(1)[0], &self.blur, [width, height])?;
+        let passes = Passes::of([height, width, channels], self.blur.border, taps);
+        let [along_rows, along_columns] = taps;
         between.resize(inputs.shape(0).size(), T::ZERO);
         pad(self.blur.border, inputs.data(0), passes.rows, rows);
-        passes.rows.convolve(rows, &taps.weights[..=passes.rows.pad], between);
+        passes.rows.convolve(rows, &along_rows.weights[..=passes.rows.pad], between);
         pad(self.blur.border, between, passes.columns, columns);
         let out = outputs.push(inputs.shape(0));
-        passes.columns.convolve(columns, &taps.weights[..=passes.columns.pad], out);
+        passes.columns.convolve(columns, &along_columns.weights[..=passes.columns.pad], out);
         Ok(())
     }
 
@@ -220,18 +191,19 @@ impl<T: Scalar> Op<T> for GaussianBlur {
             unreachable!("gaussian_blur has checked the rank");
         };
         let Saved { taps, rows, columns, padded, between, last } = saved;
-        let passes = Passes::of([height, width, channels], self.blur.border, taps.radius());
-        self.adjoint(taps, passes.columns, b_bar, padded, between);
+        let passes = Passes::of([height, width, channels], self.blur.border, taps);
+        let [along_rows, along_columns] = &*taps;
+        self.adjoint(along_columns, passes.columns, b_bar, padded, between);
         if let Some(sigma_bar) = gradients.get(1) {
-            let along_rows =
-                passes.rows.slope_product(rows, &taps.window(passes.rows.pad), between);
-            let along_columns =
-                passes.columns.slope_product(columns, &taps.window(passes.columns.pad), b_bar);
-            sigma_bar.add_each(|_| T::narrow(along_rows + along_columns));
+            let by_rows =
+                passes.rows.slope_product(rows, &along_rows.window(passes.rows.pad), between);
+            let window = along_columns.window(passes.columns.pad);
+            let by_columns = passes.columns.slope_product(columns, &window, b_bar);
+            sigma_bar.add_each(|_| T::narrow(by_rows + by_columns));
         }
         if let Some(image_bar) = gradients.get(0) {
             last.resize(between.len(), T::ZERO);
-            self.adjoint(taps, passes.rows, between, padded, last);
+            self.adjoint(along_rows, passes.rows, between, padded, last);
             image_bar.add(last);
         }
     }

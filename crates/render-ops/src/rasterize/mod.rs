@@ -36,7 +36,7 @@ use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 use self::visibility::Visibility;
 use crate::error::RenderError;
 use crate::fragments::{Coverage, Fragments, NO_FRAGMENT};
-use crate::homogeneous::{Vertex, cross, in_range};
+use crate::homogeneous::{Vertex, cross, missing_factors};
 use crate::mesh::Mesh;
 use crate::runs::RunSums;
 use crate::size::Size;
@@ -206,8 +206,7 @@ impl<T: Scalar> Op<T> for Rasterize {
         let size = self.options.size;
         let sums = RunSums { coverage, mesh: &self.mesh, width: 4 };
         sums.add_to(clip_bar, |face, fragments: Range<usize>, sums| {
-            let vertices = self.mesh.faces()[face].map(|index| Vertex::of(clip, index, size));
-            let (vertices, factor) = in_range(vertices);
+            let (vertices, factors) = Vertex::of_face(clip, self.mesh.faces()[face], size);
             for fragment in fragments {
                 let pixel = coverage.pixels[fragment] as usize;
                 let center = [size.center_x(pixel % size.width), size.center_y(pixel / size.width)];
@@ -216,9 +215,11 @@ impl<T: Scalar> Op<T> for Rasterize {
                         .map(|bar| [bar[2 * fragment], bar[2 * fragment + 1]].map(T::widen)),
                     depth: depth_bar.map(|bar| bar[fragment].widen()),
                 };
-                upstream.pull_back(&vertices, center, size, sums);
+                upstream.pull_back(&vertices, factors, center, size, sums);
             }
-            sums.iter_mut().for_each(|sum| *sum = factor * *sum);
+            for (sums, &factor) in sums.chunks_exact_mut(4).zip(&factors) {
+                sums.iter_mut().for_each(|sum| *sum = factor * *sum);
+            }
         });
     }
 
@@ -237,16 +238,28 @@ struct Upstream<S> {
 }
 
 impl<S: Scalar<Wide = S>> Upstream<S> {
-    /// Adds the gradients with respect to (x, y, z, w) of the three vertices to `sums: [3, 4]`.
+    /// Adds the gradients with respect to (x, y, z, w) of the three vertices, as they are after
+    /// being multiplied by `factors`, to `sums: [3, 4]`.
     #[inline]
-    fn pull_back(&self, vertices: &[Vertex<S>; 3], center: [S; 2], size: Size, sums: &mut [S]) {
+    fn pull_back(
+        &self,
+        vertices: &[Vertex<S>; 3],
+        factors: [S; 3],
+        center: [S; 2],
+        size: Size,
+        sums: &mut [S],
+    ) {
         let q = vertices.map(|vertex| vertex.relative_to(center[0], center[1]));
         let a = [cross(q[1], q[2]), cross(q[2], q[0]), cross(q[0], q[1])];
         let mut a_bar = [S::ZERO; 3];
         if let Some([u_bar, v_bar]) = self.uv {
-            let total = a[0] + a[1] + a[2];
-            let m = (u_bar * a[0] + v_bar * a[1]) / total;
-            a_bar = [(u_bar - m) / total, (v_bar - m) / total, -m / total];
+            // The weights are missing_i a_i, so a_bar_i gets that factor.
+            let missing = missing_factors(a, factors);
+            let weights: [S; 3] = std::array::from_fn(|k| missing[k] * a[k]);
+            let total = weights[0] + weights[1] + weights[2];
+            let m = (u_bar * weights[0] + v_bar * weights[1]) / total;
+            let weights_bar = [(u_bar - m) / total, (v_bar - m) / total, -m / total];
+            a_bar = std::array::from_fn(|k| missing[k] * weights_bar[k]);
         }
         if let Some(depth_bar) = self.depth {
             let w: S = (0..3).map(|i| vertices[i].w * a[i]).sum();

@@ -21,7 +21,7 @@ use bokashi_core::Scalar;
 
 use super::{Cull, RasterOptions};
 use crate::fragments::Culled;
-use crate::homogeneous::{Vertex, cross, in_range};
+use crate::homogeneous::{Vertex, cross, missing_factors};
 use crate::mesh::{Mesh, repeats_a_vertex};
 use crate::size::Size;
 
@@ -30,6 +30,8 @@ use crate::size::Size;
 pub(super) struct Setup<S> {
     pub(super) face: u32,
     vertices: [Vertex<S>; 3],
+    /// What the vertices were multiplied by.
+    factors: [S; 3],
     /// 1 or -1, which makes the edge functions positive inside.
     sign: S,
     /// The edge functions' coefficients, with that sign.
@@ -66,13 +68,12 @@ impl<S: Scalar<Wide = S>> Setup<S> {
             culled.degenerate += 1;
             return None;
         }
-        let vertices = indices.map(|index| Vertex::of(clip, index, options.size));
+        let (vertices, factors) = Vertex::of_face(clip, indices, options.size);
         let Some((columns, rows)) = touched_pixels(&vertices, options.size) else {
             culled.outside += 1;
             return None;
         };
 
-        let (vertices, _) = in_range(vertices);
         let edges: [[S; 3]; 3] = std::array::from_fn(|corner| {
             let (p, q) = (vertices[(corner + 1) % 3], vertices[(corner + 2) % 3]);
             [p.x * q.y - p.y * q.x, p.y * q.w - p.w * q.y, p.w * q.x - p.x * q.w]
@@ -100,7 +101,17 @@ impl<S: Scalar<Wide = S>> Setup<S> {
                 let owns_edge =
                     edges.map(|[_, ex, ey]| ex > S::ZERO || ex == S::ZERO && ey < S::ZERO);
                 let face = face as u32;
-                return Some(Self { face, vertices, sign, edges, doubt, owns_edge, columns, rows });
+                return Some(Self {
+                    face,
+                    vertices,
+                    factors,
+                    sign,
+                    edges,
+                    doubt,
+                    owns_edge,
+                    columns,
+                    rows,
+                });
             }
         }
         None
@@ -129,10 +140,14 @@ impl<S: Scalar<Wide = S>> Setup<S> {
             let [p, q, r] = &self.vertices;
             term(p) * a[0] + term(q) * a[1] + term(r) * a[2]
         };
-        let total = a[0] + a[1] + a[2];
         let depth = sum(|vertex| vertex.z) / sum(|vertex| vertex.w);
         let visible = depth >= -S::ONE && depth <= S::ONE;
-        visible.then(|| Sample { u: a[0] / total, v: a[1] / total, depth })
+        visible.then(|| {
+            let missing = missing_factors(a, self.factors);
+            let weights: [S; 3] = std::array::from_fn(|k| missing[k] * a[k]);
+            let total = weights[0] + weights[1] + weights[2];
+            Sample { u: weights[0] / total, v: weights[1] / total, depth }
+        })
     }
 
     /// The edge functions `a` at a point on an edge or near it, those in doubt worked out again;

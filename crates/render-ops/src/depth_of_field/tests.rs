@@ -1,0 +1,222 @@
+//! Laws of depth of field.
+
+use bokashi_core::{Tape, Tensor};
+
+use super::*;
+use crate::gaussian_blur::gaussian_blur;
+
+const SHAPE: [usize; 3] = [6, 9, 2];
+
+fn image(seed: usize) -> Tensor<f64> {
+    Tensor::from_fn(SHAPE, |k| ((k * 7919 + seed * 104_729) % 1009) as f64 / 1009.0 - 0.4)
+}
+
+/// Depths on both sides of the focus at 3, and one pixel at infinity.
+fn depths() -> Tensor<f64> {
+    Tensor::from_fn([6, 9], |k| match k {
+        20 => f64::INFINITY,
+        k => 0.8 + 0.37 * ((k * 31) % 17) as f64,
+    })
+}
+
+/// The image, and `<u, image>` for a motley u.
+fn focused(
+    image: &Tensor<f64>,
+    depth: &Tensor<f64>,
+    [aperture, focus]: [f64; 2],
+    lens: &Lens,
+) -> (Tensor<f64>, f64, usize) {
+    let tape = Tape::new();
+    let (image, depth) = (tape.leaf(image), tape.leaf(depth));
+    let (aperture, focus) = (tape.scalar(aperture), tape.scalar(focus));
+    let found = depth_of_field(image, depth, aperture, focus, lens).unwrap();
+    let value = found.image.value();
+    let product = value.data().iter().zip(upstream().data()).map(|(b, u)| b * u).sum();
+    (value, product, found.capped)
+}
+
+fn upstream() -> Tensor<f64> {
+    image(5)
+}
+
+fn assert_close(found: &Tensor<f64>, expected: &Tensor<f64>, tolerance: f64) {
+    assert_eq!(found.shape(), expected.shape());
+    for (found, expected) in found.data().iter().zip(expected.data()) {
+        assert!((found - expected).abs() <= tolerance, "{found} instead of {expected}");
+    }
+}
+
+#[test]
+fn at_one_depth_it_is_the_gaussian_blur() {
+    for (depth, sigma) in [(6.0, 1.0), (1.5, 2.0), (f64::INFINITY, 2.0), (3.1, 2.0 / 31.0)] {
+        let tape = Tape::new();
+        let blurred = gaussian_blur(tape.leaf(&image(1)), tape.scalar(sigma), &Blur::default());
+        let expected = blurred.unwrap().value();
+        let (found, ..) =
+            focused(&image(1), &Tensor::full([6, 9], depth), [2.0, 3.0], &Lens::default());
+        assert_close(&found, &expected, 1e-14);
+    }
+}
+
+#[test]
+fn what_is_in_focus_stays_as_it_is_to_the_bit() {
+    let mut depth = depths();
+    for k in (0..54).step_by(3) {
+        depth.data_mut()[k] = 3.0;
+    }
+    let (found, ..) = focused(&image(1), &depth, [2.0, 3.0], &Lens::default());
+    let pairs = found.data().iter().zip(image(1).data().to_vec()).enumerate();
+    for (k, (&found, sharp)) in pairs {
+        let sigma = 2.0 * (1.0 - 3.0 / depth.data()[k / 2]).abs();
+        if sigma == 0.0 {
+            assert_eq!(found, sharp, "entry {k}");
+        } else if sigma > 0.3 {
+            assert_ne!(found, sharp, "entry {k}");
+        }
+    }
+}
+
+#[test]
+fn a_constant_image_is_kept_to_the_bit_and_moves_with_nothing() {
+    let tape = Tape::new();
+    let image = tape.leaf(&Tensor::full(SHAPE, 0.7));
+    let (depth, aperture, focus) = (tape.leaf(&depths()), tape.scalar(2.0), tape.scalar(3.0));
+    let out = depth_of_field(image, depth, aperture, focus, &Lens::default()).unwrap().image;
+    assert_eq!(out.value(), image.value());
+    let gradients = tape.vjp(&[(out, &upstream())]).unwrap();
+    for leaf in [depth, aperture, focus] {
+        assert!(gradients.get(leaf).unwrap().data().iter().all(|&bar| bar == 0.0));
+    }
+}
+
+#[test]
+fn an_aperture_of_zero_is_the_image_itself_and_leaves_no_trace() {
+    let tape = Tape::<f64>::new();
+    let (image, depth) = (tape.leaf(&image(1)), tape.leaf(&depths()));
+    let (aperture, focus) = (tape.scalar(0.0), tape.scalar(3.0));
+    let before = tape.len();
+    let out = depth_of_field(image, depth, aperture, focus, &Lens::default()).unwrap().image;
+    assert_eq!(tape.len(), before);
+    assert_eq!(out.value().data().as_ptr(), image.value().data().as_ptr());
+    assert!(format!("{:?}", tape.take_report()).contains("aperture is 0"));
+}
+
+#[test]
+fn near_the_eye_the_blur_is_capped_and_counted() {
+    let lens = Lens { largest_sigma: 4.0, ..Lens::default() };
+    for (depth, capped) in [(0.0, 54), (1e-300, 54), (1.0, 0), (0.999, 54), (2.0, 0)] {
+        // sigma = 2 |1 - 3 / z| is 4 at z = 1.
+        let depth = Tensor::full([6, 9], depth);
+        let (found, _, count) = focused(&image(1), &depth, [2.0, 3.0], &lens);
+        assert_eq!(count, capped);
+        assert!(found.is_finite());
+    }
+    let tape = Tape::new();
+    let (image, depth) = (tape.leaf(&image(1)), tape.leaf(&Tensor::zeros([6, 9])));
+    let (aperture, focus) = (tape.scalar(2.0), tape.scalar(3.0));
+    let out = depth_of_field(image, depth, aperture, focus, &lens).unwrap().image;
+    let gradients = tape.vjp(&[(out, &upstream())]).unwrap();
+    for leaf in [depth, aperture, focus] {
+        assert!(gradients.get_or_zeros(leaf).data().iter().all(|&bar| bar == 0.0));
+    }
+}
+
+#[test]
+fn every_gradient_is_the_difference_quotient() {
+    for radius in [Radius::Fixed(5), Radius::Tolerance(1e-14)] {
+        let lens = Lens { radius, largest_sigma: 5.0 };
+        let numbers = [2.0, 3.0];
+        let tape = Tape::new();
+        let (picture, depth) = (tape.leaf(&image(1)), tape.leaf(&depths()));
+        let [aperture, focus] = numbers.map(|number| tape.scalar(number));
+        let found = depth_of_field(picture, depth, aperture, focus, &lens).unwrap();
+        assert_eq!(found.capped, (0..54).filter(|&k| depths().data()[k] < 6.0 / 7.0).count());
+        assert!(found.capped > 0);
+        let gradients = tape.vjp(&[(found.image, &upstream())]).unwrap();
+        let quotient = |move_by: &dyn Fn(f64) -> f64| {
+            let central = |h: f64| (move_by(h) - move_by(-h)) / (2.0 * h);
+            (4.0 * central(5e-5) - central(1e-4)) / 3.0
+        };
+        let check = |leaf: Var<'_, f64>, k: usize, quotient: f64| {
+            let entry = gradients.get(leaf).unwrap().data()[k];
+            approx::assert_relative_eq!(entry, quotient, epsilon = 1e-8, max_relative = 1e-8);
+        };
+        for k in 0..54 {
+            if k != 20 {
+                let moved = |h: f64| {
+                    let mut depth = depths();
+                    depth.data_mut()[k] += h;
+                    focused(&image(1), &depth, numbers, &lens).1
+                };
+                check(depth, k, quotient(&moved));
+            }
+            let moved = |h: f64| {
+                let mut image = image(1);
+                image.data_mut()[2 * k] += h;
+                focused(&image, &depths(), numbers, &lens).1
+            };
+            check(picture, 2 * k, quotient(&moved));
+        }
+        check(aperture, 0, quotient(&|h| focused(&image(1), &depths(), [2.0 + h, 3.0], &lens).1));
+        check(focus, 0, quotient(&|h| focused(&image(1), &depths(), [2.0, 3.0 + h], &lens).1));
+        assert_eq!(gradients.get(depth).unwrap().data()[20], 0.0);
+    }
+}
+
+#[test]
+fn what_cannot_be_is_refused_with_rule_and_value() {
+    let (tape, other) = (Tape::<f64>::new(), Tape::new());
+    let (picture, z) = (tape.leaf(&image(1)), tape.leaf(&depths()));
+    let (one, three) = (tape.scalar(1.0), tape.scalar(3.0));
+    let lens = Lens::default();
+    let message = |image, depth, aperture, focus, lens: &Lens| {
+        depth_of_field(image, depth, aperture, focus, lens).unwrap_err().to_string()
+    };
+    let number = |number| tape.scalar(number);
+    let bad_depth = |at: f64| {
+        let mut depth = depths();
+        depth.data_mut()[7] = at;
+        tape.leaf(&depth)
+    };
+    let table = [
+        (
+            message(z, z, one, three, &lens),
+            "an image of shape [H, W, C] with at least one entry, got shape [6, 9]",
+        ),
+        (
+            message(picture, picture, one, three, &lens),
+            "a depth image of shape [6, 9], got shape [6, 9, 2]",
+        ),
+        (
+            message(picture, z, z, three, &lens),
+            "a single number for the aperture, got shape [6, 9]",
+        ),
+        (message(picture, z, one, z, &lens), "a single number for the focus, got shape [6, 9]"),
+        (
+            message(picture, z, number(-1.0), three, &lens),
+            "a finite aperture of at least 0, got -1",
+        ),
+        (message(picture, z, one, number(0.0), &lens), "a finite and positive focus, got 0"),
+        (
+            message(picture, bad_depth(-0.5), one, three, &lens),
+            "depths from 0 up, got -0.5 at pixel 7",
+        ),
+        (
+            message(picture, bad_depth(f64::NAN), one, three, &lens),
+            "depths from 0 up, got NaN at pixel 7",
+        ),
+        (
+            message(picture, z, one, three, &Lens { largest_sigma: f64::INFINITY, ..lens }),
+            "a finite largest sigma of at least 0, got inf",
+        ),
+        (
+            message(picture, z, other.scalar(1.0), three, &lens),
+            "variables of one tape, got one of another",
+        ),
+    ];
+    for (said, rule) in table {
+        assert_eq!(said, format!("depth_of_field needs {rule}"));
+    }
+    let wide = Lens { radius: Radius::Fixed(20_000), ..lens };
+    assert!(message(picture, z, one, three, &wide).contains("a window radius of at most 16384"));
+}

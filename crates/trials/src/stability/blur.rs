@@ -1,0 +1,214 @@
+//! Standard deviations and images that a blur can be given.
+
+use bokashi_core::{Scalar, Tape, Tensor};
+use bokashi_render_ops::{Blur, Border, Kernel, Radius, gaussian_blur};
+
+use super::row::{Failure, Found, Outcome, told};
+use super::scene::{difference, largest, motley, numbers, rounding};
+
+const SHAPE: [usize; 3] = [5, 7, 2];
+const KERNELS: [Kernel; 2] = [Kernel::Seed, Kernel::Sampled];
+const BORDERS: [Border; 3] = [Border::Zero, Border::Mirror, Border::Clamp];
+
+/// The blurred image, and the gradients of `sum u . image` with respect to the image and sigma.
+struct Blurred {
+    image: Vec<f64>,
+    image_bar: Vec<f64>,
+    sigma_bar: f64,
+}
+
+fn blurred<T: Scalar>(
+    shape: [usize; 3],
+    entry: impl Fn(usize) -> f64,
+    sigma: f64,
+    blur: &Blur,
+) -> Result<Blurred, Failure> {
+    let tape = Tape::<T>::new();
+    let image = tape.leaf(&Tensor::from_fn(shape, |k| T::from_f64(entry(k))));
+    let sigma = tape.scalar(T::from_f64(sigma));
+    let out = gaussian_blur(image, sigma, blur)?;
+    let upstream = Tensor::from_fn(shape, |k| T::from_f64(motley(5 * k + 2)));
+    let gradients = tape.vjp(&[(out, &upstream)])?;
+    Ok(Blurred {
+        image: numbers(&out.value()),
+        image_bar: numbers(&gradients.get_or_zeros(image)),
+        sigma_bar: gradients.get_or_zeros(sigma).item().to_f64(),
+    })
+}
+
+/// The motley image as `T` holds it.
+fn motley_in<T: Scalar>(k: usize) -> f64 {
+    T::from_f64(motley(k)).to_f64()
+}
+
+pub(super) fn sigma_zero<T: Scalar>() -> Outcome {
+    let expected: Vec<_> = (0..70).map(motley_in::<T>).collect();
+    let mut error = 0.0_f64;
+    for border in BORDERS {
+        for zero in [0.0, -0.0] {
+            let blur = Blur { border, ..Blur::default() };
+            error = error
+                .greater(difference(&blurred::<T>(SHAPE, motley, zero, &blur)?.image, &expected));
+        }
+    }
+    let tape = Tape::<T>::new();
+    let image = tape.leaf(&Tensor::zeros(SHAPE));
+    let seed = Blur { kernel: Kernel::Seed, ..Blur::default() };
+    let refused = told(gaussian_blur(image, tape.scalar(T::ZERO), &seed));
+    let rule = "gaussian_blur needs a finite and positive sigma for the seed kernel, got sigma 0";
+    Ok(Found::within(format!("the image itself; seed kernel: error: {rule}"), error, 0.0)
+        .and(refused == Err(rule.to_owned()), "the seed kernel says something else"))
+}
+
+pub(super) fn negative_or_nan_sigma<T: Scalar>() -> Outcome {
+    let tape = Tape::<T>::new();
+    let image = tape.leaf(&Tensor::zeros(SHAPE));
+    let mut results = Vec::new();
+    for kernel in KERNELS {
+        let rule = match kernel {
+            Kernel::Seed => "gaussian_blur needs a finite and positive sigma for the seed kernel",
+            Kernel::Sampled => "gaussian_blur needs a finite sigma of at least 0",
+        };
+        for sigma in [-1.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            for radius in [Radius::Fixed(2), Radius::Tolerance(1e-6)] {
+                let blur = Blur { kernel, radius, ..Blur::default() };
+                let said = told(gaussian_blur(image, tape.scalar(T::from_f64(sigma)), &blur));
+                results.push((said, format!("{rule}, got sigma {sigma}")));
+            }
+        }
+    }
+    Ok(Found::refused(results))
+}
+
+pub(super) fn seed_kernel_overflow<T: Scalar>() -> Outcome {
+    let tape = Tape::<T>::new();
+    let image = tape.leaf(&Tensor::zeros(SHAPE));
+    let sigma = T::from_f64(1e-30);
+    let blur = Blur { kernel: Kernel::Seed, ..Blur::default() };
+    let said = told(gaussian_blur(image, tape.scalar(sigma), &blur));
+    if rounding::<T>() < 1e-10 {
+        // The centre's weight is 4e29 and its slope -4e59: numbers, in f64.
+        let found = blurred::<T>([1, 1, 1], |_| 1.0, 1e-30, &blur)?;
+        let weight = 1e30 / f64::sqrt(std::f64::consts::TAU);
+        // One pixel, under a mirror, both axes.
+        let error = (found.image[0] / (weight * weight) - 1.0).abs();
+        return Ok(Found::within("the gain of 1.6e59 as printed", error, 1e-14));
+    }
+    let rule = "gaussian_blur needs a sigma at which the seed kernel does not overflow";
+    Ok(Found::refused(vec![(said, format!("{rule}, got sigma {}", sigma.to_f64()))]))
+}
+
+pub(super) fn sigma_beyond_the_image<T: Scalar>() -> Outcome {
+    let mean = |pixels: &[usize], channel: usize| -> f64 {
+        let sum: f64 = pixels.iter().map(|pixel| motley_in::<T>(2 * pixel + channel)).sum();
+        sum / pixels.len() as f64
+    };
+    let all: Vec<usize> = (0..35).collect();
+    let corners = [0, 6, 28, 34];
+    let mut error = 0.0_f64;
+    let mut finite = true;
+    for kernel in KERNELS {
+        for border in BORDERS {
+            for sigma in [1e9, 1e20, 1e30, 1e38] {
+                let blur = Blur { kernel, border, ..Blur::default() };
+                let found = blurred::<T>(SHAPE, motley, sigma, &blur)?;
+                let limit = |k: usize| match border {
+                    Border::Zero => 0.0,
+                    Border::Mirror => mean(&all, k % 2),
+                    Border::Clamp => mean(&corners, k % 2),
+                };
+                let expected: Vec<_> = (0..70).map(limit).collect();
+                // A window over 1e9 px has 1e-8 of its weight over the image.
+                let tail = if border == Border::Mirror { 0.0 } else { 10.0 / sigma };
+                let beyond = difference(&found.image, &expected) - tail;
+                error = error.greater(beyond).greater(found.sigma_bar.abs() - tail);
+                finite &= found.image_bar.iter().all(|bar| bar.is_finite());
+            }
+        }
+    }
+    let outcome = "the mean (mirror), the mean of the corners (clamp), zero; no slope";
+    Ok(Found::within(outcome, error.greater(0.0), 16.0 * rounding::<T>())
+        .and(finite, "a gradient is not finite"))
+}
+
+pub(super) fn wide_window_on_a_small_image<T: Scalar>() -> Outcome {
+    // The window as a double sum, tap by tap.
+    let sigma = 40.0;
+    let radius = 200_isize;
+    let weight = |k: isize| f64::exp(-0.5 * (k as f64 / sigma).powi(2));
+    let total: f64 = (-radius..=radius).map(weight).sum();
+    let source = |border: Border, at: isize, extent: isize| -> Option<isize> {
+        match border {
+            Border::Zero => (0..extent).contains(&at).then_some(at),
+            Border::Clamp => Some(at.clamp(0, extent - 1)),
+            Border::Mirror => {
+                let phase = at.rem_euclid(2 * extent);
+                Some(phase.min(2 * extent - 1 - phase))
+            }
+        }
+    };
+    // The share of the pixel at `from` in the window around `at`.
+    let share = |border: Border, at: isize, from: isize, extent: isize| -> f64 {
+        let taps = (-radius..=radius).filter(|k| source(border, at + k, extent) == Some(from));
+        taps.map(weight).sum::<f64>() / total
+    };
+    let mut error = 0.0_f64;
+    for border in BORDERS {
+        let blur = Blur { border, radius: Radius::Fixed(200), ..Blur::default() };
+        let found = blurred::<T>(SHAPE, motley, sigma, &blur)?;
+        for (k, found) in found.image.iter().enumerate() {
+            let (row, column) = ((k / 14) as isize, (k / 2 % 7) as isize);
+            let mut expected = 0.0;
+            for from in 0..35 {
+                let by_row = share(border, row, from / 7, 5);
+                let by_column = share(border, column, from % 7, 7);
+                expected += by_row * by_column * motley_in::<T>(2 * from as usize + k % 2);
+            }
+            error = error.greater((found - expected).abs());
+        }
+    }
+    Ok(Found::within("each pixel the sum over all 401 x 401 taps", error, 16.0 * rounding::<T>()))
+}
+
+pub(super) fn tiny_variance<T: Scalar>() -> Outcome {
+    // Learnt as a variance: sigma = sqrt(t).
+    let tape = Tape::<T>::new();
+    let image = tape.leaf(&Tensor::from_fn(SHAPE, |k| T::from_f64(motley(k))));
+    let variance = tape.scalar(T::from_f64(1e-12));
+    let out = gaussian_blur(image, variance.sqrt(), &Blur::default())?;
+    let gradients = out.square().sum().backward()?;
+    let expected: Vec<_> = (0..70).map(motley_in::<T>).collect();
+    let slope = gradients.get_or_zeros(variance).item().to_f64();
+    let doubled = numbers(&gradients.get_or_zeros(image));
+    let twice: Vec<_> = expected.iter().map(|entry| 2.0 * entry).collect();
+    let error = difference(&numbers(&out.value()), &expected).greater(difference(&doubled, &twice));
+    Ok(Found::within("the image itself; d/dt = 0", error.greater(slope.abs()), 0.0))
+}
+
+pub(super) fn constant_image<T: Scalar>() -> Outcome {
+    let value = T::from_f64(0.7).to_f64();
+    let mut error = 0.0_f64;
+    for border in [Border::Mirror, Border::Clamp] {
+        for sigma in [1e-6, 0.3, 2.0, 50.0, 1e5] {
+            let blur = Blur { border, ..Blur::default() };
+            let found = blurred::<T>(SHAPE, |_| 0.7, sigma, &blur)?;
+            let kept = largest(found.image.iter().map(|entry| entry - value));
+            error = error.greater(kept).greater(found.sigma_bar.abs());
+        }
+    }
+    Ok(Found::within("kept; d/dsigma = 0", error, 64.0 * rounding::<T>()))
+}
+
+pub(super) fn impulse_in_a_corner<T: Scalar>() -> Outcome {
+    let mut error = 0.0_f64;
+    for shape in [[5, 7, 1], [1, 9, 1], [16, 16, 1]] {
+        for sigma in [0.5, 3.0, 80.0, 1e5] {
+            let impulse = |k: usize| if k == 0 { 1.0 } else { 0.0 };
+            let found = blurred::<T>(shape, impulse, sigma, &Blur::default())?;
+            let mass: f64 = found.image.iter().sum();
+            error = error.greater((mass - 1.0).abs());
+        }
+    }
+    // Some 300 weights and pixels are rounded, each by a part of it.
+    Ok(Found::within("mass 1", error, 128.0 * rounding::<T>()))
+}

@@ -1,0 +1,114 @@
+//! What a lens makes of depths at its focus, at the eye, at infinity.
+
+use bokashi_core::{Scalar, Tape, Tensor, Var};
+use bokashi_render_ops::{Blur, Lens, depth_of_field, gaussian_blur};
+
+use super::row::{Failure, Found, Outcome, told};
+use super::scene::{difference, largest, motley, numbers, rounding};
+
+const SHAPE: [usize; 3] = [5, 7, 2];
+
+/// An image, its depths, and a lens focused at 2 with an aperture of 1.5 pixels.
+struct View<'t, T: Scalar> {
+    image: Var<'t, T>,
+    depth: Var<'t, T>,
+    aperture: Var<'t, T>,
+    focus: Var<'t, T>,
+}
+
+impl<'t, T: Scalar> View<'t, T> {
+    fn new(tape: &'t Tape<T>, depth: impl Fn(usize) -> f64) -> Self {
+        Self {
+            image: tape.leaf(&Tensor::from_fn(SHAPE, |k| T::from_f64(motley(k)))),
+            depth: tape.leaf(&Tensor::from_fn([5, 7], |k| T::from_f64(depth(k)))),
+            aperture: tape.scalar(T::from_f64(1.5)),
+            focus: tape.scalar(T::from_f64(2.0)),
+        }
+    }
+
+    /// The largest gradients with respect to depth, aperture and focus, for a motley upstream.
+    fn largest_bar(&self, out: Var<'t, T>) -> Result<f64, Failure> {
+        let upstream = Tensor::from_fn(SHAPE, |k| T::from_f64(motley(5 * k + 2)));
+        let gradients = out.tape().vjp(&[(out, &upstream)])?;
+        let leaves = [self.depth, self.aperture, self.focus];
+        Ok(largest(leaves.map(|leaf| largest(numbers(&gradients.get_or_zeros(leaf))))))
+    }
+}
+
+pub(super) fn in_focus<T: Scalar>() -> Outcome {
+    let tape = Tape::<T>::new();
+    let view = View::new(&tape, |_| 2.0);
+    let found =
+        depth_of_field(view.image, view.depth, view.aperture, view.focus, &Lens::default())?;
+    let error = difference(&numbers(&found.image.value()), &numbers(&view.image.value()));
+    let bar = view.largest_bar(found.image)?;
+    Ok(Found::within("the image to the bit, no gradient to the depth", error.greater(bar), 0.0)
+        .and(found.capped == 0, "pixels are counted as capped"))
+}
+
+pub(super) fn depth_to_zero<T: Scalar>() -> Outcome {
+    let lens = Lens { largest_sigma: 4.0, ..Lens::default() };
+    // At the eye, at denormal distances, near, and with some pixels at infinity: sigma there is 1.5.
+    let tape = Tape::<T>::new();
+    let some = View::new(&tape, |k| [0.0, -0.0, 1e-40, 1e-6, 3.0, f64::INFINITY, 2.0][k % 7]);
+    let mixed = depth_of_field(some.image, some.depth, some.aperture, some.focus, &lens)?;
+    let finite = mixed.image.value().is_finite() && some.largest_bar(mixed.image)?.is_finite();
+    let mut error = 0.0_f64;
+    for (depth, sigma, capped) in [(0.0, 4.0, 35), (1e-40, 4.0, 35), (f64::INFINITY, 1.5, 0)] {
+        let tape = Tape::<T>::new();
+        let view = View::new(&tape, |_| depth);
+        let found = depth_of_field(view.image, view.depth, view.aperture, view.focus, &lens)?;
+        let sigma = tape.scalar(T::from_f64(sigma));
+        let blurred = gaussian_blur(view.image, sigma, &Blur::default())?;
+        error = error
+            .greater(difference(&numbers(&found.image.value()), &numbers(&blurred.value())))
+            .greater(found.capped.abs_diff(capped) as f64);
+    }
+    Ok(Found::within("capped as a blur by the cap, and counted", error, 16.0 * rounding::<T>())
+        .and(mixed.capped == 20, format!("{} of 20 pixels are counted", mixed.capped))
+        .and(finite, "a number is not finite"))
+}
+
+pub(super) fn aperture_zero<T: Scalar>() -> Outcome {
+    let tape = Tape::<T>::new();
+    let view = View::new(&tape, |k| 0.3 * k as f64);
+    let zero = tape.scalar(T::ZERO);
+    let before = tape.len();
+    let found = depth_of_field(view.image, view.depth, zero, view.focus, &Lens::default())?;
+    let error = difference(&numbers(&found.image.value()), &numbers(&view.image.value()));
+    let left_out = format!("{:?}", tape.take_report()).contains("aperture is 0");
+    Ok(Found::within("the image itself, nothing recorded, and the report says so", error, 0.0)
+        .and(tape.len() == before, "something was recorded")
+        .and(left_out, "the report does not say so"))
+}
+
+pub(super) fn bad_depth_or_lens<T: Scalar>() -> Outcome {
+    let tape = Tape::<T>::new();
+    let mut results = Vec::new();
+    for bad in [-1.0, f64::NAN, f64::NEG_INFINITY] {
+        let view = View::new(&tape, |k| if k == 9 { bad } else { 1.0 });
+        let said = told(depth_of_field(
+            view.image,
+            view.depth,
+            view.aperture,
+            view.focus,
+            &Lens::default(),
+        ));
+        let rule = "depth_of_field needs depths from 0 up";
+        results.push((said, format!("{rule}, got {bad} at pixel 9")));
+    }
+    let view = View::new(&tape, |_| 1.0);
+    let number = |number| tape.scalar(T::from_f64(number));
+    for (aperture, focus, rule, value) in [
+        (-1.0, 2.0, "a finite aperture of at least 0", -1.0),
+        (f64::NAN, 2.0, "a finite aperture of at least 0", f64::NAN),
+        (1.0, 0.0, "a finite and positive focus", 0.0),
+        (1.0, f64::INFINITY, "a finite and positive focus", f64::INFINITY),
+    ] {
+        let lens = Lens::default();
+        let (aperture, focus) = (number(aperture), number(focus));
+        let said = told(depth_of_field(view.image, view.depth, aperture, focus, &lens));
+        results.push((said, format!("depth_of_field needs {rule}, got {value}")));
+    }
+    Ok(Found::refused(results))
+}

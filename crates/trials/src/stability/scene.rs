@@ -1,0 +1,218 @@
+//! Scenes in clip space, drawn in either precision.
+
+use bokashi_core::{Scalar, Tape, Tensor, Var};
+use bokashi_render_ops::{
+    Background, Blur, Cull, Culled, Mesh, RasterOptions, RenderError, Size, antialias,
+    gaussian_blur, interpolate, rasterize, resolve,
+};
+
+use super::row::Failure;
+
+/// Vertices in clip space, faces, and an image's size.
+#[derive(Debug, Clone)]
+pub(super) struct Scene {
+    pub(super) clip: Vec<[f64; 4]>,
+    pub(super) faces: Vec<[u32; 3]>,
+    pub(super) size: Size,
+}
+
+/// What a pixel sees.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Seen {
+    pub(super) face: u32,
+    pub(super) uv: [f64; 2],
+    pub(super) depth: f64,
+}
+
+/// What each pixel sees, row by row from the top, and which faces were not drawn.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Drawn {
+    pub(super) pixels: Vec<Option<Seen>>,
+    pub(super) culled: Culled,
+}
+
+impl Drawn {
+    pub(super) fn count(&self) -> usize {
+        self.pixels.iter().flatten().count()
+    }
+
+    pub(super) fn faces(&self) -> Vec<Option<u32>> {
+        self.pixels.iter().map(|seen| seen.map(|seen| seen.face)).collect()
+    }
+
+    /// How many pixels are covered here and not there, or there and not here.
+    pub(super) fn differs_from(&self, covered: &[bool]) -> usize {
+        self.pixels
+            .iter()
+            .zip(covered)
+            .filter(|(seen, covered)| seen.is_some() != **covered)
+            .count()
+    }
+}
+
+/// An antialiased image `[H, W, 2]` and the gradients of `sum u . image`.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Rendered {
+    pub(super) image: Vec<f64>,
+    pub(super) clip_bar: Vec<f64>,
+    pub(super) color_bar: Vec<f64>,
+    pub(super) background_bar: Vec<f64>,
+    pub(super) sigma_bar: f64,
+}
+
+impl Rendered {
+    pub(super) fn is_finite(&self) -> bool {
+        let all = [&self.image, &self.clip_bar, &self.color_bar, &self.background_bar];
+        all.iter().all(|numbers| numbers.iter().all(|number| number.is_finite()))
+            && self.sigma_bar.is_finite()
+    }
+}
+
+/// The background of every scene.
+pub(super) const BACKGROUND: [f64; 2] = [0.25, -0.5];
+
+/// Numbers of which no two are alike.
+pub(super) fn motley(k: usize) -> f64 {
+    ((k * 7919 + 13) % 1009) as f64 / 1009.0 - 0.4
+}
+
+/// Half the distance between neighbouring numbers at 1: 2^-24 in `f32`.
+pub(super) fn rounding<T: Scalar>() -> f64 {
+    let small = T::ONE + T::from_f64(f64::powi(2.0, -40)) == T::ONE;
+    f64::powi(2.0, if small { -24 } else { -53 })
+}
+
+/// The largest of some numbers by size, and NaN where one is.
+pub(super) fn largest(numbers: impl IntoIterator<Item = f64>) -> f64 {
+    numbers.into_iter().fold(0.0, |largest, number| number.abs().greater(largest))
+}
+
+/// The largest difference between two lists.
+pub(super) fn difference(found: &[f64], expected: &[f64]) -> f64 {
+    if found.len() != expected.len() {
+        return f64::INFINITY;
+    }
+    largest(found.iter().zip(expected).map(|(found, expected)| found - expected))
+}
+
+/// The entries in `f64`.
+pub(super) fn numbers<T: Scalar>(tensor: &Tensor<T>) -> Vec<f64> {
+    tensor.data().iter().map(|entry| entry.to_f64()).collect()
+}
+
+/// The clip position of a point in pixels from the image's top left corner, where the centre of
+/// column i is at i + 1/2.
+pub(super) fn at_px(size: Size, x: f64, y: f64) -> [f64; 4] {
+    [2.0 * x / size.width as f64 - 1.0, 1.0 - 2.0 * y / size.height as f64, 0.0, 1.0]
+}
+
+/// The six orders of a face's corners.
+pub(super) fn orders([a, b, c]: [u32; 3]) -> [[u32; 3]; 6] {
+    [[a, b, c], [b, c, a], [c, a, b], [c, b, a], [b, a, c], [a, c, b]]
+}
+
+impl Scene {
+    pub(super) fn new(clip: &[[f64; 4]], faces: &[[u32; 3]], size: Size) -> Self {
+        Self { clip: clip.to_vec(), faces: faces.to_vec(), size }
+    }
+
+    /// Points in pixels from the top left corner.
+    pub(super) fn of_px(points: &[[f64; 2]], faces: &[[u32; 3]], size: Size) -> Self {
+        let clip = points.iter().map(|&[x, y]| at_px(size, x, y)).collect();
+        Self { clip, faces: faces.to_vec(), size }
+    }
+
+    pub(super) fn with_faces(&self, faces: &[[u32; 3]]) -> Self {
+        Self { faces: faces.to_vec(), ..self.clone() }
+    }
+
+    pub(super) fn mesh(&self) -> Result<Mesh, RenderError> {
+        Mesh::new(self.faces.clone(), self.clip.len())
+    }
+
+    pub(super) fn leaf<'t, T: Scalar>(&self, tape: &'t Tape<T>) -> Var<'t, T> {
+        let entry = |k: usize| T::from_f64(self.clip[k / 4][k % 4]);
+        tape.leaf(&Tensor::from_fn([self.clip.len(), 4], entry))
+    }
+
+    pub(super) fn draw<T: Scalar>(&self) -> Result<Drawn, RenderError> {
+        self.draw_culling::<T>(Cull::None)
+    }
+
+    pub(super) fn draw_culling<T: Scalar>(&self, cull: Cull) -> Result<Drawn, RenderError> {
+        let tape = Tape::<T>::new();
+        let options = RasterOptions { size: self.size, cull };
+        let fragments = rasterize(self.leaf(&tape), &self.mesh()?, options)?;
+        let coverage = &fragments.coverage;
+        let (uv, depth) = (fragments.barycentrics.value(), fragments.depth.value());
+        let seen = |n: usize| Seen {
+            face: coverage.faces()[n],
+            uv: [uv.data()[2 * n].to_f64(), uv.data()[2 * n + 1].to_f64()],
+            depth: depth.data()[n].to_f64(),
+        };
+        let pixel = |pixel| coverage.fragment_at(pixel).map(seen);
+        let pixels = (0..self.size.pixels()).map(pixel).collect();
+        Ok(Drawn { pixels, culled: coverage.culled() })
+    }
+
+    /// How many of the faces, each drawn alone, cover each pixel.
+    pub(super) fn layers<T: Scalar>(&self) -> Result<Vec<usize>, RenderError> {
+        let mut layers = vec![0; self.size.pixels()];
+        for &face in &self.faces {
+            let drawn = self.with_faces(&[face]).draw::<T>()?;
+            for (count, seen) in layers.iter_mut().zip(drawn.pixels) {
+                *count += usize::from(seen.is_some());
+            }
+        }
+        Ok(layers)
+    }
+
+    /// The gradient of `sum u + 2 v + 3 depth` with respect to the clip positions.
+    pub(super) fn surface_gradient<T: Scalar>(&self) -> Result<Vec<f64>, Failure> {
+        let tape = Tape::<T>::new();
+        let clip = self.leaf(&tape);
+        let fragments = rasterize(clip, &self.mesh()?, self.size)?;
+        let uv_bar =
+            Tensor::from_fn(fragments.barycentrics.shape(), |k| T::from_f64(1.0 + (k % 2) as f64));
+        let depth_bar = Tensor::full(fragments.depth.shape(), T::from_f64(3.0));
+        let seeds = [(fragments.barycentrics, &uv_bar), (fragments.depth, &depth_bar)];
+        Ok(numbers(&tape.vjp(&seeds)?.get_or_zeros(clip)))
+    }
+
+    /// The antialiased image of motley colours, blurred with `sigma` where there is one, and
+    /// gradients for motley upstream.
+    pub(super) fn rendered<T: Scalar>(&self, sigma: Option<f64>) -> Result<Rendered, Failure> {
+        self.rendered_with::<T>(sigma, |k| motley(3 * k + 1))
+    }
+
+    /// The same with the upstream gradient `upstream(k)` at entry k of the image.
+    pub(super) fn rendered_with<T: Scalar>(
+        &self,
+        sigma: Option<f64>,
+        upstream: impl Fn(usize) -> f64,
+    ) -> Result<Rendered, Failure> {
+        let tape = Tape::<T>::new();
+        let clip = self.leaf(&tape);
+        let number = |k: usize| T::from_f64(motley(k));
+        let colors = tape.leaf(&Tensor::from_fn([self.clip.len(), 2], number));
+        let behind = tape.leaf(&Tensor::from_fn([2], |k| T::from_f64(BACKGROUND[k])));
+        let fragments = rasterize(clip, &self.mesh()?, self.size)?;
+        let surface = interpolate(colors, &fragments)?;
+        let image = resolve(surface, &fragments, Background::Color(behind))?;
+        let mut image = antialias(image, &fragments, clip)?;
+        let deviation = tape.scalar(T::from_f64(sigma.unwrap_or(1.0)));
+        if sigma.is_some() {
+            image = gaussian_blur(image, deviation, &Blur::default())?;
+        }
+        let upstream = Tensor::from_fn(image.shape(), |k| T::from_f64(upstream(k)));
+        let gradients = tape.vjp(&[(image, &upstream)])?;
+        let gradient = |leaf| numbers(&gradients.get_or_zeros(leaf));
+        Ok(Rendered {
+            image: numbers(&image.value()),
+            clip_bar: gradient(clip),
+            color_bar: gradient(colors),
+            background_bar: gradient(behind),
+            sigma_bar: gradient(deviation)[0],
+        })
+    }
+}

@@ -1,0 +1,283 @@
+//! Every public error can be met through the public interface, and says the rule, then the value.
+//!
+//! The enums can grow, so no `match` from outside can tell that one is forgotten: the names of
+//! their variants are read from their source.
+
+use std::collections::BTreeSet;
+use std::fmt::{Debug, Display};
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+
+use bokashi_core::{Tape, Tensor, TensorError, Var};
+use bokashi_fit::{
+    Fit, FitError, FitSettings, Mapping, Optimizer, Parameter, Parameters, Schedule, from_fn,
+    mean_squared_error,
+};
+use bokashi_render_ops::{
+    Background, Blur, Kernel, Lens, Mesh, Pose, Radius, RenderError, Size, depth_of_field,
+    gaussian_blur, interpolate, interpolate_indexed, project, rasterize, resolve,
+};
+use glam::DMat4;
+
+/// The names of the variants of `pub enum <name>` in a source file.
+fn variants(path: &str, name: &str) -> BTreeSet<String> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path);
+    let source = fs::read_to_string(&path).unwrap();
+    let start = format!("pub enum {name} {{\n");
+    let (_, body) = source.split_once(&start).expect("the enum is there");
+    let (body, _) = body.split_once("\n}").expect("the enum ends");
+    let lines = body.lines().filter_map(|line| line.strip_prefix("    "));
+    let heads = lines.filter(|line| line.starts_with(|first: char| first.is_ascii_uppercase()));
+    heads.map(first_word).collect()
+}
+
+fn first_word(text: &str) -> String {
+    text.chars().take_while(char::is_ascii_alphanumeric).collect()
+}
+
+/// Each error with the message it should have; every variant has to be among them.
+fn assert_messages<E: Debug + Display>(all: &BTreeSet<String>, table: Vec<(E, String)>) {
+    let mut met = BTreeSet::new();
+    for (error, message) in table {
+        assert_eq!(error.to_string(), message, "{error:?}");
+        met.insert(first_word(&format!("{error:?}")));
+    }
+    let forgotten: Vec<_> = all.difference(&met).collect();
+    assert!(forgotten.is_empty(), "no test meets {forgotten:?}");
+    assert!(met.is_subset(all), "the source was read wrongly: {all:?}");
+}
+
+#[test]
+fn every_tensor_error_says_the_rule_and_the_value() {
+    let (tape, other) = (Tape::<f64>::new(), Tape::new());
+    let zeros = |shape: &[usize]| tape.leaf(&Tensor::zeros(shape));
+    let (pair, table, foreign) = (zeros(&[2]), zeros(&[2, 3]), other.scalar(1.0));
+    let rows: Arc<[u32]> = Arc::new([0, 2]);
+    let table: Vec<(TensorError, &str)> = vec![
+        (Tensor::new([2, 3], vec![0.0; 5]).unwrap_err(), "shape [2, 3] needs 6 entries, got 5"),
+        (table.reshape([4]).unwrap_err(), "shape [4] needs 4 entries, got 6"),
+        (pair.try_add(table).unwrap_err(), "add needs shapes that broadcast, got [2] and [2, 3]"),
+        (
+            zeros(&[0, 3]).mean().unwrap_err(),
+            "mean needs at least one entry to take the mean of, got shape [0, 3]",
+        ),
+        (
+            table.permute(&[0, 0]).unwrap_err(),
+            "permute needs each axis of its input once, got shape [2, 3]",
+        ),
+        (
+            table.matmul(table).unwrap_err(),
+            "matmul needs shapes [m, k] and [k, n], got shapes [2, 3] and [2, 3]",
+        ),
+        (
+            Var::concat(&[pair, table], 0).unwrap_err(),
+            "concat needs shapes that agree outside the joined axis, got shapes [2] and [2, 3]",
+        ),
+        (
+            tape.vjp(&[(pair, &Tensor::zeros([3]))]).unwrap_err(),
+            "backward needs an upstream gradient of its variable's shape, got shapes [3] and [2]",
+        ),
+        (
+            table.sum_axis(2).unwrap_err(),
+            "sum needs an axis below the rank 2, got axis 2 of shape [2, 3]",
+        ),
+        (
+            table.slice(1, 1..5).unwrap_err(),
+            "slice needs indices within an axis of extent 3, got 5",
+        ),
+        (
+            table.gather_rows(&rows).unwrap_err(),
+            "gather_rows needs indices within an axis of extent 2, got 2",
+        ),
+        (table.clamp(2.0, 1.0).unwrap_err(), "clamp needs bounds with low <= high, got 2"),
+        (Var::<f64>::concat(&[], 0).unwrap_err(), "concat needs at least one part, got 0 inputs"),
+        (pair.try_mul(foreign).unwrap_err(), "mul needs variables of one tape, got one of another"),
+        (
+            pair.backward().unwrap_err(),
+            "a backward pass without an upstream gradient needs a scalar, got shape [2]",
+        ),
+    ];
+    let all = variants("crates/core/src/error.rs", "TensorError");
+    let table = table.into_iter().map(|(error, message)| (error, message.to_owned()));
+    assert_messages(&all, table.collect());
+}
+
+#[test]
+fn every_render_error_says_the_rule_and_the_value() {
+    let (tape, other) = (Tape::<f64>::new(), Tape::new());
+    let zeros = |shape: &[usize]| tape.leaf(&Tensor::zeros(shape));
+    let number = |number: f64| tape.scalar(number);
+    let corners = vec![-0.8, -0.9, 0.0, 1.0, 0.9, -0.7, 0.0, 1.0, 0.1, 0.8, 0.0, 1.0];
+    let clip = tape.leaf(&Tensor::new([3, 4], corners.clone()).unwrap());
+    let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
+    let fragments = rasterize(clip, &mesh, Size::square(4)).unwrap();
+    let (points, image, depth) = (zeros(&[2, 3]), zeros(&[4, 4, 1]), zeros(&[4, 4]));
+    let lost = {
+        let mut corners = corners;
+        corners[5] = f64::INFINITY;
+        tape.leaf(&Tensor::new([3, 4], corners).unwrap())
+    };
+    let (mut camera, blur, lens) = (DMat4::IDENTITY, Blur::default(), Lens::default());
+    camera.col_mut(3).z = f64::NAN;
+    let pose = Pose { rotation: zeros(&[4]), translation: zeros(&[3]) };
+    let seed = Blur { kernel: Kernel::Seed, ..blur };
+    let endless = Blur { radius: Radius::Tolerance(0.0), ..blur };
+    let behind = tape.leaf(&Tensor::full([4, 4], -2.0));
+
+    let table: Vec<(RenderError, &str)> = vec![
+        (
+            interpolate(other.leaf(&Tensor::zeros([3, 1])), &fragments).map(drop).unwrap_err(),
+            "interpolate needs variables of one tape, got one of another",
+        ),
+        (
+            rasterize(clip, &mesh, Size { width: 0, height: 4 }).unwrap_err(),
+            "an image needs at least one pixel and fewer than 2^32, got 0 x 4",
+        ),
+        (
+            Mesh::new(vec![[0, 1, 2], [0, 3, 1]], 3).unwrap_err(),
+            "a face needs vertex indices below 3, got 3 in face 1",
+        ),
+        (
+            Mesh::new(vec![], 1 << 31).unwrap_err(),
+            "a mesh needs fewer than 2^31 faces and vertices, got 2147483648",
+        ),
+        (
+            rasterize(lost, &mesh, Size::square(4)).unwrap_err(),
+            "clip positions need to be finite, got (0.9, inf, 0, 1) at vertex 1",
+        ),
+        (
+            project(points, &camera, None).unwrap_err(),
+            "a camera matrix needs finite entries, got NaN in row 2, column 3",
+        ),
+        (
+            project(points, &DMat4::IDENTITY, Some(pose)).unwrap_err(),
+            "a rotation needs a finite quaternion other than zero, got (0, 0, 0, 0)",
+        ),
+        (
+            resolve(image, &fragments, Background::Zero).unwrap_err(),
+            "resolve needs values of shape [6, C], C > 0, got shape [4, 4, 1]",
+        ),
+        (
+            interpolate_indexed(points, &Mesh::new(vec![], 2).unwrap(), &fragments).unwrap_err(),
+            "attribute indices need one face per rasterized face, 1, got 0",
+        ),
+        (
+            gaussian_blur(image, number(-1.0), &blur).unwrap_err(),
+            "gaussian_blur needs a finite sigma of at least 0, got sigma -1",
+        ),
+        (
+            gaussian_blur(image, number(0.0), &seed).unwrap_err(),
+            "gaussian_blur needs a finite and positive sigma for the seed kernel, got sigma 0",
+        ),
+        (
+            gaussian_blur(image, number(1.0), &endless).unwrap_err(),
+            "gaussian_blur needs a tolerance between 0 and 1, got 0",
+        ),
+        (
+            depth_of_field(image, behind, number(1.0), number(2.0), &lens).unwrap_err(),
+            "depth_of_field needs depths from 0 up, got -2 at pixel 0",
+        ),
+        (
+            depth_of_field(image, depth, number(1.0), number(-2.0), &lens).unwrap_err(),
+            "depth_of_field needs a finite and positive focus, got -2",
+        ),
+    ];
+    let all = variants("crates/render-ops/src/error.rs", "RenderError");
+    let count = fragments.coverage.count();
+    let told = |message: &str| message.replace("[6, C]", &format!("[{count}, C]"));
+    let table = table.into_iter().map(|(error, message)| (error, told(message)));
+    // A transparent error shows the one below it: by name it is `Tensor`.
+    assert_messages(&all, table.collect());
+}
+
+/// What a step of a fit of one parameter x, from `start`, says.
+fn step(
+    start: Parameter<f32>,
+    settings: FitSettings,
+    loss: impl for<'t> Fn(Var<'t, f32>) -> Result<Var<'t, f32>, FitError>,
+) -> FitError {
+    let parameters = Parameters::new().with(start).unwrap();
+    let mut fit = Fit::new(parameters, settings).unwrap();
+    fit.step(&mut from_fn(|_: &Tape<f32>, variables| loss(variables.get("x")?))).unwrap_err()
+}
+
+#[test]
+fn every_fit_error_says_the_rule_and_the_value() {
+    let x = |value: f32| Parameter::new("x", Tensor::scalar(value));
+    let settings = FitSettings::default();
+    let nowhere = std::num::ParseIntError::clone(&"q".parse::<i32>().unwrap_err());
+    let message = nowhere.to_string();
+    let descent = FitSettings { optimizer: Optimizer::GradientDescent, ..settings };
+    let far = {
+        // A step that leads to a raw number whose value is none.
+        let parameters = x(1.0).mapping(Mapping::Exp).rate(1e4);
+        let parameters = Parameters::new().with(parameters).unwrap();
+        let mut fit = Fit::new(parameters, descent).unwrap();
+        let mut run = from_fn(|_: &Tape<f32>, variables| Ok(-variables.get("x")?));
+        fit.step(&mut run).and_then(|_| fit.step(&mut run)).unwrap_err()
+    };
+    let table: Vec<(FitError, &str)> = vec![
+        (
+            step(x(1.0), settings, |x| {
+                Ok(mean_squared_error(x, x.tape().leaf(&Tensor::zeros([2])))?)
+            }),
+            "mean_squared_error needs an image and a target of one shape, got shapes [] and [2]",
+        ),
+        (
+            step(x(1.0), settings, |x| Ok(gaussian_blur(x, x, &Blur::default())?)),
+            "gaussian_blur needs an image of shape [H, W, C] with at least one entry, got shape []",
+        ),
+        (step(x(1.0), settings, |_| Err(FitError::operation(nowhere.clone()))), &message),
+        (
+            step(x(1e30), settings, |x| Ok(x.square())),
+            "the loss needs to be finite, got inf at step 0",
+        ),
+        (
+            step(x(0.0), settings, |x| Ok(x.sqrt())),
+            "the gradient of \"x\" needs to be finite, got inf at step 0",
+        ),
+        (
+            step(x(1.0), settings, |x| Ok(x * 1e30)),
+            "the squared gradient of \"x\" needs to be finite, got inf at step 0",
+        ),
+        (far, "the value of \"x\" needs to be finite, got inf at step 1"),
+        (
+            Parameters::<f32>::new().with(x(1.0)).unwrap().value("y").unwrap_err(),
+            "a parameter's name needs to be one of [\"x\"], got \"y\"",
+        ),
+        (
+            Fit::<f32>::new(
+                Parameters::new(),
+                FitSettings { schedule: Schedule::Step { steps: 0, factor: 0.5 }, ..settings },
+            )
+            .map(drop)
+            .unwrap_err(),
+            "schedule needs a period of at least 1 step, got 0",
+        ),
+    ];
+    let met: BTreeSet<_> = table
+        .iter()
+        .filter_map(|(error, _)| match error {
+            FitError::NotFinite { quantity, .. } => Some(first_word(&format!("{quantity:?}"))),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(met, variants("crates/fit/src/error.rs", "Quantity"));
+    let all = variants("crates/fit/src/error.rs", "FitError");
+    let table = table.into_iter().map(|(error, message)| (error, message.to_owned()));
+    assert_messages(&all, table.collect());
+}
+
+#[test]
+fn a_variant_that_nothing_meets_is_noticed() {
+    let all = variants("crates/core/src/error.rs", "TensorError");
+    assert!(all.contains("Length") && all.contains("NotScalar") && all.len() >= 10, "{all:?}");
+    let only = vec![(TensorError::ForeignVariable { operation: "x" }, String::new())];
+    let only = only.into_iter().map(|(error, _)| {
+        let message = error.to_string();
+        (error, message)
+    });
+    let checked = std::panic::catch_unwind(|| assert_messages(&all, only.collect()));
+    assert!(checked.is_err());
+}
