@@ -1,0 +1,262 @@
+//! Dual numbers: forward-mode differentiation of whatever is generic over [`Scalar`].
+//!
+//! # Forward
+//! `(x + x' e)` with `e^2 = 0`: every operation carries the value and its derivative along one
+//! direction, `f(x + x' e) = f(x) + f'(x) x' e`.
+//!
+//! On a `Tape<Dual<T>>` the tangents of the outputs are `J v` for leaves of tangent `v`, and the
+//! tangents of the gradients are Hessian-vector products: forward over reverse.
+//!
+//! # Where it is not smooth
+//! Comparisons go by value, so that a kernel takes the same branch as without tangents; the
+//! derivative is the one of that branch. `|x|` has slope 1 at 0.
+//!
+//! # Source
+//! Griewank and Walther, *Evaluating Derivatives*, 2nd edition, 2008, chapter 3.
+
+use std::cmp::Ordering;
+use std::fmt;
+use std::iter::Sum;
+use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+
+use bokashi_core::Scalar;
+
+/// A number and its derivative along one direction.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Dual<T> {
+    /// The number.
+    pub value: T,
+    /// Its derivative.
+    pub tangent: T,
+}
+
+impl<T: Scalar> Dual<T> {
+    /// `value + tangent e`.
+    pub fn new(value: T, tangent: T) -> Self {
+        Self { value, tangent }
+    }
+
+    /// `f(x)` of this `x`, from the value `f(x)` and the slope `f'(x)`.
+    fn chain(self, value: T, slope: T) -> Self {
+        Self { value, tangent: slope * self.tangent }
+    }
+}
+
+impl<T: PartialEq> PartialEq for Dual<T> {
+    fn eq(&self, other: &Self) -> bool {
+        self.value == other.value
+    }
+}
+
+impl<T: PartialOrd> PartialOrd for Dual<T> {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        self.value.partial_cmp(&other.value)
+    }
+}
+
+impl<T: fmt::Display> fmt::Display for Dual<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} + {} e", self.value, self.tangent)
+    }
+}
+
+impl<T: Scalar> Add for Dual<T> {
+    type Output = Self;
+    fn add(self, other: Self) -> Self {
+        Self { value: self.value + other.value, tangent: self.tangent + other.tangent }
+    }
+}
+
+impl<T: Scalar> Sub for Dual<T> {
+    type Output = Self;
+    fn sub(self, other: Self) -> Self {
+        Self { value: self.value - other.value, tangent: self.tangent - other.tangent }
+    }
+}
+
+impl<T: Scalar> Mul for Dual<T> {
+    type Output = Self;
+    fn mul(self, other: Self) -> Self {
+        let tangent = self.tangent * other.value + self.value * other.tangent;
+        Self { value: self.value * other.value, tangent }
+    }
+}
+
+impl<T: Scalar> Div for Dual<T> {
+    type Output = Self;
+    fn div(self, other: Self) -> Self {
+        let value = self.value / other.value;
+        Self { value, tangent: (self.tangent - value * other.tangent) / other.value }
+    }
+}
+
+impl<T: Scalar> Neg for Dual<T> {
+    type Output = Self;
+    fn neg(self) -> Self {
+        Self { value: -self.value, tangent: -self.tangent }
+    }
+}
+
+impl<T: Scalar> AddAssign for Dual<T> {
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+
+impl<T: Scalar> SubAssign for Dual<T> {
+    fn sub_assign(&mut self, other: Self) {
+        *self = *self - other;
+    }
+}
+
+impl<T: Scalar> MulAssign for Dual<T> {
+    fn mul_assign(&mut self, other: Self) {
+        *self = *self * other;
+    }
+}
+
+impl<T: Scalar> Sum for Dual<T> {
+    fn sum<I: Iterator<Item = Self>>(terms: I) -> Self {
+        // As the sums of f32 and f64 do, and for a sum of no terms: from -0.
+        terms.fold(-Self::ZERO, Add::add)
+    }
+}
+
+impl<T: Scalar> Scalar for Dual<T> {
+    const ZERO: Self = Self { value: T::ZERO, tangent: T::ZERO };
+    const ONE: Self = Self { value: T::ONE, tangent: T::ZERO };
+    type Wide = Dual<T::Wide>;
+
+    fn from_f64(value: f64) -> Self {
+        Self { value: T::from_f64(value), tangent: T::ZERO }
+    }
+    fn to_f64(self) -> f64 {
+        self.value.to_f64()
+    }
+    fn widen(self) -> Self::Wide {
+        Dual { value: self.value.widen(), tangent: self.tangent.widen() }
+    }
+    fn narrow(wide: Self::Wide) -> Self {
+        Self { value: T::narrow(wide.value), tangent: T::narrow(wide.tangent) }
+    }
+
+    fn exp(self) -> Self {
+        let exp = self.value.exp();
+        self.chain(exp, exp)
+    }
+    fn ln(self) -> Self {
+        Self { value: self.value.ln(), tangent: self.tangent / self.value }
+    }
+    fn ln_1p(self) -> Self {
+        Self { value: self.value.ln_1p(), tangent: self.tangent / (T::ONE + self.value) }
+    }
+    fn sqrt(self) -> Self {
+        let root = self.value.sqrt();
+        Self { value: root, tangent: self.tangent / (root + root) }
+    }
+    fn sin(self) -> Self {
+        self.chain(self.value.sin(), self.value.cos())
+    }
+    fn cos(self) -> Self {
+        self.chain(self.value.cos(), -self.value.sin())
+    }
+    fn tanh(self) -> Self {
+        let tanh = self.value.tanh();
+        // 1 - tanh^2 without its cancellation.
+        self.chain(tanh, (T::ONE - tanh) * (T::ONE + tanh))
+    }
+    fn powi(self, exponent: i32) -> Self {
+        let slope = match exponent {
+            0 => T::ZERO,
+            n => T::from_f64(f64::from(n)) * self.value.powi(n.saturating_sub(1)),
+        };
+        self.chain(self.value.powi(exponent), slope)
+    }
+    fn abs(self) -> Self {
+        if self.value < T::ZERO {
+            -self
+        } else {
+            Self { value: self.value.abs(), ..self }
+        }
+    }
+    fn is_finite(self) -> bool {
+        self.value.is_finite()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use approx::assert_relative_eq;
+
+    use super::*;
+
+    /// The derivative of `f` at `x`, forward and by differences.
+    fn both(x: f64, f: impl Fn(Dual<f64>) -> Dual<f64>) -> (f64, f64) {
+        let at = |x: f64| f(Dual::new(x, 0.0)).value;
+        let central = |h: f64| (at(x + h) - at(x - h)) / (2.0 * h);
+        let quotient = (4.0 * central(5e-4) - central(1e-3)) / 3.0;
+        (f(Dual::new(x, 1.0)).tangent, quotient)
+    }
+
+    #[test]
+    fn every_function_carries_its_derivative() {
+        let functions: [fn(Dual<f64>) -> Dual<f64>; 18] = [
+            |x| x + x,
+            |x| Dual::ONE - x,
+            |x| x * x * x,
+            |x| Dual::ONE / x,
+            |x| x / (x * x + Dual::ONE),
+            |x| -x,
+            Dual::exp,
+            |x| (x * x).ln(),
+            |x| (x * x).ln_1p(),
+            |x| (x * x).sqrt(),
+            Dual::sin,
+            Dual::cos,
+            Dual::tanh,
+            |x| x.powi(5),
+            |x| x.powi(-2),
+            |x| x.powi(0),
+            Dual::abs,
+            |x| [x, x * x, x].into_iter().sum(),
+        ];
+        for function in functions {
+            for x in [-1.7, -0.3, 0.4, 2.1] {
+                let (forward, quotient) = both(x, function);
+                assert_relative_eq!(forward, quotient, epsilon = 1e-9, max_relative = 1e-9);
+            }
+        }
+        let mut x = Dual::new(2.0, 0.0);
+        x += Dual::new(1.0, 1.0);
+        x -= Dual::new(0.0, 3.0);
+        x *= Dual::new(1.0, 1.0);
+        assert_eq!((x.value, x.tangent), (3.0, 1.0));
+    }
+
+    #[test]
+    fn comparisons_go_by_value() {
+        let (less, more) = (Dual::new(1.0, 9.0), Dual::new(2.0, -9.0));
+        assert!(less < more && less == Dual::new(1.0, 0.0));
+        assert_eq!(less.lesser(more).tangent, 9.0);
+        assert_eq!(less.greater(more).tangent, -9.0);
+        assert!(Dual::new(f64::NAN, 0.0).lesser(more).value.is_nan());
+        assert!(Dual::new(1.0, f64::NAN).is_finite());
+    }
+
+    #[test]
+    fn a_dual_of_duals_carries_second_derivatives() {
+        let x = Dual::new(Dual::new(0.7_f64, 1.0), Dual::new(1.0, 0.0));
+        let y = x.sin();
+        assert_relative_eq!(y.tangent.tangent, -(0.7_f64.sin()), epsilon = 1e-15);
+        assert_eq!(y.to_f64(), 0.7_f64.sin());
+    }
+
+    #[test]
+    fn single_precision_widens_with_its_tangent() {
+        let wide = Dual::new(0.1_f32, 0.3).widen();
+        assert_eq!((wide.value, wide.tangent), (f64::from(0.1_f32), f64::from(0.3_f32)));
+        let narrow: Dual<f32> = Dual::narrow(wide);
+        assert_eq!((narrow.value, narrow.tangent), (0.1, 0.3));
+        assert_eq!(Dual::<f32>::from_f64(0.5).to_string(), "0.5 + 0 e");
+    }
+}
