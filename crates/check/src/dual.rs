@@ -173,11 +173,7 @@ impl<T: Scalar> Scalar for Dual<T> {
         self.chain(self.value.powi(exponent), slope)
     }
     fn abs(self) -> Self {
-        if self.value < T::ZERO {
-            -self
-        } else {
-            Self { value: self.value.abs(), ..self }
-        }
+        if self.value < T::ZERO { -self } else { Self { value: self.value.abs(), ..self } }
     }
     fn is_finite(self) -> bool {
         self.value.is_finite()

@@ -11,6 +11,7 @@ mod outcome;
 mod picture;
 mod scene;
 mod settings;
+mod views;
 
 pub use alternative::{Alternative, Choice, alternatives};
 pub use automorphism::automorphisms;
@@ -19,3 +20,4 @@ pub use experiment::{CubeMeasure, CubePipeline, run_cube};
 pub use outcome::{Outcome, Progress, Record, Snapshot};
 pub use picture::{edges, outline, picture};
 pub use settings::{CubeSettings, Experiment, Precision, Preset, Rates};
+pub use views::CubeViews;
