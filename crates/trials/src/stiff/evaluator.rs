@@ -27,11 +27,25 @@ struct State {
     tape: Tape<f64>,
     dual: Tape<Dual<f64>>,
     ledger: Ledger,
+    /// How often in a row an answer was at hand.
+    repeated: u32,
     /// The last point and its objective: asked again, it costs nothing.
     last: Option<(Vec<f64>, f64)>,
     /// The last gradient with its point.
     last_gradient: Option<(Vec<f64>, Vec<f64>)>,
     halt: Option<Halt>,
+}
+
+/// A method that asks for so many answers that are at hand has come to a stop without knowing it:
+/// its step has vanished beside its point.
+const MOST_REPEATED: u32 = 100;
+
+impl State {
+    /// Counts an answer that was at hand.
+    fn repeat(&mut self) -> Result<(), Halt> {
+        self.repeated += 1;
+        if self.repeated > MOST_REPEATED { Err(Halt::Stalled) } else { Ok(()) }
+    }
 }
 
 impl<'a> Evaluator<'a> {
@@ -50,6 +64,7 @@ impl<'a> Evaluator<'a> {
             tape: Tape::new(),
             dual: Tape::new(),
             ledger: Ledger::new(budget, problem.least(), scale, problem.start()),
+            repeated: 0,
             last: None,
             last_gradient: None,
             halt: None,
@@ -109,8 +124,10 @@ impl<'a> Evaluator<'a> {
     pub(crate) fn value(&self, x: &[f64]) -> Result<f64, Halt> {
         self.with(|state, problem| {
             if let Some((_, value)) = state.last.as_ref().filter(|(last, _)| last == x) {
-                return Ok(*value);
+                let value = *value;
+                return state.repeat().map(|()| value);
             }
+            state.repeated = 0;
             state.ledger.spend(1)?;
             state.ledger.counts.values += 1;
             state.tape.reset();
@@ -141,8 +158,10 @@ impl<'a> Evaluator<'a> {
     pub(crate) fn gradient(&self, x: &[f64]) -> Result<Vec<f64>, Halt> {
         self.with(|state, problem| {
             if let Some((_, gradient)) = state.last_gradient.as_ref().filter(|(at, _)| at == x) {
-                return Ok(gradient.clone());
+                let gradient = gradient.clone();
+                return state.repeat().map(|()| gradient);
             }
+            state.repeated = 0;
             state.ledger.spend(2)?;
             state.ledger.counts.gradients += 1;
             state.tape.reset();
@@ -281,6 +300,14 @@ mod tests {
         let jacobian = evaluator.jacobian(x).unwrap();
         assert!((&hessian - hessian.transpose()).amax() < 1e-15);
         assert!((hessian - 2.0 * jacobian.transpose() * jacobian).amax() < 1e-14);
+    }
+
+    #[test]
+    fn asking_for_one_point_for_ever_ends_a_run() {
+        let problem = rotated_quadratic(3, 10.0, 0);
+        let evaluator = Evaluator::new(&problem, budget(10.0)).unwrap();
+        let stalled = (0..1_000).find_map(|_| evaluator.value(&[0.5; 3]).err());
+        assert_eq!(stalled, Some(Halt::Stalled));
     }
 
     #[test]

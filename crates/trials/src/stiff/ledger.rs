@@ -32,6 +32,8 @@ pub enum Halt {
     Target,
     /// The budget is spent.
     Budget,
+    /// It asks for the same point again and again.
+    Stalled,
     /// Something was infinite or NaN, or an operation refused its inputs.
     Broken(String),
 }
@@ -41,6 +43,7 @@ impl fmt::Display for Halt {
         match self {
             Self::Target => write!(f, "the error is below the target"),
             Self::Budget => write!(f, "the budget is spent"),
+            Self::Stalled => write!(f, "it asks for the same point again and again"),
             Self::Broken(why) => f.write_str(why),
         }
     }

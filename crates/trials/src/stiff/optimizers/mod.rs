@@ -94,7 +94,7 @@ impl Method {
 pub enum Outcome {
     /// The error is below the target.
     Reached,
-    /// By the method's own test, at an error above the target.
+    /// By the method's own test, or with steps that vanish, at an error above the target.
     Converged,
     /// The budget is spent.
     Budget,
@@ -183,6 +183,7 @@ pub fn run(problem: &Problem, seed: u64, method: Method, budget: Budget) -> Run 
     (run.outcome, run.message) = match (evaluator.halt(), ended) {
         (Some(Halt::Target), _) => (Outcome::Reached, String::new()),
         (Some(Halt::Budget), _) => (Outcome::Budget, String::new()),
+        (Some(Halt::Stalled), _) => (Outcome::Converged, Halt::Stalled.to_string()),
         (Some(Halt::Broken(why)), _) => (Outcome::Diverged, why),
         (None, Ok(Ok(()))) => (Outcome::Converged, String::new()),
         (None, Ok(Err(why))) => (Outcome::Failed, why),
