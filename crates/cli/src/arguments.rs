@@ -6,7 +6,8 @@ use std::path::PathBuf;
 use bokashi_fit::scenes::{Experiment, Precision, Preset};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::error::ErrorKind;
-use clap::{Args, Parser, Subcommand};
+use clap::parser::ValueSource;
+use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 
 use crate::failure::Failure;
 
@@ -80,6 +81,18 @@ pub(crate) struct FitArguments {
     /// File for the outcome as a JSON object; - for standard output, and then nothing else there
     #[arg(long, value_name = "FILE")]
     pub(crate) json: Option<PathBuf>,
+    /// File to save the fit to at its end, or when it is interrupted, to go on with --resume
+    #[arg(long, value_name = "FILE")]
+    pub(crate) save: Option<PathBuf>,
+    /// Save after every N updates, too
+    #[arg(long, value_name = "N", requires = "save", value_parser = steps)]
+    pub(crate) save_every: Option<u64>,
+    /// Saved fit to go on with, to the same bits as if it had not ended; settings are the file's
+    #[arg(long, value_name = "FILE")]
+    pub(crate) resume: Option<PathBuf>,
+    /// The names of the options that the command line has.
+    #[arg(skip)]
+    pub(crate) given: Vec<String>,
     #[command(flatten)]
     pub(crate) common: Common,
 }
@@ -120,6 +133,14 @@ impl Request {
             _ => None,
         }
     }
+
+    /// Where the fit is saved.
+    pub(crate) fn save(&self) -> Option<&PathBuf> {
+        match &self.command {
+            Some(Command::Fit(fit)) => fit.save.as_ref(),
+            _ => None,
+        }
+    }
 }
 
 /// Why there is no request.
@@ -135,10 +156,19 @@ pub(crate) enum Stopped {
 pub(crate) fn parse(
     arguments: impl IntoIterator<Item = impl Into<OsString> + Clone>,
 ) -> Result<Request, Stopped> {
-    let request = Request::try_parse_from(arguments).map_err(|error| match error.kind() {
+    let stopped = |error: clap::Error| match error.kind() {
         ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => Stopped::Shown(error.to_string()),
         _ => Stopped::Wrong(Failure::Use(folded(&error.to_string()))),
-    })?;
+    };
+    let matches = Request::command().try_get_matches_from(arguments).map_err(stopped)?;
+    let mut request = Request::from_arg_matches(&matches).map_err(stopped)?;
+    if let (Some(Command::Fit(fit)), Some((_, matches))) =
+        (&mut request.command, matches.subcommand())
+    {
+        let names = matches.ids().map(|id| id.as_str());
+        let given = |name: &&str| matches.value_source(name) == Some(ValueSource::CommandLine);
+        fit.given = names.filter(given).map(str::to_owned).collect();
+    }
     match &request.command {
         Some(Command::Fit(fit))
             if fit.sigma.is_some() && fit.experiment == Experiment::Vertices =>
@@ -222,7 +252,6 @@ mod tests {
 
     #[test]
     fn the_parser_itself_is_sound() {
-        use clap::CommandFactory as _;
         Request::command().debug_assert();
     }
 
@@ -250,7 +279,8 @@ mod tests {
     #[test]
     fn every_option_of_a_fit_is_read() {
         let line = "fit --experiment sigma --preset tuned --resolution 16 --sigma 2.8 --steps 7 \
-             --seed 3 --no-antialias --precision f64 --threads 2 --out a --json - --quiet";
+             --seed 3 --no-antialias --precision f64 --threads 2 --out a --json - --quiet \
+             --save b --save-every 4 --resume c";
         let request = read(line).expect("all of them");
         assert_eq!(request.out(), Some("a".into()));
         let Some(Command::Fit(fit)) = request.command else { panic!("fit") };
@@ -260,6 +290,19 @@ mod tests {
         assert_eq!(fit.common.precision, Precision::F64);
         assert_eq!(fit.json, Some("-".into()));
         assert!(fit.no_antialias && fit.common.quiet);
+        assert_eq!((fit.save, fit.save_every), (Some("b".into()), Some(4)));
+        assert_eq!(fit.resume, Some("c".into()));
+    }
+
+    #[test]
+    fn options_that_were_given_are_told_from_defaults() {
+        let Some(Command::Fit(fit)) = read("fit --seed 0 --steps 10000").expect("both").command
+        else {
+            panic!("fit")
+        };
+        for (option, expected) in [("seed", true), ("steps", true), ("resolution", false)] {
+            assert_eq!(fit.given.iter().any(|name| name == option), expected, "{option}");
+        }
     }
 
     #[test]
@@ -285,6 +328,8 @@ mod tests {
             ("fit --sigma inf", "'inf'", "needs a number of pixels above 0 and up to 1000"),
             ("fit --experiment vertices --sigma 1", "--sigma", "--experiment sigma or joint"),
             ("fit --steps 0", "'0'", "needs a whole number from 1 to 10000000"),
+            ("fit --save-every 3", "--save <FILE>", "required"),
+            ("fit --save a --save-every 0", "'0'", "needs a whole number from 1 to 10000000"),
             ("fit --seed 0.5", "'0.5'", "needs a whole number from 0 to"),
             ("fit --threads 0", "'0'", "needs a whole number from 1 to 1024"),
             ("reproduce --seeds 0", "'0'", "needs a whole number from 1 to 1000"),

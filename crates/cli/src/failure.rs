@@ -10,7 +10,13 @@ pub(crate) enum Failure {
     Use(String),
     /// What was asked for went wrong: status 1.
     Work(String),
+    /// It was interrupted, and what is to be told of it: status 130, as a shell would report it,
+    /// 128 and the signal's number.
+    Interrupted(String),
 }
+
+/// The status of a program that an interrupt ended.
+pub(crate) const INTERRUPTED: u8 = 130;
 
 impl Failure {
     /// The status that the program ends with.
@@ -18,13 +24,14 @@ impl Failure {
         match self {
             Self::Use(_) => ExitCode::from(2),
             Self::Work(_) => ExitCode::FAILURE,
+            Self::Interrupted(_) => ExitCode::from(INTERRUPTED),
         }
     }
 }
 
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (Self::Use(text) | Self::Work(text)) = self;
+        let (Self::Use(text) | Self::Work(text) | Self::Interrupted(text)) = self;
         f.write_str(&one_line(text))
     }
 }

@@ -1,8 +1,10 @@
 //! Which fits a command stands for.
 
+use bokashi_fit::FitError;
 use bokashi_fit::scenes::{Alternative, CubeSettings, Experiment, Preset, alternatives};
 
-use crate::arguments::{Command, Request};
+use crate::arguments::{Command, FitArguments, Request};
+use crate::failure::Failure;
 
 /// The target sigmas of the paper's experiments 5.2 and 5.3, in pixels.
 const SIGMAS: [f64; 4] = [1.0, 1.4, 2.8, 4.0];
@@ -18,8 +20,15 @@ pub(crate) struct Planned {
 }
 
 /// Every fit that `request` asks for, in the order they are done in.
-pub(crate) fn plan(request: &Request) -> Vec<Planned> {
-    let fits = experiments(request).into_iter();
+///
+/// # Errors
+/// A saved fit that should be gone on with and cannot be.
+pub(crate) fn plan(request: &Request) -> Result<Vec<Planned>, Failure> {
+    let mut fits = experiments(request);
+    if let Some(Command::Fit(fit)) = &request.command {
+        resume(fit, &mut fits[0])?;
+    }
+    let fits = fits.into_iter();
     let fits = fits.map(|settings| Planned { settings, alternative: None });
     let others = match &request.command {
         Some(Command::Reproduce(reproduce)) => alternatives(reproduce.common.steps),
@@ -28,7 +37,42 @@ pub(crate) fn plan(request: &Request) -> Vec<Planned> {
     let others = others
         .into_iter()
         .map(|(alternative, settings)| Planned { settings, alternative: Some(alternative) });
-    fits.chain(others).collect()
+    Ok(fits.chain(others).collect())
+}
+
+/// Makes `settings`, those of the command line, the ones of the saved fit that goes on: what the
+/// command line gives has to agree, but for the number of steps.
+fn resume(fit: &FitArguments, settings: &mut CubeSettings) -> Result<(), Failure> {
+    let Some(path) = &fit.resume else { return Ok(()) };
+    let refused = |error: FitError| Failure::Use(format!("--resume {}: {error}", path.display()));
+    let mut saved = CubeSettings::saved_in(path).map_err(refused)?;
+    let agrees = |option: &str, saved: String, given: String| {
+        if saved == given || !fit.given.iter().any(|name| name == option) {
+            return Ok(());
+        }
+        let option = option.replace('_', "-");
+        let rule = format!("--{option} needs to be that of the saved fit, {saved}, got {given}");
+        Err(Failure::Use(rule))
+    };
+    let words = |settings: &CubeSettings| {
+        [
+            ("experiment", settings.experiment.to_string()),
+            ("preset", settings.preset.to_string()),
+            ("resolution", settings.resolution.to_string()),
+            ("sigma", settings.sigma_target.to_string()),
+            ("seed", settings.seed.to_string()),
+            ("no_antialias", (!settings.antialias).to_string()),
+            ("precision", settings.precision.to_string()),
+        ]
+    };
+    for ((option, saved), (_, given)) in words(&saved).into_iter().zip(words(settings)) {
+        agrees(option, saved, given)?;
+    }
+    if fit.given.iter().any(|name| name == "steps") {
+        saved.steps = settings.steps;
+    }
+    *settings = saved;
+    Ok(())
 }
 
 /// The settings of the experiments that `request` asks for.
@@ -82,7 +126,7 @@ mod tests {
 
     fn all_planned(line: &str) -> Vec<Planned> {
         let words = std::iter::once("bokashi").chain(line.split_whitespace());
-        plan(&parse(words).expect("a good command line"))
+        plan(&parse(words).expect("a good command line")).expect("no saved fit")
     }
 
     /// The experiments, without what shows other choices.

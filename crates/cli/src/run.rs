@@ -4,19 +4,23 @@ use std::fs;
 use std::io::{self, Write as _};
 use std::ops::ControlFlow;
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use bokashi_fit::report::{About, Report, ReportError, check_folder, write_whole};
-use bokashi_fit::scenes::run_cube;
+use bokashi_fit::scenes::{Saving, run_cube_saving};
 
-use crate::arguments::Request;
-use crate::failure::Failure;
-use crate::plan::plan;
+use crate::arguments::{Command, Request};
+use crate::failure::{Failure, INTERRUPTED};
+use crate::plan::{Planned, plan};
 use crate::progress::{Bar, name};
 use crate::summary::Summary;
 
 /// Held while files are written: a program that is interrupted finishes them first.
 type Writing = Arc<Mutex<()>>;
+
+/// Set by the first interrupt of a fit that is saved: it then ends at its next step.
+type Interrupt = Arc<AtomicBool>;
 
 /// Does all that `request` asks for.
 pub(crate) fn run(request: &Request) -> Result<(), Failure> {
@@ -25,37 +29,62 @@ pub(crate) fn run(request: &Request) -> Result<(), Failure> {
         check_folder(&out).map_err(said)?;
     }
     if let Some(file) = request.json().filter(|file| !is_standard_output(file)) {
-        check_file(file)?;
+        check_file(file, "--json")?;
     }
-    let writing = Writing::default();
-    end_when_interrupted(&writing)?;
+    if let Some(file) = request.save() {
+        check_file(file, "--save")?;
+    }
+    let plan = plan(request)?;
+    let (writing, interrupt) = (Writing::default(), Interrupt::default());
+    end_when_interrupted(&writing, request.save().map(|_| &interrupt))?;
+    let fit_all = || fit_all(request, &plan, &writing, &interrupt);
     match request.common().threads {
-        None => fit_all(request, &writing),
+        None => fit_all(),
         Some(threads) => {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
             let pool = pool.map_err(|error| {
                 Failure::Work(format!("{threads} threads could not be started: {error}"))
             })?;
-            pool.install(|| fit_all(request, &writing))
+            pool.install(fit_all)
         }
     }
 }
 
 /// Every fit, one after the other, so that none disturbs another's times.
-fn fit_all(request: &Request, writing: &Writing) -> Result<(), Failure> {
-    let plan = plan(request);
+fn fit_all(
+    request: &Request,
+    plan: &[Planned],
+    writing: &Writing,
+    interrupt: &Interrupt,
+) -> Result<(), Failure> {
+    let saving = saving(request);
     let quiet = request.common().quiet;
     let mut report = request.out().map(|_| Report::new(about()));
     let (mut summary, mut json, mut failures) = (Summary::default(), Vec::new(), Vec::new());
-    let mut bar = Bar::new(&plan, quiet);
+    let mut bar = Bar::new(plan, quiet);
     for (at, planned) in plan.iter().enumerate() {
         let (settings, name) = (&planned.settings, name(planned, at + 1, plan.len()));
         bar.begin(settings, &name);
-        let outcome = run_cube(settings, &mut |progress| {
+        let outcome = run_cube_saving(settings, &saving, &mut |progress| {
             bar.step(&progress);
-            ControlFlow::Continue(())
+            match interrupt.load(Ordering::Relaxed) {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(()),
+            }
         });
         bar.end(settings.steps);
+        if let (Some(file), Ok(outcome)) = (request.save(), &outcome)
+            && interrupt.load(Ordering::Relaxed)
+            && outcome.steps < settings.steps
+        {
+            bar.clear();
+            return Err(Failure::Interrupted(format!(
+                "interrupted at step {} of {}; it goes on with: bokashi fit --resume {}",
+                outcome.steps,
+                settings.steps,
+                file.display()
+            )));
+        }
         if let Some(alternative) = planned.alternative {
             // An error is what such a fit may be there to show.
             if let Some(report) = &mut report {
@@ -101,6 +130,16 @@ fn fit_all(request: &Request, writing: &Writing) -> Result<(), Failure> {
     }
 }
 
+/// Where fits are saved, and what they go on from.
+fn saving(request: &Request) -> Saving {
+    match &request.command {
+        Some(Command::Fit(fit)) => {
+            Saving { resume: fit.resume.clone(), save: fit.save.clone(), every: fit.save_every }
+        }
+        _ => Saving::default(),
+    }
+}
+
 /// Writes what was asked for; returns the path of the report's page.
 fn write(
     request: &Request,
@@ -142,8 +181,8 @@ fn is_standard_output(file: &Path) -> bool {
 }
 
 /// Whether a file could be written, before hours are spent on what it should hold.
-fn check_file(file: &Path) -> Result<(), Failure> {
-    let said = |rule: String| Failure::Use(format!("--json needs a file to write to: {rule}"));
+fn check_file(file: &Path, option: &str) -> Result<(), Failure> {
+    let said = |rule: String| Failure::Use(format!("{option} needs a file to write to: {rule}"));
     let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
     let folder = folder.unwrap_or(Path::new("."));
     if fs::metadata(file).is_ok_and(|found| found.is_dir()) || file.file_name().is_none() {
@@ -155,13 +194,16 @@ fn check_file(file: &Path) -> Result<(), Failure> {
     check_folder(folder).map_err(|error| said(error.to_string()))
 }
 
-/// Ends the program at an interrupt, but never between the halves of a file.
-fn end_when_interrupted(writing: &Writing) -> Result<(), Failure> {
-    let writing = Arc::clone(writing);
+/// Ends the program at an interrupt, but never between the halves of a file. A fit that is saved
+/// is asked to end, and the program ends at the second interrupt only.
+fn end_when_interrupted(writing: &Writing, saved: Option<&Interrupt>) -> Result<(), Failure> {
+    let (writing, saved) = (Arc::clone(writing), saved.map(Arc::clone));
     let end = move || {
+        if saved.as_ref().is_some_and(|interrupt| !interrupt.swap(true, Ordering::Relaxed)) {
+            return;
+        }
         let _held = writing.lock().unwrap_or_else(PoisonError::into_inner);
-        // As a shell would report it: 128 and the signal's number.
-        std::process::exit(130);
+        std::process::exit(i32::from(INTERRUPTED));
     };
     ctrlc::set_handler(end).map_err(|error| Failure::Work(error.to_string()))
 }

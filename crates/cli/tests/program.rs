@@ -242,3 +242,110 @@ fn a_full_disk_is_status_1_and_one_line() {
     assert_eq!(output.status.code(), Some(1));
     assert_eq!(text(&output.stderr).lines().count(), 1);
 }
+
+/// The object without what depends on the clock, and its history from `step` on.
+fn timeless(mut value: Value, step: u64) -> (Value, Vec<Value>) {
+    for key in ["ms_per_step_median", "target_ms_per_step_median", "wall_seconds"] {
+        value[key] = Value::Null;
+    }
+    // The tail is that of the run.
+    value["vertex_error_tail"] = Value::Null;
+    let history = value["history"].take();
+    let mut history = history.as_array().expect("a list").clone();
+    history.retain(|record| record["step"].as_u64().expect("a number") >= step);
+    history.iter_mut().for_each(|record| record["seconds"] = Value::Null);
+    (value, history)
+}
+
+#[test]
+fn a_saved_fit_goes_on_to_the_same_bits() {
+    let folder = folder();
+    let fit = "fit --resolution 8 --seed 3 --sigma 1.4";
+    for precision in ["f32", "f64"] {
+        let run = |line: &str| object(&bokashi(folder.path(), &format!("{line} --json -")));
+        let precise = format!("{fit} --precision {precision}");
+        let whole = run(&format!("{precise} --steps 20"));
+        run(&format!("{precise} --steps 7 --save kept"));
+        assert_eq!(files(folder.path()), ["kept"]);
+        // By the file alone, with its options repeated, and on another number of threads.
+        for line in [
+            "fit --resume kept --steps 20".to_owned(),
+            format!("{precise} --resume kept --steps 20"),
+            "fit --resume kept --steps 20 --threads 3".to_owned(),
+        ] {
+            assert_eq!(timeless(run(&line), 0), timeless(whole.clone(), 7), "{line}");
+        }
+        // And on from there, in the same file.
+        run("fit --resume kept --steps 12 --save kept");
+        let rest = run("fit --resume kept --steps 20 --save kept --save-every 3");
+        assert_eq!(timeless(rest, 0), timeless(whole, 12));
+    }
+}
+
+#[test]
+fn a_file_that_cannot_be_resumed_is_bad_use_in_one_line() {
+    let folder = folder();
+    let saved = bokashi(folder.path(), "fit --resolution 8 --steps 5 --save kept --quiet");
+    assert_eq!((saved.status.code(), text(&saved.stderr)), (Some(0), String::new()));
+    let bytes = fs::read(folder.path().join("kept")).expect("saved");
+    fs::write(folder.path().join("short"), &bytes[..bytes.len() - 1]).expect("written");
+    fs::write(folder.path().join("foreign"), b"{}").expect("written");
+    for (line, allowed) in [
+        ("fit --resume missing", "missing could not be read"),
+        ("fit --resume foreign", "a saved fit needs to begin with \"bokashi-fit\", got \"{}\""),
+        ("fit --resume short", "a saved fit needs"),
+        ("fit --resume kept --seed 1", "--seed needs to be that of the saved fit, 0, got 1"),
+        ("fit --resume kept --no-antialias", "--no-antialias needs to be that of the saved fit"),
+        ("fit --resume kept --precision f64", "the saved fit, f32, got f64"),
+        ("fit --save no/such/folder/kept", "--save needs a file to write to"),
+    ] {
+        let output = bokashi(folder.path(), line);
+        let said = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{line}: {said}");
+        assert!(said.contains(allowed) && said.lines().count() == 1, "{line}: {said}");
+    }
+    let output = bokashi(folder.path(), "fit --resume kept --steps 4");
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        text(&output.stderr).contains("steps needs no fewer than are already done, got 4 of 5")
+    );
+    assert_eq!(files(folder.path()), ["foreign", "kept", "short"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_fit_is_saved_and_goes_on_to_the_same_bits() {
+    let folder = folder();
+    let fit =
+        "fit --resolution 16 --steps 200000 --experiment sigma --quiet --json out.json --save kept";
+    let mut command = Command::new(env!("CARGO_BIN_EXE_bokashi"));
+    command.args(fit.split_whitespace()).args(["--save-every", "50"]);
+    command.current_dir(folder.path()).stdin(Stdio::null());
+    let child = command.stderr(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("it starts");
+    // Once there is a first file, the fit is under way, and far from its end.
+    let mut looks = 0;
+    while !folder.path().join("kept").exists() {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+        looks += 1;
+        assert!(looks < 20_000, "nothing was saved");
+    }
+    let mut interrupt = Command::new("kill");
+    let sent = interrupt.args(["-s", "INT", &child.id().to_string()]).status().expect("kill runs");
+    assert!(sent.success());
+    let output = child.wait_with_output().expect("it ends");
+    let said = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(130), "{said}");
+    let rest = said.strip_prefix("bokashi: interrupted at step ").expect("where it was");
+    assert!(said.trim_end().ends_with("it goes on with: bokashi fit --resume kept"), "{said}");
+    let done: u64 = rest.split(' ').next().expect("a number").parse().expect("a number");
+    assert!(done < 200_000);
+    // The file and nothing else: no outcome of half a fit, no temporary file.
+    assert_eq!(files(folder.path()), ["kept"]);
+
+    let steps = done + 20;
+    let short = format!("--steps {steps} --json -");
+    let rest = object(&bokashi(folder.path(), &format!("fit --resume kept {short}")));
+    let whole = "fit --resolution 16 --experiment sigma";
+    let whole = object(&bokashi(folder.path(), &format!("{whole} {short}")));
+    assert_eq!(timeless(rest, 0), timeless(whole, done));
+}

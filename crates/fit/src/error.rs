@@ -18,6 +18,8 @@ pub enum Quantity {
     SquaredGradient(String),
     /// The value of the named parameter.
     Value(String),
+    /// What an update would make of the named parameter, or of its moments.
+    Update(String),
 }
 
 impl fmt::Display for Quantity {
@@ -27,6 +29,7 @@ impl fmt::Display for Quantity {
             Self::Gradient(name) => write!(f, "the gradient of {name:?}"),
             Self::SquaredGradient(name) => write!(f, "the squared gradient of {name:?}"),
             Self::Value(name) => write!(f, "the value of {name:?}"),
+            Self::Update(name) => write!(f, "the update of {name:?}"),
         }
     }
 }
@@ -63,6 +66,26 @@ pub enum FitError {
         /// The names there are.
         known: Vec<String>,
     },
+    /// A file or its contents are no saved fit, or not one of this fit's kind.
+    #[cfg(feature = "save")]
+    #[error("a saved fit needs {rule}, got {value}")]
+    Saved {
+        /// The rule, as the end of "... needs ...".
+        rule: String,
+        /// What was found.
+        value: String,
+    },
+    /// A file could not be read or written.
+    #[cfg(feature = "save")]
+    #[error("{path} could not be {done}: {said}", path = path.display())]
+    File {
+        /// The file.
+        path: std::path::PathBuf,
+        /// What should have been done to it: "read" or "written".
+        done: &'static str,
+        /// What the file system said.
+        said: String,
+    },
     /// A setting breaks its rule.
     #[error("{setting} needs {rule}, got {value}")]
     Setting {
@@ -90,6 +113,12 @@ impl FitError {
     /// An error of an operation in a pipeline, whatever its type: for `map_err`.
     pub fn operation(error: impl Error + Send + Sync + 'static) -> Self {
         Self::Operation(OperationError(Arc::new(error)))
+    }
+
+    /// An error about a saved fit.
+    #[cfg(feature = "save")]
+    pub(crate) fn saved(rule: impl Into<String>, value: impl fmt::Display) -> Self {
+        Self::Saved { rule: rule.into(), value: value.to_string() }
     }
 
     /// An error about `setting`.

@@ -10,7 +10,7 @@ use std::time::Instant;
 use bokashi_core::{Gradients, Scalar, Tape, TensorError, Var};
 
 use crate::error::{FitError, Quantity};
-use crate::history::{History, Step, Stop};
+use crate::history::{History, Step, Stop, Vanished};
 use crate::optimizer::Optimizer;
 use crate::parameter::{Parameters, Variables};
 use crate::pipeline::Pipeline;
@@ -49,7 +49,7 @@ impl Default for FitSettings {
 }
 
 impl FitSettings {
-    fn check(&self) -> Result<(), FitError> {
+    pub(crate) fn check(&self) -> Result<(), FitError> {
         self.optimizer.check()?;
         self.schedule.check()?;
         let limits = [("loss limit", self.loss_below), ("gradient limit", self.gradient_below)];
@@ -74,6 +74,22 @@ pub struct Seen<'a, T, M> {
     pub parameters: &'a Parameters<T>,
     /// Milliseconds of the last update: forward, backward and optimizer; 0 before the first.
     pub ms: f64,
+    /// What else there is to save.
+    #[cfg(feature = "save")]
+    pub(crate) progress: Progress<'a>,
+}
+
+/// What a fit is besides its parameters.
+#[cfg(feature = "save")]
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Progress<'a> {
+    pub(crate) settings: FitSettings,
+    /// How many updates are done.
+    pub(crate) step: u64,
+    /// The least loss of the run so far, and its step.
+    pub(crate) best: (f64, u64),
+    /// The pipeline's state before the preparation of the step; `None` before the first.
+    pub(crate) pipeline: Option<&'a [u8]>,
 }
 
 /// What a step driven by hand gives back.
@@ -87,6 +103,9 @@ pub struct Stepped {
     pub ms: f64,
     /// Milliseconds of the preparation.
     pub target_ms: f64,
+    /// How many entries of all parameters the update left as they were though it was not zero; by
+    /// parameter: [`Parameter::vanished`](crate::Parameter::vanished).
+    pub vanished: usize,
 }
 
 /// A fit under way: the parameters, the state of the optimizer and a tape.
@@ -96,9 +115,40 @@ pub struct Fit<T: Scalar> {
     parameters: Parameters<T>,
     settings: FitSettings,
     step: u64,
+    /// The least loss of a run that is not at its end, and its step.
+    best: (f64, u64),
+    /// The pipeline's state before the preparation of the step.
+    #[cfg(feature = "save")]
+    pipeline: PipelineState,
     /// What it took to recycle the last step's memory: part of the step that uses it.
     reset_ms: f64,
 }
+
+/// A pipeline's state, as it saved it last.
+#[cfg(feature = "save")]
+#[derive(Debug, Default)]
+struct PipelineState {
+    bytes: Vec<u8>,
+    is_known: bool,
+    /// Whether it is a resumed fit's, and the pipeline has still to take it back.
+    is_due: bool,
+}
+
+#[cfg(feature = "save")]
+impl PipelineState {
+    fn save<T: Scalar>(&mut self, pipeline: &impl Pipeline<T>) {
+        self.bytes.clear();
+        pipeline.save_state(&mut self.bytes);
+        self.is_known = true;
+    }
+
+    fn known(&self) -> Option<&[u8]> {
+        self.is_known.then_some(&self.bytes)
+    }
+}
+
+/// The least loss where there was none yet.
+const NO_LOSS: f64 = f64::INFINITY;
 
 /// How a step ended.
 enum Advance {
@@ -113,7 +163,50 @@ impl<T: Scalar> Fit<T> {
     /// [`FitError::Setting`] for settings outside their range.
     pub fn new(parameters: Parameters<T>, settings: FitSettings) -> Result<Self, FitError> {
         settings.check()?;
-        Ok(Self { tape: Tape::new(), parameters, settings, step: 0, reset_ms: 0.0 })
+        Ok(Self {
+            tape: Tape::new(),
+            parameters,
+            settings,
+            step: 0,
+            best: (NO_LOSS, 0),
+            #[cfg(feature = "save")]
+            pipeline: PipelineState::default(),
+            reset_ms: 0.0,
+        })
+    }
+
+    /// The fit of `parameters` that `progress` was saved of.
+    #[cfg(feature = "save")]
+    pub(crate) fn restored(
+        parameters: Parameters<T>,
+        progress: Progress<'_>,
+    ) -> Result<Self, FitError> {
+        let known = progress.pipeline;
+        let pipeline = PipelineState {
+            bytes: known.unwrap_or_default().to_vec(),
+            is_known: known.is_some(),
+            is_due: known.is_some(),
+        };
+        let Progress { settings, step, best, .. } = progress;
+        Ok(Self { step, best, pipeline, ..Self::new(parameters, settings)? })
+    }
+
+    /// What the fit is besides its parameters.
+    #[cfg(feature = "save")]
+    pub(crate) fn progress(&self) -> Progress<'_> {
+        let Self { settings, step, best, pipeline, .. } = self;
+        Progress { settings: *settings, step: *step, best: *best, pipeline: pipeline.known() }
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &FitSettings {
+        &self.settings
+    }
+
+    /// Sets the largest number of updates, those already done included: a fit can so be made
+    /// longer. A schedule stays as it is.
+    pub fn set_steps(&mut self, steps: u64) {
+        self.settings.steps = steps;
     }
 
     /// The parameters.
@@ -149,7 +242,12 @@ impl<T: Scalar> Fit<T> {
     pub fn step<P: Pipeline<T>>(&mut self, pipeline: &mut P) -> Result<Stepped, FitError> {
         let target_ms = self.prepare(pipeline)?;
         match self.advance(pipeline, None, |_, _| ControlFlow::Continue(()))? {
-            Advance::Updated(stepped) => Ok(Stepped { target_ms, ..stepped }),
+            Advance::Updated(stepped) => {
+                self.best = (NO_LOSS, self.step);
+                #[cfg(feature = "save")]
+                self.pipeline.save(pipeline);
+                Ok(Stepped { target_ms, ..stepped })
+            }
             Advance::Stopped(_) => unreachable!("no rule was given"),
         }
     }
@@ -166,7 +264,8 @@ impl<T: Scalar> Fit<T> {
     }
 
     /// Steps until a rule or `on_step` says stop. `on_step` sees every state before its update, and
-    /// the final one.
+    /// the final one. A run after one that `on_step` stopped goes on with it; it sees the state
+    /// that it was stopped in again.
     ///
     /// # Errors
     /// As [`Fit::step`].
@@ -178,18 +277,26 @@ impl<T: Scalar> Fit<T> {
         let start = Instant::now();
         let settings = self.settings;
         let mut history = History::with_room_for(settings.steps.saturating_sub(self.step));
-        let mut best = (f64::INFINITY, self.step);
         let mut last_ms = 0.0;
         loop {
             let step = self.step;
             history.target_ms.push(self.prepare(pipeline)?);
             let steps = &mut history.steps;
+            let mut best = self.best;
+            #[cfg(feature = "save")]
+            let saved = std::mem::take(&mut self.pipeline);
             let measured = &*pipeline;
             let observe = |parameters: &Parameters<T>, loss: f64| {
                 let seconds = start.elapsed().as_secs_f64();
                 let measure = measured.measure(parameters);
                 steps.push(Step { step, seconds, loss, measure });
-                let seen = Seen { step: &steps[steps.len() - 1], parameters, ms: last_ms };
+                let seen = Seen {
+                    step: &steps[steps.len() - 1],
+                    parameters,
+                    ms: last_ms,
+                    #[cfg(feature = "save")]
+                    progress: Progress { settings, step, best, pipeline: saved.known() },
+                };
                 if on_step(&seen).is_break() {
                     return ControlFlow::Break(Stop::Callback);
                 }
@@ -207,13 +314,31 @@ impl<T: Scalar> Fit<T> {
                 }
                 ControlFlow::Continue(())
             };
-            match self.advance(pipeline, settings.gradient_below, observe)? {
+            let advanced = self.advance(pipeline, settings.gradient_below, observe);
+            #[cfg(feature = "save")]
+            {
+                self.pipeline = saved;
+            }
+            self.best = best;
+            match advanced? {
                 Advance::Updated(stepped) => {
                     last_ms = stepped.ms;
                     history.step_ms.push(last_ms);
+                    if stepped.vanished > 0 {
+                        let list = self.parameters.list.iter().enumerate();
+                        let list = list.filter(|(_, parameter)| parameter.vanished > 0);
+                        history.vanished.extend(list.map(|(at, parameter)| Vanished {
+                            step: stepped.step,
+                            parameter: at,
+                            entries: parameter.vanished,
+                        }));
+                    }
                 }
                 Advance::Stopped(stop) => {
                     history.stop = stop;
+                    if stop != Stop::Callback {
+                        self.best = (NO_LOSS, self.step);
+                    }
                     return Ok(history);
                 }
             }
@@ -228,6 +353,13 @@ impl<T: Scalar> Fit<T> {
         self.tape.reset();
         self.reset_ms = milliseconds_since(start);
         let start = Instant::now();
+        #[cfg(feature = "save")]
+        if self.pipeline.is_due {
+            pipeline.restore_state(&self.pipeline.bytes)?;
+            self.pipeline.is_due = false;
+        } else {
+            self.pipeline.save(pipeline);
+        }
         pipeline.prepare(self.step)?;
         Ok(milliseconds_since(start))
     }
@@ -239,7 +371,7 @@ impl<T: Scalar> Fit<T> {
         gradient_below: Option<f64>,
         observe: impl FnOnce(&Parameters<T>, f64) -> ControlFlow<Stop>,
     ) -> Result<Advance, FitError> {
-        let Self { tape, parameters, settings, step, reset_ms } = self;
+        let Self { tape, parameters, settings, step, reset_ms, .. } = self;
         let start = Instant::now();
         let variables = parameters.record(tape);
         let loss = record_loss(pipeline, tape, parameters, &variables)?;
@@ -258,7 +390,8 @@ impl<T: Scalar> Fit<T> {
         settings.optimizer.update(parameters, &variables, &gradients, factor)?;
         drop(gradients);
         let ms = *reset_ms + forward_ms + milliseconds_since(start);
-        let stepped = Stepped { step: *step, loss: value, ms, target_ms: 0.0 };
+        let vanished = parameters.list.iter().map(|parameter| parameter.vanished).sum();
+        let stepped = Stepped { step: *step, loss: value, ms, target_ms: 0.0, vanished };
         *step += 1;
         Ok(Advance::Updated(stepped))
     }
@@ -476,6 +609,23 @@ mod tests {
         assert_eq!(loss, "the loss needs to be finite, got inf at step 0");
         let gradient = error_of(x(), Some(0.0), -1);
         assert_eq!(gradient, "the loss needs to be finite, got inf at step 0");
+    }
+
+    #[test]
+    fn updates_that_vanish_are_in_the_history_by_step_and_parameter() {
+        let parameter = |name, rate| Parameter::new(name, Tensor::full([3], 1.0_f32)).rate(rate);
+        let list = Parameters::new()
+            .with(parameter("moves", 0.25))
+            .and_then(|list| list.with(parameter("stays", 1e-9)))
+            .unwrap();
+        let sum = || {
+            from_fn(|_, variables| Ok((variables.get("moves")? + variables.get("stays")?).sum()))
+        };
+        let mut fit = Fit::new(list, descent(2)).unwrap();
+        let history = fit.run(&mut sum()).unwrap();
+        let expected = [0, 1].map(|step| Vanished { step, parameter: 1, entries: 3 });
+        assert_eq!(history.vanished, expected);
+        assert_eq!(fit.step(&mut sum()).unwrap().vanished, 3);
     }
 
     #[test]

@@ -30,6 +30,17 @@ pub enum Stop {
     Callback,
 }
 
+/// Entries of a parameter that an update should have moved and did not.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Vanished {
+    /// How many updates came before.
+    pub step: u64,
+    /// Which parameter, by its place in the list.
+    pub parameter: usize,
+    /// How many of its entries.
+    pub entries: usize,
+}
+
 /// What a fit did.
 #[derive(Debug, Clone, PartialEq)]
 pub struct History<M> {
@@ -39,6 +50,9 @@ pub struct History<M> {
     pub step_ms: Vec<f64>,
     /// Milliseconds of the preparation of each step in `steps`: pose and target image.
     pub target_ms: Vec<f64>,
+    /// Where updates were below half a unit of the last place of what they should have moved, in
+    /// order; nothing for the steps and parameters without.
+    pub vanished: Vec<Vanished>,
     /// Why the fit stopped.
     pub stop: Stop,
 }
@@ -54,6 +68,7 @@ impl<M> History<M> {
             steps: Vec::with_capacity(room),
             step_ms: Vec::with_capacity(room),
             target_ms: Vec::with_capacity(room),
+            vanished: Vec::new(),
             stop: Stop::Steps,
         }
     }

@@ -24,7 +24,8 @@
 //! # Ok::<(), bokashi_fit::FitError>(())
 //! ```
 //!
-//! The feature `scenes` has the paper's experiments, `report` their figures.
+//! The feature `scenes` has the paper's experiments, `report` their figures; with `save` a fit can be
+//! saved to a file and resumed from it, to the same bits.
 
 mod error;
 mod fit;
@@ -33,7 +34,11 @@ mod loss;
 mod optimizer;
 mod parameter;
 mod pipeline;
+#[cfg(feature = "save")]
+mod saved;
 mod schedule;
+#[cfg(any(feature = "report", feature = "save"))]
+pub mod write;
 
 #[cfg(feature = "report")]
 pub mod report;
@@ -42,9 +47,11 @@ pub mod scenes;
 
 pub use error::{FitError, OperationError, Quantity};
 pub use fit::{Fit, FitSettings, Seen, Stepped};
-pub use history::{History, Step, Stop};
+pub use history::{History, Step, Stop, Vanished};
 pub use loss::{mean_squared_error, squared_error};
 pub use optimizer::Optimizer;
 pub use parameter::{Mapping, Parameter, Parameters, Variables};
 pub use pipeline::{FromFn, Pipeline, from_fn};
+#[cfg(feature = "save")]
+pub use saved::Stored;
 pub use schedule::Schedule;

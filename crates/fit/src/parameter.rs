@@ -72,14 +72,18 @@ pub struct Parameter<T> {
     /// Values until the parameter joins a list, raw numbers from then on.
     pub(crate) raw: Tensor<T>,
     pub(crate) rate: f64,
-    mapping: Mapping,
-    frozen: bool,
+    pub(crate) mapping: Mapping,
+    pub(crate) frozen: bool,
     /// Adam's moving average of the gradient; empty until the first update.
     pub(crate) first: Vec<T>,
     /// Adam's moving average of the squared gradient.
     pub(crate) second: Vec<T>,
+    /// AMSGrad's largest average square; empty unless it is used.
+    pub(crate) greatest: Vec<T>,
     /// How many updates the moving averages have seen.
     pub(crate) updates: u64,
+    /// How many entries the last update should have moved and did not.
+    pub(crate) vanished: usize,
 }
 
 /// The rate of a parameter that was given none: Adam's usual one.
@@ -96,7 +100,9 @@ impl<T: Scalar> Parameter<T> {
             frozen: false,
             first: Vec::new(),
             second: Vec::new(),
+            greatest: Vec::new(),
             updates: 0,
+            vanished: 0,
         }
     }
 
@@ -126,6 +132,13 @@ impl<T: Scalar> Parameter<T> {
     /// Whether updates leave the parameter alone.
     pub fn is_frozen(&self) -> bool {
         self.frozen || self.rate == 0.0
+    }
+
+    /// How many entries the last update left as they were though it was not zero: it was below half
+    /// a unit of their last place. Many of them say that the numbers of the fit are too short, the
+    /// rate has become too small, or a gradient was once far too large.
+    pub fn vanished(&self) -> usize {
+        self.vanished
     }
 
     /// What the optimizer moves.
@@ -167,6 +180,29 @@ impl<T: Scalar> Parameter<T> {
     fn not_finite(&self) -> Option<f64> {
         let values = self.raw.data().iter().map(|&raw| self.mapping.value(raw));
         values.map(Scalar::to_f64).find(|value| !value.is_finite())
+    }
+}
+
+/// What a saved fit gives back.
+#[cfg(feature = "save")]
+impl<T: Scalar> Parameters<T> {
+    /// The list of `list`, whose raw numbers are what they are.
+    ///
+    /// # Errors
+    /// As [`Parameters::with`].
+    pub(crate) fn restored(list: Vec<Parameter<T>>, updates: u64) -> Result<Self, FitError> {
+        let mut known = std::collections::HashSet::new();
+        for parameter in &list {
+            if !known.insert(parameter.name.as_str()) {
+                let name = format!("{:?} twice", parameter.name);
+                return Err(FitError::setting("a parameter", "a name of its own", name));
+            }
+            check_rate(&parameter.name, parameter.rate)?;
+        }
+        let names = list.iter().map(|parameter| parameter.name.clone()).collect();
+        let list = Self { list, names, updates };
+        list.check_values()?;
+        Ok(list)
     }
 }
 
@@ -255,6 +291,17 @@ impl<T: Scalar> Parameters<T> {
         check_rate(name, rate)?;
         self.list[at].rate = rate;
         Ok(())
+    }
+
+    /// Forgets the moments of all parameters, as if there had been no update: a way on after a
+    /// gradient that froze some of them.
+    pub fn forget_moments(&mut self) {
+        for parameter in &mut self.list {
+            parameter.first.clear();
+            parameter.second.clear();
+            parameter.greatest.clear();
+            parameter.updates = 0;
+        }
     }
 
     /// Records the parameters on `tape`: a leaf and its mapping each, a constant where frozen.

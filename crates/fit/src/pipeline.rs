@@ -25,6 +25,26 @@ pub trait Pipeline<T: Scalar> {
         Ok(())
     }
 
+    /// Appends to `state` what the pipeline needs to go on, beside the number of the step: the state
+    /// of a generator, say. Called before each [`Pipeline::prepare`], for the case that the fit is
+    /// saved in that step.
+    #[cfg(feature = "save")]
+    fn save_state(&self, state: &mut Vec<u8>) {
+        let _ = state;
+    }
+
+    /// Takes back the `state` of a saved fit, before its first step.
+    ///
+    /// # Errors
+    /// Whatever is wrong with the state; [`FitError::Saved`] for any, where the pipeline saves none.
+    #[cfg(feature = "save")]
+    fn restore_state(&mut self, state: &[u8]) -> Result<(), FitError> {
+        match state {
+            [] => Ok(()),
+            _ => Err(FitError::saved("a pipeline that takes its state back", "one that has none")),
+        }
+    }
+
     /// Records the loss of the parameters `variables`, a scalar, on `tape`.
     ///
     /// # Errors

@@ -121,6 +121,9 @@ fn optimizer(optimizer: Optimizer) -> String {
         Optimizer::Adam { beta1, beta2, epsilon } => {
             format!("Adam, β₁ = {beta1}, β₂ = {beta2}, ε = {epsilon:e}")
         }
+        Optimizer::AmsGrad { beta1, beta2, epsilon } => {
+            format!("AMSGrad, β₁ = {beta1}, β₂ = {beta2}, ε = {epsilon:e}")
+        }
         Optimizer::GradientDescent => "gradient descent".to_owned(),
     }
 }

@@ -26,7 +26,6 @@ mod panels;
 mod picture;
 mod results;
 mod table;
-mod write;
 
 use std::path::{Path, PathBuf};
 use std::{fs, io};
@@ -34,9 +33,9 @@ use std::{fs, io};
 use crate::error::FitError;
 use crate::scenes::{Alternative, CubeSettings, Outcome};
 
+pub use crate::write::{check_folder, write_whole};
 use alternatives::Trial;
 use digest::{Fit, Group};
-pub use write::{check_folder, write_whole};
 
 /// What can go wrong with a report.
 #[derive(Debug, thiserror::Error)]

@@ -17,7 +17,7 @@ use super::outcome::{Outcome, Progress, Record, Snapshot, snapshot_steps};
 use super::scene::Scene;
 use super::settings::{CubeSettings, Experiment, Precision};
 use crate::error::FitError;
-use crate::fit::{Fit, FitSettings};
+use crate::fit::{Fit, Seen};
 use crate::history::{History, Step};
 use crate::loss::squared_error;
 use crate::parameter::{Parameter, Parameters, Variables};
@@ -44,7 +44,7 @@ pub struct CubeMeasure {
 #[derive(Debug)]
 pub struct CubePipeline<T: Scalar> {
     scene: Scene,
-    seed: u64,
+    settings: CubeSettings,
     moves: bool,
     view: View,
     truth: Snapshot,
@@ -71,7 +71,7 @@ impl<T: Scalar> CubePipeline<T> {
         let truth = truth(settings.blurs().then_some(settings.sigma_target));
         let pipeline = Self {
             scene: Scene::new(settings.resolution, settings.antialias, blur)?,
-            seed: settings.seed,
+            settings: settings.clone(),
             moves: settings.experiment != Experiment::Sigma,
             view: View::fixed(),
             target_inputs: (
@@ -89,7 +89,7 @@ impl<T: Scalar> CubePipeline<T> {
     }
 
     /// The parameters that a fit starts from.
-    fn start(&self, settings: &CubeSettings) -> Result<Parameters<T>, FitError> {
+    pub(super) fn start(&self, settings: &CubeSettings) -> Result<Parameters<T>, FitError> {
         let rates = settings.learning_rates();
         let start = match settings.experiment {
             Experiment::Sigma => truth(None),
@@ -118,9 +118,20 @@ impl<T: Scalar> CubePipeline<T> {
 impl<T: Scalar> Pipeline<T> for CubePipeline<T> {
     type Measure = CubeMeasure;
 
+    #[cfg(feature = "save")]
+    fn save_state(&self, state: &mut Vec<u8>) {
+        // A pose is a function of the seed and the step: the generator has no other state.
+        self.settings.save(state);
+    }
+
+    #[cfg(feature = "save")]
+    fn restore_state(&mut self, state: &[u8]) -> Result<(), FitError> {
+        CubeSettings::restored(state)?.check_resumed_by(&self.settings)
+    }
+
     fn prepare(&mut self, step: u64) -> Result<(), FitError> {
         if self.moves {
-            self.view = View::random(self.seed, step);
+            self.view = View::random(self.settings.seed, step);
         } else if self.target.is_some() {
             return Ok(());
         }
@@ -204,23 +215,29 @@ fn run<T: Scalar>(
     settings: &CubeSettings,
     on_step: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<Outcome, FitError> {
+    let (pipeline, parameters) = CubePipeline::<T>::new(settings)?;
+    let mut fit = Fit::new(parameters, settings.fit_settings())?;
+    drive(settings, pipeline, &mut fit, &mut |progress, _| on_step(progress))
+}
+
+/// Runs `fit`, new or resumed, to its end.
+pub(super) fn drive<T: Scalar>(
+    settings: &CubeSettings,
+    mut pipeline: CubePipeline<T>,
+    fit: &mut Fit<T>,
+    on_step: &mut dyn FnMut(Progress, &Seen<'_, T, CubeMeasure>) -> ControlFlow<()>,
+) -> Result<Outcome, FitError> {
     let start = Instant::now();
-    let (mut pipeline, parameters) = CubePipeline::<T>::new(settings)?;
-    let fit_settings = FitSettings {
-        steps: settings.steps,
-        optimizer: settings.optimizer,
-        schedule: settings.rate_schedule(),
-        ..FitSettings::default()
-    };
-    let mut fit = Fit::new(parameters, fit_settings)?;
-    let mut due = snapshot_steps(settings.steps).into_iter().peekable();
-    let mut snapshots = Vec::with_capacity(due.len());
+    let done = fit.steps_done();
+    let due = snapshot_steps(settings.steps).into_iter().filter(|&step| step >= done);
+    let mut due = due.peekable();
+    let mut snapshots = Vec::new();
     let history = fit.run_with(&mut pipeline, |seen| {
         if due.next_if_eq(&seen.step.step).is_some() {
             snapshots.push(snapshot(seen.parameters, seen.step));
         }
         let record = record(settings, seen.step);
-        on_step(Progress {
+        let progress = Progress {
             step: record.step,
             steps: settings.steps,
             seconds: record.seconds,
@@ -228,7 +245,8 @@ fn run<T: Scalar>(
             vertex_error: record.vertex_error,
             sigma: record.sigma,
             ms: seen.ms,
-        })
+        };
+        on_step(progress, seen)
     })?;
     let last = history.last();
     if snapshots.last().is_none_or(|snapshot| snapshot.step != last.step) {
@@ -249,7 +267,7 @@ fn snapshot<T: Scalar>(parameters: &Parameters<T>, step: &Step<CubeMeasure>) -> 
 }
 
 /// `step` without the errors that do not apply: what is not learnt has none.
-fn record(settings: &CubeSettings, step: &Step<CubeMeasure>) -> Record {
+pub(super) fn record(settings: &CubeSettings, step: &Step<CubeMeasure>) -> Record {
     let learns_cube = settings.experiment != Experiment::Sigma;
     let Step { step, seconds, loss, measure } = *step;
     Record {

@@ -9,6 +9,8 @@ mod cube;
 mod experiment;
 mod outcome;
 mod picture;
+#[cfg(feature = "save")]
+mod saving;
 mod scene;
 mod settings;
 mod views;
@@ -19,5 +21,7 @@ pub use cube::{FACES, VERTEX_COUNT, View, random_start, truth};
 pub use experiment::{CubeMeasure, CubePipeline, run_cube};
 pub use outcome::{Outcome, Progress, Record, Snapshot};
 pub use picture::{edges, outline, picture};
+#[cfg(feature = "save")]
+pub use saving::{Saving, run_cube_saving};
 pub use settings::{CubeSettings, Experiment, Precision, Preset, Rates};
 pub use views::CubeViews;

@@ -6,6 +6,7 @@ use std::str::FromStr;
 use bokashi_render_ops::{Border, Kernel, Radius};
 
 use crate::error::FitError;
+use crate::fit::FitSettings;
 use crate::optimizer::Optimizer;
 use crate::parameter::Mapping;
 use crate::schedule::Schedule;
@@ -112,6 +113,9 @@ impl Preset {
     }
 }
 
+/// Larger images of a cube would take gigabytes, which a file with a wrong number must not.
+const LARGEST_RESOLUTION: usize = 4096;
+
 /// The settings of one fit of the cube.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CubeSettings {
@@ -193,6 +197,16 @@ impl CubeSettings {
         self.radius.unwrap_or(Radius::Fixed((4.0 * widest).ceil() as usize))
     }
 
+    /// The settings of the fit's loop.
+    pub(crate) fn fit_settings(&self) -> FitSettings {
+        FitSettings {
+            steps: self.steps,
+            optimizer: self.optimizer,
+            schedule: self.rate_schedule(),
+            ..FitSettings::default()
+        }
+    }
+
     /// Whether the image is blurred.
     pub fn blurs(&self) -> bool {
         self.experiment != Experiment::Vertices
@@ -202,6 +216,10 @@ impl CubeSettings {
     pub(crate) fn check(&self) -> Result<(), FitError> {
         if self.resolution == 0 {
             return Err(FitError::setting("resolution", "at least 1 pixel", 0));
+        }
+        if self.resolution > LARGEST_RESOLUTION {
+            let rule = "at most 4096 pixels";
+            return Err(FitError::setting("resolution", rule, self.resolution));
         }
         if !self.blurs() {
             return Ok(());
@@ -245,6 +263,10 @@ mod tests {
         assert_eq!(
             message(CubeSettings { resolution: 0, ..settings.clone() }),
             Err("resolution needs at least 1 pixel, got 0".into())
+        );
+        assert_eq!(
+            message(CubeSettings { resolution: 4097, ..settings.clone() }),
+            Err("resolution needs at most 4096 pixels, got 4097".into())
         );
         for sigma in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             let rule = "sigma needs a number above 0 and up to 4096, got";

@@ -1,0 +1,152 @@
+//! One update of Adam or AMSGrad.
+//!
+//! # Adam
+//! `m = b1 m + (1 - b1) g`, `v = b2 v + (1 - b2) g^2`,
+//! `x -= a m / (1 - b1^t) / (sqrt(v / (1 - b2^t)) + epsilon)` in the t-th update, `t = 1, 2, ...`:
+//! steps of about `a` whatever the scale of the gradient. At a constant rate it is unstable once it
+//! has converged: `v` shrinks with the gradient, and a small gradient then makes a large step. A
+//! rate that decays, or a larger epsilon, removes that.
+//!
+//! # AMSGrad
+//! `u = max(u, v / (1 - b2^t))` and `x -= a m / (1 - b1^t) / (sqrt(u) + epsilon)`: the maximum is
+//! that of the *corrected* averages. The paper corrects nothing, so that its first steps are of
+//! `a (1 - b1) / sqrt(1 - b2)`, about 3 a, and grow from there. Others correct the maximum of the
+//! raw averages, and their denominators fall while `1 - b2^t` grows: what the paper rules out. With
+//! the maximum taken last the denominators never fall, and the first step is `a`, as Adam's. In turn
+//! the first gradients weigh in full, for good.
+//!
+//! # Counts
+//! `t` is a `u64`, the powers are taken in `f64`: right to its rounding for any count, and 0 where
+//! they underflow.
+//!
+//! # Source
+//! Kingma and Ba, *Adam: a method for stochastic optimization*, ICLR 2015, algorithm 1. Reddi, Kale
+//! and Kumar, *On the convergence of Adam and beyond*, ICLR 2018, algorithm 2.
+
+use bokashi_core::Scalar;
+
+use super::{first_not_finite, value_of, vanishes};
+use crate::parameter::Parameter;
+
+/// The constants of one update, in the numbers of the fit.
+pub(super) struct Adam<T> {
+    keeps_the_greatest: bool,
+    /// The learning rate over `1 - b1^t`.
+    rate: T,
+    /// The inverse of `1 - b2^t`.
+    unbias: T,
+    /// `b1` and `1 - b1`.
+    first: [T; 2],
+    /// `b2` and `1 - b2`.
+    second: [T; 2],
+    epsilon: T,
+}
+
+/// What Adam remembers of one entry: `m`, `v`, and for AMSGrad `u`.
+type Moments<T> = [T; 3];
+
+impl<T: Scalar> Adam<T> {
+    /// The `t`-th update.
+    pub(super) fn new(
+        [beta1, beta2, epsilon]: [f64; 3],
+        keeps_the_greatest: bool,
+        t: u64,
+        rate: f64,
+    ) -> Self {
+        let decayed = |beta: f64| beta.powf(t as f64);
+        Self {
+            keeps_the_greatest,
+            rate: T::from_f64(rate / (1.0 - decayed(beta1))),
+            unbias: T::from_f64(1.0 / (1.0 - decayed(beta2))),
+            first: [beta1, 1.0 - beta1].map(T::from_f64),
+            second: [beta2, 1.0 - beta2].map(T::from_f64),
+            epsilon: T::from_f64(epsilon),
+        }
+    }
+
+    /// The moments and the entry after an update along `g`.
+    #[inline(always)]
+    fn entry<const GREATEST: bool>(&self, x: T, [m, v, u]: Moments<T>, g: T) -> (T, Moments<T>) {
+        let m = self.first[0] * m + self.first[1] * g;
+        let v = self.second[0] * v + self.second[1] * (g * g);
+        let unbiased = v * self.unbias;
+        let u = if GREATEST { u.greater(unbiased) } else { unbiased };
+        (x + -self.rate * m / (u.sqrt() + self.epsilon), [m, v, u])
+    }
+
+    /// Updates `parameter`; without a gradient, as with one of zeros. Returns how many entries'
+    /// updates vanished.
+    pub(super) fn step(&self, parameter: &mut Parameter<T>, gradient: Option<&[T]>) -> usize {
+        match (gradient, self.keeps_the_greatest) {
+            (Some(g), false) => self.step_by::<false>(parameter, |k| g[k]),
+            (Some(g), true) => self.step_by::<true>(parameter, |k| g[k]),
+            (None, false) => self.step_by::<false>(parameter, |_| T::ZERO),
+            (None, true) => self.step_by::<true>(parameter, |_| T::ZERO),
+        }
+    }
+
+    #[inline]
+    fn step_by<const GREATEST: bool>(
+        &self,
+        parameter: &mut Parameter<T>,
+        gradient: impl Fn(usize) -> T,
+    ) -> usize {
+        let size = parameter.raw.size();
+        let Parameter { raw, first, second, greatest, .. } = parameter;
+        let raw = raw.data_mut();
+        let (first, second) = (&mut first[..size], &mut second[..size]);
+        let greatest = &mut greatest[..if GREATEST { size } else { 0 }];
+        let mut vanished = 0;
+        for k in 0..size {
+            let u = if GREATEST { greatest[k] } else { T::ZERO };
+            let (x, [m, v, u]) =
+                self.entry::<GREATEST>(raw[k], [first[k], second[k], u], gradient(k));
+            vanished += usize::from(vanishes(raw[k], x, m, self.rate));
+            (raw[k], first[k], second[k]) = (x, m, v);
+            if GREATEST {
+                greatest[k] = u;
+            }
+        }
+        vanished
+    }
+
+    /// The first value that [`Adam::step`] would make infinite or NaN, or the first average square.
+    /// Gives the moments their places: zeros, which are those of no update.
+    pub(super) fn steps_out_of_range(
+        &self,
+        parameter: &mut Parameter<T>,
+        gradient: Option<&[T]>,
+    ) -> Option<T> {
+        let size = parameter.raw.size();
+        parameter.first.resize(size, T::ZERO);
+        parameter.second.resize(size, T::ZERO);
+        if self.keeps_the_greatest {
+            parameter.greatest.resize(size, T::ZERO);
+        }
+        match (gradient, self.keeps_the_greatest) {
+            (Some(g), false) => self.out_of_range::<false>(parameter, |k| g[k]),
+            (Some(g), true) => self.out_of_range::<true>(parameter, |k| g[k]),
+            (None, false) => self.out_of_range::<false>(parameter, |_| T::ZERO),
+            (None, true) => self.out_of_range::<true>(parameter, |_| T::ZERO),
+        }
+    }
+
+    #[inline]
+    fn out_of_range<const GREATEST: bool>(
+        &self,
+        parameter: &Parameter<T>,
+        gradient: impl Fn(usize) -> T,
+    ) -> Option<T> {
+        let size = parameter.raw.size();
+        let (raw, mapping) = (&parameter.raw.data()[..size], parameter.mapping);
+        let (first, second) = (&parameter.first[..size], &parameter.second[..size]);
+        let greatest = &parameter.greatest[..if GREATEST { size } else { 0 }];
+        first_not_finite(size, |k| {
+            let u = if GREATEST { greatest[k] } else { T::ZERO };
+            let (x, [_, _, u]) =
+                self.entry::<GREATEST>(raw[k], [first[k], second[k], u], gradient(k));
+            // An infinite average would freeze its entry: it has to show.
+            if u.is_finite() { value_of(mapping, x) } else { u }
+        })
+    }
+}

@@ -1,0 +1,113 @@
+//! Faces and positions in clip space: rasterize, interpolate, resolve, antialias.
+
+use std::cell::Cell;
+
+use arbitrary::{Result, Unstructured};
+use bokashi_core::{Scalar, Tensor};
+use bokashi_render_ops::{
+    Background, Cull, Fragments, Mesh, RasterOptions, Size, antialias, interpolate,
+    interpolate_indexed, rasterize, resolve,
+};
+
+use super::number::Range;
+use super::step::check;
+
+/// Runs the mesh that `bytes` stand for; returns the number of fragments.
+pub fn mesh(bytes: &[u8]) -> usize {
+    let mut bytes = Unstructured::new(bytes);
+    let done = match bytes.arbitrary::<bool>() {
+        Ok(true) => run::<f64>(&mut bytes),
+        _ => run::<f32>(&mut bytes),
+    };
+    // Bytes that end too early stand for nothing.
+    done.unwrap_or(0)
+}
+
+/// Faces over `vertex_count` vertices, one index in 32 out of range.
+pub(super) fn faces(bytes: &mut Unstructured<'_>, vertex_count: usize) -> Result<Vec<[u32; 3]>> {
+    let count = bytes.int_in_range(0..=16)?;
+    let mut faces = Vec::with_capacity(count);
+    for _ in 0..count {
+        let mut face = [0; 3];
+        for index in &mut face {
+            let most = vertex_count + usize::from(bytes.ratio(1, 32)?);
+            *index = bytes.int_in_range(0..=most.saturating_sub(1))? as u32;
+        }
+        faces.push(face);
+    }
+    Ok(faces)
+}
+
+/// A size of up to 16 pixels a side, 0 included.
+pub(super) fn size(bytes: &mut Unstructured<'_>) -> Result<Size> {
+    Ok(Size { width: bytes.int_in_range(0..=16)?, height: bytes.int_in_range(0..=16)? })
+}
+
+/// Weights within the face, depths within the view, one fragment per pixel in the order of pixels.
+pub(super) fn check_fragments<T: Scalar>(fragments: &Fragments<'_, T>) {
+    let slack = if size_of::<T>() == 4 { 1e-5 } else { 1e-12 };
+    let (weights, depth) = (fragments.barycentrics.value(), fragments.depth.value());
+    for weights in weights.data().chunks_exact(2) {
+        let (u, v) = (weights[0].to_f64(), weights[1].to_f64());
+        for weight in [u, v, 1.0 - u - v] {
+            assert!((-slack..=1.0 + slack).contains(&weight), "weights {u} {v}");
+        }
+    }
+    assert!(depth.data().iter().all(|depth| (-1.0..=1.0).contains(&depth.to_f64())), "{depth:?}");
+    let coverage = &fragments.coverage;
+    assert!(coverage.pixels().windows(2).all(|pair| pair[0] < pair[1]));
+    for (fragment, &pixel) in coverage.pixels().iter().enumerate() {
+        assert_eq!(coverage.fragment_at(pixel as usize), Some(fragment));
+    }
+    let culled = coverage.culled();
+    let drawn_or_culled = culled.degenerate + culled.outside + culled.facing;
+    assert!(drawn_or_culled <= coverage.mesh().faces().len());
+}
+
+fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> Result<usize> {
+    let range = Range::choose::<T>(bytes)?;
+    let size = size(bytes)?;
+    let cull = *bytes.choose(&[Cull::None, Cull::Back, Cull::Front])?;
+    let options = RasterOptions { size, cull };
+    let vertex_count = bytes.int_in_range(0..=12)?;
+    let channels = bytes.int_in_range(1..=4)?;
+    let faces = faces(bytes, vertex_count)?;
+    let face_count = faces.len();
+    let Ok(mesh) = Mesh::new(faces, vertex_count) else { return Ok(0) };
+    let background: u8 = bytes.int_in_range(0..=2)?;
+    let indexed = bytes.ratio(1, 4)?;
+    let clip: Tensor<T> = range.tensor(bytes, &[vertex_count, 4])?;
+    // Attributes of a mesh of their own, of one vertex, where they are indexed.
+    let rows = if indexed { 1 } else { vertex_count };
+    let attributes = range.tensor(bytes, &[rows, channels])?;
+    let behind = match background {
+        1 => range.tensor(bytes, &[channels])?,
+        _ => range.tensor(bytes, &[size.height, size.width, channels])?,
+    };
+    let attribute_mesh = indexed.then(|| Mesh::new(vec![[0; 3]; face_count], 1));
+    let attribute_mesh = attribute_mesh.transpose().expect("indices of 0 below 1");
+
+    let inputs = [clip, attributes, behind];
+    let upstream = |k: usize| T::from_f64(0.5 - (k % 3) as f64);
+    let reached = Cell::new(0);
+    check(&inputs, range.is_stated(), upstream, |_, inputs| {
+        let &[clip, attributes, behind] = inputs else { unreachable!("three inputs") };
+        let fragments = rasterize(clip, &mesh, options)?;
+        check_fragments(&fragments);
+        reached.set(fragments.coverage.count());
+        let surface = match &attribute_mesh {
+            Some(mesh) => interpolate_indexed(attributes, mesh, &fragments)?,
+            None => interpolate(attributes, &fragments)?,
+        };
+        let background = match background {
+            0 => Background::Zero,
+            1 => Background::Color(behind),
+            _ => Background::Image(behind),
+        };
+        // Darker with depth, so that depths have gradients too.
+        let depth = fragments.depth.reshape([fragments.coverage.count(), 1])?;
+        let image = resolve(surface * depth, &fragments, background)?;
+        antialias(image, &fragments, clip)
+    });
+    Ok(reached.get())
+}
