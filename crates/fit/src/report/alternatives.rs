@@ -10,8 +10,8 @@ use crate::scenes::{Alternative, Choice, CubeSettings, Outcome};
 use super::ReportError;
 use super::axis::{Scale, grouped};
 use super::digest::{Fit, Quantity};
+use super::document::escaped;
 use super::figure::{Curve, Figure, PALETTE, SIZES, Stroke};
-use super::page::escaped;
 use super::panels::{self, Panel};
 use super::table::{plain, short};
 

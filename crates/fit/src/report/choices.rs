@@ -9,7 +9,7 @@ use crate::schedule::Schedule;
 use super::About;
 use super::axis::grouped;
 use super::digest::Group;
-use super::page::escaped;
+use super::document::escaped;
 
 /// Every choice of a report, as a table in HTML.
 pub(crate) fn choices(about: &About, groups: &[&Group]) -> String {

@@ -13,7 +13,7 @@ use crate::scenes::{self, Experiment, Preset, Snapshot, View};
 use super::ReportError;
 use super::axis::grouped;
 use super::digest::{Fit, Group};
-use super::page::{data_uri, escaped};
+use super::document::{data_uri, escaped};
 use super::picture::{enlarged, picture_of, png, sheet};
 
 /// Side of the large pictures, in pixels.

@@ -18,6 +18,7 @@ mod animation;
 mod axis;
 mod choices;
 mod digest;
+mod document;
 mod figure;
 mod film;
 mod gallery;
@@ -36,6 +37,7 @@ use crate::scenes::{Alternative, CubeSettings, Outcome};
 pub use crate::write::{check_folder, write_whole};
 use alternatives::Trial;
 use digest::{Fit, Group};
+pub use document::{Document, Section, add_page, data_uri, escaped};
 
 /// What can go wrong with a report.
 #[derive(Debug, thiserror::Error)]
@@ -140,9 +142,7 @@ impl Report {
         files.extend(film.map(|film| (PathBuf::from("fit.png"), film.moving)));
         files.push(("fits.csv".into(), table::fits(&self.fits).into()));
         files.push(("histories.csv".into(), table::histories(&self.fits).into()));
-        // The page last: whoever sees it finds the rest in place.
-        files.push((PAGE.into(), page.into()));
-        Ok(Rendered { files })
+        Ok(Rendered { files, page })
     }
 }
 
@@ -154,6 +154,8 @@ const PAGE: &str = "index.html";
 pub struct Rendered {
     /// Paths below the report's folder, and contents.
     files: Vec<(PathBuf, Vec<u8>)>,
+    /// The page, as HTML.
+    page: String,
 }
 
 impl Rendered {
@@ -169,7 +171,8 @@ impl Rendered {
             let written = fs::create_dir_all(parent).and_then(|()| write_whole(&path, bytes));
             written.map_err(|error| ReportError::Write { path, error })?;
         }
-        Ok(folder.join(PAGE))
+        // The page last: whoever sees it finds the rest in place.
+        add_page(folder, PAGE, &self.page)
     }
 }
 
@@ -223,9 +226,7 @@ mod tests {
         for (settings, last) in fits {
             report.add(settings, outcome(settings, *last));
         }
-        let rendered = report.render().expect("a report");
-        let (_, page) = rendered.files.last().expect("a page");
-        String::from_utf8(page.clone()).expect("text")
+        report.render().expect("a report").page
     }
 
     fn settings(experiment: Experiment) -> CubeSettings {
@@ -277,9 +278,7 @@ mod tests {
         let (good, bad) = (settings(Experiment::Joint), settings(Experiment::Sigma));
         report.add(&good, outcome(&good, 1e-3));
         report.add_failure(&bad, &FitError::setting("a < b", "c", "d"));
-        let rendered = report.render().expect("a report");
-        let (_, page) = rendered.files.last().expect("a page");
-        let page = String::from_utf8_lossy(page);
+        let page = report.render().expect("a report").page;
         assert!(page.contains("Fits that ended in an error") && page.contains("a &lt; b needs c"));
     }
 
@@ -288,20 +287,18 @@ mod tests {
         let ours = settings(Experiment::Sigma);
         let mut report = Report::new(About::default());
         report.add(&ours, outcome(&ours, 1e-3));
-        let files = |report: &Report| report.render().expect("a report").files;
-        let without = files(&report);
+        let without = report.render().expect("a report");
         for (alternative, settings) in crate::scenes::alternatives(20) {
             let outcome = outcome(&settings, 1e-3);
             report.add_alternative(alternative, &settings, Ok(outcome));
         }
-        let mut with = files(&report);
-        let (_, page) = with.last_mut().expect("a page");
-        let text = String::from_utf8(page.clone()).expect("text");
+        let with = report.render().expect("a report");
+        let text = with.page;
         let start = text.find("<section id=\"others\">").expect("a section");
         let end = start + text[start..].find("</section>").expect("its end") + "</section>".len();
         let link = "<li><a href=\"#others\">What other choices do</a>";
-        *page = (text[..start].replace(link, "") + &text[end..]).into();
-        assert!(with == without);
+        assert!(text[..start].replace(link, "") + &text[end..] == without.page);
+        assert!(with.files == without.files);
     }
 
     #[test]

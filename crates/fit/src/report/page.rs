@@ -1,47 +1,13 @@
-//! The page of a report: one HTML file that needs nothing beside it.
-//!
-//! Figures are inline SVG, pictures are inline PNG; there is no script, no font and no address
-//! to load. Light and dark follow the reader's setting.
+//! The page of a set of fits.
 
 use std::fmt::Write as _;
-
-use base64::Engine as _;
-use base64::engine::general_purpose::STANDARD;
 
 use crate::scenes::Experiment;
 
 use super::digest::Group;
-use super::figure::{GRID, INK, PALETTE, PALETTE_DARK};
+use super::document::{Document, Section, data_uri, escaped};
 use super::film::Film;
 use super::{Report, ReportError, alternatives, choices, film, gallery, panels, results};
-
-/// The style sheet, without the colours of the figures.
-const STYLE: &str = include_str!("page.css");
-
-/// Text as HTML.
-pub(crate) fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
-}
-
-/// A PNG file as an address.
-pub(crate) fn data_uri(png: &[u8]) -> String {
-    format!("data:image/png;base64,{}", STANDARD.encode(png))
-}
-
-/// Exchanges the colours that figures are drawn in for those of a dark page.
-fn dark_figures() -> String {
-    let mut style = String::from("@media (prefers-color-scheme:dark){");
-    let pairs = PALETTE.iter().zip(PALETTE_DARK);
-    for (light, dark) in pairs.chain([(&INK[0], INK[1]), (&GRID[0], GRID[1])]) {
-        // Writing to a string cannot fail.
-        let _ = write!(
-            style,
-            "svg [stroke=\"{light}\"]{{stroke:{dark}}}svg [fill=\"{light}\"]{{fill:{dark}}}"
-        );
-    }
-    style.push('}');
-    style
-}
 
 /// The whole page of `report`, whose fits are in `groups`.
 pub(crate) fn page(
@@ -59,7 +25,7 @@ pub(crate) fn page(
         .filter(|(_, groups)| !groups.is_empty())
         .collect::<Vec<_>>();
 
-    let mut sections: Vec<(&str, &str, String)> = Vec::new();
+    let mut sections: Vec<(&'static str, &'static str, String)> = Vec::new();
     sections.push(("time", "Error against run time", against_time(&experiments)?));
     sections.push(("speed", "Time per step, and the error it buys", speed(groups)));
     if let Some(film) = film {
@@ -78,31 +44,27 @@ pub(crate) fn page(
     sections.push(("others", "What other choices do", alternatives::html(trials)?));
     sections.retain(|(_, _, body)| !body.is_empty());
 
-    let (mut contents, mut body) = (String::new(), String::new());
-    for (id, title, section) in &sections {
-        let _ = write!(contents, "<li><a href=\"#{id}\">{title}</a>");
-        let _ = write!(body, "<section id=\"{id}\"><h2>{title}</h2>{section}</section>");
-    }
     let count: usize = groups.iter().map(|group| group.fits.len()).sum();
     let fits = match count {
         1 => "one fit".to_owned(),
         count => format!("{count} fits, none left out"),
     };
-    let program = escaped(&about.program);
-    Ok(format!(
-        "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\">\
-         <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\
-         <title>Bokashi: error against run time</title><style>{STYLE}{}</style></head><body>\
-         <header><h1>A cube, learnt from its blurred pictures</h1>\
-         <p>Vertices, colours and the strength of a Gaussian blur, found by gradient descent \
-         through a renderer, on a CPU. This report shows {fits}.</p>\
-         <nav><ul>{contents}</ul></nav></header>\
-         <main>{body}</main>\
-         <footer>Made by {program}. Beside this page: <code>fits.csv</code>, \
-         <code>histories.csv</code>, <code>fit.png</code>, <code>pictures/</code>.</footer>\
-         </body></html>\n",
-        dark_figures(),
-    ))
+    let sections = sections.into_iter();
+    Ok(Document {
+        title: "Bokashi: error against run time".to_owned(),
+        heading: "A cube, learnt from its blurred pictures".to_owned(),
+        introduction: format!(
+            "Vertices, colours and the strength of a Gaussian blur, found by gradient descent \
+             through a renderer, on a CPU. This report shows {fits}."
+        ),
+        sections: sections.map(|(id, title, body)| Section { id, title, body }).collect(),
+        footer: format!(
+            "Made by {}. Beside this page: <code>fits.csv</code>, <code>histories.csv</code>, \
+             <code>fit.png</code>, <code>pictures/</code>.",
+            escaped(&about.program),
+        ),
+    }
+    .html())
 }
 
 type Experiments<'a> = [(&'static str, Vec<&'a Group>)];

@@ -8,8 +8,8 @@ use crate::scenes::Experiment;
 use super::ReportError;
 use super::axis::Scale;
 use super::digest::{Group, Quantity, Window};
+use super::document::escaped;
 use super::figure::{Curve, Figure, INK, PALETTE, SIZES, Stroke};
-use super::page::escaped;
 
 /// A figure with its heading.
 #[derive(Debug)]

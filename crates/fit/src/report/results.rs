@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use crate::scenes::{self, CubeSettings, Experiment, FACES, VERTEX_COUNT};
 
 use super::digest::{Fit, Group, STUCK};
-use super::page::escaped;
+use super::document::escaped;
 use super::table::{plain, short};
 use super::{ReportError, gallery};
 
