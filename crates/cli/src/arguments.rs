@@ -64,7 +64,7 @@ pub(crate) struct FitArguments {
     #[arg(long, value_name = "WORD", default_value = "joint", value_parser = words::<Experiment>(&["vertices", "sigma", "joint"]))]
     pub(crate) experiment: Experiment,
     /// Learning rates: as printed in the paper, or larger ones that fall over the run
-    #[arg(long, value_name = "WORD", default_value = "paper", value_parser = words::<Preset>(&["paper", "tuned"]))]
+    #[arg(long, value_name = "WORD", default_value = "paper", value_parser = words::<Preset>(&["paper", "tuned", "second-order"]))]
     pub(crate) preset: Preset,
     /// Width and height of the images, in pixels
     #[arg(long, value_name = "N", default_value_t = 32, value_parser = resolution)]
@@ -317,7 +317,7 @@ mod tests {
     fn bad_use_is_one_line_that_says_what_is_allowed() {
         let table = [
             ("fit --experiment all", "'all'", "[possible values: vertices, sigma, joint]"),
-            ("fit --preset best", "'best'", "[possible values: paper, tuned]"),
+            ("fit --preset best", "'best'", "[possible values: paper, tuned, second-order]"),
             ("fit --precision f16", "'f16'", "[possible values: f32, f64]"),
             ("fit --resolution 0", "'0'", "needs a whole number from 1 to 4096"),
             ("fit --resolution 3.5", "'3.5'", "needs a whole number from 1 to 4096"),

@@ -12,6 +12,7 @@ mod picture;
 #[cfg(feature = "save")]
 mod saving;
 mod scene;
+mod second_order;
 mod settings;
 mod views;
 

@@ -58,6 +58,38 @@ impl CubeViews {
         self.blurs
     }
 
+    /// How many views there are.
+    pub fn count(&self) -> usize {
+        self.cameras.len()
+    }
+
+    /// The image of one view, `[H, W, C]`, for `vertices: [8, 3]`, `colors: [8, C]` and `sigma: []`.
+    pub(super) fn image(
+        &self,
+        view: usize,
+        vertices: &Tensor<f64>,
+        colors: &Tensor<f64>,
+        sigma: Option<&Tensor<f64>>,
+    ) -> Result<Tensor<f64>, FitError> {
+        let tape = Tape::new();
+        let (vertices, colors) = (tape.constant(vertices), tape.constant(colors));
+        let sigma = sigma.map(|sigma| tape.constant(sigma));
+        Ok(self.scene.image(&self.cameras[view], vertices, colors, sigma)?.value())
+    }
+
+    /// `image - target` of one view, `[H, W, 3]`.
+    pub(super) fn residual(
+        &self,
+        view: usize,
+        vertices: &Tensor<f64>,
+        colors: &Tensor<f64>,
+        sigma: Option<&Tensor<f64>>,
+    ) -> Result<Tensor<f64>, FitError> {
+        let image = self.image(view, vertices, colors, sigma)?;
+        let target = self.targets[view].data();
+        Ok(Tensor::from_fn(image.shape(), |k| image.data()[k] - target[k]))
+    }
+
     /// Records `image - target` over all views, flat, for `vertices` and `colors`, `[8, 3]` each,
     /// and `sigma`, `[]`, in pixels, where there is a blur.
     ///
