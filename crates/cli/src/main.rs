@@ -5,6 +5,7 @@ mod failure;
 mod plan;
 mod progress;
 mod run;
+mod stiff;
 mod summary;
 
 use std::process::ExitCode;

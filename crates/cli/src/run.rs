@@ -14,10 +14,11 @@ use crate::arguments::{Command, Request};
 use crate::failure::{Failure, INTERRUPTED};
 use crate::plan::{Planned, plan};
 use crate::progress::{Bar, name};
+use crate::stiff;
 use crate::summary::Summary;
 
 /// Held while files are written: a program that is interrupted finishes them first.
-type Writing = Arc<Mutex<()>>;
+pub(crate) type Writing = Arc<Mutex<()>>;
 
 /// Set by the first interrupt of a fit that is saved: it then ends at its next step.
 type Interrupt = Arc<AtomicBool>;
@@ -37,15 +38,18 @@ pub(crate) fn run(request: &Request) -> Result<(), Failure> {
     let plan = plan(request)?;
     let (writing, interrupt) = (Writing::default(), Interrupt::default());
     end_when_interrupted(&writing, request.save().map(|_| &interrupt))?;
-    let fit_all = || fit_all(request, &plan, &writing, &interrupt);
-    match request.common().threads {
-        None => fit_all(),
+    let work = || match &request.command {
+        Some(Command::Stiff(stiff)) => stiff::run(stiff, &writing),
+        _ => fit_all(request, &plan, &writing, &interrupt),
+    };
+    match request.threads() {
+        None => work(),
         Some(threads) => {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
             let pool = pool.map_err(|error| {
                 Failure::Work(format!("{threads} threads could not be started: {error}"))
             })?;
-            pool.install(fit_all)
+            pool.install(work)
         }
     }
 }
@@ -165,7 +169,7 @@ fn write(
 }
 
 /// What the report says of this run.
-fn about() -> About {
+pub(crate) fn about() -> About {
     let arguments = std::env::args_os().skip(1);
     let words: Vec<_> = arguments.map(|word| word.to_string_lossy().into_owned()).collect();
     About {
@@ -176,7 +180,7 @@ fn about() -> About {
 }
 
 /// Whether `--json` names standard output.
-fn is_standard_output(file: &Path) -> bool {
+pub(crate) fn is_standard_output(file: &Path) -> bool {
     file == Path::new("-")
 }
 
@@ -213,7 +217,7 @@ pub(crate) fn say(text: &str) -> Result<(), Failure> {
     say_bytes(text.as_bytes())
 }
 
-fn say_bytes(bytes: &[u8]) -> Result<(), Failure> {
+pub(crate) fn say_bytes(bytes: &[u8]) -> Result<(), Failure> {
     let mut output = io::stdout().lock();
     match output.write_all(bytes).and_then(|()| output.flush()) {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {

@@ -48,7 +48,10 @@ pub fn run_cube_saving(
         return Err(FitError::setting("a fit that is saved", "at least 1 step in between", 0));
     }
     if settings.preset == Preset::SecondOrder {
-        let rule = "a first-order preset, whose state it holds";
+        if *saving == Saving::default() {
+            return super::run_cube(settings, on_step);
+        }
+        let rule = "a first-order preset, whose whole state it holds";
         return Err(FitError::setting("a fit that is saved", rule, settings.preset));
     }
     match settings.precision {

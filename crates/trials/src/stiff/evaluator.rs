@@ -154,6 +154,34 @@ impl<'a> Evaluator<'a> {
         })
     }
 
+    /// The objective at `x` as [`Evaluator::value`] gives it, for a caller that goes on to ask for
+    /// the gradient: both are computed at once.
+    pub(crate) fn value_before_gradient(&self, x: &[f64]) -> Result<f64, Halt> {
+        self.with(|state, problem| {
+            if let Some((_, value)) = state.last.as_ref().filter(|(last, _)| last == x) {
+                let value = *value;
+                return state.repeat().map(|()| value);
+            }
+            state.repeated = 0;
+            state.ledger.spend(2)?;
+            state.ledger.counts.gradients += 1;
+            state.tape.reset();
+            let leaf = state.tape.leaf(&vector(x));
+            let loss = problem.record(leaf).map(|r| r.square().sum());
+            let found = loss.ok().and_then(|loss| {
+                let gradient = loss.backward().ok()?.get_or_zeros(leaf).data().to_vec();
+                let all = loss.item().is_finite() && finite("", &gradient).is_ok();
+                all.then(|| (loss.item(), gradient))
+            });
+            let (value, gradient) = found.unzip();
+            let value = value.unwrap_or(f64::INFINITY);
+            state.last = Some((x.to_vec(), value));
+            state.last_gradient = gradient.map(|gradient| (x.to_vec(), gradient));
+            state.ledger.note(value, x)?;
+            Ok(value)
+        })
+    }
+
     /// The gradient at `x`.
     pub(crate) fn gradient(&self, x: &[f64]) -> Result<Vec<f64>, Halt> {
         self.with(|state, problem| {

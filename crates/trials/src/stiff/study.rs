@@ -53,7 +53,7 @@ const QUADRATIC_CONDITION: f64 = 1e8;
 ///
 /// # Errors
 /// [`FitError`] where a scene can't be made.
-pub fn problems(settings: &StudySettings) -> Result<Vec<(Problem, u64)>, FitError> {
+pub(super) fn problems(settings: &StudySettings) -> Result<Vec<(Problem, u64)>, FitError> {
     let mut all: Vec<(Problem, u64)> = literature().into_iter().map(|p| (p, 0)).collect();
     for seed in 0..settings.seeds {
         all.push((rotated_quadratic(QUADRATIC_SIZE, QUADRATIC_CONDITION, seed), seed));
@@ -72,6 +72,29 @@ pub fn problems(settings: &StudySettings) -> Result<Vec<(Problem, u64)>, FitErro
         }
     }
     Ok(all)
+}
+
+/// The scenes whose condition is reported: the paper's sizes, sigmas and starts.
+fn conditioned(seed: u64) -> Vec<(String, SceneSettings)> {
+    let paper = |experiment| SceneSettings {
+        resolution: 32,
+        distance: 1.0,
+        ..SceneSettings::new(experiment, seed)
+    };
+    let mut all = Vec::new();
+    for resolution in [8, 16, 32] {
+        let settings = SceneSettings { resolution, ..paper(Experiment::Vertices) };
+        all.push((format!("5.1, {resolution} px"), settings));
+    }
+    for sigma_target in [1.0, 1.4, 2.8, 4.0] {
+        let settings = SceneSettings { sigma_target, ..paper(Experiment::Joint) };
+        all.push((format!("5.3, sigma {sigma_target}"), settings));
+    }
+    for sigma_as in [SigmaAs::Logarithm, SigmaAs::Variance] {
+        let settings = SceneSettings { sigma_target: 4.0, sigma_as, ..paper(Experiment::Joint) };
+        all.push((format!("5.3, sigma 4, {}", sigma_as.name()), settings));
+    }
+    all
 }
 
 /// Does the whole trial, one run after the other, so that none disturbs another's times; `on_run`
@@ -98,9 +121,12 @@ pub fn study(
             on_run(&run, study.runs.len() + 1, count);
             study.runs.push(run);
         }
-        if problem.family() == Family::Scene {
-            let found = conditioning(problem, *seed);
-            study.conditionings.extend(found.map_err(FitError::operation)?);
+    }
+    for seed in 0..settings.seeds {
+        for (name, scene_settings) in conditioned(seed) {
+            let found = conditioning(&scene(scene_settings)?, seed).map_err(FitError::operation)?;
+            let named = found.into_iter().map(|one| Conditioning { problem: name.clone(), ..one });
+            study.conditionings.extend(named);
         }
     }
     Ok(study)

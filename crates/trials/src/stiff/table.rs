@@ -2,21 +2,19 @@
 
 use std::fmt::Write as _;
 
+use super::conditioning::Conditioning;
 use super::ledger::LEVELS;
 use super::optimizers::{Outcome, Run};
 use super::problem::Family;
 use super::profile::{Solver, shares, solvers};
 use super::study::Study;
 
-/// Budgets, in gradient evaluations, of the shares that are shown.
-pub const BUDGETS: [f64; 3] = [30.0, 300.0, 3_000.0];
-
 /// The whole trial in words and numbers.
 pub fn table(study: &Study) -> String {
     let mut text = String::new();
     for (family, title) in [
         (Family::Literature, "More, Garbow and Hillstrom, and a rotated quadratic"),
-        (Family::Scene, "our scenes"),
+        (Family::Scene, "Our scenes, six fixed poses at 16 px"),
     ] {
         let runs: Vec<&Run> = study.runs.iter().filter(|run| run.family == family).collect();
         if runs.is_empty() {
@@ -25,7 +23,7 @@ pub fn table(study: &Study) -> String {
         let solvers = solvers(runs.iter().copied());
         let problems = solvers[0].runs.len();
         // Writing to a string cannot fail.
-        let _ = writeln!(text, "{problems} problems: {title}\n");
+        let _ = writeln!(text, "{title}: {problems} problems\n");
         text.push_str(&shares_table(&solvers));
         text.push('\n');
         text.push_str(&problem_table(&solvers));
@@ -44,7 +42,8 @@ fn has_rates(solver: &Solver<'_>) -> bool {
     solver.runs.iter().any(|run| run.rate.is_some())
 }
 
-fn shares_table(solvers: &[Solver<'_>]) -> String {
+/// The share of problems that each optimizer solves to each level.
+pub(super) fn shares_table(solvers: &[Solver<'_>]) -> String {
     let mut text = format!("{:<22}", "% solved to");
     for level in 1..=LEVELS {
         let _ = write!(text, "{:>6}", format!("1e-{level}"));
@@ -65,25 +64,27 @@ fn shares_table(solvers: &[Solver<'_>]) -> String {
 /// The short name of an optimizer, for the head of a column.
 fn short(optimizer: &str) -> &str {
     match optimizer {
-        "gradient descent" => "descent",
-        "trust region" => "trust",
+        "gradient descent" => "GD",
+        "trust region" => "trust-r",
         "Gauss-Newton" => "Gauss-N",
         "Levenberg-Marquardt" => "Lev-Mar",
         other => other,
     }
 }
 
-fn problem_table(solvers: &[Solver<'_>]) -> String {
-    let mut text = format!("{:<28}", "error, log10");
+/// The error of each optimizer on each problem.
+pub(super) fn problem_table(solvers: &[Solver<'_>]) -> String {
+    let Some(first) = solvers.first() else { return String::new() };
+    let mut text = format!("{:<24}", "error, log10");
     for solver in solvers {
         let _ = write!(text, "{:>8}", short(solver.optimizer));
     }
     text.push('\n');
-    for (at, first) in solvers[0].runs.iter().enumerate() {
-        let alike = solvers[0].runs.iter().filter(|run| run.problem == first.problem).count();
-        let seed = if alike > 1 { format!(" #{}", first.seed) } else { String::new() };
-        let name: String = first.problem.chars().take(27 - seed.len()).collect();
-        let _ = write!(text, "{:<28}", name + &seed);
+    for (at, one) in first.runs.iter().enumerate() {
+        let alike = first.runs.iter().filter(|run| run.problem == one.problem).count();
+        let seed = if alike > 1 { format!(" #{}", one.seed) } else { String::new() };
+        let name: String = one.problem.chars().take(23 - seed.len()).collect();
+        let _ = write!(text, "{:<24}", name + &seed);
         for solver in solvers {
             let _ =
                 write!(text, "{:>8}", solver.runs.get(at).map_or(String::new(), |run| cell(run)));
@@ -109,7 +110,7 @@ fn cell(run: &Run) -> String {
 }
 
 /// How many runs ended in which way, all rates counted.
-fn endings(study: &Study) -> String {
+pub(super) fn endings(study: &Study) -> String {
     let all =
         [Outcome::Reached, Outcome::Converged, Outcome::Budget, Outcome::Diverged, Outcome::Failed];
     let parts = all.map(|outcome| {
@@ -119,32 +120,35 @@ fn endings(study: &Study) -> String {
     format!("{} runs, every rate counted: {}\n", study.runs.len(), parts.join(", "))
 }
 
-fn condition_table(study: &Study) -> String {
+/// The condition of each scene and each of its blocks.
+pub(super) fn condition_table(study: &Study) -> String {
     let mut text = format!(
-        "{:<28}{:<10}{:>5}{:>6}{:>11}{:>10}{:>10}\n",
-        "condition of J^T J", "block", "", "null", "at start", "at truth", "scaled"
+        "{:<24}{:<10}{:>4}{:>6}{:>10}{:>8}{:>9}{:>9}\n",
+        "condition of J^T J", "block", "n", "null", "at start", "null", "at truth", "scaled"
     );
     let of = |found: Option<f64>| found.map_or("-".to_owned(), |c| format!("{c:.1e}"));
+    let several = study.conditionings.iter().any(|found| found.seed > 0);
     for start in study.conditionings.iter().filter(|found| found.at == "start") {
+        // A block of one number has nothing to be conditioned by.
+        if start.parameters == 1 {
+            continue;
+        }
         let truth = study.conditionings.iter().find(|found| {
             found.at != "start"
                 && (&found.problem, found.seed, found.block)
                     == (&start.problem, start.seed, start.block)
         });
-        let alike = study
-            .conditionings
-            .iter()
-            .any(|found| found.problem == start.problem && found.seed != start.seed);
-        let seed = if alike { format!(" #{}", start.seed) } else { String::new() };
-        let name: String = start.problem.chars().take(27 - seed.len()).collect();
+        let seed = if several { format!(" #{}", start.seed) } else { String::new() };
+        let name = if start.block == "all" { start.problem.clone() + &seed } else { String::new() };
+        let null = |found: &Conditioning| found.null_directions.to_string();
         let _ = writeln!(
             text,
-            "{:<28}{:<10}{:>5}{:>6}{:>11}{:>10}{:>10}",
-            name + &seed,
+            "{name:<24}{:<10}{:>4}{:>6}{:>10}{:>8}{:>9}{:>9}",
             start.block,
             start.parameters,
-            truth.map_or(start.null_directions, |truth| truth.null_directions),
+            null(start),
             of(start.condition),
+            truth.map_or("-".to_owned(), null),
             of(truth.and_then(|truth| truth.condition)),
             of(truth.and_then(|truth| truth.condition_scaled)),
         );

@@ -18,9 +18,7 @@ impl CostFunction for Objective<'_, '_> {
     type Output = f64;
 
     fn cost(&self, x: &DVector<f64>) -> Result<f64, Error> {
-        // With the value comes the gradient, for less than the two apart.
-        self.0.gradient(x.as_slice())?;
-        Ok(self.0.value(x.as_slice())?)
+        Ok(self.0.value_before_gradient(x.as_slice())?)
     }
 }
 

@@ -11,6 +11,8 @@ mod trust_region;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+use bokashi_fit::Optimizer;
+
 use super::evaluator::Evaluator;
 use super::ledger::{Budget, Counts, Halt, LEVELS, Moment};
 use super::problem::{Family, Problem};
@@ -32,6 +34,11 @@ pub enum Method {
         /// The learning rate.
         rate: f64,
     },
+    /// Ours: AMSGrad with the constants of Adam's authors.
+    AmsGrad {
+        /// The learning rate.
+        rate: f64,
+    },
     /// argmin's L-BFGS with 7 pairs and the line search of More and Thuente.
     Lbfgs,
     /// argmin's trust region with Steihaug's conjugate gradients, over Hessian-vector products.
@@ -47,8 +54,9 @@ impl Method {
     pub fn all() -> Vec<Self> {
         let descent = RATES.map(|rate| Self::GradientDescent { rate });
         let adam = RATES.map(|rate| Self::Adam { rate });
+        let ams_grad = RATES.map(|rate| Self::AmsGrad { rate });
         let others = [Self::Lbfgs, Self::TrustRegion, Self::GaussNewton, Self::LevenbergMarquardt];
-        descent.into_iter().chain(adam).chain(others).collect()
+        descent.into_iter().chain(adam).chain(ams_grad).chain(others).collect()
     }
 
     /// The name, without the rate.
@@ -56,6 +64,7 @@ impl Method {
         match self {
             Self::GradientDescent { .. } => "gradient descent",
             Self::Adam { .. } => "Adam",
+            Self::AmsGrad { .. } => "AMSGrad",
             Self::Lbfgs => "L-BFGS",
             Self::TrustRegion => "trust region",
             Self::GaussNewton => "Gauss-Newton",
@@ -66,7 +75,9 @@ impl Method {
     /// The learning rate.
     pub fn rate(self) -> Option<f64> {
         match self {
-            Self::GradientDescent { rate } | Self::Adam { rate } => Some(rate),
+            Self::GradientDescent { rate } | Self::Adam { rate } | Self::AmsGrad { rate } => {
+                Some(rate)
+            }
             _ => None,
         }
     }
@@ -75,11 +86,10 @@ impl Method {
     fn minimise(self, evaluator: &Evaluator<'_>) -> Result<(), String> {
         match self {
             Self::GradientDescent { rate } => {
-                ours::descend(evaluator, bokashi_fit::Optimizer::GradientDescent, rate)
+                ours::descend(evaluator, Optimizer::GradientDescent, rate)
             }
-            Self::Adam { rate } => {
-                ours::descend(evaluator, bokashi_fit::Optimizer::default(), rate)
-            }
+            Self::Adam { rate } => ours::descend(evaluator, Optimizer::default(), rate),
+            Self::AmsGrad { rate } => ours::descend(evaluator, Optimizer::ams_grad(), rate),
             Self::Lbfgs => line_search::lbfgs(evaluator),
             Self::TrustRegion => trust_region::steihaug(evaluator),
             Self::GaussNewton => least_squares::gauss_newton(evaluator),

@@ -163,9 +163,9 @@ pub fn scene(settings: SceneSettings) -> Result<Problem, FitError> {
         blocks.push((settings.sigma_as.name(), first..first + 1));
     }
     let name = match settings.experiment {
-        Experiment::Vertices => "Cube 5.1, vertices and colours".to_owned(),
+        Experiment::Vertices => "Cube 5.1".to_owned(),
         Experiment::Sigma => format!("Cube 5.2, {}", settings.sigma_as.name()),
-        Experiment::Joint => format!("Cube 5.3, joint, {}", settings.sigma_as.name()),
+        Experiment::Joint => format!("Cube 5.3, {}", settings.sigma_as.name()),
     };
     let start = settings.entries(&start, settings.sigma_start);
     let minimiser = settings.entries(&least, settings.sigma_target);

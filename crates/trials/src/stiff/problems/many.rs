@@ -12,25 +12,18 @@ pub(super) fn problems() -> Vec<Problem> {
     let repeated = |values: &[f64], n: usize| values.iter().copied().cycle().take(n).collect();
     let n = 10;
     vec![
-        Problem::new("Watson, n = 6", vec![0.0; 6], 2.287_670_053_552_37e-3, Watson).minimiser_at(
-            [
-                -0.015_725_086_4,
-                1.012_434_869_4,
-                -0.232_991_625_9,
-                1.260_430_087_8,
-                -1.513_728_922_7,
-                0.992_996_432_4,
-            ],
-        ),
+        Problem::new("Watson 6", vec![0.0; 6], 2.287_670_053_552_37e-3, Watson).minimiser_at([
+            -0.015_725_086_4,
+            1.012_434_869_4,
+            -0.232_991_625_9,
+            1.260_430_087_8,
+            -1.513_728_922_7,
+            0.992_996_432_4,
+        ]),
+        Problem::new("Extended Rosenbrock 20", repeated(&[-1.2, 1.0], 20), 0.0, ExtendedRosenbrock)
+            .minimiser_at(vec![1.0; 20]),
         Problem::new(
-            "Extended Rosenbrock, n = 20",
-            repeated(&[-1.2, 1.0], 20),
-            0.0,
-            ExtendedRosenbrock,
-        )
-        .minimiser_at(vec![1.0; 20]),
-        Problem::new(
-            "Extended Powell, n = 20",
+            "Extended Powell 20",
             repeated(&[3.0, -1.0, 0.0, 1.0], 20),
             0.0,
             ExtendedPowell,
@@ -38,14 +31,14 @@ pub(super) fn problems() -> Vec<Problem> {
         .minimiser_at(vec![0.0; 20]),
         // The minimiser has all entries alike; the objective then is a polynomial of one number.
         Problem::new(
-            "Penalty I, n = 10",
+            "Penalty I 10",
             (1..=n).map(|j| j as f64).collect(),
             7.087_651_467_090_369e-5,
             PenaltyI,
         )
         .minimiser_at(vec![0.158_122_297; n]),
         Problem::new(
-            "Variably dimensioned, n = 10",
+            "Variably dimensioned 10",
             (1..=n).map(|j| 1.0 - j as f64 / n as f64).collect(),
             0.0,
             VariablyDimensioned,
