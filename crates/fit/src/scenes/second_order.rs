@@ -79,6 +79,7 @@ pub(super) fn run<T: Scalar>(
         return Ok(outcome(settings, &history, snapshots, start.elapsed().as_secs_f64()));
     }
     history.steps.pop();
+    history.target_ms.pop();
     snapshots.pop();
     let (pipeline, mut cube) = CubePipeline::<f64>::new(settings)?;
     for (name, value) in learnt {
@@ -250,4 +251,111 @@ fn damped_step(mut matrix: Vec<f64>, gradient: &[f64], damping: f64) -> Option<V
         x[i] = (x[i] - dot) / matrix[i * n + i];
     }
     Some(x)
+}
+
+#[cfg(test)]
+mod tests {
+    use bokashi_core::Tape;
+
+    use super::*;
+    use crate::scenes::{run_cube, run_cube_saving};
+
+    fn settings(experiment: Experiment) -> CubeSettings {
+        let new = CubeSettings::new(experiment, Preset::SecondOrder);
+        CubeSettings { resolution: 16, sigma_target: 1.4, seed: 5, ..new }
+    }
+
+    #[test]
+    fn a_damped_step_is_the_one_worked_out_by_hand() {
+        // [[4, 2], [2, 3]] has the inverse [[3, -2], [-2, 4]] / 8.
+        let step = damped_step(vec![4.0, 2.0, 2.0, 3.0], &[1.0, 2.0], 0.0).unwrap();
+        assert!((step[0] - 0.125).abs() < 1e-15 && (step[1] + 0.75).abs() < 1e-15, "{step:?}");
+        // With a damping of 1 the diagonal doubles: [[8, 2], [2, 6]], of determinant 44.
+        let step = damped_step(vec![4.0, 2.0, 2.0, 3.0], &[1.0, 2.0], 1.0).unwrap();
+        assert!((step[0] + 2.0 / 44.0).abs() < 1e-15 && (step[1] + 14.0 / 44.0).abs() < 1e-15);
+        assert_eq!(damped_step(vec![1.0, 2.0, 2.0, 1.0], &[1.0, 2.0], 0.0), None);
+        assert_eq!(damped_step(vec![0.0], &[0.0], 1.0), None);
+    }
+
+    #[test]
+    fn the_normal_equations_agree_with_the_tape() {
+        for experiment in [Experiment::Vertices, Experiment::Sigma, Experiment::Joint] {
+            let settings = settings(experiment);
+            let (_, cube) = CubePipeline::<f64>::new(&settings).unwrap();
+            let views = CubeViews::new(&settings, &views(&settings, 3)).unwrap();
+            let (matrix, gradient) = normal_equations(&views, &cube).unwrap();
+            let n = gradient.len();
+
+            let tape = Tape::new();
+            let variables = cube.record(&tape);
+            let get = |name| variables.get(name).unwrap();
+            let sigma = views.blurs().then(|| get(SIGMA));
+            let residuals = views.residuals(get(VERTICES), get(COLORS), sigma).unwrap();
+            let loss = residuals.square().sum();
+            assert!((loss.item() - squares(&views, &cube).unwrap()).abs() < 1e-12 * loss.item());
+            let gradients = loss.backward().unwrap();
+            let learnt = cube.iter().filter(|parameter| !parameter.is_frozen());
+            let exact: Vec<f64> = learnt
+                .flat_map(|parameter| {
+                    let raw = variables.raw(parameter.name()).unwrap();
+                    gradients.get_or_zeros(raw).data().to_vec()
+                })
+                .collect();
+            assert_eq!(exact.len(), n);
+            let size = exact.iter().fold(0.0, |size: f64, g| size.max(g.abs()));
+            for (g, exact) in gradient.iter().zip(&exact) {
+                assert!((2.0 * g - exact).abs() < 1e-6 * size, "{experiment} {g} {exact}");
+            }
+            assert!((0..n * n).all(|k| matrix[k] == matrix[k % n * n + k / n]));
+        }
+    }
+
+    #[test]
+    fn the_parts_follow_one_another_and_end_at_the_last_step() {
+        for (experiment, steps) in [(Experiment::Joint, 700), (Experiment::Sigma, 1)] {
+            let settings = CubeSettings { steps, ..settings(experiment) };
+            let mut seen = Vec::new();
+            let outcome = run_cube(&settings, &mut |progress| {
+                assert_eq!(progress.steps, steps);
+                seen.push(progress.step);
+                ControlFlow::Continue(())
+            })
+            .unwrap();
+            let steps: Vec<u64> = outcome.history.iter().map(|record| record.step).collect();
+            assert_eq!(seen, steps);
+            assert!(steps.windows(2).all(|pair| pair[0] < pair[1]), "{steps:?}");
+            assert_eq!(steps.last(), Some(&settings.steps));
+            assert_eq!(outcome.preset, Preset::SecondOrder);
+            let times: Vec<f64> = outcome.history.iter().map(|record| record.seconds).collect();
+            assert!(times.windows(2).all(|pair| pair[0] <= pair[1]));
+            let snapshots = outcome.snapshots.iter().map(|snapshot| snapshot.step);
+            assert_eq!(snapshots.last(), Some(settings.steps));
+        }
+    }
+
+    #[test]
+    fn a_callback_can_stop_either_part() {
+        let settings = CubeSettings { steps: 700, ..settings(Experiment::Vertices) };
+        for stop in [100, 350, 500] {
+            let outcome = run_cube(&settings, &mut |progress| {
+                if progress.step >= stop {
+                    ControlFlow::Break(())
+                } else {
+                    ControlFlow::Continue(())
+                }
+            })
+            .unwrap();
+            assert_eq!(outcome.steps, stop);
+        }
+    }
+
+    #[test]
+    fn what_is_not_first_order_is_not_saved() {
+        let settings = settings(Experiment::Joint);
+        let saving = crate::scenes::Saving { save: Some("fit".into()), ..Default::default() };
+        let seen = &mut |_: Progress| ControlFlow::Continue(());
+        let error = run_cube_saving(&settings, &saving, seen).unwrap_err().to_string();
+        let rule = "a fit that is saved needs a first-order preset, whose whole state it holds";
+        assert_eq!(error, format!("{rule}, got second-order"));
+    }
 }

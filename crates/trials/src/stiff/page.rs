@@ -9,7 +9,7 @@ use bokashi_fit::report::{
     escaped, legend_line, row, write_whole,
 };
 
-use super::optimizers::Run;
+use super::optimizers::{Outcome, Run};
 use super::problem::Family;
 use super::profile::{Cost, Solver, profiles, solvers};
 use super::study::Study;
@@ -68,6 +68,7 @@ fn sections(study: &Study) -> Result<Vec<Section>, ReportError> {
         let count = solvers.first().map_or(0, |solver| solver.runs.len());
         for problem in 0..count {
             html += &row(&error_panels(solvers, problem))?;
+            html += &failures(solvers, problem);
         }
         Ok(html + note)
     };
@@ -143,6 +144,18 @@ fn error_panels(solvers: &[Solver<'_>], problem: usize) -> Vec<Panel> {
         }
     };
     vec![panel(Scale::Seconds, "wall-clock time"), panel(Scale::Counts, "gradient evaluations")]
+}
+
+/// The optimizers that ended in failure on one problem, and what they said: some have no line.
+fn failures(solvers: &[Solver<'_>], problem: usize) -> String {
+    let runs = solvers.iter().filter_map(|solver| solver.runs.get(problem));
+    let failed = runs.filter(|run| matches!(run.outcome, Outcome::Diverged | Outcome::Failed));
+    let lines = failed.map(|run| {
+        let rate = run.rate.map_or(String::new(), |rate| format!(" at rate {rate:e}"));
+        let (name, word) = (run.optimizer, run.outcome.word());
+        format!("<p class=\"note\">{name}{rate} {word}: {}.</p>", escaped(&run.message))
+    });
+    lines.collect()
 }
 
 /// One profile per level.
@@ -248,6 +261,7 @@ mod tests {
         let sections = sections(&study).unwrap();
         let html: String = sections.iter().map(|section| section.body.as_str()).collect();
         assert!(html.contains("gradient descent") && html.contains("<polyline"), "{html}");
+        assert!(html.contains("gradient descent at rate 1e9 diverged: "), "{html}");
         assert!(!html.contains("NaN"));
     }
 }
