@@ -258,7 +258,7 @@ mod tests {
     use bokashi_core::Tape;
 
     use super::*;
-    use crate::scenes::{run_cube, run_cube_saving};
+    use crate::scenes::run_cube;
 
     fn settings(experiment: Experiment) -> CubeSettings {
         let new = CubeSettings::new(experiment, Preset::SecondOrder);
@@ -349,12 +349,14 @@ mod tests {
         }
     }
 
+    #[cfg(feature = "save")]
     #[test]
     fn what_is_not_first_order_is_not_saved() {
         let settings = settings(Experiment::Joint);
         let saving = crate::scenes::Saving { save: Some("fit".into()), ..Default::default() };
         let seen = &mut |_: Progress| ControlFlow::Continue(());
-        let error = run_cube_saving(&settings, &saving, seen).unwrap_err().to_string();
+        let error =
+            crate::scenes::run_cube_saving(&settings, &saving, seen).unwrap_err().to_string();
         let rule = "a fit that is saved needs a first-order preset, whose whole state it holds";
         assert_eq!(error, format!("{rule}, got second-order"));
     }
