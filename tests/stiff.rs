@@ -137,7 +137,6 @@ fn second_order_steps_end_where_first_order_ones_still_are_on_their_way() {
             steps: 4_000,
             sigma_target: 1.4,
             seed: 200,
-            resolution: 16,
             precision: Precision::F64,
             ..new
         };

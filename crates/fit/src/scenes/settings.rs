@@ -34,7 +34,8 @@ pub enum Preset {
     Tuned,
     /// Half of the run with the tuned rates over it; in the other half steps of
     /// Levenberg-Marquardt, in `f64` whatever the fit computes with, of which each takes the place,
-    /// and about the time, of 150 updates.
+    /// and about the time, of 150 updates. Made for 32 px: at 16 px its steps can undo what the
+    /// first half learnt, see docs/stiff.md.
     SecondOrder,
 }
 
