@@ -240,12 +240,15 @@ pub(super) fn run_first_order<T: Scalar>(
     Ok((history, snapshots, fit.parameters().iter().map(value).collect()))
 }
 
+/// What is called with every step.
+type OnStep<'a, T> = dyn FnMut(Progress, &Seen<'_, T, CubeMeasure>) -> ControlFlow<()> + 'a;
+
 /// Runs `fit`, new or resumed, to its end.
 pub(super) fn drive<T: Scalar>(
     settings: &CubeSettings,
     pipeline: CubePipeline<T>,
     fit: &mut Fit<T>,
-    on_step: &mut dyn FnMut(Progress, &Seen<'_, T, CubeMeasure>) -> ControlFlow<()>,
+    on_step: &mut OnStep<'_, T>,
 ) -> Result<Outcome, FitError> {
     let start = Instant::now();
     let (history, snapshots) = drive_history(settings, pipeline, fit, on_step)?;
@@ -257,7 +260,7 @@ fn drive_history<T: Scalar>(
     settings: &CubeSettings,
     mut pipeline: CubePipeline<T>,
     fit: &mut Fit<T>,
-    on_step: &mut dyn FnMut(Progress, &Seen<'_, T, CubeMeasure>) -> ControlFlow<()>,
+    on_step: &mut OnStep<'_, T>,
 ) -> Result<(History<CubeMeasure>, Vec<Snapshot>), FitError> {
     let done = fit.steps_done();
     let due = snapshot_steps(settings.steps).into_iter().filter(|&step| step >= done);

@@ -55,7 +55,8 @@ pub fn conditioning(problem: &Problem, seed: u64) -> Result<Vec<Conditioning>, H
         let Some(x) = x else { continue };
         let jacobian = evaluator.jacobian(x)?;
         let whole = [("all", 0..problem.size())];
-        let parts = problem.blocks().iter().cloned().filter(|_| problem.blocks().len() > 1);
+        let several = problem.blocks().len() > 1;
+        let parts = problem.blocks().iter().filter(|_| several).cloned();
         for (block, columns) in whole.into_iter().chain(parts) {
             let part = jacobian.columns_range(columns.clone()).into_owned();
             let (condition, null_directions) = condition(&part);
