@@ -40,6 +40,11 @@ pub(crate) enum Command {
     /// Prints a row per case and precision, with the measured error and its bound; ends with
     /// status 1 if any of them fails.
     Stability(StabilityArguments),
+    /// Optimizers against stiff problems with known minima, and against our own scenes.
+    ///
+    /// Prints shares of problems solved, errors and conditions; takes about a minute. Writes files
+    /// only where --out or --json asks for them.
+    Stiff(StiffArguments),
 }
 
 /// The options of every command.
@@ -68,8 +73,9 @@ pub(crate) struct FitArguments {
     /// What is learnt: vertices and colours (5.1), sigma (5.2), or all of them (5.3)
     #[arg(long, value_name = "WORD", default_value = "joint", value_parser = words::<Experiment>(&["vertices", "sigma", "joint"]))]
     pub(crate) experiment: Experiment,
-    /// Learning rates: as printed in the paper, or larger ones that fall over the run
-    #[arg(long, value_name = "WORD", default_value = "paper", value_parser = words::<Preset>(&["paper", "tuned"]))]
+    /// Learning rates: as printed in the paper, larger ones that fall over the run, or those and
+    /// then second-order steps
+    #[arg(long, value_name = "WORD", default_value = "paper", value_parser = words::<Preset>(&["paper", "tuned", "second-order"]))]
     pub(crate) preset: Preset,
     /// Width and height of the images, in pixels
     #[arg(long, value_name = "N", default_value_t = 32, value_parser = resolution)]
@@ -126,11 +132,32 @@ pub(crate) struct StabilityArguments {
     pub(crate) threads: Option<usize>,
 }
 
+/// The options of `stiff`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct StiffArguments {
+    /// Rotations of the quadratic and starts of each scene, counted from 0
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = seeds)]
+    pub(crate) seeds: u64,
+    /// Threads [default: one per core]; results are the same bits for any number
+    #[arg(long, value_name = "N", value_parser = threads)]
+    pub(crate) threads: Option<usize>,
+    /// File for every run as a JSON list; - for standard output, and then nothing else there
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
+    /// Folder for the page stiff.html and stiff.csv
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// No progress bar and no tables
+    #[arg(long)]
+    pub(crate) quiet: bool,
+}
+
 impl Request {
     /// The options that every command of fits has.
     pub(crate) fn common(&self) -> &Common {
         match &self.command {
-            None | Some(Command::Stability(_)) => &self.common,
+            // What the others share with them they have themselves.
+            None | Some(Command::Stability(_) | Command::Stiff(_)) => &self.common,
             Some(Command::Fit(fit)) => &fit.common,
             Some(Command::Reproduce(reproduce)) => &reproduce.common,
         }
@@ -142,6 +169,7 @@ impl Request {
         match &self.command {
             Some(Command::Fit(_)) => out,
             Some(Command::Stability(stability)) => stability.out.clone(),
+            Some(Command::Stiff(stiff)) => stiff.out.clone(),
             _ => Some(out.unwrap_or_else(|| "out".into())),
         }
     }
@@ -151,6 +179,7 @@ impl Request {
         match &self.command {
             Some(Command::Fit(fit)) => fit.json.as_ref(),
             Some(Command::Stability(stability)) => stability.json.as_ref(),
+            Some(Command::Stiff(stiff)) => stiff.json.as_ref(),
             _ => None,
         }
     }
@@ -167,6 +196,7 @@ impl Request {
     pub(crate) fn threads(&self) -> Option<usize> {
         match &self.command {
             Some(Command::Stability(stability)) => stability.threads,
+            Some(Command::Stiff(stiff)) => stiff.threads,
             _ => self.common().threads,
         }
     }
@@ -352,10 +382,22 @@ mod tests {
     }
 
     #[test]
+    fn stiff_writes_only_what_it_is_asked_for() {
+        let request = read("stiff").expect("nothing is needed");
+        assert_eq!((request.out(), request.json(), request.threads()), (None, None, None));
+        let line = "stiff --seeds 3 --threads 2 --json a.json --out b --quiet";
+        let request = read(line).expect("all of them");
+        assert_eq!((request.out(), request.json()), (Some("b".into()), Some(&"a.json".into())));
+        assert_eq!(request.threads(), Some(2));
+        let Some(Command::Stiff(stiff)) = request.command else { panic!("stiff") };
+        assert!(stiff.seeds == 3 && stiff.quiet);
+    }
+
+    #[test]
     fn bad_use_is_one_line_that_says_what_is_allowed() {
         let table = [
             ("fit --experiment all", "'all'", "[possible values: vertices, sigma, joint]"),
-            ("fit --preset best", "'best'", "[possible values: paper, tuned]"),
+            ("fit --preset best", "'best'", "[possible values: paper, tuned, second-order]"),
             ("fit --precision f16", "'f16'", "[possible values: f32, f64]"),
             ("fit --resolution 0", "'0'", "needs a whole number from 1 to 4096"),
             ("fit --resolution 3.5", "'3.5'", "needs a whole number from 1 to 4096"),
@@ -372,6 +414,8 @@ mod tests {
             ("fit --threads 0", "'0'", "needs a whole number from 1 to 1024"),
             ("stability --threads 0", "'0'", "needs a whole number from 1 to 1024"),
             ("stability --steps 3", "'--steps'", "--help"),
+            ("stiff --seeds 0", "'0'", "needs a whole number from 1 to 1000"),
+            ("stiff --steps 5", "'--steps'", "--help"),
             ("reproduce --seeds 0", "'0'", "needs a whole number from 1 to 1000"),
             ("fit --steps", "a value is required", "--steps <N>"),
             ("fit --stepz 3", "'--stepz'", "'--steps'"),

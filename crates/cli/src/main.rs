@@ -6,6 +6,7 @@ mod plan;
 mod progress;
 mod run;
 mod stability;
+mod stiff;
 mod summary;
 
 use std::process::ExitCode;

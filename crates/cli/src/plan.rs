@@ -88,6 +88,7 @@ fn experiments(request: &Request) -> Vec<CubeSettings> {
         SIGMAS.map(|sigma_target| CubeSettings { sigma_target, ..settings.clone() })
     };
     match &request.command {
+        Some(Command::Stiff(_)) => Vec::new(),
         None => sigmas(Experiment::Joint, Preset::Paper).to_vec(),
         Some(Command::Fit(fit)) => {
             let settings = new(fit.experiment, fit.preset);

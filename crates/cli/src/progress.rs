@@ -121,7 +121,11 @@ pub(crate) fn name(planned: &Planned, number: usize, count: usize) -> String {
         Experiment::Sigma => format!("5.2 σ {}", settings.sigma_target),
         Experiment::Joint => format!("5.3 σ {}", settings.sigma_target),
     };
-    let tuned = if settings.preset == Preset::Tuned { " tuned" } else { "" };
+    let tuned = match settings.preset {
+        Preset::Paper => "",
+        Preset::Tuned => " tuned",
+        Preset::SecondOrder => " second-order",
+    };
     let jagged = if settings.antialias { "" } else { " no antialias" };
     if let Some(alternative) = planned.alternative {
         let choice =

@@ -15,6 +15,7 @@ use crate::failure::{Failure, INTERRUPTED};
 use crate::plan::{Planned, plan};
 use crate::progress::{Bar, name};
 use crate::stability;
+use crate::stiff;
 use crate::summary::Summary;
 
 /// Held while files are written: a program that is interrupted finishes them first.
@@ -51,9 +52,16 @@ pub(crate) fn run(request: &Request) -> Result<(), Failure> {
 
 /// Does what the command says.
 fn work(request: &Request, writing: &Writing) -> Result<(), Failure> {
-    if let Some(Command::Stability(_)) = request.command {
-        end_when_interrupted(writing, None)?;
-        return stability::run(request, writing);
+    match &request.command {
+        Some(Command::Stability(_)) => {
+            end_when_interrupted(writing, None)?;
+            return stability::run(request, writing);
+        }
+        Some(Command::Stiff(stiff)) => {
+            end_when_interrupted(writing, None)?;
+            return stiff::run(stiff, writing);
+        }
+        _ => {}
     }
     let plan = plan(request)?;
     let interrupt = Interrupt::default();
@@ -176,7 +184,7 @@ fn write(
 }
 
 /// What the report says of this run.
-fn about() -> About {
+pub(crate) fn about() -> About {
     let arguments = std::env::args_os().skip(1);
     let words: Vec<_> = arguments.map(|word| word.to_string_lossy().into_owned()).collect();
     About {

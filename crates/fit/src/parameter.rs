@@ -154,6 +154,15 @@ impl<T: Scalar> Parameter<T> {
         }
     }
 
+    /// The value that `raw` stands for.
+    #[cfg(feature = "scenes")]
+    pub(crate) fn value_at(&self, raw: Tensor<T>) -> Tensor<T> {
+        match self.mapping {
+            Mapping::Identity => raw,
+            mapping => raw.map(|raw| mapping.value(raw)),
+        }
+    }
+
     /// The first entry of the value: the value of a scalar. Allocates nothing.
     ///
     /// # Panics
@@ -279,6 +288,15 @@ impl<T: Scalar> Parameters<T> {
             return Err(FitError::setting("a new value", "the shape of the old one", given));
         }
         parameter.set(value)
+    }
+
+    /// Makes `raw`, of the same shape, the raw numbers of the parameter `name`.
+    #[cfg(feature = "scenes")]
+    pub(crate) fn set_raw(&mut self, name: &str, raw: Tensor<T>) -> Result<(), FitError> {
+        let parameter = &mut self.list[position(&self.names, name)?];
+        debug_assert_eq!(raw.shape(), parameter.raw.shape());
+        parameter.raw = raw;
+        Ok(())
     }
 
     /// Sets the learning rate of the parameter `name`; 0 freezes it.

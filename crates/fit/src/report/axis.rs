@@ -13,7 +13,7 @@ const FLOOR: f64 = 1e-17;
 
 /// How an axis maps values to lengths.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Scale {
+pub enum Scale {
     /// Equal differences, equal lengths.
     Linear,
     /// Equal ratios, equal lengths; labels are powers of ten.

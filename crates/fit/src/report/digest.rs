@@ -206,7 +206,7 @@ impl Group {
     pub(crate) fn stroke(&self) -> Stroke {
         match (self.settings.antialias, self.settings.preset) {
             (false, _) => Stroke::Dotted,
-            (true, Preset::Tuned) => Stroke::Dashed,
+            (true, Preset::Tuned | Preset::SecondOrder) => Stroke::Dashed,
             (true, Preset::Paper) => Stroke::Solid,
         }
     }
@@ -239,8 +239,10 @@ impl Group {
     /// A name within the experiment.
     pub(crate) fn name(&self) -> String {
         let mut name = self.grade_name();
-        if self.settings.preset == Preset::Tuned {
-            name.push_str(", tuned rates");
+        match self.settings.preset {
+            Preset::Paper => {}
+            Preset::Tuned => name.push_str(", tuned rates"),
+            Preset::SecondOrder => name.push_str(", second-order"),
         }
         if !self.settings.antialias {
             name.push_str(", no antialias");

@@ -19,8 +19,7 @@ use super::ReportError;
 use super::axis::{Axis, Scale};
 
 /// Colours of the curves, after Okabe and Ito: told apart by colour-blind eyes and in grey.
-pub(crate) const PALETTE: [&str; 6] =
-    ["#0072B2", "#D55E00", "#009E73", "#AA4499", "#B8860B", "#56606B"];
+pub const PALETTE: [&str; 6] = ["#0072B2", "#D55E00", "#009E73", "#AA4499", "#B8860B", "#56606B"];
 
 /// The same colours for a dark page.
 pub(crate) const PALETTE_DARK: [&str; 6] =
@@ -34,7 +33,7 @@ pub(crate) const GRID: [&str; 2] = ["#E4E4EA", "#2E3038"];
 
 /// Drawn sizes, for two panels in a row and for three: twice the nominal ones, since the backend
 /// rounds to whole units. Text has the same drawn height in both.
-pub(crate) const SIZES: [(u32, u32); 2] = [(880, 600), (680, 560)];
+pub const SIZES: [(u32, u32); 2] = [(880, 600), (680, 560)];
 /// Height of the text of the axes, in drawn units.
 const TEXT: u32 = 32;
 /// Line widths that stand for the kinds of line until [`dashed`] exchanges them.
@@ -42,7 +41,7 @@ const WIDTHS: [u32; 3] = [4, 5, 6];
 
 /// How a line is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub(crate) enum Stroke {
+pub enum Stroke {
     /// Unbroken.
     Solid,
     /// Long dashes.
@@ -53,32 +52,32 @@ pub(crate) enum Stroke {
 
 /// A line, and the band around it.
 #[derive(Debug, Clone)]
-pub(crate) struct Curve {
-    /// Index into [`PALETTE`], taken modulo its length.
-    pub(crate) color: usize,
+pub struct Curve {
+    /// Index into the palette, taken modulo its length.
+    pub color: usize,
     /// The kind of line.
-    pub(crate) stroke: Stroke,
+    pub stroke: Stroke,
     /// `[x, low, middle, high]`, by ascending `x`.
-    pub(crate) points: Vec<[f64; 4]>,
+    pub points: Vec<[f64; 4]>,
 }
 
 /// One panel.
 #[derive(Debug, Clone)]
-pub(crate) struct Figure {
+pub struct Figure {
     /// The horizontal axis.
-    pub(crate) x: Scale,
+    pub x: Scale,
     /// The vertical axis.
-    pub(crate) y: Scale,
+    pub y: Scale,
     /// What the horizontal axis shows, with its unit.
-    pub(crate) x_title: &'static str,
+    pub x_title: &'static str,
     /// One of [`SIZES`].
-    pub(crate) size: (u32, u32),
+    pub size: (u32, u32),
     /// What the panel shows, for readers who hear the page.
-    pub(crate) spoken: String,
+    pub spoken: String,
     /// The lines.
-    pub(crate) curves: Vec<Curve>,
+    pub curves: Vec<Curve>,
     /// Values marked by a thin horizontal line: the truth that lines should reach.
-    pub(crate) marks: Vec<(usize, f64)>,
+    pub marks: Vec<(usize, f64)>,
 }
 
 impl Figure {

@@ -36,8 +36,11 @@ use crate::scenes::{Alternative, CubeSettings, Outcome};
 
 pub use crate::write::{check_folder, write_whole};
 use alternatives::Trial;
+pub use axis::Scale;
 use digest::{Fit, Group};
 pub use document::{Document, Section, add_page, data_uri, escaped};
+pub use figure::{Curve, Figure, PALETTE, SIZES, Stroke};
+pub use panels::{Panel, line as legend_line, row};
 
 /// What can go wrong with a report.
 #[derive(Debug, thiserror::Error)]

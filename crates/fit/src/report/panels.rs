@@ -13,11 +13,11 @@ use super::figure::{Curve, Figure, INK, PALETTE, SIZES, Stroke};
 
 /// A figure with its heading.
 #[derive(Debug)]
-pub(crate) struct Panel {
+pub struct Panel {
     /// What is shown, with its unit.
-    pub(crate) title: String,
+    pub title: String,
     /// The panel.
-    pub(crate) figure: Figure,
+    pub figure: Figure,
 }
 
 /// Error against run time: loss, vertex error, colour error and sigma error, as far as the
@@ -89,7 +89,7 @@ fn color(groups: &[&Group], group: &Group) -> usize {
 }
 
 /// A stretch of line for a legend, as HTML.
-pub(crate) fn line(color: &str, stroke: Stroke) -> String {
+pub fn line(color: &str, stroke: Stroke) -> String {
     let dashes = match stroke {
         Stroke::Solid => "",
         Stroke::Dashed => " stroke-dasharray=\"7 4\"",
@@ -146,7 +146,10 @@ pub(crate) fn html(groups: &[&Group], panels: &[Panel]) -> Result<String, Report
 }
 
 /// Panels side by side, as HTML.
-pub(crate) fn row(panels: &[Panel]) -> Result<String, ReportError> {
+///
+/// # Errors
+/// [`ReportError::Figure`] where one can't be drawn.
+pub fn row(panels: &[Panel]) -> Result<String, ReportError> {
     let class = if panels.len() == 3 { "panels three" } else { "panels" };
     let mut html = format!("<div class=\"{class}\">");
     for panel in panels {

@@ -15,7 +15,8 @@ use super::automorphism::automorphisms;
 use super::cube::{FACES, VERTEX_COUNT, View, random_start, truth};
 use super::outcome::{Outcome, Progress, Record, Snapshot, snapshot_steps};
 use super::scene::Scene;
-use super::settings::{CubeSettings, Experiment, Precision};
+use super::second_order;
+use super::settings::{CubeSettings, Experiment, Precision, Preset};
 use crate::error::FitError;
 use crate::fit::{Fit, Seen};
 use crate::history::{History, Step};
@@ -23,9 +24,9 @@ use crate::loss::squared_error;
 use crate::parameter::{Parameter, Parameters, Variables};
 use crate::pipeline::Pipeline;
 
-const VERTICES: &str = "vertices";
-const COLORS: &str = "colors";
-const SIGMA: &str = "sigma";
+pub(super) const VERTICES: &str = "vertices";
+pub(super) const COLORS: &str = "colors";
+pub(super) const SIGMA: &str = "sigma";
 
 /// A learnt cube against the true one.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -215,19 +216,52 @@ fn run<T: Scalar>(
     settings: &CubeSettings,
     on_step: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<Outcome, FitError> {
+    if settings.preset == Preset::SecondOrder {
+        return second_order::run::<T>(settings, on_step);
+    }
     let (pipeline, parameters) = CubePipeline::<T>::new(settings)?;
     let mut fit = Fit::new(parameters, settings.fit_settings())?;
-    drive(settings, pipeline, &mut fit, |progress, _| on_step(progress))
+    drive(settings, pipeline, &mut fit, &mut |progress, _| on_step(progress))
 }
+
+/// The history and the snapshots of a fit, and what it learnt, by name.
+type Learnt = (History<CubeMeasure>, Vec<Snapshot>, Vec<(String, Tensor<f64>)>);
+
+/// A new fit of `settings` as a part of a longer one.
+pub(super) fn run_first_order<T: Scalar>(
+    settings: &CubeSettings,
+    on_step: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+) -> Result<Learnt, FitError> {
+    let (pipeline, parameters) = CubePipeline::<T>::new(settings)?;
+    let mut fit = Fit::new(parameters, settings.fit_settings())?;
+    let seen = &mut |progress, _: &Seen<'_, T, CubeMeasure>| on_step(progress);
+    let (history, snapshots) = drive_history(settings, pipeline, &mut fit, seen)?;
+    let value = |parameter: &Parameter<T>| (parameter.name().to_owned(), parameter.value().cast());
+    Ok((history, snapshots, fit.parameters().iter().map(value).collect()))
+}
+
+/// What is called with every step.
+type OnStep<'a, T> = dyn FnMut(Progress, &Seen<'_, T, CubeMeasure>) -> ControlFlow<()> + 'a;
 
 /// Runs `fit`, new or resumed, to its end.
 pub(super) fn drive<T: Scalar>(
     settings: &CubeSettings,
-    mut pipeline: CubePipeline<T>,
+    pipeline: CubePipeline<T>,
     fit: &mut Fit<T>,
-    mut on_step: impl FnMut(Progress, &Seen<'_, T, CubeMeasure>) -> ControlFlow<()>,
+    on_step: &mut OnStep<'_, T>,
 ) -> Result<Outcome, FitError> {
     let start = Instant::now();
+    let (history, snapshots) = drive_history(settings, pipeline, fit, on_step)?;
+    Ok(outcome(settings, &history, snapshots, start.elapsed().as_secs_f64()))
+}
+
+/// Runs `fit` to its end, and keeps its history and its snapshots.
+fn drive_history<T: Scalar>(
+    settings: &CubeSettings,
+    mut pipeline: CubePipeline<T>,
+    fit: &mut Fit<T>,
+    on_step: &mut OnStep<'_, T>,
+) -> Result<(History<CubeMeasure>, Vec<Snapshot>), FitError> {
     let done = fit.steps_done();
     let due = snapshot_steps(settings.steps).into_iter().filter(|&step| step >= done);
     let mut due = due.peekable();
@@ -236,27 +270,26 @@ pub(super) fn drive<T: Scalar>(
         if due.next_if_eq(&seen.step.step).is_some() {
             snapshots.push(snapshot(seen.parameters, seen.step));
         }
-        let record = record(settings, seen.step);
-        let progress = Progress {
-            step: record.step,
-            steps: settings.steps,
-            seconds: record.seconds,
-            loss: record.loss,
-            vertex_error: record.vertex_error,
-            sigma: record.sigma,
-            ms: seen.ms,
-        };
-        on_step(progress, seen)
+        on_step(progress(settings, seen.step, seen.ms), seen)
     })?;
     let last = history.last();
     if snapshots.last().is_none_or(|snapshot| snapshot.step != last.step) {
         snapshots.push(snapshot(fit.parameters(), last));
     }
-    Ok(outcome(settings, &history, snapshots, start.elapsed().as_secs_f64()))
+    Ok((history, snapshots))
+}
+
+/// What a callback sees of `step`, `ms` after the one before it.
+pub(super) fn progress(settings: &CubeSettings, step: &Step<CubeMeasure>, ms: f64) -> Progress {
+    let Record { step, seconds, loss, vertex_error, sigma, .. } = record(settings, step);
+    Progress { step, steps: settings.steps, seconds, loss, vertex_error, sigma, ms }
 }
 
 /// The learnt cube at `step`.
-fn snapshot<T: Scalar>(parameters: &Parameters<T>, step: &Step<CubeMeasure>) -> Snapshot {
+pub(super) fn snapshot<T: Scalar>(
+    parameters: &Parameters<T>,
+    step: &Step<CubeMeasure>,
+) -> Snapshot {
     let get = |name| parameters.get(name).expect("the pipeline made these parameters");
     Snapshot {
         step: step.step,
@@ -280,7 +313,7 @@ pub(super) fn record(settings: &CubeSettings, step: &Step<CubeMeasure>) -> Recor
     }
 }
 
-fn outcome(
+pub(super) fn outcome(
     settings: &CubeSettings,
     history: &History<CubeMeasure>,
     snapshots: Vec<Snapshot>,
@@ -316,7 +349,6 @@ fn outcome(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scenes::Preset;
 
     const EXPERIMENTS: [Experiment; 3] =
         [Experiment::Vertices, Experiment::Sigma, Experiment::Joint];

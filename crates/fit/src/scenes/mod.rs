@@ -12,7 +12,9 @@ mod picture;
 #[cfg(feature = "save")]
 mod saving;
 mod scene;
+mod second_order;
 mod settings;
+mod views;
 
 pub use alternative::{Alternative, Choice, alternatives};
 pub use automorphism::automorphisms;
@@ -23,3 +25,4 @@ pub use picture::{edges, outline, picture};
 #[cfg(feature = "save")]
 pub use saving::{Saving, run_cube_saving};
 pub use settings::{CubeSettings, Experiment, Precision, Preset, Rates};
+pub use views::CubeViews;

@@ -38,7 +38,7 @@ pub struct Saving {
 /// # Errors
 /// As [`run_cube`](super::run_cube); as [`Fit::save`] and [`Fit::resume`]; [`FitError::Saved`] for
 /// a file of other settings. Only `steps` may differ, where the schedule does not depend on it, and
-/// be no fewer than those done: else [`FitError::Setting`].
+/// be no fewer than those done: else [`FitError::Setting`], as for a preset that is not first-order.
 pub fn run_cube_saving(
     settings: &CubeSettings,
     saving: &Saving,
@@ -46,6 +46,13 @@ pub fn run_cube_saving(
 ) -> Result<Outcome, FitError> {
     if saving.every == Some(0) {
         return Err(FitError::setting("a fit that is saved", "at least 1 step in between", 0));
+    }
+    if settings.preset == Preset::SecondOrder {
+        if *saving == Saving::default() {
+            return super::run_cube(settings, on_step);
+        }
+        let rule = "a first-order preset, whose whole state it holds";
+        return Err(FitError::setting("a fit that is saved", rule, settings.preset));
     }
     match settings.precision {
         Precision::F32 => run::<f32>(settings, saving, on_step),
@@ -65,7 +72,7 @@ fn run<T: Stored>(
     };
     let start = fit.steps_done();
     let mut failed = None;
-    let mut outcome = drive(settings, pipeline, &mut fit, |progress, seen| {
+    let mut outcome = drive(settings, pipeline, &mut fit, &mut |progress, seen| {
         let due = saving.every.is_some_and(|every| progress.step % every == 0);
         if let Some(path) = saving.save.as_ref().filter(|_| due && progress.step > start)
             && let Err(error) = seen.save(path)
@@ -131,7 +138,7 @@ fn initial<T: Stored>(
 }
 
 const EXPERIMENTS: [Experiment; 3] = [Experiment::Vertices, Experiment::Sigma, Experiment::Joint];
-const PRESETS: [Preset; 2] = [Preset::Paper, Preset::Tuned];
+const PRESETS: [Preset; 3] = [Preset::Paper, Preset::Tuned, Preset::SecondOrder];
 const PRECISIONS: [Precision; 2] = [Precision::F32, Precision::F64];
 const KERNELS: [Kernel; 2] = [Kernel::Seed, Kernel::Sampled];
 const BORDERS: [Border; 3] = [Border::Zero, Border::Mirror, Border::Clamp];
@@ -298,7 +305,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("cube");
         for experiment in EXPERIMENTS {
-            for preset in PRESETS {
+            for preset in [Preset::Paper, Preset::Tuned] {
                 for precision in PRECISIONS {
                     for optimizer in [Optimizer::default(), Optimizer::ams_grad()] {
                         let settings = settings(experiment, preset);

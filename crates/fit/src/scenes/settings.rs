@@ -25,13 +25,18 @@ pub enum Experiment {
 
 /// Learning rates and how they change over a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[cfg_attr(feature = "report", derive(serde::Serialize), serde(rename_all = "lowercase"))]
+#[cfg_attr(feature = "report", derive(serde::Serialize), serde(rename_all = "kebab-case"))]
 pub enum Preset {
     /// As printed in the paper: vertices and colours 1e-3, sigma 1e-2, constant.
     Paper,
     /// Larger ones that fall over the run: in 5.1 vertices 6e-3 and colours 6e-2, along a cosine to
     /// 0; with a blur vertices 5e-3, colours 3e-2 and sigma 6e-2, exponentially to 0.01 of them.
     Tuned,
+    /// Half of the run with the tuned rates over it; in the other half steps of
+    /// Levenberg-Marquardt, in `f64` whatever the fit computes with, of which each takes the place,
+    /// and about the time, of 150 updates. Made for 32 px: at 16 px its steps can undo what the
+    /// first half learnt, see docs/stiff.md.
+    SecondOrder,
 }
 
 /// The numbers that a fit computes with.
@@ -74,7 +79,14 @@ words!(
     Sigma = "sigma",
     Joint = "joint"
 );
-words!(Preset, "preset", "paper or tuned", Paper = "paper", Tuned = "tuned");
+words!(
+    Preset,
+    "preset",
+    "one of paper, tuned, second-order",
+    Paper = "paper",
+    Tuned = "tuned",
+    SecondOrder = "second-order"
+);
 words!(Precision, "precision", "f32 or f64", F32 = "f32", F64 = "f64");
 
 /// Learning rates per parameter.
@@ -94,10 +106,12 @@ impl Preset {
         match (self, experiment) {
             (Self::Paper, _) => Rates { vertices: 1e-3, colors: 1e-3, sigma: 1e-2 },
             // Colours at ten times the vertices' rate free starts that would stay stuck.
-            (Self::Tuned, Experiment::Vertices) => {
+            (Self::Tuned | Self::SecondOrder, Experiment::Vertices) => {
                 Rates { vertices: 6e-3, colors: 6e-2, sigma: 5e-2 }
             }
-            (Self::Tuned, _) => Rates { vertices: 5e-3, colors: 3e-2, sigma: 6e-2 },
+            (Self::Tuned | Self::SecondOrder, _) => {
+                Rates { vertices: 5e-3, colors: 3e-2, sigma: 6e-2 }
+            }
         }
     }
 
@@ -105,10 +119,14 @@ impl Preset {
     pub fn schedule_of(self, experiment: Experiment, steps: u64) -> Schedule {
         match (self, experiment) {
             (Self::Paper, _) => Schedule::Constant,
-            (Self::Tuned, Experiment::Vertices) => Schedule::Cosine { steps, floor: 0.0 },
+            (Self::Tuned | Self::SecondOrder, Experiment::Vertices) => {
+                Schedule::Cosine { steps, floor: 0.0 }
+            }
             // Under a wide blur Adam is unstable above about a tenth of these rates and converges
             // geometrically below: a run needs many steps there, which a cosine does not give it.
-            (Self::Tuned, _) => Schedule::Exponential { steps: steps.max(1), factor: 0.01 },
+            (Self::Tuned | Self::SecondOrder, _) => {
+                Schedule::Exponential { steps: steps.max(1), factor: 0.01 }
+            }
         }
     }
 }
@@ -245,7 +263,7 @@ mod tests {
         for experiment in [Experiment::Vertices, Experiment::Sigma, Experiment::Joint] {
             assert_eq!(experiment.to_string().parse(), Ok(experiment));
         }
-        for preset in [Preset::Paper, Preset::Tuned] {
+        for preset in [Preset::Paper, Preset::Tuned, Preset::SecondOrder] {
             assert_eq!(preset.to_string().parse(), Ok(preset));
         }
         for precision in [Precision::F32, Precision::F64] {
