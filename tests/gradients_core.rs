@@ -93,7 +93,7 @@ fn check(name: &str, subject: impl Subject + Copy, inputs: Inputs, also: Also) {
         check = check.refuses(what, case(inputs));
     }
     check.assert();
-    let kills = check.kills();
+    let kills = check.kills().unwrap_or_else(|failure| panic!("{failure}"));
     println!("{kills}");
     assert!(kills.tried > 0 && kills.survivors.is_empty(), "{kills}");
 }

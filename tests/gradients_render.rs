@@ -10,7 +10,7 @@ use std::ops::Range;
 
 use bokashi_check::strategy::{
     aligned, camera, closed_mesh, image, image_of, number, sigma, sliver, tensor, through_the_eye,
-    unit_quaternion, well_shaped,
+    triangle, unit_quaternion, well_shaped,
 };
 use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
@@ -28,15 +28,10 @@ use proptest::test_runner::{RngAlgorithm, TestRng, TestRunner};
 const CASES: u32 = 24;
 
 /// The laws, and that they see every wrong adjoint.
-fn check(name: &str, cases: impl Strategy<Value = Case> + 'static) {
-    check_also(Check::of_cases(name, cases));
-}
-
-/// The same of a check with large cases or with wrong input.
-fn check_also(check: Check) {
+fn check(check: Check) {
     let check = check.cases(CASES);
     check.assert();
-    let kills = check.kills();
+    let kills = check.kills().unwrap_or_else(|failure| panic!("{failure}"));
     println!("{kills}");
     assert!(kills.tried > 0 && kills.survivors.is_empty(), "{kills}");
 }
@@ -114,6 +109,7 @@ fn scenes() -> Vec<(&'static str, BoxedStrategy<Scene>)> {
         ("slivers", loose(sliver())),
         ("faces beside pixel centres", beside_pixel_centres()),
         ("faces through the eye", loose(through_the_eye())),
+        ("triangles of every kind", loose(triangle())),
         ("closed meshes", closed()),
     ]
 }
@@ -158,7 +154,7 @@ fn project_with_and_without_a_pose() {
     let not_a_point = Input::leaf(Tensor::zeros([5, 4]));
     let mut blind = DMat4::IDENTITY.to_cols_array_2d();
     blind[2][1] = f64::NAN;
-    check_also(
+    check(
         Check::of_cases("project", bare)
             .refuses("points of four coordinates", project_by(identity(), &[not_a_point]))
             .refuses("a camera that is not finite", project_by(blind, &[leaf([2, 3], 0.5)])),
@@ -171,7 +167,7 @@ fn project_with_and_without_a_pose() {
     let points = leaf([2, 3], 0.5);
     let no_rotation = [points.clone(), leaf([4], 0.0), leaf([3], 0.0)];
     let no_shift = [points, leaf([4], 1.0), leaf([2], 0.0)];
-    check_also(
+    check(
         Check::of_cases("project with a pose", posed)
             .refuses("a quaternion of zeros", project_by(identity(), &no_rotation))
             .refuses("a translation of two entries", project_by(identity(), &no_shift)),
@@ -223,7 +219,7 @@ fn rasterize_to_barycentrics_and_depth() {
             let of_one = |clip| Case::new(Rasterize { scene: one.clone(), outputs: 0..1 }, [clip]);
             let none = Scene { size: size(0, 4), ..one.clone() };
             let on_none = Rasterize { scene: none, outputs: 0..1 };
-            check_also(
+            check(
                 Check::of_cases(format!("rasterize {kind} to {what}"), cases)
                     .refuses("another number of vertices", of_one(leaf([2, 4], 1.0)))
                     .refuses("points of three coordinates", of_one(leaf([3, 3], 1.0)))
@@ -288,13 +284,25 @@ fn interpolate_attributes_at_weights() {
     for channels in [1, 3, 9] {
         let inputs = leaves(&[&[4, channels], &[fragments, 2]]);
         let subject = Interpolate { indices: None };
-        check("interpolate", inputs.prop_map(move |inputs| Case::new(subject.clone(), inputs)));
+        let of = move |inputs: Vec<Input>| Case::new(subject.clone(), inputs);
+        let of_five = of(vec![leaf([5, channels], 1.0), leaf([fragments, 2], 0.3)]);
+        let one_short = of(vec![leaf([4, channels], 1.0), leaf([fragments - 1, 2], 0.3)]);
+        check(
+            Check::of_cases("interpolate", inputs.prop_map(of))
+                .refuses_midway("another number of vertices", of_five)
+                .refuses_midway("a fragment without weights", one_short),
+        );
     }
     // More attributes than vertices, one of them used by both faces, one by none, one twice.
     let indices = Some(Mesh::new(vec![[5, 0, 2], [2, 3, 3]], 6).unwrap());
     let (inputs, subject) = (leaves(&[&[6, 2], &[fragments, 2]]), Interpolate { indices });
-    let cases = inputs.prop_map(move |inputs| Case::new(subject.clone(), inputs));
-    check("interpolate with an index buffer of its own", cases);
+    let of = move |inputs: Vec<Input>| Case::new(subject.clone(), inputs);
+    let of_five = of(vec![leaf([5, 2], 1.0), leaf([fragments, 2], 0.3)]);
+    let name = "interpolate with an index buffer of its own";
+    check(
+        Check::of_cases(name, inputs.prop_map(of))
+            .refuses_midway("fewer attributes than indices", of_five),
+    );
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -321,7 +329,14 @@ fn resolve_before_every_background() {
     let fragments = [fixed_count(), 2];
     for background in [None, Some(&[2][..]), Some(&[4, 6, 2])] {
         let shapes: Vec<&[usize]> = [&fragments[..]].into_iter().chain(background).collect();
-        check("resolve", leaves(&shapes).prop_map(|inputs| Case::new(Resolve, inputs)));
+        let of = |inputs: Vec<Input>| Case::new(Resolve, inputs);
+        let one_more = of(vec![leaf([fragments[0] + 1, 2], 0.5)]);
+        let turned = of(vec![leaf(fragments, 0.5), leaf([6, 4, 2], 0.5)]);
+        check(
+            Check::of_cases("resolve", leaves(&shapes).prop_map(of))
+                .refuses_midway("a value without a fragment", one_more)
+                .refuses_midway("a background of another size", turned),
+        );
     }
 }
 
@@ -356,7 +371,12 @@ fn antialias_an_image_along_moving_edges() {
                 Case::new(Antialias { scene: scene.clone() }, inputs)
             })
         });
-        check(&format!("antialias {kind}"), cases);
+        let face = scene(vec![[0.0, 0.0, 0.0, 1.0]; 3], vec![[0, 1, 2]], size(4, 4));
+        let another_size = [Input::leaf(face.clip.clone()), leaf([4, 5, 1], 0.5)];
+        check(Check::of_cases(format!("antialias {kind}"), cases).refuses_midway(
+            "an image of another size",
+            Case::new(Antialias { scene: face }, another_size),
+        ));
     }
 }
 
@@ -437,7 +457,7 @@ fn gaussian_blur_of_an_image_by_a_sigma() {
             let blur = Blur { kernel, border: Border::Mirror, radius };
             let by = |sigma: Input| Case::new(GaussianBlur { blur }, [leaf([3, 3, 1], 0.5), sigma]);
             let flat = [leaf([3, 3], 0.5), leaf([], 1.0)];
-            check_also(
+            check(
                 Check::of_cases(format!("gaussian_blur, {kernel:?}, {radius:?}"), cases)
                     .large(1, Just(large_blur(blur)))
                     .refuses("a negative sigma", by(leaf([], -1.0)))
@@ -501,7 +521,7 @@ fn depth_of_field_of_an_image_by_its_depths_and_the_lens() {
             let inputs = [leaf([3, 3, 1], 0.5), depth, leaf([], aperture), leaf([], focus)];
             Case::new(DepthOfField { lens }, inputs)
         };
-        check_also(
+        check(
             Check::of_cases(format!("depth_of_field, {radius:?}"), cases)
                 .large(1, Just(large_view(lens)))
                 .refuses("a negative depth", by(leaf([3, 3], -1.0), 1.0, 2.0))
@@ -582,7 +602,7 @@ fn pipelines(size: Size) -> impl Strategy<Value = Case> {
 #[test]
 fn the_whole_pipeline() {
     let pipeline = Check::of_cases("the whole pipeline", pipelines(size(11, 8)));
-    check_also(pipeline.large(2, pipelines(size(190, 150))));
+    check(pipeline.large(2, pipelines(size(190, 150))));
 }
 
 #[test]

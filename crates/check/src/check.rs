@@ -27,7 +27,7 @@ pub struct Check {
     strategy: BoxedStrategy<Case>,
     cases: u32,
     large: Option<(BoxedStrategy<Case>, u32)>,
-    refused: Vec<(String, Case)>,
+    refused: Vec<Refused>,
     except: Vec<Law>,
 }
 
@@ -75,7 +75,15 @@ impl Check {
     /// was.
     #[must_use]
     pub fn refuses(mut self, what: impl Into<String>, case: Case) -> Self {
-        self.refused.push((what.into(), case));
+        self.refused.push(Refused { what: what.into(), case, is_pipeline: false });
+        self
+    }
+
+    /// [`Check::refuses`] for a pipeline, whose first operations stay on the tape where a later one
+    /// refuses: what was recorded before must be as it was.
+    #[must_use]
+    pub fn refuses_midway(mut self, what: impl Into<String>, case: Case) -> Self {
+        self.refused.push(Refused { what: what.into(), case, is_pipeline: true });
         self
     }
 
@@ -96,7 +104,7 @@ impl Check {
         let mut cases = points(&self.strategy);
         for _ in 0..self.cases {
             let trial = self.trial(&mut cases)?;
-            for law in Law::ALL.into_iter().filter(|law| !self.except.contains(law)) {
+            for law in self.laws() {
                 add(&mut tallies, law, self.check(law, &trial)?);
             }
             right.get_or_insert(trial);
@@ -110,8 +118,9 @@ impl Check {
                 }
             }
         }
-        for (what, case) in &self.refused {
-            let tally = laws::refuses(case, right.as_ref()).map_err(|mut broken| {
+        for Refused { what, case, is_pipeline } in &self.refused {
+            let Some(right) = &right else { break };
+            let tally = laws::refuses(case, *is_pipeline, right).map_err(|mut broken| {
                 broken.what = format!("{what}: {}", broken.what);
                 self.failure(Law::Refusals, broken, format!("{:?}", case.inputs))
             })?;
@@ -142,20 +151,25 @@ impl Check {
         }
     }
 
-    /// Mutation controls: wrong adjoints, made from the right one, and how many of them the check
-    /// catches.
-    pub fn kills(&self) -> Kills {
-        kills(&self.name, &self.strategy, self.cases)
+    /// Mutation controls: wrong adjoints, made from the right one, and how many of them break a
+    /// law.
+    ///
+    /// # Errors
+    /// As [`Check::run`]: where a law is broken without a mistake, nothing can be said.
+    pub fn kills(&self) -> Result<Kills, Box<Failure>> {
+        self.run()?;
+        let mut cases = points(&self.strategy);
+        let trials: Result<Vec<_>, _> = (0..self.cases).map(|_| self.trial(&mut cases)).collect();
+        let breaks_a_law = |case: Case| {
+            let breaks = |trial: Trial| self.laws().any(|law| laws::check(law, &trial).is_err());
+            // A mutant that panics or refuses is not one that a law caught.
+            caught(|| Trial::new(case, None).is_ok_and(breaks)).unwrap_or(false)
+        };
+        Ok(kills(&self.name, &trials?, breaks_a_law))
     }
 
-    /// Whether every law holds; a failure is not made small.
-    pub(crate) fn passes(&self) -> bool {
-        let mut cases = points(&self.strategy);
-        (0..self.cases).filter_map(|_| cases.next().ok()).all(|case| {
-            let kept =
-                |trial: &Trial| Law::ALL.into_iter().all(|law| laws::check(law, trial).is_ok());
-            caught(|| Trial::new(case, None).is_ok_and(|trial| kept(&trial))).unwrap_or(false)
-        })
+    fn laws(&self) -> impl Iterator<Item = Law> {
+        Law::ALL.into_iter().filter(|law| !self.except.contains(law))
     }
 
     /// The next case, run once.
@@ -198,14 +212,15 @@ impl Check {
 
     /// Whether each law was checked on enough points.
     fn enough(&self, report: &Report) -> Result<(), Box<Failure>> {
-        for &(law, tally) in &report.tallies {
+        // Wrong input is given by hand or not at all.
+        for law in self.laws().filter(|&law| law != Law::Refusals) {
+            let tally = report.tally(law);
             let Tally { compared, left_out, .. } = tally;
             let (share, most) = match law {
-                Law::Differences => (tally.share_left_out(), MOST_LEFT_OUT),
-                Law::Curvature => (tally.share_left_out(), MOST_CASES_LEFT_OUT),
+                Law::Differences | Law::Curvature => (tally.share_left_out(), MOST_LEFT_OUT),
                 _ => (left_out as f64 / f64::from(self.cases), MOST_CASES_LEFT_OUT),
             };
-            if share > most || (compared == 0 && law != Law::Refusals && law != Law::Threads) {
+            if share > most || compared == 0 {
                 let what = format!(
                     "{left_out} points left out and {compared} compared; at most {} % may be left \
                      out",
@@ -216,6 +231,15 @@ impl Check {
         }
         Ok(())
     }
+}
+
+/// Wrong input.
+#[derive(Debug, Clone)]
+struct Refused {
+    what: String,
+    case: Case,
+    /// Whether operations before the one that refuses stay on the tape.
+    is_pipeline: bool,
 }
 
 fn add(tallies: &mut Vec<(Law, Tally)>, law: Law, tally: Tally) {
@@ -304,6 +328,19 @@ impl fmt::Display for Report {
         )?;
         if let Some((law, tally)) = worst.filter(|(_, tally)| tally.worst > 0.0) {
             write!(f, "; largest error {:.2} of its bound ({law})", tally.worst)?;
+        }
+        for (law, Tally { left_out, .. }) in &self.tallies {
+            match law {
+                Law::Differences => {}
+                Law::Curvature if *left_out > 0 => {
+                    write!(f, "; {law}: {left_out} points left out")?;
+                }
+                _ if *left_out > 0 => write!(f, "; {law}: {left_out} cases left out")?,
+                _ => {}
+            }
+        }
+        if self.tally(Law::Refusals).compared == 0 {
+            write!(f, "; no wrong input was given")?;
         }
         if !self.except.is_empty() {
             let laws: Vec<_> = self.except.iter().map(Law::to_string).collect();

@@ -12,7 +12,8 @@
 //! let inputs = (factor(), factor()).prop_map(|(x, y)| vec![x, y]);
 //! let check = Check::new("product", Product, inputs).cases(8);
 //! check.assert();
-//! assert_eq!(check.kills().rate(), 1.0);
+//! assert_eq!(check.kills()?.rate(), Some(1.0));
+//! # Ok::<(), Box<bokashi_check::Failure>>(())
 //! ```
 //!
 //! # What is checked

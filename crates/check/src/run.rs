@@ -139,11 +139,8 @@ pub(crate) fn largest(x: &Tensor<f64>) -> f64 {
     x.data().iter().fold(0.0, |largest: f64, entry| largest.max(entry.abs()))
 }
 
-/// The first entry that differs in its bits; numbers that are equal, such as 0 and -0, do not.
+/// The first entry that differs in its bits.
 pub(crate) fn first_difference<T: Scalar>(x: &Tensor<T>, y: &Tensor<T>) -> Option<usize> {
-    let (x, y) = (x.data().iter(), y.data());
-    x.zip(y).position(|(x, y)| {
-        let (x, y) = (x.to_f64(), y.to_f64());
-        x != y && x.to_bits() != y.to_bits()
-    })
+    let bits = |x: &T| x.to_f64().to_bits();
+    x.data().iter().zip(y.data()).position(|(x, y)| bits(x) != bits(y))
 }

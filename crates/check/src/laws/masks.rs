@@ -11,7 +11,7 @@ use crate::run::{place, step};
 use crate::trial::{Tally, Trial};
 
 /// Up to this many inputs all subsets are tried; beyond, each input alone and all others.
-const ALL_SUBSETS: usize = 5;
+const ALL_SUBSETS: usize = 6;
 
 pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
     let mut tally = Tally::default();

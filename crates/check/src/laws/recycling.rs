@@ -49,32 +49,38 @@ pub(super) fn compare<T: bokashi_core::Scalar>(
     Ok(())
 }
 
-/// Wrong inputs are an error, and the tape is as it was before; it then gives `right` the same bits
-/// as a new one.
-pub(crate) fn refuses(wrong: &Case, right: Option<&Trial>) -> Result<Tally, Broken> {
+/// Wrong inputs are an error and leave the tape as it was: no longer, unless they are those of a
+/// pipeline, and with a step recorded before that gives `right` its gradients to the same bits
+/// afterwards.
+pub(crate) fn refuses(wrong: &Case, is_pipeline: bool, right: &Trial) -> Result<Tally, Broken> {
+    let refused = |error: &dyn std::fmt::Display| Broken::said(error.to_string());
     let mut tally = Tally::default();
-    let mut tape = Tape::<f64>::new();
-    {
-        let inputs = place(&tape, &point(&wrong.inputs));
-        let before = tape.len();
-        match caught(|| wrong.subject.apply_f64(&tape, &inputs).map(|_| ())) {
-            Ok(Err(_)) => {}
-            Ok(Ok(())) => return Err(Broken::said("it was taken")),
-            Err(panic) => return Err(Broken::said(format!("it panicked: {panic}"))),
-        }
-        let after = tape.len();
-        if after != before {
-            let what = format!("the refusal left {after} values on a tape of {before}");
-            return Err(Broken::said(what));
-        }
-        tally.compared += 1;
+    let tape = Tape::<f64>::new();
+    let inputs = place(&tape, &right.point);
+    let outcome = right.case.subject.apply_f64(&tape, &inputs).map_err(|error| refused(&error))?;
+
+    let wrong_inputs = place(&tape, &point(&wrong.inputs));
+    let before = tape.len();
+    match caught(|| wrong.subject.apply_f64(&tape, &wrong_inputs).map(|_| ())) {
+        Ok(Err(_)) => tally.compared += 1,
+        Ok(Ok(())) => return Err(Broken::said("it was taken")),
+        Err(panic) => return Err(Broken::said(format!("it panicked: {panic}"))),
     }
-    if let Some(right) = right {
-        tape.reset();
-        let upstream: Vec<_> = right.upstream.iter().cloned().map(Some).collect();
-        let run = step(&tape, &*right.case.subject, &right.point, &upstream);
-        let run = run.map_err(|error| Broken::said(format!("after the refusal: {error}")))?;
-        compare(&mut tally, &run, &right.nominal, "after the refusal")?;
+    let after = tape.len();
+    if after != before && !is_pipeline {
+        let what = format!("the refusal left {after} values on a tape of {before}");
+        return Err(Broken::said(what));
+    }
+
+    let seeds: Vec<_> = outcome.outputs.iter().copied().zip(&right.upstream).collect();
+    let gradients = tape.vjp(&seeds).map_err(|error| refused(&error))?;
+    for (j, (&(y, _), expected)) in seeds.iter().zip(&right.nominal.outputs).enumerate() {
+        tally.same_bits(&y.value(), expected, || format!("after the refusal: out{j}"))?;
+    }
+    for (i, expected) in right.gradients() {
+        let gradient = gradients.get_or_zeros(inputs[i]);
+        let what = || format!("after the refusal: gradient of in{i}");
+        tally.same_bits(&gradient, expected, what)?;
     }
     Ok(tally)
 }

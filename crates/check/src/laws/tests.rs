@@ -217,20 +217,41 @@ fn a_law_can_be_excepted_and_the_report_says_so() {
     assert!(report.to_string().ends_with("; not checked: precision"), "{report}");
 }
 
+fn kills(check: Check) -> crate::Kills {
+    check.kills().unwrap_or_else(|failure| panic!("{failure}"))
+}
+
 #[test]
 fn every_wrong_adjoint_is_caught() {
-    let kills = Check::new("product", Product(Fault::None), pairs()).kills();
+    let kills = kills(Check::new("product", Product(Fault::None), pairs()));
     assert_eq!(kills.tried, 2 * Mutation::ALL.len());
     assert_eq!(kills.to_string(), "product: 10 of 10 wrong adjoints caught (100 %)");
 }
 
 #[test]
-fn a_check_that_sees_nothing_lets_wrong_adjoints_live() {
-    // One entry that reads the same backwards: nothing is transposed, so nothing is tried.
+fn without_the_laws_that_see_them_wrong_adjoints_live() {
+    let blind = Check::new("product", Product(Fault::None), pairs())
+        .except(Law::Differences)
+        .except(Law::Adjoint)
+        .except(Law::Curvature);
+    let kills = kills(blind);
+    // A gradient that overwrites breaks the law of accumulation.
+    assert_eq!((kills.tried, kills.rate()), (10, Some(0.2)));
+    let text = "product: 2 of 10 wrong adjoints caught (20 %); not caught: Sign for in0";
+    assert!(kills.to_string().starts_with(text), "{kills}");
+}
+
+#[test]
+fn what_changes_nothing_is_no_wrong_adjoint() {
+    // One entry that reads the same backwards: nothing is transposed.
     let inputs = Just(vec![Input::leaf(Tensor::full([1], 0.5)); 2]);
-    let kills = Check::new("product", Product(Fault::None), inputs).kills();
-    assert_eq!((kills.tried, kills.rate()), (8, 1.0));
-    // Without a case nothing can be caught.
-    let none = Check::new("product", Product(Fault::None), pairs()).cases(0).kills();
-    assert_eq!(none.tried, 0);
+    assert_eq!(kills(Check::new("product", Product(Fault::None), inputs)).tried, 8);
+}
+
+#[test]
+fn nothing_is_said_of_an_operation_that_is_wrong_itself() {
+    let check = Check::new("product", Product(Fault::Gradient), pairs());
+    assert_eq!(check.kills().expect_err("a mistake").law, Law::Differences);
+    let nothing = Check::new("product", Product(Fault::None), pairs()).cases(0);
+    assert_eq!(nothing.run().expect_err("no case").law, Law::Defined);
 }

@@ -34,16 +34,19 @@ pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
 fn on_all_pools<T: Number>(trial: &Trial, tally: &mut Tally) -> Result<(), Broken> {
     let point = point::<T>(&trial.case.inputs);
     let upstream: Vec<Tensor<T>> = trial.upstream.iter().map(Tensor::cast).collect();
-    let mut first: Option<Run<T>> = None;
-    for (threads, pool) in THREADS.iter().zip(pools()) {
-        // In f32 there may be other outputs than in f64, or a refusal: another law's matter.
-        let Ok(run) = pool.install(|| run(&*trial.case.subject, &point, &upstream)) else {
-            return Ok(());
-        };
-        match &first {
-            None => first = Some(run),
-            Some(first) => compare(tally, &run, first, &format!("{threads} threads"))?,
-        }
+    let on = |pool: &ThreadPool| pool.install(|| run(&*trial.case.subject, &point, &upstream));
+    let runs: Vec<Result<Run<T>, _>> = pools().iter().map(on).collect();
+    // In f32 there may be other outputs than in f64, or a refusal: another law's matter. But it
+    // is the same on any number of threads.
+    let refusals = runs.iter().filter(|run| run.is_err()).count();
+    if refusals != 0 && refusals != runs.len() {
+        let what = format!("refused on {refusals} of {} numbers of threads", runs.len());
+        return Err(Broken::said(what));
+    }
+    let mut runs = THREADS.iter().zip(runs.into_iter().flatten());
+    let Some((_, first)) = runs.next() else { return Ok(()) };
+    for (threads, run) in runs {
+        compare(tally, &run, &first, &format!("{threads} threads"))?;
     }
     Ok(())
 }
