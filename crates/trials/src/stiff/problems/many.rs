@@ -37,6 +37,7 @@ pub(super) fn problems() -> Vec<Problem> {
             PenaltyI,
         )
         .minimiser_at(vec![0.158_122_297; n]),
+        Problem::new("Penalty II 10", vec![0.5; n], 2.936_605_374_567_51e-4, PenaltyII),
         Problem::new(
             "Variably dimensioned 10",
             (1..=n).map(|j| 1.0 - j as f64 / n as f64).collect(),
@@ -108,6 +109,29 @@ impl Residuals for PenaltyI {
     }
 }
 
+/// `x1 - 0.2`, `sqrt(1e-5) (e_i + e_(i-1) - y_i)` and `sqrt(1e-5) (e_i - exp(-1/10))` for `i` from 2,
+/// `e_i = exp(x_i / 10)`, `y_i = exp(i / 10) + exp((i - 1) / 10)`, then
+/// `sum_j (n - j + 1) x_j^2 - 1`: (24).
+struct PenaltyII;
+
+impl Residuals for PenaltyII {
+    fn residuals<'t, T: Scalar>(&self, x: Var<'t, T>) -> Result<Var<'t, T>, FitError> {
+        let n = x.shape().size();
+        let small = T::from_f64(1e-5_f64.sqrt());
+        let tenth = |i: usize| (i as f64 / 10.0).exp();
+        let y: Vec<f64> = (2..=n).map(|i| tenth(i) + tenth(i - 1)).collect();
+        let weights: Vec<f64> = (1..=n).rev().map(|weight| weight as f64).collect();
+        let exponentials = (x * T::from_f64(0.1)).exp();
+        let (early, late) = (exponentials.slice(0, 0..n - 1)?, exponentials.slice(0, 1..n)?);
+        stacked(&[
+            entry(x, 0)? - T::from_f64(0.2),
+            (late + early - given(x, &y)) * small,
+            (late - T::from_f64((-0.1_f64).exp())) * small,
+            (x.square() * given(x, &weights)).sum().reshape([1])? - T::from_f64(1.0),
+        ])
+    }
+}
+
 /// `x_i - 1`, then `s = sum_j j (x_j - 1)` and `s^2`: (25).
 struct VariablyDimensioned;
 
@@ -129,7 +153,7 @@ mod tests {
 
     #[test]
     fn values_starts_and_minima_are_those_of_an_independent_implementation() {
-        let oracle: [Oracle; 5] = [
+        let oracle: [Oracle; 6] = [
             (MGH::watson, MGHInit::watson(6), None),
             (
                 MGH::extended_rosenbrock,
@@ -142,6 +166,7 @@ mod tests {
                 Some(MGHMin::extended_powell_singular(20)),
             ),
             (MGH::penalty1, MGHInit::penalty1(10), None),
+            (MGH::penalty2, MGHInit::penalty2(10), None),
             (
                 MGH::variably_dimensioned,
                 MGHInit::variably_dimensioned(10),

@@ -5,6 +5,7 @@
 //! | `valleys` | curved valleys and bad scales, in closed form |
 //! | `samples` | curves through measured or made-up samples |
 //! | `many` | problems of any number of parameters |
+//! | `systems` | systems of equations, linear problems, Chebyquad |
 //! | `turn` | the angle of Helical valley, an operation of its own |
 //! | `quadratic` | the rotated quadratic of condition 1e8 |
 //! | `cube` | the paper's cube over a fixed set of poses |
@@ -21,6 +22,7 @@ mod many;
 mod oracle;
 mod quadratic;
 mod samples;
+mod systems;
 mod turn;
 mod valleys;
 
@@ -32,11 +34,12 @@ use super::problem::Problem;
 pub use cube::{SceneSettings, SigmaAs, scene};
 pub use quadratic::rotated_quadratic;
 
-/// The problems of More, Garbow and Hillstrom.
+/// The 35 problems of More, Garbow and Hillstrom.
 pub fn literature() -> Vec<Problem> {
     let mut all = valleys::problems();
     all.extend(samples::problems());
     all.extend(many::problems());
+    all.extend(systems::problems());
     all
 }
 

@@ -44,6 +44,26 @@ pub(super) fn problems() -> Vec<Problem> {
         // A local minimum 5.65565e-3 lies nearer to the start of many methods.
         Problem::new("Biggs EXP6", vec![1.0, 2.0, 1.0, 1.0, 1.0, 1.0], 0.0, BiggsExp6)
             .minimiser_at([1.0, 10.0, 1.0, 5.0, 4.0, 3.0]),
+        Problem::new("Gulf", vec![5.0, 2.5, 0.15], 0.0, Gulf).minimiser_at([50.0, 25.0, 1.5]),
+        Problem::new(
+            "Osborne 2",
+            vec![1.3, 0.65, 0.65, 0.7, 0.6, 3.0, 5.0, 7.0, 2.0, 4.5, 5.5],
+            4.013_773_629_354_77e-2,
+            Osborne2,
+        )
+        .minimiser_at([
+            1.309_977_2,
+            0.431_553_8,
+            0.633_661_7,
+            0.599_430_5,
+            0.754_183_2,
+            0.904_288_6,
+            1.365_811_8,
+            4.823_698_8,
+            2.398_684_87,
+            4.568_874_6,
+            5.675_341_47,
+        ]),
     ]
 }
 
@@ -189,6 +209,48 @@ impl Residuals for BiggsExp6 {
     }
 }
 
+/// Samples of [`Gulf`]: 99 of the up to 100; the last has a residual without a slope at the minimum.
+const GULF: usize = 99;
+
+/// `exp(-|y_i - x2|^x3 / x1) - t_i`, `t_i = i / 100`, `y_i = 25 + (-50 ln t_i)^(2/3)`: (11), whose
+/// printed `y_i m i x2` reads `y_i - x2`.
+struct Gulf;
+
+impl Residuals for Gulf {
+    fn residuals<'t, T: Scalar>(&self, x: Var<'t, T>) -> Result<Var<'t, T>, FitError> {
+        let [x1, x2, x3] = entries(x)?;
+        let t = multiples(GULF, 0.01);
+        let y: Vec<f64> = t.iter().map(|t| 25.0 + (-50.0 * t.ln()).powf(2.0 / 3.0)).collect();
+        let power = ((given(x, &y) - x2).abs().ln() * x3).exp();
+        Ok((-(power / x1)).exp() - given(x, &t))
+    }
+}
+
+/// `y_i - (x1 exp(-t_i x5) + sum_k x_(1+k) exp(-(t_i - x_(8+k))^2 x_(5+k)))`, `k` to 3,
+/// `t_i = (i - 1) / 10`: (19).
+struct Osborne2;
+
+impl Residuals for Osborne2 {
+    fn residuals<'t, T: Scalar>(&self, x: Var<'t, T>) -> Result<Var<'t, T>, FitError> {
+        const Y: [f64; 65] = [
+            1.366, 1.191, 1.112, 1.013, 0.991, 0.885, 0.831, 0.847, 0.786, 0.725, 0.746, 0.679,
+            0.608, 0.655, 0.616, 0.606, 0.602, 0.626, 0.651, 0.724, 0.649, 0.649, 0.694, 0.644,
+            0.624, 0.661, 0.612, 0.558, 0.533, 0.495, 0.500, 0.423, 0.395, 0.375, 0.372, 0.391,
+            0.396, 0.405, 0.428, 0.429, 0.523, 0.562, 0.607, 0.653, 0.672, 0.708, 0.633, 0.668,
+            0.645, 0.632, 0.591, 0.559, 0.597, 0.625, 0.739, 0.710, 0.729, 0.720, 0.636, 0.581,
+            0.428, 0.292, 0.162, 0.098, 0.054,
+        ];
+        let [x1, x2, x3, x4, x5, x6, x7, x8, x9, x10, x11] = entries(x)?;
+        let t: Vec<f64> = (0..Y.len()).map(|i| i as f64 / 10.0).collect();
+        let t = given(x, &t);
+        let peak = |height: Var<'t, T>, width: Var<'t, T>, center: Var<'t, T>| {
+            (-((t - center).square() * width)).exp() * height
+        };
+        let peaks = peak(x2, x6, x9) + peak(x3, x7, x10) + peak(x4, x8, x11);
+        Ok(given(x, &Y) - ((-(t * x5)).exp() * x1 + peaks))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use mgh::{MGH, MGHInit, MGHMin};
@@ -198,7 +260,7 @@ mod tests {
 
     #[test]
     fn values_starts_and_minima_are_those_of_an_independent_implementation() {
-        let oracle: [Oracle; 9] = [
+        let oracle: [Oracle; 11] = [
             (
                 |x| MGH::aux(10).jennrich_and_sampson(x),
                 MGHInit::jennrich_and_sampson(),
@@ -216,6 +278,12 @@ mod tests {
             ),
             (MGH::osborne_1, MGHInit::osborne_1(), None),
             (|x| MGH::aux(13).biggs_exp6(x), MGHInit::biggs_exp6(), Some(MGHMin::biggs_exp6())),
+            (
+                |x| MGH::aux(GULF).gulf_research_and_development(x),
+                MGHInit::gulf_research_and_development(),
+                Some(MGHMin::gulf_research_and_development()),
+            ),
+            (MGH::osborne_2, MGHInit::osborne_2(), None),
         ];
         agrees(&problems(), oracle);
     }
