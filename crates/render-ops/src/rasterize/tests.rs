@@ -861,3 +861,20 @@ fn wrong_sizes_and_shapes_are_refused() {
         assert_eq!(tape.len(), before);
     }
 }
+
+/// A face of whole numbers times `unit`: exact down to the smallest number there is.
+fn whole_numbers(unit: f64) -> Clip {
+    let whole = [[-60.0, -50.0, 3.0, 64.0], [61.0, -40.0, -5.0, 64.0], [3.0, 55.0, 7.0, 48.0]];
+    whole.iter().map(|vertex| vertex.map(|c| c * unit)).collect()
+}
+
+#[test]
+fn a_gradient_beyond_the_range_of_the_numbers_is_infinite_and_not_nan() {
+    // Of several runs, with terms of either sign.
+    let single = gradient::<f32>(&whole_numbers(f64::from(f32::from_bits(1))), &[[0, 1, 2]], WIDE);
+    let double = gradient::<f64>(&whole_numbers(f64::from_bits(1)), &[[0, 1, 2]], WIDE);
+    for bars in [single, double] {
+        assert!(bars.iter().any(|bar| bar.is_infinite()));
+        assert!(bars.iter().all(|bar| !bar.is_nan()), "{bars:?}");
+    }
+}
