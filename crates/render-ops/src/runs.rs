@@ -15,6 +15,16 @@ use crate::mesh::Mesh;
 /// Fragments in one piece of work: some tens of microseconds.
 const FRAGMENTS_PER_PIECE: usize = 1 << 12;
 
+/// Adds a term to an entry of a gradient. A term beyond the range of the numbers is infinite, and
+/// so is the entry from then on: another one of the opposite sign leaves it as it is, for their sum
+/// would be NaN. What is NaN stays so.
+#[inline]
+pub(crate) fn add_term<T: Scalar>(entry: &mut T, term: T) {
+    if term.is_finite() || *entry != -term {
+        *entry += term;
+    }
+}
+
 /// Sums over the runs of a coverage, added to rows per vertex.
 pub(crate) struct RunSums<'a> {
     pub(crate) coverage: &'a Coverage,
@@ -38,7 +48,7 @@ impl RunSums<'_> {
         let mut add = |face: usize, sums: &[T::Wide]| {
             for (&vertex, sums) in self.mesh.faces()[face].iter().zip(sums.chunks_exact(width)) {
                 let row = &mut entries[vertex as usize * width..][..width];
-                row.iter_mut().zip(sums).for_each(|(entry, &sum)| *entry += T::narrow(sum));
+                row.iter_mut().zip(sums).for_each(|(entry, &sum)| add_term(entry, T::narrow(sum)));
             }
         };
         let walk = |range: Range<usize>, emit: &mut dyn FnMut(usize, &[T::Wide])| {
@@ -82,5 +92,24 @@ impl RunSums<'_> {
                 add(face, sums);
             }
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn terms_beyond_the_range_stay_infinite_and_nan_stays_nan() {
+        let sum = |terms: [f64; 3]| {
+            let mut entry = 0.0;
+            terms.into_iter().for_each(|term| add_term(&mut entry, term));
+            entry
+        };
+        let inf = f64::INFINITY;
+        assert_eq!(sum([1.0, 2.0, -4.0]), -1.0);
+        assert_eq!(sum([1.0, inf, -inf]), inf);
+        assert_eq!(sum([-inf, inf, 3.0]), -inf);
+        assert!(sum([f64::NAN, inf, 1.0]).is_nan() && sum([inf, f64::NAN, -inf]).is_nan());
     }
 }

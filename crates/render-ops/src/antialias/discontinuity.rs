@@ -185,8 +185,10 @@ impl<S: Scalar<Wide = S>> Blend<S> {
         let [p, q] = [p, q].map(|vertex| frame.local(vertex));
         let Crossing { x, m } = crossing(p, q);
         let scale = -alpha_bar / m;
-        let p_bar = [q.y, x * q.w - q.x, -x * q.y].map(|partial| scale * p_factor * partial);
-        let q_bar = [-p.y, p.x - x * p.w, x * p.y].map(|partial| scale * q_factor * partial);
-        [p_bar, q_bar].map(|bar| frame.pull_back(bar, size))
+        let p_bar = [q.y, x * q.w - q.x, -x * q.y].map(|partial| scale * partial);
+        let q_bar = [-p.y, p.x - x * p.w, x * p.y].map(|partial| scale * partial);
+        // The factors come last: with them a gradient may be beyond the range of the numbers.
+        [(p_bar, p_factor), (q_bar, q_factor)]
+            .map(|(bar, factor)| frame.pull_back(bar, size).map(|bar| factor * bar))
     }
 }

@@ -40,6 +40,7 @@ use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Shape,
 use self::discontinuity::{Blend, blend};
 use crate::error::RenderError;
 use crate::fragments::{Coverage, Fragments};
+use crate::runs::add_term;
 
 /// Fragments in one piece of the search for discontinuities.
 const FRAGMENTS_PER_PIECE: usize = 1 << 13;
@@ -221,9 +222,9 @@ impl<T: Scalar> Op<T> for Antialias<T> {
                 let bars = blend.pull_back(alpha_bar, clip, self.coverage.size());
                 for (&vertex, [x_bar, y_bar, w_bar]) in blend.edge.iter().zip(bars) {
                     let row = &mut clip_bar[4 * vertex as usize..][..4];
-                    row[0] += T::narrow(x_bar);
-                    row[1] += T::narrow(y_bar);
-                    row[3] += T::narrow(w_bar);
+                    add_term(&mut row[0], T::narrow(x_bar));
+                    add_term(&mut row[1], T::narrow(y_bar));
+                    add_term(&mut row[3], T::narrow(w_bar));
                 }
             }
         }

@@ -356,3 +356,24 @@ fn wrong_shapes_are_refused() {
         "antialias needs clip positions of shape [7, 4], got shape [6, 4]"
     );
 }
+
+#[test]
+fn a_gradient_beyond_the_range_of_the_numbers_is_infinite_and_not_nan() {
+    fn bars<T: Scalar>(unit: f64) -> Vec<f64> {
+        let whole = [[-60.0, -50.0, 0.0, 64.0], [61.0, -40.0, 0.0, 64.0], [3.0, 55.0, 0.0, 48.0]];
+        let tape = Tape::<T>::new();
+        let entry = |k: usize| T::from_f64(unit * whole[k / 4][k % 4]);
+        let clip = tape.leaf(&Tensor::from_fn([3, 4], entry));
+        let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
+        let fragments = rasterize(clip, &mesh, SIZE).unwrap();
+        let color = |k: usize| T::from_f64(motley(k));
+        let image = tape.constant(&Tensor::from_fn([SIZE.height, SIZE.width, 1], color));
+        let out = antialias(image, &fragments, clip).unwrap();
+        let gradients = out.square().sum().backward().unwrap();
+        gradients.get_or_zeros(clip).data().iter().map(|bar| bar.to_f64()).collect()
+    }
+    for bars in [bars::<f32>(f64::from(f32::from_bits(1))), bars::<f64>(f64::from_bits(1))] {
+        assert!(bars.iter().any(|bar| bar.is_infinite()));
+        assert!(bars.iter().all(|bar| !bar.is_nan()), "{bars:?}");
+    }
+}

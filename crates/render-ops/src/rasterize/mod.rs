@@ -13,6 +13,8 @@
 //! `z_bar_i = depth_bar a_i / W`, `w_bar_i = -depth_bar depth a_i / W`. Then
 //! `q_bar_1 += a_bar_0 (q_2y, -q_2x)`, `q_bar_2 += a_bar_0 (-q_1y, q_1x)` and cyclic, and
 //! `x_bar_i = width q_bar_ix`, `y_bar_i = height q_bar_iy`, `w_bar_i -= X q_bar_ix + Y q_bar_iy`.
+//! All of them grow as 1 over the scale of the positions: terms beyond the range of the numbers
+//! make an entry infinite, with the sign of the first of them, and not NaN.
 //!
 //! # Where it is not smooth
 //! Which face a pixel sees is a step function of the vertices: its derivative is zero almost

@@ -861,3 +861,26 @@ fn wrong_sizes_and_shapes_are_refused() {
         assert_eq!(tape.len(), before);
     }
 }
+
+/// A quadrilateral of whole numbers times `unit`: exact down to the smallest number there is.
+fn whole_numbers(unit: f64) -> Clip {
+    let whole = [
+        [-60.0, -50.0, 3.0, 64.0],
+        [61.0, -40.0, -5.0, 64.0],
+        [30.0, 55.0, 7.0, 60.0],
+        [-40.0, 44.0, -9.0, 48.0],
+    ];
+    whole.iter().map(|vertex| vertex.map(|c| c * unit)).collect()
+}
+
+#[test]
+fn a_gradient_beyond_the_range_of_the_numbers_is_infinite_and_not_nan() {
+    // In every row both faces are seen, so there are several runs, with terms of either sign.
+    let faces = [[0, 1, 2], [0, 2, 3]];
+    let single = gradient::<f32>(&whole_numbers(f64::from(f32::from_bits(1))), &faces, WIDE);
+    let double = gradient::<f64>(&whole_numbers(f64::from_bits(1)), &faces, WIDE);
+    for bars in [single, double] {
+        assert!(bars.iter().any(|bar| bar.is_infinite()));
+        assert!(bars.iter().all(|bar| !bar.is_nan()), "{bars:?}");
+    }
+}

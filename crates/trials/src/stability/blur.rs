@@ -43,12 +43,16 @@ fn motley_in<T: Scalar>(k: usize) -> f64 {
 
 pub(super) fn sigma_zero<T: Scalar>() -> Outcome {
     let expected: Vec<_> = (0..70).map(motley_in::<T>).collect();
+    let upstream: Vec<_> = (0..70).map(|k| motley_in::<T>(5 * k + 2)).collect();
     let mut error = 0.0_f64;
     for border in BORDERS {
         for zero in [0.0, -0.0] {
             let blur = Blur { border, ..Blur::default() };
+            let found = blurred::<T>(SHAPE, motley, zero, &blur)?;
             error = error
-                .greater(difference(&blurred::<T>(SHAPE, motley, zero, &blur)?.image, &expected));
+                .greater(difference(&found.image, &expected))
+                .greater(difference(&found.image_bar, &upstream))
+                .greater(found.sigma_bar.abs());
         }
     }
     let tape = Tape::<T>::new();
@@ -56,8 +60,12 @@ pub(super) fn sigma_zero<T: Scalar>() -> Outcome {
     let seed = Blur { kernel: Kernel::Seed, ..Blur::default() };
     let refused = told(gaussian_blur(image, tape.scalar(T::ZERO), &seed));
     let rule = "gaussian_blur needs a finite and positive sigma for the seed kernel, got sigma 0";
-    Ok(Found::within(format!("the image itself; seed kernel: error: {rule}"), error, 0.0)
-        .and(refused == Err(rule.to_owned()), "the seed kernel says something else"))
+    Ok(Found::within(
+        format!("the image, its gradient the upstream, dsigma 0; seed kernel: error: {rule}"),
+        error,
+        0.0,
+    )
+    .and(refused == Err(rule.to_owned()), "the seed kernel says something else"))
 }
 
 pub(super) fn negative_or_nan_sigma<T: Scalar>() -> Outcome {
@@ -187,16 +195,17 @@ pub(super) fn tiny_variance<T: Scalar>() -> Outcome {
 
 pub(super) fn constant_image<T: Scalar>() -> Outcome {
     let value = T::from_f64(0.7).to_f64();
-    let mut error = 0.0_f64;
+    let (mut error, mut slope) = (0.0_f64, 0.0_f64);
     for border in [Border::Mirror, Border::Clamp] {
         for sigma in [1e-6, 0.3, 2.0, 50.0, 1e5] {
             let blur = Blur { border, ..Blur::default() };
             let found = blurred::<T>(SHAPE, |_| 0.7, sigma, &blur)?;
-            let kept = largest(found.image.iter().map(|entry| entry - value));
-            error = error.greater(kept).greater(found.sigma_bar.abs());
+            error = error.greater(largest(found.image.iter().map(|entry| entry - value)));
+            slope = slope.greater(found.sigma_bar.abs());
         }
     }
-    Ok(Found::within("kept; d/dsigma = 0", error, 64.0 * rounding::<T>()))
+    Ok(Found::within("kept; d/dsigma exactly 0", error, 64.0 * rounding::<T>())
+        .and(slope == 0.0, format!("d/dsigma is {slope:.1e}")))
 }
 
 pub(super) fn impulse_in_a_corner<T: Scalar>() -> Outcome {

@@ -77,7 +77,7 @@ pub(super) const CASES: &[Case] = cases! {
     46 "depth of field in focus", "the identity", focus::in_focus;
     47 "depth -> 0", "capped, counted", focus::depth_to_zero;
     48 "aperture 0", "the operation is absent", focus::aperture_zero;
-    49 "1e6 faces in one pixel", "the nearest, in linear time", faces::many_faces_in_a_pixel;
+    49 "1e6 faces in one pixel", "the nearest, within the time limit", faces::many_faces_in_a_pixel;
     50 "colours of 1e30 and 1e-30", "finite, or an error", values::huge_and_tiny_colors;
     51 "window wider than the image", "each tap by the border", blur::wide_window_on_a_small_image;
     52 "seed kernel at sigma 1e-30", "its gain, or an error", blur::seed_kernel_overflow;

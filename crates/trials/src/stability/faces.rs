@@ -1,26 +1,17 @@
 //! Faces without area or nearly so, faces that share edges and vertices, faces that hide one
 //! another.
 
-use std::time::Instant;
-
 use bokashi_core::{Scalar, Tape, Tensor};
 use bokashi_render_ops::{Cull, Mesh, Size, rasterize};
 
 use super::oracle::{GridScene, STEPS};
 use super::row::{Failure, Found, Outcome};
-use super::scene::{Scene, largest, numbers, orders};
+use super::scene::{Scene, largest, not_finite, numbers, orders};
 
 /// How many pixels are not covered as often as in whole numbers.
 fn wrong_layers<T: Scalar>(scene: &GridScene) -> Result<usize, Failure> {
     let layers = scene.scene().layers::<T>()?;
     Ok(layers.iter().zip(scene.layers()).filter(|(found, expected)| **found != *expected).count())
-}
-
-/// How many gradients of the whole image are not finite.
-fn not_finite<T: Scalar>(scene: &Scene) -> Result<usize, Failure> {
-    let finite = scene.rendered::<T>(Some(0.9))?.is_finite()
-        && scene.surface_gradient::<T>()?.iter().all(|bar| bar.is_finite());
-    Ok(usize::from(!finite))
 }
 
 pub(super) fn repeated_index<T: Scalar>() -> Outcome {
@@ -239,30 +230,42 @@ pub(super) fn grid_of_quads<T: Scalar>() -> Outcome {
 }
 
 pub(super) fn t_junction<T: Scalar>() -> Outcome {
-    // The edge from (0, 0) to (1, 1 / 3) of the way has a vertex on its other side alone, which
-    // rounding puts beside it.
+    // An edge with a vertex on its other side alone, which rounding puts beside it. Some of the
+    // edges go through pixel centres: there the least bend decides whether a centre is covered.
     let size = Size::square(64);
-    let mut largest_gap = 0_usize;
-    let mut missing = 0;
-    for (k, share) in [0.3, 1.0 / 3.0, 0.7, 0.123].into_iter().enumerate() {
-        let ends = [[1.0 + 0.1 * k as f64, 1.3], [62.9, 30.0 + 7.7 * k as f64]];
-        let between = [0, 1].map(|axis| ends[0][axis] + share * (ends[1][axis] - ends[0][axis]));
-        let points = [ends[0], ends[1], [60.0, -40.0], between, [3.0, 63.5], [61.0, 63.5]];
-        let faces = [[0, 1, 2], [0, 3, 4], [3, 1, 5], [3, 5, 4]];
-        let drawn = Scene::of_px(&points, &faces, size).draw::<T>()?;
-        // Within the outline, along each column the pixels that nothing covers.
-        for column in 4..60 {
-            let (x, [low, high]) = (column as f64 + 0.5, ends);
-            let edge = low[1] + (x - low[0]) / (high[0] - low[0]) * (high[1] - low[1]);
-            let rows = (edge as usize).saturating_sub(4)..((edge as usize) + 4).min(60);
-            let holes: Vec<_> = rows.map(|row| drawn.pixels[row * 64 + column].is_none()).collect();
-            let runs = holes.chunk_by(|a, b| a == b).filter(|run| run[0]);
-            largest_gap = largest_gap.max(runs.map(<[bool]>::len).max().unwrap_or(0));
-            missing += holes.iter().filter(|&&hole| hole).count();
+    let mut edges = Vec::new();
+    for k in 0..4 {
+        edges.push([[1.0 + 0.1 * f64::from(k), 1.3], [62.9, 30.0 + 7.7 * f64::from(k)]]);
+        edges.push([[0.5, 2.5 + f64::from(k)], [60.5, 22.5 + f64::from(k)]]);
+        edges.push([[0.5, 42.5 + f64::from(k)], [60.5, 12.5 + f64::from(k)]]);
+    }
+    let (mut largest_gap, mut missing, mut crossings) = (0, 0, 0);
+    for ends in edges {
+        // None of them divides a side into parts that the numbers hold exactly.
+        for share in (1..23).map(|k| f64::from(k) / 23.0) {
+            let between =
+                [0, 1].map(|axis| ends[0][axis] + share * (ends[1][axis] - ends[0][axis]));
+            // Above and below them quadrilaterals that reach beyond the image.
+            let beyond = |end: [f64; 2], x: f64, y: f64| [end[0] + x, end[1] + y];
+            let [high, other_high] = [beyond(ends[0], -3.0, -90.0), beyond(ends[1], 3.0, -90.0)];
+            let [low, other_low] = [beyond(ends[0], -3.0, 90.0), beyond(ends[1], 3.0, 90.0)];
+            let points = [ends[0], ends[1], between, high, other_high, low, other_low];
+            let faces = [[0, 1, 4], [0, 4, 3], [0, 2, 5], [2, 1, 6], [2, 6, 5]];
+            let drawn = Scene::of_px(&points, &faces, size).draw::<T>()?;
+            // All of these columns have to be covered; a gap is a run of pixels that are not.
+            for column in 2..60 {
+                let holes: Vec<_> =
+                    (0..64).map(|row| drawn.pixels[row * 64 + column].is_none()).collect();
+                let runs = holes.chunk_by(|a, b| a == b).filter(|run| run[0]);
+                largest_gap = largest_gap.max(runs.map(<[bool]>::len).max().unwrap_or(0));
+                missing += holes.iter().filter(|&&hole| hole).count();
+                crossings += 1;
+            }
         }
     }
-    let outcome = format!("{missing} pixels of 224 crossings missing, none beside another");
-    Ok(Found::within(outcome, largest_gap as f64, 1.0))
+    let outcome = format!("gaps of 1 px at {missing} of {crossings} columns, and no wider ones");
+    Ok(Found::within(outcome, largest_gap as f64, 1.0)
+        .and(missing > 0, "no gap was met, so nothing is known of them"))
 }
 
 pub(super) fn identical_faces<T: Scalar>() -> Outcome {
@@ -364,39 +367,31 @@ const MANY: usize = 1_000_000;
 
 pub(super) fn many_faces_in_a_pixel<T: Scalar>() -> Outcome {
     // All share an edge; the depth at the pixel's centre is half that of the third vertex.
-    let time = |count: usize| -> Result<(usize, f64, f64), Failure> {
-        let depth = |k: usize| ((k * 7919 + 13) % MANY) as f64 / f64::powi(2.0, 20);
-        let clip = |k: usize| match k {
-            0 => [-0.25, -0.25, 0.0, 1.0],
-            1 => [0.25, -0.25, 0.0, 1.0],
-            k => [0.0, 0.25, depth(k - 2), 1.0],
-        };
-        let start = Instant::now();
-        let tape = Tape::<T>::new();
-        let positions =
-            tape.leaf(&Tensor::from_fn([count + 2, 4], |k| T::from_f64(clip(k / 4)[k % 4])));
-        let faces = (0..count as u32).map(|k| [0, 1, k + 2]).collect();
-        let mesh = Mesh::new(faces, count + 2)?;
-        let fragments = rasterize(positions, &mesh, Size::square(3))?;
-        let coverage = &fragments.coverage;
-        let nearest = (0..count).min_by(|&a, &b| depth(a).total_cmp(&depth(b))).unwrap_or(0);
-        let mut wrong =
-            usize::from(coverage.faces() != [nearest as u32] || coverage.pixels() != [4]);
-        let error = (fragments.depth.item().to_f64() - 0.5 * depth(nearest)).abs();
-        let image = tape.leaf(&Tensor::from_fn([3, 3, 1], |k| T::from_f64((k == 4) as u8 as f64)));
-        let image = bokashi_render_ops::antialias(image, &fragments, positions)?;
-        wrong += usize::from(!image.value().is_finite());
-        let gradients = fragments.depth.sum().backward()?;
-        let bars = gradients.get_or_zeros(positions);
-        let own = 4 * (nearest + 2) + 2;
-        let others =
-            bars.data()[8..].iter().skip(2).step_by(4).filter(|bar| bar.to_f64() != 0.0).count();
-        wrong += usize::from(bars.data()[own].to_f64() != 0.5) + others.abs_diff(1);
-        Ok((wrong, error, start.elapsed().as_secs_f64()))
+    let depth = |k: usize| ((k * 7919 + 13) % MANY) as f64 / f64::powi(2.0, 20);
+    let clip = |k: usize| match k {
+        0 => [-0.25, -0.25, 0.0, 1.0],
+        1 => [0.25, -0.25, 0.0, 1.0],
+        k => [0.0, 0.25, depth(k - 2), 1.0],
     };
-    let (fewer_wrong, _, fewer) = time(MANY / 4)?;
-    let (wrong, error, all) = time(MANY)?;
-    let outcome = format!("the nearest one; {:.1} times as long as a quarter of them", all / fewer);
-    Ok(Found::within(outcome, error, 0.0)
-        .and(wrong + fewer_wrong == 0, "another face is seen, or a gradient is wrong"))
+    let tape = Tape::<T>::new();
+    let positions = tape.leaf(&Tensor::from_fn([MANY + 2, 4], |k| T::from_f64(clip(k / 4)[k % 4])));
+    let faces = (0..MANY as u32).map(|k| [0, 1, k + 2]).collect();
+    let mesh = Mesh::new(faces, MANY + 2)?;
+    let fragments = rasterize(positions, &mesh, Size::square(3))?;
+    let coverage = &fragments.coverage;
+    let nearest = (0..MANY).min_by(|&a, &b| depth(a).total_cmp(&depth(b))).unwrap_or(0);
+    let mut wrong = usize::from(coverage.faces() != [nearest as u32] || coverage.pixels() != [4]);
+    let error = (fragments.depth.item().to_f64() - 0.5 * depth(nearest)).abs();
+    let image = tape.leaf(&Tensor::from_fn([3, 3, 1], |k| T::from_f64((k == 4) as u8 as f64)));
+    let image = bokashi_render_ops::antialias(image, &fragments, positions)?;
+    wrong += usize::from(!image.value().is_finite());
+    let gradients = fragments.depth.sum().backward()?;
+    let bars = gradients.get_or_zeros(positions);
+    let own = 4 * (nearest + 2) + 2;
+    let others =
+        bars.data()[8..].iter().skip(2).step_by(4).filter(|bar| bar.to_f64() != 0.0).count();
+    wrong += usize::from(bars.data()[own].to_f64() != 0.5) + others.abs_diff(1);
+    // Only the time limit of a case bounds the time: a search of 1e12 pairs would not end in it.
+    Ok(Found::within("the nearest one, and its gradient alone", error, 0.0)
+        .and(wrong == 0, "another face is seen, or a gradient is wrong"))
 }

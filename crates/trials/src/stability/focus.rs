@@ -1,7 +1,7 @@
 //! What a lens makes of depths at its focus, at the eye, at infinity.
 
 use bokashi_core::{Scalar, Tape, Tensor, Var};
-use bokashi_render_ops::{Blur, Lens, depth_of_field, gaussian_blur};
+use bokashi_render_ops::{Blur, Lens, Radius, depth_of_field, gaussian_blur};
 
 use super::row::{Failure, Found, Outcome, told};
 use super::scene::{difference, largest, motley, numbers, rounding};
@@ -46,14 +46,53 @@ pub(super) fn in_focus<T: Scalar>() -> Outcome {
         .and(found.capped == 0, "pixels are counted as capped"))
 }
 
+/// How far the windows of `gathered` reach.
+const RADIUS: isize = 9;
+
+/// Each pixel of `image`, of shape `SHAPE`, as the sum over all taps of its own window, of standard
+/// deviation `sigma(pixel)`, mirrored at the border.
+fn gathered(image: &[f64], sigma: impl Fn(usize) -> f64) -> Vec<f64> {
+    let [height, width, channels] = SHAPE.map(|extent| extent as isize);
+    let mirrored = |at: isize, extent: isize| {
+        let phase = at.rem_euclid(2 * extent);
+        phase.min(2 * extent - 1 - phase)
+    };
+    let entry = |k: usize| {
+        let (pixel, channel) = (k as isize / channels, k as isize % channels);
+        let sigma = sigma(pixel as usize);
+        if sigma == 0.0 {
+            return image[k];
+        }
+        let weight = |k: isize| f64::exp(-0.5 * (k as f64 / sigma).powi(2));
+        let (mut sum, mut total) = (0.0, 0.0);
+        for down in -RADIUS..=RADIUS {
+            for across in -RADIUS..=RADIUS {
+                let row = mirrored(pixel / width + down, height);
+                let column = mirrored(pixel % width + across, width);
+                let share = weight(down) * weight(across);
+                sum += share * image[((row * width + column) * channels + channel) as usize];
+                total += share;
+            }
+        }
+        sum / total
+    };
+    (0..image.len()).map(entry).collect()
+}
+
 pub(super) fn depth_to_zero<T: Scalar>() -> Outcome {
     let lens = Lens { largest_sigma: 4.0, ..Lens::default() };
     // At the eye, at denormal distances, near, and with some pixels at infinity: sigma there is 1.5.
+    let depths = [0.0, -0.0, 1e-40, 1e-6, 3.0, f64::INFINITY, 2.0];
     let tape = Tape::<T>::new();
-    let some = View::new(&tape, |k| [0.0, -0.0, 1e-40, 1e-6, 3.0, f64::INFINITY, 2.0][k % 7]);
-    let mixed = depth_of_field(some.image, some.depth, some.aperture, some.focus, &lens)?;
+    let some = View::new(&tape, |k| depths[k % 7]);
+    let short = Lens { radius: Radius::Fixed(RADIUS as usize), ..lens };
+    let mixed = depth_of_field(some.image, some.depth, some.aperture, some.focus, &short)?;
     let finite = mixed.image.value().is_finite() && some.largest_bar(mixed.image)?.is_finite();
-    let mut error = 0.0_f64;
+    // |1 - 2 / z| times the aperture, and no more than the cap.
+    let sigmas = [4.0, 4.0, 4.0, 4.0, 0.5, 1.5, 0.0];
+    let image = numbers(&some.image.value());
+    let mut error =
+        difference(&numbers(&mixed.image.value()), &gathered(&image, |k| sigmas[k % 7]));
     for (depth, sigma, capped) in [(0.0, 4.0, 35), (1e-40, 4.0, 35), (f64::INFINITY, 1.5, 0)] {
         let tape = Tape::<T>::new();
         let view = View::new(&tape, |_| depth);
@@ -64,9 +103,13 @@ pub(super) fn depth_to_zero<T: Scalar>() -> Outcome {
             .greater(difference(&numbers(&found.image.value()), &numbers(&blurred.value())))
             .greater(found.capped.abs_diff(capped) as f64);
     }
-    Ok(Found::within("capped as a blur by the cap, and counted", error, 16.0 * rounding::<T>())
-        .and(mixed.capped == 20, format!("{} of 20 pixels are counted", mixed.capped))
-        .and(finite, "a number is not finite"))
+    Ok(Found::within(
+        "capped as a blur by the cap, and counted; mixed, each the sum over its taps",
+        error,
+        16.0 * rounding::<T>(),
+    )
+    .and(mixed.capped == 20, format!("{} of 20 pixels are counted", mixed.capped))
+    .and(finite, "a number is not finite"))
 }
 
 pub(super) fn aperture_zero<T: Scalar>() -> Outcome {

@@ -216,3 +216,10 @@ impl Scene {
         })
     }
 }
+
+/// 1 where a number of the image, or a gradient of it or of the surface, is not finite.
+pub(super) fn not_finite<T: Scalar>(scene: &Scene) -> Result<usize, Failure> {
+    let finite = scene.rendered::<T>(Some(0.9))?.is_finite()
+        && scene.surface_gradient::<T>()?.iter().all(|bar| bar.is_finite());
+    Ok(usize::from(!finite))
+}

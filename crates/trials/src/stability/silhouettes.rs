@@ -64,39 +64,126 @@ fn position_bound<T: Scalar>() -> f64 {
     64.0 * rounding::<T>()
 }
 
+/// By how much the pixel at the middle is moved by the blend with each of its neighbours (right,
+/// left, below, above), and by all of them where it differs from all by 1.
+fn moves_at_the_middle<T: Scalar>(scene: &Scene) -> Result<([f64; 4], f64), Failure> {
+    let middle = 8 * 3 + 3;
+    let move_of = |lit: usize| -> Result<f64, Failure> {
+        let found = antialias_of::<T>(scene, |k, _| f64::from(u8::from(k == lit)))?;
+        Ok(found.after[middle] - found.before[middle])
+    };
+    let [right, left] = [move_of(middle + 1)?, move_of(middle - 1)?];
+    let [below, above] = [move_of(middle + 8)?, move_of(middle - 8)?];
+    Ok(([right, left, below, above], -move_of(middle)?))
+}
+
 pub(super) fn blends_on_all_sides<T: Scalar>() -> Outcome {
-    // Around one pixel centre, at distances below 1/2 to the right and left, above and below.
-    let faces = [
-        [[3.1, 3.2], [3.95, 3.3], [3.55, 4.0]],
-        [[3.2, 3.9], [3.5, 3.05], [3.8, 3.9]],
-        [[3.4, 3.4], [3.7, 3.45], [3.5, 3.72]],
-    ];
-    let size = Size::square(7);
-    let mut reach = 0.0_f64;
-    for corners in &faces {
-        let scene = Scene::of_px(corners, &[[0, 1, 2]], size);
-        let found = antialias_of::<T>(&scene, |k, _| f64::from(u8::from(k == 24)))?;
-        reach = reach.greater(difference(&found.after, &found.before));
+    // Points in 1/64 px of an image of 8 x 8 are exact in both precisions, and so are the slopes
+    // and the distances here: nothing is rounded.
+    let size = Size::square(8);
+    let (mut wrong, mut reach) = (0, 0.0_f64);
+    let mut check = |scene: &Scene, shares: [f64; 4]| -> Result<(), Failure> {
+        let (moves, all) = moves_at_the_middle::<T>(scene)?;
+        wrong += usize::from(moves != shares || shares.contains(&0.0));
+        wrong += usize::from(all != shares.iter().sum::<f64>());
+        reach = reach.greater(all);
+        Ok(())
+    };
+    // One face around the centre: two sides of it cross one line each; the third, at exactly 45
+    // degrees, is steep enough for both others. All cross at the distance `d`.
+    let mut alone = Vec::new();
+    for d in [0.25, 1.0 / 64.0] {
+        for [x, y] in [[1.0, 1.0], [-1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]] {
+            let at = |across: f64, down: f64| [3.5 + x * across, 3.5 + y * down];
+            let corners = [at(-d, -d), at(2.0 * d, -d), at(-d, 2.0 * d)];
+            for order in orders([0, 1, 2]) {
+                check(&Scene::of_px(&corners, &[order], size), [0.5 - d; 4])?;
+            }
+            alone.push(corners);
+        }
     }
-    let stated = "each share at most 1/2, four of them at most 2 steps in colour";
-    let found = against_the_text::<T>(&faces, size, position_bound::<T>(), stated)?;
-    Ok(found.and(reach <= 2.0, format!("a pixel moved by {reach} steps in colour")))
+    // Four faces over the four neighbours, up to the distances `d` from the centre between them.
+    let d = [1.0 / 64.0, 1.0 / 32.0, 1.0 / 16.0, 1.0 / 8.0];
+    let mut points = Vec::new();
+    for (d, [x, y]) in d.into_iter().zip([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]]) {
+        let at =
+            |along: f64, across: f64| [3.5 + x * along + y * across, 3.5 + y * along + x * across];
+        points.extend([at(d, -0.5), at(d, 0.5), at(3.0, 0.0)]);
+    }
+    let faces = [[0, 1, 2], [4, 3, 5], [8, 6, 7], [9, 11, 10]];
+    check(&Scene::of_px(&points, &faces, size), d.map(|d| 0.5 - d))?;
+
+    let stated =
+        "4 blends at the middle, which moves by their sum, in colour up to 1.94 of 2 steps";
+    let found = against_the_text::<T>(&alone, size, position_bound::<T>(), stated)?;
+    Ok(found
+        .and(wrong == 0, format!("{wrong} times the shares or their sum are others"))
+        .and(reach == 1.9375, format!("a pixel moved by up to {reach} steps in colour")))
+}
+
+/// What becomes of `image`, of 8 x 8 pixels, where the edge at 45 degrees of a face at the bottom
+/// left, or else at the bottom right, goes through the centres of a diagonal: a pixel of the
+/// diagonal moves half-way to the left one, and half-way to the one that is on the same side.
+///
+/// A centre on an edge counts as a little to the right of it. So the first face covers none of the
+/// diagonal: it reaches over from the left and from below, through distances of 1. The other one
+/// covers all of the diagonal, and ends there, at distances of 0 to the left and above.
+fn through_centers(image: &[f64], is_left: bool) -> Vec<f64> {
+    let mut out = image.to_vec();
+    for row in 0..8 {
+        let column = if is_left { row } else { 7 - row };
+        let pixel = 8 * row + column;
+        let left = (column > 0).then(|| pixel - 1);
+        let other =
+            if is_left { (row < 7).then(|| pixel + 8) } else { (row > 0).then(|| pixel - 8) };
+        for neighbour in [left, other].into_iter().flatten() {
+            out[pixel] += 0.5 * (image[neighbour] - image[pixel]);
+        }
+    }
+    out
 }
 
 pub(super) fn edge_at_45_degrees<T: Scalar>() -> Outcome {
     let size = Size::square(8);
-    // Shifts in eighths of a pixel: the slopes are exactly 1 in both precisions. Not those that
-    // put the edge through a centre, or half-way, where rounding decides what straddles.
-    let faces: Vec<_> = [0.125, 0.25, 0.375, 0.625, 0.75, 0.875]
-        .into_iter()
-        .flat_map(|shift| {
-            [
-                [[-10.0 + shift, -10.0], [20.0 + shift, 20.0], [-40.0, 21.0]],
-                [[18.0 + shift, -10.0], [-12.0 + shift, 20.0], [40.0, 21.0]],
-            ]
-        })
-        .collect();
-    against_the_text::<T>(&faces, size, position_bound::<T>(), "each by the pair's rule")
+    // Shifts in eighths of a pixel: the slopes are exactly 1 in both precisions.
+    let pair = |shift: f64| {
+        [
+            [[-10.0 + shift, -10.0], [20.0 + shift, 20.0], [-40.0, 21.0]],
+            [[18.0 + shift, -10.0], [-12.0 + shift, 20.0], [40.0, 21.0]],
+        ]
+    };
+    // The ties: through the centres, and half-way between them, where no pixel moves.
+    let mut error = 0.0_f64;
+    for shift in [0.0, 0.5] {
+        for (corners, is_left) in pair(shift).into_iter().zip([true, false]) {
+            for order in orders([0, 1, 2]) {
+                let scene = Scene::of_px(&corners, &[order], size);
+                let found = antialias_of::<T>(&scene, |k, _| motley(k))?;
+                let covers = |k: usize| {
+                    let (row, column) = (k / 8, k % 8);
+                    match (is_left, shift == 0.0) {
+                        (true, true) => column < row,
+                        (true, false) => column <= row,
+                        (false, true) => column + row >= 7,
+                        (false, false) => column + row >= 8,
+                    }
+                };
+                let covered: Vec<_> = (0..64).map(covers).collect();
+                let expected = match shift == 0.0 {
+                    true => through_centers(&found.before, is_left),
+                    false => found.before.clone(),
+                };
+                error = error.greater(difference(&found.after, &expected));
+                error = error.greater(if found.covered == covered { 0.0 } else { 1.0 });
+            }
+        }
+    }
+    let shifts = [0.0, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875];
+    let faces: Vec<_> = shifts.into_iter().flat_map(pair).collect();
+    let outcome = "each by the pair's rule; through centres and half-way as worked out";
+    let found = against_the_text::<T>(&faces, size, position_bound::<T>(), outcome)?;
+    // Three numbers of up to 1 are added: each sum is rounded once.
+    Ok(found.and(error <= 4.0 * rounding::<T>(), format!("the ties are off by {error:.1e}")))
 }
 
 pub(super) fn crossing_half_way<T: Scalar>() -> Outcome {

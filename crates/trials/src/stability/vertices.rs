@@ -1,11 +1,12 @@
 //! Vertices behind the eye, at infinity, at the ends of the range of numbers.
 
-use bokashi_core::Scalar;
-use bokashi_render_ops::Size;
+use bokashi_core::{Scalar, Tape, Tensor};
+use bokashi_fit::{Fit, FitSettings, Parameter, Parameters, from_fn};
+use bokashi_render_ops::{Size, rasterize};
 
 use super::oracle::compare;
-use super::row::{Found, Outcome};
-use super::scene::{Scene, Seen, largest, orders, rounding};
+use super::row::{Failure, Found, Outcome, told};
+use super::scene::{Rendered, Scene, Seen, largest, not_finite, orders, rounding};
 
 const SIZE: Size = Size { width: 13, height: 11 };
 
@@ -81,17 +82,28 @@ pub(super) fn at_infinity<T: Scalar>() -> Outcome {
     ))
 }
 
-/// A face in front, and how its weights change where a vertex's coordinates are multiplied.
-fn with_weight<T: Scalar>(factors: [f64; 3]) -> Result<(usize, f64), super::row::Failure> {
-    let ndc = [[-0.75, -0.875], [0.9375, -0.625], [0.0625, 0.9375]];
-    let clip = |factors: [f64; 3]| -> Vec<[f64; 4]> {
-        let corner = |k: usize| {
-            let [x, y] = ndc[k];
-            let depth = [0.25, -0.5, 0.125][k];
-            [x, y, depth, 1.0].map(|c| c * factors[k])
-        };
-        (0..3).map(corner).collect()
-    };
+/// A face in front: x, y and depth of its vertices.
+const IN_FRONT: [[f64; 3]; 3] =
+    [[-0.75, -0.875, 0.25], [0.9375, -0.625, -0.5], [0.0625, 0.9375, 0.125]];
+
+/// Another one, of 1, 0 and -1 alone: times any number these are exact.
+const OF_ONES: [[f64; 3]; 3] = [[-1.0, -1.0, 0.0], [1.0, -1.0, -1.0], [0.0, 1.0, 1.0]];
+
+/// The vertices of `face` with `factors` as their w.
+fn weighted(face: [[f64; 3]; 3], factors: [f64; 3]) -> [[f64; 4]; 3] {
+    std::array::from_fn(|k| {
+        let [x, y, depth] = face[k];
+        [x, y, depth, 1.0].map(|c| c * factors[k])
+    })
+}
+
+/// How the weights in a face in front change where a vertex's coordinates are multiplied: pixels
+/// covered wrongly, and the largest error.
+fn with_weight<T: Scalar>(face: [[f64; 3]; 3], factors: [f64; 3]) -> Result<(usize, f64), Failure> {
+    let clip = |factors| weighted(face, factors);
+    let smallest = factors.into_iter().fold(f64::INFINITY, f64::min);
+    // In proportion: 1 / w may be beyond the numbers.
+    let shares = factors.map(|factor| smallest / factor);
     let (mut wrong, mut error) = (0, 0.0_f64);
     for order in orders([0, 1, 2]) {
         let plain = Scene::new(&clip([1.0; 3]), &[order], SIZE).draw::<f64>()?;
@@ -102,8 +114,8 @@ fn with_weight<T: Scalar>(factors: [f64; 3]) -> Result<(usize, f64), super::row:
             let (Some(seen), Some(Seen { uv: [u, v], depth, .. })) = (seen, plain) else {
                 continue;
             };
-            let b = [u / factors[order[0] as usize], v / factors[order[1] as usize]];
-            let last = (1.0 - u - v) / factors[order[2] as usize];
+            let b = [u * shares[order[0] as usize], v * shares[order[1] as usize]];
+            let last = (1.0 - u - v) * shares[order[2] as usize];
             let total = b[0] + b[1] + last;
             for (found, expected) in
                 [(seen.uv[0], b[0] / total), (seen.uv[1], b[1] / total), (seen.depth, *depth)]
@@ -119,48 +131,124 @@ fn with_weight<T: Scalar>(factors: [f64; 3]) -> Result<(usize, f64), super::row:
     Ok((wrong, error))
 }
 
-pub(super) fn tiny_w<T: Scalar>() -> Outcome {
-    // Below the smallest normal number of f32; a power of two, so that nothing is rounded.
-    let tiny = f64::powi(2.0, -126);
-    let (mut wrong, mut error) = (0, 0.0_f64);
-    for factors in [[tiny, 1.0, 1.0], [1.0, tiny, tiny], [tiny; 3]] {
-        let (pixels, difference) = with_weight::<T>(factors)?;
-        wrong += pixels;
-        error = error.greater(difference);
+/// How many gradients of `scene` are infinite, and how many are wrong: NaN, or infinite where
+/// `is_bounded(vertex)` says that they are numbers.
+fn infinite_gradients<T: Scalar>(
+    scene: &Scene,
+    is_bounded: impl Fn(usize) -> bool,
+) -> Result<[usize; 2], Failure> {
+    let rendered = scene.rendered::<T>(Some(0.9))?;
+    let (mut infinite, mut wrong) = (0, 0);
+    for bars in [&rendered.clip_bar, &scene.surface_gradient::<T>()?] {
+        for (k, bar) in bars.iter().enumerate() {
+            infinite += usize::from(bar.is_infinite());
+            wrong += usize::from(bar.is_nan() || bar.is_infinite() && is_bounded(k / 4));
+        }
     }
-    Ok(Found::within("drawn as with w = 1, weights by w", error, 64.0 * rounding::<T>())
-        .and(wrong == 0, format!("{wrong} pixels are covered wrongly")))
+    // All others are numbers, wherever the vertices are.
+    let others = Rendered { clip_bar: Vec::new(), ..rendered };
+    Ok([infinite, wrong + usize::from(!others.is_finite())])
+}
+
+/// What a fit of the positions of `scene` says to their gradient.
+fn fit_of_positions<T: Scalar>(scene: &Scene) -> Result<Result<(), String>, Failure> {
+    let start = Tensor::from_fn([3, 4], |k| T::from_f64(scene.clip[k / 4][k % 4]));
+    let parameters = Parameters::new().with(Parameter::new("positions", start))?;
+    let mut fit = Fit::new(parameters, FitSettings::default())?;
+    let mesh = scene.mesh()?;
+    Ok(told(fit.step(&mut from_fn(|_: &Tape<T>, variables| {
+        Ok(rasterize(variables.get("positions")?, &mesh, scene.size)?.depth.sum())
+    }))))
+}
+
+/// The message of a fit whose gradient is beyond the numbers.
+fn is_refusal(said: &Result<(), String>) -> bool {
+    let refusal = |number| {
+        format!("the gradient of \"positions\" needs to be finite, got {number} at step 0")
+    };
+    ["inf", "-inf"].iter().any(|number| *said == Err(refusal(number)))
+}
+
+/// The largest number of `T`, and the smallest above 0.
+fn ends_of_range<T: Scalar>() -> [f64; 2] {
+    if rounding::<T>() > 1e-10 {
+        [f64::from(f32::MAX), f64::from(f32::from_bits(1))]
+    } else {
+        [f64::MAX, f64::from_bits(1)]
+    }
+}
+
+pub(super) fn tiny_w<T: Scalar>() -> Outcome {
+    let [most, least] = ends_of_range::<T>();
+    // The smallest normal number of f32, where nothing is rounded; 1e-38, below it; in either
+    // precision one far below its normal numbers, of which 1/16 is a number; the smallest of all.
+    let below_normal = f64::powi(2.0, if least < 1e-300 { -1060 } else { -140 });
+    let (mut wrong, mut error, mut off, mut infinite) = (0, 0.0_f64, 0, 0);
+    for (face, tiny) in [
+        (IN_FRONT, f64::powi(2.0, -126)),
+        (IN_FRONT, 1e-38),
+        (IN_FRONT, below_normal),
+        (OF_ONES, least),
+    ] {
+        for factors in [[tiny, 1.0, 1.0], [1.0, tiny, tiny], [tiny; 3]] {
+            let (pixels, difference) = with_weight::<T>(face, factors)?;
+            wrong += pixels;
+            error = error.greater(difference);
+            // A gradient grows as 1 / w. At w = 1 those here are far below 2^20.
+            let scene = Scene::new(&weighted(face, factors), &[[0, 1, 2]], SIZE);
+            let is_bounded = |vertex: usize| factors[vertex] * most > f64::powi(2.0, 20);
+            let [beyond, others] = infinite_gradients::<T>(&scene, is_bounded)?;
+            infinite += beyond;
+            off += others;
+        }
+    }
+    let smallest = Scene::new(&weighted(OF_ONES, [least; 3]), &[[0, 1, 2]], SIZE);
+    let said = fit_of_positions::<T>(&smallest)?;
+    let outcome = "drawn as with w = 1, weights by w; gradients grow as 1 / w, up to infinity, \
+                   which a fit refuses by name";
+    Ok(Found::within(outcome, error, 64.0 * rounding::<T>())
+        .and(wrong == 0, format!("{wrong} pixels are covered wrongly"))
+        .and(off == 0, format!("{off} gradients are NaN, or infinite without need"))
+        .and(infinite > 0, "no gradient is infinite")
+        .and(is_refusal(&said), format!("a fit says {said:?}")))
 }
 
 pub(super) fn wide_range_of_w<T: Scalar>() -> Outcome {
-    let (mut wrong, mut error) = (0, 0.0_f64);
+    let (mut wrong, mut error, mut off) = (0, 0.0_f64, 0);
     for powers in [[-20, 0, 20], [20, -20, 0], [-20, 20, 20], [-20, -20, 20]] {
-        let (pixels, difference) = with_weight::<T>(powers.map(|power| f64::powi(2.0, power)))?;
+        let factors = powers.map(|power| f64::powi(2.0, power));
+        let (pixels, difference) = with_weight::<T>(IN_FRONT, factors)?;
         wrong += pixels;
         error = error.greater(difference);
+        off += not_finite::<T>(&Scene::new(&weighted(IN_FRONT, factors), &[[0, 1, 2]], SIZE))?;
     }
-    let outcome = "weights within [0, 1] and right, w from 1e-6 to 1e6";
+    let outcome = "weights within [0, 1] and right, w from 1e-6 to 1e6; finite gradients";
     Ok(Found::within(outcome, error, 64.0 * rounding::<T>())
-        .and(wrong == 0, format!("{wrong} pixels are covered wrongly")))
+        .and(wrong == 0, format!("{wrong} pixels are covered wrongly"))
+        .and(off == 0, "a gradient is not finite"))
 }
 
 pub(super) fn in_the_near_plane<T: Scalar>() -> Outcome {
     let mut error = 0.0_f64;
-    let mut count = 0;
+    let (mut count, mut off) = (0, 0);
     for depth in [-1.0, 1.0] {
         let clip: Vec<_> = [[-1.0, -1.0, 1.0], [3.0, -1.0, 1.0], [-2.0, 6.0, 2.0]]
             .iter()
             .map(|&[x, y, w]| [x, y, depth * w, w])
             .collect();
         for order in orders([0, 1, 2]) {
-            let drawn = Scene::new(&clip, &[order], SIZE).draw::<T>()?;
+            let scene = Scene::new(&clip, &[order], SIZE);
+            let drawn = scene.draw::<T>()?;
             count += drawn.count();
+            off += not_finite::<T>(&scene)?;
             error = error
                 .greater(largest(drawn.pixels.iter().flatten().map(|seen| seen.depth - depth)));
         }
     }
     let all = 12 * SIZE.pixels();
-    Ok(Found::within("drawn whole, in the near plane and in the far plane", error, 0.0)
+    let outcome = "drawn whole, in the near plane and in the far plane; finite gradients";
+    Ok(Found::within(outcome, error, 0.0)
+        .and(off == 0, "a gradient is not finite")
         .and(count == all, format!("{} of {all} pixels are missing", all - count)))
 }
 
@@ -168,7 +256,9 @@ pub(super) fn outside_the_depth_range<T: Scalar>() -> Outcome {
     // z / w = 2 y: visible for |y| <= 1/2, which no pixel centre lies on.
     let size = Size { width: 8, height: 32 };
     let clip = [[-1.0, -1.0, -2.0, 1.0], [3.0, -1.0, -2.0, 1.0], [-1.0, 3.0, 6.0, 1.0]];
-    let drawn = Scene::new(&clip, &[[0, 1, 2]], size).draw::<T>()?;
+    let scene = Scene::new(&clip, &[[0, 1, 2]], size);
+    let off = not_finite::<T>(&scene)?;
+    let drawn = scene.draw::<T>()?;
     let y = |pixel: usize| 1.0 - (2 * (pixel / 8) + 1) as f64 / 32.0;
     let covered: Vec<_> = (0..size.pixels()).map(|pixel| y(pixel).abs() <= 0.5).collect();
     let seen = drawn.pixels.iter().enumerate();
@@ -176,7 +266,9 @@ pub(super) fn outside_the_depth_range<T: Scalar>() -> Outcome {
     let beyond = Scene::new(&clip.map(|[x, y, _, w]| [x, y, 1.5 * w, w]), &[[0, 1, 2]], size);
     let beyond = beyond.draw::<T>()?;
     let wrong = drawn.differs_from(&covered);
-    Ok(Found::within("the part within the range, each depth right", error, 8.0 * rounding::<T>())
+    let outcome = "the part within the range, each depth right; finite gradients";
+    Ok(Found::within(outcome, error, 8.0 * rounding::<T>())
+        .and(off == 0, "a gradient is not finite")
         .and(wrong == 0, format!("{wrong} pixels are covered wrongly"))
         .and(
             beyond.count() == 0 && beyond.culled.outside == 1,
@@ -185,7 +277,7 @@ pub(super) fn outside_the_depth_range<T: Scalar>() -> Outcome {
 }
 
 /// The strip from a level base line to vertices `far` pixels away.
-fn strip<T: Scalar>(far: f64) -> Result<usize, super::row::Failure> {
+fn strip<T: Scalar>(far: f64) -> Result<usize, Failure> {
     let size = Size { width: 16, height: 8 };
     // The centres of rows 0 to 2 lie above the line, those of rows 3 to 7 below.
     let base = 0.25;
@@ -215,7 +307,7 @@ pub(super) fn far_away<T: Scalar>() -> Outcome {
 }
 
 pub(super) fn largest_coordinates<T: Scalar>() -> Outcome {
-    let most = if rounding::<T>() > 1e-10 { f64::from(f32::MAX) } else { f64::MAX };
+    let [most, _] = ends_of_range::<T>();
     let mut wrong = 0;
     for far in [most.sqrt(), most.powf(0.75), most / 64.0, most] {
         wrong += strip::<T>(far)?;
@@ -224,15 +316,22 @@ pub(super) fn largest_coordinates<T: Scalar>() -> Outcome {
 }
 
 pub(super) fn denormal_coordinates<T: Scalar>() -> Outcome {
-    let least =
-        if rounding::<T>() > 1e-10 { f64::from(f32::from_bits(1)) } else { f64::from_bits(1) };
+    let [_, least] = ends_of_range::<T>();
     let unit = [[-60.0, -50.0, 3.0, 64.0], [61.0, -40.0, -5.0, 64.0], [3.0, 55.0, 7.0, 48.0]];
-    let drawn = |unit_size: f64| {
-        Scene::new(&unit.map(|p| p.map(|c| c * unit_size)), &[[0, 1, 2]], SIZE).draw::<T>()
-    };
-    let (plain, denormal) = (drawn(1.0)?, drawn(least)?);
-    Ok(Found::exactly("bitwise as the same face a normal size", usize::from(plain != denormal))
-        .and(plain.count() > 20, "hardly anything was drawn"))
+    let scene = |size: f64| Scene::new(&unit.map(|p| p.map(|c| c * size)), &[[0, 1, 2]], SIZE);
+    let (plain, denormal) = (scene(1.0).draw::<T>()?, scene(least).draw::<T>()?);
+    let image = |size| scene(size).rendered::<T>(Some(0.9)).map(|rendered| rendered.image);
+    let wrong = usize::from(plain != denormal) + usize::from(image(1.0)? != image(least)?);
+    // 1 / least is beyond the numbers, and so are gradients.
+    let [infinite, off] = infinite_gradients::<T>(&scene(least), |_| false)?;
+    let said = fit_of_positions::<T>(&scene(least))?;
+    let outcome = "bitwise as the same face a normal size; gradients up to infinity, which a fit \
+                   refuses by name";
+    Ok(Found::exactly(outcome, wrong)
+        .and(plain.count() > 20, "hardly anything was drawn")
+        .and(off == 0, format!("{off} gradients are NaN"))
+        .and(infinite > 0, "no gradient is infinite")
+        .and(is_refusal(&said), format!("a fit says {said:?}")))
 }
 
 pub(super) fn negative_zero<T: Scalar>() -> Outcome {
@@ -252,12 +351,15 @@ pub(super) fn negative_zero<T: Scalar>() -> Outcome {
 }
 
 pub(super) fn covers_the_screen<T: Scalar>() -> Outcome {
-    let mut missing = 0;
+    let (mut missing, mut off) = (0, 0);
     for far in [3.0, 1e3, 1e6] {
         for order in orders([0, 1, 2]) {
             let clip = [[-far, -far, 0.0, 1.0], [far, -far, 0.0, 1.0], [0.0, far, 0.0, 1.0]];
-            missing += SIZE.pixels() - Scene::new(&clip, &[order], SIZE).draw::<T>()?.count();
+            let scene = Scene::new(&clip, &[order], SIZE);
+            missing += SIZE.pixels() - scene.draw::<T>()?.count();
+            off += not_finite::<T>(&scene)?;
         }
     }
-    Ok(Found::exactly("every pixel", missing))
+    Ok(Found::exactly("every pixel; finite gradients", missing)
+        .and(off == 0, "a gradient is not finite"))
 }
