@@ -125,6 +125,7 @@ proptest! {
         prop_assert_eq!(one, other);
     }
 
+    // To rounding: a pixel's three terms are added in another order.
     #[test]
     fn rotating_the_indices_of_faces_changes_nothing(scene in scenes(), by in vec(0..3_usize, 5)) {
         let mut faces = scene.faces.clone();
@@ -135,6 +136,7 @@ proptest! {
         assert_close(&other.clip_bar, &one.clip_bar, 1e-9)?;
     }
 
+    // To rounding, as above.
     #[test]
     fn reversing_windings_changes_nothing(scene in scenes(), which in vec(any::<bool>(), 5)) {
         let mut faces = scene.faces.clone();
