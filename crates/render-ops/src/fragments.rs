@@ -8,9 +8,8 @@ use std::sync::Arc;
 
 use bokashi_core::{Scalar, Tape, TensorError, Var};
 
+use crate::coverage::Coverage;
 use crate::error::RenderError;
-use crate::mesh::Mesh;
-use crate::size::Size;
 
 /// What [`rasterize`](crate::rasterize()) gives: N covered samples in the order of their pixels,
 /// row by row from the top.
@@ -22,9 +21,8 @@ pub struct Fragments<'t, T: Scalar> {
     /// The perspective-correct weights of each fragment's face's vertices 0 and 1; that of
     /// vertex 2 is what is missing to 1. Shape `[N, 2]`, differentiable.
     pub barycentrics: Var<'t, T>,
-    /// Each fragment's depth z / w, -1 on the near plane and 1 on the far plane. Shape `[N]`,
-    /// differentiable.
-    pub depth: Var<'t, T>,
+    /// The clip positions that were rasterized. Shape `[V, 4]`.
+    pub clip: Var<'t, T>,
     /// Which face each fragment lies on, and which pixel it belongs to.
     pub coverage: Arc<Coverage>,
 }
@@ -40,97 +38,27 @@ impl<'t, T: Scalar> Fragments<'t, T> {
     ///
     /// # Errors
     /// [`TensorError::ForeignVariable`] for fragments of another tape; [`RenderError::Shape`] for
-    /// barycentrics or depths that are not one row per fragment.
+    /// barycentrics that are not one row per fragment, or positions not one per vertex.
     pub(crate) fn checked_coverage(
         &self,
         operation: &'static str,
         tape: &'t Tape<T>,
     ) -> Result<Arc<Coverage>, RenderError> {
-        let variables = [self.barycentrics, self.depth];
+        let variables = [self.barycentrics, self.clip];
         if variables.iter().any(|variable| !std::ptr::eq(variable.tape(), tape)) {
             return Err(TensorError::ForeignVariable { operation }.into());
         }
-        let count = self.coverage.count();
+        let (count, vertices) = (self.coverage.count(), self.coverage.mesh().vertex_count());
         let refused = |rule: String, variable: Var<'t, T>| {
             Err(RenderError::Shape { operation, rule, shape: variable.shape() })
         };
         if *self.barycentrics.shape() != [count, 2] {
             return refused(format!("barycentrics of shape [{count}, 2]"), self.barycentrics);
         }
-        if *self.depth.shape() != [count] {
-            return refused(format!("depths of shape [{count}]"), self.depth);
+        if *self.clip.shape() != [vertices, 4] {
+            return refused(format!("clip positions of shape [{vertices}, 4]"), self.clip);
         }
         Ok(Arc::clone(&self.coverage))
-    }
-}
-
-/// Which faces cover which pixels: whole numbers, so not differentiable by type.
-#[derive(Debug, Clone)]
-pub struct Coverage {
-    pub(crate) mesh: Mesh,
-    pub(crate) size: Size,
-    pub(crate) faces: Vec<u32>,
-    pub(crate) pixels: Vec<u32>,
-    pub(crate) fragment_of_pixel: Vec<u32>,
-    pub(crate) culled: Culled,
-}
-
-/// How many faces were not drawn, and why.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Culled {
-    /// Faces whose area is zero within rounding, or that repeat a vertex.
-    pub degenerate: usize,
-    /// Faces wholly outside the view: beside the image, behind the eye, or outside the depth range.
-    pub outside: usize,
-    /// Faces that turn the side away that [`Cull`](crate::Cull) names.
-    pub facing: usize,
-}
-
-/// Stands for "no fragment" in the map from pixels.
-pub(crate) const NO_FRAGMENT: u32 = u32::MAX;
-
-impl Coverage {
-    /// The number of fragments, N.
-    pub fn count(&self) -> usize {
-        self.faces.len()
-    }
-
-    /// The mesh that was rasterized.
-    pub fn mesh(&self) -> &Mesh {
-        &self.mesh
-    }
-
-    /// The size of the image.
-    pub fn size(&self) -> Size {
-        self.size
-    }
-
-    /// The index of each fragment's face.
-    pub fn faces(&self) -> &[u32] {
-        &self.faces
-    }
-
-    /// Each fragment's pixel, `row * width + column`.
-    pub fn pixels(&self) -> &[u32] {
-        &self.pixels
-    }
-
-    /// The fragment of `pixel`, where it is covered. Nothing covers a pixel outside the image.
-    pub fn fragment_at(&self, pixel: usize) -> Option<usize> {
-        let &fragment = self.fragment_of_pixel.get(pixel)?;
-        (fragment != NO_FRAGMENT).then_some(fragment as usize)
-    }
-
-    /// Per pixel, row by row from the top: the index of its face plus 1, or 0 for the background.
-    pub fn triangle_ids(&self) -> Vec<u32> {
-        (0..self.size.pixels())
-            .map(|pixel| self.fragment_at(pixel).map_or(0, |fragment| self.faces[fragment] + 1))
-            .collect()
-    }
-
-    /// How many faces were not drawn, and why.
-    pub fn culled(&self) -> Culled {
-        self.culled
     }
 }
 

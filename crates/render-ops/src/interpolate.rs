@@ -12,15 +12,16 @@
 //! Laine et al., *Modular primitives for high-performance differentiable rendering*, ACM TOG 39(6),
 //! 2020.
 
+use std::ops::Range;
 use std::sync::Arc;
 
-use bokashi_core::parallel::{ENTRIES_PER_PIECE, for_each_piece_mut};
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 
+use crate::coverage::Coverage;
 use crate::error::RenderError;
-use crate::fragments::{Coverage, Fragments};
+use crate::face_sums::{FaceSums, Layout};
+use crate::fragments::Fragments;
 use crate::mesh::Mesh;
-use crate::runs::RunSums;
 
 /// Vertex attributes `[V, C]` at the fragments: `[N, C]`.
 ///
@@ -63,19 +64,6 @@ struct Interpolate {
     coverage: Arc<Coverage>,
 }
 
-impl Interpolate {
-    /// The attributes of the three vertices of fragment `fragment`'s face.
-    fn corners<'a, T>(
-        &self,
-        attributes: &'a [T],
-        channels: usize,
-        fragment: usize,
-    ) -> [&'a [T]; 3] {
-        let face = self.indices.faces()[self.coverage.faces()[fragment] as usize];
-        face.map(|vertex| &attributes[vertex as usize * channels..][..channels])
-    }
-}
-
 impl<T: Scalar> Op<T> for Interpolate {
     type Saved = ();
     type Error = RenderError;
@@ -97,14 +85,15 @@ impl<T: Scalar> Op<T> for Interpolate {
         }
         let (attributes, barycentrics) = (inputs.data(0), inputs.data(1));
         let values = outputs.push([self.coverage.count(), channels]);
-        let rows = ENTRIES_PER_PIECE.div_ceil(channels);
-        for_each_piece_mut(values, rows * channels, |piece, values| {
-            for (k, s) in values.chunks_exact_mut(channels).enumerate() {
-                let fragment = piece * rows + k;
-                let [a0, a1, a2] = self.corners(attributes, channels, fragment);
-                let (u, v) = (barycentrics[2 * fragment], barycentrics[2 * fragment + 1]);
-                for c in 0..channels {
-                    s[c] = a2[c] + u * (a0[c] - a2[c]) + v * (a1[c] - a2[c]);
+        self.for_each_slot_mut(attributes, channels, values, |fragments, corners, values| {
+            let uv = &barycentrics[2 * fragments.start..2 * fragments.end];
+            match channels {
+                3 => interpolate_face::<T, 3>(corners, 3, uv, values),
+                _ => {
+                    for c in 0..channels {
+                        let corners = corners.map(|corner| &corner[c..]);
+                        interpolate_face::<T, 1>(corners, channels, uv, &mut values[c..]);
+                    }
                 }
             }
         });
@@ -126,39 +115,144 @@ impl<T: Scalar> Op<T> for Interpolate {
         let s_bar = kept.only_upstream();
         let channels = kept.input_shape(0)[1];
         if let Some(attributes_bar) = gradients.get(0) {
-            let barycentrics = kept.input(1);
-            let sums = RunSums { coverage: &self.coverage, mesh: &self.indices, width: channels };
-            sums.add_to(attributes_bar, |_, fragments, sums| {
-                let (a0_bar, rest) = sums.split_at_mut(channels);
-                let (a1_bar, a2_bar) = rest.split_at_mut(channels);
-                for fragment in fragments {
-                    let u = barycentrics[2 * fragment].widen();
-                    let v = barycentrics[2 * fragment + 1].widen();
-                    let rest = T::Wide::ONE - u - v;
-                    for (c, s_bar) in s_bar[fragment * channels..][..channels].iter().enumerate() {
-                        let s_bar = s_bar.widen();
-                        a0_bar[c] += u * s_bar;
-                        a1_bar[c] += v * s_bar;
-                        a2_bar[c] += rest * s_bar;
-                    }
-                }
-            });
+            let shares = Shares { barycentrics: kept.input(1), s_bar, channels };
+            let layout =
+                Layout { coverage: &self.coverage, mesh: &self.indices, width: channels };
+            layout.add_to(attributes_bar, &shares);
         }
         if let Some(barycentrics_bar) = gradients.get(1) {
-            let attributes = kept.input(0);
-            let entries = barycentrics_bar.entries();
-            for_each_piece_mut(entries, ENTRIES_PER_PIECE, |piece, entries| {
-                for (k, uv_bar) in entries.chunks_exact_mut(2).enumerate() {
-                    let fragment = piece * ENTRIES_PER_PIECE / 2 + k;
-                    let [a0, a1, a2] = self.corners(attributes, channels, fragment);
-                    let s_bar = &s_bar[fragment * channels..][..channels];
-                    for c in 0..channels {
-                        uv_bar[0] += s_bar[c] * (a0[c] - a2[c]);
-                        uv_bar[1] += s_bar[c] * (a1[c] - a2[c]);
+            let (attributes, entries) = (kept.input(0), barycentrics_bar.entries());
+            self.for_each_slot_mut(attributes, channels, entries, |fragments, corners, uv_bar| {
+                let s_bar = &s_bar[fragments.start * channels..fragments.end * channels];
+                match channels {
+                    3 => pull_back_face::<T, 3>(corners, 3, s_bar, uv_bar),
+                    _ => {
+                        for c in 0..channels {
+                            let corners = corners.map(|corner| &corner[c..]);
+                            pull_back_face::<T, 1>(corners, channels, &s_bar[c..], uv_bar);
+                        }
                     }
                 }
             });
         }
+    }
+}
+
+impl Interpolate {
+    /// Calls `work(fragments, corners, own)` with the fragments of each face in a band, the
+    /// attributes of its vertices, and the fragments' entries of `entries`, several per fragment;
+    /// bands may be worked on at the same time.
+    #[inline]
+    fn for_each_slot_mut<T: Scalar>(
+        &self,
+        attributes: &[T],
+        channels: usize,
+        entries: &mut [T],
+        work: impl Fn(Range<usize>, [&[T]; 3], &mut [T]) + Send + Sync,
+    ) {
+        let coverage = &*self.coverage;
+        let width = entries.len().checked_div(coverage.count()).unwrap_or(0);
+        coverage.for_each_piece_mut(width, entries, |slots, first, entries| {
+            pulp::Arch::new().dispatch(
+                #[inline(always)]
+                || {
+                    for slot in slots {
+                        let face = coverage.slots[slot].face as usize;
+                        let corners = self.indices.faces()[face]
+                            .map(|vertex| &attributes[vertex as usize * channels..][..channels]);
+                        let fragments = coverage.fragments_of(slot);
+                        let own = (fragments.start - first) * width..(fragments.end - first) * width;
+                        work(fragments, corners, &mut entries[own]);
+                    }
+                },
+            );
+        });
+    }
+}
+
+/// Interpolates `N` channels of `stride` that start each row of `values`.
+#[inline(always)]
+fn interpolate_face<T: Scalar, const N: usize>(
+    corners: [&[T]; 3],
+    stride: usize,
+    uv: &[T],
+    values: &mut [T],
+) {
+    let [a0, a1, a2] = corners.map(|corner| first_of::<T, N>(corner));
+    for (s, uv) in values.chunks_mut(stride).zip(uv.chunks_exact(2)) {
+        for c in 0..N {
+            s[c] = a2[c] + uv[0] * (a0[c] - a2[c]) + uv[1] * (a1[c] - a2[c]);
+        }
+    }
+}
+
+/// Adds the gradients of u and v from `N` channels of `stride` that start each row of `s_bar`.
+#[inline(always)]
+fn pull_back_face<T: Scalar, const N: usize>(
+    corners: [&[T]; 3],
+    stride: usize,
+    s_bar: &[T],
+    uv_bar: &mut [T],
+) {
+    let [a0, a1, a2] = corners.map(|corner| first_of::<T, N>(corner));
+    for (uv_bar, s_bar) in uv_bar.chunks_exact_mut(2).zip(s_bar.chunks(stride)) {
+        for c in 0..N {
+            uv_bar[0] += s_bar[c] * (a0[c] - a2[c]);
+            uv_bar[1] += s_bar[c] * (a1[c] - a2[c]);
+        }
+    }
+}
+
+#[inline(always)]
+fn first_of<T: Scalar, const N: usize>(entries: &[T]) -> [T; N] {
+    *entries.first_chunk().expect("as many channels")
+}
+
+/// The shares of each vertex in the gradients of interpolated attributes.
+struct Shares<'a, T> {
+    barycentrics: &'a [T],
+    s_bar: &'a [T],
+    channels: usize,
+}
+
+impl<T: Scalar> FaceSums<T::Wide> for Shares<'_, T> {
+    #[inline(always)]
+    fn sum(&self, _slot: usize, fragments: Range<usize>, rows: &mut [T::Wide]) {
+        let uv = &self.barycentrics[2 * fragments.start..2 * fragments.end];
+        let s_bar = &self.s_bar[fragments.start * self.channels..fragments.end * self.channels];
+        match self.channels {
+            3 => sum_shares::<T, 3>(3, uv, s_bar, rows),
+            channels => {
+                for c in 0..channels {
+                    sum_shares::<T, 1>(channels, uv, &s_bar[c..], &mut rows[c..]);
+                }
+            }
+        }
+    }
+}
+
+/// The shares from `N` channels of `stride` that start each row of `s_bar` and of the
+/// vertices' `rows`.
+#[inline(always)]
+fn sum_shares<T: Scalar, const N: usize>(
+    stride: usize,
+    uv: &[T],
+    s_bar: &[T],
+    rows: &mut [T::Wide],
+) {
+    let mut sums = [[T::Wide::ZERO; N]; 3];
+    for (uv, s_bar) in uv.chunks_exact(2).zip(s_bar.chunks(stride)) {
+        let (u, v) = (uv[0].widen(), uv[1].widen());
+        let shares = [u, v, T::Wide::ONE - u - v];
+        for c in 0..N {
+            let s_bar = s_bar[c].widen();
+            for (sums, share) in sums.iter_mut().zip(shares) {
+                sums[c] += share * s_bar;
+            }
+        }
+    }
+    for (row, sums) in rows.chunks_mut(stride).zip(sums) {
+        row[..N].copy_from_slice(&sums);
     }
 }
 

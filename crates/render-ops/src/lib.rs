@@ -29,32 +29,41 @@
 //! ```
 
 mod antialias;
+mod background;
 mod border;
+mod coverage;
+mod depth;
 mod depth_of_field;
+mod edge_functions;
 mod error;
+mod face_sums;
 mod fragments;
 mod gaussian_blur;
 mod homogeneous;
 mod interpolate;
+mod layer;
 mod mesh;
 mod project;
 mod rasterize;
 mod resolve;
 mod rotation;
-mod runs;
 mod size;
 mod taps;
 
 pub use antialias::antialias;
+pub use background::Background;
 pub use border::Border;
+pub use coverage::{Coverage, Culled};
+pub use depth::depth;
 pub use depth_of_field::{Focused, Lens, depth_of_field};
 pub use error::RenderError;
-pub use fragments::{Coverage, Culled, Fragments};
+pub use fragments::Fragments;
 pub use gaussian_blur::gaussian_blur;
 pub use interpolate::{interpolate, interpolate_indexed};
+pub use layer::{Layer, layer};
 pub use mesh::{Adjacency, Mesh};
 pub use project::{Pose, project};
 pub use rasterize::{Cull, RasterOptions, rasterize};
-pub use resolve::{Background, resolve};
+pub use resolve::resolve;
 pub use size::Size;
 pub use taps::{Blur, Kernel, Radius};

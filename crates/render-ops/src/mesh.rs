@@ -72,8 +72,19 @@ pub(crate) fn repeats_a_vertex([a, b, c]: [u32; 3]) -> bool {
 pub struct Adjacency {
     /// Per face and corner k: the vertex across the edge that faces corner k, or [`NO_VERTEX`].
     across: Vec<[u32; 3]>,
+    /// Likewise the other face at that edge.
+    neighbors: Vec<[Option<Neighbor>; 3]>,
     boundary_edges: usize,
     crowded_edges: usize,
+}
+
+/// The other face at an edge.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Neighbor {
+    pub(crate) face: u32,
+    /// Whether it runs through the edge's vertices in the other order, as faces of a surface with
+    /// one outside do.
+    pub(crate) is_opposite: bool,
 }
 
 /// Stands for "no face on the other side".
@@ -95,7 +106,11 @@ impl Adjacency {
         }
         edges.sort_unstable();
 
-        let mut adjacency = Self { across: vec![[NO_VERTEX; 3]; faces.len()], ..Self::default() };
+        let mut adjacency = Self {
+            across: vec![[NO_VERTEX; 3]; faces.len()],
+            neighbors: vec![[None; 3]; faces.len()],
+            ..Self::default()
+        };
         for same in edges.chunk_by(|left, right| left.0 == right.0) {
             match *same {
                 [_] => adjacency.boundary_edges += 1,
@@ -103,6 +118,10 @@ impl Adjacency {
                     let (f, j, g, k) = (f as usize, j as usize, g as usize, k as usize);
                     adjacency.across[f][j] = faces[g][k];
                     adjacency.across[g][k] = faces[f][j];
+                    let is_opposite = faces[f][(j + 1) % 3] != faces[g][(k + 1) % 3];
+                    let neighbor = |face| Some(Neighbor { face: face as u32, is_opposite });
+                    adjacency.neighbors[f][j] = neighbor(g);
+                    adjacency.neighbors[g][k] = neighbor(f);
                 }
                 _ => adjacency.crowded_edges += 1,
             }
@@ -118,6 +137,11 @@ impl Adjacency {
     pub fn across(&self, face: usize, corner: usize) -> Option<u32> {
         let vertex = self.across[face][corner];
         (vertex != NO_VERTEX).then_some(vertex)
+    }
+
+    /// The other face at the edge that faces corner `corner` of `face`, where there is exactly one.
+    pub(crate) fn neighbor(&self, face: usize, corner: usize) -> Option<Neighbor> {
+        self.neighbors[face][corner]
     }
 
     /// The number of edges that one face has alone.

@@ -1,31 +1,22 @@
 //! From fragments to an image.
 //!
 //! # Forward
-//! A covered pixel is the value of its fragment, any other one the background.
+//! A covered pixel is the value of its fragment, any other one the background; of a layer that has
+//! been antialiased, the pixels of its rim are its own as well.
 //!
 //! # Backward
-//! `values_bar_n = image_bar` at the fragment's pixel; the background's gradient is `image_bar` at
-//! the pixels without a fragment, summed over them where the background is one colour. It is
-//! linear.
+//! `values_bar_n = image_bar` at the value's pixel; the background's gradient is `image_bar` at the
+//! pixels without a value, summed over them where the background is one colour. It is linear.
 
 use std::sync::Arc;
 
-use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Shape, Var};
+use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 
+use crate::background::{Background, Behind};
+use crate::coverage::Coverage;
 use crate::error::RenderError;
-use crate::fragments::{Coverage, Fragments};
-
-/// What is seen where nothing covers a pixel.
-#[derive(Debug, Clone, Copy, Default)]
-pub enum Background<'t, T: Scalar> {
-    /// Zeros.
-    #[default]
-    Zero,
-    /// One colour, `[C]`.
-    Color(Var<'t, T>),
-    /// An image, `[H, W, C]`.
-    Image(Var<'t, T>),
-}
+use crate::fragments::Fragments;
+use crate::layer::{Layer, layer};
 
 /// The image `[H, W, C]` of fragment values `[N, C]` before a background.
 ///
@@ -38,33 +29,40 @@ pub fn resolve<'t, T: Scalar>(
     fragments: &Fragments<'t, T>,
     background: Background<'t, T>,
 ) -> Result<Var<'t, T>, RenderError> {
-    let coverage = fragments.checked_coverage("resolve", values.tape())?;
-    let resolve = |is_color| Resolve { coverage, is_color };
-    match background {
-        Background::Zero => values.tape().apply(resolve(false), &[values]),
-        Background::Color(color) => values.tape().apply(resolve(true), &[values, color]),
-        Background::Image(image) => values.tape().apply(resolve(false), &[values, image]),
+    layer(values, fragments, background)?.image()
+}
+
+impl<'t, T: Scalar> Layer<'t, T> {
+    /// The image `[H, W, C]` of the layer before its background.
+    ///
+    /// # Errors
+    /// [`RenderError::Shape`] unless the background has as many channels as the values and, if it
+    /// is an image, the image's size. `TensorError::ForeignVariable` for variables of several
+    /// tapes.
+    pub fn image(&self) -> Result<Var<'t, T>, RenderError> {
+        let op = Resolve {
+            coverage: Arc::clone(&self.coverage),
+            rim: self.rim.clone(),
+            behind: self.background.behind(),
+        };
+        let tape = self.values.tape();
+        match self.background.variable() {
+            None => tape.apply(op, &[self.values]),
+            Some(background) => tape.apply(op, &[self.values, background]),
+        }
     }
 }
 
-/// Inputs: values `[N, C]`, and perhaps a background `[C]` or `[H, W, C]`.
+/// Inputs: values `[P, C]`, and perhaps a background `[C]` or `[H, W, C]`.
 struct Resolve {
     coverage: Arc<Coverage>,
-    /// Whether the background is one colour.
-    is_color: bool,
+    rim: Option<Arc<Vec<u32>>>,
+    behind: Behind,
 }
 
 impl Resolve {
-    /// The first entries of the pixels without a fragment.
-    fn uncovered(&self, channels: usize) -> impl Iterator<Item = usize> + '_ {
-        (0..self.coverage.size().pixels())
-            .filter(|&pixel| self.coverage.fragment_at(pixel).is_none())
-            .map(move |pixel| pixel * channels)
-    }
-
-    /// The first entry of each fragment's pixel.
-    fn covered(&self, channels: usize) -> impl Iterator<Item = usize> + '_ {
-        self.coverage.pixels().iter().map(move |&pixel| pixel as usize * channels)
+    fn rim(&self) -> &[u32] {
+        self.rim.as_deref().map_or(&[], Vec::as_slice)
     }
 }
 
@@ -83,39 +81,28 @@ impl<T: Scalar> Op<T> for Resolve {
         outputs: &mut Outputs<'_, T>,
         _saved: &mut Self::Saved,
     ) -> Result<(), RenderError> {
-        let count = self.coverage.count();
-        let refused = |rule: String, shape: &Shape| {
-            Err(RenderError::Shape { operation: "resolve", rule, shape: shape.clone() })
-        };
-        let channels = match **inputs.shape(0) {
-            [rows, channels] if rows == count && channels > 0 => channels,
-            _ => return refused(format!("values of shape [{count}, C], C > 0"), inputs.shape(0)),
-        };
-        let size = self.coverage.size();
-        let shape = [size.height, size.width, channels];
+        let (size, channels) = (self.coverage.size(), inputs.shape(0)[1]);
+        let background = if inputs.len() == 2 { inputs.data(1) } else { &[] };
         if inputs.len() == 2 {
-            let background = inputs.shape(1);
-            if self.is_color && **background != [channels] {
-                return refused(format!("a background colour of shape [{channels}]"), background);
-            }
-            if !self.is_color && **background != shape {
-                return refused(format!("a background image of shape {shape:?}"), background);
-            }
+            self.behind.check("resolve", inputs.shape(1), size, channels)?;
         }
-
-        let values = inputs.data(0).chunks_exact(channels);
-        let image = outputs.push(shape);
-        if inputs.len() == 1 {
-            image.fill(T::ZERO);
-        } else {
-            let behind = inputs.data(1);
-            for at in self.uncovered(channels) {
-                let from = if self.is_color { 0 } else { at };
-                image[at..at + channels].copy_from_slice(&behind[from..from + channels]);
-            }
+        let values = inputs.data(0);
+        let image = outputs.push([size.height, size.width, channels]);
+        self.coverage.for_each_gap(self.rim(), |gap| {
+            let first = gap.start;
+            let entries = gap.start * channels..gap.end * channels;
+            self.behind.fill(&mut image[entries], background, channels, first);
+        });
+        for span in self.coverage.spans() {
+            let pixels = span.pixels();
+            image[pixels.start * channels..pixels.end * channels]
+                .copy_from_slice(
+                    &values[span.fragments.start * channels..span.fragments.end * channels],
+                );
         }
-        for (value, at) in values.zip(self.covered(channels)) {
-            image[at..at + channels].copy_from_slice(value);
+        let rim_values = values[self.coverage.count() * channels..].chunks_exact(channels);
+        for (&pixel, value) in self.rim().iter().zip(rim_values) {
+            image[pixel as usize * channels..][..channels].copy_from_slice(value);
         }
         Ok(())
     }
@@ -133,30 +120,42 @@ impl<T: Scalar> Op<T> for Resolve {
         let image_bar = kept.only_upstream();
         let channels = kept.input_shape(0)[1];
         if let Some(values_bar) = gradients.get(0) {
-            let pixels = self.coverage.pixels();
-            values_bar
-                .add_each(|k| image_bar[pixels[k / channels] as usize * channels + k % channels]);
+            let (own, rim) = values_bar.entries().split_at_mut(self.coverage.count() * channels);
+            self.coverage.for_each_piece_mut(channels, own, |slots, _, own| {
+                let mut rest = own;
+                for span in slots.flat_map(|slot| self.coverage.spans_of(slot)) {
+                    let (own, others) = rest.split_at_mut(span.fragments.len() * channels);
+                    let upstream = &image_bar[span.pixel * channels..];
+                    own.iter_mut().zip(upstream).for_each(|(own, &bar)| *own += bar);
+                    rest = others;
+                }
+            });
+            for (&pixel, own) in self.rim().iter().zip(rim.chunks_exact_mut(channels)) {
+                let upstream = &image_bar[pixel as usize * channels..];
+                own.iter_mut().zip(upstream).for_each(|(own, &bar)| *own += bar);
+            }
         }
         if kept.input_count() == 1 {
             return;
         }
-        if let Some(background_bar) = gradients.get(1) {
-            if self.is_color {
-                sums.clear();
-                sums.resize(channels, T::Wide::ZERO);
-                for at in self.uncovered(channels) {
-                    let row = &image_bar[at..at + channels];
+        let Some(background_bar) = gradients.get(1) else { return };
+        if self.behind == Behind::Color {
+            sums.clear();
+            sums.resize(channels, T::Wide::ZERO);
+            self.coverage.for_each_gap(self.rim(), |gap| {
+                for row in image_bar[gap.start * channels..gap.end * channels].chunks_exact(channels)
+                {
                     sums.iter_mut().zip(row).for_each(|(sum, bar)| *sum += bar.widen());
                 }
-                background_bar.add_each(|c| T::narrow(sums[c]));
-            } else {
-                let entries = background_bar.entries();
-                for at in self.uncovered(channels) {
-                    for c in at..at + channels {
-                        entries[c] += image_bar[c];
-                    }
+            });
+            background_bar.add_each(|c| T::narrow(sums[c]));
+        } else {
+            let entries = background_bar.entries();
+            self.coverage.for_each_gap(self.rim(), |gap| {
+                for at in gap.start * channels..gap.end * channels {
+                    entries[at] += image_bar[at];
                 }
-            }
+            });
         }
     }
 }

@@ -8,7 +8,7 @@
 
 use bokashi_core::Scalar;
 
-use crate::fragments::Coverage;
+use crate::coverage::Coverage;
 use crate::homogeneous::Vertex;
 use crate::size::Size;
 
@@ -32,6 +32,14 @@ pub(super) struct Blend<S> {
     pub(super) alpha: S,
     /// Whether the crossing was clamped, so that the share does not move with it.
     pub(super) clamped: bool,
+}
+
+impl<S> Blend<S> {
+    /// Both pixels.
+    pub(super) fn pixels(&self, size: Size) -> [u32; 2] {
+        let step = if self.below { size.width as u32 } else { 1 };
+        [self.pixel, self.pixel + step]
+    }
 }
 
 /// A vertex in the coordinates of a pair.
@@ -102,12 +110,6 @@ fn straddles<S: Scalar>(p: Local<S>, q: Local<S>, m: S) -> bool {
     (p.y < zero) != (q.y < zero) && (m > zero) == (q.y > p.y) && m != zero
 }
 
-/// The determinant of three vertices: positive where `r` lies on the left of the edge from `p` to
-/// `q`, for parts in front of the eye.
-fn side<S: Scalar>(p: Local<S>, q: Local<S>, r: Local<S>) -> S {
-    r.w * (p.x * q.y - p.y * q.x) + r.x * (p.y * q.w - p.w * q.y) + r.y * (p.w * q.x - p.x * q.w)
-}
-
 /// The blend at `pixel` and its neighbour, whose triangle ids differ, by the edges of face `face`,
 /// which covers one of them; `None` where no silhouette of the face passes between the centres.
 pub(super) fn blend<T: Scalar>(
@@ -146,15 +148,8 @@ pub(super) fn blend<T: Scalar>(
     if !(distance >= -slack && distance <= T::Wide::ONE + slack) {
         return None;
     }
-    if let Some(other) = coverage.mesh().adjacency().across(face, corner) {
-        // Both faces at the edge on the same side of it: the surface turns away here. A face seen
-        // exactly edge-on covers neither side, so the other one ends there too.
-        let other = frame.local(Vertex::of(clip, other, size).0);
-        let (own_side, other_side) = (side(p, q, corners[corner]), side(p, q, other));
-        let zero = T::Wide::ZERO;
-        if own_side > zero && other_side < zero || own_side < zero && other_side > zero {
-            return None;
-        }
+    if !coverage.is_silhouette(face, corner) {
+        return None;
     }
     let inside = distance.greater(T::Wide::ZERO).lesser(T::Wide::ONE);
     Some(Blend {

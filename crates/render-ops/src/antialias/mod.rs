@@ -28,6 +28,7 @@
 //! 2020, section 3.5.
 
 mod discontinuity;
+mod pairs;
 #[cfg(test)]
 mod tests;
 
@@ -35,20 +36,27 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use bokashi_core::parallel::{is_shared, merge_ranges};
-use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Shape, Tensor, Var};
+use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Shape, Var};
 
 use self::discontinuity::{Blend, blend};
+use self::pairs::{Pair, for_each_pair};
+use crate::background::Behind;
+use crate::coverage::Coverage;
+use crate::depth::depth_at;
 use crate::error::RenderError;
-use crate::fragments::{Coverage, Fragments};
-use crate::runs::add_term;
+use crate::face_sums::add_term;
+use crate::fragments::Fragments;
+use crate::layer::Layer;
 
-/// Fragments in one piece of the search for discontinuities.
-const FRAGMENTS_PER_PIECE: usize = 1 << 13;
+/// Pixels in one piece of the search for discontinuities, rounded to whole rows.
+const PIXELS_PER_PIECE: usize = 1 << 14;
 
 /// The antialiased image `[H, W, C]` of `image: [H, W, C]`, which shows `fragments`, the
 /// rasterization of vertices `clip: [V, 4]`.
 ///
-/// For images of one fragment per pixel, as [`rasterize`](crate::rasterize()) gives them.
+/// For images of one fragment per pixel, as [`rasterize`](crate::rasterize()) gives them. Of a
+/// picture that is not filtered before a loss, [`Layer::antialias`] visits the covered pixels
+/// alone.
 ///
 /// # Errors
 /// [`RenderError::Shape`] unless the image is `[H, W, C]` of the fragments' size and `clip` is
@@ -60,97 +68,214 @@ pub fn antialias<'t, T: Scalar>(
     clip: Var<'t, T>,
 ) -> Result<Var<'t, T>, RenderError> {
     let coverage = fragments.checked_coverage("antialias", image.tape())?;
-    let op = Antialias { coverage, depth: fragments.depth.value() };
-    let (outputs, is_identity) = image.tape().record_with(op, &[image, clip], Vec::is_empty)?;
+    let op = Antialias { coverage, of: Picture::Image };
+    let (outputs, is_identity) =
+        image.tape().record_with(op, &[clip, image], |found| found.blends.is_empty())?;
     if is_identity {
         image.tape().leave_out("antialias", "no discontinuities");
     }
     Ok(outputs[0])
 }
 
-/// Inputs: image `[H, W, C]`, clip `[V, 4]`.
-struct Antialias<T> {
-    coverage: Arc<Coverage>,
-    depth: Tensor<T>,
+impl<'t, T: Scalar> Layer<'t, T> {
+    /// The layer with the silhouettes of its faces antialiased, as by [`antialias`], for vertices
+    /// `clip: [V, 4]`: uncovered pixels beside a silhouette become part of the layer.
+    ///
+    /// # Errors
+    /// [`RenderError::Shape`] unless `clip` is `[V, 4]` with the mesh's number of vertices, and
+    /// for a layer that has been antialiased already; `TensorError::ForeignVariable` for variables
+    /// of several tapes.
+    pub fn antialias(self, clip: Var<'t, T>) -> Result<Self, RenderError> {
+        let tape = self.values.tape();
+        if self.rim.is_some() {
+            return Err(RenderError::Shape {
+                operation: "antialias",
+                rule: format!("one value for each of {} fragments", self.coverage.count()),
+                shape: self.values.shape(),
+            });
+        }
+        let behind = self.background.behind();
+        let op =
+            Antialias { coverage: Arc::clone(&self.coverage), of: Picture::Layer(behind) };
+        let look = |found: &Found<T>| (found.blends.is_empty(), found.rim.clone());
+        let variables = self.background.variable();
+        let (outputs, (is_identity, rim)) = match variables {
+            Some(background) => tape.record_with(op, &[clip, self.values, background], look)?,
+            None => tape.record_with(op, &[clip, self.values], look)?,
+        };
+        if is_identity {
+            tape.leave_out("antialias", "no discontinuities");
+        }
+        Ok(Self { values: outputs[0], rim, ..self })
+    }
 }
 
-impl<T: Scalar> Antialias<T> {
-    /// Adds the blends at the pairs that belong to fragment `fragment`: itself with its right and
-    /// its lower neighbour, and an uncovered left or upper neighbour with itself.
-    fn visit(&self, clip: &[T], fragment: usize, blends: &mut Vec<Blend<T::Wide>>) {
-        let (coverage, depth) = (&*self.coverage, self.depth.data());
-        let size = coverage.size();
-        let pixel = coverage.pixels()[fragment] as usize;
-        let face = coverage.faces()[fragment] as usize;
-        let (row, column) = (pixel / size.width, pixel % size.width);
-        for (below, step) in [(false, 1), (true, size.width)] {
-            let (has_next, has_previous) = if below {
-                (row + 1 < size.height, row > 0)
-            } else {
-                (column + 1 < size.width, column > 0)
-            };
-            if has_previous && coverage.fragment_at(pixel - step).is_none() {
-                blends.extend(blend(clip, coverage, face, (pixel - step) as u32, below, false));
-            }
-            if has_next {
-                let other = coverage.fragment_at(pixel + step);
-                let face_of = |fragment: usize| coverage.faces()[fragment] as usize;
-                // The nearer of two faces; of equally near ones the first pixel's.
-                let (face, covers_first) = match other {
-                    Some(other) if face_of(other) == face => continue,
-                    Some(other) if depth[other] < depth[fragment] => (face_of(other), false),
-                    _ => (face, true),
-                };
-                blends.extend(blend(clip, coverage, face, pixel as u32, below, covers_first));
-            }
+/// What is antialiased.
+#[derive(Debug, Clone, Copy)]
+enum Picture {
+    /// An image `[H, W, C]`.
+    Image,
+    /// The fragments' values `[N, C]`, before a background.
+    Layer(Behind),
+}
+
+/// Inputs: clip `[V, 4]`, image `[H, W, C]` or values `[N, C]`, and perhaps a background `[C]` or
+/// `[H, W, C]`. Output: the image, or values `[P, C]` of the fragments and the rim.
+struct Antialias {
+    coverage: Arc<Coverage>,
+    of: Picture,
+}
+
+/// The blends, and memory.
+#[derive(Debug)]
+struct Found<T: Scalar> {
+    blends: Vec<Blend<T::Wide>>,
+    /// Per blend: the rows of its two pixels in the output.
+    rows: Vec<[u32; 2]>,
+    /// Per blend and channel: `c_1 - c_0`.
+    steps: Vec<T>,
+    /// The uncovered pixels of all blends, in order, for a layer.
+    rim: Option<Arc<Vec<u32>>>,
+    /// Per slot: whether the face has a silhouette edge.
+    has_silhouette: Vec<bool>,
+}
+
+impl<T: Scalar> Default for Found<T> {
+    fn default() -> Self {
+        Self {
+            blends: Vec::new(),
+            rows: Vec::new(),
+            steps: Vec::new(),
+            rim: None,
+            has_silhouette: Vec::new(),
         }
     }
+}
 
-    /// All blends, in the order of the fragments.
-    fn find(&self, clip: &[T], blends: &mut Vec<Blend<T::Wide>>) {
+impl<T: Scalar> Found<T> {
+    /// Finds all blends, row by row.
+    fn find(&mut self, coverage: &Coverage, clip: &[T]) {
+        let Self { blends, has_silhouette, .. } = self;
+        has_silhouette.clear();
+        has_silhouette.extend(coverage.slots.iter().map(|slot| {
+            (0..3).any(|corner| coverage.is_silhouette(slot.face as usize, corner))
+        }));
         blends.clear();
-        let count = self.coverage.count();
-        if !is_shared(count, FRAGMENTS_PER_PIECE) {
-            (0..count).for_each(|n| self.visit(clip, n, blends));
-            return;
+        let size = coverage.size();
+        let search = |rows: Range<usize>, blends: &mut Vec<Blend<T::Wide>>| {
+            for_each_pair(coverage, rows, |pair| {
+                blends.extend(blend_at(coverage, clip, has_silhouette, &pair));
+            });
+        };
+        let rows = PIXELS_PER_PIECE.div_ceil(size.width);
+        if !is_shared(size.height, rows) {
+            return search(0..size.height, blends);
         }
-        let work = |fragments: Range<usize>| {
+        let work = |rows: Range<usize>| {
             let mut found = Vec::new();
-            fragments.for_each(|n| self.visit(clip, n, &mut found));
+            search(rows, &mut found);
             found
         };
-        merge_ranges(count, FRAGMENTS_PER_PIECE, work, |found| blends.extend(found));
+        merge_ranges(size.height, rows, work, |found| blends.extend(found));
     }
 
-    /// The first entries of the first pixel, the second pixel, and the blended one of the two.
-    fn entries(&self, blend: &Blend<T::Wide>, channels: usize) -> [usize; 3] {
-        let step = if blend.below { self.coverage.size().width } else { 1 };
-        let first = blend.pixel as usize * channels;
-        let second = first + step * channels;
-        [first, second, if blend.alpha > T::Wide::ZERO { first } else { second }]
+    /// Finds the rim and the rows of the blends in a layer.
+    fn place_in_layer(&mut self, coverage: &Coverage) {
+        let Self { blends, rows, rim, .. } = self;
+        if rim.as_mut().and_then(Arc::get_mut).is_none() {
+            *rim = None;
+        }
+        let rim = Arc::get_mut(rim.get_or_insert_default()).expect("nobody else holds it");
+        rim.clear();
+        rows.clear();
+        // Uncovered pixels first by themselves, then, once all are known, by their rows.
+        let missing = u32::MAX;
+        for blend in blends.iter() {
+            rows.push(blend.pixels(coverage.size()).map(|pixel| {
+                coverage.fragment_at(pixel as usize).map_or_else(
+                    || {
+                        rim.push(pixel);
+                        missing
+                    },
+                    |fragment| fragment as u32,
+                )
+            }));
+        }
+        rim.sort_unstable();
+        rim.dedup();
+        for (blend, rows) in blends.iter().zip(rows) {
+            for (pixel, row) in blend.pixels(coverage.size()).into_iter().zip(rows) {
+                if *row == missing {
+                    let at = rim.binary_search(&pixel).expect("it was put there");
+                    *row = (coverage.count() + at) as u32;
+                }
+            }
+        }
     }
 
-    fn check(&self, image: &Shape, clip: &Shape) -> Result<(), RenderError> {
-        let size = self.coverage.size();
-        let refused = |rule: String, shape: &Shape| {
-            Err(RenderError::Shape { operation: "antialias", rule, shape: shape.clone() })
-        };
-        if image.rank() != 3 || image[..2] != [size.height, size.width] {
-            return refused(
-                format!("an image of shape [{}, {}, C]", size.height, size.width),
-                image,
-            );
+    /// Finds the rows of the blends in an image.
+    fn place_in_image(&mut self, coverage: &Coverage) {
+        self.rim = None;
+        self.rows.clear();
+        self.rows.extend(self.blends.iter().map(|blend| blend.pixels(coverage.size())));
+    }
+
+    /// Each blend, the first entries of its two pixels, and which of the two is blended.
+    fn placed(
+        &self,
+        channels: usize,
+    ) -> impl Iterator<Item = (&Blend<T::Wide>, [usize; 2], usize)> {
+        self.blends.iter().zip(&self.rows).map(move |(blend, rows)| {
+            let entries = rows.map(|row| row as usize * channels);
+            (blend, entries, entries[usize::from(blend.alpha <= T::Wide::ZERO)])
+        })
+    }
+
+    /// Blends pixels of `out`, which holds what is antialiased.
+    fn blend(&mut self, out: &mut [T], channels: usize) {
+        let mut steps = std::mem::take(&mut self.steps);
+        steps.clear();
+        for (_, [first, second], _) in self.placed(channels) {
+            steps.extend((0..channels).map(|c| out[second + c] - out[first + c]));
         }
-        let vertices = self.coverage.mesh().vertex_count();
-        if **clip != [vertices, 4] {
-            return refused(format!("clip positions of shape [{vertices}, 4]"), clip);
+        for ((blend, _, target), steps) in self.placed(channels).zip(steps.chunks_exact(channels))
+        {
+            let alpha = T::narrow(blend.alpha);
+            let out = &mut out[target..target + channels];
+            out.iter_mut().zip(steps).for_each(|(out, &step)| *out += alpha * step);
         }
-        Ok(())
+        self.steps = steps;
     }
 }
 
-impl<T: Scalar> Op<T> for Antialias<T> {
-    type Saved = Vec<Blend<T::Wide>>;
+/// The blend at a pair of pixels, where a silhouette passes between them.
+fn blend_at<T: Scalar>(
+    coverage: &Coverage,
+    clip: &[T],
+    has_silhouette: &[bool],
+    pair: &Pair,
+) -> Option<Blend<T::Wide>> {
+    let ends = |slot: Option<usize>| slot.is_some_and(|slot| has_silhouette[slot]);
+    if !pair.slots.into_iter().any(ends) {
+        return None;
+    }
+    let faces = pair.slots.map(|slot| slot.map(|slot| coverage.slots[slot].face as usize));
+    // The nearer of two faces; of equally near ones the first pixel's.
+    let (face, covers_first) = match faces {
+        [Some(face), None] => (face, true),
+        [None, Some(face)] => (face, false),
+        [Some(first), Some(second)] => {
+            let pixels = pair.pixels(coverage.size());
+            let depth = |k: usize, face| depth_at(coverage, clip, face, pixels[k]);
+            if depth(1, second) < depth(0, first) { (second, false) } else { (first, true) }
+        }
+        [None, None] => return None,
+    };
+    blend(clip, coverage, face, pair.pixel as u32, pair.below, covers_first)
+}
+
+impl<T: Scalar> Op<T> for Antialias {
+    type Saved = Found<T>;
     type Error = RenderError;
 
     fn name(&self) -> &'static str {
@@ -161,63 +286,78 @@ impl<T: Scalar> Op<T> for Antialias<T> {
         &self,
         inputs: &Inputs<'_, T>,
         outputs: &mut Outputs<'_, T>,
-        blends: &mut Self::Saved,
+        found: &mut Self::Saved,
     ) -> Result<(), RenderError> {
-        self.check(inputs.shape(0), inputs.shape(1))?;
-        self.find(inputs.data(1), blends);
-        if blends.is_empty() {
-            outputs.push_shared(inputs.tensor(0).clone());
+        self.check(inputs)?;
+        let coverage = &*self.coverage;
+        found.find(coverage, inputs.data(0));
+        if found.blends.is_empty() {
+            found.rim = None;
+            outputs.push_shared(inputs.tensor(1).clone());
             return Ok(());
         }
-        let image = inputs.data(0);
-        let channels = inputs.shape(0)[2];
-        let out = outputs.push(inputs.shape(0));
-        out.copy_from_slice(image);
-        for blend in blends.iter() {
-            let [first, second, target] = self.entries(blend, channels);
-            let alpha = T::narrow(blend.alpha);
-            for c in 0..channels {
-                out[target + c] += alpha * (image[second + c] - image[first + c]);
+        let input = inputs.data(1);
+        let channels = *inputs.shape(1).last().expect("an image has channels");
+        match self.of {
+            Picture::Image => {
+                found.place_in_image(coverage);
+                let out = outputs.push(inputs.shape(1));
+                out.copy_from_slice(input);
+                found.blend(out, channels);
+            }
+            Picture::Layer(behind) => {
+                found.place_in_layer(coverage);
+                let rim = found.rim.as_deref().expect("it was just found");
+                let out = outputs.push([coverage.count() + rim.len(), channels]);
+                let (values, rim_values) = out.split_at_mut(input.len());
+                values.copy_from_slice(input);
+                let background = if inputs.len() == 3 { inputs.data(2) } else { &[] };
+                for (value, &pixel) in rim_values.chunks_exact_mut(channels).zip(rim) {
+                    behind.fill(value, background, channels, pixel as usize);
+                }
+                found.blend(out, channels);
             }
         }
         Ok(())
     }
 
     fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
-        if inputs.needs(1) { Keep::NOTHING.input(0).input(1) } else { Keep::NOTHING }
+        if inputs.needs(0) { Keep::NOTHING.input(0) } else { Keep::NOTHING }
     }
 
     fn backward(
         &self,
         kept: &Kept<'_, T>,
-        blends: &mut Self::Saved,
+        found: &mut Self::Saved,
         gradients: &mut Accumulators<'_, T>,
     ) {
         let out_bar = kept.only_upstream();
-        let channels = kept.output_shape(0)[2];
-        if let Some(image_bar) = gradients.get(0) {
-            image_bar.add(out_bar);
+        let channels = *kept.input_shape(1).last().expect("an image has channels");
+        if let Some(image_bar) = gradients.get(1) {
+            let own = self.coverage.count() * channels;
+            let own = if found.rim.is_some() { own } else { out_bar.len() };
+            image_bar.add(&out_bar[..own]);
             let image_bar = image_bar.entries();
-            for blend in blends.iter() {
-                let [first, second, target] = self.entries(blend, channels);
+            for (blend, entries, target) in found.placed(channels) {
                 let alpha = T::narrow(blend.alpha);
-                for c in 0..channels {
-                    let share = alpha * out_bar[target + c];
-                    image_bar[first + c] -= share;
-                    image_bar[second + c] += share;
+                let signs = [-T::ONE, T::ONE];
+                // What leads to the background is below.
+                for (entry, sign) in entries.into_iter().zip(signs).filter(|(at, _)| *at < own) {
+                    for c in 0..channels {
+                        image_bar[entry + c] += sign * (alpha * out_bar[target + c]);
+                    }
                 }
             }
         }
-        if let Some(clip_bar) = gradients.get(1) {
-            let (image, clip) = (kept.input(0), kept.input(1));
+        if let Some(clip_bar) = gradients.get(0) {
+            let clip = kept.input(0);
             let clip_bar = clip_bar.entries();
-            for blend in blends.iter().filter(|blend| !blend.clamped) {
-                let [first, second, target] = self.entries(blend, channels);
-                let alpha_bar = (0..channels)
-                    .map(|c| {
-                        let step = image[second + c].widen() - image[first + c].widen();
-                        out_bar[target + c].widen() * step
-                    })
+            let placed = found.placed(channels).zip(found.steps.chunks_exact(channels));
+            for ((blend, _, target), steps) in placed.filter(|((blend, ..), _)| !blend.clamped) {
+                let alpha_bar = steps
+                    .iter()
+                    .zip(&out_bar[target..])
+                    .map(|(step, out_bar)| out_bar.widen() * step.widen())
                     .sum();
                 let bars = blend.pull_back(alpha_bar, clip, self.coverage.size());
                 for (&vertex, [x_bar, y_bar, w_bar]) in blend.edge.iter().zip(bars) {
@@ -228,9 +368,59 @@ impl<T: Scalar> Op<T> for Antialias<T> {
                 }
             }
         }
+        let (Picture::Layer(behind), Some(rim)) = (self.of, &found.rim) else { return };
+        if kept.input_count() < 3 {
+            return;
+        }
+        let Some(background_bar) = gradients.get(2) else { return };
+        let background_bar = background_bar.entries();
+        let own = self.coverage.count() * channels;
+        for (bar, &pixel) in out_bar[own..].chunks_exact(channels).zip(rim.iter()) {
+            let at = behind.entry(channels, pixel as usize);
+            let entries = &mut background_bar[at..at + channels];
+            entries.iter_mut().zip(bar).for_each(|(entry, &bar)| *entry += bar);
+        }
+        for (blend, entries, target) in found.placed(channels) {
+            let alpha = T::narrow(blend.alpha);
+            for (entry, sign) in entries.into_iter().zip([-T::ONE, T::ONE]) {
+                let Some(rim_entry) = entry.checked_sub(own) else { continue };
+                let at = behind.entry(channels, rim[rim_entry / channels] as usize);
+                for c in 0..channels {
+                    background_bar[at + c] += sign * (alpha * out_bar[target + c]);
+                }
+            }
+        }
     }
 
-    fn saved_bytes(&self, blends: &Self::Saved) -> usize {
-        size_of_val(blends.as_slice())
+    fn saved_bytes(&self, found: &Self::Saved) -> usize {
+        size_of_val(found.blends.as_slice())
+            + size_of_val(found.rows.as_slice())
+            + size_of_val(found.steps.as_slice())
+            + found.rim.as_ref().map_or(0, |rim| size_of_val(rim.as_slice()))
+    }
+}
+
+impl Antialias {
+    fn check<T: Scalar>(&self, inputs: &Inputs<'_, T>) -> Result<(), RenderError> {
+        let size = self.coverage.size();
+        let refused = |rule: String, shape: &Shape| {
+            Err(RenderError::Shape { operation: "antialias", rule, shape: shape.clone() })
+        };
+        if let (Picture::Layer(behind), 3) = (self.of, inputs.len()) {
+            behind.check("antialias", inputs.shape(2), size, inputs.shape(1)[1])?;
+        }
+        let image = inputs.shape(1);
+        let is_image = image.rank() == 3 && image[..2] == [size.height, size.width];
+        if matches!(self.of, Picture::Image) && !is_image {
+            return refused(
+                format!("an image of shape [{}, {}, C]", size.height, size.width),
+                image,
+            );
+        }
+        let (vertices, clip) = (self.coverage.mesh().vertex_count(), inputs.shape(0));
+        if **clip != [vertices, 4] {
+            return refused(format!("clip positions of shape [{vertices}, 4]"), clip);
+        }
+        Ok(())
     }
 }

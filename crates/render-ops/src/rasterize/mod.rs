@@ -4,17 +4,13 @@
 //! At the centre of each pixel, of all faces that cover it the nearest one (see `setup` for the
 //! coverage, `visibility` for the search). With the edge functions `a_i = q_j x q_k` of its vertices
 //! relative to the pixel centre: `u = a_0 / A`, `v = a_1 / A`, `A = a_0 + a_1 + a_2` are
-//! perspective-correct, and `depth = Z / W` with `Z = sum z_i a_i`, `W = sum w_i a_i`. All of this in
-//! [`Scalar::Wide`].
+//! perspective-correct. In [`Scalar::Wide`].
 //!
 //! # Backward
 //! With `m = u_bar u + v_bar v`: `a_bar_0 = (u_bar - m) / A`, `a_bar_1 = (v_bar - m) / A`,
-//! `a_bar_2 = -m / A`; from the depth `a_bar_i += depth_bar (z_i - depth w_i) / W`,
-//! `z_bar_i = depth_bar a_i / W`, `w_bar_i = -depth_bar depth a_i / W`. Then
-//! `q_bar_1 += a_bar_0 (q_2y, -q_2x)`, `q_bar_2 += a_bar_0 (-q_1y, q_1x)` and cyclic, and
-//! `x_bar_i = width q_bar_ix`, `y_bar_i = height q_bar_iy`, `w_bar_i -= X q_bar_ix + Y q_bar_iy`.
-//! All of them grow as 1 over the scale of the positions: terms beyond the range of the numbers
-//! make an entry infinite, with the sign of the first of them, and not NaN.
+//! `a_bar_2 = -m / A`; from there to the vertices as in `edge_functions`. The gradients grow as 1
+//! over the scale of the positions: terms beyond the range of the numbers make an entry infinite,
+//! with the sign of the first of them, and not NaN.
 //!
 //! # Where it is not smooth
 //! Which face a pixel sees is a step function of the vertices: its derivative is zero almost
@@ -35,12 +31,15 @@ use std::sync::Arc;
 
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 
+use self::setup::Corner;
 use self::visibility::Visibility;
+use crate::coverage::Coverage;
+use crate::edge_functions::{EdgeSums, LocalFace};
 use crate::error::RenderError;
-use crate::fragments::{Coverage, Fragments, NO_FRAGMENT};
-use crate::homogeneous::{Vertex, cross, missing_factors};
+use crate::face_sums::{FaceSums, Layout};
+use crate::fragments::Fragments;
+use crate::homogeneous::missing_factors;
 use crate::mesh::Mesh;
-use crate::runs::RunSums;
 use crate::size::Size;
 
 /// Which faces are left out by the side that they show. The front is the side from which the
@@ -94,10 +93,10 @@ pub fn rasterize<'t, T: Scalar>(
     let (outputs, coverage) =
         clip.tape().record_with(op, &[clip], |saved| saved.coverage.clone())?;
     let coverage = coverage.expect("forward has filled in the coverage");
-    Ok(Fragments { barycentrics: outputs[0], depth: outputs[1], coverage })
+    Ok(Fragments { barycentrics: outputs[0], clip, coverage })
 }
 
-/// Input: clip `[V, 4]`. Outputs: barycentrics `[N, 2]`, depth `[N]`.
+/// Input: clip `[V, 4]`. Output: barycentrics `[N, 2]`.
 struct Rasterize {
     mesh: Mesh,
     options: RasterOptions,
@@ -105,47 +104,35 @@ struct Rasterize {
 
 /// The coverage, shared with the fragments that were handed out, and the memory of the search.
 #[derive(Debug)]
-struct Saved<S> {
+struct Saved<T: Scalar> {
     coverage: Option<Arc<Coverage>>,
-    visibility: Visibility<S>,
+    visibility: Visibility<T>,
 }
 
-impl<S> Default for Saved<S> {
+impl<T: Scalar> Default for Saved<T> {
     fn default() -> Self {
         Self { coverage: None, visibility: Visibility::default() }
     }
 }
 
-impl<S> Saved<S> {
-    /// The coverage of an earlier step, to be written over, where nobody else holds it; else a new
-    /// one.
-    fn recycled(&mut self, mesh: &Mesh, size: Size) -> &mut Coverage {
-        if self.coverage.as_mut().and_then(Arc::get_mut).is_none() {
-            self.coverage = None;
-        }
-        let coverage = self.coverage.get_or_insert_with(|| {
-            Arc::new(Coverage {
-                mesh: mesh.clone(),
-                size,
-                faces: Vec::new(),
-                pixels: Vec::new(),
-                fragment_of_pixel: Vec::new(),
-                culled: Default::default(),
-            })
-        });
-        let coverage = Arc::get_mut(coverage).expect("nobody else holds it");
-        coverage.mesh = mesh.clone();
-        coverage.size = size;
-        coverage.faces.clear();
-        coverage.pixels.clear();
-        coverage.fragment_of_pixel.clear();
-        coverage.fragment_of_pixel.resize(size.pixels(), NO_FRAGMENT);
-        coverage
+/// The coverage of an earlier step, to be written over, where nobody else holds it; else a new one.
+fn recycled<'a>(
+    coverage: &'a mut Option<Arc<Coverage>>,
+    mesh: &Mesh,
+    size: Size,
+) -> &'a mut Coverage {
+    if coverage.as_mut().and_then(Arc::get_mut).is_none() {
+        *coverage = None;
     }
+    let coverage = coverage.get_or_insert_with(|| Arc::new(Coverage::empty(mesh.clone(), size)));
+    let coverage = Arc::get_mut(coverage).expect("nobody else holds it");
+    coverage.mesh = mesh.clone();
+    coverage.size = size;
+    coverage
 }
 
 impl<T: Scalar> Op<T> for Rasterize {
-    type Saved = Saved<T::Wide>;
+    type Saved = Saved<T>;
     type Error = RenderError;
 
     fn name(&self) -> &'static str {
@@ -172,27 +159,20 @@ impl<T: Scalar> Op<T> for Rasterize {
             return Err(RenderError::Position { vertex, x, y, z, w });
         }
 
-        saved.recycled(&self.mesh, self.options.size);
-        let coverage = saved.coverage.as_mut().and_then(Arc::get_mut).expect("just recycled");
-        let (bands, culled) = saved.visibility.run(clip, &self.mesh, self.options);
-        coverage.culled = culled;
-        let count = bands.iter().map(|band| band.fragments.len()).sum();
-        let [barycentrics, depth] = outputs.push_all([[count, 2].into(), [count].into()]);
-        let fragments = bands.iter().flat_map(|band| &band.fragments);
-        let entries = barycentrics.chunks_exact_mut(2).zip(depth);
-        for ((fragment, (barycentric, depth)), at) in fragments.zip(entries).zip(0..) {
-            coverage.faces.push(fragment.face);
-            coverage.pixels.push(fragment.pixel);
-            coverage.fragment_of_pixel[fragment.pixel as usize] = at;
-            barycentric[0] = T::narrow(fragment.sample.u);
-            barycentric[1] = T::narrow(fragment.sample.v);
-            *depth = T::narrow(fragment.sample.depth);
+        let Saved { coverage, visibility } = saved;
+        let coverage = recycled(coverage, &self.mesh, self.options.size);
+        visibility.run(clip, self.options, coverage);
+        let mut barycentrics = outputs.push([coverage.count(), 2]);
+        for band in visibility.bands() {
+            let (own, rest) = barycentrics.split_at_mut(band.barycentrics.len());
+            own.copy_from_slice(&band.barycentrics);
+            barycentrics = rest;
         }
         Ok(())
     }
 
     fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING.input(0)
+        Keep::NOTHING
     }
 
     fn backward(
@@ -202,86 +182,88 @@ impl<T: Scalar> Op<T> for Rasterize {
         gradients: &mut Accumulators<'_, T>,
     ) {
         let Some(clip_bar) = gradients.get(0) else { return };
-        let clip = kept.input(0);
-        let (barycentrics_bar, depth_bar) = (kept.upstream(0), kept.upstream(1));
-        let coverage = saved.coverage.as_ref().expect("forward has filled in the coverage");
-        let size = self.options.size;
-        let sums = RunSums { coverage, mesh: &self.mesh, width: 4 };
-        sums.add_to(clip_bar, |face, fragments: Range<usize>, sums| {
-            let (vertices, factors) = Vertex::of_face(clip, self.mesh.faces()[face], size);
-            for fragment in fragments {
-                let pixel = coverage.pixels[fragment] as usize;
-                let center = [size.center_x(pixel % size.width), size.center_y(pixel / size.width)];
-                let upstream = Upstream {
-                    uv: barycentrics_bar
-                        .map(|bar| [bar[2 * fragment], bar[2 * fragment + 1]].map(T::widen)),
-                    depth: depth_bar.map(|bar| bar[fragment].widen()),
-                };
-                upstream.pull_back(&vertices, factors, center, size, sums);
-            }
-            for (sums, &factor) in sums.chunks_exact_mut(4).zip(&factors) {
-                sums.iter_mut().for_each(|sum| *sum = factor * *sum);
-            }
-        });
+        let Saved { coverage, visibility } = saved;
+        let coverage = coverage.as_deref().expect("forward has filled in the coverage");
+        let pull_back =
+            PullBack { coverage, corners: &visibility.corners, uv_bar: kept.only_upstream() };
+        Layout { coverage, mesh: &self.mesh, width: 4 }.add_to(clip_bar, &pull_back);
     }
 
     fn saved_bytes(&self, saved: &Self::Saved) -> usize {
-        saved.coverage.as_ref().map_or(0, |coverage| {
-            size_of::<u32>()
-                * (coverage.faces.len() + coverage.pixels.len() + coverage.fragment_of_pixel.len())
-        })
+        saved.coverage.as_ref().map_or(0, |coverage| coverage.bytes())
     }
 }
 
-/// The upstream gradients of one fragment, those that are not zero for all.
-struct Upstream<S> {
-    uv: Option<[S; 2]>,
-    depth: Option<S>,
+/// From the gradients of u and v to those of the vertices.
+struct PullBack<'a, T: Scalar> {
+    coverage: &'a Coverage,
+    corners: &'a [Corner<T::Wide>],
+    uv_bar: &'a [T],
 }
 
-impl<S: Scalar<Wide = S>> Upstream<S> {
-    /// Adds the gradients with respect to (x, y, z, w) of the three vertices, as they are after
-    /// being multiplied by `factors`, to `sums: [3, 4]`.
-    #[inline]
-    fn pull_back(
-        &self,
-        vertices: &[Vertex<S>; 3],
-        factors: [S; 3],
-        center: [S; 2],
-        size: Size,
-        sums: &mut [S],
-    ) {
-        let q = vertices.map(|vertex| vertex.relative_to(center[0], center[1]));
-        let a = [cross(q[1], q[2]), cross(q[2], q[0]), cross(q[0], q[1])];
-        let mut a_bar = [S::ZERO; 3];
-        if let Some([u_bar, v_bar]) = self.uv {
-            // The weights are missing_i a_i, so a_bar_i gets that factor.
-            let missing = missing_factors(a, factors);
-            let weights: [S; 3] = std::array::from_fn(|k| missing[k] * a[k]);
-            let total = weights[0] + weights[1] + weights[2];
-            let m = (u_bar * weights[0] + v_bar * weights[1]) / total;
-            let weights_bar = [(u_bar - m) / total, (v_bar - m) / total, -m / total];
-            a_bar = std::array::from_fn(|k| missing[k] * weights_bar[k]);
+impl<T: Scalar> FaceSums<T::Wide> for PullBack<'_, T> {
+    #[inline(always)]
+    fn sum(&self, slot: usize, fragments: Range<usize>, rows: &mut [T::Wide]) {
+        let Coverage { mesh, size, slots, .. } = self.coverage;
+        let corners = mesh.faces()[slots[slot].face as usize]
+            .map(|vertex| &self.corners[vertex as usize]);
+        let factors = corners.map(|corner| corner.factor);
+        let origin = self.coverage.first_pixel_of(slot);
+        let vertices = corners.map(|corner| corner.vertex);
+        let face = LocalFace::new(vertices, factors, origin, *size);
+        let mut sums = EdgeSums::default();
+        for span in self.coverage.spans_within(slot, fragments) {
+            let [x, y] = face.place(span.pixel, *size);
+            let row = face.row(y);
+            let uv_bar = &self.uv_bar[2 * span.fragments.start..2 * span.fragments.end];
+            let [ones, xs] = if factors == [T::Wide::ONE; 3] {
+                sum_row(row, x, uv_bar, |a, uv_bar| weights_bar(a, uv_bar))
+            } else {
+                // The weights are missing_i a_i, so a_bar_i gets that factor.
+                sum_row(row, x, uv_bar, |a, uv_bar| {
+                    let missing = missing_factors(a, factors);
+                    let weights = std::array::from_fn(|i| missing[i] * a[i]);
+                    let weights_bar = weights_bar(weights, uv_bar);
+                    std::array::from_fn(|i| missing[i] * weights_bar[i])
+                })
+            };
+            sums.add_row(ones, xs, y);
         }
-        if let Some(depth_bar) = self.depth {
-            let w: S = (0..3).map(|i| vertices[i].w * a[i]).sum();
-            let z: S = (0..3).map(|i| vertices[i].z * a[i]).sum();
-            let (depth, scale) = (z / w, depth_bar / w);
-            for i in 0..3 {
-                a_bar[i] += scale * (vertices[i].z - depth * vertices[i].w);
-                sums[4 * i + 2] += scale * a[i];
-                sums[4 * i + 3] -= scale * depth * a[i];
-            }
+        for (i, row) in rows.chunks_exact_mut(4).enumerate() {
+            let [x_bar, y_bar, w_bar] = face.pull_back(&sums, i, *size);
+            row.copy_from_slice(&[x_bar, y_bar, T::Wide::ZERO, w_bar]);
         }
-        let (width, height) = (S::from_f64(size.width as f64), S::from_f64(size.height as f64));
+    }
+}
+
+/// The sums of `a_bar` and of `x a_bar` over neighbouring pixels of a row, whose edge functions
+/// are `row`, from the first one's `x` on.
+#[inline(always)]
+fn sum_row<T: Scalar>(
+    row: [[T::Wide; 2]; 3],
+    mut x: T::Wide,
+    uv_bar: &[T],
+    a_bar: impl Fn([T::Wide; 3], [T::Wide; 2]) -> [T::Wide; 3],
+) -> [[T::Wide; 3]; 2] {
+    let two = T::Wide::from_f64(2.0);
+    let mut ones = [T::Wide::ZERO; 3];
+    let mut xs = [T::Wide::ZERO; 3];
+    for uv_bar in uv_bar.chunks_exact(2) {
+        let a = row.map(|[start, slope]| start + slope * x);
+        let a_bar = a_bar(a, [uv_bar[0].widen(), uv_bar[1].widen()]);
         for i in 0..3 {
-            // Vertex i is the second of one edge function and the first of another.
-            let (j, k) = ((i + 1) % 3, (i + 2) % 3);
-            let x_bar = a_bar[k] * q[j][1] - a_bar[j] * q[k][1];
-            let y_bar = a_bar[j] * q[k][0] - a_bar[k] * q[j][0];
-            sums[4 * i] += width * x_bar;
-            sums[4 * i + 1] += height * y_bar;
-            sums[4 * i + 3] -= center[0] * x_bar + center[1] * y_bar;
+            ones[i] += a_bar[i];
+            xs[i] += x * a_bar[i];
         }
+        x += two;
     }
+    [ones, xs]
+}
+
+/// The gradients of weights that are not normalized from those of u and v.
+#[inline(always)]
+fn weights_bar<S: Scalar>(weights: [S; 3], [u_bar, v_bar]: [S; 2]) -> [S; 3] {
+    let scale = S::ONE / (weights[0] + weights[1] + weights[2]);
+    let m = (u_bar * weights[0] + v_bar * weights[1]) * scale;
+    [(u_bar - m) * scale, (v_bar - m) * scale, -m * scale]
 }

@@ -20,15 +20,122 @@
 use bokashi_core::Scalar;
 
 use super::{Cull, RasterOptions};
-use crate::fragments::Culled;
 use crate::homogeneous::{Vertex, cross, missing_factors};
-use crate::mesh::{Mesh, repeats_a_vertex};
 use crate::size::Size;
 
-/// A face that may cover pixels.
+/// A vertex, and what every face at it asks of it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Corner<S> {
+    pub(super) vertex: Vertex<S>,
+    /// What the vertex was multiplied by.
+    pub(super) factor: S,
+    /// The view's bounding planes that it lies beyond, one bit each.
+    beyond: u8,
+    /// In pixels from the centre of the first one; means nothing behind the eye.
+    pixel: [f64; 2],
+}
+
+/// The bit of [`Corner::beyond`] for a vertex behind the eye.
+const BEHIND: u8 = 1;
+
+impl<S: Scalar<Wide = S>> Corner<S> {
+    /// Vertex `index` of `clip: [V, 4]`.
+    #[inline(always)]
+    pub(super) fn of<T: Scalar<Wide = S>>(clip: &[T], index: u32, size: Size) -> Self {
+        let (vertex, factor) = Vertex::of(clip, index, size);
+        let Vertex { x, y, z, w } = vertex;
+        let (right, top) =
+            (S::from_f64(size.width as f64) * w, S::from_f64(size.height as f64) * w);
+        let planes = [w <= S::ZERO, x > right, x < -right, y > top, y < -top, z > w, z < -w];
+        let beyond = (0..).zip(planes).map(|(bit, beyond)| u8::from(beyond) << bit).sum();
+        let pixel = |scaled: S, extent: usize| 0.5 * (scaled.to_f64() + extent as f64 - 1.0);
+        let pixel = [pixel(x / w, size.width), pixel(-y / w, size.height)];
+        Self { vertex, factor, beyond, pixel }
+    }
+}
+
+/// What becomes of a face.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Fate {
+    /// Its area is zero within rounding, or it repeats a vertex.
+    Degenerate,
+    /// All of it lies beside the image, behind the eye, or outside the depth range.
+    Outside,
+    /// It turns the side away that is not drawn.
+    Facing,
+    /// It can touch pixels in these columns and rows, first and last; in none where the last
+    /// comes before the first.
+    Drawn {
+        columns: [u32; 2],
+        rows: [u32; 2],
+    },
+}
+
+/// The sign of a face's area as it is seen, and what becomes of the face.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Verdict {
+    pub(super) orientation: i8,
+    pub(super) fate: Fate,
+}
+
+impl Verdict {
+    /// On a face that repeats no vertex.
+    #[inline(always)]
+    pub(super) fn of<S: Scalar<Wide = S>>(corners: [&Corner<S>; 3], options: RasterOptions) -> Self {
+        let [p, q, r] = corners.map(|corner| corner.vertex);
+        // The determinant of the three vertices.
+        let [e, ex, ey] = edge(q, r);
+        let determinant = p.w * e + p.x * ex + p.y * ey;
+        let orientation = i8::from(determinant > S::ZERO) - i8::from(determinant < S::ZERO);
+        let [a, b, c] = corners.map(|corner| corner.beyond);
+        let fate = if a & b & c != 0 {
+            Fate::Outside
+        } else if is_within_rounding(determinant, [p, q, r], options.size) {
+            Fate::Degenerate
+        } else if options.cull == Cull::Back && orientation < 0
+            || options.cull == Cull::Front && orientation > 0
+        {
+            Fate::Facing
+        } else if (a | b | c) & BEHIND != 0 {
+            // Part of the face is behind the eye: its outline is not that of its vertices.
+            let Size { width, height } = options.size;
+            Fate::Drawn { columns: [0, width as u32 - 1], rows: [0, height as u32 - 1] }
+        } else {
+            let touched =
+                |axis, extent| touched(corners.map(|corner| corner.pixel[axis]), extent);
+            let Size { width, height } = options.size;
+            Fate::Drawn { columns: touched(0, width), rows: touched(1, height) }
+        };
+        Self { orientation, fate }
+    }
+}
+
+/// Whether a determinant's sign is an accident of rounding. `D = sum_i w_i a_i`, so its rounding
+/// errors are below `sum_i |w_i| doubt_i`.
+#[inline(always)]
+fn is_within_rounding<S: Scalar<Wide = S>>(
+    determinant: S,
+    vertices: [Vertex<S>; 3],
+    size: Size,
+) -> bool {
+    let noise: S = (0..3)
+        .map(|k| {
+            vertices[k].w.abs() * doubt(vertices[(k + 1) % 3], vertices[(k + 2) % 3], size)
+        })
+        .sum();
+    // Not `>`: a determinant that is not a number decides nothing.
+    !(determinant.abs() > noise)
+}
+
+/// The coefficients of the edge function from `p` to `q`: of 1, X and Y.
+#[inline(always)]
+fn edge<S: Scalar>(p: Vertex<S>, q: Vertex<S>) -> [S; 3] {
+    [p.x * q.y - p.y * q.x, p.y * q.w - p.w * q.y, p.w * q.x - p.x * q.w]
+}
+
+/// A face whose pixels are visited.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Setup<S> {
-    pub(super) face: u32,
     vertices: [Vertex<S>; 3],
     /// What the vertices were multiplied by.
     factors: [S; 3],
@@ -38,146 +145,296 @@ pub(super) struct Setup<S> {
     edges: [[S; 3]; 3],
     /// The size below which the sign of an edge function is in doubt.
     doubt: [S; 3],
-    /// Whether a pixel centre exactly on the edge is covered.
-    owns_edge: [bool; 3],
-    /// The columns and rows, first and last, that the face can touch.
-    pub(super) columns: [usize; 2],
-    pub(super) rows: [usize; 2],
+    /// Columns per unit of an edge function: how far along a row it takes to change by 1. For
+    /// [`Setup::cover_span`].
+    columns_per_unit: [f64; 3],
+    /// Whether some pixel that was covered had to be settled.
+    pub(super) has_doubtful: bool,
 }
 
-/// What a pixel centre sees of a face.
+/// Pixels of a row that are drawn at once.
+pub(super) const LANES: usize = 4;
+
+/// The edge functions along a row of pixel centres.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Sample<S> {
-    pub(super) u: S,
-    pub(super) v: S,
-    /// z / w.
-    pub(super) depth: S,
+pub(super) struct Row<S> {
+    y: S,
+    /// The values at X = 0.
+    starts: [S; 3],
+    /// How they change with X.
+    slopes: [S; 3],
+}
+
+impl<S: Scalar<Wide = S>> Row<S> {
+    /// The edge functions at `x`.
+    #[inline(always)]
+    fn at(&self, x: S) -> [S; 3] {
+        [
+            self.starts[0] + self.slopes[0] * x,
+            self.starts[1] + self.slopes[1] * x,
+            self.starts[2] + self.slopes[2] * x,
+        ]
+    }
 }
 
 impl<S: Scalar<Wide = S>> Setup<S> {
-    /// The setup of face `face`, or `None`, counted in `culled`, where it covers nothing.
-    pub(super) fn of<T: Scalar<Wide = S>>(
-        clip: &[T],
-        mesh: &Mesh,
-        face: usize,
-        options: RasterOptions,
-        culled: &mut Culled,
-    ) -> Option<Self> {
-        let indices = mesh.faces()[face];
-        if repeats_a_vertex(indices) {
-            culled.degenerate += 1;
-            return None;
+    /// Of a face of that orientation, 1 or -1.
+    #[inline(always)]
+    pub(super) fn of(corners: [&Corner<S>; 3], orientation: i8, size: Size) -> Self {
+        let vertices = corners.map(|corner| corner.vertex);
+        let sign = S::from_f64(f64::from(orientation));
+        let [p, q, r] = vertices;
+        let edges = [edge(q, r), edge(r, p), edge(p, q)];
+        let edges = edges.map(|[e, ex, ey]| [sign * e, sign * ex, sign * ey]);
+        Self {
+            vertices,
+            factors: corners.map(|corner| corner.factor),
+            sign,
+            edges,
+            doubt: [doubt(q, r, size), doubt(r, p, size), doubt(p, q, size)],
+            columns_per_unit: [0.0; 3],
+            has_doubtful: false,
         }
-        let (vertices, factors) = Vertex::of_face(clip, indices, options.size);
-        let Some((columns, rows)) = touched_pixels(&vertices, options.size) else {
-            culled.outside += 1;
-            return None;
-        };
-
-        let edges: [[S; 3]; 3] = std::array::from_fn(|corner| {
-            let (p, q) = (vertices[(corner + 1) % 3], vertices[(corner + 2) % 3]);
-            [p.x * q.y - p.y * q.x, p.y * q.w - p.w * q.y, p.w * q.x - p.x * q.w]
-        });
-        let doubt: [S; 3] = std::array::from_fn(|corner| {
-            doubt(vertices[(corner + 1) % 3], vertices[(corner + 2) % 3], options.size)
-        });
-        // D = sum_i w_i a_i, so its rounding errors are below sum_i |w_i| doubt_i; where it is no
-        // larger, its sign is one of them.
-        let first = vertices[0];
-        let determinant = first.w * edges[0][0] + first.x * edges[0][1] + first.y * edges[0][2];
-        let noise: S =
-            vertices.iter().zip(doubt).map(|(vertex, doubt)| vertex.w.abs() * doubt).sum();
-        if determinant.abs() <= noise {
-            culled.degenerate += 1;
-            return None;
-        }
-        let front = determinant > S::ZERO;
-        match options.cull {
-            Cull::Back if !front => culled.facing += 1,
-            Cull::Front if front => culled.facing += 1,
-            _ => {
-                let sign = if front { S::ONE } else { -S::ONE };
-                let edges = edges.map(|edge| edge.map(|e| sign * e));
-                let owns_edge =
-                    edges.map(|[_, ex, ey]| ex > S::ZERO || ex == S::ZERO && ey < S::ZERO);
-                let face = face as u32;
-                return Some(Self {
-                    face,
-                    vertices,
-                    factors,
-                    sign,
-                    edges,
-                    doubt,
-                    owns_edge,
-                    columns,
-                    rows,
-                });
-            }
-        }
-        None
     }
 
-    /// The parts of the edge functions that a row of pixel centres shares.
+    /// Prepares [`Setup::cover_span`].
+    #[inline(always)]
+    pub(super) fn prepare_spans(&mut self) {
+        // A column is two units wide.
+        self.columns_per_unit = self.edges.map(|[_, ex, _]| 0.5 / ex.to_f64());
+    }
+
+    /// The edge functions along the row of pixel centres at `y`.
+    #[inline(always)]
     pub(super) fn row(&self, y: S) -> Row<S> {
-        Row { y, edges: self.edges.map(|[e, _, ey]| e + ey * y) }
+        let [a, b, c] = &self.edges;
+        Row {
+            y,
+            starts: [a[0] + a[2] * y, b[0] + b[2] * y, c[0] + c[2] * y],
+            slopes: [a[1], b[1], c[1]],
+        }
     }
 
-    /// The sample at column position `x` of a row, where the face covers it and its depth is
-    /// within the depth range.
-    #[inline]
-    pub(super) fn sample(&self, row: &Row<S>, x: S) -> Option<Sample<S>> {
-        let mut a = [S::ZERO; 3];
+    /// Of `columns`, first and end, those that the face may cover in a row: where each edge
+    /// function is above minus its doubt. `centers` are the X of all columns.
+    ///
+    /// As it is rounded, an edge function rises or falls all along a row, so these are neighbours;
+    /// a division says where they end to within a column, and the edge function itself where
+    /// exactly.
+    #[inline(always)]
+    fn span(&self, row: &Row<S>, columns: [usize; 2], centers: &[S]) -> [usize; 2] {
+        let [mut first, mut end] = columns;
+        let middle = 0.5 * (centers.len() as f64 - 1.0);
         for k in 0..3 {
-            a[k] = row.edges[k] + self.edges[k][1] * x;
-            if a[k] < -self.doubt[k] {
-                return None;
+            let (start, slope) = (row.starts[k], row.slopes[k]);
+            let bound = -self.doubt[k];
+            let is_in = |column: usize| start + slope * centers[column] >= bound;
+            // Rounded to the nearest column. Where it is not a number it bounds nothing.
+            let estimate = middle + (bound - start).to_f64() * self.columns_per_unit[k];
+            let estimate = (estimate + 0.5).floor();
+            if slope > S::ZERO {
+                first = estimate.max(first as f64).min(end as f64) as usize;
+                while first < end && !is_in(first) {
+                    first += 1;
+                }
+            } else if slope < S::ZERO {
+                end = (estimate + 1.0).min(end as f64).max(first as f64) as usize;
+                while first < end && !is_in(end - 1) {
+                    end -= 1;
+                }
+            } else if !(start >= bound) {
+                return [first, first];
             }
         }
-        if (0..3).any(|k| a[k] <= self.doubt[k]) {
-            a = self.settle(a, x, row.y)?;
-        }
-        let sum = |term: fn(&Vertex<S>) -> S| -> S {
-            let [p, q, r] = &self.vertices;
-            term(p) * a[0] + term(q) * a[1] + term(r) * a[2]
-        };
-        let depth = sum(|vertex| vertex.z) / sum(|vertex| vertex.w);
-        let visible = depth >= -S::ONE && depth <= S::ONE;
-        visible.then(|| {
-            let missing = missing_factors(a, self.factors);
-            let weights: [S; 3] = std::array::from_fn(|k| missing[k] * a[k]);
-            let total = weights[0] + weights[1] + weights[2];
-            Sample { u: weights[0] / total, v: weights[1] / total, depth }
-        })
+        [first, end]
     }
 
-    /// The edge functions `a` at a point on an edge or near it, those in doubt worked out again;
-    /// `None` where the point is not covered.
-    #[cold]
-    fn settle(&self, mut a: [S; 3], x: S, y: S) -> Option<[S; 3]> {
-        let q = self.vertices.map(|vertex| vertex.relative_to(x, y));
+    /// Where in `span` no edge function is in doubt: those in doubt are the first or the last.
+    #[inline(always)]
+    pub(super) fn certain(&self, row: &Row<S>, span: [usize; 2], centers: &[S]) -> [usize; 2] {
+        let [mut first, mut end] = span;
+        while first < end && self.is_in_doubt(row.at(centers[first])) {
+            first += 1;
+        }
+        while first < end && self.is_in_doubt(row.at(centers[end - 1])) {
+            end -= 1;
+        }
+        [first, end]
+    }
+
+    #[inline(always)]
+    fn is_in_doubt(&self, a: [S; 3]) -> bool {
+        a[0] <= self.doubt[0] || a[1] <= self.doubt[1] || a[2] <= self.doubt[2]
+    }
+
+    /// The edge functions at a point in doubt, those that are worked out again; `None` where the
+    /// point is not covered.
+    pub(super) fn settled(&self, row: &Row<S>, x: S) -> Option<[S; 3]> {
+        let mut a = row.at(x);
+        let q = self.vertices.map(|vertex| vertex.relative_to(x, row.y));
         for k in 0..3 {
             if a[k] <= self.doubt[k] {
                 a[k] = self.sign * cross(q[(k + 1) % 3], q[(k + 2) % 3]);
             }
-            let inside = a[k] > S::ZERO || a[k] == S::ZERO && self.owns_edge[k];
+            let [_, ex, ey] = self.edges[k];
+            let owns_edge = ex > S::ZERO || ex == S::ZERO && ey < S::ZERO;
+            let inside = a[k] > S::ZERO || a[k] == S::ZERO && owns_edge;
             if !inside {
                 return None;
             }
         }
         Some(a)
     }
-}
 
-/// The parts of the edge functions that a row of pixel centres shares.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Row<S> {
-    y: S,
-    edges: [S; 3],
+    /// z / w where the edge functions are `a`.
+    #[inline(always)]
+    fn depth(&self, a: [S; 3]) -> S {
+        let [p, q, r] = &self.vertices;
+        (p.z * a[0] + q.z * a[1] + r.z * a[2]) / (p.w * a[0] + q.w * a[1] + r.w * a[2])
+    }
+
+    /// Draws a row of pixels among `columns`, first and end: where its depth is smaller than in
+    /// `depths` it takes its place, and `face` that in `faces`. Returns columns, first and end,
+    /// beyond which it covers nothing.
+    #[inline(always)]
+    pub(super) fn cover_span(
+        &mut self,
+        row: &Row<S>,
+        columns: [usize; 2],
+        centers: &[S],
+        depths: &mut [S],
+        faces: &mut [u32],
+        face: u32,
+    ) -> [usize; 2] {
+        let [first, end] = self.span(row, columns, centers);
+        if first >= end {
+            return [centers.len(), 0];
+        }
+        let [inside, inside_end] = self.certain(row, [first, end], centers);
+        let within = inside..inside_end;
+        let pixels = depths[within.clone()].iter_mut().zip(&mut faces[within.clone()]);
+        for ((nearest, seen), &x) in pixels.zip(&centers[within]) {
+            let depth = self.depth(row.at(x));
+            let is_nearer = depth < *nearest && depth >= -S::ONE;
+            *nearest = if is_nearer { depth } else { *nearest };
+            *seen = if is_nearer { face } else { *seen };
+        }
+        for column in (first..inside).chain(inside_end..end) {
+            let pixel = (&mut depths[column], &mut faces[column]);
+            self.cover_doubtful(row, centers[column], pixel, face);
+        }
+        [first, end]
+    }
+
+    /// As [`Setup::cover_span`], in blocks of [`LANES`] pixels, for images that have as many
+    /// columns.
+    #[inline(always)]
+    pub(super) fn cover_blocks(
+        &mut self,
+        row: &Row<S>,
+        [first, end]: [usize; 2],
+        centers: &[S],
+        depths: &mut [S],
+        faces: &mut [u32],
+        face: u32,
+    ) -> [usize; 2] {
+        let mut reached = [centers.len(), 0];
+        for start in (first..end).step_by(LANES) {
+            // At the right border a block starts further left; pixels that the face doesn't
+            // cover are left as they are, and those drawn before are not nearer than themselves.
+            let start = start.min(centers.len() - LANES);
+            let x: &[S; LANES] = centers[start..].first_chunk().expect("a block of columns");
+            let nearest: &mut [S; LANES] =
+                depths[start..].first_chunk_mut().expect("a block of columns");
+            let seen: &mut [u32; LANES] =
+                faces[start..].first_chunk_mut().expect("a block of columns");
+            let (mut is_in, mut is_certain) = ([true; LANES], [true; LANES]);
+            for k in 0..3 {
+                for lane in 0..LANES {
+                    let a = row.starts[k] + row.slopes[k] * x[lane];
+                    is_in[lane] &= a >= -self.doubt[k];
+                    is_certain[lane] &= a > self.doubt[k];
+                }
+            }
+            if is_in == [false; LANES] {
+                continue;
+            }
+            let depth: [S; LANES] = std::array::from_fn(|lane| self.depth(row.at(x[lane])));
+            for lane in 0..LANES {
+                let is_nearer =
+                    is_certain[lane] & (depth[lane] < nearest[lane]) & (depth[lane] >= -S::ONE);
+                nearest[lane] = if is_nearer { depth[lane] } else { nearest[lane] };
+                seen[lane] = if is_nearer { face } else { seen[lane] };
+            }
+            if is_in != is_certain {
+                for lane in (0..LANES).filter(|&lane| is_in[lane] && !is_certain[lane]) {
+                    let pixel = (&mut nearest[lane], &mut seen[lane]);
+                    self.cover_doubtful(row, x[lane], pixel, face);
+                }
+            }
+            reached = [reached[0].min(start), start + LANES];
+        }
+        reached
+    }
+
+    /// Draws one pixel where an edge function is in doubt.
+    #[cold]
+    #[inline(never)]
+    fn cover_doubtful(&mut self, row: &Row<S>, x: S, pixel: (&mut S, &mut u32), face: u32) {
+        let Some(a) = self.settled(row, x) else { return };
+        let depth = self.depth(a);
+        if depth < *pixel.0 && depth >= -S::ONE {
+            self.has_doubtful = true;
+            (*pixel.0, *pixel.1) = (depth, face);
+        }
+    }
+
+    /// The weights u and v of neighbouring pixels of a row that it covers, into
+    /// `barycentrics: [n, 2]`.
+    #[inline(always)]
+    pub(super) fn weigh<T: Scalar<Wide = S>>(
+        &self,
+        row: &Row<S>,
+        centers: &[S],
+        barycentrics: &mut [T],
+    ) {
+        let pairs = barycentrics.chunks_exact_mut(2);
+        if self.has_doubtful || self.factors != [S::ONE; 3] {
+            return self.weigh_one_by_one(row, centers, barycentrics);
+        }
+        for (pair, &x) in pairs.zip(centers) {
+            let a = row.at(x);
+            let total = a[0] + a[1] + a[2];
+            (pair[0], pair[1]) = (T::narrow(a[0] / total), T::narrow(a[1] / total));
+        }
+    }
+
+    /// [`Setup::weigh`] where pixels may be in doubt, or vertices were multiplied.
+    #[cold]
+    #[inline(never)]
+    fn weigh_one_by_one<T: Scalar<Wide = S>>(
+        &self,
+        row: &Row<S>,
+        centers: &[S],
+        barycentrics: &mut [T],
+    ) {
+        for (pair, &x) in barycentrics.chunks_exact_mut(2).zip(centers) {
+            let mut a = row.at(x);
+            if self.is_in_doubt(a) {
+                a = self.settled(row, x).expect("it was covered a moment ago");
+            }
+            let missing = missing_factors(a, self.factors);
+            let weights: [S; 3] = std::array::from_fn(|k| missing[k] * a[k]);
+            let total = weights[0] + weights[1] + weights[2];
+            (pair[0], pair[1]) = (T::narrow(weights[0] / total), T::narrow(weights[1] / total));
+        }
+    }
 }
 
 /// More than the rounding errors of the edge function from `p` to `q` anywhere in the image, from
 /// its coefficients or from the vertices relative to a pixel centre: some ten roundings of products
 /// of at most this size. The same for `q` to `p`.
+#[inline(always)]
 fn doubt<S: Scalar<Wide = S>>(p: Vertex<S>, q: Vertex<S>, size: Size) -> S {
     let (width, height) = (S::from_f64(size.width as f64), S::from_f64(size.height as f64));
     let extent = |vertex: Vertex<S>| {
@@ -188,43 +445,14 @@ fn doubt<S: Scalar<Wide = S>>(p: Vertex<S>, q: Vertex<S>, size: Size) -> S {
     S::from_f64(8.0 * f64::EPSILON) * (px * qy + py * qx)
 }
 
-/// The columns and rows, first and last, that a face can touch; `None` where all of it lies beside
-/// the image, behind the eye, or outside the depth range.
-fn touched_pixels<S: Scalar<Wide = S>>(
-    vertices: &[Vertex<S>; 3],
-    size: Size,
-) -> Option<([usize; 2], [usize; 2])> {
-    let (width, height) = (S::from_f64(size.width as f64), S::from_f64(size.height as f64));
-    let all = |outside: fn(&Vertex<S>, S) -> bool, extent: S| {
-        vertices.iter().all(|vertex| outside(vertex, extent * vertex.w))
-    };
-    if all(|vertex, _| vertex.w <= S::ZERO, S::ONE)
-        || all(|vertex, edge| vertex.x > edge, width)
-        || all(|vertex, edge| vertex.x < -edge, width)
-        || all(|vertex, edge| vertex.y > edge, height)
-        || all(|vertex, edge| vertex.y < -edge, height)
-        || all(|vertex, edge| vertex.z > edge, S::ONE)
-        || all(|vertex, edge| vertex.z < -edge, S::ONE)
-    {
-        return None;
-    }
-    if vertices.iter().any(|vertex| vertex.w <= S::ZERO) {
-        // Part of the face is behind the eye: its outline is not that of its vertices.
-        return Some(([0, size.width - 1], [0, size.height - 1]));
-    }
-    let columns = touched(vertices.map(|vertex| vertex.x / vertex.w), size.width)?;
-    let rows = touched(vertices.map(|vertex| -vertex.y / vertex.w), size.height)?;
-    Some((columns, rows))
-}
-
 /// The first and last of `extent` pixels whose centres can lie between the smallest and the
-/// largest of scaled coordinates.
-fn touched<S: Scalar>(scaled: [S; 3], extent: usize) -> Option<[usize; 2]> {
-    let pixel = scaled.map(|s| 0.5 * (s.to_f64() + extent as f64 - 1.0));
-    let low = pixel.into_iter().fold(f64::INFINITY, f64::min);
-    let high = pixel.into_iter().fold(f64::NEG_INFINITY, f64::max);
-    // Rounded outwards by up to a pixel, which makes up for the roundings of the division.
-    let first = low.floor().max(0.0);
-    let last = high.ceil().min(extent as f64 - 1.0);
-    (first <= last).then_some([first as usize, last as usize])
+/// largest of three coordinates in pixels; where there is none, the last comes before the first.
+#[inline(always)]
+fn touched(pixel: [f64; 3], extent: usize) -> [u32; 2] {
+    // Far more than the roundings of a coordinate within the image, far less than a pixel.
+    const MARGIN: f64 = 1e-6;
+    let low = pixel[0].min(pixel[1]).min(pixel[2]) - MARGIN;
+    let high = pixel[0].max(pixel[1]).max(pixel[2]) + MARGIN;
+    let (first, last) = (low.ceil().max(0.0), high.floor().min(extent as f64 - 1.0));
+    if first <= last { [first as u32, last as u32] } else { [1, 0] }
 }

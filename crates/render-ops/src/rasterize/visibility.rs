@@ -1,117 +1,416 @@
 //! Which face each pixel centre sees.
 //!
 //! The image is cut into bands of rows. Each band has a list of the faces that can touch it, in
-//! the order of their indices, and keeps the nearest sample per pixel; of equal depths the lower
-//! face index wins, since it came first. Bands are independent of each other, and their fragments
-//! are joined in order, so that nothing depends on the number of threads.
+//! the order of their indices, and keeps the nearest depth per pixel; of equal depths the lower
+//! face index wins, since it came first. Then it is read off as runs, with their weights. Pixels
+//! that no face's rows reached are neither cleared nor read.
+//!
+//! Bands are independent of each other and joined in order, so nothing depends on the number of
+//! threads. Some share a canvas, so that its memory stays in a core's cache.
+
+use std::ops::Range;
 
 use bokashi_core::Scalar;
-use bokashi_core::parallel::for_each_item_mut;
+use bokashi_core::parallel::{for_each_item_mut, for_each_piece_mut};
 
 use super::RasterOptions;
-use super::setup::{Sample, Setup};
-use crate::fragments::Culled;
-use crate::mesh::Mesh;
+use super::setup::{Corner, Fate, LANES, Setup, Verdict};
+use crate::coverage::{Coverage, Culled, Run, Slot};
+use crate::mesh::{Mesh, repeats_a_vertex};
 use crate::size::Size;
 
-/// Pixels in one band, rounded to whole rows: enough work to be worth a thread.
+/// Pixels in one band, rounded to whole rows: its depths and faces stay in a core's cache, and it
+/// is enough work to be worth a thread.
 const PIXELS_PER_BAND: usize = 1 << 14;
+
+/// The largest number of canvases: several per thread of most machines.
+const MOST_CANVASES: usize = 16;
+
+/// Vertices or faces in one piece of work: some tens of microseconds.
+const ITEMS_PER_PIECE: usize = 1 << 12;
+
+/// Faces of up to so many columns are drawn in blocks of pixels: it costs less to visit some that
+/// they don't cover than to find where a row of them starts and ends.
+const COLUMNS_IN_BLOCKS: usize = 16;
+
+/// Stands for "no face".
+const NO_FACE: u32 = u32::MAX;
 
 /// The stages of rasterization, with their memory, which the next step uses again.
 #[derive(Debug)]
-pub(super) struct Visibility<S> {
-    setups: Vec<Setup<S>>,
-    bands: Vec<Band<S>>,
+pub(super) struct Visibility<T: Scalar> {
+    pub(super) corners: Vec<Corner<T::Wide>>,
+    verdicts: Vec<Verdict>,
+    /// The X of each column's pixel centres.
+    centers: Vec<T::Wide>,
+    /// Per band: the faces that can touch it.
+    faces: Vec<Vec<u32>>,
+    canvases: Vec<Canvas<T>>,
 }
 
-impl<S> Default for Visibility<S> {
+impl<T: Scalar> Default for Visibility<T> {
     fn default() -> Self {
-        Self { setups: Vec::new(), bands: Vec::new() }
+        Self {
+            corners: Vec::new(),
+            verdicts: Vec::new(),
+            centers: Vec::new(),
+            faces: Vec::new(),
+            canvases: Vec::new(),
+        }
     }
 }
 
-/// A band of rows.
-#[derive(Debug)]
-pub(super) struct Band<S> {
-    /// Positions in the list of setups.
-    setups: Vec<u32>,
-    /// Per pixel: the nearest sample so far and its face.
-    nearest: Vec<Option<(u32, Sample<S>)>>,
-    /// The covered pixels, in order, with what they see.
-    pub(super) fragments: Vec<Fragment<S>>,
+/// What the stages share.
+struct View<'a, T: Scalar> {
+    mesh: &'a Mesh,
+    size: Size,
+    corners: &'a [Corner<T::Wide>],
+    verdicts: &'a [Verdict],
+    centers: &'a [T::Wide],
+    /// Rows per band.
+    rows: usize,
 }
 
-/// A covered pixel.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Fragment<S> {
-    pub(super) pixel: u32,
-    pub(super) face: u32,
-    pub(super) sample: Sample<S>,
+impl<'a, T: Scalar> View<'a, T> {
+    #[inline(always)]
+    fn corners_of(&self, face: usize) -> [&'a Corner<T::Wide>; 3] {
+        self.mesh.faces()[face].map(|vertex| &self.corners[vertex as usize])
+    }
 }
 
-impl<S: Scalar<Wide = S>> Visibility<S> {
-    /// Finds the fragments of each band; they are left in the bands.
-    pub(super) fn run<T: Scalar<Wide = S>>(
+impl<T: Scalar> Visibility<T> {
+    /// Finds the runs, and their weights, which the bands hold.
+    pub(super) fn run(
         &mut self,
         clip: &[T],
-        mesh: &Mesh,
         options: RasterOptions,
-    ) -> (&[Band<S>], Culled) {
-        let mut culled = Culled::default();
-        self.setups.clear();
-        self.setups.extend(
-            (0..mesh.faces().len())
-                .filter_map(|face| Setup::of(clip, mesh, face, options, &mut culled)),
-        );
+        coverage: &mut Coverage,
+    ) {
+        let Self { corners, verdicts, centers, faces, canvases } = self;
+        let Coverage { mesh, size, .. } = &*coverage;
+        let (mesh, size) = (&mesh.clone(), *size);
 
-        let size = options.size;
-        let band_rows = PIXELS_PER_BAND.div_ceil(size.width);
-        let band_count = size.height.div_ceil(band_rows);
-        self.bands.resize_with(band_count, || Band {
-            setups: Vec::new(),
-            nearest: Vec::new(),
-            fragments: Vec::new(),
-        });
-        self.bands.iter_mut().for_each(|band| band.setups.clear());
-        for (at, setup) in (0..).zip(&self.setups) {
-            for band in &mut self.bands[setup.rows[0] / band_rows..=setup.rows[1] / band_rows] {
-                band.setups.push(at);
+        resize(corners, mesh.vertex_count(), || Corner::of(&[T::ZERO; 4], 0, size));
+        for_each_piece_mut(corners, ITEMS_PER_PIECE, |piece, corners| {
+            let first = piece * ITEMS_PER_PIECE;
+            for (index, corner) in (first as u32..).zip(corners) {
+                *corner = Corner::of(clip, index, size);
             }
-        }
-        let setups = &self.setups;
-        for_each_item_mut(&mut self.bands, |k, band| {
-            let first_row = k * band_rows;
-            let last_row = (first_row + band_rows).min(size.height) - 1;
-            band.run(setups, size, [first_row, last_row]);
         });
-        (&self.bands, culled)
+        let degenerate = Verdict { orientation: 0, fate: Fate::Degenerate };
+        resize(verdicts, mesh.faces().len(), || degenerate);
+        for_each_piece_mut(verdicts, ITEMS_PER_PIECE, |piece, verdicts| {
+            let faces = &mesh.faces()[piece * ITEMS_PER_PIECE..];
+            for (&face, verdict) in faces.iter().zip(verdicts) {
+                *verdict = if repeats_a_vertex(face) {
+                    degenerate
+                } else {
+                    Verdict::of(face.map(|vertex| &corners[vertex as usize]), options)
+                };
+            }
+        });
+
+        let rows = PIXELS_PER_BAND.div_ceil(size.width).min(size.height);
+        faces.resize_with(size.height.div_ceil(rows), Vec::new);
+        faces.iter_mut().for_each(Vec::clear);
+        coverage.culled = sort_into_bands(verdicts, faces, rows);
+        coverage.orientations.clear();
+        coverage.orientations.extend(verdicts.iter().map(|verdict| verdict.orientation));
+
+        centers.clear();
+        centers.extend((0..size.width).map(|column| size.center_x::<T::Wide>(column)));
+        let view = View { mesh, size, corners, verdicts, centers, rows };
+        let bands = faces.len();
+        let count = bands.min(MOST_CANVASES);
+        canvases.resize_with(count, Canvas::default);
+        for_each_item_mut(canvases, |first, canvas| {
+            pulp::Arch::new().dispatch(
+                #[inline(always)]
+                || canvas.run(&view, faces, (first..bands).step_by(count)),
+            );
+        });
+        join(self.bands(), coverage);
+    }
+
+    /// The bands, from the top.
+    pub(super) fn bands(&self) -> impl Iterator<Item = &Band<T>> {
+        let count = self.canvases.len();
+        (0..self.faces.len()).map(move |band| &self.canvases[band % count].bands[band / count])
     }
 }
 
-impl<S: Scalar<Wide = S>> Band<S> {
-    fn run(&mut self, setups: &[Setup<S>], size: Size, rows: [usize; 2]) {
-        let Self { setups: own, nearest, fragments } = self;
-        nearest.clear();
-        nearest.resize((rows[1] + 1 - rows[0]) * size.width, None);
-        for setup in own.iter().map(|&at| &setups[at as usize]) {
-            let [left, right] = setup.columns;
-            for row in setup.rows[0].max(rows[0])..=setup.rows[1].min(rows[1]) {
-                let shared = setup.row(size.center_y(row));
-                let first = (row - rows[0]) * size.width;
-                for (column, nearest) in (left..).zip(&mut nearest[first + left..=first + right]) {
-                    let Some(sample) = setup.sample(&shared, size.center_x(column)) else {
-                        continue;
-                    };
-                    if nearest.is_none_or(|(_, other)| sample.depth < other.depth) {
-                        *nearest = Some((setup.face, sample));
-                    }
+/// Gives a list `length` entries, whatever they are.
+fn resize<I: Clone>(list: &mut Vec<I>, length: usize, filling: impl FnOnce() -> I) {
+    if list.len() != length {
+        list.resize(length, filling());
+    }
+}
+
+/// Puts each drawn face on the lists of the bands of `rows` rows that it can touch, and counts the
+/// others.
+fn sort_into_bands(verdicts: &[Verdict], faces: &mut [Vec<u32>], rows: usize) -> Culled {
+    let mut culled = Culled::default();
+    for (face, verdict) in (0..).zip(verdicts) {
+        match verdict.fate {
+            Fate::Degenerate => culled.degenerate += 1,
+            Fate::Outside => culled.outside += 1,
+            Fate::Facing => culled.facing += 1,
+            Fate::Drawn { columns: [left, right], rows: [top, bottom] } => {
+                if left <= right && top <= bottom {
+                    let bands = top as usize / rows..=bottom as usize / rows;
+                    faces[bands].iter_mut().for_each(|list| list.push(face));
                 }
             }
         }
-        fragments.clear();
-        let first_pixel = (rows[0] * size.width) as u32;
-        fragments.extend((first_pixel..).zip(nearest.iter()).filter_map(|(pixel, nearest)| {
-            nearest.map(|(face, sample)| Fragment { pixel, face, sample })
-        }));
     }
+    culled
+}
+
+/// Joins what was found in the bands.
+fn join<'a, T: Scalar>(bands: impl Iterator<Item = &'a Band<T>>, coverage: &mut Coverage) {
+    let Coverage { runs, by_pixel, row_starts, slots, band_ends, .. } = coverage;
+    runs.clear();
+    by_pixel.clear();
+    row_starts.clear();
+    slots.clear();
+    band_ends.clear();
+    let mut fragments = 0;
+    for band in bands {
+        let (runs_before, slots_before) = (runs.len() as u32, slots.len() as u32);
+        runs.extend(band.runs.iter().map(|run| Run {
+            slot: slots_before + run.slot,
+            fragment: fragments as u32 + run.fragment,
+            ..*run
+        }));
+        by_pixel.extend(band.by_pixel.iter().map(|run| runs_before + run));
+        row_starts.extend(band.row_starts.iter().map(|start| runs_before + start));
+        slots.extend(band.slots.iter().map(|slot| Slot {
+            first_run: runs_before + slot.first_run,
+            ..*slot
+        }));
+        band_ends.push(slots.len() as u32);
+        fragments += band.barycentrics.len() / 2;
+    }
+    row_starts.push(runs.len() as u32);
+    coverage.count = fragments;
+}
+
+/// What is seen in a band, counted from its first run, slot and fragment.
+#[derive(Debug)]
+pub(super) struct Band<T> {
+    runs: Vec<Run>,
+    by_pixel: Vec<u32>,
+    row_starts: Vec<u32>,
+    slots: Vec<Slot>,
+    /// The weights u and v of each fragment.
+    pub(super) barycentrics: Vec<T>,
+}
+
+impl<T> Default for Band<T> {
+    fn default() -> Self {
+        Self {
+            runs: Vec::new(),
+            by_pixel: Vec::new(),
+            row_starts: Vec::new(),
+            slots: Vec::new(),
+            barycentrics: Vec::new(),
+        }
+    }
+}
+
+/// Where bands are drawn, one after another.
+#[derive(Debug)]
+struct Canvas<T: Scalar> {
+    setups: Vec<Setup<T::Wide>>,
+    /// Per pixel: the nearest depth so far, and the position in `setups` of its face.
+    depths: Vec<T::Wide>,
+    faces: Vec<u32>,
+    /// Per row: the columns, first and end, that were reached.
+    reached: Vec<[usize; 2]>,
+    /// What was read, by pixel.
+    stretches: Vec<Stretch>,
+    /// Per setup: how many of the stretches are its own or of those before it.
+    ends: Vec<u32>,
+    /// What was read, by setup.
+    sorted: Vec<Stretch>,
+    bands: Vec<Band<T>>,
+}
+
+/// Neighbouring pixels of a row that see one face.
+#[derive(Debug, Clone, Copy)]
+struct Stretch {
+    setup: u32,
+    row: u32,
+    column: u32,
+    length: u32,
+}
+
+impl<T: Scalar> Default for Canvas<T> {
+    fn default() -> Self {
+        Self {
+            setups: Vec::new(),
+            depths: Vec::new(),
+            faces: Vec::new(),
+            reached: Vec::new(),
+            stretches: Vec::new(),
+            ends: Vec::new(),
+            sorted: Vec::new(),
+            bands: Vec::new(),
+        }
+    }
+}
+
+impl<T: Scalar> Canvas<T> {
+    #[inline(always)]
+    fn run(
+        &mut self,
+        view: &View<'_, T>,
+        faces: &[Vec<u32>],
+        bands: impl ExactSizeIterator<Item = usize>,
+    ) {
+        let pixels = view.rows * view.size.width;
+        if self.depths.len() != pixels || self.reached.len() != view.rows {
+            self.depths.clear();
+            self.depths.resize(pixels, beyond::<T>());
+            self.faces.clear();
+            self.faces.resize(pixels, NO_FACE);
+            self.reached.clear();
+            self.reached.resize(view.rows, [view.size.width, 0]);
+        }
+        self.bands.resize_with(bands.len(), Band::default);
+        for (at, band) in bands.enumerate() {
+            let first = band * view.rows;
+            let rows = first..(first + view.rows).min(view.size.height);
+            self.setups.clear();
+            for &face in &faces[band] {
+                self.draw(view, rows.clone(), face as usize);
+            }
+            self.bands[at].row_starts.clear();
+            self.stretches.clear();
+            for row in rows {
+                self.bands[at].row_starts.push(self.stretches.len() as u32);
+                self.read(view, row, row - first);
+            }
+            self.sort();
+            self.hand_over(view, at, &faces[band]);
+        }
+    }
+
+    /// Draws a face into the band of `rows`.
+    #[inline(always)]
+    fn draw(&mut self, view: &View<'_, T>, rows: Range<usize>, face: usize) {
+        let Verdict { orientation, fate } = view.verdicts[face];
+        let Fate::Drawn { columns: [left, right], rows: [top, bottom] } = fate else {
+            unreachable!("only faces that are drawn are on the lists");
+        };
+        let at = self.setups.len() as u32;
+        let [left, end] = [left as usize, right as usize + 1];
+        let mut setup = Setup::of(view.corners_of(face), orientation, view.size);
+        let is_wide = end - left > COLUMNS_IN_BLOCKS || view.size.width < LANES;
+        if is_wide {
+            setup.prepare_spans();
+        }
+        for y in rows.start.max(top as usize)..rows.end.min(bottom as usize + 1) {
+            let row = setup.row(view.size.center_y(y));
+            let start = (y - rows.start) * view.size.width;
+            let pixels = start..start + view.size.width;
+            let (depths, faces) = (&mut self.depths[pixels.clone()], &mut self.faces[pixels]);
+            let [first, end] = if is_wide {
+                setup.cover_span(&row, [left, end], view.centers, depths, faces, at)
+            } else {
+                setup.cover_blocks(&row, [left, end], view.centers, depths, faces, at)
+            };
+            let reached = &mut self.reached[y - rows.start];
+            *reached = [reached[0].min(first), reached[1].max(end)];
+        }
+        self.setups.push(setup);
+    }
+
+    /// Reads what the pixels of a row see, and forgets what was drawn there. `local` is the row
+    /// within the band.
+    #[inline(always)]
+    fn read(&mut self, view: &View<'_, T>, row: usize, local: usize) {
+        let [first, end] = std::mem::replace(&mut self.reached[local], [view.size.width, 0]);
+        if first >= end {
+            return;
+        }
+        let start = local * view.size.width;
+        let reached = start + first..start + end;
+        let mut column = first;
+        while column < end {
+            let setup = self.faces[start + column];
+            let rest = &self.faces[start + column..reached.end];
+            let length = rest.iter().position(|&other| other != setup).unwrap_or(rest.len());
+            if setup != NO_FACE {
+                let [row, column, length] = [row, column, length].map(|number| number as u32);
+                self.stretches.push(Stretch { setup, row, column, length });
+            }
+            column += length;
+        }
+        self.faces[reached.clone()].fill(NO_FACE);
+        self.depths[reached].fill(beyond::<T>());
+    }
+
+    /// Sorts the stretches by setup; those of one setup stay in order.
+    #[inline(always)]
+    fn sort(&mut self) {
+        let Self { setups, stretches, ends, sorted, .. } = self;
+        ends.clear();
+        ends.resize(setups.len() + 1, 0);
+        stretches.iter().for_each(|stretch| ends[stretch.setup as usize + 1] += 1);
+        let mut before = 0;
+        for end in ends.iter_mut() {
+            before += *end;
+            *end = before;
+        }
+        sorted.clear();
+        sorted.resize(stretches.len(), Stretch { setup: 0, row: 0, column: 0, length: 0 });
+        // Where the next stretch of each setup goes; in the end, where its last one went.
+        for stretch in stretches.iter() {
+            let place = &mut ends[stretch.setup as usize];
+            sorted[*place as usize] = *stretch;
+            *place += 1;
+        }
+    }
+
+    /// Makes runs of the stretches, with their weights, in band `at`, whose faces are `faces`.
+    #[inline(always)]
+    fn hand_over(&mut self, view: &View<'_, T>, at: usize, faces: &[u32]) {
+        let Self { setups, stretches, ends, sorted, bands, .. } = self;
+        let Band { runs, by_pixel, slots, barycentrics, .. } = &mut bands[at];
+        let fragments: usize = stretches.iter().map(|stretch| stretch.length as usize).sum();
+        resize(barycentrics, 2 * fragments, || T::ZERO);
+        runs.clear();
+        slots.clear();
+        let mut fragment = 0;
+        for own in sorted.chunk_by(|left, right| left.setup == right.setup) {
+            let setup = &setups[own[0].setup as usize];
+            let slot = slots.len() as u32;
+            slots.push(Slot { face: faces[own[0].setup as usize], first_run: runs.len() as u32 });
+            for &Stretch { row, column, length, .. } in own {
+                let (row, column, length) = (row as usize, column as usize, length as usize);
+                let pixel = (row * view.size.width + column) as u32;
+                runs.push(Run { slot, pixel, fragment: fragment as u32 });
+                let barycentrics = &mut barycentrics[2 * fragment..2 * (fragment + length)];
+                let centers = &view.centers[column..column + length];
+                setup.weigh(&setup.row(view.size.center_y(row)), centers, barycentrics);
+                fragment += length;
+            }
+        }
+        // Backwards, so that the last place of each setup comes first.
+        by_pixel.clear();
+        by_pixel.extend(stretches.iter().rev().map(|stretch| {
+            let place = &mut ends[stretch.setup as usize];
+            *place -= 1;
+            *place
+        }));
+        by_pixel.reverse();
+    }
+}
+
+/// The depth of a pixel that nothing covers: larger than the far plane's by as little as can be,
+/// so that `< beyond` is `<= 1`.
+#[inline(always)]
+fn beyond<T: Scalar>() -> T::Wide {
+    T::Wide::from_f64(1.0 + f64::EPSILON)
 }

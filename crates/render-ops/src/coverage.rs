@@ -1,0 +1,303 @@
+//! Which faces cover which pixels, as runs.
+//!
+//! Neighbouring pixels of a row mostly see one face: a *run*. Coverage is stored as runs alone, so
+//! that what lies between them costs nothing. Rows are grouped into *bands*; the faces that are
+//! seen in a band have a *slot* each, in the order of their indices. Fragments are ordered by slot,
+//! and within a slot by pixel: so the fragments of a face in a band lie side by side in memory, work
+//! on the face is prepared once for all of them, and a backward pass sums over them before it adds
+//! to the face's vertices. Bands are cut by the image's size alone.
+
+use std::ops::Range;
+
+use bokashi_core::parallel::{for_each_item_mut, is_shared};
+
+use crate::mesh::Mesh;
+use crate::size::Size;
+
+/// Which faces cover which pixels: whole numbers, so not differentiable by type.
+#[derive(Debug, Clone)]
+pub struct Coverage {
+    pub(crate) mesh: Mesh,
+    pub(crate) size: Size,
+    pub(crate) culled: Culled,
+    /// The runs, in the order of their fragments.
+    pub(crate) runs: Vec<Run>,
+    /// The indices of the runs in the order of their pixels.
+    pub(crate) by_pixel: Vec<u32>,
+    /// Where in `by_pixel` each row starts, and at the end its length.
+    pub(crate) row_starts: Vec<u32>,
+    pub(crate) slots: Vec<Slot>,
+    /// Where in `slots` each band ends, from the top.
+    pub(crate) band_ends: Vec<u32>,
+    /// The number of fragments.
+    pub(crate) count: usize,
+    /// Per face of the mesh, drawn or not: the sign of its area as it is seen, y up; 0 where it
+    /// has none.
+    pub(crate) orientations: Vec<i8>,
+}
+
+/// How many faces were not drawn, and why.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Culled {
+    /// Faces whose area is zero within rounding, or that repeat a vertex.
+    pub degenerate: usize,
+    /// Faces wholly outside the view: beside the image, behind the eye, or outside the depth range.
+    pub outside: usize,
+    /// Faces that turn the side away that [`Cull`](crate::Cull) names.
+    pub facing: usize,
+}
+
+/// A face that is seen in a band.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Slot {
+    pub(crate) face: u32,
+    /// The first of its runs in the band; the next slot's first run is one after the last.
+    pub(crate) first_run: u32,
+}
+
+/// Neighbouring fragments of a row that lie on one face.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Run {
+    /// The slot of the face.
+    pub(crate) slot: u32,
+    /// The first pixel.
+    pub(crate) pixel: u32,
+    /// The first fragment; the next run's first fragment is one after the last.
+    pub(crate) fragment: u32,
+}
+
+
+/// A run with what it refers to.
+#[derive(Debug, Clone)]
+pub(crate) struct Span {
+    pub(crate) slot: usize,
+    /// The index of the face.
+    pub(crate) face: usize,
+    /// The first pixel.
+    pub(crate) pixel: usize,
+    pub(crate) fragments: Range<usize>,
+}
+
+impl Span {
+    /// The pixels.
+    pub(crate) fn pixels(&self) -> Range<usize> {
+        self.pixel..self.pixel + self.fragments.len()
+    }
+}
+
+impl Coverage {
+    /// The coverage of nothing.
+    pub(crate) fn empty(mesh: Mesh, size: Size) -> Self {
+        Self {
+            mesh,
+            size,
+            culled: Culled::default(),
+            runs: Vec::new(),
+            by_pixel: Vec::new(),
+            row_starts: Vec::new(),
+            slots: Vec::new(),
+            band_ends: Vec::new(),
+            count: 0,
+            orientations: Vec::new(),
+        }
+    }
+
+    /// The number of fragments, N.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// The mesh that was rasterized.
+    pub fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+
+    /// The size of the image.
+    pub fn size(&self) -> Size {
+        self.size
+    }
+
+    /// The index of each fragment's face.
+    pub fn faces(&self) -> impl Iterator<Item = usize> + Clone + '_ {
+        self.spans().flat_map(|span| std::iter::repeat_n(span.face, span.fragments.len()))
+    }
+
+    /// Each fragment's pixel, `row * width + column`.
+    pub fn pixels(&self) -> impl Iterator<Item = usize> + Clone + '_ {
+        self.spans().flat_map(|span| span.pixels())
+    }
+
+    /// The fragment of `pixel`, where it is covered. Nothing covers a pixel outside the image.
+    pub fn fragment_at(&self, pixel: usize) -> Option<usize> {
+        self.span_at(pixel).map(|span| span.fragments.start + pixel - span.pixel)
+    }
+
+    /// The face that `pixel` sees, where it is covered.
+    pub fn face_at(&self, pixel: usize) -> Option<usize> {
+        self.span_at(pixel).map(|span| span.face)
+    }
+
+    /// Per pixel, row by row from the top: the index of its face plus 1, or 0 for the background.
+    pub fn triangle_ids(&self) -> Vec<u32> {
+        let mut ids = vec![0; self.size.pixels()];
+        self.spans().for_each(|span| ids[span.pixels()].fill(span.face as u32 + 1));
+        ids
+    }
+
+    /// How many faces were not drawn, and why.
+    pub fn culled(&self) -> Culled {
+        self.culled
+    }
+
+    fn span_at(&self, pixel: usize) -> Option<Span> {
+        let row = pixel / self.size.width;
+        let &end = self.row_starts.get(row + 1)?;
+        let runs = &self.by_pixel[self.row_starts[row] as usize..end as usize];
+        let after = runs.partition_point(|&run| self.runs[run as usize].pixel as usize <= pixel);
+        let span = self.span(runs[after.checked_sub(1)?] as usize);
+        span.pixels().contains(&pixel).then_some(span)
+    }
+
+    /// Run `at`.
+    #[inline(always)]
+    pub(crate) fn span(&self, at: usize) -> Span {
+        let run = self.runs[at];
+        let slot = run.slot as usize;
+        Span {
+            slot,
+            face: self.slots[slot].face as usize,
+            pixel: run.pixel as usize,
+            fragments: run.fragment as usize..self.fragments_before(at + 1),
+        }
+    }
+
+    /// The runs, in the order of their fragments.
+    pub(crate) fn spans(&self) -> impl Iterator<Item = Span> + Clone + '_ {
+        (0..self.runs.len()).map(|at| self.span(at))
+    }
+
+    /// The runs of row `row`, from the left.
+    pub(crate) fn row(&self, row: usize) -> impl Iterator<Item = Span> + Clone + '_ {
+        let runs = self.row_starts[row] as usize..self.row_starts[row + 1] as usize;
+        self.by_pixel[runs].iter().map(|&at| self.span(at as usize))
+    }
+
+    /// The runs of some of slot `slot`'s fragments.
+    #[inline(always)]
+    pub(crate) fn spans_within(
+        &self,
+        slot: usize,
+        fragments: Range<usize>,
+    ) -> impl Iterator<Item = Span> + '_ {
+        self.spans_of(slot).map(move |mut span| {
+            let first = span.fragments.start;
+            span.fragments = first.max(fragments.start)..span.fragments.end.min(fragments.end);
+            span.pixel += span.fragments.start - first;
+            span
+        })
+        .filter(|span| !span.fragments.is_empty())
+    }
+
+    /// The runs of slot `slot`.
+    #[inline(always)]
+    pub(crate) fn spans_of(&self, slot: usize) -> impl Iterator<Item = Span> + '_ {
+        let runs = self.slots[slot].first_run as usize..self.runs_before(slot + 1);
+        runs.map(|at| self.span(at))
+    }
+
+    /// The fragments of slot `slot`.
+    #[inline(always)]
+    pub(crate) fn fragments_of(&self, slot: usize) -> Range<usize> {
+        let first = self.runs[self.slots[slot].first_run as usize].fragment as usize;
+        first..self.fragments_before(self.runs_before(slot + 1))
+    }
+
+    /// The first pixel of slot `slot`.
+    #[inline(always)]
+    pub(crate) fn first_pixel_of(&self, slot: usize) -> usize {
+        self.runs[self.slots[slot].first_run as usize].pixel as usize
+    }
+
+    /// The slots of some bands.
+    pub(crate) fn slots_of(&self, bands: Range<usize>) -> Range<usize> {
+        let before = |band: usize| band.checked_sub(1).map_or(0, |last| self.band_ends[last]);
+        before(bands.start) as usize..before(bands.end) as usize
+    }
+
+    /// How many runs come before those of slot `slot`.
+    #[inline(always)]
+    fn runs_before(&self, slot: usize) -> usize {
+        self.slots.get(slot).map_or(self.runs.len(), |slot| slot.first_run as usize)
+    }
+
+    /// Calls `work(slots, first, own)` with the slots of some neighbouring bands, their first
+    /// fragment, and the entries of their fragments in `entries: [N, width]`; bands may be worked on
+    /// at the same time.
+    pub(crate) fn for_each_piece_mut<T: Send>(
+        &self,
+        width: usize,
+        entries: &mut [T],
+        work: impl Fn(Range<usize>, usize, &mut [T]) + Send + Sync,
+    ) {
+        let bands = self.band_ends.len();
+        if !is_shared(bands, 1) {
+            return work(0..self.slots.len(), 0, entries);
+        }
+        let mut pieces = Vec::with_capacity(bands);
+        let (mut rest, mut first) = (entries, 0);
+        for band in 0..bands {
+            let slots = self.slots_of(band..band + 1);
+            let end = self.fragments_before(self.runs_before(slots.end));
+            let (own, others) = rest.split_at_mut((end - first) * width);
+            pieces.push((slots, first, own));
+            (rest, first) = (others, end);
+        }
+        for_each_item_mut(&mut pieces, |_, (slots, first, own)| work(slots.clone(), *first, own));
+    }
+
+    /// How many fragments come before those of run `at`.
+    #[inline(always)]
+    fn fragments_before(&self, at: usize) -> usize {
+        self.runs.get(at).map_or(self.count, |run| run.fragment as usize)
+    }
+
+    /// Whether the surface ends, or turns away, at the edge that faces corner `corner` of `face`: no
+    /// face on its other side, or both faces on the same side of it in the image. A face seen
+    /// exactly edge-on covers neither side, so the other one ends there too.
+    #[inline]
+    pub(crate) fn is_silhouette(&self, face: usize, corner: usize) -> bool {
+        let Some(neighbor) = self.mesh.adjacency().neighbor(face, corner) else { return true };
+        let product = self.orientations[face] * self.orientations[neighbor.face as usize];
+        if neighbor.is_opposite { product <= 0 } else { product >= 0 }
+    }
+
+    /// Calls `visit` with the pixels between the runs, as ranges, but for those of `rim`, which are
+    /// in order.
+    pub(crate) fn for_each_gap(&self, rim: &[u32], mut visit: impl FnMut(Range<usize>)) {
+        let mut rim = rim.iter().map(|&pixel| pixel as usize).peekable();
+        let mut start = 0;
+        let mut gap = |end: usize, next: usize| {
+            while let Some(pixel) = rim.next_if(|&pixel| pixel < end) {
+                visit(start..pixel);
+                start = pixel + 1;
+            }
+            visit(start..end);
+            start = next;
+        };
+        for &run in &self.by_pixel {
+            let pixels = self.span(run as usize).pixels();
+            gap(pixels.start, pixels.end);
+        }
+        gap(self.size.pixels(), 0);
+    }
+
+    /// The bytes that it holds, for reports.
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(self.runs.as_slice())
+            + size_of_val(self.by_pixel.as_slice())
+            + size_of_val(self.row_starts.as_slice())
+            + size_of_val(self.slots.as_slice())
+            + size_of_val(self.band_ends.as_slice())
+            + size_of_val(self.orientations.as_slice())
+    }
+}

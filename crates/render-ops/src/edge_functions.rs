@@ -1,0 +1,99 @@
+//! The edge functions of a face around one of its pixels, and their adjoint.
+//!
+//! # Forward
+//! With the vertices `q_i = (x_i - X_0 w_i, y_i - Y_0 w_i)` relative to an origin, the edge
+//! function that faces vertex i, of neighbours j and k, is
+//! `a_i(X, Y) = q_j x q_k + (q_jy w_k - w_j q_ky) X + (w_j q_kx - q_jx w_k) Y`, with X and Y from
+//! the origin. Near the origin nothing large cancels.
+//!
+//! # Backward
+//! It takes three sums over the fragments: `s_i = sum a_bar_i`, `s_ix = sum X a_bar_i` and
+//! `s_iy = sum Y a_bar_i`. Then
+//! `x_bar_i = s_k q_jy - s_j q_ky + s_jy w_k - s_ky w_j`,
+//! `y_bar_i = s_j q_kx - s_k q_jx + s_kx w_j - s_jx w_k`,
+//! `w_bar_i = -X_0 x_bar_i - Y_0 y_bar_i - s_kx q_jy + s_jx q_ky - s_jy q_kx + s_ky q_jx`.
+
+use bokashi_core::Scalar;
+
+use crate::homogeneous::{Vertex, cross};
+use crate::size::Size;
+
+/// A face around the centre of one of its pixels.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct LocalFace<S> {
+    pub(crate) vertices: [Vertex<S>; 3],
+    pub(crate) factors: [S; 3],
+    origin: [S; 2],
+    q: [[S; 2]; 3],
+    /// The edge functions' coefficients of 1, X and Y.
+    coefficients: [[S; 3]; 3],
+}
+
+/// The sums over fragments of `a_bar_i`, of `X a_bar_i` and of `Y a_bar_i`.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct EdgeSums<S> {
+    pub(crate) ones: [S; 3],
+    pub(crate) xs: [S; 3],
+    pub(crate) ys: [S; 3],
+}
+
+impl<S: Scalar> EdgeSums<S> {
+    /// Adds a row's sums of `a_bar_i` and of `X a_bar_i`.
+    #[inline(always)]
+    pub(crate) fn add_row(&mut self, ones: [S; 3], xs: [S; 3], y: S) {
+        for i in 0..3 {
+            self.ones[i] += ones[i];
+            self.xs[i] += xs[i];
+            self.ys[i] += y * ones[i];
+        }
+    }
+}
+
+impl<S: Scalar<Wide = S>> LocalFace<S> {
+    /// Around the centre of pixel `pixel`.
+    #[inline(always)]
+    pub(crate) fn new(
+        vertices: [Vertex<S>; 3],
+        factors: [S; 3],
+        pixel: usize,
+        size: Size,
+    ) -> Self {
+        let origin = [size.center_x(pixel % size.width), size.center_y(pixel / size.width)];
+        let q = vertices.map(|vertex| vertex.relative_to(origin[0], origin[1]));
+        let coefficients = std::array::from_fn(|i| {
+            let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+            let (wj, wk) = (vertices[j].w, vertices[k].w);
+            [cross(q[j], q[k]), q[j][1] * wk - wj * q[k][1], wj * q[k][0] - q[j][0] * wk]
+        });
+        Self { vertices, factors, origin, q, coefficients }
+    }
+
+    /// Where the centre of pixel `pixel` lies from the origin.
+    #[inline(always)]
+    pub(crate) fn place(&self, pixel: usize, size: Size) -> [S; 2] {
+        let (x, y): (S, S) =
+            (size.center_x(pixel % size.width), size.center_y(pixel / size.width));
+        [x - self.origin[0], y - self.origin[1]]
+    }
+
+    /// The edge functions along a row: at X = 0 from the origin, and how they change with X.
+    #[inline(always)]
+    pub(crate) fn row(&self, y: S) -> [[S; 2]; 3] {
+        self.coefficients.map(|[one, x, by_y]| [one + by_y * y, x])
+    }
+
+    /// The gradients with respect to (x, y, w) of vertex i in clip space, before it was multiplied.
+    #[inline(always)]
+    pub(crate) fn pull_back(&self, sums: &EdgeSums<S>, i: usize, size: Size) -> [S; 3] {
+        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+        let EdgeSums { ones, xs, ys } = sums;
+        let ([qjx, qjy], [qkx, qky]) = (self.q[j], self.q[k]);
+        let (wj, wk) = (self.vertices[j].w, self.vertices[k].w);
+        let x_bar = ones[k] * qjy - ones[j] * qky + (ys[j] * wk - ys[k] * wj);
+        let y_bar = ones[j] * qkx - ones[k] * qjx + (xs[k] * wj - xs[j] * wk);
+        let w_bar = -(self.origin[0] * x_bar + self.origin[1] * y_bar)
+            - (xs[k] * qjy - xs[j] * qky + ys[j] * qkx - ys[k] * qjx);
+        let (width, height) = (S::from_f64(size.width as f64), S::from_f64(size.height as f64));
+        [width * x_bar, height * y_bar, w_bar].map(|bar| self.factors[i] * bar)
+    }
+}

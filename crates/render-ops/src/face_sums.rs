@@ -1,0 +1,146 @@
+//! Sums over fragments, by face.
+//!
+//! A backward pass sums the terms of all fragments of a face in a band first, and adds the sum to
+//! the face's three vertices once. Bands are cut by the image's size and added in their order, so
+//! the result is bitwise the same for any number of threads.
+
+use std::ops::Range;
+
+use bokashi_core::parallel::{is_shared, merge_ranges};
+use bokashi_core::{Accumulator, Scalar};
+
+use crate::coverage::Coverage;
+use crate::mesh::Mesh;
+
+/// Adds a term to an entry of a gradient. A term beyond the range of the numbers is infinite, and
+/// so is the entry from then on: another one of the opposite sign leaves it as it is, for their sum
+/// would be NaN. What is NaN stays so.
+#[inline]
+pub(crate) fn add_term<T: Scalar>(entry: &mut T, term: T) {
+    if term.is_finite() || *entry != -term {
+        *entry += term;
+    }
+}
+
+/// How terms of fragments become gradients of vertices.
+pub(crate) trait FaceSums<S>: Sync {
+    /// The gradients of the three vertices, `rows: [3, width]`, of the face of slot `slot` from
+    /// `fragments`, some or all of that slot.
+    fn sum(&self, slot: usize, fragments: Range<usize>, rows: &mut [S]);
+}
+
+/// Whose gradients they are.
+pub(crate) struct Layout<'a> {
+    pub(crate) coverage: &'a Coverage,
+    /// The vertices that a face's sums belong to.
+    pub(crate) mesh: &'a Mesh,
+    /// Numbers per vertex.
+    pub(crate) width: usize,
+}
+
+impl Layout<'_> {
+    /// Adds the gradients of the vertices to `gradient: [V, width]`.
+    pub(crate) fn add_to<T: Scalar>(
+        &self,
+        gradient: &mut Accumulator<T>,
+        by_face: &impl FaceSums<T::Wide>,
+    ) {
+        let entries = gradient.entries();
+        let width = self.width;
+        let mut add = |face: usize, rows: &[T::Wide]| {
+            for (&vertex, row) in self.mesh.faces()[face].iter().zip(rows.chunks_exact(width)) {
+                let entries = &mut entries[vertex as usize * width..][..width];
+                entries.iter_mut().zip(row).for_each(|(entry, &sum)| {
+                    add_term(entry, T::narrow(sum));
+                });
+            }
+        };
+        let bands = self.coverage.band_ends.len();
+        if !is_shared(bands, 1) {
+            return self.walk(0..bands, by_face, &mut add);
+        }
+        let work = |bands: Range<usize>| {
+            let (mut faces, mut all_rows) = (Vec::new(), Vec::new());
+            self.walk(bands, by_face, &mut |face, rows: &[T::Wide]| {
+                faces.push(face as u32);
+                all_rows.extend_from_slice(rows);
+            });
+            (faces, all_rows)
+        };
+        merge_ranges(bands, 1, work, |(faces, all_rows)| {
+            for (&face, rows) in faces.iter().zip(all_rows.chunks_exact(3 * width)) {
+                add(face as usize, rows);
+            }
+        });
+    }
+
+    /// Calls `emit` with each face that is seen in `bands` and the gradients of its vertices.
+    fn walk<S: Scalar>(
+        &self,
+        bands: Range<usize>,
+        by_face: &impl FaceSums<S>,
+        emit: &mut impl FnMut(usize, &[S]),
+    ) {
+        let coverage = self.coverage;
+        // Attributes of up to eight channels need no allocation.
+        let mut few = [S::ZERO; 24];
+        let mut many = Vec::new();
+        let rows: &mut [S] = match few.get_mut(..3 * self.width) {
+            Some(rows) => rows,
+            None => {
+                many.resize(3 * self.width, S::ZERO);
+                &mut many
+            }
+        };
+        let slots = coverage.slots_of(bands);
+        pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for slot in slots {
+                    let fragments = coverage.fragments_of(slot);
+                    by_face.sum(slot, fragments.clone(), rows);
+                    if !rows.iter().all(|row| row.is_finite()) {
+                        add_one_by_one(slot, fragments, by_face, rows);
+                    }
+                    emit(coverage.slots[slot].face as usize, rows);
+                }
+            },
+        );
+    }
+}
+
+/// The gradients of a face's vertices as a sum over single fragments: what is beyond the range of
+/// the numbers is infinite then, not the difference of two infinite sums.
+#[cold]
+fn add_one_by_one<S: Scalar>(
+    slot: usize,
+    fragments: Range<usize>,
+    by_face: &impl FaceSums<S>,
+    rows: &mut [S],
+) {
+    rows.fill(S::ZERO);
+    let mut terms = vec![S::ZERO; rows.len()];
+    for fragment in fragments {
+        by_face.sum(slot, fragment..fragment + 1, &mut terms);
+        rows.iter_mut().zip(&terms).for_each(|(row, &term)| add_term(row, term));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn terms_beyond_the_range_stay_infinite_and_nan_stays_nan() {
+        let sum = |terms: [f64; 3]| {
+            let mut entry = 0.0;
+            terms.into_iter().for_each(|term| add_term(&mut entry, term));
+            entry
+        };
+        let inf = f64::INFINITY;
+        assert_eq!(sum([1.0, 2.0, -4.0]), -1.0);
+        assert_eq!(sum([1.0, inf, -inf]), inf);
+        assert_eq!(sum([-inf, inf, 3.0]), -inf);
+        assert!(sum([f64::NAN, inf, 1.0]).is_nan() && sum([inf, f64::NAN, -inf]).is_nan());
+    }
+}
