@@ -155,6 +155,36 @@ pub(super) struct Setup<S> {
 /// Pixels of a row that are drawn at once.
 pub(super) const LANES: usize = 4;
 
+/// `f` of each lane.
+#[inline(always)]
+pub(super) fn lanes<V>(f: impl Fn(usize) -> V) -> [V; LANES] {
+    [f(0), f(1), f(2), f(3)]
+}
+
+/// The largest number of pixels in a [`Block`].
+pub(super) const PIXELS_PER_BLOCK: usize = 256;
+
+/// What is worked out for a block of pixels.
+#[derive(Debug)]
+pub(super) struct Block<S> {
+    edges: [[S; PIXELS_PER_BLOCK]; 3],
+    pub(super) depths: [S; PIXELS_PER_BLOCK],
+}
+
+impl<S: Scalar> Default for Block<S> {
+    fn default() -> Self {
+        let zeros = [S::ZERO; PIXELS_PER_BLOCK];
+        Self { edges: [zeros; 3], depths: zeros }
+    }
+}
+
+/// The depth of a pixel that nothing covers: larger than the far plane's by as little as can be,
+/// so that `< beyond` is `<= 1`.
+#[inline(always)]
+pub(super) fn beyond<S: Scalar>() -> S {
+    S::from_f64(1.0 + f64::EPSILON)
+}
+
 /// The edge functions along a row of pixel centres.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Row<S> {
@@ -303,8 +333,8 @@ impl<S: Scalar<Wide = S>> Setup<S> {
         columns: [usize; 2],
         centers: &[S],
         depths: &mut [S],
-        faces: &mut [u32],
-        face: u32,
+        faces: &mut [u64],
+        face: u64,
     ) -> [usize; 2] {
         let [first, end] = self.span(row, columns, centers);
         if first >= end {
@@ -321,66 +351,76 @@ impl<S: Scalar<Wide = S>> Setup<S> {
         }
         for column in (first..inside).chain(inside_end..end) {
             let pixel = (&mut depths[column], &mut faces[column]);
-            self.cover_doubtful(row, centers[column], pixel, face);
+            self.cover_settled(row, centers[column], pixel, face);
         }
         [first, end]
     }
 
-    /// As [`Setup::cover_span`], in blocks of [`LANES`] pixels, for images that have as many
-    /// columns.
+    /// The depths of the pixels `columns` by `rows` that are surely covered and not before the near
+    /// plane, [`beyond`] elsewhere, row by row; and whether some pixel is in doubt. The number of
+    /// columns is a multiple of [`LANES`].
+    ///
+    /// In plain loops over plain arrays, which are compiled to vectors.
     #[inline(always)]
-    pub(super) fn cover_blocks(
+    pub(super) fn depths(
+        &self,
+        columns: &[S],
+        rows: impl Iterator<Item = S>,
+        block: &mut Block<S>,
+    ) -> bool {
+        let mut length = 0;
+        let [edges_0, edges_1, edges_2] = &mut block.edges;
+        for y in rows {
+            let Row { starts, slopes, .. } = self.row(y);
+            for x in columns.as_chunks::<LANES>().0 {
+                let to = length..length + LANES;
+                for (k, edges) in [&mut *edges_0, edges_1, edges_2].into_iter().enumerate() {
+                    let edges = edges[to.clone()].first_chunk_mut().expect("a block");
+                    *edges = lanes(|lane| starts[k] + slopes[k] * x[lane]);
+                }
+                length += LANES;
+            }
+        }
+        let [edges_0, edges_1, edges_2] = block.edges.each_ref().map(|edges| &edges[..length]);
+        let depths = &mut block.depths[..length];
+        let mut has_doubts = false;
+        for k in 0..length {
+            let a = [edges_0[k], edges_1[k], edges_2[k]];
+            let surely =
+                least([a[0] - self.doubt[0], a[1] - self.doubt[1], a[2] - self.doubt[2]]);
+            let maybe =
+                least([a[0] + self.doubt[0], a[1] + self.doubt[1], a[2] + self.doubt[2]]);
+            let depth = self.depth(a);
+            let is_seen = (surely > S::ZERO) & (depth >= -S::ONE);
+            depths[k] = if is_seen { depth } else { beyond() };
+            has_doubts |= (surely <= S::ZERO) & (maybe >= S::ZERO);
+        }
+        has_doubts
+    }
+
+    /// Draws the pixels of a row that are in doubt.
+    #[cold]
+    #[inline(never)]
+    pub(super) fn cover_doubtful(
         &mut self,
         row: &Row<S>,
-        [first, end]: [usize; 2],
         centers: &[S],
         depths: &mut [S],
-        faces: &mut [u32],
-        face: u32,
-    ) -> [usize; 2] {
-        let mut reached = [centers.len(), 0];
-        for start in (first..end).step_by(LANES) {
-            // At the right border a block starts further left; pixels that the face doesn't
-            // cover are left as they are, and those drawn before are not nearer than themselves.
-            let start = start.min(centers.len() - LANES);
-            let x: &[S; LANES] = centers[start..].first_chunk().expect("a block of columns");
-            let nearest: &mut [S; LANES] =
-                depths[start..].first_chunk_mut().expect("a block of columns");
-            let seen: &mut [u32; LANES] =
-                faces[start..].first_chunk_mut().expect("a block of columns");
-            let (mut is_in, mut is_certain) = ([true; LANES], [true; LANES]);
-            for k in 0..3 {
-                for lane in 0..LANES {
-                    let a = row.starts[k] + row.slopes[k] * x[lane];
-                    is_in[lane] &= a >= -self.doubt[k];
-                    is_certain[lane] &= a > self.doubt[k];
-                }
+        faces: &mut [u64],
+        face: u64,
+    ) {
+        for column in 0..centers.len() {
+            if self.is_in_doubt(row.at(centers[column])) {
+                let pixel = (&mut depths[column], &mut faces[column]);
+                self.cover_settled(row, centers[column], pixel, face);
             }
-            if is_in == [false; LANES] {
-                continue;
-            }
-            let depth: [S; LANES] = std::array::from_fn(|lane| self.depth(row.at(x[lane])));
-            for lane in 0..LANES {
-                let is_nearer =
-                    is_certain[lane] & (depth[lane] < nearest[lane]) & (depth[lane] >= -S::ONE);
-                nearest[lane] = if is_nearer { depth[lane] } else { nearest[lane] };
-                seen[lane] = if is_nearer { face } else { seen[lane] };
-            }
-            if is_in != is_certain {
-                for lane in (0..LANES).filter(|&lane| is_in[lane] && !is_certain[lane]) {
-                    let pixel = (&mut nearest[lane], &mut seen[lane]);
-                    self.cover_doubtful(row, x[lane], pixel, face);
-                }
-            }
-            reached = [reached[0].min(start), start + LANES];
         }
-        reached
     }
 
     /// Draws one pixel where an edge function is in doubt.
     #[cold]
     #[inline(never)]
-    fn cover_doubtful(&mut self, row: &Row<S>, x: S, pixel: (&mut S, &mut u32), face: u32) {
+    fn cover_settled(&mut self, row: &Row<S>, x: S, pixel: (&mut S, &mut u64), face: u64) {
         let Some(a) = self.settled(row, x) else { return };
         let depth = self.depth(a);
         if depth < *pixel.0 && depth >= -S::ONE {
@@ -429,6 +469,13 @@ impl<S: Scalar<Wide = S>> Setup<S> {
             (pair[0], pair[1]) = (T::narrow(weights[0] / total), T::narrow(weights[1] / total));
         }
     }
+}
+
+/// The smallest of three.
+#[inline(always)]
+fn least<S: Scalar>([a, b, c]: [S; 3]) -> S {
+    let least = if a < b { a } else { b };
+    if least < c { least } else { c }
 }
 
 /// More than the rounding errors of the edge function from `p` to `q` anywhere in the image, from

@@ -14,7 +14,9 @@ use bokashi_core::Scalar;
 use bokashi_core::parallel::{for_each_item_mut, for_each_piece_mut};
 
 use super::RasterOptions;
-use super::setup::{Corner, Fate, LANES, Setup, Verdict};
+use super::setup::{
+    Block, Corner, Fate, LANES, PIXELS_PER_BLOCK, Setup, Verdict, beyond, lanes,
+};
 use crate::coverage::{Coverage, Culled, Run, Slot};
 use crate::mesh::{Mesh, repeats_a_vertex};
 use crate::size::Size;
@@ -29,12 +31,8 @@ const MOST_CANVASES: usize = 16;
 /// Vertices or faces in one piece of work: some tens of microseconds.
 const ITEMS_PER_PIECE: usize = 1 << 12;
 
-/// Faces of up to so many columns are drawn in blocks of pixels: it costs less to visit some that
-/// they don't cover than to find where a row of them starts and ends.
-const COLUMNS_IN_BLOCKS: usize = 16;
-
 /// Stands for "no face".
-const NO_FACE: u32 = u32::MAX;
+const NO_FACE: u64 = u64::MAX;
 
 /// The stages of rasterization, with their memory, which the next step uses again.
 #[derive(Debug)]
@@ -124,10 +122,7 @@ impl<T: Scalar> Visibility<T> {
         let count = bands.min(MOST_CANVASES);
         canvases.resize_with(count, Canvas::default);
         for_each_item_mut(canvases, |first, canvas| {
-            pulp::Arch::new().dispatch(
-                #[inline(always)]
-                || canvas.run(&view, faces, (first..bands).step_by(count)),
-            );
+            pulp::Arch::new().dispatch(Draw { canvas, view: &view, faces, first, step: count });
         });
         join(self.bands(), coverage);
     }
@@ -222,9 +217,11 @@ impl<T> Default for Band<T> {
 #[derive(Debug)]
 struct Canvas<T: Scalar> {
     setups: Vec<Setup<T::Wide>>,
-    /// Per pixel: the nearest depth so far, and the position in `setups` of its face.
+    block: Box<Block<T::Wide>>,
+    /// Per pixel: the nearest depth so far, and the position in `setups` of its face, in as many bits
+    /// so that both fit the same vectors.
     depths: Vec<T::Wide>,
-    faces: Vec<u32>,
+    faces: Vec<u64>,
     /// Per row: the columns, first and end, that were reached.
     reached: Vec<[usize; 2]>,
     /// What was read, by pixel.
@@ -249,6 +246,7 @@ impl<T: Scalar> Default for Canvas<T> {
     fn default() -> Self {
         Self {
             setups: Vec::new(),
+            block: Box::default(),
             depths: Vec::new(),
             faces: Vec::new(),
             reached: Vec::new(),
@@ -257,6 +255,26 @@ impl<T: Scalar> Default for Canvas<T> {
             sorted: Vec::new(),
             bands: Vec::new(),
         }
+    }
+}
+
+/// The work on a canvas: it draws every `step`-th band from `first` on.
+struct Draw<'a, T: Scalar> {
+    canvas: &'a mut Canvas<T>,
+    view: &'a View<'a, T>,
+    faces: &'a [Vec<u32>],
+    first: usize,
+    step: usize,
+}
+
+/// Not as a closure, which would not be compiled for the vectors that were found.
+impl<T: Scalar> pulp::WithSimd for Draw<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<V: pulp::Simd>(self, _: V) {
+        let Self { canvas, view, faces, first, step } = self;
+        canvas.run(view, faces, (first..faces.len()).step_by(step));
     }
 }
 
@@ -271,7 +289,7 @@ impl<T: Scalar> Canvas<T> {
         let pixels = view.rows * view.size.width;
         if self.depths.len() != pixels || self.reached.len() != view.rows {
             self.depths.clear();
-            self.depths.resize(pixels, beyond::<T>());
+            self.depths.resize(pixels, beyond());
             self.faces.clear();
             self.faces.resize(pixels, NO_FACE);
             self.reached.clear();
@@ -303,25 +321,52 @@ impl<T: Scalar> Canvas<T> {
         let Fate::Drawn { columns: [left, right], rows: [top, bottom] } = fate else {
             unreachable!("only faces that are drawn are on the lists");
         };
-        let at = self.setups.len() as u32;
-        let [left, end] = [left as usize, right as usize + 1];
+        let at = self.setups.len() as u64;
+        let rows_of_face = rows.start.max(top as usize)..rows.end.min(bottom as usize + 1);
         let mut setup = Setup::of(view.corners_of(face), orientation, view.size);
-        let is_wide = end - left > COLUMNS_IN_BLOCKS || view.size.width < LANES;
-        if is_wide {
+        let width = view.size.width;
+        // A block at the right border starts further left.
+        let length = (right as usize + 1 - left as usize).next_multiple_of(LANES);
+        let first = (left as usize).min(width.saturating_sub(length));
+        if length > width || length * rows_of_face.len() > PIXELS_PER_BLOCK {
             setup.prepare_spans();
-        }
-        for y in rows.start.max(top as usize)..rows.end.min(bottom as usize + 1) {
-            let row = setup.row(view.size.center_y(y));
-            let start = (y - rows.start) * view.size.width;
-            let pixels = start..start + view.size.width;
-            let (depths, faces) = (&mut self.depths[pixels.clone()], &mut self.faces[pixels]);
-            let [first, end] = if is_wide {
-                setup.cover_span(&row, [left, end], view.centers, depths, faces, at)
-            } else {
-                setup.cover_blocks(&row, [left, end], view.centers, depths, faces, at)
-            };
-            let reached = &mut self.reached[y - rows.start];
-            *reached = [reached[0].min(first), reached[1].max(end)];
+            for y in rows_of_face {
+                let row = setup.row(view.size.center_y(y));
+                let pixels = (y - rows.start) * width..(y - rows.start + 1) * width;
+                let (depths, faces) = (&mut self.depths[pixels.clone()], &mut self.faces[pixels]);
+                let columns = [left as usize, right as usize + 1];
+                let [first, end] =
+                    setup.cover_span(&row, columns, view.centers, depths, faces, at);
+                let reached = &mut self.reached[y - rows.start];
+                *reached = [reached[0].min(first), reached[1].max(end)];
+            }
+        } else {
+            let columns = first..first + length;
+            let centers = &view.centers[columns.clone()];
+            let ys = rows_of_face.clone().map(|y| view.size.center_y(y));
+            let has_doubts = setup.depths(centers, ys, &mut self.block);
+            let mut found = self.block.depths.chunks_exact(length);
+            for y in rows_of_face {
+                let start = (y - rows.start) * width;
+                let pixels = start + columns.start..start + columns.end;
+                let (depths, faces) = (&mut self.depths[pixels.clone()], &mut self.faces[pixels]);
+                let found = found.next().expect("a row of the block");
+                let blocks = depths.as_chunks_mut::<LANES>().0.iter_mut();
+                let blocks = blocks.zip(faces.as_chunks_mut::<LANES>().0);
+                for ((nearest, seen), depth) in blocks.zip(found.as_chunks::<LANES>().0) {
+                    // Values first, then two stores: so that they are compiled to vectors.
+                    let (before, seen_before) = (*nearest, *seen);
+                    let is_nearer: [bool; LANES] = lanes(|k| depth[k] < before[k]);
+                    *nearest = lanes(|k| if is_nearer[k] { depth[k] } else { before[k] });
+                    *seen = lanes(|k| if is_nearer[k] { at } else { seen_before[k] });
+                }
+                if has_doubts {
+                    let row = setup.row(view.size.center_y(y));
+                    setup.cover_doubtful(&row, centers, depths, faces, at);
+                }
+                let reached = &mut self.reached[y - rows.start];
+                *reached = [reached[0].min(columns.start), reached[1].max(columns.end)];
+            }
         }
         self.setups.push(setup);
     }
@@ -343,12 +388,12 @@ impl<T: Scalar> Canvas<T> {
             let length = rest.iter().position(|&other| other != setup).unwrap_or(rest.len());
             if setup != NO_FACE {
                 let [row, column, length] = [row, column, length].map(|number| number as u32);
-                self.stretches.push(Stretch { setup, row, column, length });
+                self.stretches.push(Stretch { setup: setup as u32, row, column, length });
             }
             column += length;
         }
         self.faces[reached.clone()].fill(NO_FACE);
-        self.depths[reached].fill(beyond::<T>());
+        self.depths[reached].fill(beyond());
     }
 
     /// Sorts the stretches by setup; those of one setup stay in order.
@@ -406,11 +451,4 @@ impl<T: Scalar> Canvas<T> {
         }));
         by_pixel.reverse();
     }
-}
-
-/// The depth of a pixel that nothing covers: larger than the far plane's by as little as can be,
-/// so that `< beyond` is `<= 1`.
-#[inline(always)]
-fn beyond<T: Scalar>() -> T::Wide {
-    T::Wide::from_f64(1.0 + f64::EPSILON)
 }
