@@ -27,6 +27,8 @@ pub struct Coverage {
     /// Where in `by_pixel` each row starts, and at the end its length.
     pub(crate) row_starts: Vec<u32>,
     pub(crate) slots: Vec<Slot>,
+    /// The covered pixels as ranges, from each first one to before the end, in order.
+    pub(crate) covered: Vec<[u32; 2]>,
     /// Where in `slots` each band ends, from the top.
     pub(crate) band_ends: Vec<u32>,
     /// The number of fragments.
@@ -96,6 +98,7 @@ impl Coverage {
             by_pixel: Vec::new(),
             row_starts: Vec::new(),
             slots: Vec::new(),
+            covered: Vec::new(),
             band_ends: Vec::new(),
             count: 0,
             orientations: Vec::new(),
@@ -149,13 +152,12 @@ impl Coverage {
         self.culled
     }
 
-    fn span_at(&self, pixel: usize) -> Option<Span> {
-        let row = pixel / self.size.width;
-        let &end = self.row_starts.get(row + 1)?;
-        let runs = &self.by_pixel[self.row_starts[row] as usize..end as usize];
-        let after = runs.partition_point(|&run| self.runs[run as usize].pixel as usize <= pixel);
-        let span = self.span(runs[after.checked_sub(1)?] as usize);
-        span.pixels().contains(&pixel).then_some(span)
+    /// The run that covers `pixel`.
+    pub(crate) fn span_at(&self, pixel: usize) -> Option<Span> {
+        if pixel >= self.size.pixels() {
+            return None;
+        }
+        self.row_from(pixel).next().filter(|span| span.pixel <= pixel)
     }
 
     /// Run `at`.
@@ -176,10 +178,14 @@ impl Coverage {
         (0..self.runs.len()).map(|at| self.span(at))
     }
 
-    /// The runs of row `row`, from the left.
-    pub(crate) fn row(&self, row: usize) -> impl Iterator<Item = Span> + Clone + '_ {
+    /// The runs of a row from `pixel` on: first the one that covers it, if any.
+    pub(crate) fn row_from(&self, pixel: usize) -> impl Iterator<Item = Span> + '_ {
+        let row = pixel / self.size.width;
         let runs = self.row_starts[row] as usize..self.row_starts[row + 1] as usize;
-        self.by_pixel[runs].iter().map(|&at| self.span(at as usize))
+        let runs = &self.by_pixel[runs];
+        let after = runs.partition_point(|&run| self.runs[run as usize].pixel as usize <= pixel);
+        let spans = runs[after.saturating_sub(1)..].iter().map(|&at| self.span(at as usize));
+        spans.skip_while(move |span| span.pixels().end <= pixel)
     }
 
     /// The runs of some of slot `slot`'s fragments.
@@ -271,22 +277,25 @@ impl Coverage {
         if neighbor.is_opposite { product <= 0 } else { product >= 0 }
     }
 
-    /// Calls `visit` with the pixels between the runs, as ranges, but for those of `rim`, which are
+    /// Calls `visit` with the uncovered pixels, as ranges, but for those of `rim`, which are
     /// in order.
     pub(crate) fn for_each_gap(&self, rim: &[u32], mut visit: impl FnMut(Range<usize>)) {
         let mut rim = rim.iter().map(|&pixel| pixel as usize).peekable();
         let mut start = 0;
         let mut gap = |end: usize, next: usize| {
             while let Some(pixel) = rim.next_if(|&pixel| pixel < end) {
-                visit(start..pixel);
+                if start < pixel {
+                    visit(start..pixel);
+                }
                 start = pixel + 1;
             }
-            visit(start..end);
+            if start < end {
+                visit(start..end);
+            }
             start = next;
         };
-        for &run in &self.by_pixel {
-            let pixels = self.span(run as usize).pixels();
-            gap(pixels.start, pixels.end);
+        for &[start, end] in &self.covered {
+            gap(start as usize, end as usize);
         }
         gap(self.size.pixels(), 0);
     }
@@ -297,6 +306,7 @@ impl Coverage {
             + size_of_val(self.by_pixel.as_slice())
             + size_of_val(self.row_starts.as_slice())
             + size_of_val(self.slots.as_slice())
+            + size_of_val(self.covered.as_slice())
             + size_of_val(self.band_ends.as_slice())
             + size_of_val(self.orientations.as_slice())
     }

@@ -3,26 +3,15 @@
 //! Most of a picture is often background, and most losses are sums over pixels. A layer holds the
 //! values of the covered pixels, and once it is antialiased those of its *rim*: the uncovered
 //! pixels beside a silhouette. What is computed on a layer costs nothing elsewhere.
-//!
-//! # Forward
-//! `squared_error` is `sum_p |x_p - t_p|^2` over the pixels p of the layer, plus the same sum for the
-//! background at all others. That of whole blocks of background was summed when the
-//! [`Target`] was made, in [`Scalar::Wide`].
-//!
-//! # Backward
-//! `x_bar_p = 2 (x_p - t_p) L_bar`.
 
 use std::sync::Arc;
 
-use bokashi_core::{
-    Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Tensor, Var, sum,
-};
+use bokashi_core::{Scalar, Var};
 
-use crate::background::{Background, Behind};
+use crate::background::Background;
 use crate::coverage::Coverage;
 use crate::error::RenderError;
 use crate::fragments::Fragments;
-use crate::size::Size;
 
 /// The pixels of a picture that can differ from its background, with the background.
 #[derive(Debug, Clone)]

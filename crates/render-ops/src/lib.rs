@@ -49,6 +49,7 @@ mod resolve;
 mod rotation;
 mod size;
 mod taps;
+mod target;
 
 pub use antialias::antialias;
 pub use background::Background;
@@ -67,3 +68,4 @@ pub use rasterize::{Cull, RasterOptions, rasterize};
 pub use resolve::resolve;
 pub use size::Size;
 pub use taps::{Blur, Kernel, Radius};
+pub use target::Target;

@@ -48,9 +48,6 @@ use crate::face_sums::add_term;
 use crate::fragments::Fragments;
 use crate::layer::Layer;
 
-/// Pixels in one piece of the search for discontinuities, rounded to whole rows.
-const PIXELS_PER_PIECE: usize = 1 << 14;
-
 /// The antialiased image `[H, W, C]` of `image: [H, W, C]`, which shows `fragments`, the
 /// rasterization of vertices `clip: [V, 4]`.
 ///
@@ -153,7 +150,7 @@ impl<T: Scalar> Default for Found<T> {
 }
 
 impl<T: Scalar> Found<T> {
-    /// Finds all blends, row by row.
+    /// Finds all blends, slot by slot.
     fn find(&mut self, coverage: &Coverage, clip: &[T]) {
         let Self { blends, has_silhouette, .. } = self;
         has_silhouette.clear();
@@ -161,22 +158,22 @@ impl<T: Scalar> Found<T> {
             (0..3).any(|corner| coverage.is_silhouette(slot.face as usize, corner))
         }));
         blends.clear();
-        let size = coverage.size();
-        let search = |rows: Range<usize>, blends: &mut Vec<Blend<T::Wide>>| {
-            for_each_pair(coverage, rows, |pair| {
-                blends.extend(blend_at(coverage, clip, has_silhouette, &pair));
+        let search = |bands: Range<usize>, blends: &mut Vec<Blend<T::Wide>>| {
+            let slots = coverage.slots_of(bands);
+            for_each_pair(coverage, slots, has_silhouette, |pair| {
+                blends.extend(blend_at(coverage, clip, &pair));
             });
         };
-        let rows = PIXELS_PER_PIECE.div_ceil(size.width);
-        if !is_shared(size.height, rows) {
-            return search(0..size.height, blends);
+        let bands = coverage.band_ends.len();
+        if !is_shared(bands, 1) {
+            return search(0..bands, blends);
         }
-        let work = |rows: Range<usize>| {
+        let work = |bands: Range<usize>| {
             let mut found = Vec::new();
-            search(rows, &mut found);
+            search(bands, &mut found);
             found
         };
-        merge_ranges(size.height, rows, work, |found| blends.extend(found));
+        merge_ranges(bands, 1, work, |found| blends.extend(found));
     }
 
     /// Finds the rim and the rows of the blends in a layer.
@@ -252,16 +249,10 @@ impl<T: Scalar> Found<T> {
 fn blend_at<T: Scalar>(
     coverage: &Coverage,
     clip: &[T],
-    has_silhouette: &[bool],
     pair: &Pair,
 ) -> Option<Blend<T::Wide>> {
-    let ends = |slot: Option<usize>| slot.is_some_and(|slot| has_silhouette[slot]);
-    if !pair.slots.into_iter().any(ends) {
-        return None;
-    }
-    let faces = pair.slots.map(|slot| slot.map(|slot| coverage.slots[slot].face as usize));
     // The nearer of two faces; of equally near ones the first pixel's.
-    let (face, covers_first) = match faces {
+    let (face, covers_first) = match pair.faces {
         [Some(face), None] => (face, true),
         [None, Some(face)] => (face, false),
         [Some(first), Some(second)] => {

@@ -1,9 +1,8 @@
-//! Neighbouring pixels that see different faces.
+//! Neighbouring pixels that see different faces, at least one of them a face with a silhouette.
 //!
-//! Within a run there are none, so the runs of a row, and those of the row below, are walked side
-//! by side: the cost is that of the runs and of the pairs, not of the pixels.
+//! Each run of such a face is held against its neighbours on all four sides; within a run there are
+//! no pairs. So the cost is that of these runs and of the pairs, not of the pixels.
 
-use std::iter::Peekable;
 use std::ops::Range;
 
 use crate::coverage::{Coverage, Span};
@@ -15,8 +14,8 @@ pub(super) struct Pair {
     pub(super) pixel: usize,
     /// Whether the other pixel is the one below, not the one on the right.
     pub(super) below: bool,
-    /// The slots of the faces, where the pixels are covered.
-    pub(super) slots: [Option<usize>; 2],
+    /// The faces, where the pixels are covered.
+    pub(super) faces: [Option<usize>; 2],
 }
 
 impl Pair {
@@ -26,101 +25,76 @@ impl Pair {
     }
 }
 
-/// Calls `visit` with each pair whose first pixel lies in `rows`: row by row, side by side first,
-/// then one below the other, from the left.
-pub(super) fn for_each_pair(coverage: &Coverage, rows: Range<usize>, mut visit: impl FnMut(Pair)) {
+/// Calls `visit` once with each pair of which one pixel lies in `slots` and sees a face with
+/// `has_silhouette`; of two such pixels it is the first one's slot that counts.
+pub(super) fn for_each_pair(
+    coverage: &Coverage,
+    slots: Range<usize>,
+    has_silhouette: &[bool],
+    mut visit: impl FnMut(Pair),
+) {
     let Size { width, height } = coverage.size();
-    for row in rows {
-        let start = row * width;
-        side_by_side(coverage, row, start, start + width, &mut visit);
-        if row + 1 < height {
-            one_below(coverage, row, start, width, &mut visit);
-        }
-    }
-}
-
-/// The pairs along a row of the pixels from `start` to before `end`.
-#[inline]
-fn side_by_side(
-    coverage: &Coverage,
-    row: usize,
-    start: usize,
-    end: usize,
-    visit: &mut impl FnMut(Pair),
-) {
-    let mut before: Option<Span> = None;
-    let mut pair = |pixel, slots| visit(Pair { pixel, below: false, slots });
-    for span in coverage.row(row) {
-        let slot = Some(span.slot);
-        match before {
-            Some(before) if before.pixels().end == span.pixel => {
-                pair(span.pixel - 1, [Some(before.slot), slot]);
-            }
-            _ => {
-                if let Some(before) = before {
-                    pair(before.pixels().end - 1, [Some(before.slot), None]);
-                }
-                if span.pixel > start {
-                    pair(span.pixel - 1, [None, slot]);
+    let counts_itself = |span: &Option<Span>| span.as_ref().is_some_and(|s| has_silhouette[s.slot]);
+    for slot in slots.filter(|&slot| has_silhouette[slot]) {
+        for span in coverage.spans_of(slot) {
+            let (pixels, own) = (span.pixels(), Some(span.face));
+            let (row, column) = (span.pixel / width, span.pixel % width);
+            if column > 0 {
+                let pixel = span.pixel - 1;
+                let other = coverage.span_at(pixel);
+                if !counts_itself(&other) {
+                    let faces = [other.map(|other| other.face), own];
+                    visit(Pair { pixel, below: false, faces });
                 }
             }
+            if column + pixels.len() < width {
+                let other = coverage.span_at(pixels.end);
+                let faces = [own, other.map(|other| other.face)];
+                visit(Pair { pixel: pixels.end - 1, below: false, faces });
+            }
+            if row > 0 {
+                let above = pixels.start - width..pixels.end - width;
+                for_each_stretch(coverage, above, |stretch, other| {
+                    let faces = [other.as_ref().map(|other| other.face), own];
+                    if faces[0] != own && !counts_itself(&other) {
+                        stretch.for_each(|pixel| visit(Pair { pixel, below: true, faces }));
+                    }
+                });
+            }
+            if row + 1 < height {
+                let below = pixels.start + width..pixels.end + width;
+                for_each_stretch(coverage, below, |stretch, other| {
+                    let faces = [own, other.map(|other| other.face)];
+                    if faces[1] != own {
+                        let above = stretch.start - width..stretch.end - width;
+                        above.for_each(|pixel| visit(Pair { pixel, below: true, faces }));
+                    }
+                });
+            }
         }
-        before = Some(span);
-    }
-    if let Some(last) = before.filter(|last| last.pixels().end < end) {
-        pair(last.pixels().end - 1, [Some(last.slot), None]);
     }
 }
 
-/// The pairs of a row, whose first pixel is `start`, and the one below.
+/// Cuts pixels of a row into stretches that see one face, or none.
 #[inline]
-fn one_below(
+fn for_each_stretch(
     coverage: &Coverage,
-    row: usize,
-    start: usize,
-    width: usize,
-    visit: &mut impl FnMut(Pair),
+    pixels: Range<usize>,
+    mut visit: impl FnMut(Range<usize>, Option<Span>),
 ) {
-    let mut upper = Cursor { spans: coverage.row(row).peekable() };
-    let mut lower = Cursor { spans: coverage.row(row + 1).peekable() };
-    let mut pixel = start;
-    while pixel < start + width {
-        let (above, above_end) = upper.at(pixel, start + width);
-        let (below, below_end) = lower.at(pixel + width, start + 2 * width);
-        let end = above_end.min(below_end - width);
-        if above.map(|seen| seen.face) != below.map(|seen| seen.face) {
-            let slots = [above, below].map(|seen| seen.map(|seen| seen.slot));
-            for pixel in pixel..end {
-                visit(Pair { pixel, below: true, slots });
-            }
+    let mut start = pixels.start;
+    for span in coverage.row_from(start) {
+        if span.pixel >= pixels.end {
+            break;
         }
-        pixel = end;
+        if start < span.pixel {
+            visit(start..span.pixel, None);
+        }
+        let end = span.pixels().end.min(pixels.end);
+        visit(start.max(span.pixel)..end, Some(span));
+        start = end;
     }
-}
-
-/// What pixels see.
-#[derive(Debug, Clone, Copy)]
-struct Seen {
-    slot: usize,
-    face: usize,
-}
-
-/// A walk along the runs of a row.
-struct Cursor<I: Iterator<Item = Span>> {
-    spans: Peekable<I>,
-}
-
-impl<I: Iterator<Item = Span>> Cursor<I> {
-    /// What `pixel` sees, if anything, and where the run, or the gap, ends. Pixels come in order.
-    #[inline]
-    fn at(&mut self, pixel: usize, row_end: usize) -> (Option<Seen>, usize) {
-        while self.spans.next_if(|span| span.pixels().end <= pixel).is_some() {}
-        match self.spans.peek() {
-            None => (None, row_end),
-            Some(span) if pixel < span.pixel => (None, span.pixel),
-            Some(span) => {
-                (Some(Seen { slot: span.slot, face: span.face }), span.pixels().end)
-            }
-        }
+    if start < pixels.end {
+        visit(start..pixels.end, None);
     }
 }

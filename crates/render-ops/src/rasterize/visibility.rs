@@ -163,11 +163,12 @@ fn sort_into_bands(verdicts: &[Verdict], faces: &mut [Vec<u32>], rows: usize) ->
 
 /// Joins what was found in the bands.
 fn join<'a, T: Scalar>(bands: impl Iterator<Item = &'a Band<T>>, coverage: &mut Coverage) {
-    let Coverage { runs, by_pixel, row_starts, slots, band_ends, .. } = coverage;
+    let Coverage { runs, by_pixel, row_starts, slots, covered, band_ends, .. } = coverage;
     runs.clear();
     by_pixel.clear();
     row_starts.clear();
     slots.clear();
+    covered.clear();
     band_ends.clear();
     let mut fragments = 0;
     for band in bands {
@@ -183,6 +184,7 @@ fn join<'a, T: Scalar>(bands: impl Iterator<Item = &'a Band<T>>, coverage: &mut 
             first_run: runs_before + slot.first_run,
             ..*slot
         }));
+        covered.extend(&band.covered);
         band_ends.push(slots.len() as u32);
         fragments += band.barycentrics.len() / 2;
     }
@@ -197,6 +199,7 @@ pub(super) struct Band<T> {
     by_pixel: Vec<u32>,
     row_starts: Vec<u32>,
     slots: Vec<Slot>,
+    covered: Vec<[u32; 2]>,
     /// The weights u and v of each fragment.
     pub(super) barycentrics: Vec<T>,
 }
@@ -208,6 +211,7 @@ impl<T> Default for Band<T> {
             by_pixel: Vec::new(),
             row_starts: Vec::new(),
             slots: Vec::new(),
+            covered: Vec::new(),
             barycentrics: Vec::new(),
         }
     }
@@ -304,10 +308,11 @@ impl<T: Scalar> Canvas<T> {
                 self.draw(view, rows.clone(), face as usize);
             }
             self.bands[at].row_starts.clear();
+            self.bands[at].covered.clear();
             self.stretches.clear();
             for row in rows {
                 self.bands[at].row_starts.push(self.stretches.len() as u32);
-                self.read(view, row, row - first);
+                self.read(view, at, row, row - first);
             }
             self.sort();
             self.hand_over(view, at, &faces[band]);
@@ -371,10 +376,10 @@ impl<T: Scalar> Canvas<T> {
         self.setups.push(setup);
     }
 
-    /// Reads what the pixels of a row see, and forgets what was drawn there. `local` is the row
-    /// within the band.
+    /// Reads what the pixels of a row of band `at` see, and forgets what was drawn there. `local` is
+    /// the row within the band.
     #[inline(always)]
-    fn read(&mut self, view: &View<'_, T>, row: usize, local: usize) {
+    fn read(&mut self, view: &View<'_, T>, at: usize, row: usize, local: usize) {
         let [first, end] = std::mem::replace(&mut self.reached[local], [view.size.width, 0]);
         if first >= end {
             return;
@@ -387,6 +392,12 @@ impl<T: Scalar> Canvas<T> {
             let rest = &self.faces[start + column..reached.end];
             let length = rest.iter().position(|&other| other != setup).unwrap_or(rest.len());
             if setup != NO_FACE {
+                let pixel = (row * view.size.width + column) as u32;
+                let covered = &mut self.bands[at].covered;
+                match covered.last_mut() {
+                    Some([_, end]) if *end == pixel => *end += length as u32,
+                    _ => covered.push([pixel, pixel + length as u32]),
+                }
                 let [row, column, length] = [row, column, length].map(|number| number as u32);
                 self.stretches.push(Stretch { setup: setup as u32, row, column, length });
             }

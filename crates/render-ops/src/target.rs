@@ -1,0 +1,226 @@
+//! The squared error of a layer against a target.
+//!
+//! # Forward
+//! `L = sum_p |x_p - t_p|^2` over the pixels p of the layer, plus the same sum for the background at
+//! all others. The sums for blocks of background pixels are worked out once, with the target; so a
+//! step costs what the layer costs, whatever the size of the picture. In [`Scalar::Wide`].
+//!
+//! # Backward
+//! `x_bar_p = 2 (x_p - t_p) L_bar`.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use bokashi_core::{
+    Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Tensor, TensorError, Var, sum,
+};
+
+use crate::background::Background;
+use crate::coverage::Coverage;
+use crate::error::RenderError;
+use crate::layer::Layer;
+
+/// A target image, and what the background that is seen beside it costs.
+#[derive(Debug, Clone)]
+pub struct Target<T: Scalar>(Arc<Inner<T>>);
+
+#[derive(Debug)]
+struct Inner<T: Scalar> {
+    image: Tensor<T>,
+    background: Vec<T>,
+    /// The squared errors of the background over blocks of [`SHORT`] and of [`LONG`] pixels, in
+    /// the order of rows.
+    short: Vec<T::Wide>,
+    long: Vec<T::Wide>,
+}
+
+/// Pixels in a short block: so many at most are visited on either side of a covered stretch.
+const SHORT: usize = 64;
+
+/// Pixels in a long block.
+const LONG: usize = SHORT * SHORT;
+
+impl<T: Scalar> Target<T> {
+    /// The target `image: [H, W, C]` for pictures before a background of one colour,
+    /// `background: [C]`.
+    ///
+    /// # Errors
+    /// [`RenderError::Shape`] unless the image is `[H, W, C]` and the background `[C]`.
+    pub fn new(image: &Tensor<T>, background: &Tensor<T>) -> Result<Self, RenderError> {
+        let refused = |rule: &str, tensor: &Tensor<T>| {
+            let (rule, shape) = (rule.to_owned(), tensor.shape().clone());
+            Err(RenderError::Shape { operation: "target", rule, shape })
+        };
+        let &[_, _, channels] = &**image.shape() else {
+            return refused("an image of shape [H, W, C]", image);
+        };
+        if **background.shape() != [channels] || channels == 0 {
+            return refused(&format!("a background of shape [{channels}], C > 0"), background);
+        }
+        let background = background.data().to_vec();
+        let blocks = image.data().chunks(SHORT * channels);
+        let short: Vec<_> = blocks.map(|block| squared_error(&background, block)).collect();
+        let long = short.chunks(SHORT).map(|block| block.iter().copied().sum()).collect();
+        Ok(Self(Arc::new(Inner { image: image.clone(), background, short, long })))
+    }
+
+    /// The image.
+    pub fn image(&self) -> &Tensor<T> {
+        &self.0.image
+    }
+}
+
+impl<T: Scalar> Inner<T> {
+    /// The squared error of the background over `pixels`.
+    fn behind(&self, pixels: Range<usize>) -> T::Wide {
+        let channels = self.background.len();
+        // Blocks of one size within a range, and what is left of the range before and after.
+        let inner = |range: &Range<usize>, size: usize| {
+            let (first, end) = (range.start.div_ceil(size), range.end / size);
+            (first < end).then_some(first..end)
+        };
+        let single = |pixels: Range<usize>| -> T::Wide {
+            let entries = pixels.start * channels..pixels.end * channels;
+            squared_error(&self.background, &self.image.data()[entries])
+        };
+        let total = |blocks: &[T::Wide]| -> T::Wide { blocks.iter().copied().sum() };
+        let Some(short) = inner(&pixels, SHORT) else { return single(pixels) };
+        let ends = single(pixels.start..short.start * SHORT) + single(short.end * SHORT..pixels.end);
+        let Some(long) = inner(&short, SHORT) else { return ends + total(&self.short[short]) };
+        ends + total(&self.short[short.start..long.start * SHORT])
+            + total(&self.short[long.end * SHORT..short.end])
+            + total(&self.long[long])
+    }
+}
+
+/// The squared error of one colour against some pixels.
+fn squared_error<T: Scalar>(color: &[T], pixels: &[T]) -> T::Wide {
+    let channels = color.len();
+    let of_channel = |c: usize| {
+        let color = color[c].widen();
+        sum::<T>(pixels.len() / channels, |pixel| {
+            let difference = color - pixels[pixel * channels + c].widen();
+            difference * difference
+        })
+    };
+    (0..channels).map(of_channel).sum()
+}
+
+impl<'t, T: Scalar> Layer<'t, T> {
+    /// The sum of the squared errors of the whole picture, layer and background, against `target`;
+    /// returns `[]`.
+    ///
+    /// Where the background is a constant colour, the one that the target was made for, no pixel
+    /// beside the layer is visited; otherwise the image is made first.
+    ///
+    /// # Errors
+    /// [`RenderError::Shape`] unless the target has the picture's size and channels, and as
+    /// [`Layer::image`].
+    pub fn squared_error(&self, target: &Target<T>) -> Result<Var<'t, T>, RenderError> {
+        let (size, values) = (self.coverage.size(), self.values.shape());
+        let shape = [size.height, size.width, values[1]];
+        if **target.image().shape() != shape {
+            return Err(RenderError::Shape {
+                operation: "squared_error",
+                rule: format!("a target of shape {shape:?}"),
+                shape: target.image().shape().clone(),
+            });
+        }
+        let tape = self.values.tape();
+        let background = &target.0.background;
+        let is_targets = match self.background {
+            Background::Zero => background.iter().all(|&entry| entry == T::ZERO),
+            Background::Color(color) => {
+                !color.needs_gradient() && color.value().data() == background.as_slice()
+            }
+            Background::Image(_) => false,
+        };
+        if !is_targets {
+            let difference = self.image()?.try_sub(tape.constant(target.image()))?;
+            return Ok(difference.square().sum());
+        }
+        let op = SquaredError {
+            coverage: Arc::clone(&self.coverage),
+            rim: self.rim.clone(),
+            target: Arc::clone(&target.0),
+        };
+        Ok(tape.apply(op, &[self.values])?)
+    }
+}
+
+/// Input: values `[P, C]`. Output: `[]`.
+struct SquaredError<T: Scalar> {
+    coverage: Arc<Coverage>,
+    rim: Option<Arc<Vec<u32>>>,
+    target: Arc<Inner<T>>,
+}
+
+impl<T: Scalar> Op<T> for SquaredError<T> {
+    /// The differences `x - t: [P, C]`.
+    type Saved = Vec<T>;
+    type Error = TensorError;
+
+    fn name(&self) -> &'static str {
+        "squared_error"
+    }
+
+    fn forward(
+        &self,
+        inputs: &Inputs<'_, T>,
+        outputs: &mut Outputs<'_, T>,
+        differences: &mut Self::Saved,
+    ) -> Result<(), TensorError> {
+        let (x, target) = (inputs.data(0), self.target.image.data());
+        let (coverage, channels) = (&*self.coverage, self.target.background.len());
+        let rim = self.rim.as_deref().map_or(&[][..], Vec::as_slice);
+        if differences.len() != x.len() {
+            differences.resize(x.len(), T::ZERO);
+        }
+        let (own, rim_own) = differences.split_at_mut(coverage.count() * channels);
+        let (x_own, x_rim) = x.split_at(own.len());
+        coverage.for_each_piece_mut(channels, own, |slots, first, own| {
+            let mut at = 0;
+            let x = &x_own[first * channels..][..own.len()];
+            for span in slots.flat_map(|slot| coverage.spans_of(slot)) {
+                let target = &target[span.pixel * channels..span.pixels().end * channels];
+                let end = at + target.len();
+                let entries = own[at..end].iter_mut().zip(&x[at..end]);
+                entries.zip(target).for_each(|((difference, &x), &t)| *difference = x - t);
+                at = end;
+            }
+        });
+        let rows = rim_own.chunks_exact_mut(channels).zip(x_rim.chunks_exact(channels));
+        for (&pixel, (row, x)) in rim.iter().zip(rows) {
+            let target = &target[pixel as usize * channels..];
+            for ((difference, &x), &t) in row.iter_mut().zip(x).zip(target) {
+                *difference = x - t;
+            }
+        }
+        let mut total = sum::<T>(differences.len(), |k| {
+            let difference = differences[k].widen();
+            difference * difference
+        });
+        coverage.for_each_gap(rim, |gap| total += self.target.behind(gap));
+        outputs.push([])[0] = T::narrow(total);
+        Ok(())
+    }
+
+    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
+        Keep::NOTHING
+    }
+
+    fn backward(
+        &self,
+        kept: &Kept<'_, T>,
+        differences: &mut Self::Saved,
+        gradients: &mut Accumulators<'_, T>,
+    ) {
+        let Some(x_bar) = gradients.get(0) else { return };
+        let slope = T::from_f64(2.0) * kept.only_upstream()[0];
+        x_bar.add_zipped([differences], |[difference]| slope * difference);
+    }
+
+    fn saved_bytes(&self, differences: &Self::Saved) -> usize {
+        size_of_val(differences.as_slice())
+    }
+}
