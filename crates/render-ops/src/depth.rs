@@ -142,8 +142,9 @@ impl<T: Scalar> FaceSums<T::Wide> for PullBack<'_, T> {
         }
         for (i, row) in rows.chunks_exact_mut(4).enumerate() {
             let [x_bar, y_bar, w_bar] = face.pull_back(&edges, i, size);
-            let [z_bar, more_w_bar] = direct[i].map(|sum| face.factors[i] * sum);
-            row.copy_from_slice(&[x_bar, y_bar, z_bar, w_bar + more_w_bar]);
+            let [z_bar, more_w_bar] = direct[i];
+            let bars = [x_bar, y_bar, z_bar, w_bar + more_w_bar];
+            row.copy_from_slice(&bars.map(|bar| face.factors[i] * bar));
         }
     }
 }

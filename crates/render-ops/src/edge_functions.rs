@@ -82,7 +82,9 @@ impl<S: Scalar<Wide = S>> LocalFace<S> {
         self.coefficients.map(|[one, x, by_y]| [one + by_y * y, x])
     }
 
-    /// The gradients with respect to (x, y, w) of vertex i in clip space, before it was multiplied.
+    /// The gradients with respect to (x, y, w) of vertex i in clip space, as it is after being
+    /// multiplied by its factor: that comes last, for with it they may be beyond the range of the
+    /// numbers.
     #[inline(always)]
     pub(crate) fn pull_back(&self, sums: &EdgeSums<S>, i: usize, size: Size) -> [S; 3] {
         let (j, k) = ((i + 1) % 3, (i + 2) % 3);
@@ -94,6 +96,6 @@ impl<S: Scalar<Wide = S>> LocalFace<S> {
         let w_bar = -(self.origin[0] * x_bar + self.origin[1] * y_bar)
             - (xs[k] * qjy - xs[j] * qky + ys[j] * qkx - ys[k] * qjx);
         let (width, height) = (S::from_f64(size.width as f64), S::from_f64(size.height as f64));
-        [width * x_bar, height * y_bar, w_bar].map(|bar| self.factors[i] * bar)
+        [width * x_bar, height * y_bar, w_bar]
     }
 }

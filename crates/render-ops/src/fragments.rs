@@ -68,9 +68,12 @@ mod tests {
 
     use super::*;
     use crate::antialias::antialias;
+    use crate::background::Background;
     use crate::interpolate::interpolate;
+    use crate::mesh::Mesh;
     use crate::rasterize::rasterize;
-    use crate::resolve::{Background, resolve};
+    use crate::resolve::resolve;
+    use crate::size::Size;
 
     fn fragments(tape: &Tape<f64>) -> (Var<'_, f64>, Fragments<'_, f64>) {
         let clip = [-0.8, -0.9, 0.0, 1.0, 0.9, -0.7, 0.0, 1.0, 0.1, 0.8, 0.0, 1.0];
@@ -106,7 +109,7 @@ mod tests {
         };
         let few =
             Fragments { barycentrics: tape.leaf(&Tensor::zeros([count - 1, 2])), ..whole.clone() };
-        let flat = Fragments { depth: tape.leaf(&Tensor::zeros([count, 1])), ..whole.clone() };
+        let flat = Fragments { clip: tape.leaf(&Tensor::zeros([4, 3])), ..whole.clone() };
         let (_, foreign) = fragments(&other);
         let before = tape.len();
         for (at, operation) in ["interpolate", "resolve", "antialias"].iter().enumerate() {
@@ -119,7 +122,7 @@ mod tests {
             );
             assert_eq!(
                 messages(&flat)[at],
-                format!("{operation} needs depths of shape [{count}], got shape [{count}, 1]")
+                format!("{operation} needs clip positions of shape [3, 4], got shape [4, 3]")
             );
             assert_eq!(
                 messages(&foreign)[at],
@@ -128,7 +131,7 @@ mod tests {
         }
         assert_eq!(tape.len(), before);
         // What is exchanged for its like is accepted.
-        let moved = Fragments { depth: whole.depth * 0.5, ..whole };
+        let moved = Fragments { clip: whole.clip * 0.5, ..whole };
         assert!(antialias(image, &moved, clip).is_ok());
     }
 }

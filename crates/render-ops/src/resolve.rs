@@ -223,8 +223,7 @@ mod tests {
         let at_covered: Vec<_> = fragments
             .coverage
             .pixels()
-            .iter()
-            .flat_map(|&pixel| [2 * pixel + 1, 2 * pixel + 2].map(f64::from))
+            .flat_map(|pixel| [2 * pixel + 1, 2 * pixel + 2].map(|entry| entry as f64))
             .collect();
         let color = tape.leaf(&Tensor::zeros([2]));
         let image = tape.leaf(&Tensor::zeros([3, 5, 2]));

@@ -28,17 +28,14 @@ pub struct Target<T: Scalar>(Arc<Inner<T>>);
 struct Inner<T: Scalar> {
     image: Tensor<T>,
     background: Vec<T>,
-    /// The squared errors of the background over blocks of [`SHORT`] and of [`LONG`] pixels, in
-    /// the order of rows.
+    /// The squared errors of the background over blocks of [`BLOCK`] pixels, in the order of rows,
+    /// and over blocks of so many blocks.
     short: Vec<T::Wide>,
     long: Vec<T::Wide>,
 }
 
-/// Pixels in a short block: so many at most are visited on either side of a covered stretch.
-const SHORT: usize = 64;
-
-/// Pixels in a long block.
-const LONG: usize = SHORT * SHORT;
+/// Pixels in a block: fewer are visited on either side of a covered stretch.
+const BLOCK: usize = 64;
 
 impl<T: Scalar> Target<T> {
     /// The target `image: [H, W, C]` for pictures before a background of one colour,
@@ -58,9 +55,9 @@ impl<T: Scalar> Target<T> {
             return refused(&format!("a background of shape [{channels}], C > 0"), background);
         }
         let background = background.data().to_vec();
-        let blocks = image.data().chunks(SHORT * channels);
+        let blocks = image.data().chunks(BLOCK * channels);
         let short: Vec<_> = blocks.map(|block| squared_error(&background, block)).collect();
-        let long = short.chunks(SHORT).map(|block| block.iter().copied().sum()).collect();
+        let long = short.chunks(BLOCK).map(|block| block.iter().copied().sum()).collect();
         Ok(Self(Arc::new(Inner { image: image.clone(), background, short, long })))
     }
 
@@ -84,11 +81,11 @@ impl<T: Scalar> Inner<T> {
             squared_error(&self.background, &self.image.data()[entries])
         };
         let total = |blocks: &[T::Wide]| -> T::Wide { blocks.iter().copied().sum() };
-        let Some(short) = inner(&pixels, SHORT) else { return single(pixels) };
-        let ends = single(pixels.start..short.start * SHORT) + single(short.end * SHORT..pixels.end);
-        let Some(long) = inner(&short, SHORT) else { return ends + total(&self.short[short]) };
-        ends + total(&self.short[short.start..long.start * SHORT])
-            + total(&self.short[long.end * SHORT..short.end])
+        let Some(short) = inner(&pixels, BLOCK) else { return single(pixels) };
+        let ends = single(pixels.start..short.start * BLOCK) + single(short.end * BLOCK..pixels.end);
+        let Some(long) = inner(&short, BLOCK) else { return ends + total(&self.short[short]) };
+        ends + total(&self.short[short.start..long.start * BLOCK])
+            + total(&self.short[long.end * BLOCK..short.end])
             + total(&self.long[long])
     }
 }

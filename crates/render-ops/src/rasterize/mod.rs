@@ -231,7 +231,7 @@ impl<T: Scalar> FaceSums<T::Wide> for PullBack<'_, T> {
         }
         for (i, row) in rows.chunks_exact_mut(4).enumerate() {
             let [x_bar, y_bar, w_bar] = face.pull_back(&sums, i, *size);
-            row.copy_from_slice(&[x_bar, y_bar, T::Wide::ZERO, w_bar]);
+            row.copy_from_slice(&[x_bar, y_bar, T::Wide::ZERO, w_bar].map(|bar| factors[i] * bar));
         }
     }
 }

@@ -5,7 +5,8 @@ use bokashi_core::{Tape, Tensor};
 use proptest::prelude::*;
 
 use super::*;
-use crate::fragments::Culled;
+use crate::coverage::Culled;
+use crate::depth::depth;
 
 /// What a pixel sees.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,17 +46,20 @@ fn try_draw<T: Scalar>(
     let fragments = rasterize(positions, &mesh, options)?;
     let coverage = &fragments.coverage;
     assert_eq!(fragments.barycentrics.shape(), [coverage.count(), 2].into());
-    assert_eq!(fragments.depth.shape(), [coverage.count()].into());
-    assert!(coverage.pixels().is_sorted_by(|left, right| left < right));
-    let (uv, depth) = (fragments.barycentrics.value(), fragments.depth.value());
+    let depth = depth(&fragments)?;
+    assert_eq!(depth.shape(), [coverage.count()].into());
+    let (uv, depth) = (fragments.barycentrics.value(), depth.value());
+    let faces: Vec<_> = coverage.faces().collect();
     let seen = |n: usize| Seen {
-        face: coverage.faces()[n],
+        face: faces[n] as u32,
         uv: [uv.data()[2 * n].to_f64(), uv.data()[2 * n + 1].to_f64()],
         depth: depth.data()[n].to_f64(),
     };
     let pixels: Vec<_> =
         (0..coverage.size().pixels()).map(|pixel| coverage.fragment_at(pixel).map(seen)).collect();
     assert_eq!(pixels.iter().flatten().count(), coverage.count());
+    let places = coverage.pixels().map(|pixel| coverage.fragment_at(pixel));
+    assert!(places.eq((0..coverage.count()).map(Some)));
     Ok(Drawn { pixels, culled: coverage.culled() })
 }
 
@@ -75,8 +79,9 @@ fn gradient<T: Scalar>(clip: &Clip, faces: &[[u32; 3]], size: Size) -> Vec<f64> 
     let fragments = rasterize(positions, &mesh, size).unwrap();
     let uv_bar =
         Tensor::from_fn(fragments.barycentrics.shape(), |k| T::from_f64(1.0 + (k % 2) as f64));
-    let depth_bar = Tensor::full(fragments.depth.shape(), T::from_f64(3.0));
-    let seeds = [(fragments.barycentrics, &uv_bar), (fragments.depth, &depth_bar)];
+    let depth = depth(&fragments).unwrap();
+    let depth_bar = Tensor::full(depth.shape(), T::from_f64(3.0));
+    let seeds = [(fragments.barycentrics, &uv_bar), (depth, &depth_bar)];
     let gradients = tape.vjp(&seeds).unwrap();
     gradients.get_or_zeros(positions).data().iter().map(|entry| entry.to_f64()).collect()
 }
