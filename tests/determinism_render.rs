@@ -2,7 +2,7 @@
 
 use bokashi_core::{Scalar, Tape, Tensor};
 use bokashi_render_ops::{
-    Background, Blur, Lens, Mesh, Pose, RenderError, Size, antialias, depth_of_field,
+    Background, Blur, Lens, Mesh, Pose, RenderError, Size, antialias, depth, depth_of_field,
     gaussian_blur, interpolate, project, rasterize, resolve,
 };
 use glam::dcamera::rh::proj::opengl::perspective;
@@ -58,7 +58,7 @@ impl Sphere {
         let image = resolve(surface, &fragments, Background::Image(background))?;
         let smooth = antialias(image, &fragments, clip)?;
         let blurred = gaussian_blur(smooth, sigma, &Blur::default())?;
-        let loss = blurred.square().sum() + fragments.depth.square().sum();
+        let loss = blurred.square().sum() + depth(&fragments)?.square().sum();
         let gradients = loss.backward()?;
         let leaves = [positions, colors, rotation, translation, background, sigma];
         let mut results: Vec<_> =

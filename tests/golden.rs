@@ -5,8 +5,8 @@ use std::path::Path;
 
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
-    Background, Blur, Border, Fragments, Kernel, Mesh, Radius, Size, antialias, gaussian_blur,
-    interpolate, rasterize, resolve,
+    Background, Blur, Border, Fragments, Kernel, Mesh, Radius, Size, antialias, depth,
+    gaussian_blur, interpolate, rasterize, resolve,
 };
 use serde::Deserialize;
 
@@ -144,7 +144,7 @@ impl<'t, T: Scalar> Scene<'t, T> {
             .map(|(k, uv)| uv * covered[k / 2])
             .collect();
         self.assert_close("barycentrics", &barycentrics, &expected);
-        let depth = dense(self.fragments.depth, 1);
+        let depth = dense(depth(&self.fragments).unwrap(), 1);
         self.assert_close("depth", &depth, &flat(&golden.depth_z_over_w));
         self.assert_close("interpolated", &self.image.value(), &flat_image(&golden.interpolated));
         self.assert_gradients("interpolated", self.image, &golden.grad_of_interpolated);

@@ -16,8 +16,8 @@ use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
     Background, Blur, Border, Fragments, Kernel, Lens, Mesh, Pose, Radius, RenderError, Size,
-    antialias, depth_of_field, gaussian_blur, interpolate, interpolate_indexed, project, rasterize,
-    resolve,
+    antialias, depth, depth_of_field, gaussian_blur, interpolate, interpolate_indexed, project,
+    rasterize, resolve,
 };
 use glam::DMat4;
 use proptest::collection::vec;
@@ -200,7 +200,7 @@ impl Subject for Rasterize {
         inputs: &[Var<'t, T>],
     ) -> Result<Outcome<'t, T>, Refusal> {
         let fragments = rasterize(inputs[0], &self.scene.mesh, self.scene.size)?;
-        let all = [fragments.barycentrics, fragments.depth];
+        let all = [fragments.barycentrics, depth(&fragments)?];
         let outputs = all[self.outputs.clone()].to_vec();
         Ok(Outcome::from(outputs).with_state(fragments.coverage.triangle_ids()))
     }

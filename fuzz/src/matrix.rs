@@ -5,7 +5,7 @@ use std::cell::Cell;
 use arbitrary::{Result, Unstructured};
 use bokashi_core::{Scalar, Tensor};
 use bokashi_render_ops::{
-    Background, Mesh, Pose, antialias, interpolate, project, rasterize, resolve,
+    Background, Mesh, Pose, antialias, depth, interpolate, project, rasterize, resolve,
 };
 use glam::DMat4;
 
@@ -56,7 +56,7 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> Result<usize> {
         reached.set(fragments.coverage.count());
         let surface = interpolate(colors, &fragments)?;
         // Darker with depth, so that depths have gradients too.
-        let depth = fragments.depth.reshape([fragments.coverage.count(), 1])?;
+        let depth = depth(&fragments)?.reshape([fragments.coverage.count(), 1])?;
         let image = resolve(surface * depth, &fragments, Background::Zero)?;
         antialias(image, &fragments, clip)
     });

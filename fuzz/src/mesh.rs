@@ -5,7 +5,7 @@ use std::cell::Cell;
 use arbitrary::{Result, Unstructured};
 use bokashi_core::{Scalar, Tensor};
 use bokashi_render_ops::{
-    Background, Cull, Fragments, Mesh, RasterOptions, Size, antialias, interpolate,
+    Background, Cull, Fragments, Mesh, RasterOptions, Size, antialias, depth, interpolate,
     interpolate_indexed, rasterize, resolve,
 };
 
@@ -44,10 +44,11 @@ pub(super) fn size(bytes: &mut Unstructured<'_>) -> Result<Size> {
     Ok(Size { width: bytes.int_in_range(0..=16)?, height: bytes.int_in_range(0..=16)? })
 }
 
-/// Weights within the face, depths within the view, one fragment per pixel in the order of pixels.
+/// Weights within the face, depths within the view, one fragment per pixel.
 pub(super) fn check_fragments<T: Scalar>(fragments: &Fragments<'_, T>) {
     let slack = if size_of::<T>() == 4 { 1e-5 } else { 1e-12 };
-    let (weights, depth) = (fragments.barycentrics.value(), fragments.depth.value());
+    let depth = depth(fragments).expect("fragments that are whole").value();
+    let weights = fragments.barycentrics.value();
     for weights in weights.data().chunks_exact(2) {
         let (u, v) = (weights[0].to_f64(), weights[1].to_f64());
         for weight in [u, v, 1.0 - u - v] {
@@ -56,9 +57,8 @@ pub(super) fn check_fragments<T: Scalar>(fragments: &Fragments<'_, T>) {
     }
     assert!(depth.data().iter().all(|depth| (-1.0..=1.0).contains(&depth.to_f64())), "{depth:?}");
     let coverage = &fragments.coverage;
-    assert!(coverage.pixels().windows(2).all(|pair| pair[0] < pair[1]));
-    for (fragment, &pixel) in coverage.pixels().iter().enumerate() {
-        assert_eq!(coverage.fragment_at(pixel as usize), Some(fragment));
+    for (fragment, pixel) in coverage.pixels().enumerate() {
+        assert_eq!(coverage.fragment_at(pixel), Some(fragment));
     }
     let culled = coverage.culled();
     let drawn_or_culled = culled.degenerate + culled.outside + culled.facing;
@@ -106,7 +106,7 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> Result<usize> {
             _ => Background::Image(behind),
         };
         // Darker with depth, so that depths have gradients too.
-        let depth = fragments.depth.reshape([fragments.coverage.count(), 1])?;
+        let depth = depth(&fragments)?.reshape([fragments.coverage.count(), 1])?;
         let image = resolve(surface * depth, &fragments, background)?;
         antialias(image, &fragments, clip)
     });

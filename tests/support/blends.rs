@@ -2,7 +2,7 @@
 //! independent of the implementation.
 
 use bokashi_core::{Scalar, Tensor};
-use bokashi_render_ops::{Fragments, Size};
+use bokashi_render_ops::{Fragments, Size, depth};
 
 /// One blend of neighbouring pixels.
 #[derive(Debug, Clone, Copy)]
@@ -49,12 +49,12 @@ fn blend<T: Scalar>(
     clip: &Tensor<f64>,
     pair: [usize; 2],
 ) -> Option<Blend> {
-    let (coverage, depth) = (&fragments.coverage, fragments.depth.value());
+    let (coverage, depth) = (&fragments.coverage, depth(fragments).unwrap().value());
     let Size { width, height } = coverage.size();
     let faces = coverage.mesh().faces();
     let [seen, beside] = pair.map(|pixel| {
         let fragment = coverage.fragment_at(pixel)?;
-        Some((coverage.faces()[fragment] as usize, depth.data()[fragment].to_f64()))
+        Some((coverage.face_at(pixel)?, depth.data()[fragment].to_f64()))
     });
     let (face, covers_first) = match (seen, beside) {
         (None, None) => return None,

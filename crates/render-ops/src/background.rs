@@ -60,9 +60,7 @@ impl Behind {
             Self::Color => {
                 (format!("a background colour of shape [{channels}]"), **shape == [channels])
             }
-            Self::Image => {
-                (format!("a background image of shape {image:?}"), **shape == image)
-            }
+            Self::Image => (format!("a background image of shape {image:?}"), **shape == image),
         };
         if fits {
             return Ok(());

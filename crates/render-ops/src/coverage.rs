@@ -68,7 +68,6 @@ pub(crate) struct Run {
     pub(crate) fragment: u32,
 }
 
-
 /// A run with what it refers to.
 #[derive(Debug, Clone)]
 pub(crate) struct Span {
@@ -195,13 +194,14 @@ impl Coverage {
         slot: usize,
         fragments: Range<usize>,
     ) -> impl Iterator<Item = Span> + '_ {
-        self.spans_of(slot).map(move |mut span| {
-            let first = span.fragments.start;
-            span.fragments = first.max(fragments.start)..span.fragments.end.min(fragments.end);
-            span.pixel += span.fragments.start - first;
-            span
-        })
-        .filter(|span| !span.fragments.is_empty())
+        self.spans_of(slot)
+            .map(move |mut span| {
+                let first = span.fragments.start;
+                span.fragments = first.max(fragments.start)..span.fragments.end.min(fragments.end);
+                span.pixel += span.fragments.start - first;
+                span
+            })
+            .filter(|span| !span.fragments.is_empty())
     }
 
     /// The runs of slot `slot`.

@@ -88,8 +88,7 @@ impl<T: Scalar> Op<T> for Depth {
                         let a = row.map(|[start, slope]| start + slope * x);
                         let [z_over_w, _] = depth_and_w(&face.vertices, a);
                         // What rasterization lets through lies between the planes.
-                        *depth =
-                            T::narrow(z_over_w.greater(-T::Wide::ONE).lesser(T::Wide::ONE));
+                        *depth = T::narrow(z_over_w.greater(-T::Wide::ONE).lesser(T::Wide::ONE));
                         x += two;
                     }
                 }
@@ -105,8 +104,7 @@ impl<T: Scalar> Op<T> for Depth {
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
         let Some(clip_bar) = gradients.get(0) else { return };
         let coverage = &*self.coverage;
-        let pull_back =
-            PullBack { coverage, clip: kept.input(0), depth_bar: kept.only_upstream() };
+        let pull_back = PullBack { coverage, clip: kept.input(0), depth_bar: kept.only_upstream() };
         Layout { coverage, mesh: &coverage.mesh, width: 4 }.add_to(clip_bar, &pull_back);
     }
 }

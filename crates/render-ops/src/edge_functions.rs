@@ -52,12 +52,7 @@ impl<S: Scalar> EdgeSums<S> {
 impl<S: Scalar<Wide = S>> LocalFace<S> {
     /// Around the centre of pixel `pixel`.
     #[inline(always)]
-    pub(crate) fn new(
-        vertices: [Vertex<S>; 3],
-        factors: [S; 3],
-        pixel: usize,
-        size: Size,
-    ) -> Self {
+    pub(crate) fn new(vertices: [Vertex<S>; 3], factors: [S; 3], pixel: usize, size: Size) -> Self {
         let origin = [size.center_x(pixel % size.width), size.center_y(pixel / size.width)];
         let q = vertices.map(|vertex| vertex.relative_to(origin[0], origin[1]));
         let coefficients = std::array::from_fn(|i| {
@@ -71,8 +66,7 @@ impl<S: Scalar<Wide = S>> LocalFace<S> {
     /// Where the centre of pixel `pixel` lies from the origin.
     #[inline(always)]
     pub(crate) fn place(&self, pixel: usize, size: Size) -> [S; 2] {
-        let (x, y): (S, S) =
-            (size.center_x(pixel % size.width), size.center_y(pixel / size.width));
+        let (x, y): (S, S) = (size.center_x(pixel % size.width), size.center_y(pixel / size.width));
         [x - self.origin[0], y - self.origin[1]]
     }
 

@@ -116,8 +116,7 @@ impl<T: Scalar> Op<T> for Interpolate {
         let channels = kept.input_shape(0)[1];
         if let Some(attributes_bar) = gradients.get(0) {
             let shares = Shares { barycentrics: kept.input(1), s_bar, channels };
-            let layout =
-                Layout { coverage: &self.coverage, mesh: &self.indices, width: channels };
+            let layout = Layout { coverage: &self.coverage, mesh: &self.indices, width: channels };
             layout.add_to(attributes_bar, &shares);
         }
         if let Some(barycentrics_bar) = gradients.get(1) {
@@ -161,7 +160,8 @@ impl Interpolate {
                         let corners = self.indices.faces()[face]
                             .map(|vertex| &attributes[vertex as usize * channels..][..channels]);
                         let fragments = coverage.fragments_of(slot);
-                        let own = (fragments.start - first) * width..(fragments.end - first) * width;
+                        let own =
+                            (fragments.start - first) * width..(fragments.end - first) * width;
                         work(fragments, corners, &mut entries[own]);
                     }
                 },

@@ -95,10 +95,9 @@ impl<T: Scalar> Op<T> for Resolve {
         });
         for span in self.coverage.spans() {
             let pixels = span.pixels();
-            image[pixels.start * channels..pixels.end * channels]
-                .copy_from_slice(
-                    &values[span.fragments.start * channels..span.fragments.end * channels],
-                );
+            image[pixels.start * channels..pixels.end * channels].copy_from_slice(
+                &values[span.fragments.start * channels..span.fragments.end * channels],
+            );
         }
         let rim_values = values[self.coverage.count() * channels..].chunks_exact(channels);
         for (&pixel, value) in self.rim().iter().zip(rim_values) {
@@ -143,7 +142,8 @@ impl<T: Scalar> Op<T> for Resolve {
             sums.clear();
             sums.resize(channels, T::Wide::ZERO);
             self.coverage.for_each_gap(self.rim(), |gap| {
-                for row in image_bar[gap.start * channels..gap.end * channels].chunks_exact(channels)
+                for row in
+                    image_bar[gap.start * channels..gap.end * channels].chunks_exact(channels)
                 {
                     sums.iter_mut().zip(row).for_each(|(sum, bar)| *sum += bar.widen());
                 }

@@ -82,7 +82,8 @@ impl<T: Scalar> Inner<T> {
         };
         let total = |blocks: &[T::Wide]| -> T::Wide { blocks.iter().copied().sum() };
         let Some(short) = inner(&pixels, BLOCK) else { return single(pixels) };
-        let ends = single(pixels.start..short.start * BLOCK) + single(short.end * BLOCK..pixels.end);
+        let ends =
+            single(pixels.start..short.start * BLOCK) + single(short.end * BLOCK..pixels.end);
         let Some(long) = inner(&short, BLOCK) else { return ends + total(&self.short[short]) };
         ends + total(&self.short[short.start..long.start * BLOCK])
             + total(&self.short[long.end * BLOCK..short.end])

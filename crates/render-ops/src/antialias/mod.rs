@@ -92,8 +92,7 @@ impl<'t, T: Scalar> Layer<'t, T> {
             });
         }
         let behind = self.background.behind();
-        let op =
-            Antialias { coverage: Arc::clone(&self.coverage), of: Picture::Layer(behind) };
+        let op = Antialias { coverage: Arc::clone(&self.coverage), of: Picture::Layer(behind) };
         let look = |found: &Found<T>| (found.blends.is_empty(), found.rim.clone());
         let variables = self.background.variable();
         let (outputs, (is_identity, rim)) = match variables {
@@ -154,9 +153,11 @@ impl<T: Scalar> Found<T> {
     fn find(&mut self, coverage: &Coverage, clip: &[T]) {
         let Self { blends, has_silhouette, .. } = self;
         has_silhouette.clear();
-        has_silhouette.extend(coverage.slots.iter().map(|slot| {
-            (0..3).any(|corner| coverage.is_silhouette(slot.face as usize, corner))
-        }));
+        has_silhouette.extend(
+            coverage.slots.iter().map(|slot| {
+                (0..3).any(|corner| coverage.is_silhouette(slot.face as usize, corner))
+            }),
+        );
         blends.clear();
         let search = |bands: Range<usize>, blends: &mut Vec<Blend<T::Wide>>| {
             let slots = coverage.slots_of(bands);
@@ -235,8 +236,7 @@ impl<T: Scalar> Found<T> {
         for (_, [first, second], _) in self.placed(channels) {
             steps.extend((0..channels).map(|c| out[second + c] - out[first + c]));
         }
-        for ((blend, _, target), steps) in self.placed(channels).zip(steps.chunks_exact(channels))
-        {
+        for ((blend, _, target), steps) in self.placed(channels).zip(steps.chunks_exact(channels)) {
             let alpha = T::narrow(blend.alpha);
             let out = &mut out[target..target + channels];
             out.iter_mut().zip(steps).for_each(|(out, &step)| *out += alpha * step);
@@ -246,11 +246,7 @@ impl<T: Scalar> Found<T> {
 }
 
 /// The blend at a pair of pixels, where a silhouette passes between them.
-fn blend_at<T: Scalar>(
-    coverage: &Coverage,
-    clip: &[T],
-    pair: &Pair,
-) -> Option<Blend<T::Wide>> {
+fn blend_at<T: Scalar>(coverage: &Coverage, clip: &[T], pair: &Pair) -> Option<Blend<T::Wide>> {
     // The nearer of two faces; of equally near ones the first pixel's.
     let (face, covers_first) = match pair.faces {
         [Some(face), None] => (face, true),

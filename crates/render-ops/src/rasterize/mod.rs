@@ -205,8 +205,8 @@ impl<T: Scalar> FaceSums<T::Wide> for PullBack<'_, T> {
     #[inline(always)]
     fn sum(&self, slot: usize, fragments: Range<usize>, rows: &mut [T::Wide]) {
         let Coverage { mesh, size, slots, .. } = self.coverage;
-        let corners = mesh.faces()[slots[slot].face as usize]
-            .map(|vertex| &self.corners[vertex as usize]);
+        let corners =
+            mesh.faces()[slots[slot].face as usize].map(|vertex| &self.corners[vertex as usize]);
         let factors = corners.map(|corner| corner.factor);
         let origin = self.coverage.first_pixel_of(slot);
         let vertices = corners.map(|corner| corner.vertex);

@@ -65,10 +65,7 @@ pub(super) enum Fate {
     Facing,
     /// It can touch pixels in these columns and rows, first and last; in none where the last
     /// comes before the first.
-    Drawn {
-        columns: [u32; 2],
-        rows: [u32; 2],
-    },
+    Drawn { columns: [u32; 2], rows: [u32; 2] },
 }
 
 /// The sign of a face's area as it is seen, and what becomes of the face.
@@ -81,7 +78,10 @@ pub(super) struct Verdict {
 impl Verdict {
     /// On a face that repeats no vertex.
     #[inline(always)]
-    pub(super) fn of<S: Scalar<Wide = S>>(corners: [&Corner<S>; 3], options: RasterOptions) -> Self {
+    pub(super) fn of<S: Scalar<Wide = S>>(
+        corners: [&Corner<S>; 3],
+        options: RasterOptions,
+    ) -> Self {
         let [p, q, r] = corners.map(|corner| corner.vertex);
         // The determinant of the three vertices.
         let [e, ex, ey] = edge(q, r);
@@ -101,8 +101,7 @@ impl Verdict {
             let Size { width, height } = options.size;
             Fate::Drawn { columns: [0, width as u32 - 1], rows: [0, height as u32 - 1] }
         } else {
-            let touched =
-                |axis, extent| touched(corners.map(|corner| corner.pixel[axis]), extent);
+            let touched = |axis, extent| touched(corners.map(|corner| corner.pixel[axis]), extent);
             let Size { width, height } = options.size;
             Fate::Drawn { columns: touched(0, width), rows: touched(1, height) }
         };
@@ -119,9 +118,7 @@ fn is_within_rounding<S: Scalar<Wide = S>>(
     size: Size,
 ) -> bool {
     let noise: S = (0..3)
-        .map(|k| {
-            vertices[k].w.abs() * doubt(vertices[(k + 1) % 3], vertices[(k + 2) % 3], size)
-        })
+        .map(|k| vertices[k].w.abs() * doubt(vertices[(k + 1) % 3], vertices[(k + 2) % 3], size))
         .sum();
     // Not `>`: a determinant that is not a number decides nothing.
     !(determinant.abs() > noise)
@@ -386,10 +383,8 @@ impl<S: Scalar<Wide = S>> Setup<S> {
         let mut has_doubts = false;
         for k in 0..length {
             let a = [edges_0[k], edges_1[k], edges_2[k]];
-            let surely =
-                least([a[0] - self.doubt[0], a[1] - self.doubt[1], a[2] - self.doubt[2]]);
-            let maybe =
-                least([a[0] + self.doubt[0], a[1] + self.doubt[1], a[2] + self.doubt[2]]);
+            let surely = least([a[0] - self.doubt[0], a[1] - self.doubt[1], a[2] - self.doubt[2]]);
+            let maybe = least([a[0] + self.doubt[0], a[1] + self.doubt[1], a[2] + self.doubt[2]]);
             let depth = self.depth(a);
             let is_seen = (surely > S::ZERO) & (depth >= -S::ONE);
             depths[k] = if is_seen { depth } else { beyond() };

@@ -14,9 +14,7 @@ use bokashi_core::Scalar;
 use bokashi_core::parallel::{for_each_item_mut, for_each_piece_mut};
 
 use super::RasterOptions;
-use super::setup::{
-    Block, Corner, Fate, LANES, PIXELS_PER_BLOCK, Setup, Verdict, beyond, lanes,
-};
+use super::setup::{Block, Corner, Fate, LANES, PIXELS_PER_BLOCK, Setup, Verdict, beyond, lanes};
 use crate::coverage::{Coverage, Culled, Run, Slot};
 use crate::mesh::{Mesh, repeats_a_vertex};
 use crate::size::Size;
@@ -78,12 +76,7 @@ impl<'a, T: Scalar> View<'a, T> {
 
 impl<T: Scalar> Visibility<T> {
     /// Finds the runs, and their weights, which the bands hold.
-    pub(super) fn run(
-        &mut self,
-        clip: &[T],
-        options: RasterOptions,
-        coverage: &mut Coverage,
-    ) {
+    pub(super) fn run(&mut self, clip: &[T], options: RasterOptions, coverage: &mut Coverage) {
         let Self { corners, verdicts, centers, faces, canvases } = self;
         let Coverage { mesh, size, .. } = &*coverage;
         let (mesh, size) = (&mesh.clone(), *size);
@@ -180,10 +173,9 @@ fn join<'a, T: Scalar>(bands: impl Iterator<Item = &'a Band<T>>, coverage: &mut 
         }));
         by_pixel.extend(band.by_pixel.iter().map(|run| runs_before + run));
         row_starts.extend(band.row_starts.iter().map(|start| runs_before + start));
-        slots.extend(band.slots.iter().map(|slot| Slot {
-            first_run: runs_before + slot.first_run,
-            ..*slot
-        }));
+        slots.extend(
+            band.slots.iter().map(|slot| Slot { first_run: runs_before + slot.first_run, ..*slot }),
+        );
         covered.extend(&band.covered);
         band_ends.push(slots.len() as u32);
         fragments += band.barycentrics.len() / 2;
@@ -340,8 +332,7 @@ impl<T: Scalar> Canvas<T> {
                 let pixels = (y - rows.start) * width..(y - rows.start + 1) * width;
                 let (depths, faces) = (&mut self.depths[pixels.clone()], &mut self.faces[pixels]);
                 let columns = [left as usize, right as usize + 1];
-                let [first, end] =
-                    setup.cover_span(&row, columns, view.centers, depths, faces, at);
+                let [first, end] = setup.cover_span(&row, columns, view.centers, depths, faces, at);
                 let reached = &mut self.reached[y - rows.start];
                 *reached = [reached[0].min(first), reached[1].max(end)];
             }

@@ -380,12 +380,13 @@ pub(super) fn many_faces_in_a_pixel<T: Scalar>() -> Outcome {
     let fragments = rasterize(positions, &mesh, Size::square(3))?;
     let coverage = &fragments.coverage;
     let nearest = (0..MANY).min_by(|&a, &b| depth(a).total_cmp(&depth(b))).unwrap_or(0);
-    let mut wrong = usize::from(coverage.faces() != [nearest as u32] || coverage.pixels() != [4]);
-    let error = (fragments.depth.item().to_f64() - 0.5 * depth(nearest)).abs();
+    let mut wrong = usize::from(!coverage.faces().eq([nearest]) || !coverage.pixels().eq([4]));
+    let seen_depth = bokashi_render_ops::depth(&fragments)?;
+    let error = (seen_depth.item().to_f64() - 0.5 * depth(nearest)).abs();
     let image = tape.leaf(&Tensor::from_fn([3, 3, 1], |k| T::from_f64((k == 4) as u8 as f64)));
     let image = bokashi_render_ops::antialias(image, &fragments, positions)?;
     wrong += usize::from(!image.value().is_finite());
-    let gradients = fragments.depth.sum().backward()?;
+    let gradients = seen_depth.sum().backward()?;
     let bars = gradients.get_or_zeros(positions);
     let own = 4 * (nearest + 2) + 2;
     let others =

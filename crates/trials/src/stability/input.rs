@@ -129,9 +129,9 @@ pub(super) fn fragments_of_another_length<T: Scalar>() -> Outcome {
         results.extend(on_fragments(&tape, clip, &few, |operation| {
             format!("{operation} needs barycentrics of shape [{count}, 2], got shape [{rows}, 2]")
         }));
-        let few = Fragments { depth: tape.leaf(&Tensor::zeros([rows])), ..whole.clone() };
+        let few = Fragments { clip: tape.leaf(&Tensor::zeros([rows, 4])), ..whole.clone() };
         results.extend(on_fragments(&tape, clip, &few, |operation| {
-            format!("{operation} needs depths of shape [{count}], got shape [{rows}]")
+            format!("{operation} needs clip positions of shape [3, 4], got shape [{rows}, 4]")
         }));
     }
     Ok(Found::refused(results))

@@ -2,7 +2,7 @@
 
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
-    Background, Blur, Cull, Culled, Mesh, RasterOptions, RenderError, Size, antialias,
+    Background, Blur, Cull, Culled, Mesh, RasterOptions, RenderError, Size, antialias, depth,
     gaussian_blur, interpolate, rasterize, resolve,
 };
 
@@ -144,9 +144,10 @@ impl Scene {
         let options = RasterOptions { size: self.size, cull };
         let fragments = rasterize(self.leaf(&tape), &self.mesh()?, options)?;
         let coverage = &fragments.coverage;
-        let (uv, depth) = (fragments.barycentrics.value(), fragments.depth.value());
+        let (uv, depth) = (fragments.barycentrics.value(), depth(&fragments)?.value());
+        let faces: Vec<_> = coverage.faces().collect();
         let seen = |n: usize| Seen {
-            face: coverage.faces()[n],
+            face: faces[n] as u32,
             uv: [uv.data()[2 * n].to_f64(), uv.data()[2 * n + 1].to_f64()],
             depth: depth.data()[n].to_f64(),
         };
@@ -174,8 +175,9 @@ impl Scene {
         let fragments = rasterize(clip, &self.mesh()?, self.size)?;
         let uv_bar =
             Tensor::from_fn(fragments.barycentrics.shape(), |k| T::from_f64(1.0 + (k % 2) as f64));
-        let depth_bar = Tensor::full(fragments.depth.shape(), T::from_f64(3.0));
-        let seeds = [(fragments.barycentrics, &uv_bar), (fragments.depth, &depth_bar)];
+        let depth = depth(&fragments)?;
+        let depth_bar = Tensor::full(depth.shape(), T::from_f64(3.0));
+        let seeds = [(fragments.barycentrics, &uv_bar), (depth, &depth_bar)];
         Ok(numbers(&tape.vjp(&seeds)?.get_or_zeros(clip)))
     }
 

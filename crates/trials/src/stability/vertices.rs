@@ -2,7 +2,7 @@
 
 use bokashi_core::{Scalar, Tape, Tensor};
 use bokashi_fit::{Fit, FitSettings, Parameter, Parameters, from_fn};
-use bokashi_render_ops::{Size, rasterize};
+use bokashi_render_ops::{Size, depth, rasterize};
 
 use super::oracle::compare;
 use super::row::{Failure, Found, Outcome, told};
@@ -157,7 +157,7 @@ fn fit_of_positions<T: Scalar>(scene: &Scene) -> Result<Result<(), String>, Fail
     let mut fit = Fit::new(parameters, FitSettings::default())?;
     let mesh = scene.mesh()?;
     Ok(told(fit.step(&mut from_fn(|_: &Tape<T>, variables| {
-        Ok(rasterize(variables.get("positions")?, &mesh, scene.size)?.depth.sum())
+        Ok(depth(&rasterize(variables.get("positions")?, &mesh, scene.size)?)?.sum())
     }))))
 }
 
