@@ -311,3 +311,82 @@ impl Coverage {
             + size_of_val(self.orientations.as_slice())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use bokashi_core::{Tape, Tensor};
+
+    use super::*;
+    use crate::rasterize::rasterize;
+
+    /// A large face and small ones before it, over several bands.
+    fn coverage() -> Coverage {
+        let mut corners = vec![[-0.7, -0.9, 0.5], [0.9, -0.5, 0.5], [0.1, 0.8, 0.5]];
+        for k in 0..40 {
+            let (x, y) = (-0.8 + 0.04 * k as f64, 0.7 * (0.9 * k as f64).sin());
+            corners.extend([[x, y, 0.0], [x + 0.09, y - 0.03, 0.0], [x + 0.02, y + 0.1, 0.0]]);
+        }
+        let mesh = Mesh::new((0..41).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect(), 123);
+        let clip = corners.iter().flat_map(|&[x, y, z]| [x, y, z, 1.0]).collect();
+        let tape = Tape::<f64>::new();
+        let clip = tape.leaf(&Tensor::new([123, 4], clip).unwrap());
+        let fragments = rasterize(clip, &mesh.unwrap(), Size { width: 300, height: 200 }).unwrap();
+        Coverage::clone(&fragments.coverage)
+    }
+
+    #[test]
+    fn each_fragment_has_one_pixel_and_each_covered_pixel_one_fragment() {
+        let coverage = coverage();
+        assert!(coverage.band_ends.len() > 2 && coverage.runs.len() > 500);
+        let mut seen = vec![false; coverage.size().pixels()];
+        let places = coverage.pixels().zip(coverage.faces());
+        for (fragment, (pixel, face)) in places.enumerate() {
+            assert!(!std::mem::replace(&mut seen[pixel], true));
+            assert_eq!(coverage.fragment_at(pixel), Some(fragment));
+            assert_eq!(coverage.face_at(pixel), Some(face));
+        }
+        assert_eq!(coverage.pixels().count(), coverage.count());
+        let ids = coverage.triangle_ids();
+        for (pixel, seen) in seen.into_iter().enumerate() {
+            assert_eq!(ids[pixel] > 0, seen);
+            assert_eq!(coverage.fragment_at(pixel).is_some(), seen);
+        }
+    }
+
+    #[test]
+    fn gaps_are_the_pixels_that_are_neither_covered_nor_of_the_rim() {
+        let coverage = coverage();
+        let uncovered: Vec<_> = (0..coverage.size().pixels())
+            .filter(|&pixel| coverage.fragment_at(pixel).is_none())
+            .collect();
+        for every in [1, 2, 7, usize::MAX] {
+            let rim: Vec<_> = uncovered.iter().step_by(every).map(|&p| p as u32).collect();
+            let mut found = Vec::new();
+            coverage.for_each_gap(&rim, |gap| {
+                assert!(!gap.is_empty());
+                found.extend(gap);
+            });
+            let expected: Vec<_> =
+                uncovered.iter().copied().filter(|&p| !rim.contains(&(p as u32))).collect();
+            assert_eq!(found, expected);
+        }
+    }
+
+    #[test]
+    fn the_fragments_of_a_slot_are_those_of_its_runs_and_can_be_cut() {
+        let coverage = coverage();
+        let mut next = 0;
+        for slot in 0..coverage.slots.len() {
+            let fragments = coverage.fragments_of(slot);
+            assert_eq!(fragments.start, next);
+            next = fragments.end;
+            let own: Vec<_> = coverage.spans_of(slot).flat_map(|span| span.pixels()).collect();
+            assert_eq!(own.len(), fragments.len());
+            assert_eq!(coverage.first_pixel_of(slot), own[0]);
+            let cut = fragments.start + fragments.len() / 3..fragments.end;
+            let within = coverage.spans_within(slot, cut.clone()).flat_map(|span| span.pixels());
+            assert!(within.eq(own[cut.start - fragments.start..].iter().copied()));
+        }
+        assert_eq!(next, coverage.count());
+    }
+}

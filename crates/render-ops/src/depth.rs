@@ -26,7 +26,6 @@ use crate::edge_functions::{EdgeSums, LocalFace};
 use crate::error::RenderError;
 use crate::face_sums::{FaceSums, Layout};
 use crate::fragments::Fragments;
-use crate::homogeneous::Vertex;
 
 /// Each fragment's depth z / w, -1 on the near plane and 1 on the far plane: `[N]`, differentiable
 /// with respect to the clip positions that were rasterized.
@@ -45,19 +44,10 @@ struct Depth {
     coverage: Arc<Coverage>,
 }
 
-/// A face with its clip positions, around the first pixel of slot `slot`.
+/// The face of slot `slot` around the slot's first pixel.
 fn face_of<T: Scalar>(coverage: &Coverage, clip: &[T], slot: usize) -> LocalFace<T::Wide> {
     let indices = coverage.mesh.faces()[coverage.slots[slot].face as usize];
-    let (vertices, factors) = Vertex::of_face(clip, indices, coverage.size);
-    LocalFace::new(vertices, factors, coverage.first_pixel_of(slot), coverage.size)
-}
-
-/// Z / W and W where the edge functions are `a`.
-#[inline]
-fn depth_and_w<S: Scalar>(vertices: &[Vertex<S>; 3], a: [S; 3]) -> [S; 2] {
-    let [p, q, r] = vertices;
-    let w = p.w * a[0] + q.w * a[1] + r.w * a[2];
-    [(p.z * a[0] + q.z * a[1] + r.z * a[2]) / w, w]
+    LocalFace::of(clip, indices, coverage.first_pixel_of(slot), coverage.size)
 }
 
 impl<T: Scalar> Op<T> for Depth {
@@ -86,7 +76,7 @@ impl<T: Scalar> Op<T> for Depth {
                     let own = span.fragments.start - first..span.fragments.end - first;
                     for depth in &mut depths[own] {
                         let a = row.map(|[start, slope]| start + slope * x);
-                        let [z_over_w, _] = depth_and_w(&face.vertices, a);
+                        let [z_over_w, _] = face.depth_and_w(a);
                         // What rasterization lets through lies between the planes.
                         *depth = T::narrow(z_over_w.greater(-T::Wide::ONE).lesser(T::Wide::ONE));
                         x += two;
@@ -127,7 +117,7 @@ impl<T: Scalar> FaceSums<T::Wide> for PullBack<'_, T> {
             let row = face.row(y);
             for depth_bar in &self.depth_bar[span.fragments] {
                 let a = row.map(|[start, slope]| start + slope * x);
-                let [depth, w] = depth_and_w(&face.vertices, a);
+                let [depth, w] = face.depth_and_w(a);
                 let scale = depth_bar.widen() / w;
                 let a_bar = face.vertices.map(|vertex| scale * (vertex.z - depth * vertex.w));
                 edges.add_row(a_bar, a_bar.map(|a_bar| x * a_bar), y);
@@ -145,18 +135,4 @@ impl<T: Scalar> FaceSums<T::Wide> for PullBack<'_, T> {
             row.copy_from_slice(&bars.map(|bar| face.factors[i] * bar));
         }
     }
-}
-
-/// The depth of `face` at the centre of `pixel`.
-pub(crate) fn depth_at<T: Scalar>(
-    coverage: &Coverage,
-    clip: &[T],
-    face: usize,
-    pixel: usize,
-) -> T::Wide {
-    let indices = coverage.mesh.faces()[face];
-    let (vertices, factors) = Vertex::of_face(clip, indices, coverage.size);
-    let local = LocalFace::new(vertices, factors, pixel, coverage.size);
-    let [depth, _] = depth_and_w(&local.vertices, local.row(T::Wide::ZERO).map(|[a, _]| a));
-    depth
 }

@@ -63,6 +63,30 @@ impl<S: Scalar<Wide = S>> LocalFace<S> {
         Self { vertices, factors, origin, q, coefficients }
     }
 
+    /// Of the vertices `indices` of `clip: [V, 4]`, around the centre of pixel `pixel`.
+    pub(crate) fn of<T: Scalar<Wide = S>>(
+        clip: &[T],
+        indices: [u32; 3],
+        pixel: usize,
+        size: Size,
+    ) -> Self {
+        let (vertices, factors) = Vertex::of_face(clip, indices, size);
+        Self::new(vertices, factors, pixel, size)
+    }
+
+    /// The depth z / w, and the sum `W = sum w_i a_i`, where the edge functions are `a`.
+    #[inline(always)]
+    pub(crate) fn depth_and_w(&self, a: [S; 3]) -> [S; 2] {
+        let [p, q, r] = &self.vertices;
+        let w = p.w * a[0] + q.w * a[1] + r.w * a[2];
+        [(p.z * a[0] + q.z * a[1] + r.z * a[2]) / w, w]
+    }
+
+    /// The depth at the origin.
+    pub(crate) fn depth(&self) -> S {
+        self.depth_and_w(self.coefficients.map(|[a, ..]| a))[0]
+    }
+
     /// Where the centre of pixel `pixel` lies from the origin.
     #[inline(always)]
     pub(crate) fn place(&self, pixel: usize, size: Size) -> [S; 2] {

@@ -47,3 +47,140 @@ pub fn layer<'t, T: Scalar>(
     }
     Ok(Layer { values, background, coverage, rim: None })
 }
+
+#[cfg(test)]
+mod tests {
+    use bokashi_core::{Tape, Tensor};
+
+    use super::*;
+    use crate::antialias::antialias;
+    use crate::mesh::Mesh;
+    use crate::rasterize::rasterize;
+    use crate::resolve::resolve;
+    use crate::size::Size;
+    use crate::target::Target;
+
+    const SIZE: Size = Size { width: 24, height: 17 };
+
+    /// Two faces, one in front of the other, both with silhouettes.
+    fn fragments<T: Scalar>(tape: &Tape<T>) -> Fragments<'_, T> {
+        let clip = [
+            [-0.9, -0.8, 0.2, 1.0],
+            [0.7, -0.6, 0.3, 1.1],
+            [-0.1, 0.9, 0.1, 0.9],
+            [0.9, 0.7, 0.0, 1.2],
+            [-0.3, 0.1, -0.2, 1.0],
+            [0.2, -0.7, 0.1, 1.0],
+        ];
+        let clip = tape.leaf(&Tensor::from_fn([6, 4], |k| T::from_f64(clip[k / 4][k % 4])));
+        rasterize(clip, &Mesh::new(vec![[0, 1, 2], [3, 4, 5]], 6).unwrap(), SIZE).unwrap()
+    }
+
+    fn leaf<'t, T: Scalar, const N: usize>(tape: &'t Tape<T>, axes: [usize; N]) -> Var<'t, T> {
+        tape.leaf(&Tensor::from_fn(axes, |k| T::from_f64((k * 37 % 101) as f64 / 101.0)))
+    }
+
+    fn backgrounds<T: Scalar>(tape: &Tape<T>) -> [Background<'_, T>; 3] {
+        let color = leaf(tape, [2]);
+        let image = leaf(tape, [SIZE.height, SIZE.width, 2]);
+        [Background::Zero, Background::Color(color), Background::Image(image)]
+    }
+
+    #[test]
+    fn an_antialiased_layer_makes_the_antialiased_image() {
+        let tape = Tape::<f64>::new();
+        let fragments = fragments(&tape);
+        let clip = fragments.clip;
+        let values = leaf(&tape, [fragments.coverage.count(), 2]);
+        let image_bar = Tensor::from_fn([SIZE.height, SIZE.width, 2], |k| (k % 7) as f64 - 2.5);
+        for background in backgrounds(&tape) {
+            let whole = resolve(values, &fragments, background).unwrap();
+            let whole = antialias(whole, &fragments, clip).unwrap();
+            let layer = layer(values, &fragments, background).unwrap().antialias(clip).unwrap();
+            assert!(layer.values.shape()[0] > fragments.coverage.count());
+            let image = layer.image().unwrap();
+            assert_eq!(image.value(), whole.value());
+            let [found, expected] =
+                [image, whole].map(|image| tape.vjp(&[(image, &image_bar)]).unwrap());
+            for variable in [Some(values), Some(clip), background.variable()].into_iter().flatten()
+            {
+                let found = found.get_or_zeros(variable);
+                let expected = expected.get_or_zeros(variable);
+                for (&found, &expected) in found.data().iter().zip(expected.data()) {
+                    approx::assert_relative_eq!(found, expected, epsilon = 1e-12);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_squared_error_is_that_of_the_image_whatever_the_background() {
+        let tape = Tape::<f64>::new();
+        let fragments = fragments(&tape);
+        let values = leaf(&tape, [fragments.coverage.count(), 2]);
+        let goal = Tensor::from_fn([SIZE.height, SIZE.width, 2], |k| (k * 13 % 29) as f64 / 29.0);
+        let constant = Tensor::new([2], vec![0.25, 0.75]).unwrap();
+        let zero = Tensor::zeros([2]);
+        let own = Background::Color(tape.constant(&constant));
+        for (background, color) in backgrounds(&tape)
+            .map(|background| (background, &zero))
+            .into_iter()
+            .chain([(own, &constant), (own, &zero)])
+        {
+            let target = Target::new(&goal, color).unwrap();
+            let layer = layer(values, &fragments, background).unwrap();
+            let layer = layer.antialias(fragments.clip).unwrap();
+            let found = layer.squared_error(&target).unwrap();
+            let difference = layer.image().unwrap() - tape.constant(&goal);
+            let expected = difference.square().sum();
+            approx::assert_relative_eq!(found.item(), expected.item(), max_relative = 1e-13);
+            let [found, expected] = [found, expected].map(|loss| loss.backward().unwrap());
+            for variable in [values, fragments.clip] {
+                let found = found.get_or_zeros(variable);
+                let expected = expected.get_or_zeros(variable);
+                for (&found, &expected) in found.data().iter().zip(expected.data()) {
+                    approx::assert_relative_eq!(found, expected, epsilon = 1e-12);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn without_silhouettes_antialiasing_leaves_the_layer_itself() {
+        let tape = Tape::<f32>::new();
+        let corners = [-1.0, -1.0, 0.0, 1.0, 3.0, -1.0, 0.0, 1.0, -1.0, 3.0, 0.0, 1.0];
+        let clip = tape.leaf(&Tensor::new([3, 4], corners.to_vec()).unwrap());
+        let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
+        let fragments = rasterize(clip, &mesh, SIZE).unwrap();
+        let values = leaf(&tape, [SIZE.pixels(), 1]);
+        let whole = layer(values, &fragments, Background::Zero).unwrap();
+        let same = whole.clone().antialias(clip).unwrap();
+        assert_eq!(same.values.value(), values.value());
+        assert_eq!(tape.take_report().left_out.len(), 1);
+        assert_eq!(same.image().unwrap().value(), whole.image().unwrap().value());
+    }
+
+    #[test]
+    fn a_layer_is_antialiased_once_and_in_its_own_tape() {
+        let (tape, other) = (Tape::<f64>::new(), Tape::new());
+        let fragments = fragments(&tape);
+        let values = leaf(&tape, [fragments.coverage.count(), 2]);
+        let whole = layer(values, &fragments, Background::Zero).unwrap();
+        let smooth = whole.clone().antialias(fragments.clip).unwrap();
+        let rows = smooth.values.shape()[0];
+        let error = smooth.antialias(fragments.clip).unwrap_err().to_string();
+        let count = fragments.coverage.count();
+        assert_eq!(
+            error,
+            format!(
+                "antialias needs one value for each of {count} fragments, got shape [{rows}, 2]"
+            )
+        );
+        let foreign = other.leaf(&fragments.clip.value());
+        let error = whole.clone().antialias(foreign).unwrap_err().to_string();
+        assert_eq!(error, "antialias needs variables of one tape, got one of another");
+        let short = leaf(&tape, [5, 4]);
+        let error = whole.antialias(short).unwrap_err().to_string();
+        assert_eq!(error, "antialias needs clip positions of shape [6, 4], got shape [5, 4]");
+    }
+}

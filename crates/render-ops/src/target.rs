@@ -222,3 +222,73 @@ impl<T: Scalar> Op<T> for SquaredError<T> {
         size_of_val(differences.as_slice())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use bokashi_core::Tape;
+
+    use super::*;
+    use crate::layer::layer;
+    use crate::mesh::Mesh;
+    use crate::rasterize::rasterize;
+    use crate::size::Size;
+
+    #[test]
+    fn the_background_of_a_range_is_the_sum_over_its_pixels() {
+        // Long enough for blocks of blocks.
+        let pixels = 3 * BLOCK * BLOCK + 5 * BLOCK + 7;
+        let image = Tensor::from_fn([1, pixels, 2], |k| (k % 11) as f64);
+        let target = Target::new(&image, &Tensor::new([2], vec![3.0, 8.0]).unwrap()).unwrap();
+        let square = |k: usize| (image.data()[k] - [3.0, 8.0][k % 2]).powi(2);
+        let ends = [0, 1, BLOCK - 1, BLOCK, BLOCK + 1, 3 * BLOCK, BLOCK * BLOCK];
+        let starts = ends.iter().flat_map(|&start| [start, start + BLOCK * BLOCK]);
+        for start in starts {
+            for end in ends.iter().flat_map(|&end| [start + end, pixels - end]) {
+                if start <= end && end <= pixels {
+                    // Whole numbers: sums are exact.
+                    let expected: f64 = (2 * start..2 * end).map(square).sum();
+                    assert_eq!(target.0.behind(start..end), expected, "{start}..{end}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_error_is_exactly_zero_where_the_target_is_the_picture() {
+        let tape = Tape::<f32>::new();
+        let clip = [-0.8, -0.9, 0.0, 1.0, 0.9, -0.7, 0.0, 1.0, 0.1, 0.8, 0.0, 1.0];
+        let clip = tape.leaf(&Tensor::new([3, 4], clip.to_vec()).unwrap());
+        let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
+        let fragments = rasterize(clip, &mesh, Size::square(100)).unwrap();
+        let values = Tensor::from_fn([fragments.coverage.count(), 3], |k| (k as f32).sqrt());
+        let values = tape.leaf(&values);
+        let color = Tensor::full([3], 0.3);
+        let background = Background::Color(tape.constant(&color));
+        let layer = layer(values, &fragments, background).unwrap().antialias(clip).unwrap();
+        let target = Target::new(&layer.image().unwrap().value(), &color).unwrap();
+        let loss = layer.squared_error(&target).unwrap();
+        assert_eq!(loss.item(), 0.0);
+        let gradients = loss.backward().unwrap();
+        assert!(gradients.get(values).unwrap().data().iter().all(|&bar| bar == 0.0));
+    }
+
+    #[test]
+    fn wrong_shapes_are_refused() {
+        let image = Tensor::<f64>::zeros([4, 5, 3]);
+        let color = Tensor::zeros([3]);
+        let error = Target::new(&Tensor::zeros([4, 5]), &color).unwrap_err().to_string();
+        assert_eq!(error, "target needs an image of shape [H, W, C], got shape [4, 5]");
+        let error = Target::new(&image, &Tensor::zeros([1])).unwrap_err().to_string();
+        assert_eq!(error, "target needs a background of shape [3], C > 0, got shape [1]");
+
+        let target = Target::new(&image, &color).unwrap();
+        let tape = Tape::new();
+        let mesh = Mesh::new(vec![], 1).unwrap();
+        let clip = tape.leaf(&Tensor::zeros([1, 4]));
+        let fragments = rasterize(clip, &mesh, Size::square(4)).unwrap();
+        let values = tape.leaf(&Tensor::zeros([0, 3]));
+        let layer = layer(values, &fragments, Background::Zero).unwrap();
+        let error = layer.squared_error(&target).unwrap_err().to_string();
+        assert_eq!(error, "squared_error needs a target of shape [4, 4, 3], got shape [4, 5, 3]");
+    }
+}

@@ -42,7 +42,7 @@ use self::discontinuity::{Blend, blend};
 use self::pairs::{Pair, for_each_pair};
 use crate::background::Behind;
 use crate::coverage::Coverage;
-use crate::depth::depth_at;
+use crate::edge_functions::LocalFace;
 use crate::error::RenderError;
 use crate::face_sums::add_term;
 use crate::fragments::Fragments;
@@ -253,8 +253,15 @@ fn blend_at<T: Scalar>(coverage: &Coverage, clip: &[T], pair: &Pair) -> Option<B
         [None, Some(face)] => (face, false),
         [Some(first), Some(second)] => {
             let pixels = pair.pixels(coverage.size());
-            let depth = |k: usize, face| depth_at(coverage, clip, face, pixels[k]);
-            if depth(1, second) < depth(0, first) { (second, false) } else { (first, true) }
+            let depth = |face: usize, pixel| {
+                let indices = coverage.mesh().faces()[face];
+                LocalFace::of(clip, indices, pixel, coverage.size()).depth()
+            };
+            if depth(second, pixels[1]) < depth(first, pixels[0]) {
+                (second, false)
+            } else {
+                (first, true)
+            }
         }
         [None, None] => return None,
     };

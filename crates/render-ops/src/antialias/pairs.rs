@@ -98,3 +98,65 @@ fn for_each_stretch(
         visit(start..pixels.end, None);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use bokashi_core::{Tape, Tensor};
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::mesh::Mesh;
+    use crate::rasterize::rasterize;
+
+    /// All pairs of different faces, at least one of those in `counting`, by looking at each pixel.
+    fn expected(coverage: &Coverage, counting: &BTreeSet<usize>) -> BTreeSet<(usize, bool)> {
+        let Size { width, height } = coverage.size();
+        let mut pairs = BTreeSet::new();
+        for pixel in 0..width * height {
+            for (below, step) in [(false, 1), (true, width)] {
+                let is_last =
+                    if below { pixel / width + 1 == height } else { pixel % width + 1 == width };
+                if is_last {
+                    continue;
+                }
+                let faces = [pixel, pixel + step].map(|pixel| coverage.face_at(pixel));
+                let counts = faces.iter().flatten().any(|face| counting.contains(face));
+                if faces[0] != faces[1] && counts {
+                    pairs.insert((pixel, below));
+                }
+            }
+        }
+        pairs
+    }
+
+    proptest! {
+        #[test]
+        fn every_pair_is_visited_once(
+            corners in proptest::collection::vec((-1.5..1.5, -1.5..1.5, -0.5..0.5), 12),
+            width in 1_usize..12,
+            height in 1_usize..12,
+            counting in proptest::collection::btree_set(0_usize..4, 0..4),
+        ) {
+            let tape = Tape::<f64>::new();
+            let clip = corners.iter().flat_map(|&(x, y, z)| [x, y, z, 1.0]).collect();
+            let clip = tape.leaf(&Tensor::new([12, 4], clip).unwrap());
+            let mesh = Mesh::new((0..4).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect(), 12);
+            let fragments = rasterize(clip, &mesh.unwrap(), Size { width, height }).unwrap();
+            let coverage = &fragments.coverage;
+            let counts: Vec<_> = coverage
+                .slots
+                .iter()
+                .map(|slot| counting.contains(&(slot.face as usize)))
+                .collect();
+            let mut found = BTreeSet::new();
+            for_each_pair(coverage, 0..coverage.slots.len(), &counts, |pair| {
+                let pixels = pair.pixels(coverage.size());
+                assert_eq!(pair.faces, pixels.map(|pixel| coverage.face_at(pixel)));
+                assert!(found.insert((pair.pixel, pair.below)), "{pair:?} twice");
+            });
+            prop_assert_eq!(found, expected(coverage, &counting));
+        }
+    }
+}

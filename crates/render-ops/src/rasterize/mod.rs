@@ -217,7 +217,7 @@ impl<T: Scalar> FaceSums<T::Wide> for PullBack<'_, T> {
             let row = face.row(y);
             let uv_bar = &self.uv_bar[2 * span.fragments.start..2 * span.fragments.end];
             let [ones, xs] = if factors == [T::Wide::ONE; 3] {
-                sum_row(row, x, uv_bar, |a, uv_bar| weights_bar(a, uv_bar))
+                sum_row(row, x, uv_bar, weights_bar)
             } else {
                 // The weights are missing_i a_i, so a_bar_i gets that factor.
                 sum_row(row, x, uv_bar, |a, uv_bar| {

@@ -120,8 +120,7 @@ fn is_within_rounding<S: Scalar<Wide = S>>(
     let noise: S = (0..3)
         .map(|k| vertices[k].w.abs() * doubt(vertices[(k + 1) % 3], vertices[(k + 2) % 3], size))
         .sum();
-    // Not `>`: a determinant that is not a number decides nothing.
-    !(determinant.abs() > noise)
+    determinant.abs() <= noise
 }
 
 /// The coefficients of the edge function from `p` to `q`: of 1, X and Y.
@@ -269,7 +268,7 @@ impl<S: Scalar<Wide = S>> Setup<S> {
                 while first < end && !is_in(end - 1) {
                     end -= 1;
                 }
-            } else if !(start >= bound) {
+            } else if start < bound {
                 return [first, first];
             }
         }
