@@ -2,7 +2,7 @@
 //!
 //! Neighbouring pixels of a row mostly see one face: a *run*. Coverage is stored as runs alone, so
 //! that what lies between them costs nothing. Rows are grouped into *bands*; the faces that are
-//! seen in a band have a *slot* each, in the order of their indices. Fragments are ordered by slot,
+//! seen in a band have a *slot* each, in the order of their first pixels. Fragments are ordered by slot,
 //! and within a slot by pixel: so the fragments of a face in a band lie side by side in memory, work
 //! on the face is prepared once for all of them, and a backward pass sums over them before it adds
 //! to the face's vertices. Bands are cut by the image's size alone.

@@ -47,6 +47,16 @@ impl<S: Scalar> EdgeSums<S> {
             self.ys[i] += y * ones[i];
         }
     }
+
+    /// Adds the terms of a fragment at (x, y) from the origin.
+    #[inline(always)]
+    pub(crate) fn add(&mut self, a_bar: [S; 3], x: S, y: S) {
+        for i in 0..3 {
+            self.ones[i] += a_bar[i];
+            self.xs[i] += x * a_bar[i];
+            self.ys[i] += y * a_bar[i];
+        }
+    }
 }
 
 impl<S: Scalar<Wide = S>> LocalFace<S> {
@@ -92,6 +102,13 @@ impl<S: Scalar<Wide = S>> LocalFace<S> {
     pub(crate) fn place(&self, pixel: usize, size: Size) -> [S; 2] {
         let (x, y): (S, S) = (size.center_x(pixel % size.width), size.center_y(pixel / size.width));
         [x - self.origin[0], y - self.origin[1]]
+    }
+
+    /// The edge functions at (x, y) from the origin.
+    #[inline(always)]
+    pub(crate) fn at(&self, x: S, y: S) -> [S; 3] {
+        let [a, b, c] = &self.coefficients;
+        [a[0] + a[1] * x + a[2] * y, b[0] + b[1] * x + b[2] * y, c[0] + c[1] * x + c[2] * y]
     }
 
     /// The edge functions along a row: at X = 0 from the origin, and how they change with X.

@@ -153,6 +153,20 @@ struct SquaredError<T: Scalar> {
     target: Arc<Inner<T>>,
 }
 
+/// `x - t`, pixel by pixel: most runs are too short for vectors along them.
+#[inline(always)]
+fn subtract<T: Scalar>(channels: usize, differences: &mut [T], x: &[T], t: &[T]) {
+    if channels == 3 {
+        let pixels = differences.as_chunks_mut::<3>().0.iter_mut();
+        for ((difference, x), t) in pixels.zip(x.as_chunks::<3>().0).zip(t.as_chunks::<3>().0) {
+            *difference = [x[0] - t[0], x[1] - t[1], x[2] - t[2]];
+        }
+    } else {
+        let entries = differences.iter_mut().zip(x).zip(t);
+        entries.for_each(|((difference, &x), &t)| *difference = x - t);
+    }
+}
+
 impl<T: Scalar> Op<T> for SquaredError<T> {
     /// The differences `x - t: [P, C]`.
     type Saved = Vec<T>;
@@ -182,8 +196,7 @@ impl<T: Scalar> Op<T> for SquaredError<T> {
             for span in slots.flat_map(|slot| coverage.spans_of(slot)) {
                 let target = &target[span.pixel * channels..span.pixels().end * channels];
                 let end = at + target.len();
-                let entries = own[at..end].iter_mut().zip(&x[at..end]);
-                entries.zip(target).for_each(|((difference, &x), &t)| *difference = x - t);
+                subtract(channels, &mut own[at..end], &x[at..end], target);
                 at = end;
             }
         });

@@ -379,20 +379,20 @@ impl<S: Scalar<Wide = S>> Setup<S> {
         }
         let [edges_0, edges_1, edges_2] = block.edges.each_ref().map(|edges| &edges[..length]);
         let depths = &mut block.depths[..length];
+        // Beyond the largest doubt none of the edges is in doubt.
+        let doubt = largest(self.doubt);
         let mut has_doubts = false;
         for k in 0..length {
             let a = [edges_0[k], edges_1[k], edges_2[k]];
-            let surely = least([a[0] - self.doubt[0], a[1] - self.doubt[1], a[2] - self.doubt[2]]);
-            let maybe = least([a[0] + self.doubt[0], a[1] + self.doubt[1], a[2] + self.doubt[2]]);
-            let depth = self.depth(a);
-            let is_seen = (surely > S::ZERO) & (depth >= -S::ONE);
+            let (inside, depth) = (least(a), self.depth(a));
+            let is_seen = (inside > doubt) & (depth >= -S::ONE);
             depths[k] = if is_seen { depth } else { beyond() };
-            has_doubts |= (surely <= S::ZERO) & (maybe >= S::ZERO);
+            has_doubts |= (inside <= doubt) & (inside >= -doubt);
         }
         has_doubts
     }
 
-    /// Draws the pixels of a row that are in doubt.
+    /// Draws the pixels of a row that [`Setup::depths`] leaves in doubt.
     #[cold]
     #[inline(never)]
     pub(super) fn cover_doubtful(
@@ -404,7 +404,7 @@ impl<S: Scalar<Wide = S>> Setup<S> {
         face: u64,
     ) {
         for column in 0..centers.len() {
-            if self.is_in_doubt(row.at(centers[column])) {
+            if least(row.at(centers[column])) <= largest(self.doubt) {
                 let pixel = (&mut depths[column], &mut faces[column]);
                 self.cover_settled(row, centers[column], pixel, face);
             }
@@ -470,6 +470,13 @@ impl<S: Scalar<Wide = S>> Setup<S> {
 fn least<S: Scalar>([a, b, c]: [S; 3]) -> S {
     let least = if a < b { a } else { b };
     if least < c { least } else { c }
+}
+
+/// The largest of three.
+#[inline(always)]
+fn largest<S: Scalar>([a, b, c]: [S; 3]) -> S {
+    let largest = if a > b { a } else { b };
+    if largest > c { largest } else { c }
 }
 
 /// More than the rounding errors of the edge function from `p` to `q` anywhere in the image, from

@@ -29,6 +29,9 @@ const MOST_CANVASES: usize = 16;
 /// Vertices or faces in one piece of work: some tens of microseconds.
 const ITEMS_PER_PIECE: usize = 1 << 12;
 
+/// Stands for "not seen".
+const NO_SLOT: u32 = u32::MAX;
+
 /// Stands for "no face".
 const NO_FACE: u64 = u64::MAX;
 
@@ -220,11 +223,15 @@ struct Canvas<T: Scalar> {
     faces: Vec<u64>,
     /// Per row: the columns, first and end, that were reached.
     reached: Vec<[usize; 2]>,
+    /// Per setup: its slot, once it was seen.
+    slot_of: Vec<u32>,
+    /// Per slot: its setup.
+    seen: Vec<u32>,
     /// What was read, by pixel.
     stretches: Vec<Stretch>,
-    /// Per setup: how many of the stretches are its own or of those before it.
+    /// Per slot: how many of the stretches are its own or of those before it.
     ends: Vec<u32>,
-    /// What was read, by setup.
+    /// What was read, by slot.
     sorted: Vec<Stretch>,
     bands: Vec<Band<T>>,
 }
@@ -232,7 +239,7 @@ struct Canvas<T: Scalar> {
 /// Neighbouring pixels of a row that see one face.
 #[derive(Debug, Clone, Copy)]
 struct Stretch {
-    setup: u32,
+    slot: u32,
     row: u32,
     column: u32,
     length: u32,
@@ -246,6 +253,8 @@ impl<T: Scalar> Default for Canvas<T> {
             depths: Vec::new(),
             faces: Vec::new(),
             reached: Vec::new(),
+            slot_of: Vec::new(),
+            seen: Vec::new(),
             stretches: Vec::new(),
             ends: Vec::new(),
             sorted: Vec::new(),
@@ -302,6 +311,9 @@ impl<T: Scalar> Canvas<T> {
             self.bands[at].row_starts.clear();
             self.bands[at].covered.clear();
             self.stretches.clear();
+            self.seen.clear();
+            self.slot_of.clear();
+            self.slot_of.resize(self.setups.len(), NO_SLOT);
             for row in rows {
                 self.bands[at].row_starts.push(self.stretches.len() as u32);
                 self.read(view, at, row, row - first);
@@ -390,7 +402,14 @@ impl<T: Scalar> Canvas<T> {
                     _ => covered.push([pixel, pixel + length as u32]),
                 }
                 let [row, column, length] = [row, column, length].map(|number| number as u32);
-                self.stretches.push(Stretch { setup: setup as u32, row, column, length });
+                // Slots are numbered as they are seen, so that their order, and with it the order of
+                // all sums, does not depend on that of the mesh's faces.
+                let slot = &mut self.slot_of[setup as usize];
+                if *slot == NO_SLOT {
+                    *slot = self.seen.len() as u32;
+                    self.seen.push(setup as u32);
+                }
+                self.stretches.push(Stretch { slot: *slot, row, column, length });
             }
             column += length;
         }
@@ -398,23 +417,23 @@ impl<T: Scalar> Canvas<T> {
         self.depths[reached].fill(beyond());
     }
 
-    /// Sorts the stretches by setup; those of one setup stay in order.
+    /// Sorts the stretches by slot; those of one slot stay in order.
     #[inline(always)]
     fn sort(&mut self) {
-        let Self { setups, stretches, ends, sorted, .. } = self;
+        let Self { seen, stretches, ends, sorted, .. } = self;
         ends.clear();
-        ends.resize(setups.len() + 1, 0);
-        stretches.iter().for_each(|stretch| ends[stretch.setup as usize + 1] += 1);
+        ends.resize(seen.len() + 1, 0);
+        stretches.iter().for_each(|stretch| ends[stretch.slot as usize + 1] += 1);
         let mut before = 0;
         for end in ends.iter_mut() {
             before += *end;
             *end = before;
         }
         sorted.clear();
-        sorted.resize(stretches.len(), Stretch { setup: 0, row: 0, column: 0, length: 0 });
-        // Where the next stretch of each setup goes; in the end, where its last one went.
+        sorted.resize(stretches.len(), Stretch { slot: 0, row: 0, column: 0, length: 0 });
+        // Where the next stretch of each slot goes; in the end, where its last one went.
         for stretch in stretches.iter() {
-            let place = &mut ends[stretch.setup as usize];
+            let place = &mut ends[stretch.slot as usize];
             sorted[*place as usize] = *stretch;
             *place += 1;
         }
@@ -423,17 +442,18 @@ impl<T: Scalar> Canvas<T> {
     /// Makes runs of the stretches, with their weights, in band `at`, whose faces are `faces`.
     #[inline(always)]
     fn hand_over(&mut self, view: &View<'_, T>, at: usize, faces: &[u32]) {
-        let Self { setups, stretches, ends, sorted, bands, .. } = self;
+        let Self { setups, seen, stretches, ends, sorted, bands, .. } = self;
         let Band { runs, by_pixel, slots, barycentrics, .. } = &mut bands[at];
         let fragments: usize = stretches.iter().map(|stretch| stretch.length as usize).sum();
         resize(barycentrics, 2 * fragments, || T::ZERO);
         runs.clear();
         slots.clear();
         let mut fragment = 0;
-        for own in sorted.chunk_by(|left, right| left.setup == right.setup) {
-            let setup = &setups[own[0].setup as usize];
-            let slot = slots.len() as u32;
-            slots.push(Slot { face: faces[own[0].setup as usize], first_run: runs.len() as u32 });
+        for own in sorted.chunk_by(|left, right| left.slot == right.slot) {
+            let slot = own[0].slot;
+            let setup = seen[slot as usize] as usize;
+            slots.push(Slot { face: faces[setup], first_run: runs.len() as u32 });
+            let setup = &setups[setup];
             for &Stretch { row, column, length, .. } in own {
                 let (row, column, length) = (row as usize, column as usize, length as usize);
                 let pixel = (row * view.size.width + column) as u32;
@@ -444,10 +464,10 @@ impl<T: Scalar> Canvas<T> {
                 fragment += length;
             }
         }
-        // Backwards, so that the last place of each setup comes first.
+        // Backwards, so that the last place of each slot comes first.
         by_pixel.clear();
         by_pixel.extend(stretches.iter().rev().map(|stretch| {
-            let place = &mut ends[stretch.setup as usize];
+            let place = &mut ends[stretch.slot as usize];
             *place -= 1;
             *place
         }));
