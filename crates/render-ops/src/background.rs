@@ -55,16 +55,16 @@ impl Behind {
         channels: usize,
     ) -> Result<(), RenderError> {
         let image = [size.height, size.width, channels];
-        let (rule, fits) = match self {
+        let expected = match self {
             Self::Zero => return Ok(()),
-            Self::Color => {
-                (format!("a background colour of shape [{channels}]"), **shape == [channels])
-            }
-            Self::Image => (format!("a background image of shape {image:?}"), **shape == image),
+            Self::Color => &image[2..],
+            Self::Image => &image,
         };
-        if fits {
+        if **shape == *expected {
             return Ok(());
         }
+        let what = if self == Self::Color { "colour" } else { "image" };
+        let rule = format!("a background {what} of shape {expected:?}");
         Err(RenderError::Shape { operation, rule, shape: shape.clone() })
     }
 
