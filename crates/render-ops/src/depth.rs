@@ -120,7 +120,7 @@ impl<T: Scalar> FaceSums<T::Wide> for PullBack<'_, T> {
                 let [depth, w] = face.depth_and_w(a);
                 let scale = depth_bar.widen() / w;
                 let a_bar = face.vertices.map(|vertex| scale * (vertex.z - depth * vertex.w));
-                edges.add(a_bar, x, y);
+                edges.add_row(a_bar, a_bar.map(|a_bar| x * a_bar), y);
                 for (direct, a) in direct.iter_mut().zip(a) {
                     direct[0] += scale * a;
                     direct[1] -= scale * depth * a;

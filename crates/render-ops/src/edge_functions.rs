@@ -37,7 +37,35 @@ pub(crate) struct EdgeSums<S> {
     pub(crate) ys: [S; 3],
 }
 
+#[inline(always)]
+fn depth_and_w<S: Scalar>(vertices: &[Vertex<S>; 3], a: [S; 3]) -> [S; 2] {
+    let [p, q, r] = vertices;
+    let w = p.w * a[0] + q.w * a[1] + r.w * a[2];
+    [(p.z * a[0] + q.z * a[1] + r.z * a[2]) / w, w]
+}
+
+/// The depth z / w of a face at the centre of `pixel`.
+pub(crate) fn depth_at<S: Scalar<Wide = S>>(
+    vertices: &[Vertex<S>; 3],
+    pixel: usize,
+    size: Size,
+) -> S {
+    let (x, y) = (size.center_x(pixel % size.width), size.center_y(pixel / size.width));
+    let q = vertices.map(|vertex| vertex.relative_to(x, y));
+    depth_and_w(vertices, [cross(q[1], q[2]), cross(q[2], q[0]), cross(q[0], q[1])])[0]
+}
+
 impl<S: Scalar> EdgeSums<S> {
+    /// Adds a row's sums of `a_bar_i` and of `X a_bar_i`.
+    #[inline(always)]
+    pub(crate) fn add_row(&mut self, ones: [S; 3], xs: [S; 3], y: S) {
+        for i in 0..3 {
+            self.ones[i] += ones[i];
+            self.xs[i] += xs[i];
+            self.ys[i] += y * ones[i];
+        }
+    }
+
     /// Adds a row's sums of `a_bar_i` and of `X a_bar_i`.
     #[inline(always)]
     pub(crate) fn add_row(&mut self, ones: [S; 3], xs: [S; 3], y: S) {
@@ -87,14 +115,7 @@ impl<S: Scalar<Wide = S>> LocalFace<S> {
     /// The depth z / w, and the sum `W = sum w_i a_i`, where the edge functions are `a`.
     #[inline(always)]
     pub(crate) fn depth_and_w(&self, a: [S; 3]) -> [S; 2] {
-        let [p, q, r] = &self.vertices;
-        let w = p.w * a[0] + q.w * a[1] + r.w * a[2];
-        [(p.z * a[0] + q.z * a[1] + r.z * a[2]) / w, w]
-    }
-
-    /// The depth at the origin.
-    pub(crate) fn depth(&self) -> S {
-        self.depth_and_w(self.coefficients.map(|[a, ..]| a))[0]
+        depth_and_w(&self.vertices, a)
     }
 
     /// Where the centre of pixel `pixel` lies from the origin.
@@ -102,13 +123,6 @@ impl<S: Scalar<Wide = S>> LocalFace<S> {
     pub(crate) fn place(&self, pixel: usize, size: Size) -> [S; 2] {
         let (x, y): (S, S) = (size.center_x(pixel % size.width), size.center_y(pixel / size.width));
         [x - self.origin[0], y - self.origin[1]]
-    }
-
-    /// The edge functions at (x, y) from the origin.
-    #[inline(always)]
-    pub(crate) fn at(&self, x: S, y: S) -> [S; 3] {
-        let [a, b, c] = &self.coefficients;
-        [a[0] + a[1] * x + a[2] * y, b[0] + b[1] * x + b[2] * y, c[0] + c[1] * x + c[2] * y]
     }
 
     /// The edge functions along a row: at X = 0 from the origin, and how they change with X.

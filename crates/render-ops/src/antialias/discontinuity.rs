@@ -103,36 +103,41 @@ fn crossing<S: Scalar>(p: Local<S>, q: Local<S>) -> Crossing<S> {
     Crossing { x: (p.x * q.y - p.y * q.x) / m, m }
 }
 
-/// Whether the visible part of the edge crosses y = 0. Its point there has the sign of
+/// Where the visible part of the edge crosses y = 0, if it does. Its point there has the sign of
 /// `m / (q.y - p.y)` as its w.
-fn straddles<S: Scalar>(p: Local<S>, q: Local<S>, m: S) -> bool {
-    let zero = S::ZERO;
-    (p.y < zero) != (q.y < zero) && (m > zero) == (q.y > p.y) && m != zero
+fn visible_crossing<S: Scalar>(p: Local<S>, q: Local<S>) -> Option<Crossing<S>> {
+    if (p.y < S::ZERO) == (q.y < S::ZERO) {
+        return None;
+    }
+    let m = p.w * q.y - p.y * q.w;
+    let is_visible = (m > S::ZERO) == (q.y > p.y) && m != S::ZERO;
+    is_visible.then(|| crossing(p, q))
 }
 
-/// The blend at `pixel` and its neighbour, whose triangle ids differ, by the edges of face `face`,
+/// The blend at `pixel` and its neighbour, whose triangle ids differ, by the edges of face `face`
+/// with vertices `vertices`,
 /// which covers one of them; `None` where no silhouette of the face passes between the centres.
-pub(super) fn blend<T: Scalar>(
-    clip: &[T],
+pub(super) fn blend<S: Scalar<Wide = S>>(
+    vertices: [Vertex<S>; 3],
     coverage: &Coverage,
     face: usize,
     pixel: u32,
     below: bool,
     covers_first: bool,
-) -> Option<Blend<T::Wide>> {
+) -> Option<Blend<S>> {
     let size = coverage.size();
-    let frame = Frame::<T::Wide>::of(pixel, below, covers_first, size);
+    let frame = Frame::<S>::of(pixel, below, covers_first, size);
     let indices = coverage.mesh().faces()[face];
-    let (vertices, _) = Vertex::of_face(clip, indices, size);
     let corners = vertices.map(|vertex| frame.local(vertex));
-    let sign = if covers_first { T::Wide::ONE } else { -T::Wide::ONE };
+    let sign = if covers_first { S::ONE } else { -S::ONE };
 
     // The straddling edge that lies farthest towards the neighbour: the one where the face ends.
-    let mut farthest: Option<(usize, T::Wide, T::Wide)> = None;
+    let mut farthest: Option<(usize, S, S)> = None;
     for corner in 0..3 {
         let (p, q) = (corners[(corner + 1) % 3], corners[(corner + 2) % 3]);
-        let Crossing { x, m } = crossing(p, q);
-        if straddles(p, q, m) && farthest.is_none_or(|(_, distance, _)| sign * x > distance) {
+        if let Some(Crossing { x, m }) = visible_crossing(p, q)
+            && farthest.is_none_or(|(_, distance, _)| sign * x > distance)
+        {
             farthest = Some((corner, sign * x, m));
         }
     }
@@ -144,20 +149,20 @@ pub(super) fn blend<T: Scalar>(
     if m.abs() < (p.w * q.x - p.x * q.w).abs() {
         return None;
     }
-    let slack = T::Wide::from_f64(SLACK);
-    if !(distance >= -slack && distance <= T::Wide::ONE + slack) {
+    let slack = S::from_f64(SLACK);
+    if !(distance >= -slack && distance <= S::ONE + slack) {
         return None;
     }
     if !coverage.is_silhouette(face, corner) {
         return None;
     }
-    let inside = distance.greater(T::Wide::ZERO).lesser(T::Wide::ONE);
+    let inside = distance.greater(S::ZERO).lesser(S::ONE);
     Some(Blend {
         pixel,
         below,
         covers_first,
         edge: [indices[j], indices[k]],
-        alpha: sign * (T::Wide::from_f64(0.5) - inside),
+        alpha: sign * (S::from_f64(0.5) - inside),
         clamped: inside != distance,
     })
 }

@@ -42,10 +42,11 @@ use self::discontinuity::{Blend, blend};
 use self::pairs::{Pair, for_each_pair};
 use crate::background::Behind;
 use crate::coverage::Coverage;
-use crate::edge_functions::LocalFace;
+use crate::edge_functions::depth_at;
 use crate::error::RenderError;
 use crate::face_sums::add_term;
 use crate::fragments::Fragments;
+use crate::homogeneous::Vertex;
 use crate::layer::Layer;
 
 /// The antialiased image `[H, W, C]` of `image: [H, W, C]`, which shows `fragments`, the
@@ -161,8 +162,9 @@ impl<T: Scalar> Found<T> {
         blends.clear();
         let search = |bands: Range<usize>, blends: &mut Vec<Blend<T::Wide>>| {
             let slots = coverage.slots_of(bands);
+            let mut faces = Faces::new(coverage, clip);
             for_each_pair(coverage, slots, has_silhouette, |pair| {
-                blends.extend(blend_at(coverage, clip, &pair));
+                blends.extend(faces.blend(&pair));
             });
         };
         let bands = coverage.band_ends.len();
@@ -245,27 +247,51 @@ impl<T: Scalar> Found<T> {
     }
 }
 
-/// The blend at a pair of pixels, where a silhouette passes between them.
-fn blend_at<T: Scalar>(coverage: &Coverage, clip: &[T], pair: &Pair) -> Option<Blend<T::Wide>> {
-    // The nearer of two faces; of equally near ones the first pixel's.
-    let (face, covers_first) = match pair.faces {
-        [Some(face), None] => (face, true),
-        [None, Some(face)] => (face, false),
-        [Some(first), Some(second)] => {
-            let pixels = pair.pixels(coverage.size());
-            let depth = |face: usize, pixel| {
-                let indices = coverage.mesh().faces()[face];
-                LocalFace::of(clip, indices, pixel, coverage.size()).depth()
-            };
-            if depth(second, pixels[1]) < depth(first, pixels[0]) {
-                (second, false)
-            } else {
-                (first, true)
-            }
+/// The faces of a picture with their vertices. Those of the last two are remembered: pairs come run
+/// by run.
+struct Faces<'a, T: Scalar> {
+    coverage: &'a Coverage,
+    clip: &'a [T],
+    recent: [Option<(usize, [Vertex<T::Wide>; 3])>; 2],
+}
+
+impl<'a, T: Scalar> Faces<'a, T> {
+    fn new(coverage: &'a Coverage, clip: &'a [T]) -> Self {
+        Self { coverage, clip, recent: [None; 2] }
+    }
+
+    fn vertices(&mut self, face: usize) -> [Vertex<T::Wide>; 3] {
+        if let Some((_, vertices)) = self.recent.iter().flatten().find(|(other, _)| *other == face)
+        {
+            return *vertices;
         }
-        [None, None] => return None,
-    };
-    blend(clip, coverage, face, pair.pixel as u32, pair.below, covers_first)
+        let indices = self.coverage.mesh().faces()[face];
+        let (vertices, _) = Vertex::of_face(self.clip, indices, self.coverage.size());
+        self.recent = [Some((face, vertices)), self.recent[0]];
+        vertices
+    }
+
+    /// The depth of `face` at the centre of `pixel`.
+    fn depth(&mut self, face: usize, pixel: usize) -> T::Wide {
+        depth_at(&self.vertices(face), pixel, self.coverage.size())
+    }
+
+    /// The blend at a pair of pixels, where a silhouette passes between them.
+    fn blend(&mut self, pair: &Pair) -> Option<Blend<T::Wide>> {
+        // The nearer of two faces; of equally near ones the first pixel's.
+        let (face, covers_first) = match pair.faces {
+            [Some(face), None] => (face, true),
+            [None, Some(face)] => (face, false),
+            [Some(first), Some(second)] => {
+                let [pixel, other] = pair.pixels(self.coverage.size());
+                let is_behind = self.depth(second, other) < self.depth(first, pixel);
+                if is_behind { (second, false) } else { (first, true) }
+            }
+            [None, None] => return None,
+        };
+        let (vertices, pixel) = (self.vertices(face), pair.pixel as u32);
+        blend(vertices, self.coverage, face, pixel, pair.below, covers_first)
+    }
 }
 
 impl<T: Scalar> Op<T> for Antialias {
