@@ -65,26 +65,6 @@ impl<S: Scalar> EdgeSums<S> {
             self.ys[i] += y * ones[i];
         }
     }
-
-    /// Adds a row's sums of `a_bar_i` and of `X a_bar_i`.
-    #[inline(always)]
-    pub(crate) fn add_row(&mut self, ones: [S; 3], xs: [S; 3], y: S) {
-        for i in 0..3 {
-            self.ones[i] += ones[i];
-            self.xs[i] += xs[i];
-            self.ys[i] += y * ones[i];
-        }
-    }
-
-    /// Adds the terms of a fragment at (x, y) from the origin.
-    #[inline(always)]
-    pub(crate) fn add(&mut self, a_bar: [S; 3], x: S, y: S) {
-        for i in 0..3 {
-            self.ones[i] += a_bar[i];
-            self.xs[i] += x * a_bar[i];
-            self.ys[i] += y * a_bar[i];
-        }
-    }
 }
 
 impl<S: Scalar<Wide = S>> LocalFace<S> {
