@@ -11,7 +11,7 @@ use crate::parallel::for_each_zipped_mut;
 use crate::pool::Pool;
 use crate::scalar::Scalar;
 use crate::shape::Shape;
-use crate::tensor::Tensor;
+use crate::value::Value;
 
 /// A differentiable operation with a hand-written backward pass.
 ///
@@ -91,17 +91,6 @@ impl Keep {
     }
 }
 
-/// A value on the tape.
-#[derive(Debug)]
-pub(crate) struct Value<T> {
-    pub(crate) tensor: Tensor<T>,
-    /// Whether some leaf below could need a gradient through it.
-    pub(crate) needs: bool,
-    /// Whether the buffer goes back to the pool: not for what a user handed in, nor for a second
-    /// name of a buffer that another value returns.
-    pub(crate) pooled: bool,
-}
-
 /// The inputs of an operation while it is recorded.
 #[derive(Debug)]
 pub struct Inputs<'a, T> {
@@ -116,19 +105,16 @@ impl<'a, T: Scalar> Inputs<'a, T> {
         self.indices.len()
     }
 
-    /// The value of input `i`.
-    pub fn tensor(&self, i: usize) -> &'a Tensor<T> {
-        &self.values[self.indices[i] as usize].tensor
-    }
-
     /// The entries of input `i`, row-major.
+    #[inline]
     pub fn data(&self, i: usize) -> &'a [T] {
-        self.tensor(i).data()
+        self.values[self.indices[i] as usize].data()
     }
 
     /// The shape of input `i`.
+    #[inline]
     pub fn shape(&self, i: usize) -> &'a Shape {
-        self.tensor(i).shape()
+        &self.values[self.indices[i] as usize].shape
     }
 
     /// Whether a gradient with respect to input `i` could be asked for later.
@@ -142,40 +128,74 @@ impl<'a, T: Scalar> Inputs<'a, T> {
     }
 }
 
+/// One output of an operation.
+#[derive(Debug)]
+pub(crate) enum Output<T> {
+    /// Its shape and its entries, in a buffer of the pool.
+    Computed(Shape, Vec<T>),
+    /// The entries of an input, by number, under a shape of its own.
+    Renamed(Shape, usize),
+}
+
+impl<T: Scalar> Output<T> {
+    /// Gives the buffer back to the pool.
+    pub(crate) fn recycle(self, pool: &mut Pool<T>) {
+        if let Self::Computed(_, entries) = self {
+            pool.give(entries);
+        }
+    }
+
+    fn entries(&mut self) -> &mut [T] {
+        match self {
+            Self::Computed(_, entries) => entries,
+            Self::Renamed(..) => &mut [],
+        }
+    }
+}
+
 /// The outputs that an operation computes.
 #[derive(Debug)]
 pub struct Outputs<'a, T> {
     pub(crate) pool: &'a mut Pool<T>,
-    /// Each output, and whether its buffer is the pool's.
-    pub(crate) tensors: &'a mut Vec<(Tensor<T>, bool)>,
+    pub(crate) list: &'a mut Vec<Output<T>>,
+    /// The input that is the output, and why.
+    pub(crate) passed: Option<(usize, &'static str)>,
 }
 
 impl<T: Scalar> Outputs<'_, T> {
     /// Adds an output of `shape` and gives its entries. They start as whatever an earlier use of
     /// the buffer left: the operation writes every one of them.
+    #[inline]
     pub fn push(&mut self, shape: impl Into<Shape>) -> &mut [T] {
-        self.tensors.push((self.pool.take(shape.into()), true));
-        let (tensor, _) = self.tensors.last_mut().expect("one was just pushed");
-        tensor.own_data_mut()
+        let shape = shape.into();
+        let entries = self.pool.take(shape.size());
+        self.list.push(Output::Computed(shape, entries));
+        self.list.last_mut().expect("one was just pushed").entries()
     }
 
     /// Adds an output for each of `shapes`, as [`Outputs::push`] does, and gives the entries of
     /// all of them at once.
     pub fn push_all<const N: usize>(&mut self, shapes: [Shape; N]) -> [&mut [T]; N] {
-        let first = self.tensors.len();
+        let first = self.list.len();
         for shape in shapes {
-            self.tensors.push((self.pool.take(shape), true));
+            self.push(shape);
         }
-        let mut new = self.tensors[first..].iter_mut();
-        std::array::from_fn(|_| {
-            let (tensor, _) = new.next().expect("one tensor was pushed per shape");
-            tensor.own_data_mut()
-        })
+        let mut new = self.list[first..].iter_mut();
+        std::array::from_fn(|_| new.next().expect("one was pushed per shape").entries())
     }
 
-    /// Adds an output that shares the buffer of `tensor`: an input under another shape.
-    pub fn push_shared(&mut self, tensor: Tensor<T>) {
-        self.tensors.push((tensor, false));
+    /// Adds an output that is input `input` under another shape of as many entries; the buffer is
+    /// shared.
+    pub fn push_renamed(&mut self, shape: impl Into<Shape>, input: usize) {
+        self.list.push(Output::Renamed(shape.into(), input));
+    }
+
+    /// Says that the operation is the identity: its one output is input `input` itself. Then
+    /// nothing is recorded, the caller gets the input's variable back, and the tape's report says
+    /// that the operation was left out, and why. An operation that passes an input on pushes no
+    /// output.
+    pub fn pass(&mut self, input: usize, reason: &'static str) {
+        self.passed = Some((input, reason));
     }
 }
 
@@ -186,14 +206,14 @@ pub struct Kept<'a, T> {
     pub(crate) keep: Keep,
     pub(crate) inputs: Inputs<'a, T>,
     pub(crate) outputs: &'a [Value<T>],
-    pub(crate) upstream: &'a [Option<Tensor<T>>],
+    pub(crate) upstream: &'a [Option<Vec<T>>],
 }
 
 impl<T: Scalar> Kept<'_, T> {
     /// The gradient of the loss with respect to output `j`; `None` where it is zero because
     /// nothing after this operation used the output.
     pub fn upstream(&self, j: usize) -> Option<&[T]> {
-        self.upstream[j].as_ref().map(Tensor::data)
+        self.upstream[j].as_deref()
     }
 
     /// The gradient with respect to the only output of an operation that has one.
@@ -216,7 +236,7 @@ impl<T: Scalar> Kept<'_, T> {
     /// Where the operation did not ask to keep it.
     pub fn output(&self, j: usize) -> &[T] {
         assert!(self.keep.has_output(j), "{} did not keep its output {j}", self.operation);
-        self.outputs[j].tensor.data()
+        self.outputs[j].data()
     }
 
     /// How many inputs there are.
@@ -231,7 +251,7 @@ impl<T: Scalar> Kept<'_, T> {
 
     /// The shape of output `j`, kept or not.
     pub fn output_shape(&self, j: usize) -> &Shape {
-        self.outputs[j].tensor.shape()
+        &self.outputs[j].shape
     }
 }
 
@@ -262,7 +282,7 @@ impl<T: Scalar> Accumulators<'_, T> {
 /// The gradient of one input. Everything adds to what is already there; nothing overwrites it.
 #[derive(Debug)]
 pub struct Accumulator<T> {
-    pub(crate) tensor: Tensor<T>,
+    pub(crate) sum: Vec<T>,
     /// Whether nothing has been added yet: the buffer then holds no meaningful numbers.
     pub(crate) fresh: bool,
 }
@@ -272,7 +292,7 @@ impl<T: Scalar> Accumulator<T> {
     #[inline]
     pub fn add_each(&mut self, mut entry: impl FnMut(usize) -> T) {
         let fresh = std::mem::replace(&mut self.fresh, false);
-        let sum = self.tensor.own_data_mut();
+        let sum = &mut self.sum[..];
         if fresh {
             sum.iter_mut().enumerate().for_each(|(k, sum)| *sum = entry(k));
         } else {
@@ -292,7 +312,7 @@ impl<T: Scalar> Accumulator<T> {
         entry: impl Fn([T; N]) -> T + Send + Sync,
     ) {
         let fresh = std::mem::replace(&mut self.fresh, false);
-        let sum = self.tensor.own_data_mut();
+        let sum = &mut self.sum[..];
         if fresh {
             for_each_zipped_mut(sum, from, |sum, from| *sum = entry(from));
         } else {
@@ -305,7 +325,7 @@ impl<T: Scalar> Accumulator<T> {
     /// # Panics
     /// Unless there are as many entries as the input has.
     pub fn add(&mut self, entries: &[T]) {
-        let size = self.tensor.size();
+        let size = self.sum.len();
         assert_eq!(size, entries.len(), "a gradient has as many entries as its input");
         self.add_zipped([entries], |[entry]| entry);
     }
@@ -313,7 +333,7 @@ impl<T: Scalar> Accumulator<T> {
     /// The sum so far, zeros at first, for an operation that adds to some entries.
     pub fn entries(&mut self) -> &mut [T] {
         let fresh = std::mem::replace(&mut self.fresh, false);
-        let sum = self.tensor.own_data_mut();
+        let sum = &mut self.sum[..];
         if fresh {
             sum.fill(T::ZERO);
         }
@@ -325,6 +345,7 @@ impl<T: Scalar> Accumulator<T> {
 mod tests {
     use super::*;
     use crate::tape::Tape;
+    use crate::tensor::Tensor;
 
     /// `[x, 2 x]`; keeps its input only if told to, and reads it in any case.
     struct Doubles {
@@ -451,8 +472,7 @@ mod tests {
 
     fn accumulator(fresh: bool) -> Accumulator<f64> {
         // NaN: what a fresh buffer holds means nothing.
-        let entry = if fresh { f64::NAN } else { 10.0 };
-        Accumulator { tensor: Tensor::full([2], entry), fresh }
+        Accumulator { sum: vec![if fresh { f64::NAN } else { 10.0 }; 2], fresh }
     }
 
     #[test]
@@ -467,9 +487,9 @@ mod tests {
             for way in ways {
                 let mut sum = accumulator(fresh);
                 way(&mut sum);
-                assert_eq!(sum.tensor.data(), [before + 1.0, before + 2.0]);
+                assert_eq!(sum.sum, [before + 1.0, before + 2.0]);
                 way(&mut sum);
-                assert_eq!(sum.tensor.data(), [before + 2.0, before + 4.0]);
+                assert_eq!(sum.sum, [before + 2.0, before + 4.0]);
             }
         }
     }

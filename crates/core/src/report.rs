@@ -1,14 +1,18 @@
 //! What a tape did: per operation, calls, time, bytes, and what was left out.
+//!
+//! While a step runs, an operation finds its counters by index; names, texts and lists are made
+//! when the report is taken.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::time::Duration;
 
 /// What one kind of operation did since the report was last taken.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct OperationReport {
     /// The operation's name.
     pub name: &'static str,
-    /// How often it was recorded.
+    /// How often it was computed.
     pub calls: u64,
     /// How often its backward pass ran.
     pub backward_calls: u64,
@@ -18,6 +22,12 @@ pub struct OperationReport {
     pub backward: Duration,
     /// Bytes of its outputs and of what it saved, over all calls.
     pub bytes: u64,
+    /// The largest relative error of its outputs, where they were compared
+    /// ([`Report::with_errors`]).
+    pub error: Option<f64>,
+    /// The largest relative error of the gradients of its outputs, where they were compared
+    /// ([`Report::with_gradient_errors`]).
+    pub gradient_error: Option<f64>,
 }
 
 /// A piece of work that a scene did not need.
@@ -26,13 +36,14 @@ pub struct LeftOut {
     /// The operation.
     pub name: &'static str,
     /// Why its work was not needed.
-    pub reason: &'static str,
+    pub reason: Cow<'static, str>,
     /// How often.
     pub count: u64,
 }
 
-/// What a tape did since the report was last taken, in the order of first use.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+/// What a tape did since the report was last taken, in the order in which the tape first met each
+/// kind of operation.
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Report {
     /// One entry per kind of operation.
     pub operations: Vec<OperationReport>,
@@ -40,32 +51,147 @@ pub struct Report {
     pub left_out: Vec<LeftOut>,
 }
 
-impl Report {
-    /// The entry of the operation `name`.
-    pub(crate) fn operation(&mut self, name: &'static str) -> &mut OperationReport {
+/// Inputs and outputs whose unneeded gradients are counted apart; those beyond count together.
+const COUNTED_APART: usize = 8;
+
+/// The counters of one kind of operation.
+#[derive(Debug)]
+pub(crate) struct Count {
+    pub(crate) operation: OperationReport,
+    /// Calls that left no node, since no input needs a gradient.
+    pub(crate) unrecorded: u64,
+    /// Backward passes that did not run, since nothing that was asked for lies below.
+    pub(crate) unwanted: u64,
+    /// Backward passes that did not run, since nothing above used an output.
+    pub(crate) unused: u64,
+    inputs: [u64; COUNTED_APART],
+    outputs: [u64; COUNTED_APART],
+}
+
+impl Count {
+    fn new(name: &'static str) -> Self {
+        let operation = OperationReport {
+            name,
+            calls: 0,
+            backward_calls: 0,
+            forward: Duration::ZERO,
+            backward: Duration::ZERO,
+            bytes: 0,
+            error: None,
+            gradient_error: None,
+        };
+        Self {
+            operation,
+            unrecorded: 0,
+            unwanted: 0,
+            unused: 0,
+            inputs: [0; COUNTED_APART],
+            outputs: [0; COUNTED_APART],
+        }
+    }
+
+    /// Counts a backward pass that left out the gradient of input `i`.
+    #[inline]
+    pub(crate) fn leave_out_input(&mut self, i: usize) {
+        self.inputs[i.min(COUNTED_APART - 1)] += 1;
+    }
+
+    /// Counts a backward pass without an upstream gradient of output `j`.
+    #[inline]
+    pub(crate) fn leave_out_output(&mut self, j: usize) {
+        self.outputs[j.min(COUNTED_APART - 1)] += 1;
+    }
+
+    /// What was left out, in words.
+    fn left_out(&self) -> impl Iterator<Item = LeftOut> {
+        let whole: [(Cow<'static, str>, u64); 3] = [
+            ("recording: no input needs a gradient".into(), self.unrecorded),
+            ("backward: no gradient below is asked for".into(), self.unwanted),
+            ("backward: nothing depends on its outputs".into(), self.unused),
+        ];
+        let apart = |what: &'static str, counts: [u64; COUNTED_APART], why: &'static str| {
+            counts.into_iter().enumerate().map(move |(k, count)| {
+                let beyond = if k + 1 == COUNTED_APART { " and beyond" } else { "" };
+                (format!("gradient of {what} {k}{beyond}: {why}").into(), count)
+            })
+        };
+        let name = self.operation.name;
+        whole
+            .into_iter()
+            .chain(apart("input", self.inputs, "not asked for"))
+            .chain(apart("output", self.outputs, "nothing depends on it"))
+            .filter(|&(_, count)| count > 0)
+            .map(move |(reason, count)| LeftOut { name, reason, count })
+    }
+}
+
+/// The counters of a tape. Entries stay where they are, so that operations can find theirs by
+/// index.
+#[derive(Debug, Default)]
+pub(crate) struct Tally {
+    counts: Vec<Count>,
+    /// What operations said of themselves.
+    said: Vec<LeftOut>,
+}
+
+impl Tally {
+    /// The entry of the operation `name`; a look at entry `guess` comes first.
+    #[inline]
+    pub(crate) fn entry(&mut self, name: &'static str, guess: u32) -> u32 {
+        match self.counts.get(guess as usize) {
+            Some(count) if std::ptr::eq(count.operation.name, name) => guess,
+            _ => self.find(name),
+        }
+    }
+
+    fn find(&mut self, name: &'static str) -> u32 {
         // A pipeline has a dozen kinds of operations: a scan beats a map.
-        let found = self.operations.iter().position(|entry| std::ptr::eq(entry.name, name));
-        let found = found.or_else(|| self.operations.iter().position(|entry| entry.name == name));
+        let found = self.counts.iter().position(|count| count.operation.name == name);
         let at = found.unwrap_or_else(|| {
-            self.operations.push(OperationReport {
-                name,
-                calls: 0,
-                backward_calls: 0,
-                forward: Duration::ZERO,
-                backward: Duration::ZERO,
-                bytes: 0,
-            });
-            self.operations.len() - 1
+            self.counts.push(Count::new(name));
+            self.counts.len() - 1
         });
-        &mut self.operations[at]
+        at as u32
+    }
+
+    /// The counters of entry `entry`.
+    #[inline]
+    pub(crate) fn count(&mut self, entry: u32) -> &mut Count {
+        &mut self.counts[entry as usize]
+    }
+
+    /// The name of the operation of entry `entry`.
+    #[inline]
+    pub(crate) fn name(&self, entry: u32) -> &'static str {
+        self.counts[entry as usize].operation.name
     }
 
     /// Counts one piece of work left out.
     pub(crate) fn leave_out(&mut self, name: &'static str, reason: &'static str) {
-        match self.left_out.iter_mut().find(|entry| entry.name == name && entry.reason == reason) {
+        match self.said.iter_mut().find(|entry| entry.name == name && entry.reason == reason) {
             Some(entry) => entry.count += 1,
-            None => self.left_out.push(LeftOut { name, reason, count: 1 }),
+            None => self.said.push(LeftOut { name, reason: reason.into(), count: 1 }),
         }
+    }
+
+    /// The report so far; everything is counted from zero afterwards.
+    pub(crate) fn take(&mut self) -> Report {
+        let mut report = Report::default();
+        for count in &mut self.counts {
+            report.left_out.extend(count.left_out());
+            let fresh = Count::new(count.operation.name);
+            let Count { operation, .. } = std::mem::replace(count, fresh);
+            if operation.calls + operation.backward_calls > 0 {
+                report.operations.push(operation);
+            }
+        }
+        for said in &mut self.said {
+            if said.count > 0 {
+                report.left_out.push(said.clone());
+                said.count = 0;
+            }
+        }
+        report
     }
 }
 
@@ -74,19 +200,29 @@ impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "{:<22} {:>8} {:>8} {:>12} {:>12} {:>12}",
-            "operation", "calls", "backward", "forward ms", "backward ms", "bytes"
+            "{:<22} {:>8} {:>8} {:>12} {:>12} {:>12} {:>9} {:>9}",
+            "operation",
+            "calls",
+            "backward",
+            "forward ms",
+            "backward ms",
+            "bytes",
+            "error",
+            "gradient"
         )?;
+        let error = |error: Option<f64>| error.map_or("".into(), |error| format!("{error:.1e}"));
         for entry in &self.operations {
             writeln!(
                 f,
-                "{:<22} {:>8} {:>8} {:>12.3} {:>12.3} {:>12}",
+                "{:<22} {:>8} {:>8} {:>12.3} {:>12.3} {:>12} {:>9} {:>9}",
                 entry.name,
                 entry.calls,
                 entry.backward_calls,
                 1e3 * entry.forward.as_secs_f64(),
                 1e3 * entry.backward.as_secs_f64(),
-                entry.bytes
+                entry.bytes,
+                error(entry.error),
+                error(entry.gradient_error),
             )?;
         }
         for entry in &self.left_out {
