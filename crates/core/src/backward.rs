@@ -13,10 +13,10 @@ use std::time::Instant;
 use smallvec::SmallVec;
 
 use crate::error::TensorError;
-use crate::op::{Accumulator, Accumulators, Inputs, Kept};
-use crate::parallel::for_each_zipped_mut;
+use crate::gradient::{Accumulator, Accumulators, Wanted};
+use crate::op::{Inputs, Kept};
 use crate::scalar::Scalar;
-use crate::tape::{Inner, Results, Tape, Wanted};
+use crate::tape::{Inner, Results, Tape};
 use crate::tensor::Tensor;
 use crate::var::Var;
 
@@ -160,22 +160,19 @@ impl<T: Scalar> Inner<T> {
 
     /// Marks the values whose gradients a pass computes, and lists the results it returns.
     fn mark_wanted(&mut self, wrt: Option<&[Var<'_, T>]>, results: &mut Results<T>) {
-        let Self { values, links, nodes, wanted, gradients, .. } = self;
+        let Self { values, live, links, nodes, wanted, gradients, .. } = self;
+        let values = &values[..*live];
         gradients.clear();
-        gradients.resize_with(values.len(), || None);
+        gradients.resize_with(values.len(), Accumulator::vacant);
         wanted.clear();
         let Some(wrt) = wrt else {
-            for (index, value) in (0..).zip(values.iter()) {
-                let is_leaf = value.entry.is_none();
-                wanted.push(match (value.needs, is_leaf) {
-                    (false, _) => Wanted::Nothing,
-                    (true, false) => Wanted::Through,
-                    (true, true) => Wanted::Result,
-                });
-                if value.needs && is_leaf {
-                    results.push((index, None));
-                }
-            }
+            wanted.extend(values.iter().map(|value| match (value.needs, value.entry) {
+                (false, _) => Wanted::Nothing,
+                (true, Some(_)) => Wanted::Through,
+                (true, None) => Wanted::Result,
+            }));
+            let leaves = (0..).zip(&*wanted).filter(|&(_, &wanted)| wanted == Wanted::Result);
+            results.extend(leaves.map(|(index, _)| (index, None)));
             return;
         };
         wanted.resize(values.len(), Wanted::Nothing);
@@ -205,31 +202,24 @@ impl<T: Scalar> Inner<T> {
             if wanted[index] == Wanted::Nothing {
                 continue;
             }
-            match (&mut gradients[index], upstream) {
-                (slot @ None, Some(upstream)) => *slot = Some(pool.copy(upstream.data())),
-                (slot @ None, None) => {
-                    let one = slot.insert(pool.take(values[index].data().len()));
-                    one[0] = T::ONE;
-                }
-                (Some(sum), Some(upstream)) => add(sum, upstream.data()),
-                (Some(sum), None) => sum[0] += T::ONE,
-            }
+            let gradient = &mut gradients[index];
+            gradient.prepare(values[index].data().len(), pool);
+            gradient.add(upstream.map_or(&[T::ONE], Tensor::data));
         }
     }
 
     /// Runs the backward passes of the operations, last to first. Gradients that nobody asked for
     /// go back to the pool once the operation that made the value has used them.
     fn walk(&mut self) {
-        let Self { values, links, nodes, places, pool, tally, timed, gradients, wanted, .. } = self;
-        let slots = &mut self.slots;
+        let Self { values, links, nodes, places, pool, tally, gradients, wanted, .. } = self;
         for node in nodes.iter().rev() {
-            let Range { start: first_output, end } = node.outputs();
+            let Range { start, end } = node.outputs();
             let inputs = &links[node.links()];
             // Inputs were recorded before outputs.
-            let (below, above) = gradients.split_at_mut(first_output);
-            let upstream = &mut above[..end - first_output];
+            let (below, above) = gradients.split_at_mut(start);
+            let upstream = &mut above[..end - start];
             let count = tally.count(node.entry);
-            if upstream.iter().all(Option::is_none) {
+            if upstream.iter().all(|gradient| gradient.sum().is_none()) {
                 count.unused += 1;
                 continue;
             }
@@ -237,54 +227,32 @@ impl<T: Scalar> Inner<T> {
                 count.unwanted += 1;
                 continue;
             }
-            let start = timed.then(Instant::now);
-
-            // The sum so far of each wanted input; the same variable a second time finds it taken
-            // and starts a sum of its own, added to the first one afterwards.
             for (i, &input) in inputs.iter().enumerate() {
-                let input = input as usize;
-                if wanted[input] == Wanted::Nothing {
+                if wanted[input as usize] == Wanted::Nothing {
                     count.leave_out_input(i);
-                    slots.push(None);
-                    continue;
                 }
-                slots.push(Some(match below[input].take() {
-                    Some(sum) => Accumulator { sum, fresh: false },
-                    None => Accumulator { sum: pool.take(values[input].data().len()), fresh: true },
-                }));
             }
-
+            let clock = self.timed.then(Instant::now);
             let kept = Kept {
                 operation: count.operation.name,
                 keep: node.keep,
                 inputs: Inputs { values, indices: inputs },
-                outputs: &values[first_output..end],
+                outputs: &values[start..end],
                 upstream,
             };
-            let place = &mut places[node.place as usize];
-            place.recorded.backward(&kept, &mut Accumulators { slots });
-
-            for (slot, &input) in slots.drain(..).zip(inputs) {
-                let Some(Accumulator { sum, fresh }) = slot else { continue };
-                match &mut below[input as usize] {
-                    _ if fresh => pool.give(sum),
-                    Some(first) => {
-                        add(first, &sum);
-                        pool.give(sum);
-                    }
-                    none => *none = Some(sum),
-                }
-            }
-            for (j, (gradient, wanted)) in upstream.iter_mut().zip(&wanted[first_output..]).enumerate() {
-                if gradient.is_none() {
+            let mut sums = Accumulators { values, indices: inputs, wanted, gradients: below, pool };
+            places[node.place as usize].recorded.backward(&kept, &mut sums);
+            for (j, (gradient, wanted)) in upstream.iter_mut().zip(&wanted[start..]).enumerate() {
+                if gradient.sum().is_none() {
                     count.leave_out_output(j);
-                } else if *wanted != Wanted::Result {
-                    gradient.take().into_iter().for_each(|gradient| pool.give(gradient));
+                }
+                if *wanted != Wanted::Result {
+                    gradient.release(pool);
                 }
             }
             count.operation.backward_calls += 1;
-            if let Some(start) = start {
-                count.operation.backward += start.elapsed();
+            if let Some(clock) = clock {
+                count.operation.backward += clock.elapsed();
             }
         }
     }
@@ -299,13 +267,8 @@ impl<T: Scalar> Inner<T> {
                 Tensor::from_parts(values[index].shape.clone(), pool.share(gradient))
             });
         }
-        gradients.drain(..).flatten().for_each(|gradient| pool.give(gradient));
+        gradients.drain(..).for_each(|mut gradient| gradient.release(pool));
     }
-}
-
-/// Adds `terms` to `sum`, entry by entry.
-fn add<T: Scalar>(sum: &mut [T], terms: &[T]) {
-    for_each_zipped_mut(sum, [terms], |sum, [term]| *sum += term);
 }
 
 #[cfg(test)]

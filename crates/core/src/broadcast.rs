@@ -4,7 +4,8 @@
 //! that was repeated collects the terms of all its copies, summed in row-major order.
 
 use crate::error::TensorError;
-use crate::op::{Accumulator, Accumulators, Inputs, Keep, Kept, Op, Outputs};
+use crate::gradient::{Accumulator, Accumulators};
+use crate::op::{Inputs, Keep, Kept, Op, Outputs};
 use crate::parallel::for_each_zipped_mut;
 use crate::scalar::Scalar;
 use crate::shape::Shape;
@@ -86,13 +87,12 @@ impl<T: Scalar, F: Binary<T>> Op<T> for Broadcast<F> {
 
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
         let (z, left, right) = (kept.output_shape(0), kept.input_shape(0), kept.input_shape(1));
-        let [x_bar, y_bar] = gradients.first();
-        if let Some(x_bar) = x_bar {
+        if let Some(x_bar) = gradients.get(0) {
             let (x, y, z_bar) = arguments(kept, F::LEFT_SLOPE_FROM);
             let term = |x, y, z_bar| self.0.left_slope(x, y) * z_bar;
             add_terms(x_bar, [z, left, right], [z_bar, x, y], term);
         }
-        if let Some(y_bar) = y_bar {
+        if let Some(y_bar) = gradients.get(1) {
             let (x, y, z_bar) = arguments(kept, F::RIGHT_SLOPE_FROM);
             let term = |y, x, z_bar| self.0.right_slope(x, y) * z_bar;
             add_terms(y_bar, [z, right, left], [z_bar, y, x], term);
@@ -102,6 +102,7 @@ impl<T: Scalar, F: Binary<T>> Op<T> for Broadcast<F> {
 
 /// `x`, `y` and `z_bar`; for an argument that is not used stands `z_bar`, whose numbers are at
 /// hand and reach as far.
+#[inline(always)]
 fn arguments<'a, T: Scalar>(kept: &'a Kept<'_, T>, used: [bool; 2]) -> (&'a [T], &'a [T], &'a [T]) {
     let z_bar = kept.only_upstream();
     let argument = |i: usize| if used[i] { kept.input(i) } else { z_bar };

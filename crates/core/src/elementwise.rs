@@ -1,7 +1,8 @@
 //! Operations that map each entry on its own.
 
 use crate::error::TensorError;
-use crate::op::{Accumulators, Inputs, Keep, Kept, Op, Outputs};
+use crate::gradient::Accumulators;
+use crate::op::{Inputs, Keep, Kept, Op, Outputs};
 use crate::parallel::for_each_zipped_mut;
 use crate::scalar::Scalar;
 use crate::var::Var;

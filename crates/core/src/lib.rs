@@ -25,6 +25,7 @@ mod backward;
 mod broadcast;
 mod elementwise;
 mod error;
+mod gradient;
 mod logistic;
 mod op;
 mod pool;
@@ -45,7 +46,8 @@ pub mod parallel;
 
 pub use backward::Gradients;
 pub use error::TensorError;
-pub use op::{Accumulator, Accumulators, Inputs, Keep, Kept, Op, Outputs};
+pub use gradient::{Accumulator, Accumulators};
+pub use op::{Inputs, Keep, Kept, Op, Outputs};
 pub use record::Variables;
 pub use report::{LeftOut, OperationReport, Report};
 pub use scalar::Scalar;

@@ -42,13 +42,6 @@ impl<T: Scalar> Pool<T> {
         buffer
     }
 
-    /// A buffer with the entries of `data`.
-    pub(crate) fn copy(&mut self, data: &[T]) -> Vec<T> {
-        let mut copy = self.take(data.len());
-        copy.copy_from_slice(data);
-        copy
-    }
-
     /// Takes a buffer back.
     #[inline]
     pub(crate) fn give(&mut self, buffer: Vec<T>) {
@@ -99,7 +92,8 @@ mod tests {
         let buffer = pool.take(5);
         let address = buffer.as_ptr();
         pool.give(buffer);
-        assert_eq!(pool.take(7).as_ptr(), address);
+        let buffer = pool.take(7);
+        assert_eq!(buffer.as_ptr(), address);
     }
 
     #[test]

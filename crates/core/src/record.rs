@@ -10,7 +10,8 @@ use std::time::Instant;
 use smallvec::SmallVec;
 
 use crate::error::TensorError;
-use crate::op::{Accumulators, Inputs, Keep, Kept, Op, Output, Outputs};
+use crate::gradient::Accumulators;
+use crate::op::{Inputs, Keep, Kept, Op, Outputs, Renamed};
 use crate::scalar::Scalar;
 use crate::tape::{Inner, Tape};
 use crate::value::Value;
@@ -136,25 +137,29 @@ impl<T: Scalar> Tape<T> {
         if inputs.iter().any(|input| !std::ptr::eq(input.tape, self)) {
             return Err(TensorError::ForeignVariable { operation: name }.into());
         }
-        let mut inner = self.inner.borrow_mut();
-        let Inner { values, links, nodes, places, used, pool, tally, timed, outputs, .. } =
-            &mut *inner;
-        let start = timed.then(Instant::now);
+        let inner = &mut *self.inner.borrow_mut();
+        let Inner { values, live, links, nodes, places, used, pool, tally, .. } = inner;
+        let (further, renamed) = (&mut inner.further, &mut inner.renamed);
+        let start = inner.timed.then(Instant::now);
 
-        // From here until `used` grows, the place is a spare one: it may hold anything.
+        // From here until `used` and `live` grow, the places are spare: they may hold anything.
         let place = spare_place::<T, O>(places, *used);
         let slot = slot_in::<T, O>(&mut *place.recorded);
+        if values.len() == *live {
+            values.push(Value::vacant());
+        }
+        let (recorded, spare) = values.split_at_mut(*live);
         let first_input = links.len();
         links.extend(inputs.iter().map(|input| input.index));
-        let view = Inputs { values, indices: &links[first_input..] };
-        let mut computed = Outputs { pool, list: outputs, passed: None };
-        let refused = op.forward(&view, &mut computed, &mut slot.saved).err();
-        let passed = computed.passed;
-        if let Some(error) = refused {
-            outputs.drain(..).for_each(|output| output.recycle(pool));
+        let view = Inputs { values: recorded, indices: &links[first_input..] };
+        let mut outputs = Outputs { pool, places: spare, further, count: 0, renamed, passed: None };
+        if let Err(error) = op.forward(&view, &mut outputs, &mut slot.saved) {
             links.truncate(first_input);
+            values.append(further);
+            renamed.clear();
             return Err(error);
         }
+        let Outputs { count: output_count, passed, .. } = outputs;
         let seen = look(&slot.saved);
 
         place.entry = tally.entry(name, place.entry);
@@ -167,14 +172,13 @@ impl<T: Scalar> Tape<T> {
         let place_index = *used as u32;
         *used += 1;
         if let Some((input, reason)) = passed {
-            assert!(outputs.is_empty(), "{name} passes its input on and has outputs as well");
+            assert!(output_count == 0, "{name} passes an input on and has outputs as well");
             let index = view.indices[input];
             links.truncate(first_input);
             tally.leave_out(name, reason);
             return Ok((index..index + 1, seen));
         }
 
-        let (first_output, output_count) = (values.len() as u32, outputs.len() as u32);
         let needs = view.any_needs();
         if needs {
             nodes.push(Node {
@@ -183,32 +187,29 @@ impl<T: Scalar> Tape<T> {
                 keep: op.keeps(&view),
                 first_input: first_input as u32,
                 input_count: inputs.len() as u32,
-                first_output,
-                output_count,
+                first_output: *live as u32,
+                output_count: output_count as u32,
             });
             slot.op = Some(op);
         } else {
             count.unrecorded += 1;
-        }
-        let entry = Some(place.entry);
-        for output in outputs.drain(..) {
-            let value = match output {
-                Output::Computed(shape, entries) => {
-                    count.operation.bytes += size_of_val(&entries[..]) as u64;
-                    Value::own(shape, entries, needs, entry)
-                }
-                Output::Renamed(shape, input) => {
-                    let whole = values[inputs[input].index as usize].tensor(pool);
-                    let (_, data) = whole.into_parts();
-                    Value::shared(crate::tensor::Tensor::from_parts(shape, data), needs, entry)
-                }
-            };
-            values.push(value);
-        }
-        if !needs {
             links.truncate(first_input);
         }
-        Ok((first_output..first_output + output_count, seen))
+        if !further.is_empty() {
+            values.append(further);
+        }
+        let first_output = *live;
+        *live += output_count;
+        for value in &mut values[first_output..*live] {
+            value.needs = needs;
+            value.entry = Some(place.entry);
+            count.operation.bytes += size_of_val(value.data()) as u64;
+        }
+        while let Some(Renamed { output, shape, input }) = renamed.pop() {
+            let data = values[inputs[input].index as usize].share(pool);
+            values[first_output + output].rename(shape, data, pool);
+        }
+        Ok((first_output as u32..*live as u32, seen))
     }
 }
 

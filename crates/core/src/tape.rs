@@ -7,7 +7,8 @@
 use std::cell::RefCell;
 use std::fmt;
 
-use crate::op::{Accumulator, Output};
+use crate::gradient::{Accumulator, Wanted};
+use crate::op::Renamed;
 use crate::pool::Pool;
 use crate::record::{Node, Place};
 use crate::report::{Report, Tally};
@@ -34,8 +35,10 @@ pub struct Tape<T: Scalar> {
 
 /// What the tape holds.
 pub(crate) struct Inner<T> {
-    /// The values of the step.
+    /// The values of the step; those from `live` on are of an earlier step and wait to be used
+    /// again.
     pub(crate) values: Vec<Value<T>>,
+    pub(crate) live: usize,
     /// The indices of the inputs of all nodes, one node after another.
     pub(crate) links: Vec<u32>,
     /// The operations that a backward pass can visit.
@@ -48,27 +51,17 @@ pub(crate) struct Inner<T> {
     pub(crate) tally: Tally,
     pub(crate) timed: bool,
     // The rest is empty, or means nothing, between two calls, and is kept for its memory.
-    /// The outputs of the operation that is being recorded.
-    pub(crate) outputs: Vec<Output<T>>,
+    /// Places for the outputs of the operation that is being recorded, where those among `values`
+    /// are too few.
+    pub(crate) further: Vec<Value<T>>,
+    /// Its outputs that are inputs under another shape.
+    pub(crate) renamed: Vec<Renamed>,
     /// The gradients of a backward pass, by value.
-    pub(crate) gradients: Vec<Option<Vec<T>>>,
+    pub(crate) gradients: Vec<Accumulator<T>>,
     /// What a backward pass wants of each value.
     pub(crate) wanted: Vec<Wanted>,
-    /// The gradients of the inputs of the operation that a backward pass is at.
-    pub(crate) slots: Vec<Option<Accumulator<T>>>,
     /// Lists for the results of backward passes.
     pub(crate) results: Vec<Results<T>>,
-}
-
-/// What a backward pass wants of a value.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Wanted {
-    /// Nothing.
-    Nothing,
-    /// Its gradient, for those of the values below.
-    Through,
-    /// Its gradient, for whoever asked.
-    Result,
 }
 
 /// The gradients that a backward pass was asked for, by value, in increasing order; `None` where
@@ -87,6 +80,7 @@ impl<T: Scalar> Tape<T> {
         Self {
             inner: RefCell::new(Inner {
                 values: Vec::new(),
+                live: 0,
                 links: Vec::new(),
                 nodes: Vec::new(),
                 places: Vec::new(),
@@ -94,10 +88,10 @@ impl<T: Scalar> Tape<T> {
                 pool: Pool::default(),
                 tally: Tally::default(),
                 timed: false,
-                outputs: Vec::new(),
+                further: Vec::new(),
+                renamed: Vec::new(),
                 gradients: Vec::new(),
                 wanted: Vec::new(),
-                slots: Vec::new(),
                 results: Vec::new(),
             }),
         }
@@ -105,57 +99,59 @@ impl<T: Scalar> Tape<T> {
 
     /// Ends a step: forgets every value and operation and keeps their memory for the next step.
     pub fn reset(&mut self) {
-        let Inner { values, links, nodes, places, used, pool, .. } = self.inner.get_mut();
+        let Inner { values, live, links, nodes, places, used, pool, .. } = self.inner.get_mut();
         for node in nodes.drain(..) {
             places[node.place as usize].recorded.retire();
         }
         links.clear();
         *used = 0;
+        // What this step had no use for, another value can have.
+        values.drain(*live..).for_each(|mut value| value.release(pool));
         // Backwards: a second name of a buffer goes before the value that returns it.
-        while let Some(value) = values.pop() {
-            value.recycle(pool);
-        }
+        values.iter_mut().rev().for_each(|value| value.end_step(pool));
+        *live = 0;
     }
 
     /// A variable with a gradient. Shares the buffer of `tensor`.
     pub fn leaf(&self, tensor: &Tensor<T>) -> Var<'_, T> {
-        self.push(|_| Value::shared(tensor.clone(), true, None))
+        self.push(true, |value, pool| value.hold(tensor, pool))
     }
 
     /// A variable with a gradient that starts as a copy of `tensor`, in recycled memory: `tensor`
     /// can then be written to without a copy of its own.
     pub fn leaf_copied(&self, tensor: &Tensor<T>) -> Var<'_, T> {
-        let copy = |pool: &mut Pool<T>| pool.copy(tensor.data());
-        self.push(|pool| Value::own(tensor.shape().clone(), copy(pool), true, None))
+        self.push(true, |value, pool| {
+            value.renew(tensor.shape(), pool).copy_from_slice(tensor.data());
+        })
     }
 
     /// A value without a gradient. Shares the buffer of `tensor`.
     pub fn constant(&self, tensor: &Tensor<T>) -> Var<'_, T> {
-        self.push(|_| Value::shared(tensor.clone(), false, None))
+        self.push(false, |value, pool| value.hold(tensor, pool))
     }
 
     /// A scalar variable with a gradient.
-    pub fn scalar(&self, value: T) -> Var<'_, T> {
-        self.push_full(Shape::default(), value, true)
+    pub fn scalar(&self, number: T) -> Var<'_, T> {
+        self.push(true, |value, pool| value.renew(&[], pool).fill(number))
     }
 
-    /// A value of `shape` without a gradient, every entry `value`.
-    pub fn constant_full(&self, shape: impl Into<Shape>, value: T) -> Var<'_, T> {
-        self.push_full(shape.into(), value, false)
+    /// A value of `shape` without a gradient, every entry `number`.
+    pub fn constant_full(&self, shape: impl Into<Shape>, number: T) -> Var<'_, T> {
+        let shape = shape.into();
+        self.push(false, |value, pool| value.renew(&shape, pool).fill(number))
     }
 
-    fn push_full(&self, shape: Shape, value: T, needs: bool) -> Var<'_, T> {
-        self.push(|pool| {
-            let mut entries = pool.take(shape.size());
-            entries.fill(value);
-            Value::own(shape, entries, needs, None)
-        })
-    }
-
-    fn push(&self, value: impl FnOnce(&mut Pool<T>) -> Value<T>) -> Var<'_, T> {
-        let Inner { values, pool, .. } = &mut *self.inner.borrow_mut();
-        values.push(value(pool));
-        Var { tape: self, index: values.len() as u32 - 1 }
+    /// Adds a value that no operation computes, as `fill` makes it.
+    fn push(&self, needs: bool, fill: impl FnOnce(&mut Value<T>, &mut Pool<T>)) -> Var<'_, T> {
+        let Inner { values, live, pool, .. } = &mut *self.inner.borrow_mut();
+        if values.len() == *live {
+            values.push(Value::vacant());
+        }
+        let value = &mut values[*live];
+        fill(value, pool);
+        (value.needs, value.entry) = (needs, None);
+        *live += 1;
+        Var { tape: self, index: *live as u32 - 1 }
     }
 
     /// Every value of the step so far, in the order of recording. A backward pass to all of them
@@ -182,7 +178,7 @@ impl<T: Scalar> Tape<T> {
 
     /// How many values the current step holds.
     pub fn len(&self) -> usize {
-        self.inner.borrow().values.len()
+        self.inner.borrow().live
     }
 
     /// Whether the current step holds no value.
@@ -195,7 +191,7 @@ impl<T: Scalar> fmt::Debug for Tape<T> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let inner = self.inner.borrow();
         let names: Vec<_> = inner.nodes.iter().map(|node| inner.tally.name(node.entry)).collect();
-        f.debug_struct("Tape").field("values", &inner.values.len()).field("nodes", &names).finish()
+        f.debug_struct("Tape").field("values", &inner.live).field("nodes", &names).finish()
     }
 }
 

@@ -1,4 +1,7 @@
 //! A value on the tape, and who else knows its buffer.
+//!
+//! When a step ends, a value stays in its place with its shape and buffer: a step that repeats the
+//! last one finds there what it needs.
 
 use std::sync::Arc;
 
@@ -33,17 +36,52 @@ pub(crate) struct Value<T> {
 }
 
 impl<T: Scalar> Value<T> {
-    /// A value in a buffer of the pool.
-    #[inline]
-    pub(crate) fn own(shape: Shape, entries: Vec<T>, needs: bool, entry: Option<u32>) -> Self {
-        debug_assert_eq!(shape.size(), entries.len());
-        Self { shape, buffer: Buffer::Own(entries), needs, entry }
+    /// A place for a value, without one.
+    pub(crate) fn vacant() -> Self {
+        let (shape, buffer) = ([0].into(), Buffer::Own(Vec::new()));
+        Self { shape, buffer, needs: false, entry: None }
     }
 
-    /// A value whose buffer somebody else returns, or a user handed in.
-    pub(crate) fn shared(tensor: Tensor<T>, needs: bool, entry: Option<u32>) -> Self {
-        let (shape, data) = tensor.into_parts();
-        Self { shape, buffer: Buffer::Shared { data, pooled: false }, needs, entry }
+    /// Makes this a value of `shape` and gives its entries. They are whatever an earlier use left
+    /// (NaN in a build with debug assertions): the caller writes every one of them.
+    #[inline]
+    pub(crate) fn renew(&mut self, shape: &[usize], pool: &mut Pool<T>) -> &mut [T] {
+        if !self.shape.is(shape) {
+            self.resize(shape, pool);
+        }
+        let entries = self.data_mut();
+        if cfg!(debug_assertions) {
+            entries.fill(T::from_f64(f64::NAN));
+        }
+        entries
+    }
+
+    #[cold]
+    fn resize(&mut self, shape: &[usize], pool: &mut Pool<T>) {
+        let shape = Shape::from(shape);
+        self.release(pool);
+        self.buffer = Buffer::Own(pool.take(shape.size()));
+        self.shape = shape;
+    }
+
+    /// Makes this a second name of an array that a user holds.
+    pub(crate) fn hold(&mut self, tensor: &Tensor<T>, pool: &mut Pool<T>) {
+        let (shape, data) = tensor.clone().into_parts();
+        self.rename(shape, data, pool);
+    }
+
+    /// Makes this a second name of a buffer that somebody else returns.
+    pub(crate) fn rename(&mut self, shape: Shape, data: Arc<Vec<T>>, pool: &mut Pool<T>) {
+        debug_assert_eq!(shape.size(), data.len());
+        self.release(pool);
+        self.buffer = Buffer::Shared { data, pooled: false };
+        self.shape = shape;
+    }
+
+    /// Whether nobody else knows the buffer.
+    #[inline]
+    pub(crate) fn is_own(&self) -> bool {
+        matches!(self.buffer, Buffer::Own(_))
     }
 
     /// The entries.
@@ -55,20 +93,40 @@ impl<T: Scalar> Value<T> {
         }
     }
 
-    /// The value as an array that shares the buffer.
-    pub(crate) fn tensor(&mut self, pool: &mut Pool<T>) -> Tensor<T> {
+    /// The entries for writing.
+    ///
+    /// # Panics
+    /// Where the buffer is shared.
+    #[inline]
+    pub(crate) fn data_mut(&mut self) -> &mut [T] {
+        let Buffer::Own(entries) = &mut self.buffer else {
+            unreachable!("what is shared was let go when its step ended")
+        };
+        entries
+    }
+
+    /// The buffer, from now on shared.
+    pub(crate) fn share(&mut self, pool: &mut Pool<T>) -> Arc<Vec<T>> {
         if let Buffer::Own(entries) = &mut self.buffer {
             let data = pool.share(std::mem::take(entries));
             self.buffer = Buffer::Shared { data, pooled: true };
         }
         let Buffer::Shared { data, .. } = &self.buffer else { unreachable!("it was just shared") };
-        Tensor::from_parts(self.shape.clone(), Arc::clone(data))
+        Arc::clone(data)
     }
 
-    /// Gives the buffer back to the pool if it is the one to do so.
+    /// Lets go of what is shared, and keeps what is not for the next step.
     #[inline]
-    pub(crate) fn recycle(self, pool: &mut Pool<T>) {
-        match self.buffer {
+    pub(crate) fn end_step(&mut self, pool: &mut Pool<T>) {
+        if !self.is_own() {
+            self.release(pool);
+        }
+    }
+
+    /// Leaves the place vacant; gives the buffer back to the pool if it is the one to do so.
+    pub(crate) fn release(&mut self, pool: &mut Pool<T>) {
+        self.shape = [0].into();
+        match std::mem::replace(&mut self.buffer, Buffer::Own(Vec::new())) {
             Buffer::Own(entries) => pool.give(entries),
             Buffer::Shared { data, pooled: true } => pool.give_shared(data),
             Buffer::Shared { pooled: false, .. } => {}

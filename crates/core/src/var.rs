@@ -33,7 +33,8 @@ impl<'t, T: Scalar> Var<'t, T> {
     /// The value; shares the buffer on the tape.
     pub fn value(self) -> Tensor<T> {
         let Inner { values, pool, .. } = &mut *self.tape.inner.borrow_mut();
-        values[self.index as usize].tensor(pool)
+        let value = &mut values[self.index as usize];
+        Tensor::from_parts(value.shape.clone(), value.share(pool))
     }
 
     /// The shape of the value.

@@ -1,7 +1,8 @@
 //! The same entries under another shape: `y = x`; `x_bar += y_bar`. The buffer is shared.
 
 use crate::error::TensorError;
-use crate::op::{Accumulators, Inputs, Keep, Kept, Op, Outputs};
+use crate::gradient::Accumulators;
+use crate::op::{Inputs, Keep, Kept, Op, Outputs};
 use crate::scalar::Scalar;
 use crate::shape::Shape;
 use crate::var::Var;
