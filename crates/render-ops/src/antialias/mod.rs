@@ -61,11 +61,7 @@ pub fn antialias<'t, T: Scalar>(
 ) -> Result<Var<'t, T>, RenderError> {
     let coverage = fragments.checked_coverage("antialias", image.tape())?;
     let op = Antialias { coverage, depth: fragments.depth.value() };
-    let (outputs, is_identity) = image.tape().record_with(op, &[image, clip], Vec::is_empty)?;
-    if is_identity {
-        image.tape().leave_out("antialias", "no discontinuities");
-    }
-    Ok(outputs[0])
+    image.tape().apply(op, &[image, clip])
 }
 
 /// Inputs: image `[H, W, C]`, clip `[V, 4]`.
@@ -166,7 +162,7 @@ impl<T: Scalar> Op<T> for Antialias<T> {
         self.check(inputs.shape(0), inputs.shape(1))?;
         self.find(inputs.data(1), blends);
         if blends.is_empty() {
-            outputs.push_shared(inputs.tensor(0).clone());
+            outputs.pass(0, "no discontinuities");
             return Ok(());
         }
         let image = inputs.data(0);
