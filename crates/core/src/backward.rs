@@ -22,8 +22,8 @@ use crate::var::Var;
 
 /// The gradients that a backward pass was asked for.
 pub struct Gradients<'t, T: Scalar> {
-    tape: &'t Tape<T>,
-    results: Results<T>,
+    pub(crate) tape: &'t Tape<T>,
+    pub(crate) results: Results<T>,
 }
 
 impl<'t, T: Scalar> Gradients<'t, T> {

@@ -23,6 +23,7 @@
 mod axis;
 mod backward;
 mod broadcast;
+mod comparison;
 mod elementwise;
 mod error;
 mod gradient;
@@ -45,11 +46,12 @@ pub mod ops;
 pub mod parallel;
 
 pub use backward::Gradients;
+pub use comparison::{gradient_errors, value_errors};
 pub use error::TensorError;
 pub use gradient::{Accumulator, Accumulators};
 pub use op::{Inputs, Keep, Kept, Op, Outputs};
 pub use record::Variables;
-pub use report::{LeftOut, OperationReport, Report};
+pub use report::{LeftOut, OperationReport, Report, ValueError};
 pub use scalar::Scalar;
 pub use shape::Shape;
 pub use summation::sum;

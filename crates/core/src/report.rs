@@ -51,6 +51,46 @@ pub struct Report {
     pub left_out: Vec<LeftOut>,
 }
 
+impl Report {
+    /// The report with the largest relative error of each operation's outputs, of those of
+    /// [`value_errors`](crate::value_errors).
+    #[must_use]
+    pub fn with_errors(mut self, errors: &[ValueError]) -> Self {
+        self.fold(errors, |entry| &mut entry.error);
+        self
+    }
+
+    /// The report with the largest relative error of the gradients of each operation's outputs, of
+    /// those of [`gradient_errors`](crate::gradient_errors).
+    #[must_use]
+    pub fn with_gradient_errors(mut self, errors: &[ValueError]) -> Self {
+        self.fold(errors, |entry| &mut entry.gradient_error);
+        self
+    }
+
+    fn fold(
+        &mut self,
+        errors: &[ValueError],
+        column: impl Fn(&mut OperationReport) -> &mut Option<f64>,
+    ) {
+        for entry in &mut self.operations {
+            let own = errors.iter().filter(|error| error.operation == Some(entry.name));
+            *column(entry) = own.filter_map(|error| error.error).reduce(f64::max);
+        }
+    }
+}
+
+/// How far a value, or the gradient at it, is from that of an exact recording.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ValueError {
+    /// Which value of the step, in the order of recording.
+    pub index: usize,
+    /// The operation that computed the value; `None` for a leaf or a constant.
+    pub operation: Option<&'static str>,
+    /// The relative error, `max_k |rough_k - exact_k| / max_k |exact_k|`; `None` where the shapes differ, as those of what was rasterized can.
+    pub error: Option<f64>,
+}
+
 /// Inputs and outputs whose unneeded gradients are counted apart; those beyond count together.
 const COUNTED_APART: usize = 8;
 

@@ -64,6 +64,15 @@ pub(crate) struct Inner<T> {
     pub(crate) results: Vec<Results<T>>,
 }
 
+impl<T> Inner<T> {
+    /// The name of the operation that computed value `index`, `Some(None)` for a leaf or a
+    /// constant; `None` where there is no such value.
+    pub(crate) fn operation(&self, index: usize) -> Option<Option<&'static str>> {
+        let value = self.values[..self.live].get(index)?;
+        Some(value.entry.map(|entry| self.tally.name(entry)))
+    }
+}
+
 /// The gradients that a backward pass was asked for, by value, in increasing order; `None` where
 /// nothing that the pass started from depends on the value.
 pub(crate) type Results<T> = Vec<(u32, Option<Tensor<T>>)>;

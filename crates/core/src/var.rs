@@ -58,8 +58,7 @@ impl<'t, T: Scalar> Var<'t, T> {
 
     /// The name of the operation that computed the value; `None` for a leaf or a constant.
     pub fn operation(self) -> Option<&'static str> {
-        let inner = self.tape.inner.borrow();
-        inner.values[self.index as usize].entry.map(|entry| inner.tally.name(entry))
+        self.tape.inner.borrow().operation(self.index as usize).flatten()
     }
 
     /// The same value without a gradient: what lies below it is held constant.
