@@ -343,6 +343,11 @@ mod tests {
             let gradients = loss.sum().backward().unwrap();
             assert_eq!(gradients.get(x), Some(&Tensor::full([3], expected)));
         }
+        let left_out = tape.take_report().left_out.into_iter();
+        let left_out = left_out.filter(|of| of.name == "doubles");
+        let left_out: Vec<_> = left_out.map(|of| (of.reason.into_owned(), of.count)).collect();
+        let unused = [0, 1].map(|j| (format!("gradient of output {j}: nothing depends on it"), 1));
+        assert_eq!(left_out, unused);
     }
 
     #[test]
