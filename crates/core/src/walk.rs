@@ -178,14 +178,24 @@ mod tests {
             let both: Vec<_> =
                 axes.iter().zip(full).map(|(&(n, s), full)| (n, [full, s])).collect();
             assert_eq!(positions(&both), expected);
+        }
+    }
 
-            let numbers: Vec<f64> = (0..100).map(f64::from).collect();
-            let mut seen = vec![[0.0; 1]; 0];
-            let mut sums = vec![0.5; expected.len()];
-            let walk = Walk::new(both.iter().map(|&(extent, [_, stride])| (extent, [stride; 2])));
-            walk.zip_mut(&mut sums, [&numbers, &numbers], |sum, [a, b]| *sum += a + b);
-            seen.extend(expected.iter().map(|&[_, at]| [0.5 + 2.0 * at as f64]));
-            assert_eq!(sums, seen.concat());
+    #[test]
+    fn entries_brought_beside_each_other_in_blocks_are_those_of_the_walk() {
+        for [a, b, c] in [[1, 500, 3], [7, 90, 2], [1, 3, 500], [40, 50, 20], [3, 9000, 1]] {
+            let full = [b * c, c, 1];
+            let numbers: Vec<f64> = (0..a * b * c).map(|k| k as f64).collect();
+            let repeated = [[0, 0, 1], [0, 1, 0], [b, 1, 0], [0, c, 1], [1, 0, 0], [c, 0, 1]];
+            for strides in repeated.into_iter().chain([full, [0; 3], [1, a, a * b]]) {
+                let axes = || (0..3).map(|k| ([a, b, c][k], [full[k], strides[k]]));
+                let mut sums = vec![0.5; a * b * c];
+                let walk = Walk::new(axes());
+                walk.zip_mut(&mut sums, [&numbers, &numbers], |sum, [k, at]| *sum += k + 0.25 * at);
+                walk.for_each(|[k, at]| {
+                    assert_eq!(sums[k], 0.5 + (k as f64) + 0.25 * at as f64, "{strides:?} {k}");
+                });
+            }
         }
     }
 
