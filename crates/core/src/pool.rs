@@ -1,9 +1,10 @@
 //! Recycled buffers, so that a steady step allocates nothing.
 //!
 //! # What is kept
-//! A buffer comes from the pool and goes back to it, so the pool never holds more buffers of a
-//! size than were in use at one time since the tape was made; sizes are rounded up to powers of
-//! two. Buffers that a caller handed in or still holds are not the pool's.
+//! A buffer comes from the pool and goes back to it; sizes are rounded up to powers of two. The
+//! values of a step keep theirs until the next step has no use for them in their place, so of each
+//! size a tape holds at most what two steps, each at its peak, had in use at one time. It is freed
+//! with the tape. Buffers that a caller handed in or still holds are not the pool's.
 
 use std::sync::Arc;
 
