@@ -111,6 +111,20 @@ impl Scene {
     }
 }
 
+/// Every kind of operation on constants, and the identities among them: values, but no nodes.
+fn infer(tape: &mut Tape<f32>, parameters: &Parameters) -> Result<f32, TensorError> {
+    let item = {
+        let image = tape.constant(&parameters.image);
+        let points = tape.constant(&parameters.points);
+        let same = image.reshape(image.shape())?.powi(1).permute(&[0, 1])?.slice(1, 0..3)?;
+        let colour = Var::concat(&[same], 0)?.sigmoid() * tape.constant_full([3], 0.1);
+        let corners = points.gather_rows(&parameters.rows)?.transpose()?.reshape([5, 4])?;
+        (colour.mean()? + corners.square().sum()).item()
+    };
+    tape.reset();
+    Ok(item)
+}
+
 /// Steps 3 to 5 of many that are all the same give the same number and allocate nothing.
 fn assert_steady_from_step_3(mut step: impl FnMut() -> f32 + Send) {
     let alone = ThreadPoolBuilder::new().num_threads(1).build().unwrap();
@@ -136,6 +150,66 @@ fn tensor_steps(pixels: usize) -> impl FnMut() -> f32 + Send {
 fn rendering_steps(side: usize) -> impl FnMut() -> f32 + Send {
     let (mut tape, scene) = (Tape::new(), Scene::new(side));
     move || scene.step(&mut tape).unwrap()
+}
+
+#[test]
+fn steady_inference_allocates_nothing() {
+    for pixels in [8, ENTRIES_PER_PIECE + 5] {
+        let (mut tape, parameters) = (Tape::new(), Parameters::new(pixels));
+        assert_steady_from_step_3(move || infer(&mut tape, &parameters).unwrap());
+    }
+}
+
+#[test]
+fn steps_that_leave_out_other_work_by_turns_allocate_nothing() {
+    let (mut tape, parameters) = (Tape::new(), Parameters::new(100));
+    assert_steady_from_step_3(move || {
+        let mut sum = 0.0;
+        for (frozen, exponent) in [(false, 1), (true, 3), (false, 3), (true, 1)] {
+            let image = &parameters.image;
+            let image = if frozen { tape.constant(image) } else { tape.leaf(image) };
+            let loss = (image.powi(exponent).exp() * tape.scalar(0.7)).sum();
+            let gradients = loss.backward().unwrap();
+            sum += loss.item() + gradients.get(image).map_or(0.0, |x_bar| x_bar.data()[0]);
+            drop(gradients);
+            tape.reset();
+        }
+        sum
+    });
+}
+
+#[test]
+fn the_memory_of_many_steps_is_that_of_the_first_ones() {
+    let (mut tape, parameters) = (Tape::new(), Parameters::new(1000));
+    let mut steps = |count: usize| {
+        let held = measure(|| {
+            for _ in 0..count {
+                // A tensor of the caller's own, a new one each time, and one that outlives its step.
+                let image = Parameters::new(1000).image;
+                let held = (tape.leaf(&image).exp() * 2.0).value();
+                tape.reset();
+                step(&mut tape, &parameters).unwrap();
+                drop(held);
+            }
+        });
+        held.bytes_current
+    };
+    ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(|| {
+        assert!(steps(5) > 0);
+        assert_eq!(steps(50), 0);
+    });
+}
+
+#[test]
+fn gradients_of_inner_values_share_a_few_buffers() {
+    let (entries, operations) = (1000, 100);
+    let x = Tensor::full([entries], 0.5_f32);
+    let tape = Tape::new();
+    let leaf = tape.leaf(&x);
+    let loss = (0..operations).fold(leaf, |y, _| y.sin()).sum();
+    let peak = measure(|| drop(loss.backward().unwrap())).bytes_max;
+    // The gradients of three values at one time, in buffers of a power of two, and small lists.
+    assert!(peak < 3 * 1024 * 4 + 100 * operations, "{peak} bytes");
 }
 
 #[test]

@@ -9,7 +9,7 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
-use bokashi_core::{Tape, Tensor, TensorError, Var};
+use bokashi_core::{Tape, Tensor, TensorError, Var, value_errors};
 use bokashi_fit::{
     Fit, FitError, FitSettings, Mapping, Optimizer, Parameter, Parameters, Schedule, from_fn,
     mean_squared_error,
@@ -96,6 +96,10 @@ fn every_tensor_error_says_the_rule_and_the_value() {
         (
             pair.backward().unwrap_err(),
             "a backward pass without an upstream gradient needs a scalar, got shape [2]",
+        ),
+        (
+            value_errors(&tape, &other).unwrap_err(),
+            "a comparison needs two recordings of one pipeline, got a leaf and nothing as value 1",
         ),
     ];
     let all = variants("crates/core/src/error.rs", "TensorError");

@@ -1,7 +1,9 @@
 //! Arrays along one of their axes, seen as `[outer, extent, inner]`.
 
+use std::ops::Range;
+
 use crate::error::TensorError;
-use crate::parallel::{ENTRIES_PER_PIECE, for_each_piece_mut};
+use crate::parallel::{ENTRIES_PER_PIECE, for_each_piece_mut, merge_ranges};
 use crate::scalar::Scalar;
 use crate::shape::Shape;
 use crate::summation::sum;
@@ -37,29 +39,76 @@ pub(crate) fn sum_along<T: Scalar>(
         for_each_piece_mut(sums, piece, |k, sums| {
             for (row, total) in (k * piece..).zip(sums) {
                 let x = &x[row * extent..][..extent];
-                *total = round(sum::<T>(extent, |k| x[k].widen()));
+                *total = round(if extent < LANES {
+                    x.iter().map(|x| x.widen()).sum()
+                } else {
+                    sum::<T>(extent, |k| x[k].widen())
+                });
             }
         });
         return;
     }
-    // Neighbours in memory side by side, each in a lane of its own: the inner loop is over slices.
-    let sum_rows = |first: usize, sums: &mut [T]| {
-        for (group, sums) in sums.chunks_mut(LANES).enumerate() {
-            let mut lanes = [T::Wide::default(); LANES];
-            let first = first + group * LANES;
-            for row in 0..extent {
-                let x = &x[first + row * inner..][..sums.len()];
-                lanes.iter_mut().zip(x).for_each(|(lane, x)| *lane += x.widen());
-            }
-            sums.iter_mut().zip(lanes).for_each(|(sum, lane)| *sum = round(lane));
-        }
+    let size = extent * inner;
+    let sum_block = |block: usize, sums: &mut [T]| {
+        let x = &x[block * size..][..size];
+        let term = |row: usize, column: usize| x[row * inner + column].widen();
+        sum_rows::<T>(extent, inner, term, |column, total| sums[column] = round(total));
     };
-    let blocks = (ENTRIES_PER_PIECE / (extent * inner).max(1)).max(1);
+    if size > ENTRIES_PER_PIECE {
+        sums.chunks_mut(inner).enumerate().for_each(|(block, sums)| sum_block(block, sums));
+        return;
+    }
+    let blocks = (ENTRIES_PER_PIECE / size.max(1)).max(1);
     for_each_piece_mut(sums, (blocks * inner).max(1), |k, sums| {
-        for (block, sums) in (k * blocks..).zip(sums.chunks_mut(inner)) {
-            sum_rows(block * extent * inner, sums);
-        }
+        let sums = (k * blocks..).zip(sums.chunks_mut(inner));
+        sums.for_each(|(block, sums)| sum_block(block, sums));
     });
+}
+
+/// Sums `term(row, column)` over all rows, for each column: calls `put(column, sum)`.
+/// Rows are summed in pieces of a fixed number, and the pieces' sums are added in order.
+pub(crate) fn sum_rows<T: Scalar>(
+    rows: usize,
+    columns: usize,
+    term: impl Fn(usize, usize) -> T::Wide + Send + Sync,
+    mut put: impl FnMut(usize, T::Wide),
+) {
+    for first in (0..columns).step_by(LANES) {
+        let width = LANES.min(columns - first);
+        let mut totals = [T::Wide::ZERO; LANES];
+        // A loop of a known length where there are a few columns.
+        let piece = |range: Range<usize>| match width {
+            2 => lanes::<2, T>(range, |row, c| term(row, first + c)),
+            3 => lanes::<3, T>(range, |row, c| term(row, first + c)),
+            4 => lanes::<4, T>(range, |row, c| term(row, first + c)),
+            LANES => lanes::<LANES, T>(range, |row, c| term(row, first + c)),
+            _ => {
+                let mut sums = [T::Wide::ZERO; LANES];
+                for row in range {
+                    for (c, sum) in sums[..width].iter_mut().enumerate() {
+                        *sum += term(row, first + c);
+                    }
+                }
+                sums
+            }
+        };
+        merge_ranges(rows, (ENTRIES_PER_PIECE / columns).max(1), piece, |sums| {
+            totals.iter_mut().zip(sums).for_each(|(total, sum)| *total += sum);
+        });
+        totals[..width].iter().enumerate().for_each(|(c, &total)| put(first + c, total));
+    }
+}
+
+/// The sums of `term(row, column)` over `rows`, for `W` columns; zeros beyond.
+fn lanes<const W: usize, T: Scalar>(
+    rows: Range<usize>,
+    term: impl Fn(usize, usize) -> T::Wide,
+) -> [T::Wide; LANES] {
+    let mut sums = [T::Wide::ZERO; W];
+    for row in rows {
+        sums.iter_mut().enumerate().for_each(|(c, sum)| *sum += term(row, c));
+    }
+    std::array::from_fn(|c| sums.get(c).copied().unwrap_or(T::Wide::ZERO))
 }
 
 /// The adjoint of [`sum_along`]: adds `entry(sums_bar)`, with `sums_bar: [outer, inner]`, to

@@ -7,21 +7,23 @@
 //! further down.
 
 use std::fmt;
+use std::ops::Range;
 use std::time::Instant;
 
 use smallvec::SmallVec;
 
 use crate::error::TensorError;
-use crate::op::{Accumulator, Accumulators, Inputs, Kept};
+use crate::gradient::{Accumulator, Accumulators, Wanted};
+use crate::op::{Inputs, Kept};
 use crate::scalar::Scalar;
-use crate::tape::{Inner, Node, Results, Tape};
+use crate::tape::{Inner, Results, Tape};
 use crate::tensor::Tensor;
 use crate::var::Var;
 
 /// The gradients that a backward pass was asked for.
 pub struct Gradients<'t, T: Scalar> {
-    tape: &'t Tape<T>,
-    results: Results<T>,
+    pub(crate) tape: &'t Tape<T>,
+    pub(crate) results: Results<T>,
 }
 
 impl<'t, T: Scalar> Gradients<'t, T> {
@@ -48,9 +50,11 @@ impl<T: Scalar> Drop for Gradients<'_, T> {
     fn drop(&mut self) {
         // Not while a panic inside the tape unwinds past this value.
         let Ok(mut inner) = self.tape.inner.try_borrow_mut() else { return };
-        self.results.drain(..).filter_map(|(_, tensor)| tensor).for_each(|tensor| {
-            inner.pool.give(tensor);
-        });
+        for (_, tensor) in self.results.drain(..) {
+            let Some(tensor) = tensor else { continue };
+            let (_, data) = tensor.into_parts();
+            inner.pool.give_shared(data);
+        }
         inner.results.push(std::mem::take(&mut self.results));
     }
 }
@@ -127,7 +131,7 @@ impl<T: Scalar> Tape<T> {
         let mut results = inner.results.pop().unwrap_or_default();
         inner.mark_wanted(wrt, &mut results);
         inner.seed(seeds);
-        inner.walk(&mut results);
+        inner.walk();
         inner.collect_results(&mut results);
         Ok(Gradients { tape: self, results })
     }
@@ -136,7 +140,7 @@ impl<T: Scalar> Tape<T> {
 impl<T: Scalar> Inner<T> {
     fn check_seeds(&self, seeds: &[(Var<'_, T>, Option<&Tensor<T>>)]) -> Result<(), TensorError> {
         for (var, upstream) in seeds {
-            let shape = self.values[var.index as usize].tensor.shape();
+            let shape = &self.values[var.index as usize].shape;
             match upstream {
                 None if shape.size() != 1 => {
                     return Err(TensorError::NotScalar { shape: shape.clone() });
@@ -156,33 +160,36 @@ impl<T: Scalar> Inner<T> {
 
     /// Marks the values whose gradients a pass computes, and lists the results it returns.
     fn mark_wanted(&mut self, wrt: Option<&[Var<'_, T>]>, results: &mut Results<T>) {
-        let Self { values, nodes, live, wanted, gradients, .. } = self;
-        wanted.clear();
+        let Self { values, live, links, nodes, wanted, gradients, .. } = self;
+        let values = &values[..*live];
         gradients.clear();
-        gradients.resize_with(values.len(), || None);
+        gradients.resize_with(values.len(), Accumulator::vacant);
+        wanted.clear();
         let Some(wrt) = wrt else {
-            wanted.extend(values.iter().map(|value| value.needs));
-            let mut produced = nodes[..*live].iter().flat_map(Node::outputs);
-            let mut next = produced.next();
-            for (index, value) in (0..).zip(values.iter()) {
-                if next == Some(index) {
-                    next = produced.next();
-                } else if value.needs {
-                    results.push((index, None));
-                }
-            }
+            wanted.extend(values.iter().map(|value| match (value.needs, value.entry) {
+                (false, _) => Wanted::Nothing,
+                (true, Some(_)) => Wanted::Through,
+                (true, None) => Wanted::Result,
+            }));
+            let leaves = (0..).zip(&*wanted).filter(|&(_, &wanted)| wanted == Wanted::Result);
+            results.extend(leaves.map(|(index, _)| (index, None)));
             return;
         };
-        wanted.resize(values.len(), false);
+        wanted.resize(values.len(), Wanted::Nothing);
         for var in wrt.iter().filter(|var| values[var.index as usize].needs) {
-            wanted[var.index as usize] = true;
+            wanted[var.index as usize] = Wanted::Result;
             results.push((var.index, None));
         }
         results.sort_unstable_by_key(|&(index, _)| index);
         results.dedup_by_key(|&mut (index, _)| index);
-        for node in &nodes[..*live] {
-            if node.inputs.iter().any(|&input| wanted[input as usize]) {
-                node.outputs().for_each(|output| wanted[output as usize] = true);
+        for node in &*nodes {
+            let mut inputs = links[node.links()].iter();
+            if inputs.any(|&input| wanted[input as usize] != Wanted::Nothing) {
+                for wanted in &mut wanted[node.outputs()] {
+                    if *wanted == Wanted::Nothing {
+                        *wanted = Wanted::Through;
+                    }
+                }
             }
         }
     }
@@ -192,107 +199,75 @@ impl<T: Scalar> Inner<T> {
         let Self { values, pool, gradients, wanted, .. } = self;
         for (var, upstream) in seeds {
             let index = var.index as usize;
-            if !wanted[index] {
+            if wanted[index] == Wanted::Nothing {
                 continue;
             }
-            let slot = &mut gradients[index];
-            let sum = match slot {
-                Some(tensor) => tensor.own_data_mut(),
-                None => {
-                    let tensor = slot.insert(pool.take(values[index].tensor.shape().clone()));
-                    tensor.own_data_mut().fill(T::ZERO);
-                    tensor.own_data_mut()
-                }
-            };
-            match upstream {
-                Some(upstream) => {
-                    sum.iter_mut().zip(upstream.data()).for_each(|(sum, &entry)| *sum += entry);
-                }
-                None => sum[0] += T::ONE,
-            }
+            let gradient = &mut gradients[index];
+            gradient.prepare(values[index].data().len(), pool);
+            gradient.add(upstream.map_or(&[T::ONE], Tensor::data));
         }
     }
 
-    /// Runs the backward passes of the operations, last to first; puts the gradients of those
-    /// requested variables that are outputs into `results`.
-    fn walk(&mut self, results: &mut Results<T>) {
-        let Self { values, nodes, live, pool, report, timed, gradients, wanted, .. } = self;
-        let mut slots = std::mem::take(&mut self.slots);
-        for node in nodes[..*live].iter_mut().rev() {
-            let first_output = node.first_output as usize;
+    /// Runs the backward passes of the operations, last to first. Gradients that nobody asked for
+    /// go back to the pool once the operation that made the value has used them.
+    fn walk(&mut self) {
+        let Self { values, links, nodes, places, pool, tally, gradients, wanted, .. } = self;
+        for node in nodes.iter().rev() {
+            let Range { start, end } = node.outputs();
+            let inputs = &links[node.links()];
             // Inputs were recorded before outputs.
-            let (below, above) = gradients.split_at_mut(first_output);
-            let upstream = &mut above[..node.output_count as usize];
-            if upstream.iter().all(Option::is_none)
-                || !node.inputs.iter().any(|&input| wanted[input as usize])
-            {
+            let (below, above) = gradients.split_at_mut(start);
+            let upstream = &mut above[..end - start];
+            let count = tally.count(node.entry);
+            if upstream.iter().all(|gradient| gradient.sum().is_none()) {
+                count.unused += 1;
                 continue;
             }
-            let start = timed.then(Instant::now);
-
-            // The sum so far of each wanted input; the same variable a second time finds it taken
-            // and starts a sum of its own, added to the first one afterwards.
-            for input in node.inputs.iter().map(|&input| input as usize) {
-                slots.push(wanted[input].then(|| match below[input].take() {
-                    Some(tensor) => Accumulator { tensor, fresh: false },
-                    None => {
-                        let tensor = pool.take(values[input].tensor.shape().clone());
-                        Accumulator { tensor, fresh: true }
-                    }
-                }));
+            if inputs.iter().all(|&input| wanted[input as usize] == Wanted::Nothing) {
+                count.unwanted += 1;
+                continue;
             }
-
+            for (i, &input) in inputs.iter().enumerate() {
+                if wanted[input as usize] == Wanted::Nothing {
+                    count.leave_out_input(i);
+                }
+            }
+            let clock = self.timed.then(Instant::now);
             let kept = Kept {
-                operation: node.recorded.name(),
+                operation: count.operation.name,
                 keep: node.keep,
-                inputs: Inputs { values, indices: &node.inputs },
-                outputs: &values[first_output..][..upstream.len()],
+                inputs: Inputs { values, indices: inputs },
+                outputs: &values[start..end],
                 upstream,
             };
-            node.recorded.backward(&kept, &mut Accumulators { slots: &mut slots });
-
-            for (slot, &input) in slots.drain(..).zip(&node.inputs) {
-                let Some(Accumulator { tensor, fresh }) = slot else { continue };
-                let sum = &mut below[input as usize];
-                if fresh {
-                    pool.give(tensor);
-                } else if let Some(sum) = sum {
-                    let entries = tensor.data().iter();
-                    sum.own_data_mut()
-                        .iter_mut()
-                        .zip(entries)
-                        .for_each(|(sum, &entry)| *sum += entry);
-                    pool.give(tensor);
-                } else {
-                    *sum = Some(tensor);
+            let mut sums = Accumulators { values, indices: inputs, wanted, gradients: below, pool };
+            places[node.place as usize].recorded.backward(&kept, &mut sums);
+            for (j, (gradient, wanted)) in upstream.iter_mut().zip(&wanted[start..]).enumerate() {
+                if gradient.sum().is_none() {
+                    count.leave_out_output(j);
+                }
+                if *wanted != Wanted::Result {
+                    gradient.release(pool);
                 }
             }
-            for (index, tensor) in node.outputs().zip(upstream) {
-                let Some(tensor) = tensor.take() else { continue };
-                match results.binary_search_by_key(&index, |&(index, _)| index) {
-                    Ok(at) => results[at].1 = Some(tensor),
-                    Err(_) => pool.give(tensor),
-                }
-            }
-            let entry = report.operation(node.recorded.name());
-            entry.backward_calls += 1;
-            if let Some(start) = start {
-                entry.backward += start.elapsed();
+            count.operation.backward_calls += 1;
+            if let Some(clock) = clock {
+                count.operation.backward += clock.elapsed();
             }
         }
-        self.slots = slots;
     }
 
-    /// Moves the gradients that were asked for into `results`, the others back to the pool.
+    /// Moves the gradients that were asked for into `results`, and any others back to the pool:
+    /// a pass may have started at a value that nobody asked for and no operation computed.
     fn collect_results(&mut self, results: &mut Results<T>) {
+        let Self { values, pool, gradients, .. } = self;
         for (index, result) in results.iter_mut() {
-            if result.is_none() {
-                *result = self.gradients[*index as usize].take();
-            }
+            let index = *index as usize;
+            *result = gradients[index].take().map(|gradient| {
+                Tensor::from_parts(values[index].shape.clone(), pool.share(gradient))
+            });
         }
-        for tensor in self.gradients.drain(..).flatten() {
-            self.pool.give(tensor);
-        }
+        gradients.drain(..).for_each(|mut gradient| gradient.release(pool));
     }
 }
 

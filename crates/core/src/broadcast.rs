@@ -3,9 +3,11 @@
 //! With `z = f(x, y)` entry by entry: `x_bar += df/dx z_bar` and `y_bar += df/dy z_bar`; an entry
 //! that was repeated collects the terms of all its copies, summed in row-major order.
 
+use crate::axis::sum_rows;
 use crate::error::TensorError;
-use crate::op::{Accumulator, Accumulators, Inputs, Keep, Kept, Op, Outputs};
-use crate::parallel::for_each_zipped_mut;
+use crate::gradient::{Accumulator, Accumulators};
+use crate::op::{Inputs, Keep, Kept, Op, Outputs};
+use crate::parallel::{ENTRIES_PER_PIECE, for_each_piece_mut, for_each_zipped_mut};
 use crate::scalar::Scalar;
 use crate::shape::Shape;
 use crate::summation::sum;
@@ -66,8 +68,8 @@ impl<T: Scalar, F: Binary<T>> Op<T> for Broadcast<F> {
             let x = x[0];
             for_each_zipped_mut(z, [y], |z, [y]| *z = self.0.value(x, y));
         } else {
-            let walk = Walk::new(axes([&shape, left, right]));
-            walk.for_each(|[k, i, j]| z[k] = self.0.value(x[i], y[j]));
+            let walk = Walk::new(axes([&shape, left, right]).map(|(n, [_, i, j])| (n, [i, j])));
+            walk.zip_mut(z, [x, y], |z, [x, y]| *z = self.0.value(x, y));
         }
         Ok(())
     }
@@ -86,13 +88,12 @@ impl<T: Scalar, F: Binary<T>> Op<T> for Broadcast<F> {
 
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
         let (z, left, right) = (kept.output_shape(0), kept.input_shape(0), kept.input_shape(1));
-        let [x_bar, y_bar] = gradients.first();
-        if let Some(x_bar) = x_bar {
+        if let Some(x_bar) = gradients.get(0) {
             let (x, y, z_bar) = arguments(kept, F::LEFT_SLOPE_FROM);
             let term = |x, y, z_bar| self.0.left_slope(x, y) * z_bar;
             add_terms(x_bar, [z, left, right], [z_bar, x, y], term);
         }
-        if let Some(y_bar) = y_bar {
+        if let Some(y_bar) = gradients.get(1) {
             let (x, y, z_bar) = arguments(kept, F::RIGHT_SLOPE_FROM);
             let term = |y, x, z_bar| self.0.right_slope(x, y) * z_bar;
             add_terms(y_bar, [z, right, left], [z_bar, y, x], term);
@@ -102,6 +103,7 @@ impl<T: Scalar, F: Binary<T>> Op<T> for Broadcast<F> {
 
 /// `x`, `y` and `z_bar`; for an argument that is not used stands `z_bar`, whose numbers are at
 /// hand and reach as far.
+#[inline(always)]
 fn arguments<'a, T: Scalar>(kept: &'a Kept<'_, T>, used: [bool; 2]) -> (&'a [T], &'a [T], &'a [T]) {
     let z_bar = kept.only_upstream();
     let argument = |i: usize| if used[i] { kept.input(i) } else { z_bar };
@@ -124,26 +126,63 @@ fn add_terms<T: Scalar>(
         let other = other[0];
         own_bar.add_zipped([own, z_bar], |[own, z_bar]| term(own, other, z_bar));
     } else if own_shape == full {
-        let entries = own_bar.entries();
-        let walk = Walk::new(axes([full, other_shape]));
-        walk.for_each(|[k, j]| entries[k] += term(own[k], other[j], z_bar[k]));
+        let walk = Walk::new(axes([full, other_shape]).map(|(n, [k, j])| (n, [k, j, k])));
+        let add = |sum: &mut T, [own, other, z_bar]: [T; 3]| *sum += term(own, other, z_bar);
+        walk.zip_mut(own_bar.entries(), [own, other, z_bar], add);
     } else if own_shape.size() == 1 && other_shape == full {
         let own = own[0];
         let total = sum::<T>(z_bar.len(), |k| term(own, other[k], z_bar[k]).widen());
         own_bar.entries()[0] += T::narrow(total);
     } else {
-        let all = || axes([full, own_shape, other_shape]);
-        let entries = Walk::new(all().filter(|(_, [_, own, _])| *own != 0));
-        let copies = Walk::new(all().filter(|(_, [_, own, _])| *own == 0));
         let own_bar = own_bar.entries();
-        entries.for_each(|[k, i, j]| {
-            let mut total = T::Wide::ZERO;
-            copies.for_each(|[dk, _, dj]| {
-                total += term(own[i], other[j + dj], z_bar[k + dk]).widen();
-            });
-            own_bar[i] += T::narrow(total);
-        });
+        match *Walk::new(axes([full, own_shape, other_shape])).axes() {
+            // A row beside each row.
+            [(columns, [1, 1, step]), (rows, [_, 0, stride])] => {
+                let term = |row: usize, column: usize| {
+                    let other = other[row * stride + column * step];
+                    term(own[column], other, z_bar[row * columns + column]).widen()
+                };
+                let put = |column, total| own_bar[column] += T::narrow(total);
+                sum_rows::<T>(rows, columns, term, put);
+            }
+            // One entry beside each row.
+            [(columns, [1, 0, step]), (rows, [_, 1, stride])] => {
+                let add = |row: usize, sum: &mut T| {
+                    let total: T::Wide = (0..columns)
+                        .map(|column| {
+                            let other = other[row * stride + column * step];
+                            term(own[row], other, z_bar[row * columns + column]).widen()
+                        })
+                        .sum();
+                    *sum += T::narrow(total);
+                };
+                let piece = (ENTRIES_PER_PIECE / columns).max(1);
+                for_each_piece_mut(&mut own_bar[..rows], piece, |k, sums| {
+                    (k * piece..).zip(sums).for_each(|(row, sum)| add(row, sum));
+                });
+            }
+            _ => add_copies([full, own_shape, other_shape], [z_bar, own, other], own_bar, term),
+        }
     }
+}
+
+/// [`add_terms`] for entries that are repeated along any axes.
+fn add_copies<T: Scalar>(
+    shapes: [&Shape; 3],
+    [z_bar, own, other]: [&[T]; 3],
+    own_bar: &mut [T],
+    term: impl Fn(T, T, T) -> T,
+) {
+    let all = || axes(shapes);
+    let entries = Walk::new(all().filter(|(_, [_, own, _])| *own != 0));
+    let copies = Walk::new(all().filter(|(_, [_, own, _])| *own == 0));
+    entries.for_each(|[k, i, j]| {
+        let mut total = T::Wide::ZERO;
+        copies.for_each(|[dk, _, dj]| {
+            total += term(own[i], other[j + dj], z_bar[k + dk]).widen();
+        });
+        own_bar[i] += T::narrow(total);
+    });
 }
 
 /// The axes of the first shape, and how far one step along each moves in arrays of all of them.

@@ -86,6 +86,13 @@ pub enum TensorError {
         /// The shape of the variable.
         shape: Shape,
     },
+    /// Two recordings are not of one pipeline.
+    Recordings {
+        /// The first value that differs, in the order of recording.
+        value: usize,
+        /// What computed it on either tape.
+        operations: [&'static str; 2],
+    },
 }
 
 impl fmt::Display for TensorError {
@@ -131,6 +138,11 @@ impl fmt::Display for TensorError {
             Self::NotScalar { shape } => write!(
                 f,
                 "a backward pass without an upstream gradient needs a scalar, got shape {shape}"
+            ),
+            Self::Recordings { value, operations: [rough, exact] } => write!(
+                f,
+                "a comparison needs two recordings of one pipeline, \
+                 got {rough} and {exact} as value {value}"
             ),
         }
     }

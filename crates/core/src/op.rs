@@ -7,11 +7,11 @@
 //! [`Accumulators::needs`] says which are wanted now (it decides what is computed).
 
 use crate::error::TensorError;
-use crate::parallel::for_each_zipped_mut;
+use crate::gradient::{Accumulator, Accumulators};
 use crate::pool::Pool;
 use crate::scalar::Scalar;
 use crate::shape::Shape;
-use crate::tensor::Tensor;
+use crate::value::Value;
 
 /// A differentiable operation with a hand-written backward pass.
 ///
@@ -82,24 +82,15 @@ impl Keep {
         Self { outputs: self.outputs | 1 << j, ..self }
     }
 
+    #[inline]
     fn has_input(self, i: usize) -> bool {
         self.inputs.checked_shr(i as u32).is_some_and(|bits| bits & 1 == 1)
     }
 
+    #[inline]
     fn has_output(self, j: usize) -> bool {
         self.outputs.checked_shr(j as u32).is_some_and(|bits| bits & 1 == 1)
     }
-}
-
-/// A value on the tape.
-#[derive(Debug)]
-pub(crate) struct Value<T> {
-    pub(crate) tensor: Tensor<T>,
-    /// Whether some leaf below could need a gradient through it.
-    pub(crate) needs: bool,
-    /// Whether the buffer goes back to the pool: not for what a user handed in, nor for a second
-    /// name of a buffer that another value returns.
-    pub(crate) pooled: bool,
 }
 
 /// The inputs of an operation while it is recorded.
@@ -116,19 +107,16 @@ impl<'a, T: Scalar> Inputs<'a, T> {
         self.indices.len()
     }
 
-    /// The value of input `i`.
-    pub fn tensor(&self, i: usize) -> &'a Tensor<T> {
-        &self.values[self.indices[i] as usize].tensor
-    }
-
     /// The entries of input `i`, row-major.
+    #[inline]
     pub fn data(&self, i: usize) -> &'a [T] {
-        self.tensor(i).data()
+        self.values[self.indices[i] as usize].data()
     }
 
     /// The shape of input `i`.
+    #[inline]
     pub fn shape(&self, i: usize) -> &'a Shape {
-        self.tensor(i).shape()
+        &self.values[self.indices[i] as usize].shape
     }
 
     /// Whether a gradient with respect to input `i` could be asked for later.
@@ -138,45 +126,84 @@ impl<'a, T: Scalar> Inputs<'a, T> {
 
     /// Whether a gradient with respect to any input could be asked for later.
     pub fn any_needs(&self) -> bool {
-        (0..self.len()).any(|i| self.needs(i))
+        self.indices.iter().any(|&index| self.values[index as usize].needs)
     }
+}
+
+/// An output that is an input under another shape.
+#[derive(Debug)]
+pub(crate) struct Renamed {
+    pub(crate) output: usize,
+    pub(crate) shape: Shape,
+    pub(crate) input: usize,
 }
 
 /// The outputs that an operation computes.
 #[derive(Debug)]
 pub struct Outputs<'a, T> {
     pub(crate) pool: &'a mut Pool<T>,
-    /// Each output, and whether its buffer is the pool's.
-    pub(crate) tensors: &'a mut Vec<(Tensor<T>, bool)>,
+    /// The places of the next values on the tape.
+    pub(crate) places: &'a mut [Value<T>],
+    /// Further ones, where there are more outputs than places.
+    pub(crate) further: &'a mut Vec<Value<T>>,
+    pub(crate) count: usize,
+    pub(crate) renamed: &'a mut Vec<Renamed>,
+    /// The input that is the output, and why.
+    pub(crate) passed: Option<(usize, &'static str)>,
 }
 
 impl<T: Scalar> Outputs<'_, T> {
     /// Adds an output of `shape` and gives its entries. They start as whatever an earlier use of
     /// the buffer left: the operation writes every one of them.
-    pub fn push(&mut self, shape: impl Into<Shape>) -> &mut [T] {
-        self.tensors.push((self.pool.take(shape.into()), true));
-        let (tensor, _) = self.tensors.last_mut().expect("one was just pushed");
-        tensor.own_data_mut()
+    #[inline]
+    pub fn push(&mut self, shape: impl AsRef<[usize]>) -> &mut [T] {
+        let place = match self.places.get_mut(self.count) {
+            Some(place) => place,
+            None => another(self.further),
+        };
+        self.count += 1;
+        place.renew(shape.as_ref(), self.pool)
     }
 
     /// Adds an output for each of `shapes`, as [`Outputs::push`] does, and gives the entries of
     /// all of them at once.
     pub fn push_all<const N: usize>(&mut self, shapes: [Shape; N]) -> [&mut [T]; N] {
-        let first = self.tensors.len();
+        let first = self.count;
         for shape in shapes {
-            self.tensors.push((self.pool.take(shape), true));
+            self.push(shape);
         }
-        let mut new = self.tensors[first..].iter_mut();
-        std::array::from_fn(|_| {
-            let (tensor, _) = new.next().expect("one tensor was pushed per shape");
-            tensor.own_data_mut()
-        })
+        let mut new = self.places.iter_mut().chain(&mut *self.further).skip(first);
+        std::array::from_fn(|_| new.next().expect("one was pushed per shape").data_mut())
     }
 
-    /// Adds an output that shares the buffer of `tensor`: an input under another shape.
-    pub fn push_shared(&mut self, tensor: Tensor<T>) {
-        self.tensors.push((tensor, false));
+    /// Adds an output that is input `input` under another shape of as many entries; the buffer is
+    /// shared.
+    pub fn push_renamed(&mut self, shape: impl Into<Shape>, input: usize) {
+        // Its place stays vacant until the operation is recorded.
+        match self.places.get_mut(self.count) {
+            Some(place) => place.release(self.pool),
+            None => {
+                another(self.further);
+            }
+        }
+        self.renamed.push(Renamed { output: self.count, shape: shape.into(), input });
+        self.count += 1;
     }
+
+    /// Says that the operation is the identity: its one output is input `input` itself. Then
+    /// nothing is recorded, the caller gets the input's variable back, and the tape's report says
+    /// that the operation was left out, and why. An operation that passes an input on pushes no
+    /// output.
+    pub fn pass(&mut self, input: usize, reason: &'static str) {
+        self.passed = Some((input, reason));
+    }
+}
+
+/// One more place for a value.
+#[cold]
+fn another<T: Scalar>(places: &mut Vec<Value<T>>) -> &mut Value<T> {
+    places.push(Value::vacant());
+    places.last_mut().expect("one was just pushed")
 }
 
 /// What a backward pass sees: the upstream gradients, and the values that the operation kept.
@@ -186,17 +213,19 @@ pub struct Kept<'a, T> {
     pub(crate) keep: Keep,
     pub(crate) inputs: Inputs<'a, T>,
     pub(crate) outputs: &'a [Value<T>],
-    pub(crate) upstream: &'a [Option<Tensor<T>>],
+    pub(crate) upstream: &'a [Accumulator<T>],
 }
 
 impl<T: Scalar> Kept<'_, T> {
     /// The gradient of the loss with respect to output `j`; `None` where it is zero because
     /// nothing after this operation used the output.
+    #[inline]
     pub fn upstream(&self, j: usize) -> Option<&[T]> {
-        self.upstream[j].as_ref().map(Tensor::data)
+        self.upstream[j].sum()
     }
 
     /// The gradient with respect to the only output of an operation that has one.
+    #[inline]
     pub fn only_upstream(&self) -> &[T] {
         self.upstream(0).expect("backward runs where some output has an upstream gradient")
     }
@@ -205,6 +234,7 @@ impl<T: Scalar> Kept<'_, T> {
     ///
     /// # Panics
     /// Where the operation did not ask to keep it.
+    #[inline]
     pub fn input(&self, i: usize) -> &[T] {
         assert!(self.keep.has_input(i), "{} did not keep its input {i}", self.operation);
         self.inputs.data(i)
@@ -214,9 +244,10 @@ impl<T: Scalar> Kept<'_, T> {
     ///
     /// # Panics
     /// Where the operation did not ask to keep it.
+    #[inline]
     pub fn output(&self, j: usize) -> &[T] {
         assert!(self.keep.has_output(j), "{} did not keep its output {j}", self.operation);
-        self.outputs[j].tensor.data()
+        self.outputs[j].data()
     }
 
     /// How many inputs there are.
@@ -225,99 +256,15 @@ impl<T: Scalar> Kept<'_, T> {
     }
 
     /// The shape of input `i`, kept or not.
+    #[inline]
     pub fn input_shape(&self, i: usize) -> &Shape {
         self.inputs.shape(i)
     }
 
     /// The shape of output `j`, kept or not.
+    #[inline]
     pub fn output_shape(&self, j: usize) -> &Shape {
-        self.outputs[j].tensor.shape()
-    }
-}
-
-/// The gradients of an operation's inputs, to be added to.
-#[derive(Debug)]
-pub struct Accumulators<'a, T> {
-    pub(crate) slots: &'a mut [Option<Accumulator<T>>],
-}
-
-impl<T: Scalar> Accumulators<'_, T> {
-    /// Whether the gradient of input `i` is wanted now.
-    pub fn needs(&self, i: usize) -> bool {
-        self.slots[i].is_some()
-    }
-
-    /// The gradient of input `i`, where it is wanted.
-    pub fn get(&mut self, i: usize) -> Option<&mut Accumulator<T>> {
-        self.slots[i].as_mut()
-    }
-
-    /// The gradients of the first `N` inputs at once, each where it is wanted.
-    pub fn first<const N: usize>(&mut self) -> [Option<&mut Accumulator<T>>; N] {
-        let mut slots = self.slots.iter_mut();
-        std::array::from_fn(|_| slots.next().expect("an operation has these inputs").as_mut())
-    }
-}
-
-/// The gradient of one input. Everything adds to what is already there; nothing overwrites it.
-#[derive(Debug)]
-pub struct Accumulator<T> {
-    pub(crate) tensor: Tensor<T>,
-    /// Whether nothing has been added yet: the buffer then holds no meaningful numbers.
-    pub(crate) fresh: bool,
-}
-
-impl<T: Scalar> Accumulator<T> {
-    /// Adds `entry(k)` to the k-th entry, for every k.
-    #[inline]
-    pub fn add_each(&mut self, mut entry: impl FnMut(usize) -> T) {
-        let fresh = std::mem::replace(&mut self.fresh, false);
-        let sum = self.tensor.own_data_mut();
-        if fresh {
-            sum.iter_mut().enumerate().for_each(|(k, sum)| *sum = entry(k));
-        } else {
-            sum.iter_mut().enumerate().for_each(|(k, sum)| *sum += entry(k));
-        }
-    }
-
-    /// Adds `entry([from[0][k], from[1][k], ...])` to the k-th entry, for every k; entries of a
-    /// large array are worked on at the same time.
-    ///
-    /// # Panics
-    /// Where one of `from` is shorter than the input.
-    #[inline]
-    pub fn add_zipped<const N: usize>(
-        &mut self,
-        from: [&[T]; N],
-        entry: impl Fn([T; N]) -> T + Send + Sync,
-    ) {
-        let fresh = std::mem::replace(&mut self.fresh, false);
-        let sum = self.tensor.own_data_mut();
-        if fresh {
-            for_each_zipped_mut(sum, from, |sum, from| *sum = entry(from));
-        } else {
-            for_each_zipped_mut(sum, from, |sum, from| *sum += entry(from));
-        }
-    }
-
-    /// Adds `entries[k]` to the k-th entry, for every k.
-    ///
-    /// # Panics
-    /// Unless there are as many entries as the input has.
-    pub fn add(&mut self, entries: &[T]) {
-        let size = self.tensor.size();
-        assert_eq!(size, entries.len(), "a gradient has as many entries as its input");
-        self.add_zipped([entries], |[entry]| entry);
-    }
-
-    /// The sum so far, zeros at first, for an operation that adds to some entries.
-    pub fn entries(&mut self) -> &mut [T] {
-        let fresh = std::mem::replace(&mut self.fresh, false);
-        let sum = self.tensor.own_data_mut();
-        if fresh {
-            sum.fill(T::ZERO);
-        }
-        sum
+        &self.outputs[j].shape
     }
 }
 
@@ -325,6 +272,7 @@ impl<T: Scalar> Accumulator<T> {
 mod tests {
     use super::*;
     use crate::tape::Tape;
+    use crate::tensor::Tensor;
 
     /// `[x, 2 x]`; keeps its input only if told to, and reads it in any case.
     struct Doubles {
@@ -395,6 +343,11 @@ mod tests {
             let gradients = loss.sum().backward().unwrap();
             assert_eq!(gradients.get(x), Some(&Tensor::full([3], expected)));
         }
+        let left_out = tape.take_report().left_out.into_iter();
+        let left_out = left_out.filter(|of| of.name == "doubles");
+        let left_out: Vec<_> = left_out.map(|of| (of.reason.into_owned(), of.count)).collect();
+        let unused = [0, 1].map(|j| (format!("gradient of output {j}: nothing depends on it"), 1));
+        assert_eq!(left_out, unused);
     }
 
     #[test]
@@ -430,8 +383,8 @@ mod tests {
             for _ in 0..refusals {
                 assert!(tape.record(Doubles { refuses: true, ..HONEST }, &[y]).is_err());
                 assert_eq!(tape.len(), 2);
-                // Its two outputs, for the next one to take.
-                assert_eq!(tape.inner.borrow().pool.count(), 2);
+                // Its two outputs, for the next ones to use.
+                assert_eq!(tape.inner.borrow().values.len(), 4);
             }
             let z = (y.exp() * x).sum();
             (z.value(), z.backward().unwrap().get_or_zeros(x), tape.take_report())
@@ -447,36 +400,5 @@ mod tests {
         assert_eq!(seen, [1.0; 3]);
         // Two outputs and what was saved, three numbers each.
         assert_eq!(tape.take_report().operations[0].bytes, 9 * 8);
-    }
-
-    fn accumulator(fresh: bool) -> Accumulator<f64> {
-        // NaN: what a fresh buffer holds means nothing.
-        let entry = if fresh { f64::NAN } else { 10.0 };
-        Accumulator { tensor: Tensor::full([2], entry), fresh }
-    }
-
-    #[test]
-    fn every_way_to_add_adds_once_to_what_is_there() {
-        for (fresh, before) in [(true, 0.0), (false, 10.0)] {
-            let ways: [fn(&mut Accumulator<f64>); 4] = [
-                |sum| sum.add_each(|k| 1.0 + k as f64),
-                |sum| sum.add(&[1.0, 2.0]),
-                |sum| sum.add_zipped([&[3.0, 5.0], &[2.0, 3.0]], |[a, b]| a - b),
-                |sum| sum.entries().iter_mut().zip([1.0, 2.0]).for_each(|(s, x)| *s += x),
-            ];
-            for way in ways {
-                let mut sum = accumulator(fresh);
-                way(&mut sum);
-                assert_eq!(sum.tensor.data(), [before + 1.0, before + 2.0]);
-                way(&mut sum);
-                assert_eq!(sum.tensor.data(), [before + 2.0, before + 4.0]);
-            }
-        }
-    }
-
-    #[test]
-    #[should_panic(expected = "a gradient has as many entries as its input")]
-    fn a_gradient_of_another_length_is_refused() {
-        accumulator(true).add(&[1.0]);
     }
 }

@@ -1,58 +1,51 @@
 //! Recycled buffers, so that a steady step allocates nothing.
+//!
+//! # What is kept
+//! A buffer comes from the pool and goes back to it; sizes are rounded up to powers of two. The
+//! values of a step keep theirs until the next step has no use for them in their place, so of each
+//! size a tape holds at most what two steps, each at its peak, had in use at one time. It is freed
+//! with the tape. Buffers that a caller handed in or still holds are not the pool's.
 
 use std::sync::Arc;
 
 use crate::scalar::Scalar;
-use crate::shape::Shape;
-use crate::tensor::Tensor;
 
 /// Buffers that nobody uses, by the power of two that their capacity reaches.
 #[derive(Debug)]
 pub(crate) struct Pool<T> {
-    classes: Vec<Vec<Arc<Vec<T>>>>,
+    classes: Vec<Vec<Vec<T>>>,
+    /// Empty buffers that can be shared, for those of the tape that somebody asks for.
+    shells: Vec<Arc<Vec<T>>>,
 }
 
 impl<T> Default for Pool<T> {
     fn default() -> Self {
-        Self { classes: Vec::new() }
+        Self { classes: Vec::new(), shells: Vec::new() }
     }
 }
 
 impl<T: Scalar> Pool<T> {
-    /// A tensor of `shape` in a buffer of its own. Its entries are whatever an earlier use left
-    /// (NaN in a build with debug assertions): the taker writes every one of them.
-    pub(crate) fn take(&mut self, shape: Shape) -> Tensor<T> {
-        let length = shape.size();
+    /// A buffer of `length` entries. They are whatever an earlier use left (NaN in a build with
+    /// debug assertions): the taker writes every one of them.
+    #[inline]
+    pub(crate) fn take(&mut self, length: usize) -> Vec<T> {
         let class = class_of(length);
         let mut buffer = match self.classes.get_mut(class).and_then(Vec::pop) {
             Some(buffer) => buffer,
-            None => Arc::new(Vec::with_capacity(1 << class)),
+            None => Vec::with_capacity(1 << class),
         };
-        // A look at the length is cheaper than a check that nobody shares the buffer.
-        if buffer.len() != length || cfg!(debug_assertions) {
-            let data = Arc::get_mut(&mut buffer).expect("the pool holds unshared buffers alone");
-            data.resize(length, T::ZERO);
-            if cfg!(debug_assertions) {
-                data.fill(T::from_f64(f64::NAN));
-            }
+        if buffer.len() != length {
+            buffer.resize(length, T::ZERO);
         }
-        Tensor::from_buffer(shape, buffer)
+        if cfg!(debug_assertions) {
+            buffer.fill(T::from_f64(f64::NAN));
+        }
+        buffer
     }
 
-    /// A copy of `tensor` in a buffer of the pool.
-    pub(crate) fn copy(&mut self, tensor: &Tensor<T>) -> Tensor<T> {
-        let mut copy = self.take(tensor.shape().clone());
-        copy.own_data_mut().copy_from_slice(tensor.data());
-        copy
-    }
-
-    /// Takes a buffer back, unless somebody else still holds it.
-    pub(crate) fn give(&mut self, tensor: Tensor<T>) {
-        let buffer = tensor.into_buffer();
-        // There are no weak references, and nobody can copy a reference that is the only one.
-        if Arc::strong_count(&buffer) > 1 {
-            return;
-        }
+    /// Takes a buffer back.
+    #[inline]
+    pub(crate) fn give(&mut self, buffer: Vec<T>) {
         // The largest class that the capacity fills, so that whoever takes it has room.
         let Some(class) = buffer.capacity().checked_ilog2() else { return };
         let class = class as usize;
@@ -60,6 +53,22 @@ impl<T: Scalar> Pool<T> {
             self.classes.resize_with(class + 1, Vec::new);
         }
         self.classes[class].push(buffer);
+    }
+
+    /// `buffer` in a form that can be shared.
+    pub(crate) fn share(&mut self, buffer: Vec<T>) -> Arc<Vec<T>> {
+        let Some(mut shell) = self.shells.pop() else { return Arc::new(buffer) };
+        *Arc::get_mut(&mut shell).expect("nobody else holds a shell") = buffer;
+        shell
+    }
+
+    /// Takes a buffer back that was shared, unless somebody else still holds it.
+    pub(crate) fn give_shared(&mut self, mut shared: Arc<Vec<T>>) {
+        if let Some(buffer) = Arc::get_mut(&mut shared) {
+            let buffer = std::mem::take(buffer);
+            self.give(buffer);
+            self.shells.push(shared);
+        }
     }
 
     /// How many buffers wait to be taken.
@@ -81,30 +90,43 @@ mod tests {
     #[test]
     fn a_returned_buffer_is_taken_again() {
         let mut pool = Pool::<f64>::default();
-        let tensor = pool.take([5].into());
-        let address = tensor.data().as_ptr();
-        pool.give(tensor);
-        assert_eq!(pool.take([7].into()).data().as_ptr(), address);
+        let buffer = pool.take(5);
+        let address = buffer.as_ptr();
+        pool.give(buffer);
+        let buffer = pool.take(7);
+        assert_eq!(buffer.as_ptr(), address);
+    }
+
+    #[test]
+    fn a_buffer_that_was_shared_is_taken_again_and_its_shell_too() {
+        let mut pool = Pool::<f64>::default();
+        let buffer = pool.take(5);
+        let address = buffer.as_ptr();
+        let shared = pool.share(buffer);
+        let shell = Arc::as_ptr(&shared);
+        pool.give_shared(shared);
+        let buffer = pool.take(7);
+        assert_eq!(buffer.as_ptr(), address);
+        assert_eq!(Arc::as_ptr(&pool.share(buffer)), shell);
     }
 
     #[test]
     fn a_shared_buffer_is_never_recycled() {
         let mut pool = Pool::<f64>::default();
-        let mut tensor = pool.take([2].into());
-        tensor.data_mut().fill(3.0);
-        let held = tensor.clone();
-        pool.give(tensor);
-        pool.take([2].into()).data_mut().fill(4.0);
-        assert_eq!(held.data(), [3.0, 3.0]);
+        let shared = Arc::new(vec![3.0; 2]);
+        pool.give_shared(Arc::clone(&shared));
+        assert_eq!(pool.count(), 0);
+        pool.take(2).fill(4.0);
+        assert_eq!(*shared, [3.0, 3.0]);
     }
 
     #[test]
-    fn foreign_buffers_of_odd_capacity_are_never_handed_out_too_small() {
+    fn buffers_of_odd_capacity_are_never_handed_out_too_small() {
         let mut pool = Pool::<f32>::default();
-        pool.give(Tensor::zeros([6]));
-        pool.give(Tensor::zeros([0]));
+        pool.give(vec![0.0; 6]);
+        pool.give(Vec::new());
         for length in 0..20 {
-            assert_eq!(pool.take([length].into()).size(), length);
+            assert_eq!(pool.take(length).len(), length);
         }
     }
 }

@@ -1,14 +1,18 @@
 //! What a tape did: per operation, calls, time, bytes, and what was left out.
+//!
+//! While a step runs, an operation finds its counters by index; names, texts and lists are made
+//! when the report is taken.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::time::Duration;
 
 /// What one kind of operation did since the report was last taken.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct OperationReport {
     /// The operation's name.
     pub name: &'static str,
-    /// How often it was recorded.
+    /// How often it was computed.
     pub calls: u64,
     /// How often its backward pass ran.
     pub backward_calls: u64,
@@ -18,6 +22,12 @@ pub struct OperationReport {
     pub backward: Duration,
     /// Bytes of its outputs and of what it saved, over all calls.
     pub bytes: u64,
+    /// The largest relative error of its outputs, where they were compared
+    /// ([`Report::with_errors`]).
+    pub error: Option<f64>,
+    /// The largest relative error of the gradients of its outputs, where they were compared
+    /// ([`Report::with_gradient_errors`]).
+    pub gradient_error: Option<f64>,
 }
 
 /// A piece of work that a scene did not need.
@@ -26,13 +36,14 @@ pub struct LeftOut {
     /// The operation.
     pub name: &'static str,
     /// Why its work was not needed.
-    pub reason: &'static str,
+    pub reason: Cow<'static, str>,
     /// How often.
     pub count: u64,
 }
 
-/// What a tape did since the report was last taken, in the order of first use.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+/// What a tape did since the report was last taken, in the order in which the tape first met each
+/// kind of operation.
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Report {
     /// One entry per kind of operation.
     pub operations: Vec<OperationReport>,
@@ -41,31 +52,186 @@ pub struct Report {
 }
 
 impl Report {
-    /// The entry of the operation `name`.
-    pub(crate) fn operation(&mut self, name: &'static str) -> &mut OperationReport {
+    /// The report with the largest relative error of each operation's outputs, of those of
+    /// [`value_errors`](crate::value_errors).
+    #[must_use]
+    pub fn with_errors(mut self, errors: &[ValueError]) -> Self {
+        self.fold(errors, |entry| &mut entry.error);
+        self
+    }
+
+    /// The report with the largest relative error of the gradients of each operation's outputs, of
+    /// those of [`gradient_errors`](crate::gradient_errors).
+    #[must_use]
+    pub fn with_gradient_errors(mut self, errors: &[ValueError]) -> Self {
+        self.fold(errors, |entry| &mut entry.gradient_error);
+        self
+    }
+
+    fn fold(
+        &mut self,
+        errors: &[ValueError],
+        column: impl Fn(&mut OperationReport) -> &mut Option<f64>,
+    ) {
+        for entry in &mut self.operations {
+            let own = errors.iter().filter(|error| error.operation == Some(entry.name));
+            *column(entry) = own.filter_map(|error| error.error).reduce(f64::max);
+        }
+    }
+}
+
+/// How far a value, or the gradient at it, is from that of an exact recording.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ValueError {
+    /// Which value of the step, in the order of recording.
+    pub index: usize,
+    /// The operation that computed the value; `None` for a leaf or a constant.
+    pub operation: Option<&'static str>,
+    /// The relative error, `max_k |rough_k - exact_k| / max_k |exact_k|`; `None` where the shapes differ, as those of what was rasterized can.
+    pub error: Option<f64>,
+}
+
+/// Inputs and outputs whose unneeded gradients are counted apart; those beyond count together.
+const COUNTED_APART: usize = 8;
+
+/// The counters of one kind of operation.
+#[derive(Debug)]
+pub(crate) struct Count {
+    pub(crate) operation: OperationReport,
+    /// Calls that left no node, since no input needs a gradient.
+    pub(crate) unrecorded: u64,
+    /// Backward passes that did not run, since nothing that was asked for lies below.
+    pub(crate) unwanted: u64,
+    /// Backward passes that did not run, since nothing above used an output.
+    pub(crate) unused: u64,
+    inputs: [u64; COUNTED_APART],
+    outputs: [u64; COUNTED_APART],
+}
+
+impl Count {
+    fn new(name: &'static str) -> Self {
+        let operation = OperationReport {
+            name,
+            calls: 0,
+            backward_calls: 0,
+            forward: Duration::ZERO,
+            backward: Duration::ZERO,
+            bytes: 0,
+            error: None,
+            gradient_error: None,
+        };
+        Self {
+            operation,
+            unrecorded: 0,
+            unwanted: 0,
+            unused: 0,
+            inputs: [0; COUNTED_APART],
+            outputs: [0; COUNTED_APART],
+        }
+    }
+
+    /// Counts a backward pass that left out the gradient of input `i`.
+    #[inline]
+    pub(crate) fn leave_out_input(&mut self, i: usize) {
+        self.inputs[i.min(COUNTED_APART - 1)] += 1;
+    }
+
+    /// Counts a backward pass without an upstream gradient of output `j`.
+    #[inline]
+    pub(crate) fn leave_out_output(&mut self, j: usize) {
+        self.outputs[j.min(COUNTED_APART - 1)] += 1;
+    }
+
+    /// What was left out, in words.
+    fn left_out(&self) -> impl Iterator<Item = LeftOut> {
+        let whole: [(Cow<'static, str>, u64); 3] = [
+            ("recording: no input needs a gradient".into(), self.unrecorded),
+            ("backward: no gradient below is asked for".into(), self.unwanted),
+            ("backward: nothing depends on its outputs".into(), self.unused),
+        ];
+        let apart = |what: &'static str, counts: [u64; COUNTED_APART], why: &'static str| {
+            counts.into_iter().enumerate().map(move |(k, count)| {
+                let beyond = if k + 1 == COUNTED_APART { " and beyond" } else { "" };
+                (format!("gradient of {what} {k}{beyond}: {why}").into(), count)
+            })
+        };
+        let name = self.operation.name;
+        whole
+            .into_iter()
+            .chain(apart("input", self.inputs, "not asked for"))
+            .chain(apart("output", self.outputs, "nothing depends on it"))
+            .filter(|&(_, count)| count > 0)
+            .map(move |(reason, count)| LeftOut { name, reason, count })
+    }
+}
+
+/// The counters of a tape. Entries stay where they are, so that operations can find theirs by
+/// index.
+#[derive(Debug, Default)]
+pub(crate) struct Tally {
+    counts: Vec<Count>,
+    /// What operations said of themselves.
+    said: Vec<LeftOut>,
+}
+
+impl Tally {
+    /// The entry of the operation `name`; a look at entry `guess` comes first.
+    #[inline]
+    pub(crate) fn entry(&mut self, name: &'static str, guess: u32) -> u32 {
+        match self.counts.get(guess as usize) {
+            Some(count) if std::ptr::eq(count.operation.name, name) => guess,
+            _ => self.find(name),
+        }
+    }
+
+    fn find(&mut self, name: &'static str) -> u32 {
         // A pipeline has a dozen kinds of operations: a scan beats a map.
-        let found = self.operations.iter().position(|entry| std::ptr::eq(entry.name, name));
-        let found = found.or_else(|| self.operations.iter().position(|entry| entry.name == name));
+        let found = self.counts.iter().position(|count| count.operation.name == name);
         let at = found.unwrap_or_else(|| {
-            self.operations.push(OperationReport {
-                name,
-                calls: 0,
-                backward_calls: 0,
-                forward: Duration::ZERO,
-                backward: Duration::ZERO,
-                bytes: 0,
-            });
-            self.operations.len() - 1
+            self.counts.push(Count::new(name));
+            self.counts.len() - 1
         });
-        &mut self.operations[at]
+        at as u32
+    }
+
+    /// The counters of entry `entry`.
+    #[inline]
+    pub(crate) fn count(&mut self, entry: u32) -> &mut Count {
+        &mut self.counts[entry as usize]
+    }
+
+    /// The name of the operation of entry `entry`.
+    #[inline]
+    pub(crate) fn name(&self, entry: u32) -> &'static str {
+        self.counts[entry as usize].operation.name
     }
 
     /// Counts one piece of work left out.
     pub(crate) fn leave_out(&mut self, name: &'static str, reason: &'static str) {
-        match self.left_out.iter_mut().find(|entry| entry.name == name && entry.reason == reason) {
+        match self.said.iter_mut().find(|entry| entry.name == name && entry.reason == reason) {
             Some(entry) => entry.count += 1,
-            None => self.left_out.push(LeftOut { name, reason, count: 1 }),
+            None => self.said.push(LeftOut { name, reason: reason.into(), count: 1 }),
         }
+    }
+
+    /// The report so far; everything is counted from zero afterwards.
+    pub(crate) fn take(&mut self) -> Report {
+        let mut report = Report::default();
+        for count in &mut self.counts {
+            report.left_out.extend(count.left_out());
+            let fresh = Count::new(count.operation.name);
+            let Count { operation, .. } = std::mem::replace(count, fresh);
+            if operation.calls + operation.backward_calls > 0 {
+                report.operations.push(operation);
+            }
+        }
+        for said in &mut self.said {
+            if said.count > 0 {
+                report.left_out.push(said.clone());
+                said.count = 0;
+            }
+        }
+        report
     }
 }
 
@@ -74,19 +240,29 @@ impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "{:<22} {:>8} {:>8} {:>12} {:>12} {:>12}",
-            "operation", "calls", "backward", "forward ms", "backward ms", "bytes"
+            "{:<22} {:>8} {:>8} {:>12} {:>12} {:>12} {:>9} {:>9}",
+            "operation",
+            "calls",
+            "backward",
+            "forward ms",
+            "backward ms",
+            "bytes",
+            "error",
+            "gradient"
         )?;
+        let error = |error: Option<f64>| error.map_or("".into(), |error| format!("{error:.1e}"));
         for entry in &self.operations {
             writeln!(
                 f,
-                "{:<22} {:>8} {:>8} {:>12.3} {:>12.3} {:>12}",
+                "{:<22} {:>8} {:>8} {:>12.3} {:>12.3} {:>12} {:>9} {:>9}",
                 entry.name,
                 entry.calls,
                 entry.backward_calls,
                 1e3 * entry.forward.as_secs_f64(),
                 1e3 * entry.backward.as_secs_f64(),
-                entry.bytes
+                entry.bytes,
+                error(entry.error),
+                error(entry.gradient_error),
             )?;
         }
         for entry in &self.left_out {
@@ -98,8 +274,9 @@ impl fmt::Display for Report {
 
 #[cfg(test)]
 mod tests {
+    use super::*;
+    use crate::comparison::{gradient_errors, value_errors};
     use crate::tape::Tape;
-    use std::time::Duration;
 
     #[test]
     fn a_report_counts_calls_passes_and_bytes_and_starts_anew_when_taken() {
@@ -136,5 +313,61 @@ mod tests {
         let report = tape.take_report();
         assert_eq!(report.left_out.iter().map(|entry| entry.count).collect::<Vec<_>>(), [2, 1]);
         assert!(report.to_string().contains("left out: blur (sigma is 0), 2 times"));
+    }
+
+    #[test]
+    fn gradients_that_were_not_needed_are_named() {
+        let tape = Tape::<f64>::new();
+        let (x, y) = (tape.scalar(2.0), tape.scalar(3.0));
+        let frozen = tape.constant_full([], 5.0);
+        let product = x * frozen;
+        let (loss, _unused) = (product.exp() + y, product.sin());
+        let left_out = || {
+            let entries = tape.take_report().left_out.into_iter();
+            let entries = entries.map(|of| format!("{} {} {}", of.name, of.reason, of.count));
+            entries.collect::<Vec<_>>()
+        };
+        assert!(left_out().is_empty());
+        let frozen_input = "mul gradient of input 1: not asked for 1";
+        let unused = "sin backward: nothing depends on its outputs 1";
+        let _ = loss.backward().unwrap();
+        assert_eq!(left_out(), [frozen_input, unused]);
+        let _ = loss.backward_to(&[x]).unwrap();
+        assert_eq!(left_out(), [frozen_input, "add gradient of input 1: not asked for 1", unused]);
+        let _ = loss.backward_to(&[y]).unwrap();
+        // In the order in which the tape met the operations; what lies below x is not reached.
+        let add = "add gradient of input 0: not asked for 1";
+        let unused = ["mul", "exp", "sin"]
+            .map(|n| format!("{n} backward: nothing depends on its outputs 1"));
+        assert_eq!(left_out(), [&*unused[0], &*unused[1], add, &*unused[2]]);
+    }
+
+    #[test]
+    fn errors_fill_their_columns_with_the_largest_of_each_operation() {
+        let (rough, exact) = (Tape::<f32>::new(), Tape::<f64>::new());
+        let x = rough.scalar(0.3);
+        let loss = x.exp().exp() + x;
+        let x_exact = exact.scalar(0.3);
+        let loss_exact = x_exact.exp().exp() + x_exact;
+        let all: Vec<_> = rough.variables().collect();
+        let all_exact: Vec<_> = exact.variables().collect();
+        let gradients = loss.backward_to(&all).unwrap();
+        let exact_gradients = loss_exact.backward_to(&all_exact).unwrap();
+        let values = value_errors(&rough, &exact).unwrap();
+        let slopes = gradient_errors(&gradients, &exact_gradients).unwrap();
+        let report = rough.take_report();
+        assert!(report.operations.iter().all(|of| (of.error, of.gradient_error) == (None, None)));
+        let report = report.with_errors(&values).with_gradient_errors(&slopes);
+        for of in &report.operations {
+            let largest = |errors: &[ValueError]| {
+                let own = errors.iter().filter(|error| error.operation == Some(of.name));
+                own.map(|error| error.error.unwrap()).fold(0.0, f64::max)
+            };
+            assert_eq!(of.error, Some(largest(&values)));
+            assert_eq!(of.gradient_error, Some(largest(&slopes)));
+        }
+        assert!(report.operations[0].error > Some(0.0));
+        let shown = format!("{:.1e}", report.operations[0].error.unwrap());
+        assert!(report.to_string().contains(&shown));
     }
 }

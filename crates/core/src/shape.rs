@@ -27,6 +27,14 @@ impl Shape {
         self.0.iter().try_fold(1_usize, |size, &extent| size.checked_mul(extent))
     }
 
+    /// Whether the extents are `axes`.
+    #[inline]
+    pub(crate) fn is(&self, axes: &[usize]) -> bool {
+        // Not `==`, which calls a comparison of memory.
+        let own: &[usize] = &self.0;
+        own.len() == axes.len() && own.iter().zip(axes).all(|(a, b)| a == b)
+    }
+
     /// The number of axes.
     pub fn rank(&self) -> usize {
         self.0.len()
@@ -104,13 +112,21 @@ impl Clone for Shape {
 impl PartialEq for Shape {
     #[inline]
     fn eq(&self, other: &Self) -> bool {
-        self.rank() == other.rank() && self.0.iter().zip(&other.0).all(|(a, b)| a == b)
+        self.is(other)
+    }
+}
+
+impl AsRef<[usize]> for Shape {
+    #[inline]
+    fn as_ref(&self) -> &[usize] {
+        &self.0
     }
 }
 
 impl Deref for Shape {
     type Target = [usize];
 
+    #[inline]
     fn deref(&self) -> &[usize] {
         &self.0
     }

@@ -110,22 +110,14 @@ impl<T: Scalar> Tensor<T> {
     }
 
     /// A tensor around a buffer of the right length.
-    pub(crate) fn from_buffer(shape: Shape, data: Arc<Vec<T>>) -> Self {
+    pub(crate) fn from_parts(shape: Shape, data: Arc<Vec<T>>) -> Self {
         debug_assert_eq!(shape.size(), data.len());
         Self { shape, data }
     }
 
-    /// The buffer, given up.
-    pub(crate) fn into_buffer(self) -> Arc<Vec<T>> {
-        self.data
-    }
-
-    /// The entries of a buffer that nobody else holds.
-    ///
-    /// # Panics
-    /// Where the buffer is shared.
-    pub(crate) fn own_data_mut(&mut self) -> &mut [T] {
-        Arc::get_mut(&mut self.data).expect("a buffer just taken from the pool is not shared")
+    /// Shape and buffer, given up.
+    pub(crate) fn into_parts(self) -> (Shape, Arc<Vec<T>>) {
+        (self.shape, self.data)
     }
 }
 

@@ -4,7 +4,7 @@ use std::fmt;
 
 use crate::scalar::Scalar;
 use crate::shape::Shape;
-use crate::tape::Tape;
+use crate::tape::{Inner, Tape};
 use crate::tensor::Tensor;
 
 /// A value on a tape: a reference to the tape and an index.
@@ -32,12 +32,14 @@ impl<'t, T: Scalar> Var<'t, T> {
 
     /// The value; shares the buffer on the tape.
     pub fn value(self) -> Tensor<T> {
-        self.tape.inner.borrow().values[self.index as usize].tensor.clone()
+        let Inner { values, pool, .. } = &mut *self.tape.inner.borrow_mut();
+        let value = &mut values[self.index as usize];
+        Tensor::from_parts(value.shape.clone(), value.share(pool))
     }
 
     /// The shape of the value.
     pub fn shape(self) -> Shape {
-        self.tape.inner.borrow().values[self.index as usize].tensor.shape().clone()
+        self.tape.inner.borrow().values[self.index as usize].shape.clone()
     }
 
     /// The first entry: the value of a scalar.
@@ -45,13 +47,18 @@ impl<'t, T: Scalar> Var<'t, T> {
     /// # Panics
     /// Where the value has no entry.
     pub fn item(self) -> T {
-        self.tape.inner.borrow().values[self.index as usize].tensor.item()
+        self.tape.inner.borrow().values[self.index as usize].data()[0]
     }
 
     /// Whether a gradient with respect to the variable could be asked for: whether a leaf lies
     /// below it.
     pub fn needs_gradient(self) -> bool {
         self.tape.inner.borrow().values[self.index as usize].needs
+    }
+
+    /// The name of the operation that computed the value; `None` for a leaf or a constant.
+    pub fn operation(self) -> Option<&'static str> {
+        self.tape.inner.borrow().operation(self.index as usize).flatten()
     }
 
     /// The same value without a gradient: what lies below it is held constant.

@@ -1,7 +1,15 @@
 //! Walks over an array in row-major order beside arrays that are laid out along the same axes
 //! another way: repeated, permuted, or in part.
 
+use std::array;
+
 use smallvec::SmallVec;
+
+use crate::parallel::{ENTRIES_PER_PIECE, for_each_piece_mut};
+use crate::scalar::Scalar;
+
+/// Entries that are brought beside each other before they are worked on: whole rows of two to six.
+const BLOCK: usize = 240;
 
 /// A walk over the positions of an array, beside `N` arrays.
 #[derive(Debug, Clone)]
@@ -24,6 +32,90 @@ impl<const N: usize> Walk<N> {
             }
         }
         Self { axes: merged }
+    }
+
+    /// Calls `work(entry, [one of each array])` for each entry of `data`, which the walk goes
+    /// through from end to end; entries may be worked on at the same time.
+    pub(crate) fn zip_mut<T: Scalar>(
+        &self,
+        data: &mut [T],
+        from: [&[T]; N],
+        work: impl Fn(&mut T, [T; N]) + Send + Sync,
+    ) {
+        let columns = self.columns().max(1);
+        let rows = (ENTRIES_PER_PIECE / columns).max(1);
+        // Either a block has several rows, or a row several blocks.
+        let block_rows = (BLOCK / columns).max(1);
+        for_each_piece_mut(data, rows * columns, |piece, data| {
+            let mut buffers = [[T::ZERO; BLOCK]; N];
+            let first = piece * rows;
+            for (k, data) in data.chunks_mut(block_rows * columns).enumerate() {
+                for (j, data) in data.chunks_mut(BLOCK).enumerate() {
+                    let at = (first + k * block_rows, j * BLOCK);
+                    let mut buffers = buffers.iter_mut();
+                    let from: [&[T]; N] = array::from_fn(|i| {
+                        let buffer = buffers.next().expect("there is one for each array");
+                        self.block(i, from[i], at, &mut buffer[..data.len()], k == 0)
+                    });
+                    for (k, entry) in data.iter_mut().enumerate() {
+                        work(entry, from.map(|from| from[k]));
+                    }
+                }
+            }
+        });
+    }
+
+    /// The entries of array `i` from row and column `at` on: where they lie, if they are in one
+    /// piece, otherwise in `buffer`, as many as it holds.
+    fn block<'a, T: Scalar>(
+        &self,
+        i: usize,
+        from: &'a [T],
+        (row, column): (usize, usize),
+        buffer: &'a mut [T],
+        is_first: bool,
+    ) -> &'a [T] {
+        let (columns, step) = (self.columns(), self.axes.first().map_or(0, |axis| axis.1[i]));
+        let start = self.start(row, i) + column * step;
+        let in_one_piece = |pair: &[(usize, [usize; N])]| pair[1].1[i] == pair[0].0 * pair[0].1[i];
+        let is_whole = columns - column >= buffer.len();
+        if step == 1 && (is_whole || self.axes.windows(2).all(in_one_piece)) {
+            return &from[start..][..buffer.len()];
+        }
+        // The same rows as in the block before.
+        let is_tiled = !is_whole && self.axes[1..].iter().all(|axis| axis.1[i] == 0);
+        if is_first || !is_tiled {
+            for (row, buffer) in (row..).zip(buffer.chunks_mut(columns)) {
+                let from = &from[self.start(row, i) + column * step..];
+                match step {
+                    0 => buffer.fill(from[0]),
+                    _ => buffer.iter_mut().enumerate().for_each(|(k, to)| *to = from[k * step]),
+                }
+            }
+        }
+        buffer
+    }
+
+    /// Innermost first: the extent of an axis, and how far one step along it moves in each array.
+    pub(crate) fn axes(&self) -> &[(usize, [usize; N])] {
+        &self.axes
+    }
+
+    /// The length of the innermost axis.
+    fn columns(&self) -> usize {
+        self.axes.first().map_or(1, |&(extent, _)| extent)
+    }
+
+    /// Where row `row` starts in array `i`.
+    fn start(&self, mut row: usize, i: usize) -> usize {
+        match self.axes.get(1..).unwrap_or_default() {
+            [(_, strides)] => row * strides[i],
+            outer => outer.iter().fold(0, |start, &(extent, strides)| {
+                let index = row % extent;
+                row /= extent;
+                start + index * strides[i]
+            }),
+        }
     }
 
     /// Calls `visit` with the position in each array, for each position of the walk in order.
@@ -86,6 +178,24 @@ mod tests {
             let both: Vec<_> =
                 axes.iter().zip(full).map(|(&(n, s), full)| (n, [full, s])).collect();
             assert_eq!(positions(&both), expected);
+        }
+    }
+
+    #[test]
+    fn entries_brought_beside_each_other_in_blocks_are_those_of_the_walk() {
+        for [a, b, c] in [[1, 500, 3], [7, 90, 2], [1, 3, 500], [40, 50, 20], [3, 9000, 1]] {
+            let full = [b * c, c, 1];
+            let numbers: Vec<f64> = (0..a * b * c).map(|k| k as f64).collect();
+            let repeated = [[0, 0, 1], [0, 1, 0], [b, 1, 0], [0, c, 1], [1, 0, 0], [c, 0, 1]];
+            for strides in repeated.into_iter().chain([full, [0; 3], [1, a, a * b]]) {
+                let axes = || (0..3).map(|k| ([a, b, c][k], [full[k], strides[k]]));
+                let mut sums = vec![0.5; a * b * c];
+                let walk = Walk::new(axes());
+                walk.zip_mut(&mut sums, [&numbers, &numbers], |sum, [k, at]| *sum += k + 0.25 * at);
+                walk.for_each(|[k, at]| {
+                    assert_eq!(sums[k], 0.5 + (k as f64) + 0.25 * at as f64, "{strides:?} {k}");
+                });
+            }
         }
     }
 

@@ -65,11 +65,10 @@ impl<T: Scalar> Op<T> for SquaredError {
         let (x, t) = (kept.input(0), kept.input(1));
         let t = &t[..x.len()];
         let slope = T::from_f64(2.0) * self.scale::<T>(x.len()) * kept.only_upstream()[0];
-        let [x_bar, t_bar] = gradients.first();
-        if let Some(x_bar) = x_bar {
+        if let Some(x_bar) = gradients.get(0) {
             x_bar.add_each(|k| slope * (x[k] - t[k]));
         }
-        if let Some(t_bar) = t_bar {
+        if let Some(t_bar) = gradients.get(1) {
             t_bar.add_each(|k| slope * (t[k] - x[k]));
         }
     }

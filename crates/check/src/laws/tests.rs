@@ -44,17 +44,18 @@ impl<T: Scalar> Op<T> for Product {
         outputs: &mut Outputs<'_, T>,
         saved: &mut Vec<T>,
     ) -> Result<(), TensorError> {
-        let (x, y) = (inputs.tensor(0), inputs.tensor(1));
-        if x.shape() != y.shape() && self.0 != Fault::TakesAnything {
+        let (x, y) = (inputs.data(0), inputs.data(1));
+        let (x_shape, y_shape) = (inputs.shape(0), inputs.shape(1));
+        if x_shape != y_shape && self.0 != Fault::TakesAnything {
             assert!(self.0 != Fault::Panics, "shapes differ");
-            return Err(TensorError::NotScalar { shape: y.shape().clone() });
+            return Err(TensorError::NotScalar { shape: y_shape.clone() });
         }
-        if self.0 != Fault::RemembersTheLastStep || saved.len() != x.size() {
+        if self.0 != Fault::RemembersTheLastStep || saved.len() != x.len() {
             saved.clear();
-            saved.extend(y.data());
+            saved.extend(y);
         }
-        let out = outputs.push(x.shape().clone());
-        for (out, (&x, &y)) in out.iter_mut().zip(x.data().iter().zip(y.data())) {
+        let out = outputs.push(x_shape);
+        for (out, (&x, &y)) in out.iter_mut().zip(x.iter().zip(y)) {
             let million = T::from_f64(1e6);
             *out = match self.0 {
                 Fault::ForgetsTheTangent => T::from_f64(x.to_f64()) * y,

@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 use crate::axis::blocks;
 use crate::error::TensorError;
-use crate::op::{Accumulators, Inputs, Keep, Kept, Op, Outputs};
+use crate::gradient::Accumulators;
+use crate::op::{Inputs, Keep, Kept, Op, Outputs};
 use crate::scalar::Scalar;
 use crate::var::Var;
 

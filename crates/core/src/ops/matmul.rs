@@ -5,7 +5,8 @@
 //! result is one thread's.
 
 use crate::error::TensorError;
-use crate::op::{Accumulators, Inputs, Keep, Kept, Op, Outputs};
+use crate::gradient::Accumulators;
+use crate::op::{Inputs, Keep, Kept, Op, Outputs};
 use crate::parallel::{ENTRIES_PER_PIECE, for_each_piece_mut};
 use crate::scalar::Scalar;
 use crate::shape::Shape;
@@ -55,8 +56,7 @@ impl<T: Scalar> Op<T> for MatrixProduct {
         let [m, k, n] = extents(kept.input_shape(0), kept.input_shape(1))
             .expect("the forward pass found that they fit");
         let z_bar = kept.only_upstream();
-        let [x_bar, y_bar] = gradients.first();
-        if let Some(x_bar) = x_bar {
+        if let Some(x_bar) = gradients.get(0) {
             let y = kept.input(1);
             for_each_row(x_bar.entries(), k, n, |i, x_bar| {
                 let z_bar = &z_bar[i * n..][..n];
@@ -65,7 +65,7 @@ impl<T: Scalar> Op<T> for MatrixProduct {
                 }
             });
         }
-        if let Some(y_bar) = y_bar {
+        if let Some(y_bar) = gradients.get(1) {
             let x = kept.input(0);
             for_each_row(y_bar.entries(), n, m, |p, y_bar| {
                 for i in 0..m {

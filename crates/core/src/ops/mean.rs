@@ -4,7 +4,8 @@
 
 use crate::axis::{blocks, spread_along, sum_along};
 use crate::error::TensorError;
-use crate::op::{Accumulators, Inputs, Keep, Kept, Op, Outputs};
+use crate::gradient::Accumulators;
+use crate::op::{Inputs, Keep, Kept, Op, Outputs};
 use crate::scalar::Scalar;
 use crate::shape::Shape;
 use crate::summation::sum;

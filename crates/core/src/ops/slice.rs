@@ -4,7 +4,8 @@ use std::ops::Range;
 
 use crate::axis::blocks;
 use crate::error::TensorError;
-use crate::op::{Accumulators, Inputs, Keep, Kept, Op, Outputs};
+use crate::gradient::Accumulators;
+use crate::op::{Inputs, Keep, Kept, Op, Outputs};
 use crate::scalar::Scalar;
 use crate::var::Var;
 
@@ -47,6 +48,10 @@ impl<T: Scalar> Op<T> for Slice {
         if start > end || end > extent {
             let index = if end > extent { end } else { start };
             return Err(TensorError::Index { operation: Self::NAME, index, extent });
+        }
+        if (start, end) == (0, extent) {
+            outputs.pass(0, "the whole axis");
+            return Ok(());
         }
         let mut y = outputs.push(shape.with(self.axis, end - start));
         for part in self.parts(blocks) {

@@ -67,12 +67,7 @@ pub fn antialias<'t, T: Scalar>(
 ) -> Result<Var<'t, T>, RenderError> {
     let coverage = fragments.checked_coverage("antialias", image.tape())?;
     let op = Antialias { coverage, of: Picture::Image };
-    let (outputs, is_identity) =
-        image.tape().record_with(op, &[clip, image], |found| found.blends.is_empty())?;
-    if is_identity {
-        image.tape().leave_out("antialias", "no discontinuities");
-    }
-    Ok(outputs[0])
+    image.tape().apply(op, &[clip, image])
 }
 
 impl<'t, T: Scalar> Layer<'t, T> {
@@ -94,15 +89,11 @@ impl<'t, T: Scalar> Layer<'t, T> {
         }
         let behind = self.background.behind();
         let op = Antialias { coverage: Arc::clone(&self.coverage), of: Picture::Layer(behind) };
-        let look = |found: &Found<T>| (found.blends.is_empty(), found.rim.clone());
-        let variables = self.background.variable();
-        let (outputs, (is_identity, rim)) = match variables {
+        let look = |found: &Found<T>| found.rim.clone();
+        let (outputs, rim) = match self.background.variable() {
             Some(background) => tape.record_with(op, &[clip, self.values, background], look)?,
             None => tape.record_with(op, &[clip, self.values], look)?,
         };
-        if is_identity {
-            tape.leave_out("antialias", "no discontinuities");
-        }
         Ok(Self { values: outputs[0], rim, ..self })
     }
 }
@@ -313,7 +304,7 @@ impl<T: Scalar> Op<T> for Antialias {
         found.find(coverage, inputs.data(0));
         if found.blends.is_empty() {
             found.rim = None;
-            outputs.push_shared(inputs.tensor(1).clone());
+            outputs.pass(1, "no discontinuities");
             return Ok(());
         }
         let input = inputs.data(1);

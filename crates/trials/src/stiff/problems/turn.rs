@@ -64,11 +64,10 @@ impl<T: Scalar> Op<T> for Turn {
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
         let (x, y, theta_bar) = (kept.input(0), kept.input(1), kept.only_upstream());
         let scale = |k: usize| theta_bar[k] * T::from_f64(1.0 / TAU) / (x[k] * x[k] + y[k] * y[k]);
-        let [x_bar, y_bar] = gradients.first();
-        if let Some(x_bar) = x_bar {
+        if let Some(x_bar) = gradients.get(0) {
             x_bar.add_each(|k| -(y[k] * scale(k)));
         }
-        if let Some(y_bar) = y_bar {
+        if let Some(y_bar) = gradients.get(1) {
             y_bar.add_each(|k| x[k] * scale(k));
         }
     }

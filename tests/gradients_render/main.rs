@@ -1,16 +1,17 @@
 //! One law, a list of operations: every rendering operation keeps the laws of `bokashi-check`, on
 //! scenes that aim at trouble; and the check catches every wrong adjoint made from it.
 
-#[path = "support/blends.rs"]
+#[path = "../support/blends.rs"]
 mod blends;
+mod layers;
+mod scenes;
 
 use std::cell::Cell;
 use std::fs;
 use std::ops::Range;
 
 use bokashi_check::strategy::{
-    aligned, camera, closed_mesh, image, image_of, number, sigma, sliver, tensor, through_the_eye,
-    triangle, unit_quaternion, well_shaped,
+    camera, closed_mesh, image, image_of, number, sigma, tensor, unit_quaternion,
 };
 use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
@@ -25,6 +26,8 @@ use proptest::prelude::*;
 use proptest::sample::select;
 use proptest::test_runner::{RngAlgorithm, TestRng, TestRunner};
 
+use crate::scenes::{Scene, motley, scene, scenes, size};
+
 const CASES: u32 = 24;
 
 /// The laws, and that they see every wrong adjoint.
@@ -34,89 +37,6 @@ fn check(check: Check) {
     let kills = check.kills().unwrap_or_else(|failure| panic!("{failure}"));
     println!("{kills}");
     assert!(kills.tried > 0 && kills.survivors.is_empty(), "{kills}");
-}
-
-// ---- Scenes
-
-/// Faces, clip positions and an image size.
-#[derive(Debug, Clone)]
-struct Scene {
-    mesh: Mesh,
-    /// `[V, 4]`.
-    clip: Tensor<f64>,
-    size: Size,
-}
-
-fn size(width: usize, height: usize) -> Size {
-    Size { width, height }
-}
-
-/// Images of a few pixels to a few dozen, a row and a column among them.
-fn sizes() -> impl Strategy<Value = Size> {
-    let extents = prop_oneof![
-        4 => (4..13_usize, 4..13_usize),
-        1 => (2..13_usize, Just(1)),
-        1 => (Just(1), 2..13_usize),
-    ];
-    extents.prop_map(|(width, height)| size(width, height))
-}
-
-fn scene(vertices: Vec<[f64; 4]>, faces: Vec<[u32; 3]>, size: Size) -> Scene {
-    let mesh = Mesh::new(faces, vertices.len()).unwrap();
-    let clip = Tensor::from_fn([vertices.len(), 4], |k| vertices[k / 4][k % 4]);
-    Scene { mesh, clip, size }
-}
-
-/// Three faces that share no vertex.
-fn loose(triangle: BoxedStrategy<[[f64; 4]; 3]>) -> BoxedStrategy<Scene> {
-    (vec(triangle, 3), sizes())
-        .prop_map(|(triangles, size)| {
-            let faces = (0..3).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
-            scene(triangles.concat(), faces, size)
-        })
-        .boxed()
-}
-
-/// Three faces on pixel centres and corners, off by so little that a difference quotient can still
-/// stay on one side: a face that passes through a centre has no derivative.
-fn beside_pixel_centres() -> BoxedStrategy<Scene> {
-    let offset = || prop_oneof![1e-4..1e-3, -1e-3..-1e-4];
-    let nudged = (aligned(8), [offset(), offset(), offset(), offset(), offset(), offset()]);
-    let nudged = nudged.prop_map(|(mut triangle, offsets)| {
-        for (k, offset) in offsets.into_iter().enumerate() {
-            triangle[k / 2][k % 2] += offset;
-        }
-        triangle
-    });
-    loose(nudged.boxed())
-}
-
-/// A closed mesh seen by a camera: all around, from within, through the near plane.
-fn closed() -> BoxedStrategy<Scene> {
-    (closed_mesh(), camera(), sizes())
-        .prop_map(|(mesh, camera, size)| {
-            let camera = DMat4::from_cols_array_2d(&camera);
-            let clip = |p: &[f64; 3]| (camera * glam::DVec3::from(*p).extend(1.0)).to_array();
-            scene(mesh.positions.iter().map(clip).collect(), mesh.faces, size)
-        })
-        .boxed()
-}
-
-/// Kinds of scenes.
-fn scenes() -> Vec<(&'static str, BoxedStrategy<Scene>)> {
-    vec![
-        ("faces", loose(well_shaped())),
-        ("slivers", loose(sliver())),
-        ("faces beside pixel centres", beside_pixel_centres()),
-        ("faces through the eye", loose(through_the_eye())),
-        ("triangles of every kind", loose(triangle())),
-        ("closed meshes", closed()),
-    ]
-}
-
-/// Numbers of which no two are alike, for images of a size that is known only later.
-fn motley(k: usize) -> f64 {
-    ((k * 7919 + 13) % 1009) as f64 / 1009.0 - 0.5
 }
 
 fn wide<T: Scalar>(var: Var<'_, T>) -> Tensor<f64> {
@@ -609,7 +529,7 @@ fn the_whole_pipeline() {
 fn no_operation_is_forgotten() {
     let source =
         fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../crates/render-ops/src/lib.rs"));
-    let tests = include_str!("gradients_render.rs");
+    let tests = [include_str!("main.rs"), include_str!("layers.rs")].concat();
     let source = source.unwrap();
     let modules = source.lines().filter_map(|line| line.strip_prefix("pub use "));
     let functions = modules.flat_map(|line| {

@@ -1,0 +1,200 @@
+//! Gradients while a backward pass runs: sums that operations add to.
+//!
+//! A sum takes its buffer when the first operation asks for it, and that operation's terms are
+//! written, not added: nothing is cleared first.
+
+use crate::parallel::for_each_zipped_mut;
+use crate::pool::Pool;
+use crate::scalar::Scalar;
+use crate::value::Value;
+
+/// What a backward pass wants of a value.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Wanted {
+    /// Nothing.
+    Nothing,
+    /// Its gradient, for those of the values below.
+    Through,
+    /// Its gradient, for whoever asked.
+    Result,
+}
+
+/// How far a sum has come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum State {
+    /// It has no buffer.
+    Vacant,
+    /// Nothing has been added yet: the buffer holds no meaningful numbers.
+    Fresh,
+    /// Something has been added.
+    Sum,
+}
+
+/// The gradient of one input. Everything adds to what is already there; nothing overwrites it.
+#[derive(Debug)]
+pub struct Accumulator<T> {
+    buffer: Vec<T>,
+    state: State,
+}
+
+impl<T: Scalar> Accumulator<T> {
+    /// A sum without a buffer.
+    pub(crate) fn vacant() -> Self {
+        Self { buffer: Vec::new(), state: State::Vacant }
+    }
+
+    /// The sum, if anything has been added.
+    #[inline]
+    pub(crate) fn sum(&self) -> Option<&[T]> {
+        (self.state == State::Sum).then_some(&*self.buffer)
+    }
+
+    /// Gets a buffer of `length` entries, unless there is one.
+    #[inline]
+    pub(crate) fn prepare(&mut self, length: usize, pool: &mut Pool<T>) {
+        if self.state == State::Vacant {
+            self.buffer = pool.take(length);
+            self.state = State::Fresh;
+        }
+    }
+
+    /// Gives the buffer back.
+    #[inline]
+    pub(crate) fn release(&mut self, pool: &mut Pool<T>) {
+        if self.state != State::Vacant {
+            self.state = State::Vacant;
+            pool.give(std::mem::take(&mut self.buffer));
+        }
+    }
+
+    /// The sum's buffer, given up, if anything has been added.
+    pub(crate) fn take(&mut self) -> Option<Vec<T>> {
+        (self.state == State::Sum).then(|| {
+            self.state = State::Vacant;
+            std::mem::take(&mut self.buffer)
+        })
+    }
+
+    /// The buffer, and whether it holds no meaningful numbers; from now on it does.
+    #[inline]
+    fn start(&mut self) -> (&mut [T], bool) {
+        let fresh = std::mem::replace(&mut self.state, State::Sum) == State::Fresh;
+        (&mut self.buffer, fresh)
+    }
+
+    /// Adds `entry(k)` to the k-th entry, for every k.
+    #[inline]
+    pub fn add_each(&mut self, mut entry: impl FnMut(usize) -> T) {
+        let (sum, fresh) = self.start();
+        if fresh {
+            sum.iter_mut().enumerate().for_each(|(k, sum)| *sum = entry(k));
+        } else {
+            sum.iter_mut().enumerate().for_each(|(k, sum)| *sum += entry(k));
+        }
+    }
+
+    /// Adds `entry([from[0][k], from[1][k], ...])` to the k-th entry, for every k; entries of a
+    /// large array are worked on at the same time.
+    ///
+    /// # Panics
+    /// Where one of `from` is shorter than the input.
+    #[inline]
+    pub fn add_zipped<const N: usize>(
+        &mut self,
+        from: [&[T]; N],
+        entry: impl Fn([T; N]) -> T + Send + Sync,
+    ) {
+        let (sum, fresh) = self.start();
+        if fresh {
+            for_each_zipped_mut(sum, from, |sum, from| *sum = entry(from));
+        } else {
+            for_each_zipped_mut(sum, from, |sum, from| *sum += entry(from));
+        }
+    }
+
+    /// Adds `entries[k]` to the k-th entry, for every k.
+    ///
+    /// # Panics
+    /// Unless there are as many entries as the input has.
+    pub fn add(&mut self, entries: &[T]) {
+        let size = self.buffer.len();
+        assert_eq!(size, entries.len(), "a gradient has as many entries as its input");
+        self.add_zipped([entries], |[entry]| entry);
+    }
+
+    /// The sum so far, zeros at first, for an operation that adds to some entries.
+    pub fn entries(&mut self) -> &mut [T] {
+        let (sum, fresh) = self.start();
+        if fresh {
+            sum.fill(T::ZERO);
+        }
+        sum
+    }
+}
+
+/// The gradients of an operation's inputs, to be added to.
+#[derive(Debug)]
+pub struct Accumulators<'a, T> {
+    pub(crate) values: &'a [Value<T>],
+    pub(crate) indices: &'a [u32],
+    pub(crate) wanted: &'a [Wanted],
+    /// The gradients of all values before the operation's outputs.
+    pub(crate) gradients: &'a mut [Accumulator<T>],
+    pub(crate) pool: &'a mut Pool<T>,
+}
+
+impl<T: Scalar> Accumulators<'_, T> {
+    /// Whether the gradient of input `i` is wanted now.
+    #[inline]
+    pub fn needs(&self, i: usize) -> bool {
+        self.wanted[self.indices[i] as usize] != Wanted::Nothing
+    }
+
+    /// The gradient of input `i`, where it is wanted.
+    #[inline]
+    pub fn get(&mut self, i: usize) -> Option<&mut Accumulator<T>> {
+        if !self.needs(i) {
+            return None;
+        }
+        let index = self.indices[i] as usize;
+        let gradient = &mut self.gradients[index];
+        gradient.prepare(self.values[index].data().len(), self.pool);
+        Some(gradient)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn accumulator(fresh: bool) -> Accumulator<f64> {
+        // NaN: what a fresh buffer holds means nothing.
+        let (entry, state) = if fresh { (f64::NAN, State::Fresh) } else { (10.0, State::Sum) };
+        Accumulator { buffer: vec![entry; 2], state }
+    }
+
+    #[test]
+    fn every_way_to_add_adds_once_to_what_is_there() {
+        for (fresh, before) in [(true, 0.0), (false, 10.0)] {
+            let ways: [fn(&mut Accumulator<f64>); 4] = [
+                |sum| sum.add_each(|k| 1.0 + k as f64),
+                |sum| sum.add(&[1.0, 2.0]),
+                |sum| sum.add_zipped([&[3.0, 5.0], &[2.0, 3.0]], |[a, b]| a - b),
+                |sum| sum.entries().iter_mut().zip([1.0, 2.0]).for_each(|(s, x)| *s += x),
+            ];
+            for way in ways {
+                let mut sum = accumulator(fresh);
+                way(&mut sum);
+                assert_eq!(sum.buffer, [before + 1.0, before + 2.0]);
+                way(&mut sum);
+                assert_eq!(sum.buffer, [before + 2.0, before + 4.0]);
+            }
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "a gradient has as many entries as its input")]
+    fn a_gradient_of_another_length_is_refused() {
+        accumulator(true).add(&[1.0]);
+    }
+}

@@ -1,0 +1,393 @@
+//! Recording operations.
+//!
+//! An operation none of whose inputs needs a gradient is computed and forgotten: it leaves values
+//! but no node. One that turns out to be the identity leaves neither.
+
+use std::any::Any;
+use std::ops::Range;
+use std::time::Instant;
+
+use smallvec::SmallVec;
+
+use crate::error::TensorError;
+use crate::gradient::Accumulators;
+use crate::op::{Inputs, Keep, Kept, Op, Outputs, Renamed};
+use crate::scalar::Scalar;
+use crate::tape::{Inner, Tape};
+use crate::value::Value;
+use crate::var::Var;
+
+/// The outputs of a recorded operation; up to four need no allocation.
+pub type Variables<'t, T> = SmallVec<[Var<'t, T>; 4]>;
+
+/// One operation that a backward pass can visit.
+pub(crate) struct Node {
+    /// Where the operation and what it saved are.
+    pub(crate) place: u32,
+    /// The operation's entry in the report.
+    pub(crate) entry: u32,
+    pub(crate) keep: Keep,
+    first_input: u32,
+    input_count: u32,
+    first_output: u32,
+    output_count: u32,
+}
+
+impl Node {
+    /// Where in the tape's list of links the indices of the inputs are.
+    #[inline]
+    pub(crate) fn links(&self) -> Range<usize> {
+        self.first_input as usize..(self.first_input + self.input_count) as usize
+    }
+
+    /// The indices of the outputs.
+    #[inline]
+    pub(crate) fn outputs(&self) -> Range<usize> {
+        self.first_output as usize..(self.first_output + self.output_count) as usize
+    }
+}
+
+/// What the k-th operation of a step has on the tape. It stays when the step ends, so that the
+/// k-th operation of the next one finds its memory.
+pub(crate) struct Place<T> {
+    pub(crate) recorded: Box<dyn Recorded<T>>,
+    /// The operation's entry in the report, if it still has the same name.
+    entry: u32,
+}
+
+/// An operation of any type with what it saved.
+pub(crate) trait Recorded<T>: Any + Send {
+    fn backward(&mut self, kept: &Kept<'_, T>, gradients: &mut Accumulators<'_, T>);
+    /// Drops the operation, and with it what it shares with others; keeps the memory of what it
+    /// saved.
+    fn retire(&mut self);
+}
+
+/// An operation of type `O`, where one is recorded, and the memory of what it saved.
+struct Slot<O, S> {
+    op: Option<O>,
+    saved: S,
+}
+
+impl<T: Scalar, O: Op<T>> Recorded<T> for Slot<O, O::Saved> {
+    fn backward(&mut self, kept: &Kept<'_, T>, gradients: &mut Accumulators<'_, T>) {
+        let op = self.op.as_ref().expect("a node's place holds its operation");
+        op.backward(kept, &mut self.saved, gradients);
+    }
+
+    fn retire(&mut self) {
+        self.op = None;
+    }
+}
+
+impl<T: Scalar> Tape<T> {
+    /// Records `op` on `inputs` and returns its outputs.
+    ///
+    /// # Errors
+    /// Whatever the operation refuses, and [`TensorError::ForeignVariable`] for a variable of
+    /// another tape. The tape then stays as it was.
+    pub fn record<'t, O: Op<T>>(
+        &'t self,
+        op: O,
+        inputs: &[Var<'t, T>],
+    ) -> Result<Variables<'t, T>, O::Error> {
+        Ok(self.record_with(op, inputs, |_| ())?.0)
+    }
+
+    /// [`Tape::record`], with a look at what the operation saved: results that are not numbers,
+    /// such as indices, are shared with the caller that way. `look` must not use the tape.
+    ///
+    /// # Errors
+    /// As [`Tape::record`].
+    pub fn record_with<'t, O: Op<T>, R>(
+        &'t self,
+        op: O,
+        inputs: &[Var<'t, T>],
+        look: impl FnOnce(&O::Saved) -> R,
+    ) -> Result<(Variables<'t, T>, R), O::Error> {
+        let (indices, seen) = self.record_node(op, inputs, look)?;
+        Ok((indices.map(|index| Var { tape: self, index }).collect(), seen))
+    }
+
+    /// Records `op`, which has one output, on `inputs` and returns the output.
+    ///
+    /// # Errors
+    /// As [`Tape::record`].
+    ///
+    /// # Panics
+    /// Where the operation has another number of outputs.
+    pub fn apply<'t, O: Op<T>>(
+        &'t self,
+        op: O,
+        inputs: &[Var<'t, T>],
+    ) -> Result<Var<'t, T>, O::Error> {
+        let (outputs, ()) = self.record_node(op, inputs, |_| ())?;
+        assert_eq!(outputs.len(), 1, "`apply` is for operations of one output");
+        Ok(Var { tape: self, index: outputs.start })
+    }
+
+    /// Records `op` on `inputs`; returns the indices of its outputs, and what `look` saw.
+    fn record_node<'t, O: Op<T>, R>(
+        &'t self,
+        op: O,
+        inputs: &[Var<'t, T>],
+        look: impl FnOnce(&O::Saved) -> R,
+    ) -> Result<(Range<u32>, R), O::Error> {
+        let name = op.name();
+        if inputs.iter().any(|input| !std::ptr::eq(input.tape, self)) {
+            return Err(TensorError::ForeignVariable { operation: name }.into());
+        }
+        let inner = &mut *self.inner.borrow_mut();
+        let Inner { values, live, links, nodes, places, used, pool, tally, .. } = inner;
+        let (further, renamed) = (&mut inner.further, &mut inner.renamed);
+        let start = inner.timed.then(Instant::now);
+
+        // From here until `used` and `live` grow, the places are spare: they may hold anything.
+        let place = spare_place::<T, O>(places, *used);
+        let slot = slot_in::<T, O>(&mut *place.recorded);
+        if values.len() == *live {
+            values.push(Value::vacant());
+        }
+        let (recorded, spare) = values.split_at_mut(*live);
+        let first_input = links.len();
+        links.extend(inputs.iter().map(|input| input.index));
+        let view = Inputs { values: recorded, indices: &links[first_input..] };
+        let mut outputs = Outputs { pool, places: spare, further, count: 0, renamed, passed: None };
+        if let Err(error) = op.forward(&view, &mut outputs, &mut slot.saved) {
+            links.truncate(first_input);
+            values.append(further);
+            renamed.clear();
+            return Err(error);
+        }
+        let Outputs { count: output_count, passed, .. } = outputs;
+        let seen = look(&slot.saved);
+
+        place.entry = tally.entry(name, place.entry);
+        let count = tally.count(place.entry);
+        count.operation.calls += 1;
+        count.operation.bytes += op.saved_bytes(&slot.saved) as u64;
+        if let Some(start) = start {
+            count.operation.forward += start.elapsed();
+        }
+        let place_index = *used as u32;
+        *used += 1;
+        if let Some((input, reason)) = passed {
+            assert!(output_count == 0, "{name} passes an input on and has outputs as well");
+            let index = view.indices[input];
+            links.truncate(first_input);
+            tally.leave_out(name, reason);
+            return Ok((index..index + 1, seen));
+        }
+
+        let needs = view.any_needs();
+        if needs {
+            nodes.push(Node {
+                place: place_index,
+                entry: place.entry,
+                keep: op.keeps(&view),
+                first_input: first_input as u32,
+                input_count: inputs.len() as u32,
+                first_output: *live as u32,
+                output_count: output_count as u32,
+            });
+            slot.op = Some(op);
+        } else {
+            count.unrecorded += 1;
+            links.truncate(first_input);
+        }
+        if !further.is_empty() {
+            values.append(further);
+        }
+        let first_output = *live;
+        *live += output_count;
+        for value in &mut values[first_output..*live] {
+            value.needs = needs;
+            value.entry = Some(place.entry);
+            count.operation.bytes += size_of_val(value.data()) as u64;
+        }
+        while let Some(Renamed { output, shape, input }) = renamed.pop() {
+            let data = values[inputs[input].index as usize].share(pool);
+            values[first_output + output].rename(shape, data, pool);
+        }
+        Ok((first_output as u32..*live as u32, seen))
+    }
+}
+
+/// Place `at`, with a slot of the right type: the one that the last step left there where its
+/// operation was of the same kind, a new one otherwise.
+#[inline]
+fn spare_place<T: Scalar, O: Op<T>>(places: &mut Vec<Place<T>>, at: usize) -> &mut Place<T> {
+    let new_slot = || Box::new(Slot::<O, O::Saved> { op: None, saved: O::Saved::default() });
+    match places.get_mut(at) {
+        Some(place) => {
+            let any: &dyn Any = &*place.recorded;
+            if !any.is::<Slot<O, O::Saved>>() {
+                place.recorded = new_slot();
+            }
+        }
+        None => places.push(Place { recorded: new_slot(), entry: 0 }),
+    }
+    &mut places[at]
+}
+
+/// The slot of an operation of type `O`.
+#[inline]
+fn slot_in<T: Scalar, O: Op<T>>(recorded: &mut dyn Recorded<T>) -> &mut Slot<O, O::Saved> {
+    let any: &mut dyn Any = recorded;
+    any.downcast_mut().expect("the slot was made for this type")
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::tensor::Tensor;
+
+    /// `y = a x`, the identity where `a` is 1; shares a list with the caller.
+    struct Scales {
+        a: f64,
+        list: Arc<[u32]>,
+    }
+
+    impl Op<f64> for Scales {
+        type Saved = Vec<f64>;
+        type Error = TensorError;
+
+        fn name(&self) -> &'static str {
+            "scales"
+        }
+
+        fn forward(
+            &self,
+            inputs: &Inputs<'_, f64>,
+            outputs: &mut Outputs<'_, f64>,
+            saved: &mut Vec<f64>,
+        ) -> Result<(), TensorError> {
+            saved.resize(100, self.a);
+            if self.a == 1.0 {
+                outputs.pass(0, "a is 1");
+                return Ok(());
+            }
+            let y = outputs.push(inputs.shape(0));
+            y.iter_mut().zip(inputs.data(0)).for_each(|(y, x)| *y = self.a * x);
+            if self.list.is_empty() {
+                outputs.pass(0, "a mistake");
+            }
+            Ok(())
+        }
+
+        fn keeps(&self, _inputs: &Inputs<'_, f64>) -> Keep {
+            Keep::NOTHING
+        }
+
+        fn backward(
+            &self,
+            kept: &Kept<'_, f64>,
+            _saved: &mut Vec<f64>,
+            gradients: &mut Accumulators<'_, f64>,
+        ) {
+            let Some(x_bar) = gradients.get(0) else { return };
+            x_bar.add_zipped([kept.only_upstream()], |[y_bar]| self.a * y_bar);
+        }
+    }
+
+    fn scales(a: f64, list: &Arc<[u32]>) -> Scales {
+        Scales { a, list: Arc::clone(list) }
+    }
+
+    fn left_out(tape: &Tape<f64>) -> Vec<(&'static str, String, u64)> {
+        let entries = tape.take_report().left_out.into_iter();
+        entries.map(|entry| (entry.name, entry.reason.into_owned(), entry.count)).collect()
+    }
+
+    #[test]
+    fn what_needs_no_gradient_leaves_values_but_no_node() {
+        let tape = Tape::new();
+        let x = tape.constant(&Tensor::full([3], 2.0));
+        let list = Arc::from([7]);
+        let y = tape.apply(scales(4.0, &list), &[x]).unwrap().exp();
+        assert_eq!((y.item(), tape.len()), (8.0_f64.exp(), 3));
+        let inner = tape.inner.borrow();
+        assert!(inner.nodes.is_empty() && inner.links.is_empty());
+        drop(inner);
+        assert_eq!(Arc::strong_count(&list), 1, "the operation is let go at once");
+        let reason = "recording: no input needs a gradient";
+        let expected = ["scales", "exp"].map(|name| (name, reason.to_owned(), 1));
+        assert_eq!(left_out(&tape), expected);
+        assert!(left_out(&tape).is_empty(), "counted from zero again");
+    }
+
+    #[test]
+    fn values_with_and_without_a_gradient_are_the_same_bits() {
+        let of = |is_leaf: bool| {
+            let tape = Tape::new();
+            let x = Tensor::from_fn([5, 2], |k| 0.3 * k as f64 - 1.0);
+            let x = if is_leaf { tape.leaf(&x) } else { tape.constant(&x) };
+            let y = (x.sin() * x + 1.0).sum_axis(0).unwrap().mean().unwrap();
+            let nodes = tape.inner.borrow().nodes.len();
+            (nodes, y.value())
+        };
+        let ((nodes, value), (none, frozen)) = (of(true), of(false));
+        assert_eq!((nodes, none), (5, 0));
+        assert_eq!(value, frozen);
+    }
+
+    #[test]
+    fn memory_of_what_was_saved_waits_for_the_next_step_whether_recorded_or_not() {
+        let mut tape = Tape::new();
+        let list = Arc::from([7]);
+        for k in 0..6 {
+            // Frozen, recorded, and passed on, by turns.
+            let (frozen, a) = (k % 3 == 0, if k % 3 == 1 { 1.0 } else { 2.0 });
+            let x = Tensor::full([1], 1.0);
+            let x = if frozen { tape.constant(&x) } else { tape.leaf(&x) };
+            let saved = |saved: &Vec<f64>| (saved.as_ptr(), saved.len());
+            let (_, first) = tape.record_with(scales(a, &list), &[x], saved).unwrap();
+            tape.reset();
+            let x = tape.leaf(&Tensor::full([1], 1.0));
+            let (_, second) = tape.record_with(scales(3.0, &list), &[x], saved).unwrap();
+            assert_eq!(first, second);
+            tape.reset();
+        }
+    }
+
+    #[test]
+    fn an_input_that_is_passed_on_is_the_output_itself() {
+        let tape = Tape::new();
+        let x = tape.leaf(&Tensor::full([3], 2.0));
+        let list = Arc::from([7]);
+        let y = tape.apply(scales(1.0, &list), &[x]).unwrap();
+        assert_eq!((y.index, tape.len(), Arc::strong_count(&list)), (x.index, 1, 1));
+        assert!(tape.inner.borrow().nodes.is_empty());
+        let z = tape.record(scales(1.0, &list), &[x.square()]).unwrap()[0];
+        let gradients = z.sum().backward().unwrap();
+        assert_eq!(gradients.get(x), Some(&Tensor::full([3], 4.0)));
+        assert_eq!(left_out(&tape), [("scales", "a is 1".to_owned(), 2)]);
+    }
+
+    #[test]
+    #[should_panic(expected = "scales passes an input on and has outputs as well")]
+    fn who_passes_an_input_on_has_no_other_output() {
+        let tape = Tape::new();
+        let _ = tape.apply(scales(2.0, &Arc::from([])), &[tape.scalar(1.0)]);
+    }
+
+    #[test]
+    fn operations_that_are_the_identity_give_their_input_back() {
+        let tape = Tape::new();
+        let x = tape.leaf(&Tensor::from_fn([2, 3], |k| k as f64));
+        let same = [
+            x.reshape([2, 3]).unwrap(),
+            x.permute(&[0, 1]).unwrap(),
+            x.slice(1, 0..3).unwrap(),
+            Var::concat(&[x], 0).unwrap(),
+            x.powi(1),
+        ];
+        assert!(same.iter().all(|y| y.index == x.index) && tape.len() == 1);
+        let names: Vec<_> = left_out(&tape).into_iter().map(|(name, ..)| name).collect();
+        assert_eq!(names, ["reshape", "permute", "slice", "concat", "powi"]);
+        // What is wrong is refused all the same.
+        assert!(x.slice(2, 0..3).is_err() && Var::concat(&[x], 2).is_err());
+    }
+}

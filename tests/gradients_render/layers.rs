@@ -1,0 +1,119 @@
+//! Depth, and layers: pictures without their background.
+
+use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_core::{Scalar, Tape, Tensor, Var};
+use bokashi_render_ops::{Background, Fragments, RenderError, Target, interpolate, rasterize};
+use proptest::prelude::*;
+
+use super::blends::blends;
+use super::scenes::{Scene, scenes, size};
+use super::{check, leaf, wide};
+
+#[derive(Debug)]
+struct Depth {
+    scene: Scene,
+}
+
+impl Subject for Depth {
+    /// Clip positions.
+    fn apply<'t, T: Scalar>(
+        &self,
+        _tape: &'t Tape<T>,
+        inputs: &[Var<'t, T>],
+    ) -> Result<Outcome<'t, T>, Refusal> {
+        let fragments = rasterize(inputs[0], &self.scene.mesh, self.scene.size)?;
+        let depth = depth(inputs, &fragments)?;
+        Ok(Outcome::from(depth).with_state(fragments.coverage.triangle_ids()))
+    }
+}
+
+/// The depth of fragments, of positions that may not be those that were rasterized.
+fn depth<'t, T: Scalar>(
+    inputs: &[Var<'t, T>],
+    fragments: &Fragments<'t, T>,
+) -> Result<Var<'t, T>, RenderError> {
+    bokashi_render_ops::depth(&Fragments { clip: inputs[0], ..fragments.clone() })
+}
+
+#[test]
+fn depth_of_fragments() {
+    for (kind, scenes) in scenes() {
+        let cases = scenes.prop_map(|scene| {
+            let clip = Input::leaf(scene.clip.clone());
+            Case::new(Depth { scene }, [clip])
+        });
+        check(
+            Check::of_cases(format!("depth, {kind}"), cases)
+                .refuses("another number of vertices", of_one_face(leaf([2, 4], 1.0))),
+        );
+    }
+}
+
+/// The depth of one face with positions `clip`.
+fn of_one_face(clip: Input) -> Case {
+    let mesh = bokashi_render_ops::Mesh::new(vec![[0, 1, 2]], 3).unwrap();
+    let scene = Scene { mesh, clip: Tensor::zeros([3, 4]), size: size(4, 4) };
+    Case::new(Depth { scene }, [clip])
+}
+
+#[derive(Debug)]
+struct Layers {
+    scene: Scene,
+    /// 0: zeros, 1: the third input, a colour, 2: the third input, an image.
+    background: usize,
+}
+
+impl Subject for Layers {
+    /// Clip positions, attributes, and perhaps a background.
+    fn apply<'t, T: Scalar>(
+        &self,
+        _tape: &'t Tape<T>,
+        inputs: &[Var<'t, T>],
+    ) -> Result<Outcome<'t, T>, Refusal> {
+        let size = self.scene.size;
+        let fragments = rasterize(inputs[0], &self.scene.mesh, size)?;
+        let choices: Vec<_> =
+            blends(&fragments, &wide(inputs[0])).iter().map(|blend| blend.choice()).collect();
+        let layer = layer(inputs, &fragments, self.background)?.antialias(inputs[0])?;
+        let goal = |k: usize| T::from_f64((k * 13 % 29) as f64 / 29.0);
+        let goal = Tensor::from_fn([size.height, size.width, 2], goal);
+        let loss = layer.squared_error(&Target::new(&goal, &Tensor::zeros([2]))?)?;
+        let ids = fragments.coverage.triangle_ids();
+        Ok(Outcome::from(vec![layer.image()?, loss]).with_state(ids).with_state(choices))
+    }
+}
+
+/// The layer of interpolated attributes before a background.
+fn layer<'t, T: Scalar>(
+    inputs: &[Var<'t, T>],
+    fragments: &Fragments<'t, T>,
+    background: usize,
+) -> Result<bokashi_render_ops::Layer<'t, T>, RenderError> {
+    let background = match background {
+        0 => Background::Zero,
+        1 => Background::Color(inputs[2]),
+        _ => Background::Image(inputs[2]),
+    };
+    bokashi_render_ops::layer(interpolate(inputs[1], fragments)?, fragments, background)
+}
+
+#[test]
+fn layers_before_every_background() {
+    for (kind, scenes) in scenes() {
+        for background in 0..3 {
+            let cases = scenes.clone().prop_map(move |scene| {
+                let (vertices, size) = (scene.mesh.vertex_count(), scene.size);
+                let motley = |k: usize| (k * 37 % 101) as f64 / 101.0;
+                let mut inputs = vec![scene.clip.clone(), Tensor::from_fn([vertices, 2], motley)];
+                match background {
+                    0 => {}
+                    1 => inputs.push(Tensor::from_fn([2], motley)),
+                    _ => inputs.push(Tensor::from_fn([size.height, size.width, 2], motley)),
+                }
+                let inputs: Vec<_> = inputs.into_iter().map(Input::leaf).collect();
+                Case::new(Layers { scene, background }, inputs)
+            });
+            check(Check::of_cases(format!("layer {background}, {kind}"), cases));
+        }
+    }
+}
