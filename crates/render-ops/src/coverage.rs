@@ -179,7 +179,7 @@ impl Coverage {
 
     /// The runs of a row from `pixel` on: first the one that covers it, if any.
     pub(crate) fn row_from(&self, pixel: usize) -> impl Iterator<Item = Span> + '_ {
-        let row = pixel / self.size.width;
+        let [row, _] = self.size.place(pixel);
         let runs = self.row_starts[row] as usize..self.row_starts[row + 1] as usize;
         let runs = &self.by_pixel[runs];
         let after = runs.partition_point(|&run| self.runs[run as usize].pixel as usize <= pixel);

@@ -50,7 +50,7 @@ pub(crate) fn depth_at<S: Scalar<Wide = S>>(
     pixel: usize,
     size: Size,
 ) -> S {
-    let (x, y) = (size.center_x(pixel % size.width), size.center_y(pixel / size.width));
+    let [x, y] = size.center(pixel);
     let q = vertices.map(|vertex| vertex.relative_to(x, y));
     depth_and_w(vertices, [cross(q[1], q[2]), cross(q[2], q[0]), cross(q[0], q[1])])[0]
 }
@@ -71,7 +71,7 @@ impl<S: Scalar<Wide = S>> LocalFace<S> {
     /// Around the centre of pixel `pixel`.
     #[inline(always)]
     pub(crate) fn new(vertices: [Vertex<S>; 3], factors: [S; 3], pixel: usize, size: Size) -> Self {
-        let origin = [size.center_x(pixel % size.width), size.center_y(pixel / size.width)];
+        let origin = size.center(pixel);
         let q = vertices.map(|vertex| vertex.relative_to(origin[0], origin[1]));
         let coefficients = std::array::from_fn(|i| {
             let (j, k) = ((i + 1) % 3, (i + 2) % 3);
@@ -101,7 +101,7 @@ impl<S: Scalar<Wide = S>> LocalFace<S> {
     /// Where the centre of pixel `pixel` lies from the origin.
     #[inline(always)]
     pub(crate) fn place(&self, pixel: usize, size: Size) -> [S; 2] {
-        let (x, y): (S, S) = (size.center_x(pixel % size.width), size.center_y(pixel / size.width));
+        let [x, y] = size.center::<S>(pixel);
         [x - self.origin[0], y - self.origin[1]]
     }
 

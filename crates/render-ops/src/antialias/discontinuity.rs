@@ -59,7 +59,7 @@ struct Frame<S> {
 
 impl<S: Scalar<Wide = S>> Frame<S> {
     fn of(pixel: u32, below: bool, covers_first: bool, size: Size) -> Self {
-        let (mut row, mut column) = (pixel as usize / size.width, pixel as usize % size.width);
+        let [mut row, mut column] = size.place(pixel as usize);
         if !covers_first {
             if below { row += 1 } else { column += 1 }
         }

@@ -38,7 +38,7 @@ pub(super) fn for_each_pair(
     for slot in slots.filter(|&slot| has_silhouette[slot]) {
         for span in coverage.spans_of(slot) {
             let (pixels, own) = (span.pixels(), Some(span.face));
-            let (row, column) = (span.pixel / width, span.pixel % width);
+            let [row, column] = coverage.size().place(span.pixel);
             if column > 0 {
                 let pixel = span.pixel - 1;
                 let other = coverage.span_at(pixel);
