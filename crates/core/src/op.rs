@@ -310,6 +310,13 @@ impl<T: Scalar> Accumulator<T> {
         self.add_zipped([entries], |[entry]| entry);
     }
 
+    /// The entries, where nothing has been added yet: whoever takes them writes every one of them.
+    /// `None` where there is a sum to add to.
+    pub fn unwritten(&mut self) -> Option<&mut [T]> {
+        let fresh = std::mem::replace(&mut self.fresh, false);
+        fresh.then(|| self.tensor.own_data_mut())
+    }
+
     /// The sum so far, zeros at first, for an operation that adds to some entries.
     pub fn entries(&mut self) -> &mut [T] {
         let fresh = std::mem::replace(&mut self.fresh, false);

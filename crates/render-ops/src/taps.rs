@@ -86,6 +86,8 @@ pub(crate) struct Taps<T> {
     pub(crate) slopes: Vec<T>,
     /// The sum of all derivatives: exactly 0 where the weights are normalized.
     pub(crate) slope_sum: T,
+    /// The sum of the weights beyond each tap on its side.
+    pub(crate) tails: Vec<T>,
 }
 
 impl<T: Scalar> Taps<T> {
@@ -113,6 +115,9 @@ impl<T: Scalar> Taps<T> {
             for (taps, extent) in taps.iter_mut().zip(extents) {
                 taps.fill_endless(sigma, blur.border, extent);
             }
+        }
+        if blur.border == Border::Clamp {
+            taps.iter_mut().for_each(Self::fill_tails);
         }
         Ok(())
     }
@@ -248,6 +253,14 @@ impl<T: Scalar> Taps<T> {
         }
         // A mirror and a clamp keep the whole; of a zero border the rest of the window is dark.
         self.slope_sum = if border == Border::Zero { T::narrow(slope_sum) } else { T::ZERO };
+    }
+
+    fn fill_tails(&mut self) {
+        self.tails.clear();
+        self.tails.resize(self.weights.len(), T::ZERO);
+        for k in (1..self.weights.len()).rev() {
+            self.tails[k - 1] = self.tails[k] + self.weights[k];
+        }
     }
 
     pub(crate) fn radius(&self) -> usize {

@@ -19,15 +19,15 @@
 //! rendering, equations (1) to (5): the seed kernel. The sampled one is what image libraries use.
 
 mod convolution;
-mod padding;
+mod scratch;
 #[cfg(test)]
 mod tests;
 
+use bokashi_core::parallel::for_each_item_mut;
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 
-use self::convolution::Lines;
-use self::padding::{add_overhang, pad};
-use crate::border::Border;
+use self::convolution::{Band, Convolution};
+use self::scratch::Workbench;
 use crate::error::RenderError;
 use crate::taps::{Blur, Kernel, Taps, check_radius};
 
@@ -67,81 +67,27 @@ struct GaussianBlur {
     blur: Blur,
 }
 
-/// The window, the padded pictures that the forward passes read, and memory.
+/// What the backward pass reads, and memory.
 #[derive(Debug)]
-struct Saved<T> {
+struct Saved<T: Scalar> {
     /// The windows along the rows and along the columns.
     taps: [Taps<T>; 2],
-    /// The image, with its rows padded.
-    rows: Vec<T>,
-    /// The image blurred along its rows, with its columns padded.
-    columns: Vec<T>,
-    /// Memory for a pass: a padded picture, the picture between the passes, the last one.
-    padded: Vec<T>,
-    between: Vec<T>,
-    last: Vec<T>,
+    /// How the blurred image moves with sigma; empty unless sigma's gradient could be asked for.
+    slope: Vec<T>,
+    /// Memory: for bands of the image, for sums by piece, for a gradient.
+    bench: Workbench<Band<T>>,
+    sums: Vec<T::Wide>,
+    image_bar: Vec<T>,
 }
 
-impl<T: Default> Default for Saved<T> {
+impl<T: Scalar> Default for Saved<T> {
     fn default() -> Self {
         Self {
             taps: [Taps::default(), Taps::default()],
-            rows: Vec::new(),
-            columns: Vec::new(),
-            padded: Vec::new(),
-            between: Vec::new(),
-            last: Vec::new(),
-        }
-    }
-}
-
-/// The two passes over an image `[H, W, C]`: along the rows, along the columns.
-struct Passes {
-    rows: Lines,
-    columns: Lines,
-}
-
-impl Passes {
-    fn of<T: Scalar>(
-        [height, width, channels]: [usize; 3],
-        border: Border,
-        [along_rows, along_columns]: &[Taps<T>; 2],
-    ) -> Self {
-        let cell = width * channels;
-        Self {
-            rows: Lines {
-                lines: height,
-                extent: width,
-                cell: channels,
-                pad: border.reach(along_rows.radius(), width),
-            },
-            columns: Lines {
-                lines: 1,
-                extent: height,
-                cell,
-                pad: border.reach(along_columns.radius(), height),
-            },
-        }
-    }
-}
-
-impl GaussianBlur {
-    /// `y = K^T g` along `lines`, with `padded` as memory.
-    fn adjoint<T: Scalar>(
-        &self,
-        taps: &Taps<T>,
-        lines: Lines,
-        g: &[T],
-        padded: &mut Vec<T>,
-        y: &mut [T],
-    ) {
-        // The clamp border's adjoint is the zero border's, and what leaves the image.
-        let border =
-            if self.blur.border == Border::Clamp { Border::Zero } else { self.blur.border };
-        pad(border, g, lines, padded);
-        lines.convolve(padded, &taps.weights[..=lines.pad], y);
-        if self.blur.border == Border::Clamp {
-            add_overhang(g, lines, &taps.weights, y);
+            slope: Vec::new(),
+            bench: Workbench::default(),
+            sums: Vec::new(),
+            image_bar: Vec::new(),
         }
     }
 }
@@ -160,19 +106,18 @@ impl<T: Scalar> Op<T> for GaussianBlur {
         outputs: &mut Outputs<'_, T>,
         saved: &mut Self::Saved,
     ) -> Result<(), RenderError> {
-        let &[height, width, channels] = &**inputs.shape(0) else {
-            unreachable!("gaussian_blur has checked the rank");
-        };
-        let Saved { taps, rows, columns, between, .. } = saved;
-        Taps::fill(taps, inputs.data(1)[0], &self.blur, [width, height])?;
-        let passes = Passes::of([height, width, channels], self.blur.border, taps);
-        let [along_rows, along_columns] = taps;
-        between.resize(inputs.shape(0).size(), T::ZERO);
-        pad(self.blur.border, inputs.data(0), passes.rows, rows);
-        passes.rows.convolve(rows, &along_rows.weights[..=passes.rows.pad], between);
-        pad(self.blur.border, between, passes.columns, columns);
-        let out = outputs.push(inputs.shape(0));
-        passes.columns.convolve(columns, &along_columns.weights[..=passes.columns.pad], out);
+        let (shape, image) = (inputs.shape(0), inputs.data(0));
+        let Saved { taps, slope, bench, .. } = saved;
+        Taps::fill(taps, inputs.data(1)[0], &self.blur, [shape[1], shape[0]])?;
+        let convolution = Convolution::new(shape, self.blur.border, taps);
+        let out = outputs.push(shape);
+        if inputs.needs(1) {
+            slope.resize(image.len(), T::ZERO);
+            convolution.apply_with_slope(image, bench, out, slope);
+        } else {
+            slope.clear();
+            convolution.apply(image, bench, out);
+        }
         Ok(())
     }
 
@@ -187,30 +132,67 @@ impl<T: Scalar> Op<T> for GaussianBlur {
         gradients: &mut Accumulators<'_, T>,
     ) {
         let b_bar = kept.only_upstream();
-        let &[height, width, channels] = &**kept.input_shape(0) else {
-            unreachable!("gaussian_blur has checked the rank");
-        };
-        let Saved { taps, rows, columns, padded, between, last } = saved;
-        let passes = Passes::of([height, width, channels], self.blur.border, taps);
-        let [along_rows, along_columns] = &*taps;
-        self.adjoint(along_columns, passes.columns, b_bar, padded, between);
+        let Saved { taps, slope, bench, sums, image_bar: memory } = saved;
         if let Some(sigma_bar) = gradients.get(1) {
-            let by_rows =
-                passes.rows.slope_product(rows, &along_rows.window(passes.rows.pad), between);
-            let window = along_columns.window(passes.columns.pad);
-            let by_columns = passes.columns.slope_product(columns, &window, b_bar);
-            sigma_bar.add_each(|_| T::narrow(by_rows + by_columns));
+            let sum = dot(slope, b_bar, sums);
+            sigma_bar.add_each(|_| T::narrow(sum));
         }
         if let Some(image_bar) = gradients.get(0) {
-            last.resize(between.len(), T::ZERO);
-            self.adjoint(along_rows, passes.rows, between, padded, last);
-            image_bar.add(last);
+            let adjoint =
+                Convolution::new(kept.input_shape(0), self.blur.border, taps).adjoint();
+            match image_bar.unwritten() {
+                Some(entries) => adjoint.apply(b_bar, bench, entries),
+                None => {
+                    memory.resize(b_bar.len(), T::ZERO);
+                    adjoint.apply(b_bar, bench, memory);
+                    image_bar.add(memory);
+                }
+            }
         }
     }
 
     fn saved_bytes(&self, saved: &Self::Saved) -> usize {
-        let Saved { rows, columns, padded, between, last, .. } = saved;
-        size_of::<T>() * [rows, columns, padded, between, last].map(Vec::len).iter().sum::<usize>()
+        let Saved { slope, bench, sums, image_bar, .. } = saved;
+        size_of::<T>() * (slope.len() + image_bar.len() + bench.total(Band::len))
+            + size_of_val(&sums[..])
+    }
+}
+
+/// Entries of a product that are summed on their own.
+const PRODUCTS: usize = 1 << 14;
+
+/// `sum_k a_k b_k` in wide numbers, with `sums` as memory.
+fn dot<T: Scalar>(a: &[T], b: &[T], sums: &mut Vec<T::Wide>) -> T::Wide {
+    sums.clear();
+    sums.resize(a.len().div_ceil(PRODUCTS), T::Wide::ZERO);
+    for_each_item_mut(sums, |k, sum| {
+        let range = k * PRODUCTS..a.len().min((k + 1) * PRODUCTS);
+        *sum = pulp::Arch::new().dispatch(Dot(&a[range.clone()], &b[range]));
+    });
+    sums.iter().copied().sum()
+}
+
+/// `sum_k a_k b_k`, compiled for the vectors that the processor has.
+struct Dot<'a, T>(&'a [T], &'a [T]);
+
+impl<T: Scalar> pulp::WithSimd for Dot<'_, T> {
+    type Output = T::Wide;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) -> T::Wide {
+        const LANES: usize = 16;
+        let mut lanes = [T::Wide::ZERO; LANES];
+        let (a, a_rest) = self.0.as_chunks::<LANES>();
+        let (b, b_rest) = self.1.as_chunks::<LANES>();
+        for (a, b) in a.iter().zip(b) {
+            for k in 0..LANES {
+                lanes[k] += a[k].widen() * b[k].widen();
+            }
+        }
+        for (k, (a, b)) in a_rest.iter().zip(b_rest).enumerate() {
+            lanes[k] += a.widen() * b.widen();
+        }
+        lanes.into_iter().sum()
     }
 }
 
