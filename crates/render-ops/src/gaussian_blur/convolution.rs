@@ -170,7 +170,7 @@ impl<'a, T: Scalar> Convolution<'a, T> {
         for start in (0..row).step_by(STRIP) {
             let end = row.min(start + STRIP);
             let width = (end - start).next_multiple_of(BLOCK);
-            strip.resize((rows + 2 * reach) * width, T::ZERO);
+            let strip = aligned(strip, (rows + 2 * reach) * width);
             for (k, to) in strip.chunks_exact_mut(width).enumerate() {
                 let position = (first + k) as isize - reach as isize;
                 match self.border.source(position, self.height) {
@@ -303,6 +303,18 @@ impl<'a, T: Scalar> Convolution<'a, T> {
             }
         }
     }
+}
+
+/// The first `length` entries of `memory` that start on a line of the cache: of a block that lies
+/// across two lines both are read.
+#[inline(always)]
+fn aligned<T: Scalar>(memory: &mut Vec<T>, length: usize) -> &mut [T] {
+    const LINE: usize = 64;
+    if memory.len() < length + LINE {
+        memory.resize(length + LINE, T::ZERO);
+    }
+    let start = memory.as_ptr().align_offset(LINE).min(LINE);
+    &mut memory[start..start + length]
 }
 
 #[inline(always)]
