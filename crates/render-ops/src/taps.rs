@@ -7,7 +7,12 @@
 //! | seed | `g_k / (sqrt(2 pi) sigma)` | `w_k (k^2 / sigma^2 - 1) / sigma` |
 //! | sampled | `g_k / sum g` | `w_k (k^2 - m_2) / sigma^3`, `m_2 = sum w_k k^2` |
 //!
-//! The sampled weights sum to 1, their derivatives to 0.
+//! | discrete | `exp(-t) I_k(t)`, `t = sigma^2` | `sigma (w_(k-1) - 2 w_k + w_(k+1))` |
+//!
+//! The sampled weights sum to 1, their derivatives to 0. The discrete ones do without an end; cut off
+//! at r they are divided by their sum as well. Their quotients `q_k = I_k / I_(k-1)` are found from far
+//! out inwards, `q_k = t / (2 k + t q_(k+1))`, where nothing overflows and errors die out (Lindeberg,
+//! *Scale-space for discrete signals*, IEEE PAMI 12(3), 1990).
 //!
 //! # Windows wider than a line
 //! A line of n pixels with a mirror border repeats with period 2n, and beyond a clamp border all
@@ -19,7 +24,10 @@
 //! Where a tolerance asks for more than 16384 taps, the window misses nothing. So wide a Gaussian
 //! has the sum `sqrt(2 pi) sigma` to all digits, which makes the two kernels one, and a sum over
 //! its taps in steps of 2n is, by Poisson's formula, `u_k = (1 + 2 sum_m e_m cos(pi m k / n)) / 2n`
-//! with `e_m = exp(-(pi m sigma / n)^2 / 2)`; `de_m/dsigma = -(pi m / n)^2 sigma e_m`.
+//! with `e_m = exp(-(s_m sigma)^2 / 2)`, `s_m = pi m / n`; `de_m/dsigma = -s_m^2 sigma e_m`. Of the
+//! discrete kernel the same is true, with `s_m = 2 sin(pi m / 2n)`; and as its kurtosis is
+//! `1 / sigma^2`, its taps are those of a Gaussian times `1 + (x^4 - 6 x^2 + 3) / (24 sigma^2)`,
+//! `x = k / sigma`, with an error of about `sigma^-4`.
 
 use std::f64::consts::PI;
 
@@ -38,6 +46,11 @@ pub enum Kernel {
     /// identity. Below sigma 0.2 hardly anything moves with sigma.
     #[default]
     Sampled,
+    /// The Gaussian of a world that is made of pixels: what diffusion from pixel to pixel makes of an
+    /// impulse. Its variance is sigma squared exactly and its sum 1; two blurs in a row are one of the
+    /// summed variance; sigma 0 is the identity, and moves as soon as sigma does. With a
+    /// tolerance, a blur that is wide takes no longer than one that is not.
+    Discrete,
 }
 
 /// How far a window reaches.
@@ -76,11 +89,11 @@ const NEGLIGIBLE: f64 = 1e-18;
 
 /// The largest number of taps on one side that are added up, in pixels: farther ones belong to an
 /// endless window, for which there is a formula.
-const LARGEST_RADIUS: usize = 1 << 14;
+pub(crate) const LARGEST_RADIUS: usize = 1 << 14;
 
 /// Half of a symmetric window: index 0 is the centre.
 #[derive(Debug, Default, Clone)]
-pub(crate) struct Taps<T> {
+pub(crate) struct Taps<T: Scalar> {
     pub(crate) weights: Vec<T>,
     /// The derivatives of the weights with respect to sigma.
     pub(crate) slopes: Vec<T>,
@@ -88,6 +101,8 @@ pub(crate) struct Taps<T> {
     pub(crate) slope_sum: T,
     /// The sum of the weights beyond each tap on its side.
     pub(crate) tails: Vec<T>,
+    /// Memory: weights of an endless window.
+    wide: Vec<T::Wide>,
 }
 
 impl<T: Scalar> Taps<T> {
@@ -113,7 +128,7 @@ impl<T: Scalar> Taps<T> {
             }
         } else {
             for (taps, extent) in taps.iter_mut().zip(extents) {
-                taps.fill_endless(sigma, blur.border, extent);
+                taps.fill_endless(sigma, blur, extent);
             }
         }
         if blur.border == Border::Clamp {
@@ -128,10 +143,13 @@ impl<T: Scalar> Taps<T> {
         if !(sigma > T::ZERO && sigma.is_finite()) {
             return Err(bad_sigma(match blur.kernel {
                 Kernel::Seed => "a finite and positive sigma for the seed kernel",
-                Kernel::Sampled => "a finite sigma of at least 0",
+                Kernel::Sampled | Kernel::Discrete => "a finite sigma of at least 0",
             }));
         }
         let sigma = sigma.widen();
+        if blur.kernel == Kernel::Discrete {
+            return Ok(self.fill_discrete(sigma, blur.radius));
+        }
         let shape = |k: usize| {
             let t = T::Wide::from_f64(k as f64) / sigma;
             (-(t * t) * T::Wide::from_f64(0.5)).exp()
@@ -150,7 +168,7 @@ impl<T: Scalar> Taps<T> {
         let square = |k: usize| T::Wide::from_f64((k * k) as f64);
         let total: T::Wide = match blur.kernel {
             Kernel::Sampled => (0..=radius).map(|k| count(k) * shape(k)).sum(),
-            Kernel::Seed => T::Wide::from_f64(f64::sqrt(2.0 * std::f64::consts::PI)) * sigma,
+            _ => T::Wide::from_f64(f64::sqrt(2.0 * std::f64::consts::PI)) * sigma,
         };
         let weight = |k: usize| shape(k) / total;
         self.weights.clear();
@@ -168,7 +186,7 @@ impl<T: Scalar> Taps<T> {
                 self.slopes.extend((0..=radius).map(|k| T::narrow(slope(k))));
                 self.slope_sum = T::ZERO;
             }
-            Kernel::Seed => {
+            _ => {
                 let slope = |k: usize| {
                     let t = T::Wide::from_f64(k as f64) / sigma;
                     weight(k) * (t * t - T::Wide::ONE) / sigma
@@ -181,6 +199,66 @@ impl<T: Scalar> Taps<T> {
             return Err(bad_sigma("a sigma at which the seed kernel does not overflow"));
         }
         Ok(true)
+    }
+
+    /// Fills in discrete taps without regard to the image; false where the window is endless.
+    fn fill_discrete(&mut self, sigma: T::Wide, radius: Radius) -> bool {
+        let number = T::Wide::from_f64;
+        let count = |k: usize| number(if k == 0 { 1.0 } else { 2.0 });
+        let t = sigma * sigma;
+        // The tails of a narrow one are those of a Poisson distribution, and longer than sigma says.
+        let end = (9.5 * sigma.to_f64() + 20.0).ceil();
+        if end > 2.0 * LARGEST_RADIUS as f64 {
+            return false;
+        }
+        let end = end as usize;
+        let wide = &mut self.wide;
+        wide.clear();
+        wide.resize(end + 2, T::Wide::ZERO);
+        for k in (1..=end).rev() {
+            wide[k] = t / (number(2.0 * k as f64) + t * wide[k + 1]);
+        }
+        wide[0] = T::Wide::ONE;
+        let mut total = T::Wide::ONE;
+        for k in 1..=end {
+            let weight = wide[k - 1] * wide[k];
+            wide[k] = weight;
+            total += weight + weight;
+        }
+        wide.iter_mut().for_each(|weight| *weight = *weight / total);
+
+        let largest = wide[0].to_f64();
+        let counted = |k: &usize| wide[*k].to_f64() >= NEGLIGIBLE * largest;
+        let longest = (0..=end).rev().find(counted).unwrap_or(0);
+        let radius = match radius {
+            Radius::Fixed(radius) => radius,
+            Radius::Tolerance(tolerance) => {
+                let mut missing = 0.0;
+                let needed = |k: &usize| {
+                    missing += 2.0 * wide[*k].to_f64();
+                    missing > tolerance
+                };
+                // With the centre alone nothing would move with sigma.
+                (1..=end).rev().find(needed).unwrap_or(1)
+            }
+        };
+        if radius > LARGEST_RADIUS && longest > LARGEST_RADIUS {
+            return false;
+        }
+        let radius = radius.min(longest.max(1));
+        let slope = |k: usize| {
+            let (before, own, after) = (wide[k.abs_diff(1)], wide[k], wide[k + 1]);
+            sigma * ((before - own) + (after - own))
+        };
+        let sum: T::Wide = (0..=radius).map(|k| count(k) * wide[k]).sum();
+        let slope_of_sum: T::Wide = (0..=radius).map(|k| count(k) * slope(k)).sum();
+        self.weights.clear();
+        self.weights.extend((0..=radius).map(|k| T::narrow(wide[k] / sum)));
+        self.slopes.clear();
+        let slopes = (0..=radius).map(|k| (slope(k) - wide[k] / sum * slope_of_sum) / sum);
+        self.slopes.extend(slopes.map(T::narrow));
+        self.slope_sum = T::ZERO;
+        true
     }
 
     /// Sums taps that see the same pixel of a line of `extent` pixels.
@@ -204,14 +282,25 @@ impl<T: Scalar> Taps<T> {
     }
 
     /// Fills in the taps of an endless window along a line of `extent` pixels.
-    fn fill_endless(&mut self, sigma: T, border: Border, extent: usize) {
+    fn fill_endless(&mut self, sigma: T, blur: &Blur, extent: usize) {
         let number = T::Wide::from_f64;
         let (sigma, n, half) = (sigma.widen(), extent as f64, number(0.5));
+        let is_discrete = blur.kernel == Kernel::Discrete;
+        let border = blur.border;
         let count = |k: usize| number(if k == 0 { 1.0 } else { 2.0 });
         let tap = |k: usize| -> [T::Wide; 2] {
             let t = number(k as f64) / sigma;
             let weight = (-half * t * t).exp() / (number(f64::sqrt(2.0 * PI)) * sigma);
-            [weight, weight * (t * t - T::Wide::ONE) / sigma]
+            let slope = weight * (t * t - T::Wide::ONE) / sigma;
+            if !is_discrete {
+                return [weight, slope];
+            }
+            let (square, spread) = (t * t, number(24.0) * sigma * sigma);
+            let more = (square * square - number(6.0) * square + number(3.0)) / spread;
+            let more_slope = (number(12.0) * square - number(4.0) * square * square) / spread
+                - more - more;
+            let one = T::Wide::ONE;
+            [weight * (one + more), slope * (one + more) + weight * more_slope / sigma]
         };
         // Half of what the taps below n leave of the whole, whose slope is 0.
         let rest = || -> [T::Wide; 2] {
@@ -225,7 +314,10 @@ impl<T: Scalar> Taps<T> {
         let folded = |k: usize| -> [T::Wide; 2] {
             let (mut sum, mut slope) = (T::Wide::ONE, T::Wide::ZERO);
             for m in 1_usize.. {
-                let step = number(PI * m as f64 / n);
+                let step = match is_discrete {
+                    true => number(2.0 * (0.5 * PI * m as f64 / n).sin()),
+                    false => number(PI * m as f64 / n),
+                };
                 let e = (-half * (step * sigma).powi(2)).exp();
                 if e.to_f64() < NEGLIGIBLE {
                     break;
@@ -361,7 +453,7 @@ mod tests {
             for extent in [1, 2, 9, 50, 700] {
                 for sigma in [4.0, 50.0, 400.0] {
                     let mut endless = Taps::default();
-                    endless.fill_endless(sigma, border, extent);
+                    endless.fill_endless(sigma, &Blur { border, ..Blur::default() }, extent);
                     let all = Radius::Fixed((9.2 * sigma) as usize);
                     let long = folded(sigma, border, extent, all);
                     for k in 0..=extent.min(long.radius()) {

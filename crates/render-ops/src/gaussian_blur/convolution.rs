@@ -61,7 +61,7 @@ impl<T> Band<T> {
 
 /// A convolution of images of one shape.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Convolution<'a, T> {
+pub(super) struct Convolution<'a, T: Scalar> {
     height: usize,
     /// Pixels in a row.
     width: usize,
@@ -92,15 +92,8 @@ impl<'a, T: Scalar> Convolution<'a, T> {
         }
     }
 
-    /// `out = K image`.
-    pub(super) fn apply(&self, image: &[T], bench: &Workbench<Band<T>>, out: &mut [T]) {
-        for_each_piece_mut(out, self.rows_per_band() * self.row(), |band, out| {
-            bench.with(|memory| self.band(image, band, memory, out, &mut []));
-        });
-    }
-
-    /// `out = K image`, `slope = dK/dsigma image`.
-    pub(super) fn apply_with_slope(
+    /// `out = K image`, and `slope = dK/dsigma image`, unless it is empty.
+    pub(super) fn apply(
         &self,
         image: &[T],
         bench: &Workbench<Band<T>>,
@@ -108,6 +101,11 @@ impl<'a, T: Scalar> Convolution<'a, T> {
         slope: &mut [T],
     ) {
         let piece = self.rows_per_band() * self.row();
+        if slope.is_empty() {
+            return for_each_piece_mut(out, piece, |band, out| {
+                bench.with(|memory| self.band(image, band, memory, out, &mut []));
+            });
+        }
         for_each_two_pieces_mut(out, slope, [piece; 2], |band, out, slope| {
             bench.with(|memory| self.band(image, band, memory, out, slope));
         });
@@ -399,7 +397,7 @@ fn window_sums<T: Scalar>(
 }
 
 /// A band's work, compiled for the vectors that the processor has.
-struct BandWork<'a, T> {
+struct BandWork<'a, T: Scalar> {
     convolution: &'a Convolution<'a, T>,
     image: &'a [T],
     first: usize,

@@ -19,6 +19,7 @@
 //! rendering, equations (1) to (5): the seed kernel. The sampled one is what image libraries use.
 
 mod convolution;
+mod rational;
 mod scratch;
 #[cfg(test)]
 mod tests;
@@ -27,9 +28,11 @@ use bokashi_core::parallel::for_each_item_mut;
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 
 use self::convolution::{Band, Convolution};
+use self::rational::{Block, Line, Order, Rational};
 use self::scratch::Workbench;
+use crate::border::Border;
 use crate::error::RenderError;
-use crate::taps::{Blur, Kernel, Taps, check_radius};
+use crate::taps::{Blur, Kernel, LARGEST_RADIUS, Radius, Taps, check_radius};
 
 /// `image: [H, W, C]` blurred with standard deviation `sigma: []`, in pixels; returns `[H, W, C]`.
 ///
@@ -53,7 +56,7 @@ pub fn gaussian_blur<'t, T: Scalar>(
     }
     check_image(&image.shape())?;
     check_radius(blur.radius)?;
-    let is_identity = blur.kernel == Kernel::Sampled && sigma.item() == T::ZERO;
+    let is_identity = blur.kernel != Kernel::Seed && sigma.item() == T::ZERO;
     // Of a variable of another tape the tape makes an error.
     if is_identity && std::ptr::eq(image.tape(), sigma.tape()) {
         image.tape().leave_out("gaussian_blur", "sigma is 0");
@@ -74,8 +77,14 @@ struct Saved<T: Scalar> {
     taps: [Taps<T>; 2],
     /// How the blurred image moves with sigma; empty unless sigma's gradient could be asked for.
     slope: Vec<T>,
-    /// Memory: for bands of the image, for sums by piece, for a gradient.
-    bench: Workbench<Band<T>>,
+    /// The same as tridiagonal systems; `Some` where those are used.
+    lines: [Line<T>; 2],
+    order: Option<&'static Order>,
+    /// Memory: for pieces of work, for what is blurred along its columns, for sums by piece, for a
+    /// gradient.
+    bands: Workbench<Band<T>>,
+    blocks: Workbench<Block<T>>,
+    columns: [Vec<T>; 2],
     sums: Vec<T::Wide>,
     image_bar: Vec<T>,
 }
@@ -85,7 +94,11 @@ impl<T: Scalar> Default for Saved<T> {
         Self {
             taps: [Taps::default(), Taps::default()],
             slope: Vec::new(),
-            bench: Workbench::default(),
+            lines: [Line::default(), Line::default()],
+            order: None,
+            bands: Workbench::default(),
+            blocks: Workbench::default(),
+            columns: [Vec::new(), Vec::new()],
             sums: Vec::new(),
             image_bar: Vec::new(),
         }
@@ -106,17 +119,21 @@ impl<T: Scalar> Op<T> for GaussianBlur {
         outputs: &mut Outputs<'_, T>,
         saved: &mut Self::Saved,
     ) -> Result<(), RenderError> {
-        let (shape, image) = (inputs.shape(0), inputs.data(0));
-        let Saved { taps, slope, bench, .. } = saved;
-        Taps::fill(taps, inputs.data(1)[0], &self.blur, [shape[1], shape[0]])?;
-        let convolution = Convolution::new(shape, self.blur.border, taps);
+        let (shape, image, sigma) = (inputs.shape(0), inputs.data(0), inputs.data(1)[0]);
+        let extents = [shape[1], shape[0]];
+        let Saved { taps, slope, lines, order, bands, blocks, columns, .. } = saved;
+        *order = self.order(sigma.to_f64(), extents);
         let out = outputs.push(shape);
-        if inputs.needs(1) {
-            slope.resize(image.len(), T::ZERO);
-            convolution.apply_with_slope(image, bench, out, slope);
+        slope.resize(if inputs.needs(1) { image.len() } else { 0 }, T::ZERO);
+        let border = self.blur.border;
+        if let Some(order) = order {
+            for (line, extent) in lines.iter_mut().zip(extents) {
+                line.fill(order, sigma, border, extent);
+            }
+            Rational::new(shape, lines).apply(image, columns, blocks, out, slope);
         } else {
-            slope.clear();
-            convolution.apply(image, bench, out);
+            Taps::fill(taps, sigma, &self.blur, extents)?;
+            Convolution::new(shape, border, taps).apply(image, bands, out, slope);
         }
         Ok(())
     }
@@ -132,19 +149,29 @@ impl<T: Scalar> Op<T> for GaussianBlur {
         gradients: &mut Accumulators<'_, T>,
     ) {
         let b_bar = kept.only_upstream();
-        let Saved { taps, slope, bench, sums, image_bar: memory } = saved;
+        let Saved { taps, slope, lines, order, bands, blocks, columns, sums, image_bar: memory } =
+            saved;
         if let Some(sigma_bar) = gradients.get(1) {
             let sum = dot(slope, b_bar, sums);
             sigma_bar.add_each(|_| T::narrow(sum));
         }
         if let Some(image_bar) = gradients.get(0) {
-            let adjoint =
-                Convolution::new(kept.input_shape(0), self.blur.border, taps).adjoint();
+            let (shape, border) = (kept.input_shape(0), self.blur.border);
+            let mut adjoint = |out: &mut [T]| match order {
+                // With the borders that it has it is its own adjoint.
+                Some(_) => {
+                    Rational::new(shape, lines).apply(b_bar, columns, blocks, out, &mut []);
+                }
+                None => {
+                    let adjoint = Convolution::new(shape, border, taps).adjoint();
+                    adjoint.apply(b_bar, bands, out, &mut []);
+                }
+            };
             match image_bar.unwritten() {
-                Some(entries) => adjoint.apply(b_bar, bench, entries),
+                Some(entries) => adjoint(entries),
                 None => {
                     memory.resize(b_bar.len(), T::ZERO);
-                    adjoint.apply(b_bar, bench, memory);
+                    adjoint(memory);
                     image_bar.add(memory);
                 }
             }
@@ -152,11 +179,35 @@ impl<T: Scalar> Op<T> for GaussianBlur {
     }
 
     fn saved_bytes(&self, saved: &Self::Saved) -> usize {
-        let Saved { slope, bench, sums, image_bar, .. } = saved;
-        size_of::<T>() * (slope.len() + image_bar.len() + bench.total(Band::len))
-            + size_of_val(&sums[..])
+        let Saved { slope, bands, blocks, columns, sums, image_bar, .. } = saved;
+        let entries = slope.len() + image_bar.len() + columns.iter().map(Vec::len).sum::<usize>();
+        let memory = bands.total(Band::len) + blocks.total(Block::len);
+        size_of::<T>() * (entries + memory) + size_of_val(&sums[..])
     }
 }
+
+impl GaussianBlur {
+    /// The rational approximation that blurs an image of these extents within the tolerance, where
+    /// it takes less time than a window does.
+    fn order(&self, sigma: f64, extents: [usize; 2]) -> Option<&'static Order> {
+        let Blur { kernel: Kernel::Discrete, radius: Radius::Tolerance(tolerance), .. } = self.blur
+        else {
+            return None;
+        };
+        if self.blur.border == Border::Clamp {
+            return None;
+        }
+        let order = Order::within(tolerance)?;
+        // Of a Gaussian the share `exp(-r^2 / (2 sigma^2))`, or a little less, is farther out than r.
+        let radius = sigma * (-2.0 * tolerance.ln()).sqrt();
+        let taps: f64 = extents.map(|extent| radius.min(extent as f64)).iter().sum();
+        let cost = TAPS_PER_POLE * order.poles.len() as f64;
+        (sigma > 0.0 && radius <= LARGEST_RADIUS as f64 && taps > 2.0 * cost).then_some(order)
+    }
+}
+
+/// Taps on one side of a window that take as long as a pole.
+const TAPS_PER_POLE: f64 = 6.0;
 
 /// Entries of a product that are summed on their own.
 const PRODUCTS: usize = 1 << 14;
