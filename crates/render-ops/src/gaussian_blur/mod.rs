@@ -207,7 +207,7 @@ impl GaussianBlur {
 }
 
 /// Taps on one side of a window that take as long as a pole.
-const TAPS_PER_POLE: f64 = 6.0;
+const TAPS_PER_POLE: f64 = 9.0;
 
 /// Entries of a product that are summed on their own.
 const PRODUCTS: usize = 1 << 14;

@@ -219,16 +219,16 @@ impl<T: Scalar> Pole<T> {
     /// passed on is `u_i - g_i = ratio_i (u_(i-1) - g_(i-1)) - (1 - ratio_i) g_(i-1)`.
     #[inline(always)]
     fn eliminate(&self, steps: &[Lanes<T>], u: &mut [ComplexLanes<T>]) {
-        let (mut state, mut before) = ([Lanes::ZERO; 2], Lanes::ZERO);
-        let factors = self.ratios.iter().zip(&self.rests);
-        for (((&ratio, &[a, b]), step), u) in factors.zip(steps).zip(u) {
+        u[0] = [steps[0], Lanes::ZERO];
+        let mut state = [Lanes::ZERO; 2];
+        let factors = self.ratios.iter().zip(&self.rests).skip(1);
+        for (((&ratio, &[a, b]), pair), u) in factors.zip(steps.windows(2)).zip(&mut u[1..]) {
             let [re, im] = product(ratio, &state);
             state = [
-                difference(&re, &scaled(a, &before)),
-                difference(&im, &scaled(b, &before)),
+                difference(&re, &scaled(a, &pair[0])),
+                difference(&im, &scaled(b, &pair[0])),
             ];
-            *u = [sum_of(&state[0], step), state[1]];
-            before = *step;
+            *u = [sum_of(&state[0], &pair[1]), state[1]];
         }
     }
 

@@ -46,7 +46,6 @@ use bokashi_core::parallel::{for_each_piece_mut, for_each_two_pieces_mut};
 
 use self::line::{LANES, Lanes, Task};
 use super::scratch::Workbench;
-use crate::border::Border;
 
 pub(super) use self::line::{Block, Line};
 pub(super) use self::poles::Order;

@@ -4,6 +4,7 @@ use bokashi_core::{Tape, Tensor};
 
 use super::super::tests::{bessel, dot, numbers};
 use super::*;
+use crate::border::Border;
 use crate::taps::{Blur, Kernel, Radius};
 
 const BORDERS: [Border; 2] = [Border::Zero, Border::Mirror];
