@@ -121,16 +121,16 @@ impl<'a, T: Scalar> Convolution<'a, T> {
     }
 
     /// The rows `out` of a band, and, unless it is empty, their slopes.
-    fn band(
-        &self,
-        image: &[T],
-        band: usize,
-        memory: &mut Band<T>,
-        out: &mut [T],
-        slope: &mut [T],
-    ) {
+    fn band(&self, image: &[T], band: usize, memory: &mut Band<T>, out: &mut [T], slope: &mut [T]) {
         let first = band * self.rows_per_band();
-        pulp::Arch::new().dispatch(BandWork { convolution: self, image, first, memory, out, slope });
+        pulp::Arch::new().dispatch(BandWork {
+            convolution: self,
+            image,
+            first,
+            memory,
+            out,
+            slope,
+        });
     }
 
     /// Entries between the starts of two rows in a band's memory: with what the window sees at
@@ -221,7 +221,8 @@ impl<'a, T: Scalar> Convolution<'a, T> {
         let (row, after) = rest.split_at_mut(self.row());
         let after = &mut after[..before.len()];
         // A window that sees more than the whole row has been folded: one reflection is enough.
-        let (before, after) = (before.rchunks_exact_mut(channels), after.chunks_exact_mut(channels));
+        let (before, after) =
+            (before.rchunks_exact_mut(channels), after.chunks_exact_mut(channels));
         match self.border {
             Border::Zero => before.chain(after).for_each(|pixel| pixel.fill(T::ZERO)),
             Border::Mirror => {
@@ -288,13 +289,13 @@ impl<'a, T: Scalar> Convolution<'a, T> {
     ) {
         let (row, stride, overlap) = (self.row(), self.stride(), self.overlap());
         let rows = memory.rows.len() / stride;
-        for (border, from_border) in [(0, 0), (self.height - 1, self.height - 1)] {
+        for border in [0, self.height - 1] {
             if !(first..first + rows).contains(&border) {
                 continue;
             }
             let to = &mut memory.rows[(border - first) * stride + overlap..][..row];
             for (j, &tail) in tails.iter().enumerate().take(self.height) {
-                let from = &image[from_border.abs_diff(j) * row..][..row];
+                let from = &image[border.abs_diff(j) * row..][..row];
                 for (to, &from) in to.iter_mut().zip(from) {
                     *to += tail * from;
                 }
@@ -345,12 +346,7 @@ fn put<T: Copy>(to: &mut [T], block: &[T; BLOCK]) {
 /// `w_0 p_i + sum_k w_k (p_(i-k) + p_(i+k))` for a block of centres i that starts at `center`; from
 /// tap to tap the entries p lie `step` apart.
 #[inline(always)]
-fn window_sum<T: Scalar>(
-    entries: &[T],
-    center: usize,
-    step: usize,
-    weights: &[T],
-) -> [T; BLOCK] {
+fn window_sum<T: Scalar>(entries: &[T], center: usize, step: usize, weights: &[T]) -> [T; BLOCK] {
     let own = block(entries, center);
     let mut sums = [T::ZERO; BLOCK];
     for i in 0..BLOCK {
@@ -412,7 +408,13 @@ impl<T: Scalar> pulp::WithSimd for BandWork<'_, T> {
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
         let Self { convolution, image, first, memory, out, slope } = self;
-        convolution.blur_columns(image, first, out.len() / convolution.row(), memory, !slope.is_empty());
+        convolution.blur_columns(
+            image,
+            first,
+            out.len() / convolution.row(),
+            memory,
+            !slope.is_empty(),
+        );
         convolution.blur_rows(memory, out, slope);
     }
 }

@@ -110,7 +110,14 @@ impl<T: Scalar> Pole<T> {
     }
 
     /// The system of the pole `z` with residue `g` over `n` positions.
-    fn fill(&mut self, z: Complex<T::Wide>, g: Complex<T::Wide>, sigma: T::Wide, mirror: bool, n: usize) {
+    fn fill(
+        &mut self,
+        z: Complex<T::Wide>,
+        g: Complex<T::Wide>,
+        sigma: T::Wide,
+        mirror: bool,
+        n: usize,
+    ) {
         let number = |x: f64| Complex::real(T::Wide::from_f64(x));
         let (one, zero) = (number(1.0), number(0.0));
         let h = Complex::real(sigma * sigma) * number(0.5);
@@ -224,10 +231,7 @@ impl<T: Scalar> Pole<T> {
         let factors = self.ratios.iter().zip(&self.rests).skip(1);
         for (((&ratio, &[a, b]), pair), u) in factors.zip(steps.windows(2)).zip(&mut u[1..]) {
             let [re, im] = product(ratio, &state);
-            state = [
-                difference(&re, &scaled(a, &pair[0])),
-                difference(&im, &scaled(b, &pair[0])),
-            ];
+            state = [difference(&re, &scaled(a, &pair[0])), difference(&im, &scaled(b, &pair[0]))];
             *u = [sum_of(&state[0], &pair[1]), state[1]];
         }
     }

@@ -99,8 +99,7 @@ fn a_mirrored_blur_is_that_of_the_cosine_transform() {
             };
             let expected = both(0, 0);
             let slopes = [both(0, 1), both(1, 0)];
-            let slope =
-                Tensor::from_fn(shape, |k| slopes[0].data()[k] + slopes[1].data()[k]);
+            let slope = Tensor::from_fn(shape, |k| slopes[0].data()[k] + slopes[1].data()[k]);
             for tolerance in [1e-3, 1e-5, 2e-7, 2e-9, 2e-11] {
                 let order = order(tolerance);
                 let found = blurred(&image, order, sigma, Border::Mirror);
@@ -139,7 +138,8 @@ fn the_blur_is_its_own_adjoint() {
             let (image, g) = (numbers::<f64>(shape, 3), numbers::<f64>(shape, 4));
             let order = order(1e-4);
             let forward = blurred(&image, order, sigma, border).image;
-            let difference = dot(&forward, &g) - dot(&image, &blurred(&g, order, sigma, border).image);
+            let difference =
+                dot(&forward, &g) - dot(&image, &blurred(&g, order, sigma, border).image);
             let size = dot(&image, &image).sqrt() * dot(&g, &g).sqrt();
             assert!(difference.abs() <= 1e-13 * size, "{difference} {border:?} {shape:?} {sigma}");
         }
@@ -162,7 +162,8 @@ fn the_slope_is_the_difference_quotient() {
             let (coarse, fine) = (quotient(h), quotient(0.5 * h));
             let richardson =
                 Tensor::from_fn(shape, |k| (4.0 * fine.data()[k] - coarse.data()[k]) / 3.0);
-            let error = largest_difference(&blurred(&image, order, sigma, border).slope, &richardson);
+            let error =
+                largest_difference(&blurred(&image, order, sigma, border).slope, &richardson);
             assert!(sigma * error <= 1e-9, "{error} {border:?} {shape:?} {sigma}");
         }
     }

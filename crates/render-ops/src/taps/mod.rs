@@ -1,0 +1,278 @@
+//! The weights of a Gaussian window and their derivatives with respect to sigma.
+//!
+//! With `g_k = exp(-k^2 / (2 sigma^2))`, `|k| <= r`:
+//!
+//! | kernel | `w_k` | `dw_k/dsigma` |
+//! |---|---|---|
+//! | seed | `g_k / (sqrt(2 pi) sigma)` | `w_k (k^2 / sigma^2 - 1) / sigma` |
+//! | sampled | `g_k / sum g` | `w_k (k^2 - m_2) / sigma^3`, `m_2 = sum w_k k^2` |
+//!
+//! | discrete | `exp(-t) I_k(t)`, `t = sigma^2` | `sigma (w_(k-1) - 2 w_k + w_(k+1))` |
+//!
+//! The sampled weights sum to 1, their derivatives to 0; so do the discrete ones (`discrete`).
+//!
+//! # Windows wider than a line
+//! A line of n pixels with a mirror border repeats with period 2n, and beyond a clamp border all
+//! pixels are the same. So taps that see the same pixel are summed, and no window needs to reach
+//! farther than n: `u_k = w_k + w_(2n - k) + w_(2n + k) + ...` for a mirror, `u_n` half of the sum
+//! for k = n, which stands at either end; `u_n = sum_(k >= n) w_k` for a clamp.
+//!
+//! Where a tolerance asks for more than 16384 taps, the window misses nothing (`endless`).
+
+mod discrete;
+mod endless;
+#[cfg(test)]
+mod tests;
+
+use bokashi_core::Scalar;
+
+use crate::border::Border;
+use crate::error::RenderError;
+
+/// Which weights a window has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Kernel {
+    /// The density of the normal distribution at the pixels' centres, as the paper prints it. Its
+    /// sum is a gain that grows above 1 as sigma falls below 0.6; it is not defined at sigma 0.
+    Seed,
+    /// The same, divided by its sum: constant images stay as they are, and sigma 0 is the
+    /// identity. Below sigma 0.2 hardly anything moves with sigma.
+    #[default]
+    Sampled,
+    /// The Gaussian of a world that is made of pixels: what diffusion from pixel to pixel makes of an
+    /// impulse. Its variance is sigma squared exactly and its sum 1; two blurs in a row are one of the
+    /// summed variance; sigma 0 is the identity, and moves as soon as sigma does. With a
+    /// tolerance, a blur that is wide takes no longer than one that is not.
+    Discrete,
+}
+
+/// How far a window reaches.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Radius {
+    /// This many pixels to either side, at most 16384, whatever sigma is.
+    Fixed(usize),
+    /// As far as it must for the window to miss at most this share of an endless window's weight,
+    /// per axis. Where that is beyond 16384 pixels, which takes a sigma of some thousand, the window
+    /// is endless, and misses nothing.
+    Tolerance(f64),
+}
+
+/// What kind of blur.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Blur {
+    /// The window's weights.
+    pub kernel: Kernel,
+    /// What the window sees beyond the border of the image.
+    pub border: Border,
+    /// How far the window reaches.
+    pub radius: Radius,
+}
+
+impl Default for Blur {
+    /// Sampled weights, a mirror border, and a window that misses at most 1e-6 of the weight.
+    fn default() -> Self {
+        let (kernel, border) = (Kernel::default(), Border::default());
+        Self { kernel, border, radius: Radius::Tolerance(1e-6) }
+    }
+}
+
+/// A tap below this share of the largest is cut off: it is below the rounding of any sum that it
+/// enters, and in `f32` numbers this small cost many times the time of others.
+const NEGLIGIBLE: f64 = 1e-18;
+
+/// The largest number of taps on one side that are added up, in pixels: farther ones belong to an
+/// endless window, for which there is a formula.
+pub(crate) const LARGEST_RADIUS: usize = 1 << 14;
+
+/// Half of a symmetric window: index 0 is the centre.
+#[derive(Debug, Default, Clone)]
+pub(crate) struct Taps<T: Scalar> {
+    pub(crate) weights: Vec<T>,
+    /// The derivatives of the weights with respect to sigma.
+    pub(crate) slopes: Vec<T>,
+    /// The sum of all derivatives: exactly 0 where the weights are normalized.
+    pub(crate) slope_sum: T,
+    /// The sum of the weights beyond each tap on its side.
+    pub(crate) tails: Vec<T>,
+    /// Memory: weights of an endless window.
+    wide: Vec<T::Wide>,
+}
+
+impl<T: Scalar> Taps<T> {
+    /// Fills in the taps for standard deviation `sigma`, in pixels, along lines of `extents` pixels:
+    /// one half window for each of the two axes.
+    ///
+    /// # Errors
+    /// [`RenderError::BadSigma`] unless sigma is finite and positive, and, for the seed kernel,
+    /// large enough for the weights and their derivatives to be finite.
+    pub(crate) fn fill(
+        taps: &mut [Self; 2],
+        sigma: T,
+        blur: &Blur,
+        extents: [usize; 2],
+    ) -> Result<(), RenderError> {
+        if taps[0].fill_whole(sigma, blur)? {
+            let [first, second] = taps;
+            second.weights.clone_from(&first.weights);
+            second.slopes.clone_from(&first.slopes);
+            second.slope_sum = first.slope_sum;
+            for (taps, extent) in taps.iter_mut().zip(extents) {
+                taps.fold(blur.border, extent);
+            }
+        } else {
+            for (taps, extent) in taps.iter_mut().zip(extents) {
+                taps.fill_endless(sigma, blur, extent);
+            }
+        }
+        if blur.border == Border::Clamp {
+            taps.iter_mut().for_each(Self::fill_tails);
+        }
+        Ok(())
+    }
+
+    /// Fills in the taps without regard to the image; false where the window is endless.
+    fn fill_whole(&mut self, sigma: T, blur: &Blur) -> Result<bool, RenderError> {
+        let bad_sigma = |rule| RenderError::BadSigma { rule, sigma: sigma.to_f64() };
+        if !(sigma > T::ZERO && sigma.is_finite()) {
+            return Err(bad_sigma(match blur.kernel {
+                Kernel::Seed => "a finite and positive sigma for the seed kernel",
+                Kernel::Sampled | Kernel::Discrete => "a finite sigma of at least 0",
+            }));
+        }
+        let sigma = sigma.widen();
+        if blur.kernel == Kernel::Discrete {
+            return Ok(self.fill_discrete(sigma, blur.radius));
+        }
+        let shape = |k: usize| {
+            let t = T::Wide::from_f64(k as f64) / sigma;
+            (-(t * t) * T::Wide::from_f64(0.5)).exp()
+        };
+        let radius = match blur.radius {
+            Radius::Fixed(radius) => radius,
+            Radius::Tolerance(tolerance) => match smallest_radius(sigma.to_f64(), tolerance) {
+                Some(radius) => radius,
+                None => return Ok(false),
+            },
+        };
+        let is_negligible = |k: usize| shape(k).to_f64() < NEGLIGIBLE;
+        let radius = (1..=radius).find(|&k| is_negligible(k)).map_or(radius, |k| k - 1);
+
+        let count = |k: usize| T::Wide::from_f64(if k == 0 { 1.0 } else { 2.0 });
+        let square = |k: usize| T::Wide::from_f64((k * k) as f64);
+        let total: T::Wide = match blur.kernel {
+            Kernel::Sampled => (0..=radius).map(|k| count(k) * shape(k)).sum(),
+            _ => T::Wide::from_f64(f64::sqrt(2.0 * std::f64::consts::PI)) * sigma,
+        };
+        let weight = |k: usize| shape(k) / total;
+        self.weights.clear();
+        self.weights.extend((0..=radius).map(|k| T::narrow(weight(k))));
+
+        self.slopes.clear();
+        match blur.kernel {
+            Kernel::Sampled => {
+                let m2: T::Wide = (0..=radius).map(|k| count(k) * square(k) * weight(k)).sum();
+                // Where only the centre is left, nothing moves with sigma: not 0 / sigma^3.
+                let slope = |k: usize| match m2 == T::Wide::ZERO {
+                    true => T::Wide::ZERO,
+                    false => weight(k) * (square(k) - m2) / (sigma * sigma * sigma),
+                };
+                self.slopes.extend((0..=radius).map(|k| T::narrow(slope(k))));
+                self.slope_sum = T::ZERO;
+            }
+            _ => {
+                let slope = |k: usize| {
+                    let t = T::Wide::from_f64(k as f64) / sigma;
+                    weight(k) * (t * t - T::Wide::ONE) / sigma
+                };
+                self.slopes.extend((0..=radius).map(|k| T::narrow(slope(k))));
+                self.slope_sum = T::narrow((0..=radius).map(|k| count(k) * slope(k)).sum());
+            }
+        }
+        if !(self.weights[0].is_finite() && self.slopes[0].is_finite()) {
+            return Err(bad_sigma("a sigma at which the seed kernel does not overflow"));
+        }
+        Ok(true)
+    }
+
+    /// Sums taps that see the same pixel of a line of `extent` pixels.
+    fn fold(&mut self, border: Border, extent: usize) {
+        if self.radius() <= extent || border == Border::Zero {
+            return;
+        }
+        let source = |k: usize| match border {
+            Border::Mirror => (k % (2 * extent)).min(2 * extent - k % (2 * extent)),
+            _ => k.min(extent),
+        };
+        for taps in [&mut self.weights, &mut self.slopes] {
+            for k in extent + 1..taps.len() {
+                // The centre sees both the tap at k and the one at -k.
+                let count = if source(k) == 0 { 2.0 } else { 1.0 };
+                let tap = taps[k];
+                taps[source(k)] += T::from_f64(count) * tap;
+            }
+            taps.truncate(extent + 1);
+        }
+    }
+
+    fn fill_tails(&mut self) {
+        self.tails.clear();
+        self.tails.resize(self.weights.len(), T::ZERO);
+        for k in (1..self.weights.len()).rev() {
+            self.tails[k - 1] = self.tails[k] + self.weights[k];
+        }
+    }
+
+    pub(crate) fn radius(&self) -> usize {
+        self.weights.len() - 1
+    }
+
+    /// The slopes up to `reach`, where those beyond see nothing but zeros.
+    pub(crate) fn window(&self, reach: usize) -> Window<'_, T> {
+        let beyond: T = self.slopes[reach + 1..].iter().copied().sum();
+        Window { slopes: &self.slopes[..=reach], slope_sum: self.slope_sum - (beyond + beyond) }
+    }
+}
+
+/// Half of the slopes of a symmetric window that reaches over all the pixels that count.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Window<'a, T> {
+    pub(crate) slopes: &'a [T],
+    pub(crate) slope_sum: T,
+}
+
+/// Checks a radius, whatever sigma is.
+pub(crate) fn check_radius(radius: Radius) -> Result<(), RenderError> {
+    match radius {
+        Radius::Tolerance(tolerance) if !(tolerance > 0.0 && tolerance < 1.0) => {
+            let rule = "a tolerance between 0 and 1";
+            Err(RenderError::BadRadius { rule, value: tolerance })
+        }
+        Radius::Fixed(radius) if radius > LARGEST_RADIUS => {
+            let rule = "a window radius of at most 16384 pixels";
+            Err(RenderError::BadRadius { rule, value: radius as f64 })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The smallest radius whose window misses at most the share `tolerance` of an endless window's
+/// weight, per axis; `None` where it is larger than 16384, or sigma so large that no shorter
+/// window is looked for.
+fn smallest_radius(sigma: f64, tolerance: f64) -> Option<usize> {
+    let shape = |k: usize| (-0.5 * (k as f64 / sigma).powi(2)).exp();
+    // Beyond 9.2 sigma taps are negligible.
+    let end = (9.2 * sigma).ceil();
+    if end > 2.0 * LARGEST_RADIUS as f64 {
+        return None;
+    }
+    let end = end as usize;
+    let total: f64 = 1.0 + 2.0 * (1..=end).map(shape).sum::<f64>();
+    let mut missing = 0.0;
+    for k in (1..=end).rev() {
+        missing += 2.0 * shape(k);
+        if missing > tolerance * total {
+            return (k <= LARGEST_RADIUS).then_some(k);
+        }
+    }
+    Some(0)
+}
