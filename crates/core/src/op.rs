@@ -465,11 +465,15 @@ mod tests {
     #[test]
     fn every_way_to_add_adds_once_to_what_is_there() {
         for (fresh, before) in [(true, 0.0), (false, 10.0)] {
-            let ways: [fn(&mut Accumulator<f64>); 4] = [
+            let ways: [fn(&mut Accumulator<f64>); 5] = [
                 |sum| sum.add_each(|k| 1.0 + k as f64),
                 |sum| sum.add(&[1.0, 2.0]),
                 |sum| sum.add_zipped([&[3.0, 5.0], &[2.0, 3.0]], |[a, b]| a - b),
                 |sum| sum.entries().iter_mut().zip([1.0, 2.0]).for_each(|(s, x)| *s += x),
+                |sum| match sum.unwritten() {
+                    Some(entries) => entries.copy_from_slice(&[1.0, 2.0]),
+                    None => sum.add(&[1.0, 2.0]),
+                },
             ];
             for way in ways {
                 let mut sum = accumulator(fresh);

@@ -46,8 +46,8 @@ fn share_ranges<R: Send>(pieces: usize, work: &(dyn Fn(usize) -> R + Sync)) -> V
     (0..pieces).into_par_iter().map(work).collect()
 }
 
-/// Calls `work(k, [a, b])` for the k-th piece of `pieces[0]` entries of `data[0]` and of `pieces[1]`
-/// entries of `data[1]`, for every k; pieces may run at the same time.
+/// Calls `work(k, piece of a, piece of b)` for the k-th piece of `pieces[0]` entries of `a` and of
+/// `pieces[1]` entries of `b`, for every k; pieces may run at the same time.
 ///
 /// # Panics
 /// Unless both are cut into equally many pieces.
@@ -138,6 +138,20 @@ mod tests {
             assert_eq!(data, (0..length).collect::<Vec<_>>());
         }
     }
+
+    #[test]
+    fn two_arrays_are_cut_alike() {
+        for length in [0, 1, 9, 10, 11, 100] {
+            let (mut a, mut b) = (vec![0; length], vec![0; length.div_ceil(10)]);
+            for_each_two_pieces_mut(&mut a, &mut b, [10, 1], |k, a, b| {
+                a.fill(k);
+                b[0] = k;
+            });
+            assert!((0..length).all(|i| a[i] == i / 10));
+            assert!(b.iter().enumerate().all(|(k, &b)| b == k));
+        }
+    }
+
     #[test]
     fn zipped_entries_stay_beside_each_other_across_pieces() {
         let length = 2 * ENTRIES_PER_PIECE + 3;

@@ -1,18 +1,25 @@
 //! Gaussian blur of an image, with a standard deviation that can be learnt.
 //!
 //! # Forward
-//! `b = K_y K_x c`: along the rows, then along the columns, channel by channel, with the window
-//! `w_k` of `taps` and the border rule of `border`.
+//! `b = K_x K_y c`: along the columns, then along the rows, channel by channel, with the window `w_k`
+//! of `taps` and the border rule of `border`. Where sigma's gradient could be asked for,
+//! `db/dsigma = K'_x K_y c + K_x K'_y c` is computed on the way and kept, `K' = dK/dsigma`; it shares
+//! what is loaded. Else nothing is kept.
 //!
 //! # Backward
-//! `c_bar = K_x^T K_y^T b_bar`. For the zero and the mirror border `K^T = K`; for the clamp border
-//! what leaves the image is added to the border pixels: `K^T = K_zero` plus, at the first pixel,
-//! `sum_j g_j sum_(k > j) w_k`, and likewise at the last.
-//! `sigma_bar = <K_y^T b_bar, K'_x c> + <b_bar, K'_y K_x c>` with `K' = dK/dsigma`.
+//! `c_bar = K_x^T K_y^T b_bar`, which is the forward pass again but for a clamp border;
+//! `sigma_bar = <b_bar, db/dsigma>`.
+//!
+//! # Two ways
+//! `convolution` sums over a window: its cost grows with sigma, and is the least where sigma is small.
+//! `rational` solves tridiagonal systems, of the discrete kernel alone, with a zero or a mirror
+//! border: its cost does not depend on sigma. Where a tolerance allows both, the one that takes less
+//! time is chosen, by sigma and the extents of the image: the second from a sigma of 6 or 7 on.
 //!
 //! # Where it is not smooth
 //! A radius that follows from a tolerance steps with sigma; the jump is below that tolerance. A fit
-//! whose target lies on a step keeps an error of that size, so fix the radius there.
+//! whose target lies on a step keeps an error of that size, so fix the radius there. The same goes
+//! for the sigma at which one way takes over from the other.
 //!
 //! # Source
 //! Kitabayashi and Iwasaki, on parameter estimation of Gaussian filtering by differentiable
@@ -36,12 +43,12 @@ use crate::taps::{Blur, Kernel, LARGEST_RADIUS, Radius, Taps, check_radius};
 
 /// `image: [H, W, C]` blurred with standard deviation `sigma: []`, in pixels; returns `[H, W, C]`.
 ///
-/// Sampled weights with sigma 0 are the identity: the image itself is returned. The larger sigma
-/// grows beyond the image, the closer the result comes to what its border stands for: the mean of
-/// the image (mirror), of its corners (clamp), or zero.
+/// Sampled and discrete weights with sigma 0 are the identity: the image itself is returned. The
+/// larger sigma grows beyond the image, the closer the result comes to what its border stands for:
+/// the mean of the image (mirror), of its corners (clamp), or zero.
 ///
 /// # Errors
-/// [`RenderError::BadSigma`] unless sigma is finite and positive (or 0, for sampled weights);
+/// [`RenderError::BadSigma`] unless sigma is finite and positive (or 0, but for the seed kernel);
 /// [`RenderError::Shape`] unless the image is `[H, W, C]` with at least one entry and sigma a single
 /// number; [`RenderError::BadRadius`] for a tolerance outside (0, 1) or a radius above 16384.
 pub fn gaussian_blur<'t, T: Scalar>(
@@ -206,7 +213,7 @@ impl GaussianBlur {
     }
 }
 
-/// Taps on one side of a window that take as long as a pole.
+/// Taps on one side of a window that take as long as a pole: measured at 1024 x 1024 pixels.
 const TAPS_PER_POLE: f64 = 9.0;
 
 /// Entries of a product that are summed on their own.

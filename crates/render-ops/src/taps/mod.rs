@@ -53,7 +53,8 @@ pub enum Radius {
     Fixed(usize),
     /// As far as it must for the window to miss at most this share of an endless window's weight,
     /// per axis. Where that is beyond 16384 pixels, which takes a sigma of some thousand, the window
-    /// is endless, and misses nothing.
+    /// is endless, and misses nothing. A wide blur with discrete weights may differ by that share
+    /// everywhere, instead of far out.
     Tolerance(f64),
 }
 

@@ -66,16 +66,16 @@ impl<T: Scalar> Block<T> {
 pub(super) enum Task {
     /// They are blurred.
     Blur,
-    /// The same; and as they don't move with sigma, their slopes come from the blur alone.
+    /// The same, with slopes; the lines themselves don't move with sigma.
     BlurWithSlopes,
-    /// The same; they have slopes, and those move on.
+    /// The same; the lines move with sigma, and their slopes are blurred as well.
     BlurBoth,
 }
 
 /// A blur of lines of one length.
 #[derive(Debug)]
 pub(crate) struct Line<T> {
-    /// Zeros at either end, beyond which the line goes on as what the blur spreads there.
+    /// Positions beyond either end: 1 for a zero border.
     pub(super) pad: usize,
     /// Positions, with the zeros.
     positions: usize,

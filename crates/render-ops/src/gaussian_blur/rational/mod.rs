@@ -3,32 +3,32 @@
 //! # Forward
 //! The discrete Gaussian of variance t is `exp(t L / 2)`, L the second difference. With poles z
 //! and residues g of a rational approximation of the exponential (`poles`) and `h = t / 2`, a line
-//! x becomes `y = x + 2 Re sum_j g_j h v_j`, where `(h L - z_j) v_j = L x`: for each pole one
-//! tridiagonal system. A constant has no second difference and is kept to the last digit.
+//! x becomes `y = x + Re sum_j c_j v_j`, where `c_j = 2 g_j h` and `(h L - z_j) v_j = L x`: for each pole
+//! one tridiagonal system. A constant has no second difference and is kept to the last digit.
 //!
-//! Beyond a mirror border the line goes on mirrored, which is what L is with its ends repeated. A
-//! line that goes on without end beyond the last pixel, as zeros or as the border pixel, has a
-//! solution there that falls off as `v_k = q^k v_0`, with `q + 1/q - 2 = z / h`, `|q| < 1`: it enters
-//! the first and the last equation alone. A zero border has a second difference at the first zero
-//! too, which takes one position more at either end. So all three borders are exact.
+//! Beyond a mirror border the line goes on mirrored: L repeats its ends. Beyond a zero border the
+//! solution goes on without end and falls off as `v_k = q^k v_0`, with `q + 1/q - 2 = z / h` and
+//! `|q| < 1`, which enters the first and the last equation alone; as the first zero has a second
+//! difference too, a line is longer by one position at either end. So both borders are exact. A
+//! clamp border is left to windows.
 //!
 //! # Slope
 //! `dy/dsigma` is that of the rational function, not of the exponential: one more system,
-//! `(h L - z_j) w_j = c_j L x' - 2 z_j / sigma e c_j v_j`, `y' = x' + Re sum_j w_j`, `c = 2 g h`, with
-//! `x' = dx/dsigma` and e = 1, except at the ends of a line without mirrors: there
+//! `(h L - z_j) w_j = c_j L x' - (2 z_j / sigma) e c_j v_j`, `y' = x' + Re sum_j w_j`, where
+//! `x' = dx/dsigma` and `e = 1`, except at the ends of a line with a zero border: there
 //! `e = 1 / (1 - q^2)`, since q moves with sigma as well.
 //!
 //! # Adjoint
-//! All of it is symmetric, but for a clamp border: L repeats the ends, the system goes on beyond
-//! them. There `x_bar = y_bar + L 2 Re sum_j g_j h (h L - z_j)^(-1) y_bar`.
+//! All of this is symmetric: the adjoint of the blur is the blur.
 //!
 //! # Order of work
 //! Along the columns first: 32 of them side by side, each step down all of them at once; then along
 //! the rows, those of as many rows and channels side by side as make 32.
 //!
 //! # Precision
-//! A ratio near 1 is rounded: in `f32` a relative error of about `1e-7 sigma` joins the
-//! approximation's own.
+//! Elimination passes on steps, not bends, so that the mean of a line is kept (`line`), and one minus a
+//! ratio is not computed from a rounded ratio. In `f32` rounding adds less than 2e-6 of the largest
+//! entry, for any sigma up to 3000.
 //!
 //! # Source
 //! Lindeberg, *Scale-space for discrete signals*, IEEE PAMI 12(3), 1990: the kernel. Trefethen,
