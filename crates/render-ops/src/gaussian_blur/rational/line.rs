@@ -40,24 +40,24 @@ pub(crate) struct Block<T> {
     pub(super) lines: Vec<Lanes<T>>,
     /// How the lines move with sigma; then how the blurred ones do.
     pub(super) slopes: Vec<Lanes<T>>,
-    /// The steps from each position to the next of both.
-    steps: [Vec<Lanes<T>>; 2],
+    /// Right sides of the systems of both.
+    sides: [Vec<Lanes<T>>; 2],
     /// What is known of a solution.
     partial: Vec<ComplexLanes<T>>,
 }
 
 impl<T> Default for Block<T> {
     fn default() -> Self {
-        let steps = [Vec::new(), Vec::new()];
-        Self { lines: Vec::new(), slopes: Vec::new(), steps, partial: Vec::new() }
+        let sides = [Vec::new(), Vec::new()];
+        Self { lines: Vec::new(), slopes: Vec::new(), sides, partial: Vec::new() }
     }
 }
 
 impl<T: Scalar> Block<T> {
     /// How many entries there is memory for.
     pub(crate) fn len(&self) -> usize {
-        let Self { lines, slopes, steps: [steps, more], partial } = self;
-        (lines.len() + slopes.len() + steps.len() + more.len() + 2 * partial.len()) * LANES
+        let Self { lines, slopes, sides: [sides, more], partial } = self;
+        (lines.len() + slopes.len() + sides.len() + more.len() + 2 * partial.len()) * LANES
     }
 }
 
@@ -75,26 +75,29 @@ pub(super) enum Task {
 /// A blur of lines of one length.
 #[derive(Debug)]
 pub(crate) struct Line<T> {
-    /// Positions beyond either end: 1 for a zero border.
-    pub(super) pad: usize,
-    /// Positions, with the zeros.
     positions: usize,
+    /// Whether the lines go on mirrored.
+    mirror: bool,
+    /// What is left of a line at the highest frequencies.
+    remainder: T,
+    /// `2 / sigma`.
+    two_by_sigma: T,
     poles: Vec<Pole<T>>,
 }
 
-impl<T> Default for Line<T> {
+impl<T: Scalar> Default for Line<T> {
     fn default() -> Self {
-        Self { pad: 0, positions: 0, poles: Vec::new() }
+        let (remainder, two_by_sigma) = (T::ZERO, T::ZERO);
+        Self { positions: 0, mirror: false, remainder, two_by_sigma, poles: Vec::new() }
     }
 }
 
 /// The system of one pole.
 #[derive(Debug)]
 struct Pole<T> {
-    /// `-h / p_(i-1)` for pivots p: how elimination passes on; 0 at both ends.
-    ratios: Vec<[T; 2]>,
-    /// What they leave of 1, but 0 at the first position.
-    rests: Vec<[T; 2]>,
+    /// `1 + h / p_(i-1)` for pivots p: elimination passes on what this leaves of 1, which is 0 at
+    /// both ends. A number near 1 would be rounded by more than this is.
+    losses: Vec<[T; 2]>,
     /// `c / p_i`.
     scales: Vec<[T; 2]>,
     /// What sigma's slope adds to the right side, in the line and at its ends.
@@ -105,11 +108,10 @@ struct Pole<T> {
 impl<T: Scalar> Pole<T> {
     fn empty() -> Self {
         let zero = [T::ZERO; 2];
-        let [ratios, rests, scales] = [const { Vec::new() }; 3];
-        Self { ratios, rests, scales, by_sigma: zero, by_sigma_at_end: zero }
+        Self { losses: Vec::new(), scales: Vec::new(), by_sigma: zero, by_sigma_at_end: zero }
     }
 
-    /// The system of the pole `z` with residue `g` over `n` positions.
+    /// The system of the pole `z` with residue `z g` over n positions.
     fn fill(
         &mut self,
         z: Complex<T::Wide>,
@@ -129,29 +131,30 @@ impl<T: Scalar> Pole<T> {
         let same_side = middle.re * root.re + middle.im * root.im >= T::Wide::ZERO;
         let limit = a * number(0.5) + if same_side { root } else { zero - root };
         let ratio = one / (one + limit);
-        self.ratios.clear();
-        self.rests.clear();
+        self.losses.clear();
         self.scales.clear();
-        self.ratios.push([T::ZERO; 2]);
-        self.rests.push([T::ZERO; 2]);
-        let scale = number(-2.0) * g;
+        self.losses.push(one.narrow());
+        // `-2 c / h` for the residue.
+        let scale = number(-2.0) * g * a;
         // `d / (1 + d)` of the position before.
         let mut before = if mirror { zero } else { limit * ratio };
         for _ in 1..n {
             let d = a + before;
             let ratio = one / (one + d);
             before = d * ratio;
-            self.ratios.push(ratio.narrow());
-            self.rests.push(before.narrow());
+            self.losses.push(before.narrow());
             self.scales.push((scale * ratio).narrow());
         }
-        // Pivots at the last position: `-h d` for a mirror, else `-h (1 + d - ratio)`.
+        // The last pivot is `-h d` for a mirror, else `-h (1 + d - q)`.
         let last = a + before + if mirror { zero } else { one - ratio };
         self.scales.push((scale / last).narrow());
-        self.ratios.push([T::ZERO; 2]);
-        let by_sigma = number(-1.0) * z / (g * h * Complex::real(sigma));
-        self.by_sigma = by_sigma.narrow();
+        self.losses.push(one.narrow());
+        // `-2 z / (sigma c)` with `c = 2 g z`.
+        let by_sigma = number(-1.0) / (g * Complex::real(sigma));
         let at_end = if mirror { one } else { one / (one - ratio * ratio) };
+        // A line of one position has both ends there.
+        let at_end = if n == 1 { at_end + at_end - one } else { at_end };
+        self.by_sigma = by_sigma.narrow();
         self.by_sigma_at_end = (by_sigma * at_end).narrow();
     }
 }
@@ -160,124 +163,135 @@ impl<T: Scalar> Line<T> {
     /// Fills in the blur by `order` with standard deviation `sigma`, in pixels, of lines of `extent`
     /// pixels.
     pub(crate) fn fill(&mut self, order: &Order, sigma: T, border: Border, extent: usize) {
-        self.pad = usize::from(border == Border::Zero);
-        self.positions = extent + 2 * self.pad;
+        self.positions = extent;
+        self.mirror = border == Border::Mirror;
+        let remainder = 1.0 + 2.0 * order.poles.iter().map(|[_, [re, _]]| re).sum::<f64>();
+        self.remainder = T::from_f64(remainder);
+        self.two_by_sigma = T::narrow(T::Wide::from_f64(2.0) / sigma.widen());
         self.poles.resize_with(order.poles.len(), Pole::empty);
         for (pole, parts) in self.poles.iter_mut().zip(order.poles) {
             let [z, g] = parts.map(|[re, im]| {
                 let number = T::Wide::from_f64;
                 Complex { re: number(re), im: number(im) }
             });
-            pole.fill(z, g, sigma.widen(), border == Border::Mirror, self.positions);
+            pole.fill(z, g, sigma.widen(), self.mirror, self.positions);
         }
     }
 
-    /// Makes room for the lines' pixels, with zeros beyond their ends.
+    /// Makes room for the lines' pixels.
     #[inline(always)]
     pub(super) fn start(&self, block: &mut Block<T>, task: Task) {
         block.partial.resize(self.positions, [Lanes::ZERO; 2]);
         let moving = if task == Task::Blur { 1 } else { 2 };
-        let pictures = [&mut block.lines, &mut block.slopes].into_iter().zip(&mut block.steps);
-        for (lines, steps) in pictures.take(moving) {
+        let pictures = [&mut block.lines, &mut block.slopes].into_iter().zip(&mut block.sides);
+        for (lines, sides) in pictures.take(moving) {
             lines.resize(self.positions, Lanes::ZERO);
-            steps.resize(self.positions, Lanes::ZERO);
-            lines[..self.pad].fill(Lanes::ZERO);
-            lines[self.positions - self.pad..].fill(Lanes::ZERO);
+            sides.resize(self.positions, Lanes::ZERO);
         }
     }
 
     /// Does `task` to the lines of `block`.
     #[inline(always)]
     pub(super) fn solve(&self, block: &mut Block<T>, task: Task) {
-        let Block { lines, slopes, steps: [steps, steps_of_slopes], partial } = block;
-        fill_steps(lines, steps);
-        match task {
-            Task::Blur => {}
-            Task::BlurWithSlopes => {
-                slopes.fill(Lanes::ZERO);
-                steps_of_slopes.fill(Lanes::ZERO);
+        let Block { lines, slopes, sides: [sides, sides_of_slopes], partial } = block;
+        let base = if self.mirror { nearest_to_zero(lines) } else { Lanes::ZERO };
+        for (line, side) in lines.iter_mut().zip(&mut *sides) {
+            *side = difference(line, &base);
+            *line = sum_of(&base, &scaled(self.remainder, side));
+        }
+        if task != Task::Blur {
+            let systems = slopes.iter_mut().zip(sides_of_slopes.iter_mut()).zip(&*sides);
+            for ((slope, side_of_slope), side) in systems {
+                if task == Task::BlurWithSlopes {
+                    *slope = Lanes::ZERO;
+                }
+                *side_of_slope = difference(slope, &scaled(self.two_by_sigma, side));
+                *slope = scaled(self.remainder, slope);
             }
-            Task::BlurBoth => fill_steps(slopes, steps_of_slopes),
         }
         for pole in &self.poles {
-            pole.eliminate(steps, partial);
+            pole.eliminate(sides, partial);
             if task == Task::Blur {
                 pole.substitute(partial, lines);
             } else {
-                pole.substitute_and_eliminate(partial, lines, steps_of_slopes);
+                pole.substitute_and_eliminate(partial, lines, sides_of_slopes);
                 pole.substitute_slopes(partial, slopes);
             }
         }
     }
 }
 
-/// Writes the steps from each position to the next; beyond the last there is none.
+/// Of each line the entry that is nearest to zero, or zero where there are entries of both signs.
 #[inline(always)]
-fn fill_steps<T: Scalar>(lines: &[Lanes<T>], steps: &mut [Lanes<T>]) {
-    for (pair, step) in lines.windows(2).zip(&mut *steps) {
-        *step = difference(&pair[1], &pair[0]);
+fn nearest_to_zero<T: Scalar>(lines: &[Lanes<T>]) -> Lanes<T> {
+    let (mut least, mut most) = (lines[0], lines[0]);
+    for line in lines {
+        for k in 0..LANES {
+            let entry = line.0[k];
+            least.0[k] = if entry < least.0[k] { entry } else { least.0[k] };
+            most.0[k] = if entry > most.0[k] { entry } else { most.0[k] };
+        }
     }
-    steps[lines.len() - 1] = Lanes::ZERO;
+    let mut nearest = Lanes::ZERO;
+    for k in 0..LANES {
+        let below = if most.0[k] < T::ZERO { most.0[k] } else { T::ZERO };
+        nearest.0[k] = if least.0[k] > T::ZERO { least.0[k] } else { below };
+    }
+    nearest
 }
 
 impl<T: Scalar> Pole<T> {
-    /// `u_i = f_i + ratio_i u_(i-1)` with the bends `f_i = g_i - g_(i-1)` of steps g. Rounded bends
-    /// would not add up to zero, and by as little the mean of a line would run away; so what is
-    /// passed on is `u_i - g_i = ratio_i (u_(i-1) - g_(i-1)) - (1 - ratio_i) g_(i-1)`.
+    /// `u_i = f_i + (1 - loss_i) u_(i-1)`.
     #[inline(always)]
-    fn eliminate(&self, steps: &[Lanes<T>], u: &mut [ComplexLanes<T>]) {
-        u[0] = [steps[0], Lanes::ZERO];
+    fn eliminate(&self, f: &[Lanes<T>], u: &mut [ComplexLanes<T>]) {
         let mut state = [Lanes::ZERO; 2];
-        let factors = self.ratios.iter().zip(&self.rests).skip(1);
-        for (((&ratio, &[a, b]), pair), u) in factors.zip(steps.windows(2)).zip(&mut u[1..]) {
-            let [re, im] = product(ratio, &state);
-            state = [difference(&re, &scaled(a, &pair[0])), difference(&im, &scaled(b, &pair[0]))];
-            *u = [sum_of(&state[0], &pair[1]), state[1]];
+        for ((&loss, f), u) in self.losses.iter().zip(f).zip(u) {
+            let [re, im] = less(loss, &state);
+            state = [sum_of(&re, f), im];
+            *u = state;
         }
     }
 
-    /// `v_i = scale_i u_i + ratio_(i+1) v_(i+1)`, whose real part is added to `sums`.
+    /// `v_i = scale_i u_i + (1 - loss_(i+1)) v_(i+1)`, whose real part is added to `sums`.
     #[inline(always)]
     fn substitute(&self, u: &[ComplexLanes<T>], sums: &mut [Lanes<T>]) {
         let mut v = [Lanes::ZERO; 2];
-        let factors = self.scales.iter().zip(&self.ratios[1..]);
-        for (((&scale, &ratio), u), sum) in factors.zip(u).zip(sums).rev() {
-            v = sum_of_products([scale, ratio], [u, &v]);
+        let factors = self.scales.iter().zip(&self.losses[1..]);
+        for (((&scale, &loss), u), sum) in factors.zip(u).zip(sums).rev() {
+            v = add(&product(scale, u), &less(loss, &v));
             *sum = sum_of(sum, &v[0]);
         }
     }
 
     /// The same, and on the way the elimination of the slopes' system, from the other end:
-    /// `s_i = f_i + by_sigma v_i + ratio_(n-1-i) s_(i+1)`, which replaces u. What is passed on is
-    /// `s_i + g_(i-1)`.
+    /// `s_i = f_i + by_sigma v_i + (1 - loss_(n-1-i)) s_(i+1)`, which replaces u.
     #[inline(always)]
     fn substitute_and_eliminate(
         &self,
         u: &mut [ComplexLanes<T>],
         sums: &mut [Lanes<T>],
-        steps: &[Lanes<T>],
+        f: &[Lanes<T>],
     ) {
-        let (mut v, mut state) = ([Lanes::ZERO; 2], [Lanes::ZERO; 2]);
+        let (mut v, mut s) = ([Lanes::ZERO; 2], [Lanes::ZERO; 2]);
         let n = sums.len();
         for i in (0..n).rev() {
-            v = sum_of_products([self.scales[i], self.ratios[i + 1]], [&u[i], &v]);
+            v = add(&product(self.scales[i], &u[i]), &less(self.losses[i + 1], &v));
             sums[i] = sum_of(&sums[i], &v[0]);
-            let by_sigma = if i == 0 || i == n - 1 { self.by_sigma_at_end } else { self.by_sigma };
-            let [re, im] = sum_of_products([by_sigma, self.ratios[n - 1 - i]], [&v, &state]);
-            let [a, b] = self.rests[n - 1 - i];
-            state = [sum_of(&re, &scaled(a, &steps[i])), sum_of(&im, &scaled(b, &steps[i]))];
-            let before = if i == 0 { Lanes::ZERO } else { steps[i - 1] };
-            u[i] = [difference(&state[0], &before), state[1]];
+            let is_end = i == 0 || i == n - 1;
+            let by_sigma = if is_end { self.by_sigma_at_end } else { self.by_sigma };
+            let [re, im] = add(&product(by_sigma, &v), &less(self.losses[n - 1 - i], &s));
+            s = [sum_of(&re, &f[i]), im];
+            u[i] = s;
         }
     }
 
-    /// `w_i = scale_(n-1-i) s_i + ratio_(n-i) w_(i-1)`, whose real part is added to `sums`.
+    /// `w_i = scale_(n-1-i) s_i + (1 - loss_(n-i)) w_(i-1)`, whose real part is added to `sums`.
     #[inline(always)]
     fn substitute_slopes(&self, s: &[ComplexLanes<T>], sums: &mut [Lanes<T>]) {
         let mut w = [Lanes::ZERO; 2];
-        let factors = self.scales.iter().zip(&self.ratios[1..]).rev();
-        for (((&scale, &ratio), s), sum) in factors.zip(s).zip(sums) {
-            w = sum_of_products([scale, ratio], [s, &w]);
+        let factors = self.scales.iter().zip(&self.losses[1..]).rev();
+        for (((&scale, &loss), s), sum) in factors.zip(s).zip(sums) {
+            w = add(&product(scale, s), &less(loss, &w));
             *sum = sum_of(sum, &w[0]);
         }
     }
@@ -294,14 +308,16 @@ fn product<T: Scalar>([a, b]: [T; 2], [re, im]: &ComplexLanes<T>) -> ComplexLane
     product
 }
 
-/// `factors[0] of[0] + factors[1] of[1]`.
+/// `x - loss x`.
 #[inline(always)]
-fn sum_of_products<T: Scalar>(
-    [first, second]: [[T; 2]; 2],
-    of: [&ComplexLanes<T>; 2],
-) -> ComplexLanes<T> {
-    let ([x_re, x_im], [y_re, y_im]) = (product(first, of[0]), product(second, of[1]));
-    [sum_of(&x_re, &y_re), sum_of(&x_im, &y_im)]
+fn less<T: Scalar>(loss: [T; 2], x: &ComplexLanes<T>) -> ComplexLanes<T> {
+    let [re, im] = product(loss, x);
+    [difference(&x[0], &re), difference(&x[1], &im)]
+}
+
+#[inline(always)]
+fn add<T: Scalar>(x: &ComplexLanes<T>, y: &ComplexLanes<T>) -> ComplexLanes<T> {
+    [sum_of(&x[0], &y[0]), sum_of(&x[1], &y[1])]
 }
 
 #[inline(always)]

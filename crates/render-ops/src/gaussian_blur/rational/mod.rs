@@ -2,19 +2,20 @@
 //!
 //! # Forward
 //! The discrete Gaussian of variance t is `exp(t L / 2)`, L the second difference. With poles z
-//! and residues g of a rational approximation of the exponential (`poles`) and `h = t / 2`, a line
-//! x becomes `y = x + Re sum_j c_j v_j`, where `c_j = 2 g_j h` and `(h L - z_j) v_j = L x`: for each pole
-//! one tridiagonal system. A constant has no second difference and is kept to the last digit.
+//! and residues `z g` of a rational approximation of the exponential (`poles`) and `h = t / 2`, a line x
+//! becomes `y = r x + Re sum_j c_j v_j`, where `(h L - z_j) v_j = x`, `c_j = 2 z_j g_j`,
+//! `r = 1 + 2 Re sum_j g_j`: for each pole one tridiagonal system. From a mirrored line its entry
+//! nearest to zero is taken before and given back after, so that a constant is kept to the last
+//! digit and no entry grows.
 //!
 //! Beyond a mirror border the line goes on mirrored: L repeats its ends. Beyond a zero border the
 //! solution goes on without end and falls off as `v_k = q^k v_0`, with `q + 1/q - 2 = z / h` and
-//! `|q| < 1`, which enters the first and the last equation alone; as the first zero has a second
-//! difference too, a line is longer by one position at either end. So both borders are exact. A
-//! clamp border is left to windows.
+//! `|q| < 1`, which enters the first and the last equation alone. So both borders are exact. A clamp
+//! border is left to windows.
 //!
 //! # Slope
 //! `dy/dsigma` is that of the rational function, not of the exponential: one more system,
-//! `(h L - z_j) w_j = c_j L x' - (2 z_j / sigma) e c_j v_j`, `y' = x' + Re sum_j w_j`, where
+//! `(h L - z_j) w_j = x' - 2 (x + z_j e v_j) / sigma`, `y' = r x' + Re sum_j c_j w_j`, where
 //! `x' = dx/dsigma` and `e = 1`, except at the ends of a line with a zero border: there
 //! `e = 1 / (1 - q^2)`, since q moves with sigma as well.
 //!
@@ -26,9 +27,8 @@
 //! the rows, those of as many rows and channels side by side as make 32.
 //!
 //! # Precision
-//! Elimination passes on steps, not bends, so that the mean of a line is kept (`line`), and one minus a
-//! ratio is not computed from a rounded ratio. In `f32` rounding adds less than 2e-6 of the largest
-//! entry, for any sigma up to 3000.
+//! What elimination passes on is near 1 where sigma is large; what it leaves of 1 is rounded instead.
+//! In `f32` rounding adds less than 2e-6 of the largest entry, for any sigma up to 3000.
 //!
 //! # Source
 //! Lindeberg, *Scale-space for discrete signals*, IEEE PAMI 12(3), 1990: the kernel. Trefethen,
@@ -110,12 +110,6 @@ impl<'a, T: Scalar> Rational<'a, T> {
         self.width.div_ceil(PIXELS)
     }
 
-    /// Of each strip of columns its number, and where on `line` it starts.
-    fn strip_starts(&self, line: &Line<T>) -> impl Iterator<Item = (usize, usize)> {
-        let pad = line.pad;
-        (0..self.strips()).map(move |strip| (strip, pad + strip * PIXELS))
-    }
-
     /// Entries of a strip: of each row the same few pixels.
     fn strip(&self) -> usize {
         self.height * PIXELS * self.channels
@@ -179,14 +173,14 @@ impl<T: Scalar> pulp::WithSimd for Columns<'_, '_, T> {
                 break;
             }
             line.start(block, task);
-            for (y, lanes) in block.lines[line.pad..][..blur.height].iter_mut().enumerate() {
+            for (y, lanes) in block.lines.iter_mut().enumerate() {
                 lanes.put(&image[y * row + start..][..length]);
             }
             line.solve(block, task);
             for y in 0..blur.height {
-                out[y * width + at..][..LANES].copy_from_slice(&block.lines[line.pad + y].0);
+                out[y * width + at..][..LANES].copy_from_slice(&block.lines[y].0);
                 if !slopes.is_empty() {
-                    let from = &block.slopes[line.pad + y].0;
+                    let from = &block.slopes[y].0;
                     slopes[y * width + at..][..LANES].copy_from_slice(from);
                 }
             }
@@ -233,7 +227,8 @@ impl<T: Scalar> Rows<'_, '_, T> {
         for from in (0..channels).step_by(LANES) {
             let count = if C == 0 { LANES.min(channels - from) } else { C };
             line.start(block, task);
-            for (strip, position) in blur.strip_starts(line) {
+            for strip in 0..blur.strips() {
+                let position = strip * PIXELS;
                 let pixels = PIXELS.min(blur.width - strip * PIXELS) * channels;
                 for r in 0..rows {
                     let to = [from, r * count, count];
@@ -251,7 +246,8 @@ impl<T: Scalar> Rows<'_, '_, T> {
                 block.slopes.iter_mut().for_each(|lanes| lanes.0[used..].fill(T::ZERO));
             }
             line.solve(block, task);
-            for (strip, position) in blur.strip_starts(line) {
+            for strip in 0..blur.strips() {
+                let position = strip * PIXELS;
                 let start = strip * PIXELS * channels;
                 let pixels = row.min(start + PIXELS * channels) - start;
                 for r in 0..rows {
