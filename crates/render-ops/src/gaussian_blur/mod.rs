@@ -16,6 +16,22 @@
 //! border: its cost does not depend on sigma. Where a tolerance allows both, the one that takes less
 //! time is chosen, by sigma and the extents of the image: the second from a sigma of 6 or 7 on.
 //!
+//! # Cost and error
+//! Forward, backward to the image and sigma, three channels in `f32`, one thread, in milliseconds of a
+//! processor of 2024 (AVX2, other work beside it; `benches/blur.rs`):
+//!
+//! | pixels | sigma | window, tolerance 1e-4 | systems, 1e-4 | systems, 1e-6 |
+//! |---|---|---|---|---|
+//! | 32 x 32 | 4 | 0.018 | | |
+//! | 1024 x 1024 | 1 | 8.2 | | |
+//! | 1024 x 1024 | 4 | 18 | | |
+//! | 1024 x 1024 | 16 | 58 | 41 | 51 |
+//! | 1024 x 1024 | 64 | | 42 | |
+//!
+//! The share of the weight that a window misses is not the error of its slope: with a tolerance of
+//! 1e-4 the slopes of a wide window are off by 3e-3, in the sum over taps, with 1e-6 by some 5e-5.
+//! Those of the systems are off by 6e-5 and 1e-6, as their orders come in steps.
+//!
 //! # Where it is not smooth
 //! A radius that follows from a tolerance steps with sigma; the jump is below that tolerance. A fit
 //! whose target lies on a step keeps an error of that size, so fix the radius there. The same goes
