@@ -15,8 +15,10 @@ use rayon::ThreadPoolBuilder;
 /// Pixels along a side, sigma, threads.
 type Case = (usize, f32, usize);
 
-const SMALL: [Case; 3] = [(32, 1.0, 1), (32, 4.0, 1), (256, 4.0, 1)];
-const LARGE: [Case; 8] = [
+/// Of these the work is one piece, which stays on the thread that asks for it.
+const SMALL: [Case; 2] = [(32, 1.0, 1), (32, 4.0, 1)];
+const LARGE: [Case; 9] = [
+    (256, 4.0, 1),
     (1024, 1.0, 1),
     (1024, 4.0, 1),
     (1024, 16.0, 1),
@@ -47,7 +49,12 @@ fn steps(bencher: Bencher<'_, '_>, (side, sigma, threads): Case, kernel: Kernel,
         }
         tape.reset();
     };
-    bencher.counter(ItemsCount::new(side * side)).bench_local(|| pool.install(&mut step));
+    let bencher = bencher.counter(ItemsCount::new(side * side));
+    match side {
+        // Entering a pool from outside takes longer than a fifth of the step.
+        ..=32 => bencher.bench_local(step),
+        _ => bencher.bench_local(|| pool.install(&mut step)),
+    }
 }
 
 #[divan::bench(args = SMALL, sample_count = 500)]
