@@ -427,3 +427,26 @@ fn wrong_shapes_are_refused() {
         assert!(error.to_string().starts_with(rule), "{error}");
     }
 }
+
+#[test]
+fn systems_are_solved_where_a_discrete_kernel_is_wide_and_a_tolerance_allows_it() {
+    let wide = Blur { kernel: Kernel::Discrete, ..Blur::default() };
+    let poles = |blur: Blur, sigma, extents| {
+        GaussianBlur { blur }.order(sigma, extents).map_or(0, |order| order.poles.len())
+    };
+    let coarse = Blur { radius: Radius::Tolerance(1e-3), ..wide };
+    assert_eq!(poles(wide, 30.0, [200, 300]), 4);
+    assert_eq!(poles(coarse, 12.0, [20, 19]), 2);
+    assert_eq!(poles(Blur { border: Border::Zero, ..coarse }, 12.0, [20, 19]), 2);
+    for (blur, sigma, extents) in [
+        (wide, 1.0, [200, 300]),
+        (wide, 30.0, [10, 10]),
+        (wide, 1e9, [200, 300]),
+        (Blur { border: Border::Clamp, ..wide }, 30.0, [200, 300]),
+        (Blur { radius: Radius::Fixed(99), ..wide }, 30.0, [200, 300]),
+        (Blur { radius: Radius::Tolerance(1e-14), ..wide }, 30.0, [200, 300]),
+        (Blur { kernel: Kernel::Sampled, ..wide }, 30.0, [200, 300]),
+    ] {
+        assert_eq!(poles(blur, sigma, extents), 0, "{blur:?} {sigma}");
+    }
+}
