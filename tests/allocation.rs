@@ -8,8 +8,8 @@ use bokashi_core::{Tape, Tensor, TensorError, Var};
 use bokashi_fit::scenes::FACES;
 use bokashi_fit::{FitError, squared_error};
 use bokashi_render_ops::{
-    Background, Blur, Mesh, Pose, Size, antialias, gaussian_blur, interpolate, project, rasterize,
-    resolve,
+    Background, Blur, Kernel, Mesh, Pose, Size, antialias, gaussian_blur, interpolate, project,
+    rasterize, resolve,
 };
 use glam::dcamera::rh::proj::opengl::perspective;
 use rayon::ThreadPoolBuilder;
@@ -230,4 +230,26 @@ fn a_steady_step_of_rendering_allocates_nothing() {
 #[test]
 fn a_steady_step_of_rendering_in_many_pieces_allocates_nothing() {
     assert_steady_from_step_3(rendering_steps(300));
+}
+
+#[test]
+fn a_steady_step_of_every_blur_allocates_nothing() {
+    for (kernel, sigma) in
+        [(Kernel::Sampled, 3.0), (Kernel::Discrete, 3.0), (Kernel::Discrete, 40.0)]
+    {
+        let image = Tensor::from_fn([150, 160, 3], |k| (k % 101) as f32);
+        let blur = Blur { kernel, ..Blur::default() };
+        let mut tape = Tape::new();
+        assert_steady_from_step_3(|| {
+            let sum = {
+                let (image, sigma) = (tape.leaf_copied(&image), tape.scalar(sigma));
+                let loss = gaussian_blur(image, sigma, &blur).unwrap().square().sum();
+                let gradients = loss.backward().unwrap();
+                let of = [image, sigma].map(|leaf| gradients.get(leaf).unwrap().data()[0]);
+                loss.item() + of[0] + of[1]
+            };
+            tape.reset();
+            sum
+        });
+    }
 }

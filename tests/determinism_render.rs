@@ -2,8 +2,8 @@
 
 use bokashi_core::{Scalar, Tape, Tensor};
 use bokashi_render_ops::{
-    Background, Blur, Lens, Mesh, Pose, RenderError, Size, antialias, depth, depth_of_field,
-    gaussian_blur, interpolate, project, rasterize, resolve,
+    Background, Blur, Border, Kernel, Lens, Mesh, Pose, RenderError, Size, antialias, depth,
+    depth_of_field, gaussian_blur, interpolate, project, rasterize, resolve,
 };
 use glam::dcamera::rh::proj::opengl::perspective;
 use rayon::ThreadPoolBuilder;
@@ -158,6 +158,37 @@ fn a_second_backward_pass_gives_the_same_bits() {
         [clip, colors, sigma].map(|leaf| gradients.get(leaf).unwrap().clone())
     };
     assert!(pass() == pass());
+}
+
+#[test]
+fn every_blur_gives_the_same_bits_on_any_number_of_threads() {
+    let run = |threads: usize| {
+        let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let mut results = Vec::new();
+        pool.install(|| {
+            for kernel in [Kernel::Seed, Kernel::Sampled, Kernel::Discrete] {
+                for border in [Border::Zero, Border::Mirror, Border::Clamp] {
+                    // The wider one of the discrete kernel is solved for, not summed.
+                    for sigma in [1.1, 30.0] {
+                        let tape = Tape::<f32>::new();
+                        let number = |k: usize| ((k * 7919 + 13) % 1009) as f32 / 1009.0;
+                        let image = tape.leaf(&Tensor::from_fn([170, 155, 3], number));
+                        let sigma = tape.scalar(sigma);
+                        let blur = Blur { kernel, border, ..Blur::default() };
+                        let out = gaussian_blur(image, sigma, &blur).unwrap();
+                        let gradients = out.square().sum().backward().unwrap();
+                        results.push(out.value());
+                        results.extend([image, sigma].map(|leaf| gradients.get_or_zeros(leaf)));
+                    }
+                }
+            }
+        });
+        results
+    };
+    let alone = run(1);
+    for threads in [2, 3, 8] {
+        assert!(run(threads) == alone, "{threads} threads");
+    }
 }
 
 #[test]

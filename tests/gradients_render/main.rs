@@ -366,7 +366,7 @@ fn reach<T: Scalar>(sigma: Var<'_, T>, blur: &Blur) -> Result<usize, RenderError
 fn gaussian_blur_of_an_image_by_a_sigma() {
     // Radii that are smaller and larger than the image, and one by tolerance.
     for radius in [Radius::Fixed(2), Radius::Fixed(12), Radius::Tolerance(1e-4)] {
-        for kernel in [Kernel::Seed, Kernel::Sampled] {
+        for kernel in [Kernel::Seed, Kernel::Sampled, Kernel::Discrete] {
             let borders = select(&[Border::Zero, Border::Mirror, Border::Clamp][..]);
             let cases = (borders, image(), sigma()).prop_map(move |(border, image, sigma)| {
                 // The seed kernel's gain at smaller ones is 1 / sigma^2.
@@ -387,6 +387,23 @@ fn gaussian_blur_of_an_image_by_a_sigma() {
             );
         }
     }
+}
+
+#[test]
+fn gaussian_blur_by_tridiagonal_systems() {
+    // So wide that they take less time than a window.
+    let by = |border, shape: [usize; 3], sigma: f64| {
+        let blur = Blur { kernel: Kernel::Discrete, border, radius: Radius::Tolerance(1e-3) };
+        let image = Input::leaf(Tensor::from_fn(shape, motley));
+        Case::new(GaussianBlur { blur }, [image, leaf([], sigma)])
+    };
+    let borders = select(&[Border::Zero, Border::Mirror][..]);
+    let cases = (borders, 19..=23_usize, 1..=3_usize, 10.2..13.0)
+        .prop_map(move |(border, width, channels, sigma)| by(border, [20, width, channels], sigma));
+    check(
+        Check::of_cases("gaussian_blur by tridiagonal systems", cases)
+            .large(1, Just(by(Border::Mirror, [150, 130, 3], 12.0))),
+    );
 }
 
 /// An image that is blurred in several pieces.

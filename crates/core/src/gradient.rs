@@ -122,6 +122,13 @@ impl<T: Scalar> Accumulator<T> {
         self.add_zipped([entries], |[entry]| entry);
     }
 
+    /// The entries, where nothing has been added yet: whoever takes them writes every one of them.
+    /// `None` where there is a sum to add to.
+    pub fn unwritten(&mut self) -> Option<&mut [T]> {
+        let (sum, fresh) = self.start();
+        fresh.then_some(sum)
+    }
+
     /// The sum so far, zeros at first, for an operation that adds to some entries.
     pub fn entries(&mut self) -> &mut [T] {
         let (sum, fresh) = self.start();
@@ -176,11 +183,15 @@ mod tests {
     #[test]
     fn every_way_to_add_adds_once_to_what_is_there() {
         for (fresh, before) in [(true, 0.0), (false, 10.0)] {
-            let ways: [fn(&mut Accumulator<f64>); 4] = [
+            let ways: [fn(&mut Accumulator<f64>); 5] = [
                 |sum| sum.add_each(|k| 1.0 + k as f64),
                 |sum| sum.add(&[1.0, 2.0]),
                 |sum| sum.add_zipped([&[3.0, 5.0], &[2.0, 3.0]], |[a, b]| a - b),
                 |sum| sum.entries().iter_mut().zip([1.0, 2.0]).for_each(|(s, x)| *s += x),
+                |sum| match sum.unwritten() {
+                    Some(entries) => entries.copy_from_slice(&[1.0, 2.0]),
+                    None => sum.add(&[1.0, 2.0]),
+                },
             ];
             for way in ways {
                 let mut sum = accumulator(fresh);

@@ -46,6 +46,29 @@ fn share_ranges<R: Send>(pieces: usize, work: &(dyn Fn(usize) -> R + Sync)) -> V
     (0..pieces).into_par_iter().map(work).collect()
 }
 
+/// Calls `work(k, piece of a, piece of b)` for the k-th piece of `pieces[0]` entries of `a` and of
+/// `pieces[1]` entries of `b`, for every k; pieces may run at the same time.
+///
+/// # Panics
+/// Unless both are cut into equally many pieces.
+pub fn for_each_two_pieces_mut<A: Send, B: Send>(
+    a: &mut [A],
+    b: &mut [B],
+    pieces: [usize; 2],
+    work: impl Fn(usize, &mut [A], &mut [B]) + Send + Sync,
+) {
+    let [of_a, of_b] = pieces;
+    let count = a.len().div_ceil(of_a);
+    assert_eq!(count, b.len().div_ceil(of_b), "both are cut into equally many pieces");
+    #[cfg(feature = "parallel")]
+    if is_shared(count, 1) {
+        let pairs = a.par_chunks_mut(of_a).zip(b.par_chunks_mut(of_b)).enumerate();
+        return pairs.for_each(|(k, (a, b))| work(k, a, b));
+    }
+    let pairs = a.chunks_mut(of_a).zip(b.chunks_mut(of_b)).enumerate();
+    pairs.for_each(|(k, (a, b))| work(k, a, b));
+}
+
 /// Calls `work(k, item)` on each item; items may run at the same time.
 pub fn for_each_item_mut<T: Send>(items: &mut [T], work: impl Fn(usize, &mut T) + Send + Sync) {
     for_each_piece_mut(items, 1, |k, item| work(k, &mut item[0]));
@@ -115,6 +138,20 @@ mod tests {
             assert_eq!(data, (0..length).collect::<Vec<_>>());
         }
     }
+
+    #[test]
+    fn two_arrays_are_cut_alike() {
+        for length in [0, 1, 9, 10, 11, 100] {
+            let (mut a, mut b) = (vec![0; length], vec![0; length.div_ceil(10)]);
+            for_each_two_pieces_mut(&mut a, &mut b, [10, 1], |k, a, b| {
+                a.fill(k);
+                b[0] = k;
+            });
+            assert!((0..length).all(|i| a[i] == i / 10));
+            assert!(b.iter().enumerate().all(|(k, &b)| b == k));
+        }
+    }
+
     #[test]
     fn zipped_entries_stay_beside_each_other_across_pieces() {
         let length = 2 * ENTRIES_PER_PIECE + 3;

@@ -199,7 +199,7 @@ impl DepthOfField {
 }
 
 /// The windows of pixels, one at a time.
-struct Windows<T> {
+struct Windows<T: Scalar> {
     height: usize,
     width: usize,
     blur: Blur,

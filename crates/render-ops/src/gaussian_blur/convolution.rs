@@ -1,190 +1,420 @@
-//! Convolution of padded lines with a symmetric window.
+//! Convolution of an image with a separable symmetric window: along the columns, then along the
+//! rows, and both with the slopes of the window on the way.
 //!
-//! A picture is `lines` lines of `extent` cells of `cell` entries: for a blur along rows a line is
-//! a row and a cell a pixel; for one along columns the line is the whole picture and a cell a row.
-//! From tap to tap the entries under a window lie one cell apart, so both directions are sums of
-//! shifted slices.
-
-use std::ops::Range;
+//! # Forward
+//! `b = K_x K_y c` and `db/dsigma = K'_x K_y c + K_x K'_y c`, with
+//! `(K c)_i = w_0 c_i + sum_k w_k (c_(i-k) + c_(i+k))` and
+//! `(K' c)_i = s c_i + sum_k w'_k ((c_(i-k) + c_(i+k)) - 2 c_i)`, s the sum of all slopes w': in this
+//! form a constant cancels exactly where s = 0. Taps are added in pairs, and weights and slopes
+//! share what is loaded.
+//!
+//! # Adjoint
+//! `K^T = K` for the zero and the mirror border. For the clamp border what leaves the image is added
+//! to the border pixels: `K^T = K_zero` plus, at the first pixel, `sum_j g_j sum_(k > j) w_k`, and
+//! likewise at the last.
+//!
+//! # Order of work
+//! An image is cut into bands of rows. Of a band, strips of columns are copied, with what the window
+//! sees above and below, to where their rows are neighbours in memory (in the image they lie a
+//! power of two apart, all in the same few places of the cache); blurred along the columns they make
+//! rows, with what the window sees to the left and right, and those the blurred rows. So an image is
+//! read and written once, and what is in between stays in a core's own cache.
 
 use bokashi_core::Scalar;
-use bokashi_core::parallel::{ENTRIES_PER_PIECE, for_each_piece_mut, merge_ranges};
+use bokashi_core::parallel::{for_each_piece_mut, for_each_two_pieces_mut};
 
-use crate::taps::Window;
+use super::scratch::Workbench;
+use crate::border::Border;
+use crate::taps::{Taps, Window};
 
 /// Entries summed at a time: their sums stay in registers while the taps go by.
 const BLOCK: usize = 32;
+/// Entries of a row in a strip of columns: with a window of 60 pixels to either side, a strip of a
+/// band fits a core's first cache.
+const STRIP: usize = 2 * BLOCK;
+/// Entries in a band of rows: 256 kB in `f32`, so that blurred rows and their slopes fit a core's
+/// second cache.
+const BAND: usize = 1 << 16;
 
-/// The geometry of a pass.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Lines {
-    pub(super) lines: usize,
-    pub(super) extent: usize,
-    pub(super) cell: usize,
-    /// Cells of padding at either end of a line.
-    pub(super) pad: usize,
+/// Memory for a band.
+#[derive(Debug)]
+pub(super) struct Band<T> {
+    /// A strip of columns.
+    strip: Vec<T>,
+    /// The rows, blurred along the columns, and what slopes along the columns make of them.
+    rows: Vec<T>,
+    slopes: Vec<T>,
 }
 
-impl Lines {
-    /// `out_i = w_0 p_i + sum_k w_k (p_(i-k) + p_(i+k))` over padded lines p.
-    pub(super) fn convolve<T: Scalar>(&self, padded: &[T], weights: &[T], out: &mut [T]) {
-        let windows = Windows { lines: *self, padded, own: weights[0], weights: &weights[1..] };
-        let pair = |left, _, right| left + right;
-        for_each_piece_mut(out, ENTRIES_PER_PIECE, |piece, out| {
-            let first = piece * ENTRIES_PER_PIECE;
-            windows.for_each_sum(first..first + out.len(), pair, |at, sums| {
-                out[at - first..][..sums.len()].copy_from_slice(sums);
+impl<T> Default for Band<T> {
+    fn default() -> Self {
+        Self { strip: Vec::new(), rows: Vec::new(), slopes: Vec::new() }
+    }
+}
+
+impl<T> Band<T> {
+    /// How many entries there is memory for.
+    pub(super) fn len(&self) -> usize {
+        self.strip.len() + self.rows.len() + self.slopes.len()
+    }
+}
+
+/// A convolution of images of one shape.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Convolution<'a, T: Scalar> {
+    height: usize,
+    /// Pixels in a row.
+    width: usize,
+    channels: usize,
+    border: Border,
+    along_rows: &'a Taps<T>,
+    along_columns: &'a Taps<T>,
+    /// Weights that the adjoint of a clamp border adds up at the border, by distance from it.
+    overhangs: Option<[&'a [T]; 2]>,
+}
+
+impl<'a, T: Scalar> Convolution<'a, T> {
+    /// The convolution with the windows `[along_rows, along_columns]` of images `[H, W, C]`.
+    pub(super) fn new(shape: &[usize], border: Border, taps: &'a [Taps<T>; 2]) -> Self {
+        let &[height, width, channels] = shape else { unreachable!("an image has three axes") };
+        let [along_rows, along_columns] = taps;
+        Self { height, width, channels, border, along_rows, along_columns, overhangs: None }
+    }
+
+    /// Its adjoint.
+    pub(super) fn adjoint(self) -> Self {
+        match self.border {
+            Border::Clamp => {
+                let overhangs = Some([&self.along_rows.tails[..], &self.along_columns.tails]);
+                Self { border: Border::Zero, overhangs, ..self }
+            }
+            Border::Zero | Border::Mirror => self,
+        }
+    }
+
+    /// `out = K image`, and `slope = dK/dsigma image`, unless it is empty.
+    pub(super) fn apply(
+        &self,
+        image: &[T],
+        bench: &Workbench<Band<T>>,
+        out: &mut [T],
+        slope: &mut [T],
+    ) {
+        let piece = self.rows_per_band() * self.row();
+        if slope.is_empty() {
+            return for_each_piece_mut(out, piece, |band, out| {
+                bench.with(|memory| self.band(image, band, memory, out, &mut []));
             });
+        }
+        for_each_two_pieces_mut(out, slope, [piece; 2], |band, out, slope| {
+            bench.with(|memory| self.band(image, band, memory, out, slope));
         });
     }
 
-    /// `sum_i g_i (s p_i + sum_k w'_k ((p_(i-k) - p_i) + (p_(i+k) - p_i)))`, with s the sum of all
-    /// slopes w': the derivative of the convolution with respect to sigma, against g. In this form
-    /// a constant cancels exactly where s = 0.
-    pub(super) fn slope_product<T: Scalar>(
-        &self,
-        padded: &[T],
-        window: &Window<'_, T>,
-        g: &[T],
-    ) -> T::Wide {
-        let weights = &window.slopes[1..];
-        let windows = Windows { lines: *self, padded, own: window.slope_sum, weights };
-        let pair = |left, center, right| (left - center) + (right - center);
-        let work = |range: Range<usize>| {
-            let mut total = T::Wide::ZERO;
-            windows.for_each_sum(range, pair, |at, sums| {
-                for (sum, g) in sums.iter().zip(&g[at..]) {
-                    total += sum.widen() * g.widen();
-                }
-            });
-            total
-        };
-        let mut total = T::Wide::ZERO;
-        merge_ranges(g.len(), ENTRIES_PER_PIECE, work, |piece| total += piece);
-        total
-    }
-}
-
-/// Windows of one set of weights over padded lines.
-struct Windows<'a, T> {
-    lines: Lines,
-    padded: &'a [T],
-    /// The weight of the centre.
-    own: T,
-    /// The weights of the pairs at distance 1 and on.
-    weights: &'a [T],
-}
-
-impl<T: Scalar> Windows<'_, T> {
-    /// Calls `visit(i, sums)` with runs of `own p_i + sum_k weights_k pair(p_(i-k), p_i, p_(i+k))`
-    /// until all outputs i in `range` are covered.
-    fn for_each_sum(
-        &self,
-        range: Range<usize>,
-        pair: impl Fn(T, T, T) -> T + Copy,
-        mut visit: impl FnMut(usize, &[T]),
-    ) {
-        let Lines { extent, cell, pad, .. } = self.lines;
-        let line_length = extent * cell;
-        let mut at = range.start;
-        while at < range.end {
-            let line = at / line_length;
-            let end = range.end.min((line + 1) * line_length);
-            let offset = (2 * line + 1) * pad * cell;
-            // A length known to the compiler lets it keep the sums in registers.
-            while at + BLOCK <= end {
-                visit(at, &self.sums::<BLOCK>(at + offset, pair));
-                at += BLOCK;
-            }
-            while at + 4 <= end {
-                visit(at, &self.sums::<4>(at + offset, pair));
-                at += 4;
-            }
-            while at < end {
-                visit(at, &self.sums::<1>(at + offset, pair));
-                at += 1;
-            }
-        }
+    /// Entries in a row of pixels.
+    fn row(&self) -> usize {
+        self.width * self.channels
     }
 
-    /// The sums of N neighbouring windows, the first one centred at `start` of the padded lines.
+    fn rows_per_band(&self) -> usize {
+        (BAND / self.row()).max(1)
+    }
+
+    /// The rows `out` of a band, and, unless it is empty, their slopes.
+    fn band(&self, image: &[T], band: usize, memory: &mut Band<T>, out: &mut [T], slope: &mut [T]) {
+        let first = band * self.rows_per_band();
+        pulp::Arch::new().dispatch(BandWork {
+            convolution: self,
+            image,
+            first,
+            memory,
+            out,
+            slope,
+        });
+    }
+
+    /// Entries between the starts of two rows in a band's memory: with what the window sees at
+    /// either end, and up to a whole block.
     #[inline(always)]
-    fn sums<const N: usize>(&self, start: usize, pair: impl Fn(T, T, T) -> T) -> [T; N] {
-        let entries = |start: usize| -> &[T; N] {
-            self.padded[start..start + N].try_into().expect("the range has N entries")
-        };
-        let center = entries(start);
-        let mut sums = center.map(|entry| self.own * entry);
-        let mut offset = 0;
-        for &weight in self.weights {
-            offset += self.lines.cell;
-            let (left, right) = (entries(start - offset), entries(start + offset));
-            for i in 0..N {
-                sums[i] += weight * pair(left[i], center[i], right[i]);
+    fn stride(&self) -> usize {
+        self.row().next_multiple_of(BLOCK) + 2 * self.overlap()
+    }
+
+    /// Entries that the window along the rows sees beyond either end of a row.
+    #[inline(always)]
+    fn overlap(&self) -> usize {
+        self.border.reach(self.along_rows.radius(), self.width) * self.channels
+    }
+
+    /// Blurs `rows` rows of the image from row `first` on along its columns.
+    #[inline(always)]
+    fn blur_columns(
+        &self,
+        image: &[T],
+        first: usize,
+        rows: usize,
+        memory: &mut Band<T>,
+        with_slope: bool,
+    ) {
+        let Band { strip, rows: blurred, slopes } = memory;
+        let (row, stride, overlap) = (self.row(), self.stride(), self.overlap());
+        let reach = self.border.reach(self.along_columns.radius(), self.height);
+        let weights = &self.along_columns.weights[..=reach];
+        let window = self.along_columns.window(reach);
+        blurred.resize(rows * stride, T::ZERO);
+        if with_slope {
+            slopes.resize(rows * stride, T::ZERO);
+        }
+        for start in (0..row).step_by(STRIP) {
+            let end = row.min(start + STRIP);
+            let width = (end - start).next_multiple_of(BLOCK);
+            let strip = aligned(strip, (rows + 2 * reach) * width);
+            for (k, to) in strip.chunks_exact_mut(width).enumerate() {
+                let position = (first + k) as isize - reach as isize;
+                match self.border.source(position, self.height) {
+                    Some(y) => to[..end - start].copy_from_slice(&image[y * row..][start..end]),
+                    None => to.fill(T::ZERO),
+                }
+            }
+            for k in 0..rows {
+                let to = k * stride + overlap + start;
+                for at in (0..width).step_by(BLOCK) {
+                    let center = (k + reach) * width + at;
+                    if with_slope {
+                        let [sums, by_sigma] = window_sums(strip, center, width, weights, &window);
+                        *block_mut(blurred, to + at) = sums;
+                        *block_mut(slopes, to + at) = by_sigma;
+                    } else {
+                        let sums = window_sum(strip, center, width, weights);
+                        *block_mut(blurred, to + at) = sums;
+                    }
+                }
             }
         }
-        sums
+        if let Some([_, tails]) = self.overhangs {
+            self.add_overhang_of_columns(image, first, tails, memory);
+        }
+        for k in 0..rows {
+            self.extend(&mut memory.rows[k * stride..][..stride]);
+            if with_slope {
+                self.extend(&mut memory.slopes[k * stride..][..stride]);
+            }
+        }
+    }
+
+    /// Writes to a row in memory what the window sees beyond its ends.
+    #[inline(always)]
+    fn extend(&self, line: &mut [T]) {
+        match self.channels {
+            1 => self.extend_pixels::<1>(line),
+            3 => self.extend_pixels::<3>(line),
+            4 => self.extend_pixels::<4>(line),
+            _ => self.extend_pixels::<0>(line),
+        }
+    }
+
+    /// The same for pixels of `C` channels; 0 stands for any number.
+    #[inline(always)]
+    fn extend_pixels<const C: usize>(&self, line: &mut [T]) {
+        let channels = if C == 0 { self.channels } else { C };
+        let (before, rest) = line.split_at_mut(self.overlap());
+        let (row, after) = rest.split_at_mut(self.row());
+        let after = &mut after[..before.len()];
+        // A window that sees more than the whole row has been folded: one reflection is enough.
+        let (before, after) =
+            (before.rchunks_exact_mut(channels), after.chunks_exact_mut(channels));
+        match self.border {
+            Border::Zero => before.chain(after).for_each(|pixel| pixel.fill(T::ZERO)),
+            Border::Mirror => {
+                for (to, from) in before.zip(row.chunks_exact(channels)) {
+                    copy(from, to);
+                }
+                for (to, from) in after.zip(row.rchunks_exact(channels)) {
+                    copy(from, to);
+                }
+            }
+            Border::Clamp => {
+                before.for_each(|pixel| copy(&row[..channels], pixel));
+                after.for_each(|pixel| copy(&row[row.len() - channels..], pixel));
+            }
+        }
+    }
+
+    /// Blurs the rows in memory along themselves.
+    #[inline(always)]
+    fn blur_rows(&self, memory: &Band<T>, out: &mut [T], slope: &mut [T]) {
+        let (row, stride, overlap) = (self.row(), self.stride(), self.overlap());
+        let reach = overlap / self.channels;
+        let weights = &self.along_rows.weights[..=reach];
+        let window = self.along_rows.window(reach);
+        for k in 0..out.len() / row {
+            for at in (0..row).step_by(BLOCK) {
+                let center = k * stride + overlap + at;
+                let range = k * row + at..k * row + row.min(at + BLOCK);
+                if slope.is_empty() {
+                    let sums = window_sum(&memory.rows, center, self.channels, weights);
+                    put(&mut out[range], &sums);
+                } else {
+                    let [sums, mut by_sigma] =
+                        window_sums(&memory.rows, center, self.channels, weights, &window);
+                    let rest = window_sum(&memory.slopes, center, self.channels, weights);
+                    for i in 0..BLOCK {
+                        by_sigma[i] += rest[i];
+                    }
+                    put(&mut out[range.clone()], &sums);
+                    put(&mut slope[range], &by_sigma);
+                }
+            }
+            if let Some([tails, _]) = self.overhangs {
+                let line = &memory.rows[k * stride + overlap..][..row];
+                let out = &mut out[k * row..][..row];
+                for (x, &tail) in tails.iter().enumerate().take(self.width) {
+                    for c in 0..self.channels {
+                        out[c] += tail * line[x * self.channels + c];
+                        out[row - self.channels + c] +=
+                            tail * line[row - (x + 1) * self.channels + c];
+                    }
+                }
+            }
+        }
+    }
+
+    /// Adds to the rows of a band that lie at the border what the adjoint of a clamp puts there.
+    fn add_overhang_of_columns(
+        &self,
+        image: &[T],
+        first: usize,
+        tails: &[T],
+        memory: &mut Band<T>,
+    ) {
+        let (row, stride, overlap) = (self.row(), self.stride(), self.overlap());
+        let rows = memory.rows.len() / stride;
+        for border in [0, self.height - 1] {
+            if !(first..first + rows).contains(&border) {
+                continue;
+            }
+            let to = &mut memory.rows[(border - first) * stride + overlap..][..row];
+            for (j, &tail) in tails.iter().enumerate().take(self.height) {
+                let from = &image[border.abs_diff(j) * row..][..row];
+                for (to, &from) in to.iter_mut().zip(from) {
+                    *to += tail * from;
+                }
+            }
+        }
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Lengths below, at and above the block size, one line and several.
-    const LINES: [Lines; 3] = [
-        Lines { lines: 3, extent: 5, cell: 2, pad: 2 },
-        Lines { lines: 2, extent: 16, cell: 2, pad: 2 },
-        Lines { lines: 1, extent: 4, cell: 37, pad: 2 },
-    ];
-
-    fn numbers(count: usize) -> Vec<f64> {
-        (0..count).map(|k| ((k * 7919) % 101) as f64 / 101.0 - 0.3).collect()
+/// The first `length` entries of `memory` that start on a line of the cache: of a block that lies
+/// across two lines both are read.
+#[inline(always)]
+fn aligned<T: Scalar>(memory: &mut Vec<T>, length: usize) -> &mut [T] {
+    const LINE: usize = 64;
+    if memory.len() < length + LINE {
+        memory.resize(length + LINE, T::ZERO);
     }
+    let start = memory.as_ptr().align_offset(LINE).min(LINE);
+    &mut memory[start..start + length]
+}
 
-    fn padded_size(lines: Lines) -> usize {
-        lines.lines * (lines.extent + 2 * lines.pad) * lines.cell
+#[inline(always)]
+fn block<T>(entries: &[T], start: usize) -> &[T; BLOCK] {
+    entries[start..start + BLOCK].try_into().expect("the range is a block")
+}
+
+#[inline(always)]
+fn block_mut<T>(entries: &mut [T], start: usize) -> &mut [T; BLOCK] {
+    (&mut entries[start..start + BLOCK]).try_into().expect("the range is a block")
+}
+
+/// Copies a few entries.
+#[inline(always)]
+fn copy<T: Copy>(from: &[T], to: &mut [T]) {
+    for (to, &from) in to.iter_mut().zip(from) {
+        *to = from;
     }
+}
 
-    /// The entry of padded line `line`, cell `cell` (negative in the padding), at `offset` in it.
-    fn entry(padded: &[f64], lines: Lines, line: usize, cell: isize, offset: usize) -> f64 {
-        let cell = (cell + lines.pad as isize) as usize;
-        padded[(line * (lines.extent + 2 * lines.pad) + cell) * lines.cell + offset]
+/// Writes as much of a block as there is room for.
+#[inline(always)]
+fn put<T: Copy>(to: &mut [T], block: &[T; BLOCK]) {
+    match to.first_chunk_mut::<BLOCK>() {
+        Some(to) => *to = *block,
+        None => to.copy_from_slice(&block[..to.len()]),
     }
+}
 
-    #[test]
-    fn every_output_is_the_weighted_sum_of_its_window() {
-        for lines in LINES {
-            let padded = numbers(padded_size(lines));
-            let mut out = vec![0.0; lines.lines * lines.extent * lines.cell];
-            lines.convolve(&padded, &[0.5, 0.25, -0.125], &mut out);
-            for (at, &value) in out.iter().enumerate() {
-                let (line, rest) =
-                    (at / (lines.extent * lines.cell), at % (lines.extent * lines.cell));
-                let (cell, offset) = ((rest / lines.cell) as isize, rest % lines.cell);
-                let p = |k: isize| entry(&padded, lines, line, cell + k, offset);
-                let expected = 0.5 * p(0) + 0.25 * (p(-1) + p(1)) - 0.125 * (p(-2) + p(2));
-                approx::assert_relative_eq!(value, expected, epsilon = 1e-15);
-            }
+/// `w_0 p_i + sum_k w_k (p_(i-k) + p_(i+k))` for a block of centres i that starts at `center`; from
+/// tap to tap the entries p lie `step` apart.
+#[inline(always)]
+fn window_sum<T: Scalar>(entries: &[T], center: usize, step: usize, weights: &[T]) -> [T; BLOCK] {
+    let own = block(entries, center);
+    let mut sums = [T::ZERO; BLOCK];
+    for i in 0..BLOCK {
+        sums[i] = weights[0] * own[i];
+    }
+    let mut offset = 0;
+    for &weight in &weights[1..] {
+        offset += step;
+        let (left, right) = (block(entries, center - offset), block(entries, center + offset));
+        for i in 0..BLOCK {
+            sums[i] += weight * (left[i] + right[i]);
         }
     }
+    sums
+}
 
-    #[test]
-    fn the_slope_product_is_linear_in_the_slopes_and_ignores_constants() {
-        for lines in LINES {
-            let mut padded = numbers(padded_size(lines));
-            let g = numbers(lines.lines * lines.extent * lines.cell);
-            let slopes = [f64::NAN, 0.75, -0.5];
-            let window = Window { slopes: &slopes, slope_sum: 0.0 };
-            let product = lines.slope_product(&padded, &window, &g);
-            // The same through a convolution: w'_0 is minus the sum of all others.
-            let mut blurred = vec![0.0; g.len()];
-            lines.convolve(&padded, &[-0.5, 0.75, -0.5], &mut blurred);
-            let expected: f64 = blurred.iter().zip(&g).map(|(b, g)| b * g).sum();
-            approx::assert_relative_eq!(product, expected, max_relative = 1e-12);
-
-            padded.fill(0.1);
-            assert_eq!(lines.slope_product(&padded, &window, &g), 0.0);
+/// The same, and `s p_i + sum_k w'_k ((p_(i-k) + p_(i+k)) - 2 p_i)`.
+#[inline(always)]
+fn window_sums<T: Scalar>(
+    entries: &[T],
+    center: usize,
+    step: usize,
+    weights: &[T],
+    window: &Window<'_, T>,
+) -> [[T; BLOCK]; 2] {
+    let own = block(entries, center);
+    let (mut sums, mut slopes, mut twice) = ([T::ZERO; BLOCK], [T::ZERO; BLOCK], [T::ZERO; BLOCK]);
+    for i in 0..BLOCK {
+        sums[i] = weights[0] * own[i];
+        slopes[i] = window.slope_sum * own[i];
+        twice[i] = own[i] + own[i];
+    }
+    let mut offset = 0;
+    for (&weight, &slope) in weights[1..].iter().zip(&window.slopes[1..]) {
+        offset += step;
+        let (left, right) = (block(entries, center - offset), block(entries, center + offset));
+        for i in 0..BLOCK {
+            let pair = left[i] + right[i];
+            sums[i] += weight * pair;
+            slopes[i] += slope * (pair - twice[i]);
         }
+    }
+    [sums, slopes]
+}
+
+/// A band's work, compiled for the vectors that the processor has.
+struct BandWork<'a, T: Scalar> {
+    convolution: &'a Convolution<'a, T>,
+    image: &'a [T],
+    first: usize,
+    memory: &'a mut Band<T>,
+    out: &'a mut [T],
+    slope: &'a mut [T],
+}
+
+impl<T: Scalar> pulp::WithSimd for BandWork<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let Self { convolution, image, first, memory, out, slope } = self;
+        convolution.blur_columns(
+            image,
+            first,
+            out.len() / convolution.row(),
+            memory,
+            !slope.is_empty(),
+        );
+        convolution.blur_rows(memory, out, slope);
     }
 }

@@ -3,9 +3,8 @@
 use bokashi_core::{Tape, Tensor};
 
 use super::*;
-use crate::taps::Radius;
 
-const KERNELS: [Kernel; 2] = [Kernel::Seed, Kernel::Sampled];
+const KERNELS: [Kernel; 3] = [Kernel::Seed, Kernel::Sampled, Kernel::Discrete];
 const BORDERS: [Border; 3] = [Border::Zero, Border::Mirror, Border::Clamp];
 /// Smaller than the window and larger, along one axis and both; more entries than a block.
 const SHAPES: [[usize; 3]; 6] =
@@ -27,7 +26,7 @@ fn for_each_case(mut check: impl FnMut(Blur, [usize; 3])) {
     }
 }
 
-fn numbers<T: Scalar>(shape: [usize; 3], seed: usize) -> Tensor<T> {
+pub(super) fn numbers<T: Scalar>(shape: [usize; 3], seed: usize) -> Tensor<T> {
     Tensor::from_fn(shape, |k| {
         T::from_f64(((k * 7919 + seed * 104_729) % 1009) as f64 / 1009.0 - 0.4)
     })
@@ -53,7 +52,7 @@ fn gradients<T: Scalar>(
     (gradients.get(image).unwrap().clone(), gradients.get(sigma).unwrap().item().to_f64())
 }
 
-fn dot<T: Scalar>(x: &Tensor<T>, y: &Tensor<T>) -> f64 {
+pub(super) fn dot<T: Scalar>(x: &Tensor<T>, y: &Tensor<T>) -> f64 {
     x.data().iter().zip(y.data()).map(|(x, y)| x.to_f64() * y.to_f64()).sum()
 }
 
@@ -65,13 +64,27 @@ fn assert_close<T: Scalar>(found: &Tensor<T>, expected: &Tensor<f64>, tolerance:
     }
 }
 
+/// `exp(-t) I_k(t)` by its power series, for small t.
+pub(super) fn bessel(k: usize, t: f64) -> f64 {
+    let mut term = (1..=k).fold((-t).exp(), |term, m| term * 0.5 * t / m as f64);
+    let mut sum = 0.0;
+    for m in 1..200 {
+        sum += term;
+        term *= 0.25 * t * t / (m * (m + k)) as f64;
+    }
+    sum
+}
+
 /// The blurred entry at `[row, column, channel]`, by the definition as a double sum.
 fn double_sum(image: &Tensor<f64>, at: [usize; 3], sigma: f64, radius: isize, blur: &Blur) -> f64 {
     let &[height, width, channels] = &**image.shape() else { panic!("an image has three axes") };
-    let shape = |k: isize| (-0.5 * (k as f64 / sigma).powi(2)).exp();
+    let shape = |k: isize| match blur.kernel {
+        Kernel::Discrete => bessel(k.unsigned_abs(), sigma * sigma),
+        _ => (-0.5 * (k as f64 / sigma).powi(2)).exp(),
+    };
     let total = match blur.kernel {
         Kernel::Seed => sigma * std::f64::consts::TAU.sqrt(),
-        Kernel::Sampled => (-radius..=radius).map(shape).sum(),
+        Kernel::Sampled | Kernel::Discrete => (-radius..=radius).map(shape).sum(),
     };
     let source = |at: isize, extent: usize| -> Option<usize> {
         let last = extent as isize - 1;
@@ -111,7 +124,7 @@ fn every_pixel_is_the_double_sum_over_its_window() {
             let [_, width, channels] = shape;
             let expected = Tensor::from_fn(shape, |k| {
                 let at = [k / (width * channels), k / channels % width, k % channels];
-                double_sum(&image, at, sigma, radius.min(14) as isize, &blur)
+                double_sum(&image, at, sigma, radius.min(20) as isize, &blur)
             });
             assert_close(&blurred(&image, sigma, &blur), &expected, 1e-14);
             assert_close(&blurred(&image.cast::<f32>(), sigma, &blur), &expected, 1e-5);
@@ -412,5 +425,28 @@ fn wrong_shapes_are_refused() {
             gaussian_blur(tape.leaf(&Tensor::zeros(shape)), sigma, &Blur::default()).unwrap_err();
         let rule = "gaussian_blur needs an image of shape [H, W, C] with at least one entry, got";
         assert!(error.to_string().starts_with(rule), "{error}");
+    }
+}
+
+#[test]
+fn systems_are_solved_where_a_discrete_kernel_is_wide_and_a_tolerance_allows_it() {
+    let wide = Blur { kernel: Kernel::Discrete, ..Blur::default() };
+    let poles = |blur: Blur, sigma, extents| {
+        GaussianBlur { blur }.order(sigma, extents).map_or(0, |order| order.poles.len())
+    };
+    let coarse = Blur { radius: Radius::Tolerance(1e-3), ..wide };
+    assert_eq!(poles(wide, 30.0, [200, 300]), 4);
+    assert_eq!(poles(coarse, 12.0, [20, 19]), 2);
+    assert_eq!(poles(Blur { border: Border::Zero, ..coarse }, 12.0, [20, 19]), 2);
+    for (blur, sigma, extents) in [
+        (wide, 1.0, [200, 300]),
+        (wide, 30.0, [10, 10]),
+        (wide, 1e9, [200, 300]),
+        (Blur { border: Border::Clamp, ..wide }, 30.0, [200, 300]),
+        (Blur { radius: Radius::Fixed(99), ..wide }, 30.0, [200, 300]),
+        (Blur { radius: Radius::Tolerance(1e-14), ..wide }, 30.0, [200, 300]),
+        (Blur { kernel: Kernel::Sampled, ..wide }, 30.0, [200, 300]),
+    ] {
+        assert_eq!(poles(blur, sigma, extents), 0, "{blur:?} {sigma}");
     }
 }

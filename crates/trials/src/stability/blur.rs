@@ -7,7 +7,9 @@ use super::row::{Failure, Found, Outcome, told};
 use super::scene::{difference, largest, motley, numbers, rounding};
 
 const SHAPE: [usize; 3] = [5, 7, 2];
-const KERNELS: [Kernel; 2] = [Kernel::Seed, Kernel::Sampled];
+const KERNELS: [Kernel; 3] = [Kernel::Seed, Kernel::Sampled, Kernel::Discrete];
+/// Those with a sum of 1.
+const NORMALIZED: [Kernel; 2] = [Kernel::Sampled, Kernel::Discrete];
 const BORDERS: [Border; 3] = [Border::Zero, Border::Mirror, Border::Clamp];
 
 /// The blurred image, and the gradients of `sum u . image` with respect to the image and sigma.
@@ -45,9 +47,9 @@ pub(super) fn sigma_zero<T: Scalar>() -> Outcome {
     let expected: Vec<_> = (0..70).map(motley_in::<T>).collect();
     let upstream: Vec<_> = (0..70).map(|k| motley_in::<T>(5 * k + 2)).collect();
     let mut error = 0.0_f64;
-    for border in BORDERS {
+    for (kernel, border) in NORMALIZED.into_iter().flat_map(|k| BORDERS.map(|b| (k, b))) {
         for zero in [0.0, -0.0] {
-            let blur = Blur { border, ..Blur::default() };
+            let blur = Blur { kernel, border, ..Blur::default() };
             let found = blurred::<T>(SHAPE, motley, zero, &blur)?;
             error = error
                 .greater(difference(&found.image, &expected))
@@ -75,7 +77,7 @@ pub(super) fn negative_or_nan_sigma<T: Scalar>() -> Outcome {
     for kernel in KERNELS {
         let rule = match kernel {
             Kernel::Seed => "gaussian_blur needs a finite and positive sigma for the seed kernel",
-            Kernel::Sampled => "gaussian_blur needs a finite sigma of at least 0",
+            _ => "gaussian_blur needs a finite sigma of at least 0",
         };
         for sigma in [-1.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
             for radius in [Radius::Fixed(2), Radius::Tolerance(1e-6)] {
@@ -196,9 +198,10 @@ pub(super) fn tiny_variance<T: Scalar>() -> Outcome {
 pub(super) fn constant_image<T: Scalar>() -> Outcome {
     let value = T::from_f64(0.7).to_f64();
     let (mut error, mut slope) = (0.0_f64, 0.0_f64);
-    for border in [Border::Mirror, Border::Clamp] {
+    let borders = [Border::Mirror, Border::Clamp];
+    for (kernel, border) in NORMALIZED.into_iter().flat_map(|k| borders.map(|b| (k, b))) {
         for sigma in [1e-6, 0.3, 2.0, 50.0, 1e5] {
-            let blur = Blur { border, ..Blur::default() };
+            let blur = Blur { kernel, border, ..Blur::default() };
             let found = blurred::<T>(SHAPE, |_| 0.7, sigma, &blur)?;
             error = error.greater(largest(found.image.iter().map(|entry| entry - value)));
             slope = slope.greater(found.sigma_bar.abs());

@@ -7,7 +7,9 @@
 //! | seed | `g_k / (sqrt(2 pi) sigma)` | `w_k (k^2 / sigma^2 - 1) / sigma` |
 //! | sampled | `g_k / sum g` | `w_k (k^2 - m_2) / sigma^3`, `m_2 = sum w_k k^2` |
 //!
-//! The sampled weights sum to 1, their derivatives to 0.
+//! | discrete | `exp(-t) I_k(t)`, `t = sigma^2` | `sigma (w_(k-1) - 2 w_k + w_(k+1))` |
+//!
+//! The sampled weights sum to 1, their derivatives to 0; so do the discrete ones (`discrete`).
 //!
 //! # Windows wider than a line
 //! A line of n pixels with a mirror border repeats with period 2n, and beyond a clamp border all
@@ -15,13 +17,12 @@
 //! farther than n: `u_k = w_k + w_(2n - k) + w_(2n + k) + ...` for a mirror, `u_n` half of the sum
 //! for k = n, which stands at either end; `u_n = sum_(k >= n) w_k` for a clamp.
 //!
-//! # Endless windows
-//! Where a tolerance asks for more than 16384 taps, the window misses nothing. So wide a Gaussian
-//! has the sum `sqrt(2 pi) sigma` to all digits, which makes the two kernels one, and a sum over
-//! its taps in steps of 2n is, by Poisson's formula, `u_k = (1 + 2 sum_m e_m cos(pi m k / n)) / 2n`
-//! with `e_m = exp(-(pi m sigma / n)^2 / 2)`; `de_m/dsigma = -(pi m / n)^2 sigma e_m`.
+//! Where a tolerance asks for more than 16384 taps, the window misses nothing (`endless`).
 
-use std::f64::consts::PI;
+mod discrete;
+mod endless;
+#[cfg(test)]
+mod tests;
 
 use bokashi_core::Scalar;
 
@@ -38,6 +39,11 @@ pub enum Kernel {
     /// identity. Below sigma 0.2 hardly anything moves with sigma.
     #[default]
     Sampled,
+    /// The Gaussian of a world that is made of pixels: what diffusion from pixel to pixel makes of an
+    /// impulse. Its variance is sigma squared exactly and its sum 1; two blurs in a row are one of the
+    /// summed variance; sigma 0 is the identity, and moves as soon as sigma does. With a
+    /// tolerance, a blur that is wide takes no longer than one that is not.
+    Discrete,
 }
 
 /// How far a window reaches.
@@ -47,7 +53,8 @@ pub enum Radius {
     Fixed(usize),
     /// As far as it must for the window to miss at most this share of an endless window's weight,
     /// per axis. Where that is beyond 16384 pixels, which takes a sigma of some thousand, the window
-    /// is endless, and misses nothing.
+    /// is endless, and misses nothing. A wide blur with discrete weights may differ by that share
+    /// everywhere, instead of far out.
     Tolerance(f64),
 }
 
@@ -76,16 +83,20 @@ const NEGLIGIBLE: f64 = 1e-18;
 
 /// The largest number of taps on one side that are added up, in pixels: farther ones belong to an
 /// endless window, for which there is a formula.
-const LARGEST_RADIUS: usize = 1 << 14;
+pub(crate) const LARGEST_RADIUS: usize = 1 << 14;
 
 /// Half of a symmetric window: index 0 is the centre.
 #[derive(Debug, Default, Clone)]
-pub(crate) struct Taps<T> {
+pub(crate) struct Taps<T: Scalar> {
     pub(crate) weights: Vec<T>,
     /// The derivatives of the weights with respect to sigma.
     pub(crate) slopes: Vec<T>,
     /// The sum of all derivatives: exactly 0 where the weights are normalized.
     pub(crate) slope_sum: T,
+    /// The sum of the weights beyond each tap on its side.
+    pub(crate) tails: Vec<T>,
+    /// Memory: weights of an endless window.
+    wide: Vec<T::Wide>,
 }
 
 impl<T: Scalar> Taps<T> {
@@ -111,8 +122,11 @@ impl<T: Scalar> Taps<T> {
             }
         } else {
             for (taps, extent) in taps.iter_mut().zip(extents) {
-                taps.fill_endless(sigma, blur.border, extent);
+                taps.fill_endless(sigma, blur, extent);
             }
+        }
+        if blur.border == Border::Clamp {
+            taps.iter_mut().for_each(Self::fill_tails);
         }
         Ok(())
     }
@@ -123,10 +137,13 @@ impl<T: Scalar> Taps<T> {
         if !(sigma > T::ZERO && sigma.is_finite()) {
             return Err(bad_sigma(match blur.kernel {
                 Kernel::Seed => "a finite and positive sigma for the seed kernel",
-                Kernel::Sampled => "a finite sigma of at least 0",
+                Kernel::Sampled | Kernel::Discrete => "a finite sigma of at least 0",
             }));
         }
         let sigma = sigma.widen();
+        if blur.kernel == Kernel::Discrete {
+            return Ok(self.fill_discrete(sigma, blur.radius));
+        }
         let shape = |k: usize| {
             let t = T::Wide::from_f64(k as f64) / sigma;
             (-(t * t) * T::Wide::from_f64(0.5)).exp()
@@ -145,7 +162,7 @@ impl<T: Scalar> Taps<T> {
         let square = |k: usize| T::Wide::from_f64((k * k) as f64);
         let total: T::Wide = match blur.kernel {
             Kernel::Sampled => (0..=radius).map(|k| count(k) * shape(k)).sum(),
-            Kernel::Seed => T::Wide::from_f64(f64::sqrt(2.0 * std::f64::consts::PI)) * sigma,
+            _ => T::Wide::from_f64(f64::sqrt(2.0 * std::f64::consts::PI)) * sigma,
         };
         let weight = |k: usize| shape(k) / total;
         self.weights.clear();
@@ -163,7 +180,7 @@ impl<T: Scalar> Taps<T> {
                 self.slopes.extend((0..=radius).map(|k| T::narrow(slope(k))));
                 self.slope_sum = T::ZERO;
             }
-            Kernel::Seed => {
+            _ => {
                 let slope = |k: usize| {
                     let t = T::Wide::from_f64(k as f64) / sigma;
                     weight(k) * (t * t - T::Wide::ONE) / sigma
@@ -198,56 +215,12 @@ impl<T: Scalar> Taps<T> {
         }
     }
 
-    /// Fills in the taps of an endless window along a line of `extent` pixels.
-    fn fill_endless(&mut self, sigma: T, border: Border, extent: usize) {
-        let number = T::Wide::from_f64;
-        let (sigma, n, half) = (sigma.widen(), extent as f64, number(0.5));
-        let count = |k: usize| number(if k == 0 { 1.0 } else { 2.0 });
-        let tap = |k: usize| -> [T::Wide; 2] {
-            let t = number(k as f64) / sigma;
-            let weight = (-half * t * t).exp() / (number(f64::sqrt(2.0 * PI)) * sigma);
-            [weight, weight * (t * t - T::Wide::ONE) / sigma]
-        };
-        // Half of what the taps below n leave of the whole, whose slope is 0.
-        let rest = || -> [T::Wide; 2] {
-            let mut rest = [half, T::Wide::ZERO];
-            for k in 0..extent {
-                let taps = tap(k);
-                (0..2).for_each(|i| rest[i] -= half * count(k) * taps[i]);
-            }
-            rest
-        };
-        let folded = |k: usize| -> [T::Wide; 2] {
-            let (mut sum, mut slope) = (T::Wide::ONE, T::Wide::ZERO);
-            for m in 1_usize.. {
-                let step = number(PI * m as f64 / n);
-                let e = (-half * (step * sigma).powi(2)).exp();
-                if e.to_f64() < NEGLIGIBLE {
-                    break;
-                }
-                // The phase is reduced first: the cosine of a large number has few digits.
-                let cosine = number(2.0 * (PI * (m * k % (2 * extent)) as f64 / n).cos());
-                sum += e * cosine;
-                slope -= step * step * sigma * e * cosine;
-            }
-            let share = number(if k == extent { 0.25 } else { 0.5 } / n);
-            [share * sum, share * slope]
-        };
-        self.weights.clear();
-        self.slopes.clear();
-        let mut slope_sum = T::Wide::ZERO;
-        for k in 0..=extent {
-            let [weight, slope] = match border {
-                Border::Mirror => folded(k),
-                Border::Clamp if k == extent => rest(),
-                Border::Zero | Border::Clamp => tap(k),
-            };
-            slope_sum += count(k) * slope;
-            self.weights.push(T::narrow(weight));
-            self.slopes.push(T::narrow(slope));
+    fn fill_tails(&mut self) {
+        self.tails.clear();
+        self.tails.resize(self.weights.len(), T::ZERO);
+        for k in (1..self.weights.len()).rev() {
+            self.tails[k - 1] = self.tails[k] + self.weights[k];
         }
-        // A mirror and a clamp keep the whole; of a zero border the rest of the window is dark.
-        self.slope_sum = if border == Border::Zero { T::narrow(slope_sum) } else { T::ZERO };
     }
 
     pub(crate) fn radius(&self) -> usize {
@@ -303,122 +276,4 @@ fn smallest_radius(sigma: f64, tolerance: f64) -> Option<usize> {
         }
     }
     Some(0)
-}
-
-#[cfg(test)]
-mod tests {
-    use approx::assert_relative_eq;
-
-    use super::*;
-
-    fn taps(sigma: f64, kernel: Kernel, radius: Radius) -> Taps<f64> {
-        let mut taps = [Taps::default(), Taps::default()];
-        let blur = Blur { kernel, border: Border::Zero, radius };
-        Taps::fill(&mut taps, sigma, &blur, [1, 1]).unwrap();
-        let [taps, _] = taps;
-        taps
-    }
-
-    /// The half windows of a line of `extent` pixels, folded and, above sigma 3561, endless.
-    fn folded(sigma: f64, border: Border, extent: usize, radius: Radius) -> Taps<f64> {
-        let mut taps = [Taps::default(), Taps::default()];
-        let blur = Blur { kernel: Kernel::Sampled, border, radius };
-        Taps::fill(&mut taps, sigma, &blur, [3, extent]).unwrap();
-        let [_, taps] = taps;
-        taps
-    }
-
-    #[test]
-    fn folding_keeps_the_sums_and_reaches_no_farther_than_the_line_is_long() {
-        for border in [Border::Mirror, Border::Clamp] {
-            for (extent, sigma) in [(1, 0.8), (1, 40.0), (4, 2.0), (7, 100.0), (7, 1e5), (2, 1e300)]
-            {
-                let taps = folded(sigma, border, extent, Radius::Tolerance(1e-9));
-                assert!(taps.radius() <= extent);
-                assert_relative_eq!(whole_sum(&taps.weights), 1.0, max_relative = 1e-13);
-                assert!(whole_sum(&taps.slopes).abs() <= 1e-13);
-                assert!(taps.weights.iter().all(|&weight| weight >= 0.0));
-            }
-        }
-    }
-
-    #[test]
-    fn the_endless_window_is_the_sum_over_all_taps_that_count() {
-        for border in [Border::Zero, Border::Mirror, Border::Clamp] {
-            for extent in [1, 2, 9, 50, 700] {
-                for sigma in [4.0, 50.0, 400.0] {
-                    let mut endless = Taps::default();
-                    endless.fill_endless(sigma, border, extent);
-                    let all = Radius::Fixed((9.2 * sigma) as usize);
-                    let long = folded(sigma, border, extent, all);
-                    for k in 0..=extent.min(long.radius()) {
-                        assert_relative_eq!(endless.weights[k], long.weights[k], epsilon = 1e-15);
-                        assert_relative_eq!(endless.slopes[k], long.slopes[k], epsilon = 1e-15);
-                    }
-                    assert!(
-                        endless.weights[long.radius().min(extent) + 1..].iter().all(|&w| w < 1e-15)
-                    );
-                }
-            }
-        }
-    }
-
-    fn whole_sum(half: &[f64]) -> f64 {
-        half[0] + 2.0 * half[1..].iter().sum::<f64>()
-    }
-
-    #[test]
-    fn sampled_weights_sum_to_one_and_their_slopes_to_zero() {
-        for sigma in [1e-150, 1e-3, 0.1, 0.3, 1.0, 4.0, 30.0] {
-            let taps = taps(sigma, Kernel::Sampled, Radius::Tolerance(1e-6));
-            assert_relative_eq!(whole_sum(&taps.weights), 1.0, max_relative = 1e-14);
-            assert!(taps.slopes.iter().all(|slope| slope.is_finite()));
-            assert!(whole_sum(&taps.slopes).abs() < 1e-14);
-        }
-    }
-
-    #[test]
-    fn the_seed_kernels_gain_is_that_of_the_formula_as_printed() {
-        // The square of the one-dimensional sum, from numbers worked out for equation (2).
-        for (sigma, gain, places) in [(0.1, 15.9, 0.05), (0.3, 1.80, 0.005), (0.5, 1.029, 0.0005)] {
-            let sum = whole_sum(&taps(sigma, Kernel::Seed, Radius::Fixed(8)).weights);
-            assert_relative_eq!(sum * sum, gain, epsilon = places);
-        }
-    }
-
-    #[test]
-    fn slopes_are_the_difference_quotients_of_the_weights() {
-        for kernel in [Kernel::Seed, Kernel::Sampled] {
-            for sigma in [0.3, 1.0, 2.8] {
-                let h = 1e-6 * sigma;
-                let [low, mid, high] = [sigma - h, sigma, sigma + h]
-                    .map(|sigma| taps(sigma, kernel, Radius::Fixed(9)));
-                // The number of taps that are not negligible may differ by one.
-                let pairs = low.weights.iter().zip(&high.weights).zip(&mid.slopes);
-                for ((low, high), slope) in pairs {
-                    let quotient = (high - low) / (2.0 * h);
-                    assert_relative_eq!(quotient, *slope, max_relative = 1e-6, epsilon = 1e-9);
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn a_tolerance_bounds_the_weight_that_the_window_misses() {
-        for tolerance in [1e-2, 1e-4, 1e-8] {
-            for sigma in [0.2, 1.0, 3.7] {
-                let radius = smallest_radius(sigma, tolerance).unwrap();
-                let shape = |k: usize| (-0.5 * (k as f64 / sigma).powi(2)).exp();
-                let weight = |r: usize| 1.0 + 2.0 * (1..=r).map(shape).sum::<f64>();
-                let missing = |r: usize| 1.0 - weight(r) / weight(60);
-                assert!(missing(radius) <= tolerance);
-                assert!(radius == 0 || missing(radius - 1) > tolerance);
-            }
-        }
-    }
-
-    #[test]
-    fn negligible_taps_are_cut_off() {
-        assert_eq!(taps(1.0, Kernel::Sampled, Radius::Fixed(40)).radius(), 9);
-    }
 }

@@ -1,0 +1,34 @@
+//! Memory that pieces of work borrow.
+
+use std::sync::{Mutex, PoisonError};
+
+/// Memory for as many pieces of work as run at the same time. It is kept from step to step, so a
+/// step like the last one allocates nothing: there is at most one `M` for each thread.
+#[derive(Debug)]
+pub(super) struct Workbench<M>(Mutex<Vec<M>>);
+
+impl<M> Default for Workbench<M> {
+    fn default() -> Self {
+        Self(Mutex::new(Vec::new()))
+    }
+}
+
+impl<M: Default> Workbench<M> {
+    /// Does a piece of work with memory of its own, which holds what some earlier piece left.
+    pub(super) fn with<R>(&self, work: impl FnOnce(&mut M) -> R) -> R {
+        let mut memory = self.lock().pop().unwrap_or_default();
+        let result = work(&mut memory);
+        self.lock().push(memory);
+        result
+    }
+
+    /// The sum of `size` over all that is kept.
+    pub(super) fn total(&self, size: impl Fn(&M) -> usize) -> usize {
+        self.lock().iter().map(size).sum()
+    }
+
+    fn lock(&self) -> std::sync::MutexGuard<'_, Vec<M>> {
+        // A piece that panics has taken its memory out: what is left is whole.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
