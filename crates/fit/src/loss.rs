@@ -66,10 +66,10 @@ impl<T: Scalar> Op<T> for SquaredError {
         let t = &t[..x.len()];
         let slope = T::from_f64(2.0) * self.scale::<T>(x.len()) * kept.only_upstream()[0];
         if let Some(x_bar) = gradients.get(0) {
-            x_bar.add_each(|k| slope * (x[k] - t[k]));
+            x_bar.add_zipped([x, t], |[x, t]| slope * (x - t));
         }
         if let Some(t_bar) = gradients.get(1) {
-            t_bar.add_each(|k| slope * (t[k] - x[k]));
+            t_bar.add_zipped([x, t], |[x, t]| slope * (t - x));
         }
     }
 }
