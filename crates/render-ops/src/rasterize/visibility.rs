@@ -362,11 +362,12 @@ impl<T: Scalar> Canvas<T> {
                 let blocks = depths.as_chunks_mut::<LANES>().0.iter_mut();
                 let blocks = blocks.zip(faces.as_chunks_mut::<LANES>().0);
                 for ((nearest, seen), depth) in blocks.zip(found.as_chunks::<LANES>().0) {
-                    // Values first, then two stores: so that they are compiled to vectors.
+                    // Values first, then two stores: so that they are compiled to vectors. The
+                    // smaller depth is a minimum, not a choice, which would become a masked store
+                    // that later loads wait for.
                     let (before, seen_before) = (*nearest, *seen);
-                    let is_nearer: [bool; LANES] = lanes(|k| depth[k] < before[k]);
-                    *nearest = lanes(|k| if is_nearer[k] { depth[k] } else { before[k] });
-                    *seen = lanes(|k| if is_nearer[k] { at } else { seen_before[k] });
+                    *nearest = lanes(|k| if depth[k] < before[k] { depth[k] } else { before[k] });
+                    *seen = lanes(|k| if depth[k] < before[k] { at } else { seen_before[k] });
                 }
                 if has_doubts {
                     let row = setup.row(view.size.center_y(y));
