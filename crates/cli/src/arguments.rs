@@ -45,6 +45,13 @@ pub(crate) enum Command {
     /// Prints shares of problems solved, errors and conditions; takes about a minute. Writes files
     /// only where --out or --json asks for them.
     Stiff(StiffArguments),
+    /// How fast, and at what error: beside other renderers, per operation, node by node, and how
+    /// cost and memory grow.
+    ///
+    /// Prints tables as Markdown; takes about five minutes. Its times are worth something on a
+    /// machine that does nothing else, from a build with --release. Writes files only where --out or
+    /// --json asks for them.
+    Bench(BenchArguments),
 }
 
 /// The options of every command.
@@ -152,12 +159,59 @@ pub(crate) struct StiffArguments {
     pub(crate) quiet: bool,
 }
 
+/// The options of `bench`.
+#[derive(Debug, Clone, Args)]
+#[command(args_conflicts_with_subcommands = true)]
+pub(crate) struct BenchArguments {
+    #[command(subcommand)]
+    pub(crate) command: Option<BenchCommand>,
+    /// File of other people's times, as the package peers/ writes it, to set beside ours
+    #[arg(long, value_name = "FILE")]
+    pub(crate) peers: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) files: BenchFiles,
+}
+
+/// What to bench other than everything.
+#[derive(Debug, Clone, Subcommand)]
+pub(crate) enum BenchCommand {
+    /// What a scene does not need: the time with it computed and without, and whether the results
+    /// are the same to the bit.
+    ///
+    /// Prints a table as Markdown; ends with status 1 if any result differs.
+    Elision(BenchFiles),
+}
+
+/// Where a bench writes, and how much it measures.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct BenchFiles {
+    /// File for what was found as JSON; - for standard output, and then nothing else there
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
+    /// Folder of the report to add a page and CSV files to [default: no page]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Small sizes and three samples each, to see that all of it runs: the times mean nothing
+    #[arg(long)]
+    pub(crate) quick: bool,
+}
+
+impl BenchArguments {
+    /// The files of whatever is asked for.
+    fn files(&self) -> &BenchFiles {
+        match &self.command {
+            None => &self.files,
+            Some(BenchCommand::Elision(files)) => files,
+        }
+    }
+}
+
 impl Request {
     /// The options that every command of fits has.
     pub(crate) fn common(&self) -> &Common {
         match &self.command {
             // What the others share with them they have themselves.
-            None | Some(Command::Stability(_) | Command::Stiff(_)) => &self.common,
+            None | Some(Command::Stability(_) | Command::Stiff(_) | Command::Bench(_)) => &self.common,
             Some(Command::Fit(fit)) => &fit.common,
             Some(Command::Reproduce(reproduce)) => &reproduce.common,
         }
@@ -170,6 +224,7 @@ impl Request {
             Some(Command::Fit(_)) => out,
             Some(Command::Stability(stability)) => stability.out.clone(),
             Some(Command::Stiff(stiff)) => stiff.out.clone(),
+            Some(Command::Bench(bench)) => bench.files().out.clone(),
             _ => Some(out.unwrap_or_else(|| "out".into())),
         }
     }
@@ -180,6 +235,7 @@ impl Request {
             Some(Command::Fit(fit)) => fit.json.as_ref(),
             Some(Command::Stability(stability)) => stability.json.as_ref(),
             Some(Command::Stiff(stiff)) => stiff.json.as_ref(),
+            Some(Command::Bench(bench)) => bench.files().json.as_ref(),
             _ => None,
         }
     }
