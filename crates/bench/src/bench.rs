@@ -80,18 +80,31 @@ impl Bench {
     }
 }
 
-/// Does every study; `on_study` is told the name of each before it begins.
+/// The names of all studies.
+pub const STUDIES: [&str; studies::ALL.len()] = {
+    let (mut names, mut at) = ([""; studies::ALL.len()], 0);
+    while at < names.len() {
+        names[at] = studies::ALL[at].0;
+        at += 1;
+    }
+    names
+};
+
+/// Does the studies of [`STUDIES`] that `only` names, or all where it names none; `on_study` is told
+/// the name of each before it begins.
 ///
 /// # Errors
 /// Where a thread pool or a scene can't be made. What fails within a study is a result of it.
 pub fn bench(
     effort: Effort,
+    only: &[String],
     peers: Vec<Peer>,
     on_study: &mut dyn FnMut(&str),
 ) -> Result<Vec<Study>, FitError> {
     let bench = Bench::new(effort, peers)?;
     let mut found = Vec::new();
-    for (name, study) in studies::ALL {
+    let wanted = |name: &str| only.is_empty() || only.iter().any(|one| one == name);
+    for (name, study) in studies::ALL.into_iter().filter(|(name, _)| wanted(name)) {
         on_study(name);
         found.push(study(&bench)?);
     }

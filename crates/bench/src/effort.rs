@@ -25,7 +25,7 @@ impl Effort {
             Self::Full => {
                 let within = |budget: f64| (budget / seconds) as usize;
                 // Cheap ones are worth more samples: the minimum of many is a steady figure.
-                within(0.15).clamp(ENOUGH_SAMPLES, 200).min(within(4.0).max(3))
+                within(0.1).clamp(ENOUGH_SAMPLES, 200).min(within(2.0).max(3))
             }
         }
     }
@@ -43,9 +43,9 @@ mod tests {
 
     #[test]
     fn only_what_takes_seconds_has_fewer_samples_than_are_enough() {
-        assert_eq!(Effort::Full.samples(1e-3), 150);
-        assert_eq!(Effort::Full.samples(0.1), ENOUGH_SAMPLES);
-        assert_eq!(Effort::Full.samples(1.0), 4);
+        assert_eq!(Effort::Full.samples(1e-3), 100);
+        assert_eq!(Effort::Full.samples(0.05), ENOUGH_SAMPLES);
+        assert_eq!(Effort::Full.samples(0.5), 4);
         assert_eq!(Effort::Full.samples(100.0), 3);
         assert!(Effort::Quick.samples(1e-3) < ENOUGH_SAMPLES);
     }

@@ -18,9 +18,10 @@ mod studies;
 mod study;
 mod table;
 
-pub use bench::{Peer, bench, json, markdown, read_peers};
+pub use bench::{Peer, STUDIES, bench, json, markdown, read_peers};
 pub use effort::Effort;
 pub use elision::{Row, elision, elision_markdown, write_elision_page};
 pub use machine::Machine;
 pub use page::write_page;
+pub use pipeline::largest_steps;
 pub use study::Study;

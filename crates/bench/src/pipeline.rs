@@ -10,7 +10,7 @@ use bokashi_render_ops::{
 use rayon::ThreadPool;
 
 use crate::sampling::Contestant;
-use crate::scenes::Scene;
+use crate::scenes::{Scene, scenes};
 
 /// What a render leaves on the tape, in the order of recording.
 pub(crate) struct Rendered<'t, T: Scalar> {
@@ -77,6 +77,18 @@ impl<T: Scalar> Learner<T> {
         self.tape.reset();
         Ok(())
     }
+}
+
+/// A step of the largest scene of the table (80,064 faces, 1024 x 1024 pixels, `f32`) as a function
+/// that takes it over and over, for whoever counts what it allocates; and its number of pixels.
+///
+/// # Errors
+/// What an operation refuses: none does.
+pub fn largest_steps() -> Result<(impl FnMut() -> Result<(), FitError> + Send, usize), FitError> {
+    let scene = scenes()?.pop().expect("the table has scenes");
+    let pixels = scene.size.pixels();
+    let mut learner = Learner::<f32>::new(&scene, Cull::None)?;
+    Ok((move || learner.step(), pixels))
 }
 
 /// Takes steps of `learner` on the threads of `pool`, which a sample enters once.

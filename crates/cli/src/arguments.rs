@@ -3,6 +3,7 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
+use bokashi_bench::STUDIES;
 use bokashi_fit::scenes::{Experiment, Precision, Preset};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::error::ErrorKind;
@@ -165,9 +166,13 @@ pub(crate) struct StiffArguments {
 pub(crate) struct BenchArguments {
     #[command(subcommand)]
     pub(crate) command: Option<BenchCommand>,
-    /// File of other people's times, as the package peers/ writes it, to set beside ours
+    /// Do this study alone; may be given again
+    #[arg(long, value_name = "STUDY", value_parser = PossibleValuesParser::new(STUDIES))]
+    pub(crate) only: Vec<String>,
+    /// File of other people's times, as the package peers/ writes it, to set beside ours; may be
+    /// given again
     #[arg(long, value_name = "FILE")]
-    pub(crate) peers: Option<PathBuf>,
+    pub(crate) peers: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) files: BenchFiles,
 }
@@ -211,7 +216,9 @@ impl Request {
     pub(crate) fn common(&self) -> &Common {
         match &self.command {
             // What the others share with them they have themselves.
-            None | Some(Command::Stability(_) | Command::Stiff(_) | Command::Bench(_)) => &self.common,
+            None | Some(Command::Stability(_) | Command::Stiff(_) | Command::Bench(_)) => {
+                &self.common
+            }
             Some(Command::Fit(fit)) => &fit.common,
             Some(Command::Reproduce(reproduce)) => &reproduce.common,
         }
@@ -450,6 +457,20 @@ mod tests {
     }
 
     #[test]
+    fn a_bench_has_its_files_and_its_elision_its_own() {
+        let request = read("bench").expect("nothing is needed");
+        assert_eq!((request.out(), request.json(), request.threads()), (None, None, None));
+        let request =
+            read("bench --quick --out a --json b --peers c --peers d --only blur").expect("all");
+        assert_eq!((request.out(), request.json()), (Some("a".into()), Some(&"b".into())));
+        let Some(Command::Bench(bench)) = request.command else { panic!("bench") };
+        assert!(bench.files.quick && bench.command.is_none());
+        assert_eq!((bench.peers, bench.only), (vec!["c".into(), "d".into()], vec!["blur".into()]));
+        let request = read("bench elision --out a --json -").expect("all of them");
+        assert_eq!((request.out(), request.json()), (Some("a".into()), Some(&"-".into())));
+    }
+
+    #[test]
     fn bad_use_is_one_line_that_says_what_is_allowed() {
         let table = [
             ("fit --experiment all", "'all'", "[possible values: vertices, sigma, joint]"),
@@ -470,6 +491,7 @@ mod tests {
             ("fit --threads 0", "'0'", "needs a whole number from 1 to 1024"),
             ("stability --threads 0", "'0'", "needs a whole number from 1 to 1024"),
             ("stability --steps 3", "'--steps'", "--help"),
+            ("bench --only all", "'all'", "memory, scenes, silhouettes"),
             ("stiff --seeds 0", "'0'", "needs a whole number from 1 to 1000"),
             ("stiff --steps 5", "'--steps'", "--help"),
             ("reproduce --seeds 0", "'0'", "needs a whole number from 1 to 1000"),
@@ -498,6 +520,8 @@ mod tests {
             "fit --help",
             "reproduce -h",
             "stability --help",
+            "bench --help",
+            "bench elision --help",
         ] {
             let Err(Stopped::Shown(text)) = read(line) else { panic!("{line}") };
             assert!(text.contains("bokashi"), "{line}: {text}");

@@ -33,22 +33,21 @@ fn effort(files: &BenchFiles) -> Effort {
 
 fn studies(arguments: &BenchArguments, writing: &Writing) -> Result<(), Failure> {
     let files = &arguments.files;
-    let peers = match &arguments.peers {
-        None => Vec::new(),
-        Some(file) => {
-            let said = |error: io::Error| {
-                let file = file.display();
-                Failure::Use(format!("--peers needs a file that peers/ wrote: {file}: {error}"))
-            };
-            read_peers(file).map_err(said)?
-        }
-    };
+    let mut peers = Vec::new();
+    for file in &arguments.peers {
+        let said = |error: io::Error| {
+            let file = file.display();
+            Failure::Use(format!("--peers needs a file that peers/ wrote: {file}: {error}"))
+        };
+        peers.extend(read_peers(file).map_err(said)?);
+    }
+    // Where standard error is no terminal there is no bar.
     let bar = ProgressBar::new_spinner();
     let on_study = &mut |name: &str| {
         bar.set_message(name.to_owned());
         bar.tick();
     };
-    let found = bench(effort(files), peers, on_study).map_err(failed)?;
+    let found = bench(effort(files), &arguments.only, peers, on_study).map_err(failed)?;
     bar.finish_and_clear();
     let json = serde_json::to_vec(&json(&found, effort(files))).map_err(failed)?;
     let text = markdown(&found, effort(files));

@@ -49,8 +49,10 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
     let pixels = &PIXELS[..bench.effort.choose(2, PIXELS.len())];
     let of_faces = faces.iter().map(|&faces| Scene::sphere_of(faces, PIXELS_OF_FACES));
     let of_pixels = pixels.iter().map(|&pixels| Scene::sphere_of(FACES_OF_PIXELS, pixels));
-    let rows: [(&str, Vec<Scene>); 2] =
-        [("faces", of_faces.collect::<Result<_, _>>()?), ("pixels", of_pixels.collect::<Result<_, _>>()?)];
+    let rows: [(&str, Vec<Scene>); 2] = [
+        ("faces", of_faces.collect::<Result<_, _>>()?),
+        ("pixels", of_pixels.collect::<Result<_, _>>()?),
+    ];
     let mut panels = Vec::new();
     for (grows, scenes) in rows {
         let mut points: Vec<[f64; 4]> = Vec::new();
@@ -61,12 +63,13 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
             let learner = Learner::<f32>::new(&scene, Cull::Back)?;
             let timing = interleaved(&mut [contestant(learner, bench.widest())], bench.effort);
             let what = format!("{count} faces, {width} px");
-            let timing: Option<Timing> = study.noted(&what, timing.into_iter().collect::<Result<Vec<_>, _>>()).map(|mut all| all.remove(0));
+            let timing: Option<Timing> = study
+                .noted(&what, timing.into_iter().collect::<Result<Vec<_>, _>>())
+                .map(|mut all| all.remove(0));
             let Some(timing) = timing else { continue };
             let size = if grows == "faces" { count as f64 } else { area };
-            let exponent = points.last().map(|last| {
-                (timing.minimum / last[1]).ln() / (size / last[0]).ln()
-            });
+            let exponent =
+                points.last().map(|last| (timing.minimum / last[1]).ln() / (size / last[0]).ln());
             points.push([size, timing.minimum, timing.minimum, timing.upper_quartile]);
             table.push(vec![
                 Cell::text(grows),
@@ -81,7 +84,8 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
             ]);
         }
         let linear = points.last().map_or(Vec::new(), |last| {
-            let at = |x: f64| [x, last[1] * x / last[0], last[1] * x / last[0], last[1] * x / last[0]];
+            let at =
+                |x: f64| [x, last[1] * x / last[0], last[1] * x / last[0], last[1] * x / last[0]];
             points.iter().map(|point| at(point[0])).collect()
         });
         panels.push(Panel {

@@ -19,7 +19,7 @@ type Do = fn(&Bench) -> Result<Study, FitError>;
 
 /// Every study with its name, in the order of the report. The one about memory comes first in a
 /// process, while its peak is still low; see there.
-pub(crate) const ALL: [(&str, Do); 8] = [
+pub(super) const ALL: [(&str, Do); 8] = [
     ("memory", memory::study),
     ("scenes", scenes::study),
     ("silhouettes", silhouettes::study),

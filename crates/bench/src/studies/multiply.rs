@@ -70,8 +70,8 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
             row.push(match study.noted(&format!("length {length}"), timings) {
                 None => Cell::Nothing,
                 Some(timings) => {
-                    let slope = (timings[1].minimum - timings[0].minimum)
-                        / (CHAINS[1] - CHAINS[0]) as f64;
+                    let slope =
+                        (timings[1].minimum - timings[0].minimum) / (CHAINS[1] - CHAINS[0]) as f64;
                     Cell::timed(&timings[1], 1e9 * slope)
                 }
             });

@@ -186,16 +186,11 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
     }
     let names = (0..bench.pools.len()).map(|pool| format!("f32, threads: {}", pool + 1));
     let names: Vec<String> = names.chain(["DEODR".to_owned()]).collect();
-    let legend = names.iter().enumerate().map(|(at, name)| {
-        (name.clone(), PALETTE[at], Stroke::Solid)
-    });
+    let legend =
+        names.iter().enumerate().map(|(at, name)| (name.clone(), PALETTE[at], Stroke::Solid));
     let curves = cube.into_iter().enumerate();
-    let curves = curves.map(|(color, points)| Curve {
-        color,
-        stroke: Stroke::Solid,
-        dots: true,
-        points,
-    });
+    let curves =
+        curves.map(|(color, points)| Curve { color, stroke: Stroke::Solid, dots: true, points });
     study.figures.push(Figures {
         folded: None,
         legend: legend.collect(),

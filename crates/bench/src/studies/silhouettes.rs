@@ -186,7 +186,8 @@ fn gradient(
 pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
     let samples = bench.effort.choose(256, 1024);
     let seeds = bench.effort.choose(2, 7);
-    let mut study = Study::new("silhouettes", "The gradient of a silhouette, against the true one", "");
+    let mut study =
+        Study::new("silhouettes", "The gradient of a silhouette, against the true one", "");
     let mut sampler = Sampler::new(samples)?;
     let scene = Scene::cube(PIXELS[0])?;
     let mut cubes = Vec::new();

@@ -168,9 +168,8 @@ impl Figure {
                     color(curve.color).stroke_width(width),
                 )])?;
                 if curve.dots {
-                    let dot = |p: &[f64; 4]| {
-                        Circle::new((p[0], p[2]), DOT, color(curve.color).filled())
-                    };
+                    let dot =
+                        |p: &[f64; 4]| Circle::new((p[0], p[2]), DOT, color(curve.color).filled());
                     chart.draw_series(run.iter().map(dot))?;
                 }
             }
