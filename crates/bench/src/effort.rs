@@ -3,6 +3,13 @@
 /// Fewer samples than this are marked wherever their figure stands.
 pub(crate) const ENOUGH_SAMPLES: usize = 30;
 
+/// The usual budget of a contestant, in seconds.
+pub(crate) const USUAL: f64 = 0.1;
+/// The budget where small differences count.
+pub(crate) const GENEROUS: f64 = 1.0;
+/// No contestant takes longer, in seconds, however few its samples are then.
+const LONGEST: f64 = 2.0;
+
 /// How much to measure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Effort {
@@ -18,14 +25,14 @@ impl Effort {
         if self == Self::Quick { quick } else { full }
     }
 
-    /// How many samples to take of something that takes `seconds` per sample.
-    pub(crate) fn samples(self, seconds: f64) -> usize {
+    /// How many samples to take of something that takes `seconds` per sample: as many as fit
+    /// `budget` seconds, but enough, unless those take too long.
+    pub(crate) fn samples(self, seconds: f64, budget: f64) -> usize {
         match self {
             Self::Quick => 3,
             Self::Full => {
                 let within = |budget: f64| (budget / seconds) as usize;
-                // Cheap ones are worth more samples: the minimum of many is a steady figure.
-                within(0.1).clamp(ENOUGH_SAMPLES, 200).min(within(2.0).max(3))
+                within(budget).clamp(ENOUGH_SAMPLES, 300).min(within(LONGEST).max(3))
             }
         }
     }
@@ -43,10 +50,10 @@ mod tests {
 
     #[test]
     fn only_what_takes_seconds_has_fewer_samples_than_are_enough() {
-        assert_eq!(Effort::Full.samples(1e-3), 100);
-        assert_eq!(Effort::Full.samples(0.05), ENOUGH_SAMPLES);
-        assert_eq!(Effort::Full.samples(0.5), 4);
-        assert_eq!(Effort::Full.samples(100.0), 3);
-        assert!(Effort::Quick.samples(1e-3) < ENOUGH_SAMPLES);
+        assert_eq!(Effort::Full.samples(1e-3, USUAL), 100);
+        assert_eq!(Effort::Full.samples(0.05, USUAL), ENOUGH_SAMPLES);
+        assert_eq!(Effort::Full.samples(0.5, GENEROUS), 4);
+        assert_eq!(Effort::Full.samples(100.0, USUAL), 3);
+        assert!(Effort::Quick.samples(1e-3, USUAL) < ENOUGH_SAMPLES);
     }
 }

@@ -17,7 +17,7 @@ use glam::DVec4;
 use serde::{Serialize, Serializer, ser::SerializeStruct as _};
 
 use crate::bench::{Bench, method};
-use crate::effort::Effort;
+use crate::effort::{Effort, GENEROUS};
 use crate::page::write_csv;
 use crate::sampling::{Contestant, Timing, interleaved};
 use crate::scenes::Scene;
@@ -336,7 +336,7 @@ pub fn elision(effort: Effort) -> Result<Vec<Row>, FitError> {
         });
         let results = both.collect();
         let mut contestants = [contestant(&computed, &bench), contestant(&left, &bench)];
-        let mut timings = interleaved(&mut contestants, effort).into_iter();
+        let mut timings = interleaved(&mut contestants, effort, GENEROUS).into_iter();
         let mut next = || timings.next().expect("one for each contestant");
         let (with, without) = (next()?, next()?);
         rows.push(Row { row, results, left_out, with, without });

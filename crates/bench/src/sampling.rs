@@ -59,10 +59,12 @@ impl Timing {
     }
 }
 
-/// The time of each contestant, or the error that it ended with.
+/// The time of each contestant, or the error that it ended with; each takes about `budget` seconds,
+/// or as long as enough samples do.
 pub(crate) fn interleaved(
     contestants: &mut [Contestant<'_>],
     effort: Effort,
+    budget: f64,
 ) -> Vec<Result<Timing, FitError>> {
     struct Turns {
         steps: usize,
@@ -82,7 +84,7 @@ pub(crate) fn interleaved(
         });
         all.push(tried.map(|seconds| {
             let steps = (effort.sample_seconds() / seconds).ceil().clamp(1.0, 1e5) as usize;
-            let samples = effort.samples(seconds * steps as f64);
+            let samples = effort.samples(seconds * steps as f64, budget);
             Turns { steps, samples, seconds: Vec::with_capacity(samples) }
         }));
     }
@@ -108,6 +110,7 @@ mod tests {
     use std::cell::RefCell;
 
     use super::*;
+    use crate::effort::USUAL;
 
     #[test]
     fn minimum_median_and_quartiles_are_those_of_the_sorted_samples() {
@@ -133,9 +136,9 @@ mod tests {
         let failing = Contestant::new(|_| {
             Err(FitError::Setting { setting: "a", rule: "b", value: "c".to_owned() })
         });
-        let found = interleaved(&mut [taking('a'), failing, taking('b')], Effort::Quick);
+        let found = interleaved(&mut [taking('a'), failing, taking('b')], Effort::Quick, USUAL);
         assert!(found[0].is_ok() && found[1].is_err() && found[2].is_ok());
-        let samples = Effort::Quick.samples(1e-4);
+        let samples = Effort::Quick.samples(1e-4, USUAL);
         let order = order.borrow().iter().collect::<String>();
         assert_eq!(order, format!("aabb{}", "ab".repeat(samples)));
     }

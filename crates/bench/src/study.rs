@@ -23,8 +23,10 @@ pub struct Study {
 /// Panels under one legend.
 #[derive(Debug, Clone)]
 pub(crate) struct Figures {
-    /// What the panels have in common; they are folded away under it where there is something.
-    pub(crate) folded: Option<String>,
+    /// What the panels have in common, where there are others.
+    pub(crate) heading: Option<String>,
+    /// Whether they are folded away under it.
+    pub(crate) is_folded: bool,
     /// Name, colour and line.
     pub(crate) legend: Vec<(String, &'static str, Stroke)>,
     pub(crate) panels: Vec<Panel>,
@@ -79,11 +81,12 @@ impl Figures {
         }
         html.push_str("</ul>");
         html.push_str(&row(&self.panels)?);
-        Ok(match &self.folded {
+        Ok(match &self.heading {
             None => html,
-            Some(what) => {
+            Some(what) if self.is_folded => {
                 format!("<details><summary>{}</summary>{html}</details>", escaped(what))
             }
+            Some(what) => format!("<h3>{}</h3>{html}", escaped(what)),
         })
     }
 }

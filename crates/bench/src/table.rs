@@ -158,14 +158,20 @@ impl Table {
     /// As HTML, under its heading.
     pub(crate) fn html(&self) -> String {
         let mut html = String::from("<div class=\"scroll\"><table><thead><tr>");
-        for (title, _) in &self.columns {
-            let _ = write!(html, "<th>{}", escaped(title));
+        for (at, (title, _)) in self.columns.iter().enumerate() {
+            let has_words = self.rows.iter().any(|row| matches!(row[at], Cell::Text(_)));
+            let class = if has_words { " class=\"words\"" } else { "" };
+            let _ = write!(html, "<th{class}>{}", escaped(title));
         }
         html.push_str("<tbody>");
         for row in &self.rows {
             html.push_str("<tr>");
             for (at, cell) in row.iter().enumerate() {
-                let tag = if at == 0 { "th" } else { "td" };
+                let tag = match cell {
+                    _ if at == 0 => "th",
+                    Cell::Text(_) => "td class=\"words\"",
+                    _ => "td",
+                };
                 let _ = write!(html, "<{tag}>{}", escaped(&cell.shown()));
             }
         }

@@ -18,6 +18,7 @@ use rayon::ThreadPool;
 
 use crate::bench::Bench;
 use crate::difference::relative_error;
+use crate::effort::USUAL;
 use crate::sampling::{Contestant, Timing, interleaved};
 use crate::study::{Figures, Study};
 use crate::table::{Cell, Table};
@@ -240,7 +241,9 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
                 .map(|line| (names[line].clone(), PALETTE[line % 5], Stroke::Solid));
             let front = ("Pareto front".to_owned(), PALETTE[FRONT], Stroke::Dotted);
             study.figures.push(Figures {
-                folded: Some(format!("{pixels} px, sigma {sigma}")),
+                // One of each size is in plain sight.
+                is_folded: sigma != 4.0,
+                heading: Some(format!("{pixels} px, sigma {sigma}")),
                 legend: legend.chain([front]).collect(),
                 panels,
             });
@@ -278,7 +281,7 @@ fn measure(
             }
         }
     }
-    let timings = interleaved(&mut contestants, bench.effort);
+    let timings = interleaved(&mut contestants, bench.effort, USUAL);
     let mut found = Vec::from(Quantity::APART.map(|quantity| (quantity, Vec::new())));
     let area = (pixels * pixels) as f64;
     for ((line, algorithm, tolerance, quantity, error), timing) in contests.into_iter().zip(timings)
@@ -420,7 +423,7 @@ fn targets(bench: &Bench, failures: &mut Vec<String>) -> Result<Table, FitError>
         let pool = if *threads == 1 { bench.one() } else { bench.widest() };
         let blur = (algorithm.blur)(TARGET_TOLERANCE);
         let mut contestant = [input.contestant::<f32>(blur, Quantity::Both, pool)];
-        let timing = interleaved(&mut contestant, bench.effort).remove(0);
+        let timing = interleaved(&mut contestant, bench.effort, USUAL).remove(0);
         let exact = bench.widest().install(|| input.exact(algorithm.blur))?;
         let error = |quantity| {
             let error = || input.error(algorithm, &blur, quantity, &exact);

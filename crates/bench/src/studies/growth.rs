@@ -5,6 +5,7 @@ use bokashi_fit::report::{Curve, Figure, PALETTE, Panel, SIZES, Scale, Stroke};
 use bokashi_render_ops::Cull;
 
 use crate::bench::Bench;
+use crate::effort::USUAL;
 use crate::pipeline::{Learner, contestant};
 use crate::sampling::{Timing, interleaved};
 use crate::scenes::Scene;
@@ -40,8 +41,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
             ("time, ms", "minimum_milliseconds"),
             ("median, ms", "median_milliseconds"),
             ("exponent", "exponent"),
-            ("ns per face", "nanoseconds_per_face"),
-            ("ns per pixel", "nanoseconds_per_pixel"),
+            ("ns per face or pixel", "nanoseconds_per_face_or_pixel"),
             ("samples", "samples"),
         ],
     );
@@ -61,7 +61,8 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
             let area = scene.size.pixels() as f64;
             // One scene at a time: the largest take gigabytes.
             let learner = Learner::<f32>::new(&scene, Cull::Back)?;
-            let timing = interleaved(&mut [contestant(learner, bench.widest())], bench.effort);
+            let timing =
+                interleaved(&mut [contestant(learner, bench.widest())], bench.effort, USUAL);
             let what = format!("{count} faces, {width} px");
             let timing: Option<Timing> = study
                 .noted(&what, timing.into_iter().collect::<Result<Vec<_>, _>>())
@@ -78,8 +79,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
                 Cell::timed(&timing, 1e3 * timing.minimum),
                 Cell::timed(&timing, 1e3 * timing.median),
                 Cell::maybe(exponent),
-                Cell::number(1e9 * timing.minimum / count as f64),
-                Cell::number(1e9 * timing.minimum / area),
+                Cell::number(1e9 * timing.minimum / size),
                 Cell::Count(timing.samples),
             ]);
         }
@@ -105,7 +105,8 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         });
     }
     study.figures.push(Figures {
-        folded: None,
+        heading: None,
+        is_folded: false,
         legend: vec![
             ("a step".to_owned(), PALETTE[0], Stroke::Solid),
             ("linear".to_owned(), PALETTE[5], Stroke::Dotted),

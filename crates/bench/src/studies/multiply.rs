@@ -9,6 +9,7 @@ use bokashi_core::{Tape, Tensor};
 use bokashi_fit::FitError;
 
 use crate::bench::Bench;
+use crate::effort::USUAL;
 use crate::sampling::{Contestant, Timing, interleaved};
 use crate::study::Study;
 use crate::table::{Cell, Table};
@@ -65,7 +66,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         let mut row = vec![Cell::text("Bokashi"), Cell::text(if both { "both" } else { "one" })];
         for length in LENGTHS {
             let mut chains = CHAINS.map(|count| chain(length, count, both, bench));
-            let found = interleaved(&mut chains, bench.effort);
+            let found = interleaved(&mut chains, bench.effort, USUAL);
             let timings: Result<Vec<Timing>, FitError> = found.into_iter().collect();
             row.push(match study.noted(&format!("length {length}"), timings) {
                 None => Cell::Nothing,

@@ -9,6 +9,7 @@ use bokashi_render_ops::{Blur, Cull, gaussian_blur};
 
 use crate::bench::Bench;
 use crate::difference::relative_error;
+use crate::effort::USUAL;
 use crate::pipeline::render;
 use crate::scenes::Scene;
 use crate::study::Study;
@@ -76,7 +77,7 @@ fn step<T: Scalar>(scene: &Scene, target: &Tensor<f64>, times: u32) -> Result<St
 
 pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
     let pixels = bench.effort.choose(32, 256);
-    let times = bench.effort.samples(1e-3) as u32;
+    let times = bench.effort.samples(1e-3, USUAL) as u32;
     let mut study = Study::new(
         "nodes",
         "A pipeline in f32 beside f64, node by node",

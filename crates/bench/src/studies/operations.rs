@@ -16,6 +16,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::bench::Bench;
 use crate::difference::relative_error;
+use crate::effort::USUAL;
 use crate::pipeline::render;
 use crate::sampling::Timing;
 use crate::scenes::Scene;
@@ -93,7 +94,7 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
     add("sum", &[positive], |_, v| Ok(v[0].sum()));
     add("mean", &[positive], |_, v| Ok(v[0].mean()?));
     add("matmul", &[signed, &inputs.square], |_, v| Ok(v[0].matmul(v[1])?));
-    add("permute", &[signed], |_, v| Ok(v[0].transpose()?));
+    add("permute", &[signed], |_, v| Ok(v[0].permute(&[1, 0])?));
     add("reshape", &[signed], |_, v| Ok(v[0].reshape([v[0].shape().size()])?));
     add("slice", &[signed], |_, v| Ok(v[0].slice(1, 1..WIDTH - 1)?));
     add("concat", &[signed, positive], |_, v| Ok(Var::concat(&[v[0], v[1]], 0)?));
@@ -197,7 +198,7 @@ impl<T: Scalar> Runner<T> {
 
 pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
     let pixels = bench.effort.choose(32, 256);
-    let samples = bench.effort.samples(1e-3);
+    let samples = bench.effort.samples(1e-3, USUAL);
     let mut study = Study::new(
         "operations",
         "Every operation in f32 and in f64",
@@ -282,3 +283,25 @@ const RENDERING: [&str; 7] = [
     "gaussian_blur",
     "squared_error",
 ];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_operation_is_on_the_tape_under_its_name_and_is_walked_back() {
+        let inputs = Inputs::new(32).unwrap();
+        for case in cases::<f32>(&inputs) {
+            let name = case.name;
+            let runner = Runner::new(case);
+            let given: Vec<_> = runner.inputs.iter().map(|input| runner.tape.leaf(input)).collect();
+            let output = (runner.case.record)(&inputs.scene, &given).unwrap();
+            let upstream = Tensor::full(output.shape(), 1.0);
+            runner.tape.vjp(&[(output, &upstream)]).unwrap();
+            let report = runner.tape.take_report();
+            let own = report.operations.iter().find(|entry| entry.name == name);
+            let own = own.unwrap_or_else(|| panic!("{name} is not in {report}"));
+            assert!(own.calls > 0 && own.backward_calls > 0, "{report}");
+        }
+    }
+}

@@ -11,6 +11,7 @@ use bokashi_render_ops::Cull;
 use rayon::ThreadPool;
 
 use crate::bench::Bench;
+use crate::effort::GENEROUS;
 use crate::pipeline::{Learner, contestant};
 use crate::sampling::{Contestant, Timing, interleaved};
 use crate::scenes::{Scene, scenes};
@@ -126,7 +127,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         for way in &ways {
             contestants.push(way.contestant(scene, &bench.pools[way.pool])?);
         }
-        let timings = interleaved(&mut contestants, bench.effort);
+        let timings = interleaved(&mut contestants, bench.effort, GENEROUS);
         let mut minima: Vec<(Way, Timing)> = Vec::new();
         for (way, timing) in ways.iter().zip(timings) {
             let what = format!("{}, {way:?}", scene.name);
@@ -192,7 +193,8 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
     let curves =
         curves.map(|(color, points)| Curve { color, stroke: Stroke::Solid, dots: true, points });
     study.figures.push(Figures {
-        folded: None,
+        heading: None,
+        is_folded: false,
         legend: legend.collect(),
         panels: vec![Panel {
             title: "The cube: time per step; bands: to the upper quartile".to_owned(),

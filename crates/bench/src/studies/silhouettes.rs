@@ -14,6 +14,7 @@ use bokashi_render_ops::Cull;
 use glam::{DMat4, DVec3};
 
 use crate::bench::Bench;
+use crate::effort::USUAL;
 use crate::pipeline::render;
 use crate::sampling::{Contestant, Timing, interleaved};
 use crate::scenes::{CUBE_VERTICES, Scene};
@@ -227,7 +228,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
                 })
             }));
         }
-        let timings = interleaved(&mut contestants, bench.effort);
+        let timings = interleaved(&mut contestants, bench.effort, USUAL);
         drop(contestants);
         let mut points = Vec::new();
         for (method, timing) in METHODS.iter().zip(timings) {
@@ -270,7 +271,8 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
     let legend = PIXELS.iter().enumerate();
     let legend = legend.map(|(at, pixels)| (format!("{pixels} px"), PALETTE[at], Stroke::Solid));
     study.figures.push(Figures {
-        folded: None,
+        heading: None,
+        is_folded: false,
         legend: legend.collect(),
         panels: vec![Panel {
             title: "Relative error of the gradient; bands: least and largest".to_owned(),
