@@ -23,5 +23,5 @@ pub use effort::Effort;
 pub use elision::{Row, elision, elision_markdown, write_elision_page};
 pub use machine::Machine;
 pub use page::write_page;
-pub use pipeline::largest_steps;
+pub use scenes::Scene;
 pub use study::Study;

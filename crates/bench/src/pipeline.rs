@@ -10,7 +10,7 @@ use bokashi_render_ops::{
 use rayon::ThreadPool;
 
 use crate::sampling::Contestant;
-use crate::scenes::{Scene, scenes};
+use crate::scenes::Scene;
 
 /// What a render leaves on the tape, in the order of recording.
 pub(crate) struct Rendered<'t, T: Scalar> {
@@ -79,16 +79,16 @@ impl<T: Scalar> Learner<T> {
     }
 }
 
-/// A step of the largest scene of the table (80,064 faces, 1024 x 1024 pixels, `f32`) as a function
-/// that takes it over and over, for whoever counts what it allocates; and its number of pixels.
-///
-/// # Errors
-/// What an operation refuses: none does.
-pub fn largest_steps() -> Result<(impl FnMut() -> Result<(), FitError> + Send, usize), FitError> {
-    let scene = scenes()?.pop().expect("the table has scenes");
-    let pixels = scene.size.pixels();
-    let mut learner = Learner::<f32>::new(&scene, Cull::None)?;
-    Ok((move || learner.step(), pixels))
+impl Scene {
+    /// Steps on this scene in `f32`, back faces drawn, as a function that takes one: for whoever
+    /// counts what they allocate.
+    ///
+    /// # Errors
+    /// What an operation refuses: none does.
+    pub fn steps(&self) -> Result<impl FnMut() -> Result<(), FitError> + Send, FitError> {
+        let mut learner = Learner::<f32>::new(self, Cull::None)?;
+        Ok(move || learner.step())
+    }
 }
 
 /// Takes steps of `learner` on the threads of `pool`, which a sample enters once.

@@ -13,7 +13,7 @@ use rand_chacha::ChaCha8Rng;
 
 /// A mesh with a colour per vertex before a camera.
 #[derive(Debug, Clone)]
-pub(crate) struct Scene {
+pub struct Scene {
     pub(crate) name: String,
     pub(crate) mesh: Mesh,
     /// `[V, 3]`.
@@ -38,6 +38,21 @@ impl Scene {
         let mesh = Mesh::new(faces, positions.shape()[0])?;
         let (camera, size) = (View::fixed().camera(), Size::square(pixels));
         Ok(Self { name, mesh, positions, colors, camera, size })
+    }
+
+    /// The largest scene of the table, 80,064 faces in 1024 x 1024 pixels, its adjacency built.
+    ///
+    /// # Errors
+    /// What an operation refuses: none does.
+    pub fn largest() -> Result<Self, FitError> {
+        let scene = Self::sphere("sphere80k", 288, 140, 1024)?;
+        scene.mesh.adjacency();
+        Ok(scene)
+    }
+
+    /// The number of pixels.
+    pub fn pixels(&self) -> usize {
+        self.size.pixels()
     }
 
     /// The cube, 12 faces, in `pixels` x `pixels`.
@@ -113,7 +128,7 @@ pub(crate) fn scenes() -> Result<Vec<Scene>, FitError> {
         Scene::cube(1024)?,
         Scene::sphere("sphere1k", 32, 17, 256)?,
         Scene::sphere("sphere20k", 144, 70, 512)?,
-        Scene::sphere("sphere80k", 288, 140, 1024)?,
+        Scene::largest()?,
     ])
 }
 

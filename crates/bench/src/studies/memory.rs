@@ -44,7 +44,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
     let empty = status("VmRSS");
     let scene = match bench.effort {
         Effort::Quick => Scene::sphere("sphere1k", 32, 17, 256)?,
-        Effort::Full => Scene::sphere("sphere80k", 288, 140, 1024)?,
+        Effort::Full => Scene::largest()?,
     };
     scene.mesh.adjacency();
     let before = status("VmRSS");
