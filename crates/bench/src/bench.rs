@@ -78,6 +78,17 @@ impl Bench {
     pub(crate) fn peers_of(&self, study: &'static str) -> impl Iterator<Item = &Peer> {
         self.peers.iter().filter(move |peer| peer.study == study)
     }
+
+    /// The names of the peers of one study, each once, in the order of their first figures.
+    pub(crate) fn peer_names(&self, study: &'static str) -> Vec<String> {
+        let mut names: Vec<String> = Vec::new();
+        for peer in self.peers_of(study) {
+            if !names.contains(&peer.name) {
+                names.push(peer.name.clone());
+            }
+        }
+        names
+    }
 }
 
 /// The names of all studies.

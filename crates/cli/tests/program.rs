@@ -202,6 +202,10 @@ fn a_bench_sets_the_times_of_others_beside_ours() {
     let folder = folder();
     let peers = r#"[{"study": "multiply", "name": "theirs", "length": 16,
         "minimum_microseconds": 1.5, "median_microseconds": 2.0},
+        {"study": "multiply", "name": "other", "length": 16,
+        "minimum_microseconds": 3.5, "median_microseconds": 4.0},
+        {"study": "multiply", "name": "theirs", "length": 256,
+        "minimum_microseconds": 2.5, "median_microseconds": 3.0},
         {"study": "scenes", "name": "DEODR", "scene": "cube@32",
         "minimum_microseconds": 70000.0, "median_microseconds": 80000.0}]"#;
     fs::write(folder.path().join("peers.json"), peers).expect("a file");
@@ -209,7 +213,8 @@ fn a_bench_sets_the_times_of_others_beside_ours() {
     let table = |study: usize, name: &str| value["studies"][study]["tables"][name].clone();
     let row = &table(5, "multiply")[2];
     assert_eq!((&row["name"], &row["length_16_nanoseconds"]), (&"theirs".into(), &1500.0.into()));
-    assert!(row["length_1_nanoseconds"].is_null());
+    assert!(row["length_1_nanoseconds"].is_null() && row["length_256_nanoseconds"] == 2500.0);
+    assert_eq!(table(5, "multiply").as_array().map(Vec::len), Some(4));
     assert_eq!(table(0, "scenes")[0]["deodr_milliseconds"], 70.0);
 }
 

@@ -202,8 +202,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         ),
     );
     study.tables.push(targets(bench, &mut study.failures)?);
-    let mut peers: Vec<String> = bench.peers_of("blur").map(|peer| peer.name.clone()).collect();
-    peers.dedup();
+    let peers = bench.peer_names("blur");
     let mut names: Vec<String> = ALGORITHMS.iter().map(|one| one.name.to_owned()).collect();
     names.extend(peers.iter().map(|peer| format!("{peer}, forward alone")));
     let mut table = Table::new(

@@ -79,9 +79,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         }
         table.push(row);
     }
-    let mut names: Vec<&str> = bench.peers_of("multiply").map(|peer| peer.name.as_str()).collect();
-    names.dedup();
-    for name in names {
+    for name in bench.peer_names("multiply") {
         let of = |length: usize| {
             let mut own = bench.peers_of("multiply").filter(|peer| peer.name == name);
             own.find(|peer| peer.length == Some(length)).map(|peer| 1e3 * peer.minimum_microseconds)
