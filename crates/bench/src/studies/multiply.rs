@@ -84,7 +84,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
             let mut own = bench.peers_of("multiply").filter(|peer| peer.name == name);
             own.find(|peer| peer.length == Some(length)).map(|peer| 1e3 * peer.minimum_microseconds)
         };
-        let mut row = vec![Cell::text(name), Cell::text("one")];
+        let mut row = vec![Cell::text(&name), Cell::text("one")];
         row.extend(LENGTHS.map(|length| Cell::maybe(of(length))));
         table.push(row);
     }
