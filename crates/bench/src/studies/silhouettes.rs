@@ -32,8 +32,11 @@ const PIXELS: [usize; 4] = [8, 16, 32, 64];
 /// A way to make an image of `pixels` x `pixels` from the cube's vertices.
 struct Method {
     name: &'static str,
-    image: for<'t> fn(&Scene, Var<'t, f32>, Var<'t, f32>) -> Result<Var<'t, f32>, FitError>,
+    image: Image,
 }
+
+/// The image of a scene with other positions and colours.
+type Image = for<'t> fn(&Scene, Var<'t, f32>, Var<'t, f32>) -> Result<Var<'t, f32>, FitError>;
 
 /// All methods; another one is another row.
 const METHODS: [Method; 4] = [
