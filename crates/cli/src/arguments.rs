@@ -3,6 +3,7 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
+use bokashi_bench::STUDIES;
 use bokashi_fit::scenes::{Experiment, Precision, Preset};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::error::ErrorKind;
@@ -45,6 +46,13 @@ pub(crate) enum Command {
     /// Prints shares of problems solved, errors and conditions; takes about a minute. Writes files
     /// only where --out or --json asks for them.
     Stiff(StiffArguments),
+    /// How fast, and at what error: beside other renderers, per operation, node by node, and how
+    /// cost and memory grow.
+    ///
+    /// Prints tables as Markdown; takes about five minutes. Its times are worth something on a
+    /// machine that does nothing else, from a build with --release. Writes files only where --out or
+    /// --json asks for them.
+    Bench(BenchArguments),
 }
 
 /// The options of every command.
@@ -152,12 +160,65 @@ pub(crate) struct StiffArguments {
     pub(crate) quiet: bool,
 }
 
+/// The options of `bench`.
+#[derive(Debug, Clone, Args)]
+#[command(args_conflicts_with_subcommands = true)]
+pub(crate) struct BenchArguments {
+    #[command(subcommand)]
+    pub(crate) command: Option<BenchCommand>,
+    /// Do this study alone; may be given again
+    #[arg(long, value_name = "STUDY", value_parser = PossibleValuesParser::new(STUDIES))]
+    pub(crate) only: Vec<String>,
+    /// File of other people's times, as the package peers/ writes it, to set beside ours; may be
+    /// given again
+    #[arg(long, value_name = "FILE")]
+    pub(crate) peers: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) files: BenchFiles,
+}
+
+/// What to bench other than everything.
+#[derive(Debug, Clone, Subcommand)]
+pub(crate) enum BenchCommand {
+    /// What a scene does not need: the time with it computed and without, and whether the results
+    /// are the same to the bit.
+    ///
+    /// Prints a table as Markdown; ends with status 1 if any result differs.
+    Elision(BenchFiles),
+}
+
+/// Where a bench writes, and how much it measures.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct BenchFiles {
+    /// File for what was found as JSON; - for standard output, and then nothing else there
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
+    /// Folder of the report to add a page and CSV files to [default: no page]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Small sizes and three samples each, to see that all of it runs: the times mean nothing
+    #[arg(long)]
+    pub(crate) quick: bool,
+}
+
+impl BenchArguments {
+    /// The files of whatever is asked for.
+    fn files(&self) -> &BenchFiles {
+        match &self.command {
+            None => &self.files,
+            Some(BenchCommand::Elision(files)) => files,
+        }
+    }
+}
+
 impl Request {
     /// The options that every command of fits has.
     pub(crate) fn common(&self) -> &Common {
         match &self.command {
             // What the others share with them they have themselves.
-            None | Some(Command::Stability(_) | Command::Stiff(_)) => &self.common,
+            None | Some(Command::Stability(_) | Command::Stiff(_) | Command::Bench(_)) => {
+                &self.common
+            }
             Some(Command::Fit(fit)) => &fit.common,
             Some(Command::Reproduce(reproduce)) => &reproduce.common,
         }
@@ -170,6 +231,7 @@ impl Request {
             Some(Command::Fit(_)) => out,
             Some(Command::Stability(stability)) => stability.out.clone(),
             Some(Command::Stiff(stiff)) => stiff.out.clone(),
+            Some(Command::Bench(bench)) => bench.files().out.clone(),
             _ => Some(out.unwrap_or_else(|| "out".into())),
         }
     }
@@ -180,6 +242,7 @@ impl Request {
             Some(Command::Fit(fit)) => fit.json.as_ref(),
             Some(Command::Stability(stability)) => stability.json.as_ref(),
             Some(Command::Stiff(stiff)) => stiff.json.as_ref(),
+            Some(Command::Bench(bench)) => bench.files().json.as_ref(),
             _ => None,
         }
     }
@@ -394,6 +457,20 @@ mod tests {
     }
 
     #[test]
+    fn a_bench_has_its_files_and_its_elision_its_own() {
+        let request = read("bench").expect("nothing is needed");
+        assert_eq!((request.out(), request.json(), request.threads()), (None, None, None));
+        let request =
+            read("bench --quick --out a --json b --peers c --peers d --only blur").expect("all");
+        assert_eq!((request.out(), request.json()), (Some("a".into()), Some(&"b".into())));
+        let Some(Command::Bench(bench)) = request.command else { panic!("bench") };
+        assert!(bench.files.quick && bench.command.is_none());
+        assert_eq!((bench.peers, bench.only), (vec!["c".into(), "d".into()], vec!["blur".into()]));
+        let request = read("bench elision --out a --json -").expect("all of them");
+        assert_eq!((request.out(), request.json()), (Some("a".into()), Some(&"-".into())));
+    }
+
+    #[test]
     fn bad_use_is_one_line_that_says_what_is_allowed() {
         let table = [
             ("fit --experiment all", "'all'", "[possible values: vertices, sigma, joint]"),
@@ -414,6 +491,7 @@ mod tests {
             ("fit --threads 0", "'0'", "needs a whole number from 1 to 1024"),
             ("stability --threads 0", "'0'", "needs a whole number from 1 to 1024"),
             ("stability --steps 3", "'--steps'", "--help"),
+            ("bench --only all", "'all'", "memory, scenes, silhouettes"),
             ("stiff --seeds 0", "'0'", "needs a whole number from 1 to 1000"),
             ("stiff --steps 5", "'--steps'", "--help"),
             ("reproduce --seeds 0", "'0'", "needs a whole number from 1 to 1000"),
@@ -442,6 +520,8 @@ mod tests {
             "fit --help",
             "reproduce -h",
             "stability --help",
+            "bench --help",
+            "bench elision --help",
         ] {
             let Err(Stopped::Shown(text)) = read(line) else { panic!("{line}") };
             assert!(text.contains("bokashi"), "{line}: {text}");

@@ -1,6 +1,7 @@
 //! The paper's experiments from the command line.
 
 mod arguments;
+mod bench;
 mod failure;
 mod plan;
 mod progress;

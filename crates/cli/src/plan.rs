@@ -88,7 +88,7 @@ fn experiments(request: &Request) -> Vec<CubeSettings> {
         SIGMAS.map(|sigma_target| CubeSettings { sigma_target, ..settings.clone() })
     };
     match &request.command {
-        Some(Command::Stiff(_)) => Vec::new(),
+        Some(Command::Stability(_) | Command::Stiff(_) | Command::Bench(_)) => Vec::new(),
         None => sigmas(Experiment::Joint, Preset::Paper).to_vec(),
         Some(Command::Fit(fit)) => {
             let settings = new(fit.experiment, fit.preset);
@@ -100,7 +100,6 @@ fn experiments(request: &Request) -> Vec<CubeSettings> {
                 ..settings
             }]
         }
-        Some(Command::Stability(_)) => Vec::new(),
         Some(Command::Reproduce(reproduce)) => {
             let mut all = Vec::new();
             for (resolution, antialias) in

@@ -11,6 +11,7 @@ use bokashi_fit::report::{About, Report, ReportError, check_folder, write_whole}
 use bokashi_fit::scenes::{Saving, run_cube_saving};
 
 use crate::arguments::{Command, Request};
+use crate::bench;
 use crate::failure::{Failure, INTERRUPTED};
 use crate::plan::{Planned, plan};
 use crate::progress::{Bar, name};
@@ -60,6 +61,10 @@ fn work(request: &Request, writing: &Writing) -> Result<(), Failure> {
         Some(Command::Stiff(stiff)) => {
             end_when_interrupted(writing, None)?;
             return stiff::run(stiff, writing);
+        }
+        Some(Command::Bench(arguments)) => {
+            end_when_interrupted(writing, None)?;
+            return bench::run(arguments, writing);
         }
         _ => {}
     }

@@ -216,6 +216,7 @@ fn figure(trials: &[Trial]) -> Result<String, ReportError> {
             Some(Curve {
                 color: place(trial)?,
                 stroke: stroke(trial.alternative),
+                dots: false,
                 points: fit.curve(Quantity::SigmaError, |window| window.step),
             })
         });

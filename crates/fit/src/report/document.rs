@@ -102,12 +102,18 @@ const BESIDE: &str = "<!--beside-->";
 const END: &str = "<!--end-->";
 
 /// The pages that a folder may hold, and what they show.
-const PAGES: [(&str, &str); 3] =
-    [("index.html", "Fits"), ("stability.html", "Extreme cases"), ("stiff.html", "Stiff problems")];
+const PAGES: [(&str, &str); 5] = [
+    ("index.html", "Fits"),
+    ("bench.html", "Speed"),
+    ("elision.html", "What is left out"),
+    ("stability.html", "Extreme cases"),
+    ("stiff.html", "Stiff problems"),
+];
 
 /// Writes `html` into `folder`, which is made where it is missing, under the name of one of the
-/// pages that a report's folder may hold: `index.html`, `stability.html`, `stiff.html`. Then
-/// every page in the folder names the others. Returns the path of the page.
+/// pages that a report's folder may hold: `index.html`, `bench.html`, `elision.html`,
+/// `stability.html`, `stiff.html`. Then every page in the folder names the others. Returns the path
+/// of the page.
 ///
 /// # Errors
 /// [`ReportError::Write`] where the file system refuses.

@@ -10,7 +10,7 @@
 use std::ops::Range;
 
 use plotters::prelude::{
-    ChartBuilder, DrawingArea, IntoDrawingArea, IntoFont, PathElement, Polygon, RGBColor,
+    ChartBuilder, Circle, DrawingArea, IntoDrawingArea, IntoFont, PathElement, Polygon, RGBColor,
     SVGBackend, ShapeStyle,
 };
 use plotters::style::Color;
@@ -36,6 +36,8 @@ pub(crate) const GRID: [&str; 2] = ["#E4E4EA", "#2E3038"];
 pub const SIZES: [(u32, u32); 2] = [(880, 600), (680, 560)];
 /// Height of the text of the axes, in drawn units.
 const TEXT: u32 = 32;
+/// Radius of a dot, in drawn units.
+const DOT: u32 = 9;
 /// Line widths that stand for the kinds of line until [`dashed`] exchanges them.
 const WIDTHS: [u32; 3] = [4, 5, 6];
 
@@ -57,6 +59,8 @@ pub struct Curve {
     pub color: usize,
     /// The kind of line.
     pub stroke: Stroke,
+    /// Whether each point has a dot: where points are measurements and the line only joins them.
+    pub dots: bool,
     /// `[x, low, middle, high]`, by ascending `x`.
     pub points: Vec<[f64; 4]>,
 }
@@ -163,6 +167,11 @@ impl Figure {
                     line,
                     color(curve.color).stroke_width(width),
                 )])?;
+                if curve.dots {
+                    let dot =
+                        |p: &[f64; 4]| Circle::new((p[0], p[2]), DOT, color(curve.color).filled());
+                    chart.draw_series(run.iter().map(dot))?;
+                }
             }
         }
         root.present()?;
@@ -200,7 +209,7 @@ mod tests {
     use super::*;
 
     fn figure(y: Scale, points: Vec<[f64; 4]>) -> Figure {
-        let curves = vec![Curve { color: 0, stroke: Stroke::Dashed, points }];
+        let curves = vec![Curve { color: 0, stroke: Stroke::Dashed, dots: false, points }];
         let spoken = "a \"quoted\" <name>".to_owned();
         Figure {
             x: Scale::Seconds,
@@ -219,6 +228,14 @@ mod tests {
         let svg = svg.svg().expect("a figure with zeros");
         assert!(svg.contains("≤10⁻³"), "{svg}");
         assert!(svg.contains("stroke-dasharray"), "{svg}");
+    }
+
+    #[test]
+    fn every_measurement_has_its_dot_where_dots_are_asked_for() {
+        let mut figure = figure(Scale::Linear, vec![[1.0; 4], [2.0, f64::NAN, 1.0, 1.0], [3.0; 4]]);
+        assert!(!figure.svg().expect("lines").contains("<circle"));
+        figure.curves[0].dots = true;
+        assert_eq!(figure.svg().expect("dots").matches("<circle").count(), 2);
     }
 
     #[test]

@@ -41,6 +41,7 @@ use digest::{Fit, Group};
 pub use document::{Document, Section, add_page, data_uri, escaped};
 pub use figure::{Curve, Figure, PALETTE, SIZES, Stroke};
 pub use panels::{Panel, line as legend_line, row};
+pub use table::short as digits;
 
 /// What can go wrong with a report.
 #[derive(Debug, thiserror::Error)]

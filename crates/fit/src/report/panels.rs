@@ -12,7 +12,7 @@ use super::document::escaped;
 use super::figure::{Curve, Figure, INK, PALETTE, SIZES, Stroke};
 
 /// A figure with its heading.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Panel {
     /// What is shown, with its unit.
     pub title: String,
@@ -69,6 +69,7 @@ fn panel(
     let curves = groups.iter().map(|group| Curve {
         color: color(groups, group),
         stroke: group.stroke(),
+        dots: false,
         points: group.curve(quantity, place),
     });
     let names: Vec<_> = groups.iter().map(|group| group.name()).collect();

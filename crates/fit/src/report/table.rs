@@ -100,7 +100,7 @@ pub(crate) fn plain(number: Option<f64>) -> String {
 }
 
 /// A number for people: three digits, as short as they allow.
-pub(crate) fn short(number: Option<f64>) -> String {
+pub fn short(number: Option<f64>) -> String {
     match number {
         None => "–".to_owned(),
         Some(number) if number.is_nan() => "NaN".to_owned(),

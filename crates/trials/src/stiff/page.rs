@@ -128,7 +128,7 @@ fn error_panels(solvers: &[Solver<'_>], problem: usize) -> Vec<Panel> {
                     if x == Scale::Seconds { moment.seconds } else { moment.gradient_evaluations };
                 [spent, moment.error, moment.error, moment.error]
             });
-            Some(Curve { color, stroke, points: points.collect() })
+            Some(Curve { color, stroke, dots: false, points: points.collect() })
         });
         Panel {
             title: name.clone(),
@@ -168,7 +168,7 @@ fn profile_panels(solvers: &[Solver<'_>], cost: Cost) -> Vec<Panel> {
         let all = profiles(solvers, level, cost);
         let curves = all.into_iter().enumerate().map(|(at, steps)| {
             let (color, stroke) = look(at);
-            Curve { color, stroke, points: staircase(&steps) }
+            Curve { color, stroke, dots: false, points: staircase(&steps) }
         });
         Panel {
             title: format!("Share solved to 1e-{level}"),

@@ -1,0 +1,27 @@
+//! How fast Bokashi is, at what error, and what it leaves out.
+//!
+//! [`bench()`] answers one question after the other: steps beside other renderers, the gradient of
+//! silhouettes against the true one, blurs and operations by time and error, a pipeline node by
+//! node, the tape's own cost, growth, memory. [`elision()`] sets steps that compute something beside
+//! steps that have no need of it.
+
+mod bench;
+mod difference;
+mod effort;
+mod elision;
+mod machine;
+mod page;
+mod pipeline;
+mod sampling;
+mod scenes;
+mod studies;
+mod study;
+mod table;
+
+pub use bench::{Peer, STUDIES, bench, json, markdown, read_peers};
+pub use effort::Effort;
+pub use elision::{Row, elision, elision_markdown, write_elision_page};
+pub use machine::Machine;
+pub use page::write_page;
+pub use scenes::Scene;
+pub use study::Study;

@@ -1,0 +1,100 @@
+//! The pipeline whose time is taken: from positions to a loss and its gradients.
+
+use std::hint::black_box;
+
+use bokashi_core::{Gradients, Scalar, Tape, Tensor, Var};
+use bokashi_fit::{FitError, squared_error};
+use bokashi_render_ops::{
+    Background, Cull, Fragments, RasterOptions, antialias, interpolate, project, rasterize, resolve,
+};
+use rayon::ThreadPool;
+
+use crate::sampling::Contestant;
+use crate::scenes::Scene;
+
+/// What a render leaves on the tape, in the order of recording.
+pub(crate) struct Rendered<'t, T: Scalar> {
+    pub(crate) clip: Var<'t, T>,
+    pub(crate) fragments: Fragments<'t, T>,
+    pub(crate) surface: Var<'t, T>,
+    pub(crate) jagged: Var<'t, T>,
+    pub(crate) image: Var<'t, T>,
+}
+
+/// Renders `scene` with other positions and colours.
+pub(crate) fn render<'t, T: Scalar>(
+    scene: &Scene,
+    cull: Cull,
+    positions: Var<'t, T>,
+    colors: Var<'t, T>,
+) -> Result<Rendered<'t, T>, FitError> {
+    let clip = project(positions, &scene.camera, None)?;
+    let fragments = rasterize(clip, &scene.mesh, RasterOptions { size: scene.size, cull })?;
+    let surface = interpolate(colors, &fragments)?;
+    let jagged = resolve(surface, &fragments, Background::Zero)?;
+    let image = antialias(jagged, &fragments, clip)?;
+    Ok(Rendered { clip, fragments, surface, jagged, image })
+}
+
+/// A scene whose positions and colours are a little off a target.
+pub(crate) struct Learner<T: Scalar> {
+    scene: Scene,
+    cull: Cull,
+    positions: Tensor<T>,
+    colors: Tensor<T>,
+    target: Tensor<T>,
+    tape: Tape<T>,
+}
+
+/// Positions are this far off at most: 0.3 of a pixel at 256 px, in the mean square.
+const SHIFT: f64 = 0.006;
+/// Colours are this far off.
+const TINT: f64 = 0.05;
+
+impl<T: Scalar> Learner<T> {
+    pub(crate) fn new(scene: &Scene, cull: Cull) -> Result<Self, FitError> {
+        let mut tape = Tape::new();
+        let target = {
+            let positions = tape.constant(&scene.positions.cast());
+            let colors = tape.constant(&scene.colors.cast());
+            render(scene, cull, positions, colors)?.image.value()
+        };
+        tape.reset();
+        let positions = scene.shifted(SHIFT, 0).cast();
+        let colors = scene.colors.map(|color: f64| T::from_f64((color + TINT).min(1.0)));
+        Ok(Self { scene: scene.clone(), cull, positions, colors, target, tape })
+    }
+
+    /// One step of a fit without its optimizer: render, loss, gradients.
+    pub(crate) fn step(&mut self) -> Result<(), FitError> {
+        let positions = self.tape.leaf(&self.positions);
+        let colors = self.tape.leaf(&self.colors);
+        let image = render(&self.scene, self.cull, positions, colors)?.image;
+        let loss = squared_error(image, self.tape.constant(&self.target))?;
+        let gradients: Gradients<'_, T> = loss.backward()?;
+        black_box((loss.item(), gradients.get(positions), gradients.get(colors)));
+        drop(gradients);
+        self.tape.reset();
+        Ok(())
+    }
+}
+
+impl Scene {
+    /// Steps on this scene in `f32`, back faces drawn, as a function that takes one: for whoever
+    /// counts what they allocate.
+    ///
+    /// # Errors
+    /// What an operation refuses: none does.
+    pub fn steps(&self) -> Result<impl FnMut() -> Result<(), FitError> + Send, FitError> {
+        let mut learner = Learner::<f32>::new(self, Cull::None)?;
+        Ok(move || learner.step())
+    }
+}
+
+/// Takes steps of `learner` on the threads of `pool`, which a sample enters once.
+pub(crate) fn contestant<'a, T: Scalar>(
+    mut learner: Learner<T>,
+    pool: &'a ThreadPool,
+) -> Contestant<'a> {
+    Contestant::new(move |steps| pool.install(|| (0..steps).try_for_each(|_| learner.step())))
+}

@@ -1,0 +1,154 @@
+//! Times of several contestants, taken in turns.
+//!
+//! A round takes one sample of each contestant, so that whatever else the machine does falls on all
+//! of them alike. A sample is a number of steps, as many as make it long against the clock's own
+//! time. The minimum says what the code can do, the median what it did here, the quartiles how
+//! steady the machine was.
+
+use std::time::Instant;
+
+use bokashi_fit::FitError;
+
+use crate::effort::{ENOUGH_SAMPLES, Effort};
+
+/// Something whose time is taken.
+pub(crate) struct Contestant<'a> {
+    /// Takes so many steps.
+    run: Box<dyn FnMut(usize) -> Result<(), FitError> + 'a>,
+}
+
+impl<'a> Contestant<'a> {
+    /// Whatever `run(steps)` does.
+    pub(crate) fn new(run: impl FnMut(usize) -> Result<(), FitError> + 'a) -> Self {
+        Self { run: Box::new(run) }
+    }
+}
+
+/// The time of a step, in seconds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Timing {
+    pub(crate) minimum: f64,
+    pub(crate) lower_quartile: f64,
+    pub(crate) median: f64,
+    pub(crate) upper_quartile: f64,
+    pub(crate) samples: usize,
+}
+
+impl Timing {
+    /// Of the times of single samples, of which there is at least one.
+    pub(crate) fn of(mut seconds: Vec<f64>) -> Self {
+        seconds.sort_by(f64::total_cmp);
+        let at = |part: f64| seconds[(part * (seconds.len() - 1) as f64).round() as usize];
+        Self {
+            minimum: at(0.0),
+            lower_quartile: at(0.25),
+            median: at(0.5),
+            upper_quartile: at(0.75),
+            samples: seconds.len(),
+        }
+    }
+
+    /// The distance between the quartiles, as a share of the median.
+    pub(crate) fn spread(&self) -> f64 {
+        (self.upper_quartile - self.lower_quartile) / self.median
+    }
+
+    /// Whether there are as many samples as there should be.
+    pub(crate) fn has_enough_samples(&self) -> bool {
+        self.samples >= ENOUGH_SAMPLES
+    }
+}
+
+/// Steps taken before the samples, to see how long one takes; one is enough where it takes longer
+/// than so many seconds.
+const TRIES: usize = 5;
+const LONG_TRY: f64 = 0.1;
+
+/// The time of each contestant, or the error that it ended with; each takes about `budget` seconds,
+/// or as long as enough samples do.
+pub(crate) fn interleaved(
+    contestants: &mut [Contestant<'_>],
+    effort: Effort,
+    budget: f64,
+) -> Vec<Result<Timing, FitError>> {
+    struct Turns {
+        steps: usize,
+        samples: usize,
+        seconds: Vec<f64>,
+    }
+    let clocked = |contestant: &mut Contestant<'_>, steps: usize| {
+        let start = Instant::now();
+        (contestant.run)(steps).map(|()| start.elapsed().as_secs_f64() / steps as f64)
+    };
+    let mut all: Vec<Result<Turns, FitError>> = Vec::new();
+    for contestant in contestants.iter_mut() {
+        // The first step finds no buffers and cold caches, and any can be disturbed.
+        let mut tried = clocked(contestant, 1);
+        for _ in 1..TRIES {
+            let Ok(least) = tried else { break };
+            if least > LONG_TRY {
+                break;
+            }
+            tried = clocked(contestant, 1).map(|seconds| least.min(seconds));
+        }
+        all.push(tried.map(|seconds| {
+            let steps = (effort.sample_seconds() / seconds).ceil().clamp(1.0, 1e5) as usize;
+            let samples = effort.samples(seconds * steps as f64, budget);
+            Turns { steps, samples, seconds: Vec::with_capacity(samples) }
+        }));
+    }
+    let rounds = all.iter().flatten().map(|turns| turns.samples).max().unwrap_or(0);
+    for round in 0..rounds {
+        for (contestant, one) in contestants.iter_mut().zip(&mut all) {
+            let Ok(turns) = one else { continue };
+            // Whoever takes fewer samples takes them evenly over the rounds.
+            if turns.seconds.len() * rounds > round * turns.samples {
+                continue;
+            }
+            match clocked(contestant, turns.steps) {
+                Ok(seconds) => turns.seconds.push(seconds),
+                Err(error) => *one = Err(error),
+            }
+        }
+    }
+    all.into_iter().map(|turns| turns.map(|turns| Timing::of(turns.seconds))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::RefCell;
+
+    use super::*;
+    use crate::effort::USUAL;
+
+    #[test]
+    fn minimum_median_and_quartiles_are_those_of_the_sorted_samples() {
+        let timing = Timing::of(vec![5.0, 1.0, 3.0, 2.0, 4.0]);
+        assert_eq!((timing.minimum, timing.median, timing.samples), (1.0, 3.0, 5));
+        assert_eq!((timing.lower_quartile, timing.upper_quartile), (2.0, 4.0));
+        assert_eq!(timing.spread(), 2.0 / 3.0);
+        assert!(!timing.has_enough_samples());
+    }
+
+    #[test]
+    fn contestants_take_turns_and_an_error_ends_only_its_own() {
+        let order = RefCell::new(Vec::new());
+        let taking = |name: char| {
+            let order = &order;
+            Contestant::new(move |_| {
+                order.borrow_mut().push(name);
+                // Long enough for a step to be a sample.
+                std::thread::sleep(std::time::Duration::from_micros(50));
+                Ok(())
+            })
+        };
+        let failing = Contestant::new(|_| {
+            Err(FitError::Setting { setting: "a", rule: "b", value: "c".to_owned() })
+        });
+        let found = interleaved(&mut [taking('a'), failing, taking('b')], Effort::Quick, USUAL);
+        assert!(found[0].is_ok() && found[1].is_err() && found[2].is_ok());
+        let samples = Effort::Quick.samples(1e-4, USUAL);
+        let order = order.borrow().iter().collect::<String>();
+        assert_eq!(order, format!("aaaaabbbbb{}", "ab".repeat(samples)));
+    }
+}

@@ -1,0 +1,118 @@
+//! Does the cost grow linearly in faces and in pixels?
+
+use bokashi_fit::FitError;
+use bokashi_fit::report::{Curve, Figure, PALETTE, Panel, SIZES, Scale, Stroke};
+use bokashi_render_ops::Cull;
+
+use crate::bench::Bench;
+use crate::effort::USUAL;
+use crate::pipeline::{Learner, contestant};
+use crate::sampling::{Timing, interleaved};
+use crate::scenes::Scene;
+use crate::study::{Figures, Study};
+use crate::table::{Cell, Table};
+
+/// Of the spheres in images of [`PIXELS_OF_FACES`].
+const FACES: [usize; 5] = [100, 1_000, 10_000, 100_000, 1_000_000];
+const PIXELS_OF_FACES: usize = 512;
+/// Of the images of a sphere of [`FACES_OF_PIXELS`].
+const PIXELS: [usize; 8] = [32, 64, 128, 256, 512, 1024, 2048, 4096];
+const FACES_OF_PIXELS: usize = 1_000;
+
+pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
+    let threads = bench.widest().current_num_threads();
+    let mut study = Study::new(
+        "growth",
+        "Cost against faces and pixels",
+        format!(
+            "A step as in the first table, on spheres, f32, back faces culled, {threads} threads. \
+             The exponent is that of the time between a row and the row before: 1 is linear, less \
+             is where what does not grow still counts. Dotted: linear growth through the last \
+             point."
+        ),
+    );
+    let mut table = Table::new(
+        "growth",
+        "Time of a step",
+        &[
+            ("grows", "grows"),
+            ("faces", "faces"),
+            ("pixels", "pixels"),
+            ("time, ms", "minimum_milliseconds"),
+            ("median, ms", "median_milliseconds"),
+            ("exponent", "exponent"),
+            ("ns per face or pixel", "nanoseconds_per_face_or_pixel"),
+            ("samples", "samples"),
+        ],
+    );
+    let faces = &FACES[..bench.effort.choose(2, FACES.len())];
+    let pixels = &PIXELS[..bench.effort.choose(2, PIXELS.len())];
+    let of_faces = faces.iter().map(|&faces| Scene::sphere_of(faces, PIXELS_OF_FACES));
+    let of_pixels = pixels.iter().map(|&pixels| Scene::sphere_of(FACES_OF_PIXELS, pixels));
+    let rows: [(&str, Vec<Scene>); 2] = [
+        ("faces", of_faces.collect::<Result<_, _>>()?),
+        ("pixels", of_pixels.collect::<Result<_, _>>()?),
+    ];
+    let mut panels = Vec::new();
+    for (grows, scenes) in rows {
+        let mut points: Vec<[f64; 4]> = Vec::new();
+        for scene in scenes {
+            let (count, width) = (scene.mesh.faces().len(), scene.size.width);
+            let area = scene.size.pixels() as f64;
+            // One scene at a time: the largest take gigabytes.
+            let learner = Learner::<f32>::new(&scene, Cull::Back)?;
+            let timing =
+                interleaved(&mut [contestant(learner, bench.widest())], bench.effort, USUAL);
+            let what = format!("{count} faces, {width} px");
+            let timing: Option<Timing> = study
+                .noted(&what, timing.into_iter().collect::<Result<Vec<_>, _>>())
+                .map(|mut all| all.remove(0));
+            let Some(timing) = timing else { continue };
+            let size = if grows == "faces" { count as f64 } else { area };
+            let exponent =
+                points.last().map(|last| (timing.minimum / last[1]).ln() / (size / last[0]).ln());
+            points.push([size, timing.minimum, timing.minimum, timing.upper_quartile]);
+            table.push(vec![
+                Cell::text(grows),
+                Cell::Count(count),
+                Cell::text(format!("{width} x {width}")),
+                Cell::timed(&timing, 1e3 * timing.minimum),
+                Cell::timed(&timing, 1e3 * timing.median),
+                Cell::maybe(exponent),
+                Cell::number(1e9 * timing.minimum / size),
+                Cell::Count(timing.samples),
+            ]);
+        }
+        let linear = points.last().map_or(Vec::new(), |last| {
+            let at =
+                |x: f64| [x, last[1] * x / last[0], last[1] * x / last[0], last[1] * x / last[0]];
+            points.iter().map(|point| at(point[0])).collect()
+        });
+        panels.push(Panel {
+            title: format!("Time of a step against {grows}"),
+            figure: Figure {
+                x: Scale::Counts,
+                y: Scale::Seconds,
+                x_title: if grows == "faces" { "faces" } else { "pixels of the image" },
+                size: SIZES[0],
+                spoken: format!("time of a step against {grows}, with linear growth beside it"),
+                curves: vec![
+                    Curve { color: 5, stroke: Stroke::Dotted, dots: false, points: linear },
+                    Curve { color: 0, stroke: Stroke::Solid, dots: true, points },
+                ],
+                marks: Vec::new(),
+            },
+        });
+    }
+    study.figures.push(Figures {
+        heading: None,
+        is_folded: false,
+        legend: vec![
+            ("a step".to_owned(), PALETTE[0], Stroke::Solid),
+            ("linear".to_owned(), PALETTE[5], Stroke::Dotted),
+        ],
+        panels,
+    });
+    study.tables.push(table);
+    Ok(study)
+}

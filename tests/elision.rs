@@ -1,0 +1,51 @@
+//! What a scene does not need changes no bit, and the tape's report names it.
+
+use bokashi_bench::{Effort, Row, elision};
+
+/// The rows, and what their reports name as left out where the engine names it.
+const ROWS: [(&str, &[&str]); 9] = [
+    ("frozen positions", &[]),
+    ("frozen colours", &[]),
+    ("frozen sigma", &[]),
+    ("sigma 0", &["gaussian_blur: sigma is 0"]),
+    ("antialias without discontinuities", &["antialias: no discontinuities"]),
+    ("empty background", &[]),
+    ("no face near the near plane", &[]),
+    ("depth not asked for", &[]),
+    ("inference without gradients", &[]),
+];
+
+fn rows() -> Vec<Row> {
+    elision(Effort::Quick).expect("steps that nothing refuses")
+}
+
+#[test]
+fn results_are_those_of_everything_computed_to_the_bit() {
+    let rows = rows();
+    assert_eq!(rows.len(), ROWS.len());
+    for row in &rows {
+        assert!(row.bitwise_equal(), "{row:?}");
+        // A picture and a loss, and whatever gradients both steps have.
+        let compared: Vec<&str> = row.results.iter().map(|(name, _)| *name).collect();
+        let gradients = match row.row {
+            "sigma 0" => 3,
+            "antialias without discontinuities" | "inference without gradients" => 0,
+            _ => 2,
+        };
+        assert_eq!(compared[..2], ["picture", "loss"], "{}", row.row);
+        assert_eq!(compared.len(), 2 + gradients, "{}: {compared:?}", row.row);
+    }
+}
+
+#[test]
+fn the_report_names_what_was_left_out() {
+    let rows = rows();
+    let missing = ROWS.iter().zip(&rows).flat_map(|((name, operations), row)| {
+        assert_eq!(*name, row.row);
+        let named = |operation: &&&str| row.left_out.iter().any(|one| one.starts_with(**operation));
+        let missing: Vec<_> = operations.iter().filter(|one| !named(one)).collect();
+        missing.into_iter().map(move |operation| format!("{name}: {operation}")).collect::<Vec<_>>()
+    });
+    let missing: Vec<String> = missing.collect();
+    assert!(missing.is_empty(), "not named: {missing:?}");
+}
