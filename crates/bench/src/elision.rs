@@ -10,8 +10,8 @@ use bokashi_core::{Tape, Tensor};
 use bokashi_fit::report::{Document, ReportError, Section, add_page, escaped};
 use bokashi_fit::{FitError, squared_error};
 use bokashi_render_ops::{
-    Background, Blur, Mesh, RasterOptions, Size, antialias, gaussian_blur, interpolate, project,
-    rasterize, resolve,
+    Background, Blur, Mesh, RasterOptions, Size, antialias, depth, gaussian_blur, interpolate,
+    project, rasterize, resolve,
 };
 use glam::DVec4;
 use serde::{Serialize, Serializer, ser::SerializeStruct as _};
@@ -153,7 +153,7 @@ impl Step {
         let gradients = match self.has_depth {
             false => loss.backward()?,
             true => {
-                let depth = fragments.depth;
+                let depth = depth(&fragments)?;
                 let zeros = || Tensor::zeros(depth.shape());
                 let upstream = start.depth_upstream.get_or_insert_with(zeros);
                 tape.vjp(&[(loss, &start.one), (depth, upstream)])?
@@ -219,9 +219,10 @@ fn pairs(pixels: usize) -> Result<Vec<(&'static str, Step, Step)>, FitError> {
 /// The scene with a face that reaches through the near plane beside the image, and without; its
 /// three vertices are there in both.
 fn beside_the_near_plane(scene: &Scene) -> Result<(Scene, Scene), FitError> {
-    // Clip coordinates with w = 2, -2 and 2: to the right of the image, where x > w.
+    // Clip coordinates with w = 2, -2 and 2: x / w is 4.5 and more, to the right of the image, but
+    // the vertex behind the eye has x < -w, so that no plane has all three beyond it.
     let (back, corners) =
-        (scene.camera.inverse(), [(9.0, 0.0, 2.0), (9.0, 1.0, -2.0), (12.0, 0.0, 2.0)]);
+        (scene.camera.inverse(), [(9.0, 0.0, 2.0), (-9.0, 1.0, -2.0), (12.0, 0.0, 2.0)]);
     let mut positions = scene.positions.data().to_vec();
     for (x, y, w) in corners {
         // What the camera makes of a depth of w.
@@ -295,13 +296,23 @@ fn same_bits(a: &Tensor<f32>, b: &Tensor<f32>) -> bool {
     a.shape() == b.shape() && bits(a) == bits(b)
 }
 
-/// What a step gives, and what its report names as left out.
-fn look(step: &Step) -> Result<(Results, Vec<String>), FitError> {
+/// What a step gives, and what its report says.
+struct Look {
+    results: Results,
+    /// What is named as left out.
+    named: Vec<String>,
+    operations: Vec<&'static str>,
+}
+
+/// A look at one step.
+fn look(step: &Step) -> Result<Look, FitError> {
     let tape = Tape::new();
     let results = step.take(&mut step.start(), &tape, true)?;
-    let left_out = tape.take_report().left_out;
-    let named = left_out.iter().map(|entry| format!("{}: {}", entry.name, entry.reason));
-    Ok((results, named.collect()))
+    let report = tape.take_report();
+    let left_out = report.left_out.iter();
+    let named = left_out.map(|entry| format!("{}: {}", entry.name, entry.reason)).collect();
+    let operations = report.operations.iter().map(|entry| entry.name).collect();
+    Ok(Look { results, named, operations })
 }
 
 /// A step over and over.
@@ -326,11 +337,14 @@ pub fn elision(effort: Effort) -> Result<Vec<Row>, FitError> {
     let bench = Bench::new(effort, Vec::new())?;
     let mut rows = Vec::new();
     for (row, computed, left) in pairs(effort.choose(32, 256))? {
-        let ((with_results, with_named), (results, mut left_out)) =
+        let (with, mut without) =
             bench.one().install(|| Ok::<_, FitError>((look(&computed)?, look(&left)?)))?;
-        left_out.retain(|one| !with_named.contains(one));
-        let both = results.iter().filter_map(|(name, found)| {
-            let (_, other) = with_results.iter().find(|(other, _)| other == name)?;
+        let mut left_out = std::mem::take(&mut without.named);
+        left_out.retain(|one| !with.named.contains(one));
+        let missing = with.operations.iter().filter(|name| !without.operations.contains(name));
+        left_out.extend(missing.map(|name| format!("{name}: not recorded")));
+        let both = without.results.iter().filter_map(|(name, found)| {
+            let (_, other) = with.results.iter().find(|(other, _)| other == name)?;
             // The gradients of the walls' vertices are of different vertices.
             (found.shape() == other.shape()).then(|| (*name, same_bits(found, other)))
         });

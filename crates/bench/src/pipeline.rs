@@ -3,9 +3,10 @@
 use std::hint::black_box;
 
 use bokashi_core::{Gradients, Scalar, Tape, Tensor, Var};
-use bokashi_fit::{FitError, squared_error};
+use bokashi_fit::FitError;
 use bokashi_render_ops::{
-    Background, Cull, Fragments, RasterOptions, antialias, interpolate, project, rasterize, resolve,
+    Background, Cull, Fragments, RasterOptions, Target, antialias, interpolate, layer, project,
+    rasterize, resolve,
 };
 use rayon::ThreadPool;
 
@@ -42,7 +43,7 @@ pub(crate) struct Learner<T: Scalar> {
     cull: Cull,
     positions: Tensor<T>,
     colors: Tensor<T>,
-    target: Tensor<T>,
+    target: Target<T>,
     tape: Tape<T>,
 }
 
@@ -60,6 +61,7 @@ impl<T: Scalar> Learner<T> {
             render(scene, cull, positions, colors)?.image.value()
         };
         tape.reset();
+        let target = Target::new(&target, &Tensor::zeros([3]))?;
         let positions = scene.shifted(SHIFT, 0).cast();
         let colors = scene.colors.map(|color: f64| T::from_f64((color + TINT).min(1.0)));
         Ok(Self { scene: scene.clone(), cull, positions, colors, target, tape })
@@ -69,8 +71,13 @@ impl<T: Scalar> Learner<T> {
     pub(crate) fn step(&mut self) -> Result<(), FitError> {
         let positions = self.tape.leaf(&self.positions);
         let colors = self.tape.leaf(&self.colors);
-        let image = render(&self.scene, self.cull, positions, colors)?.image;
-        let loss = squared_error(image, self.tape.constant(&self.target))?;
+        let Scene { camera, mesh, size, .. } = &self.scene;
+        let clip = project(positions, camera, None)?;
+        let options = RasterOptions { size: *size, cull: self.cull };
+        let fragments = rasterize(clip, mesh, options)?;
+        let surface = interpolate(colors, &fragments)?;
+        let layer = layer(surface, &fragments, Background::Zero)?.antialias(clip)?;
+        let loss = layer.squared_error(&self.target)?;
         let gradients: Gradients<'_, T> = loss.backward()?;
         black_box((loss.item(), gradients.get(positions), gradients.get(colors)));
         drop(gradients);

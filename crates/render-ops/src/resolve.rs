@@ -47,7 +47,10 @@ impl<'t, T: Scalar> Layer<'t, T> {
         };
         let tape = self.values.tape();
         match self.background.variable() {
-            None => tape.apply(op, &[self.values]),
+            None => {
+                tape.leave_out("resolve", "gradient of the background: it is empty");
+                tape.apply(op, &[self.values])
+            }
             Some(background) => tape.apply(op, &[self.values, background]),
         }
     }

@@ -142,6 +142,7 @@ impl<'t, T: Scalar> Layer<'t, T> {
             rim: self.rim.clone(),
             target: Arc::clone(&target.0),
         };
+        tape.leave_out("squared_error", "pixels of the background: summed with the target");
         Ok(tape.apply(op, &[self.values])?)
     }
 }

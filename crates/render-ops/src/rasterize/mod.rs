@@ -90,9 +90,12 @@ pub fn rasterize<'t, T: Scalar>(
     let options = options.into();
     options.size.checked()?;
     let op = Rasterize { mesh: mesh.clone(), options };
-    let (outputs, coverage) =
-        clip.tape().record_with(op, &[clip], |saved| saved.coverage.clone())?;
+    let look = |saved: &Saved<T>| (saved.coverage.clone(), saved.visibility.reaches_behind);
+    let (outputs, (coverage, reaches_behind)) = clip.tape().record_with(op, &[clip], look)?;
     let coverage = coverage.expect("forward has filled in the coverage");
+    if !reaches_behind {
+        clip.tape().leave_out("rasterize", "whole rows: no face reaches behind the eye");
+    }
     Ok(Fragments { barycentrics: outputs[0], clip, coverage })
 }
 

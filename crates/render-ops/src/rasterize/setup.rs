@@ -72,6 +72,8 @@ pub(super) enum Fate {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Verdict {
     pub(super) orientation: i8,
+    /// Whether it is drawn and reaches behind the eye: its outline is not that of its vertices.
+    pub(super) reaches_behind: bool,
     pub(super) fate: Fate,
 }
 
@@ -97,7 +99,6 @@ impl Verdict {
         {
             Fate::Facing
         } else if (a | b | c) & BEHIND != 0 {
-            // Part of the face is behind the eye: its outline is not that of its vertices.
             let Size { width, height } = options.size;
             Fate::Drawn { columns: [0, width as u32 - 1], rows: [0, height as u32 - 1] }
         } else {
@@ -105,7 +106,8 @@ impl Verdict {
             let Size { width, height } = options.size;
             Fate::Drawn { columns: touched(0, width), rows: touched(1, height) }
         };
-        Self { orientation, fate }
+        let is_drawn = matches!(fate, Fate::Drawn { .. });
+        Self { orientation, reaches_behind: is_drawn && (a | b | c) & BEHIND != 0, fate }
     }
 }
 

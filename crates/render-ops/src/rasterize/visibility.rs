@@ -39,6 +39,8 @@ const NO_FACE: u64 = u64::MAX;
 #[derive(Debug)]
 pub(super) struct Visibility<T: Scalar> {
     pub(super) corners: Vec<Corner<T::Wide>>,
+    /// Whether a face that is drawn reaches behind the eye, so that all rows have to be searched.
+    pub(super) reaches_behind: bool,
     verdicts: Vec<Verdict>,
     /// The X of each column's pixel centres.
     centers: Vec<T::Wide>,
@@ -51,6 +53,7 @@ impl<T: Scalar> Default for Visibility<T> {
     fn default() -> Self {
         Self {
             corners: Vec::new(),
+            reaches_behind: false,
             verdicts: Vec::new(),
             centers: Vec::new(),
             faces: Vec::new(),
@@ -80,7 +83,7 @@ impl<'a, T: Scalar> View<'a, T> {
 impl<T: Scalar> Visibility<T> {
     /// Finds the runs, and their weights, which the bands hold.
     pub(super) fn run(&mut self, clip: &[T], options: RasterOptions, coverage: &mut Coverage) {
-        let Self { corners, verdicts, centers, faces, canvases } = self;
+        let Self { corners, reaches_behind, verdicts, centers, faces, canvases } = self;
         let Coverage { mesh, size, .. } = &*coverage;
         let (mesh, size) = (&mesh.clone(), *size);
 
@@ -91,7 +94,7 @@ impl<T: Scalar> Visibility<T> {
                 *corner = Corner::of(clip, index, size);
             }
         });
-        let degenerate = Verdict { orientation: 0, fate: Fate::Degenerate };
+        let degenerate = Verdict { orientation: 0, reaches_behind: false, fate: Fate::Degenerate };
         resize(verdicts, mesh.faces().len(), || degenerate);
         for_each_piece_mut(verdicts, ITEMS_PER_PIECE, |piece, verdicts| {
             let faces = &mesh.faces()[piece * ITEMS_PER_PIECE..];
@@ -108,6 +111,7 @@ impl<T: Scalar> Visibility<T> {
         faces.resize_with(size.height.div_ceil(rows), Vec::new);
         faces.iter_mut().for_each(Vec::clear);
         coverage.culled = sort_into_bands(verdicts, faces, rows);
+        *reaches_behind = verdicts.iter().any(|verdict| verdict.reaches_behind);
         coverage.orientations.clear();
         coverage.orientations.extend(verdicts.iter().map(|verdict| verdict.orientation));
 
@@ -326,7 +330,7 @@ impl<T: Scalar> Canvas<T> {
     /// Draws a face into the band of `rows`.
     #[inline(always)]
     fn draw(&mut self, view: &View<'_, T>, rows: Range<usize>, face: usize) {
-        let Verdict { orientation, fate } = view.verdicts[face];
+        let Verdict { orientation, fate, .. } = view.verdicts[face];
         let Fate::Drawn { columns: [left, right], rows: [top, bottom] } = fate else {
             unreachable!("only faces that are drawn are on the lists");
         };
