@@ -23,5 +23,5 @@ pub use effort::Effort;
 pub use elision::{Row, elision, elision_markdown, write_elision_page};
 pub use machine::Machine;
 pub use page::write_page;
-pub use scenes::Scene;
+pub use scenes::{Scene, scenes};
 pub use study::Study;

@@ -50,6 +50,11 @@ impl Scene {
         Ok(scene)
     }
 
+    /// Its name: the mesh, and the pixels along a side.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
     /// The number of pixels.
     pub fn pixels(&self) -> usize {
         self.size.pixels()
@@ -121,7 +126,7 @@ impl Scene {
 }
 
 /// The scenes of the table, smallest first.
-pub(crate) fn scenes() -> Result<Vec<Scene>, FitError> {
+pub fn scenes() -> Result<Vec<Scene>, FitError> {
     Ok(vec![
         Scene::cube(32)?,
         Scene::cube(256)?,

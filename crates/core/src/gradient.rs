@@ -75,9 +75,10 @@ impl<T: Scalar> Accumulator<T> {
         })
     }
 
-    /// The buffer, and whether it holds no meaningful numbers; from now on it does.
+    /// The entries, and whether nothing has been added yet: then they hold no meaningful numbers, and
+    /// whoever takes them writes every one of them, instead of adding.
     #[inline]
-    fn start(&mut self) -> (&mut [T], bool) {
+    pub fn entries_or_fresh(&mut self) -> (&mut [T], bool) {
         let fresh = std::mem::replace(&mut self.state, State::Sum) == State::Fresh;
         (&mut self.buffer, fresh)
     }
@@ -85,7 +86,7 @@ impl<T: Scalar> Accumulator<T> {
     /// Adds `entry(k)` to the k-th entry, for every k.
     #[inline]
     pub fn add_each(&mut self, mut entry: impl FnMut(usize) -> T) {
-        let (sum, fresh) = self.start();
+        let (sum, fresh) = self.entries_or_fresh();
         if fresh {
             sum.iter_mut().enumerate().for_each(|(k, sum)| *sum = entry(k));
         } else {
@@ -104,7 +105,7 @@ impl<T: Scalar> Accumulator<T> {
         from: [&[T]; N],
         entry: impl Fn([T; N]) -> T + Send + Sync,
     ) {
-        let (sum, fresh) = self.start();
+        let (sum, fresh) = self.entries_or_fresh();
         if fresh {
             for_each_zipped_mut(sum, from, |sum, from| *sum = entry(from));
         } else {
@@ -122,16 +123,9 @@ impl<T: Scalar> Accumulator<T> {
         self.add_zipped([entries], |[entry]| entry);
     }
 
-    /// The entries, where nothing has been added yet: whoever takes them writes every one of them.
-    /// `None` where there is a sum to add to.
-    pub fn unwritten(&mut self) -> Option<&mut [T]> {
-        let (sum, fresh) = self.start();
-        fresh.then_some(sum)
-    }
-
     /// The sum so far, zeros at first, for an operation that adds to some entries.
     pub fn entries(&mut self) -> &mut [T] {
-        let (sum, fresh) = self.start();
+        let (sum, fresh) = self.entries_or_fresh();
         if fresh {
             sum.fill(T::ZERO);
         }
@@ -188,9 +182,9 @@ mod tests {
                 |sum| sum.add(&[1.0, 2.0]),
                 |sum| sum.add_zipped([&[3.0, 5.0], &[2.0, 3.0]], |[a, b]| a - b),
                 |sum| sum.entries().iter_mut().zip([1.0, 2.0]).for_each(|(s, x)| *s += x),
-                |sum| match sum.unwritten() {
-                    Some(entries) => entries.copy_from_slice(&[1.0, 2.0]),
-                    None => sum.add(&[1.0, 2.0]),
+                |sum| match sum.entries_or_fresh() {
+                    (entries, true) => entries.copy_from_slice(&[1.0, 2.0]),
+                    (_, false) => sum.add(&[1.0, 2.0]),
                 },
             ];
             for way in ways {

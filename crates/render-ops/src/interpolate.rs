@@ -85,18 +85,8 @@ impl<T: Scalar> Op<T> for Interpolate {
         }
         let (attributes, barycentrics) = (inputs.data(0), inputs.data(1));
         let values = outputs.push([self.coverage.count(), channels]);
-        self.for_each_slot_mut(attributes, channels, values, |fragments, corners, values| {
-            let uv = &barycentrics[2 * fragments.start..2 * fragments.end];
-            match channels {
-                3 => interpolate_face::<T, 3>(corners, 3, uv, values),
-                _ => {
-                    for c in 0..channels {
-                        let corners = corners.map(|corner| &corner[c..]);
-                        interpolate_face::<T, 1>(corners, channels, uv, &mut values[c..]);
-                    }
-                }
-            }
-        });
+        let weighted = Weighted { barycentrics, channels };
+        self.for_each_slot_mut(attributes, channels, values, &weighted);
         Ok(())
     }
 
@@ -120,34 +110,30 @@ impl<T: Scalar> Op<T> for Interpolate {
             layout.add_to(attributes_bar, &shares);
         }
         if let Some(barycentrics_bar) = gradients.get(1) {
-            let (attributes, entries) = (kept.input(0), barycentrics_bar.entries());
-            self.for_each_slot_mut(attributes, channels, entries, |fragments, corners, uv_bar| {
-                let s_bar = &s_bar[fragments.start * channels..fragments.end * channels];
-                match channels {
-                    3 => pull_back_face::<T, 3>(corners, 3, s_bar, uv_bar),
-                    _ => {
-                        for c in 0..channels {
-                            let corners = corners.map(|corner| &corner[c..]);
-                            pull_back_face::<T, 1>(corners, channels, &s_bar[c..], uv_bar);
-                        }
-                    }
-                }
-            });
+            let attributes = kept.input(0);
+            // What is not written yet is cleared face by face, while it is at hand.
+            let (entries, is_fresh) = barycentrics_bar.entries_or_fresh();
+            let slopes = Slopes { s_bar, channels, is_fresh };
+            self.for_each_slot_mut(attributes, channels, entries, &slopes);
         }
     }
 }
 
+/// Work on the fragments of one face in a band.
+trait SlotWork<T>: Sync {
+    /// `corners` are the attributes of the face's vertices, `own` the fragments' entries.
+    fn run(&self, fragments: Range<usize>, corners: [&[T]; 3], own: &mut [T]);
+}
+
 impl Interpolate {
-    /// Calls `work(fragments, corners, own)` with the fragments of each face in a band, the
-    /// attributes of its vertices, and the fragments' entries of `entries`, several per fragment;
-    /// bands may be worked on at the same time.
-    #[inline]
+    /// Runs `work` on each face in each band, and its fragments' entries of `entries`, several per
+    /// fragment; bands may be worked on at the same time.
     fn for_each_slot_mut<T: Scalar>(
         &self,
         attributes: &[T],
         channels: usize,
         entries: &mut [T],
-        work: impl Fn(Range<usize>, [&[T]; 3], &mut [T]) + Send + Sync,
+        work: &impl SlotWork<T>,
     ) {
         let coverage = &*self.coverage;
         let width = entries.len().checked_div(coverage.count()).unwrap_or(0);
@@ -162,11 +148,61 @@ impl Interpolate {
                         let fragments = coverage.fragments_of(slot);
                         let own =
                             (fragments.start - first) * width..(fragments.end - first) * width;
-                        work(fragments, corners, &mut entries[own]);
+                        work.run(fragments, corners, &mut entries[own]);
                     }
                 },
             );
         });
+    }
+}
+
+/// Interpolation itself.
+struct Weighted<'a, T> {
+    barycentrics: &'a [T],
+    channels: usize,
+}
+
+impl<T: Scalar> SlotWork<T> for Weighted<'_, T> {
+    #[inline(always)]
+    fn run(&self, fragments: Range<usize>, corners: [&[T]; 3], values: &mut [T]) {
+        let uv = &self.barycentrics[2 * fragments.start..2 * fragments.end];
+        match self.channels {
+            3 => interpolate_face::<T, 3>(corners, 3, uv, values),
+            channels => {
+                for c in 0..channels {
+                    let corners = corners.map(|corner| &corner[c..]);
+                    interpolate_face::<T, 1>(corners, channels, uv, &mut values[c..]);
+                }
+            }
+        }
+    }
+}
+
+/// The gradients of u and v.
+struct Slopes<'a, T> {
+    s_bar: &'a [T],
+    channels: usize,
+    /// Whether what is there means nothing yet.
+    is_fresh: bool,
+}
+
+impl<T: Scalar> SlotWork<T> for Slopes<'_, T> {
+    #[inline(always)]
+    fn run(&self, fragments: Range<usize>, corners: [&[T]; 3], uv_bar: &mut [T]) {
+        if self.is_fresh {
+            uv_bar.fill(T::ZERO);
+        }
+        let channels = self.channels;
+        let s_bar = &self.s_bar[fragments.start * channels..fragments.end * channels];
+        match channels {
+            3 => pull_back_face::<T, 3>(corners, 3, s_bar, uv_bar),
+            _ => {
+                for c in 0..channels {
+                    let corners = corners.map(|corner| &corner[c..]);
+                    pull_back_face::<T, 1>(corners, channels, &s_bar[c..], uv_bar);
+                }
+            }
+        }
     }
 }
 

@@ -190,9 +190,9 @@ impl<T: Scalar> Op<T> for GaussianBlur {
                     adjoint.apply(b_bar, bands, out, &mut []);
                 }
             };
-            match image_bar.unwritten() {
-                Some(entries) => adjoint(entries),
-                None => {
+            match image_bar.entries_or_fresh() {
+                (entries, true) => adjoint(entries),
+                (_, false) => {
                     memory.resize(b_bar.len(), T::ZERO);
                     adjoint(memory);
                     image_bar.add(memory);

@@ -343,9 +343,10 @@ impl<S: Scalar<Wide = S>> Setup<S> {
         let pixels = depths[within.clone()].iter_mut().zip(&mut faces[within.clone()]);
         for ((nearest, seen), &x) in pixels.zip(&centers[within]) {
             let depth = self.depth(row.at(x));
-            let is_nearer = depth < *nearest && depth >= -S::ONE;
-            *nearest = if is_nearer { depth } else { *nearest };
-            *seen = if is_nearer { face } else { *seen };
+            let depth = if depth >= -S::ONE { depth } else { beyond() };
+            // A choice and a minimum: see `Canvas::draw`.
+            *seen = if depth < *nearest { face } else { *seen };
+            *nearest = if depth < *nearest { depth } else { *nearest };
         }
         for column in (first..inside).chain(inside_end..end) {
             let pixel = (&mut depths[column], &mut faces[column]);
