@@ -147,7 +147,7 @@ pub(super) struct Setup<S> {
     /// [`Setup::cover_span`].
     columns_per_unit: [f64; 3],
     /// Whether some pixel that was covered had to be settled.
-    pub(super) has_doubtful: bool,
+    has_doubtful: bool,
 }
 
 /// Pixels of a row that are drawn at once.
@@ -194,6 +194,15 @@ pub(super) struct Row<S> {
 }
 
 impl<S: Scalar<Wide = S>> Row<S> {
+    #[inline(always)]
+    fn of([a, b, c]: &[[S; 3]; 3], y: S) -> Self {
+        Self {
+            y,
+            starts: [a[0] + a[2] * y, b[0] + b[2] * y, c[0] + c[2] * y],
+            slopes: [a[1], b[1], c[1]],
+        }
+    }
+
     /// The edge functions at `x`.
     #[inline(always)]
     fn at(&self, x: S) -> [S; 3] {
@@ -235,12 +244,7 @@ impl<S: Scalar<Wide = S>> Setup<S> {
     /// The edge functions along the row of pixel centres at `y`.
     #[inline(always)]
     pub(super) fn row(&self, y: S) -> Row<S> {
-        let [a, b, c] = &self.edges;
-        Row {
-            y,
-            starts: [a[0] + a[2] * y, b[0] + b[2] * y, c[0] + c[2] * y],
-            slopes: [a[1], b[1], c[1]],
-        }
+        Row::of(&self.edges, y)
     }
 
     /// Of `columns`, first and end, those that the face may cover in a row: where each edge
@@ -426,44 +430,56 @@ impl<S: Scalar<Wide = S>> Setup<S> {
         }
     }
 
-    /// The weights u and v of neighbouring pixels of a row that it covers, into
-    /// `barycentrics: [n, 2]`.
+    /// What is kept of the face once it is drawn.
     #[inline(always)]
-    pub(super) fn weigh<T: Scalar<Wide = S>>(
-        &self,
-        row: &Row<S>,
-        centers: &[S],
-        barycentrics: &mut [T],
-    ) {
-        let pairs = barycentrics.chunks_exact_mut(2);
-        if self.has_doubtful || self.factors != [S::ONE; 3] {
-            return self.weigh_one_by_one(row, centers, barycentrics);
-        }
-        for (pair, &x) in pairs.zip(centers) {
-            let a = row.at(x);
-            let total = a[0] + a[1] + a[2];
-            (pair[0], pair[1]) = (T::narrow(a[0] / total), T::narrow(a[1] / total));
-        }
+    pub(super) fn weights(&self) -> Weights<S> {
+        let is_plain = !self.has_doubtful && self.factors == [S::ONE; 3];
+        Weights { edges: self.edges, is_plain }
     }
 
-    /// [`Setup::weigh`] where pixels may be in doubt, or vertices were multiplied.
+    /// The weights u and v of neighbouring pixels of a row that it covers, into
+    /// `barycentrics: [n, 2]`, where pixels may be in doubt, or vertices were multiplied.
     #[cold]
     #[inline(never)]
-    fn weigh_one_by_one<T: Scalar<Wide = S>>(
+    pub(super) fn weigh_one_by_one<T: Scalar<Wide = S>>(
         &self,
-        row: &Row<S>,
+        y: S,
         centers: &[S],
         barycentrics: &mut [T],
     ) {
+        let row = self.row(y);
         for (pair, &x) in barycentrics.chunks_exact_mut(2).zip(centers) {
             let mut a = row.at(x);
             if self.is_in_doubt(a) {
-                a = self.settled(row, x).expect("it was covered a moment ago");
+                a = self.settled(&row, x).expect("it was covered a moment ago");
             }
             let missing = missing_factors(a, self.factors);
             let weights: [S; 3] = std::array::from_fn(|k| missing[k] * a[k]);
             let total = weights[0] + weights[1] + weights[2];
             (pair[0], pair[1]) = (T::narrow(weights[0] / total), T::narrow(weights[1] / total));
+        }
+    }
+}
+
+/// What is kept of a face once it is drawn: a fraction of its [`Setup`], so that those of a band
+/// stay in a core's cache.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Weights<S> {
+    edges: [[S; 3]; 3],
+    /// Whether no pixel that was covered had to be settled, and no vertex was multiplied.
+    pub(super) is_plain: bool,
+}
+
+impl<S: Scalar<Wide = S>> Weights<S> {
+    /// The weights u and v of neighbouring pixels, of a row at `y`, of a plain face that covers
+    /// them, into `barycentrics: [n, 2]`.
+    #[inline(always)]
+    pub(super) fn weigh<T: Scalar<Wide = S>>(&self, y: S, centers: &[S], barycentrics: &mut [T]) {
+        let row = Row::of(&self.edges, y);
+        for (pair, &x) in barycentrics.chunks_exact_mut(2).zip(centers) {
+            let a = row.at(x);
+            let total = a[0] + a[1] + a[2];
+            (pair[0], pair[1]) = (T::narrow(a[0] / total), T::narrow(a[1] / total));
         }
     }
 }

@@ -14,7 +14,9 @@ use bokashi_core::Scalar;
 use bokashi_core::parallel::{for_each_item_mut, for_each_piece_mut};
 
 use super::RasterOptions;
-use super::setup::{Block, Corner, Fate, LANES, PIXELS_PER_BLOCK, Setup, Verdict, beyond, lanes};
+use super::setup::{
+    Block, Corner, Fate, LANES, PIXELS_PER_BLOCK, Setup, Verdict, Weights, beyond, lanes,
+};
 use crate::coverage::{Coverage, Culled, Run, Slot};
 use crate::mesh::{Mesh, repeats_a_vertex};
 use crate::size::Size;
@@ -219,17 +221,18 @@ impl<T> Default for Band<T> {
 /// Where bands are drawn, one after another.
 #[derive(Debug)]
 struct Canvas<T: Scalar> {
-    setups: Vec<Setup<T::Wide>>,
+    /// Of the faces that were drawn.
+    weights: Vec<Weights<T::Wide>>,
     block: Box<Block<T::Wide>>,
-    /// Per pixel: the nearest depth so far, and the position in `setups` of its face, in as many bits
+    /// Per pixel: the nearest depth so far, and the position in `weights` of its face, in as many bits
     /// so that both fit the same vectors.
     depths: Vec<T::Wide>,
     faces: Vec<u64>,
     /// Per row: the columns, first and end, that were reached.
     reached: Vec<[usize; 2]>,
-    /// Per setup: its slot, once it was seen.
+    /// Per drawn face: its slot, once it was seen.
     slot_of: Vec<u32>,
-    /// Per slot: its setup.
+    /// Per slot: its position in `weights`.
     seen: Vec<u32>,
     /// What was read, by pixel.
     stretches: Vec<Stretch>,
@@ -252,7 +255,7 @@ struct Stretch {
 impl<T: Scalar> Default for Canvas<T> {
     fn default() -> Self {
         Self {
-            setups: Vec::new(),
+            weights: Vec::new(),
             block: Box::default(),
             depths: Vec::new(),
             faces: Vec::new(),
@@ -308,7 +311,7 @@ impl<T: Scalar> Canvas<T> {
         for (at, band) in bands.enumerate() {
             let first = band * view.rows;
             let rows = first..(first + view.rows).min(view.size.height);
-            self.setups.clear();
+            self.weights.clear();
             for &face in &faces[band] {
                 self.draw(view, rows.clone(), face as usize);
             }
@@ -317,7 +320,7 @@ impl<T: Scalar> Canvas<T> {
             self.stretches.clear();
             self.seen.clear();
             self.slot_of.clear();
-            self.slot_of.resize(self.setups.len(), NO_SLOT);
+            self.slot_of.resize(self.weights.len(), NO_SLOT);
             for row in rows {
                 self.bands[at].row_starts.push(self.stretches.len() as u32);
                 self.read(view, at, row, row - first);
@@ -334,7 +337,7 @@ impl<T: Scalar> Canvas<T> {
         let Fate::Drawn { columns: [left, right], rows: [top, bottom] } = fate else {
             unreachable!("only faces that are drawn are on the lists");
         };
-        let at = self.setups.len() as u64;
+        let at = self.weights.len() as u64;
         let rows_of_face = rows.start.max(top as usize)..rows.end.min(bottom as usize + 1);
         let mut setup = Setup::of(view.corners_of(face), orientation, view.size);
         let width = view.size.width;
@@ -381,7 +384,7 @@ impl<T: Scalar> Canvas<T> {
                 *reached = [reached[0].min(columns.start), reached[1].max(columns.end)];
             }
         }
-        self.setups.push(setup);
+        self.weights.push(setup.weights());
     }
 
     /// Reads what the pixels of a row of band `at` see, and forgets what was drawn there. `local` is
@@ -396,10 +399,10 @@ impl<T: Scalar> Canvas<T> {
         let reached = start + first..start + end;
         let mut column = first;
         while column < end {
-            let setup = self.faces[start + column];
+            let drawn = self.faces[start + column];
             let rest = &self.faces[start + column..reached.end];
-            let length = rest.iter().position(|&other| other != setup).unwrap_or(rest.len());
-            if setup != NO_FACE {
+            let length = rest.iter().position(|&other| other != drawn).unwrap_or(rest.len());
+            if drawn != NO_FACE {
                 let pixel = (row * view.size.width + column) as u32;
                 let covered = &mut self.bands[at].covered;
                 match covered.last_mut() {
@@ -409,10 +412,10 @@ impl<T: Scalar> Canvas<T> {
                 let [row, column, length] = [row, column, length].map(|number| number as u32);
                 // Slots are numbered as they are seen, so that their order, and with it the order of
                 // all sums, does not depend on that of the mesh's faces.
-                let slot = &mut self.slot_of[setup as usize];
+                let slot = &mut self.slot_of[drawn as usize];
                 if *slot == NO_SLOT {
                     *slot = self.seen.len() as u32;
-                    self.seen.push(setup as u32);
+                    self.seen.push(drawn as u32);
                 }
                 self.stretches.push(Stretch { slot: *slot, row, column, length });
             }
@@ -447,7 +450,7 @@ impl<T: Scalar> Canvas<T> {
     /// Makes runs of the stretches, with their weights, in band `at`, whose faces are `faces`.
     #[inline(always)]
     fn hand_over(&mut self, view: &View<'_, T>, at: usize, faces: &[u32]) {
-        let Self { setups, seen, stretches, ends, sorted, bands, .. } = self;
+        let Self { weights, seen, stretches, ends, sorted, bands, .. } = self;
         let Band { runs, by_pixel, slots, barycentrics, .. } = &mut bands[at];
         let fragments: usize = stretches.iter().map(|stretch| stretch.length as usize).sum();
         resize(barycentrics, 2 * fragments, || T::ZERO);
@@ -456,16 +459,24 @@ impl<T: Scalar> Canvas<T> {
         let mut fragment = 0;
         for own in sorted.chunk_by(|left, right| left.slot == right.slot) {
             let slot = own[0].slot;
-            let setup = seen[slot as usize] as usize;
-            slots.push(Slot { face: faces[setup], first_run: runs.len() as u32 });
-            let setup = &setups[setup];
+            let drawn = seen[slot as usize] as usize;
+            let (face, weights) = (faces[drawn], &weights[drawn]);
+            slots.push(Slot { face, first_run: runs.len() as u32 });
             for &Stretch { row, column, length, .. } in own {
                 let (row, column, length) = (row as usize, column as usize, length as usize);
                 let pixel = (row * view.size.width + column) as u32;
                 runs.push(Run { slot, pixel, fragment: fragment as u32 });
                 let barycentrics = &mut barycentrics[2 * fragment..2 * (fragment + length)];
                 let centers = &view.centers[column..column + length];
-                setup.weigh(&setup.row(view.size.center_y(row)), centers, barycentrics);
+                let y = view.size.center_y(row);
+                if weights.is_plain {
+                    weights.weigh(y, centers, barycentrics);
+                } else {
+                    let face = face as usize;
+                    let orientation = view.verdicts[face].orientation;
+                    let setup = Setup::of(view.corners_of(face), orientation, view.size);
+                    setup.weigh_one_by_one(y, centers, barycentrics);
+                }
                 fragment += length;
             }
         }
