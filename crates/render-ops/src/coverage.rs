@@ -236,29 +236,42 @@ impl Coverage {
         self.slots.get(slot).map_or(self.runs.len(), |slot| slot.first_run as usize)
     }
 
-    /// Calls `work(slots, first, own)` with the slots of some neighbouring bands, their first
-    /// fragment, and the entries of their fragments in `entries: [N, width]`; bands may be worked on
-    /// at the same time.
-    pub(crate) fn for_each_piece_mut<T: Send>(
+    /// Calls `work(slots, first, own)` for each band, with its slots, its first fragment, and the
+    /// entries of its fragments in `entries: [N, width]`; bands may be worked on at the same time.
+    pub(crate) fn for_each_band_mut<T: Send>(
         &self,
         width: usize,
         entries: &mut [T],
         work: impl Fn(Range<usize>, usize, &mut [T]) + Send + Sync,
     ) {
-        let bands = self.band_ends.len();
-        if !is_shared(bands, 1) {
-            return work(0..self.slots.len(), 0, entries);
-        }
-        let mut pieces = Vec::with_capacity(bands);
-        let (mut rest, mut first) = (entries, 0);
-        for band in 0..bands {
+        self.merge_bands_mut(width, entries, work, |()| {});
+    }
+
+    /// [`Coverage::for_each_band_mut`], with `merge` called on the results in the order of the bands.
+    pub(crate) fn merge_bands_mut<T: Send, R: Send>(
+        &self,
+        width: usize,
+        entries: &mut [T],
+        work: impl Fn(Range<usize>, usize, &mut [T]) -> R + Send + Sync,
+        mut merge: impl FnMut(R),
+    ) {
+        let mut rest = entries;
+        let bands = (0..self.band_ends.len()).map(|band| {
             let slots = self.slots_of(band..band + 1);
+            let first = self.fragments_before(self.runs_before(slots.start));
             let end = self.fragments_before(self.runs_before(slots.end));
-            let (own, others) = rest.split_at_mut((end - first) * width);
-            pieces.push((slots, first, own));
-            (rest, first) = (others, end);
+            let (own, others) = std::mem::take(&mut rest).split_at_mut((end - first) * width);
+            rest = others;
+            (slots, first, own)
+        });
+        if !is_shared(self.band_ends.len(), 1) {
+            return bands.for_each(|(slots, first, own)| merge(work(slots, first, own)));
         }
-        for_each_item_mut(&mut pieces, |_, (slots, first, own)| work(slots.clone(), *first, own));
+        let mut pieces: Vec<_> = bands.map(|band| (band, None)).collect();
+        for_each_item_mut(&mut pieces, |_, ((slots, first, own), result)| {
+            *result = Some(work(slots.clone(), *first, own));
+        });
+        pieces.into_iter().filter_map(|(_, result)| result).for_each(merge);
     }
 
     /// How many fragments come before those of run `at`.

@@ -67,7 +67,7 @@ impl<T: Scalar> Op<T> for Depth {
         let (coverage, clip) = (&*self.coverage, inputs.data(0));
         let depths = outputs.push([coverage.count()]);
         let two = T::Wide::from_f64(2.0);
-        coverage.for_each_piece_mut(1, depths, |slots, first, depths| {
+        coverage.for_each_band_mut(1, depths, |slots, first, depths| {
             for slot in slots {
                 let face = face_of(coverage, clip, slot);
                 for span in coverage.spans_of(slot) {

@@ -137,7 +137,7 @@ impl Interpolate {
     ) {
         let coverage = &*self.coverage;
         let width = entries.len().checked_div(coverage.count()).unwrap_or(0);
-        coverage.for_each_piece_mut(width, entries, |slots, first, entries| {
+        coverage.for_each_band_mut(width, entries, |slots, first, entries| {
             pulp::Arch::new().dispatch(
                 #[inline(always)]
                 || {

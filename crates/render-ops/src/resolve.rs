@@ -123,7 +123,7 @@ impl<T: Scalar> Op<T> for Resolve {
         let channels = kept.input_shape(0)[1];
         if let Some(values_bar) = gradients.get(0) {
             let (own, rim) = values_bar.entries().split_at_mut(self.coverage.count() * channels);
-            self.coverage.for_each_piece_mut(channels, own, |slots, _, own| {
+            self.coverage.for_each_band_mut(channels, own, |slots, _, own| {
                 let mut rest = own;
                 for span in slots.flat_map(|slot| self.coverage.spans_of(slot)) {
                     let (own, others) = rest.split_at_mut(span.fragments.len() * channels);

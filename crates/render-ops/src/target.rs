@@ -191,7 +191,9 @@ impl<T: Scalar> Op<T> for SquaredError<T> {
         }
         let (own, rim_own) = differences.split_at_mut(coverage.count() * channels);
         let (x_own, x_rim) = x.split_at(own.len());
-        coverage.for_each_piece_mut(channels, own, |slots, first, own| {
+        let square = |difference: &T| difference.widen() * difference.widen();
+        let mut total = T::Wide::ZERO;
+        let work = |slots: Range<usize>, first: usize, own: &mut [T]| {
             let mut at = 0;
             let x = &x_own[first * channels..][..own.len()];
             for span in slots.flat_map(|slot| coverage.spans_of(slot)) {
@@ -200,18 +202,14 @@ impl<T: Scalar> Op<T> for SquaredError<T> {
                 subtract(channels, &mut own[at..end], &x[at..end], target);
                 at = end;
             }
-        });
+            sum::<T>(own.len(), |k| square(&own[k]))
+        };
+        coverage.merge_bands_mut(channels, own, work, |band| total += band);
         let rows = rim_own.chunks_exact_mut(channels).zip(x_rim.chunks_exact(channels));
         for (&pixel, (row, x)) in rim.iter().zip(rows) {
-            let target = &target[pixel as usize * channels..];
-            for ((difference, &x), &t) in row.iter_mut().zip(x).zip(target) {
-                *difference = x - t;
-            }
+            subtract(channels, row, x, &target[pixel as usize * channels..][..channels]);
+            total += row.iter().map(square).sum();
         }
-        let mut total = sum::<T>(differences.len(), |k| {
-            let difference = differences[k].widen();
-            difference * difference
-        });
         coverage.for_each_gap(rim, |gap| total += self.target.behind(gap));
         outputs.push([])[0] = T::narrow(total);
         Ok(())

@@ -31,7 +31,7 @@ use std::sync::Arc;
 
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 
-use self::setup::{Corner, LANES, lanes};
+use self::setup::Corner;
 use self::visibility::Visibility;
 use crate::coverage::Coverage;
 use crate::edge_functions::{EdgeSums, LocalFace};
@@ -220,9 +220,15 @@ impl<T: Scalar> FaceSums<T::Wide> for PullBack<'_, T> {
             let row = face.row(y);
             let uv_bar = &self.uv_bar[2 * span.fragments.start..2 * span.fragments.end];
             let [ones, xs] = if factors == [T::Wide::ONE; 3] {
-                sum_row(row, x, uv_bar)
+                sum_row(row, x, uv_bar, weights_bar)
             } else {
-                sum_row_with_factors(row, x, uv_bar, factors)
+                // The weights are missing_i a_i, so a_bar_i gets that factor.
+                sum_row(row, x, uv_bar, |a, uv_bar| {
+                    let missing = missing_factors(a, factors);
+                    let weights = std::array::from_fn(|i| missing[i] * a[i]);
+                    let weights_bar = weights_bar(weights, uv_bar);
+                    std::array::from_fn(|i| missing[i] * weights_bar[i])
+                })
             };
             sums.add_row(ones, xs, y);
         }
@@ -235,71 +241,32 @@ impl<T: Scalar> FaceSums<T::Wide> for PullBack<'_, T> {
 
 /// The sums of `a_bar` and of `x a_bar` over neighbouring pixels of a row, whose edge functions
 /// are `row`, from the first one's `x` on.
-///
-/// With `p = u_bar / A`, `q = v_bar / A` and `m = (p a_0 + q a_1) / A`:
-/// `a_bar = (p - m, q - m, -m)`, so the sums of p, q and m are enough.
 #[inline(always)]
-fn sum_row<T: Scalar>(row: [[T::Wide; 2]; 3], x: T::Wide, uv_bar: &[T]) -> [[T::Wide; 3]; 2] {
-    let [[a0, a0_x], [a1, a1_x], [a2, a2_x]] = row;
-    let (total, total_x) = (a0 + a1 + a2, a0_x + a1_x + a2_x);
-    let terms = |x: T::Wide, uv_bar: &[T; 2]| {
-        let scale = T::Wide::ONE / (total + total_x * x);
-        let (p, q) = (uv_bar[0].widen() * scale, uv_bar[1].widen() * scale);
-        [p, q, (p * (a0 + a0_x * x) + q * (a1 + a1_x * x)) * scale]
-    };
-    // Neighbouring centres are two units apart. Along long rows several sums side by side.
-    let step = |k: usize| T::Wide::from_f64(2.0 * k as f64);
-    let (blocks, rest) = uv_bar.as_chunks::<2>().0.as_chunks::<LANES>();
-    let mut start = x;
-    let mut sums = [[T::Wide::ZERO; 3]; 2];
-    if !blocks.is_empty() {
-        let mut lane_sums = [[[T::Wide::ZERO; LANES]; 3]; 2];
-        for block in blocks {
-            let xs = lanes(|k| start + step(k));
-            let terms = lanes(|k| terms(xs[k], &block[k]));
-            for i in 0..3 {
-                lane_sums[0][i] = lanes(|k| lane_sums[0][i][k] + terms[k][i]);
-                lane_sums[1][i] = lanes(|k| lane_sums[1][i][k] + xs[k] * terms[k][i]);
-            }
-            start += step(LANES);
-        }
-        sums = lane_sums.map(|sums| sums.map(|[a, b, c, d]| (a + b) + (c + d)));
-    }
-    for (k, uv_bar) in rest.iter().enumerate() {
-        let x = start + step(k);
-        let terms = terms(x, uv_bar);
-        for i in 0..3 {
-            sums[0][i] += terms[i];
-            sums[1][i] += x * terms[i];
-        }
-    }
-    sums.map(|[p, q, m]| [p - m, q - m, -m])
-}
-
-/// [`sum_row`] for a face whose vertices were multiplied by `factors`: the weights are
-/// `missing_i a_i`, so `a_bar_i` gets that factor too.
-#[cold]
-fn sum_row_with_factors<T: Scalar>(
+fn sum_row<T: Scalar>(
     row: [[T::Wide; 2]; 3],
-    x: T::Wide,
+    mut x: T::Wide,
     uv_bar: &[T],
-    factors: [T::Wide; 3],
+    a_bar: impl Fn([T::Wide; 3], [T::Wide; 2]) -> [T::Wide; 3],
 ) -> [[T::Wide; 3]; 2] {
-    let (mut ones, mut xs) = ([T::Wide::ZERO; 3], [T::Wide::ZERO; 3]);
-    for (k, uv_bar) in uv_bar.as_chunks::<2>().0.iter().enumerate() {
-        let x = x + T::Wide::from_f64(2.0 * k as f64);
+    let two = T::Wide::from_f64(2.0);
+    let mut ones = [T::Wide::ZERO; 3];
+    let mut xs = [T::Wide::ZERO; 3];
+    for uv_bar in uv_bar.chunks_exact(2) {
         let a = row.map(|[start, slope]| start + slope * x);
-        let missing = missing_factors(a, factors);
-        let weights: [T::Wide; 3] = std::array::from_fn(|i| missing[i] * a[i]);
-        let scale = T::Wide::ONE / (weights[0] + weights[1] + weights[2]);
-        let [u_bar, v_bar] = uv_bar.map(T::widen);
-        let m = (u_bar * weights[0] + v_bar * weights[1]) * scale;
-        let weights_bar = [(u_bar - m) * scale, (v_bar - m) * scale, -m * scale];
+        let a_bar = a_bar(a, [uv_bar[0].widen(), uv_bar[1].widen()]);
         for i in 0..3 {
-            let a_bar = missing[i] * weights_bar[i];
-            ones[i] += a_bar;
-            xs[i] += x * a_bar;
+            ones[i] += a_bar[i];
+            xs[i] += x * a_bar[i];
         }
+        x += two;
     }
     [ones, xs]
+}
+
+/// The gradients of weights that are not normalized from those of u and v.
+#[inline(always)]
+fn weights_bar<S: Scalar>(weights: [S; 3], [u_bar, v_bar]: [S; 2]) -> [S; 3] {
+    let scale = S::ONE / (weights[0] + weights[1] + weights[2]);
+    let m = (u_bar * weights[0] + v_bar * weights[1]) * scale;
+    [(u_bar - m) * scale, (v_bar - m) * scale, -m * scale]
 }
