@@ -243,8 +243,11 @@ impl<T: Scalar> Found<T> {
 struct Faces<'a, T: Scalar> {
     coverage: &'a Coverage,
     clip: &'a [T],
-    recent: [Option<(usize, [Vertex<T::Wide>; 3])>; 2],
+    recent: [Option<Known<T::Wide>>; 2],
 }
+
+/// A face and its vertices.
+type Known<S> = (usize, [Vertex<S>; 3]);
 
 impl<'a, T: Scalar> Faces<'a, T> {
     fn new(coverage: &'a Coverage, clip: &'a [T]) -> Self {
