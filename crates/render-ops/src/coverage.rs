@@ -156,7 +156,11 @@ impl Coverage {
         if pixel >= self.size.pixels() {
             return None;
         }
-        self.row_from(pixel).next().filter(|span| span.pixel <= pixel)
+        let [row, _] = self.size.place(pixel);
+        let runs = &self.by_pixel[self.runs_of_row(row)];
+        let after = runs.partition_point(|&run| self.runs[run as usize].pixel as usize <= pixel);
+        let span = self.span(runs[after.checked_sub(1)?] as usize);
+        span.pixels().contains(&pixel).then_some(span)
     }
 
     /// Run `at`.
@@ -177,14 +181,16 @@ impl Coverage {
         (0..self.runs.len()).map(|at| self.span(at))
     }
 
-    /// The runs of a row from `pixel` on: first the one that covers it, if any.
-    pub(crate) fn row_from(&self, pixel: usize) -> impl Iterator<Item = Span> + '_ {
-        let [row, _] = self.size.place(pixel);
-        let runs = self.row_starts[row] as usize..self.row_starts[row + 1] as usize;
-        let runs = &self.by_pixel[runs];
-        let after = runs.partition_point(|&run| self.runs[run as usize].pixel as usize <= pixel);
-        let spans = runs[after.saturating_sub(1)..].iter().map(|&at| self.span(at as usize));
-        spans.skip_while(move |span| span.pixels().end <= pixel)
+    /// The runs of a row, from the left.
+    #[inline(always)]
+    pub(crate) fn row(&self, row: usize) -> impl Iterator<Item = Span> + '_ {
+        self.by_pixel[self.runs_of_row(row)].iter().map(|&at| self.span(at as usize))
+    }
+
+    /// Where in `by_pixel` the runs of a row are.
+    #[inline(always)]
+    fn runs_of_row(&self, row: usize) -> Range<usize> {
+        self.row_starts[row] as usize..self.row_starts[row + 1] as usize
     }
 
     /// The runs of some of slot `slot`'s fragments.

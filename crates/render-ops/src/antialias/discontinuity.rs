@@ -8,7 +8,6 @@
 
 use bokashi_core::Scalar;
 
-use crate::coverage::Coverage;
 use crate::homogeneous::Vertex;
 use crate::size::Size;
 
@@ -114,20 +113,19 @@ fn visible_crossing<S: Scalar>(p: Local<S>, q: Local<S>) -> Option<Crossing<S>> 
     is_visible.then(|| crossing(p, q))
 }
 
-/// The blend at `pixel` and its neighbour, whose triangle ids differ, by the edges of face `face`
-/// with vertices `vertices`,
-/// which covers one of them; `None` where no silhouette of the face passes between the centres.
+/// The blend at `pixel` and its neighbour, which see different faces, by the edges of a face with
+/// vertices `vertices`, of these `indices`, which covers one of them; `None` where none of its
+/// `silhouettes`, a bit for the corner that each one faces, passes between the centres.
 pub(super) fn blend<S: Scalar<Wide = S>>(
     vertices: [Vertex<S>; 3],
-    coverage: &Coverage,
-    face: usize,
+    indices: [u32; 3],
+    silhouettes: u8,
     pixel: u32,
     below: bool,
     covers_first: bool,
+    size: Size,
 ) -> Option<Blend<S>> {
-    let size = coverage.size();
     let frame = Frame::<S>::of(pixel, below, covers_first, size);
-    let indices = coverage.mesh().faces()[face];
     let corners = vertices.map(|vertex| frame.local(vertex));
     let sign = if covers_first { S::ONE } else { -S::ONE };
 
@@ -142,6 +140,9 @@ pub(super) fn blend<S: Scalar<Wide = S>>(
         }
     }
     let (corner, distance, m) = farthest?;
+    if silhouettes & 1 << corner == 0 {
+        return None;
+    }
     let (j, k) = ((corner + 1) % 3, (corner + 2) % 3);
     let (p, q) = (corners[j], corners[k]);
 
@@ -151,9 +152,6 @@ pub(super) fn blend<S: Scalar<Wide = S>>(
     }
     let slack = S::from_f64(SLACK);
     if !(distance >= -slack && distance <= S::ONE + slack) {
-        return None;
-    }
-    if !coverage.is_silhouette(face, corner) {
         return None;
     }
     let inside = distance.greater(S::ZERO).lesser(S::ONE);

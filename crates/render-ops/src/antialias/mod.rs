@@ -39,7 +39,7 @@ use bokashi_core::parallel::{is_shared, merge_ranges};
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Shape, Var};
 
 use self::discontinuity::{Blend, blend};
-use self::pairs::{Pair, for_each_pair};
+use self::pairs::{Pair, Seen, for_each_pair};
 use crate::background::Behind;
 use crate::coverage::Coverage;
 use crate::edge_functions::depth_at;
@@ -124,8 +124,8 @@ struct Found<T: Scalar> {
     steps: Vec<T>,
     /// The uncovered pixels of all blends, in order, for a layer.
     rim: Option<Arc<Vec<u32>>>,
-    /// Per slot: whether the face has a silhouette edge.
-    has_silhouette: Vec<bool>,
+    /// Per slot: the silhouette edges of its face, a bit for each corner that one faces.
+    silhouettes: Vec<u8>,
 }
 
 impl<T: Scalar> Default for Found<T> {
@@ -135,39 +135,52 @@ impl<T: Scalar> Default for Found<T> {
             rows: Vec::new(),
             steps: Vec::new(),
             rim: None,
-            has_silhouette: Vec::new(),
+            silhouettes: Vec::new(),
         }
     }
 }
 
+/// Rows in one piece of the search.
+const ROWS_PER_PIECE: usize = 16;
+
+/// The row of an uncovered pixel, as long as not all of them are known.
+const MISSING: u32 = u32::MAX;
+
 impl<T: Scalar> Found<T> {
-    /// Finds all blends, slot by slot.
+    /// Finds all blends, row by row, and the fragments of their pixels.
     fn find(&mut self, coverage: &Coverage, clip: &[T]) {
-        let Self { blends, has_silhouette, .. } = self;
-        has_silhouette.clear();
-        has_silhouette.extend(
-            coverage.slots.iter().map(|slot| {
-                (0..3).any(|corner| coverage.is_silhouette(slot.face as usize, corner))
-            }),
-        );
+        let Self { blends, rows, silhouettes, .. } = self;
+        silhouettes.clear();
+        silhouettes.extend(coverage.slots.iter().map(|slot| {
+            (0..3).map(|k| u8::from(coverage.is_silhouette(slot.face as usize, k)) << k).sum::<u8>()
+        }));
         blends.clear();
-        let search = |bands: Range<usize>, blends: &mut Vec<Blend<T::Wide>>| {
-            let slots = coverage.slots_of(bands);
-            let mut faces = Faces::new(coverage, clip);
-            for_each_pair(coverage, slots, has_silhouette, |pair| {
-                blends.extend(faces.blend(&pair));
+        rows.clear();
+        let silhouettes = silhouettes.as_slice();
+        type Lists<'a, S> = (&'a mut Vec<Blend<S>>, &'a mut Vec<[u32; 2]>);
+        let search = |rows_of_image: Range<usize>, (blends, rows): Lists<'_, T::Wide>| {
+            let mut faces = Faces { coverage, clip, silhouettes, recent: [None; 2] };
+            let counts = |slot: usize| silhouettes[slot] != 0;
+            for_each_pair(coverage, rows_of_image, counts, |pair| {
+                if let Some(blend) = faces.blend(&pair) {
+                    blends.push(blend);
+                    rows.push(pair.seen.map(|seen| seen.map_or(MISSING, |s| s.fragment as u32)));
+                }
             });
         };
-        let bands = coverage.band_ends.len();
-        if !is_shared(bands, 1) {
-            return search(0..bands, blends);
+        let height = coverage.size().height;
+        if !is_shared(height, ROWS_PER_PIECE) {
+            return search(0..height, (blends, rows));
         }
-        let work = |bands: Range<usize>| {
-            let mut found = Vec::new();
-            search(bands, &mut found);
+        let work = |rows_of_image: Range<usize>| {
+            let mut found = (Vec::new(), Vec::new());
+            search(rows_of_image, (&mut found.0, &mut found.1));
             found
         };
-        merge_ranges(bands, 1, work, |found| blends.extend(found));
+        merge_ranges(height, ROWS_PER_PIECE, work, |found| {
+            blends.extend(found.0);
+            rows.extend(found.1);
+        });
     }
 
     /// Finds the rim and the rows of the blends in a layer.
@@ -178,30 +191,23 @@ impl<T: Scalar> Found<T> {
         }
         let rim = Arc::get_mut(rim.get_or_insert_default()).expect("nobody else holds it");
         rim.clear();
-        rows.clear();
-        // Uncovered pixels first by themselves, then, once all are known, by their rows.
-        let missing = u32::MAX;
-        for blend in blends.iter() {
-            rows.push(blend.pixels(coverage.size()).map(|pixel| {
-                coverage.fragment_at(pixel as usize).map_or_else(
-                    || {
-                        rim.push(pixel);
-                        missing
-                    },
-                    |fragment| fragment as u32,
-                )
-            }));
-        }
-        rim.sort_unstable();
-        rim.dedup();
-        for (blend, rows) in blends.iter().zip(rows) {
-            for (pixel, row) in blend.pixels(coverage.size()).into_iter().zip(rows) {
-                if *row == missing {
-                    let at = rim.binary_search(&pixel).expect("it was put there");
-                    *row = (coverage.count() + at) as u32;
+        let size = coverage.size();
+        let mut for_each_missing = |visit: &mut dyn FnMut(u32, &mut u32)| {
+            for (blend, rows) in blends.iter().zip(rows.iter_mut()) {
+                for (pixel, row) in blend.pixels(size).into_iter().zip(rows) {
+                    if *row == MISSING {
+                        visit(pixel, row);
+                    }
                 }
             }
-        }
+        };
+        for_each_missing(&mut |pixel, _| rim.push(pixel));
+        rim.sort_unstable();
+        rim.dedup();
+        for_each_missing(&mut |pixel, row| {
+            let at = rim.binary_search(&pixel).expect("it was put there");
+            *row = (coverage.count() + at) as u32;
+        });
     }
 
     /// Finds the rows of the blends in an image.
@@ -243,17 +249,14 @@ impl<T: Scalar> Found<T> {
 struct Faces<'a, T: Scalar> {
     coverage: &'a Coverage,
     clip: &'a [T],
+    silhouettes: &'a [u8],
     recent: [Option<Known<T::Wide>>; 2],
 }
 
 /// A face and its vertices.
 type Known<S> = (usize, [Vertex<S>; 3]);
 
-impl<'a, T: Scalar> Faces<'a, T> {
-    fn new(coverage: &'a Coverage, clip: &'a [T]) -> Self {
-        Self { coverage, clip, recent: [None; 2] }
-    }
-
+impl<T: Scalar> Faces<'_, T> {
     fn vertices(&mut self, face: usize) -> [Vertex<T::Wide>; 3] {
         if let Some((_, vertices)) = self.recent.iter().flatten().find(|(other, _)| *other == face)
         {
@@ -270,21 +273,30 @@ impl<'a, T: Scalar> Faces<'a, T> {
         depth_at(&self.vertices(face), pixel, self.coverage.size())
     }
 
-    /// The blend at a pair of pixels, where a silhouette passes between them.
+    /// The blend at a pair of pixels, where a silhouette passes between them: one of the nearer of
+    /// two faces, of equally near ones of the first pixel's.
     fn blend(&mut self, pair: &Pair) -> Option<Blend<T::Wide>> {
-        // The nearer of two faces; of equally near ones the first pixel's.
-        let (face, covers_first) = match pair.faces {
-            [Some(face), None] => (face, true),
-            [None, Some(face)] => (face, false),
-            [Some(first), Some(second)] => {
-                let [pixel, other] = pair.pixels(self.coverage.size());
-                let is_behind = self.depth(second, other) < self.depth(first, pixel);
-                if is_behind { (second, false) } else { (first, true) }
-            }
-            [None, None] => return None,
-        };
-        let (vertices, pixel) = (self.vertices(face), pair.pixel as u32);
-        blend(vertices, self.coverage, face, pixel, pair.below, covers_first)
+        let blends = [self.blend_of(pair, 0), self.blend_of(pair, 1)];
+        let [Some(first), Some(second)] = pair.seen else { return blends[0].or(blends[1]) };
+        // Which one is nearer matters only where there is something to blend.
+        if blends.iter().all(Option::is_none) {
+            return None;
+        }
+        let [pixel, other] = pair.pixels(self.coverage.size());
+        let is_behind = self.depth(second.face, other) < self.depth(first.face, pixel);
+        blends[usize::from(is_behind)]
+    }
+
+    /// The blend of the face that the first or the second pixel sees, if it is the nearer one.
+    fn blend_of(&mut self, pair: &Pair, at: usize) -> Option<Blend<T::Wide>> {
+        let Seen { slot, face, .. } = pair.seen[at]?;
+        let silhouettes = self.silhouettes[slot];
+        if silhouettes == 0 {
+            return None;
+        }
+        let indices = self.coverage.mesh().faces()[face];
+        let (vertices, size) = (self.vertices(face), self.coverage.size());
+        blend(vertices, indices, silhouettes, pair.pixel as u32, pair.below, at == 0, size)
     }
 }
 

@@ -1,12 +1,28 @@
 //! Neighbouring pixels that see different faces, at least one of them a face with a silhouette.
 //!
-//! Each run of such a face is held against its neighbours on all four sides; within a run there are
-//! no pairs. So the cost is that of these runs and of the pairs, not of the pixels.
+//! Row by row: its runs are held against each other, and against those of the row below. Within a
+//! run there are no pairs, so the cost is that of the runs and of the pairs, not of the pixels.
 
 use std::ops::Range;
 
 use crate::coverage::{Coverage, Span};
 use crate::size::Size;
+
+/// What a pixel sees.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Seen {
+    pub(super) slot: usize,
+    pub(super) face: usize,
+    pub(super) fragment: usize,
+}
+
+impl Seen {
+    /// At `pixel`, one of `span`.
+    fn of(span: &Span, pixel: usize) -> Self {
+        let fragment = span.fragments.start + pixel - span.pixel;
+        Self { slot: span.slot, face: span.face, fragment }
+    }
+}
 
 /// A pixel and its right or its lower neighbour, which see different faces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -14,8 +30,8 @@ pub(super) struct Pair {
     pub(super) pixel: usize,
     /// Whether the other pixel is the one below, not the one on the right.
     pub(super) below: bool,
-    /// The faces, where the pixels are covered.
-    pub(super) faces: [Option<usize>; 2],
+    /// What they see, where they are covered.
+    pub(super) seen: [Option<Seen>; 2],
 }
 
 impl Pair {
@@ -25,77 +41,101 @@ impl Pair {
     }
 }
 
-/// Calls `visit` once with each pair of which one pixel lies in `slots` and sees a face with
-/// `has_silhouette`; of two such pixels it is the first one's slot that counts.
+/// Calls `visit` once with each pair whose first pixel lies in `rows` and of which at least one
+/// sees a slot that `counts`.
 pub(super) fn for_each_pair(
     coverage: &Coverage,
-    slots: Range<usize>,
-    has_silhouette: &[bool],
+    rows: Range<usize>,
+    counts: impl Fn(usize) -> bool,
     mut visit: impl FnMut(Pair),
 ) {
     let Size { width, height } = coverage.size();
-    let counts_itself = |span: &Option<Span>| span.as_ref().is_some_and(|s| has_silhouette[s.slot]);
-    for slot in slots.filter(|&slot| has_silhouette[slot]) {
-        for span in coverage.spans_of(slot) {
-            let (pixels, own) = (span.pixels(), Some(span.face));
-            let [row, column] = coverage.size().place(span.pixel);
-            if column > 0 {
-                let pixel = span.pixel - 1;
-                let other = coverage.span_at(pixel);
-                if !counts_itself(&other) {
-                    let faces = [other.map(|other| other.face), own];
-                    visit(Pair { pixel, below: false, faces });
+    let counts = |span: Option<&Span>| span.is_some_and(|span| counts(span.slot));
+    for row in rows {
+        let mut pair_up = |first: Option<&Span>, second: Option<&Span>, pixel: usize| {
+            if counts(first) || counts(second) {
+                let seen = [
+                    first.map(|span| Seen::of(span, pixel)),
+                    second.map(|span| Seen::of(span, pixel + 1)),
+                ];
+                visit(Pair { pixel, below: false, seen });
+            }
+        };
+        let mut before: Option<Span> = None;
+        for span in coverage.row(row) {
+            match &before {
+                Some(other) if other.pixels().end == span.pixel => {
+                    pair_up(before.as_ref(), Some(&span), span.pixel - 1);
+                }
+                other => {
+                    if let Some(other) = other {
+                        pair_up(before.as_ref(), None, other.pixels().end - 1);
+                    }
+                    if span.pixel > row * width {
+                        pair_up(None, Some(&span), span.pixel - 1);
+                    }
                 }
             }
-            if column + pixels.len() < width {
-                let other = coverage.span_at(pixels.end);
-                let faces = [own, other.map(|other| other.face)];
-                visit(Pair { pixel: pixels.end - 1, below: false, faces });
-            }
-            if row > 0 {
-                let above = pixels.start - width..pixels.end - width;
-                for_each_stretch(coverage, above, |stretch, other| {
-                    let faces = [other.as_ref().map(|other| other.face), own];
-                    if faces[0] != own && !counts_itself(&other) {
-                        stretch.for_each(|pixel| visit(Pair { pixel, below: true, faces }));
-                    }
-                });
-            }
-            if row + 1 < height {
-                let below = pixels.start + width..pixels.end + width;
-                for_each_stretch(coverage, below, |stretch, other| {
-                    let faces = [own, other.map(|other| other.face)];
-                    if faces[1] != own {
-                        let above = stretch.start - width..stretch.end - width;
-                        above.for_each(|pixel| visit(Pair { pixel, below: true, faces }));
-                    }
-                });
-            }
+            before = Some(span);
+        }
+        if let Some(last) = before.filter(|span| span.pixels().end < (row + 1) * width) {
+            pair_up(Some(&last), None, last.pixels().end - 1);
+        }
+        if row + 1 < height {
+            for_each_stretch(coverage, row, |stretch, upper, lower| {
+                let is_same = upper.map(|span| span.face) == lower.map(|span| span.face);
+                if is_same || !(counts(upper) || counts(lower)) {
+                    return;
+                }
+                for pixel in stretch {
+                    let seen = [
+                        upper.map(|span| Seen::of(span, pixel)),
+                        lower.map(|span| Seen::of(span, pixel + width)),
+                    ];
+                    visit(Pair { pixel, below: true, seen });
+                }
+            });
         }
     }
 }
 
-/// Cuts pixels of a row into stretches that see one face, or none.
+/// Cuts the pixels of `row` into stretches above each of which and below each of which there is one
+/// run or none, not none twice.
 #[inline]
 fn for_each_stretch(
     coverage: &Coverage,
-    pixels: Range<usize>,
-    mut visit: impl FnMut(Range<usize>, Option<Span>),
+    row: usize,
+    mut visit: impl FnMut(Range<usize>, Option<&Span>, Option<&Span>),
 ) {
-    let mut start = pixels.start;
-    for span in coverage.row_from(start) {
-        if span.pixel >= pixels.end {
-            break;
-        }
-        if start < span.pixel {
-            visit(start..span.pixel, None);
-        }
-        let end = span.pixels().end.min(pixels.end);
-        visit(start.max(span.pixel)..end, Some(span));
+    let width = coverage.size().width;
+    let (mut uppers, mut lowers) = (coverage.row(row), coverage.row(row + 1));
+    let (mut upper, mut lower) = (uppers.next(), lowers.next());
+    let mut start = 0;
+    // The pixels of a run, as those of the upper row; beyond the last run there is nothing.
+    let own = |span: &Option<Span>, down: usize| {
+        let pixels = span.as_ref().map_or(usize::MAX..usize::MAX, Span::pixels);
+        pixels.start.saturating_sub(down)..pixels.end.saturating_sub(down)
+    };
+    while upper.is_some() || lower.is_some() {
+        let (above, below) = (own(&upper, 0), own(&lower, width));
+        start = start.max(above.start.min(below.start));
+        let next = |pixels: &Range<usize>| {
+            if start < pixels.start { pixels.start } else { pixels.end }
+        };
+        let end = next(&above).min(next(&below));
+        let at = |pixels: &Range<usize>| pixels.start <= start;
+        visit(
+            start..end,
+            upper.as_ref().filter(|_| at(&above)),
+            lower.as_ref().filter(|_| at(&below)),
+        );
         start = end;
-    }
-    if start < pixels.end {
-        visit(start..pixels.end, None);
+        if above.end == end {
+            upper = uppers.next();
+        }
+        if below.end == end {
+            lower = lowers.next();
+        }
     }
 }
 
@@ -151,9 +191,14 @@ mod tests {
                 .map(|slot| counting.contains(&(slot.face as usize)))
                 .collect();
             let mut found = BTreeSet::new();
-            for_each_pair(coverage, 0..coverage.slots.len(), &counts, |pair| {
+            for_each_pair(coverage, 0..height, |slot| counts[slot], |pair| {
                 let pixels = pair.pixels(coverage.size());
-                assert_eq!(pair.faces, pixels.map(|pixel| coverage.face_at(pixel)));
+                for (seen, pixel) in pair.seen.into_iter().zip(pixels) {
+                    assert_eq!(seen.map(|seen| seen.face), coverage.face_at(pixel));
+                    assert_eq!(seen.map(|seen| seen.fragment), coverage.fragment_at(pixel));
+                    let slot = seen.map(|seen| coverage.slots[seen.slot].face as usize);
+                    assert_eq!(slot, coverage.face_at(pixel));
+                }
                 assert!(found.insert((pair.pixel, pair.below)), "{pair:?} twice");
             });
             prop_assert_eq!(found, expected(coverage, &counting));
