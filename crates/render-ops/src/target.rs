@@ -154,17 +154,24 @@ struct SquaredError<T: Scalar> {
     target: Arc<Inner<T>>,
 }
 
-/// `x - t`, pixel by pixel: most runs are too short for vectors along them.
+/// Entries that are subtracted at once.
+const AT_ONCE: usize = 12;
+
+/// `x - t` for the first `length` entries. What it writes after them means nothing: most runs are
+/// short, and a fixed number of entries takes less time than as many as there are.
 #[inline(always)]
-fn subtract<T: Scalar>(channels: usize, differences: &mut [T], x: &[T], t: &[T]) {
-    if channels == 3 {
-        let pixels = differences.as_chunks_mut::<3>().0.iter_mut();
-        for ((difference, x), t) in pixels.zip(x.as_chunks::<3>().0).zip(t.as_chunks::<3>().0) {
-            *difference = [x[0] - t[0], x[1] - t[1], x[2] - t[2]];
-        }
-    } else {
-        let entries = differences.iter_mut().zip(x).zip(t);
-        entries.for_each(|((difference, &x), &t)| *difference = x - t);
+fn subtract<T: Scalar>(length: usize, differences: &mut [T], x: &[T], t: &[T]) {
+    let mut done = 0;
+    if let (Some(differences), Some(x), Some(t)) = (
+        differences.first_chunk_mut::<AT_ONCE>(),
+        x.first_chunk::<AT_ONCE>(),
+        t.first_chunk::<AT_ONCE>(),
+    ) {
+        *differences = std::array::from_fn(|k| x[k] - t[k]);
+        done = AT_ONCE;
+    }
+    for k in done..length {
+        differences[k] = x[k] - t[k];
     }
 }
 
@@ -197,17 +204,17 @@ impl<T: Scalar> Op<T> for SquaredError<T> {
             let mut at = 0;
             let x = &x_own[first * channels..][..own.len()];
             for span in slots.flat_map(|slot| coverage.spans_of(slot)) {
-                let target = &target[span.pixel * channels..span.pixels().end * channels];
-                let end = at + target.len();
-                subtract(channels, &mut own[at..end], &x[at..end], target);
-                at = end;
+                let length = span.fragments.len() * channels;
+                subtract(length, &mut own[at..], &x[at..], &target[span.pixel * channels..]);
+                at += length;
             }
             sum::<T>(own.len(), |k| square(&own[k]))
         };
         coverage.merge_bands_mut(channels, own, work, |band| total += band);
         let rows = rim_own.chunks_exact_mut(channels).zip(x_rim.chunks_exact(channels));
         for (&pixel, (row, x)) in rim.iter().zip(rows) {
-            subtract(channels, row, x, &target[pixel as usize * channels..][..channels]);
+            let target = &target[pixel as usize * channels..][..channels];
+            row.iter_mut().zip(x.iter().zip(target)).for_each(|(row, (&x, &t))| *row = x - t);
             total += row.iter().map(square).sum();
         }
         coverage.for_each_gap(rim, |gap| total += self.target.behind(gap));

@@ -471,15 +471,34 @@ pub(super) struct Weights<S> {
 }
 
 impl<S: Scalar<Wide = S>> Weights<S> {
-    /// The weights u and v of neighbouring pixels, of a row at `y`, of a plain face that covers
-    /// them, into `barycentrics: [n, 2]`.
+    /// The weights u and v of the first `length` of `centers`, of a row at `y`, of a plain face that
+    /// covers them, into the first of `barycentrics: [n, 2]`. What it writes after them means
+    /// nothing: most runs are short, and a fixed number of pixels takes less time than as many as
+    /// there are.
     #[inline(always)]
-    pub(super) fn weigh<T: Scalar<Wide = S>>(&self, y: S, centers: &[S], barycentrics: &mut [T]) {
+    pub(super) fn weigh<T: Scalar<Wide = S>>(
+        &self,
+        y: S,
+        length: usize,
+        centers: &[S],
+        barycentrics: &mut [T],
+    ) {
         let row = Row::of(&self.edges, y);
-        for (pair, &x) in barycentrics.chunks_exact_mut(2).zip(centers) {
+        let weights = |x: S| {
             let a = row.at(x);
             let total = a[0] + a[1] + a[2];
-            (pair[0], pair[1]) = (T::narrow(a[0] / total), T::narrow(a[1] / total));
+            [T::narrow(a[0] / total), T::narrow(a[1] / total)]
+        };
+        let barycentrics = barycentrics.as_chunks_mut::<2>().0;
+        let mut done = 0;
+        if let (Some(pairs), Some(centers)) =
+            (barycentrics.first_chunk_mut::<LANES>(), centers.first_chunk::<LANES>())
+        {
+            *pairs = lanes(|lane| weights(centers[lane]));
+            done = LANES;
+        }
+        for k in done..length {
+            barycentrics[k] = weights(centers[k]);
         }
     }
 }

@@ -466,16 +466,17 @@ impl<T: Scalar> Canvas<T> {
                 let (row, column, length) = (row as usize, column as usize, length as usize);
                 let pixel = (row * view.size.width + column) as u32;
                 runs.push(Run { slot, pixel, fragment: fragment as u32 });
-                let barycentrics = &mut barycentrics[2 * fragment..2 * (fragment + length)];
-                let centers = &view.centers[column..column + length];
+                let barycentrics = &mut barycentrics[2 * fragment..];
+                let centers = &view.centers[column..];
                 let y = view.size.center_y(row);
                 if weights.is_plain {
-                    weights.weigh(y, centers, barycentrics);
+                    weights.weigh(y, length, centers, barycentrics);
                 } else {
                     let face = face as usize;
                     let orientation = view.verdicts[face].orientation;
                     let setup = Setup::of(view.corners_of(face), orientation, view.size);
-                    setup.weigh_one_by_one(y, centers, barycentrics);
+                    let own = &mut barycentrics[..2 * length];
+                    setup.weigh_one_by_one(y, &centers[..length], own);
                 }
                 fragment += length;
             }
