@@ -157,7 +157,7 @@ impl Coverage {
             return None;
         }
         let [row, _] = self.size.place(pixel);
-        let runs = &self.by_pixel[self.runs_of_row(row)];
+        let runs = &self.by_pixel[self.row(row)];
         let after = runs.partition_point(|&run| self.runs[run as usize].pixel as usize <= pixel);
         let span = self.span(runs[after.checked_sub(1)?] as usize);
         span.pixels().contains(&pixel).then_some(span)
@@ -181,16 +181,16 @@ impl Coverage {
         (0..self.runs.len()).map(|at| self.span(at))
     }
 
-    /// The runs of a row, from the left.
+    /// The runs of a row, from the left, for [`Coverage::span_in_row`].
     #[inline(always)]
-    pub(crate) fn row(&self, row: usize) -> impl Iterator<Item = Span> + '_ {
-        self.by_pixel[self.runs_of_row(row)].iter().map(|&at| self.span(at as usize))
+    pub(crate) fn row(&self, row: usize) -> Range<usize> {
+        self.row_starts[row] as usize..self.row_starts[row + 1] as usize
     }
 
-    /// Where in `by_pixel` the runs of a row are.
+    /// Run `at` in the order of pixels.
     #[inline(always)]
-    fn runs_of_row(&self, row: usize) -> Range<usize> {
-        self.row_starts[row] as usize..self.row_starts[row + 1] as usize
+    pub(crate) fn span_in_row(&self, at: usize) -> Span {
+        self.span(self.by_pixel[at] as usize)
     }
 
     /// The runs of some of slot `slot`'s fragments.

@@ -8,6 +8,7 @@
 
 use bokashi_core::Scalar;
 
+use super::pairs::Pair;
 use crate::homogeneous::Vertex;
 use crate::size::Size;
 
@@ -57,8 +58,9 @@ struct Frame<S> {
 }
 
 impl<S: Scalar<Wide = S>> Frame<S> {
-    fn of(pixel: u32, below: bool, covers_first: bool, size: Size) -> Self {
-        let [mut row, mut column] = size.place(pixel as usize);
+    /// `place` is the row and the column of the first pixel.
+    fn of(place: [usize; 2], below: bool, covers_first: bool, size: Size) -> Self {
+        let [mut row, mut column] = place;
         if !covers_first {
             if below { row += 1 } else { column += 1 }
         }
@@ -102,36 +104,40 @@ fn crossing<S: Scalar>(p: Local<S>, q: Local<S>) -> Crossing<S> {
     Crossing { x: (p.x * q.y - p.y * q.x) / m, m }
 }
 
-/// Where the visible part of the edge crosses y = 0, if it does. Its point there has the sign of
-/// `m / (q.y - p.y)` as its w.
+/// Where the visible part of an edge with an end on either side of y = 0 crosses it. Its point there
+/// has the sign of `m / (q.y - p.y)` as its w.
 fn visible_crossing<S: Scalar>(p: Local<S>, q: Local<S>) -> Option<Crossing<S>> {
-    if (p.y < S::ZERO) == (q.y < S::ZERO) {
-        return None;
-    }
     let m = p.w * q.y - p.y * q.w;
     let is_visible = (m > S::ZERO) == (q.y > p.y) && m != S::ZERO;
     is_visible.then(|| crossing(p, q))
 }
 
-/// The blend at `pixel` and its neighbour, which see different faces, by the edges of a face with
-/// vertices `vertices`, of these `indices`, which covers one of them; `None` where none of its
-/// `silhouettes`, a bit for the corner that each one faces, passes between the centres.
+/// The blend at a pair by the edges of a face with vertices `vertices`, of these `indices`, which
+/// covers the first pixel or the second; `None` where none of its `silhouettes`, a bit for the corner
+/// that each one faces, passes between the centres.
 pub(super) fn blend<S: Scalar<Wide = S>>(
     vertices: [Vertex<S>; 3],
     indices: [u32; 3],
     silhouettes: u8,
-    pixel: u32,
-    below: bool,
+    pair: &Pair,
     covers_first: bool,
     size: Size,
 ) -> Option<Blend<S>> {
-    let frame = Frame::<S>::of(pixel, below, covers_first, size);
+    let &Pair { row, column, below, .. } = pair;
+    let frame = Frame::<S>::of([row, column], below, covers_first, size);
     let corners = vertices.map(|vertex| frame.local(vertex));
+    // The line through the centres meets edges with an end on either side of it; most pairs are
+    // left here.
+    let [a, b, c] = corners.map(|corner| corner.y < S::ZERO);
+    let met = u8::from(b != c) | u8::from(c != a) << 1 | u8::from(a != b) << 2;
+    if silhouettes & met == 0 {
+        return None;
+    }
     let sign = if covers_first { S::ONE } else { -S::ONE };
 
     // The straddling edge that lies farthest towards the neighbour: the one where the face ends.
     let mut farthest: Option<(usize, S, S)> = None;
-    for corner in 0..3 {
+    for corner in (0..3).filter(|corner| met & 1 << corner != 0) {
         let (p, q) = (corners[(corner + 1) % 3], corners[(corner + 2) % 3]);
         if let Some(Crossing { x, m }) = visible_crossing(p, q)
             && farthest.is_none_or(|(_, distance, _)| sign * x > distance)
@@ -156,7 +162,7 @@ pub(super) fn blend<S: Scalar<Wide = S>>(
     }
     let inside = distance.greater(S::ZERO).lesser(S::ONE);
     Some(Blend {
-        pixel,
+        pixel: pair.pixels(size)[0] as u32,
         below,
         covers_first,
         edge: [indices[j], indices[k]],
@@ -178,7 +184,8 @@ impl<S: Scalar<Wide = S>> Blend<S> {
         clip: &[T],
         size: Size,
     ) -> [[S; 3]; 2] {
-        let frame = Frame::of(self.pixel, self.below, self.covers_first, size);
+        let place = size.place(self.pixel as usize);
+        let frame = Frame::of(place, self.below, self.covers_first, size);
         let [(p, p_factor), (q, q_factor)] = self.edge.map(|index| Vertex::of(clip, index, size));
         let [p, q] = [p, q].map(|vertex| frame.local(vertex));
         let Crossing { x, m } = crossing(p, q);

@@ -164,7 +164,7 @@ impl<T: Scalar> Found<T> {
             for_each_pair(coverage, rows_of_image, counts, |pair| {
                 if let Some(blend) = faces.blend(&pair) {
                     blends.push(blend);
-                    rows.push(pair.seen.map(|seen| seen.map_or(MISSING, |s| s.fragment as u32)));
+                    rows.push(pair.seen.map(|seen| seen.map_or(MISSING, |s| s.fragment)));
                 }
             });
         };
@@ -254,22 +254,22 @@ struct Faces<'a, T: Scalar> {
 }
 
 /// A face and its vertices.
-type Known<S> = (usize, [Vertex<S>; 3]);
+type Known<S> = (u32, [Vertex<S>; 3]);
 
 impl<T: Scalar> Faces<'_, T> {
-    fn vertices(&mut self, face: usize) -> [Vertex<T::Wide>; 3] {
+    fn vertices(&mut self, face: u32) -> [Vertex<T::Wide>; 3] {
         if let Some((_, vertices)) = self.recent.iter().flatten().find(|(other, _)| *other == face)
         {
             return *vertices;
         }
-        let indices = self.coverage.mesh().faces()[face];
+        let indices = self.coverage.mesh().faces()[face as usize];
         let (vertices, _) = Vertex::of_face(self.clip, indices, self.coverage.size());
         self.recent = [Some((face, vertices)), self.recent[0]];
         vertices
     }
 
     /// The depth of `face` at the centre of `pixel`.
-    fn depth(&mut self, face: usize, pixel: usize) -> T::Wide {
+    fn depth(&mut self, face: u32, pixel: usize) -> T::Wide {
         depth_at(&self.vertices(face), pixel, self.coverage.size())
     }
 
@@ -290,13 +290,13 @@ impl<T: Scalar> Faces<'_, T> {
     /// The blend of the face that the first or the second pixel sees, if it is the nearer one.
     fn blend_of(&mut self, pair: &Pair, at: usize) -> Option<Blend<T::Wide>> {
         let Seen { slot, face, .. } = pair.seen[at]?;
-        let silhouettes = self.silhouettes[slot];
+        let silhouettes = self.silhouettes[slot as usize];
         if silhouettes == 0 {
             return None;
         }
-        let indices = self.coverage.mesh().faces()[face];
+        let indices = self.coverage.mesh().faces()[face as usize];
         let (vertices, size) = (self.vertices(face), self.coverage.size());
-        blend(vertices, indices, silhouettes, pair.pixel as u32, pair.below, at == 0, size)
+        blend(vertices, indices, silhouettes, pair, at == 0, size)
     }
 }
 

@@ -1,7 +1,7 @@
 //! Neighbouring pixels that see different faces, at least one of them a face with a silhouette.
 //!
-//! Row by row: its runs are held against each other, and against those of the row below. Within a
-//! run there are no pairs, so the cost is that of the runs and of the pairs, not of the pixels.
+//! Each run of such a face is held against its neighbours on all four sides; within a run there are
+//! no pairs. So the cost is that of these runs and of the pairs, not of the pixels.
 
 use std::ops::Range;
 
@@ -11,23 +11,26 @@ use crate::size::Size;
 /// What a pixel sees.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Seen {
-    pub(super) slot: usize,
-    pub(super) face: usize,
-    pub(super) fragment: usize,
+    pub(super) slot: u32,
+    pub(super) face: u32,
+    pub(super) fragment: u32,
 }
 
 impl Seen {
     /// At `pixel`, one of `span`.
+    #[inline(always)]
     fn of(span: &Span, pixel: usize) -> Self {
         let fragment = span.fragments.start + pixel - span.pixel;
-        Self { slot: span.slot, face: span.face, fragment }
+        let [slot, face, fragment] = [span.slot, span.face, fragment].map(|number| number as u32);
+        Self { slot, face, fragment }
     }
 }
 
 /// A pixel and its right or its lower neighbour, which see different faces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Pair {
-    pub(super) pixel: usize,
+    pub(super) row: usize,
+    pub(super) column: usize,
     /// Whether the other pixel is the one below, not the one on the right.
     pub(super) below: bool,
     /// What they see, where they are covered.
@@ -37,12 +40,13 @@ pub(super) struct Pair {
 impl Pair {
     /// Both pixels.
     pub(super) fn pixels(&self, size: Size) -> [usize; 2] {
-        [self.pixel, self.pixel + if self.below { size.width } else { 1 }]
+        let pixel = self.row * size.width + self.column;
+        [pixel, pixel + if self.below { size.width } else { 1 }]
     }
 }
 
-/// Calls `visit` once with each pair whose first pixel lies in `rows` and of which at least one
-/// sees a slot that `counts`.
+/// Calls `visit` once with each pair of which one pixel lies in `rows` and sees a slot that `counts`;
+/// of two such pixels it is the first one's row that matters.
 pub(super) fn for_each_pair(
     coverage: &Coverage,
     rows: Range<usize>,
@@ -50,91 +54,106 @@ pub(super) fn for_each_pair(
     mut visit: impl FnMut(Pair),
 ) {
     let Size { width, height } = coverage.size();
-    let counts = |span: Option<&Span>| span.is_some_and(|span| counts(span.slot));
+    let counts_itself = |span: Option<&Span>| span.is_some_and(|span| counts(span.slot));
     for row in rows {
-        let mut pair_up = |first: Option<&Span>, second: Option<&Span>, pixel: usize| {
-            if counts(first) || counts(second) {
-                let seen = [
-                    first.map(|span| Seen::of(span, pixel)),
-                    second.map(|span| Seen::of(span, pixel + 1)),
-                ];
-                visit(Pair { pixel, below: false, seen });
+        let own = coverage.row(row);
+        let mut above = row.checked_sub(1).map(|row| Beside::of(coverage, row));
+        let mut below = (row + 1 < height).then(|| Beside::of(coverage, row + 1));
+        for at in own.clone() {
+            let span = coverage.span_in_row(at);
+            if !counts(span.slot) {
+                continue;
             }
-        };
-        let mut before: Option<Span> = None;
-        for span in coverage.row(row) {
-            match &before {
-                Some(other) if other.pixels().end == span.pixel => {
-                    pair_up(before.as_ref(), Some(&span), span.pixel - 1);
-                }
-                other => {
-                    if let Some(other) = other {
-                        pair_up(before.as_ref(), None, other.pixels().end - 1);
-                    }
-                    if span.pixel > row * width {
-                        pair_up(None, Some(&span), span.pixel - 1);
-                    }
+            let pixels = span.pixels();
+            let columns = pixels.start - row * width..pixels.end - row * width;
+            let seen = |pixel| Some(Seen::of(&span, pixel));
+            if columns.start > 0 {
+                let other = (at > own.start).then(|| coverage.span_in_row(at - 1));
+                let other = other.filter(|other| other.pixels().end == pixels.start);
+                if !counts_itself(other.as_ref()) {
+                    let column = columns.start - 1;
+                    let other = other.map(|other| Seen::of(&other, pixels.start - 1));
+                    let seen = [other, seen(pixels.start)];
+                    visit(Pair { row, column, below: false, seen });
                 }
             }
-            before = Some(span);
-        }
-        if let Some(last) = before.filter(|span| span.pixels().end < (row + 1) * width) {
-            pair_up(Some(&last), None, last.pixels().end - 1);
-        }
-        if row + 1 < height {
-            for_each_stretch(coverage, row, |stretch, upper, lower| {
-                let is_same = upper.map(|span| span.face) == lower.map(|span| span.face);
-                if is_same || !(counts(upper) || counts(lower)) {
-                    return;
-                }
-                for pixel in stretch {
-                    let seen = [
-                        upper.map(|span| Seen::of(span, pixel)),
-                        lower.map(|span| Seen::of(span, pixel + width)),
-                    ];
-                    visit(Pair { pixel, below: true, seen });
-                }
-            });
+            if columns.end < width {
+                let other = (at + 1 < own.end).then(|| coverage.span_in_row(at + 1));
+                let other = other.filter(|other| other.pixel == pixels.end);
+                let other = other.map(|other| Seen::of(&other, pixels.end));
+                let seen = [seen(pixels.end - 1), other];
+                visit(Pair { row, column: columns.end - 1, below: false, seen });
+            }
+            if let Some(above) = &mut above {
+                above.for_each_stretch(columns.clone(), |stretch, other| {
+                    let is_own = other.is_some_and(|other| other.face == span.face);
+                    if is_own || counts_itself(other) {
+                        return;
+                    }
+                    for column in stretch {
+                        let pixel = row * width + column;
+                        let seen = [other.map(|other| Seen::of(other, pixel - width)), seen(pixel)];
+                        visit(Pair { row: row - 1, column, below: true, seen });
+                    }
+                });
+            }
+            if let Some(below) = &mut below {
+                below.for_each_stretch(columns, |stretch, other| {
+                    if other.is_some_and(|other| other.face == span.face) {
+                        return;
+                    }
+                    for column in stretch {
+                        let pixel = row * width + column;
+                        let seen = [seen(pixel), other.map(|other| Seen::of(other, pixel + width))];
+                        visit(Pair { row, column, below: true, seen });
+                    }
+                });
+            }
         }
     }
 }
 
-/// Cuts the pixels of `row` into stretches above each of which and below each of which there is one
-/// run or none, not none twice.
-#[inline]
-fn for_each_stretch(
-    coverage: &Coverage,
-    row: usize,
-    mut visit: impl FnMut(Range<usize>, Option<&Span>, Option<&Span>),
-) {
-    let width = coverage.size().width;
-    let (mut uppers, mut lowers) = (coverage.row(row), coverage.row(row + 1));
-    let (mut upper, mut lower) = (uppers.next(), lowers.next());
-    let mut start = 0;
-    // The pixels of a run, as those of the upper row; beyond the last run there is nothing.
-    let own = |span: &Option<Span>, down: usize| {
-        let pixels = span.as_ref().map_or(usize::MAX..usize::MAX, Span::pixels);
-        pixels.start.saturating_sub(down)..pixels.end.saturating_sub(down)
-    };
-    while upper.is_some() || lower.is_some() {
-        let (above, below) = (own(&upper, 0), own(&lower, width));
-        start = start.max(above.start.min(below.start));
-        let next = |pixels: &Range<usize>| {
-            if start < pixels.start { pixels.start } else { pixels.end }
-        };
-        let end = next(&above).min(next(&below));
-        let at = |pixels: &Range<usize>| pixels.start <= start;
-        visit(
-            start..end,
-            upper.as_ref().filter(|_| at(&above)),
-            lower.as_ref().filter(|_| at(&below)),
-        );
-        start = end;
-        if above.end == end {
-            upper = uppers.next();
-        }
-        if below.end == end {
-            lower = lowers.next();
+/// A row that others are held against from left to right.
+struct Beside<'a> {
+    coverage: &'a Coverage,
+    first_pixel: usize,
+    /// The runs that are not passed yet.
+    runs: Range<usize>,
+}
+
+impl<'a> Beside<'a> {
+    #[inline(always)]
+    fn of(coverage: &'a Coverage, row: usize) -> Self {
+        let first_pixel = row * coverage.size().width;
+        Self { coverage, first_pixel, runs: coverage.row(row) }
+    }
+
+    /// Cuts `columns` into stretches that see one face, or none. They do not start before those of
+    /// the call before.
+    #[inline(always)]
+    fn for_each_stretch(
+        &mut self,
+        columns: Range<usize>,
+        mut visit: impl FnMut(Range<usize>, Option<&Span>),
+    ) {
+        let Range { mut start, end } = columns;
+        while start < end {
+            if self.runs.is_empty() {
+                return visit(start..end, None);
+            }
+            let span = self.coverage.span_in_row(self.runs.start);
+            let own = span.pixel - self.first_pixel..span.pixels().end - self.first_pixel;
+            if own.end <= start {
+                self.runs.start += 1;
+                continue;
+            }
+            if start < own.start {
+                visit(start..own.start.min(end), None);
+            }
+            if own.start < end {
+                visit(start.max(own.start)..own.end.min(end), Some(&span));
+            }
+            start = own.end;
         }
     }
 }
@@ -194,12 +213,13 @@ mod tests {
             for_each_pair(coverage, 0..height, |slot| counts[slot], |pair| {
                 let pixels = pair.pixels(coverage.size());
                 for (seen, pixel) in pair.seen.into_iter().zip(pixels) {
-                    assert_eq!(seen.map(|seen| seen.face), coverage.face_at(pixel));
-                    assert_eq!(seen.map(|seen| seen.fragment), coverage.fragment_at(pixel));
-                    let slot = seen.map(|seen| coverage.slots[seen.slot].face as usize);
+                    assert_eq!(seen.map(|seen| seen.face as usize), coverage.face_at(pixel));
+                    let fragment = seen.map(|seen| seen.fragment as usize);
+                    assert_eq!(fragment, coverage.fragment_at(pixel));
+                    let slot = seen.map(|seen| coverage.slots[seen.slot as usize].face as usize);
                     assert_eq!(slot, coverage.face_at(pixel));
                 }
-                assert!(found.insert((pair.pixel, pair.below)), "{pair:?} twice");
+                assert!(found.insert((pixels[0], pair.below)), "{pair:?} twice");
             });
             prop_assert_eq!(found, expected(coverage, &counting));
         }
