@@ -66,6 +66,12 @@ pub trait Scalar:
     /// Whether neither infinite nor NaN.
     fn is_finite(self) -> bool;
 
+    /// The smaller of two, of a number and NaN the number. An instruction, not a choice: a kernel
+    /// that keeps the smaller of what is stored and what is new is compiled to whole stores with it.
+    fn min(self, other: Self) -> Self {
+        if other < self || self.to_f64().is_nan() { other } else { self }
+    }
+
     /// The smaller of two; NaN where either is NaN, so that a NaN is never masked.
     fn lesser(self, other: Self) -> Self {
         #[expect(clippy::eq_op, reason = "only a NaN differs from itself")]
@@ -127,6 +133,10 @@ macro_rules! scalar {
             }
             fn is_finite(self) -> bool {
                 $t::is_finite(self)
+            }
+            #[inline(always)]
+            fn min(self, other: Self) -> Self {
+                $t::min(self, other)
             }
         }
     };

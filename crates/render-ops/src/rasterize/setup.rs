@@ -16,6 +16,11 @@
 //! accidents. Where an edge function is smaller than that rounding it is worked out again, as
 //! `q_1 x q_2`: all faces see the same `q`, rounded once per vertex, and the cross product of two
 //! vectors is right to within the rounding of their own lengths.
+//!
+//! The depth is `z / w = sum_i z_i a_i / D`: the weights of three numbers that are linear over the
+//! image, so it is, too. Around vertex 0's depth d, which its own edge function leaves out,
+//! `z / w = d + sum_i (z_i - d w_i) a_i / D`: then what is rounded is only the depth's change over
+//! the face.
 
 use bokashi_core::Scalar;
 
@@ -142,10 +147,9 @@ pub(super) struct Setup<S> {
     /// The edge functions' coefficients, with that sign.
     edges: [[S; 3]; 3],
     /// The size below which the sign of an edge function is in doubt.
-    doubt: [S; 3],
-    /// Columns per unit of an edge function: how far along a row it takes to change by 1. For
-    /// [`Setup::cover_span`].
-    columns_per_unit: [f64; 3],
+    doubt: S,
+    /// The depth's coefficients, where a linear function gives it to as many digits as the weights.
+    plane: Option<[S; 3]>,
     /// Whether some pixel that was covered had to be settled.
     has_doubtful: bool,
 }
@@ -157,23 +161,6 @@ pub(super) const LANES: usize = 4;
 #[inline(always)]
 pub(super) fn lanes<V>(f: impl Fn(usize) -> V) -> [V; LANES] {
     [f(0), f(1), f(2), f(3)]
-}
-
-/// The largest number of pixels in a [`Block`].
-pub(super) const PIXELS_PER_BLOCK: usize = 256;
-
-/// What is worked out for a block of pixels.
-#[derive(Debug)]
-pub(super) struct Block<S> {
-    edges: [[S; PIXELS_PER_BLOCK]; 3],
-    pub(super) depths: [S; PIXELS_PER_BLOCK],
-}
-
-impl<S: Scalar> Default for Block<S> {
-    fn default() -> Self {
-        let zeros = [S::ZERO; PIXELS_PER_BLOCK];
-        Self { edges: [zeros; 3], depths: zeros }
-    }
 }
 
 /// The depth of a pixel that nothing covers: larger than the far plane's by as little as can be,
@@ -223,22 +210,12 @@ impl<S: Scalar<Wide = S>> Setup<S> {
         let [p, q, r] = vertices;
         let edges = [edge(q, r), edge(r, p), edge(p, q)];
         let edges = edges.map(|[e, ex, ey]| [sign * e, sign * ex, sign * ey]);
-        Self {
-            vertices,
-            factors: corners.map(|corner| corner.factor),
-            sign,
-            edges,
-            doubt: [doubt(q, r, size), doubt(r, p, size), doubt(p, q, size)],
-            columns_per_unit: [0.0; 3],
-            has_doubtful: false,
-        }
-    }
-
-    /// Prepares [`Setup::cover_span`].
-    #[inline(always)]
-    pub(super) fn prepare_spans(&mut self) {
-        // A column is two units wide.
-        self.columns_per_unit = self.edges.map(|[_, ex, _]| 0.5 / ex.to_f64());
+        let extents = vertices.map(|vertex| extent(vertex, size));
+        let [x, y] = [0, 1].map(|axis| largest(extents.map(|extent| extent[axis])));
+        let doubt = S::from_f64(16.0 * f64::EPSILON) * x * y;
+        let factors = corners.map(|corner| corner.factor);
+        let plane = plane(&vertices, &edges, doubt);
+        Self { vertices, factors, sign, edges, doubt, plane, has_doubtful: false }
     }
 
     /// The edge functions along the row of pixel centres at `y`.
@@ -257,12 +234,13 @@ impl<S: Scalar<Wide = S>> Setup<S> {
     fn span(&self, row: &Row<S>, columns: [usize; 2], centers: &[S]) -> [usize; 2] {
         let [mut first, mut end] = columns;
         let middle = 0.5 * (centers.len() as f64 - 1.0);
+        let bound = -self.doubt;
         for k in 0..3 {
             let (start, slope) = (row.starts[k], row.slopes[k]);
-            let bound = -self.doubt[k];
             let is_in = |column: usize| start + slope * centers[column] >= bound;
-            // Rounded to the nearest column. Where it is not a number it bounds nothing.
-            let estimate = middle + (bound - start).to_f64() * self.columns_per_unit[k];
+            // A column is two units wide. Rounded to the nearest one; where it is not a number it
+            // bounds nothing.
+            let estimate = middle + 0.5 * (bound - start).to_f64() / slope.to_f64();
             let estimate = (estimate + 0.5).floor();
             if slope > S::ZERO {
                 first = estimate.max(first as f64).min(end as f64) as usize;
@@ -296,7 +274,7 @@ impl<S: Scalar<Wide = S>> Setup<S> {
 
     #[inline(always)]
     fn is_in_doubt(&self, a: [S; 3]) -> bool {
-        a[0] <= self.doubt[0] || a[1] <= self.doubt[1] || a[2] <= self.doubt[2]
+        least(a) <= self.doubt
     }
 
     /// The edge functions at a point in doubt, those that are worked out again; `None` where the
@@ -305,7 +283,7 @@ impl<S: Scalar<Wide = S>> Setup<S> {
         let mut a = row.at(x);
         let q = self.vertices.map(|vertex| vertex.relative_to(x, row.y));
         for k in 0..3 {
-            if a[k] <= self.doubt[k] {
+            if a[k] <= self.doubt {
                 a[k] = self.sign * cross(q[(k + 1) % 3], q[(k + 2) % 3]);
             }
             let [_, ex, ey] = self.edges[k];
@@ -344,13 +322,14 @@ impl<S: Scalar<Wide = S>> Setup<S> {
         }
         let [inside, inside_end] = self.certain(row, [first, end], centers);
         let within = inside..inside_end;
-        let pixels = depths[within.clone()].iter_mut().zip(&mut faces[within.clone()]);
-        for ((nearest, seen), &x) in pixels.zip(&centers[within]) {
-            let depth = self.depth(row.at(x));
-            let depth = if depth >= -S::ONE { depth } else { beyond() };
-            // A choice and a minimum: see `Canvas::draw`.
-            *seen = if depth < *nearest { face } else { *seen };
-            *nearest = if depth < *nearest { depth } else { *nearest };
+        let pixels = (&mut depths[within.clone()], &mut faces[within.clone()]);
+        let centers_within = &centers[within];
+        match self.plane {
+            Some(plane) => {
+                let [start, slope] = along(plane, row.y);
+                cover(pixels, centers_within, face, |x| start + slope * x);
+            }
+            None => cover(pixels, centers_within, face, |x| self.depth(row.at(x))),
         }
         for column in (first..inside).chain(inside_end..end) {
             let pixel = (&mut depths[column], &mut faces[column]);
@@ -359,50 +338,53 @@ impl<S: Scalar<Wide = S>> Setup<S> {
         [first, end]
     }
 
-    /// The depths of the pixels `columns` by `rows` that are surely covered and not before the near
-    /// plane, [`beyond`] elsewhere, row by row; and whether some pixel is in doubt. The number of
-    /// columns is a multiple of [`LANES`].
-    ///
-    /// In plain loops over plain arrays, which are compiled to vectors.
+    /// Whether [`Setup::cover_blocks`] can draw it.
     #[inline(always)]
-    pub(super) fn depths(
-        &self,
-        columns: &[S],
-        rows: impl Iterator<Item = S>,
-        block: &mut Block<S>,
-    ) -> bool {
-        let mut length = 0;
-        let [edges_0, edges_1, edges_2] = &mut block.edges;
-        for y in rows {
-            let Row { starts, slopes, .. } = self.row(y);
-            for x in columns.as_chunks::<LANES>().0 {
-                let to = length..length + LANES;
-                for (k, edges) in [&mut *edges_0, edges_1, edges_2].into_iter().enumerate() {
-                    let edges = edges[to.clone()].first_chunk_mut().expect("a block");
-                    *edges = lanes(|lane| starts[k] + slopes[k] * x[lane]);
-                }
-                length += LANES;
-            }
-        }
-        let [edges_0, edges_1, edges_2] = block.edges.each_ref().map(|edges| &edges[..length]);
-        let depths = &mut block.depths[..length];
-        // Beyond the largest doubt none of the edges is in doubt.
-        let doubt = largest(self.doubt);
-        let mut has_doubts = false;
-        for k in 0..length {
-            let a = [edges_0[k], edges_1[k], edges_2[k]];
-            let (inside, depth) = (least(a), self.depth(a));
-            let is_seen = (inside > doubt) & (depth >= -S::ONE);
-            depths[k] = if is_seen { depth } else { beyond() };
-            has_doubts |= (inside <= doubt) & (inside >= -doubt);
-        }
-        has_doubts
+    pub(super) fn has_plane(&self) -> bool {
+        self.plane.is_some()
     }
 
-    /// Draws the pixels of a row that [`Setup::depths`] leaves in doubt.
+    /// Draws a row of pixels as [`Setup::cover_span`] does, for few `centers`, a multiple of [`LANES`]:
+    /// none of them is left out, so that nothing is decided from pixel to pixel.
+    #[inline(always)]
+    pub(super) fn cover_blocks(
+        &mut self,
+        y: S,
+        centers: &[S],
+        depths: &mut [S],
+        faces: &mut [u64],
+        face: u64,
+    ) {
+        let row = self.row(y);
+        let plane = self.plane.expect("its depth is linear");
+        let [start, slope] = along(plane, y);
+        let doubt = self.doubt;
+        let mut closest = [S::ONE; LANES].map(|one| one + doubt);
+        let pixels = depths.as_chunks_mut::<LANES>().0.iter_mut();
+        let pixels = pixels.zip(faces.as_chunks_mut::<LANES>().0);
+        for ((nearest, seen), x) in pixels.zip(centers.as_chunks::<LANES>().0) {
+            let inside = lanes(|k| least(row.at(x[k])));
+            let depth = lanes(|k| start + slope * x[k]);
+            let depth = lanes(|k| {
+                let is_seen = (inside[k] > doubt) & (depth[k] >= -S::ONE);
+                if is_seen { depth[k] } else { beyond() }
+            });
+            // Values first, then two stores, so that they are compiled to vectors; and a minimum,
+            // for a choice would become a masked store, which later loads wait for.
+            let (before, seen_before) = (*nearest, *seen);
+            *nearest = lanes(|k| before[k].min(depth[k]));
+            *seen = lanes(|k| if depth[k] < before[k] { face } else { seen_before[k] });
+            closest = lanes(|k| inside[k].abs().min(closest[k]));
+        }
+        if closest.iter().any(|&distance| distance <= doubt) {
+            self.cover_doubtful(&row, centers, depths, faces, face);
+        }
+    }
+
+    /// Draws the pixels of a row that [`Setup::cover_blocks`] leaves in doubt.
     #[cold]
     #[inline(never)]
-    pub(super) fn cover_doubtful(
+    fn cover_doubtful(
         &mut self,
         row: &Row<S>,
         centers: &[S],
@@ -411,7 +393,7 @@ impl<S: Scalar<Wide = S>> Setup<S> {
         face: u64,
     ) {
         for column in 0..centers.len() {
-            if least(row.at(centers[column])) <= largest(self.doubt) {
+            if self.is_in_doubt(row.at(centers[column])) {
                 let pixel = (&mut depths[column], &mut faces[column]);
                 self.cover_settled(row, centers[column], pixel, face);
             }
@@ -517,17 +499,66 @@ fn largest<S: Scalar>([a, b, c]: [S; 3]) -> S {
     if largest > c { largest } else { c }
 }
 
+/// Draws neighbouring pixels of a row that a face surely covers, where its depth at their `centers`
+/// is smaller than what is there.
+#[inline(always)]
+fn cover<S: Scalar>(
+    (depths, faces): (&mut [S], &mut [u64]),
+    centers: &[S],
+    face: u64,
+    depth: impl Fn(S) -> S,
+) {
+    for ((nearest, seen), &x) in depths.iter_mut().zip(faces).zip(centers) {
+        let depth = depth(x);
+        let depth = if depth >= -S::ONE { depth } else { beyond() };
+        // A choice and a minimum: see `Setup::cover_blocks`.
+        *seen = if depth < *nearest { face } else { *seen };
+        *nearest = if depth < *nearest { depth } else { *nearest };
+    }
+}
+
+/// The depth's coefficients of 1, X and Y, where no vertex is behind the eye and neither the
+/// rounding of the edge functions nor that of vertex 0's depth can be seen in it.
+#[inline(always)]
+fn plane<S: Scalar<Wide = S>>(
+    vertices: &[Vertex<S>; 3],
+    edges: &[[S; 3]; 3],
+    doubt: S,
+) -> Option<[S; 3]> {
+    let [p, q, r] = vertices;
+    let determinant = p.w * edges[0][0] + p.x * edges[0][1] + p.y * edges[0][2];
+    let (least, largest) = (least([p.w, q.w, r.w]), largest([p.w, q.w, r.w]));
+    let d = p.z / p.w;
+    let is_exact = least > S::ZERO
+        && doubt * largest * S::from_f64(1e6) < determinant
+        && d.abs() < S::from_f64(1e3);
+    let scale = S::ONE / determinant;
+    let [q, r] = [scale * (q.z - d * q.w), scale * (r.z - d * r.w)];
+    let [mut one, x, y] = [0, 1, 2].map(|k| q * edges[1][k] + r * edges[2][k]);
+    one += d;
+    is_exact.then_some([one, x, y])
+}
+
+/// A linear function's value at X = 0 in the row at `y`, and how it changes with X.
+#[inline(always)]
+fn along<S: Scalar>([one, x, by_y]: [S; 3], y: S) -> [S; 2] {
+    [one + by_y * y, x]
+}
+
+/// The largest that `|q_x|` and `|q_y|` of a vertex relative to a pixel centre can be.
+#[inline(always)]
+fn extent<S: Scalar>(vertex: Vertex<S>, size: Size) -> [S; 2] {
+    let (width, height) = (S::from_f64(size.width as f64), S::from_f64(size.height as f64));
+    let w = vertex.w.abs();
+    [vertex.x.abs() + width * w, vertex.y.abs() + height * w]
+}
+
 /// More than the rounding errors of the edge function from `p` to `q` anywhere in the image, from
 /// its coefficients or from the vertices relative to a pixel centre: some ten roundings of products
 /// of at most this size. The same for `q` to `p`.
 #[inline(always)]
 fn doubt<S: Scalar<Wide = S>>(p: Vertex<S>, q: Vertex<S>, size: Size) -> S {
-    let (width, height) = (S::from_f64(size.width as f64), S::from_f64(size.height as f64));
-    let extent = |vertex: Vertex<S>| {
-        let w = vertex.w.abs();
-        (vertex.x.abs() + width * w, vertex.y.abs() + height * w)
-    };
-    let ((px, py), (qx, qy)) = (extent(p), extent(q));
+    let ([px, py], [qx, qy]) = (extent(p, size), extent(q, size));
     S::from_f64(8.0 * f64::EPSILON) * (px * qy + py * qx)
 }
 

@@ -15,7 +15,7 @@ use bokashi_core::parallel::{for_each_item_mut, for_each_piece_mut};
 
 use super::RasterOptions;
 use super::setup::{
-    Block, Corner, Fate, LANES, PIXELS_PER_BLOCK, Setup, Verdict, Weights, beyond, lanes,
+    Corner, Fate, LANES, Setup, Verdict, Weights, beyond,
 };
 use crate::coverage::{Coverage, Culled, Run, Slot};
 use crate::mesh::{Mesh, repeats_a_vertex};
@@ -27,6 +27,9 @@ const PIXELS_PER_BAND: usize = 1 << 14;
 
 /// The largest number of canvases: several per thread of most machines.
 const MOST_CANVASES: usize = 16;
+
+/// A face that can touch fewer pixels is drawn without looking where in a row it starts and ends.
+const PIXELS_PER_BLOCK: usize = 256;
 
 /// Vertices or faces in one piece of work: some tens of microseconds.
 const ITEMS_PER_PIECE: usize = 1 << 12;
@@ -223,7 +226,6 @@ impl<T> Default for Band<T> {
 struct Canvas<T: Scalar> {
     /// Of the faces that were drawn.
     weights: Vec<Weights<T::Wide>>,
-    block: Box<Block<T::Wide>>,
     /// Per pixel: the nearest depth so far, and the position in `weights` of its face, in as many bits
     /// so that both fit the same vectors.
     depths: Vec<T::Wide>,
@@ -256,7 +258,6 @@ impl<T: Scalar> Default for Canvas<T> {
     fn default() -> Self {
         Self {
             weights: Vec::new(),
-            block: Box::default(),
             depths: Vec::new(),
             faces: Vec::new(),
             reached: Vec::new(),
@@ -341,48 +342,28 @@ impl<T: Scalar> Canvas<T> {
         let rows_of_face = rows.start.max(top as usize)..rows.end.min(bottom as usize + 1);
         let mut setup = Setup::of(view.corners_of(face), orientation, view.size);
         let width = view.size.width;
-        // A block at the right border starts further left.
-        let length = (right as usize + 1 - left as usize).next_multiple_of(LANES);
-        let first = (left as usize).min(width.saturating_sub(length));
-        if length > width || length * rows_of_face.len() > PIXELS_PER_BLOCK {
-            setup.prepare_spans();
-            for y in rows_of_face {
-                let row = setup.row(view.size.center_y(y));
-                let pixels = (y - rows.start) * width..(y - rows.start + 1) * width;
-                let (depths, faces) = (&mut self.depths[pixels.clone()], &mut self.faces[pixels]);
-                let columns = [left as usize, right as usize + 1];
-                let [first, end] = setup.cover_span(&row, columns, view.centers, depths, faces, at);
-                let reached = &mut self.reached[y - rows.start];
-                *reached = [reached[0].min(first), reached[1].max(end)];
-            }
-        } else {
-            let columns = first..first + length;
-            let centers = &view.centers[columns.clone()];
-            let ys = rows_of_face.clone().map(|y| view.size.center_y(y));
-            let has_doubts = setup.depths(centers, ys, &mut self.block);
-            let mut found = self.block.depths.chunks_exact(length);
-            for y in rows_of_face {
-                let start = (y - rows.start) * width;
-                let pixels = start + columns.start..start + columns.end;
-                let (depths, faces) = (&mut self.depths[pixels.clone()], &mut self.faces[pixels]);
-                let found = found.next().expect("a row of the block");
-                let blocks = depths.as_chunks_mut::<LANES>().0.iter_mut();
-                let blocks = blocks.zip(faces.as_chunks_mut::<LANES>().0);
-                for ((nearest, seen), depth) in blocks.zip(found.as_chunks::<LANES>().0) {
-                    // Values first, then two stores: so that they are compiled to vectors. The
-                    // smaller depth is a minimum, not a choice, which would become a masked store
-                    // that later loads wait for.
-                    let (before, seen_before) = (*nearest, *seen);
-                    *nearest = lanes(|k| if depth[k] < before[k] { depth[k] } else { before[k] });
-                    *seen = lanes(|k| if depth[k] < before[k] { at } else { seen_before[k] });
-                }
-                if has_doubts {
-                    let row = setup.row(view.size.center_y(y));
-                    setup.cover_doubtful(&row, centers, depths, faces, at);
-                }
-                let reached = &mut self.reached[y - rows.start];
-                *reached = [reached[0].min(columns.start), reached[1].max(columns.end)];
-            }
+        // Blocks of all faces start at the same columns, so that a block that is read was written as
+        // a whole and need not wait for memory; but for one at the right border.
+        let first = left as usize / LANES * LANES;
+        let length = (right as usize + 1 - first).next_multiple_of(LANES);
+        let first = first.min(width.saturating_sub(length));
+        let is_small = length <= width && length * rows_of_face.len() <= PIXELS_PER_BLOCK;
+        let in_blocks = is_small && setup.has_plane();
+        let columns = if in_blocks { first..first + length } else { 0..width };
+        for y in rows_of_face {
+            let start = (y - rows.start) * width;
+            let pixels = start + columns.start..start + columns.end;
+            let (depths, faces) = (&mut self.depths[pixels.clone()], &mut self.faces[pixels]);
+            let (center_y, centers) = (view.size.center_y(y), &view.centers[columns.clone()]);
+            let [first, end] = if in_blocks {
+                setup.cover_blocks(center_y, centers, depths, faces, at);
+                [columns.start, columns.end]
+            } else {
+                let touched = [left as usize, right as usize + 1];
+                setup.cover_span(&setup.row(center_y), touched, centers, depths, faces, at)
+            };
+            let reached = &mut self.reached[y - rows.start];
+            *reached = [reached[0].min(first), reached[1].max(end)];
         }
         self.weights.push(setup.weights());
     }
