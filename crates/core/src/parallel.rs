@@ -113,11 +113,17 @@ pub fn merge_ranges<R: Send>(
 /// Whether work on `length` entries in pieces of `piece` is shared by several threads. For work
 /// whose results need memory per piece only then; its results must not depend on the answer.
 pub fn is_shared(length: usize, piece: usize) -> bool {
+    length > piece && threads() > 1
+}
+
+/// The number of threads that share work. For how much memory to set aside; results must not depend
+/// on it.
+pub fn threads() -> usize {
     #[cfg(feature = "parallel")]
     let threads = rayon::current_num_threads();
     #[cfg(not(feature = "parallel"))]
     let threads = 1;
-    length > piece && threads > 1
+    threads
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@
 use std::ops::Range;
 
 use bokashi_core::Scalar;
-use bokashi_core::parallel::{for_each_item_mut, for_each_piece_mut};
+use bokashi_core::parallel::{for_each_item_mut, for_each_piece_mut, threads};
 
 use super::RasterOptions;
 use super::setup::{
@@ -25,8 +25,8 @@ use crate::size::Size;
 /// is enough work to be worth a thread.
 const PIXELS_PER_BAND: usize = 1 << 14;
 
-/// The largest number of canvases: several per thread of most machines.
-const MOST_CANVASES: usize = 16;
+/// Canvases per thread, where there are several: one that has less to do takes another one.
+const CANVASES_PER_THREAD: usize = 2;
 
 /// A face that can touch fewer pixels is drawn without looking where in a row it starts and ends.
 const PIXELS_PER_BLOCK: usize = 256;
@@ -103,13 +103,18 @@ impl<T: Scalar> Visibility<T> {
         resize(verdicts, mesh.faces().len(), || degenerate);
         for_each_piece_mut(verdicts, ITEMS_PER_PIECE, |piece, verdicts| {
             let faces = &mesh.faces()[piece * ITEMS_PER_PIECE..];
-            for (&face, verdict) in faces.iter().zip(verdicts) {
-                *verdict = if repeats_a_vertex(face) {
-                    degenerate
-                } else {
-                    Verdict::of(face.map(|vertex| &corners[vertex as usize]), options)
-                };
-            }
+            pulp::Arch::new().dispatch(
+                #[inline(always)]
+                || {
+                    for (&face, verdict) in faces.iter().zip(verdicts) {
+                        *verdict = if repeats_a_vertex(face) {
+                            degenerate
+                        } else {
+                            Verdict::of(face.map(|vertex| &corners[vertex as usize]), options)
+                        };
+                    }
+                },
+            );
         });
 
         let rows = PIXELS_PER_BAND.div_ceil(size.width).min(size.height);
@@ -124,7 +129,9 @@ impl<T: Scalar> Visibility<T> {
         centers.extend((0..size.width).map(|column| size.center_x::<T::Wide>(column)));
         let view = View { mesh, size, corners, verdicts, centers, rows };
         let bands = faces.len();
-        let count = bands.min(MOST_CANVASES);
+        // As few as can be: what the band before has touched is in a core's cache.
+        let threads = threads();
+        let count = bands.min(if threads > 1 { threads * CANVASES_PER_THREAD } else { 1 });
         canvases.resize_with(count, Canvas::default);
         for_each_item_mut(canvases, |first, canvas| {
             pulp::Arch::new().dispatch(Draw { canvas, view: &view, faces, first, step: count });
