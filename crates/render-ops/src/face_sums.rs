@@ -22,6 +22,17 @@ pub(crate) fn add_term<T: Scalar>(entry: &mut T, term: T) {
     }
 }
 
+/// [`add_term`] for several, which rarely have one beyond the range.
+#[inline(always)]
+fn add_terms<T: Scalar, const N: usize>(entries: [&mut T; N], terms: [&T::Wide; N]) {
+    let terms = terms.map(|&term| T::narrow(term));
+    if terms.iter().all(|term| term.is_finite()) {
+        entries.into_iter().zip(terms).for_each(|(entry, term)| *entry += term);
+    } else {
+        entries.into_iter().zip(terms).for_each(|(entry, term)| add_term(entry, term));
+    }
+}
+
 /// How terms of fragments become gradients of vertices.
 pub(crate) trait FaceSums<S>: Sync {
     /// The gradients of the three vertices, `rows: [3, width]`, of the face of slot `slot` from
@@ -50,9 +61,14 @@ impl Layout<'_> {
         let mut add = |face: usize, rows: &[T::Wide]| {
             for (&vertex, row) in self.mesh.faces()[face].iter().zip(rows.chunks_exact(width)) {
                 let entries = &mut entries[vertex as usize * width..][..width];
-                entries.iter_mut().zip(row).for_each(|(entry, &sum)| {
-                    add_term(entry, T::narrow(sum));
-                });
+                // The usual widths, without a loop.
+                match (entries, row) {
+                    ([a, b, c], [x, y, z]) => add_terms([a, b, c], [x, y, z]),
+                    ([a, b, c, d], [x, y, z, w]) => add_terms([a, b, c, d], [x, y, z, w]),
+                    (entries, row) => {
+                        entries.iter_mut().zip(row).for_each(|(e, term)| add_terms([e], [term]));
+                    }
+                }
             }
         };
         let bands = self.coverage.band_ends.len();
