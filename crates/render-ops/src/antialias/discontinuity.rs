@@ -112,17 +112,26 @@ fn visible_crossing<S: Scalar>(p: Local<S>, q: Local<S>) -> Option<Crossing<S>> 
     is_visible.then(|| crossing(p, q))
 }
 
-/// The blend at a pair by the edges of a face with vertices `vertices`, of these `indices`, which
-/// covers the first pixel or the second; `None` where none of its `silhouettes`, a bit for the corner
-/// that each one faces, passes between the centres.
+/// A face with a silhouette.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Outline<S> {
+    pub(super) vertices: [Vertex<S>; 3],
+    /// Of the vertices.
+    pub(super) indices: [u32; 3],
+    /// Its silhouettes, a bit for the corner that each one faces.
+    pub(super) silhouettes: u8,
+}
+
+/// The blend at a pair by the edges of a face which covers the first pixel or the second; `None`
+/// where none of its silhouettes passes between the centres.
+#[inline]
 pub(super) fn blend<S: Scalar<Wide = S>>(
-    vertices: [Vertex<S>; 3],
-    indices: [u32; 3],
-    silhouettes: u8,
+    outline: &Outline<S>,
     pair: &Pair,
     covers_first: bool,
     size: Size,
 ) -> Option<Blend<S>> {
+    let &Outline { vertices, indices, silhouettes } = outline;
     let &Pair { row, column, below, .. } = pair;
     let frame = Frame::<S>::of([row, column], below, covers_first, size);
     let corners = vertices.map(|vertex| frame.local(vertex));

@@ -38,7 +38,7 @@ use std::sync::Arc;
 use bokashi_core::parallel::{is_shared, merge_ranges};
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Shape, Var};
 
-use self::discontinuity::{Blend, blend};
+use self::discontinuity::{Blend, Outline, blend};
 use self::pairs::{Pair, Seen, for_each_pair};
 use crate::background::Behind;
 use crate::coverage::Coverage;
@@ -124,8 +124,7 @@ struct Found<T: Scalar> {
     steps: Vec<T>,
     /// The uncovered pixels of all blends, in order, for a layer.
     rim: Option<Arc<Vec<u32>>>,
-    /// Per slot: the silhouette edges of its face, a bit for each corner that one faces.
-    silhouettes: Vec<u8>,
+    outlines: Outlines<T::Wide>,
 }
 
 impl<T: Scalar> Default for Found<T> {
@@ -135,7 +134,7 @@ impl<T: Scalar> Default for Found<T> {
             rows: Vec::new(),
             steps: Vec::new(),
             rim: None,
-            silhouettes: Vec::new(),
+            outlines: Outlines::default(),
         }
     }
 }
@@ -149,20 +148,16 @@ const MISSING: u32 = u32::MAX;
 impl<T: Scalar> Found<T> {
     /// Finds all blends, row by row, and the fragments of their pixels.
     fn find(&mut self, coverage: &Coverage, clip: &[T]) {
-        let Self { blends, rows, silhouettes, .. } = self;
-        silhouettes.clear();
-        silhouettes.extend(coverage.slots.iter().map(|slot| {
-            (0..3).map(|k| u8::from(coverage.is_silhouette(slot.face as usize, k)) << k).sum::<u8>()
-        }));
+        let Self { blends, rows, outlines, .. } = self;
+        outlines.find(coverage, clip);
         blends.clear();
         rows.clear();
-        let silhouettes = silhouettes.as_slice();
+        let view = View { coverage, clip, outlines };
         type Lists<'a, S> = (&'a mut Vec<Blend<S>>, &'a mut Vec<[u32; 2]>);
         let search = |rows_of_image: Range<usize>, (blends, rows): Lists<'_, T::Wide>| {
-            let mut faces = Faces { coverage, clip, silhouettes, recent: [None; 2] };
-            let counts = |slot: usize| silhouettes[slot] != 0;
+            let counts = |slot: usize| view.outlines.of_slot[slot] != NO_OUTLINE;
             for_each_pair(coverage, rows_of_image, counts, |pair| {
-                if let Some(blend) = faces.blend(&pair) {
+                if let Some(blend) = view.blend(&pair) {
                     blends.push(blend);
                     rows.push(pair.seen.map(|seen| seen.map_or(MISSING, |s| s.fragment)));
                 }
@@ -244,38 +239,88 @@ impl<T: Scalar> Found<T> {
     }
 }
 
-/// The faces of a picture with their vertices. Those of the last two are remembered: pairs come run
-/// by run.
-struct Faces<'a, T: Scalar> {
-    coverage: &'a Coverage,
-    clip: &'a [T],
-    silhouettes: &'a [u8],
-    recent: [Option<Known<T::Wide>>; 2],
+/// Slots in one piece of the search for outlines.
+const SLOTS_PER_PIECE: usize = 1 << 11;
+
+/// Stands for "no silhouette".
+const NO_OUTLINE: u32 = u32::MAX;
+
+/// The faces with a silhouette.
+#[derive(Debug)]
+struct Outlines<S> {
+    outlines: Vec<Outline<S>>,
+    /// Per slot: its outline.
+    of_slot: Vec<u32>,
 }
 
-/// A face and its vertices.
-type Known<S> = (u32, [Vertex<S>; 3]);
+impl<S> Default for Outlines<S> {
+    fn default() -> Self {
+        Self { outlines: Vec::new(), of_slot: Vec::new() }
+    }
+}
 
-impl<T: Scalar> Faces<'_, T> {
-    fn vertices(&mut self, face: u32) -> [Vertex<T::Wide>; 3] {
-        if let Some((_, vertices)) = self.recent.iter().flatten().find(|(other, _)| *other == face)
-        {
-            return *vertices;
+impl<S: Scalar<Wide = S>> Outlines<S> {
+    /// Finds the outlines of all slots.
+    fn find<T: Scalar<Wide = S>>(&mut self, coverage: &Coverage, clip: &[T]) {
+        self.outlines.clear();
+        self.of_slot.clear();
+        let count = coverage.slots.len();
+        if !is_shared(count, SLOTS_PER_PIECE) {
+            return self.extend(coverage, clip, 0..count);
         }
-        let indices = self.coverage.mesh().faces()[face as usize];
-        let (vertices, _) = Vertex::of_face(self.clip, indices, self.coverage.size());
-        self.recent = [Some((face, vertices)), self.recent[0]];
-        vertices
+        let work = |slots: Range<usize>| {
+            let mut found = Self::default();
+            found.extend(coverage, clip, slots);
+            found
+        };
+        merge_ranges(count, SLOTS_PER_PIECE, work, |found| {
+            let before = self.outlines.len() as u32;
+            self.outlines.extend(found.outlines);
+            let known = |at: u32| if at == NO_OUTLINE { at } else { before + at };
+            self.of_slot.extend(found.of_slot.into_iter().map(known));
+        });
     }
 
-    /// The depth of `face` at the centre of `pixel`.
-    fn depth(&mut self, face: u32, pixel: usize) -> T::Wide {
-        depth_at(&self.vertices(face), pixel, self.coverage.size())
+    fn extend<T: Scalar<Wide = S>>(
+        &mut self,
+        coverage: &Coverage,
+        clip: &[T],
+        slots: Range<usize>,
+    ) {
+        for slot in &coverage.slots[slots] {
+            let face = slot.face as usize;
+            let silhouettes = (0..3).map(|k| u8::from(coverage.is_silhouette(face, k)) << k).sum();
+            let at = if silhouettes == 0 {
+                NO_OUTLINE
+            } else {
+                let indices = coverage.mesh().faces()[face];
+                let (vertices, _) = Vertex::of_face(clip, indices, coverage.size());
+                self.outlines.push(Outline { vertices, indices, silhouettes });
+                self.outlines.len() as u32 - 1
+            };
+            self.of_slot.push(at);
+        }
+    }
+}
+
+/// What is drawn, and the outlines.
+struct View<'a, T: Scalar> {
+    coverage: &'a Coverage,
+    clip: &'a [T],
+    outlines: &'a Outlines<T::Wide>,
+}
+
+impl<T: Scalar> View<'_, T> {
+    /// The depth of a face at the centre of a pixel.
+    fn depth(&self, Seen { face, .. }: Seen, pixel: usize) -> T::Wide {
+        let indices = self.coverage.mesh().faces()[face as usize];
+        let (vertices, _) = Vertex::of_face(self.clip, indices, self.coverage.size());
+        depth_at(&vertices, pixel, self.coverage.size())
     }
 
     /// The blend at a pair of pixels, where a silhouette passes between them: one of the nearer of
     /// two faces, of equally near ones of the first pixel's.
-    fn blend(&mut self, pair: &Pair) -> Option<Blend<T::Wide>> {
+    fn blend(&self, pair: &Pair) -> Option<Blend<T::Wide>> {
         let blends = [self.blend_of(pair, 0), self.blend_of(pair, 1)];
         let [Some(first), Some(second)] = pair.seen else { return blends[0].or(blends[1]) };
         // Which one is nearer matters only where there is something to blend.
@@ -283,20 +328,15 @@ impl<T: Scalar> Faces<'_, T> {
             return None;
         }
         let [pixel, other] = pair.pixels(self.coverage.size());
-        let is_behind = self.depth(second.face, other) < self.depth(first.face, pixel);
+        let is_behind = self.depth(second, other) < self.depth(first, pixel);
         blends[usize::from(is_behind)]
     }
 
     /// The blend of the face that the first or the second pixel sees, if it is the nearer one.
-    fn blend_of(&mut self, pair: &Pair, at: usize) -> Option<Blend<T::Wide>> {
-        let Seen { slot, face, .. } = pair.seen[at]?;
-        let silhouettes = self.silhouettes[slot as usize];
-        if silhouettes == 0 {
-            return None;
-        }
-        let indices = self.coverage.mesh().faces()[face as usize];
-        let (vertices, size) = (self.vertices(face), self.coverage.size());
-        blend(vertices, indices, silhouettes, pair, at == 0, size)
+    fn blend_of(&self, pair: &Pair, at: usize) -> Option<Blend<T::Wide>> {
+        let outline = self.outlines.of_slot[pair.seen[at]?.slot as usize];
+        let outline = self.outlines.outlines.get(outline as usize)?;
+        blend(outline, pair, at == 0, self.coverage.size())
     }
 }
 

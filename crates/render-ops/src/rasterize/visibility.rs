@@ -14,9 +14,7 @@ use bokashi_core::Scalar;
 use bokashi_core::parallel::{for_each_item_mut, for_each_piece_mut, threads};
 
 use super::RasterOptions;
-use super::setup::{
-    Corner, Fate, LANES, Setup, Verdict, Weights, beyond,
-};
+use super::setup::{Corner, Fate, LANES, Setup, Verdict, Weights, beyond};
 use crate::coverage::{Coverage, Culled, Run, Slot};
 use crate::mesh::{Mesh, repeats_a_vertex};
 use crate::size::Size;
