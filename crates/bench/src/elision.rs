@@ -318,14 +318,10 @@ fn look(step: &Step) -> Result<Look, FitError> {
 /// A step over and over.
 fn contestant<'a>(step: &'a Step, bench: &'a Bench) -> Contestant<'a> {
     let (mut start, mut tape) = (step.start(), Tape::new());
-    Contestant::new(move |steps| {
-        bench.one().install(|| {
-            (0..steps).try_for_each(|_| {
-                step.take(&mut start, &tape, false)?;
-                tape.reset();
-                Ok(())
-            })
-        })
+    Contestant::new(bench.one(), move || {
+        step.take(&mut start, &tape, false)?;
+        tape.reset();
+        Ok(())
     })
 }
 

@@ -223,12 +223,8 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         for method in &METHODS {
             let (positions, truths) = &cubes[0];
             let (scene, upstream, mut tape) = (&scene, &truths[at].upstream, Tape::new());
-            contestants.push(Contestant::new(move |steps| {
-                bench.one().install(|| {
-                    (0..steps).try_for_each(|_| {
-                        gradient(method, scene, positions, upstream, &mut tape).map(drop)
-                    })
-                })
+            contestants.push(Contestant::new(bench.one(), move || {
+                gradient(method, scene, positions, upstream, &mut tape).map(drop)
             }));
         }
         let timings = interleaved(&mut contestants, bench.effort, USUAL);
