@@ -4,6 +4,7 @@
 //! of it. Whatever both give (picture, loss, gradients) must be the same to the bit, and the report
 //! of the second step's tape must name what was left out.
 
+use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
 
 use bokashi_core::{Tape, Tensor};
@@ -45,6 +46,12 @@ impl Row {
     /// The least time of the step that has no need of it, in microseconds.
     pub fn microseconds_without(&self) -> f64 {
         1e6 * self.without.minimum
+    }
+
+    /// How the time of the step that has no need of it compares with the other's: equal where the
+    /// ranges between their quartiles meet.
+    pub fn time_without(&self) -> Ordering {
+        self.without.compare(&self.with)
     }
 
     /// Whether all results are the same to the bit.
@@ -362,19 +369,34 @@ fn table(rows: &[Row]) -> Table {
         &[
             ("left out", "row"),
             ("with, µs", "microseconds_with"),
+            ("median", "median_microseconds_with"),
             ("without, µs", "microseconds_without"),
+            ("median", "median_microseconds_without"),
             ("without / with", "ratio"),
+            ("quartiles apart, %", "spread_percent"),
+            ("without it is", "time_without"),
+            ("samples", "samples"),
             ("same bits", "bitwise_equal"),
             ("results", "results"),
             ("named in the report", "left_out"),
         ],
     );
     for row in rows {
+        let Row { with, without, .. } = row;
         table.push(vec![
             Cell::text(row.row),
-            Cell::timed(&row.with, row.microseconds_with()),
-            Cell::timed(&row.without, row.microseconds_without()),
-            Cell::number(row.without.minimum / row.with.minimum),
+            Cell::timed(with, row.microseconds_with()),
+            Cell::timed(with, 1e6 * with.median),
+            Cell::timed(without, row.microseconds_without()),
+            Cell::timed(without, 1e6 * without.median),
+            Cell::number(without.minimum / with.minimum),
+            Cell::timed(with, 100.0 * with.spread().max(without.spread())),
+            Cell::text(match row.time_without() {
+                Ordering::Less => "faster",
+                Ordering::Equal => "equal",
+                Ordering::Greater => "SLOWER",
+            }),
+            Cell::Count(with.samples.min(without.samples)),
             Cell::text(if row.bitwise_equal() { "yes" } else { "NO" }),
             Cell::Count(row.results.len()),
             match row.left_out.is_empty() {
@@ -393,8 +415,10 @@ const NOTE: &str = "Each step is taken with one thing computed and without it, o
     but its centre; of an empty background one of zeros that is learnt; of a scene without \
     discontinuities, a wall that fills the image, the same wall with all faces apart; of no face near \
     the near plane one that reaches through it beside the image; of a depth that nobody asks for one \
-    with an upstream gradient of zeros; of inference a step with all gradients. Compared are the picture, the loss, and each gradient \
-    that both steps have.";
+    with an upstream gradient of zeros; of inference a step with all gradients. Compared are the \
+    picture, the loss, and each gradient that both steps have. Samples of both are taken in turns; \
+    times are equal where the ranges between their quartiles meet, of which the wider is given as a \
+    share of its median.";
 
 /// The rows as Markdown.
 pub fn elision_markdown(rows: &[Row], effort: Effort) -> String {

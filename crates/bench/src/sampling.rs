@@ -5,6 +5,7 @@
 //! time, and enters its thread pool once. The minimum says what the code can do, the median what it did here, the quartiles how
 //! steady the machine was.
 
+use std::cmp::Ordering;
 use std::time::Instant;
 
 use bokashi_fit::FitError;
@@ -64,6 +65,16 @@ impl Timing {
     /// The distance between the quartiles, as a share of the median.
     pub(crate) fn spread(&self) -> f64 {
         (self.upper_quartile - self.lower_quartile) / self.median
+    }
+
+    /// Whether it is less or greater than that of another contestant of the same turns: equal where
+    /// the ranges between the quartiles meet.
+    pub(crate) fn compare(&self, other: &Self) -> Ordering {
+        match () {
+            () if self.upper_quartile < other.lower_quartile => Ordering::Less,
+            () if self.lower_quartile > other.upper_quartile => Ordering::Greater,
+            () => Ordering::Equal,
+        }
     }
 
     /// Whether there are as many samples as there should be.
@@ -139,6 +150,15 @@ mod tests {
         assert_eq!((timing.lower_quartile, timing.upper_quartile), (2.0, 4.0));
         assert_eq!(timing.spread(), 2.0 / 3.0);
         assert!(!timing.has_enough_samples());
+    }
+
+    #[test]
+    fn times_are_equal_where_their_quartiles_meet() {
+        let timing =
+            |middle: f64| Timing::of([-2.0, -1.0, 0.0, 1.0, 2.0].map(|x| x + middle).into());
+        assert_eq!(timing(10.0).compare(&timing(12.0)), Ordering::Equal);
+        assert_eq!(timing(10.0).compare(&timing(12.5)), Ordering::Less);
+        assert_eq!(timing(12.5).compare(&timing(10.0)), Ordering::Greater);
     }
 
     #[test]
