@@ -22,7 +22,7 @@ use crate::effort::{Effort, GENEROUS};
 use crate::page::write_csv;
 use crate::sampling::{Contestant, Timing, interleaved};
 use crate::scenes::Scene;
-use crate::table::{Cell, Table};
+use crate::table::{Cell, FEW_SAMPLES, Table};
 
 /// A row: one thing computed, and left out.
 #[derive(Debug, Clone, PartialEq)]
@@ -52,6 +52,17 @@ impl Row {
     /// ranges between their quartiles meet.
     pub fn time_without(&self) -> Ordering {
         self.without.compare(&self.with)
+    }
+
+    /// The same in a word, marked where it comes from few samples.
+    fn verdict(&self) -> String {
+        let word = match self.time_without() {
+            Ordering::Less => "faster",
+            Ordering::Equal => "equal",
+            Ordering::Greater => "SLOWER",
+        };
+        let is_marked = !(self.with.has_enough_samples() && self.without.has_enough_samples());
+        format!("{word}{}", if is_marked { FEW_SAMPLES } else { "" })
     }
 
     /// Whether all results are the same to the bit.
@@ -391,11 +402,7 @@ fn table(rows: &[Row]) -> Table {
             Cell::timed(without, 1e6 * without.median),
             Cell::number(without.minimum / with.minimum),
             Cell::timed(with, 100.0 * with.spread().max(without.spread())),
-            Cell::text(match row.time_without() {
-                Ordering::Less => "faster",
-                Ordering::Equal => "equal",
-                Ordering::Greater => "SLOWER",
-            }),
+            Cell::text(row.verdict()),
             Cell::Count(with.samples.min(without.samples)),
             Cell::text(if row.bitwise_equal() { "yes" } else { "NO" }),
             Cell::Count(row.results.len()),
