@@ -25,10 +25,11 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         "growth",
         "Cost against faces and pixels",
         format!(
-            "A step as in the first table, on spheres, f32, back faces culled, {threads} threads. \
-             The exponent is that of the time between a row and the row before: 1 is linear, less \
-             is where what does not grow still counts, more where the caches end. Fitted ones are \
-             the slopes of logarithms by least squares, over all rows and over the last three, where \
+            "A step as in the first table, on spheres, f32, back faces culled, {threads} threads; \
+             one scene after the other, not in turns, since the largest take gigabytes. The \
+             exponent is that of the time between a row and the row before: 1 is linear, less is \
+             where what does not grow still counts, more where the caches end. Fitted ones are the \
+             slopes of logarithms by least squares, over all rows and over the last three, where \
              what does not grow counts least. Dotted: linear growth through the last point."
         ),
     );

@@ -58,19 +58,27 @@ impl Start {
         Ok(squared_error(blurred, tape.constant(&self.target.cast()))?)
     }
 
-    /// The report of `times` steps.
-    fn report<T: Scalar>(&self, times: u32) -> Result<Report, FitError> {
-        let mut tape = Tape::<T>::new();
-        // The first step finds no buffers.
+    /// Takes a step.
+    fn step<T: Scalar>(&self, tape: &mut Tape<T>) -> Result<(), FitError> {
+        self.record(tape)?.backward()?;
+        tape.reset();
+        Ok(())
+    }
+
+    /// The reports of `times` steps in f32 and of as many in f64, taken in turns.
+    fn reports(&self, times: u32) -> Result<(Report, Report), FitError> {
+        let (mut single, mut double) = (Tape::<f32>::new(), Tape::<f64>::new());
         for turn in 0..=times {
-            if turn == 1 {
-                let _ = tape.take_report();
-                tape.set_timed(true);
+            self.step(&mut single)?;
+            self.step(&mut double)?;
+            // The first steps find no buffers.
+            if turn == 0 {
+                let _ = (single.take_report(), double.take_report());
+                single.set_timed(true);
+                double.set_timed(true);
             }
-            self.record(&tape)?.backward()?;
-            tape.reset();
         }
-        Ok(tape.take_report())
+        Ok((single.take_report(), double.take_report()))
     }
 
     /// The errors of f32 against f64: of the values, and of the gradients.
@@ -92,10 +100,10 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         "A pipeline in f32 beside f64, node by node",
         format!(
             "A sphere of 1024 faces in {pixels} x {pixels} pixels, blurred (sigma {SIGMA}), squared \
-             error: the tape's report, mean of {times} steps on one thread, and the largest \
-             difference of each node's values and gradients from f64 on the same inputs, as a share \
-             of the largest entry. Leaves have gradients alone. An error here has gathered on the \
-             way: the table of operations has each one's own."
+             error: the tape's report, mean of {times} steps on one thread, f32 and f64 in turns, \
+             and the largest difference of each node's values and gradients from f64 on the same \
+             inputs, as a share of the largest entry. Leaves have gradients alone. An error here \
+             has gathered on the way: the table of operations has each one's own."
         ),
     );
     let mut table = Table::new(
@@ -114,10 +122,8 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         ],
     );
     let start = Start::new(pixels)?;
-    let measured = bench.one().install(|| {
-        Ok((start.report::<f32>(times)?, start.report::<f64>(times)?, start.errors()?))
-    });
-    if let Some((single, double, [values, gradients])) = study.noted("a step", measured) {
+    let measured = bench.one().install(|| Ok((start.reports(times)?, start.errors()?)));
+    if let Some(((single, double), [values, gradients])) = study.noted("a step", measured) {
         let leaves = gradients.iter().filter(|error| error.operation.is_none());
         for (name, leaf) in LEAVES.into_iter().zip(leaves) {
             let mut row = vec![Cell::text(name)];
@@ -157,7 +163,7 @@ mod tests {
         let [values, gradients] = start.errors().unwrap();
         let leaves = gradients.iter().filter(|error| error.operation.is_none());
         assert_eq!(leaves.count(), LEAVES.len());
-        let report = start.report::<f32>(2).unwrap();
+        let (report, _) = start.reports(2).unwrap();
         let report = report.with_errors(&values).with_gradient_errors(&gradients);
         let names: Vec<&str> = report.operations.iter().map(|entry| entry.name).collect();
         let expected = ["project", "rasterize", "interpolate", "resolve", "antialias"];
