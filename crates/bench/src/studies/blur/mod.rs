@@ -15,10 +15,11 @@ mod tests;
 
 use bokashi_fit::FitError;
 use bokashi_fit::report::{PALETTE, Stroke};
+use bokashi_render_ops::Kernel;
 
 use self::algorithm::{ALGORITHMS, KERNELS};
 use self::figure::{FRONT, Line, Point, panel};
-use self::input::{EXACT, Input, Quantity};
+use self::input::{EXACT, Input, Quantity, Results};
 use self::targets::targets;
 use crate::bench::Bench;
 use crate::effort::USUAL;
@@ -44,7 +45,8 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
              Gaussian is a window where that takes less time and tridiagonal systems where those do, \
              from a sigma of some 6 on; its window in any case is a line of its own. Lines join the \
              tolerances {}. Times are per pixel; the time of a gradient includes that of the values. \
-             Grey dots: what nothing else beats in both (the Pareto front).",
+             Where sigma is larger than the image nothing but its mean is left, and what gradients \
+             there are is rounding. Grey dots: what nothing else beats in both (the Pareto front).",
             TOLERANCES.map(|tolerance| format!("{tolerance:e}")).join(", ")
         ),
     );
@@ -74,9 +76,14 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         let sigmas = bench.effort.choose(&SIGMAS[2..4], sigmas);
         for &sigma in sigmas {
             let input = Input::new(pixels, sigma)?;
-            let found = measure(bench, &mut study, &mut table, &input, pixels)?;
+            let reference = |kernel| {
+                Ok::<_, FitError>((kernel, bench.widest().install(|| input.exact(kernel))?))
+            };
+            let references = KERNELS.into_iter().map(reference).collect::<Result<Vec<_>, _>>()?;
             let mut panels = Vec::new();
-            for (quantity, mut points) in found {
+            for quantity in Quantity::APART {
+                let rivals = Rivals { quantity, input: &input, references: &references, pixels };
+                let mut points = rivals.measure(bench, &mut study, &mut table)?;
                 if quantity == Quantity::Values {
                     points.extend(peer_points(bench, &peers, pixels, sigma));
                 }
@@ -114,68 +121,71 @@ fn lines(peers: &[String]) -> Vec<Line> {
     ours.chain(theirs).collect()
 }
 
-/// Every algorithm at every tolerance on one input.
-fn measure(
-    bench: &Bench,
-    study: &mut Study,
-    table: &mut Table,
-    input: &Input,
+/// What is measured in turns: one quantity of one input.
+struct Rivals<'a> {
+    quantity: Quantity,
+    input: &'a Input,
+    /// The exact results, by kernel.
+    references: &'a [(Kernel, Results<f64>)],
+    /// Width and height of the image.
     pixels: usize,
-) -> Result<Vec<(Quantity, Vec<Point>)>, FitError> {
-    let sigma = input.sigma;
-    let reference =
-        |kernel| Ok::<_, FitError>((kernel, bench.widest().install(|| input.exact(kernel))?));
-    let references = KERNELS.into_iter().map(reference).collect::<Result<Vec<_>, _>>()?;
-    let mut contests = Vec::new();
-    let mut contestants = Vec::new();
-    let double = pixels <= SMALL;
-    let taking_part = ALGORITHMS.iter().enumerate().filter(|(_, one)| double || !one.is_double);
-    for (line, algorithm) in taking_part {
-        let own = references.iter().find(|(kernel, _)| *kernel == algorithm.kernel);
-        let (_, exact) = own.expect("each kernel has a reference");
-        for tolerance in TOLERANCES {
-            let blur = algorithm.blur(tolerance, sigma)?;
-            for quantity in Quantity::APART {
+}
+
+impl Rivals<'_> {
+    /// Every algorithm at every tolerance.
+    fn measure(
+        &self,
+        bench: &Bench,
+        study: &mut Study,
+        table: &mut Table,
+    ) -> Result<Vec<Point>, FitError> {
+        let &Self { quantity, input, references, pixels } = self;
+        let sigma = input.sigma;
+        let mut contests = Vec::new();
+        let mut contestants = Vec::new();
+        let double = pixels <= SMALL;
+        let taking_part = ALGORITHMS.iter().enumerate();
+        for (line, algorithm) in taking_part.filter(|(_, one)| double || !one.is_double) {
+            let own = references.iter().find(|(kernel, _)| *kernel == algorithm.kernel);
+            let (_, exact) = own.expect("each kernel has a reference");
+            for tolerance in TOLERANCES {
+                let blur = algorithm.blur(tolerance, sigma)?;
                 let error = || input.error(algorithm, &blur, quantity, exact);
-                let error = bench.widest().install(error);
-                contests.push((line, algorithm, tolerance, quantity, error));
+                contests.push((line, algorithm, tolerance, bench.widest().install(error)));
                 contestants.push(match algorithm.is_double {
                     true => input.contestant::<f64>(blur, quantity, bench.one()),
                     false => input.contestant::<f32>(blur, quantity, bench.one()),
                 });
             }
         }
+        let timings = interleaved(&mut contestants, bench.effort, USUAL);
+        let mut points = Vec::new();
+        let area = (pixels * pixels) as f64;
+        for ((line, algorithm, tolerance, error), timing) in contests.into_iter().zip(timings) {
+            let what = format!(
+                "{} of {}, {pixels} px, sigma {sigma}, tolerance {tolerance:e}",
+                quantity.name(),
+                algorithm.name
+            );
+            let measured: Option<(f64, Timing)> =
+                study.noted(&what, error.and_then(|error| Ok((error, timing?))));
+            let Some((error, timing)) = measured else { continue };
+            points.push(Point { line, seconds_per_pixel: timing.minimum / area, error });
+            table.push(vec![
+                Cell::Count(pixels),
+                Cell::number(sigma),
+                Cell::text(quantity.name()),
+                Cell::text(algorithm.name),
+                Cell::number(tolerance),
+                Cell::number(error),
+                Cell::timed(&timing, 1e9 * timing.minimum / area),
+                Cell::timed(&timing, 1e9 * timing.median / area),
+                Cell::timed(&timing, 100.0 * timing.spread()),
+                Cell::Count(timing.samples),
+            ]);
+        }
+        Ok(points)
     }
-    let timings = interleaved(&mut contestants, bench.effort, USUAL);
-    let mut found = Vec::from(Quantity::APART.map(|quantity| (quantity, Vec::new())));
-    let area = (pixels * pixels) as f64;
-    for ((line, algorithm, tolerance, quantity, error), timing) in contests.into_iter().zip(timings)
-    {
-        let what = format!(
-            "{} of {}, {pixels} px, sigma {sigma}, tolerance {tolerance:e}",
-            quantity.name(),
-            algorithm.name
-        );
-        let measured: Option<(f64, Timing)> =
-            study.noted(&what, error.and_then(|error| Ok((error, timing?))));
-        let Some((error, timing)) = measured else { continue };
-        let points = found.iter_mut().find(|(one, _)| *one == quantity);
-        let point = Point { line, seconds_per_pixel: timing.minimum / area, error };
-        points.expect("each has its list").1.push(point);
-        table.push(vec![
-            Cell::Count(pixels),
-            Cell::number(sigma),
-            Cell::text(quantity.name()),
-            Cell::text(algorithm.name),
-            Cell::number(tolerance),
-            Cell::number(error),
-            Cell::timed(&timing, 1e9 * timing.minimum / area),
-            Cell::timed(&timing, 1e9 * timing.median / area),
-            Cell::timed(&timing, 100.0 * timing.spread()),
-            Cell::Count(timing.samples),
-        ]);
-    }
-    Ok(found)
 }
 
 /// What others measured of the same size and sigma.

@@ -46,3 +46,16 @@ fn the_discrete_window_is_what_a_tolerance_chooses_where_sigma_is_small_and_anot
     assert_eq!(found(window, 1.0), found(chosen, 1.0));
     assert_ne!(found(window, 16.0), found(chosen, 16.0));
 }
+
+#[test]
+fn at_every_sigma_there_are_gradients_to_compare() {
+    for sigma in SIGMAS {
+        let input = Input::new(24, sigma).unwrap();
+        let [_, image, slope] = input.exact(Kernel::Discrete).unwrap();
+        let [image, slope] = [image, slope].map(|gradient| {
+            let gradient: Tensor<f64> = gradient.unwrap();
+            gradient.data().iter().fold(0.0_f64, |largest, entry| largest.max(entry.abs()))
+        });
+        assert!(image > 0.0 && slope > 0.0, "sigma {sigma}: {image} {slope}");
+    }
+}
