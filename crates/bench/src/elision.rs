@@ -4,6 +4,7 @@
 //! of it. Whatever both give (picture, loss, gradients) must be the same to the bit, and the report
 //! of the second step's tape must name what was left out.
 
+use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
 
 use bokashi_core::{Tape, Tensor};
@@ -21,7 +22,7 @@ use crate::effort::{Effort, GENEROUS};
 use crate::page::write_csv;
 use crate::sampling::{Contestant, Timing, interleaved};
 use crate::scenes::Scene;
-use crate::table::{Cell, Table};
+use crate::table::{Cell, FEW_SAMPLES, Table};
 
 /// A row: one thing computed, and left out.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,6 +46,23 @@ impl Row {
     /// The least time of the step that has no need of it, in microseconds.
     pub fn microseconds_without(&self) -> f64 {
         1e6 * self.without.minimum
+    }
+
+    /// How the time of the step that has no need of it compares with the other's: equal where the
+    /// ranges between their quartiles meet.
+    pub fn time_without(&self) -> Ordering {
+        self.without.compare(&self.with)
+    }
+
+    /// The same in a word, marked where it comes from few samples.
+    fn verdict(&self) -> String {
+        let word = match self.time_without() {
+            Ordering::Less => "faster",
+            Ordering::Equal => "equal",
+            Ordering::Greater => "SLOWER",
+        };
+        let is_marked = !(self.with.has_enough_samples() && self.without.has_enough_samples());
+        format!("{word}{}", if is_marked { FEW_SAMPLES } else { "" })
     }
 
     /// Whether all results are the same to the bit.
@@ -318,14 +336,10 @@ fn look(step: &Step) -> Result<Look, FitError> {
 /// A step over and over.
 fn contestant<'a>(step: &'a Step, bench: &'a Bench) -> Contestant<'a> {
     let (mut start, mut tape) = (step.start(), Tape::new());
-    Contestant::new(move |steps| {
-        bench.one().install(|| {
-            (0..steps).try_for_each(|_| {
-                step.take(&mut start, &tape, false)?;
-                tape.reset();
-                Ok(())
-            })
-        })
+    Contestant::new(bench.one(), move || {
+        step.take(&mut start, &tape, false)?;
+        tape.reset();
+        Ok(())
     })
 }
 
@@ -366,19 +380,30 @@ fn table(rows: &[Row]) -> Table {
         &[
             ("left out", "row"),
             ("with, µs", "microseconds_with"),
+            ("median", "median_microseconds_with"),
             ("without, µs", "microseconds_without"),
+            ("median", "median_microseconds_without"),
             ("without / with", "ratio"),
+            ("quartiles apart, %", "spread_percent"),
+            ("without it is", "time_without"),
+            ("samples", "samples"),
             ("same bits", "bitwise_equal"),
             ("results", "results"),
             ("named in the report", "left_out"),
         ],
     );
     for row in rows {
+        let Row { with, without, .. } = row;
         table.push(vec![
             Cell::text(row.row),
-            Cell::timed(&row.with, row.microseconds_with()),
-            Cell::timed(&row.without, row.microseconds_without()),
-            Cell::number(row.without.minimum / row.with.minimum),
+            Cell::timed(with, row.microseconds_with()),
+            Cell::timed(with, 1e6 * with.median),
+            Cell::timed(without, row.microseconds_without()),
+            Cell::timed(without, 1e6 * without.median),
+            Cell::number(without.minimum / with.minimum),
+            Cell::timed(with, 100.0 * with.spread().max(without.spread())),
+            Cell::text(row.verdict()),
+            Cell::Count(with.samples.min(without.samples)),
             Cell::text(if row.bitwise_equal() { "yes" } else { "NO" }),
             Cell::Count(row.results.len()),
             match row.left_out.is_empty() {
@@ -397,8 +422,10 @@ const NOTE: &str = "Each step is taken with one thing computed and without it, o
     but its centre; of an empty background one of zeros that is learnt; of a scene without \
     discontinuities, a wall that fills the image, the same wall with all faces apart; of no face near \
     the near plane one that reaches through it beside the image; of a depth that nobody asks for one \
-    with an upstream gradient of zeros; of inference a step with all gradients. Compared are the picture, the loss, and each gradient \
-    that both steps have.";
+    with an upstream gradient of zeros; of inference a step with all gradients. Compared are the \
+    picture, the loss, and each gradient that both steps have. Samples of both are taken in turns; \
+    times are equal where the ranges between their quartiles meet, of which the wider is given as a \
+    share of its median.";
 
 /// The rows as Markdown.
 pub fn elision_markdown(rows: &[Row], effort: Effort) -> String {

@@ -2,25 +2,39 @@
 //!
 //! A round takes one sample of each contestant, so that whatever else the machine does falls on all
 //! of them alike. A sample is a number of steps, as many as make it long against the clock's own
-//! time. The minimum says what the code can do, the median what it did here, the quartiles how
+//! time, and enters its thread pool once. The minimum says what the code can do, the median what it did here, the quartiles how
 //! steady the machine was.
 
+use std::cmp::Ordering;
 use std::time::Instant;
 
 use bokashi_fit::FitError;
+use rayon::ThreadPool;
 
 use crate::effort::{ENOUGH_SAMPLES, Effort};
 
 /// Something whose time is taken.
 pub(crate) struct Contestant<'a> {
-    /// Takes so many steps.
-    run: Box<dyn FnMut(usize) -> Result<(), FitError> + 'a>,
+    pool: &'a ThreadPool,
+    step: Box<dyn FnMut() -> Result<(), FitError> + Send + 'a>,
 }
 
 impl<'a> Contestant<'a> {
-    /// Whatever `run(steps)` does.
-    pub(crate) fn new(run: impl FnMut(usize) -> Result<(), FitError> + 'a) -> Self {
-        Self { run: Box::new(run) }
+    /// Whatever `step` does, on the threads of `pool`.
+    pub(crate) fn new(
+        pool: &'a ThreadPool,
+        step: impl FnMut() -> Result<(), FitError> + Send + 'a,
+    ) -> Self {
+        Self { pool, step: Box::new(step) }
+    }
+
+    /// The seconds of a step, from a sample of so many. The pool, also one of a single thread, is
+    /// entered once per sample: what that takes is no part of a step.
+    fn sample(&mut self, steps: usize) -> Result<f64, FitError> {
+        let Self { pool, step } = self;
+        let start = Instant::now();
+        pool.install(|| (0..steps).try_for_each(|_| step()))?;
+        Ok(start.elapsed().as_secs_f64() / steps as f64)
     }
 }
 
@@ -53,14 +67,24 @@ impl Timing {
         (self.upper_quartile - self.lower_quartile) / self.median
     }
 
+    /// Whether it is less or greater than that of another contestant of the same turns: equal where
+    /// the ranges between the quartiles meet.
+    pub(crate) fn compare(&self, other: &Self) -> Ordering {
+        match () {
+            () if self.upper_quartile < other.lower_quartile => Ordering::Less,
+            () if self.lower_quartile > other.upper_quartile => Ordering::Greater,
+            () => Ordering::Equal,
+        }
+    }
+
     /// Whether there are as many samples as there should be.
     pub(crate) fn has_enough_samples(&self) -> bool {
         self.samples >= ENOUGH_SAMPLES
     }
 }
 
-/// Steps taken before the samples, to see how long one takes; one is enough where it takes longer
-/// than so many seconds.
+/// Steps taken before the samples, to see how long one takes; two are enough, one with its memory
+/// new and one without, where they take longer than so many seconds.
 const TRIES: usize = 5;
 const LONG_TRY: f64 = 0.1;
 
@@ -76,20 +100,16 @@ pub(crate) fn interleaved(
         samples: usize,
         seconds: Vec<f64>,
     }
-    let clocked = |contestant: &mut Contestant<'_>, steps: usize| {
-        let start = Instant::now();
-        (contestant.run)(steps).map(|()| start.elapsed().as_secs_f64() / steps as f64)
-    };
     let mut all: Vec<Result<Turns, FitError>> = Vec::new();
     for contestant in contestants.iter_mut() {
         // The first step finds no buffers and cold caches, and any can be disturbed.
-        let mut tried = clocked(contestant, 1);
-        for _ in 1..TRIES {
+        let mut tried = contestant.sample(1);
+        for tries in 1..TRIES {
             let Ok(least) = tried else { break };
-            if least > LONG_TRY {
+            if tries > 1 && least > LONG_TRY {
                 break;
             }
-            tried = clocked(contestant, 1).map(|seconds| least.min(seconds));
+            tried = contestant.sample(1).map(|seconds| least.min(seconds));
         }
         all.push(tried.map(|seconds| {
             let steps = (effort.sample_seconds() / seconds).ceil().clamp(1.0, 1e5) as usize;
@@ -105,7 +125,7 @@ pub(crate) fn interleaved(
             if turns.seconds.len() * rounds > round * turns.samples {
                 continue;
             }
-            match clocked(contestant, turns.steps) {
+            match contestant.sample(turns.steps) {
                 Ok(seconds) => turns.seconds.push(seconds),
                 Err(error) => *one = Err(error),
             }
@@ -116,7 +136,9 @@ pub(crate) fn interleaved(
 
 #[cfg(test)]
 mod tests {
-    use std::cell::RefCell;
+    use std::sync::Mutex;
+
+    use rayon::ThreadPoolBuilder;
 
     use super::*;
     use crate::effort::USUAL;
@@ -131,24 +153,54 @@ mod tests {
     }
 
     #[test]
+    fn times_are_equal_where_their_quartiles_meet() {
+        let timing =
+            |middle: f64| Timing::of([-2.0, -1.0, 0.0, 1.0, 2.0].map(|x| x + middle).into());
+        assert_eq!(timing(10.0).compare(&timing(12.0)), Ordering::Equal);
+        assert_eq!(timing(10.0).compare(&timing(12.5)), Ordering::Less);
+        assert_eq!(timing(12.5).compare(&timing(10.0)), Ordering::Greater);
+    }
+
+    #[test]
     fn contestants_take_turns_and_an_error_ends_only_its_own() {
-        let order = RefCell::new(Vec::new());
+        let pool = ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        let order = Mutex::new(Vec::new());
         let taking = |name: char| {
             let order = &order;
-            Contestant::new(move |_| {
-                order.borrow_mut().push(name);
+            Contestant::new(&pool, move || {
+                order.lock().unwrap().push(name);
                 // Long enough for a step to be a sample.
                 std::thread::sleep(std::time::Duration::from_micros(50));
                 Ok(())
             })
         };
-        let failing = Contestant::new(|_| {
+        let failing = Contestant::new(&pool, || {
             Err(FitError::Setting { setting: "a", rule: "b", value: "c".to_owned() })
         });
         let found = interleaved(&mut [taking('a'), failing, taking('b')], Effort::Quick, USUAL);
         assert!(found[0].is_ok() && found[1].is_err() && found[2].is_ok());
         let samples = Effort::Quick.samples(1e-4, USUAL);
-        let order = order.borrow().iter().collect::<String>();
+        let order = order.lock().unwrap().iter().collect::<String>();
         assert_eq!(order, format!("aaaaabbbbb{}", "ab".repeat(samples)));
+    }
+
+    #[test]
+    fn all_steps_of_a_sample_are_taken_in_one_stay_in_the_pool() {
+        let pool = ThreadPoolBuilder::new().num_threads(2).build().unwrap();
+        let threads = Mutex::new(Vec::new());
+        let mut contestant = Contestant::new(&pool, || {
+            threads.lock().unwrap().push(rayon::current_thread_index());
+            Ok(())
+        });
+        for _ in 0..20 {
+            contestant.sample(50).unwrap();
+        }
+        drop(contestant);
+        let threads = threads.into_inner().unwrap();
+        assert_eq!(threads.len(), 20 * 50);
+        // Entered anew, either thread may take the work.
+        for sample in threads.chunks(50) {
+            assert!(sample[0].is_some() && sample.iter().all(|thread| *thread == sample[0]));
+        }
     }
 }

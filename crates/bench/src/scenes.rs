@@ -7,7 +7,7 @@ use bokashi_core::Tensor;
 use bokashi_fit::FitError;
 use bokashi_fit::scenes::{FACES, VERTEX_COUNT, View, truth};
 use bokashi_render_ops::{Mesh, Size};
-use glam::DMat4;
+use glam::{DMat4, DVec2, DVec3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -120,9 +120,35 @@ impl Scene {
     /// Positions shifted, each coordinate by up to `largest` either way: the same for one seed.
     pub(crate) fn shifted(&self, largest: f64, seed: u64) -> Tensor<f64> {
         let mut generator = ChaCha8Rng::seed_from_u64(seed);
-        let mut uniform = move || (generator.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
-        self.positions.map(|x: f64| x + largest * (2.0 * uniform() - 1.0))
+        self.positions.map(|x: f64| x + largest * (2.0 * uniform(&mut generator) - 1.0))
     }
+
+    /// Positions shifted within the image plane, their depths as they are, so that either pixel
+    /// coordinate moves by a normally distributed number of standard deviation `pixels`.
+    pub(crate) fn jittered(&self, pixels: f64, seed: u64) -> Tensor<f64> {
+        let mut generator = ChaCha8Rng::seed_from_u64(seed);
+        // Box and Muller: a pair of independent normal deviates from a pair of uniform ones.
+        let mut deviates = move || {
+            let radius = pixels * (-2.0 * (1.0 - uniform(&mut generator)).ln()).sqrt();
+            radius * DVec2::from_angle(2.0 * PI * uniform(&mut generator))
+        };
+        let back = self.camera.inverse();
+        let size = DVec2::new(self.size.width as f64, self.size.height as f64);
+        let mut positions = self.positions.clone();
+        for position in positions.data_mut().as_chunks_mut::<3>().0 {
+            let point = DVec3::from_array(*position);
+            let w = (self.camera * point.extend(1.0)).w;
+            // Pixels per unit of x / w are half the width: this is the shift of x and y.
+            let clip = deviates() * 2.0 * w / size;
+            *position = (point + (back * clip.extend(0.0).extend(0.0)).truncate()).to_array();
+        }
+        positions
+    }
+}
+
+/// A multiple of 2^-53, uniform in [0, 1).
+fn uniform(generator: &mut impl Rng) -> f64 {
+    (generator.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
 }
 
 /// The scenes of the table, smallest first.
@@ -146,6 +172,7 @@ mod tests {
 
     use bokashi_core::Tape;
     use bokashi_render_ops::{Cull, RasterOptions, project, rasterize};
+    use glam::DVec4;
 
     use super::*;
 
@@ -188,6 +215,32 @@ mod tests {
             let covered = all.iter().filter(|&&id| id > 0).count() as f64 / all.len() as f64;
             assert!((0.2..0.3).contains(&covered), "{} covers {covered}", scene.name);
         }
+    }
+
+    #[test]
+    fn jitter_moves_pixels_by_its_deviation_and_no_depth() {
+        let scene = Scene::sphere("sphere1k", 32, 17, 256).unwrap();
+        let clip = |positions: &Tensor<f64>| -> Vec<DVec4> {
+            let points = positions.data().as_chunks::<3>().0.iter();
+            points.map(|&point| scene.camera * DVec3::from_array(point).extend(1.0)).collect()
+        };
+        let jittered = scene.jittered(0.3, 0);
+        let mut shifts: Vec<f64> = Vec::new();
+        for (before, after) in clip(&scene.positions).into_iter().zip(clip(&jittered)) {
+            assert!((after.w - before.w).abs() < 1e-14 && (after.z - before.z).abs() < 1e-14);
+            let shift = 128.0 * (after / after.w - before / before.w);
+            shifts.extend([shift.x, shift.y]);
+        }
+        let moment = |order: i32| {
+            shifts.iter().map(|shift| shift.powi(order)).sum::<f64>() / shifts.len() as f64
+        };
+        // Of 1028 normal deviates; the kurtosis of uniform ones is 1.8.
+        assert!(moment(1).abs() < 0.03, "{}", moment(1));
+        assert!((moment(2).sqrt() - 0.3).abs() < 0.02, "{}", moment(2).sqrt());
+        let kurtosis = moment(4) / moment(2).powi(2);
+        assert!((2.5..3.5).contains(&kurtosis), "{kurtosis}");
+        // The same share of a larger image is the same shift in the world.
+        assert_eq!(jittered, scene.at(1024).jittered(4.0 * 0.3, 0));
     }
 
     #[test]

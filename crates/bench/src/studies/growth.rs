@@ -25,10 +25,12 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         "growth",
         "Cost against faces and pixels",
         format!(
-            "A step as in the first table, on spheres, f32, back faces culled, {threads} threads. \
-             The exponent is that of the time between a row and the row before: 1 is linear, less \
-             is where what does not grow still counts. Dotted: linear growth through the last \
-             point."
+            "A step as in the first table, on spheres, f32, back faces culled, {threads} threads; \
+             one scene after the other, not in turns, since the largest take gigabytes. The \
+             exponent is that of the time between a row and the row before: 1 is linear, less is \
+             where what does not grow still counts, more where the caches end. Fitted ones are the \
+             slopes of logarithms by least squares, over all rows and over the last three, where \
+             what does not grow counts least. Dotted: linear growth through the last point."
         ),
     );
     let mut table = Table::new(
@@ -53,6 +55,17 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         ("faces", of_faces.collect::<Result<_, _>>()?),
         ("pixels", of_pixels.collect::<Result<_, _>>()?),
     ];
+    let mut fitted = Table::new(
+        "growth_exponents",
+        "Fitted exponents of the time",
+        &[
+            ("grows", "grows"),
+            ("from", "from"),
+            ("to", "to"),
+            ("over all rows", "exponent"),
+            ("over the last three", "exponent_of_last_three"),
+        ],
+    );
     let mut panels = Vec::new();
     for (grows, scenes) in rows {
         let mut points: Vec<[f64; 4]> = Vec::new();
@@ -69,18 +82,26 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
                 .map(|mut all| all.remove(0));
             let Some(timing) = timing else { continue };
             let size = if grows == "faces" { count as f64 } else { area };
-            let exponent =
-                points.last().map(|last| (timing.minimum / last[1]).ln() / (size / last[0]).ln());
             points.push([size, timing.minimum, timing.minimum, timing.upper_quartile]);
+            let last_two = points.len().checked_sub(2).map(|from| exponent(&points[from..]));
             table.push(vec![
                 Cell::text(grows),
                 Cell::Count(count),
                 Cell::text(format!("{width} x {width}")),
                 Cell::timed(&timing, 1e3 * timing.minimum),
                 Cell::timed(&timing, 1e3 * timing.median),
-                Cell::maybe(exponent),
+                Cell::maybe(last_two),
                 Cell::number(1e9 * timing.minimum / size),
                 Cell::Count(timing.samples),
+            ]);
+        }
+        if let [first, .., last] = &points[..] {
+            fitted.push(vec![
+                Cell::text(grows),
+                Cell::number(first[0]),
+                Cell::number(last[0]),
+                Cell::number(exponent(&points)),
+                Cell::number(exponent(&points[points.len().saturating_sub(3)..])),
             ]);
         }
         let linear = points.last().map_or(Vec::new(), |last| {
@@ -113,6 +134,30 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         ],
         panels,
     });
-    study.tables.push(table);
+    study.tables.extend([fitted, table]);
     Ok(study)
+}
+
+/// The exponent of the power of x that fits y best: the slope of logarithms by least squares.
+fn exponent(points: &[[f64; 4]]) -> f64 {
+    let logarithms: Vec<[f64; 2]> = points.iter().map(|&[x, y, ..]| [x.ln(), y.ln()]).collect();
+    let mean =
+        |at: usize| logarithms.iter().map(|point| point[at]).sum::<f64>() / logarithms.len() as f64;
+    let (x_mean, y_mean) = (mean(0), mean(1));
+    let product = |[x, y]: &[f64; 2]| (x - x_mean) * (y - y_mean);
+    let square = |[x, _]: &[f64; 2]| (x - x_mean).powi(2);
+    logarithms.iter().map(product).sum::<f64>() / logarithms.iter().map(square).sum::<f64>()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_exponent_of_a_power_is_found_and_that_of_a_cost_with_a_constant_is_less() {
+        let points = |time: fn(f64) -> f64| [1e2, 1e3, 1e4].map(|x| [x, time(x), 0.0, 0.0]);
+        assert!((exponent(&points(|x| 3e-9 * x.powf(1.25))) - 1.25).abs() < 1e-12);
+        let constant = exponent(&points(|x| 1e3 + x));
+        assert!((0.1..0.9).contains(&constant), "{constant}");
+    }
 }

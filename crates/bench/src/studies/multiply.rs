@@ -22,22 +22,18 @@ const LENGTHS: [usize; 4] = [1, 16, 256, 3072];
 fn chain<'a>(length: usize, count: usize, both: bool, bench: &'a Bench) -> Contestant<'a> {
     let (start, factor) = (Tensor::full([length], 0.5_f32), Tensor::full([length], 1.001));
     let mut tape = Tape::new();
-    Contestant::new(move |steps| {
-        bench.one().install(|| {
-            (0..steps).try_for_each(|_| {
-                {
-                    let x = tape.leaf(&start);
-                    let factor = if both { tape.leaf(&factor) } else { tape.constant(&factor) };
-                    let mut product = x;
-                    for _ in 0..count {
-                        product = product * factor;
-                    }
-                    black_box(product.sum().backward()?.get(x));
-                }
-                tape.reset();
-                Ok(())
-            })
-        })
+    Contestant::new(bench.one(), move || {
+        {
+            let x = tape.leaf(&start);
+            let factor = if both { tape.leaf(&factor) } else { tape.constant(&factor) };
+            let mut product = x;
+            for _ in 0..count {
+                product = product * factor;
+            }
+            black_box(product.sum().backward()?.get(x));
+        }
+        tape.reset();
+        Ok(())
     })
 }
 

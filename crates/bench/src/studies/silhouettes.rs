@@ -170,6 +170,13 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
 }
 
+/// The relative errors of the gradients of single vertices, but for those that have none.
+fn errors_by_vertex(found: &[f64], truth: &[f64]) -> Vec<f64> {
+    let pairs = found.chunks_exact(3).zip(truth.chunks_exact(3));
+    let seen = pairs.filter(|(_, truth)| length(truth) > 0.0);
+    seen.map(|(found, truth)| distance(found, truth) / length(truth)).collect()
+}
+
 /// The gradient that `method` gives, by coordinate.
 fn gradient(
     method: &Method,
@@ -210,6 +217,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
             ("median error, %", "median_error_percent"),
             ("least", "least_error_percent"),
             ("largest", "largest_error_percent"),
+            ("by vertex", "median_error_by_vertex_percent"),
             ("time, µs", "minimum_microseconds"),
             ("median time, µs", "median_microseconds"),
             ("samples", "samples"),
@@ -223,12 +231,8 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         for method in &METHODS {
             let (positions, truths) = &cubes[0];
             let (scene, upstream, mut tape) = (&scene, &truths[at].upstream, Tape::new());
-            contestants.push(Contestant::new(move |steps| {
-                bench.one().install(|| {
-                    (0..steps).try_for_each(|_| {
-                        gradient(method, scene, positions, upstream, &mut tape).map(drop)
-                    })
-                })
+            contestants.push(Contestant::new(bench.one(), move || {
+                gradient(method, scene, positions, upstream, &mut tape).map(drop)
             }));
         }
         let timings = interleaved(&mut contestants, bench.effort, USUAL);
@@ -237,14 +241,16 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         for (method, timing) in METHODS.iter().zip(timings) {
             let what = format!("{} at {pixels} px", method.name);
             let Some(timing): Option<Timing> = study.noted(&what, timing) else { continue };
-            let mut errors = Vec::new();
+            let (mut errors, mut by_vertex) = (Vec::new(), Vec::new());
             for (positions, truths) in &cubes {
                 let Truth { upstream, gradient: truth, noise: seen } = &truths[at];
                 noise = noise.max(*seen);
                 let found = gradient(method, &scene, positions, upstream, &mut Tape::new())?;
                 errors.push(distance(&found, truth) / length(truth));
+                by_vertex.extend(errors_by_vertex(&found, truth));
             }
             errors.sort_by(f64::total_cmp);
+            by_vertex.sort_by(f64::total_cmp);
             let (least, largest) = (errors[0], errors[errors.len() - 1]);
             let median = errors[errors.len() / 2];
             points.push([timing.minimum, least, median, largest]);
@@ -254,6 +260,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
                 Cell::number(100.0 * median),
                 Cell::number(100.0 * least),
                 Cell::number(100.0 * largest),
+                Cell::maybe(by_vertex.get(by_vertex.len() / 2).map(|median| 100.0 * median)),
                 Cell::timed(&timing, 1e6 * timing.minimum),
                 Cell::timed(&timing, 1e6 * timing.median),
                 Cell::Count(timing.samples),
@@ -267,8 +274,10 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
          {SHIFT} off, against that of <g, area-averaged image>; g is one fixed upstream gradient \
          per cube and size. The truth: central differences of pictures of {samples} x {samples} \
          point samples; its own noise is at most {:.1} % of its length. The error is the length of \
-         the difference over the length of the truth; median over the cubes. 2x2 and 4x4: rendered \
-         so much larger, then averaged down.",
+         the difference over the length of the truth, for the gradient as a whole, all coordinates of \
+         all vertices; median over the cubes. By vertex: the same for each vertex's three \
+         coordinates, median over all visible vertices of all cubes. 2x2 and 4x4: rendered so much \
+         larger, then averaged down.",
         100.0 * noise
     );
     let legend = PIXELS.iter().enumerate();
@@ -306,6 +315,13 @@ mod tests {
         assert_eq!(picture[0], (0.0 + 3.0 + 12.0 + 15.0) / 4.0);
         let mean = |all: &[f64]| all.iter().sum::<f64>() / all.len() as f64;
         assert_eq!(mean(&picture), mean(&samples));
+    }
+
+    #[test]
+    fn a_vertex_counts_by_its_own_gradient_and_a_hidden_one_not_at_all() {
+        let truth = [3.0, 0.0, 4.0, 0.0, 0.0, 0.0, 0.0, 0.0, 100.0];
+        let found = [3.0, 5.0, 4.0, 1.0, 1.0, 1.0, 0.0, 0.0, 101.0];
+        assert_eq!(errors_by_vertex(&found, &truth), [1.0, 0.01]);
     }
 
     #[test]
