@@ -13,6 +13,11 @@ use rayon::prelude::*;
 /// handing a piece to another thread.
 pub const ENTRIES_PER_PIECE: usize = 1 << 14;
 
+/// Pieces that a thread takes at once: rayon would cut work into a few tasks per thread, and of
+/// unlike pieces the slow ones often are neighbours.
+#[cfg(feature = "parallel")]
+const PIECES_PER_TASK: usize = 1;
+
 /// Calls `work(k, piece)` for each piece of `piece` entries of `data`, the last one perhaps
 /// shorter; pieces may run at the same time.
 pub fn for_each_piece_mut<T: Send>(
@@ -37,13 +42,14 @@ pub fn for_each_piece_mut<T: Send>(
 /// compiled once per type of entry and not for every operation.
 #[cfg(feature = "parallel")]
 fn share<T: Send>(data: &mut [T], piece: usize, work: &(dyn Fn(usize, &mut [T]) + Sync)) {
-    data.par_chunks_mut(piece).enumerate().for_each(|(k, chunk)| work(k, chunk));
+    let pieces = data.par_chunks_mut(piece).with_max_len(PIECES_PER_TASK);
+    pieces.enumerate().for_each(|(k, chunk)| work(k, chunk));
 }
 
 /// The pieces of [`merge_ranges`] on the thread pool, by a reference to `work` as in [`share`].
 #[cfg(feature = "parallel")]
 fn share_ranges<R: Send>(pieces: usize, work: &(dyn Fn(usize) -> R + Sync)) -> Vec<R> {
-    (0..pieces).into_par_iter().map(work).collect()
+    (0..pieces).into_par_iter().with_max_len(PIECES_PER_TASK).map(work).collect()
 }
 
 /// Calls `work(k, piece of a, piece of b)` for the k-th piece of `pieces[0]` entries of `a` and of
@@ -62,7 +68,8 @@ pub fn for_each_two_pieces_mut<A: Send, B: Send>(
     assert_eq!(count, b.len().div_ceil(of_b), "both are cut into equally many pieces");
     #[cfg(feature = "parallel")]
     if is_shared(count, 1) {
-        let pairs = a.par_chunks_mut(of_a).zip(b.par_chunks_mut(of_b)).enumerate();
+        let pairs = a.par_chunks_mut(of_a).zip(b.par_chunks_mut(of_b));
+        let pairs = pairs.with_max_len(PIECES_PER_TASK).enumerate();
         return pairs.for_each(|(k, (a, b))| work(k, a, b));
     }
     let pairs = a.chunks_mut(of_a).zip(b.chunks_mut(of_b)).enumerate();
