@@ -24,12 +24,11 @@ pub(crate) fn add_term<T: Scalar>(entry: &mut T, term: T) {
 
 /// [`add_term`] for several, which rarely have one beyond the range.
 #[inline(always)]
-fn add_terms<T: Scalar, const N: usize>(entries: [&mut T; N], terms: [&T::Wide; N]) {
-    let terms = terms.map(|&term| T::narrow(term));
+fn add_terms<T: Scalar, const N: usize>(entries: [&mut T; N], terms: [&T; N]) {
     if terms.iter().all(|term| term.is_finite()) {
-        entries.into_iter().zip(terms).for_each(|(entry, term)| *entry += term);
+        entries.into_iter().zip(terms).for_each(|(entry, &term)| *entry += term);
     } else {
-        entries.into_iter().zip(terms).for_each(|(entry, term)| add_term(entry, term));
+        entries.into_iter().zip(terms).for_each(|(entry, &term)| add_term(entry, term));
     }
 }
 
@@ -58,7 +57,7 @@ impl Layout<'_> {
     ) {
         let entries = gradient.entries();
         let width = self.width;
-        let mut add = |face: usize, rows: &[T::Wide]| {
+        let mut add = |face: usize, rows: &[T]| {
             for (&vertex, row) in self.mesh.faces()[face].iter().zip(rows.chunks_exact(width)) {
                 let entries = &mut entries[vertex as usize * width..][..width];
                 // The usual widths, without a loop.
@@ -76,37 +75,37 @@ impl Layout<'_> {
             return self.walk(0..bands, by_face, &mut add);
         }
         let work = |bands: Range<usize>| {
-            let (mut faces, mut all_rows) = (Vec::new(), Vec::new());
-            self.walk(bands, by_face, &mut |face, rows: &[T::Wide]| {
-                faces.push(face as u32);
-                all_rows.extend_from_slice(rows);
-            });
-            (faces, all_rows)
+            let slots = self.coverage.slots_of(bands.clone()).len();
+            let mut all_rows = Vec::with_capacity(slots * 3 * width);
+            self.walk(bands, by_face, &mut |_, rows: &[T]| all_rows.extend_from_slice(rows));
+            all_rows
         };
-        merge_ranges(bands, 1, work, |(faces, all_rows)| {
-            for (&face, rows) in faces.iter().zip(all_rows.chunks_exact(3 * width)) {
-                add(face as usize, rows);
+        let mut slots = self.coverage.slots.iter();
+        merge_ranges(bands, 1, work, |all_rows| {
+            for (rows, slot) in all_rows.chunks_exact(3 * width).zip(&mut slots) {
+                add(slot.face as usize, rows);
             }
         });
     }
 
     /// Calls `emit` with each face that is seen in `bands` and the gradients of its vertices.
-    fn walk<S: Scalar>(
+    fn walk<T: Scalar>(
         &self,
         bands: Range<usize>,
-        by_face: &impl FaceSums<S>,
-        emit: &mut impl FnMut(usize, &[S]),
+        by_face: &impl FaceSums<T::Wide>,
+        emit: &mut impl FnMut(usize, &[T]),
     ) {
         let coverage = self.coverage;
         // Attributes of up to eight channels need no allocation.
-        let mut few = [S::ZERO; 24];
-        let mut many = Vec::new();
-        let rows: &mut [S] = match few.get_mut(..3 * self.width) {
-            Some(rows) => rows,
-            None => {
-                many.resize(3 * self.width, S::ZERO);
-                &mut many
-            }
+        let (mut few, mut few_narrow) = ([T::Wide::ZERO; 24], [T::ZERO; 24]);
+        let (mut many, mut many_narrow) = (Vec::new(), Vec::new());
+        let length = 3 * self.width;
+        let (rows, narrow) = if length <= few.len() {
+            (&mut few[..length], &mut few_narrow[..length])
+        } else {
+            many.resize(length, T::Wide::ZERO);
+            many_narrow.resize(length, T::ZERO);
+            (many.as_mut_slice(), many_narrow.as_mut_slice())
         };
         let slots = coverage.slots_of(bands);
         pulp::Arch::new().dispatch(
@@ -118,7 +117,8 @@ impl Layout<'_> {
                     if !rows.iter().all(|row| row.is_finite()) {
                         add_one_by_one(slot, fragments, by_face, rows);
                     }
-                    emit(coverage.slots[slot].face as usize, rows);
+                    narrow.iter_mut().zip(&*rows).for_each(|(to, &row)| *to = T::narrow(row));
+                    emit(coverage.slots[slot].face as usize, narrow);
                 }
             },
         );
