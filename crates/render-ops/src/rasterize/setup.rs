@@ -344,58 +344,57 @@ impl<S: Scalar<Wide = S>> Setup<S> {
         self.plane.is_some()
     }
 
-    /// Draws a row of pixels as [`Setup::cover_span`] does, for few `centers`, a multiple of [`LANES`]:
-    /// none of them is left out, so that nothing is decided from pixel to pixel.
+    /// Draws `rows` of few pixels, each with its y, its depths and its faces, whose columns are
+    /// `centers`, as [`Setup::cover_span`] does, but for those in doubt; whether there are any. No
+    /// pixel is left out, so that nothing is decided from pixel to pixel.
     #[inline(always)]
-    pub(super) fn cover_blocks(
-        &mut self,
-        y: S,
-        centers: &[S],
-        depths: &mut [S],
-        faces: &mut [u64],
+    pub(super) fn cover_blocks<'a>(
+        &self,
+        rows: impl Iterator<Item = (S, &'a mut [[S; LANES]], &'a mut [[u64; LANES]])>,
+        centers: &[[S; LANES]],
         face: u64,
-    ) {
-        let row = self.row(y);
+    ) -> bool {
         let plane = self.plane.expect("its depth is linear");
-        let [start, slope] = along(plane, y);
         let doubt = self.doubt;
-        let mut closest = [S::ONE; LANES].map(|one| one + doubt);
-        let pixels = depths.as_chunks_mut::<LANES>().0.iter_mut();
-        let pixels = pixels.zip(faces.as_chunks_mut::<LANES>().0);
-        for ((nearest, seen), x) in pixels.zip(centers.as_chunks::<LANES>().0) {
-            let inside = lanes(|k| least(row.at(x[k])));
-            let depth = lanes(|k| start + slope * x[k]);
-            let depth = lanes(|k| {
-                let is_seen = (inside[k] > doubt) & (depth[k] >= -S::ONE);
-                if is_seen { depth[k] } else { beyond() }
-            });
-            // Values first, then two stores, so that they are compiled to vectors; and a minimum,
-            // for a choice would become a masked store, which later loads wait for.
-            let (before, seen_before) = (*nearest, *seen);
-            *nearest = lanes(|k| before[k].min(depth[k]));
-            *seen = lanes(|k| if depth[k] < before[k] { face } else { seen_before[k] });
-            closest = lanes(|k| inside[k].abs().min(closest[k]));
+        let mut closest = [doubt + S::ONE; LANES];
+        for (y, depths, faces) in rows {
+            let row = self.row(y);
+            let [start, slope] = along(plane, y);
+            for ((nearest, seen), x) in depths.iter_mut().zip(faces).zip(centers) {
+                let inside = lanes(|k| least(row.at(x[k])));
+                let depth = lanes(|k| start + slope * x[k]);
+                let depth = lanes(|k| {
+                    let is_seen = (inside[k] > doubt) & (depth[k] >= -S::ONE);
+                    if is_seen { depth[k] } else { beyond() }
+                });
+                // Values first, then two stores, so that they are compiled to vectors; and a
+                // minimum, for a choice would become a masked store, which later loads wait for.
+                let (before, seen_before) = (*nearest, *seen);
+                *nearest = lanes(|k| before[k].min(depth[k]));
+                *seen = lanes(|k| if depth[k] < before[k] { face } else { seen_before[k] });
+                closest = lanes(|k| inside[k].abs().min(closest[k]));
+            }
         }
-        if closest.iter().any(|&distance| distance <= doubt) {
-            self.cover_doubtful(&row, centers, depths, faces, face);
-        }
+        closest.iter().any(|&distance| distance <= doubt)
     }
 
-    /// Draws the pixels of a row that [`Setup::cover_blocks`] leaves in doubt.
+    /// Draws the pixels that [`Setup::cover_blocks`] leaves in doubt.
     #[cold]
     #[inline(never)]
-    fn cover_doubtful(
+    pub(super) fn cover_doubtful<'a>(
         &mut self,
-        row: &Row<S>,
-        centers: &[S],
-        depths: &mut [S],
-        faces: &mut [u64],
+        rows: impl Iterator<Item = (S, &'a mut [[S; LANES]], &'a mut [[u64; LANES]])>,
+        centers: &[[S; LANES]],
         face: u64,
     ) {
-        for column in 0..centers.len() {
-            if self.is_in_doubt(row.at(centers[column])) {
-                let pixel = (&mut depths[column], &mut faces[column]);
-                self.cover_settled(row, centers[column], pixel, face);
+        let centers = centers.as_flattened();
+        for (y, depths, faces) in rows {
+            let row = self.row(y);
+            let pixels = depths.as_flattened_mut().iter_mut().zip(faces.as_flattened_mut());
+            for (pixel, &x) in pixels.zip(centers) {
+                if self.is_in_doubt(row.at(x)) {
+                    self.cover_settled(&row, x, pixel, face);
+                }
             }
         }
     }

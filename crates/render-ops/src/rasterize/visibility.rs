@@ -45,8 +45,10 @@ pub(super) struct Visibility<T: Scalar> {
     /// Whether a face that is drawn reaches behind the eye, so that all rows have to be searched.
     pub(super) reaches_behind: bool,
     verdicts: Vec<Verdict>,
-    /// The X of each column's pixel centres.
+    /// The X of each column's pixel centres, in whole blocks.
     centers: Vec<T::Wide>,
+    /// The Y of each row's.
+    ys: Vec<T::Wide>,
     /// Per band: the faces that can touch it.
     faces: Vec<Vec<u32>>,
     canvases: Vec<Canvas<T>>,
@@ -59,6 +61,7 @@ impl<T: Scalar> Default for Visibility<T> {
             reaches_behind: false,
             verdicts: Vec::new(),
             centers: Vec::new(),
+            ys: Vec::new(),
             faces: Vec::new(),
             canvases: Vec::new(),
         }
@@ -72,11 +75,17 @@ struct View<'a, T: Scalar> {
     corners: &'a [Corner<T::Wide>],
     verdicts: &'a [Verdict],
     centers: &'a [T::Wide],
+    ys: &'a [T::Wide],
     /// Rows per band.
     rows: usize,
 }
 
 impl<'a, T: Scalar> View<'a, T> {
+    #[inline(always)]
+    fn blocks_per_row(&self) -> usize {
+        self.centers.len() / LANES
+    }
+
     #[inline(always)]
     fn corners_of(&self, face: usize) -> [&'a Corner<T::Wide>; 3] {
         self.mesh.faces()[face].map(|vertex| &self.corners[vertex as usize])
@@ -86,7 +95,7 @@ impl<'a, T: Scalar> View<'a, T> {
 impl<T: Scalar> Visibility<T> {
     /// Finds the runs, and their weights, which the bands hold.
     pub(super) fn run(&mut self, clip: &[T], options: RasterOptions, coverage: &mut Coverage) {
-        let Self { corners, reaches_behind, verdicts, centers, faces, canvases } = self;
+        let Self { corners, reaches_behind, verdicts, centers, ys, faces, canvases } = self;
         let Coverage { mesh, size, .. } = &*coverage;
         let (mesh, size) = (&mesh.clone(), *size);
 
@@ -124,8 +133,11 @@ impl<T: Scalar> Visibility<T> {
         coverage.orientations.extend(verdicts.iter().map(|verdict| verdict.orientation));
 
         centers.clear();
-        centers.extend((0..size.width).map(|column| size.center_x::<T::Wide>(column)));
-        let view = View { mesh, size, corners, verdicts, centers, rows };
+        let columns = 0..size.width.next_multiple_of(LANES);
+        centers.extend(columns.map(|column| size.center_x::<T::Wide>(column)));
+        ys.clear();
+        ys.extend((0..size.height).map(|row| size.center_y::<T::Wide>(row)));
+        let view = View { mesh, size, corners, verdicts, centers, ys, rows };
         let bands = faces.len();
         // As few as can be: what the band before has touched is in a core's cache.
         let threads = threads();
@@ -142,6 +154,21 @@ impl<T: Scalar> Visibility<T> {
         let count = self.canvases.len();
         (0..self.faces.len()).map(move |band| &self.canvases[band % count].bands[band / count])
     }
+}
+
+/// Of some rows of `per_row` blocks each: their y, and the depths and faces of the blocks `blocks`.
+#[inline(always)]
+fn rows_of<'a, S: Scalar>(
+    ys: &'a [S],
+    depths: &'a mut [[S; LANES]],
+    faces: &'a mut [[u64; LANES]],
+    per_row: usize,
+    blocks: &'a Range<usize>,
+) -> impl Iterator<Item = (S, &'a mut [[S; LANES]], &'a mut [[u64; LANES]])> {
+    let rows = depths.chunks_exact_mut(per_row).zip(faces.chunks_exact_mut(per_row));
+    ys.iter()
+        .zip(rows)
+        .map(|(&y, (depths, faces))| (y, &mut depths[blocks.clone()], &mut faces[blocks.clone()]))
 }
 
 /// Gives a list `length` entries, whatever they are.
@@ -233,8 +260,8 @@ struct Canvas<T: Scalar> {
     weights: Vec<Weights<T::Wide>>,
     /// Per pixel: the nearest depth so far, and the position in `weights` of its face, in as many bits
     /// so that both fit the same vectors.
-    depths: Vec<T::Wide>,
-    faces: Vec<u64>,
+    depths: Vec<[T::Wide; LANES]>,
+    faces: Vec<[u64; LANES]>,
     /// Per row: the columns, first and end, that were reached.
     reached: Vec<[usize; 2]>,
     /// Per drawn face: its slot, once it was seen.
@@ -304,12 +331,12 @@ impl<T: Scalar> Canvas<T> {
         faces: &[Vec<u32>],
         bands: impl ExactSizeIterator<Item = usize>,
     ) {
-        let pixels = view.rows * view.size.width;
-        if self.depths.len() != pixels || self.reached.len() != view.rows {
+        let blocks = view.rows * view.blocks_per_row();
+        if self.depths.len() != blocks || self.reached.len() != view.rows {
             self.depths.clear();
-            self.depths.resize(pixels, beyond());
+            self.depths.resize(blocks, [beyond(); LANES]);
             self.faces.clear();
-            self.faces.resize(pixels, NO_FACE);
+            self.faces.resize(blocks, [NO_FACE; LANES]);
             self.reached.clear();
             self.reached.resize(view.rows, [view.size.width, 0]);
         }
@@ -346,29 +373,33 @@ impl<T: Scalar> Canvas<T> {
         let at = self.weights.len() as u64;
         let rows_of_face = rows.start.max(top as usize)..rows.end.min(bottom as usize + 1);
         let mut setup = Setup::of(view.corners_of(face), orientation, view.size);
-        let width = view.size.width;
-        // Blocks of all faces start at the same columns, so that a block that is read was written as
-        // a whole and need not wait for memory; but for one at the right border.
-        let first = left as usize / LANES * LANES;
-        let length = (right as usize + 1 - first).next_multiple_of(LANES);
-        let first = first.min(width.saturating_sub(length));
-        let is_small = length <= width && length * rows_of_face.len() <= PIXELS_PER_BLOCK;
-        let in_blocks = is_small && setup.has_plane();
-        let columns = if in_blocks { first..first + length } else { 0..width };
-        for y in rows_of_face {
-            let start = (y - rows.start) * width;
-            let pixels = start + columns.start..start + columns.end;
-            let (depths, faces) = (&mut self.depths[pixels.clone()], &mut self.faces[pixels]);
-            let (center_y, centers) = (view.size.center_y(y), &view.centers[columns.clone()]);
-            let [first, end] = if in_blocks {
-                setup.cover_blocks(center_y, centers, depths, faces, at);
-                [columns.start, columns.end]
-            } else {
-                let touched = [left as usize, right as usize + 1];
-                setup.cover_span(&setup.row(center_y), touched, centers, depths, faces, at)
-            };
-            let reached = &mut self.reached[y - rows.start];
-            *reached = [reached[0].min(first), reached[1].max(end)];
+        let local = rows_of_face.start - rows.start..rows_of_face.end - rows.start;
+        let ys = &view.ys[rows_of_face];
+        let reached = &mut self.reached[local.clone()];
+        let per_row = view.blocks_per_row();
+        let stored = local.start * per_row..local.end * per_row;
+        let (depths, faces) = (&mut self.depths[stored.clone()], &mut self.faces[stored]);
+        let blocks = left as usize / LANES..right as usize / LANES + 1;
+        if setup.has_plane() && blocks.len() * LANES * ys.len() <= PIXELS_PER_BLOCK {
+            let centers = &view.centers.as_chunks().0[blocks.clone()];
+            if setup.cover_blocks(rows_of(ys, depths, faces, per_row, &blocks), centers, at) {
+                let rows = rows_of(ys, depths, faces, per_row, &blocks);
+                setup.cover_doubtful(rows, centers, at);
+            }
+            let (first, end) = (blocks.start * LANES, (blocks.end * LANES).min(view.size.width));
+            for reached in reached {
+                *reached = [reached[0].min(first), reached[1].max(end)];
+            }
+        } else {
+            let touched = [left as usize, right as usize + 1];
+            let centers = &view.centers[..view.size.width];
+            let rows = depths.chunks_exact_mut(per_row).zip(faces.chunks_exact_mut(per_row));
+            for ((&y, (depths, faces)), reached) in ys.iter().zip(rows).zip(reached) {
+                let (depths, faces) = (depths.as_flattened_mut(), faces.as_flattened_mut());
+                let row = setup.row(y);
+                let [first, end] = setup.cover_span(&row, touched, centers, depths, faces, at);
+                *reached = [reached[0].min(first), reached[1].max(end)];
+            }
         }
         self.weights.push(setup.weights());
     }
@@ -381,12 +412,12 @@ impl<T: Scalar> Canvas<T> {
         if first >= end {
             return;
         }
-        let start = local * view.size.width;
-        let reached = start + first..start + end;
+        let stored = local * view.blocks_per_row()..(local + 1) * view.blocks_per_row();
+        let faces = self.faces[stored.clone()].as_flattened_mut();
         let mut column = first;
         while column < end {
-            let drawn = self.faces[start + column];
-            let rest = &self.faces[start + column..reached.end];
+            let drawn = faces[column];
+            let rest = &faces[column..end];
             let length = rest.iter().position(|&other| other != drawn).unwrap_or(rest.len());
             if drawn != NO_FACE {
                 let pixel = (row * view.size.width + column) as u32;
@@ -407,8 +438,8 @@ impl<T: Scalar> Canvas<T> {
             }
             column += length;
         }
-        self.faces[reached.clone()].fill(NO_FACE);
-        self.depths[reached].fill(beyond());
+        faces[first..end].fill(NO_FACE);
+        self.depths[stored].as_flattened_mut()[first..end].fill(beyond());
     }
 
     /// Sorts the stretches by slot; those of one slot stay in order.
