@@ -27,7 +27,7 @@ const PIXELS_PER_BAND: usize = 1 << 14;
 const CANVASES_PER_THREAD: usize = 2;
 
 /// A face that can touch fewer pixels is drawn without looking where in a row it starts and ends.
-const PIXELS_PER_BLOCK: usize = 256;
+const PIXELS_PER_BLOCK: usize = 1024;
 
 /// Vertices or faces in one piece of work: some tens of microseconds.
 const ITEMS_PER_PIECE: usize = 1 << 12;
