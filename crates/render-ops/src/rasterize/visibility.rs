@@ -414,30 +414,46 @@ impl<T: Scalar> Canvas<T> {
         }
         let stored = local * view.blocks_per_row()..(local + 1) * view.blocks_per_row();
         let faces = self.faces[stored.clone()].as_flattened_mut();
-        let mut column = first;
-        while column < end {
-            let drawn = faces[column];
-            let rest = &faces[column..end];
-            let length = rest.iter().position(|&other| other != drawn).unwrap_or(rest.len());
-            if drawn != NO_FACE {
-                let pixel = (row * view.size.width + column) as u32;
-                let covered = &mut self.bands[at].covered;
-                match covered.last_mut() {
-                    Some([_, end]) if *end == pixel => *end += length as u32,
-                    _ => covered.push([pixel, pixel + length as u32]),
-                }
-                let [row, column, length] = [row, column, length].map(|number| number as u32);
-                // Slots are numbered as they are seen, so that their order, and with it the order of
-                // all sums, does not depend on that of the mesh's faces.
-                let slot = &mut self.slot_of[drawn as usize];
-                if *slot == NO_SLOT {
-                    *slot = self.seen.len() as u32;
-                    self.seen.push(drawn as u32);
-                }
-                self.stretches.push(Stretch { slot: *slot, row, column, length });
+        let mut start = first;
+        let mut end_run = |end: usize| {
+            let (drawn, column) = (faces[start], start);
+            start = end;
+            if drawn == NO_FACE {
+                return;
             }
-            column += length;
+            let length = end - column;
+            let pixel = (row * view.size.width + column) as u32;
+            let covered = &mut self.bands[at].covered;
+            match covered.last_mut() {
+                Some([_, end]) if *end == pixel => *end += length as u32,
+                _ => covered.push([pixel, pixel + length as u32]),
+            }
+            let [row, column, length] = [row, column, length].map(|number| number as u32);
+            // Slots are numbered as they are seen, so that their order, and with it the order of
+            // all sums, does not depend on that of the mesh's faces.
+            let slot = &mut self.slot_of[drawn as usize];
+            if *slot == NO_SLOT {
+                *slot = self.seen.len() as u32;
+                self.seen.push(drawn as u32);
+            }
+            self.stretches.push(Stretch { slot: *slot, row, column, length });
+        };
+        let (before, after) = (&faces[first..end - 1], &faces[first + 1..end]);
+        let pieces = before.chunks(u64::BITS as usize).zip(after.chunks(u64::BITS as usize));
+        for ((before, after), from) in pieces.zip((first + 1..).step_by(u64::BITS as usize)) {
+            // A bit for each pixel that sees another face than the one before it: where runs start
+            // can't be foretold, so pixels are compared all at once, and then runs visited.
+            let mut changes = before
+                .iter()
+                .zip(after)
+                .enumerate()
+                .fold(0, |changes, (k, (a, b))| changes | u64::from(a != b) << k);
+            while changes != 0 {
+                end_run(from + changes.trailing_zeros() as usize);
+                changes &= changes - 1;
+            }
         }
+        end_run(end);
         faces[first..end].fill(NO_FACE);
         self.depths[stored].as_flattened_mut()[first..end].fill(beyond());
     }
