@@ -311,11 +311,19 @@ struct View<'a, T: Scalar> {
 }
 
 impl<T: Scalar> View<'_, T> {
+    /// The outline of a face.
+    fn outline(&self, Seen { slot, .. }: Seen) -> Option<&Outline<T::Wide>> {
+        self.outlines.outlines.get(self.outlines.of_slot[slot as usize] as usize)
+    }
+
     /// The depth of a face at the centre of a pixel.
-    fn depth(&self, Seen { face, .. }: Seen, pixel: usize) -> T::Wide {
-        let indices = self.coverage.mesh().faces()[face as usize];
-        let (vertices, _) = Vertex::of_face(self.clip, indices, self.coverage.size());
-        depth_at(&vertices, pixel, self.coverage.size())
+    fn depth(&self, seen: Seen, pixel: usize) -> T::Wide {
+        let size = self.coverage.size();
+        if let Some(outline) = self.outline(seen) {
+            return depth_at(&outline.vertices, pixel, size);
+        }
+        let indices = self.coverage.mesh().faces()[seen.face as usize];
+        depth_at(&Vertex::of_face(self.clip, indices, size).0, pixel, size)
     }
 
     /// The blend at a pair of pixels, where a silhouette passes between them: one of the nearer of
@@ -334,9 +342,7 @@ impl<T: Scalar> View<'_, T> {
 
     /// The blend of the face that the first or the second pixel sees, if it is the nearer one.
     fn blend_of(&self, pair: &Pair, at: usize) -> Option<Blend<T::Wide>> {
-        let outline = self.outlines.of_slot[pair.seen[at]?.slot as usize];
-        let outline = self.outlines.outlines.get(outline as usize)?;
-        blend(outline, pair, at == 0, self.coverage.size())
+        blend(self.outline(pair.seen[at]?)?, pair, at == 0, self.coverage.size())
     }
 }
 
