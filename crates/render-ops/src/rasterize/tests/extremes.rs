@@ -360,3 +360,43 @@ fn a_gradient_beyond_the_range_of_the_numbers_is_infinite_and_not_nan() {
         assert!(bars.iter().all(|bar| !bar.is_nan()), "{bars:?}");
     }
 }
+
+#[test]
+fn an_edge_on_pixel_centres_is_cut_by_the_near_and_the_far_plane_too() {
+    // z / w = x / 4 in pixels from the middle, exactly; the upper side, on centres, is the face's.
+    let size = Size::square(16);
+    let px = [(-8.0, 4.5), (40.0, 4.5), (-8.0, 40.0)];
+    let clip: Clip = px
+        .iter()
+        .map(|&(x, y)| {
+            let [x_clip, y_clip, ..] = at_px(size, x, y);
+            [x_clip, y_clip, (x - 8.5) / 4.0, 1.0]
+        })
+        .collect();
+    for drawn in [draw::<f64>(&clip, &[[0, 1, 2]], size), draw::<f32>(&clip, &[[0, 1, 2]], size)] {
+        for row in [4, 5] {
+            let seen = drawn.pixels[16 * row..][..16].iter().map(Option::is_some);
+            // Both ends of the range are in it.
+            assert!(seen.eq((0..16).map(|column| (4..=12).contains(&column))), "row {row}");
+        }
+    }
+}
+
+#[test]
+fn weights_on_edges_through_pixel_centres_are_not_negative() {
+    let size = Size::square(16);
+    // Sides along a row and along a column of centres, from a point that is off by rounding.
+    for k in 0..200 {
+        let (near, far) = (0.037 * f64::from(k), 30.0 + 0.1 * f64::from(k));
+        for clip in [
+            vec![at_px(size, near, 6.5), at_px(size, far, 6.5), at_px(size, 3.0, 40.0)],
+            vec![at_px(size, 6.5, near), at_px(size, 6.5, far), at_px(size, 40.0, 3.0)],
+        ] {
+            for face in orders([0, 1, 2]) {
+                for seen in draw::<f64>(&clip, &[face], size).pixels.iter().flatten() {
+                    assert!(seen.uv.iter().all(|weight| (0.0..=1.0).contains(weight)), "{seen:?}");
+                }
+            }
+        }
+    }
+}

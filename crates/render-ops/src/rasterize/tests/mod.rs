@@ -1,6 +1,7 @@
 //! Laws of rasterization: against an oracle that solves a linear system per pixel and face, then
 //! identities, then the extreme cases.
 
+mod blocks;
 mod extremes;
 mod nearest;
 mod oracle;

@@ -110,3 +110,49 @@ fn the_gradient_is_orthogonal_to_the_positions() {
     let size: f64 = terms().map(f64::abs).sum();
     assert!(size > 1.0 && terms().sum::<f64>().abs() < 1e-13 * size);
 }
+
+#[test]
+fn of_identical_faces_the_one_of_lower_index_is_seen_on_edges_too() {
+    // Two sides pass through pixel centres, which belong to the face.
+    let size = Size::square(8);
+    let px = [(1.5, 1.5), (6.5, 1.5), (1.5, 6.5)];
+    let clip: Clip = px.iter().map(|&(x, y)| at_px(size, x, y)).collect();
+    let once = draw::<f64>(&clip, &[[0, 1, 2]], size);
+    assert!(once.faces()[9..14].iter().all(|&face| face == Some(0)));
+    assert_eq!(draw::<f64>(&clip, &[[0, 1, 2], [0, 1, 2]], size), once);
+}
+
+#[test]
+fn what_an_earlier_step_drew_is_forgotten() {
+    // Pictures of several bands, some of one size, and sizes of as many pixels.
+    let sizes = [[300, 200], [300, 200], [200, 300], [200, 300], [31, 22], [22, 31], [22, 31]];
+    let mut tape = Tape::<f64>::new();
+    let (clip, faces) = layered();
+    let mesh = Mesh::new(faces.clone(), clip.len()).unwrap();
+    for (step, [width, height]) in sizes.into_iter().enumerate() {
+        let size = Size { width, height };
+        let scale = [1.0, 0.4][step % 2];
+        let smaller: Clip = clip.iter().map(|&[x, y, z, w]| [scale * x, scale * y, z, w]).collect();
+        let fragments = rasterize(tape.leaf(&tensor(&smaller)), &mesh, size).unwrap();
+        let expected = draw::<f64>(&smaller, &faces, size).faces();
+        let found = (0..size.pixels()).map(|pixel| fragments.coverage.face_at(pixel));
+        assert!(found.map(|face| face.map(|face| face as u32)).eq(expected), "step {step}");
+        drop(fragments);
+        tape.reset();
+    }
+}
+
+#[test]
+fn the_report_names_whole_rows_unless_a_face_that_is_drawn_reaches_behind_the_eye() {
+    let clip = vec![[-0.5, -0.5, 0.0, 1.0], [0.5, -0.5, 0.0, 1.0], [0.0, 0.5, 0.0, -0.2]];
+    for (w, is_left_out) in [(-0.2, false), (1.0, true)] {
+        let clip = vec![clip[0], clip[1], [0.0, 0.5, 0.0, w]];
+        for order in orders([0, 1, 2]) {
+            let tape = Tape::<f64>::new();
+            let mesh = Mesh::new(vec![order], 3).unwrap();
+            rasterize(tape.leaf(&tensor(&clip)), &mesh, WIDE).unwrap();
+            let left_out = tape.take_report().left_out;
+            assert_eq!(left_out.iter().any(|entry| entry.name == "rasterize"), is_left_out);
+        }
+    }
+}

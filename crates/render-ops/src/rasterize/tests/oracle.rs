@@ -99,7 +99,7 @@ pub(super) fn assert_is_the_oracles<T: Scalar>(
 
 /// Vertices before and behind the eye, in and out of the image and the depth range; coordinates
 /// that f32 holds.
-fn vertex() -> impl Strategy<Value = [f64; 4]> {
+pub(super) fn vertex() -> impl Strategy<Value = [f64; 4]> {
     let w = prop_oneof![3 => 0.2..2.0_f32, 1 => -1.5..0.2_f32];
     let z = prop_oneof![3 => -0.9..0.9_f32, 1 => -3.0..3.0_f32];
     (-1.6..1.6_f32, -1.6..1.6_f32, z, w).prop_map(|(x, y, z, w)| [x, y, z, w].map(f64::from))

@@ -72,13 +72,14 @@ fn a_shared_edge_through_pixel_centres_is_drawn_once_for_all_windings_and_orders
 
 #[test]
 fn a_fan_around_a_point_draws_each_pixel_once() {
-    for size in [Size::square(16), Size { width: 10, height: 14 }] {
+    for size in [Size::square(16), Size { width: 10, height: 14 }, Size { width: 45, height: 20 }] {
+        let far = 4.0 * size.width as f64;
         for count in [3, 4, 5, 8, 64, 512] {
             for center in [(7.5, 7.5), (4.5, 6.5), (4.5, 6.25), (5.3, 7.1)] {
                 let mut clip = vec![at_px(size, center.0, center.1)];
                 clip.extend((0..count).map(|k| {
                     let angle = f64::from(k) * std::f64::consts::TAU / f64::from(count);
-                    at_px(size, center.0 + 40.0 * angle.cos(), center.1 + 40.0 * angle.sin())
+                    at_px(size, center.0 + far * angle.cos(), center.1 + far * angle.sin())
                 }));
                 let faces: Vec<_> = (0..count as u32)
                     .map(|k| orders([0, k + 1, (k + 1) % count as u32 + 1])[k as usize % 6])
@@ -161,5 +162,33 @@ proptest! {
         let drawn = draw::<f64>(&clip.to_vec(), &[[0, 1, 2]], size);
         prop_assert_eq!(drawn.count(), 0);
         prop_assert_eq!(drawn.culled.degenerate + drawn.culled.outside, 1);
+    }
+}
+
+#[test]
+fn a_shared_edge_on_pixel_centres_loses_none_whatever_its_w() {
+    // The edge's coordinates are those of the centres times w, rounded: divided by w again they may
+    // lie a little beside them.
+    let size = Size { width: 8, height: 8 };
+    for k in 0..500 {
+        let w = 0.3 + 0.0123 * f64::from(k);
+        let column = |x: f64, y: f64, w: f64| [x * w / 8.0, y * w, 0.0, w];
+        for x in [-5.0, 3.0, 5.0] {
+            let clip = vec![
+                column(-24.0, -3.0, 1.0),
+                column(-24.0, 3.0, 1.0),
+                column(x, -3.0, w),
+                column(x, 3.0, w),
+                column(24.0, -3.0, 1.0),
+                column(24.0, 3.0, 1.0),
+            ];
+            let faces = [[0, 1, 2], [1, 3, 2], [2, 3, 4], [3, 5, 4]];
+            assert!(layers::<f64>(&clip, &faces, size).iter().all(|&count| count == 1), "{x} {w}");
+            let turned: Clip = clip.iter().map(|&[x, y, z, w]| [y, x, z, w]).collect();
+            assert!(
+                layers::<f64>(&turned, &faces, size).iter().all(|&count| count == 1),
+                "{x} {w}"
+            );
+        }
     }
 }
