@@ -457,3 +457,17 @@ fn outlines_that_are_found_in_pieces_are_those_found_at_once() {
     };
     assert_eq!(picture(4), picture(1));
 }
+
+#[test]
+fn what_an_earlier_step_found_is_forgotten() {
+    let mut tape = Tape::<f64>::new();
+    for scene in [star(), upright(4.3, true), star()] {
+        let clip = scene.positions(&tape);
+        let fragments = scene.rasterized(clip);
+        let image = tape.leaf(&scene.image(&fragments, |k, _| motley(k)));
+        let found = antialias(image, &fragments, clip).unwrap().value();
+        assert_eq!(found.data(), scene.picture::<f64>(|k, _| motley(k)));
+        drop((fragments, found));
+        tape.reset();
+    }
+}
