@@ -144,7 +144,7 @@ fn what_an_earlier_step_drew_is_forgotten() {
 
 #[test]
 fn the_report_names_whole_rows_unless_a_face_that_is_drawn_reaches_behind_the_eye() {
-    let clip = vec![[-0.5, -0.5, 0.0, 1.0], [0.5, -0.5, 0.0, 1.0], [0.0, 0.5, 0.0, -0.2]];
+    let clip = [[-0.5, -0.5, 0.0, 1.0], [0.5, -0.5, 0.0, 1.0], [0.0, 0.5, 0.0, -0.2]];
     for (w, is_left_out) in [(-0.2, false), (1.0, true)] {
         let clip = vec![clip[0], clip[1], [0.0, 0.5, 0.0, w]];
         for order in orders([0, 1, 2]) {
