@@ -1,6 +1,8 @@
-//! A step that repeats the last one allocates nothing, on one thread.
+//! A step that repeats the last one allocates nothing on one thread, and on several no more than
+//! lists of what its pieces find.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
+use std::thread;
 
 use allocation_counter::measure;
 use bokashi_core::parallel::ENTRIES_PER_PIECE;
@@ -8,11 +10,11 @@ use bokashi_core::{Tape, Tensor, TensorError, Var};
 use bokashi_fit::scenes::FACES;
 use bokashi_fit::{FitError, squared_error};
 use bokashi_render_ops::{
-    Background, Blur, Kernel, Mesh, Pose, Size, antialias, gaussian_blur, interpolate, project,
-    rasterize, resolve,
+    Background, Blur, Coverage, Kernel, Mesh, Pose, Size, Target, antialias, gaussian_blur,
+    interpolate, layer, project, rasterize, resolve,
 };
 use glam::dcamera::rh::proj::opengl::perspective;
-use rayon::ThreadPoolBuilder;
+use rayon::{ThreadBuilder, ThreadPoolBuilder};
 
 /// The leaves of a step.
 struct Parameters {
@@ -251,5 +253,148 @@ fn a_steady_step_of_every_blur_allocates_nothing() {
             tape.reset();
             sum
         });
+    }
+}
+
+/// Bent sheets of faces, a first one that hides the others, as a layer that is fitted.
+struct Sheets {
+    mesh: Mesh,
+    vertices: Tensor<f32>,
+    target: Target<f32>,
+    size: Size,
+}
+
+/// What there is to collect in a step, at most.
+struct Found {
+    bands: usize,
+    /// Faces that are seen in a band, over all bands.
+    slots: usize,
+    /// Pairs of neighbouring pixels of which one is covered.
+    pairs: usize,
+}
+
+impl Sheets {
+    /// A sheet of `side` x `side` quads and `hidden` ones of 20 x 20 behind it, in an image of
+    /// `pixels` x `pixels`.
+    fn new(side: usize, hidden: usize, pixels: usize) -> Self {
+        let (mut corners, mut faces) = (Vec::new(), Vec::new());
+        for sheet in 0..=hidden {
+            let (side, scale, behind) =
+                if sheet == 0 { (side, 1.3, 0.0) } else { (20, 1.0, 0.1 + 0.001 * sheet as f32) };
+            let first = corners.len() as u32 / 3;
+            for k in 0..(side + 1) * (side + 1) {
+                let [column, row] = [k % (side + 1), k / (side + 1)];
+                let [x, y] = [column, row].map(|at| scale * (at as f32 / side as f32 - 0.5));
+                corners.extend([x, y, -3.0 - behind - 0.2 * x * y]);
+                if column < side && row < side {
+                    let [above, below] = [k, k + side + 1].map(|corner| first + corner as u32);
+                    faces.extend([[above, above + 1, below + 1], [above, below + 1, below]]);
+                }
+            }
+        }
+        let count = corners.len() / 3;
+        let mesh = Mesh::new(faces, count).unwrap();
+        mesh.adjacency();
+        let image = Tensor::from_fn([pixels, pixels, 3], |k| (k % 5) as f32 * 0.2);
+        Self {
+            mesh,
+            vertices: Tensor::new([count, 3], corners).unwrap(),
+            target: Target::new(&image, &Tensor::zeros([3])).unwrap(),
+            size: Size::square(pixels),
+        }
+    }
+
+    fn step(&self, tape: &mut Tape<f32>) -> Result<Found, FitError> {
+        let found = self.record(tape)?;
+        tape.reset();
+        Ok(found)
+    }
+
+    fn record(&self, tape: &Tape<f32>) -> Result<Found, FitError> {
+        let vertices = tape.leaf_copied(&self.vertices);
+        let clip = project(vertices, &perspective(0.7, 1.0, 1.0, 50.0), None)?;
+        let fragments = rasterize(clip, &self.mesh, self.size)?;
+        let surface = interpolate(vertices, &fragments)?;
+        let layer = layer(surface, &fragments, Background::Zero)?.antialias(clip)?;
+        let gradients = layer.squared_error(&self.target)?.backward()?;
+        assert!(gradients.get(vertices).is_some());
+        Ok(self.found(&fragments.coverage))
+    }
+
+    fn found(&self, coverage: &Coverage) -> Found {
+        let Size { width, height } = self.size;
+        // Whole rows, of 2^14 pixels or a little more.
+        let bands = height.div_ceil((1_usize << 14).div_ceil(width));
+        // A face can be the last one of a band and the first one of the next.
+        let next = coverage.faces().skip(1);
+        let changes = coverage.faces().zip(next).filter(|(face, next)| face != next).count();
+        let is_seen = |pixel: usize| coverage.fragment_at(pixel).is_some();
+        let [across, down] = [1, width].map(|step| {
+            let places = (0..width * height - step).filter(|k| step > 1 || (k + 1) % width > 0);
+            places.filter(|&k| is_seen(k) != is_seen(k + step)).count()
+        });
+        Found { bands, slots: changes + bands, pairs: across + down }
+    }
+
+    /// What all threads of a pool allocate while it takes `count` steps, from the start of the
+    /// threads to their end: how often, and how many bytes; and what the last step found.
+    fn allocated(&self, threads: usize, count: usize) -> ([u64; 2], Found) {
+        let total = Mutex::new([0, 0]);
+        let found = thread::scope(|scope| {
+            let spawn = |worker: ThreadBuilder| {
+                scope.spawn(|| {
+                    let counted = measure(|| worker.run());
+                    let mut total = total.lock().unwrap();
+                    *total = [total[0] + counted.count_total, total[1] + counted.bytes_total];
+                });
+                Ok(())
+            };
+            let pool = ThreadPoolBuilder::new().num_threads(threads).spawn_handler(spawn);
+            pool.build().unwrap().install(|| {
+                let mut tape = Tape::new();
+                (0..count).map(|_| self.step(&mut tape).unwrap()).last().unwrap()
+            })
+        });
+        (total.into_inner().unwrap(), found)
+    }
+}
+
+/// How often lists that double as they grow allocate, at most, and how many bytes: `count` lists
+/// that hold `entries` of so many bytes together.
+fn growing(count: usize, entries: usize, bytes: usize) -> [f64; 2] {
+    let [count, entries, bytes] = [count, entries, bytes].map(|number| number as f64);
+    // One of n entries allocates no more than log2(1 + n) times.
+    [count * (1.0 + entries / count).log2(), 4.0 * bytes * entries]
+}
+
+#[test]
+fn steady_steps_on_several_threads_allocate_lists_of_what_their_pieces_find() {
+    // Few faces on many pixels, many faces, and many that are hidden: were anything allocated per
+    // pixel or per face, it would not fit in.
+    for (side, hidden, pixels) in [(2, 0, 48), (2, 0, 512), (40, 0, 300), (2, 250, 200)] {
+        let sheets = Sheets::new(side, hidden, pixels);
+        for threads in [2, 4] {
+            let (start, steps) = (4, 16);
+            let (before, _) = sheets.allocated(threads, start);
+            let (after, Found { bands, slots, pairs }) = sheets.allocated(threads, start + steps);
+
+            // Lists of the pieces' results: of bands twice in the forward pass and twice in the
+            // backward one, of rows, of slots; with a sum per band.
+            let (by_rows, by_slots) = (pixels.div_ceil(16), slots.div_ceil(1 << 11));
+            let pieces = 4 * bands + by_rows + by_slots;
+            let collected = [(6 + bands) as f64, (64 * pieces + 64 * bands) as f64];
+            // In a backward pass a face, and three rows of four or of three numbers.
+            let sums = [4, 3 * 4 * 8, 4, 3 * 3 * 8].map(|bytes| growing(bands, slots, bytes));
+            // Blends and their rows; outlines and which slot has which.
+            let blends = [24, 8].map(|bytes| growing(by_rows, pairs, bytes));
+            let outlines = [112, 4].map(|bytes| growing(by_slots, slots, bytes));
+            let lists = sums.into_iter().chain(blends).chain(outlines).chain([collected]);
+            let bounds = lists.fold([0.0; 2], |sum, of| [sum[0] + of[0], sum[1] + of[1]]);
+            for (k, name) in ["allocations", "bytes"].into_iter().enumerate() {
+                let per_step = (after[k] as f64 - before[k] as f64) / steps as f64;
+                assert!(per_step > 0.0, "several threads collect something");
+                assert!(per_step <= bounds[k], "{per_step} {name} a step, not {}", bounds[k]);
+            }
+        }
     }
 }

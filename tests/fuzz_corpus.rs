@@ -47,6 +47,19 @@ fn images_keep_their_promises() {
 }
 
 #[test]
+fn layers_keep_their_promises() {
+    let all = replayed("layer", fuzz::layers);
+    assert!(reaching(&all) > 30, "{all:?}");
+    assert!(all.iter().any(|&pixels| pixels > 100), "{all:?}");
+}
+
+#[test]
+fn blurs_by_the_discrete_kernel_keep_their_promises() {
+    let all = replayed("discrete", fuzz::discrete);
+    assert!(reaching(&all) > 30, "{all:?}");
+}
+
+#[test]
 fn saved_fits_keep_their_promises() {
     let all = replayed("saved", fuzz::saved);
     assert!(reaching(&all) > 10, "{all:?}");

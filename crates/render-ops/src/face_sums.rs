@@ -144,7 +144,36 @@ fn add_one_by_one<S: Scalar>(
 
 #[cfg(test)]
 mod tests {
+    use bokashi_core::{Tape, Tensor};
+
     use super::*;
+    use crate::rasterize::rasterize;
+    use crate::size::Size;
+
+    /// The largest number, with the sign of every second fragment turned, and the signs apart: two
+    /// infinite sums, where there are several fragments.
+    struct Largest;
+
+    impl FaceSums<f64> for Largest {
+        fn sum(&self, _: usize, fragments: Range<usize>, rows: &mut [f64]) {
+            let of = |odd: usize| fragments.clone().filter(|k| k % 2 == odd).count() as f64;
+            rows.fill(of(0) * f64::MAX - of(1) * f64::MAX);
+        }
+    }
+
+    #[test]
+    fn infinite_sums_of_a_face_are_summed_again_fragment_by_fragment() {
+        let tape = Tape::<f64>::new();
+        let clip = vec![-1.0, -1.0, 0.0, 1.0, 3.0, -1.0, 0.0, 1.0, -1.0, 3.0, 0.0, 1.0];
+        let clip = tape.leaf(&Tensor::new([3, 4], clip).unwrap());
+        let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
+        let coverage = rasterize(clip, &mesh, Size { width: 3, height: 5 }).unwrap().coverage;
+        let layout = Layout { coverage: &coverage, mesh: &mesh, width: 2 };
+        let mut found = Vec::new();
+        layout.walk(0..1, &Largest, &mut |face, rows: &[f64]| found.push((face, rows.to_vec())));
+        // Fifteen terms, in turns.
+        assert_eq!(found, [(0, vec![f64::MAX; 6])]);
+    }
 
     #[test]
     fn terms_beyond_the_range_stay_infinite_and_nan_stays_nan() {

@@ -122,10 +122,12 @@ mod tests {
         let constant = Tensor::new([2], vec![0.25, 0.75]).unwrap();
         let zero = Tensor::zeros([2]);
         let own = Background::Color(tape.constant(&constant));
+        let learnt = Background::Color(tape.leaf(&constant));
         for (background, color) in backgrounds(&tape)
             .map(|background| (background, &zero))
             .into_iter()
-            .chain([(own, &constant), (own, &zero)])
+            .chain([own, learnt, Background::Zero].map(|background| (background, &constant)))
+            .chain([(own, &zero)])
         {
             let target = Target::new(&goal, color).unwrap();
             let layer = layer(values, &fragments, background).unwrap();
@@ -135,7 +137,8 @@ mod tests {
             let expected = difference.square().sum();
             approx::assert_relative_eq!(found.item(), expected.item(), max_relative = 1e-13);
             let [found, expected] = [found, expected].map(|loss| loss.backward().unwrap());
-            for variable in [values, fragments.clip] {
+            let variables = [Some(values), Some(fragments.clip), background.variable()];
+            for variable in variables.into_iter().flatten() {
                 let found = found.get_or_zeros(variable);
                 let expected = expected.get_or_zeros(variable);
                 for (&found, &expected) in found.data().iter().zip(expected.data()) {

@@ -377,3 +377,97 @@ fn a_gradient_beyond_the_range_of_the_numbers_is_infinite_and_not_nan() {
         assert!(bars.iter().all(|bar| !bar.is_nan()), "{bars:?}");
     }
 }
+
+#[test]
+fn between_two_silhouettes_the_nearer_faces_one_counts_and_of_equally_near_ones_the_first_pixels() {
+    // Both end between the centres of columns 3 and 4: the left one at 3.8, the right one at 4.1.
+    let scene = |depth: f64, slope: f64| {
+        let z = |x: f64| depth + slope * (x - 4.5);
+        let left = [[3.8, -300.0, 0.0], [3.8, 300.0, 0.0], [-200.0, 3.0, 0.0]];
+        let right = [[4.1, -300.0, z(4.1)], [4.1, 300.0, z(4.1)], [200.0, 3.0, z(200.0)]];
+        Scene::of_points(&[left, right].concat(), &[[0, 1, 2], [3, 4, 5]], SIZE)
+    };
+    let color = |_: usize, id: u32| f64::from(id);
+    for (depth, slope, expected) in [
+        // The left one: the first pixel gets 1/2 - 0.3 of the second.
+        (0.0, 0.0, [1.2, 2.0]),
+        (0.1, 0.0, [1.2, 2.0]),
+        // The right one: the second pixel gets 1/2 - 0.4 of the first.
+        (-0.1, 0.0, [1.0, 1.9]),
+        // It is the depths of what is seen that count, each at its own pixel.
+        (-0.005, -0.01, [1.0, 1.9]),
+        (0.005, 0.01, [1.2, 2.0]),
+    ] {
+        let picture = scene(depth, slope).picture::<f64>(color);
+        assert_close(&picture[3..5], &expected, 1e-12);
+    }
+}
+
+#[test]
+fn an_edge_is_blended_across_and_not_along() {
+    // It rises by a third of a pixel per column: steep enough for pairs of rows alone.
+    let scene = Scene::of_points(
+        &[[-30.0, 13.1, 0.0], [39.0, -9.9, 0.0], [9.0, 90.0, 0.0]],
+        &[[0, 1, 2]],
+        SIZE,
+    );
+    // Colours that are the same along columns: pairs of rows move nothing.
+    let columns = |k: usize, _: u32| motley(k % 9);
+    let expected: Vec<_> = (0..54).map(|k| motley(k % 9)).collect();
+    assert_close(&scene.picture::<f64>(columns), &expected, 0.0);
+    let rows = |k: usize, _: u32| motley(k / 9);
+    let before: Vec<_> = (0..54).map(|k| motley(k / 9)).collect();
+    assert_ne!(scene.picture::<f64>(rows), before);
+}
+
+#[test]
+fn scaling_a_vertex_moves_no_silhouette() {
+    // So its gradient is orthogonal to its position.
+    let mut scene = star();
+    for (k, vertex) in scene.clip.iter_mut().enumerate() {
+        *vertex = vertex.map(|entry| (0.6 + 0.1 * k as f64) * entry);
+    }
+    let pixels = scene.size.pixels();
+    let [image, out_bar] = [3, 8].map(|k| (0..pixels).map(|at| motley(k * at)).collect::<Vec<_>>());
+    let [_, clip_bar] = scene.gradients(&image, &out_bar);
+    for (bar, vertex) in clip_bar.chunks(4).zip(&scene.clip) {
+        let terms = || bar.iter().zip(vertex).map(|(bar, entry)| bar * entry);
+        assert!(terms().sum::<f64>().abs() <= 1e-12 * terms().map(f64::abs).sum::<f64>());
+    }
+    assert!(clip_bar.iter().skip(3).step_by(4).any(|&w_bar| w_bar != 0.0));
+}
+
+#[test]
+fn outlines_that_are_found_in_pieces_are_those_found_at_once() {
+    // More faces than a piece has slots, each with its own outline.
+    let size = Size::square(250);
+    let count = SLOTS_PER_PIECE + 300;
+    let corner = |k: usize| [[0.0, 0.0], [3.7, 0.4], [1.1, 3.6]][k % 3];
+    let points: Vec<_> = (0..3 * count)
+        .map(|k| {
+            let ([x, y], at) = (corner(k), [k / 3 % 60, k / 3 / 60].map(|at| 4.1 * at as f64));
+            [at[0] + x, at[1] + y, 0.0]
+        })
+        .collect();
+    let faces: Vec<_> = (0..count as u32).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+    let scene = Scene::of_points(&points, &faces, size);
+    let picture = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| scene.picture::<f64>(|k, id| motley(k) + f64::from(id)))
+    };
+    assert_eq!(picture(4), picture(1));
+}
+
+#[test]
+fn what_an_earlier_step_found_is_forgotten() {
+    let mut tape = Tape::<f64>::new();
+    for scene in [star(), upright(4.3, true), star()] {
+        let clip = scene.positions(&tape);
+        let fragments = scene.rasterized(clip);
+        let image = tape.leaf(&scene.image(&fragments, |k, _| motley(k)));
+        let found = antialias(image, &fragments, clip).unwrap().value();
+        assert_eq!(found.data(), scene.picture::<f64>(|k, _| motley(k)));
+        drop((fragments, found));
+        tape.reset();
+    }
+}

@@ -224,3 +224,46 @@ pub(super) fn impulse_in_a_corner<T: Scalar>() -> Outcome {
     // Some 300 weights and pixels are rounded, each by a part of it.
     Ok(Found::within("mass 1", error, 128.0 * rounding::<T>()))
 }
+
+pub(super) fn discrete_at_any_sigma<T: Scalar>() -> Outcome {
+    let (mut error, mut slope, mut finite) = (0.0_f64, 0.0_f64, true);
+    for shape in [[1, 1, 1], [1, 200, 1], [60, 70, 2]] {
+        let size: usize = shape.iter().product();
+        for sigma in [0.0, 1e-30, 1e-6, 0.3, 7.0, 30.0, 2000.0, 1e5, 1e30] {
+            for tolerance in [1e-2, 1e-5, 1e-8] {
+                let radius = Radius::Tolerance(tolerance);
+                let blur = Blur { kernel: Kernel::Discrete, border: Border::Mirror, radius };
+                let flat = blurred::<T>(shape, |_| 0.5, sigma, &blur)?;
+                error = error.greater(largest(flat.image.iter().map(|entry| entry - 0.5)));
+                slope = slope.greater(flat.sigma_bar.abs());
+                let impulse = |k: usize| f64::from(u8::from(k == size / 3));
+                let found = blurred::<T>(shape, impulse, sigma, &blur)?;
+                error = error.greater((found.image.iter().sum::<f64>() - 1.0).abs());
+                finite &= found.sigma_bar.is_finite();
+                finite &= found.image_bar.iter().all(|bar| bar.is_finite());
+            }
+        }
+    }
+    // Each of the 4200 pixels takes its share of what elimination along two lines passes on: a few
+    // roundings for each of their 130 pixels.
+    Ok(Found::within("mass 1, a constant kept, its slope 0", error, 1024.0 * rounding::<T>())
+        .and(finite, "a gradient is not finite")
+        .and(slope <= 1e3 * rounding::<T>(), format!("the slope of a constant is {slope:.1e}")))
+}
+
+pub(super) fn discrete_both_ways<T: Scalar>() -> Outcome {
+    // A fixed radius is a window; a tolerance, at these sigmas, tridiagonal systems.
+    let shape = [60, 70, 2];
+    let mut error = 0.0_f64;
+    for border in [Border::Zero, Border::Mirror] {
+        for sigma in [12.0, 40.0, 90.0] {
+            let of = |radius| Blur { kernel: Kernel::Discrete, border, radius };
+            let systems = blurred::<T>(shape, motley, sigma, &of(Radius::Tolerance(1e-6)))?;
+            let window = blurred::<T>(shape, motley, sigma, &of(Radius::Fixed(600)))?;
+            error = error
+                .greater(difference(&systems.image, &window.image))
+                .greater(difference(&systems.image_bar, &window.image_bar));
+        }
+    }
+    Ok(Found::within("the same image and gradient", error, 1e-6 + 64.0 * rounding::<T>()))
+}

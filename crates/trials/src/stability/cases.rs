@@ -1,7 +1,7 @@
 //! The table of cases.
 
 use super::row::Outcome;
-use super::{blur, faces, focus, input, silhouettes, values, vertices};
+use super::{blur, faces, focus, input, layers, silhouettes, values, vertices};
 
 /// A case: what is put in, what has to come out, and a run in each precision.
 #[derive(Debug, Clone, Copy)]
@@ -92,4 +92,7 @@ pub(super) const CASES: &[Case] = cases! {
     61 "gradient of 1e30 under Adam", "a step, or an error", values::gradient_spike;
     62 "division by zero, ln 0, 0 / 0", "an error", values::division_by_zero;
     63 "negative depth, impossible lens", "an error", focus::bad_depth_or_lens;
+    64 "discrete kernel, any sigma", "mass and constants kept", blur::discrete_at_any_sigma;
+    65 "discrete kernel, wide", "windows and systems agree", blur::discrete_both_ways;
+    66 "layers of any size", "the image's picture and error", layers::against_the_image;
 };

@@ -16,6 +16,7 @@ mod cases;
 mod faces;
 mod focus;
 mod input;
+mod layers;
 mod oracle;
 mod page;
 mod row;

@@ -1,0 +1,114 @@
+//! Small faces are drawn in blocks of pixels, others span by span: the picture does not tell.
+
+use super::oracle::{assert_is_the_oracles, vertex};
+use super::setup::{Corner, Fate, LANES, Setup, Verdict, beyond};
+use super::*;
+
+/// A face's setup; `None` where it is not drawn.
+fn setup(clip: &[[f64; 4]; 3], size: Size) -> Option<Setup<f64>> {
+    let corners = [0, 1, 2].map(|index| Corner::of(clip.as_flattened(), index, size));
+    let corners = corners.each_ref();
+    let Verdict { orientation, fate, .. } = Verdict::of(corners, size.into());
+    matches!(fate, Fate::Drawn { .. }).then(|| Setup::of(corners, orientation, size))
+}
+
+/// Vertices before the eye, some near it, and some behind; faces with corners on pixel centres.
+fn face() -> impl Strategy<Value = [[f64; 4]; 3]> {
+    let on_centers = (0..16_u8, 0..16_u8, -0.9..0.9_f64)
+        .prop_map(|(x, y, z)| [f64::from(x) / 8.0 - 0.9375, f64::from(y) / 8.0 - 0.9375, z, 1.0]);
+    prop::array::uniform3(prop_oneof![vertex(), on_centers])
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(2000) })]
+
+    #[test]
+    fn blocks_draw_what_spans_draw(faces in prop::array::uniform3(face()), columns in 1..6_usize) {
+        let size = Size { width: columns * LANES, height: 16 };
+        let centers: Vec<f64> = (0..size.width).map(|column| size.center_x(column)).collect();
+        let setups: Vec<_> = faces.iter().filter_map(|face| setup(face, size)).collect();
+        for y in (0..size.height).map(|row| size.center_y::<f64>(row)) {
+            let empty = (vec![beyond::<f64>(); size.width], vec![u64::MAX; size.width]);
+            let (mut blocks, mut spans) = (empty.clone(), empty);
+            for (face, setup) in (0..).zip(&setups).filter(|(_, setup)| setup.has_plane()) {
+                setup.clone().cover_blocks(y, &centers, &mut blocks.0, &mut blocks.1, face);
+                let (mut setup, all) = (*setup, [0, size.width]);
+                setup.cover_span(&setup.row(y), all, &centers, &mut spans.0, &mut spans.1, face);
+            }
+            prop_assert_eq!(blocks, spans);
+        }
+    }
+}
+
+#[test]
+fn a_depth_is_linear_where_its_rounding_cannot_be_seen() {
+    let size = Size::square(16);
+    let has_plane = |clip: [[f64; 4]; 3]| setup(&clip, size).unwrap().has_plane();
+    let face = |z: f64, w: f64| [[-0.7, -0.8, z, w], [0.8, -0.6, 0.3, 1.0], [0.1, 0.9, -0.4, 1.2]];
+    assert!(has_plane(face(0.2, 1.0)) && has_plane(face(-900.0, 1.0)));
+    // Vertex 0 behind the eye, in its plane, and too far away in depth.
+    assert!(!has_plane(face(0.2, -0.1)) && !has_plane(face(0.2, 0.0)));
+    assert!(!has_plane(face(1100.0, 1.0)) && !has_plane(face(-0.9, 1e-4)));
+    let behind = face(0.2, -0.1);
+    assert!(!has_plane([behind[1], behind[0], behind[2]]));
+    assert!(!has_plane([behind[1], behind[2], behind[0]]));
+}
+
+/// A sliver of this width along the centres of row 4, from column 2 to `end`, with depths from
+/// 1.35 down to -0.45: it covers the centres of its right half, and those of the first half of these
+/// lie behind 0.
+fn sliver(size: Size, width: f64, end: f64) -> [[f64; 4]; 3] {
+    let at = |x: f64, y: f64, depth: f64| {
+        let [x, y, _, w] = at_px(size, x, y);
+        [x, y, depth, w]
+    };
+    [at(2.5, 4.5 - width, 1.35), at(end, 4.5 - width, -0.45), at(end, 4.5 + width, -0.45)]
+}
+
+#[test]
+fn a_sliver_is_seen_where_it_is_the_nearer_one() {
+    // In blocks and in spans.
+    for size in [Size::square(16), Size { width: 400, height: 9 }] {
+        let end = size.width as f64 - 2.5;
+        let mut refused = 0;
+        for width in [1e-1, 1e-4, 1e-7, 1e-9, 1e-10, 3e-11, 1e-11, 3e-12, 1e-12] {
+            let sliver = sliver(size, width, end);
+            let Some(setup) = setup(&sliver, size) else { continue };
+            refused += usize::from(!setup.has_plane());
+            let mut clip = sliver.to_vec();
+            let alone = draw::<f64>(&clip, &[[0, 1, 2]], size);
+            assert!(width < 1e-9 || alone.count() > size.width / 4);
+            clip.extend([[-9.0, -9.0, 0.0, 1.0], [9.0, -9.0, 0.0, 1.0], [0.0, 9.0, 0.0, 1.0]]);
+            for faces in [[[0, 1, 2], [3, 4, 5]], [[3, 4, 5], [1, 2, 0]]] {
+                let both = draw::<f64>(&clip, &faces, size);
+                let own = u32::from(faces[0][0] == 3);
+                for (k, (seen, alone)) in both.pixels.iter().zip(&alone.pixels).enumerate() {
+                    let along = ((k % size.width) as f64 - 2.0) / (end - 2.5);
+                    let is_close = (along - 0.75).abs() < 0.01;
+                    let is_near = alone.is_some() && along > 0.75;
+                    let face = seen.unwrap().face;
+                    assert!(is_close || (face == own) == is_near, "pixel {k}, {width} px");
+                }
+            }
+        }
+        assert!(refused > 1, "slivers with an uncertain depth are among them");
+    }
+}
+
+#[test]
+fn the_last_block_of_a_row_ends_at_the_right_border_whatever_the_width() {
+    for width in 1..=21 {
+        let size = Size { width, height: 5 };
+        for reach in 1..=width.min(6) {
+            // A face over the last columns, which ends beyond them, and one that ends before.
+            let left = (width - reach) as f64 + 0.2;
+            for right in [width as f64 + 3.0, width as f64 - 0.3] {
+                let px = [(left, -3.0), (right, 2.2), (left, 7.0)];
+                let clip: Clip = px.iter().map(|&(x, y)| at_px(size, x, y)).collect();
+                let [told, all] = assert_is_the_oracles::<f64>(&clip, &[[0, 1, 2]], size, 1e-9);
+                assert_eq!(told, all);
+                assert!(draw::<f64>(&clip, &[[0, 1, 2]], size).count() > 0);
+            }
+        }
+    }
+}

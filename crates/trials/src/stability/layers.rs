@@ -1,0 +1,54 @@
+//! Layers that are empty, cover all, or have a single pixel.
+
+use bokashi_core::{Scalar, Tape, Tensor};
+use bokashi_render_ops::{
+    Background, Size, Target, antialias, interpolate, layer, rasterize, resolve,
+};
+
+use super::row::{Found, Outcome};
+use super::scene::{Scene, difference, motley, numbers, rounding};
+
+pub(super) fn against_the_image<T: Scalar>() -> Outcome {
+    let (mut wrong, mut error) = (0, 0.0_f64);
+    let mut counts = Vec::new();
+    for [width, height] in [[1, 1], [1, 40], [23, 1], [24, 17], [300, 120]] {
+        let size = Size { width, height };
+        // Beside the image, all over it, and over some of it.
+        for [shift, reach] in [[9.0, 1.0], [0.0, 9.0], [0.0, 0.7]] {
+            let corners = [[-1.0, -1.0], [1.3, -0.8], [-0.2, 1.0]];
+            let clip = corners.map(|[x, y]| [reach * x + shift, reach * y, 0.1, 1.0]);
+            let scene = Scene::new(&clip, &[[0, 1, 2]], size);
+            let tape = Tape::<T>::new();
+            let positions = scene.leaf(&tape);
+            let colors = tape.leaf(&Tensor::from_fn([3, 2], |k| T::from_f64(motley(k))));
+            let goal = Tensor::from_fn([height, width, 2], |k| T::from_f64(motley(3 * k + 1)));
+            let behind = Tensor::from_fn([2], |k| T::from_f64(motley(k + 7)));
+            let target = Target::new(&goal, &behind)?;
+            let background = Background::Color(tape.constant(&behind));
+
+            let fragments = rasterize(positions, &scene.mesh()?, size)?;
+            let surface = interpolate(colors, &fragments)?;
+            let layer = layer(surface, &fragments, background)?.antialias(positions)?;
+            let whole = resolve(surface, &fragments, background)?;
+            let whole = antialias(whole, &fragments, positions)?;
+            wrong += usize::from(layer.image()?.value() != whole.value());
+            counts.push(fragments.coverage.count());
+
+            let found = layer.squared_error(&target)?;
+            let expected = (whole - tape.constant(&goal)).square().sum();
+            let [loss, exact] = [found, expected].map(|loss| loss.item().to_f64());
+            error = error.greater((loss / exact - 1.0).abs());
+            let [found, expected] = [found.backward()?, expected.backward()?];
+            for leaf in [positions, colors] {
+                let expected = numbers(&expected.get_or_zeros(leaf));
+                let scale = expected.iter().fold(1.0_f64, |most, bar| most.max(bar.abs()));
+                let off = difference(&numbers(&found.get_or_zeros(leaf)), &expected);
+                error = error.greater(off / scale);
+            }
+        }
+    }
+    let [some, all] = [counts.contains(&0), counts.contains(&36_000)];
+    Ok(Found::within("the same picture, error and gradients", error, 64.0 * rounding::<T>())
+        .and(wrong == 0, format!("{wrong} pictures are others"))
+        .and(some && all, "no layer is empty, or none covers all"))
+}
