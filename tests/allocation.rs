@@ -383,11 +383,11 @@ fn steady_steps_on_several_threads_allocate_lists_of_what_their_pieces_find() {
             let (by_rows, by_slots) = (pixels.div_ceil(16), slots.div_ceil(1 << 11));
             let pieces = 4 * bands + by_rows + by_slots;
             let collected = [(6 + bands) as f64, (64 * pieces + 64 * bands) as f64];
-            // In a backward pass a face, and three rows of four or of three numbers.
-            let sums = [4, 3 * 4 * 8, 4, 3 * 3 * 8].map(|bytes| growing(bands, slots, bytes));
+            // In a backward pass three rows of four or of three numbers for each face.
+            let sums = [3 * 4 * 4, 3 * 3 * 4].map(|bytes| [bands as f64, (bytes * slots) as f64]);
             // Blends and their rows; outlines and which slot has which.
             let blends = [24, 8].map(|bytes| growing(by_rows, pairs, bytes));
-            let outlines = [112, 4].map(|bytes| growing(by_slots, slots, bytes));
+            let outlines = [growing(by_slots, slots, 112), [by_slots as f64, (4 * slots) as f64]];
             let lists = sums.into_iter().chain(blends).chain(outlines).chain([collected]);
             let bounds = lists.fold([0.0; 2], |sum, of| [sum[0] + of[0], sum[1] + of[1]]);
             for (k, name) in ["allocations", "bytes"].into_iter().enumerate() {

@@ -287,6 +287,7 @@ impl<S: Scalar<Wide = S>> Outlines<S> {
         clip: &[T],
         slots: Range<usize>,
     ) {
+        self.of_slot.reserve(slots.len());
         for slot in &coverage.slots[slots] {
             let face = slot.face as usize;
             let silhouettes = (0..3).map(|k| u8::from(coverage.is_silhouette(face, k)) << k).sum();

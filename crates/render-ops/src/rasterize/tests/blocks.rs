@@ -19,6 +19,14 @@ fn face() -> impl Strategy<Value = [[f64; 4]; 3]> {
     prop::array::uniform3(prop_oneof![vertex(), on_centers])
 }
 
+/// One row's blocks.
+fn row_of<'a>(
+    y: f64,
+    (depths, faces): &'a mut (Vec<[f64; LANES]>, Vec<[u64; LANES]>),
+) -> impl Iterator<Item = (f64, &'a mut [[f64; LANES]], &'a mut [[u64; LANES]])> {
+    std::iter::once((y, depths.as_mut_slice(), faces.as_mut_slice()))
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(2000) })]
 
@@ -26,14 +34,19 @@ proptest! {
     fn blocks_draw_what_spans_draw(faces in prop::array::uniform3(face()), columns in 1..6_usize) {
         let size = Size { width: columns * LANES, height: 16 };
         let centers: Vec<f64> = (0..size.width).map(|column| size.center_x(column)).collect();
+        let (in_blocks, _) = centers.as_chunks();
         let setups: Vec<_> = faces.iter().filter_map(|face| setup(face, size)).collect();
         for y in (0..size.height).map(|row| size.center_y::<f64>(row)) {
-            let empty = (vec![beyond::<f64>(); size.width], vec![u64::MAX; size.width]);
+            let empty =
+                (vec![[beyond::<f64>(); LANES]; columns], vec![[u64::MAX; LANES]; columns]);
             let (mut blocks, mut spans) = (empty.clone(), empty);
             for (face, setup) in (0..).zip(&setups).filter(|(_, setup)| setup.has_plane()) {
-                setup.clone().cover_blocks(y, &centers, &mut blocks.0, &mut blocks.1, face);
                 let (mut setup, all) = (*setup, [0, size.width]);
-                setup.cover_span(&setup.row(y), all, &centers, &mut spans.0, &mut spans.1, face);
+                if setup.cover_blocks(row_of(y, &mut blocks), in_blocks, face) {
+                    setup.cover_doubtful(row_of(y, &mut blocks), in_blocks, face);
+                }
+                let (depths, faces) = (spans.0.as_flattened_mut(), spans.1.as_flattened_mut());
+                setup.cover_span(&setup.row(y), all, &centers, depths, faces, face);
             }
             prop_assert_eq!(blocks, spans);
         }
