@@ -137,7 +137,7 @@ pub(crate) fn method(effort: Effort) -> String {
         "{machine}. Times are the minimum of the samples where nothing else is said; samples are \
          taken in turns, at least 30 of each, and figures from fewer are marked *. A sample enters \
          its thread pool once, on one thread as on two, and takes as many steps as make half a \
-         millisecond or more.{few}"
+         millisecond or more, after as many that are not timed.{few}"
     )
 }
 
