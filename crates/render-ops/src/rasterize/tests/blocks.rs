@@ -20,10 +20,10 @@ fn face() -> impl Strategy<Value = [[f64; 4]; 3]> {
 }
 
 /// One row's blocks.
-fn row_of<'a>(
+fn row_of(
     y: f64,
-    (depths, faces): &'a mut (Vec<[f64; LANES]>, Vec<[u64; LANES]>),
-) -> impl Iterator<Item = (f64, &'a mut [[f64; LANES]], &'a mut [[u64; LANES]])> {
+    (depths, faces): &mut (Vec<[f64; LANES]>, Vec<[u64; LANES]>),
+) -> impl Iterator<Item = (f64, &mut [[f64; LANES]], &mut [[u64; LANES]])> {
     std::iter::once((y, depths.as_mut_slice(), faces.as_mut_slice()))
 }
 
