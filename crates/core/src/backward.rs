@@ -194,7 +194,7 @@ impl<T: Scalar> Inner<T> {
         }
     }
 
-    /// Puts the upstream gradients of the seeds in place.
+    /// Puts the upstream gradients of the seeds in place. Those of the caller are not copied.
     fn seed(&mut self, seeds: &[(Var<'_, T>, Option<&Tensor<T>>)]) {
         let Self { values, pool, gradients, wanted, .. } = self;
         for (var, upstream) in seeds {
@@ -203,8 +203,13 @@ impl<T: Scalar> Inner<T> {
                 continue;
             }
             let gradient = &mut gradients[index];
-            gradient.prepare(values[index].data().len(), pool);
-            gradient.add(upstream.map_or(&[T::ONE], Tensor::data));
+            match upstream {
+                Some(upstream) => gradient.lend((*upstream).clone().into_parts().1, pool),
+                None => {
+                    gradient.prepare(values[index].data().len(), pool);
+                    gradient.add(&[T::ONE]);
+                }
+            }
         }
     }
 
@@ -263,7 +268,7 @@ impl<T: Scalar> Inner<T> {
         let Self { values, pool, gradients, .. } = self;
         for (index, result) in results.iter_mut() {
             let index = *index as usize;
-            *result = gradients[index].take().map(|gradient| {
+            *result = gradients[index].take(pool).map(|gradient| {
                 Tensor::from_parts(values[index].shape.clone(), pool.share(gradient))
             });
         }
@@ -372,6 +377,27 @@ mod tests {
         }
         assert_eq!(of(&[(y, &u.map(|u| 8.0 * u))]), once.map(|entry| 8.0 * entry));
         assert_eq!(tape.vjp_to(&[(y, &u)], &[x]).unwrap().get(x), Some(&once));
+    }
+
+    #[test]
+    fn an_upstream_gradient_stays_the_callers() {
+        let tape = Tape::new();
+        let x = tape.leaf(&Tensor::from_fn([3], |k| 0.4 * k as f64));
+        let y = x.exp();
+        let z = y.square();
+        let u = Tensor::from_fn([3], |k| 1.0 + k as f64);
+        let gradients = tape.vjp_to(&[(y, &u), (z, &u), (x, &u)], &[x, y, z]).unwrap();
+        let (of_x, of_y) = (gradients.get(x).unwrap(), gradients.get(y).unwrap());
+        for k in 0..3 {
+            let (y, u) = (y.value().data()[k], u.data()[k]);
+            assert_eq!(of_y.data()[k], u + 2.0 * y * u);
+            assert_eq!(of_x.data()[k], u + y * of_y.data()[k]);
+        }
+        assert_eq!(gradients.get(z), Some(&u));
+        drop(gradients);
+        // Nor does the tape's memory hold it.
+        let _ = tape.vjp(&[(x.exp(), &Tensor::full([3], 9.0))]).unwrap();
+        assert_eq!(u, Tensor::from_fn([3], |k| 1.0 + k as f64));
     }
 
     #[test]

@@ -1,7 +1,10 @@
 //! Gradients while a backward pass runs: sums that operations add to.
 //!
 //! A sum takes its buffer when the first operation asks for it, and that operation's terms are
-//! written, not added: nothing is cleared first.
+//! written, not added: nothing is cleared first. An upstream gradient that a pass starts from is read
+//! where the caller holds it, unless something is added to it.
+
+use std::sync::Arc;
 
 use crate::parallel::for_each_zipped_mut;
 use crate::pool::Pool;
@@ -28,6 +31,8 @@ enum State {
     Fresh,
     /// Something has been added.
     Sum,
+    /// It is the caller's, and has no buffer of its own.
+    Lent,
 }
 
 /// The gradient of one input. Everything adds to what is already there; nothing overwrites it.
@@ -35,40 +40,71 @@ enum State {
 pub struct Accumulator<T> {
     buffer: Vec<T>,
     state: State,
+    lent: Option<Arc<Vec<T>>>,
 }
 
 impl<T: Scalar> Accumulator<T> {
     /// A sum without a buffer.
     pub(crate) fn vacant() -> Self {
-        Self { buffer: Vec::new(), state: State::Vacant }
+        Self { buffer: Vec::new(), state: State::Vacant, lent: None }
     }
 
     /// The sum, if anything has been added.
     #[inline]
     pub(crate) fn sum(&self) -> Option<&[T]> {
-        (self.state == State::Sum).then_some(&*self.buffer)
+        match self.state {
+            State::Vacant | State::Fresh => None,
+            State::Sum => Some(&self.buffer),
+            State::Lent => self.lent.as_deref().map(Vec::as_slice),
+        }
     }
 
     /// Gets a buffer of `length` entries, unless there is one.
     #[inline]
     pub(crate) fn prepare(&mut self, length: usize, pool: &mut Pool<T>) {
-        if self.state == State::Vacant {
-            self.buffer = pool.take(length);
-            self.state = State::Fresh;
+        match self.state {
+            State::Vacant => {
+                self.buffer = pool.take(length);
+                self.state = State::Fresh;
+            }
+            State::Lent => self.own(pool),
+            State::Fresh | State::Sum => {}
         }
+    }
+
+    /// Adds an upstream gradient that the caller holds.
+    pub(crate) fn lend(&mut self, entries: Arc<Vec<T>>, pool: &mut Pool<T>) {
+        if self.state == State::Vacant {
+            self.lent = Some(entries);
+            self.state = State::Lent;
+        } else {
+            self.prepare(entries.len(), pool);
+            self.add(&entries);
+        }
+    }
+
+    /// Copies what was lent.
+    #[cold]
+    fn own(&mut self, pool: &mut Pool<T>) {
+        let Some(lent) = self.lent.take() else { return };
+        self.buffer = pool.take(lent.len());
+        self.buffer.copy_from_slice(&lent);
+        self.state = State::Sum;
     }
 
     /// Gives the buffer back.
     #[inline]
     pub(crate) fn release(&mut self, pool: &mut Pool<T>) {
-        if self.state != State::Vacant {
-            self.state = State::Vacant;
-            pool.give(std::mem::take(&mut self.buffer));
+        match std::mem::replace(&mut self.state, State::Vacant) {
+            State::Vacant => {}
+            State::Lent => self.lent = None,
+            State::Fresh | State::Sum => pool.give(std::mem::take(&mut self.buffer)),
         }
     }
 
     /// The sum's buffer, given up, if anything has been added.
-    pub(crate) fn take(&mut self) -> Option<Vec<T>> {
+    pub(crate) fn take(&mut self, pool: &mut Pool<T>) -> Option<Vec<T>> {
+        self.own(pool);
         (self.state == State::Sum).then(|| {
             self.state = State::Vacant;
             std::mem::take(&mut self.buffer)
@@ -171,7 +207,7 @@ mod tests {
     fn accumulator(fresh: bool) -> Accumulator<f64> {
         // NaN: what a fresh buffer holds means nothing.
         let (entry, state) = if fresh { (f64::NAN, State::Fresh) } else { (10.0, State::Sum) };
-        Accumulator { buffer: vec![entry; 2], state }
+        Accumulator { buffer: vec![entry; 2], state, lent: None }
     }
 
     #[test]
@@ -195,6 +231,27 @@ mod tests {
                 assert_eq!(sum.buffer, [before + 2.0, before + 4.0]);
             }
         }
+    }
+
+    #[test]
+    fn what_is_lent_is_read_in_place_until_something_is_added() {
+        let mut pool = Pool::default();
+        let lent = Arc::new(vec![3.0, 4.0]);
+        let mut sum = Accumulator::vacant();
+        sum.lend(Arc::clone(&lent), &mut pool);
+        assert!(std::ptr::eq(sum.sum().unwrap(), lent.as_slice()));
+        sum.lend(Arc::clone(&lent), &mut pool);
+        assert_eq!(sum.sum(), Some(&[6.0, 8.0][..]));
+        sum.prepare(2, &mut pool);
+        sum.add(&[1.0, 1.0]);
+        assert_eq!(sum.take(&mut pool), Some(vec![7.0, 9.0]));
+
+        sum.lend(Arc::clone(&lent), &mut pool);
+        assert_eq!(sum.take(&mut pool), Some(vec![3.0, 4.0]));
+        sum.lend(Arc::clone(&lent), &mut pool);
+        sum.release(&mut pool);
+        assert_eq!(sum.sum(), None);
+        assert_eq!((Arc::strong_count(&lent), &*lent), (1, &vec![3.0, 4.0]));
     }
 
     #[test]

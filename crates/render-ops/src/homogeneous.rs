@@ -63,6 +63,29 @@ pub(crate) fn cross<S: Scalar>(a: [S; 2], b: [S; 2]) -> S {
     a[0] * b[1] - a[1] * b[0]
 }
 
+/// The coefficients of the edge function from `p` to `q`: of 1, X and Y.
+#[inline(always)]
+pub(crate) fn edge<S: Scalar>(p: Vertex<S>, q: Vertex<S>) -> [S; 3] {
+    [p.x * q.y - p.y * q.x, p.y * q.w - p.w * q.y, p.w * q.x - p.x * q.w]
+}
+
+/// The largest that `|q_x|` and `|q_y|` of a vertex relative to a pixel centre can be.
+#[inline(always)]
+pub(crate) fn extent<S: Scalar>(vertex: Vertex<S>, size: Size) -> [S; 2] {
+    let (width, height) = (S::from_f64(size.width as f64), S::from_f64(size.height as f64));
+    let w = vertex.w.abs();
+    [vertex.x.abs() + width * w, vertex.y.abs() + height * w]
+}
+
+/// More than the rounding errors of the edge function from `p` to `q` anywhere in the image, from
+/// its coefficients or from the vertices relative to a pixel centre: some ten roundings of products
+/// of at most this size. The same for `q` to `p`.
+#[inline(always)]
+pub(crate) fn doubt<S: Scalar<Wide = S>>(p: Vertex<S>, q: Vertex<S>, size: Size) -> S {
+    let ([px, py], [qx, qy]) = (extent(p, size), extent(q, size));
+    S::from_f64(8.0 * f64::EPSILON) * (px * qy + py * qx)
+}
+
 /// What the edge functions `a` of vertices that were multiplied by `factors` lack, up to a factor
 /// they share, to be weights: `a_i` has the factors of the two other vertices, and not its own.
 #[inline]

@@ -111,7 +111,6 @@ impl<T: Scalar> Op<T> for Interpolate {
         }
         if let Some(barycentrics_bar) = gradients.get(1) {
             let attributes = kept.input(0);
-            // What is not written yet is cleared face by face, while it is at hand.
             let (entries, is_fresh) = barycentrics_bar.entries_or_fresh();
             let slopes = Slopes { s_bar, channels, is_fresh };
             self.for_each_slot_mut(attributes, channels, entries, &slopes);
@@ -189,17 +188,15 @@ struct Slopes<'a, T> {
 impl<T: Scalar> SlotWork<T> for Slopes<'_, T> {
     #[inline(always)]
     fn run(&self, fragments: Range<usize>, corners: [&[T]; 3], uv_bar: &mut [T]) {
-        if self.is_fresh {
-            uv_bar.fill(T::ZERO);
-        }
         let channels = self.channels;
         let s_bar = &self.s_bar[fragments.start * channels..fragments.end * channels];
         match channels {
-            3 => pull_back_face::<T, 3>(corners, 3, s_bar, uv_bar),
+            3 => pull_back_face::<T, 3>(corners, 3, s_bar, uv_bar, self.is_fresh),
             _ => {
                 for c in 0..channels {
                     let corners = corners.map(|corner| &corner[c..]);
-                    pull_back_face::<T, 1>(corners, channels, &s_bar[c..], uv_bar);
+                    let is_fresh = self.is_fresh && c == 0;
+                    pull_back_face::<T, 1>(corners, channels, &s_bar[c..], uv_bar, is_fresh);
                 }
             }
         }
@@ -222,20 +219,24 @@ fn interpolate_face<T: Scalar, const N: usize>(
     }
 }
 
-/// Adds the gradients of u and v from `N` channels of `stride` that start each row of `s_bar`.
+/// Adds the gradients of u and v from `N` channels of `stride` that start each row of `s_bar`; where
+/// they are fresh, writes them.
 #[inline(always)]
 fn pull_back_face<T: Scalar, const N: usize>(
     corners: [&[T]; 3],
     stride: usize,
     s_bar: &[T],
     uv_bar: &mut [T],
+    is_fresh: bool,
 ) {
     let [a0, a1, a2] = corners.map(|corner| first_of::<T, N>(corner));
-    for (uv_bar, s_bar) in uv_bar.chunks_exact_mut(2).zip(s_bar.chunks(stride)) {
+    for (uv_bar, s_bar) in uv_bar.as_chunks_mut::<2>().0.iter_mut().zip(s_bar.chunks(stride)) {
+        let [mut u_bar, mut v_bar] = if is_fresh { [T::ZERO; 2] } else { *uv_bar };
         for c in 0..N {
-            uv_bar[0] += s_bar[c] * (a0[c] - a2[c]);
-            uv_bar[1] += s_bar[c] * (a1[c] - a2[c]);
+            u_bar += s_bar[c] * (a0[c] - a2[c]);
+            v_bar += s_bar[c] * (a1[c] - a2[c]);
         }
+        *uv_bar = [u_bar, v_bar];
     }
 }
 
@@ -398,6 +399,27 @@ mod tests {
             let uv_bar = gradients.get(fragments.barycentrics).unwrap();
             let by_weights = dot(uv_bar, &fragments.barycentrics.value());
             approx::assert_relative_eq!(by_weights, whole - offset, max_relative = 1e-11);
+        }
+    }
+
+    #[test]
+    fn attributes_of_the_same_fragments_add_to_the_gradients_of_their_weights() {
+        let tape = Tape::<f64>::new();
+        let fragments = fragments(&tape, SIZE);
+        let uv_bar = |channels: &[usize]| {
+            let values = channels.iter().map(|&channels| {
+                interpolate(tape.leaf(&numbers(4, channels)), &fragments).unwrap().square().sum()
+            });
+            let loss = values.reduce(|sum, value| sum + value).unwrap();
+            loss.backward_to(&[fragments.barycentrics])
+                .unwrap()
+                .get_or_zeros(fragments.barycentrics)
+        };
+        for channels in [1, 3, 9] {
+            let (both, other, own) = (uv_bar(&[channels, 2]), uv_bar(&[2]), uv_bar(&[channels]));
+            for ((both, other), own) in both.data().iter().zip(other.data()).zip(own.data()) {
+                approx::assert_relative_eq!(*both, other + own, max_relative = 1e-12);
+            }
         }
     }
 

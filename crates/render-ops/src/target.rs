@@ -35,7 +35,7 @@ struct Inner<T: Scalar> {
 }
 
 /// Pixels in a block: fewer are visited on either side of a covered stretch.
-const BLOCK: usize = 64;
+const BLOCK: usize = 16;
 
 impl<T: Scalar> Target<T> {
     /// The target `image: [H, W, C]` for pictures before a background of one colour,

@@ -9,7 +9,7 @@
 use bokashi_core::Scalar;
 
 use super::pairs::Pair;
-use crate::homogeneous::Vertex;
+use crate::homogeneous::{Vertex, doubt, edge};
 use crate::size::Size;
 
 /// How far beyond the two pixel centres a crossing may lie, in pixels, and still count: rounding
@@ -117,9 +117,49 @@ fn visible_crossing<S: Scalar>(p: Local<S>, q: Local<S>) -> Option<Crossing<S>> 
 pub(super) struct Outline<S> {
     pub(super) vertices: [Vertex<S>; 3],
     /// Of the vertices.
-    pub(super) indices: [u32; 3],
+    indices: [u32; 3],
     /// Its silhouettes, a bit for the corner that each one faces.
-    pub(super) silhouettes: u8,
+    silhouettes: u8,
+    /// The silhouettes' edge functions, as coefficients of 1, X and Y; of other edges infinite.
+    lines: [[S; 3]; 3],
+    /// More than the rounding errors of the edge functions.
+    doubt: S,
+}
+
+impl<S: Scalar<Wide = S>> Outline<S> {
+    /// Of the face of vertices `indices` of `clip: [V, 4]`.
+    pub(super) fn of<T: Scalar<Wide = S>>(
+        clip: &[T],
+        indices: [u32; 3],
+        silhouettes: u8,
+        size: Size,
+    ) -> Self {
+        let (vertices, _) = Vertex::of_face(clip, indices, size);
+        let lines = [0, 1, 2].map(|corner| {
+            if silhouettes & 1 << corner == 0 {
+                return [S::from_f64(f64::INFINITY), S::ZERO, S::ZERO];
+            }
+            edge(vertices[(corner + 1) % 3], vertices[(corner + 2) % 3])
+        });
+        let [p, q, r] = vertices;
+        let doubt = doubt(q, r, size) + doubt(r, p, size) + doubt(p, q, size);
+        Self { vertices, indices, silhouettes, lines, doubt }
+    }
+
+    /// Whether all silhouettes surely pass the line through two pixel centres beyond them, and beyond
+    /// the slack: most do. Along the line an edge function changes by its slope s a unit, and so it
+    /// is zero by `|a / s|` away from the middle, where it is a.
+    #[inline(always)]
+    fn misses(&self, pair: &Pair, size: Size) -> bool {
+        let (x, y) = (size.center_x::<S>(pair.column), size.center_y::<S>(pair.row));
+        // Pixels are two units wide.
+        let reach = S::from_f64(1.0 + 2.0 * SLACK);
+        let [x, y] = if pair.below { [x, y - S::ONE] } else { [x + S::ONE, y] };
+        self.lines.iter().all(|&[one, by_x, by_y]| {
+            let slope = if pair.below { by_y } else { by_x };
+            (one + by_x * x + by_y * y).abs() > slope.abs() * reach + self.doubt
+        })
+    }
 }
 
 /// The blend at a pair by the edges of a face which covers the first pixel or the second; `None`
@@ -131,7 +171,18 @@ pub(super) fn blend<S: Scalar<Wide = S>>(
     covers_first: bool,
     size: Size,
 ) -> Option<Blend<S>> {
-    let &Outline { vertices, indices, silhouettes } = outline;
+    if outline.misses(pair, size) { None } else { looked_at(outline, pair, covers_first, size) }
+}
+
+/// [`blend`] without the shortcut.
+#[inline]
+fn looked_at<S: Scalar<Wide = S>>(
+    outline: &Outline<S>,
+    pair: &Pair,
+    covers_first: bool,
+    size: Size,
+) -> Option<Blend<S>> {
+    let &Outline { vertices, indices, silhouettes, .. } = outline;
     let &Pair { row, column, below, .. } = pair;
     let frame = Frame::<S>::of([row, column], below, covers_first, size);
     let corners = vertices.map(|vertex| frame.local(vertex));
@@ -204,5 +255,38 @@ impl<S: Scalar<Wide = S>> Blend<S> {
         // The factors come last: with them a gradient may be beyond the range of the numbers.
         [(p_bar, p_factor), (q_bar, q_factor)]
             .map(|(bar, factor)| frame.pull_back(bar, size).map(|bar| factor * bar))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Coordinates around the image, some of them on pixel centres, some behind the eye.
+    fn vertex() -> impl Strategy<Value = [f64; 4]> {
+        let near = prop_oneof![-1.5..1.5, (-8_i32..8).prop_map(|k| f64::from(k) / 8.0)];
+        let w = prop_oneof![4 => Just(1.0), 4 => 0.1..3.0, 2 => -1.0..-0.1, 1 => Just(1e-9)];
+        (near.clone(), near, w).prop_map(|(x, y, w)| [x * w, y * w, 0.0, w])
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(4096))]
+
+        #[test]
+        fn what_misses_a_pair_blends_nothing(
+            clip in [vertex(), vertex(), vertex()],
+            silhouettes in 1_u8..8,
+            (row, column) in (0_usize..8, 0_usize..8),
+            below: bool,
+            covers_first: bool,
+        ) {
+            let size = Size::square(9);
+            let outline = Outline::of(clip.as_flattened(), [0, 1, 2], silhouettes, size);
+            let pair = Pair { row, column, below, seen: [None; 2] };
+            let found = looked_at(&outline, &pair, covers_first, size);
+            prop_assert!(found.is_none() || !outline.misses(&pair, size), "{found:?}");
+        }
     }
 }

@@ -39,7 +39,7 @@ use bokashi_core::parallel::{is_shared, merge_ranges};
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Shape, Var};
 
 use self::discontinuity::{Blend, Outline, blend};
-use self::pairs::{Pair, Seen, for_each_pair};
+use self::pairs::{Pair, Rows, Seen};
 use crate::background::Behind;
 use crate::coverage::Coverage;
 use crate::edge_functions::depth_at;
@@ -115,7 +115,7 @@ struct Antialias {
 }
 
 /// The blends, and memory.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Found<T: Scalar> {
     blends: Vec<Blend<T::Wide>>,
     /// Per blend: the rows of its two pixels in the output.
@@ -125,18 +125,7 @@ struct Found<T: Scalar> {
     /// The uncovered pixels of all blends, in order, for a layer.
     rim: Option<Arc<Vec<u32>>>,
     outlines: Outlines<T::Wide>,
-}
-
-impl<T: Scalar> Default for Found<T> {
-    fn default() -> Self {
-        Self {
-            blends: Vec::new(),
-            rows: Vec::new(),
-            steps: Vec::new(),
-            rim: None,
-            outlines: Outlines::default(),
-        }
-    }
+    search: Rows,
 }
 
 /// Rows in one piece of the search.
@@ -148,28 +137,18 @@ const MISSING: u32 = u32::MAX;
 impl<T: Scalar> Found<T> {
     /// Finds all blends, row by row, and the fragments of their pixels.
     fn find(&mut self, coverage: &Coverage, clip: &[T]) {
-        let Self { blends, rows, outlines, .. } = self;
+        let Self { blends, rows, outlines, search, .. } = self;
         outlines.find(coverage, clip);
         blends.clear();
         rows.clear();
         let view = View { coverage, clip, outlines };
-        type Lists<'a, S> = (&'a mut Vec<Blend<S>>, &'a mut Vec<[u32; 2]>);
-        let search = |rows_of_image: Range<usize>, (blends, rows): Lists<'_, T::Wide>| {
-            let counts = |slot: usize| view.outlines.of_slot[slot] != NO_OUTLINE;
-            for_each_pair(coverage, rows_of_image, counts, |pair| {
-                if let Some(blend) = view.blend(&pair) {
-                    blends.push(blend);
-                    rows.push(pair.seen.map(|seen| seen.map_or(MISSING, |s| s.fragment)));
-                }
-            });
-        };
         let height = coverage.size().height;
         if !is_shared(height, ROWS_PER_PIECE) {
-            return search(0..height, (blends, rows));
+            return view.find(search, 0..height, blends, rows);
         }
         let work = |rows_of_image: Range<usize>| {
             let mut found = (Vec::new(), Vec::new());
-            search(rows_of_image, (&mut found.0, &mut found.1));
+            view.find(&mut Rows::default(), rows_of_image, &mut found.0, &mut found.1);
             found
         };
         merge_ranges(height, ROWS_PER_PIECE, work, |found| {
@@ -246,17 +225,11 @@ const SLOTS_PER_PIECE: usize = 1 << 11;
 const NO_OUTLINE: u32 = u32::MAX;
 
 /// The faces with a silhouette.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Outlines<S> {
     outlines: Vec<Outline<S>>,
     /// Per slot: its outline.
     of_slot: Vec<u32>,
-}
-
-impl<S> Default for Outlines<S> {
-    fn default() -> Self {
-        Self { outlines: Vec::new(), of_slot: Vec::new() }
-    }
 }
 
 impl<S: Scalar<Wide = S>> Outlines<S> {
@@ -295,8 +268,7 @@ impl<S: Scalar<Wide = S>> Outlines<S> {
                 NO_OUTLINE
             } else {
                 let indices = coverage.mesh().faces()[face];
-                let (vertices, _) = Vertex::of_face(clip, indices, coverage.size());
-                self.outlines.push(Outline { vertices, indices, silhouettes });
+                self.outlines.push(Outline::of(clip, indices, silhouettes, coverage.size()));
                 self.outlines.len() as u32 - 1
             };
             self.of_slot.push(at);
@@ -312,6 +284,24 @@ struct View<'a, T: Scalar> {
 }
 
 impl<T: Scalar> View<'_, T> {
+    /// Appends the blends at the pairs whose first pixel lies in `rows_of_image`, and the fragments of
+    /// their pixels.
+    fn find(
+        &self,
+        search: &mut Rows,
+        rows_of_image: Range<usize>,
+        blends: &mut Vec<Blend<T::Wide>>,
+        rows: &mut Vec<[u32; 2]>,
+    ) {
+        let counts = |slot: usize| self.outlines.of_slot[slot] != NO_OUTLINE;
+        search.for_each_pair(self.coverage, rows_of_image, counts, |pair| {
+            if let Some(blend) = self.blend(&pair) {
+                blends.push(blend);
+                rows.push(pair.seen.map(|seen| seen.map_or(MISSING, |s| s.fragment)));
+            }
+        });
+    }
+
     /// The outline of a face.
     fn outline(&self, Seen { slot, .. }: Seen) -> Option<&Outline<T::Wide>> {
         self.outlines.outlines.get(self.outlines.of_slot[slot as usize] as usize)

@@ -1,11 +1,12 @@
 //! Neighbouring pixels that see different faces, at least one of them a face with a silhouette.
 //!
 //! Each run of such a face is held against its neighbours on all four sides; within a run there are
-//! no pairs. So the cost is that of these runs and of the pairs, not of the pixels.
+//! no pairs. So the cost is that of these runs and of the pairs, not of the pixels. Runs lie in memory
+//! by face, so those of a row are written down first, side by side, once for both rows beside it.
 
 use std::ops::Range;
 
-use crate::coverage::{Coverage, Span};
+use crate::coverage::Coverage;
 use crate::size::Size;
 
 /// What a pixel sees.
@@ -14,16 +15,6 @@ pub(super) struct Seen {
     pub(super) slot: u32,
     pub(super) face: u32,
     pub(super) fragment: u32,
-}
-
-impl Seen {
-    /// At `pixel`, one of `span`.
-    #[inline(always)]
-    fn of(span: &Span, pixel: usize) -> Self {
-        let fragment = span.fragments.start + pixel - span.pixel;
-        let [slot, face, fragment] = [span.slot, span.face, fragment].map(|number| number as u32);
-        Self { slot, face, fragment }
-    }
 }
 
 /// A pixel and its right or its lower neighbour, which see different faces.
@@ -45,115 +36,163 @@ impl Pair {
     }
 }
 
-/// Calls `visit` once with each pair of which one pixel lies in `rows` and sees a slot that `counts`;
-/// of two such pixels it is the first one's row that matters.
-pub(super) fn for_each_pair(
+/// A run, in its row.
+#[derive(Debug, Clone)]
+struct RowRun {
+    columns: Range<u32>,
+    slot: u32,
+    face: u32,
+    /// The first fragment.
+    fragment: u32,
+    counts: bool,
+}
+
+impl RowRun {
+    /// At `column`, one of its own.
+    #[inline(always)]
+    fn seen(&self, column: u32) -> Seen {
+        let fragment = self.fragment + column - self.columns.start;
+        Seen { slot: self.slot, face: self.face, fragment }
+    }
+}
+
+/// Two neighbouring rows: memory.
+#[derive(Debug, Default)]
+pub(super) struct Rows {
+    upper: Vec<RowRun>,
+    lower: Vec<RowRun>,
+}
+
+/// Writes down the runs of a row; whether any of them counts.
+#[inline(always)]
+fn read(
     coverage: &Coverage,
-    rows: Range<usize>,
+    row: usize,
     counts: impl Fn(usize) -> bool,
-    mut visit: impl FnMut(Pair),
-) {
-    let Size { width, height } = coverage.size();
-    let counts_itself = |span: Option<&Span>| span.is_some_and(|span| counts(span.slot));
-    for row in rows {
-        let own = coverage.row(row);
-        let mut above = row.checked_sub(1).map(|row| Beside::of(coverage, row));
-        let mut below = (row + 1 < height).then(|| Beside::of(coverage, row + 1));
-        for at in own.clone() {
-            let span = coverage.span_in_row(at);
-            if !counts(span.slot) {
-                continue;
+    runs: &mut Vec<RowRun>,
+) -> bool {
+    let before = (row * coverage.size().width) as u32;
+    let mut any = false;
+    runs.clear();
+    runs.extend(coverage.row(row).map(|at| {
+        let span = coverage.span_in_row(at);
+        let (start, counts) = (span.pixel as u32 - before, counts(span.slot));
+        any |= counts;
+        RowRun {
+            columns: start..start + span.fragments.len() as u32,
+            slot: span.slot as u32,
+            face: span.face as u32,
+            fragment: span.fragments.start as u32,
+            counts,
+        }
+    }));
+    any
+}
+
+impl Rows {
+    /// Calls `visit` once with each pair whose first pixel lies in `rows` and of which one pixel sees
+    /// a slot that `counts`.
+    pub(super) fn for_each_pair(
+        &mut self,
+        coverage: &Coverage,
+        rows: Range<usize>,
+        counts: impl Fn(usize) -> bool,
+        mut visit: impl FnMut(Pair),
+    ) {
+        let Self { upper, lower } = self;
+        let Size { width, height } = coverage.size();
+        let mut any = read(coverage, rows.start, &counts, upper);
+        for row in rows {
+            if any {
+                for_each_beside(upper, row, width as u32, &mut visit);
             }
-            let pixels = span.pixels();
-            let columns = pixels.start - row * width..pixels.end - row * width;
-            let seen = |pixel| Some(Seen::of(&span, pixel));
-            if columns.start > 0 {
-                let other = (at > own.start).then(|| coverage.span_in_row(at - 1));
-                let other = other.filter(|other| other.pixels().end == pixels.start);
-                if !counts_itself(other.as_ref()) {
-                    let column = columns.start - 1;
-                    let other = other.map(|other| Seen::of(&other, pixels.start - 1));
-                    let seen = [other, seen(pixels.start)];
-                    visit(Pair { row, column, below: false, seen });
-                }
+            if row + 1 == height {
+                return;
             }
-            if columns.end < width {
-                let other = (at + 1 < own.end).then(|| coverage.span_in_row(at + 1));
-                let other = other.filter(|other| other.pixel == pixels.end);
-                let other = other.map(|other| Seen::of(&other, pixels.end));
-                let seen = [seen(pixels.end - 1), other];
-                visit(Pair { row, column: columns.end - 1, below: false, seen });
-            }
-            if let Some(above) = &mut above {
-                above.for_each_stretch(columns.clone(), |stretch, other| {
-                    let is_own = other.is_some_and(|other| other.face == span.face);
-                    if is_own || counts_itself(other) {
-                        return;
-                    }
-                    for column in stretch {
-                        let pixel = row * width + column;
-                        let seen = [other.map(|other| Seen::of(other, pixel - width)), seen(pixel)];
-                        visit(Pair { row: row - 1, column, below: true, seen });
-                    }
-                });
-            }
-            if let Some(below) = &mut below {
-                below.for_each_stretch(columns, |stretch, other| {
-                    if other.is_some_and(|other| other.face == span.face) {
-                        return;
-                    }
-                    for column in stretch {
-                        let pixel = row * width + column;
-                        let seen = [seen(pixel), other.map(|other| Seen::of(other, pixel + width))];
-                        visit(Pair { row, column, below: true, seen });
+            let any_below = read(coverage, row + 1, &counts, lower);
+            let mut pair = |column: u32, seen| {
+                visit(Pair { row, column: column as usize, below: true, seen });
+            };
+            if any {
+                for_each_stretch(upper, lower, |columns, own, below| {
+                    if below.is_none_or(|below| below.face != own.face) {
+                        columns.for_each(|column| {
+                            pair(
+                                column,
+                                [Some(own), below].map(|run| run.map(|run| run.seen(column))),
+                            )
+                        });
                     }
                 });
             }
+            if any_below {
+                for_each_stretch(lower, upper, |columns, own, above| {
+                    if above.is_none_or(|above| above.face != own.face && !above.counts) {
+                        columns.for_each(|column| {
+                            pair(
+                                column,
+                                [above, Some(own)].map(|run| run.map(|run| run.seen(column))),
+                            )
+                        });
+                    }
+                });
+            }
+            std::mem::swap(upper, lower);
+            any = any_below;
         }
     }
 }
 
-/// A row that others are held against from left to right.
-struct Beside<'a> {
-    coverage: &'a Coverage,
-    first_pixel: usize,
-    /// The runs that are not passed yet.
-    runs: Range<usize>,
+/// Calls `visit` with the pairs of neighbours in a row.
+#[inline(always)]
+fn for_each_beside(runs: &[RowRun], row: usize, width: u32, visit: &mut impl FnMut(Pair)) {
+    let pair = |column: u32, left: Option<&RowRun>, right: Option<&RowRun>| {
+        let seen = [left.map(|run| run.seen(column)), right.map(|run| run.seen(column + 1))];
+        Pair { row, column: column as usize, below: false, seen }
+    };
+    for (at, run) in runs.iter().enumerate().filter(|(_, run)| run.counts) {
+        let Range { start, end } = run.columns;
+        if start > 0 {
+            let left = at.checked_sub(1).map(|at| &runs[at]).filter(|run| run.columns.end == start);
+            if left.is_none_or(|left| !left.counts) {
+                visit(pair(start - 1, left, Some(run)));
+            }
+        }
+        if end < width {
+            let right = runs.get(at + 1).filter(|run| run.columns.start == end);
+            visit(pair(end - 1, Some(run), right));
+        }
+    }
 }
 
-impl<'a> Beside<'a> {
-    #[inline(always)]
-    fn of(coverage: &'a Coverage, row: usize) -> Self {
-        let first_pixel = row * coverage.size().width;
-        Self { coverage, first_pixel, runs: coverage.row(row) }
-    }
-
-    /// Cuts `columns` into stretches that see one face, or none. They do not start before those of
-    /// the call before.
-    #[inline(always)]
-    fn for_each_stretch(
-        &mut self,
-        columns: Range<usize>,
-        mut visit: impl FnMut(Range<usize>, Option<&Span>),
-    ) {
-        let Range { mut start, end } = columns;
+/// Cuts each run of `runs` that counts into stretches of columns at which the row `beside` sees one
+/// face, or none.
+#[inline(always)]
+fn for_each_stretch(
+    runs: &[RowRun],
+    beside: &[RowRun],
+    mut visit: impl FnMut(Range<u32>, &RowRun, Option<&RowRun>),
+) {
+    let mut beside = beside.iter().peekable();
+    for run in runs.iter().filter(|run| run.counts) {
+        let Range { mut start, end } = run.columns;
+        while beside.next_if(|other| other.columns.end <= start).is_some() {}
         while start < end {
-            if self.runs.is_empty() {
-                return visit(start..end, None);
+            match beside.peek() {
+                Some(other) if other.columns.start <= start => {
+                    let stop = other.columns.end.min(end);
+                    visit(start..stop, run, Some(other));
+                    start = stop;
+                    if other.columns.end <= end {
+                        beside.next();
+                    }
+                }
+                other => {
+                    let stop = other.map_or(end, |other| other.columns.start.min(end));
+                    visit(start..stop, run, None);
+                    start = stop;
+                }
             }
-            let span = self.coverage.span_in_row(self.runs.start);
-            let own = span.pixel - self.first_pixel..span.pixels().end - self.first_pixel;
-            if own.end <= start {
-                self.runs.start += 1;
-                continue;
-            }
-            if start < own.start {
-                visit(start..own.start.min(end), None);
-            }
-            if own.start < end {
-                visit(start.max(own.start)..own.end.min(end), Some(&span));
-            }
-            start = own.end;
         }
     }
 }
@@ -210,7 +249,7 @@ mod tests {
                 .map(|slot| counting.contains(&(slot.face as usize)))
                 .collect();
             let mut found = BTreeSet::new();
-            for_each_pair(coverage, 0..height, |slot| counts[slot], |pair| {
+            Rows::default().for_each_pair(coverage, 0..height, |slot| counts[slot], |pair| {
                 let pixels = pair.pixels(coverage.size());
                 for (seen, pixel) in pair.seen.into_iter().zip(pixels) {
                     assert_eq!(seen.map(|seen| seen.face as usize), coverage.face_at(pixel));

@@ -21,24 +21,22 @@
 //! Laine et al., *Modular primitives for high-performance differentiable rendering*, ACM TOG 39(6),
 //! 2020; coverage as in `homogeneous`.
 
+mod pull_back;
 mod setup;
 #[cfg(test)]
 mod tests;
 mod visibility;
 
-use std::ops::Range;
 use std::sync::Arc;
 
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 
-use self::setup::Corner;
+use self::pull_back::PullBack;
 use self::visibility::Visibility;
 use crate::coverage::Coverage;
-use crate::edge_functions::{EdgeSums, LocalFace};
 use crate::error::RenderError;
-use crate::face_sums::{FaceSums, Layout};
+use crate::face_sums::Layout;
 use crate::fragments::Fragments;
-use crate::homogeneous::missing_factors;
 use crate::mesh::Mesh;
 use crate::size::Size;
 
@@ -195,78 +193,4 @@ impl<T: Scalar> Op<T> for Rasterize {
     fn saved_bytes(&self, saved: &Self::Saved) -> usize {
         saved.coverage.as_ref().map_or(0, |coverage| coverage.bytes())
     }
-}
-
-/// From the gradients of u and v to those of the vertices.
-struct PullBack<'a, T: Scalar> {
-    coverage: &'a Coverage,
-    corners: &'a [Corner<T::Wide>],
-    uv_bar: &'a [T],
-}
-
-impl<T: Scalar> FaceSums<T::Wide> for PullBack<'_, T> {
-    #[inline(always)]
-    fn sum(&self, slot: usize, fragments: Range<usize>, rows: &mut [T::Wide]) {
-        let Coverage { mesh, size, slots, .. } = self.coverage;
-        let corners =
-            mesh.faces()[slots[slot].face as usize].map(|vertex| &self.corners[vertex as usize]);
-        let factors = corners.map(|corner| corner.factor);
-        let origin = self.coverage.first_pixel_of(slot);
-        let vertices = corners.map(|corner| corner.vertex);
-        let face = LocalFace::new(vertices, factors, origin, *size);
-        let mut sums = EdgeSums::default();
-        for span in self.coverage.spans_within(slot, fragments) {
-            let [x, y] = face.place(span.pixel, *size);
-            let row = face.row(y);
-            let uv_bar = &self.uv_bar[2 * span.fragments.start..2 * span.fragments.end];
-            let [ones, xs] = if factors == [T::Wide::ONE; 3] {
-                sum_row(row, x, uv_bar, weights_bar)
-            } else {
-                // The weights are missing_i a_i, so a_bar_i gets that factor.
-                sum_row(row, x, uv_bar, |a, uv_bar| {
-                    let missing = missing_factors(a, factors);
-                    let weights = std::array::from_fn(|i| missing[i] * a[i]);
-                    let weights_bar = weights_bar(weights, uv_bar);
-                    std::array::from_fn(|i| missing[i] * weights_bar[i])
-                })
-            };
-            sums.add_row(ones, xs, y);
-        }
-        for (i, row) in rows.chunks_exact_mut(4).enumerate() {
-            let [x_bar, y_bar, w_bar] = face.pull_back(&sums, i, *size);
-            row.copy_from_slice(&[x_bar, y_bar, T::Wide::ZERO, w_bar].map(|bar| factors[i] * bar));
-        }
-    }
-}
-
-/// The sums of `a_bar` and of `x a_bar` over neighbouring pixels of a row, whose edge functions
-/// are `row`, from the first one's `x` on.
-#[inline(always)]
-fn sum_row<T: Scalar>(
-    row: [[T::Wide; 2]; 3],
-    mut x: T::Wide,
-    uv_bar: &[T],
-    a_bar: impl Fn([T::Wide; 3], [T::Wide; 2]) -> [T::Wide; 3],
-) -> [[T::Wide; 3]; 2] {
-    let two = T::Wide::from_f64(2.0);
-    let mut ones = [T::Wide::ZERO; 3];
-    let mut xs = [T::Wide::ZERO; 3];
-    for uv_bar in uv_bar.chunks_exact(2) {
-        let a = row.map(|[start, slope]| start + slope * x);
-        let a_bar = a_bar(a, [uv_bar[0].widen(), uv_bar[1].widen()]);
-        for i in 0..3 {
-            ones[i] += a_bar[i];
-            xs[i] += x * a_bar[i];
-        }
-        x += two;
-    }
-    [ones, xs]
-}
-
-/// The gradients of weights that are not normalized from those of u and v.
-#[inline(always)]
-fn weights_bar<S: Scalar>(weights: [S; 3], [u_bar, v_bar]: [S; 2]) -> [S; 3] {
-    let scale = S::ONE / (weights[0] + weights[1] + weights[2]);
-    let m = (u_bar * weights[0] + v_bar * weights[1]) * scale;
-    [(u_bar - m) * scale, (v_bar - m) * scale, -m * scale]
 }

@@ -25,7 +25,7 @@
 use bokashi_core::Scalar;
 
 use super::{Cull, RasterOptions};
-use crate::homogeneous::{Vertex, cross, missing_factors};
+use crate::homogeneous::{Vertex, cross, doubt, edge, extent, missing_factors};
 use crate::size::Size;
 
 /// A vertex, and what every face at it asks of it.
@@ -128,12 +128,6 @@ fn is_within_rounding<S: Scalar<Wide = S>>(
         .map(|k| vertices[k].w.abs() * doubt(vertices[(k + 1) % 3], vertices[(k + 2) % 3], size))
         .sum();
     determinant.abs() <= noise
-}
-
-/// The coefficients of the edge function from `p` to `q`: of 1, X and Y.
-#[inline(always)]
-fn edge<S: Scalar>(p: Vertex<S>, q: Vertex<S>) -> [S; 3] {
-    [p.x * q.y - p.y * q.x, p.y * q.w - p.w * q.y, p.w * q.x - p.x * q.w]
 }
 
 /// A face whose pixels are visited.
@@ -542,23 +536,6 @@ fn plane<S: Scalar<Wide = S>>(
 #[inline(always)]
 fn along<S: Scalar>([one, x, by_y]: [S; 3], y: S) -> [S; 2] {
     [one + by_y * y, x]
-}
-
-/// The largest that `|q_x|` and `|q_y|` of a vertex relative to a pixel centre can be.
-#[inline(always)]
-fn extent<S: Scalar>(vertex: Vertex<S>, size: Size) -> [S; 2] {
-    let (width, height) = (S::from_f64(size.width as f64), S::from_f64(size.height as f64));
-    let w = vertex.w.abs();
-    [vertex.x.abs() + width * w, vertex.y.abs() + height * w]
-}
-
-/// More than the rounding errors of the edge function from `p` to `q` anywhere in the image, from
-/// its coefficients or from the vertices relative to a pixel centre: some ten roundings of products
-/// of at most this size. The same for `q` to `p`.
-#[inline(always)]
-fn doubt<S: Scalar<Wide = S>>(p: Vertex<S>, q: Vertex<S>, size: Size) -> S {
-    let ([px, py], [qx, qy]) = (extent(p, size), extent(q, size));
-    S::from_f64(8.0 * f64::EPSILON) * (px * qy + py * qx)
 }
 
 /// The first and last of `extent` pixels whose centres can lie between the smallest and the
