@@ -8,8 +8,8 @@ use std::sync::Arc;
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_fit::{FitError, squared_error};
 use bokashi_render_ops::{
-    Background, Blur, Cull, Fragments, RasterOptions, antialias, gaussian_blur, interpolate,
-    project, rasterize, resolve,
+    Background, Blur, Cull, Fragments, Lens, RasterOptions, Target, antialias, depth,
+    depth_of_field, gaussian_blur, interpolate, layer, project, rasterize, resolve,
 };
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -28,10 +28,16 @@ type Record<T> = for<'t> fn(&Scene, &[Var<'t, T>]) -> Result<Var<'t, T>, FitErro
 
 /// An operation and what it is run on.
 struct Case<T: Scalar> {
-    /// The name it has on the tape.
-    name: &'static str,
+    /// The name it has on the tape, and after a comma what it works on.
+    label: &'static str,
     inputs: Vec<Tensor<f64>>,
     record: Record<T>,
+}
+
+impl<T: Scalar> Case<T> {
+    fn name(&self) -> &'static str {
+        self.label.split(',').next().unwrap_or(self.label)
+    }
 }
 
 /// The fragments of the scene, on the tape as constants, with other barycentrics.
@@ -50,9 +56,9 @@ fn fragments<'t, T: Scalar>(
 fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
     let Inputs { signed, positive, .. } = inputs;
     let mut all: Vec<Case<T>> = Vec::new();
-    let mut add = |name, given: &[&Tensor<f64>], record: Record<T>| {
+    let mut add = |label, given: &[&Tensor<f64>], record: Record<T>| {
         let inputs = given.iter().map(|&tensor| tensor.clone()).collect();
-        all.push(Case { name, inputs, record });
+        all.push(Case { label, inputs, record });
     };
     let Inputs { positions, clip, barycentrics, colors, surface, jagged, image, .. } = inputs;
     add("project", &[positions], |scene, v| Ok(project(v[0], &scene.camera, None)?));
@@ -69,10 +75,30 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
     add("antialias", &[jagged, clip], |scene, v| {
         Ok(antialias(v[0], &fragments(scene, v[1], None)?, v[1])?)
     });
+    add("antialias, a layer", &[surface, clip], |scene, v| {
+        let layer = layer(v[0], &fragments(scene, v[1], None)?, Background::Zero)?;
+        Ok(layer.antialias(v[1])?.values)
+    });
+    add("depth", &[clip], |scene, v| {
+        let options = RasterOptions { size: scene.size, cull: Cull::None };
+        Ok(depth(&rasterize(v[0], &scene.mesh, options)?)?)
+    });
+    let lens = [Tensor::scalar(2.0), Tensor::scalar(1.25)];
+    add("depth_of_field", &[image, &inputs.distances, &lens[0], &lens[1]], |_, v| {
+        Ok(depth_of_field(v[0], v[1], v[2], v[3], &Lens::default())?.image)
+    });
     add("gaussian_blur", &[image, &Tensor::scalar(2.0)], |_, v| {
         Ok(gaussian_blur(v[0], v[1], &Blur::default())?)
     });
     add("squared_error", &[image, jagged], |_, v| Ok(squared_error(v[0], v[1])?));
+    add("squared_error, a layer", &[surface, clip, jagged], |scene, v| {
+        let layer = layer(v[0], &fragments(scene, v[1], None)?, Background::Zero)?;
+        let target = Target::new(
+            &v[2].value().map(|entry| entry + T::from_f64(0.125)),
+            &Tensor::zeros([3]),
+        )?;
+        Ok(layer.squared_error(&target)?)
+    });
     add("add", &[signed, positive], |_, v| Ok(v[0].try_add(v[1])?));
     add("sub", &[signed, positive], |_, v| Ok(v[0].try_sub(v[1])?));
     add("mul", &[signed, positive], |_, v| Ok(v[0].try_mul(v[1])?));
@@ -116,6 +142,8 @@ struct Inputs {
     surface: Tensor<f64>,
     jagged: Tensor<f64>,
     image: Tensor<f64>,
+    /// `[H, W]`, entries in [1/2, 2].
+    distances: Tensor<f64>,
     /// `[H W, WIDTH]`, entries in [-2, 2].
     signed: Tensor<f64>,
     /// The same in [1/2, 2].
@@ -149,6 +177,7 @@ impl Inputs {
             surface: single(rendered.surface.value()),
             jagged: single(rendered.jagged.value()),
             image: single(rendered.image.value()),
+            distances: Tensor::from_fn([pixels, pixels], |_| uniform(0.5, 2.0)),
             signed: Tensor::from_fn([rows, WIDTH], |_| uniform(-2.0, 2.0)),
             positive: Tensor::from_fn([rows, WIDTH], |_| uniform(0.5, 2.0)),
             square: Tensor::from_fn([WIDTH, WIDTH], |_| uniform(-1.0, 1.0)),
@@ -189,7 +218,7 @@ impl<T: Scalar> Runner<T> {
             std::iter::once(output.value()).chain(all).collect()
         };
         let report = self.tape.take_report();
-        let own = report.operations.iter().filter(|entry| entry.name == self.case.name);
+        let own = report.operations.iter().filter(|entry| entry.name == self.case.name());
         let seconds = own.map(|entry| (entry.forward + entry.backward).as_secs_f64()).sum();
         self.tape.reset();
         Ok((results, seconds))
@@ -228,7 +257,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
     let inputs = Inputs::new(pixels)?;
     let scene = &inputs.scene;
     for (single, double) in cases::<f32>(&inputs).into_iter().zip(cases::<f64>(&inputs)) {
-        let name = single.name;
+        let (label, name) = (single.label, single.name());
         let (mut single, mut double) = (Runner::new(single), Runner::new(double));
         let mut sample = || {
             let mut errors = [0.0_f64; 2];
@@ -251,7 +280,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
             }
             Ok((errors, seconds, entries))
         };
-        let Some((errors, seconds, entries)) = study.noted(name, bench.one().install(&mut sample))
+        let Some((errors, seconds, entries)) = study.noted(label, bench.one().install(&mut sample))
         else {
             continue;
         };
@@ -259,7 +288,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         let is_tensor = inputs.signed.size() <= entries && !RENDERING.contains(&name);
         let count = if is_tensor { entries } else { pixels * pixels } as f64;
         table.push(vec![
-            Cell::text(name),
+            Cell::text(label),
             Cell::timed(&single, 1e9 * single.minimum / count),
             Cell::timed(&single, 1e9 * single.median / count),
             Cell::timed(&double, 1e9 * double.minimum / count),
@@ -274,25 +303,56 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
 }
 
 /// The operations whose times are per pixel.
-const RENDERING: [&str; 7] = [
+const RENDERING: [&str; 9] = [
     "project",
     "rasterize",
     "interpolate",
     "resolve",
     "antialias",
+    "depth",
+    "depth_of_field",
     "gaussian_blur",
     "squared_error",
 ];
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+    use std::path::Path;
+
     use super::*;
+
+    #[test]
+    fn no_operation_is_missing() {
+        let crates = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+        let exports = fs::read_to_string(crates.join("render-ops/src/lib.rs")).unwrap();
+        let exports = exports.lines().filter_map(|line| line.strip_prefix("pub use "));
+        let exported = exports.flat_map(|line| {
+            let names = line.split("::").last().unwrap_or_default();
+            names.trim_matches(|c| "{};".contains(c)).split(", ").map(str::to_owned)
+        });
+        // `layer` records nothing, and `interpolate_indexed` what `interpolate` does.
+        let is_operation = |name: &String| {
+            name.starts_with(|c: char| c.is_ascii_lowercase())
+                && !["layer", "interpolate_indexed"].contains(&name.as_str())
+        };
+        let of_core = fs::read_dir(crates.join("core/src/ops")).unwrap();
+        let of_core = of_core
+            .map(|file| file.unwrap().path().file_stem().unwrap().to_string_lossy().into_owned());
+        let mut expected: Vec<_> = exported.filter(is_operation).collect();
+        expected.extend(of_core.filter(|name| name != "mod"));
+        assert!(expected.len() > 30, "{expected:?}");
+        let cases = cases::<f32>(&Inputs::new(32).unwrap());
+        for name in expected {
+            assert!(cases.iter().any(|case| case.name() == name), "{name} is missing");
+        }
+    }
 
     #[test]
     fn every_operation_is_on_the_tape_under_its_name_and_is_walked_back() {
         let inputs = Inputs::new(32).unwrap();
         for case in cases::<f32>(&inputs) {
-            let name = case.name;
+            let name = case.name();
             let runner = Runner::new(case);
             let given: Vec<_> = runner.inputs.iter().map(|input| runner.tape.leaf(input)).collect();
             let output = (runner.case.record)(&inputs.scene, &given).unwrap();
