@@ -3,7 +3,7 @@
 use std::hint::black_box;
 
 use bokashi_core::{Gradients, Scalar, Tape, Tensor, Var};
-use bokashi_fit::FitError;
+use bokashi_fit::{FitError, squared_error};
 use bokashi_render_ops::{
     Background, Cull, Fragments, RasterOptions, Target, antialias, interpolate, layer, project,
     rasterize, resolve,
@@ -37,10 +37,20 @@ pub(crate) fn render<'t, T: Scalar>(
     Ok(Rendered { clip, fragments, surface, jagged, image })
 }
 
+/// What is compared with the target.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Compared {
+    /// The pixels that can differ from the background; what the others cost is known beforehand.
+    Layer,
+    /// Every pixel of the image.
+    Image,
+}
+
 /// A scene whose positions and colours are a little off a target.
 pub(crate) struct Learner<T: Scalar> {
     scene: Scene,
     cull: Cull,
+    compared: Compared,
     positions: Tensor<T>,
     colors: Tensor<T>,
     target: Target<T>,
@@ -54,7 +64,7 @@ const SHIFT: f64 = 0.3 / 256.0;
 const TINT: f64 = 0.05;
 
 impl<T: Scalar> Learner<T> {
-    pub(crate) fn new(scene: &Scene, cull: Cull) -> Result<Self, FitError> {
+    pub(crate) fn new(scene: &Scene, cull: Cull, compared: Compared) -> Result<Self, FitError> {
         let mut tape = Tape::new();
         let target = {
             let positions = tape.constant(&scene.positions.cast());
@@ -65,20 +75,28 @@ impl<T: Scalar> Learner<T> {
         let target = Target::new(&target, &Tensor::zeros([3]))?;
         let positions = scene.jittered(SHIFT * scene.size.width as f64, 0).cast();
         let colors = scene.colors.map(|color: f64| T::from_f64((color + TINT).min(1.0)));
-        Ok(Self { scene: scene.clone(), cull, positions, colors, target, tape })
+        Ok(Self { scene: scene.clone(), cull, compared, positions, colors, target, tape })
     }
 
     /// One step of a fit without its optimizer: render, loss, gradients.
     pub(crate) fn step(&mut self) -> Result<(), FitError> {
         let positions = self.tape.leaf(&self.positions);
         let colors = self.tape.leaf(&self.colors);
-        let Scene { camera, mesh, size, .. } = &self.scene;
-        let clip = project(positions, camera, None)?;
-        let options = RasterOptions { size: *size, cull: self.cull };
-        let fragments = rasterize(clip, mesh, options)?;
-        let surface = interpolate(colors, &fragments)?;
-        let layer = layer(surface, &fragments, Background::Zero)?.antialias(clip)?;
-        let loss = layer.squared_error(&self.target)?;
+        let loss = match self.compared {
+            Compared::Layer => {
+                let Scene { camera, mesh, size, .. } = &self.scene;
+                let clip = project(positions, camera, None)?;
+                let options = RasterOptions { size: *size, cull: self.cull };
+                let fragments = rasterize(clip, mesh, options)?;
+                let surface = interpolate(colors, &fragments)?;
+                let layer = layer(surface, &fragments, Background::Zero)?.antialias(clip)?;
+                layer.squared_error(&self.target)?
+            }
+            Compared::Image => {
+                let image = render(&self.scene, self.cull, positions, colors)?.image;
+                squared_error(image, self.tape.constant(self.target.image()))?
+            }
+        };
         let gradients: Gradients<'_, T> = loss.backward()?;
         black_box((loss.item(), gradients.get(positions), gradients.get(colors)));
         drop(gradients);
@@ -94,7 +112,7 @@ impl Scene {
     /// # Errors
     /// What an operation refuses: none does.
     pub fn steps(&self) -> Result<impl FnMut() -> Result<(), FitError> + Send, FitError> {
-        let mut learner = Learner::<f32>::new(self, Cull::None)?;
+        let mut learner = Learner::<f32>::new(self, Cull::None, Compared::Layer)?;
         Ok(move || learner.step())
     }
 }

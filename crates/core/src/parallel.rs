@@ -117,6 +117,26 @@ pub fn merge_ranges<R: Send>(
     (0..pieces).for_each(|k| merge(work(range(k))));
 }
 
+/// [`merge_ranges`] with results that are written into `results`, whose memory the next call finds
+/// again; of earlier calls they hold what `work` leaves there.
+pub fn merge_ranges_into<R: Default + Send>(
+    results: &mut Vec<R>,
+    length: usize,
+    piece: usize,
+    work: impl Fn(Range<usize>, &mut R) + Send + Sync,
+    merge: impl FnMut(&mut R),
+) {
+    let pieces = length.div_ceil(piece);
+    if results.len() < pieces {
+        results.resize_with(pieces, R::default);
+    }
+    let results = &mut results[..pieces];
+    for_each_item_mut(results, |k, result| {
+        work(k * piece..((k + 1) * piece).min(length), result);
+    });
+    results.iter_mut().for_each(merge);
+}
+
 /// Whether work on `length` entries in pieces of `piece` is shared by several threads. For work
 /// whose results need memory per piece only then; its results must not depend on the answer.
 pub fn is_shared(length: usize, piece: usize) -> bool {

@@ -11,7 +11,7 @@ use bokashi_render_ops::Cull;
 
 use crate::bench::Bench;
 use crate::effort::Effort;
-use crate::pipeline::Learner;
+use crate::pipeline::{Compared, Learner};
 use crate::scenes::Scene;
 use crate::study::Study;
 use crate::table::{Cell, Table};
@@ -48,7 +48,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
     };
     scene.mesh.adjacency();
     let before = status("VmRSS");
-    let mut learner = Learner::<f32>::new(&scene, Cull::None)?;
+    let mut learner = Learner::<f32>::new(&scene, Cull::None, Compared::Layer)?;
     let steps = bench.widest().install(|| (0..5).try_for_each(|_| learner.step()));
     if study.noted(&scene.name, steps).is_some() {
         let steps = status("VmHWM").zip(before).map(|(peak, before)| peak - before);

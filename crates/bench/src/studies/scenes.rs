@@ -1,7 +1,7 @@
 //! How long does a step take, beside what people use today?
 //!
-//! A step is projection, rasterization, interpolation, resolving, antialiasing, squared error, and
-//! the gradients with respect to positions and colours. DEODR (its 2-D stage alone, in f64, on one
+//! A step is projection, rasterization, interpolation, antialiasing, squared error, and the gradients
+//! with respect to positions and colours. DEODR (its 2-D stage alone, in f64, on one
 //! thread) is the peer that is fastest on a CPU.
 
 use bokashi_core::Scalar;
@@ -12,7 +12,7 @@ use rayon::ThreadPool;
 
 use crate::bench::Bench;
 use crate::effort::GENEROUS;
-use crate::pipeline::{Learner, contestant};
+use crate::pipeline::{Compared, Learner, contestant};
 use crate::sampling::{Contestant, Timing, interleaved};
 use crate::scenes::{Scene, scenes};
 use crate::study::{Figures, Study};
@@ -34,18 +34,23 @@ const DEODR_MILLISECONDS: [(&str, f64); 6] = [
 struct Way {
     precision: &'static str,
     cull: Cull,
+    compared: Compared,
     /// Index of the pool; it has one thread more.
     pool: usize,
 }
 
 fn ways(pools: usize) -> Vec<Way> {
-    let mut ways = Vec::new();
-    for precision in ["f32", "f64"] {
-        for cull in [Cull::Back, Cull::None] {
-            ways.extend((0..pools).map(|pool| Way { precision, cull, pool }));
-        }
-    }
-    ways
+    let kinds = [
+        ("f32", Cull::Back, Compared::Layer),
+        ("f32", Cull::None, Compared::Layer),
+        ("f32", Cull::Back, Compared::Image),
+        ("f64", Cull::Back, Compared::Layer),
+        ("f64", Cull::None, Compared::Layer),
+    ];
+    let of = |(precision, cull, compared)| {
+        (0..pools).map(move |pool| Way { precision, cull, compared, pool })
+    };
+    kinds.into_iter().flat_map(of).collect()
 }
 
 impl Way {
@@ -55,15 +60,15 @@ impl Way {
         pool: &'a ThreadPool,
     ) -> Result<Contestant<'a>, FitError> {
         fn of<'a, T: Scalar>(
+            way: Way,
             scene: &Scene,
-            cull: Cull,
             pool: &'a ThreadPool,
         ) -> Result<Contestant<'a>, FitError> {
-            Ok(contestant(Learner::<T>::new(scene, cull)?, pool))
+            Ok(contestant(Learner::<T>::new(scene, way.cull, way.compared)?, pool))
         }
         match self.precision {
-            "f32" => of::<f32>(scene, self.cull, pool),
-            _ => of::<f64>(scene, self.cull, pool),
+            "f32" => of::<f32>(self, scene, pool),
+            _ => of::<f64>(self, scene, pool),
         }
     }
 }
@@ -78,12 +83,14 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         "scenes",
         "A step, beside DEODR",
         format!(
-            "Projection, rasterization, interpolation, resolving, antialiasing, squared error, \
-             gradients with respect to positions and colours. Vertices are shifted within the image \
+            "Projection, rasterization, interpolation, antialiasing, squared error, gradients with \
+             respect to positions and colours. Only pixels that can differ from the background are \
+             antialiased and compared; what the others cost is summed with the target, before any \
+             step is timed. \"Whole image\" is the same step where all pixels are. Vertices are shifted within the image \
              plane, depths as they are, by normally distributed numbers of standard deviation 0.3 \
              pixels at 256 px (the same share of every image), colours by 0.05. DEODR 0.2.3 \
-             {source}; its figure covers the 2-D stage alone (no projection), in f64, on one \
-             thread, with back faces culled. It is shifted alike, but is given the silhouette \
+             {source}; its figure covers the 2-D stage alone (no projection), whole images in f64, \
+             on one thread, with back faces culled. It is shifted alike, but is given the silhouette \
              edges, found once from the unshifted vertices; ours are found anew in each step. The \
              table has f32 with back faces culled where nothing else is said."
         ),
@@ -104,6 +111,8 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
             ("times", "f32_2_threads_times"),
             ("not culled, 1", "f32_unculled_1_thread_milliseconds"),
             ("2", "f32_unculled_2_threads_milliseconds"),
+            ("whole image, 1", "f32_image_1_thread_milliseconds"),
+            ("2", "f32_image_2_threads_milliseconds"),
             ("f64, 1", "f64_1_thread_milliseconds"),
             ("2", "f64_2_threads_milliseconds"),
         ],
@@ -115,6 +124,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
             ("scene", "scene"),
             ("precision", "precision"),
             ("back faces", "back_faces"),
+            ("compared", "compared"),
             ("threads", "threads"),
             ("minimum, ms", "minimum_milliseconds"),
             ("median, ms", "median_milliseconds"),
@@ -141,6 +151,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
                 Cell::text(&scene.name),
                 Cell::text(way.precision),
                 Cell::text(back),
+                Cell::text(if way.compared == Compared::Layer { "layer" } else { "image" }),
                 Cell::Count(way.pool + 1),
                 Cell::timed(&timing, 1e3 * timing.minimum),
                 Cell::timed(&timing, 1e3 * timing.median),
@@ -149,37 +160,40 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
             ]);
         }
         let deodr = deodr(bench, &scene.name);
-        let of = |precision, cull, pool| {
-            let found = minima.iter().find(|(way, _)| *way == Way { precision, cull, pool });
-            found.map(|(_, timing)| timing)
+        let of = |precision, cull, compared, pool| {
+            let wanted = Way { precision, cull, compared, pool };
+            minima.iter().find(|(way, _)| *way == wanted).map(|(_, timing)| timing)
         };
-        let cell = |precision, cull, pool| {
-            let timing = of(precision, cull, pool);
+        let usual = |pool| of("f32", Cull::Back, Compared::Layer, pool);
+        let cell = |precision, cull, compared, pool| {
+            let timing = of(precision, cull, compared, pool);
             timing.map_or(Cell::Nothing, |timing| Cell::timed(timing, 1e3 * timing.minimum))
         };
         let times = |pool| {
-            let ours = of("f32", Cull::Back, pool);
+            let ours = usual(pool);
             Cell::maybe(deodr.zip(ours).map(|(deodr, ours)| deodr / (1e3 * ours.minimum)))
         };
         summary.push(vec![
             Cell::text(&scene.name),
             Cell::Count(scene.mesh.faces().len()),
             Cell::maybe(deodr),
-            cell("f32", Cull::Back, 0),
+            cell("f32", Cull::Back, Compared::Layer, 0),
             times(0),
-            cell("f32", Cull::Back, 1),
+            cell("f32", Cull::Back, Compared::Layer, 1),
             times(1),
-            cell("f32", Cull::None, 0),
-            cell("f32", Cull::None, 1),
-            cell("f64", Cull::Back, 0),
-            cell("f64", Cull::Back, 1),
+            cell("f32", Cull::None, Compared::Layer, 0),
+            cell("f32", Cull::None, Compared::Layer, 1),
+            cell("f32", Cull::Back, Compared::Image, 0),
+            cell("f32", Cull::Back, Compared::Image, 1),
+            cell("f64", Cull::Back, Compared::Layer, 0),
+            cell("f64", Cull::Back, Compared::Layer, 1),
         ]);
         if scene.name.starts_with("cube") {
             let mut point = |at: usize, [low, middle, high]: [f64; 3]| {
                 cube[at].push([scene.size.width as f64, low, middle, high]);
             };
             for pool in 0..bench.pools.len() {
-                if let Some(t) = of("f32", Cull::Back, pool) {
+                if let Some(t) = usual(pool) {
                     point(pool, [t.minimum, t.minimum, t.upper_quartile]);
                 }
             }

@@ -35,7 +35,7 @@ mod tests;
 use std::ops::Range;
 use std::sync::Arc;
 
-use bokashi_core::parallel::{is_shared, merge_ranges};
+use bokashi_core::parallel::{is_shared, merge_ranges_into};
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Shape, Var};
 
 use self::discontinuity::{Blend, Outline, blend};
@@ -125,7 +125,19 @@ struct Found<T: Scalar> {
     /// The uncovered pixels of all blends, in order, for a layer.
     rim: Option<Arc<Vec<u32>>>,
     outlines: Outlines<T::Wide>,
-    search: Rows,
+    /// Of pieces of the slots.
+    pieces_of_outlines: Vec<Outlines<T::Wide>>,
+    /// Of pieces of the image, the first one of all of it where it is not cut.
+    searches: Vec<Search<T::Wide>>,
+}
+
+/// What is found in some rows of the image, and memory.
+#[derive(Debug, Default)]
+struct Search<S> {
+    neighbors: Rows,
+    blends: Vec<Blend<S>>,
+    /// Per blend: the fragments of its two pixels.
+    fragments: Vec<[u32; 2]>,
 }
 
 /// Rows in one piece of the search.
@@ -137,23 +149,17 @@ const MISSING: u32 = u32::MAX;
 impl<T: Scalar> Found<T> {
     /// Finds all blends, row by row, and the fragments of their pixels.
     fn find(&mut self, coverage: &Coverage, clip: &[T]) {
-        let Self { blends, rows, outlines, search, .. } = self;
-        outlines.find(coverage, clip);
+        let Self { blends, rows, outlines, pieces_of_outlines, searches, .. } = self;
+        outlines.find(pieces_of_outlines, coverage, clip);
         blends.clear();
         rows.clear();
         let view = View { coverage, clip, outlines };
         let height = coverage.size().height;
-        if !is_shared(height, ROWS_PER_PIECE) {
-            return view.find(search, 0..height, blends, rows);
-        }
-        let work = |rows_of_image: Range<usize>| {
-            let mut found = (Vec::new(), Vec::new());
-            view.find(&mut Rows::default(), rows_of_image, &mut found.0, &mut found.1);
-            found
-        };
-        merge_ranges(height, ROWS_PER_PIECE, work, |found| {
-            blends.extend(found.0);
-            rows.extend(found.1);
+        let piece = if is_shared(height, ROWS_PER_PIECE) { ROWS_PER_PIECE } else { height };
+        let work = |rows: Range<usize>, search: &mut Search<T::Wide>| view.find(rows, search);
+        merge_ranges_into(searches, height, piece, work, |search| {
+            blends.append(&mut search.blends);
+            rows.append(&mut search.fragments);
         });
     }
 
@@ -234,23 +240,24 @@ struct Outlines<S> {
 
 impl<S: Scalar<Wide = S>> Outlines<S> {
     /// Finds the outlines of all slots.
-    fn find<T: Scalar<Wide = S>>(&mut self, coverage: &Coverage, clip: &[T]) {
+    fn find<T: Scalar<Wide = S>>(
+        &mut self,
+        pieces: &mut Vec<Self>,
+        coverage: &Coverage,
+        clip: &[T],
+    ) {
         self.outlines.clear();
         self.of_slot.clear();
         let count = coverage.slots.len();
         if !is_shared(count, SLOTS_PER_PIECE) {
             return self.extend(coverage, clip, 0..count);
         }
-        let work = |slots: Range<usize>| {
-            let mut found = Self::default();
-            found.extend(coverage, clip, slots);
-            found
-        };
-        merge_ranges(count, SLOTS_PER_PIECE, work, |found| {
+        let work = |slots: Range<usize>, piece: &mut Self| piece.extend(coverage, clip, slots);
+        merge_ranges_into(pieces, count, SLOTS_PER_PIECE, work, |piece| {
             let before = self.outlines.len() as u32;
-            self.outlines.extend(found.outlines);
+            self.outlines.append(&mut piece.outlines);
             let known = |at: u32| if at == NO_OUTLINE { at } else { before + at };
-            self.of_slot.extend(found.of_slot.into_iter().map(known));
+            self.of_slot.extend(piece.of_slot.drain(..).map(known));
         });
     }
 
@@ -284,20 +291,15 @@ struct View<'a, T: Scalar> {
 }
 
 impl<T: Scalar> View<'_, T> {
-    /// Appends the blends at the pairs whose first pixel lies in `rows_of_image`, and the fragments of
-    /// their pixels.
-    fn find(
-        &self,
-        search: &mut Rows,
-        rows_of_image: Range<usize>,
-        blends: &mut Vec<Blend<T::Wide>>,
-        rows: &mut Vec<[u32; 2]>,
-    ) {
+    /// Appends the blends at the pairs whose first pixel lies in `rows`, and the fragments of their
+    /// pixels.
+    fn find(&self, rows: Range<usize>, search: &mut Search<T::Wide>) {
+        let Search { neighbors, blends, fragments } = search;
         let counts = |slot: usize| self.outlines.of_slot[slot] != NO_OUTLINE;
-        search.for_each_pair(self.coverage, rows_of_image, counts, |pair| {
+        neighbors.for_each_pair(self.coverage, rows, counts, |pair| {
             if let Some(blend) = self.blend(&pair) {
                 blends.push(blend);
-                rows.push(pair.seen.map(|seen| seen.map_or(MISSING, |s| s.fragment)));
+                fragments.push(pair.seen.map(|seen| seen.map_or(MISSING, |s| s.fragment)));
             }
         });
     }

@@ -17,16 +17,7 @@
 //! time is chosen, by sigma and the extents of the image: the second from a sigma of 6 or 7 on.
 //!
 //! # Cost and error
-//! Forward, backward to the image and sigma, three channels in `f32`, one thread, in milliseconds of a
-//! processor of 2024 (AVX2, other work beside it; `benches/blur.rs`):
-//!
-//! | pixels | sigma | window, tolerance 1e-4 | systems, 1e-4 | systems, 1e-6 |
-//! |---|---|---|---|---|
-//! | 32 x 32 | 4 | 0.018 | | |
-//! | 1024 x 1024 | 1 | 8.2 | | |
-//! | 1024 x 1024 | 4 | 18 | | |
-//! | 1024 x 1024 | 16 | 58 | 41 | 51 |
-//! | 1024 x 1024 | 64 | | 42 | |
+//! `docs/performance.md` has the times, `docs/benchmarks.md` times beside errors.
 //!
 //! The share of the weight that a window misses is not the error of its slope: with a tolerance of
 //! 1e-4 the slopes of a wide window are off by 3e-3, in the sum over taps, with 1e-6 by some 5e-5.

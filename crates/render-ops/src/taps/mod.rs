@@ -6,7 +6,6 @@
 //! |---|---|---|
 //! | seed | `g_k / (sqrt(2 pi) sigma)` | `w_k (k^2 / sigma^2 - 1) / sigma` |
 //! | sampled | `g_k / sum g` | `w_k (k^2 - m_2) / sigma^3`, `m_2 = sum w_k k^2` |
-//!
 //! | discrete | `exp(-t) I_k(t)`, `t = sigma^2` | `sigma (w_(k-1) - 2 w_k + w_(k+1))` |
 //!
 //! The sampled weights sum to 1, their derivatives to 0; so do the discrete ones (`discrete`).
