@@ -39,7 +39,7 @@ const NO_SLOT: u32 = u32::MAX;
 const NO_FACE: u64 = u64::MAX;
 
 /// The stages of rasterization, with their memory, which the next step uses again.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Visibility<T: Scalar> {
     pub(super) corners: Vec<Corner<T::Wide>>,
     /// Whether a face that is drawn reaches behind the eye, so that all rows have to be searched.
@@ -52,20 +52,6 @@ pub(super) struct Visibility<T: Scalar> {
     /// Per band: the faces that can touch it.
     faces: Vec<Vec<u32>>,
     canvases: Vec<Canvas<T>>,
-}
-
-impl<T: Scalar> Default for Visibility<T> {
-    fn default() -> Self {
-        Self {
-            corners: Vec::new(),
-            reaches_behind: false,
-            verdicts: Vec::new(),
-            centers: Vec::new(),
-            ys: Vec::new(),
-            faces: Vec::new(),
-            canvases: Vec::new(),
-        }
-    }
 }
 
 /// What the stages share.
@@ -229,7 +215,7 @@ fn join<'a, T: Scalar>(bands: impl Iterator<Item = &'a Band<T>>, coverage: &mut 
 }
 
 /// What is seen in a band, counted from its first run, slot and fragment.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Band<T> {
     runs: Vec<Run>,
     by_pixel: Vec<u32>,
@@ -240,21 +226,8 @@ pub(super) struct Band<T> {
     pub(super) barycentrics: Vec<T>,
 }
 
-impl<T> Default for Band<T> {
-    fn default() -> Self {
-        Self {
-            runs: Vec::new(),
-            by_pixel: Vec::new(),
-            row_starts: Vec::new(),
-            slots: Vec::new(),
-            covered: Vec::new(),
-            barycentrics: Vec::new(),
-        }
-    }
-}
-
 /// Where bands are drawn, one after another.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Canvas<T: Scalar> {
     /// Of the faces that were drawn.
     weights: Vec<Weights<T::Wide>>,
@@ -284,23 +257,6 @@ struct Stretch {
     row: u32,
     column: u32,
     length: u32,
-}
-
-impl<T: Scalar> Default for Canvas<T> {
-    fn default() -> Self {
-        Self {
-            weights: Vec::new(),
-            depths: Vec::new(),
-            faces: Vec::new(),
-            reached: Vec::new(),
-            slot_of: Vec::new(),
-            seen: Vec::new(),
-            stretches: Vec::new(),
-            ends: Vec::new(),
-            sorted: Vec::new(),
-            bands: Vec::new(),
-        }
-    }
 }
 
 /// The work on a canvas: it draws every `step`-th band from `first` on.
