@@ -229,6 +229,8 @@ pub(super) struct Band<T> {
 /// Where bands are drawn, one after another.
 #[derive(Debug, Default)]
 struct Canvas<T: Scalar> {
+    /// The width of the image that it was made for.
+    width: usize,
     /// Of the faces that were drawn.
     weights: Vec<Weights<T::Wide>>,
     /// Per pixel: the nearest depth so far, and the position in `weights` of its face, in as many bits
@@ -287,8 +289,10 @@ impl<T: Scalar> Canvas<T> {
         faces: &[Vec<u32>],
         bands: impl ExactSizeIterator<Item = usize>,
     ) {
-        let blocks = view.rows * view.blocks_per_row();
-        if self.depths.len() != blocks || self.reached.len() != view.rows {
+        // As many blocks are not enough: what was drawn beyond the width is never forgotten.
+        if self.width != view.size.width || self.reached.len() != view.rows {
+            let blocks = view.rows * view.blocks_per_row();
+            self.width = view.size.width;
             self.depths.clear();
             self.depths.resize(blocks, [beyond(); LANES]);
             self.faces.clear();
@@ -360,8 +364,8 @@ impl<T: Scalar> Canvas<T> {
         self.weights.push(setup.weights());
     }
 
-    /// Reads what the pixels of a row of band `at` see, and forgets what was drawn there. `local` is
-    /// the row within the band.
+    /// Reads what the pixels of a row of band `at` see, and forgets what was drawn there, up to the
+    /// image's width. `local` is the row within the band.
     #[inline(always)]
     fn read(&mut self, view: &View<'_, T>, at: usize, row: usize, local: usize) {
         let [first, end] = std::mem::replace(&mut self.reached[local], [view.size.width, 0]);

@@ -1,5 +1,7 @@
 //! Small faces are drawn in blocks of pixels, others span by span: the picture does not tell.
 
+use rayon::ThreadPoolBuilder;
+
 use super::oracle::{assert_is_the_oracles, vertex};
 use super::setup::{Corner, Fate, LANES, Setup, Verdict, beyond};
 use super::*;
@@ -124,4 +126,47 @@ fn the_last_block_of_a_row_ends_at_the_right_border_whatever_the_width() {
             }
         }
     }
+}
+
+#[test]
+fn an_image_of_another_width_shows_nothing_of_the_one_before() {
+    // Widths of one number of blocks, and of one number of rows per band: one band, and several.
+    for (widths, height) in [([29, 30, 31, 32, 29], 20), ([1025, 1026, 1027, 1028, 1025], 40)] {
+        for threads in [1, 2] {
+            let mut tape = Tape::<f64>::new();
+            let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                for (step, width) in (0..).zip(widths) {
+                    let size = Size { width, height };
+                    let (clip, mesh) = faces_over_the_right_border(size, step);
+                    let on = |tape: &Tape<f64>| {
+                        let fragments = rasterize(tape.leaf(&clip), &mesh, size).unwrap();
+                        let ids = fragments.coverage.triangle_ids();
+                        (ids, fragments.barycentrics.value())
+                    };
+                    assert!(on(&tape) == on(&Tape::new()), "{size} on {threads} threads");
+                    tape.reset();
+                }
+            });
+        }
+    }
+}
+
+/// Faces of few rows and columns, which are drawn in blocks, and one of many, which is drawn in
+/// spans; at each step farther away than at the one before, and in another order.
+fn faces_over_the_right_border(size: Size, step: usize) -> (Tensor<f64>, Mesh) {
+    let few = (0..size.height / 4).map(|k| (size.width as f64 - 5.7, 4.0 * k as f64));
+    let (right, z) = (size.width as f64 + 9.0, 0.1 * step as f64 - 0.9);
+    let clip: Clip = few
+        .chain([(0.2, 1.0)])
+        .flat_map(|(left, top)| [(left, top), (right, top + 1.0), (left, top + 2.7)])
+        .map(|(x, y)| {
+            let [x, y, _, w] = at_px(size, x, y);
+            [x, y, z, w]
+        })
+        .collect();
+    let mut faces: Vec<_> =
+        (0..clip.len() as u32 / 3).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+    faces.rotate_left(step);
+    (tensor(&clip), Mesh::new(faces, clip.len()).unwrap())
 }
