@@ -26,7 +26,7 @@ const PIXELS_PER_BAND: usize = 1 << 14;
 /// Canvases per thread, where there are several: one that has less to do takes another one.
 const CANVASES_PER_THREAD: usize = 2;
 
-/// A face that can touch fewer pixels is drawn without looking where in a row it starts and ends.
+/// A face that can touch no more pixels is drawn without looking where in a row it starts and ends.
 const PIXELS_PER_BLOCK: usize = 1024;
 
 /// Vertices or faces in one piece of work: some tens of microseconds.
