@@ -21,36 +21,55 @@ fn face() -> impl Strategy<Value = [[f64; 4]; 3]> {
     prop::array::uniform3(prop_oneof![vertex(), on_centers])
 }
 
-/// One row's blocks.
-fn row_of(
-    y: f64,
-    (depths, faces): &mut (Vec<[f64; LANES]>, Vec<[u64; LANES]>),
-) -> impl Iterator<Item = (f64, &mut [[f64; LANES]], &mut [[u64; LANES]])> {
-    std::iter::once((y, depths.as_mut_slice(), faces.as_mut_slice()))
+/// Depths and faces, in blocks.
+type Blocks = (Vec<[f64; LANES]>, Vec<[u64; LANES]>);
+
+/// Rows of blocks.
+fn rows_of<'a>(
+    ys: &'a [f64],
+    (depths, faces): &'a mut Blocks,
+) -> impl Iterator<Item = (f64, &'a mut [[f64; LANES]], &'a mut [[u64; LANES]])> {
+    let per_row = depths.len() / ys.len();
+    let rows = depths.chunks_exact_mut(per_row).zip(faces.chunks_exact_mut(per_row));
+    ys.iter().zip(rows).map(|(&y, (depths, faces))| (y, depths, faces))
 }
 
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(2000) })]
 
     #[test]
-    fn blocks_draw_what_spans_draw(faces in prop::array::uniform3(face()), columns in 1..6_usize) {
-        let size = Size { width: columns * LANES, height: 16 };
-        let centers: Vec<f64> = (0..size.width).map(|column| size.center_x(column)).collect();
+    fn blocks_draw_what_spans_draw(
+        faces in prop::array::uniform3(face()),
+        width in 1..22_usize,
+        height in 1..17_usize,
+        first in 0..17_usize,
+    ) {
+        // Blocks are drawn from row `first` on, and write beyond a width that they do not divide.
+        let (size, first) = (Size { width, height }, first % height);
+        let columns = size.width.next_multiple_of(LANES);
+        let centers: Vec<f64> = (0..columns).map(|column| size.center_x(column)).collect();
         let (in_blocks, _) = centers.as_chunks();
-        let setups: Vec<_> = faces.iter().filter_map(|face| setup(face, size)).collect();
-        for y in (0..size.height).map(|row| size.center_y::<f64>(row)) {
-            let empty =
-                (vec![[beyond::<f64>(); LANES]; columns], vec![[u64::MAX; LANES]; columns]);
-            let (mut blocks, mut spans) = (empty.clone(), empty);
-            for (face, setup) in (0..).zip(&setups).filter(|(_, setup)| setup.has_plane()) {
-                let (mut setup, all) = (*setup, [0, size.width]);
-                if setup.cover_blocks(row_of(y, &mut blocks), in_blocks, face) {
-                    setup.cover_doubtful(row_of(y, &mut blocks), in_blocks, face);
-                }
-                let (depths, faces) = (spans.0.as_flattened_mut(), spans.1.as_flattened_mut());
-                setup.cover_span(&setup.row(y), all, &centers, depths, faces, face);
+        let ys: Vec<f64> = (first..size.height).map(|row| size.center_y(row)).collect();
+        let count = ys.len() * in_blocks.len();
+        let mut blocks = (vec![[beyond::<f64>(); LANES]; count], vec![[u64::MAX; LANES]; count]);
+        let mut spans = blocks.clone();
+        let setups = faces.iter().filter_map(|face| setup(face, size));
+        for (face, mut setup) in (0..).zip(setups.filter(Setup::has_plane)) {
+            if setup.cover_blocks(rows_of(&ys, &mut blocks), in_blocks, face) {
+                setup.cover_doubtful(rows_of(&ys, &mut blocks), in_blocks, face);
             }
-            prop_assert_eq!(blocks, spans);
+            for (y, depths, faces) in rows_of(&ys, &mut spans) {
+                let (depths, faces) = (depths.as_flattened_mut(), faces.as_flattened_mut());
+                let (row, all) = (setup.row(y), [0, size.width]);
+                setup.cover_span(&row, all, &centers[..size.width], depths, faces, face);
+            }
+        }
+        // What lies in the padding means nothing.
+        for ((_, blocks, seen), (_, spans, expected)) in
+            rows_of(&ys, &mut blocks).zip(rows_of(&ys, &mut spans))
+        {
+            prop_assert_eq!(&blocks.as_flattened()[..width], &spans.as_flattened()[..width]);
+            prop_assert_eq!(&seen.as_flattened()[..width], &expected.as_flattened()[..width]);
         }
     }
 }
