@@ -1,6 +1,6 @@
 //! The same bits for any number of threads, and on recycled memory, through the whole pipeline.
 
-use bokashi_core::{Scalar, Tape, Tensor};
+use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
     Background, Blur, Border, Kernel, Lens, Mesh, Pose, RenderError, Size, Target, antialias,
     depth, depth_of_field, gaussian_blur, interpolate, layer, project, rasterize, resolve,
@@ -60,15 +60,20 @@ impl Sphere {
         let blurred = gaussian_blur(smooth, sigma, &Blur::default())?;
         let layer = layer(surface, &fragments, Background::Zero)?.antialias(clip)?;
         assert!(layer.values.shape()[0] > fragments.coverage.count(), "the layer has a rim");
-        let goal =
-            Tensor::from_fn([height, width, 3], |k| T::from_f64((k * 13 % 83) as f64 / 83.0));
-        let error = layer.squared_error(&Target::new(&goal, &Tensor::zeros([3]))?)?;
-        let loss = blurred.square().sum() + error + depth(&fragments)?.square().sum();
+        // Several, for a sum in another order may be the same.
+        let errors = (0..8).map(|k| {
+            let goal = |at: usize| T::from_f64(((at + k) * 7919 % 83) as f64 / 83.0);
+            let goal = Tensor::from_fn([height, width, 3], goal);
+            let error = layer.squared_error(&Target::new(&goal, &Tensor::zeros([3]))?)?;
+            Ok(error.reshape([1])?)
+        });
+        let errors = Var::concat(&errors.collect::<Result<Vec<_>, RenderError>>()?, 0)?;
+        let loss = blurred.square().sum() + errors.sum() + depth(&fragments)?.square().sum();
         let gradients = loss.backward()?;
         let leaves = [positions, colors, rotation, translation, background, sigma];
         let mut results: Vec<_> =
             leaves.iter().map(|&leaf| gradients.get(leaf).unwrap().clone()).collect();
-        let values = [fragments.barycentrics, smooth, blurred, layer.values, error, loss];
+        let values = [fragments.barycentrics, smooth, blurred, layer.values, errors, loss];
         results.extend(values.map(|var| var.value()));
         let ids = fragments.coverage.triangle_ids();
         results.push(Tensor::from_fn([height, width], |k| T::from_f64(ids[k].into())));

@@ -86,9 +86,9 @@ fn layers_before_every_background() {
     for (kind, scenes) in scenes() {
         for background in 0..3 {
             let cases = scenes.clone().prop_map(move |scene| in_layers(scene, background));
-            // Of two bands.
+            // Of four bands: the sums of two are the same in either order.
             let large = scenes.clone().prop_map(move |scene| {
-                in_layers(Scene { size: size(190, 150), ..scene }, background)
+                in_layers(Scene { size: size(190, 300), ..scene }, background)
             });
             let name = format!("layer {background}, {kind}");
             check(Check::of_cases(name, cases).large(1, large));
