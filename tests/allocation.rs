@@ -8,7 +8,7 @@ use allocation_counter::measure;
 use bokashi_core::parallel::ENTRIES_PER_PIECE;
 use bokashi_core::{Tape, Tensor, TensorError, Var};
 use bokashi_fit::scenes::FACES;
-use bokashi_fit::{FitError, squared_error};
+use bokashi_fit::{Fit, FitError, FitSettings, Parameter, Parameters, from_fn, squared_error};
 use bokashi_render_ops::{
     Background, Blur, Coverage, Kernel, Mesh, Pose, Size, Target, antialias, gaussian_blur,
     interpolate, layer, project, rasterize, resolve,
@@ -17,14 +17,14 @@ use glam::dcamera::rh::proj::opengl::perspective;
 use rayon::{ThreadBuilder, ThreadPoolBuilder};
 
 /// The leaves of a step.
-struct Parameters {
+struct Leaves {
     points: Tensor<f32>,
     weights: Tensor<f32>,
     image: Tensor<f32>,
     rows: Arc<[u32]>,
 }
 
-impl Parameters {
+impl Leaves {
     fn new(pixels: usize) -> Self {
         Self {
             points: Tensor::from_fn([9, 4], |k| 0.1 * k as f32 - 1.0),
@@ -36,13 +36,13 @@ impl Parameters {
 }
 
 /// Records every kind of operation, reads gradients of two passes at once, and ends the step.
-fn step(tape: &mut Tape<f32>, parameters: &Parameters) -> Result<f32, TensorError> {
+fn step(tape: &mut Tape<f32>, parameters: &Leaves) -> Result<f32, TensorError> {
     let sum = record(tape, parameters)?;
     tape.reset();
     Ok(sum)
 }
 
-fn record(tape: &Tape<f32>, parameters: &Parameters) -> Result<f32, TensorError> {
+fn record(tape: &Tape<f32>, parameters: &Leaves) -> Result<f32, TensorError> {
     let points = tape.leaf(&parameters.points);
     let weights = tape.leaf_copied(&parameters.weights);
     let image = tape.leaf(&parameters.image);
@@ -94,27 +94,33 @@ impl Scene {
     }
 
     fn record(&self, tape: &Tape<f32>) -> Result<f32, FitError> {
-        let vertices = tape.leaf_copied(&self.vertices);
-        let rotation = tape.leaf_copied(&self.rotation);
-        let pose = Pose { rotation, translation: tape.leaf_copied(&self.translation) };
-        let background = tape.leaf_copied(&self.background);
+        let leaves = [&self.vertices, &self.rotation, &self.translation, &self.background];
+        let [vertices, rotation, translation, background] = leaves.map(|of| tape.leaf_copied(of));
         let sigma = tape.scalar(1.2);
+        let variables = [vertices, rotation, translation, background, sigma];
+        let gradients = self.loss(tape, variables)?.backward()?;
+        let of = [vertices, rotation, background, sigma].map(|leaf| gradients.get(leaf));
+        Ok(of.into_iter().map(|gradient| gradient.expect("each is used").data()[0]).sum())
+    }
 
+    fn loss<'t>(
+        &self,
+        tape: &'t Tape<f32>,
+        [vertices, rotation, translation, background, sigma]: [Var<'t, f32>; 5],
+    ) -> Result<Var<'t, f32>, FitError> {
+        let pose = Pose { rotation, translation };
         let clip = project(vertices, &perspective(0.7, 1.0, 1.0, 50.0), Some(pose))?;
         let fragments = rasterize(clip, &self.mesh, Size::square(self.target.shape()[0]))?;
         let surface = interpolate(vertices, &fragments)?;
         let image = resolve(surface, &fragments, Background::Color(background))?;
         let image = antialias(image, &fragments, clip)?;
         let image = gaussian_blur(image, sigma, &Blur::default())?;
-        let loss = squared_error(image, tape.constant(&self.target))?;
-        let gradients = loss.backward()?;
-        let of = [vertices, rotation, background, sigma].map(|leaf| gradients.get(leaf));
-        Ok(of.into_iter().map(|gradient| gradient.expect("each is used").data()[0]).sum())
+        Ok(squared_error(image, tape.constant(&self.target))?)
     }
 }
 
 /// Every kind of operation on constants, and the identities among them: values, but no nodes.
-fn infer(tape: &mut Tape<f32>, parameters: &Parameters) -> Result<f32, TensorError> {
+fn infer(tape: &mut Tape<f32>, parameters: &Leaves) -> Result<f32, TensorError> {
     let item = {
         let image = tape.constant(&parameters.image);
         let points = tape.constant(&parameters.points);
@@ -127,24 +133,30 @@ fn infer(tape: &mut Tape<f32>, parameters: &Parameters) -> Result<f32, TensorErr
     Ok(item)
 }
 
-/// Steps 3 to 5 of many that are all the same give the same number and allocate nothing.
-fn assert_steady_from_step_3(mut step: impl FnMut() -> f32 + Send) {
+/// Steps 3 to 5 allocate nothing.
+fn assert_nothing_allocated_from_step_3(mut step: impl FnMut() + Send) {
     let alone = ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     alone.install(|| {
-        let first = step();
-        assert_eq!(step(), first);
+        step();
+        step();
         for k in 3..6 {
-            let mut sum = 0.0;
-            let counted = measure(|| sum = step());
-            assert_eq!(counted.count_total, 0, "step {k} allocates");
-            assert_eq!(sum, first);
+            assert_eq!(measure(&mut step).count_total, 0, "step {k} allocates");
         }
+    });
+}
+
+/// The same of steps that are all the same: they give the same number, too.
+fn assert_steady_from_step_3(mut step: impl FnMut() -> f32 + Send) {
+    let mut first = None;
+    assert_nothing_allocated_from_step_3(|| {
+        let sum = step();
+        assert_eq!(*first.get_or_insert(sum), sum);
     });
 }
 
 /// A step of every tensor operation on `pixels` pixels.
 fn tensor_steps(pixels: usize) -> impl FnMut() -> f32 + Send {
-    let (mut tape, parameters) = (Tape::new(), Parameters::new(pixels));
+    let (mut tape, parameters) = (Tape::new(), Leaves::new(pixels));
     move || step(&mut tape, &parameters).unwrap()
 }
 
@@ -157,14 +169,14 @@ fn rendering_steps(side: usize) -> impl FnMut() -> f32 + Send {
 #[test]
 fn steady_inference_allocates_nothing() {
     for pixels in [8, ENTRIES_PER_PIECE + 5] {
-        let (mut tape, parameters) = (Tape::new(), Parameters::new(pixels));
+        let (mut tape, parameters) = (Tape::new(), Leaves::new(pixels));
         assert_steady_from_step_3(move || infer(&mut tape, &parameters).unwrap());
     }
 }
 
 #[test]
 fn steps_that_leave_out_other_work_by_turns_allocate_nothing() {
-    let (mut tape, parameters) = (Tape::new(), Parameters::new(100));
+    let (mut tape, parameters) = (Tape::new(), Leaves::new(100));
     assert_steady_from_step_3(move || {
         let mut sum = 0.0;
         for (frozen, exponent) in [(false, 1), (true, 3), (false, 3), (true, 1)] {
@@ -182,12 +194,12 @@ fn steps_that_leave_out_other_work_by_turns_allocate_nothing() {
 
 #[test]
 fn the_memory_of_many_steps_is_that_of_the_first_ones() {
-    let (mut tape, parameters) = (Tape::new(), Parameters::new(1000));
+    let (mut tape, parameters) = (Tape::new(), Leaves::new(1000));
     let mut steps = |count: usize| {
         let held = measure(|| {
             for _ in 0..count {
                 // A tensor of the caller's own, a new one each time, and one that outlives its step.
-                let image = Parameters::new(1000).image;
+                let image = Leaves::new(1000).image;
                 let held = (tape.leaf(&image).exp() * 2.0).value();
                 tape.reset();
                 step(&mut tape, &parameters).unwrap();
@@ -235,6 +247,30 @@ fn a_steady_step_of_rendering_in_many_pieces_allocates_nothing() {
 }
 
 #[test]
+fn a_steady_step_of_training_allocates_nothing() {
+    for side in [32, 300] {
+        let scene = Scene::new(side);
+        // The cube moves by so little that it covers the same pixels.
+        let moved = |name, value: &Tensor<f32>| Parameter::new(name, value.clone()).rate(1e-6);
+        let parameters = Parameters::new()
+            .with(moved("vertices", &scene.vertices))
+            .and_then(|all| all.with(moved("rotation", &scene.rotation)))
+            .and_then(|all| all.with(moved("translation", &scene.translation)))
+            .and_then(|all| all.with(Parameter::new("background", scene.background.clone())))
+            .and_then(|all| all.with(Parameter::new("sigma", Tensor::scalar(1.2))));
+        let mut fit = Fit::new(parameters.unwrap(), FitSettings::default()).unwrap();
+        let mut pipeline =
+            from_fn(|tape, variables| scene.loss(tape, std::array::from_fn(|at| variables[at])));
+        let mut before = f64::INFINITY;
+        assert_nothing_allocated_from_step_3(|| {
+            let loss = fit.step(&mut pipeline).unwrap().loss;
+            assert!(loss < before, "{loss} after {before}");
+            before = loss;
+        });
+    }
+}
+
+#[test]
 fn a_steady_step_of_every_blur_allocates_nothing() {
     for (kernel, sigma) in
         [(Kernel::Sampled, 3.0), (Kernel::Discrete, 3.0), (Kernel::Discrete, 40.0)]
@@ -271,6 +307,7 @@ struct Found {
     slots: usize,
     /// Pairs of neighbouring pixels of which one is covered.
     pairs: usize,
+    loss: f32,
 }
 
 impl Sheets {
@@ -316,12 +353,13 @@ impl Sheets {
         let fragments = rasterize(clip, &self.mesh, self.size)?;
         let surface = interpolate(vertices, &fragments)?;
         let layer = layer(surface, &fragments, Background::Zero)?.antialias(clip)?;
-        let gradients = layer.squared_error(&self.target)?.backward()?;
+        let loss = layer.squared_error(&self.target)?;
+        let gradients = loss.backward()?;
         assert!(gradients.get(vertices).is_some());
-        Ok(self.found(&fragments.coverage))
+        Ok(self.found(&fragments.coverage, loss.item()))
     }
 
-    fn found(&self, coverage: &Coverage) -> Found {
+    fn found(&self, coverage: &Coverage, loss: f32) -> Found {
         let Size { width, height } = self.size;
         // Whole rows, of 2^14 pixels or a little more.
         let bands = height.div_ceil((1_usize << 14).div_ceil(width));
@@ -333,7 +371,7 @@ impl Sheets {
             let places = (0..width * height - step).filter(|k| step > 1 || (k + 1) % width > 0);
             places.filter(|&k| is_seen(k) != is_seen(k + step)).count()
         });
-        Found { bands, slots: changes + bands, pairs: across + down }
+        Found { bands, slots: changes + bands, pairs: across + down, loss }
     }
 
     /// What all threads of a pool allocate while it takes `count` steps, from the start of the
@@ -368,6 +406,19 @@ fn growing(count: usize, entries: usize, bytes: usize) -> [f64; 2] {
 }
 
 #[test]
+fn a_steady_step_of_a_layer_allocates_nothing() {
+    // One band and several, few faces and many, and many that are hidden.
+    for (side, hidden, pixels) in [(2, 0, 48), (40, 0, 300), (2, 250, 200)] {
+        let (mut tape, sheets) = (Tape::new(), Sheets::new(side, hidden, pixels));
+        assert_steady_from_step_3(|| {
+            let Found { slots, pairs, loss, .. } = sheets.step(&mut tape).unwrap();
+            assert!(slots > 0 && pairs > 0);
+            loss
+        });
+    }
+}
+
+#[test]
 fn steady_steps_on_several_threads_allocate_lists_of_what_their_pieces_find() {
     // Few faces on many pixels, many faces, and many that are hidden: were anything allocated per
     // pixel or per face, it would not fit in.
@@ -376,7 +427,8 @@ fn steady_steps_on_several_threads_allocate_lists_of_what_their_pieces_find() {
         for threads in [2, 4] {
             let (start, steps) = (4, 16);
             let (before, _) = sheets.allocated(threads, start);
-            let (after, Found { bands, slots, pairs }) = sheets.allocated(threads, start + steps);
+            let (after, Found { bands, slots, pairs, .. }) =
+                sheets.allocated(threads, start + steps);
 
             // Lists of the pieces' results: of bands twice in the forward pass and twice in the
             // backward one, of rows, of slots; with a sum per band.

@@ -1,9 +1,9 @@
 //! The same bits for any number of threads, and on recycled memory, through the whole pipeline.
 
-use bokashi_core::{Scalar, Tape, Tensor};
+use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
-    Background, Blur, Border, Kernel, Lens, Mesh, Pose, RenderError, Size, antialias, depth,
-    depth_of_field, gaussian_blur, interpolate, project, rasterize, resolve,
+    Background, Blur, Border, Kernel, Lens, Mesh, Pose, RenderError, Size, Target, antialias,
+    depth, depth_of_field, gaussian_blur, interpolate, layer, project, rasterize, resolve,
 };
 use glam::dcamera::rh::proj::opengl::perspective;
 use rayon::ThreadPoolBuilder;
@@ -37,7 +37,7 @@ impl Sphere {
         Self { mesh, positions, size }
     }
 
-    /// The image and every gradient of a loss, on `tape`.
+    /// The image, a layer of the same surface, and every gradient of a loss of both, on `tape`.
     fn step<T: Scalar>(&self, tape: &Tape<T>) -> Result<Vec<Tensor<T>>, RenderError> {
         let vertices = self.mesh.vertex_count();
         let leaf = |shape: &[usize], entry: &dyn Fn(usize) -> f64| {
@@ -58,12 +58,23 @@ impl Sphere {
         let image = resolve(surface, &fragments, Background::Image(background))?;
         let smooth = antialias(image, &fragments, clip)?;
         let blurred = gaussian_blur(smooth, sigma, &Blur::default())?;
-        let loss = blurred.square().sum() + depth(&fragments)?.square().sum();
+        let layer = layer(surface, &fragments, Background::Zero)?.antialias(clip)?;
+        assert!(layer.values.shape()[0] > fragments.coverage.count(), "the layer has a rim");
+        // Several, for a sum in another order may be the same.
+        let errors = (0..8).map(|k| {
+            let goal = |at: usize| T::from_f64(((at + k) * 7919 % 83) as f64 / 83.0);
+            let goal = Tensor::from_fn([height, width, 3], goal);
+            let error = layer.squared_error(&Target::new(&goal, &Tensor::zeros([3]))?)?;
+            Ok(error.reshape([1])?)
+        });
+        let errors = Var::concat(&errors.collect::<Result<Vec<_>, RenderError>>()?, 0)?;
+        let loss = blurred.square().sum() + errors.sum() + depth(&fragments)?.square().sum();
         let gradients = loss.backward()?;
         let leaves = [positions, colors, rotation, translation, background, sigma];
         let mut results: Vec<_> =
             leaves.iter().map(|&leaf| gradients.get(leaf).unwrap().clone()).collect();
-        results.extend([fragments.barycentrics, smooth, blurred, loss].map(|var| var.value()));
+        let values = [fragments.barycentrics, smooth, blurred, layer.values, errors, loss];
+        results.extend(values.map(|var| var.value()));
         let ids = fragments.coverage.triangle_ids();
         results.push(Tensor::from_fn([height, width], |k| T::from_f64(ids[k].into())));
         assert!(results.iter().all(Tensor::is_finite));

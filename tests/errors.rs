@@ -16,7 +16,7 @@ use bokashi_fit::{
 };
 use bokashi_render_ops::{
     Background, Blur, Kernel, Lens, Mesh, Pose, Radius, RenderError, Size, depth_of_field,
-    gaussian_blur, interpolate, interpolate_indexed, project, rasterize, resolve,
+    gaussian_blur, interpolate, interpolate_indexed, layer, project, rasterize, resolve,
 };
 use glam::DMat4;
 
@@ -116,6 +116,10 @@ fn every_render_error_says_the_rule_and_the_value() {
     let clip = tape.leaf(&Tensor::new([3, 4], corners.clone()).unwrap());
     let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
     let fragments = rasterize(clip, &mesh, Size::square(4)).unwrap();
+    let values = zeros(&[fragments.coverage.count(), 1]);
+    let smooth = layer(values, &fragments, Background::Zero).unwrap().antialias(clip).unwrap();
+    let rim = smooth.values.shape()[0] - values.shape()[0];
+    let again = smooth.antialias(clip).map(drop);
     let (points, image, depth) = (zeros(&[2, 3]), zeros(&[4, 4, 1]), zeros(&[4, 4]));
     let lost = {
         let mut corners = corners;
@@ -163,6 +167,11 @@ fn every_render_error_says_the_rule_and_the_value() {
             "resolve needs values of shape [6, C], C > 0, got shape [4, 4, 1]",
         ),
         (
+            again.unwrap_err(),
+            "antialias needs a layer that was not antialiased before, got one with a rim of \
+             [rim] pixels",
+        ),
+        (
             interpolate_indexed(points, &Mesh::new(vec![], 2).unwrap(), &fragments).unwrap_err(),
             "attribute indices need one face per rasterized face, 1, got 0",
         ),
@@ -189,7 +198,10 @@ fn every_render_error_says_the_rule_and_the_value() {
     ];
     let all = variants("crates/render-ops/src/error.rs", "RenderError");
     let count = fragments.coverage.count();
-    let told = |message: &str| message.replace("[6, C]", &format!("[{count}, C]"));
+    let told = |message: &str| {
+        let message = message.replace("[6, C]", &format!("[{count}, C]"));
+        message.replace("[rim]", &rim.to_string())
+    };
     let table = table.into_iter().map(|(error, message)| (error, told(message)));
     // A transparent error shows the one below it: by name it is `Tensor`.
     assert_messages(&all, table.collect());

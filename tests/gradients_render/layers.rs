@@ -2,7 +2,7 @@
 
 use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
-use bokashi_render_ops::{Background, Fragments, RenderError, Target, interpolate, rasterize};
+use bokashi_render_ops::{Background, Mesh, Target, depth, interpolate, layer, rasterize};
 use proptest::prelude::*;
 
 use super::blends::blends;
@@ -22,17 +22,9 @@ impl Subject for Depth {
         inputs: &[Var<'t, T>],
     ) -> Result<Outcome<'t, T>, Refusal> {
         let fragments = rasterize(inputs[0], &self.scene.mesh, self.scene.size)?;
-        let depth = depth(inputs, &fragments)?;
+        let depth = depth(&fragments)?;
         Ok(Outcome::from(depth).with_state(fragments.coverage.triangle_ids()))
     }
-}
-
-/// The depth of fragments, of positions that may not be those that were rasterized.
-fn depth<'t, T: Scalar>(
-    inputs: &[Var<'t, T>],
-    fragments: &Fragments<'t, T>,
-) -> Result<Var<'t, T>, RenderError> {
-    bokashi_render_ops::depth(&Fragments { clip: inputs[0], ..fragments.clone() })
 }
 
 #[test]
@@ -51,7 +43,7 @@ fn depth_of_fragments() {
 
 /// The depth of one face with positions `clip`.
 fn of_one_face(clip: Input) -> Case {
-    let mesh = bokashi_render_ops::Mesh::new(vec![[0, 1, 2]], 3).unwrap();
+    let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
     let scene = Scene { mesh, clip: Tensor::zeros([3, 4]), size: size(4, 4) };
     Case::new(Depth { scene }, [clip])
 }
@@ -74,7 +66,13 @@ impl Subject for Layers {
         let fragments = rasterize(inputs[0], &self.scene.mesh, size)?;
         let choices: Vec<_> =
             blends(&fragments, &wide(inputs[0])).iter().map(|blend| blend.choice()).collect();
-        let layer = layer(inputs, &fragments, self.background)?.antialias(inputs[0])?;
+        let background = match self.background {
+            0 => Background::Zero,
+            1 => Background::Color(inputs[2]),
+            _ => Background::Image(inputs[2]),
+        };
+        let surface = interpolate(inputs[1], &fragments)?;
+        let layer = layer(surface, &fragments, background)?.antialias(inputs[0])?;
         let goal = |k: usize| T::from_f64((k * 13 % 29) as f64 / 29.0);
         let goal = Tensor::from_fn([size.height, size.width, 2], goal);
         let loss = layer.squared_error(&Target::new(&goal, &Tensor::zeros([2]))?)?;
@@ -83,37 +81,31 @@ impl Subject for Layers {
     }
 }
 
-/// The layer of interpolated attributes before a background.
-fn layer<'t, T: Scalar>(
-    inputs: &[Var<'t, T>],
-    fragments: &Fragments<'t, T>,
-    background: usize,
-) -> Result<bokashi_render_ops::Layer<'t, T>, RenderError> {
-    let background = match background {
-        0 => Background::Zero,
-        1 => Background::Color(inputs[2]),
-        _ => Background::Image(inputs[2]),
-    };
-    bokashi_render_ops::layer(interpolate(inputs[1], fragments)?, fragments, background)
-}
-
 #[test]
 fn layers_before_every_background() {
     for (kind, scenes) in scenes() {
         for background in 0..3 {
-            let cases = scenes.clone().prop_map(move |scene| {
-                let (vertices, size) = (scene.mesh.vertex_count(), scene.size);
-                let motley = |k: usize| (k * 37 % 101) as f64 / 101.0;
-                let mut inputs = vec![scene.clip.clone(), Tensor::from_fn([vertices, 2], motley)];
-                match background {
-                    0 => {}
-                    1 => inputs.push(Tensor::from_fn([2], motley)),
-                    _ => inputs.push(Tensor::from_fn([size.height, size.width, 2], motley)),
-                }
-                let inputs: Vec<_> = inputs.into_iter().map(Input::leaf).collect();
-                Case::new(Layers { scene, background }, inputs)
+            let cases = scenes.clone().prop_map(move |scene| in_layers(scene, background));
+            // Of four bands: the sums of two are the same in either order.
+            let large = scenes.clone().prop_map(move |scene| {
+                in_layers(Scene { size: size(190, 300), ..scene }, background)
             });
-            check(Check::of_cases(format!("layer {background}, {kind}"), cases));
+            let name = format!("layer {background}, {kind}");
+            check(Check::of_cases(name, cases).large(1, large));
         }
     }
+}
+
+/// A scene before a background: see [`Layers`].
+fn in_layers(scene: Scene, background: usize) -> Case {
+    let (vertices, size) = (scene.mesh.vertex_count(), scene.size);
+    let motley = |k: usize| (k * 37 % 101) as f64 / 101.0;
+    let mut inputs = vec![scene.clip.clone(), Tensor::from_fn([vertices, 2], motley)];
+    match background {
+        0 => {}
+        1 => inputs.push(Tensor::from_fn([2], motley)),
+        _ => inputs.push(Tensor::from_fn([size.height, size.width, 2], motley)),
+    }
+    let inputs: Vec<_> = inputs.into_iter().map(Input::leaf).collect();
+    Case::new(Layers { scene, background }, inputs)
 }

@@ -9,6 +9,7 @@ mod scenes;
 use std::cell::Cell;
 use std::fs;
 use std::ops::Range;
+use std::path::Path;
 
 use bokashi_check::strategy::{
     camera, closed_mesh, image, image_of, number, sigma, tensor, unit_quaternion,
@@ -549,21 +550,55 @@ fn the_whole_pipeline() {
     check(pipeline.large(2, pipelines(size(190, 150))));
 }
 
+/// The parts of a source file from a line that starts with `head` to the next one that is `}`.
+fn blocks<'a>(source: &'a str, head: &str) -> Vec<&'a str> {
+    let starts = source.match_indices(head).map(|(at, _)| at);
+    let starts = starts.filter(|&at| at == 0 || source[..at].ends_with('\n'));
+    starts.map(|at| source[at..].split("\n}\n").next().unwrap()).collect()
+}
+
+/// Whether `source` calls a function of that name, or a method where the name starts with a dot.
+fn calls(source: &str, name: &str) -> bool {
+    let is_other = |before: char| before.is_alphanumeric() || "_.".contains(before);
+    let call = format!("{name}(");
+    let mut before = source.match_indices(&call).map(|(at, _)| &source[..at]);
+    before.any(|before| name.starts_with('.') || !before.ends_with(is_other))
+}
+
 #[test]
 fn no_operation_is_forgotten() {
-    let source =
-        fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../crates/render-ops/src/lib.rs"));
-    let tests = [include_str!("main.rs"), include_str!("layers.rs")].concat();
-    let source = source.unwrap();
-    let modules = source.lines().filter_map(|line| line.strip_prefix("pub use "));
-    let functions = modules.flat_map(|line| {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates/render-ops/src");
+    let exports = fs::read_to_string(source.join("lib.rs")).unwrap();
+    let modules: Vec<_> = exports.lines().filter_map(|line| line.strip_prefix("mod ")).collect();
+    let exports = exports.lines().filter_map(|line| line.strip_prefix("pub use "));
+    let functions = exports.flat_map(|line| {
         let names = line.split("::").last().unwrap_or("").trim_matches(|c| "{};".contains(c));
         names.split(", ").map(str::to_owned).collect::<Vec<_>>()
     });
     let is_function = |name: &String| name.starts_with(|c: char| c.is_ascii_lowercase());
     let functions: Vec<_> = functions.filter(is_function).collect();
-    assert!(functions.len() >= 7, "{functions:?}");
-    for function in functions {
-        assert!(tests.contains(&format!("{function}(inputs")), "{function} has no law");
+    // Methods of what lies on a tape are operations too.
+    let methods = modules.iter().flat_map(|module| {
+        let module = module.trim_end_matches(';');
+        let files = [format!("{module}.rs"), format!("{module}/mod.rs")];
+        let file = files.iter().find_map(|file| fs::read_to_string(source.join(file)).ok());
+        let file = file.expect("the module is there");
+        let blocks = blocks(&file, "impl<'t, ").concat();
+        let methods = blocks.lines().filter_map(|line| line.strip_prefix("    pub fn "));
+        let names = methods.map(|method| format!(".{}", method.split(['(', '<']).next().unwrap()));
+        names.collect::<Vec<_>>()
+    });
+    let methods: Vec<_> = methods.collect();
+    assert!(functions.len() >= 10, "{functions:?}");
+    assert!(methods.len() >= 3, "{methods:?}");
+
+    // What a subject does itself, under the name that it has: a helper could do anything.
+    let tests = [include_str!("main.rs"), include_str!("layers.rs")].concat();
+    let subjects = blocks(&tests, "impl Subject for ").concat();
+    for name in functions.iter().chain(&methods) {
+        assert!(calls(&subjects, name), "{name} has no law");
+        let helpers = ["(", "<"].map(|end| format!("fn {}{end}", name.trim_start_matches('.')));
+        assert!(!helpers.iter().any(|helper| tests.contains(helper)), "{name} is something else");
     }
+    assert!(!calls("deep_blur(x).blur(x)", "blur") && !calls("blur(x)", ".blur"));
 }

@@ -2,7 +2,7 @@
 //! independent of the implementation.
 
 use bokashi_core::{Scalar, Tensor};
-use bokashi_render_ops::{Fragments, Size, depth};
+use bokashi_render_ops::{Coverage, Fragments, Size, depth};
 
 /// One blend of neighbouring pixels.
 #[derive(Debug, Clone, Copy)]
@@ -29,32 +29,34 @@ impl Blend {
 /// The blends of a picture of `fragments`, whose vertices are `clip: [V, 4]`.
 pub(crate) fn blends<T: Scalar>(fragments: &Fragments<'_, T>, clip: &Tensor<f64>) -> Vec<Blend> {
     let Size { width, height } = fragments.coverage.size();
+    let depth = depth(fragments).unwrap().value();
+    let depth = |fragment: usize| depth.data()[fragment].to_f64();
     let mut blends = Vec::new();
     for row in 0..height {
         for column in 0..width {
             let first = row * width + column;
             if column + 1 < width {
-                blends.extend(blend(fragments, clip, [first, first + 1]));
+                blends.extend(blend(&fragments.coverage, &depth, clip, [first, first + 1]));
             }
             if row + 1 < height {
-                blends.extend(blend(fragments, clip, [first, first + width]));
+                blends.extend(blend(&fragments.coverage, &depth, clip, [first, first + width]));
             }
         }
     }
     blends
 }
 
-fn blend<T: Scalar>(
-    fragments: &Fragments<'_, T>,
+fn blend(
+    coverage: &Coverage,
+    depth: impl Fn(usize) -> f64,
     clip: &Tensor<f64>,
     pair: [usize; 2],
 ) -> Option<Blend> {
-    let (coverage, depth) = (&fragments.coverage, depth(fragments).unwrap().value());
     let Size { width, height } = coverage.size();
     let faces = coverage.mesh().faces();
     let [seen, beside] = pair.map(|pixel| {
         let fragment = coverage.fragment_at(pixel)?;
-        Some((coverage.face_at(pixel)?, depth.data()[fragment].to_f64()))
+        Some((coverage.face_at(pixel)?, depth(fragment)))
     });
     let (face, covers_first) = match (seen, beside) {
         (None, None) => return None,

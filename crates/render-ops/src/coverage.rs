@@ -334,6 +334,7 @@ impl Coverage {
 #[cfg(test)]
 mod tests {
     use bokashi_core::{Tape, Tensor};
+    use rayon::ThreadPoolBuilder;
 
     use super::*;
     use crate::rasterize::rasterize;
@@ -388,6 +389,30 @@ mod tests {
             let expected: Vec<_> =
                 uncovered.iter().copied().filter(|&p| !rim.contains(&(p as u32))).collect();
             assert_eq!(found, expected);
+        }
+    }
+
+    #[test]
+    fn bands_are_merged_in_their_order_on_any_number_of_threads() {
+        let coverage = coverage();
+        let merged = |threads: usize| {
+            let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let (mut merged, mut entries) = (Vec::new(), vec![0; 2 * coverage.count()]);
+            pool.install(|| {
+                let work = |slots: Range<usize>, first: usize, own: &mut [usize]| {
+                    (first..).zip(own.chunks_exact_mut(2)).for_each(|(n, own)| own.fill(n));
+                    (slots, first, own.len())
+                };
+                coverage.merge_bands_mut(2, &mut entries, work, |band| merged.push(band));
+            });
+            assert!((0..).zip(entries.chunks_exact(2)).all(|(n, own)| own == [n, n]));
+            merged
+        };
+        let alone = merged(1);
+        assert_eq!(alone.len(), coverage.band_ends.len());
+        assert!(alone.is_sorted_by_key(|(_, first, _)| *first));
+        for threads in [2, 4] {
+            assert_eq!(merged(threads), alone);
         }
     }
 

@@ -87,6 +87,15 @@ pub enum RenderError {
         shape: Shape,
     },
 
+    /// A layer was antialiased before.
+    #[error(
+        "antialias needs a layer that was not antialiased before, got one with a rim of {rim} pixels"
+    )]
+    Antialiased {
+        /// Pixels of the rim that it has.
+        rim: usize,
+    },
+
     /// An index buffer has another number of faces than the mesh that was rasterized.
     #[error("attribute indices need one face per rasterized face, {expected}, got {given}")]
     FaceCount {

@@ -11,8 +11,9 @@ use bokashi_core::{Scalar, Tape, TensorError, Var};
 use crate::coverage::Coverage;
 use crate::error::RenderError;
 
-/// What [`rasterize`](crate::rasterize()) gives: N covered samples in the order of their pixels,
-/// row by row from the top.
+/// What [`rasterize`](crate::rasterize()) gives: N covered samples. They come in bands of rows from
+/// the top, in a band face by face in the order of the faces' first pixels, and of a face in the
+/// order of their pixels: [`Coverage::pixels`] tells them.
 ///
 /// The fields can be exchanged for others of the same shape on the same tape; operations refuse
 /// all else.

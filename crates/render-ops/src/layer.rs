@@ -14,6 +14,9 @@ use crate::error::RenderError;
 use crate::fragments::Fragments;
 
 /// The pixels of a picture that can differ from its background, with the background.
+///
+/// The fields can be exchanged: the values for others of as many rows and any number of channels;
+/// operations refuse all else.
 #[derive(Debug, Clone)]
 pub struct Layer<'t, T: Scalar> {
     /// The values of the fragments, in their order, and then of the rim. Shape `[P, C]`,
@@ -22,8 +25,10 @@ pub struct Layer<'t, T: Scalar> {
     /// What is seen elsewhere.
     pub background: Background<'t, T>,
     pub(crate) coverage: Arc<Coverage>,
-    /// The pixels of the rim, in order, once the layer is antialiased.
+    /// The pixels of the rim, in order, where there are any.
     pub(crate) rim: Option<Arc<Vec<u32>>>,
+    /// A layer without silhouettes has no rim afterwards either.
+    pub(crate) is_antialiased: bool,
 }
 
 /// The layer of fragment values `[N, C]` before a background.
@@ -36,16 +41,43 @@ pub fn layer<'t, T: Scalar>(
     fragments: &Fragments<'t, T>,
     background: Background<'t, T>,
 ) -> Result<Layer<'t, T>, RenderError> {
-    let coverage = fragments.checked_coverage("resolve", values.tape())?;
-    let (count, shape) = (coverage.count(), values.shape());
-    match *shape {
-        [rows, channels] if rows == count && channels > 0 => {}
-        _ => {
-            let rule = format!("values of shape [{count}, C], C > 0");
-            return Err(RenderError::Shape { operation: "resolve", rule, shape });
+    Layer::of("layer", values, fragments, background)
+}
+
+impl<'t, T: Scalar> Layer<'t, T> {
+    /// [`layer`], as a part of `operation`.
+    pub(crate) fn of(
+        operation: &'static str,
+        values: Var<'t, T>,
+        fragments: &Fragments<'t, T>,
+        background: Background<'t, T>,
+    ) -> Result<Self, RenderError> {
+        let coverage = fragments.checked_coverage(operation, values.tape())?;
+        let layer = Self { values, background, coverage, rim: None, is_antialiased: false };
+        layer.checked_channels(operation)?;
+        Ok(layer)
+    }
+
+    /// C, where the values have a row for each fragment and each pixel of the rim.
+    ///
+    /// # Errors
+    /// [`RenderError::Shape`] unless the values are `[P, C]`, C > 0, with P the number of fragments
+    /// and pixels of the rim.
+    pub(crate) fn checked_channels(&self, operation: &'static str) -> Result<usize, RenderError> {
+        let rows = self.coverage.count() + self.rim().len();
+        match *self.values.shape() {
+            [given, channels] if given == rows && channels > 0 => Ok(channels),
+            _ => {
+                let rule = format!("values of shape [{rows}, C], C > 0");
+                Err(RenderError::Shape { operation, rule, shape: self.values.shape() })
+            }
         }
     }
-    Ok(Layer { values, background, coverage, rim: None })
+
+    /// The pixels of the rim, in order.
+    pub(crate) fn rim(&self) -> &[u32] {
+        self.rim.as_deref().map_or(&[], Vec::as_slice)
+    }
 }
 
 #[cfg(test)]
@@ -165,21 +197,95 @@ mod tests {
     }
 
     #[test]
+    fn without_silhouettes_too_a_layer_is_antialiased_once() {
+        let tape = Tape::<f64>::new();
+        let corners = [-1.0, -1.0, 0.0, 1.0, 3.0, -1.0, 0.0, 1.0, -1.0, 3.0, 0.0, 1.0];
+        let clip = tape.leaf(&Tensor::new([3, 4], corners.to_vec()).unwrap());
+        let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
+        let fragments = rasterize(clip, &mesh, SIZE).unwrap();
+        let values = leaf(&tape, [SIZE.pixels(), 1]);
+        let whole = layer(values, &fragments, Background::Zero).unwrap();
+        let error = whole.antialias(clip).unwrap().antialias(clip).unwrap_err().to_string();
+        let rule = "antialias needs a layer that was not antialiased before";
+        assert_eq!(error, format!("{rule}, got one with a rim of 0 pixels"));
+    }
+
+    #[test]
+    fn a_layer_says_its_own_name() {
+        let tape = Tape::<f64>::new();
+        let fragments = fragments(&tape);
+        let count = fragments.coverage.count();
+        let wrong = leaf(&tape, [count + 1, 2]);
+        let short = Fragments { barycentrics: wrong, ..fragments.clone() };
+        let rule = format!("layer needs values of shape [{count}, C], C > 0, got shape");
+        let error = layer(wrong, &fragments, Background::Zero).unwrap_err().to_string();
+        assert_eq!(error, format!("{rule} [{}, 2]", count + 1));
+        let error = layer(wrong, &short, Background::Zero).unwrap_err().to_string();
+        assert!(error.starts_with("layer needs barycentrics of shape"), "{error}");
+    }
+
+    #[test]
+    fn values_exchanged_for_others_of_another_shape_are_refused_by_every_operation() {
+        let tape = Tape::<f64>::new();
+        let fragments = fragments(&tape);
+        let (clip, count) = (fragments.clip, fragments.coverage.count());
+        let values = leaf(&tape, [count, 2]);
+        let goal = Tensor::zeros([SIZE.height, SIZE.width, 2]);
+        // One for which no image is made, and one for which it is.
+        let targets =
+            [0.0, 0.5].map(|entry| Target::new(&goal, &Tensor::full([2], entry)).unwrap());
+        let plain = layer(values, &fragments, Background::Zero).unwrap();
+        let smooth = plain.clone().antialias(clip).unwrap();
+        let rows = smooth.values.shape()[0];
+        assert!(rows > count);
+        for (whole, rows, other_rows) in [(plain, count, rows), (smooth, rows, count)] {
+            let shapes: [&[usize]; 6] = [
+                &[other_rows, 2],
+                &[rows - 1, 2],
+                &[rows + 1, 2],
+                &[rows, 0],
+                &[2 * rows],
+                &[rows, 2, 1],
+            ];
+            for shape in shapes {
+                let values = tape.leaf(&Tensor::zeros(shape));
+                let wrong = Layer { values, ..whole.clone() };
+                let before = tape.len();
+                let mut results = vec![("resolve", wrong.image().map(drop))];
+                for target in &targets {
+                    results.push(("squared_error", wrong.squared_error(target).map(drop)));
+                }
+                if !whole.is_antialiased {
+                    results.push(("antialias", wrong.antialias(clip).map(drop)));
+                }
+                for (operation, result) in results {
+                    assert_eq!(
+                        result.unwrap_err().to_string(),
+                        format!(
+                            "{operation} needs values of shape [{rows}, C], C > 0, got shape {}",
+                            values.shape()
+                        )
+                    );
+                }
+                assert_eq!(tape.len(), before);
+            }
+            // What is exchanged for its like is accepted.
+            let moved = Layer { values: whole.values * 0.5, ..whole };
+            assert!(moved.image().is_ok() && moved.squared_error(&targets[0]).is_ok());
+        }
+    }
+
+    #[test]
     fn a_layer_is_antialiased_once_and_in_its_own_tape() {
         let (tape, other) = (Tape::<f64>::new(), Tape::new());
         let fragments = fragments(&tape);
         let values = leaf(&tape, [fragments.coverage.count(), 2]);
         let whole = layer(values, &fragments, Background::Zero).unwrap();
         let smooth = whole.clone().antialias(fragments.clip).unwrap();
-        let rows = smooth.values.shape()[0];
+        let rim = smooth.values.shape()[0] - fragments.coverage.count();
         let error = smooth.antialias(fragments.clip).unwrap_err().to_string();
-        let count = fragments.coverage.count();
-        assert_eq!(
-            error,
-            format!(
-                "antialias needs one value for each of {count} fragments, got shape [{rows}, 2]"
-            )
-        );
+        let rule = "antialias needs a layer that was not antialiased before";
+        assert_eq!(error, format!("{rule}, got one with a rim of {rim} pixels"));
         let foreign = other.leaf(&fragments.clip.value());
         let error = whole.clone().antialias(foreign).unwrap_err().to_string();
         assert_eq!(error, "antialias needs variables of one tape, got one of another");

@@ -16,7 +16,7 @@ use crate::background::{Background, Behind};
 use crate::coverage::Coverage;
 use crate::error::RenderError;
 use crate::fragments::Fragments;
-use crate::layer::{Layer, layer};
+use crate::layer::Layer;
 
 /// The image `[H, W, C]` of fragment values `[N, C]` before a background.
 ///
@@ -29,17 +29,18 @@ pub fn resolve<'t, T: Scalar>(
     fragments: &Fragments<'t, T>,
     background: Background<'t, T>,
 ) -> Result<Var<'t, T>, RenderError> {
-    layer(values, fragments, background)?.image()
+    Layer::of("resolve", values, fragments, background)?.image()
 }
 
 impl<'t, T: Scalar> Layer<'t, T> {
     /// The image `[H, W, C]` of the layer before its background.
     ///
     /// # Errors
-    /// [`RenderError::Shape`] unless the background has as many channels as the values and, if it
-    /// is an image, the image's size. `TensorError::ForeignVariable` for variables of several
-    /// tapes.
+    /// [`RenderError::Shape`] unless the values have a row for each pixel of the layer and at least
+    /// one channel, and the background as many channels and, if it is an image, the image's size.
+    /// `TensorError::ForeignVariable` for variables of several tapes.
     pub fn image(&self) -> Result<Var<'t, T>, RenderError> {
+        self.checked_channels("resolve")?;
         let op = Resolve {
             coverage: Arc::clone(&self.coverage),
             rim: self.rim.clone(),

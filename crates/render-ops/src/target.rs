@@ -112,11 +112,11 @@ impl<'t, T: Scalar> Layer<'t, T> {
     /// beside the layer is visited; otherwise the image is made first.
     ///
     /// # Errors
-    /// [`RenderError::Shape`] unless the target has the picture's size and channels, and as
-    /// [`Layer::image`].
+    /// [`RenderError::Shape`] unless the values have a row for each pixel of the layer, and the
+    /// target the picture's size and channels; and as [`Layer::image`].
     pub fn squared_error(&self, target: &Target<T>) -> Result<Var<'t, T>, RenderError> {
-        let (size, values) = (self.coverage.size(), self.values.shape());
-        let shape = [size.height, size.width, values[1]];
+        let (size, channels) = (self.coverage.size(), self.checked_channels("squared_error")?);
+        let shape = [size.height, size.width, channels];
         if **target.image().shape() != shape {
             return Err(RenderError::Shape {
                 operation: "squared_error",

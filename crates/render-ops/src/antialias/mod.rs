@@ -75,18 +75,17 @@ impl<'t, T: Scalar> Layer<'t, T> {
     /// `clip: [V, 4]`: uncovered pixels beside a silhouette become part of the layer.
     ///
     /// # Errors
-    /// [`RenderError::Shape`] unless `clip` is `[V, 4]` with the mesh's number of vertices, and
-    /// for a layer that has been antialiased already; `TensorError::ForeignVariable` for variables
-    /// of several tapes.
+    /// [`RenderError::Antialiased`] for a layer that was antialiased before, with or without
+    /// silhouettes; [`RenderError::Shape`] unless `clip` is `[V, 4]` with the mesh's number of
+    /// vertices, the values have a row for each fragment, and the background as many channels and,
+    /// if it is an image, the image's size; `TensorError::ForeignVariable` for variables of several
+    /// tapes.
     pub fn antialias(self, clip: Var<'t, T>) -> Result<Self, RenderError> {
-        let tape = self.values.tape();
-        if self.rim.is_some() {
-            return Err(RenderError::Shape {
-                operation: "antialias",
-                rule: format!("one value for each of {} fragments", self.coverage.count()),
-                shape: self.values.shape(),
-            });
+        if self.is_antialiased {
+            return Err(RenderError::Antialiased { rim: self.rim().len() });
         }
+        self.checked_channels("antialias")?;
+        let tape = self.values.tape();
         let behind = self.background.behind();
         let op = Antialias { coverage: Arc::clone(&self.coverage), of: Picture::Layer(behind) };
         let look = |found: &Found<T>| found.rim.clone();
@@ -94,7 +93,7 @@ impl<'t, T: Scalar> Layer<'t, T> {
             Some(background) => tape.record_with(op, &[clip, self.values, background], look)?,
             None => tape.record_with(op, &[clip, self.values], look)?,
         };
-        Ok(Self { values: outputs[0], rim, ..self })
+        Ok(Self { values: outputs[0], rim, is_antialiased: true, ..self })
     }
 }
 

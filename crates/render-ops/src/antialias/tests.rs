@@ -121,6 +121,29 @@ fn an_upright_or_level_edge_gives_the_area_that_is_covered() {
 }
 
 #[test]
+fn a_face_seen_edge_on_to_within_rounding_makes_a_silhouette() {
+    // Its third vertex lies on the edge that it shares, or off it by less than rounding: then its
+    // area has a sign, by accident.
+    for near in [true, false] {
+        let alone = upright(4.25, near);
+        let expected = alone.picture::<f64>(is_covered);
+        for nudge in [-1e-15, 0.0, 1e-15] {
+            let mut scene = alone.clone();
+            let [x, ..] = scene.clip[0];
+            scene.clip.push([x + nudge, 0.1, 0.0, 1.0]);
+            for face in [[1, 0, 3], [0, 1, 3]] {
+                scene.faces.truncate(1);
+                scene.faces.push(face);
+                let tape = Tape::<f64>::new();
+                let fragments = scene.rasterized(scene.positions(&tape));
+                assert_eq!(fragments.coverage.culled().degenerate, 1);
+                assert_close(&scene.picture::<f64>(is_covered), &expected, 0.0);
+            }
+        }
+    }
+}
+
+#[test]
 fn moving_an_upright_or_level_edge_moves_the_sum_of_the_image_by_the_area() {
     // The area is H x or W y pixels, and a pixel is 2 / W by 2 / H; y runs up.
     let image = |scene: &Scene| {

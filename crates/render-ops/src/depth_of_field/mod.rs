@@ -120,17 +120,11 @@ struct Circle<S> {
 }
 
 /// The circles by pixel, memory for the gradients with respect to them, and how many are capped.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Saved<S> {
     circles: Vec<Circle<S>>,
     sigma_bars: Vec<S>,
     capped: usize,
-}
-
-impl<S> Default for Saved<S> {
-    fn default() -> Self {
-        Self { circles: Vec::new(), sigma_bars: Vec::new(), capped: 0 }
-    }
 }
 
 impl DepthOfField {

@@ -37,19 +37,13 @@ const STRIP: usize = 2 * BLOCK;
 const BAND: usize = 1 << 16;
 
 /// Memory for a band.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Band<T> {
     /// A strip of columns.
     strip: Vec<T>,
     /// The rows, blurred along the columns, and what slopes along the columns make of them.
     rows: Vec<T>,
     slopes: Vec<T>,
-}
-
-impl<T> Default for Band<T> {
-    fn default() -> Self {
-        Self { strip: Vec::new(), rows: Vec::new(), slopes: Vec::new() }
-    }
 }
 
 impl<T> Band<T> {

@@ -85,7 +85,7 @@ struct GaussianBlur {
 }
 
 /// What the backward pass reads, and memory.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Saved<T: Scalar> {
     /// The windows along the rows and along the columns.
     taps: [Taps<T>; 2],
@@ -101,22 +101,6 @@ struct Saved<T: Scalar> {
     columns: [Vec<T>; 2],
     sums: Vec<T::Wide>,
     image_bar: Vec<T>,
-}
-
-impl<T: Scalar> Default for Saved<T> {
-    fn default() -> Self {
-        Self {
-            taps: [Taps::default(), Taps::default()],
-            slope: Vec::new(),
-            lines: [Line::default(), Line::default()],
-            order: None,
-            bands: Workbench::default(),
-            blocks: Workbench::default(),
-            columns: [Vec::new(), Vec::new()],
-            sums: Vec::new(),
-            image_bar: Vec::new(),
-        }
-    }
 }
 
 impl<T: Scalar> Op<T> for GaussianBlur {

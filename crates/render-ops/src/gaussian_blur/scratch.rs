@@ -4,14 +4,8 @@ use std::sync::{Mutex, PoisonError};
 
 /// Memory for as many pieces of work as run at the same time. It is kept from step to step, so a
 /// step like the last one allocates nothing: there is at most one `M` for each thread.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Workbench<M>(Mutex<Vec<M>>);
-
-impl<M> Default for Workbench<M> {
-    fn default() -> Self {
-        Self(Mutex::new(Vec::new()))
-    }
-}
 
 impl<M: Default> Workbench<M> {
     /// Does a piece of work with memory of its own, which holds what some earlier piece left.

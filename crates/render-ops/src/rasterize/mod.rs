@@ -104,16 +104,10 @@ struct Rasterize {
 }
 
 /// The coverage, shared with the fragments that were handed out, and the memory of the search.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Saved<T: Scalar> {
     coverage: Option<Arc<Coverage>>,
     visibility: Visibility<T>,
-}
-
-impl<T: Scalar> Default for Saved<T> {
-    fn default() -> Self {
-        Self { coverage: None, visibility: Visibility::default() }
-    }
 }
 
 /// The coverage of an earlier step, to be written over, where nobody else holds it; else a new one.

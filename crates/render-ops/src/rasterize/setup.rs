@@ -73,7 +73,8 @@ pub(super) enum Fate {
     Drawn { columns: [u32; 2], rows: [u32; 2] },
 }
 
-/// The sign of a face's area as it is seen, and what becomes of the face.
+/// The sign of a face's area as it is seen, 0 where that is zero within rounding, and what becomes
+/// of the face.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Verdict {
     pub(super) orientation: i8,
@@ -93,11 +94,13 @@ impl Verdict {
         // The determinant of the three vertices.
         let [e, ex, ey] = edge(q, r);
         let determinant = p.w * e + p.x * ex + p.y * ey;
-        let orientation = i8::from(determinant > S::ZERO) - i8::from(determinant < S::ZERO);
+        // No sign that is an accident: all that asks which way the face turns, asks this number.
+        let noise = rounding([p, q, r], options.size);
+        let orientation = i8::from(determinant > noise) - i8::from(determinant < -noise);
         let [a, b, c] = corners.map(|corner| corner.beyond);
         let fate = if a & b & c != 0 {
             Fate::Outside
-        } else if is_within_rounding(determinant, [p, q, r], options.size) {
+        } else if orientation == 0 {
             Fate::Degenerate
         } else if options.cull == Cull::Back && orientation < 0
             || options.cull == Cull::Front && orientation > 0
@@ -116,18 +119,13 @@ impl Verdict {
     }
 }
 
-/// Whether a determinant's sign is an accident of rounding. `D = sum_i w_i a_i`, so its rounding
-/// errors are below `sum_i |w_i| doubt_i`.
+/// The size below which a determinant's sign is an accident of rounding. `D = sum_i w_i a_i`, so its
+/// rounding errors are below `sum_i |w_i| doubt_i`.
 #[inline(always)]
-fn is_within_rounding<S: Scalar<Wide = S>>(
-    determinant: S,
-    vertices: [Vertex<S>; 3],
-    size: Size,
-) -> bool {
-    let noise: S = (0..3)
+fn rounding<S: Scalar<Wide = S>>(vertices: [Vertex<S>; 3], size: Size) -> S {
+    (0..3)
         .map(|k| vertices[k].w.abs() * doubt(vertices[(k + 1) % 3], vertices[(k + 2) % 3], size))
-        .sum();
-    determinant.abs() <= noise
+        .sum()
 }
 
 /// A face whose pixels are visited.

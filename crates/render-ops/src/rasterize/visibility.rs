@@ -26,7 +26,7 @@ const PIXELS_PER_BAND: usize = 1 << 14;
 /// Canvases per thread, where there are several: one that has less to do takes another one.
 const CANVASES_PER_THREAD: usize = 2;
 
-/// A face that can touch fewer pixels is drawn without looking where in a row it starts and ends.
+/// A face that can touch no more pixels is drawn without looking where in a row it starts and ends.
 const PIXELS_PER_BLOCK: usize = 1024;
 
 /// Vertices or faces in one piece of work: some tens of microseconds.
@@ -39,7 +39,7 @@ const NO_SLOT: u32 = u32::MAX;
 const NO_FACE: u64 = u64::MAX;
 
 /// The stages of rasterization, with their memory, which the next step uses again.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Visibility<T: Scalar> {
     pub(super) corners: Vec<Corner<T::Wide>>,
     /// Whether a face that is drawn reaches behind the eye, so that all rows have to be searched.
@@ -52,20 +52,6 @@ pub(super) struct Visibility<T: Scalar> {
     /// Per band: the faces that can touch it.
     faces: Vec<Vec<u32>>,
     canvases: Vec<Canvas<T>>,
-}
-
-impl<T: Scalar> Default for Visibility<T> {
-    fn default() -> Self {
-        Self {
-            corners: Vec::new(),
-            reaches_behind: false,
-            verdicts: Vec::new(),
-            centers: Vec::new(),
-            ys: Vec::new(),
-            faces: Vec::new(),
-            canvases: Vec::new(),
-        }
-    }
 }
 
 /// What the stages share.
@@ -229,7 +215,7 @@ fn join<'a, T: Scalar>(bands: impl Iterator<Item = &'a Band<T>>, coverage: &mut 
 }
 
 /// What is seen in a band, counted from its first run, slot and fragment.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Band<T> {
     runs: Vec<Run>,
     by_pixel: Vec<u32>,
@@ -240,22 +226,11 @@ pub(super) struct Band<T> {
     pub(super) barycentrics: Vec<T>,
 }
 
-impl<T> Default for Band<T> {
-    fn default() -> Self {
-        Self {
-            runs: Vec::new(),
-            by_pixel: Vec::new(),
-            row_starts: Vec::new(),
-            slots: Vec::new(),
-            covered: Vec::new(),
-            barycentrics: Vec::new(),
-        }
-    }
-}
-
 /// Where bands are drawn, one after another.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Canvas<T: Scalar> {
+    /// The width of the image that it was made for.
+    width: usize,
     /// Of the faces that were drawn.
     weights: Vec<Weights<T::Wide>>,
     /// Per pixel: the nearest depth so far, and the position in `weights` of its face, in as many bits
@@ -286,23 +261,6 @@ struct Stretch {
     length: u32,
 }
 
-impl<T: Scalar> Default for Canvas<T> {
-    fn default() -> Self {
-        Self {
-            weights: Vec::new(),
-            depths: Vec::new(),
-            faces: Vec::new(),
-            reached: Vec::new(),
-            slot_of: Vec::new(),
-            seen: Vec::new(),
-            stretches: Vec::new(),
-            ends: Vec::new(),
-            sorted: Vec::new(),
-            bands: Vec::new(),
-        }
-    }
-}
-
 /// The work on a canvas: it draws every `step`-th band from `first` on.
 struct Draw<'a, T: Scalar> {
     canvas: &'a mut Canvas<T>,
@@ -331,8 +289,10 @@ impl<T: Scalar> Canvas<T> {
         faces: &[Vec<u32>],
         bands: impl ExactSizeIterator<Item = usize>,
     ) {
-        let blocks = view.rows * view.blocks_per_row();
-        if self.depths.len() != blocks || self.reached.len() != view.rows {
+        // As many blocks are not enough: what was drawn beyond the width is never forgotten.
+        if self.width != view.size.width || self.reached.len() != view.rows {
+            let blocks = view.rows * view.blocks_per_row();
+            self.width = view.size.width;
             self.depths.clear();
             self.depths.resize(blocks, [beyond(); LANES]);
             self.faces.clear();
@@ -404,8 +364,8 @@ impl<T: Scalar> Canvas<T> {
         self.weights.push(setup.weights());
     }
 
-    /// Reads what the pixels of a row of band `at` see, and forgets what was drawn there. `local` is
-    /// the row within the band.
+    /// Reads what the pixels of a row of band `at` see, and forgets what was drawn there, up to the
+    /// image's width. `local` is the row within the band.
     #[inline(always)]
     fn read(&mut self, view: &View<'_, T>, at: usize, row: usize, local: usize) {
         let [first, end] = std::mem::replace(&mut self.reached[local], [view.size.width, 0]);

@@ -34,7 +34,7 @@ impl<T: Scalar> Lanes<T> {
 type ComplexLanes<T> = [Lanes<T>; 2];
 
 /// Several lines, and memory.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Block<T> {
     /// The lines; then the lines blurred.
     pub(super) lines: Vec<Lanes<T>>,
@@ -44,13 +44,6 @@ pub(crate) struct Block<T> {
     sides: [Vec<Lanes<T>>; 2],
     /// What is known of a solution.
     partial: Vec<ComplexLanes<T>>,
-}
-
-impl<T> Default for Block<T> {
-    fn default() -> Self {
-        let sides = [Vec::new(), Vec::new()];
-        Self { lines: Vec::new(), slopes: Vec::new(), sides, partial: Vec::new() }
-    }
 }
 
 impl<T: Scalar> Block<T> {
@@ -73,7 +66,7 @@ pub(super) enum Task {
 }
 
 /// A blur of lines of one length.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Line<T> {
     positions: usize,
     /// Whether the lines go on mirrored.
@@ -83,13 +76,6 @@ pub(crate) struct Line<T> {
     /// `2 / sigma`.
     two_by_sigma: T,
     poles: Vec<Pole<T>>,
-}
-
-impl<T: Scalar> Default for Line<T> {
-    fn default() -> Self {
-        let (remainder, two_by_sigma) = (T::ZERO, T::ZERO);
-        Self { positions: 0, mirror: false, remainder, two_by_sigma, poles: Vec::new() }
-    }
 }
 
 /// The system of one pole.

@@ -1,5 +1,7 @@
 //! Small faces are drawn in blocks of pixels, others span by span: the picture does not tell.
 
+use rayon::ThreadPoolBuilder;
+
 use super::oracle::{assert_is_the_oracles, vertex};
 use super::setup::{Corner, Fate, LANES, Setup, Verdict, beyond};
 use super::*;
@@ -19,36 +21,55 @@ fn face() -> impl Strategy<Value = [[f64; 4]; 3]> {
     prop::array::uniform3(prop_oneof![vertex(), on_centers])
 }
 
-/// One row's blocks.
-fn row_of(
-    y: f64,
-    (depths, faces): &mut (Vec<[f64; LANES]>, Vec<[u64; LANES]>),
-) -> impl Iterator<Item = (f64, &mut [[f64; LANES]], &mut [[u64; LANES]])> {
-    std::iter::once((y, depths.as_mut_slice(), faces.as_mut_slice()))
+/// Depths and faces, in blocks.
+type Blocks = (Vec<[f64; LANES]>, Vec<[u64; LANES]>);
+
+/// Rows of blocks.
+fn rows_of<'a>(
+    ys: &'a [f64],
+    (depths, faces): &'a mut Blocks,
+) -> impl Iterator<Item = (f64, &'a mut [[f64; LANES]], &'a mut [[u64; LANES]])> {
+    let per_row = depths.len() / ys.len();
+    let rows = depths.chunks_exact_mut(per_row).zip(faces.chunks_exact_mut(per_row));
+    ys.iter().zip(rows).map(|(&y, (depths, faces))| (y, depths, faces))
 }
 
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(2000) })]
 
     #[test]
-    fn blocks_draw_what_spans_draw(faces in prop::array::uniform3(face()), columns in 1..6_usize) {
-        let size = Size { width: columns * LANES, height: 16 };
-        let centers: Vec<f64> = (0..size.width).map(|column| size.center_x(column)).collect();
+    fn blocks_draw_what_spans_draw(
+        faces in prop::array::uniform3(face()),
+        width in 1..22_usize,
+        height in 1..17_usize,
+        first in 0..17_usize,
+    ) {
+        // Blocks are drawn from row `first` on, and write beyond a width that they do not divide.
+        let (size, first) = (Size { width, height }, first % height);
+        let columns = size.width.next_multiple_of(LANES);
+        let centers: Vec<f64> = (0..columns).map(|column| size.center_x(column)).collect();
         let (in_blocks, _) = centers.as_chunks();
-        let setups: Vec<_> = faces.iter().filter_map(|face| setup(face, size)).collect();
-        for y in (0..size.height).map(|row| size.center_y::<f64>(row)) {
-            let empty =
-                (vec![[beyond::<f64>(); LANES]; columns], vec![[u64::MAX; LANES]; columns]);
-            let (mut blocks, mut spans) = (empty.clone(), empty);
-            for (face, setup) in (0..).zip(&setups).filter(|(_, setup)| setup.has_plane()) {
-                let (mut setup, all) = (*setup, [0, size.width]);
-                if setup.cover_blocks(row_of(y, &mut blocks), in_blocks, face) {
-                    setup.cover_doubtful(row_of(y, &mut blocks), in_blocks, face);
-                }
-                let (depths, faces) = (spans.0.as_flattened_mut(), spans.1.as_flattened_mut());
-                setup.cover_span(&setup.row(y), all, &centers, depths, faces, face);
+        let ys: Vec<f64> = (first..size.height).map(|row| size.center_y(row)).collect();
+        let count = ys.len() * in_blocks.len();
+        let mut blocks = (vec![[beyond::<f64>(); LANES]; count], vec![[u64::MAX; LANES]; count]);
+        let mut spans = blocks.clone();
+        let setups = faces.iter().filter_map(|face| setup(face, size));
+        for (face, mut setup) in (0..).zip(setups.filter(Setup::has_plane)) {
+            if setup.cover_blocks(rows_of(&ys, &mut blocks), in_blocks, face) {
+                setup.cover_doubtful(rows_of(&ys, &mut blocks), in_blocks, face);
             }
-            prop_assert_eq!(blocks, spans);
+            for (y, depths, faces) in rows_of(&ys, &mut spans) {
+                let (depths, faces) = (depths.as_flattened_mut(), faces.as_flattened_mut());
+                let (row, all) = (setup.row(y), [0, size.width]);
+                setup.cover_span(&row, all, &centers[..size.width], depths, faces, face);
+            }
+        }
+        // What lies in the padding means nothing.
+        for ((_, blocks, seen), (_, spans, expected)) in
+            rows_of(&ys, &mut blocks).zip(rows_of(&ys, &mut spans))
+        {
+            prop_assert_eq!(&blocks.as_flattened()[..width], &spans.as_flattened()[..width]);
+            prop_assert_eq!(&seen.as_flattened()[..width], &expected.as_flattened()[..width]);
         }
     }
 }
@@ -124,4 +145,47 @@ fn the_last_block_of_a_row_ends_at_the_right_border_whatever_the_width() {
             }
         }
     }
+}
+
+#[test]
+fn an_image_of_another_width_shows_nothing_of_the_one_before() {
+    // Widths of one number of blocks, and of one number of rows per band: one band, and several.
+    for (widths, height) in [([29, 30, 31, 32, 29], 20), ([1025, 1026, 1027, 1028, 1025], 40)] {
+        for threads in [1, 2] {
+            let mut tape = Tape::<f64>::new();
+            let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                for (step, width) in (0..).zip(widths) {
+                    let size = Size { width, height };
+                    let (clip, mesh) = faces_over_the_right_border(size, step);
+                    let on = |tape: &Tape<f64>| {
+                        let fragments = rasterize(tape.leaf(&clip), &mesh, size).unwrap();
+                        let ids = fragments.coverage.triangle_ids();
+                        (ids, fragments.barycentrics.value())
+                    };
+                    assert!(on(&tape) == on(&Tape::new()), "{size} on {threads} threads");
+                    tape.reset();
+                }
+            });
+        }
+    }
+}
+
+/// Faces of few rows and columns, which are drawn in blocks, and one of many, which is drawn in
+/// spans; at each step farther away than at the one before, and in another order.
+fn faces_over_the_right_border(size: Size, step: usize) -> (Tensor<f64>, Mesh) {
+    let few = (0..size.height / 4).map(|k| (size.width as f64 - 5.7, 4.0 * k as f64));
+    let (right, z) = (size.width as f64 + 9.0, 0.1 * step as f64 - 0.9);
+    let clip: Clip = few
+        .chain([(0.2, 1.0)])
+        .flat_map(|(left, top)| [(left, top), (right, top + 1.0), (left, top + 2.7)])
+        .map(|(x, y)| {
+            let [x, y, _, w] = at_px(size, x, y);
+            [x, y, z, w]
+        })
+        .collect();
+    let mut faces: Vec<_> =
+        (0..clip.len() as u32 / 3).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+    faces.rotate_left(step);
+    (tensor(&clip), Mesh::new(faces, clip.len()).unwrap())
 }
