@@ -37,8 +37,9 @@ pub(crate) struct EdgeSums<S> {
     pub(crate) ys: [S; 3],
 }
 
+/// The depth z / w, and the sum `W = sum w_i a_i`, where the edge functions are `a`.
 #[inline(always)]
-fn depth_and_w<S: Scalar>(vertices: &[Vertex<S>; 3], a: [S; 3]) -> [S; 2] {
+pub(crate) fn depth_and_w<S: Scalar>(vertices: &[Vertex<S>; 3], a: [S; 3]) -> [S; 2] {
     let [p, q, r] = vertices;
     let w = p.w * a[0] + q.w * a[1] + r.w * a[2];
     [(p.z * a[0] + q.z * a[1] + r.z * a[2]) / w, w]
@@ -92,7 +93,7 @@ impl<S: Scalar<Wide = S>> LocalFace<S> {
         Self::new(vertices, factors, pixel, size)
     }
 
-    /// The depth z / w, and the sum `W = sum w_i a_i`, where the edge functions are `a`.
+    /// [`depth_and_w`] of the face.
     #[inline(always)]
     pub(crate) fn depth_and_w(&self, a: [S; 3]) -> [S; 2] {
         depth_and_w(&self.vertices, a)

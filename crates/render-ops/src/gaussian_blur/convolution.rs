@@ -23,7 +23,7 @@
 use bokashi_core::Scalar;
 use bokashi_core::parallel::{for_each_piece_mut, for_each_two_pieces_mut};
 
-use super::scratch::Workbench;
+use super::scratch::{Workbench, copy};
 use crate::border::Border;
 use crate::taps::{Taps, Window};
 
@@ -318,14 +318,6 @@ fn block<T>(entries: &[T], start: usize) -> &[T; BLOCK] {
 #[inline(always)]
 fn block_mut<T>(entries: &mut [T], start: usize) -> &mut [T; BLOCK] {
     (&mut entries[start..start + BLOCK]).try_into().expect("the range is a block")
-}
-
-/// Copies a few entries.
-#[inline(always)]
-fn copy<T: Copy>(from: &[T], to: &mut [T]) {
-    for (to, &from) in to.iter_mut().zip(from) {
-        *to = from;
-    }
 }
 
 /// Writes as much of a block as there is room for.

@@ -25,6 +25,7 @@
 use bokashi_core::Scalar;
 
 use super::{Cull, RasterOptions};
+use crate::edge_functions::depth_and_w;
 use crate::homogeneous::{Vertex, cross, doubt, edge, extent, missing_factors};
 use crate::size::Size;
 
@@ -204,6 +205,7 @@ impl<S: Scalar<Wide = S>> Setup<S> {
         let edges = edges.map(|[e, ex, ey]| [sign * e, sign * ex, sign * ey]);
         let extents = vertices.map(|vertex| extent(vertex, size));
         let [x, y] = [0, 1].map(|axis| largest(extents.map(|extent| extent[axis])));
+        // That of any two of the vertices, as in `homogeneous::doubt`.
         let doubt = S::from_f64(16.0 * f64::EPSILON) * x * y;
         let factors = corners.map(|corner| corner.factor);
         let plane = plane(&vertices, &edges, doubt);
@@ -291,8 +293,8 @@ impl<S: Scalar<Wide = S>> Setup<S> {
     /// z / w where the edge functions are `a`.
     #[inline(always)]
     fn depth(&self, a: [S; 3]) -> S {
-        let [p, q, r] = &self.vertices;
-        (p.z * a[0] + q.z * a[1] + r.z * a[2]) / (p.w * a[0] + q.w * a[1] + r.w * a[2])
+        let [depth, _] = depth_and_w(&self.vertices, a);
+        depth
     }
 
     /// Draws a row of pixels among `columns`, first and end: where its depth is smaller than in

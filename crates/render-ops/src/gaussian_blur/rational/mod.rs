@@ -45,7 +45,7 @@ use bokashi_core::Scalar;
 use bokashi_core::parallel::{for_each_piece_mut, for_each_two_pieces_mut};
 
 use self::line::{LANES, Lanes, Task};
-use super::scratch::Workbench;
+use super::scratch::{Workbench, copy};
 
 pub(super) use self::line::{Block, Line};
 pub(super) use self::poles::Order;
@@ -287,13 +287,5 @@ fn store<T: Scalar>(
 ) {
     for (pixel, lanes) in pixels.chunks_exact_mut(channels).zip(line) {
         copy(&lanes.0[lane..lane + count], &mut pixel[channel..channel + count]);
-    }
-}
-
-/// Copies a few entries.
-#[inline(always)]
-fn copy<T: Copy>(from: &[T], to: &mut [T]) {
-    for (to, &from) in to.iter_mut().zip(from) {
-        *to = from;
     }
 }
