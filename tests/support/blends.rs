@@ -36,10 +36,10 @@ pub(crate) fn blends<T: Scalar>(fragments: &Fragments<'_, T>, clip: &Tensor<f64>
         for column in 0..width {
             let first = row * width + column;
             if column + 1 < width {
-                blends.extend(blend(&fragments.coverage, &depth, clip, [first, first + 1]));
+                blends.extend(blend(&fragments.coverage, depth, clip, [first, first + 1]));
             }
             if row + 1 < height {
-                blends.extend(blend(&fragments.coverage, &depth, clip, [first, first + width]));
+                blends.extend(blend(&fragments.coverage, depth, clip, [first, first + width]));
             }
         }
     }
