@@ -396,7 +396,7 @@ fn gaussian_blur_by_tridiagonal_systems() {
     // window would have to reach, as a share of the reach from which on the systems take less time.
     let by = |border, (tolerance, poles): (f64, usize), [height, more]: [usize; 2], reach: f64| {
         let blur = Blur { kernel: Kernel::Discrete, border, radius: Radius::Tolerance(tolerance) };
-        let longest = 18 * poles;
+        let longest = 2 * (34 + 5 * poles);
         let image = Input::leaf(Tensor::from_fn([height, longest + more, 2], motley));
         let sigma = reach * longest as f64 / (-2.0 * tolerance.ln()).sqrt();
         Case::new(GaussianBlur { blur }, [image, leaf([], sigma)])

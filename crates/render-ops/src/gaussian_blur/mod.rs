@@ -14,7 +14,7 @@
 //! `convolution` sums over a window: its cost grows with sigma, and is the least where sigma is small.
 //! `rational` solves tridiagonal systems, of the discrete kernel alone, with a zero or a mirror
 //! border: its cost does not depend on sigma. Where a tolerance allows both, the one that takes less
-//! time is chosen, by sigma and the extents of the image: the second from a sigma of 6 or 7 on.
+//! time is chosen, by sigma and the extents of the image: the second from a sigma of 10 to 15 on.
 //!
 //! # Cost and error
 //! `docs/performance.md` has the times, `docs/benchmarks.md` times beside errors.
@@ -199,13 +199,15 @@ impl GaussianBlur {
         // Of a Gaussian the share `exp(-r^2 / (2 sigma^2))`, or a little less, is farther out than r.
         let radius = sigma * (-2.0 * tolerance.ln()).sqrt();
         let taps: f64 = extents.map(|extent| radius.min(extent as f64)).iter().sum();
-        let cost = TAPS_PER_POLE * order.poles.len() as f64;
+        let cost = TAPS_OF_SYSTEMS + TAPS_PER_POLE * order.poles.len() as f64;
         (sigma > 0.0 && radius <= LARGEST_RADIUS as f64 && taps > 2.0 * cost).then_some(order)
     }
 }
 
-/// Taps on one side of a window that take as long as a pole: measured at 1024 x 1024 pixels.
-const TAPS_PER_POLE: f64 = 9.0;
+/// Taps on one side of a window that take as long as systems without a pole, and as long as each
+/// pole: measured at the sigmas where both ways take the same time (`docs/performance.md`).
+const TAPS_OF_SYSTEMS: f64 = 34.0;
+const TAPS_PER_POLE: f64 = 5.0;
 
 /// Entries of a product that are summed on their own.
 const PRODUCTS: usize = 1 << 14;

@@ -43,7 +43,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
              error is the largest difference from the same kernel, sampled or discrete, in f64 with \
              a window that misses less than {EXACT:e}, as a share of the largest entry. The discrete \
              Gaussian is a window where that takes less time and tridiagonal systems where those do, \
-             from a sigma of some 6 on; its window in any case is a line of its own. Lines join the \
+             from a sigma of some 10 on; its window in any case is a line of its own. Lines join the \
              tolerances {}. Times are per pixel; the time of a gradient includes that of the values. \
              Where sigma is larger than the image nothing but its mean is left, and what gradients \
              there are is rounding. Grey dots: what nothing else beats in both (the Pareto front).",
