@@ -21,6 +21,8 @@
 //! Laine et al., *Modular primitives for high-performance differentiable rendering*, ACM TOG 39(6),
 //! 2020; coverage as in `homogeneous`.
 
+mod canvas;
+mod culling;
 mod pull_back;
 mod setup;
 #[cfg(test)]

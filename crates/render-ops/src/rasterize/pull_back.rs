@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::setup::Corner;
+use super::culling::Corner;
 use crate::coverage::Coverage;
 use crate::edge_functions::{EdgeSums, LocalFace};
 use crate::face_sums::FaceSums;

@@ -13,7 +13,8 @@
 //!
 //! Faces around a vertex must agree too. The coefficients carry the rounding of the distance from
 //! the image's middle to the vertices, so near a vertex the signs of several edges' functions are
-//! accidents. Where an edge function is smaller than that rounding it is worked out again, as
+//! accidents. Where an edge function is smaller than that rounding, a point is *in doubt* (a
+//! floating-point filter): it is worked out again, as
 //! `q_1 x q_2`: all faces see the same `q`, rounded once per vertex, and the cross product of two
 //! vectors is right to within the rounding of their own lengths.
 //!
@@ -24,110 +25,10 @@
 
 use bokashi_core::Scalar;
 
-use super::{Cull, RasterOptions};
+use super::culling::Corner;
 use crate::edge_functions::depth_and_w;
-use crate::homogeneous::{Vertex, cross, doubt, edge, extent, missing_factors};
+use crate::homogeneous::{Vertex, cross, edge, extent, missing_factors};
 use crate::size::Size;
-
-/// A vertex, and what every face at it asks of it.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Corner<S> {
-    pub(super) vertex: Vertex<S>,
-    /// What the vertex was multiplied by.
-    pub(super) factor: S,
-    /// The view's bounding planes that it lies beyond, one bit each.
-    beyond: u8,
-    /// In pixels from the centre of the first one; means nothing behind the eye.
-    pixel: [f64; 2],
-}
-
-/// The bit of [`Corner::beyond`] for a vertex behind the eye.
-const BEHIND: u8 = 1;
-
-impl<S: Scalar<Wide = S>> Corner<S> {
-    /// Vertex `index` of `clip: [V, 4]`.
-    #[inline(always)]
-    pub(super) fn of<T: Scalar<Wide = S>>(clip: &[T], index: u32, size: Size) -> Self {
-        let (vertex, factor) = Vertex::of(clip, index, size);
-        let Vertex { x, y, z, w } = vertex;
-        let (right, top) =
-            (S::from_f64(size.width as f64) * w, S::from_f64(size.height as f64) * w);
-        let planes = [w <= S::ZERO, x > right, x < -right, y > top, y < -top, z > w, z < -w];
-        let beyond = (0..).zip(planes).map(|(bit, beyond)| u8::from(beyond) << bit).sum();
-        let pixel = |scaled: S, extent: usize| 0.5 * (scaled.to_f64() + extent as f64 - 1.0);
-        let pixel = [pixel(x / w, size.width), pixel(-y / w, size.height)];
-        Self { vertex, factor, beyond, pixel }
-    }
-}
-
-/// What becomes of a face.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Fate {
-    /// Its area is zero within rounding, or it repeats a vertex.
-    Degenerate,
-    /// All of it lies beside the image, behind the eye, or outside the depth range.
-    Outside,
-    /// It turns the side away that is not drawn.
-    Facing,
-    /// It can touch pixels in these columns and rows, first and last; in none where the last
-    /// comes before the first.
-    Drawn { columns: [u32; 2], rows: [u32; 2] },
-}
-
-/// The sign of a face's area as it is seen, 0 where that is zero within rounding, and what becomes
-/// of the face.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Verdict {
-    pub(super) orientation: i8,
-    /// Whether it is drawn and reaches behind the eye: its outline is not that of its vertices.
-    pub(super) reaches_behind: bool,
-    pub(super) fate: Fate,
-}
-
-impl Verdict {
-    /// On a face that repeats no vertex.
-    #[inline(always)]
-    pub(super) fn of<S: Scalar<Wide = S>>(
-        corners: [&Corner<S>; 3],
-        options: RasterOptions,
-    ) -> Self {
-        let [p, q, r] = corners.map(|corner| corner.vertex);
-        // The determinant of the three vertices.
-        let [e, ex, ey] = edge(q, r);
-        let determinant = p.w * e + p.x * ex + p.y * ey;
-        // No sign that is an accident: all that asks which way the face turns, asks this number.
-        let noise = rounding([p, q, r], options.size);
-        let orientation = i8::from(determinant > noise) - i8::from(determinant < -noise);
-        let [a, b, c] = corners.map(|corner| corner.beyond);
-        let fate = if a & b & c != 0 {
-            Fate::Outside
-        } else if orientation == 0 {
-            Fate::Degenerate
-        } else if options.cull == Cull::Back && orientation < 0
-            || options.cull == Cull::Front && orientation > 0
-        {
-            Fate::Facing
-        } else if (a | b | c) & BEHIND != 0 {
-            let Size { width, height } = options.size;
-            Fate::Drawn { columns: [0, width as u32 - 1], rows: [0, height as u32 - 1] }
-        } else {
-            let touched = |axis, extent| touched(corners.map(|corner| corner.pixel[axis]), extent);
-            let Size { width, height } = options.size;
-            Fate::Drawn { columns: touched(0, width), rows: touched(1, height) }
-        };
-        let is_drawn = matches!(fate, Fate::Drawn { .. });
-        Self { orientation, reaches_behind: is_drawn && (a | b | c) & BEHIND != 0, fate }
-    }
-}
-
-/// The size below which a determinant's sign is an accident of rounding. `D = sum_i w_i a_i`, so its
-/// rounding errors are below `sum_i |w_i| doubt_i`.
-#[inline(always)]
-fn rounding<S: Scalar<Wide = S>>(vertices: [Vertex<S>; 3], size: Size) -> S {
-    (0..3)
-        .map(|k| vertices[k].w.abs() * doubt(vertices[(k + 1) % 3], vertices[(k + 2) % 3], size))
-        .sum()
-}
 
 /// A face whose pixels are visited.
 #[derive(Debug, Clone, Copy)]
@@ -536,16 +437,4 @@ fn plane<S: Scalar<Wide = S>>(
 #[inline(always)]
 fn along<S: Scalar>([one, x, by_y]: [S; 3], y: S) -> [S; 2] {
     [one + by_y * y, x]
-}
-
-/// The first and last of `extent` pixels whose centres can lie between the smallest and the
-/// largest of three coordinates in pixels; where there is none, the last comes before the first.
-#[inline(always)]
-fn touched(pixel: [f64; 3], extent: usize) -> [u32; 2] {
-    // Far more than the roundings of a coordinate within the image, far less than a pixel.
-    const MARGIN: f64 = 1e-6;
-    let low = pixel[0].min(pixel[1]).min(pixel[2]) - MARGIN;
-    let high = pixel[0].max(pixel[1]).max(pixel[2]) + MARGIN;
-    let (first, last) = (low.ceil().max(0.0), high.floor().min(extent as f64 - 1.0));
-    if first <= last { [first as u32, last as u32] } else { [1, 0] }
 }

@@ -2,8 +2,9 @@
 
 use rayon::ThreadPoolBuilder;
 
+use super::culling::{Corner, Fate, Verdict};
 use super::oracle::{assert_is_the_oracles, vertex};
-use super::setup::{Corner, Fate, LANES, Setup, Verdict, beyond};
+use super::setup::{LANES, Setup, beyond};
 use super::*;
 
 /// A face's setup; `None` where it is not drawn.

@@ -1,0 +1,339 @@
+//! Where bands are drawn, and read as runs.
+
+use std::ops::Range;
+
+use bokashi_core::Scalar;
+
+use super::culling::{Corner, Fate, Verdict};
+use super::setup::{LANES, Setup, Weights, beyond};
+use crate::coverage::{Run, Slot};
+use crate::mesh::Mesh;
+use crate::size::Size;
+
+/// A face that can touch no more pixels is drawn without looking where in a row it starts and ends.
+const PIXELS_PER_BLOCK: usize = 1024;
+
+/// Stands for "not seen".
+const NO_SLOT: u32 = u32::MAX;
+
+/// Stands for "no face".
+const NO_FACE: u64 = u64::MAX;
+
+/// What the stages share.
+pub(super) struct View<'a, T: Scalar> {
+    pub(super) mesh: &'a Mesh,
+    pub(super) size: Size,
+    pub(super) corners: &'a [Corner<T::Wide>],
+    pub(super) verdicts: &'a [Verdict],
+    /// The X of each column's pixel centres, in whole blocks.
+    pub(super) centers: &'a [T::Wide],
+    /// The Y of each row's.
+    pub(super) ys: &'a [T::Wide],
+    /// Rows per band.
+    pub(super) rows: usize,
+}
+
+impl<'a, T: Scalar> View<'a, T> {
+    #[inline(always)]
+    fn blocks_per_row(&self) -> usize {
+        self.centers.len() / LANES
+    }
+
+    #[inline(always)]
+    fn corners_of(&self, face: usize) -> [&'a Corner<T::Wide>; 3] {
+        self.mesh.faces()[face].map(|vertex| &self.corners[vertex as usize])
+    }
+}
+
+/// Of some rows of `per_row` blocks each: their y, and the depths and faces of the blocks `blocks`.
+#[inline(always)]
+fn rows_of<'a, S: Scalar>(
+    ys: &'a [S],
+    depths: &'a mut [[S; LANES]],
+    faces: &'a mut [[u64; LANES]],
+    per_row: usize,
+    blocks: &'a Range<usize>,
+) -> impl Iterator<Item = (S, &'a mut [[S; LANES]], &'a mut [[u64; LANES]])> {
+    let rows = depths.chunks_exact_mut(per_row).zip(faces.chunks_exact_mut(per_row));
+    ys.iter()
+        .zip(rows)
+        .map(|(&y, (depths, faces))| (y, &mut depths[blocks.clone()], &mut faces[blocks.clone()]))
+}
+
+/// Gives a list `length` entries, whatever they are.
+pub(super) fn resize<I: Clone>(list: &mut Vec<I>, length: usize, filling: impl FnOnce() -> I) {
+    if list.len() != length {
+        list.resize(length, filling());
+    }
+}
+
+/// What is seen in a band, counted from its first run, slot and fragment.
+#[derive(Debug, Default)]
+pub(super) struct Band<T> {
+    pub(super) runs: Vec<Run>,
+    pub(super) by_pixel: Vec<u32>,
+    pub(super) row_starts: Vec<u32>,
+    pub(super) slots: Vec<Slot>,
+    pub(super) covered: Vec<[u32; 2]>,
+    /// The weights u and v of each fragment.
+    pub(super) barycentrics: Vec<T>,
+}
+
+/// Where bands are drawn, one after another.
+#[derive(Debug, Default)]
+pub(super) struct Canvas<T: Scalar> {
+    /// The width of the image that it was made for.
+    width: usize,
+    /// Of the faces that were drawn.
+    weights: Vec<Weights<T::Wide>>,
+    /// Per pixel: the nearest depth so far, and the position in `weights` of its face, in as many bits
+    /// so that both fit the same vectors.
+    depths: Vec<[T::Wide; LANES]>,
+    faces: Vec<[u64; LANES]>,
+    /// Per row: the columns, first and end, that were reached.
+    reached: Vec<[usize; 2]>,
+    /// Per drawn face: its slot, once it was seen.
+    slot_of: Vec<u32>,
+    /// Per slot: its position in `weights`.
+    seen: Vec<u32>,
+    /// What was read, by pixel.
+    stretches: Vec<Stretch>,
+    /// Per slot: how many of the stretches are its own or of those before it.
+    ends: Vec<u32>,
+    /// What was read, by slot.
+    sorted: Vec<Stretch>,
+    pub(super) bands: Vec<Band<T>>,
+}
+
+/// Neighbouring pixels of a row that see one face.
+#[derive(Debug, Clone, Copy)]
+struct Stretch {
+    slot: u32,
+    row: u32,
+    column: u32,
+    length: u32,
+}
+
+/// The work on a canvas: it draws every `step`-th band from `first` on.
+pub(super) struct Draw<'a, T: Scalar> {
+    pub(super) canvas: &'a mut Canvas<T>,
+    pub(super) view: &'a View<'a, T>,
+    pub(super) faces: &'a [Vec<u32>],
+    pub(super) first: usize,
+    pub(super) step: usize,
+}
+
+/// Not as a closure, which would not be compiled for the vectors that were found.
+impl<T: Scalar> pulp::WithSimd for Draw<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<V: pulp::Simd>(self, _: V) {
+        let Self { canvas, view, faces, first, step } = self;
+        canvas.run(view, faces, (first..faces.len()).step_by(step));
+    }
+}
+
+impl<T: Scalar> Canvas<T> {
+    #[inline(always)]
+    fn run(
+        &mut self,
+        view: &View<'_, T>,
+        faces: &[Vec<u32>],
+        bands: impl ExactSizeIterator<Item = usize>,
+    ) {
+        // As many blocks are not enough: what was drawn beyond the width is never forgotten.
+        if self.width != view.size.width || self.reached.len() != view.rows {
+            let blocks = view.rows * view.blocks_per_row();
+            self.width = view.size.width;
+            self.depths.clear();
+            self.depths.resize(blocks, [beyond(); LANES]);
+            self.faces.clear();
+            self.faces.resize(blocks, [NO_FACE; LANES]);
+            self.reached.clear();
+            self.reached.resize(view.rows, [view.size.width, 0]);
+        }
+        self.bands.resize_with(bands.len(), Band::default);
+        for (at, band) in bands.enumerate() {
+            let first = band * view.rows;
+            let rows = first..(first + view.rows).min(view.size.height);
+            self.weights.clear();
+            for &face in &faces[band] {
+                self.draw(view, rows.clone(), face as usize);
+            }
+            self.bands[at].row_starts.clear();
+            self.bands[at].covered.clear();
+            self.stretches.clear();
+            self.seen.clear();
+            self.slot_of.clear();
+            self.slot_of.resize(self.weights.len(), NO_SLOT);
+            for row in rows {
+                self.bands[at].row_starts.push(self.stretches.len() as u32);
+                self.read(view, at, row, row - first);
+            }
+            self.sort();
+            self.hand_over(view, at, &faces[band]);
+        }
+    }
+
+    /// Draws a face into the band of `rows`.
+    #[inline(always)]
+    fn draw(&mut self, view: &View<'_, T>, rows: Range<usize>, face: usize) {
+        let Verdict { orientation, fate, .. } = view.verdicts[face];
+        let Fate::Drawn { columns: [left, right], rows: [top, bottom] } = fate else {
+            unreachable!("only faces that are drawn are on the lists");
+        };
+        let at = self.weights.len() as u64;
+        let rows_of_face = rows.start.max(top as usize)..rows.end.min(bottom as usize + 1);
+        let mut setup = Setup::of(view.corners_of(face), orientation, view.size);
+        let local = rows_of_face.start - rows.start..rows_of_face.end - rows.start;
+        let ys = &view.ys[rows_of_face];
+        let reached = &mut self.reached[local.clone()];
+        let per_row = view.blocks_per_row();
+        let stored = local.start * per_row..local.end * per_row;
+        let (depths, faces) = (&mut self.depths[stored.clone()], &mut self.faces[stored]);
+        let blocks = left as usize / LANES..right as usize / LANES + 1;
+        if setup.has_plane() && blocks.len() * LANES * ys.len() <= PIXELS_PER_BLOCK {
+            let centers = &view.centers.as_chunks().0[blocks.clone()];
+            if setup.cover_blocks(rows_of(ys, depths, faces, per_row, &blocks), centers, at) {
+                let rows = rows_of(ys, depths, faces, per_row, &blocks);
+                setup.cover_doubtful(rows, centers, at);
+            }
+            let (first, end) = (blocks.start * LANES, (blocks.end * LANES).min(view.size.width));
+            for reached in reached {
+                *reached = [reached[0].min(first), reached[1].max(end)];
+            }
+        } else {
+            let touched = [left as usize, right as usize + 1];
+            let centers = &view.centers[..view.size.width];
+            let rows = depths.chunks_exact_mut(per_row).zip(faces.chunks_exact_mut(per_row));
+            for ((&y, (depths, faces)), reached) in ys.iter().zip(rows).zip(reached) {
+                let (depths, faces) = (depths.as_flattened_mut(), faces.as_flattened_mut());
+                let row = setup.row(y);
+                let [first, end] = setup.cover_span(&row, touched, centers, depths, faces, at);
+                *reached = [reached[0].min(first), reached[1].max(end)];
+            }
+        }
+        self.weights.push(setup.weights());
+    }
+
+    /// Reads what the pixels of a row of band `at` see, and forgets what was drawn there, up to the
+    /// image's width. `local` is the row within the band.
+    #[inline(always)]
+    fn read(&mut self, view: &View<'_, T>, at: usize, row: usize, local: usize) {
+        let [first, end] = std::mem::replace(&mut self.reached[local], [view.size.width, 0]);
+        if first >= end {
+            return;
+        }
+        let stored = local * view.blocks_per_row()..(local + 1) * view.blocks_per_row();
+        let faces = self.faces[stored.clone()].as_flattened_mut();
+        let mut start = first;
+        let mut end_run = |end: usize| {
+            let (drawn, column) = (faces[start], start);
+            start = end;
+            if drawn == NO_FACE {
+                return;
+            }
+            let length = end - column;
+            let pixel = (row * view.size.width + column) as u32;
+            let covered = &mut self.bands[at].covered;
+            match covered.last_mut() {
+                Some([_, end]) if *end == pixel => *end += length as u32,
+                _ => covered.push([pixel, pixel + length as u32]),
+            }
+            let [row, column, length] = [row, column, length].map(|number| number as u32);
+            // Slots are numbered as they are seen, so that their order, and with it the order of
+            // all sums, does not depend on that of the mesh's faces.
+            let slot = &mut self.slot_of[drawn as usize];
+            if *slot == NO_SLOT {
+                *slot = self.seen.len() as u32;
+                self.seen.push(drawn as u32);
+            }
+            self.stretches.push(Stretch { slot: *slot, row, column, length });
+        };
+        let (before, after) = (&faces[first..end - 1], &faces[first + 1..end]);
+        let pieces = before.chunks(u64::BITS as usize).zip(after.chunks(u64::BITS as usize));
+        for ((before, after), from) in pieces.zip((first + 1..).step_by(u64::BITS as usize)) {
+            // A bit for each pixel that sees another face than the one before it: where runs start
+            // can't be foretold, so pixels are compared all at once, and then runs visited.
+            let mut changes = before
+                .iter()
+                .zip(after)
+                .enumerate()
+                .fold(0, |changes, (k, (a, b))| changes | u64::from(a != b) << k);
+            while changes != 0 {
+                end_run(from + changes.trailing_zeros() as usize);
+                changes &= changes - 1;
+            }
+        }
+        end_run(end);
+        faces[first..end].fill(NO_FACE);
+        self.depths[stored].as_flattened_mut()[first..end].fill(beyond());
+    }
+
+    /// Sorts the stretches by slot; those of one slot stay in order.
+    #[inline(always)]
+    fn sort(&mut self) {
+        let Self { seen, stretches, ends, sorted, .. } = self;
+        ends.clear();
+        ends.resize(seen.len() + 1, 0);
+        stretches.iter().for_each(|stretch| ends[stretch.slot as usize + 1] += 1);
+        let mut before = 0;
+        for end in ends.iter_mut() {
+            before += *end;
+            *end = before;
+        }
+        sorted.clear();
+        sorted.resize(stretches.len(), Stretch { slot: 0, row: 0, column: 0, length: 0 });
+        // Where the next stretch of each slot goes; in the end, where its last one went.
+        for stretch in stretches.iter() {
+            let place = &mut ends[stretch.slot as usize];
+            sorted[*place as usize] = *stretch;
+            *place += 1;
+        }
+    }
+
+    /// Makes runs of the stretches, with their weights, in band `at`, whose faces are `faces`.
+    #[inline(always)]
+    fn hand_over(&mut self, view: &View<'_, T>, at: usize, faces: &[u32]) {
+        let Self { weights, seen, stretches, ends, sorted, bands, .. } = self;
+        let Band { runs, by_pixel, slots, barycentrics, .. } = &mut bands[at];
+        let fragments: usize = stretches.iter().map(|stretch| stretch.length as usize).sum();
+        resize(barycentrics, 2 * fragments, || T::ZERO);
+        runs.clear();
+        slots.clear();
+        let mut fragment = 0;
+        for own in sorted.chunk_by(|left, right| left.slot == right.slot) {
+            let slot = own[0].slot;
+            let drawn = seen[slot as usize] as usize;
+            let (face, weights) = (faces[drawn], &weights[drawn]);
+            slots.push(Slot { face, first_run: runs.len() as u32 });
+            for &Stretch { row, column, length, .. } in own {
+                let (row, column, length) = (row as usize, column as usize, length as usize);
+                let pixel = (row * view.size.width + column) as u32;
+                runs.push(Run { slot, pixel, fragment: fragment as u32 });
+                let barycentrics = &mut barycentrics[2 * fragment..];
+                let centers = &view.centers[column..];
+                let y = view.size.center_y(row);
+                if weights.is_plain {
+                    weights.weigh(y, length, centers, barycentrics);
+                } else {
+                    let face = face as usize;
+                    let orientation = view.verdicts[face].orientation;
+                    let setup = Setup::of(view.corners_of(face), orientation, view.size);
+                    let own = &mut barycentrics[..2 * length];
+                    setup.weigh_one_by_one(y, &centers[..length], own);
+                }
+                fragment += length;
+            }
+        }
+        // Backwards, so that the last place of each slot comes first.
+        by_pixel.clear();
+        by_pixel.extend(stretches.iter().rev().map(|stretch| {
+            let place = &mut ends[stretch.slot as usize];
+            *place -= 1;
+            *place
+        }));
+        by_pixel.reverse();
+    }
+}
