@@ -300,13 +300,14 @@ struct Sheets {
     size: Size,
 }
 
-/// What there is to collect in a step, at most.
+/// What a step collects, and what shows that it did its work.
 struct Found {
     bands: usize,
     /// Faces that are seen in a band, over all bands.
     slots: usize,
     /// Pairs of neighbouring pixels of which one is covered.
     pairs: usize,
+    /// The squared error.
     loss: f32,
 }
 

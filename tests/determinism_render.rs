@@ -116,12 +116,19 @@ fn assert_the_same_on_recycled_memory<T: Scalar>() {
         Sphere::new(12, Size { width: 61, height: 40 }),
         Sphere::new(7, Size { width: 33, height: 150 }),
         Sphere::new(30, Size { width: 200, height: 190 }),
+        // More faces than one piece of the search for silhouettes holds.
+        Sphere::new(71, Size { width: 500, height: 300 }),
     ];
     let fresh: Vec<_> = scenes.iter().map(|scene| scene.step::<T>(&Tape::new()).unwrap()).collect();
     let mut tape = Tape::<T>::new();
-    for k in [0, 0, 1, 2, 1, 0, 2, 2, 0] {
-        assert!(scenes[k].step(&tape).unwrap() == fresh[k], "scene {k}");
-        tape.reset();
+    let pools = [1, 2, 4].map(|threads| ThreadPoolBuilder::new().num_threads(threads).build());
+    for (turn, k) in [0, 0, 1, 3, 2, 1, 0, 2, 2, 3, 3, 0, 1].into_iter().enumerate() {
+        let pool = pools[turn % 3].as_ref().unwrap();
+        let (tape, scenes, fresh) = (&mut tape, &scenes, &fresh);
+        pool.install(move || {
+            assert!(scenes[k].step(tape).unwrap() == fresh[k], "scene {k}");
+            tape.reset();
+        });
     }
 }
 

@@ -115,6 +115,10 @@ impl<T: Scalar> Accumulator<T> {
     /// whoever takes them writes every one of them, instead of adding.
     #[inline]
     pub fn entries_or_fresh(&mut self) -> (&mut [T], bool) {
+        debug_assert!(
+            matches!(self.state, State::Fresh | State::Sum),
+            "it has a buffer of its own"
+        );
         let fresh = std::mem::replace(&mut self.state, State::Sum) == State::Fresh;
         (&mut self.buffer, fresh)
     }

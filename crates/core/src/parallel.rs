@@ -118,7 +118,7 @@ pub fn merge_ranges<R: Send>(
 }
 
 /// [`merge_ranges`] with results that are written into `results`, whose memory the next call finds
-/// again; of earlier calls they hold what `work` leaves there.
+/// again. They hold what an earlier call left there, which `work` clears or writes over.
 pub fn merge_ranges_into<R: Default + Send>(
     results: &mut Vec<R>,
     length: usize,
@@ -170,6 +170,24 @@ mod tests {
             });
             assert_eq!(data, (0..length).collect::<Vec<_>>());
         }
+    }
+
+    #[test]
+    fn results_in_memory_of_earlier_ones_are_those_of_this_call() {
+        let mut results: Vec<Vec<usize>> = Vec::new();
+        for length in [100, 9, 11, 0, 100] {
+            let mut covered: Vec<usize> = Vec::new();
+            let work = |range: Range<usize>, result: &mut Vec<usize>| {
+                result.clear();
+                result.extend(range);
+            };
+            // What is left behind in some of them does not come back.
+            merge_ranges_into(&mut results, length, 10, work, |result| {
+                covered.extend(result.iter())
+            });
+            assert_eq!(covered, (0..length).collect::<Vec<_>>());
+        }
+        assert_eq!(results.len(), 10);
     }
 
     #[test]

@@ -33,8 +33,8 @@ pub struct Coverage {
     pub(crate) band_ends: Vec<u32>,
     /// The number of fragments.
     pub(crate) count: usize,
-    /// Per face of the mesh, drawn or not: the sign of its area as it is seen, y up; 0 where it
-    /// has none.
+    /// Per face of the mesh, drawn or not: the sign of its area as it is seen, y up; 0 where it is
+    /// zero within rounding.
     pub(crate) orientations: Vec<i8>,
 }
 
@@ -288,7 +288,7 @@ impl Coverage {
 
     /// Whether the surface ends, or turns away, at the edge that faces corner `corner` of `face`: no
     /// face on its other side, or both faces on the same side of it in the image. A face seen
-    /// exactly edge-on covers neither side, so the other one ends there too.
+    /// edge-on, to within rounding, covers neither side, so the other one ends there too.
     #[inline]
     pub(crate) fn is_silhouette(&self, face: usize, corner: usize) -> bool {
         let Some(neighbor) = self.mesh.adjacency().neighbor(face, corner) else { return true };

@@ -69,6 +69,12 @@ pub(crate) fn edge<S: Scalar>(p: Vertex<S>, q: Vertex<S>) -> [S; 3] {
     [p.x * q.y - p.y * q.x, p.y * q.w - p.w * q.y, p.w * q.x - p.x * q.w]
 }
 
+/// The determinant of three vertices: `p`, and those of `edge`.
+#[inline(always)]
+pub(crate) fn determinant<S: Scalar>(p: Vertex<S>, [e, ex, ey]: [S; 3]) -> S {
+    p.w * e + p.x * ex + p.y * ey
+}
+
 /// The largest that `|q_x|` and `|q_y|` of a vertex relative to a pixel centre can be.
 #[inline(always)]
 pub(crate) fn extent<S: Scalar>(vertex: Vertex<S>, size: Size) -> [S; 2] {

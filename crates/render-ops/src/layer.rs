@@ -15,8 +15,9 @@ use crate::fragments::Fragments;
 
 /// The pixels of a picture that can differ from its background, with the background.
 ///
-/// The fields can be exchanged: the values for others of as many rows and any number of channels;
-/// operations refuse all else.
+/// The fields can be exchanged: the values for others of as many rows and any number of channels,
+/// operations refuse all else; the background before antialiasing, since the rim's values hold the
+/// one that was there.
 #[derive(Debug, Clone)]
 pub struct Layer<'t, T: Scalar> {
     /// The values of the fragments, in their order, and then of the rim. Shape `[P, C]`,

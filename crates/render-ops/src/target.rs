@@ -34,7 +34,8 @@ struct Inner<T: Scalar> {
     long: Vec<T::Wide>,
 }
 
-/// Pixels in a block: fewer are visited on either side of a covered stretch.
+/// Pixels in a block: fewer are visited on either side of a covered stretch, and fewer blocks, and so
+/// many times as many pixels are left for blocks of blocks.
 const BLOCK: usize = 16;
 
 impl<T: Scalar> Target<T> {
@@ -125,6 +126,13 @@ impl<'t, T: Scalar> Layer<'t, T> {
             });
         }
         let tape = self.values.tape();
+        if let Some(background) = self.background.variable() {
+            if !std::ptr::eq(background.tape(), tape) {
+                return Err(TensorError::ForeignVariable { operation: "squared_error" }.into());
+            }
+            let channels = shape[2];
+            self.background.behind().check("squared_error", &background.shape(), size, channels)?;
+        }
         let background = &target.0.background;
         let is_targets = match self.background {
             Background::Zero => background.iter().all(|&entry| entry == T::ZERO),
@@ -289,6 +297,26 @@ mod tests {
         assert_eq!(loss.item(), 0.0);
         let gradients = loss.backward().unwrap();
         assert!(gradients.get(values).unwrap().data().iter().all(|&bar| bar == 0.0));
+    }
+
+    #[test]
+    fn a_background_that_an_image_refuses_is_refused_even_where_its_numbers_are_the_targets() {
+        let (tape, other) = (Tape::new(), Tape::new());
+        let clip = [-0.8, -0.9, 0.0, 1.0, 0.9, -0.7, 0.0, 1.0, 0.1, 0.8, 0.0, 1.0];
+        let clip = tape.leaf(&Tensor::new([3, 4], clip.to_vec()).unwrap());
+        let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
+        let fragments = rasterize(clip, &mesh, Size::square(8)).unwrap();
+        let values = tape.leaf(&Tensor::full([fragments.coverage.count(), 3], 0.5));
+        let color = Tensor::full([3], 0.25);
+        let target = Target::new(&Tensor::zeros([8, 8, 3]), &color).unwrap();
+        let error = |background: Var<'_, f64>| {
+            let layer = layer(values, &fragments, Background::Color(background)).unwrap();
+            layer.squared_error(&target).unwrap_err().to_string()
+        };
+        let message = "squared_error needs a background colour of shape [3], got shape [1, 3]";
+        assert_eq!(error(tape.constant(&Tensor::full([1, 3], 0.25))), message);
+        let foreign = other.constant(&color);
+        assert_eq!(error(foreign), "squared_error needs variables of one tape, got one of another");
     }
 
     #[test]

@@ -186,8 +186,7 @@ fn looked_at<S: Scalar<Wide = S>>(
     let &Pair { row, column, below, .. } = pair;
     let frame = Frame::<S>::of([row, column], below, covers_first, size);
     let corners = vertices.map(|vertex| frame.local(vertex));
-    // The line through the centres meets edges with an end on either side of it; most pairs are
-    // left here.
+    // The line through the centres meets edges with an end on either side of it.
     let [a, b, c] = corners.map(|corner| corner.y < S::ZERO);
     let met = u8::from(b != c) | u8::from(c != a) << 1 | u8::from(a != b) << 2;
     if silhouettes & met == 0 {
@@ -278,15 +277,31 @@ mod tests {
         fn what_misses_a_pair_blends_nothing(
             clip in [vertex(), vertex(), vertex()],
             silhouettes in 1_u8..8,
-            (row, column) in (0_usize..8, 0_usize..8),
+            (row, column) in (0_usize..4, 0_usize..8),
             below: bool,
             covers_first: bool,
         ) {
-            let size = Size::square(9);
+            let size = Size { width: 9, height: 5 };
             let outline = Outline::of(clip.as_flattened(), [0, 1, 2], silhouettes, size);
             let pair = Pair { row, column, below, seen: [None; 2] };
             let found = looked_at(&outline, &pair, covers_first, size);
             prop_assert!(found.is_none() || !outline.misses(&pair, size), "{found:?}");
+        }
+    }
+
+    #[test]
+    fn a_silhouette_misses_the_pairs_that_it_does_not_pass_between() {
+        let size = Size { width: 9, height: 5 };
+        // Upright, between columns 4 and 5.
+        let clip = [[0.1, -2.0, 0.0, 1.0], [0.1, 2.0, 0.0, 1.0], [-3.0, 0.0, 0.0, 1.0]];
+        let outline = Outline::of(clip.as_flattened(), [0, 1, 2], 0b100, size);
+        for row in 0..4 {
+            for column in 0..8 {
+                let misses = [false, true].map(|below| {
+                    outline.misses(&Pair { row, column, below, seen: [None; 2] }, size)
+                });
+                assert_eq!(misses, [column != 4, true], "{row} {column}");
+            }
         }
     }
 }

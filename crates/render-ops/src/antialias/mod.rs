@@ -5,8 +5,8 @@
 //! For each pixel and its right and its lower neighbour, `c_0` and `c_1`, whose triangle ids differ:
 //! the edge is one of the covered triangle's, of two the nearer one's. Of its edges that cross the
 //! line through the two centres take the one that lies farthest towards the other pixel; use it
-//! only if it is a silhouette (no face on its other side, or both faces on the same side of it in
-//! the image), runs more across the line than along it, and crosses between the two centres, at
+//! only if it is a silhouette (no face on its other side or one seen edge-on, or both faces on the same
+//! side of it in the image), runs more across the line than along it, and crosses between the two centres, at
 //! distance d from the covered one. With `s = 1` where the triangle covers the first pixel and -1
 //! where it covers the second, `alpha = s (1/2 - d)`: where positive `out_0 += alpha (c_1 - c_0)`,
 //! else `out_1 += alpha (c_1 - c_0)`. All reads are from the input image, so up to four blends add
@@ -157,8 +157,13 @@ impl<T: Scalar> Found<T> {
         let piece = if is_shared(height, ROWS_PER_PIECE) { ROWS_PER_PIECE } else { height };
         let work = |rows: Range<usize>, search: &mut Search<T::Wide>| view.find(rows, search);
         merge_ranges_into(searches, height, piece, work, |search| {
-            blends.append(&mut search.blends);
-            rows.append(&mut search.fragments);
+            if blends.is_empty() {
+                std::mem::swap(blends, &mut search.blends);
+                std::mem::swap(rows, &mut search.fragments);
+            } else {
+                blends.append(&mut search.blends);
+                rows.append(&mut search.fragments);
+            }
         });
     }
 
@@ -245,13 +250,13 @@ impl<S: Scalar<Wide = S>> Outlines<S> {
         coverage: &Coverage,
         clip: &[T],
     ) {
-        self.outlines.clear();
-        self.of_slot.clear();
         let count = coverage.slots.len();
         if !is_shared(count, SLOTS_PER_PIECE) {
-            return self.extend(coverage, clip, 0..count);
+            return self.find_piece(coverage, clip, 0..count);
         }
-        let work = |slots: Range<usize>, piece: &mut Self| piece.extend(coverage, clip, slots);
+        self.outlines.clear();
+        self.of_slot.clear();
+        let work = |slots: Range<usize>, piece: &mut Self| piece.find_piece(coverage, clip, slots);
         merge_ranges_into(pieces, count, SLOTS_PER_PIECE, work, |piece| {
             let before = self.outlines.len() as u32;
             self.outlines.append(&mut piece.outlines);
@@ -260,12 +265,14 @@ impl<S: Scalar<Wide = S>> Outlines<S> {
         });
     }
 
-    fn extend<T: Scalar<Wide = S>>(
+    fn find_piece<T: Scalar<Wide = S>>(
         &mut self,
         coverage: &Coverage,
         clip: &[T],
         slots: Range<usize>,
     ) {
+        self.outlines.clear();
+        self.of_slot.clear();
         self.of_slot.reserve(slots.len());
         for slot in &coverage.slots[slots] {
             let face = slot.face as usize;
@@ -290,10 +297,12 @@ struct View<'a, T: Scalar> {
 }
 
 impl<T: Scalar> View<'_, T> {
-    /// Appends the blends at the pairs whose first pixel lies in `rows`, and the fragments of their
+    /// Finds the blends at the pairs whose first pixel lies in `rows`, and the fragments of their
     /// pixels.
     fn find(&self, rows: Range<usize>, search: &mut Search<T::Wide>) {
         let Search { neighbors, blends, fragments } = search;
+        blends.clear();
+        fragments.clear();
         let counts = |slot: usize| self.outlines.of_slot[slot] != NO_OUTLINE;
         neighbors.for_each_pair(self.coverage, rows, counts, |pair| {
             if let Some(blend) = self.blend(&pair) {
@@ -460,6 +469,8 @@ impl<T: Scalar> Op<T> for Antialias {
         size_of_val(found.blends.as_slice())
             + size_of_val(found.rows.as_slice())
             + size_of_val(found.steps.as_slice())
+            + size_of_val(found.outlines.outlines.as_slice())
+            + size_of_val(found.outlines.of_slot.as_slice())
             + found.rim.as_ref().map_or(0, |rim| size_of_val(rim.as_slice()))
     }
 }

@@ -23,7 +23,8 @@
 use bokashi_core::Scalar;
 use bokashi_core::parallel::{for_each_piece_mut, for_each_two_pieces_mut};
 
-use super::scratch::{Workbench, copy};
+use super::copy::copy;
+use super::scratch::Workbench;
 use crate::border::Border;
 use crate::taps::{Taps, Window};
 

@@ -14,7 +14,7 @@
 //! `convolution` sums over a window: its cost grows with sigma, and is the least where sigma is small.
 //! `rational` solves tridiagonal systems, of the discrete kernel alone, with a zero or a mirror
 //! border: its cost does not depend on sigma. Where a tolerance allows both, the one that takes less
-//! time is chosen, by sigma and the extents of the image: the second from a sigma of 10 to 15 on.
+//! time is chosen, by sigma and the extents of the image: the second from a sigma of 9 to 15 on, by tolerance.
 //!
 //! # Cost and error
 //! `docs/performance.md` has the times, `docs/benchmarks.md` times beside errors.
@@ -33,6 +33,7 @@
 //! rendering, equations (1) to (5): the seed kernel. The sampled one is what image libraries use.
 
 mod convolution;
+mod copy;
 mod rational;
 mod scratch;
 #[cfg(test)]

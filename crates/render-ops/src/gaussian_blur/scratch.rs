@@ -1,4 +1,4 @@
-//! Memory that pieces of work borrow, and copies of little.
+//! Memory that pieces of work borrow.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -24,13 +24,5 @@ impl<M: Default> Workbench<M> {
     fn lock(&self) -> std::sync::MutexGuard<'_, Vec<M>> {
         // A piece that panics has taken its memory out: what is left is whole.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-/// Copies a few entries, without the call that a copy of a length unknown to the compiler is.
-#[inline(always)]
-pub(super) fn copy<T: Copy>(from: &[T], to: &mut [T]) {
-    for (to, &from) in to.iter_mut().zip(from) {
-        *to = from;
     }
 }

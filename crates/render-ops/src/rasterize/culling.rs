@@ -2,12 +2,12 @@
 //!
 //! A face is left out where all its vertices lie beyond one of the view's planes, where its area is
 //! zero within rounding, and where it turns the side away that is not drawn. Of all others it is known
-//! here which pixels they can touch. `setup` has the determinant, whose sign is that of the area.
+//! here which pixels they can touch. The area has the sign of the determinant of the three vertices.
 
 use bokashi_core::Scalar;
 
 use super::{Cull, RasterOptions};
-use crate::homogeneous::{Vertex, doubt, edge};
+use crate::homogeneous::{Vertex, determinant, doubt, edge};
 use crate::size::Size;
 
 /// A vertex, and what every face at it asks of it.
@@ -73,9 +73,7 @@ impl Verdict {
         options: RasterOptions,
     ) -> Self {
         let [p, q, r] = corners.map(|corner| corner.vertex);
-        // The determinant of the three vertices.
-        let [e, ex, ey] = edge(q, r);
-        let determinant = p.w * e + p.x * ex + p.y * ey;
+        let determinant = determinant(p, edge(q, r));
         // No sign that is an accident: all that asks which way the face turns, asks this number.
         let noise = rounding([p, q, r], options.size);
         let orientation = i8::from(determinant > noise) - i8::from(determinant < -noise);

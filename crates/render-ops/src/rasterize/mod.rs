@@ -75,7 +75,7 @@ impl From<Size> for RasterOptions {
 /// centre some face covers.
 ///
 /// Smaller z / w wins; of equal ones the lower face index. Faces may reach behind the eye and
-/// through the near and far planes: the visible part is drawn. Faces of zero area are not drawn
+/// through the near and far planes: the visible part is drawn. Faces whose area is zero within rounding are not drawn
 /// and are counted in [`Coverage::culled`].
 ///
 /// # Errors

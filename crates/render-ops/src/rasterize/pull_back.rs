@@ -81,13 +81,14 @@ fn sum_row<T: Scalar>(
     [ones, xs]
 }
 
-/// A row of at least as many pixels is summed in lanes.
+/// A row of at least as many pixels is summed in parts: of shorter ones the zeros cost more.
 const LONG_ROW: usize = 48;
 
-/// Pixels of a long row whose terms are worked out before any is summed.
+/// Pixels of a long row whose terms are worked out before any is summed: they stay in the first-level
+/// cache.
 const PIXELS_AT_ONCE: usize = 64;
 
-/// Partial sums along a long row.
+/// Partial sums along a long row: as many as the widest vectors hold.
 const PARTS: usize = 8;
 
 /// [`sum_row`] with [`weights_bar`] for long rows: terms first, then sums in parts, as two loops

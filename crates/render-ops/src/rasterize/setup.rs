@@ -27,7 +27,7 @@ use bokashi_core::Scalar;
 
 use super::culling::Corner;
 use crate::edge_functions::depth_and_w;
-use crate::homogeneous::{Vertex, cross, edge, extent, missing_factors};
+use crate::homogeneous::{Vertex, cross, determinant, edge, extent, missing_factors};
 use crate::size::Size;
 
 /// A face whose pixels are visited.
@@ -420,7 +420,7 @@ fn plane<S: Scalar<Wide = S>>(
     doubt: S,
 ) -> Option<[S; 3]> {
     let [p, q, r] = vertices;
-    let determinant = p.w * edges[0][0] + p.x * edges[0][1] + p.y * edges[0][2];
+    let determinant = determinant(*p, edges[0]);
     let (least, largest) = (least([p.w, q.w, r.w]), largest([p.w, q.w, r.w]));
     let d = p.z / p.w;
     let is_exact = least > S::ZERO

@@ -70,6 +70,23 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         ],
     )
     .not_printed();
+    let mut beside = Table::new(
+        "blur_libraries",
+        "Values alone, beside image libraries at their own truncation: milliseconds, and the largest \
+         relative error",
+        &[
+            ("pixels", "pixels"),
+            ("sigma", "sigma"),
+            ("ours, 1e-2", "milliseconds_at_1e-2"),
+            ("error", "error_at_1e-2"),
+            ("ours, 1e-4", "milliseconds_at_1e-4"),
+            ("error", "error_at_1e-4"),
+            ("imageproc", "imageproc_milliseconds"),
+            ("error", "imageproc_error"),
+            ("libblur", "libblur_milliseconds"),
+            ("error", "libblur_error"),
+        ],
+    );
     let sizes = bench.effort.choose(&PIXELS[..1], &PIXELS[..]);
     for &pixels in sizes {
         let sigmas = if pixels <= SMALL { &SIGMAS[..] } else { &SIGMAS_OF_LARGE[..] };
@@ -86,6 +103,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
                 let mut points = rivals.measure(bench, &mut study, &mut table)?;
                 if quantity == Quantity::Values {
                     points.extend(peer_points(bench, &peers, pixels, sigma));
+                    beside.push(beside_libraries(&points, &lines, pixels, sigma));
                 }
                 panels.push(panel(&lines, quantity, pixels, sigma, &points));
             }
@@ -101,8 +119,27 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
             });
         }
     }
+    if !peers.is_empty() {
+        study.tables.push(beside);
+    }
     study.tables.push(table);
     Ok(study)
+}
+
+/// A row: the sampled kernel in f32 at the first two tolerances, then the libraries.
+fn beside_libraries(points: &[Point], lines: &[Line], pixels: usize, sigma: f64) -> Vec<Cell> {
+    let named = |name: &str, at: usize| {
+        let line = lines.iter().position(|line| line.name.starts_with(name));
+        points.iter().filter(|point| Some(point.line) == line).nth(at)
+    };
+    let all = [named(ALGORITHMS[0].name, 0), named(ALGORITHMS[0].name, 1)];
+    let all = all.into_iter().chain(["imageproc", "libblur"].map(|name| named(name, 0)));
+    let area = (pixels * pixels) as f64;
+    let cells = all.flat_map(|point| {
+        let milliseconds = point.map(|point| 1e3 * area * point.seconds_per_pixel);
+        [Cell::maybe(milliseconds), Cell::maybe(point.map(|point| point.error))]
+    });
+    [Cell::Count(pixels), Cell::number(sigma)].into_iter().chain(cells).collect()
 }
 
 /// The curves of a figure: those of the algorithms, then those of the peers.

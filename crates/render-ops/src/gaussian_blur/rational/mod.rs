@@ -45,7 +45,8 @@ use bokashi_core::Scalar;
 use bokashi_core::parallel::{for_each_piece_mut, for_each_two_pieces_mut};
 
 use self::line::{LANES, Lanes, Task};
-use super::scratch::{Workbench, copy};
+use super::copy::copy;
+use super::scratch::Workbench;
 
 pub(super) use self::line::{Block, Line};
 pub(super) use self::poles::Order;
