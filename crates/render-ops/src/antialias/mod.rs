@@ -157,7 +157,8 @@ impl<T: Scalar> Found<T> {
         let piece = if is_shared(height, ROWS_PER_PIECE) { ROWS_PER_PIECE } else { height };
         let work = |rows: Range<usize>, search: &mut Search<T::Wide>| view.find(rows, search);
         merge_ranges_into(searches, height, piece, work, |search| {
-            if blends.is_empty() {
+            if piece == height {
+                // There is no other one.
                 std::mem::swap(blends, &mut search.blends);
                 std::mem::swap(rows, &mut search.fragments);
             } else {
