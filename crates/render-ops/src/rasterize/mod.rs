@@ -23,6 +23,8 @@
 
 mod canvas;
 mod culling;
+#[allow(dead_code)]
+mod exact;
 mod pull_back;
 mod setup;
 #[cfg(test)]
