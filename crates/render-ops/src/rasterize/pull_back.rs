@@ -9,7 +9,7 @@ use super::culling::Corner;
 use crate::coverage::Coverage;
 use crate::edge_functions::{EdgeSums, LocalFace};
 use crate::face_sums::FaceSums;
-use crate::homogeneous::missing_factors;
+use crate::homogeneous::{are_one, face_of, missing_factors};
 
 /// From the gradients of u and v to those of the vertices.
 pub(super) struct PullBack<'a, T: Scalar> {
@@ -24,16 +24,15 @@ impl<T: Scalar> FaceSums<T::Wide> for PullBack<'_, T> {
         let Coverage { mesh, size, slots, .. } = self.coverage;
         let corners =
             mesh.faces()[slots[slot].face as usize].map(|vertex| &self.corners[vertex as usize]);
-        let factors = corners.map(|corner| corner.factor);
+        let (vertices, factors) = face_of(corners.map(|corner| (corner.vertex, corner.factor)));
         let origin = self.coverage.first_pixel_of(slot);
-        let vertices = corners.map(|corner| corner.vertex);
         let face = LocalFace::new(vertices, factors, origin, *size);
         let mut sums = EdgeSums::default();
         for span in self.coverage.spans_within(slot, fragments) {
             let [x, y] = face.place(span.pixel, *size);
             let row = face.row(y);
             let uv_bar = &self.uv_bar[2 * span.fragments.start..2 * span.fragments.end];
-            let [ones, xs] = if factors == [T::Wide::ONE; 3] {
+            let [ones, xs] = if are_one(factors) {
                 if uv_bar.len() >= 2 * LONG_ROW {
                     sum_long_row(row, x, uv_bar)
                 } else {

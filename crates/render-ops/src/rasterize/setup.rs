@@ -27,7 +27,9 @@ use bokashi_core::Scalar;
 
 use super::culling::Corner;
 use crate::edge_functions::depth_and_w;
-use crate::homogeneous::{Vertex, cross, determinant, edge, extent, missing_factors};
+use crate::homogeneous::{
+    Vertex, are_one, cross, determinant, edge, extent, face_of, missing_factors,
+};
 use crate::size::Size;
 
 /// A face whose pixels are visited.
@@ -99,7 +101,7 @@ impl<S: Scalar<Wide = S>> Setup<S> {
     /// Of a face of that orientation, 1 or -1.
     #[inline(always)]
     pub(super) fn of(corners: [&Corner<S>; 3], orientation: i8, size: Size) -> Self {
-        let vertices = corners.map(|corner| corner.vertex);
+        let (vertices, factors) = face_of(corners.map(|corner| (corner.vertex, corner.factor)));
         let sign = S::from_f64(f64::from(orientation));
         let [p, q, r] = vertices;
         let edges = [edge(q, r), edge(r, p), edge(p, q)];
@@ -108,7 +110,6 @@ impl<S: Scalar<Wide = S>> Setup<S> {
         let [x, y] = [0, 1].map(|axis| largest(extents.map(|extent| extent[axis])));
         // That of any two of the vertices, as in `homogeneous::doubt`.
         let doubt = S::from_f64(16.0 * f64::EPSILON) * x * y;
-        let factors = corners.map(|corner| corner.factor);
         let plane = plane(&vertices, &edges, doubt);
         Self { vertices, factors, sign, edges, doubt, plane, has_doubtful: false }
     }
@@ -309,12 +310,12 @@ impl<S: Scalar<Wide = S>> Setup<S> {
     /// What is kept of the face once it is drawn.
     #[inline(always)]
     pub(super) fn weights(&self) -> Weights<S> {
-        let is_plain = !self.has_doubtful && self.factors == [S::ONE; 3];
+        let is_plain = !self.has_doubtful && are_one(self.factors);
         Weights { edges: self.edges, is_plain }
     }
 
     /// The weights u and v of neighbouring pixels of a row that it covers, into
-    /// `barycentrics: [n, 2]`, where pixels may be in doubt, or vertices were multiplied.
+    /// `barycentrics: [n, 2]`, where pixels may be in doubt, or vertices have factors that differ.
     #[cold]
     #[inline(never)]
     pub(super) fn weigh_one_by_one<T: Scalar<Wide = S>>(
@@ -342,7 +343,7 @@ impl<S: Scalar<Wide = S>> Setup<S> {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Weights<S> {
     edges: [[S; 3]; 3],
-    /// Whether no pixel that was covered had to be settled, and no vertex was multiplied.
+    /// Whether no pixel that was covered had to be settled, and all vertices have one factor.
     pub(super) is_plain: bool,
 }
 
