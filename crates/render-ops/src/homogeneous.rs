@@ -27,7 +27,7 @@ impl<S: Scalar<Wide = S>> Vertex<S> {
     /// where products of three coordinates would leave the range of the numbers, or one coordinate
     /// times the image's extent. A vertex times a positive number is the same point, so it changes
     /// no edge's sign, no crossing and no depth; weights are per vertex, and take the factor back
-    /// (see [`missing_factors`]). A face's vertices have one factor where they can ([`face_of`]).
+    /// (see [`missing_factors`]).
     pub(crate) fn of<T: Scalar<Wide = S>>(clip: &[T], index: u32, size: Size) -> (Self, S) {
         let [x, y, z, w] = std::array::from_fn(|k| clip[4 * index as usize + k].widen());
         let (width, height) = (S::from_f64(size.width as f64), S::from_f64(size.height as f64));
@@ -48,7 +48,8 @@ impl<S: Scalar<Wide = S>> Vertex<S> {
         face: [u32; 3],
         size: Size,
     ) -> ([Self; 3], [S; 3]) {
-        face_of(face.map(|index| Self::of(clip, index, size)))
+        let pairs = face.map(|index| Self::of(clip, index, size));
+        (pairs.map(|(vertex, _)| vertex), pairs.map(|(_, factor)| factor))
     }
 
     /// The vertex relative to the pixel centre `(x, y)`.
@@ -57,41 +58,18 @@ impl<S: Scalar<Wide = S>> Vertex<S> {
     }
 }
 
-/// The vertices of a face, and what each was multiplied by: all by the same where they are of sizes
-/// near enough, so that a face times a power of two is the same face in every bit.
-#[inline(always)]
-pub(crate) fn face_of<S: Scalar<Wide = S>>(
-    corners: [(Vertex<S>, S); 3],
-) -> ([Vertex<S>; 3], [S; 3]) {
-    let (vertices, factors) =
-        (corners.map(|(vertex, _)| vertex), corners.map(|(_, factor)| factor));
-    if are_one(factors) { (vertices, factors) } else { with_one_factor(vertices, factors) }
-}
-
 /// Whether a face's vertices were all multiplied by the same.
 #[inline(always)]
 pub(crate) fn are_one<S: Scalar>([p, q, r]: [S; 3]) -> bool {
     p == q && p == r
 }
 
-#[cold]
-fn with_one_factor<S: Scalar<Wide = S>>(
-    vertices: [Vertex<S>; 3],
-    factors: [S; 3],
-) -> ([Vertex<S>; 3], [S; 3]) {
-    let [p, q, r] = factors;
-    let (least, most) = (p.lesser(q).lesser(r), p.greater(q).greater(r));
-    // About 1e-60 and 1e60, where a vertex starts to be multiplied, factors leap by as much. Products
-    // of three coordinates stay within the range of the numbers down to a fraction of 1e-80.
-    if least < most * S::from_f64(1e-80) {
-        return (vertices, factors);
+impl<S: Scalar> Vertex<S> {
+    /// The vertex times `factor`.
+    pub(crate) fn scaled(self, factor: S) -> Self {
+        let Self { x, y, z, w } = self;
+        Self { x: factor * x, y: factor * y, z: factor * z, w: factor * w }
     }
-    let scaled = std::array::from_fn(|k| {
-        let Vertex { x, y, z, w } = vertices[k];
-        let factor = least / factors[k];
-        Vertex { x: factor * x, y: factor * y, z: factor * z, w: factor * w }
-    });
-    (scaled, [least; 3])
 }
 
 /// The cross product of two plane vectors.

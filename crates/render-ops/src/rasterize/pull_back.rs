@@ -9,7 +9,7 @@ use super::culling::Corner;
 use crate::coverage::Coverage;
 use crate::edge_functions::{EdgeSums, LocalFace};
 use crate::face_sums::FaceSums;
-use crate::homogeneous::{are_one, face_of, missing_factors};
+use crate::homogeneous::{are_one, missing_factors};
 
 /// From the gradients of u and v to those of the vertices.
 pub(super) struct PullBack<'a, T: Scalar> {
@@ -24,8 +24,9 @@ impl<T: Scalar> FaceSums<T::Wide> for PullBack<'_, T> {
         let Coverage { mesh, size, slots, .. } = self.coverage;
         let corners =
             mesh.faces()[slots[slot].face as usize].map(|vertex| &self.corners[vertex as usize]);
-        let (vertices, factors) = face_of(corners.map(|corner| (corner.vertex, corner.factor)));
+        let factors = corners.map(|corner| corner.factor);
         let origin = self.coverage.first_pixel_of(slot);
+        let vertices = corners.map(|corner| corner.vertex);
         let face = LocalFace::new(vertices, factors, origin, *size);
         let mut sums = EdgeSums::default();
         for span in self.coverage.spans_within(slot, fragments) {

@@ -27,9 +27,7 @@ use bokashi_core::Scalar;
 
 use super::culling::Corner;
 use crate::edge_functions::depth_and_w;
-use crate::homogeneous::{
-    Vertex, are_one, cross, determinant, edge, extent, face_of, missing_factors,
-};
+use crate::homogeneous::{Vertex, are_one, cross, determinant, edge, extent, missing_factors};
 use crate::size::Size;
 
 /// A face whose pixels are visited.
@@ -101,7 +99,7 @@ impl<S: Scalar<Wide = S>> Setup<S> {
     /// Of a face of that orientation, 1 or -1.
     #[inline(always)]
     pub(super) fn of(corners: [&Corner<S>; 3], orientation: i8, size: Size) -> Self {
-        let (vertices, factors) = face_of(corners.map(|corner| (corner.vertex, corner.factor)));
+        let vertices = corners.map(|corner| corner.vertex);
         let sign = S::from_f64(f64::from(orientation));
         let [p, q, r] = vertices;
         let edges = [edge(q, r), edge(r, p), edge(p, q)];
@@ -110,6 +108,7 @@ impl<S: Scalar<Wide = S>> Setup<S> {
         let [x, y] = [0, 1].map(|axis| largest(extents.map(|extent| extent[axis])));
         // That of any two of the vertices, as in `homogeneous::doubt`.
         let doubt = S::from_f64(16.0 * f64::EPSILON) * x * y;
+        let factors = corners.map(|corner| corner.factor);
         let plane = plane(&vertices, &edges, doubt);
         Self { vertices, factors, sign, edges, doubt, plane, has_doubtful: false }
     }
