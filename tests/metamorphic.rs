@@ -101,6 +101,12 @@ fn scenes() -> impl Strategy<Value = Scene> {
     )
 }
 
+/// Of powers of two that all products stand, and of some about 1e-60 and 1e60, where a face's small
+/// vertices and its large ones may come to be treated each in its own way.
+fn exponents() -> impl Strategy<Value = i32> {
+    prop_oneof![-900..900, -204..-194, 195..205]
+}
+
 fn assert_close(found: &[f64], expected: &[f64], tolerance: f64) -> Result<(), TestCaseError> {
     prop_assert_eq!(found.len(), expected.len());
     let largest = expected.iter().fold(1.0, |largest: f64, entry| largest.max(entry.abs()));
@@ -227,7 +233,7 @@ proptest! {
     }
 
     #[test]
-    fn scaling_all_clip_positions_changes_no_bit_and_divides_the_gradient(scene in scenes(), k in -900..900_i32) {
+    fn scaling_all_clip_positions_changes_no_bit_and_divides_the_gradient(scene in scenes(), k in exponents()) {
         let factor = 2.0_f64.powi(k);
         let (one, other) = (scene.rendered(motley), scene.with_clip(|p| p.map(|c| factor * c)).rendered(motley));
         prop_assert_eq!(&one.image, &other.image);

@@ -58,6 +58,20 @@ impl<S: Scalar<Wide = S>> Vertex<S> {
     }
 }
 
+/// Whether a face's vertices were all multiplied by the same.
+#[inline(always)]
+pub(crate) fn are_one<S: Scalar>([p, q, r]: [S; 3]) -> bool {
+    p == q && p == r
+}
+
+impl<S: Scalar> Vertex<S> {
+    /// The vertex times `factor`.
+    pub(crate) fn scaled(self, factor: S) -> Self {
+        let Self { x, y, z, w } = self;
+        Self { x: factor * x, y: factor * y, z: factor * z, w: factor * w }
+    }
+}
+
 /// The cross product of two plane vectors.
 pub(crate) fn cross<S: Scalar>(a: [S; 2], b: [S; 2]) -> S {
     a[0] * b[1] - a[1] * b[0]
@@ -96,7 +110,7 @@ pub(crate) fn doubt<S: Scalar<Wide = S>>(p: Vertex<S>, q: Vertex<S>, size: Size)
 /// they share, to be weights: `a_i` has the factors of the two other vertices, and not its own.
 #[inline]
 pub(crate) fn missing_factors<S: Scalar>(a: [S; 3], factors: [S; 3]) -> [S; 3] {
-    if factors == [S::ONE; 3] { factors } else { relative_factors(a, factors) }
+    if are_one(factors) { [S::ONE; 3] } else { relative_factors(a, factors) }
 }
 
 /// The factors relative to the largest one that counts, so that the weights neither overflow nor

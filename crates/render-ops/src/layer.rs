@@ -109,6 +109,14 @@ mod tests {
         rasterize(clip, &Mesh::new(vec![[0, 1, 2], [3, 4, 5]], 6).unwrap(), SIZE).unwrap()
     }
 
+    /// One value per pixel, and a face that covers all of them: no silhouette is in sight.
+    fn filled<T: Scalar>(tape: &Tape<T>) -> (Var<'_, T>, Fragments<'_, T>) {
+        let clip = [[-1.0, -1.0, 0.0, 1.0], [3.0, -1.0, 0.0, 1.0], [-1.0, 3.0, 0.0, 1.0]];
+        let clip = tape.leaf(&Tensor::from_fn([3, 4], |k| T::from_f64(clip[k / 4][k % 4])));
+        let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
+        (leaf(tape, [SIZE.pixels(), 1]), rasterize(clip, &mesh, SIZE).unwrap())
+    }
+
     fn leaf<'t, T: Scalar, const N: usize>(tape: &'t Tape<T>, axes: [usize; N]) -> Var<'t, T> {
         tape.leaf(&Tensor::from_fn(axes, |k| T::from_f64((k * 37 % 101) as f64 / 101.0)))
     }
@@ -184,13 +192,9 @@ mod tests {
     #[test]
     fn without_silhouettes_antialiasing_leaves_the_layer_itself() {
         let tape = Tape::<f32>::new();
-        let corners = [-1.0, -1.0, 0.0, 1.0, 3.0, -1.0, 0.0, 1.0, -1.0, 3.0, 0.0, 1.0];
-        let clip = tape.leaf(&Tensor::new([3, 4], corners.to_vec()).unwrap());
-        let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
-        let fragments = rasterize(clip, &mesh, SIZE).unwrap();
-        let values = leaf(&tape, [SIZE.pixels(), 1]);
+        let (values, fragments) = filled(&tape);
         let whole = layer(values, &fragments, Background::Zero).unwrap();
-        let same = whole.clone().antialias(clip).unwrap();
+        let same = whole.clone().antialias(fragments.clip).unwrap();
         assert_eq!(same.values.value(), values.value());
         let report = tape.take_report();
         assert!(report.left_out.iter().any(|entry| entry.name == "antialias"));
@@ -200,13 +204,10 @@ mod tests {
     #[test]
     fn without_silhouettes_too_a_layer_is_antialiased_once() {
         let tape = Tape::<f64>::new();
-        let corners = [-1.0, -1.0, 0.0, 1.0, 3.0, -1.0, 0.0, 1.0, -1.0, 3.0, 0.0, 1.0];
-        let clip = tape.leaf(&Tensor::new([3, 4], corners.to_vec()).unwrap());
-        let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
-        let fragments = rasterize(clip, &mesh, SIZE).unwrap();
-        let values = leaf(&tape, [SIZE.pixels(), 1]);
+        let (values, fragments) = filled(&tape);
         let whole = layer(values, &fragments, Background::Zero).unwrap();
-        let error = whole.antialias(clip).unwrap().antialias(clip).unwrap_err().to_string();
+        let smooth = whole.antialias(fragments.clip).unwrap();
+        let error = smooth.antialias(fragments.clip).unwrap_err().to_string();
         let rule = "antialias needs a layer that was not antialiased before";
         assert_eq!(error, format!("{rule}, got one with a rim of 0 pixels"));
     }

@@ -41,6 +41,29 @@ impl<S: Scalar<Wide = S>> Corner<S> {
     }
 }
 
+/// Gives all corners one factor where they are of sizes near enough, so that a mesh times a power of
+/// two is the same in every bit: the size below which a face's edge functions are in doubt, and the
+/// order in which a long row is summed, depend on its factors.
+pub(super) fn give_one_factor<S: Scalar<Wide = S>>(corners: &mut [Corner<S>]) {
+    let factors = || corners.iter().map(|corner| corner.factor);
+    if factors().all(|factor| factor == S::ONE) {
+        return;
+    }
+    let (least, most) = (
+        factors().fold(S::from_f64(f64::INFINITY), S::lesser),
+        factors().fold(S::ZERO, S::greater),
+    );
+    // About 1e-60 and 1e60, where a vertex starts to be multiplied, factors leap by as much. Products
+    // of three coordinates stay within the range of the numbers down to a fraction of 1e-80.
+    if least < most * S::from_f64(1e-80) {
+        return;
+    }
+    for corner in corners {
+        corner.vertex = corner.vertex.scaled(least / corner.factor);
+        corner.factor = least;
+    }
+}
+
 /// What becomes of a face.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Fate {

@@ -9,7 +9,7 @@ use super::culling::Corner;
 use crate::coverage::Coverage;
 use crate::edge_functions::{EdgeSums, LocalFace};
 use crate::face_sums::FaceSums;
-use crate::homogeneous::missing_factors;
+use crate::homogeneous::{are_one, missing_factors};
 
 /// From the gradients of u and v to those of the vertices.
 pub(super) struct PullBack<'a, T: Scalar> {
@@ -33,7 +33,7 @@ impl<T: Scalar> FaceSums<T::Wide> for PullBack<'_, T> {
             let [x, y] = face.place(span.pixel, *size);
             let row = face.row(y);
             let uv_bar = &self.uv_bar[2 * span.fragments.start..2 * span.fragments.end];
-            let [ones, xs] = if factors == [T::Wide::ONE; 3] {
+            let [ones, xs] = if are_one(factors) {
                 if uv_bar.len() >= 2 * LONG_ROW {
                     sum_long_row(row, x, uv_bar)
                 } else {

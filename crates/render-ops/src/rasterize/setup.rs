@@ -27,7 +27,7 @@ use bokashi_core::Scalar;
 
 use super::culling::Corner;
 use crate::edge_functions::depth_and_w;
-use crate::homogeneous::{Vertex, cross, determinant, edge, extent, missing_factors};
+use crate::homogeneous::{Vertex, are_one, cross, determinant, edge, extent, missing_factors};
 use crate::size::Size;
 
 /// A face whose pixels are visited.
@@ -309,12 +309,12 @@ impl<S: Scalar<Wide = S>> Setup<S> {
     /// What is kept of the face once it is drawn.
     #[inline(always)]
     pub(super) fn weights(&self) -> Weights<S> {
-        let is_plain = !self.has_doubtful && self.factors == [S::ONE; 3];
+        let is_plain = !self.has_doubtful && are_one(self.factors);
         Weights { edges: self.edges, is_plain }
     }
 
     /// The weights u and v of neighbouring pixels of a row that it covers, into
-    /// `barycentrics: [n, 2]`, where pixels may be in doubt, or vertices were multiplied.
+    /// `barycentrics: [n, 2]`, where pixels may be in doubt, or vertices have factors that differ.
     #[cold]
     #[inline(never)]
     pub(super) fn weigh_one_by_one<T: Scalar<Wide = S>>(
@@ -342,7 +342,7 @@ impl<S: Scalar<Wide = S>> Setup<S> {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Weights<S> {
     edges: [[S; 3]; 3],
-    /// Whether no pixel that was covered had to be settled, and no vertex was multiplied.
+    /// Whether no pixel that was covered had to be settled, and all vertices have one factor.
     pub(super) is_plain: bool,
 }
 

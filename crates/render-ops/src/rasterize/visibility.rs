@@ -13,7 +13,7 @@ use bokashi_core::parallel::{for_each_item_mut, for_each_piece_mut, threads};
 
 use super::RasterOptions;
 use super::canvas::{Band, Canvas, Draw, View, resize};
-use super::culling::{Corner, Fate, Verdict};
+use super::culling::{Corner, Fate, Verdict, give_one_factor};
 use super::setup::LANES;
 use crate::coverage::{Coverage, Culled, Run, Slot};
 use crate::mesh::{Mesh, repeats_a_vertex};
@@ -69,6 +69,10 @@ impl<T: Scalar> Visibility<T> {
                 *corner = Corner::of(clip, index, size);
             }
         });
+        // No f32 is so small or so large that it is multiplied.
+        if T::from_f64(1e60).is_finite() {
+            give_one_factor(&mut self.corners);
+        }
     }
 
     fn judge_faces(&mut self, mesh: &Mesh, options: RasterOptions) {
