@@ -69,7 +69,7 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> Result<usize> {
     let range = Range::choose::<T>(bytes)?;
     let size = size(bytes)?;
     let cull = *bytes.choose(&[Cull::None, Cull::Back, Cull::Front])?;
-    let options = RasterOptions { size, cull };
+    let options = RasterOptions { cull, ..size.into() };
     let vertex_count = bytes.int_in_range(0..=12)?;
     let channels = bytes.int_in_range(1..=4)?;
     let faces = faces(bytes, vertex_count)?;

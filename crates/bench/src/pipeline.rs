@@ -30,7 +30,7 @@ pub(crate) fn render<'t, T: Scalar>(
     colors: Var<'t, T>,
 ) -> Result<Rendered<'t, T>, FitError> {
     let clip = project(positions, &scene.camera, None)?;
-    let fragments = rasterize(clip, &scene.mesh, RasterOptions { size: scene.size, cull })?;
+    let fragments = rasterize(clip, &scene.mesh, RasterOptions { cull, ..scene.size.into() })?;
     let surface = interpolate(colors, &fragments)?;
     let jagged = resolve(surface, &fragments, Background::Zero)?;
     let image = antialias(jagged, &fragments, clip)?;
@@ -86,7 +86,7 @@ impl<T: Scalar> Learner<T> {
             Compared::Layer => {
                 let Scene { camera, mesh, size, .. } = &self.scene;
                 let clip = project(positions, camera, None)?;
-                let options = RasterOptions { size: *size, cull: self.cull };
+                let options = RasterOptions { cull: self.cull, ..(*size).into() };
                 let fragments = rasterize(clip, mesh, options)?;
                 let surface = interpolate(colors, &fragments)?;
                 let layer = layer(surface, &fragments, Background::Zero)?.antialias(clip)?;

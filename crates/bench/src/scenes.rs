@@ -207,7 +207,7 @@ mod tests {
             let tape = Tape::new();
             let clip = project(tape.constant(&scene.positions), &scene.camera, None).unwrap();
             let ids = |cull| {
-                let options = RasterOptions { size: scene.size, cull };
+                let options = RasterOptions { cull, ..scene.size.into() };
                 rasterize(clip, &scene.mesh, options).unwrap().coverage.triangle_ids()
             };
             let all = ids(Cull::None);

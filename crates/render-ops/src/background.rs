@@ -87,6 +87,17 @@ impl Behind {
         }
     }
 
+    /// Entry c of what of `background` lies at `pixel`.
+    pub(crate) fn at<T: Scalar>(
+        self,
+        background: &[T],
+        channels: usize,
+        pixel: usize,
+        c: usize,
+    ) -> T {
+        if self == Self::Zero { T::ZERO } else { background[self.entry(channels, pixel) + c] }
+    }
+
     /// Where in the background's numbers those of `pixel` start.
     pub(crate) fn entry(self, channels: usize, pixel: usize) -> usize {
         if self == Self::Image { pixel * channels } else { 0 }

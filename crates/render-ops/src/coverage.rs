@@ -8,6 +8,7 @@
 //! to the face's vertices. Bands are cut by the image's size alone.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use bokashi_core::parallel::{for_each_item_mut, is_shared};
 
@@ -29,13 +30,53 @@ pub struct Coverage {
     pub(crate) slots: Vec<Slot>,
     /// The covered pixels as ranges, from each first one to before the end, in order.
     pub(crate) covered: Vec<[u32; 2]>,
-    /// Where in `slots` each band ends, from the top.
+    /// Where in `slots` each band ends, from the top: of the fragments at pixel centres, and with
+    /// exact coverage again of the pieces of boundary pixels.
     pub(crate) band_ends: Vec<u32>,
+    /// How many of the bands are of pixel centres.
+    pub(crate) center_bands: usize,
+    /// The number of fragments at pixel centres.
+    pub(crate) centers: usize,
     /// The number of fragments.
     pub(crate) count: usize,
+    pub(crate) boundary: Boundary,
     /// Per face of the mesh, drawn or not: the sign of its area as it is seen, y up; 0 where it is
     /// zero within rounding.
     pub(crate) orientations: Vec<i8>,
+}
+
+/// The pixels that are resolved into pieces.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Boundary {
+    /// The pixels, in order; shared with layers.
+    pub(crate) pixels: Arc<Vec<u32>>,
+    /// Where in `fragments` those of each pixel end.
+    pub(crate) ends: Vec<u32>,
+    /// The fragments of each pixel, the largest piece first.
+    pub(crate) fragments: Vec<u32>,
+}
+
+impl Boundary {
+    /// The fragments of the boundary pixel `at`.
+    pub(crate) fn fragments_of(&self, at: usize) -> &[u32] {
+        let first = at.checked_sub(1).map_or(0, |before| self.ends[before]);
+        &self.fragments[first as usize..self.ends[at] as usize]
+    }
+
+    /// Each boundary pixel with its fragments.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = (usize, &[u32])> + Clone + '_ {
+        (0..self.pixels.len()).map(|at| (self.pixels[at] as usize, self.fragments_of(at)))
+    }
+
+    /// Forgets all pixels, and gives the list to fill again.
+    pub(crate) fn clear(&mut self) {
+        match Arc::get_mut(&mut self.pixels) {
+            Some(pixels) => pixels.clear(),
+            None => self.pixels = Arc::default(),
+        }
+        self.ends.clear();
+        self.fragments.clear();
+    }
 }
 
 /// How many faces were not drawn, and why.
@@ -99,7 +140,10 @@ impl Coverage {
             slots: Vec::new(),
             covered: Vec::new(),
             band_ends: Vec::new(),
+            center_bands: 0,
+            centers: 0,
             count: 0,
+            boundary: Boundary::default(),
             orientations: Vec::new(),
         }
     }
@@ -129,21 +173,51 @@ impl Coverage {
         self.spans().flat_map(|span| span.pixels())
     }
 
-    /// The fragment of `pixel`, where it is covered. Nothing covers a pixel outside the image.
+    /// The fragment of `pixel`, where it is covered, of several the largest piece. Nothing covers a
+    /// pixel outside the image.
     pub fn fragment_at(&self, pixel: usize) -> Option<usize> {
-        self.span_at(pixel).map(|span| span.fragments.start + pixel - span.pixel)
+        let Boundary { pixels, .. } = &self.boundary;
+        let at = u32::try_from(pixel).ok().and_then(|pixel| pixels.binary_search(&pixel).ok());
+        match at {
+            Some(at) => self.boundary.fragments_of(at).first().map(|&fragment| fragment as usize),
+            None => self.span_at(pixel).map(|span| span.fragments.start + pixel - span.pixel),
+        }
     }
 
-    /// The face that `pixel` sees, where it is covered.
+    /// The face that `pixel` sees, where it is covered, of several that of the largest piece.
     pub fn face_at(&self, pixel: usize) -> Option<usize> {
-        self.span_at(pixel).map(|span| span.face)
+        let fragment = self.fragment_at(pixel)?;
+        let after = self.runs.partition_point(|run| run.fragment as usize <= fragment);
+        Some(self.span(after - 1).face)
     }
 
-    /// Per pixel, row by row from the top: the index of its face plus 1, or 0 for the background.
+    /// Per pixel, row by row from the top: the index of its face plus 1, or 0 for the background; of
+    /// several faces that of the largest piece.
     pub fn triangle_ids(&self) -> Vec<u32> {
         let mut ids = vec![0; self.size.pixels()];
-        self.spans().for_each(|span| ids[span.pixels()].fill(span.face as u32 + 1));
+        self.center_spans().for_each(|span| ids[span.pixels()].fill(span.face as u32 + 1));
+        for &pixel in self.boundary.pixels.iter() {
+            let face = self.face_at(pixel as usize);
+            ids[pixel as usize] = face.map_or(0, |face| face as u32 + 1);
+        }
         ids
+    }
+
+    /// The pixels that exact coverage has resolved into pieces, in order, each with its fragments,
+    /// the largest piece first; where nothing is seen in one, it has none. Of other pixels each has
+    /// one fragment or none.
+    pub fn boundary(&self) -> impl Iterator<Item = (usize, &[u32])> + Clone + '_ {
+        self.boundary.iter()
+    }
+
+    /// Whether boundary pixels were resolved, if there were any.
+    pub(crate) fn is_exact(&self) -> bool {
+        self.band_ends.len() > self.center_bands
+    }
+
+    /// The number of fragments at pixel centres: they come before the pieces of boundary pixels.
+    pub fn centers(&self) -> usize {
+        self.centers
     }
 
     /// How many faces were not drawn, and why.
@@ -151,8 +225,8 @@ impl Coverage {
         self.culled
     }
 
-    /// The run that covers `pixel`.
-    pub(crate) fn span_at(&self, pixel: usize) -> Option<Span> {
+    /// The run that covers the centre of `pixel`.
+    fn span_at(&self, pixel: usize) -> Option<Span> {
         if pixel >= self.size.pixels() {
             return None;
         }
@@ -179,6 +253,11 @@ impl Coverage {
     /// The runs, in the order of their fragments.
     pub(crate) fn spans(&self) -> impl Iterator<Item = Span> + Clone + '_ {
         (0..self.runs.len()).map(|at| self.span(at))
+    }
+
+    /// The runs at pixel centres, in the order of their fragments.
+    pub(crate) fn center_spans(&self) -> impl Iterator<Item = Span> + Clone + '_ {
+        (0..self.by_pixel.len()).map(|at| self.span(at))
     }
 
     /// The runs of a row, from the left, for [`Coverage::span_in_row`].
@@ -242,27 +321,41 @@ impl Coverage {
         self.slots.get(slot).map_or(self.runs.len(), |slot| slot.first_run as usize)
     }
 
-    /// Calls `work(slots, first, own)` for each band, with its slots, its first fragment, and the
-    /// entries of its fragments in `entries: [N, width]`; bands may be worked on at the same time.
+    /// All bands.
+    pub(crate) fn bands(&self) -> Range<usize> {
+        0..self.band_ends.len()
+    }
+
+    /// The bands of the fragments at pixel centres.
+    pub(crate) fn center_bands(&self) -> Range<usize> {
+        0..self.center_bands
+    }
+
+    /// Calls `work(slots, first, own)` for each of the first bands, with its slots, its first
+    /// fragment, and the entries of its fragments in `entries: [N, width]`; bands may be worked on
+    /// at the same time.
     pub(crate) fn for_each_band_mut<T: Send>(
         &self,
+        bands: Range<usize>,
         width: usize,
         entries: &mut [T],
         work: impl Fn(Range<usize>, usize, &mut [T]) + Send + Sync,
     ) {
-        self.merge_bands_mut(width, entries, work, |()| {});
+        self.merge_bands_mut(bands, width, entries, work, |()| {});
     }
 
     /// [`Coverage::for_each_band_mut`], with `merge` called on the results in the order of the bands.
     pub(crate) fn merge_bands_mut<T: Send, R: Send>(
         &self,
+        bands: Range<usize>,
         width: usize,
         entries: &mut [T],
         work: impl Fn(Range<usize>, usize, &mut [T]) -> R + Send + Sync,
         mut merge: impl FnMut(R),
     ) {
         let mut rest = entries;
-        let bands = (0..self.band_ends.len()).map(|band| {
+        let shared = is_shared(bands.len(), 1);
+        let bands = bands.map(|band| {
             let slots = self.slots_of(band..band + 1);
             let first = self.fragments_before(self.runs_before(slots.start));
             let end = self.fragments_before(self.runs_before(slots.end));
@@ -270,7 +363,7 @@ impl Coverage {
             rest = others;
             (slots, first, own)
         });
-        if !is_shared(self.band_ends.len(), 1) {
+        if !shared {
             return bands.for_each(|(slots, first, own)| merge(work(slots, first, own)));
         }
         let mut pieces: Vec<_> = bands.map(|band| (band, None)).collect();
@@ -292,8 +385,7 @@ impl Coverage {
     #[inline]
     pub(crate) fn is_silhouette(&self, face: usize, corner: usize) -> bool {
         let Some(neighbor) = self.mesh.adjacency().neighbor(face, corner) else { return true };
-        let product = self.orientations[face] * self.orientations[neighbor.face as usize];
-        if neighbor.is_opposite { product <= 0 } else { product >= 0 }
+        neighbor.is_turned(self.orientations[face], self.orientations[neighbor.face as usize])
     }
 
     /// Calls `visit` with the uncovered pixels, as ranges, but for those of `rim`, which are
@@ -328,6 +420,9 @@ impl Coverage {
             + size_of_val(self.covered.as_slice())
             + size_of_val(self.band_ends.as_slice())
             + size_of_val(self.orientations.as_slice())
+            + size_of_val(self.boundary.pixels.as_slice())
+            + size_of_val(self.boundary.ends.as_slice())
+            + size_of_val(self.boundary.fragments.as_slice())
     }
 }
 
@@ -403,7 +498,7 @@ mod tests {
                     (first..).zip(own.chunks_exact_mut(2)).for_each(|(n, own)| own.fill(n));
                     (slots, first, own.len())
                 };
-                coverage.merge_bands_mut(2, &mut entries, work, |band| merged.push(band));
+                coverage.merge_bands_mut(coverage.bands(), 2, &mut entries, work, |band| merged.push(band));
             });
             assert!((0..).zip(entries.chunks_exact(2)).all(|(n, own)| own == [n, n]));
             merged

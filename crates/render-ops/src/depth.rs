@@ -67,7 +67,7 @@ impl<T: Scalar> Op<T> for Depth {
         let (coverage, clip) = (&*self.coverage, inputs.data(0));
         let depths = outputs.push([coverage.count()]);
         let two = T::Wide::from_f64(2.0);
-        coverage.for_each_band_mut(1, depths, |slots, first, depths| {
+        coverage.for_each_band_mut(coverage.bands(), 1, depths, |slots, first, depths| {
             for slot in slots {
                 let face = face_of(coverage, clip, slot);
                 for span in coverage.spans_of(slot) {
@@ -95,7 +95,7 @@ impl<T: Scalar> Op<T> for Depth {
         let Some(clip_bar) = gradients.get(0) else { return };
         let coverage = &*self.coverage;
         let pull_back = PullBack { coverage, clip: kept.input(0), depth_bar: kept.only_upstream() };
-        Layout { coverage, mesh: &coverage.mesh, width: 4 }.add_to(clip_bar, &pull_back);
+        Layout { coverage, bands: coverage.bands(), mesh: &coverage.mesh, width: 4 }.add_to(clip_bar, &pull_back);
     }
 }
 

@@ -93,6 +93,17 @@ impl<S: Scalar<Wide = S>> LocalFace<S> {
         Self::new(vertices, factors, pixel, size)
     }
 
+    /// The edge functions' coefficients of 1, X and Y from the origin.
+    #[inline(always)]
+    pub(crate) fn coefficients(&self) -> &[[S; 3]; 3] {
+        &self.coefficients
+    }
+
+    /// `sum w_i a_i`, the same at any point.
+    pub(crate) fn determinant(&self) -> S {
+        (0..3).map(|i| self.vertices[i].w * self.coefficients[i][0]).sum()
+    }
+
     /// [`depth_and_w`] of the face.
     #[inline(always)]
     pub(crate) fn depth_and_w(&self, a: [S; 3]) -> [S; 2] {

@@ -96,6 +96,15 @@ pub enum RenderError {
         rim: usize,
     },
 
+    /// Fragments with exact coverage have nothing to antialias.
+    #[error(
+        "antialias needs one fragment per pixel, got exact coverage with {pixels} boundary pixels"
+    )]
+    ExactCoverage {
+        /// Pixels that were resolved into pieces.
+        pixels: usize,
+    },
+
     /// An index buffer has another number of faces than the mesh that was rasterized.
     #[error("attribute indices need one face per rasterized face, {expected}, got {given}")]
     FaceCount {

@@ -42,6 +42,8 @@ pub(crate) trait FaceSums<S>: Sync {
 /// Whose gradients they are.
 pub(crate) struct Layout<'a> {
     pub(crate) coverage: &'a Coverage,
+    /// The bands whose fragments count, from the first one on.
+    pub(crate) bands: Range<usize>,
     /// The vertices that a face's sums belong to.
     pub(crate) mesh: &'a Mesh,
     /// Numbers per vertex.
@@ -70,9 +72,9 @@ impl Layout<'_> {
                 }
             }
         };
-        let bands = self.coverage.band_ends.len();
+        let bands = self.bands.end;
         if !is_shared(bands, 1) {
-            return self.walk(0..bands, by_face, &mut add);
+            return self.walk(self.bands.clone(), by_face, &mut add);
         }
         let work = |bands: Range<usize>| {
             let slots = self.coverage.slots_of(bands.clone()).len();
@@ -168,7 +170,7 @@ mod tests {
         let clip = tape.leaf(&Tensor::new([3, 4], clip).unwrap());
         let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
         let coverage = rasterize(clip, &mesh, Size { width: 3, height: 5 }).unwrap().coverage;
-        let layout = Layout { coverage: &coverage, mesh: &mesh, width: 2 };
+        let layout = Layout { coverage: &coverage, bands: 0..1, mesh: &mesh, width: 2 };
         let mut found = Vec::new();
         layout.walk(0..1, &Largest, &mut |face, rows: &[f64]| found.push((face, rows.to_vec())));
         // Fifteen terms, in turns.

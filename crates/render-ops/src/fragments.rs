@@ -22,6 +22,9 @@ pub struct Fragments<'t, T: Scalar> {
     /// The perspective-correct weights of each fragment's face's vertices 0 and 1; that of
     /// vertex 2 is what is missing to 1. Shape `[N, 2]`, differentiable.
     pub barycentrics: Var<'t, T>,
+    /// With exact coverage the share of its pixel that each piece covers, of the pieces alone: of all
+    /// other fragments, which come first, it is 1. Shape `[P]`, differentiable.
+    pub weight: Option<Var<'t, T>>,
     /// The clip positions that were rasterized. Shape `[V, 4]`.
     pub clip: Var<'t, T>,
     /// Which face each fragment lies on, and which pixel it belongs to.
@@ -45,8 +48,8 @@ impl<'t, T: Scalar> Fragments<'t, T> {
         operation: &'static str,
         tape: &'t Tape<T>,
     ) -> Result<Arc<Coverage>, RenderError> {
-        let variables = [self.barycentrics, self.clip];
-        if variables.iter().any(|variable| !std::ptr::eq(variable.tape(), tape)) {
+        let variables = [Some(self.barycentrics), Some(self.clip), self.weight];
+        if variables.iter().flatten().any(|variable| !std::ptr::eq(variable.tape(), tape)) {
             return Err(TensorError::ForeignVariable { operation }.into());
         }
         let (count, vertices) = (self.coverage.count(), self.coverage.mesh().vertex_count());
@@ -58,6 +61,12 @@ impl<'t, T: Scalar> Fragments<'t, T> {
         }
         if *self.clip.shape() != [vertices, 4] {
             return refused(format!("clip positions of shape [{vertices}, 4]"), self.clip);
+        }
+        if let Some(weight) = self.weight {
+            let pieces = count - self.coverage.centers();
+            if *weight.shape() != [pieces] {
+                return refused(format!("weights of shape [{pieces}]"), weight);
+            }
         }
         Ok(Arc::clone(&self.coverage))
     }

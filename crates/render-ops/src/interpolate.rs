@@ -106,7 +106,12 @@ impl<T: Scalar> Op<T> for Interpolate {
         let channels = kept.input_shape(0)[1];
         if let Some(attributes_bar) = gradients.get(0) {
             let shares = Shares { barycentrics: kept.input(1), s_bar, channels };
-            let layout = Layout { coverage: &self.coverage, mesh: &self.indices, width: channels };
+            let layout = Layout {
+                coverage: &self.coverage,
+                bands: self.coverage.bands(),
+                mesh: &self.indices,
+                width: channels,
+            };
             layout.add_to(attributes_bar, &shares);
         }
         if let Some(barycentrics_bar) = gradients.get(1) {
@@ -136,7 +141,7 @@ impl Interpolate {
     ) {
         let coverage = &*self.coverage;
         let width = entries.len().checked_div(coverage.count()).unwrap_or(0);
-        coverage.for_each_band_mut(width, entries, |slots, first, entries| {
+        coverage.for_each_band_mut(coverage.bands(), width, entries, |slots, first, entries| {
             pulp::Arch::new().dispatch(
                 #[inline(always)]
                 || {

@@ -12,6 +12,7 @@ use crate::background::Background;
 use crate::coverage::Coverage;
 use crate::error::RenderError;
 use crate::fragments::Fragments;
+use crate::mix::mix;
 
 /// The pixels of a picture that can differ from its background, with the background.
 ///
@@ -54,9 +55,13 @@ impl<'t, T: Scalar> Layer<'t, T> {
         background: Background<'t, T>,
     ) -> Result<Self, RenderError> {
         let coverage = fragments.checked_coverage(operation, values.tape())?;
-        let layer = Self { values, background, coverage, rim: None, is_antialiased: false };
-        layer.checked_channels(operation)?;
-        Ok(layer)
+        checked_channels(operation, values, coverage.count())?;
+        let (mut values, mut rim) = (values, None);
+        if let Some(weight) = fragments.weight {
+            values = mix(values, weight, &coverage, background, operation)?;
+            rim = Some(Arc::clone(&coverage.boundary.pixels));
+        }
+        Ok(Self { values, background, coverage, rim, is_antialiased: false })
     }
 
     /// C, where the values have a row for each fragment and each pixel of the rim.
@@ -65,19 +70,27 @@ impl<'t, T: Scalar> Layer<'t, T> {
     /// [`RenderError::Shape`] unless the values are `[P, C]`, C > 0, with P the number of fragments
     /// and pixels of the rim.
     pub(crate) fn checked_channels(&self, operation: &'static str) -> Result<usize, RenderError> {
-        let rows = self.coverage.count() + self.rim().len();
-        match *self.values.shape() {
-            [given, channels] if given == rows && channels > 0 => Ok(channels),
-            _ => {
-                let rule = format!("values of shape [{rows}, C], C > 0");
-                Err(RenderError::Shape { operation, rule, shape: self.values.shape() })
-            }
-        }
+        checked_channels(operation, self.values, self.coverage.centers() + self.rim().len())
     }
 
     /// The pixels of the rim, in order.
     pub(crate) fn rim(&self) -> &[u32] {
         self.rim.as_deref().map_or(&[], Vec::as_slice)
+    }
+}
+
+/// C of values `[rows, C]`, C > 0.
+fn checked_channels<T: Scalar>(
+    operation: &'static str,
+    values: Var<'_, T>,
+    rows: usize,
+) -> Result<usize, RenderError> {
+    match *values.shape() {
+        [given, channels] if given == rows && channels > 0 => Ok(channels),
+        _ => {
+            let rule = format!("values of shape [{rows}, C], C > 0");
+            Err(RenderError::Shape { operation, rule, shape: values.shape() })
+        }
     }
 }
 

@@ -87,6 +87,16 @@ pub(crate) struct Neighbor {
     pub(crate) is_opposite: bool,
 }
 
+impl Neighbor {
+    /// Whether both faces, of these orientations, lie on the same side of the edge in the image, or
+    /// one of them covers neither.
+    #[inline]
+    pub(crate) fn is_turned(self, own: i8, other: i8) -> bool {
+        let product = own * other;
+        if self.is_opposite { product <= 0 } else { product >= 0 }
+    }
+}
+
 /// Stands for "no face on the other side".
 const NO_VERTEX: u32 = u32::MAX;
 

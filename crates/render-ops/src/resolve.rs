@@ -97,13 +97,13 @@ impl<T: Scalar> Op<T> for Resolve {
             let entries = gap.start * channels..gap.end * channels;
             self.behind.fill(&mut image[entries], background, channels, first);
         });
-        for span in self.coverage.spans() {
+        for span in self.coverage.center_spans() {
             let pixels = span.pixels();
             image[pixels.start * channels..pixels.end * channels].copy_from_slice(
                 &values[span.fragments.start * channels..span.fragments.end * channels],
             );
         }
-        let rim_values = values[self.coverage.count() * channels..].chunks_exact(channels);
+        let rim_values = values[self.coverage.centers() * channels..].chunks_exact(channels);
         for (&pixel, value) in self.rim().iter().zip(rim_values) {
             image[pixel as usize * channels..][..channels].copy_from_slice(value);
         }
@@ -123,8 +123,8 @@ impl<T: Scalar> Op<T> for Resolve {
         let image_bar = kept.only_upstream();
         let channels = kept.input_shape(0)[1];
         if let Some(values_bar) = gradients.get(0) {
-            let (own, rim) = values_bar.entries().split_at_mut(self.coverage.count() * channels);
-            self.coverage.for_each_band_mut(channels, own, |slots, _, own| {
+            let (own, rim) = values_bar.entries().split_at_mut(self.coverage.centers() * channels);
+            self.coverage.for_each_band_mut(self.coverage.center_bands(), channels, own, |slots, _, own| {
                 let mut rest = own;
                 for span in slots.flat_map(|slot| self.coverage.spans_of(slot)) {
                     let (own, others) = rest.split_at_mut(span.fragments.len() * channels);

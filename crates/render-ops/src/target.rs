@@ -204,7 +204,7 @@ impl<T: Scalar> Op<T> for SquaredError<T> {
         if differences.len() != x.len() {
             differences.resize(x.len(), T::ZERO);
         }
-        let (own, rim_own) = differences.split_at_mut(coverage.count() * channels);
+        let (own, rim_own) = differences.split_at_mut(coverage.centers() * channels);
         let (x_own, x_rim) = x.split_at(own.len());
         let square = |difference: &T| difference.widen() * difference.widen();
         let mut total = T::Wide::ZERO;
@@ -218,7 +218,7 @@ impl<T: Scalar> Op<T> for SquaredError<T> {
             }
             sum::<T>(own.len(), |k| square(&own[k]))
         };
-        coverage.merge_bands_mut(channels, own, work, |band| total += band);
+        coverage.merge_bands_mut(coverage.center_bands(), channels, own, work, |band| total += band);
         let rows = rim_own.chunks_exact_mut(channels).zip(x_rim.chunks_exact(channels));
         for (&pixel, (row, x)) in rim.iter().zip(rows) {
             let target = &target[pixel as usize * channels..][..channels];

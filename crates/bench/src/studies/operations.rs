@@ -46,7 +46,7 @@ fn fragments<'t, T: Scalar>(
     clip: Var<'t, T>,
     barycentrics: Option<Var<'t, T>>,
 ) -> Result<Fragments<'t, T>, FitError> {
-    let options = RasterOptions { size: scene.size, cull: Cull::None };
+    let options = RasterOptions::from(scene.size);
     let found = rasterize(clip.detach(), &scene.mesh, options)?;
     let barycentrics = barycentrics.unwrap_or(found.barycentrics);
     Ok(Fragments { barycentrics, ..found })
@@ -63,7 +63,7 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
     let Inputs { positions, clip, barycentrics, colors, surface, jagged, image, .. } = inputs;
     add("project", &[positions], |scene, v| Ok(project(v[0], &scene.camera, None)?));
     add("rasterize", &[clip], |scene, v| {
-        let options = RasterOptions { size: scene.size, cull: Cull::None };
+        let options = RasterOptions::from(scene.size);
         Ok(rasterize(v[0], &scene.mesh, options)?.barycentrics)
     });
     add("interpolate", &[colors, barycentrics, clip], |scene, v| {
@@ -80,7 +80,7 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
         Ok(layer.antialias(v[1])?.values)
     });
     add("depth", &[clip], |scene, v| {
-        let options = RasterOptions { size: scene.size, cull: Cull::None };
+        let options = RasterOptions::from(scene.size);
         Ok(depth(&rasterize(v[0], &scene.mesh, options)?)?)
     });
     let lens = [Tensor::scalar(2.0), Tensor::scalar(1.25)];

@@ -59,13 +59,14 @@ use crate::layer::Layer;
 /// # Errors
 /// [`RenderError::Shape`] unless the image is `[H, W, C]` of the fragments' size and `clip` is
 /// `[V, 4]` with the mesh's number of vertices, and for fragments that are not whole;
-/// `TensorError::ForeignVariable` for variables of several tapes.
+/// [`RenderError::ExactCoverage`] for fragments with exact coverage; `TensorError::ForeignVariable` for variables of several tapes.
 pub fn antialias<'t, T: Scalar>(
     image: Var<'t, T>,
     fragments: &Fragments<'t, T>,
     clip: Var<'t, T>,
 ) -> Result<Var<'t, T>, RenderError> {
     let coverage = fragments.checked_coverage("antialias", image.tape())?;
+    check_centers(&coverage)?;
     let op = Antialias { coverage, of: Picture::Image };
     image.tape().apply(op, &[clip, image])
 }
@@ -76,11 +77,12 @@ impl<'t, T: Scalar> Layer<'t, T> {
     ///
     /// # Errors
     /// [`RenderError::Antialiased`] for a layer that was antialiased before, with or without
-    /// silhouettes; [`RenderError::Shape`] unless `clip` is `[V, 4]` with the mesh's number of
+    /// silhouettes; [`RenderError::ExactCoverage`] for one with exact coverage; [`RenderError::Shape`] unless `clip` is `[V, 4]` with the mesh's number of
     /// vertices, the values have a row for each fragment, and the background as many channels and,
     /// if it is an image, the image's size; `TensorError::ForeignVariable` for variables of several
     /// tapes.
     pub fn antialias(self, clip: Var<'t, T>) -> Result<Self, RenderError> {
+        check_centers(&self.coverage)?;
         if self.is_antialiased {
             return Err(RenderError::Antialiased { rim: self.rim().len() });
         }
@@ -95,6 +97,13 @@ impl<'t, T: Scalar> Layer<'t, T> {
         };
         Ok(Self { values: outputs[0], rim, is_antialiased: true, ..self })
     }
+}
+
+/// # Errors
+/// [`RenderError::ExactCoverage`] for anything but fragments at pixel centres.
+fn check_centers(coverage: &Coverage) -> Result<(), RenderError> {
+    let pixels = coverage.boundary.pixels.len();
+    if coverage.is_exact() { Err(RenderError::ExactCoverage { pixels }) } else { Ok(()) }
 }
 
 /// What is antialiased.

@@ -4,7 +4,9 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
+use super::Sampling;
 use super::culling::{Corner, Fate, Verdict};
+use super::exact::{Drawn, Pieces, Resolved, Search};
 use super::setup::{LANES, Setup, Weights, beyond};
 use crate::coverage::{Run, Slot};
 use crate::mesh::Mesh;
@@ -31,6 +33,9 @@ pub(super) struct View<'a, T: Scalar> {
     pub(super) ys: &'a [T::Wide],
     /// Rows per band.
     pub(super) rows: usize,
+    pub(super) sampling: Sampling,
+    /// Whether a gradient can be asked for.
+    pub(super) needs: bool,
 }
 
 impl<'a, T: Scalar> View<'a, T> {
@@ -39,8 +44,18 @@ impl<'a, T: Scalar> View<'a, T> {
         self.centers.len() / LANES
     }
 
+    /// Whether the surface ends, or turns away, at the edge that faces corner `corner` of `face`.
     #[inline(always)]
-    fn corners_of(&self, face: usize) -> [&'a Corner<T::Wide>; 3] {
+    pub(super) fn is_silhouette(&self, face: usize, corner: usize) -> bool {
+        self.mesh.adjacency().neighbor(face, corner).is_none_or(|neighbor| {
+            let [own, other] =
+                [face, neighbor.face as usize].map(|face| self.verdicts[face].orientation);
+            neighbor.is_turned(own, other)
+        })
+    }
+
+    #[inline(always)]
+    pub(super) fn corners_of(&self, face: usize) -> [&'a Corner<T::Wide>; 3] {
         self.mesh.faces()[face].map(|vertex| &self.corners[vertex as usize])
     }
 }
@@ -69,7 +84,7 @@ pub(super) fn resize<I: Clone>(list: &mut Vec<I>, length: usize, filling: impl F
 
 /// What is seen in a band, counted from its first run, slot and fragment.
 #[derive(Debug, Default)]
-pub(super) struct Band<T> {
+pub(super) struct Band<T: Scalar> {
     pub(super) runs: Vec<Run>,
     pub(super) by_pixel: Vec<u32>,
     pub(super) row_starts: Vec<u32>,
@@ -77,6 +92,9 @@ pub(super) struct Band<T> {
     pub(super) covered: Vec<[u32; 2]>,
     /// The weights u and v of each fragment.
     pub(super) barycentrics: Vec<T>,
+    pub(super) pieces: Pieces<T::Wide>,
+    /// The pieces as fragments.
+    pub(super) resolved: Resolved<T>,
 }
 
 /// Where bands are drawn, one after another.
@@ -102,6 +120,7 @@ pub(super) struct Canvas<T: Scalar> {
     ends: Vec<u32>,
     /// What was read, by slot.
     sorted: Vec<Stretch>,
+    search: Search<T::Wide>,
     pub(super) bands: Vec<Band<T>>,
 }
 
@@ -161,6 +180,9 @@ impl<T: Scalar> Canvas<T> {
             for &face in &faces[band] {
                 self.draw(view, rows.clone(), face as usize);
             }
+            if view.sampling == Sampling::Exact {
+                self.resolve(view, at, rows.clone(), &faces[band]);
+            }
             self.bands[at].row_starts.clear();
             self.bands[at].covered.clear();
             self.stretches.clear();
@@ -215,6 +237,23 @@ impl<T: Scalar> Canvas<T> {
             }
         }
         self.weights.push(setup.weights());
+    }
+
+    /// Resolves the boundary pixels of band `at`, whose faces are `faces`; nothing is seen at their
+    /// centres then.
+    #[inline(never)]
+    fn resolve(&mut self, view: &View<'_, T>, at: usize, rows: Range<usize>, faces: &[u32]) {
+        let Self { search, bands, weights, slot_of, .. } = self;
+        let Band { pieces, resolved, .. } = &mut bands[at];
+        let first = rows.start * view.size.width;
+        search.run(&Drawn { view, rows, faces, weights }, pieces);
+        resolved.sort(pieces, faces, slot_of);
+        let stored = self.faces.as_flattened_mut();
+        let stride = view.blocks_per_row() * LANES;
+        for &pixel in &pieces.pixels {
+            let [row, column] = Size { width: view.size.width, height: 0 }.place(pixel as usize - first);
+            stored[row * stride + column] = NO_FACE;
+        }
     }
 
     /// Reads what the pixels of a row of band `at` see, and forgets what was drawn there, up to the

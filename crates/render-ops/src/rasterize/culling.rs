@@ -4,9 +4,11 @@
 //! zero within rounding, and where it turns the side away that is not drawn. Of all others it is known
 //! here which pixels they can touch. The area has the sign of the determinant of the three vertices.
 
+use std::ops::Range;
+
 use bokashi_core::Scalar;
 
-use super::{Cull, RasterOptions};
+use super::{Cull, RasterOptions, Sampling};
 use crate::homogeneous::{Vertex, determinant, doubt, edge};
 use crate::size::Size;
 
@@ -38,6 +40,23 @@ impl<S: Scalar<Wide = S>> Corner<S> {
         let pixel = |scaled: S, extent: usize| 0.5 * (scaled.to_f64() + extent as f64 - 1.0);
         let pixel = [pixel(x / w, size.width), pixel(-y / w, size.height)];
         Self { vertex, factor, beyond, pixel }
+    }
+
+    /// The columns and rows of the pixels that the line between two points can touch, where neither
+    /// is behind the eye.
+    pub(super) fn pixels_between(
+        [a, b]: [&Self; 2],
+        Size { width, height }: Size,
+    ) -> Option<[Range<usize>; 2]> {
+        if (a.beyond | b.beyond) & BEHIND != 0 {
+            return None;
+        }
+        let touched = |axis: usize, extent| {
+            let [a, b] = [a, b].map(|corner| corner.pixel[axis]);
+            let [first, last] = touched([a, b, b], extent, HALF_A_PIXEL);
+            first as usize..last as usize + 1
+        };
+        Some([touched(0, width), touched(1, height)])
     }
 }
 
@@ -113,7 +132,9 @@ impl Verdict {
             let Size { width, height } = options.size;
             Fate::Drawn { columns: [0, width as u32 - 1], rows: [0, height as u32 - 1] }
         } else {
-            let touched = |axis, extent| touched(corners.map(|corner| corner.pixel[axis]), extent);
+            let margin = if options.sampling == Sampling::Exact { HALF_A_PIXEL } else { 0.0 };
+            let touched =
+                |axis, extent| touched(corners.map(|corner| corner.pixel[axis]), extent, margin);
             let Size { width, height } = options.size;
             Fate::Drawn { columns: touched(0, width), rows: touched(1, height) }
         };
@@ -131,14 +152,18 @@ fn rounding<S: Scalar<Wide = S>>(vertices: [Vertex<S>; 3], size: Size) -> S {
         .sum()
 }
 
+/// What a pixel reaches beyond its centre.
+const HALF_A_PIXEL: f64 = 0.5;
+
 /// The first and last of `extent` pixels whose centres can lie between the smallest and the
-/// largest of three coordinates in pixels; where there is none, the last comes before the first.
+/// largest of three coordinates in pixels, or up to `margin` beyond; where there is none, the last
+/// comes before the first.
 #[inline(always)]
-fn touched(pixel: [f64; 3], extent: usize) -> [u32; 2] {
+fn touched(pixel: [f64; 3], extent: usize, margin: f64) -> [u32; 2] {
     // Far more than the roundings of a coordinate within the image, far less than a pixel.
-    const MARGIN: f64 = 1e-6;
-    let low = pixel[0].min(pixel[1]).min(pixel[2]) - MARGIN;
-    let high = pixel[0].max(pixel[1]).max(pixel[2]) + MARGIN;
+    let margin = margin + 1e-6;
+    let low = pixel[0].min(pixel[1]).min(pixel[2]) - margin;
+    let high = pixel[0].max(pixel[1]).max(pixel[2]) + margin;
     let (first, last) = (low.ceil().max(0.0), high.floor().min(extent as f64 - 1.0));
     if first <= last { [first as u32, last as u32] } else { [1, 0] }
 }

@@ -23,7 +23,6 @@
 
 mod canvas;
 mod culling;
-#[allow(dead_code)]
 mod exact;
 mod pull_back;
 mod setup;
@@ -33,13 +32,14 @@ mod visibility;
 
 use std::sync::Arc;
 
-use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
+use bokashi_core::{Accumulator, Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 
+use self::exact::Adjoints;
 use self::pull_back::PullBack;
 use self::visibility::Visibility;
 use crate::coverage::Coverage;
 use crate::error::RenderError;
-use crate::face_sums::Layout;
+use crate::face_sums::{Layout, add_term};
 use crate::fragments::Fragments;
 use crate::mesh::Mesh;
 use crate::size::Size;
@@ -58,6 +58,19 @@ pub enum Cull {
     Front,
 }
 
+/// What a pixel is the picture of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Sampling {
+    /// What lies at its centre.
+    #[default]
+    Center,
+    /// All that lies in it: a pixel that an edge of the surface, an occlusion or an intersection
+    /// crosses falls into pieces, each with its share of the pixel and the weights of its centroid.
+    /// The share and the centroid move with the vertices, so silhouettes have their true gradient
+    /// and need no antialiasing.
+    Exact,
+}
+
 /// How to rasterize.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RasterOptions {
@@ -65,11 +78,13 @@ pub struct RasterOptions {
     pub size: Size,
     /// Which faces are left out by the side that they show.
     pub cull: Cull,
+    /// What a pixel is the picture of.
+    pub sampling: Sampling,
 }
 
 impl From<Size> for RasterOptions {
     fn from(size: Size) -> Self {
-        Self { size, cull: Cull::None }
+        Self { size, cull: Cull::None, sampling: Sampling::Center }
     }
 }
 
@@ -98,10 +113,12 @@ pub fn rasterize<'t, T: Scalar>(
     if !reaches_behind {
         clip.tape().leave_out("rasterize", "whole rows: no face reaches behind the eye");
     }
-    Ok(Fragments { barycentrics: outputs[0], clip, coverage })
+    let weight = (options.sampling == Sampling::Exact).then(|| outputs[1]);
+    Ok(Fragments { barycentrics: outputs[0], weight, clip, coverage })
 }
 
-/// Input: clip `[V, 4]`. Output: barycentrics `[N, 2]`.
+/// Input: clip `[V, 4]`. Outputs: barycentrics `[N, 2]`, and with exact coverage the weights `[P]`
+/// of the pieces.
 struct Rasterize {
     mesh: Mesh,
     options: RasterOptions,
@@ -112,6 +129,7 @@ struct Rasterize {
 struct Saved<T: Scalar> {
     coverage: Option<Arc<Coverage>>,
     visibility: Visibility<T>,
+    adjoints: Adjoints<T::Wide>,
 }
 
 /// The coverage of an earlier step, to be written over, where nobody else holds it; else a new one.
@@ -128,6 +146,56 @@ fn recycled<'a>(
     coverage.mesh = mesh.clone();
     coverage.size = size;
     coverage
+}
+
+/// Copies parts side by side to the front of a whole; returns what is left of it.
+fn copy_all<'a, 'b, T: Copy + 'b>(
+    mut whole: &'a mut [T],
+    parts: impl Iterator<Item = &'b [T]>,
+) -> &'a mut [T] {
+    for part in parts {
+        let (own, rest) = whole.split_at_mut(part.len());
+        own.copy_from_slice(part);
+        whole = rest;
+    }
+    whole
+}
+
+impl Rasterize {
+    /// Adds the gradients that reach the vertices through the pieces of boundary pixels.
+    fn pull_back_pieces<T: Scalar>(
+        &self,
+        kept: &Kept<'_, T>,
+        coverage: &Coverage,
+        visibility: &Visibility<T>,
+        adjoints: &mut Adjoints<T::Wide>,
+        clip_bar: &mut Accumulator<T>,
+    ) {
+        let entries = clip_bar.entries();
+        let mut add = |face: usize, rows: &[[T::Wide; 4]; 3]| {
+            for (&vertex, row) in self.mesh.faces()[face].iter().zip(rows) {
+                let entries = &mut entries[4 * vertex as usize..][..4];
+                entries.iter_mut().zip(row).for_each(|(e, &term)| add_term(e, T::narrow(term)));
+            }
+        };
+        let mut first = coverage.centers();
+        for (band, faces) in visibility.bands().zip(visibility.faces()) {
+            let count = band.resolved.fragments.len();
+            let (own, weights) = (first..first + count, first - coverage.centers());
+            first = own.end;
+            let pull_back = exact::PullBack {
+                mesh: &self.mesh,
+                size: self.options.size,
+                corners: &visibility.corners,
+                faces,
+                pieces: &band.pieces,
+                fragments: &band.resolved.fragments,
+                barycentrics_bar: kept.upstream(0).map(|bars| &bars[2 * own.start..2 * own.end]),
+                weights_bar: kept.upstream(1).map(|bars| &bars[weights..weights + count]),
+            };
+            adjoints.sum(&pull_back, &mut add);
+        }
+    }
 }
 
 impl<T: Scalar> Op<T> for Rasterize {
@@ -158,14 +226,22 @@ impl<T: Scalar> Op<T> for Rasterize {
             return Err(RenderError::Position { vertex, x, y, z, w });
         }
 
-        let Saved { coverage, visibility } = saved;
+        let Saved { coverage, visibility, .. } = saved;
         let coverage = recycled(coverage, &self.mesh, self.options.size);
-        visibility.run(clip, self.options, coverage);
-        let mut barycentrics = outputs.push([coverage.count(), 2]);
-        for band in visibility.bands() {
-            let (own, rest) = barycentrics.split_at_mut(band.barycentrics.len());
-            own.copy_from_slice(&band.barycentrics);
-            barycentrics = rest;
+        visibility.run(clip, self.options, inputs.needs(0), coverage);
+        let pieces = coverage.count() - coverage.centers();
+        let barycentrics = [coverage.count(), 2].into();
+        let (barycentrics, weights) = match self.options.sampling {
+            Sampling::Center => (outputs.push(barycentrics), None),
+            Sampling::Exact => {
+                let [barycentrics, weights] = outputs.push_all([barycentrics, [pieces].into()]);
+                (barycentrics, Some(weights))
+            }
+        };
+        let rest = copy_all(barycentrics, visibility.bands().map(|band| &*band.barycentrics));
+        if let Some(weights) = weights {
+            copy_all(rest, visibility.bands().map(|band| &*band.resolved.barycentrics));
+            copy_all(weights, visibility.bands().map(|band| &*band.resolved.weights));
         }
         Ok(())
     }
@@ -181,11 +257,14 @@ impl<T: Scalar> Op<T> for Rasterize {
         gradients: &mut Accumulators<'_, T>,
     ) {
         let Some(clip_bar) = gradients.get(0) else { return };
-        let Saved { coverage, visibility } = saved;
+        let Saved { coverage, visibility, adjoints } = saved;
         let coverage = coverage.as_deref().expect("forward has filled in the coverage");
-        let pull_back =
-            PullBack { coverage, corners: &visibility.corners, uv_bar: kept.only_upstream() };
-        Layout { coverage, mesh: &self.mesh, width: 4 }.add_to(clip_bar, &pull_back);
+        if self.options.sampling == Sampling::Exact {
+            self.pull_back_pieces(kept, coverage, visibility, adjoints, clip_bar);
+        }
+        let Some(uv_bar) = kept.upstream(0) else { return };
+        let pull_back = PullBack { coverage, corners: &visibility.corners, uv_bar };
+        Layout { coverage, bands: coverage.center_bands(), mesh: &self.mesh, width: 4 }.add_to(clip_bar, &pull_back);
     }
 
     fn saved_bytes(&self, saved: &Self::Saved) -> usize {

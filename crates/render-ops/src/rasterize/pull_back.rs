@@ -129,7 +129,7 @@ fn sum_long_row<T: Scalar>(
 
 /// The gradients of weights that are not normalized from those of u and v.
 #[inline(always)]
-fn weights_bar<S: Scalar>(weights: [S; 3], [u_bar, v_bar]: [S; 2]) -> [S; 3] {
+pub(super) fn weights_bar<S: Scalar>(weights: [S; 3], [u_bar, v_bar]: [S; 2]) -> [S; 3] {
     let scale = S::ONE / (weights[0] + weights[1] + weights[2]);
     let m = (u_bar * weights[0] + v_bar * weights[1]) * scale;
     [(u_bar - m) * scale, (v_bar - m) * scale, -m * scale]

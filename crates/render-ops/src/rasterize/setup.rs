@@ -341,7 +341,8 @@ impl<S: Scalar<Wide = S>> Setup<S> {
 /// stay in a core's cache.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Weights<S> {
-    edges: [[S; 3]; 3],
+    /// The edge functions' coefficients, positive inside.
+    pub(super) edges: [[S; 3]; 3],
     /// Whether no pixel that was covered had to be settled, and all vertices have one factor.
     pub(super) is_plain: bool,
 }

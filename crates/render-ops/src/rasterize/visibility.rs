@@ -8,10 +8,12 @@
 //! Bands are independent of each other and joined in order, so nothing depends on the number of
 //! threads. Some share a canvas, so that its memory stays in a core's cache.
 
+use std::sync::Arc;
+
 use bokashi_core::Scalar;
 use bokashi_core::parallel::{for_each_item_mut, for_each_piece_mut, threads};
 
-use super::RasterOptions;
+use super::{RasterOptions, Sampling};
 use super::canvas::{Band, Canvas, Draw, View, resize};
 use super::culling::{Corner, Fate, Verdict, give_one_factor};
 use super::setup::LANES;
@@ -47,7 +49,13 @@ pub(super) struct Visibility<T: Scalar> {
 
 impl<T: Scalar> Visibility<T> {
     /// Finds the runs, and their weights, which the bands hold.
-    pub(super) fn run(&mut self, clip: &[T], options: RasterOptions, coverage: &mut Coverage) {
+    pub(super) fn run(
+        &mut self,
+        clip: &[T],
+        options: RasterOptions,
+        needs: bool,
+        coverage: &mut Coverage,
+    ) {
         let (mesh, size) = (&coverage.mesh.clone(), coverage.size);
         self.prepare_vertices(clip, mesh.vertex_count(), size);
         self.judge_faces(mesh, options);
@@ -57,8 +65,12 @@ impl<T: Scalar> Visibility<T> {
         coverage.culled = sort_into_bands(&self.verdicts, &mut self.faces, rows);
         coverage.orientations.clear();
         coverage.orientations.extend(self.verdicts.iter().map(|verdict| verdict.orientation));
-        self.draw_bands(mesh, size, rows);
-        join(self.bands(), coverage);
+        self.draw_bands(mesh, options, rows, needs);
+        join(|| self.bands(), coverage);
+        coverage.boundary.clear();
+        if options.sampling == Sampling::Exact {
+            join_pieces(|| self.bands(), coverage);
+        }
     }
 
     fn prepare_vertices(&mut self, clip: &[T], count: usize, size: Size) {
@@ -98,14 +110,15 @@ impl<T: Scalar> Visibility<T> {
     }
 
     /// Draws and reads the bands of `rows` rows.
-    fn draw_bands(&mut self, mesh: &Mesh, size: Size, rows: usize) {
+    fn draw_bands(&mut self, mesh: &Mesh, options: RasterOptions, rows: usize, needs: bool) {
+        let RasterOptions { size, sampling, .. } = options;
         let Self { corners, verdicts, centers, ys, faces, canvases, .. } = self;
         centers.clear();
         let columns = 0..size.width.next_multiple_of(LANES);
         centers.extend(columns.map(|column| size.center_x::<T::Wide>(column)));
         ys.clear();
         ys.extend((0..size.height).map(|row| size.center_y::<T::Wide>(row)));
-        let view = View { mesh, size, corners, verdicts, centers, ys, rows };
+        let view = View { mesh, size, corners, verdicts, centers, ys, rows, sampling, needs };
         // As few as can be: what the band before has touched is in a core's cache.
         let threads = threads();
         let count = faces.len().min(if threads > 1 { threads * CANVASES_PER_THREAD } else { 1 });
@@ -113,6 +126,11 @@ impl<T: Scalar> Visibility<T> {
         for_each_item_mut(canvases, |first, canvas| {
             pulp::Arch::new().dispatch(Draw { canvas, view: &view, faces, first, step: count });
         });
+    }
+
+    /// The faces that can touch each band.
+    pub(super) fn faces(&self) -> &[Vec<u32>] {
+        &self.faces
     }
 
     /// The bands, from the top.
@@ -143,7 +161,10 @@ fn sort_into_bands(verdicts: &[Verdict], faces: &mut [Vec<u32>], rows: usize) ->
 }
 
 /// Joins what was found in the bands.
-fn join<'a, T: Scalar>(bands: impl Iterator<Item = &'a Band<T>>, coverage: &mut Coverage) {
+fn join<'a, T: Scalar, B>(bands: impl Fn() -> B, coverage: &mut Coverage)
+where
+    B: Iterator<Item = &'a Band<T>>,
+{
     let Coverage { runs, by_pixel, row_starts, slots, covered, band_ends, .. } = coverage;
     runs.clear();
     by_pixel.clear();
@@ -152,7 +173,7 @@ fn join<'a, T: Scalar>(bands: impl Iterator<Item = &'a Band<T>>, coverage: &mut 
     covered.clear();
     band_ends.clear();
     let mut fragments = 0;
-    for band in bands {
+    for band in bands() {
         let (runs_before, slots_before) = (runs.len() as u32, slots.len() as u32);
         runs.extend(band.runs.iter().map(|run| Run {
             slot: slots_before + run.slot,
@@ -169,5 +190,37 @@ fn join<'a, T: Scalar>(bands: impl Iterator<Item = &'a Band<T>>, coverage: &mut 
         fragments += band.barycentrics.len() / 2;
     }
     row_starts.push(runs.len() as u32);
-    coverage.count = fragments;
+    coverage.center_bands = band_ends.len();
+    (coverage.centers, coverage.count) = (fragments, fragments);
+}
+
+/// Joins the pieces of boundary pixels, after all fragments at pixel centres.
+fn join_pieces<'a, T: Scalar, B>(bands: impl Fn() -> B, coverage: &mut Coverage)
+where
+    B: Iterator<Item = &'a Band<T>>,
+{
+    let Coverage { runs, slots, band_ends, count, boundary, .. } = coverage;
+    let pixels = Arc::get_mut(&mut boundary.pixels).expect("it was just cleared");
+    for Band { pieces, resolved, .. } in bands() {
+        let (runs_before, slots_before) = (runs.len() as u32, slots.len() as u32);
+        runs.extend(resolved.runs.iter().map(|run| Run {
+            slot: slots_before + run.slot,
+            fragment: *count as u32 + run.fragment,
+            ..*run
+        }));
+        slots.extend(
+            resolved
+                .slots
+                .iter()
+                .map(|slot| Slot { first_run: runs_before + slot.first_run, ..*slot }),
+        );
+        band_ends.push(slots.len() as u32);
+        let before = boundary.fragments.len() as u32;
+        pixels.extend(&pieces.pixels);
+        boundary.ends.extend(pieces.ends.iter().map(|end| before + end));
+        boundary
+            .fragments
+            .extend(resolved.fragments.iter().map(|fragment| *count as u32 + fragment));
+        *count += resolved.fragments.len();
+    }
 }

@@ -44,7 +44,7 @@ pub(super) struct Polygon<S> {
 pub(super) type Measure<S> = [S; 3];
 
 #[inline(always)]
-fn at<S: Scalar>(line: Line<S>, [x, y]: [S; 2]) -> S {
+pub(super) fn value_at<S: Scalar>(line: Line<S>, [x, y]: [S; 2]) -> S {
     line[0] + line[1] * x + line[2] * y
 }
 
@@ -75,7 +75,7 @@ impl<S: Scalar> Polygon<S> {
         let doubt = S::from_f64(16.0 * f64::EPSILON) * size;
         let mut lies = [false; 2];
         for &point in &self.points {
-            let value = at(line, point);
+            let value = value_at(line, point);
             lies[0] |= value > doubt;
             lies[1] |= value < -doubt;
         }
@@ -98,7 +98,7 @@ impl<S: Scalar> Polygon<S> {
         let count = self.points.len();
         for k in 0..count {
             let (p, q) = (self.points[k], self.points[(k + 1) % count]);
-            let (a, b) = (at(line, p), at(line, q));
+            let (a, b) = (value_at(line, p), value_at(line, q));
             if a >= S::ZERO {
                 part.points.push(p);
                 part.sides.push(if b >= S::ZERO || a > S::ZERO { self.sides[k] } else { cut });
@@ -112,8 +112,13 @@ impl<S: Scalar> Polygon<S> {
         if part.points.len() < 3 { Self::empty() } else { part }
     }
 
+    /// The corners.
+    pub(super) fn points(&self) -> &[[S; 2]] {
+        &self.points
+    }
+
     /// The sides with their ends.
-    fn segments(&self) -> impl Iterator<Item = (Side, [S; 2], [S; 2])> + '_ {
+    pub(super) fn segments(&self) -> impl Iterator<Item = (Side, [S; 2], [S; 2])> + '_ {
         let count = self.points.len();
         (0..count).map(move |k| (self.sides[k], self.points[k], self.points[(k + 1) % count]))
     }
@@ -151,7 +156,7 @@ impl<S: Scalar> Polygon<S> {
             let slope = (normal_x * normal_x + normal_y * normal_y).sqrt();
             let sign = if side.is_inside { sixth } else { -sixth };
             let scale = sign * length / slope;
-            let (g_p, g_q) = (scale * at(measure_bar, p), scale * at(measure_bar, q));
+            let (g_p, g_q) = (scale * value_at(measure_bar, p), scale * value_at(measure_bar, q));
             let (of_p, of_q) = (g_p + g_p + g_q, g_p + g_q + g_q);
             let line_bar = &mut lines_bar[side.line as usize];
             line_bar[0] += of_p + of_q;

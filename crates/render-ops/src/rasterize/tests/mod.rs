@@ -2,6 +2,7 @@
 //! identities, then the extreme cases.
 
 mod blocks;
+mod exact;
 mod extremes;
 mod nearest;
 mod oracle;

@@ -1,0 +1,329 @@
+//! The boundary pixels of a band: which they are, which faces they hold, and into which pieces they
+//! fall.
+
+use std::ops::Range;
+
+use bokashi_core::Scalar;
+
+use super::marks::Marks;
+use super::polygon::{BORDER, Measure, value_at};
+use super::visible::{Candidate, Source, Visible};
+use crate::homogeneous::{Vertex, cross, missing_factors};
+use crate::rasterize::canvas::View;
+use crate::rasterize::culling::{Corner, Fate};
+use crate::rasterize::setup::Weights;
+
+/// Pieces below this share of a pixel are dropped.
+pub(super) const SMALLEST: f64 = 1e-14;
+
+/// Lines are looked for within this many times half a pixel's width: more than they can be off.
+const REACH: f64 = 1.0 + 1e-6;
+
+/// A visible part of a face in a pixel.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::rasterize) struct Piece<S> {
+    /// The position of its face among those of the band.
+    pub(in crate::rasterize) drawn: u32,
+    /// Its integrals of 1, x and y in scaled coordinates relative to the pixel's centre.
+    pub(super) measure: Measure<S>,
+    /// The weights of its face's vertices 0 and 1 at its centroid.
+    pub(in crate::rasterize) barycentrics: [S; 2],
+}
+
+impl<S: Scalar> Piece<S> {
+    /// The share of the pixel that it covers.
+    pub(in crate::rasterize) fn weight(&self) -> S {
+        S::from_f64(0.25) * self.measure[0]
+    }
+}
+
+/// A side of a visible polygon that moves with a face.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Segment<S> {
+    /// The piece that it bounds, counted from the pixel's first.
+    pub(super) piece: u32,
+    /// What its line comes from, by positions among the band's faces.
+    pub(super) source: Source,
+    pub(super) is_inside: bool,
+    /// The length of the line's normal.
+    pub(super) slope: S,
+    pub(super) ends: [[S; 2]; 2],
+}
+
+/// What is found in the boundary pixels of a band.
+#[derive(Debug, Default)]
+pub(in crate::rasterize) struct Pieces<S> {
+    /// The pixels, in order.
+    pub(in crate::rasterize) pixels: Vec<u32>,
+    /// Where the pieces of each pixel end.
+    pub(in crate::rasterize) ends: Vec<u32>,
+    /// The pieces pixel by pixel, the largest first.
+    pub(in crate::rasterize) pieces: Vec<Piece<S>>,
+    /// Where the segments of each pixel end, and the segments; none where no gradient is asked for.
+    pub(super) segment_ends: Vec<u32>,
+    pub(super) segments: Vec<Segment<S>>,
+    /// How many pieces were dropped.
+    pub(in crate::rasterize) dropped: usize,
+}
+
+impl<S> Pieces<S> {
+    fn clear(&mut self) {
+        self.pixels.clear();
+        self.ends.clear();
+        self.pieces.clear();
+        self.segment_ends.clear();
+        self.segments.clear();
+        self.dropped = 0;
+    }
+}
+
+/// The memory of the search.
+#[derive(Debug, Default)]
+pub(in crate::rasterize) struct Search<S> {
+    marks: Marks,
+    /// Marked pixels, by their number among them, with faces that may reach into them.
+    pairs: Vec<[u32; 2]>,
+    /// Where the faces of each marked pixel end, and the faces.
+    ends: Vec<u32>,
+    faces: Vec<u32>,
+    candidates: Vec<Candidate<S>>,
+    visible: Visible<S>,
+    measures: Vec<Measure<S>>,
+    order: Vec<u32>,
+}
+
+/// A band with the faces that were drawn in it.
+pub(in crate::rasterize) struct Drawn<'a, 'v, T: Scalar> {
+    pub(in crate::rasterize) view: &'a View<'v, T>,
+    pub(in crate::rasterize) rows: Range<usize>,
+    pub(in crate::rasterize) faces: &'a [u32],
+    pub(in crate::rasterize) weights: &'a [Weights<T::Wide>],
+}
+
+impl<T: Scalar> Drawn<'_, '_, T> {
+    /// The rows of the band and the columns that a face may reach into.
+    fn reach(&self, face: u32) -> [Range<usize>; 2] {
+        let Fate::Drawn { columns: [left, right], rows: [top, bottom] } =
+            self.view.verdicts[face as usize].fate
+        else {
+            unreachable!("only faces that are drawn are on the lists");
+        };
+        let rows = self.rows.start.max(top as usize)..self.rows.end.min(bottom as usize + 1);
+        [rows, left as usize..right as usize + 1]
+    }
+
+    /// The same of the edge that faces corner `corner`.
+    fn reach_of_edge(&self, face: u32, corner: usize) -> [Range<usize>; 2] {
+        let corners = self.view.corners_of(face as usize);
+        let ends = [corners[(corner + 1) % 3], corners[(corner + 2) % 3]];
+        let [rows, columns] = self.reach(face);
+        let Some([own_columns, own_rows]) = Corner::pixels_between(ends, self.view.size) else {
+            return [rows, columns];
+        };
+        let both = |a: Range<usize>, b: Range<usize>| a.start.max(b.start)..a.end.min(b.end);
+        [both(rows, own_rows), both(columns, own_columns)]
+    }
+
+    /// The edge functions around the centre of a pixel, positive inside, and the depth.
+    #[inline(always)]
+    fn candidate(&self, drawn: u32, x: T::Wide, y: T::Wide) -> Candidate<T::Wide> {
+        let face = self.faces[drawn as usize] as usize;
+        let vertices = self.view.corners_of(face).map(|corner| corner.vertex);
+        let sign = T::Wide::from_f64(f64::from(self.view.verdicts[face].orientation));
+        let q = vertices.map(|vertex| vertex.relative_to(x, y));
+        let mut edges = self.weights[drawn as usize].edges;
+        for (k, edge) in edges.iter_mut().enumerate() {
+            edge[0] = sign * cross(q[(k + 1) % 3], q[(k + 2) % 3]);
+        }
+        Candidate { drawn, edges, depth: depth(&vertices, &edges) }
+    }
+}
+
+/// The coefficients of z / w: `sum z_i a_i / D`, `D = sum w_i a_i` at any point.
+#[inline(always)]
+fn depth<S: Scalar>(vertices: &[Vertex<S>; 3], edges: &[[S; 3]; 3]) -> [S; 3] {
+    let [p, q, r] = vertices;
+    let scale = S::ONE / (p.w * edges[0][0] + q.w * edges[1][0] + r.w * edges[2][0]);
+    [0, 1, 2].map(|c| scale * (p.z * edges[0][c] + q.z * edges[1][c] + r.z * edges[2][c]))
+}
+
+impl<S: Scalar<Wide = S>> Search<S> {
+    /// Finds the boundary pixels of a band and their pieces.
+    pub(in crate::rasterize) fn run<T: Scalar<Wide = S>>(
+        &mut self,
+        drawn: &Drawn<'_, '_, T>,
+        pieces: &mut Pieces<S>,
+    ) {
+        pieces.clear();
+        self.mark(drawn);
+        let count = self.marks.count();
+        if count == 0 {
+            return;
+        }
+        self.gather(drawn, count);
+        let width = drawn.view.size.width;
+        for row in 0..drawn.rows.len() {
+            // Not while the marks are borrowed.
+            let marks = std::mem::take(&mut self.marks);
+            marks.for_each_in(row, 0..width, |column, at| {
+                self.resolve(drawn, [row, column], at, pieces);
+            });
+            self.marks = marks;
+        }
+    }
+
+    /// Marks the pixels that a discontinuity may cross.
+    fn mark<T: Scalar<Wide = S>>(&mut self, drawn: &Drawn<'_, '_, T>) {
+        let view = drawn.view;
+        self.marks.clear(drawn.rows.len(), view.size.width);
+        for (&face, weights) in drawn.faces.iter().zip(drawn.weights) {
+            for corner in 0..3 {
+                if view.is_silhouette(face as usize, corner) {
+                    let [rows, columns] = drawn.reach_of_edge(face, corner);
+                    let [one, by_x, by_y] = weights.edges[corner];
+                    for row in rows {
+                        let start = one + by_y * view.ys[row];
+                        let near = near_line(start, by_x, by_y, columns.clone(), view.size.width);
+                        self.marks.mark(row - drawn.rows.start, near);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Finds the faces that may reach into the marked pixels.
+    fn gather<T: Scalar<Wide = S>>(&mut self, drawn: &Drawn<'_, '_, T>, count: usize) {
+        let Self { marks, pairs, ends, faces, .. } = self;
+        pairs.clear();
+        ends.clear();
+        ends.resize(count + 1, 0);
+        for (at, (&face, weights)) in (0..).zip(drawn.faces.iter().zip(drawn.weights)) {
+            let [rows, columns] = drawn.reach(face);
+            let reach = weights.edges.map(|[_, x, y]| S::from_f64(REACH) * (x.abs() + y.abs()));
+            for row in rows {
+                let y = drawn.view.ys[row];
+                marks.for_each_in(row - drawn.rows.start, columns.clone(), |column, pixel| {
+                    let x = drawn.view.centers[column];
+                    let reaches = |k: usize| {
+                        let [one, by_x, by_y] = weights.edges[k];
+                        one + by_x * x + by_y * y + reach[k] >= S::ZERO
+                    };
+                    if reaches(0) && reaches(1) && reaches(2) {
+                        pairs.push([pixel as u32, at]);
+                        ends[pixel + 1] += 1;
+                    }
+                });
+            }
+        }
+        let mut before = 0;
+        for end in ends.iter_mut() {
+            before += *end;
+            *end = before;
+        }
+        faces.clear();
+        faces.resize(pairs.len(), 0);
+        // Where the next face of each pixel goes; in the end, where its last one went.
+        for &[pixel, at] in pairs.iter() {
+            let place = &mut ends[pixel as usize];
+            faces[*place as usize] = at;
+            *place += 1;
+        }
+    }
+
+    /// Resolves a pixel of the band, the marked one `at`.
+    fn resolve<T: Scalar<Wide = S>>(
+        &mut self,
+        drawn: &Drawn<'_, '_, T>,
+        [row, column]: [usize; 2],
+        at: usize,
+        pieces: &mut Pieces<S>,
+    ) {
+        let Self { ends, faces, candidates, visible, measures, order, .. } = self;
+        let first = at.checked_sub(1).map_or(0, |before| ends[before]);
+        let row = drawn.rows.start + row;
+        let (x, y) = (drawn.view.centers[column], drawn.view.ys[row]);
+        candidates.clear();
+        let faces = &faces[first as usize..ends[at] as usize];
+        candidates.extend(faces.iter().map(|&face| drawn.candidate(face, x, y)));
+        visible.find(candidates);
+        measures.clear();
+        measures.resize(candidates.len(), [S::ZERO; 3]);
+        visible.measure(measures);
+        let smallest = S::from_f64(4.0 * SMALLEST);
+        order.clear();
+        let all = 0..candidates.len() as u32;
+        order.extend(all.filter(|&at| measures[at as usize][0] > smallest));
+        let seen = measures.iter().filter(|measure| measure[0] > S::ZERO).count();
+        pieces.dropped += seen - order.len();
+        // The largest first; of equal ones the lower face.
+        order.sort_by(|&a, &b| {
+            let [a, b] = [a, b].map(|at| measures[at as usize][0].to_f64());
+            b.total_cmp(&a)
+        });
+        pieces.pixels.push((row * drawn.view.size.width + column) as u32);
+        pieces.pieces.extend(order.iter().map(|&at| {
+            let Candidate { drawn: face, edges, .. } = candidates[at as usize];
+            let [area, x, y] = measures[at as usize];
+            let a = edges.map(|edge| value_at(edge, [x / area, y / area]));
+            let corners = drawn.view.corners_of(drawn.faces[face as usize] as usize);
+            let barycentrics = weights(a, corners.map(|corner| corner.factor));
+            Piece { drawn: face, measure: measures[at as usize], barycentrics }
+        }));
+        pieces.ends.push(pieces.pieces.len() as u32);
+        if !drawn.view.needs {
+            return;
+        }
+        let face = |at: u32| candidates[at as usize].drawn;
+        for piece in &visible.pieces {
+            let Some(at) = order.iter().position(|&at| at == piece.candidate) else { continue };
+            for (side, p, q) in piece.polygon.segments() {
+                if side.line == BORDER {
+                    continue;
+                }
+                let source = match visible.sources[side.line as usize] {
+                    Source::Edge { candidate, k } => Source::Edge { candidate: face(candidate), k },
+                    Source::End { candidate, is_far } => {
+                        Source::End { candidate: face(candidate), is_far }
+                    }
+                    Source::Between { first, second } => {
+                        Source::Between { first: face(first), second: face(second) }
+                    }
+                };
+                let [_, normal_x, normal_y] = visible.lines[side.line as usize];
+                pieces.segments.push(Segment {
+                    piece: at as u32,
+                    source,
+                    is_inside: side.is_inside,
+                    slope: (normal_x * normal_x + normal_y * normal_y).sqrt(),
+                    ends: [p, q],
+                });
+            }
+        }
+        pieces.segment_ends.push(pieces.segments.len() as u32);
+    }
+}
+
+/// Of `columns` those in whose pixels a line passes, in a row where it has the value `start` at X = 0
+/// and changes by `x` with X and by `y` with Y; a few more perhaps.
+#[inline(always)]
+fn near_line<S: Scalar>(start: S, x: S, y: S, columns: Range<usize>, width: usize) -> Range<usize> {
+    let reach = S::from_f64(REACH) * (x.abs() + y.abs());
+    if x == S::ZERO {
+        return if start.abs() <= reach { columns } else { 0..0 };
+    }
+    // |start + x X| <= reach; columns are two units wide, and X = 0 is in the middle.
+    let middle = 0.5 * (width as f64 - 1.0);
+    let (center, half) = (-0.5 * (start / x).to_f64(), 0.5 * (reach / x).to_f64().abs());
+    let first = (middle + center - half).ceil().max(columns.start as f64);
+    let end = (middle + center + half).floor() + 1.0;
+    first as usize..end.max(0.0).min(columns.end as f64) as usize
+}
+
+/// The weights u and v of a face's vertices where its edge functions are `a`.
+#[inline(always)]
+pub(super) fn weights<S: Scalar>(a: [S; 3], factors: [S; 3]) -> [S; 2] {
+    let missing = missing_factors(a, factors);
+    let weights: [S; 3] = std::array::from_fn(|k| missing[k] * a[k]);
+    let total = weights[0] + weights[1] + weights[2];
+    [weights[0] / total, weights[1] / total]
+}

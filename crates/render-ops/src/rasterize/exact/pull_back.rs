@@ -1,0 +1,248 @@
+//! From the gradients of the pieces' areas and centroids to those of the vertices.
+//!
+//! With the integrals `M_0, M_x, M_y` of a piece the weight is `M_0 / 4` and the centroid
+//! `c = (M_x, M_y) / M_0`, so `M_bar_0 = weight_bar / 4 - c_bar . c / M_0` and
+//! `M_bar_xy = c_bar / M_0`. From there to the lines that bound the piece as in `polygon`. Lines are
+//! edge functions, or depths: with `d = sum z_i a_i / D` and `D = sum w_i a_i`, a number over the
+//! whole image, `a_bar_i = (z_i d_bar - w_i D' ) / D` and so on, coefficient by coefficient.
+
+use std::ops::Range;
+
+use bokashi_core::Scalar;
+
+use super::boundary::{Pieces, Segment};
+use super::polygon::value_at;
+use super::visible::Source;
+use crate::edge_functions::{EdgeSums, LocalFace};
+use crate::homogeneous::missing_factors;
+use crate::mesh::Mesh;
+use crate::rasterize::culling::Corner;
+use crate::rasterize::pull_back::weights_bar;
+use crate::size::Size;
+
+/// What the backward pass of a band reads.
+pub(in crate::rasterize) struct PullBack<'a, T: Scalar> {
+    pub(in crate::rasterize) mesh: &'a Mesh,
+    pub(in crate::rasterize) size: Size,
+    pub(in crate::rasterize) corners: &'a [Corner<T::Wide>],
+    /// The faces that were drawn in the band.
+    pub(in crate::rasterize) faces: &'a [u32],
+    pub(in crate::rasterize) pieces: &'a Pieces<T::Wide>,
+    /// Per piece, pixel by pixel: its fragment, counted from the band's first.
+    pub(in crate::rasterize) fragments: &'a [u32],
+    /// The gradients `[N, 2]` of the barycentrics and `[N]` of the weights of the band's fragments,
+    /// where there are any.
+    pub(in crate::rasterize) barycentrics_bar: Option<&'a [T]>,
+    pub(in crate::rasterize) weights_bar: Option<&'a [T]>,
+}
+
+/// The gradients of a face's edge functions and of its depth's coefficients, around one of its pixels.
+#[derive(Debug)]
+struct Adjoint<S> {
+    drawn: u32,
+    sign: S,
+    face: LocalFace<S>,
+    edges: EdgeSums<S>,
+    depth: [S; 3],
+}
+
+/// The adjoints of a band's faces.
+#[derive(Debug, Default)]
+pub(in crate::rasterize) struct Adjoints<S> {
+    adjoints: Vec<Adjoint<S>>,
+    /// Per face of the band: its adjoint.
+    of_drawn: Vec<u32>,
+    measures_bar: Vec<[S; 3]>,
+}
+
+/// Stands for "no adjoint".
+const NONE: u32 = u32::MAX;
+
+impl<S: Scalar<Wide = S>> Adjoint<S> {
+    /// Adds the gradient of the coefficients, around `place` from the origin, of the edge function
+    /// that faces corner k.
+    fn add_edge(&mut self, k: usize, [one, x, y]: [S; 3], place: [S; 2]) {
+        let one = self.sign * one;
+        self.edges.ones[k] += one;
+        self.edges.xs[k] += self.sign * x + place[0] * one;
+        self.edges.ys[k] += self.sign * y + place[1] * one;
+    }
+
+    /// The same of the depth.
+    fn add_depth(&mut self, sign: S, [one, x, y]: [S; 3], place: [S; 2]) {
+        let one = sign * one;
+        self.depth[0] += one;
+        self.depth[1] += sign * x + place[0] * one;
+        self.depth[2] += sign * y + place[1] * one;
+    }
+
+    /// The gradients of the vertices, `[3, 4]`.
+    fn rows(mut self, size: Size) -> [[S; 4]; 3] {
+        let coefficients = *self.face.coefficients();
+        let mut direct = [[S::ZERO; 2]; 3];
+        if self.depth != [S::ZERO; 3] {
+            let vertices = self.face.vertices;
+            let total = self.face.determinant();
+            let bar = self.depth.map(|bar| bar / total);
+            let depth = |c: usize| -> S {
+                (0..3).map(|i| vertices[i].z * coefficients[i][c]).sum::<S>() / total
+            };
+            let total_bar = -(0..3).map(|c| bar[c] * depth(c)).sum::<S>();
+            for i in 0..3 {
+                let z = vertices[i].z;
+                self.edges.ones[i] += z * bar[0] + total_bar * vertices[i].w;
+                self.edges.xs[i] += z * bar[1];
+                self.edges.ys[i] += z * bar[2];
+                let z_bar = (0..3).map(|c| bar[c] * coefficients[i][c]).sum();
+                direct[i] = [z_bar, total_bar * coefficients[i][0]];
+            }
+        }
+        std::array::from_fn(|i| {
+            let [x_bar, y_bar, w_bar] = self.face.pull_back(&self.edges, i, size);
+            let [z_bar, more] = direct[i];
+            [x_bar, y_bar, z_bar, w_bar + more].map(|bar| self.face.factors[i] * bar)
+        })
+    }
+}
+
+impl<S: Scalar<Wide = S>> Adjoints<S> {
+    /// Sums over the pieces of a band, and calls `emit` with each face and the gradients of its
+    /// vertices.
+    pub(in crate::rasterize) fn sum<T: Scalar<Wide = S>>(
+        &mut self,
+        band: &PullBack<'_, T>,
+        mut emit: impl FnMut(usize, &[[S; 4]; 3]),
+    ) {
+        self.of_drawn.clear();
+        self.of_drawn.resize(band.faces.len(), NONE);
+        self.adjoints.clear();
+        let pieces = band.pieces;
+        let (mut first, mut first_segment) = (0, 0);
+        for ((&pixel, &end), &segment_end) in
+            pieces.pixels.iter().zip(&pieces.ends).zip(&pieces.segment_ends)
+        {
+            let own = first..end as usize;
+            let segments = &pieces.segments[first_segment..segment_end as usize];
+            (first, first_segment) = (own.end, segment_end as usize);
+            self.sum_pixel(band, pixel as usize, own, segments);
+        }
+        for adjoint in self.adjoints.drain(..) {
+            let face = band.faces[adjoint.drawn as usize] as usize;
+            emit(face, &adjoint.rows(band.size));
+        }
+    }
+
+    fn sum_pixel<T: Scalar<Wide = S>>(
+        &mut self,
+        band: &PullBack<'_, T>,
+        pixel: usize,
+        own: Range<usize>,
+        segments: &[Segment<S>],
+    ) {
+        let mut measures_bar = std::mem::take(&mut self.measures_bar);
+        measures_bar.clear();
+        for (piece, &fragment) in band.pieces.pieces[own.clone()].iter().zip(&band.fragments[own]) {
+            let fragment = fragment as usize;
+            let weight_bar = band.weights_bar.map_or(S::ZERO, |bars| bars[fragment].widen());
+            let mut measure_bar = [S::from_f64(0.25) * weight_bar, S::ZERO, S::ZERO];
+            if let Some(bars) = band.barycentrics_bar {
+                let uv_bar = [bars[2 * fragment], bars[2 * fragment + 1]].map(T::widen);
+                let [area, x, y] = piece.measure;
+                let centroid = [x / area, y / area];
+                let adjoint = self.adjoint(band, piece.drawn, pixel);
+                let [x_bar, y_bar] = adjoint.add_barycentrics(uv_bar, centroid, pixel, band.size);
+                measure_bar[0] -= (x_bar * centroid[0] + y_bar * centroid[1]) / area;
+                measure_bar[1] = x_bar / area;
+                measure_bar[2] = y_bar / area;
+            }
+            measures_bar.push(measure_bar);
+        }
+        for segment in segments {
+            let line_bar = line_bar(segment, measures_bar[segment.piece as usize]);
+            if line_bar == [S::ZERO; 3] {
+                continue;
+            }
+            let mut add_depth = |drawn: u32, sign: S| {
+                let adjoint = self.adjoint(band, drawn, pixel);
+                let place = adjoint.face.place(pixel, band.size);
+                adjoint.add_depth(sign, line_bar, place);
+            };
+            match segment.source {
+                Source::Edge { candidate, k } => {
+                    let adjoint = self.adjoint(band, candidate, pixel);
+                    let place = adjoint.face.place(pixel, band.size);
+                    adjoint.add_edge(k as usize, line_bar, place);
+                }
+                Source::End { candidate, is_far } => {
+                    add_depth(candidate, if is_far { -S::ONE } else { S::ONE });
+                }
+                Source::Between { first, second } => {
+                    add_depth(second, S::ONE);
+                    add_depth(first, -S::ONE);
+                }
+            }
+        }
+        self.measures_bar = measures_bar;
+    }
+
+    /// The adjoint of a face, around `pixel` where it is the first one that asks.
+    fn adjoint<T: Scalar<Wide = S>>(
+        &mut self,
+        band: &PullBack<'_, T>,
+        drawn: u32,
+        pixel: usize,
+    ) -> &mut Adjoint<S> {
+        let Self { adjoints, of_drawn, .. } = self;
+        let at = &mut of_drawn[drawn as usize];
+        if *at == NONE {
+            *at = adjoints.len() as u32;
+            let indices = band.mesh.faces()[band.faces[drawn as usize] as usize];
+            let corners = indices.map(|vertex| &band.corners[vertex as usize]);
+            let vertices = corners.map(|corner| corner.vertex);
+            let factors = corners.map(|corner| corner.factor);
+            let face = LocalFace::new(vertices, factors, pixel, band.size);
+            let sign = if face.determinant() > S::ZERO { S::ONE } else { -S::ONE };
+            let (edges, depth) = (EdgeSums::default(), [S::ZERO; 3]);
+            adjoints.push(Adjoint { drawn, sign, face, edges, depth });
+        }
+        &mut adjoints[*at as usize]
+    }
+}
+
+impl<S: Scalar<Wide = S>> Adjoint<S> {
+    /// Adds what the gradients of u and v at `centroid` from the centre of `pixel` say of the edge
+    /// functions; returns that of the centroid.
+    fn add_barycentrics(
+        &mut self,
+        uv_bar: [S; 2],
+        centroid: [S; 2],
+        pixel: usize,
+        size: Size,
+    ) -> [S; 2] {
+        let place = self.face.place(pixel, size);
+        let place = [place[0] + centroid[0], place[1] + centroid[1]];
+        let coefficients = self.face.coefficients();
+        let a = coefficients.map(|line| value_at(line, place));
+        let missing = missing_factors(a, self.face.factors);
+        let weights = std::array::from_fn(|i| missing[i] * a[i]);
+        let bars = weights_bar(weights, uv_bar);
+        let a_bar: [S; 3] = std::array::from_fn(|i| missing[i] * bars[i]);
+        let centroid_bar =
+            [1, 2].map(|axis| (0..3).map(|i| a_bar[i] * coefficients[i][axis]).sum());
+        self.edges.add_row(a_bar, a_bar.map(|bar| place[0] * bar), place[1]);
+        centroid_bar
+    }
+}
+
+/// The gradient of a segment's line: `int g (1, x, y) ds / |normal|`, with
+/// `g = measure_bar . (1, x, y)`.
+fn line_bar<S: Scalar>(segment: &Segment<S>, measure_bar: [S; 3]) -> [S; 3] {
+    let [p, q] = segment.ends;
+    let (x, y) = (q[0] - p[0], q[1] - p[1]);
+    let sixth = S::from_f64(1.0 / 6.0);
+    let sign = if segment.is_inside { sixth } else { -sixth };
+    let scale = sign * (x * x + y * y).sqrt() / segment.slope;
+    let (g_p, g_q) = (scale * value_at(measure_bar, p), scale * value_at(measure_bar, q));
+    let (of_p, of_q) = (g_p + g_p + g_q, g_p + g_q + g_q);
+    [of_p + of_q, of_p * p[0] + of_q * q[0], of_p * p[1] + of_q * q[1]]
+}

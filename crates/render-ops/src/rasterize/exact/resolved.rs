@@ -1,0 +1,78 @@
+//! Pieces as fragments: ordered by face, as all fragments are.
+
+use bokashi_core::Scalar;
+
+use super::boundary::Pieces;
+use crate::coverage::{Run, Slot};
+
+/// Stands for "not seen".
+const NO_SLOT: u32 = u32::MAX;
+
+/// The pieces of a band as fragments, counted from its first run, slot and fragment.
+#[derive(Debug, Default)]
+pub(in crate::rasterize) struct Resolved<T> {
+    pub(in crate::rasterize) runs: Vec<Run>,
+    pub(in crate::rasterize) slots: Vec<Slot>,
+    /// The weights u and v of each fragment.
+    pub(in crate::rasterize) barycentrics: Vec<T>,
+    /// The share of its pixel that each fragment covers.
+    pub(in crate::rasterize) weights: Vec<T>,
+    /// Per piece, pixel by pixel: its fragment.
+    pub(in crate::rasterize) fragments: Vec<u32>,
+    /// Per slot: where its next fragment goes.
+    places: Vec<u32>,
+}
+
+impl<T: Scalar> Resolved<T> {
+    /// Sorts `pieces` by face; those of one face stay in the order of their pixels. `slot_of` is
+    /// memory.
+    pub(in crate::rasterize) fn sort(
+        &mut self,
+        pieces: &Pieces<T::Wide>,
+        faces: &[u32],
+        slot_of: &mut Vec<u32>,
+    ) {
+        let Self { runs, slots, barycentrics, weights, fragments, places } = self;
+        let count = pieces.pieces.len();
+        slots.clear();
+        places.clear();
+        slot_of.clear();
+        slot_of.resize(faces.len(), NO_SLOT);
+        for piece in &pieces.pieces {
+            let slot = &mut slot_of[piece.drawn as usize];
+            if *slot == NO_SLOT {
+                *slot = slots.len() as u32;
+                slots.push(Slot { face: faces[piece.drawn as usize], first_run: 0 });
+                places.push(0);
+            }
+            places[*slot as usize] += 1;
+        }
+        let mut before = 0;
+        for (slot, place) in slots.iter_mut().zip(places.iter_mut()) {
+            slot.first_run = before;
+            before += std::mem::replace(place, before);
+        }
+        runs.clear();
+        runs.resize(count, Run { slot: 0, pixel: 0, fragment: 0 });
+        barycentrics.clear();
+        barycentrics.resize(2 * count, T::ZERO);
+        weights.clear();
+        weights.resize(count, T::ZERO);
+        fragments.clear();
+        let mut first = 0;
+        for (&pixel, &end) in pieces.pixels.iter().zip(&pieces.ends) {
+            for piece in &pieces.pieces[first..end as usize] {
+                let slot = slot_of[piece.drawn as usize];
+                let fragment = places[slot as usize];
+                places[slot as usize] += 1;
+                let at = fragment as usize;
+                runs[at] = Run { slot, pixel, fragment };
+                let [u, v] = piece.barycentrics.map(T::narrow);
+                (barycentrics[2 * at], barycentrics[2 * at + 1]) = (u, v);
+                weights[at] = T::narrow(piece.weight());
+                fragments.push(fragment);
+            }
+            first = end as usize;
+        }
+    }
+}

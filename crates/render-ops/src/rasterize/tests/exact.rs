@@ -1,0 +1,110 @@
+//! Laws of exact coverage.
+
+use super::*;
+use crate::background::Background;
+use crate::interpolate::interpolate;
+use crate::resolve::resolve;
+
+fn exact(size: Size) -> RasterOptions {
+    RasterOptions { sampling: Sampling::Exact, ..size.into() }
+}
+
+/// The picture `[H, W, 2]` of vertices with colours, before a background.
+fn picture<'t>(
+    clip: bokashi_core::Var<'t, f64>,
+    colors: bokashi_core::Var<'t, f64>,
+    mesh: &Mesh,
+    options: RasterOptions,
+) -> bokashi_core::Var<'t, f64> {
+    let fragments = rasterize(clip, mesh, options).unwrap();
+    let surface = interpolate(colors, &fragments).unwrap();
+    let background = clip.tape().constant(&Tensor::new([2], vec![0.1, 0.9]).unwrap());
+    resolve(surface, &fragments, Background::Color(background)).unwrap()
+}
+
+/// The mean over `times` x `times` samples per pixel.
+fn supersampled(clip: &Clip, colors: &Tensor<f64>, mesh: &Mesh, size: Size, times: usize) -> Vec<f64> {
+    let Size { width, height } = size;
+    let tape = Tape::<f64>::new();
+    let large = Size { width: times * width, height: times * height };
+    let large = picture(tape.leaf(&tensor(clip)), tape.leaf(colors), mesh, large.into());
+    let mut means = vec![0.0; 2 * size.pixels()];
+    for (k, value) in large.value().data().iter().enumerate() {
+        let (pixel, channel) = (k / 2, k % 2);
+        let (row, column) = (pixel / (times * width) / times, pixel % (times * width) / times);
+        means[2 * (row * width + column) + channel] += value / (times * times) as f64;
+    }
+    means
+}
+
+/// Faces with w around 1, one colour each, which may overlap and pass through each other.
+fn loose_faces() -> impl Strategy<Value = (Clip, Tensor<f64>, Vec<[u32; 3]>)> {
+    let vertex = (-1.3..1.3, -1.3..1.3, -0.9..0.9, 0.5..2.0_f64)
+        .prop_map(|(x, y, z, w)| [x * w, y * w, z * w, w]);
+    let faces = proptest::collection::vec((prop::array::uniform3(vertex), 0.0..1.0, 0.0..1.0), 1..5);
+    faces.prop_map(|faces| {
+        let clip = faces.iter().flat_map(|(corners, ..)| *corners).collect();
+        let colors: Vec<f64> = faces.iter().flat_map(|&(_, a, b)| [a, b].repeat(3)).collect();
+        let count = faces.len();
+        let faces = (0..count as u32).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+        (clip, Tensor::new([3 * count, 2], colors).unwrap(), faces)
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(200) })]
+
+    #[test]
+    fn a_pixel_is_the_mean_of_many_samples(
+        (clip, colors, faces) in loose_faces(),
+        width in 1..6_usize,
+        height in 1..6_usize,
+    ) {
+        let size = Size { width, height };
+        let mesh = Mesh::new(faces, clip.len()).unwrap();
+        let tape = Tape::<f64>::new();
+        let image = picture(tape.leaf(&tensor(&clip)), tape.leaf(&colors), &mesh, exact(size));
+        let expected = supersampled(&clip, &colors, &mesh, size, 64);
+        for (&found, expected) in image.value().data().iter().zip(expected) {
+            prop_assert!((found - expected).abs() < 0.02, "{found} instead of {expected}");
+        }
+    }
+
+    #[test]
+    fn the_gradient_is_the_difference_quotient(
+        (clip, colors, faces) in loose_faces(),
+        width in 1..6_usize,
+        height in 1..6_usize,
+    ) {
+        let size = Size { width, height };
+        let mesh = Mesh::new(faces, clip.len()).unwrap();
+        let upstream = Tensor::from_fn([height, width, 2], |k| ((k * 37 + 11) % 17) as f64 / 17.0 - 0.4);
+        let loss = |clip: &Clip| -> f64 {
+            let tape = Tape::<f64>::new();
+            let image = picture(tape.leaf(&tensor(clip)), tape.leaf(&colors), &mesh, exact(size));
+            image.value().data().iter().zip(upstream.data()).map(|(x, u)| x * u).sum()
+        };
+        let tape = Tape::<f64>::new();
+        let positions = tape.leaf(&tensor(&clip));
+        let image = picture(positions, tape.leaf(&colors), &mesh, exact(size));
+        let gradients = tape.vjp(&[(image, &upstream)]).unwrap();
+        let found = gradients.get_or_zeros(positions);
+        for k in 0..4 * clip.len() {
+            let quotient = |step: f64| {
+                let by = |sign: f64| {
+                    let mut moved = clip.clone();
+                    moved[k / 4][k % 4] += sign * step;
+                    loss(&moved)
+                };
+                (by(1.0) - by(-1.0)) / (2.0 * step)
+            };
+            let [coarse, fine] = [1e-5, 5e-6].map(quotient);
+            let error = (coarse - fine).abs();
+            let found = found.data()[k];
+            prop_assert!(
+                (found - fine).abs() < 1e-5 * (1.0 + fine.abs()) + 3.0 * error,
+                "entry {k}: {found} instead of {fine} ({coarse})"
+            );
+        }
+    }
+}
