@@ -498,7 +498,9 @@ mod tests {
                     (first..).zip(own.chunks_exact_mut(2)).for_each(|(n, own)| own.fill(n));
                     (slots, first, own.len())
                 };
-                coverage.merge_bands_mut(coverage.bands(), 2, &mut entries, work, |band| merged.push(band));
+                coverage.merge_bands_mut(coverage.bands(), 2, &mut entries, work, |band| {
+                    merged.push(band)
+                });
             });
             assert!((0..).zip(entries.chunks_exact(2)).all(|(n, own)| own == [n, n]));
             merged

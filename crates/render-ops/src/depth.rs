@@ -95,7 +95,8 @@ impl<T: Scalar> Op<T> for Depth {
         let Some(clip_bar) = gradients.get(0) else { return };
         let coverage = &*self.coverage;
         let pull_back = PullBack { coverage, clip: kept.input(0), depth_bar: kept.only_upstream() };
-        Layout { coverage, bands: coverage.bands(), mesh: &coverage.mesh, width: 4 }.add_to(clip_bar, &pull_back);
+        Layout { coverage, bands: coverage.bands(), mesh: &coverage.mesh, width: 4 }
+            .add_to(clip_bar, &pull_back);
     }
 }
 

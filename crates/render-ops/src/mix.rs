@@ -68,8 +68,7 @@ impl<T: Scalar> Op<T> for Mix {
         let out = outputs.push([centers + coverage.boundary.pixels.len(), channels]);
         let (own, mixed) = out.split_at_mut(centers * channels);
         own.copy_from_slice(&values[..centers * channels]);
-        for ((pixel, fragments), mixed) in
-            coverage.boundary().zip(mixed.chunks_exact_mut(channels))
+        for ((pixel, fragments), mixed) in coverage.boundary().zip(mixed.chunks_exact_mut(channels))
         {
             self.behind.fill(mixed, background, channels, pixel);
             for (c, mixed) in mixed.iter_mut().enumerate() {
@@ -92,12 +91,7 @@ impl<T: Scalar> Op<T> for Mix {
         if inputs.len() == 3 { keep.input(0).input(2) } else { keep.input(0) }
     }
 
-    fn backward(
-        &self,
-        kept: &Kept<'_, T>,
-        _saved: &mut (),
-        gradients: &mut Accumulators<'_, T>,
-    ) {
+    fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
         let (out_bar, weights) = (kept.only_upstream(), kept.input(1));
         let (coverage, channels) = (&*self.coverage, kept.input_shape(0)[1]);
         let centers = coverage.centers();

@@ -124,15 +124,20 @@ impl<T: Scalar> Op<T> for Resolve {
         let channels = kept.input_shape(0)[1];
         if let Some(values_bar) = gradients.get(0) {
             let (own, rim) = values_bar.entries().split_at_mut(self.coverage.centers() * channels);
-            self.coverage.for_each_band_mut(self.coverage.center_bands(), channels, own, |slots, _, own| {
-                let mut rest = own;
-                for span in slots.flat_map(|slot| self.coverage.spans_of(slot)) {
-                    let (own, others) = rest.split_at_mut(span.fragments.len() * channels);
-                    let upstream = &image_bar[span.pixel * channels..];
-                    own.iter_mut().zip(upstream).for_each(|(own, &bar)| *own += bar);
-                    rest = others;
-                }
-            });
+            self.coverage.for_each_band_mut(
+                self.coverage.center_bands(),
+                channels,
+                own,
+                |slots, _, own| {
+                    let mut rest = own;
+                    for span in slots.flat_map(|slot| self.coverage.spans_of(slot)) {
+                        let (own, others) = rest.split_at_mut(span.fragments.len() * channels);
+                        let upstream = &image_bar[span.pixel * channels..];
+                        own.iter_mut().zip(upstream).for_each(|(own, &bar)| *own += bar);
+                        rest = others;
+                    }
+                },
+            );
             for (&pixel, own) in self.rim().iter().zip(rim.chunks_exact_mut(channels)) {
                 let upstream = &image_bar[pixel as usize * channels..];
                 own.iter_mut().zip(upstream).for_each(|(own, &bar)| *own += bar);

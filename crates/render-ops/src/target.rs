@@ -218,7 +218,8 @@ impl<T: Scalar> Op<T> for SquaredError<T> {
             }
             sum::<T>(own.len(), |k| square(&own[k]))
         };
-        coverage.merge_bands_mut(coverage.center_bands(), channels, own, work, |band| total += band);
+        coverage
+            .merge_bands_mut(coverage.center_bands(), channels, own, work, |band| total += band);
         let rows = rim_own.chunks_exact_mut(channels).zip(x_rim.chunks_exact(channels));
         for (&pixel, (row, x)) in rim.iter().zip(rows) {
             let target = &target[pixel as usize * channels..][..channels];

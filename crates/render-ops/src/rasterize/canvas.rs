@@ -251,7 +251,8 @@ impl<T: Scalar> Canvas<T> {
         let stored = self.faces.as_flattened_mut();
         let stride = view.blocks_per_row() * LANES;
         for &pixel in &pieces.pixels {
-            let [row, column] = Size { width: view.size.width, height: 0 }.place(pixel as usize - first);
+            let [row, column] =
+                Size { width: view.size.width, height: 0 }.place(pixel as usize - first);
             stored[row * stride + column] = NO_FACE;
         }
     }

@@ -27,6 +27,10 @@ pub(super) struct Corner<S> {
 /// The bit of [`Corner::beyond`] for a vertex behind the eye.
 const BEHIND: u8 = 1;
 
+/// Those for one beyond the far plane and before the near one.
+const BEYOND_FAR: u8 = 1 << 5;
+const BEFORE_NEAR: u8 = 1 << 6;
+
 impl<S: Scalar<Wide = S>> Corner<S> {
     /// Vertex `index` of `clip: [V, 4]`.
     #[inline(always)]
@@ -40,6 +44,11 @@ impl<S: Scalar<Wide = S>> Corner<S> {
         let pixel = |scaled: S, extent: usize| 0.5 * (scaled.to_f64() + extent as f64 - 1.0);
         let pixel = [pixel(x / w, size.width), pixel(-y / w, size.height)];
         Self { vertex, factor, beyond, pixel }
+    }
+
+    /// Whether it lies before the near plane, beyond the far one, or behind the eye.
+    pub(super) fn is_beyond_depths(&self) -> bool {
+        self.beyond & (BEHIND | BEYOND_FAR | BEFORE_NEAR) != 0
     }
 
     /// The columns and rows of the pixels that the line between two points can touch, where neither

@@ -264,7 +264,8 @@ impl<T: Scalar> Op<T> for Rasterize {
         }
         let Some(uv_bar) = kept.upstream(0) else { return };
         let pull_back = PullBack { coverage, corners: &visibility.corners, uv_bar };
-        Layout { coverage, bands: coverage.center_bands(), mesh: &self.mesh, width: 4 }.add_to(clip_bar, &pull_back);
+        Layout { coverage, bands: coverage.center_bands(), mesh: &self.mesh, width: 4 }
+            .add_to(clip_bar, &pull_back);
     }
 
     fn saved_bytes(&self, saved: &Self::Saved) -> usize {

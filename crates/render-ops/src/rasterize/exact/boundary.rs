@@ -6,7 +6,8 @@ use std::ops::Range;
 use bokashi_core::Scalar;
 
 use super::marks::Marks;
-use super::polygon::{BORDER, Measure, value_at};
+use super::polygon::{BORDER, Line, Measure, slope, value_at};
+use super::sheets::Regions;
 use super::visible::{Candidate, Source, Visible};
 use crate::homogeneous::{Vertex, cross, missing_factors};
 use crate::rasterize::canvas::View;
@@ -81,11 +82,11 @@ impl<S> Pieces<S> {
 #[derive(Debug, Default)]
 pub(in crate::rasterize) struct Search<S> {
     marks: Marks,
-    /// Marked pixels, by their number among them, with faces that may reach into them.
-    pairs: Vec<[u32; 2]>,
-    /// Where the faces of each marked pixel end, and the faces.
-    ends: Vec<u32>,
-    faces: Vec<u32>,
+    regions: Regions,
+    /// The first pixel of each region, and how many faces cover its centre.
+    firsts: Marks,
+    sheets: Vec<u32>,
+    gathered: Gathered,
     candidates: Vec<Candidate<S>>,
     visible: Visible<S>,
     measures: Vec<Measure<S>>,
@@ -100,7 +101,76 @@ pub(in crate::rasterize) struct Drawn<'a, 'v, T: Scalar> {
     pub(in crate::rasterize) weights: &'a [Weights<T::Wide>],
 }
 
+/// The faces that may reach into some pixels.
+#[derive(Debug, Default)]
+struct Gathered {
+    /// Pixels, by their number among them, with faces.
+    pairs: Vec<[u32; 2]>,
+    /// Where in `faces` those of each pixel end.
+    ends: Vec<u32>,
+    faces: Vec<u32>,
+}
+
+impl Gathered {
+    /// Finds those of `count` marked pixels.
+    fn find<T: Scalar>(&mut self, drawn: &Drawn<'_, '_, T>, marks: &Marks, count: usize) {
+        let Self { pairs, ends, faces } = self;
+        pairs.clear();
+        ends.clear();
+        ends.resize(count + 1, 0);
+        drawn.for_each_face(marks, |face, pixel, a, reach| {
+            if (0..3).all(|k| a[k] + reach[k] >= T::Wide::ZERO) {
+                pairs.push([pixel as u32, face]);
+                ends[pixel + 1] += 1;
+            }
+        });
+        let mut before = 0;
+        for end in ends.iter_mut() {
+            before += *end;
+            *end = before;
+        }
+        faces.clear();
+        faces.resize(pairs.len(), 0);
+        // Where the next face of each pixel goes; in the end, where its last one went.
+        for &[pixel, face] in pairs.iter() {
+            let place = &mut ends[pixel as usize];
+            faces[*place as usize] = face;
+            *place += 1;
+        }
+    }
+
+    /// The faces of the marked pixel `at`, in their order.
+    fn faces_of(&self, at: usize) -> &[u32] {
+        let first = at.checked_sub(1).map_or(0, |before| self.ends[before]);
+        &self.faces[first as usize..self.ends[at] as usize]
+    }
+}
+
 impl<T: Scalar> Drawn<'_, '_, T> {
+    /// Calls `visit(face, pixel, a, reach)` for each face and each marked pixel in the box of its
+    /// pixels, both by their numbers, with the face's edge functions at the pixel's centre and how
+    /// much they change from there to its corners.
+    #[inline(always)]
+    fn for_each_face(
+        &self,
+        marks: &Marks,
+        mut visit: impl FnMut(u32, usize, [T::Wide; 3], [T::Wide; 3]),
+    ) {
+        for (at, (&face, weights)) in (0..).zip(self.faces.iter().zip(self.weights)) {
+            let [rows, columns] = self.reach(face);
+            let reach =
+                weights.edges.map(|[_, x, y]| T::Wide::from_f64(REACH) * (x.abs() + y.abs()));
+            for row in rows {
+                let y = self.view.ys[row];
+                marks.for_each_in(row - self.rows.start, columns.clone(), |column, pixel| {
+                    let x = self.view.centers[column];
+                    let a = weights.edges.map(|[one, by_x, by_y]| one + by_x * x + by_y * y);
+                    visit(at, pixel, a, reach);
+                });
+            }
+        }
+    }
+
     /// The rows of the band and the columns that a face may reach into.
     fn reach(&self, face: u32) -> [Range<usize>; 2] {
         let Fate::Drawn { columns: [left, right], rows: [top, bottom] } =
@@ -156,11 +226,12 @@ impl<S: Scalar<Wide = S>> Search<S> {
     ) {
         pieces.clear();
         self.mark(drawn);
+        self.mark_crossings(drawn);
         let count = self.marks.count();
         if count == 0 {
             return;
         }
-        self.gather(drawn, count);
+        self.gathered.find(drawn, &self.marks, count);
         let width = drawn.view.size.width;
         for row in 0..drawn.rows.len() {
             // Not while the marks are borrowed.
@@ -172,61 +243,68 @@ impl<S: Scalar<Wide = S>> Search<S> {
         }
     }
 
-    /// Marks the pixels that a discontinuity may cross.
+    /// Marks the pixels that an edge of the surface or an end of the depth range may cross.
     fn mark<T: Scalar<Wide = S>>(&mut self, drawn: &Drawn<'_, '_, T>) {
         let view = drawn.view;
-        self.marks.clear(drawn.rows.len(), view.size.width);
-        for (&face, weights) in drawn.faces.iter().zip(drawn.weights) {
+        let marks = &mut self.marks;
+        marks.clear(drawn.rows.len(), view.size.width);
+        for (at, (&face, weights)) in (0..).zip(drawn.faces.iter().zip(drawn.weights)) {
             for corner in 0..3 {
                 if view.is_silhouette(face as usize, corner) {
                     let [rows, columns] = drawn.reach_of_edge(face, corner);
-                    let [one, by_x, by_y] = weights.edges[corner];
+                    let [one, x, y] = weights.edges[corner];
+                    let start = one + x * view.centers[0];
                     for row in rows {
-                        let start = one + by_y * view.ys[row];
-                        let near = near_line(start, by_x, by_y, columns.clone(), view.size.width);
-                        self.marks.mark(row - drawn.rows.start, near);
+                        let line = [start + y * view.ys[row], x, y];
+                        marks.mark(row - drawn.rows.start, near_line(line, columns.clone()));
+                    }
+                }
+            }
+            if view.corners_of(face as usize).iter().any(|corner| corner.is_beyond_depths()) {
+                let [rows, columns] = drawn.reach(face);
+                for row in rows {
+                    let [depth, x, y] = drawn.candidate(at, view.centers[0], view.ys[row]).depth;
+                    for end in [-S::ONE, S::ONE] {
+                        let near = near_line([depth - end, x, y], columns.clone());
+                        marks.mark(row - drawn.rows.start, near);
                     }
                 }
             }
         }
     }
 
-    /// Finds the faces that may reach into the marked pixels.
-    fn gather<T: Scalar<Wide = S>>(&mut self, drawn: &Drawn<'_, '_, T>, count: usize) {
-        let Self { marks, pairs, ends, faces, .. } = self;
-        pairs.clear();
-        ends.clear();
-        ends.resize(count + 1, 0);
-        for (at, (&face, weights)) in (0..).zip(drawn.faces.iter().zip(drawn.weights)) {
-            let [rows, columns] = drawn.reach(face);
-            let reach = weights.edges.map(|[_, x, y]| S::from_f64(REACH) * (x.abs() + y.abs()));
-            for row in rows {
-                let y = drawn.view.ys[row];
-                marks.for_each_in(row - drawn.rows.start, columns.clone(), |column, pixel| {
-                    let x = drawn.view.centers[column];
-                    let reaches = |k: usize| {
-                        let [one, by_x, by_y] = weights.edges[k];
-                        one + by_x * x + by_y * y + reach[k] >= S::ZERO
-                    };
-                    if reaches(0) && reaches(1) && reaches(2) {
-                        pairs.push([pixel as u32, at]);
-                        ends[pixel + 1] += 1;
-                    }
-                });
-            }
+    /// Marks the pixels where surfaces may pass through each other.
+    fn mark_crossings<T: Scalar<Wide = S>>(&mut self, drawn: &Drawn<'_, '_, T>) {
+        let Self { marks, regions, firsts, sheets, gathered, candidates, .. } = self;
+        let (rows, width) = (drawn.rows.len(), drawn.view.size.width);
+        regions.find(marks, rows, width);
+        firsts.clear(rows, width);
+        regions.mark_first(firsts);
+        sheets.clear();
+        sheets.resize(firsts.count(), 0);
+        drawn.for_each_face(firsts, |_, at, a, _| {
+            sheets[at] += u32::from(a.iter().all(|&a| a >= S::ZERO));
+        });
+        if sheets.iter().all(|&sheets| sheets < 2) {
+            return;
         }
-        let mut before = 0;
-        for end in ends.iter_mut() {
-            before += *end;
-            *end = before;
-        }
-        faces.clear();
-        faces.resize(pairs.len(), 0);
-        // Where the next face of each pixel goes; in the end, where its last one went.
-        for &[pixel, at] in pairs.iter() {
-            let place = &mut ends[pixel as usize];
-            faces[*place as usize] = at;
-            *place += 1;
+        // The first pixels are not needed any more.
+        let suspects = firsts;
+        suspects.clear(rows, width);
+        regions.mark_all(sheets, suspects);
+        let count = suspects.count();
+        gathered.find(drawn, suspects, count);
+        for row in 0..rows {
+            let y = drawn.view.ys[drawn.rows.start + row];
+            suspects.for_each_in(row, 0..width, |column, at| {
+                let x = drawn.view.centers[column];
+                candidates.clear();
+                candidates
+                    .extend(gathered.faces_of(at).iter().map(|&face| drawn.candidate(face, x, y)));
+                if may_cross(candidates) {
+                    marks.mark(row, column..column + 1);
+                }
+            });
         }
     }
 
@@ -238,13 +316,11 @@ impl<S: Scalar<Wide = S>> Search<S> {
         at: usize,
         pieces: &mut Pieces<S>,
     ) {
-        let Self { ends, faces, candidates, visible, measures, order, .. } = self;
-        let first = at.checked_sub(1).map_or(0, |before| ends[before]);
+        let Self { gathered, candidates, visible, measures, order, .. } = self;
         let row = drawn.rows.start + row;
         let (x, y) = (drawn.view.centers[column], drawn.view.ys[row]);
         candidates.clear();
-        let faces = &faces[first as usize..ends[at] as usize];
-        candidates.extend(faces.iter().map(|&face| drawn.candidate(face, x, y)));
+        candidates.extend(gathered.faces_of(at).iter().map(|&face| drawn.candidate(face, x, y)));
         visible.find(candidates);
         measures.clear();
         measures.resize(candidates.len(), [S::ZERO; 3]);
@@ -289,12 +365,11 @@ impl<S: Scalar<Wide = S>> Search<S> {
                         Source::Between { first: face(first), second: face(second) }
                     }
                 };
-                let [_, normal_x, normal_y] = visible.lines[side.line as usize];
                 pieces.segments.push(Segment {
                     piece: at as u32,
                     source,
                     is_inside: side.is_inside,
-                    slope: (normal_x * normal_x + normal_y * normal_y).sqrt(),
+                    slope: slope(visible.lines[side.line as usize]),
                     ends: [p, q],
                 });
             }
@@ -303,20 +378,37 @@ impl<S: Scalar<Wide = S>> Search<S> {
     }
 }
 
-/// Of `columns` those in whose pixels a line passes, in a row where it has the value `start` at X = 0
-/// and changes by `x` with X and by `y` with Y; a few more perhaps.
+/// Whether two of the sheets that `candidates` make up in a pixel without edges may pass through each
+/// other before all others. The nearest faces up to the first gap between all their depths are whole
+/// sheets, since those of one sheet touch; a sheet covers the pixel's centre once.
+fn may_cross<S: Scalar>(candidates: &mut [Candidate<S>]) -> bool {
+    let reach = |[_, x, y]: Line<S>| x.abs() + y.abs();
+    let nearest = |one: &Candidate<S>| one.depth[0] - reach(one.depth);
+    candidates.sort_by(|a, b| nearest(a).to_f64().total_cmp(&nearest(b).to_f64()));
+    let (mut farthest, mut sheets) = (-S::from_f64(f64::INFINITY), 0);
+    for candidate in candidates {
+        if nearest(candidate) > farthest && sheets > 0 {
+            break;
+        }
+        farthest = farthest.greater(candidate.depth[0] + reach(candidate.depth));
+        sheets += usize::from(candidate.edges.iter().all(|edge| edge[0] >= S::ZERO));
+    }
+    sheets > 1
+}
+
+/// Of `columns` those in whose pixels a line passes, in a row where it has the value `start` at the
+/// centre of column 0 and changes by `x` with X and by `y` with Y; a few more perhaps.
 #[inline(always)]
-fn near_line<S: Scalar>(start: S, x: S, y: S, columns: Range<usize>, width: usize) -> Range<usize> {
+fn near_line<S: Scalar>([start, x, y]: Line<S>, columns: Range<usize>) -> Range<usize> {
     let reach = S::from_f64(REACH) * (x.abs() + y.abs());
     if x == S::ZERO {
         return if start.abs() <= reach { columns } else { 0..0 };
     }
-    // |start + x X| <= reach; columns are two units wide, and X = 0 is in the middle.
-    let middle = 0.5 * (width as f64 - 1.0);
+    // |start + x X| <= reach; columns are two units wide.
     let (center, half) = (-0.5 * (start / x).to_f64(), 0.5 * (reach / x).to_f64().abs());
-    let first = (middle + center - half).ceil().max(columns.start as f64);
-    let end = (middle + center + half).floor() + 1.0;
-    first as usize..end.max(0.0).min(columns.end as f64) as usize
+    let first = (center - half).ceil().max(columns.start as f64);
+    let end = ((center + half).floor() + 1.0).min(columns.end as f64);
+    first as usize..end.max(0.0) as usize
 }
 
 /// The weights u and v of a face's vertices where its edge functions are `a`.

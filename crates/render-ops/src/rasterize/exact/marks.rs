@@ -47,6 +47,18 @@ impl Marks {
         count as usize
     }
 
+    /// Calls `visit` with the column of each marked pixel of a row.
+    pub(super) fn for_each(&self, row: usize, mut visit: impl FnMut(usize)) {
+        let words = &self.words[row * self.words_per_row..][..self.words_per_row];
+        for (word, &bits) in words.iter().enumerate() {
+            let mut bits = bits;
+            while bits != 0 {
+                visit(word * BITS + bits.trailing_zeros() as usize);
+                bits &= bits - 1;
+            }
+        }
+    }
+
     /// Calls `visit` with the column of each marked pixel of a row among `columns`, and with how many
     /// marked pixels come before it; they have been counted.
     #[inline(always)]

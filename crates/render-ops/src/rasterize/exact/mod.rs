@@ -5,6 +5,7 @@ mod marks;
 mod polygon;
 mod pull_back;
 mod resolved;
+mod sheets;
 mod visible;
 
 pub(super) use self::boundary::{Drawn, Pieces, Search};

@@ -137,33 +137,29 @@ impl<S: Scalar> Polygon<S> {
         }
         measure
     }
+}
 
-    /// Adds the gradients of the lines, from those of the measure.
-    pub(super) fn pull_back(
-        &self,
-        measure_bar: Measure<S>,
-        lines: &[Line<S>],
-        lines_bar: &mut [Line<S>],
-    ) {
-        let sixth = S::from_f64(1.0 / 6.0);
-        for (side, p, q) in self.segments() {
-            if side.line == BORDER {
-                continue;
-            }
-            let [_, normal_x, normal_y] = lines[side.line as usize];
-            let (x, y) = (q[0] - p[0], q[1] - p[1]);
-            let length = (x * x + y * y).sqrt();
-            let slope = (normal_x * normal_x + normal_y * normal_y).sqrt();
-            let sign = if side.is_inside { sixth } else { -sixth };
-            let scale = sign * length / slope;
-            let (g_p, g_q) = (scale * value_at(measure_bar, p), scale * value_at(measure_bar, q));
-            let (of_p, of_q) = (g_p + g_p + g_q, g_p + g_q + g_q);
-            let line_bar = &mut lines_bar[side.line as usize];
-            line_bar[0] += of_p + of_q;
-            line_bar[1] += of_p * p[0] + of_q * q[0];
-            line_bar[2] += of_p * p[1] + of_q * q[1];
-        }
-    }
+/// What a side from p to q adds to the gradient of its line, whose normal is of length `slope`, from
+/// that of the measure of the polygon that it bounds.
+#[inline(always)]
+pub(super) fn line_bar<S: Scalar>(
+    [p, q]: [[S; 2]; 2],
+    is_inside: bool,
+    slope: S,
+    measure_bar: Measure<S>,
+) -> Line<S> {
+    let (x, y) = (q[0] - p[0], q[1] - p[1]);
+    let sixth = S::from_f64(if is_inside { 1.0 / 6.0 } else { -1.0 / 6.0 });
+    let scale = sixth * (x * x + y * y).sqrt() / slope;
+    let (g_p, g_q) = (scale * value_at(measure_bar, p), scale * value_at(measure_bar, q));
+    let (of_p, of_q) = (g_p + g_p + g_q, g_p + g_q + g_q);
+    [of_p + of_q, of_p * p[0] + of_q * q[0], of_p * p[1] + of_q * q[1]]
+}
+
+/// The length of a line's normal.
+#[inline(always)]
+pub(super) fn slope<S: Scalar>([_, x, y]: Line<S>) -> S {
+    (x * x + y * y).sqrt()
 }
 
 #[cfg(test)]
@@ -215,7 +211,11 @@ mod tests {
             let polygon = cut(&lines, &sides);
             prop_assume!(polygon.measure()[0] > 1e-2);
             let mut lines_bar = vec![[0.0; 3]; lines.len()];
-            polygon.pull_back(m_bar, &lines, &mut lines_bar);
+            for (side, p, q) in polygon.segments().filter(|(side, ..)| side.line != BORDER) {
+                let line = side.line as usize;
+                let bar = line_bar([p, q], side.is_inside, slope(lines[line]), m_bar);
+                lines_bar[line].iter_mut().zip(bar).for_each(|(sum, bar)| *sum += bar);
+            }
             let loss = |lines: &[Line<f64>]| -> f64 {
                 cut(lines, &sides).measure().into_iter().zip(m_bar).map(|(m, bar)| m * bar).sum()
             };

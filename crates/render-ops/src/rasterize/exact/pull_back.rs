@@ -11,7 +11,7 @@ use std::ops::Range;
 use bokashi_core::Scalar;
 
 use super::boundary::{Pieces, Segment};
-use super::polygon::value_at;
+use super::polygon::{line_bar, value_at};
 use super::visible::Source;
 use crate::edge_functions::{EdgeSums, LocalFace};
 use crate::homogeneous::missing_factors;
@@ -158,7 +158,9 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
             measures_bar.push(measure_bar);
         }
         for segment in segments {
-            let line_bar = line_bar(segment, measures_bar[segment.piece as usize]);
+            let &Segment { ends, is_inside, slope, .. } = segment;
+            let bar = measures_bar[segment.piece as usize];
+            let line_bar = line_bar(ends, is_inside, slope, bar);
             if line_bar == [S::ZERO; 3] {
                 continue;
             }
@@ -232,17 +234,4 @@ impl<S: Scalar<Wide = S>> Adjoint<S> {
         self.edges.add_row(a_bar, a_bar.map(|bar| place[0] * bar), place[1]);
         centroid_bar
     }
-}
-
-/// The gradient of a segment's line: `int g (1, x, y) ds / |normal|`, with
-/// `g = measure_bar . (1, x, y)`.
-fn line_bar<S: Scalar>(segment: &Segment<S>, measure_bar: [S; 3]) -> [S; 3] {
-    let [p, q] = segment.ends;
-    let (x, y) = (q[0] - p[0], q[1] - p[1]);
-    let sixth = S::from_f64(1.0 / 6.0);
-    let sign = if segment.is_inside { sixth } else { -sixth };
-    let scale = sign * (x * x + y * y).sqrt() / segment.slope;
-    let (g_p, g_q) = (scale * value_at(measure_bar, p), scale * value_at(measure_bar, q));
-    let (of_p, of_q) = (g_p + g_p + g_q, g_p + g_q + g_q);
-    [of_p + of_q, of_p * p[0] + of_q * q[0], of_p * p[1] + of_q * q[1]]
 }

@@ -165,7 +165,8 @@ impl<S: Scalar> Visible<S> {
                     [true, true] => {
                         let index = *between.get_or_insert_with(|| {
                             lines.push(behind);
-                            sources.push(Source::Between { first: at as u32, second: other as u32 });
+                            sources
+                                .push(Source::Between { first: at as u32, second: other as u32 });
                             lines.len() as u32 - 1
                         });
                         next.push(hidden.inside(behind, index));

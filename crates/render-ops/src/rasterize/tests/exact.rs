@@ -23,7 +23,13 @@ fn picture<'t>(
 }
 
 /// The mean over `times` x `times` samples per pixel.
-fn supersampled(clip: &Clip, colors: &Tensor<f64>, mesh: &Mesh, size: Size, times: usize) -> Vec<f64> {
+fn supersampled(
+    clip: &Clip,
+    colors: &Tensor<f64>,
+    mesh: &Mesh,
+    size: Size,
+    times: usize,
+) -> Vec<f64> {
     let Size { width, height } = size;
     let tape = Tape::<f64>::new();
     let large = Size { width: times * width, height: times * height };
@@ -37,11 +43,15 @@ fn supersampled(clip: &Clip, colors: &Tensor<f64>, mesh: &Mesh, size: Size, time
     means
 }
 
-/// Faces with w around 1, one colour each, which may overlap and pass through each other.
+/// Faces of one colour each, which may overlap, pass through each other, and reach out of the depth
+/// range and behind the eye.
 fn loose_faces() -> impl Strategy<Value = (Clip, Tensor<f64>, Vec<[u32; 3]>)> {
-    let vertex = (-1.3..1.3, -1.3..1.3, -0.9..0.9, 0.5..2.0_f64)
-        .prop_map(|(x, y, z, w)| [x * w, y * w, z * w, w]);
-    let faces = proptest::collection::vec((prop::array::uniform3(vertex), 0.0..1.0, 0.0..1.0), 1..5);
+    let depth = prop_oneof![4 => -0.9..0.9, 1 => -1.6..1.6];
+    let w = prop_oneof![8 => 0.5..2.0, 1 => -0.6..-0.1];
+    let vertex = (-1.3..1.3, -1.3..1.3, depth, w)
+        .prop_map(|(x, y, z, w): (f64, f64, f64, f64)| [x * w.abs(), y * w.abs(), z * w.abs(), w]);
+    let faces =
+        proptest::collection::vec((prop::array::uniform3(vertex), 0.0..1.0, 0.0..1.0), 1..5);
     faces.prop_map(|faces| {
         let clip = faces.iter().flat_map(|(corners, ..)| *corners).collect();
         let colors: Vec<f64> = faces.iter().flat_map(|&(_, a, b)| [a, b].repeat(3)).collect();
@@ -52,13 +62,13 @@ fn loose_faces() -> impl Strategy<Value = (Clip, Tensor<f64>, Vec<[u32; 3]>)> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(200) })]
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(300) })]
 
     #[test]
     fn a_pixel_is_the_mean_of_many_samples(
         (clip, colors, faces) in loose_faces(),
-        width in 1..6_usize,
-        height in 1..6_usize,
+        width in 1..9_usize,
+        height in 1..9_usize,
     ) {
         let size = Size { width, height };
         let mesh = Mesh::new(faces, clip.len()).unwrap();
@@ -73,8 +83,8 @@ proptest! {
     #[test]
     fn the_gradient_is_the_difference_quotient(
         (clip, colors, faces) in loose_faces(),
-        width in 1..6_usize,
-        height in 1..6_usize,
+        width in 1..9_usize,
+        height in 1..9_usize,
     ) {
         let size = Size { width, height };
         let mesh = Mesh::new(faces, clip.len()).unwrap();

@@ -1,0 +1,168 @@
+//! Where surfaces may pass through each other between their edges.
+//!
+//! In a pixel that no edge of the surface crosses, each surface that is in it fills it: a *sheet*.
+//! Pixels beside each other without such an edge hold the same number of sheets, so that number is
+//! found for one pixel of each region of such pixels. Only regions of two and more are looked at pixel
+//! by pixel.
+
+use std::ops::Range;
+
+use super::marks::Marks;
+
+/// Neighbouring pixels of a row that no edge crosses.
+#[derive(Debug, Clone)]
+struct Stretch {
+    row: usize,
+    columns: Range<usize>,
+    /// The stretch of lower index that its region is known by, itself for the first one.
+    root: usize,
+}
+
+/// The regions of a band, and memory.
+#[derive(Debug, Default)]
+pub(super) struct Regions {
+    stretches: Vec<Stretch>,
+    /// Per stretch: whether all of it is to be marked.
+    wanted: Vec<bool>,
+}
+
+impl Regions {
+    /// Finds the regions of pixels that are not marked.
+    pub(super) fn find(&mut self, marks: &Marks, rows: usize, width: usize) {
+        self.stretches.clear();
+        let mut above = 0;
+        for row in 0..rows {
+            let first = self.stretches.len();
+            let mut start = 0;
+            let mut add = |end: usize, next: usize| {
+                if start < end {
+                    let root = self.stretches.len();
+                    self.stretches.push(Stretch { row, columns: start..end, root });
+                }
+                start = next;
+            };
+            marks.for_each(row, |column| add(column, column + 1));
+            add(width, width);
+            for at in first..self.stretches.len() {
+                let Range { start, end } = self.stretches[at].columns;
+                // The last one that touches this stretch may touch the next one, too.
+                while above < first && self.stretches[above].columns.end <= start {
+                    above += 1;
+                }
+                let mut other = above;
+                while other < first && self.stretches[other].columns.start < end {
+                    self.join(other, at);
+                    other += 1;
+                }
+            }
+            above = first;
+        }
+    }
+
+    fn root(&mut self, mut at: usize) -> usize {
+        while self.stretches[at].root != at {
+            let next = self.stretches[at].root;
+            self.stretches[at].root = self.stretches[next].root;
+            at = next;
+        }
+        at
+    }
+
+    fn join(&mut self, one: usize, other: usize) {
+        let (one, other) = (self.root(one), self.root(other));
+        self.stretches[one.max(other)].root = one.min(other);
+    }
+
+    /// Marks the first pixel of each region.
+    pub(super) fn mark_first(&self, marks: &mut Marks) {
+        for (at, stretch) in self.stretches.iter().enumerate() {
+            if stretch.root == at {
+                marks.mark(stretch.row, stretch.columns.start..stretch.columns.start + 1);
+            }
+        }
+    }
+
+    /// Marks all pixels of the regions that hold several of `sheets`, as the regions are numbered.
+    pub(super) fn mark_all(&mut self, sheets: &[u32], marks: &mut Marks) {
+        // Roots come before what they are the roots of.
+        let mut wanted = std::mem::take(&mut self.wanted);
+        wanted.clear();
+        let mut regions = sheets.iter();
+        for at in 0..self.stretches.len() {
+            let root = self.root(at);
+            let is_wanted = if root == at {
+                *regions.next().expect("each region has a first pixel") > 1
+            } else {
+                wanted[root]
+            };
+            wanted.push(is_wanted);
+            if is_wanted {
+                let Stretch { row, columns, .. } = self.stretches[at].clone();
+                marks.mark(row, columns);
+            }
+        }
+        self.wanted = wanted;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn regions_are_what_a_flood_reaches(
+            marked in proptest::collection::vec(any::<bool>(), 1..80),
+            width in 1..9_usize,
+        ) {
+            let rows = marked.len().div_ceil(width);
+            let is_free = |at: usize| at < rows * width && !marked.get(at).unwrap_or(&true);
+            let mut marks = Marks::default();
+            marks.clear(rows, width);
+            (0..rows * width).filter(|&at| !is_free(at)).for_each(|at| {
+                marks.mark(at / width, at % width..at % width + 1);
+            });
+            let mut regions = Regions::default();
+            regions.find(&marks, rows, width);
+            let mut firsts = Marks::default();
+            firsts.clear(rows, width);
+            regions.mark_first(&mut firsts);
+            // A flood from each pixel that no earlier one has reached.
+            let mut region_of = vec![usize::MAX; rows * width];
+            let mut count = 0;
+            for at in (0..rows * width).filter(|&at| is_free(at)) {
+                if region_of[at] != usize::MAX {
+                    continue;
+                }
+                let mut open = vec![at];
+                while let Some(at) = open.pop() {
+                    if !is_free(at) || std::mem::replace(&mut region_of[at], count) == count {
+                        continue;
+                    }
+                    let column = at % width;
+                    open.extend((column > 0).then(|| at - 1));
+                    open.extend((column + 1 < width).then(|| at + 1));
+                    open.extend(at.checked_sub(width));
+                    open.push(at + width);
+                }
+                count += 1;
+            }
+            prop_assert_eq!(firsts.count(), count);
+            for wanted in 0..count {
+                let mut all = Marks::default();
+                all.clear(rows, width);
+                let sheets: Vec<_> = (0..count).map(|at| 1 + u32::from(at == wanted)).collect();
+                regions.mark_all(&sheets, &mut all);
+                all.count();
+                let mut found = Vec::new();
+                for row in 0..rows {
+                    all.for_each_in(row, 0..width, |column, _| found.push(row * width + column));
+                }
+                let expected = (0..rows * width).filter(|&at| region_of[at] == wanted);
+                prop_assert!(found.into_iter().eq(expected));
+            }
+        }
+    }
+}
