@@ -6,7 +6,7 @@ use std::ops::Range;
 use bokashi_core::Scalar;
 
 use super::marks::Marks;
-use super::polygon::{BORDER, Line, Measure, slope, value_at};
+use super::polygon::{BORDER, Line, Measure, value_at};
 use super::sheets::Regions;
 use super::visible::{Candidate, Source, Visible};
 use crate::homogeneous::{Vertex, cross, missing_factors};
@@ -46,8 +46,8 @@ pub(super) struct Segment<S> {
     /// What its line comes from, by positions among the band's faces.
     pub(super) source: Source,
     pub(super) is_inside: bool,
-    /// The length of the line's normal.
-    pub(super) slope: S,
+    /// The line's normal.
+    pub(super) normal: [S; 2],
     pub(super) ends: [[S; 2]; 2],
 }
 
@@ -352,7 +352,7 @@ impl<S: Scalar<Wide = S>> Search<S> {
         let face = |at: u32| candidates[at as usize].drawn;
         for piece in &visible.pieces {
             let Some(at) = order.iter().position(|&at| at == piece.candidate) else { continue };
-            for (side, p, q) in piece.polygon.segments() {
+            for (side, ends) in visible.polygons.segments(piece.polygon) {
                 if side.line == BORDER {
                     continue;
                 }
@@ -365,12 +365,13 @@ impl<S: Scalar<Wide = S>> Search<S> {
                         Source::Between { first: face(first), second: face(second) }
                     }
                 };
+                let [_, x, y] = visible.lines[side.line as usize];
                 pieces.segments.push(Segment {
                     piece: at as u32,
                     source,
                     is_inside: side.is_inside,
-                    slope: slope(visible.lines[side.line as usize]),
-                    ends: [p, q],
+                    normal: [x, y],
+                    ends,
                 });
             }
         }

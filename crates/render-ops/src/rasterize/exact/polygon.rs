@@ -15,8 +15,9 @@
 //! not matter. Over a side of length s from p to q the integral of two linear functions' product is
 //! `s (2 f_p g_p + f_p g_q + f_q g_p + 2 f_q g_q) / 6`.
 
+use std::ops::Range;
+
 use bokashi_core::Scalar;
-use smallvec::SmallVec;
 
 /// Coefficients of 1, x and y.
 pub(super) type Line<S> = [S; 3];
@@ -33,11 +34,32 @@ pub(super) struct Side {
     pub(super) is_inside: bool,
 }
 
-/// A convex polygon, counter-clockwise; side k leads from point k to the next one.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Polygon<S> {
-    points: SmallVec<[[S; 2]; 8]>,
-    sides: SmallVec<[Side; 8]>,
+/// A corner of a polygon, and the side that leads from it to the next one.
+#[derive(Debug, Clone, Copy)]
+struct Corner<S> {
+    point: [S; 2],
+    side: Side,
+}
+
+/// A convex polygon of [`Polygons`], counter-clockwise.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Polygon {
+    first: u32,
+    end: u32,
+}
+
+impl Polygon {
+    fn corners(self) -> Range<usize> {
+        self.first as usize..self.end as usize
+    }
+}
+
+/// Convex polygons, the corners of all of them side by side: they are cut often and never change.
+#[derive(Debug, Default)]
+pub(super) struct Polygons<S> {
+    corners: Vec<Corner<S>>,
+    /// A line's values at a polygon's corners.
+    values: Vec<S>,
 }
 
 /// The integrals of 1, x and y.
@@ -48,88 +70,126 @@ pub(super) fn value_at<S: Scalar>(line: Line<S>, [x, y]: [S; 2]) -> S {
     line[0] + line[1] * x + line[2] * y
 }
 
-impl<S: Scalar> Polygon<S> {
-    /// The whole pixel.
-    pub(super) fn pixel() -> Self {
+/// The largest size of a line's values in the pixel.
+#[inline(always)]
+pub(super) fn size<S: Scalar>([one, x, y]: Line<S>) -> S {
+    one.abs() + x.abs() + y.abs()
+}
+
+impl<S: Scalar> Polygons<S> {
+    /// Forgets all polygons but the whole pixel.
+    pub(super) fn pixel(&mut self) -> Polygon {
         let (low, high) = (-S::ONE, S::ONE);
-        let border = Side { line: BORDER, is_inside: true };
-        Self {
-            points: SmallVec::from_slice(&[[low, low], [high, low], [high, high], [low, high]]),
-            sides: SmallVec::from_slice(&[border; 4]),
+        let side = Side { line: BORDER, is_inside: true };
+        let points = [[low, low], [high, low], [high, high], [low, high]];
+        self.corners.clear();
+        self.corners.extend(points.map(|point| Corner { point, side }));
+        Polygon { first: 0, end: 4 }
+    }
+
+    /// The parts of a polygon on the inside and on the outside of a line, where there are any: all of
+    /// it where nothing lies on the other side by more than rounding, since a corner that was cut by
+    /// this line lies on neither side.
+    #[inline(always)]
+    pub(super) fn split(
+        &mut self,
+        polygon: Polygon,
+        line: Line<S>,
+        index: u32,
+    ) -> [Option<Polygon>; 2] {
+        match self.lies(polygon, line) {
+            [true, true] => {
+                [true, false].map(|is_inside| self.part(polygon, Side { line: index, is_inside }))
+            }
+            [true, false] => [Some(polygon), None],
+            [false, true] => [None, Some(polygon)],
+            [false, false] => [None, None],
         }
     }
 
-    /// Nothing.
-    fn empty() -> Self {
-        Self { points: SmallVec::new(), sides: SmallVec::new() }
-    }
-
-    pub(super) fn is_empty(&self) -> bool {
-        self.points.len() < 3
-    }
-
-    /// Whether some of it lies on the inside of a line, and whether some lies on the outside, by more
-    /// than rounding: a corner that was cut by this line lies on neither side.
-    pub(super) fn lies(&self, line: Line<S>) -> [bool; 2] {
-        let size = line[0].abs() + line[1].abs() + line[2].abs();
-        let doubt = S::from_f64(16.0 * f64::EPSILON) * size;
-        let mut lies = [false; 2];
-        for &point in &self.points {
-            let value = value_at(line, point);
-            lies[0] |= value > doubt;
-            lies[1] |= value < -doubt;
+    /// The part on the inside of a line alone.
+    #[inline(always)]
+    pub(super) fn inside(
+        &mut self,
+        polygon: Polygon,
+        line: Line<S>,
+        index: u32,
+    ) -> Option<Polygon> {
+        match self.lies(polygon, line) {
+            [true, true] => self.part(polygon, Side { line: index, is_inside: true }),
+            [is_inside, _] => is_inside.then_some(polygon),
         }
-        lies
     }
 
-    /// The part on the inside of a line.
-    pub(super) fn inside(&self, line: Line<S>, index: u32) -> Self {
-        self.part(line, Side { line: index, is_inside: true })
+    /// Whether some of a polygon lies on the inside of a line, and some on the outside, by more than
+    /// rounding. Leaves the line's values at the corners.
+    #[inline(always)]
+    fn lies(&mut self, polygon: Polygon, line: Line<S>) -> [bool; 2] {
+        let corners = &self.corners[polygon.corners()];
+        self.values.clear();
+        self.values.extend(corners.iter().map(|corner| value_at(line, corner.point)));
+        let (mut least, mut most) = (S::ZERO, S::ZERO);
+        for &value in &self.values {
+            least = if value < least { value } else { least };
+            most = if value > most { value } else { most };
+        }
+        let doubt = S::from_f64(16.0 * f64::EPSILON) * size(line);
+        [most > doubt, least < -doubt]
     }
 
-    /// The part on the outside of a line.
-    pub(super) fn outside(&self, line: Line<S>, index: u32) -> Self {
-        self.part(line.map(|number| -number), Side { line: index, is_inside: false })
-    }
-
-    /// The part where `line` is not negative; what is cut off leaves the side `cut`.
-    fn part(&self, line: Line<S>, cut: Side) -> Self {
-        let mut part = Self::empty();
-        let count = self.points.len();
-        for k in 0..count {
-            let (p, q) = (self.points[k], self.points[(k + 1) % count]);
-            let (a, b) = (value_at(line, p), value_at(line, q));
+    /// The part of a polygon on one side of the line whose values were found; what is cut off leaves
+    /// the side `cut`.
+    fn part(&mut self, polygon: Polygon, cut: Side) -> Option<Polygon> {
+        let Self { corners, values } = self;
+        let first = corners.len() as u32;
+        let sign = if cut.is_inside { S::ONE } else { -S::ONE };
+        let mut before = corners[polygon.first as usize];
+        let mut a = sign * values[0];
+        for k in 1..=values.len() {
+            let at = if k < values.len() { k } else { 0 };
+            let (after, b) = (corners[polygon.first as usize + at], sign * values[at]);
             if a >= S::ZERO {
-                part.points.push(p);
-                part.sides.push(if b >= S::ZERO || a > S::ZERO { self.sides[k] } else { cut });
+                let side = if b >= S::ZERO || a > S::ZERO { before.side } else { cut };
+                corners.push(Corner { point: before.point, side });
             }
             if (a > S::ZERO && b < S::ZERO) || (a < S::ZERO && b > S::ZERO) {
                 let share = a / (a - b);
-                part.points.push([0, 1].map(|axis| p[axis] + share * (q[axis] - p[axis])));
-                part.sides.push(if a > S::ZERO { cut } else { self.sides[k] });
+                let (p, q) = (before.point, after.point);
+                let point = [0, 1].map(|axis| p[axis] + share * (q[axis] - p[axis]));
+                let side = if a > S::ZERO { cut } else { before.side };
+                corners.push(Corner { point, side });
             }
+            (before, a) = (after, b);
         }
-        if part.points.len() < 3 { Self::empty() } else { part }
+        let part = Polygon { first, end: corners.len() as u32 };
+        (part.corners().len() > 2).then_some(part)
     }
 
     /// The corners.
-    pub(super) fn points(&self) -> &[[S; 2]] {
-        &self.points
+    pub(super) fn points(&self, polygon: Polygon) -> impl Iterator<Item = [S; 2]> + '_ {
+        self.corners[polygon.corners()].iter().map(|corner| corner.point)
     }
 
     /// The sides with their ends.
-    pub(super) fn segments(&self) -> impl Iterator<Item = (Side, [S; 2], [S; 2])> + '_ {
-        let count = self.points.len();
-        (0..count).map(move |k| (self.sides[k], self.points[k], self.points[(k + 1) % count]))
+    #[inline(always)]
+    pub(super) fn segments(
+        &self,
+        polygon: Polygon,
+    ) -> impl Iterator<Item = (Side, [[S; 2]; 2])> + '_ {
+        let corners = &self.corners[polygon.corners()];
+        let after = corners[1..].iter().chain(&corners[..1]);
+        corners.iter().zip(after).map(|(from, to)| (from.side, [from.point, to.point]))
     }
 
-    pub(super) fn measure(&self) -> Measure<S> {
+    pub(super) fn measure(&self, polygon: Polygon) -> Measure<S> {
         // Triangles around the first point: nothing large cancels.
-        let mut measure = [S::ZERO; 3];
-        let Some(&origin) = self.points.first() else { return measure };
+        let corners = &self.corners[polygon.corners()];
+        let origin = corners[0].point;
         let (half, third) = (S::from_f64(0.5), S::from_f64(1.0 / 3.0));
-        for pair in self.points[1..].windows(2) {
-            let [p, q] = [pair[0], pair[1]].map(|p| [p[0] - origin[0], p[1] - origin[1]]);
+        let mut measure = [S::ZERO; 3];
+        for pair in corners[1..].windows(2) {
+            let [p, q] = [pair[0], pair[1]]
+                .map(|corner| [corner.point[0] - origin[0], corner.point[1] - origin[1]]);
             let area = half * (p[0] * q[1] - p[1] * q[0]);
             measure[0] += area;
             measure[1] += area * (origin[0] + third * (p[0] + q[0]));
@@ -139,27 +199,22 @@ impl<S: Scalar> Polygon<S> {
     }
 }
 
-/// What a side from p to q adds to the gradient of its line, whose normal is of length `slope`, from
-/// that of the measure of the polygon that it bounds.
+/// What a side from p to q adds to the gradient of its line, of normal `normal`, from that of the
+/// measure of the polygon that it bounds.
 #[inline(always)]
 pub(super) fn line_bar<S: Scalar>(
     [p, q]: [[S; 2]; 2],
     is_inside: bool,
-    slope: S,
+    [normal_x, normal_y]: [S; 2],
     measure_bar: Measure<S>,
 ) -> Line<S> {
-    let (x, y) = (q[0] - p[0], q[1] - p[1]);
+    // The side's length over that of the normal, at a right angle to it: no root is needed.
+    let across = ((q[0] - p[0]) * normal_y - (q[1] - p[1]) * normal_x).abs();
     let sixth = S::from_f64(if is_inside { 1.0 / 6.0 } else { -1.0 / 6.0 });
-    let scale = sixth * (x * x + y * y).sqrt() / slope;
+    let scale = sixth * across / (normal_x * normal_x + normal_y * normal_y);
     let (g_p, g_q) = (scale * value_at(measure_bar, p), scale * value_at(measure_bar, q));
     let (of_p, of_q) = (g_p + g_p + g_q, g_p + g_q + g_q);
     [of_p + of_q, of_p * p[0] + of_q * q[0], of_p * p[1] + of_q * q[1]]
-}
-
-/// The length of a line's normal.
-#[inline(always)]
-pub(super) fn slope<S: Scalar>([_, x, y]: Line<S>) -> S {
-    (x * x + y * y).sqrt()
 }
 
 #[cfg(test)]
@@ -176,15 +231,13 @@ mod tests {
     }
 
     /// The pixel, on the inside of some lines and on the outside of others.
-    fn cut(lines: &[Line<f64>], sides: &[bool]) -> Polygon<f64> {
-        let mut polygon = Polygon::pixel();
-        for (k, (&line, &is_inside)) in lines.iter().zip(sides).enumerate() {
-            polygon = match is_inside {
-                true => polygon.inside(line, k as u32),
-                false => polygon.outside(line, k as u32),
-            };
+    fn cut(polygons: &mut Polygons<f64>, lines: &[Line<f64>], sides: &[bool]) -> Option<Polygon> {
+        let mut polygon = polygons.pixel();
+        for (k, (&line, &is_inside)) in (0..).zip(lines.iter().zip(sides)) {
+            let [inside, outside] = polygons.split(polygon, line, k);
+            polygon = if is_inside { inside? } else { outside? };
         }
-        polygon
+        Some(polygon)
     }
 
     proptest! {
@@ -194,10 +247,14 @@ mod tests {
             sides: [bool; 5],
             last in line(),
         ) {
-            let whole = cut(&lines, &sides);
-            let parts = [whole.inside(last, 9), whole.outside(last, 9)];
-            let [a, b] = parts.map(|part| part.measure());
-            for (k, whole) in whole.measure().into_iter().enumerate() {
+            let mut polygons = Polygons::default();
+            let Some(whole) = cut(&mut polygons, &lines, &sides) else { return Ok(()) };
+            let parts = polygons.split(whole, last, 9);
+            let inside = polygons.inside(whole, last, 9);
+            let measure = |part: Option<Polygon>| part.map_or([0.0; 3], |p| polygons.measure(p));
+            prop_assert_eq!(measure(inside), measure(parts[0]));
+            let [a, b] = parts.map(measure);
+            for (k, whole) in polygons.measure(whole).into_iter().enumerate() {
                 prop_assert!((a[k] + b[k] - whole).abs() < 1e-14);
             }
         }
@@ -208,17 +265,25 @@ mod tests {
             sides: [bool; 5],
             m_bar in [-1.0..1.0, -1.0..1.0, -1.0..1.0],
         ) {
-            let polygon = cut(&lines, &sides);
-            prop_assume!(polygon.measure()[0] > 1e-2);
-            let mut lines_bar = vec![[0.0; 3]; lines.len()];
-            for (side, p, q) in polygon.segments().filter(|(side, ..)| side.line != BORDER) {
-                let line = side.line as usize;
-                let bar = line_bar([p, q], side.is_inside, slope(lines[line]), m_bar);
-                lines_bar[line].iter_mut().zip(bar).for_each(|(sum, bar)| *sum += bar);
-            }
-            let loss = |lines: &[Line<f64>]| -> f64 {
-                cut(lines, &sides).measure().into_iter().zip(m_bar).map(|(m, bar)| m * bar).sum()
+            let measure = |lines: &[Line<f64>]| {
+                let mut polygons = Polygons::default();
+                cut(&mut polygons, lines, &sides).map_or([0.0; 3], |p| polygons.measure(p))
             };
+            let loss = |lines: &[Line<f64>]| -> f64 {
+                measure(lines).into_iter().zip(m_bar).map(|(m, bar)| m * bar).sum()
+            };
+            prop_assume!(measure(&lines)[0] > 1e-2);
+            let mut polygons = Polygons::default();
+            let polygon = cut(&mut polygons, &lines, &sides).unwrap();
+            let mut lines_bar = vec![[0.0; 3]; lines.len()];
+            for (side, ends) in polygons.segments(polygon) {
+                if side.line != BORDER {
+                    let line = side.line as usize;
+                    let [_, x, y] = lines[line];
+                    let bar = line_bar(ends, side.is_inside, [x, y], m_bar);
+                    lines_bar[line].iter_mut().zip(bar).for_each(|(sum, bar)| *sum += bar);
+                }
+            }
             for k in 0..lines.len() {
                 for c in 0..3 {
                     let size = 1e-6 * lines[k][1].hypot(lines[k][2]);
@@ -236,11 +301,11 @@ mod tests {
     }
 
     #[test]
-    fn a_pixel_measures_4_and_nothing_nothing() {
-        let [area, x, y] = Polygon::<f64>::pixel().measure();
+    fn a_pixel_measures_4_and_beyond_it_is_nothing() {
+        let mut polygons = Polygons::<f64>::default();
+        let pixel = polygons.pixel();
+        let [area, x, y] = polygons.measure(pixel);
         assert!(area == 4.0 && x.abs() < 1e-15 && y.abs() < 1e-15);
-        let beyond = Polygon::<f64>::pixel().inside([-3.0, 1.0, 0.0], 0);
-        assert!(beyond.is_empty());
-        assert_eq!(beyond.measure(), [0.0; 3]);
+        assert_eq!(polygons.split(pixel, [-3.0, 1.0, 0.0], 0), [None, Some(pixel)]);
     }
 }

@@ -158,9 +158,9 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
             measures_bar.push(measure_bar);
         }
         for segment in segments {
-            let &Segment { ends, is_inside, slope, .. } = segment;
+            let &Segment { ends, is_inside, normal, .. } = segment;
             let bar = measures_bar[segment.piece as usize];
-            let line_bar = line_bar(ends, is_inside, slope, bar);
+            let line_bar = line_bar(ends, is_inside, normal, bar);
             if line_bar == [S::ZERO; 3] {
                 continue;
             }

@@ -11,10 +11,11 @@
 //! faces: an edge's line is a face's edge function; the line of two faces is the difference of their
 //! depths.
 
-use bokashi_core::Scalar;
-use smallvec::SmallVec;
+use std::ops::Range;
 
-use super::polygon::{Line, Measure, Polygon, value_at};
+use bokashi_core::Scalar;
+
+use super::polygon::{Line, Measure, Polygon, Polygons, size, value_at};
 
 /// A face in a pixel: lines are relative to the pixel's centre.
 #[derive(Debug, Clone)]
@@ -38,18 +39,19 @@ pub(super) enum Source {
 }
 
 /// A visible piece of a candidate.
-#[derive(Debug, Clone)]
-pub(super) struct Piece<S> {
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Piece {
     pub(super) candidate: u32,
-    pub(super) polygon: Polygon<S>,
+    pub(super) polygon: Polygon,
 }
 
-/// All that a pixel holds of a candidate, and the least and the largest depth of its corners.
+/// All that a pixel holds of a candidate.
 #[derive(Debug)]
 struct Whole<S> {
-    polygon: Polygon<S>,
-    /// The lines that cut it, edges and ends of the depth range.
-    cuts: SmallVec<[u32; 3]>,
+    polygon: Option<Polygon>,
+    /// The lines that cut it: edges, and ends of the depth range.
+    cuts: Range<usize>,
+    /// The least and the largest depth of its corners.
     nearest: S,
     farthest: S,
 }
@@ -57,19 +59,14 @@ struct Whole<S> {
 /// What is visible in a pixel, and memory.
 #[derive(Debug, Default)]
 pub(super) struct Visible<S> {
-    pub(super) pieces: Vec<Piece<S>>,
+    pub(super) pieces: Vec<Piece>,
+    pub(super) polygons: Polygons<S>,
     pub(super) lines: Vec<Line<S>>,
     pub(super) sources: Vec<Source>,
     whole: Vec<Whole<S>>,
     /// What is left of a candidate, before and after another one was taken away.
-    left: Vec<Polygon<S>>,
-    next: Vec<Polygon<S>>,
-}
-
-/// The sum of the coefficients' sizes: no value in the pixel is larger.
-#[inline(always)]
-fn size<S: Scalar>([one, x, y]: Line<S>) -> S {
-    one.abs() + x.abs() + y.abs()
+    left: Vec<Polygon>,
+    next: Vec<Polygon>,
 }
 
 /// Depths that differ by no more than this share of their size are equal: the order of two faces in
@@ -83,25 +80,27 @@ impl<S: Scalar> Visible<S> {
         self.lines.clear();
         self.sources.clear();
         self.whole.clear();
+        let pixel = self.polygons.pixel();
         for (at, candidate) in (0..).zip(candidates) {
-            self.cut_to_pixel(at, candidate);
+            self.cut_to_pixel(pixel, at, candidate);
         }
         for at in 0..candidates.len() {
-            self.find_piece(candidates, at);
+            self.find_pieces(candidates, at);
         }
     }
 
     /// Cuts a candidate to the pixel and to the depth range.
-    fn cut_to_pixel(&mut self, at: u32, candidate: &Candidate<S>) {
-        let mut polygon = Polygon::pixel();
-        let mut cuts = SmallVec::new();
+    #[inline(always)]
+    fn cut_to_pixel(&mut self, pixel: Polygon, at: u32, candidate: &Candidate<S>) {
+        let Self { polygons, lines, sources, whole, .. } = self;
+        let mut polygon = Some(pixel);
+        let first = lines.len();
         let mut cut = |line: Line<S>, source: Source| {
-            if polygon.lies(line)[1] {
-                let index = self.lines.len() as u32;
-                self.lines.push(line);
-                self.sources.push(source);
-                cuts.push(index);
-                polygon = polygon.inside(line, index);
+            let Some(before) = polygon else { return };
+            polygon = polygons.inside(before, line, lines.len() as u32);
+            if polygon != Some(before) {
+                lines.push(line);
+                sources.push(source);
             }
         };
         for (k, &edge) in (0..).zip(&candidate.edges) {
@@ -113,80 +112,69 @@ impl<S: Scalar> Visible<S> {
             cut([S::ONE - one, -x, -y], Source::End { candidate: at, is_far: true });
         }
         let (mut nearest, mut farthest) = (S::from_f64(f64::INFINITY), -S::from_f64(f64::INFINITY));
-        for &point in polygon.points() {
+        for point in polygon.iter().flat_map(|&polygon| polygons.points(polygon)) {
             let depth = value_at(candidate.depth, point);
             (nearest, farthest) = (nearest.lesser(depth), farthest.greater(depth));
         }
-        self.whole.push(Whole { polygon, cuts, nearest, farthest });
+        whole.push(Whole { polygon, cuts: first..lines.len(), nearest, farthest });
     }
 
     /// Takes from candidate `at` what lies behind others.
-    fn find_piece(&mut self, candidates: &[Candidate<S>], at: usize) {
-        let Self { pieces, lines, sources, whole, left, next } = self;
+    #[inline(always)]
+    fn find_pieces(&mut self, candidates: &[Candidate<S>], at: usize) {
+        let Self { pieces, polygons, lines, sources, whole, left, next } = self;
         left.clear();
-        if !whole[at].polygon.is_empty() {
-            left.push(whole[at].polygon.clone());
-        }
+        left.extend(whole[at].polygon);
         for (other, rival) in candidates.iter().enumerate() {
             let is_irrelevant = other == at
-                || whole[other].polygon.is_empty()
+                || whole[other].polygon.is_none()
                 || whole[other].nearest > whole[at].farthest;
             if is_irrelevant || left.is_empty() {
                 continue;
             }
-            let own = candidates[at].depth;
-            let mut behind = [0, 1, 2].map(|c| rival.depth[c] - own[c]);
-            if size(behind) <= S::from_f64(EQUAL) * (size(own) + size(rival.depth)) {
-                let sign = if at < other { S::ONE } else { -S::ONE };
-                behind = [sign, S::ZERO, S::ZERO];
-            }
             let mut between = None;
             next.clear();
-            for polygon in left.drain(..) {
-                // What is left of it once all that is not in front of or behind the rival is gone.
-                let mut hidden = polygon;
-                let is_apart = whole[other].cuts.iter().any(|&cut| {
-                    let line = lines[cut as usize];
-                    let [inside, outside] = hidden.lies(line);
-                    if inside && outside {
-                        next.push(hidden.outside(line, cut));
-                        hidden = hidden.inside(line, cut);
-                    }
-                    !inside
+            for &polygon in &*left {
+                // What is left of it once all that is neither before nor behind the rival is gone.
+                let mut overlap = Some(polygon);
+                for index in whole[other].cuts.clone() {
+                    let Some(polygon) = overlap else { break };
+                    let [inside, outside] = polygons.split(polygon, lines[index], index as u32);
+                    overlap = inside;
+                    next.extend(outside);
+                }
+                let Some(overlap) = overlap else { continue };
+                let index = *between.get_or_insert_with(|| {
+                    lines.push(behind(candidates[at].depth, rival.depth, at < other));
+                    sources.push(Source::Between { first: at as u32, second: other as u32 });
+                    lines.len() - 1
                 });
-                if is_apart {
-                    next.push(hidden);
-                    continue;
-                }
-                match hidden.lies(behind) {
-                    // All of it is in front.
-                    [true, false] => next.push(hidden),
-                    [false, _] => {}
-                    [true, true] => {
-                        let index = *between.get_or_insert_with(|| {
-                            lines.push(behind);
-                            sources
-                                .push(Source::Between { first: at as u32, second: other as u32 });
-                            lines.len() as u32 - 1
-                        });
-                        next.push(hidden.inside(behind, index));
-                    }
-                }
+                next.extend(polygons.inside(overlap, lines[index], index as u32));
             }
             std::mem::swap(left, next);
         }
-        let visible = left.drain(..).filter(|polygon| !polygon.is_empty());
-        pieces.extend(visible.map(|polygon| Piece { candidate: at as u32, polygon }));
+        let candidate = at as u32;
+        pieces.extend(left.iter().map(|&polygon| Piece { candidate, polygon }));
     }
 
     /// The measure of what is visible of each candidate, added to `measures`.
     pub(super) fn measure(&self, measures: &mut [Measure<S>]) {
         for piece in &self.pieces {
-            let measure = piece.polygon.measure();
+            let measure = self.polygons.measure(piece.polygon);
             let sum = &mut measures[piece.candidate as usize];
             sum.iter_mut().zip(measure).for_each(|(sum, part)| *sum += part);
         }
     }
+}
+
+/// How far `rival` lies behind a depth `own`; of equal ones the first face is in front.
+#[inline(always)]
+fn behind<S: Scalar>(own: Line<S>, rival: Line<S>, is_first: bool) -> Line<S> {
+    let behind = [0, 1, 2].map(|c| rival[c] - own[c]);
+    if size(behind) > S::from_f64(EQUAL) * (size(own) + size(rival)) {
+        return behind;
+    }
+    [if is_first { S::ONE } else { -S::ONE }, S::ZERO, S::ZERO]
 }
 
 #[cfg(test)]
