@@ -54,6 +54,7 @@ pub(crate) struct Boundary {
     pub(crate) ends: Vec<u32>,
     /// The fragments of each pixel, the largest piece first.
     pub(crate) fragments: Vec<u32>,
+    pub(crate) counts: BoundaryCounts,
 }
 
 impl Boundary {
@@ -76,7 +77,22 @@ impl Boundary {
         }
         self.ends.clear();
         self.fragments.clear();
+        self.counts = BoundaryCounts::default();
     }
+}
+
+/// How pixels were resolved into pieces.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct BoundaryCounts {
+    /// Pixels that a discontinuity may cross.
+    pub pixels: usize,
+    /// Their visible pieces, fragments each.
+    pub pieces: usize,
+    /// Pieces that were dropped: smaller than 1e-14 of a pixel.
+    pub dropped: usize,
+    /// Pixels into which more than 64 faces may reach: resolved by 16 x 16 samples, with the
+    /// gradient of their boundaries.
+    pub crowded: usize,
 }
 
 /// How many faces were not drawn, and why.
@@ -213,6 +229,11 @@ impl Coverage {
     /// Whether boundary pixels were resolved, if there were any.
     pub(crate) fn is_exact(&self) -> bool {
         self.band_ends.len() > self.center_bands
+    }
+
+    /// How the pixels of [`Coverage::boundary`] were resolved.
+    pub fn boundary_counts(&self) -> BoundaryCounts {
+        self.boundary.counts
     }
 
     /// The number of fragments at pixel centres: they come before the pieces of boundary pixels.

@@ -9,6 +9,9 @@
 //! `z_bar_i += depth_bar a_i / W`, `w_bar_i -= depth_bar depth a_i / W`. Terms beyond the range of
 //! the numbers as in [`rasterize`](crate::rasterize()).
 //!
+//! With exact coverage the depth is that at the centroid of each piece, which moves: z / w of the
+//! clip positions, interpolated.
+//!
 //! # Where it is not smooth
 //! Where another face comes to be seen.
 //!
@@ -26,6 +29,7 @@ use crate::edge_functions::{EdgeSums, LocalFace};
 use crate::error::RenderError;
 use crate::face_sums::{FaceSums, Layout};
 use crate::fragments::Fragments;
+use crate::interpolate::interpolate;
 
 /// Each fragment's depth z / w, -1 on the near plane and 1 on the far plane: `[N]`, differentiable
 /// with respect to the clip positions that were rasterized.
@@ -36,6 +40,11 @@ use crate::fragments::Fragments;
 pub fn depth<'t, T: Scalar>(fragments: &Fragments<'t, T>) -> Result<Var<'t, T>, RenderError> {
     let tape = fragments.clip.tape();
     let coverage = fragments.checked_coverage("depth", tape)?;
+    if coverage.is_exact() {
+        let clip = interpolate(fragments.clip, fragments)?;
+        let [z, w] = [2, 3].map(|at| clip.slice(1, at..at + 1));
+        return Ok(z?.try_div(w?)?.reshape([coverage.count()])?);
+    }
     tape.apply(Depth { coverage }, &[fragments.clip])
 }
 

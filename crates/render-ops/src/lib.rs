@@ -55,7 +55,7 @@ mod target;
 pub use antialias::antialias;
 pub use background::Background;
 pub use border::Border;
-pub use coverage::{Coverage, Culled};
+pub use coverage::{BoundaryCounts, Coverage, Culled};
 pub use depth::depth;
 pub use depth_of_field::{Focused, Lens, depth_of_field};
 pub use error::RenderError;

@@ -16,6 +16,8 @@ struct Inner {
     faces: Vec<[u32; 3]>,
     vertex_count: usize,
     adjacency: OnceLock<Adjacency>,
+    /// Per face: a bit for each corner whose edge is a seam; empty where there is none.
+    seams: Vec<u8>,
 }
 
 impl Mesh {
@@ -38,7 +40,29 @@ impl Mesh {
                 return Err(RenderError::FaceIndex { face, index, vertex_count });
             }
         }
-        Ok(Self(Arc::new(Inner { faces, vertex_count, adjacency: OnceLock::new() })))
+        let (adjacency, seams) = (OnceLock::new(), Vec::new());
+        Ok(Self(Arc::new(Inner { faces, vertex_count, adjacency, seams })))
+    }
+
+    /// The same mesh with seams: the edge that faces corner `corner` of a face is one where
+    /// `is_seam(face, corner)` says so of either of its faces.
+    ///
+    /// With [exact coverage](crate::Sampling::Exact) the pixels that a seam crosses are resolved into
+    /// pieces as those at silhouettes are. It is for edges across which what is shown jumps or bends
+    /// while the surface goes on: a crease, faces with attributes of their own.
+    #[must_use]
+    pub fn with_seams(&self, is_seam: impl Fn(usize, usize) -> bool) -> Self {
+        let of_face = |face| (0..3).map(|corner| u8::from(is_seam(face, corner)) << corner).sum();
+        let Inner { faces, vertex_count, adjacency, .. } = &*self.0;
+        let (faces, vertex_count, adjacency) = (faces.clone(), *vertex_count, adjacency.clone());
+        let seams = (0..faces.len()).map(of_face).collect();
+        Self(Arc::new(Inner { faces, vertex_count, adjacency, seams }))
+    }
+
+    /// Whether a face says that its edge facing a corner is a seam.
+    #[inline(always)]
+    pub(crate) fn is_seam(&self, face: usize, corner: usize) -> bool {
+        self.0.seams.get(face).is_some_and(|seams| seams & 1 << corner != 0)
     }
 
     /// The vertex indices of each face.
@@ -68,7 +92,7 @@ pub(crate) fn repeats_a_vertex([a, b, c]: [u32; 3]) -> bool {
 /// are duplicated, as at a texture seam, both sides are boundaries. An edge of three or more faces
 /// joins none of them: each treats it as a boundary, since whichever way it is seen, some face
 /// ends there.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct Adjacency {
     /// Per face and corner k: the vertex across the edge that faces corner k, or [`NO_VERTEX`].
     across: Vec<[u32; 3]>,

@@ -30,8 +30,10 @@ mod setup;
 mod tests;
 mod visibility;
 
+use std::ops::Range;
 use std::sync::Arc;
 
+use bokashi_core::parallel::{is_shared, merge_ranges_into};
 use bokashi_core::{Accumulator, Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 
 use self::exact::Adjoints;
@@ -129,7 +131,8 @@ struct Rasterize {
 struct Saved<T: Scalar> {
     coverage: Option<Arc<Coverage>>,
     visibility: Visibility<T>,
-    adjoints: Adjoints<T::Wide>,
+    /// Of each band, where bands are worked on at the same time.
+    adjoints: Vec<Adjoints<T::Wide>>,
 }
 
 /// The coverage of an earlier step, to be written over, where nobody else holds it; else a new one.
@@ -168,7 +171,7 @@ impl Rasterize {
         kept: &Kept<'_, T>,
         coverage: &Coverage,
         visibility: &Visibility<T>,
-        adjoints: &mut Adjoints<T::Wide>,
+        adjoints: &mut Vec<Adjoints<T::Wide>>,
         clip_bar: &mut Accumulator<T>,
     ) {
         let entries = clip_bar.entries();
@@ -179,11 +182,11 @@ impl Rasterize {
             }
         };
         let mut first = coverage.centers();
-        for (band, faces) in visibility.bands().zip(visibility.faces()) {
+        let bands = visibility.bands().zip(visibility.faces()).map(|(band, faces)| {
             let count = band.resolved.fragments.len();
             let (own, weights) = (first..first + count, first - coverage.centers());
             first = own.end;
-            let pull_back = exact::PullBack {
+            exact::PullBack {
                 mesh: &self.mesh,
                 size: self.options.size,
                 corners: &visibility.corners,
@@ -192,9 +195,17 @@ impl Rasterize {
                 fragments: &band.resolved.fragments,
                 barycentrics_bar: kept.upstream(0).map(|bars| &bars[2 * own.start..2 * own.end]),
                 weights_bar: kept.upstream(1).map(|bars| &bars[weights..weights + count]),
-            };
-            adjoints.sum(&pull_back, &mut add);
+            }
+        });
+        if !is_shared(coverage.center_bands, 1) {
+            adjoints.resize_with(1, Adjoints::default);
+            return bands.for_each(|band| adjoints[0].sum(&band, &mut add));
         }
+        let bands: Vec<_> = bands.collect();
+        let work = |band: Range<usize>, own: &mut Adjoints<_>| own.keep(&bands[band.start]);
+        merge_ranges_into(adjoints, bands.len(), 1, work, |own| {
+            own.rows.iter().for_each(|(face, rows)| add(*face, rows));
+        });
     }
 }
 

@@ -222,5 +222,10 @@ where
             .fragments
             .extend(resolved.fragments.iter().map(|fragment| *count as u32 + fragment));
         *count += resolved.fragments.len();
+        let counts = &mut boundary.counts;
+        counts.pixels += pieces.pixels.len();
+        counts.pieces += resolved.fragments.len();
+        counts.dropped += pieces.dropped;
+        counts.crowded += pieces.crowded;
     }
 }

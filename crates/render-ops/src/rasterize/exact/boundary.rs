@@ -6,13 +6,17 @@ use std::ops::Range;
 use bokashi_core::Scalar;
 
 use super::marks::Marks;
-use super::polygon::{BORDER, Line, Measure, value_at};
+use super::polygon::{Line, Measure, value_at};
+use super::samples::Samples;
 use super::sheets::Regions;
-use super::visible::{Candidate, Source, Visible};
+use super::visible::{Candidate, Side, Visible};
 use crate::homogeneous::{Vertex, cross, missing_factors};
 use crate::rasterize::canvas::View;
 use crate::rasterize::culling::{Corner, Fate};
 use crate::rasterize::setup::Weights;
+
+/// Where more faces may reach into a pixel, it is resolved by samples.
+const MOST_FACES: usize = 64;
 
 /// Pieces below this share of a pixel are dropped.
 pub(super) const SMALLEST: f64 = 1e-14;
@@ -38,17 +42,13 @@ impl<S: Scalar> Piece<S> {
     }
 }
 
-/// A side of a visible polygon that moves with a face.
+/// A side of a piece that moves with a face.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Segment<S> {
-    /// The piece that it bounds, counted from the pixel's first.
+    /// The piece, counted from the pixel's first.
     pub(super) piece: u32,
-    /// What its line comes from, by positions among the band's faces.
-    pub(super) source: Source,
-    pub(super) is_inside: bool,
-    /// The line's normal.
-    pub(super) normal: [S; 2],
-    pub(super) ends: [[S; 2]; 2],
+    /// Its source tells faces by their positions among those of the band.
+    pub(super) side: Side<S>,
 }
 
 /// What is found in the boundary pixels of a band.
@@ -65,6 +65,8 @@ pub(in crate::rasterize) struct Pieces<S> {
     pub(super) segments: Vec<Segment<S>>,
     /// How many pieces were dropped.
     pub(in crate::rasterize) dropped: usize,
+    /// How many pixels were resolved by samples.
+    pub(in crate::rasterize) crowded: usize,
 }
 
 impl<S> Pieces<S> {
@@ -75,6 +77,7 @@ impl<S> Pieces<S> {
         self.segment_ends.clear();
         self.segments.clear();
         self.dropped = 0;
+        self.crowded = 0;
     }
 }
 
@@ -89,6 +92,7 @@ pub(in crate::rasterize) struct Search<S> {
     gathered: Gathered,
     candidates: Vec<Candidate<S>>,
     visible: Visible<S>,
+    samples: Samples<S>,
     measures: Vec<Measure<S>>,
     order: Vec<u32>,
 }
@@ -250,7 +254,9 @@ impl<S: Scalar<Wide = S>> Search<S> {
         marks.clear(drawn.rows.len(), view.size.width);
         for (at, (&face, weights)) in (0..).zip(drawn.faces.iter().zip(drawn.weights)) {
             for corner in 0..3 {
-                if view.is_silhouette(face as usize, corner) {
+                if view.is_silhouette(face as usize, corner)
+                    || view.mesh.is_seam(face as usize, corner)
+                {
                     let [rows, columns] = drawn.reach_of_edge(face, corner);
                     let [one, x, y] = weights.edges[corner];
                     let start = one + x * view.centers[0];
@@ -316,15 +322,21 @@ impl<S: Scalar<Wide = S>> Search<S> {
         at: usize,
         pieces: &mut Pieces<S>,
     ) {
-        let Self { gathered, candidates, visible, measures, order, .. } = self;
+        let Self { gathered, candidates, visible, samples, measures, order, .. } = self;
         let row = drawn.rows.start + row;
         let (x, y) = (drawn.view.centers[column], drawn.view.ys[row]);
         candidates.clear();
         candidates.extend(gathered.faces_of(at).iter().map(|&face| drawn.candidate(face, x, y)));
-        visible.find(candidates);
         measures.clear();
         measures.resize(candidates.len(), [S::ZERO; 3]);
-        visible.measure(measures);
+        let is_crowded = candidates.len() > MOST_FACES;
+        if is_crowded {
+            pieces.crowded += 1;
+            samples.find(candidates, measures);
+        } else {
+            visible.find(candidates);
+            visible.measure(measures);
+        }
         let smallest = S::from_f64(4.0 * SMALLEST);
         order.clear();
         let all = 0..candidates.len() as u32;
@@ -332,9 +344,9 @@ impl<S: Scalar<Wide = S>> Search<S> {
         let seen = measures.iter().filter(|measure| measure[0] > S::ZERO).count();
         pieces.dropped += seen - order.len();
         // The largest first; of equal ones the lower face.
-        order.sort_by(|&a, &b| {
-            let [a, b] = [a, b].map(|at| measures[at as usize][0].to_f64());
-            b.total_cmp(&a)
+        order.sort_unstable_by(|&a, &b| {
+            let area = |at: u32| measures[at as usize][0].to_f64();
+            area(b).total_cmp(&area(a)).then(a.cmp(&b))
         });
         pieces.pixels.push((row * drawn.view.size.width + column) as u32);
         pieces.pieces.extend(order.iter().map(|&at| {
@@ -350,30 +362,15 @@ impl<S: Scalar<Wide = S>> Search<S> {
             return;
         }
         let face = |at: u32| candidates[at as usize].drawn;
-        for piece in &visible.pieces {
-            let Some(at) = order.iter().position(|&at| at == piece.candidate) else { continue };
-            for (side, ends) in visible.polygons.segments(piece.polygon) {
-                if side.line == BORDER {
-                    continue;
-                }
-                let source = match visible.sources[side.line as usize] {
-                    Source::Edge { candidate, k } => Source::Edge { candidate: face(candidate), k },
-                    Source::End { candidate, is_far } => {
-                        Source::End { candidate: face(candidate), is_far }
-                    }
-                    Source::Between { first, second } => {
-                        Source::Between { first: face(first), second: face(second) }
-                    }
-                };
-                let [_, x, y] = visible.lines[side.line as usize];
-                pieces.segments.push(Segment {
-                    piece: at as u32,
-                    source,
-                    is_inside: side.is_inside,
-                    normal: [x, y],
-                    ends,
-                });
-            }
+        let mut keep = |(candidate, side): (u32, Side<S>)| {
+            let Some(at) = order.iter().position(|&at| at == candidate) else { return };
+            let source = side.source.map(face);
+            pieces.segments.push(Segment { piece: at as u32, side: Side { source, ..side } });
+        };
+        if is_crowded {
+            samples.sides(candidates, measures).iter().copied().for_each(&mut keep);
+        } else {
+            visible.sides().for_each(&mut keep);
         }
         pieces.segment_ends.push(pieces.segments.len() as u32);
     }
@@ -385,7 +382,7 @@ impl<S: Scalar<Wide = S>> Search<S> {
 fn may_cross<S: Scalar>(candidates: &mut [Candidate<S>]) -> bool {
     let reach = |[_, x, y]: Line<S>| x.abs() + y.abs();
     let nearest = |one: &Candidate<S>| one.depth[0] - reach(one.depth);
-    candidates.sort_by(|a, b| nearest(a).to_f64().total_cmp(&nearest(b).to_f64()));
+    candidates.sort_unstable_by(|a, b| nearest(a).to_f64().total_cmp(&nearest(b).to_f64()));
     let (mut farthest, mut sheets) = (-S::from_f64(f64::INFINITY), 0);
     for candidate in candidates {
         if nearest(candidate) > farthest && sheets > 0 {

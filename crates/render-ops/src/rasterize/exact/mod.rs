@@ -5,6 +5,7 @@ mod marks;
 mod polygon;
 mod pull_back;
 mod resolved;
+mod samples;
 mod sheets;
 mod visible;
 

@@ -12,7 +12,7 @@ use bokashi_core::Scalar;
 
 use super::boundary::{Pieces, Segment};
 use super::polygon::{line_bar, value_at};
-use super::visible::Source;
+use super::visible::{Side, Source};
 use crate::edge_functions::{EdgeSums, LocalFace};
 use crate::homogeneous::missing_factors;
 use crate::mesh::Mesh;
@@ -53,6 +53,8 @@ pub(in crate::rasterize) struct Adjoints<S> {
     /// Per face of the band: its adjoint.
     of_drawn: Vec<u32>,
     measures_bar: Vec<[S; 3]>,
+    /// The faces with the gradients of their vertices, where they are added later.
+    pub(in crate::rasterize) rows: Vec<(usize, [[S; 4]; 3])>,
 }
 
 /// Stands for "no adjoint".
@@ -132,6 +134,14 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
         }
     }
 
+    /// [`Adjoints::sum`] into `rows`.
+    pub(in crate::rasterize) fn keep<T: Scalar<Wide = S>>(&mut self, band: &PullBack<'_, T>) {
+        let mut rows = std::mem::take(&mut self.rows);
+        rows.clear();
+        self.sum(band, |face, own| rows.push((face, *own)));
+        self.rows = rows;
+    }
+
     fn sum_pixel<T: Scalar<Wide = S>>(
         &mut self,
         band: &PullBack<'_, T>,
@@ -158,7 +168,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
             measures_bar.push(measure_bar);
         }
         for segment in segments {
-            let &Segment { ends, is_inside, normal, .. } = segment;
+            let Side { source, is_inside, normal, ends } = segment.side;
             let bar = measures_bar[segment.piece as usize];
             let line_bar = line_bar(ends, is_inside, normal, bar);
             if line_bar == [S::ZERO; 3] {
@@ -169,7 +179,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
                 let place = adjoint.face.place(pixel, band.size);
                 adjoint.add_depth(sign, line_bar, place);
             };
-            match segment.source {
+            match source {
                 Source::Edge { candidate, k } => {
                     let adjoint = self.adjoint(band, candidate, pixel);
                     let place = adjoint.face.place(pixel, band.size);

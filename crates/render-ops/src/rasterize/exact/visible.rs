@@ -15,7 +15,7 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::polygon::{Line, Measure, Polygon, Polygons, size, value_at};
+use super::polygon::{BORDER, Line, Measure, Polygon, Polygons, size, value_at};
 
 /// A face in a pixel: lines are relative to the pixel's centre.
 #[derive(Debug, Clone)]
@@ -38,11 +38,35 @@ pub(super) enum Source {
     Between { first: u32, second: u32 },
 }
 
+impl Source {
+    /// The same of other names for candidates.
+    #[inline(always)]
+    pub(super) fn map(self, name: impl Fn(u32) -> u32) -> Self {
+        match self {
+            Self::Edge { candidate, k } => Self::Edge { candidate: name(candidate), k },
+            Self::End { candidate, is_far } => Self::End { candidate: name(candidate), is_far },
+            Self::Between { first, second } => {
+                Self::Between { first: name(first), second: name(second) }
+            }
+        }
+    }
+}
+
+/// A side of what is visible of a candidate.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Side<S> {
+    pub(super) source: Source,
+    pub(super) is_inside: bool,
+    /// The line's normal.
+    pub(super) normal: [S; 2],
+    pub(super) ends: [[S; 2]; 2],
+}
+
 /// A visible piece of a candidate.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Piece {
-    pub(super) candidate: u32,
-    pub(super) polygon: Polygon,
+struct Piece {
+    candidate: u32,
+    polygon: Polygon,
 }
 
 /// All that a pixel holds of a candidate.
@@ -59,10 +83,10 @@ struct Whole<S> {
 /// What is visible in a pixel, and memory.
 #[derive(Debug, Default)]
 pub(super) struct Visible<S> {
-    pub(super) pieces: Vec<Piece>,
-    pub(super) polygons: Polygons<S>,
-    pub(super) lines: Vec<Line<S>>,
-    pub(super) sources: Vec<Source>,
+    pieces: Vec<Piece>,
+    polygons: Polygons<S>,
+    lines: Vec<Line<S>>,
+    sources: Vec<Source>,
     whole: Vec<Whole<S>>,
     /// What is left of a candidate, before and after another one was taken away.
     left: Vec<Polygon>,
@@ -96,7 +120,9 @@ impl<S: Scalar> Visible<S> {
         let mut polygon = Some(pixel);
         let first = lines.len();
         let mut cut = |line: Line<S>, source: Source| {
-            let Some(before) = polygon else { return };
+            // Most lines do not come near the pixel.
+            let [one, x, y] = line;
+            let Some(before) = polygon.filter(|_| one < x.abs() + y.abs()) else { return };
             polygon = polygons.inside(before, line, lines.len() as u32);
             if polygon != Some(before) {
                 lines.push(line);
@@ -157,6 +183,20 @@ impl<S: Scalar> Visible<S> {
         pieces.extend(left.iter().map(|&polygon| Piece { candidate, polygon }));
     }
 
+    /// Each candidate with the sides of its visible pieces, but for those on the pixel's border.
+    #[inline(always)]
+    pub(super) fn sides(&self) -> impl Iterator<Item = (u32, Side<S>)> + '_ {
+        self.pieces.iter().flat_map(|piece| {
+            let sides = self.polygons.segments(piece.polygon);
+            sides.filter(|(side, _)| side.line != BORDER).map(|(side, ends)| {
+                let at = side.line as usize;
+                let [_, x, y] = self.lines[at];
+                let (source, is_inside) = (self.sources[at], side.is_inside);
+                (piece.candidate, Side { source, is_inside, normal: [x, y], ends })
+            })
+        })
+    }
+
     /// The measure of what is visible of each candidate, added to `measures`.
     pub(super) fn measure(&self, measures: &mut [Measure<S>]) {
         for piece in &self.pieces {
@@ -178,13 +218,16 @@ fn behind<S: Scalar>(own: Line<S>, rival: Line<S>, is_first: bool) -> Line<S> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use proptest::prelude::*;
 
     use super::*;
 
     /// A face through three points `(x, y, depth)`.
-    fn candidate(face: u32, [p, q, r]: [[f64; 3]; 3]) -> Option<Candidate<f64>> {
+    pub(in super::super) fn candidate(
+        face: u32,
+        [p, q, r]: [[f64; 3]; 3],
+    ) -> Option<Candidate<f64>> {
         let edge = |p: [f64; 3], q: [f64; 3]| [p[0] * q[1] - p[1] * q[0], p[1] - q[1], q[0] - p[0]];
         let edges = [edge(q, r), edge(r, p), edge(p, q)];
         let area: f64 = edges.iter().map(|edge| edge[0]).sum();
@@ -205,7 +248,7 @@ mod tests {
         line[0] + line[1] * x + line[2] * y
     }
 
-    fn triangle() -> impl Strategy<Value = [[f64; 3]; 3]> {
+    pub(in super::super) fn triangle() -> impl Strategy<Value = [[f64; 3]; 3]> {
         proptest::array::uniform3(proptest::array::uniform3(-2.0..2.0))
     }
 
