@@ -3,6 +3,7 @@
 
 #[path = "../support/blends.rs"]
 mod blends;
+mod exact;
 mod layers;
 mod scenes;
 
@@ -591,7 +592,8 @@ fn no_operation_is_forgotten() {
     assert!(methods.len() >= 3, "{methods:?}");
 
     // What a subject does itself, under the name that it has: a helper could do anything.
-    let tests = [include_str!("main.rs"), include_str!("layers.rs")].concat();
+    let tests =
+        [include_str!("main.rs"), include_str!("layers.rs"), include_str!("exact.rs")].concat();
     let subjects = blocks(&tests, "impl Subject for ").concat();
     for name in functions.iter().chain(&methods) {
         assert!(calls(&subjects, name), "{name} has no law");

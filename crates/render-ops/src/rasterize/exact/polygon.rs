@@ -121,6 +121,12 @@ impl<S: Scalar> Polygons<S> {
         }
     }
 
+    /// Whether some of a polygon lies on the outside of a line, by more than rounding.
+    #[inline(always)]
+    pub(super) fn has_outside(&mut self, polygon: Polygon, line: Line<S>) -> bool {
+        self.lies(polygon, line)[1]
+    }
+
     /// Whether some of a polygon lies on the inside of a line, and some on the outside, by more than
     /// rounding. Leaves the line's values at the corners.
     #[inline(always)]
@@ -199,20 +205,19 @@ impl<S: Scalar> Polygons<S> {
     }
 }
 
-/// What a side from p to q adds to the gradient of its line, of normal `normal`, from that of the
-/// measure of the polygon that it bounds.
+/// What a side from p to q adds to the gradient of its line, of normal `normal`, from g at any point.
 #[inline(always)]
 pub(super) fn line_bar<S: Scalar>(
     [p, q]: [[S; 2]; 2],
     is_inside: bool,
     [normal_x, normal_y]: [S; 2],
-    measure_bar: Measure<S>,
+    g: impl Fn([S; 2]) -> S,
 ) -> Line<S> {
     // The side's length over that of the normal, at a right angle to it: no root is needed.
     let across = ((q[0] - p[0]) * normal_y - (q[1] - p[1]) * normal_x).abs();
     let sixth = S::from_f64(if is_inside { 1.0 / 6.0 } else { -1.0 / 6.0 });
     let scale = sixth * across / (normal_x * normal_x + normal_y * normal_y);
-    let (g_p, g_q) = (scale * value_at(measure_bar, p), scale * value_at(measure_bar, q));
+    let (g_p, g_q) = (scale * g(p), scale * g(q));
     let (of_p, of_q) = (g_p + g_p + g_q, g_p + g_q + g_q);
     [of_p + of_q, of_p * p[0] + of_q * q[0], of_p * p[1] + of_q * q[1]]
 }
@@ -280,7 +285,7 @@ mod tests {
                 if side.line != BORDER {
                     let line = side.line as usize;
                     let [_, x, y] = lines[line];
-                    let bar = line_bar(ends, side.is_inside, [x, y], m_bar);
+                    let bar = line_bar(ends, side.is_inside, [x, y], |p| value_at(m_bar, p));
                     lines_bar[line].iter_mut().zip(bar).for_each(|(sum, bar)| *sum += bar);
                 }
             }

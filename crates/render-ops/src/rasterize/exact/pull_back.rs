@@ -2,7 +2,8 @@
 //!
 //! With the integrals `M_0, M_x, M_y` of a piece the weight is `M_0 / 4` and the centroid
 //! `c = (M_x, M_y) / M_0`, so `M_bar_0 = weight_bar / 4 - c_bar . c / M_0` and
-//! `M_bar_xy = c_bar / M_0`. From there to the lines that bound the piece as in `polygon`. Lines are
+//! `M_bar_xy = c_bar / M_0`: the g of `polygon` is `g(p) = weight_bar / 4 + c_bar . (p - c) / M_0`, in
+//! which nothing large cancels however small the piece. From there to the lines that bound the piece as in `polygon`. Lines are
 //! edge functions, or depths: with `d = sum z_i a_i / D` and `D = sum w_i a_i`, a number over the
 //! whole image, `a_bar_i = (z_i d_bar - w_i D' ) / D` and so on, coefficient by coefficient.
 
@@ -46,13 +47,31 @@ struct Adjoint<S> {
     depth: [S; 3],
 }
 
+/// The gradient of a piece's area where it grows: its value at the centroid, and its slope.
+#[derive(Debug)]
+struct Density<S> {
+    centroid: [S; 2],
+    middle: S,
+    slope: [S; 2],
+}
+
+impl<S: Scalar> Density<S> {
+    #[inline(always)]
+    fn at(&self, [x, y]: [S; 2]) -> S {
+        self.middle
+            + self.slope[0] * (x - self.centroid[0])
+            + self.slope[1] * (y - self.centroid[1])
+    }
+}
+
 /// The adjoints of a band's faces.
 #[derive(Debug, Default)]
 pub(in crate::rasterize) struct Adjoints<S> {
     adjoints: Vec<Adjoint<S>>,
     /// Per face of the band: its adjoint.
     of_drawn: Vec<u32>,
-    measures_bar: Vec<[S; 3]>,
+    /// Per piece of a pixel.
+    densities: Vec<Density<S>>,
     /// The faces with the gradients of their vertices, where they are added later.
     pub(in crate::rasterize) rows: Vec<(usize, [[S; 4]; 3])>,
 }
@@ -149,28 +168,27 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
         own: Range<usize>,
         segments: &[Segment<S>],
     ) {
-        let mut measures_bar = std::mem::take(&mut self.measures_bar);
-        measures_bar.clear();
+        let mut densities = std::mem::take(&mut self.densities);
+        densities.clear();
         for (piece, &fragment) in band.pieces.pieces[own.clone()].iter().zip(&band.fragments[own]) {
             let fragment = fragment as usize;
             let weight_bar = band.weights_bar.map_or(S::ZERO, |bars| bars[fragment].widen());
-            let mut measure_bar = [S::from_f64(0.25) * weight_bar, S::ZERO, S::ZERO];
+            let [area, x, y] = piece.measure;
+            let centroid = [x / area, y / area];
+            let mut slope = [S::ZERO; 2];
             if let Some(bars) = band.barycentrics_bar {
                 let uv_bar = [bars[2 * fragment], bars[2 * fragment + 1]].map(T::widen);
-                let [area, x, y] = piece.measure;
-                let centroid = [x / area, y / area];
                 let adjoint = self.adjoint(band, piece.drawn, pixel);
-                let [x_bar, y_bar] = adjoint.add_barycentrics(uv_bar, centroid, pixel, band.size);
-                measure_bar[0] -= (x_bar * centroid[0] + y_bar * centroid[1]) / area;
-                measure_bar[1] = x_bar / area;
-                measure_bar[2] = y_bar / area;
+                slope = adjoint.add_barycentrics(uv_bar, centroid, pixel, band.size);
+                slope = slope.map(|bar| bar / area);
             }
-            measures_bar.push(measure_bar);
+            let middle = S::from_f64(0.25) * weight_bar;
+            densities.push(Density { centroid, middle, slope });
         }
         for segment in segments {
             let Side { source, is_inside, normal, ends } = segment.side;
-            let bar = measures_bar[segment.piece as usize];
-            let line_bar = line_bar(ends, is_inside, normal, bar);
+            let density = &densities[segment.piece as usize];
+            let line_bar = line_bar(ends, is_inside, normal, |point| density.at(point));
             if line_bar == [S::ZERO; 3] {
                 continue;
             }
@@ -194,7 +212,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
                 }
             }
         }
-        self.measures_bar = measures_bar;
+        self.densities = densities;
     }
 
     /// The adjoint of a face, around `pixel` where it is the first one that asks.

@@ -178,8 +178,8 @@ mod tests {
             }
             // The gradient of a weighted sum of areas, as all edges move outwards alike.
             let moved = |(at, side): (u32, Side<f64>)| {
-                let measure_bar = [weights[at as usize], 0.0, 0.0];
-                let bar = line_bar(side.ends, side.is_inside, side.normal, measure_bar);
+                let Side { ends, is_inside, normal, .. } = side;
+                let bar = line_bar(ends, is_inside, normal, |_| weights[at as usize]);
                 bar[0] * side.normal[0].hypot(side.normal[1])
             };
             let exact: f64 = visible.sides().map(moved).sum();

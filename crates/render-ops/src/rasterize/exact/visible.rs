@@ -158,9 +158,15 @@ impl<S: Scalar> Visible<S> {
             if is_irrelevant || left.is_empty() {
                 continue;
             }
+            let behind = behind(candidates[at].depth, rival.depth, at < other);
             let mut between = None;
             next.clear();
             for &polygon in &*left {
+                if !polygons.has_outside(polygon, behind) {
+                    // All of it is in front of the rival's plane.
+                    next.push(polygon);
+                    continue;
+                }
                 // What is left of it once all that is neither before nor behind the rival is gone.
                 let mut overlap = Some(polygon);
                 for index in whole[other].cuts.clone() {
@@ -171,11 +177,11 @@ impl<S: Scalar> Visible<S> {
                 }
                 let Some(overlap) = overlap else { continue };
                 let index = *between.get_or_insert_with(|| {
-                    lines.push(behind(candidates[at].depth, rival.depth, at < other));
+                    lines.push(behind);
                     sources.push(Source::Between { first: at as u32, second: other as u32 });
-                    lines.len() - 1
+                    lines.len() as u32 - 1
                 });
-                next.extend(polygons.inside(overlap, lines[index], index as u32));
+                next.extend(polygons.inside(overlap, behind, index));
             }
             std::mem::swap(left, next);
         }
