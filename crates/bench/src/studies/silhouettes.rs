@@ -10,7 +10,9 @@
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_fit::FitError;
 use bokashi_fit::report::{Curve, Figure, PALETTE, Panel, SIZES, Scale, Stroke};
-use bokashi_render_ops::Cull;
+use bokashi_render_ops::{
+    Background, Cull, Mesh, RasterOptions, Sampling, interpolate, project, rasterize, resolve,
+};
 use glam::{DMat4, DVec3};
 
 use crate::bench::Bench;
@@ -39,11 +41,16 @@ struct Method {
 type Image = for<'t> fn(&Scene, Var<'t, f32>, Var<'t, f32>) -> Result<Var<'t, f32>, FitError>;
 
 /// All methods; another one is another row.
-const METHODS: [Method; 4] = [
+const METHODS: [Method; 6] = [
     Method { name: "no antialias", image: |scene, p, c| Ok(picture(scene, p, c)?.jagged) },
     Method { name: "antialias", image: |scene, p, c| Ok(picture(scene, p, c)?.image) },
     Method { name: "antialias, 2x2", image: |scene, p, c| supersampled(2, scene, p, c) },
     Method { name: "antialias, 4x4", image: |scene, p, c| supersampled(4, scene, p, c) },
+    Method { name: "exact coverage", image: |scene, p, c| exact(&scene.mesh, scene, p, c) },
+    Method {
+        name: "exact coverage, all edges",
+        image: |scene, p, c| exact(&scene.mesh.with_seams(|_, _| true), scene, p, c),
+    },
 ];
 
 fn picture<'t, T: Scalar>(
@@ -53,6 +60,19 @@ fn picture<'t, T: Scalar>(
 ) -> Result<crate::pipeline::Rendered<'t, T>, FitError> {
     // Perturbed cubes may show their inside.
     render(scene, Cull::None, positions, colors)
+}
+
+/// The picture with exact coverage, and pieces at the seams of `mesh`.
+fn exact<'t, T: Scalar>(
+    mesh: &Mesh,
+    scene: &Scene,
+    positions: Var<'t, T>,
+    colors: Var<'t, T>,
+) -> Result<Var<'t, T>, FitError> {
+    let clip = project(positions, &scene.camera, None)?;
+    let options = RasterOptions { sampling: Sampling::Exact, ..scene.size.into() };
+    let fragments = rasterize(clip, mesh, options)?;
+    Ok(resolve(interpolate(colors, &fragments)?, &fragments, Background::Zero)?)
 }
 
 /// `times` x `times` antialiased pixels make one.
