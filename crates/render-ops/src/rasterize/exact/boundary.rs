@@ -89,6 +89,8 @@ pub(in crate::rasterize) struct Search<S> {
     /// The first pixel of each region, and how many faces cover its centre.
     firsts: Marks,
     sheets: Vec<u32>,
+    /// Blocks of pixels.
+    blocks: Marks,
     gathered: Gathered,
     candidates: Vec<Candidate<S>>,
     visible: Visible<S>,
@@ -105,24 +107,27 @@ pub(in crate::rasterize) struct Drawn<'a, 'v, T: Scalar> {
     pub(in crate::rasterize) weights: &'a [Weights<T::Wide>],
 }
 
-/// The faces that may reach into some pixels.
+/// The faces that may reach into some pixels, or blocks of them.
 #[derive(Debug, Default)]
 struct Gathered {
-    /// Pixels, by their number among them, with faces.
+    /// Blocks, by their number among them, with faces.
     pairs: Vec<[u32; 2]>,
-    /// Where in `faces` those of each pixel end.
+    /// Where in `faces` those of each block end.
     ends: Vec<u32>,
     faces: Vec<u32>,
+    /// The row and the column of each block.
+    blocks: Vec<[usize; 2]>,
 }
 
 impl Gathered {
-    /// Finds those of `count` marked pixels.
-    fn find<T: Scalar>(&mut self, drawn: &Drawn<'_, '_, T>, marks: &Marks, count: usize) {
-        let Self { pairs, ends, faces } = self;
+    /// Finds those of the marked blocks of `block` pixels of a row.
+    fn find<T: Scalar>(&mut self, drawn: &Drawn<'_, '_, T>, marks: &mut Marks, block: usize) {
+        let count = marks.count();
+        let Self { pairs, ends, faces, .. } = self;
         pairs.clear();
         ends.clear();
         ends.resize(count + 1, 0);
-        drawn.for_each_face(marks, |face, pixel, a, reach| {
+        drawn.for_each_face(marks, block, |face, pixel, a, reach| {
             if (0..3).all(|k| a[k] + reach[k] >= T::Wide::ZERO) {
                 pairs.push([pixel as u32, face]);
                 ends[pixel + 1] += 1;
@@ -143,7 +148,33 @@ impl Gathered {
         }
     }
 
-    /// The faces of the marked pixel `at`, in their order.
+    /// Calls `visit` with the row and the column of each marked block of `block` pixels of a row, and
+    /// with the faces that may reach into it, around its centre.
+    fn for_each<T: Scalar>(
+        &mut self,
+        drawn: &Drawn<'_, '_, T>,
+        marks: &mut Marks,
+        block: usize,
+        candidates: &mut Vec<Candidate<T::Wide>>,
+        mut visit: impl FnMut(usize, usize, &mut [Candidate<T::Wide>]),
+    ) {
+        self.find(drawn, marks, block);
+        let blocks = drawn.view.size.width / block;
+        let mut found = std::mem::take(&mut self.blocks);
+        found.clear();
+        for row in 0..drawn.rows.len() {
+            marks.for_each_in(row, 0..blocks, |column, _| found.push([row, column]));
+        }
+        for (at, &[row, column]) in found.iter().enumerate() {
+            let (x, y) = (drawn.center(column, block), drawn.view.ys[drawn.rows.start + row]);
+            candidates.clear();
+            candidates.extend(self.faces_of(at).iter().map(|&face| drawn.candidate(face, x, y)));
+            visit(row, column, candidates);
+        }
+        self.blocks = found;
+    }
+
+    /// The faces of the marked block `at`, in their order.
     fn faces_of(&self, at: usize) -> &[u32] {
         let first = at.checked_sub(1).map_or(0, |before| self.ends[before]);
         &self.faces[first as usize..self.ends[at] as usize]
@@ -151,25 +182,36 @@ impl Gathered {
 }
 
 impl<T: Scalar> Drawn<'_, '_, T> {
-    /// Calls `visit(face, pixel, a, reach)` for each face and each marked pixel in the box of its
-    /// pixels, both by their numbers, with the face's edge functions at the pixel's centre and how
-    /// much they change from there to its corners.
+    /// The X of the centre of the block `at` of a row, of `block` pixels.
+    #[inline(always)]
+    fn center(&self, at: usize, block: usize) -> T::Wide {
+        self.view.centers[at * block] + T::Wide::from_f64((block - 1) as f64)
+    }
+
+    /// Calls `visit(face, at, a, reach)` for each face and each marked block of `block` pixels of a row
+    /// in the box of its pixels, both by their numbers, with the face's edge functions at the
+    /// block's centre and how much they change from there to its corners.
     #[inline(always)]
     fn for_each_face(
         &self,
         marks: &Marks,
+        block: usize,
         mut visit: impl FnMut(u32, usize, [T::Wide; 3], [T::Wide; 3]),
     ) {
+        let width = T::Wide::from_f64(block as f64);
+        let blocks = self.view.size.width / block;
         for (at, (&face, weights)) in (0..).zip(self.faces.iter().zip(self.weights)) {
             let [rows, columns] = self.reach(face);
-            let reach =
-                weights.edges.map(|[_, x, y]| T::Wide::from_f64(REACH) * (x.abs() + y.abs()));
+            let columns = columns.start / block..columns.end.div_ceil(block).min(blocks);
+            let reach = weights
+                .edges
+                .map(|[_, x, y]| T::Wide::from_f64(REACH) * (width * x.abs() + y.abs()));
             for row in rows {
                 let y = self.view.ys[row];
-                marks.for_each_in(row - self.rows.start, columns.clone(), |column, pixel| {
-                    let x = self.view.centers[column];
+                marks.for_each_in(row - self.rows.start, columns.clone(), |column, number| {
+                    let x = self.center(column, block);
                     let a = weights.edges.map(|[one, by_x, by_y]| one + by_x * x + by_y * y);
-                    visit(at, pixel, a, reach);
+                    visit(at, number, a, reach);
                 });
             }
         }
@@ -231,20 +273,16 @@ impl<S: Scalar<Wide = S>> Search<S> {
         pieces.clear();
         self.mark(drawn);
         self.mark_crossings(drawn);
-        let count = self.marks.count();
-        if count == 0 {
+        if self.marks.count() == 0 {
             return;
         }
-        self.gathered.find(drawn, &self.marks, count);
-        let width = drawn.view.size.width;
-        for row in 0..drawn.rows.len() {
-            // Not while the marks are borrowed.
-            let marks = std::mem::take(&mut self.marks);
-            marks.for_each_in(row, 0..width, |column, at| {
-                self.resolve(drawn, [row, column], at, pieces);
-            });
-            self.marks = marks;
-        }
+        let Self { marks, gathered, candidates, .. } = self;
+        let (mut marks, mut gathered) = (std::mem::take(marks), std::mem::take(gathered));
+        let mut candidates = std::mem::take(candidates);
+        gathered.for_each(drawn, &mut marks, 1, &mut candidates, |row, column, candidates| {
+            self.resolve(drawn, [row, column], candidates, pieces);
+        });
+        (self.marks, self.gathered, self.candidates) = (marks, gathered, candidates);
     }
 
     /// Marks the pixels that an edge of the surface or an end of the depth range may cross.
@@ -281,14 +319,14 @@ impl<S: Scalar<Wide = S>> Search<S> {
 
     /// Marks the pixels where surfaces may pass through each other.
     fn mark_crossings<T: Scalar<Wide = S>>(&mut self, drawn: &Drawn<'_, '_, T>) {
-        let Self { marks, regions, firsts, sheets, gathered, candidates, .. } = self;
+        let Self { marks, regions, firsts, sheets, blocks, gathered, candidates, .. } = self;
         let (rows, width) = (drawn.rows.len(), drawn.view.size.width);
         regions.find(marks, rows, width);
         firsts.clear(rows, width);
         regions.mark_first(firsts);
         sheets.clear();
         sheets.resize(firsts.count(), 0);
-        drawn.for_each_face(firsts, |_, at, a, _| {
+        drawn.for_each_face(firsts, 1, |_, at, a, _| {
             sheets[at] += u32::from(a.iter().all(|&a| a >= S::ZERO));
         });
         if sheets.iter().all(|&sheets| sheets < 2) {
@@ -298,35 +336,35 @@ impl<S: Scalar<Wide = S>> Search<S> {
         let suspects = firsts;
         suspects.clear(rows, width);
         regions.mark_all(sheets, suspects);
-        let count = suspects.count();
-        gathered.find(drawn, suspects, count);
-        for row in 0..rows {
-            let y = drawn.view.ys[drawn.rows.start + row];
-            suspects.for_each_in(row, 0..width, |column, at| {
-                let x = drawn.view.centers[column];
-                candidates.clear();
-                candidates
-                    .extend(gathered.faces_of(at).iter().map(|&face| drawn.candidate(face, x, y)));
-                if may_cross(candidates) {
-                    marks.mark(row, column..column + 1);
-                }
-            });
+        // Blocks first: most hold sheets that are far apart.
+        blocks.clear(rows, width / BLOCK);
+        for (row, block) in (0..rows).flat_map(|row| (0..width / BLOCK).map(move |at| (row, at))) {
+            if suspects.has_all(row, block * BLOCK..(block + 1) * BLOCK) {
+                blocks.mark(row, block..block + 1);
+            }
         }
+        gathered.for_each(drawn, blocks, BLOCK, candidates, |row, block, candidates| {
+            if !may_cross(candidates, BLOCK) {
+                suspects.unmark(row, block * BLOCK..(block + 1) * BLOCK);
+            }
+        });
+        gathered.for_each(drawn, suspects, 1, candidates, |row, column, candidates| {
+            if may_cross(candidates, 1) {
+                marks.mark(row, column..column + 1);
+            }
+        });
     }
 
-    /// Resolves a pixel of the band, the marked one `at`.
+    /// Resolves a pixel of the band.
     fn resolve<T: Scalar<Wide = S>>(
         &mut self,
         drawn: &Drawn<'_, '_, T>,
         [row, column]: [usize; 2],
-        at: usize,
+        candidates: &[Candidate<S>],
         pieces: &mut Pieces<S>,
     ) {
-        let Self { gathered, candidates, visible, samples, measures, order, .. } = self;
+        let Self { visible, samples, measures, order, .. } = self;
         let row = drawn.rows.start + row;
-        let (x, y) = (drawn.view.centers[column], drawn.view.ys[row]);
-        candidates.clear();
-        candidates.extend(gathered.faces_of(at).iter().map(|&face| drawn.candidate(face, x, y)));
         measures.clear();
         measures.resize(candidates.len(), [S::ZERO; 3]);
         let is_crowded = candidates.len() > MOST_FACES;
@@ -376,11 +414,15 @@ impl<S: Scalar<Wide = S>> Search<S> {
     }
 }
 
-/// Whether two of the sheets that `candidates` make up in a pixel without edges may pass through each
-/// other before all others. The nearest faces up to the first gap between all their depths are whole
-/// sheets, since those of one sheet touch; a sheet covers the pixel's centre once.
-fn may_cross<S: Scalar>(candidates: &mut [Candidate<S>]) -> bool {
-    let reach = |[_, x, y]: Line<S>| x.abs() + y.abs();
+/// Pixels of a row that are asked at once whether sheets may cross in them.
+const BLOCK: usize = 16;
+
+/// Whether two of the sheets that `candidates` make up in a block of `width` pixels without edges may
+/// pass through each other before all others. The nearest faces up to the first gap between all their
+/// depths are whole sheets, since those of one sheet touch; a sheet covers the block's centre once.
+fn may_cross<S: Scalar>(candidates: &mut [Candidate<S>], width: usize) -> bool {
+    let width = S::from_f64(width as f64);
+    let reach = |[_, x, y]: Line<S>| width * x.abs() + y.abs();
     let nearest = |one: &Candidate<S>| one.depth[0] - reach(one.depth);
     candidates.sort_unstable_by(|a, b| nearest(a).to_f64().total_cmp(&nearest(b).to_f64()));
     let (mut farthest, mut sheets) = (-S::from_f64(f64::INFINITY), 0);

@@ -35,6 +35,22 @@ impl Marks {
         }
     }
 
+    /// Forgets neighbouring pixels of a row.
+    pub(super) fn unmark(&mut self, row: usize, columns: Range<usize>) {
+        let (first, last) = (columns.start, columns.end - 1);
+        let row = &mut self.words[row * self.words_per_row..][..self.words_per_row];
+        for word in first / BITS..=last / BITS {
+            row[word] &= !within(word, first, last);
+        }
+    }
+
+    /// Whether all of neighbouring pixels of a row are marked.
+    pub(super) fn has_all(&self, row: usize, columns: Range<usize>) -> bool {
+        let (first, last) = (columns.start, columns.end - 1);
+        let row = &self.words[row * self.words_per_row..][..self.words_per_row];
+        (first / BITS..=last / BITS).all(|word| !row[word] & within(word, first, last) == 0)
+    }
+
     /// Counts the marked pixels.
     pub(super) fn count(&mut self) -> usize {
         self.before.clear();
@@ -122,6 +138,12 @@ mod tests {
             let within = expected.iter().copied().filter(|(_, column)| columns.contains(column));
             assert!(found.into_iter().eq(within));
         }
+        assert!(marks.has_all(1, 0..width) && marks.has_all(0, 60..70));
+        assert!(!marks.has_all(0, 59..70) && !marks.has_all(0, 60..71));
+        marks.unmark(1, 3..130);
+        assert!(marks.has_all(1, 0..3) && marks.has_all(1, 130..width));
+        marks.count();
+        marks.for_each_in(1, 0..width, |column, _| assert!(!(3..130).contains(&column)));
         marks.clear(1, 10);
         assert_eq!(marks.count(), 0);
     }

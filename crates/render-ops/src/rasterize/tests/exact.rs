@@ -80,6 +80,24 @@ proptest! {
         }
     }
 
+    // Wide enough for blocks of pixels; more than a sample's width off means a pixel that was not
+    // resolved.
+    #[test]
+    fn a_wide_image_is_the_mean_of_some_samples(
+        (clip, colors, faces) in loose_faces(),
+        width in 20..50_usize,
+        height in 1..6_usize,
+    ) {
+        let size = Size { width, height };
+        let mesh = Mesh::new(faces, clip.len()).unwrap();
+        let tape = Tape::<f64>::new();
+        let image = picture(tape.leaf(&tensor(&clip)), tape.leaf(&colors), &mesh, exact(size));
+        let expected = supersampled(&clip, &colors, &mesh, size, 32);
+        for (&found, expected) in image.value().data().iter().zip(expected) {
+            prop_assert!((found - expected).abs() < 0.08, "{found} instead of {expected}");
+        }
+    }
+
     #[test]
     fn the_gradient_is_the_difference_quotient(
         (clip, colors, faces) in loose_faces(),
