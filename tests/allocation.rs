@@ -10,8 +10,8 @@ use bokashi_core::{Tape, Tensor, TensorError, Var};
 use bokashi_fit::scenes::FACES;
 use bokashi_fit::{Fit, FitError, FitSettings, Parameter, Parameters, from_fn, squared_error};
 use bokashi_render_ops::{
-    Background, Blur, Coverage, Kernel, Mesh, Pose, Size, Target, antialias, gaussian_blur,
-    interpolate, layer, project, rasterize, resolve,
+    Background, Blur, Coverage, Kernel, Mesh, Pose, RasterOptions, Sampling, Size, Target,
+    antialias, gaussian_blur, interpolate, layer, project, rasterize, resolve,
 };
 use glam::dcamera::rh::proj::opengl::perspective;
 use rayon::{ThreadBuilder, ThreadPoolBuilder};
@@ -72,10 +72,11 @@ struct Scene {
     translation: Tensor<f32>,
     background: Tensor<f32>,
     target: Tensor<f32>,
+    sampling: Sampling,
 }
 
 impl Scene {
-    fn new(side: usize) -> Self {
+    fn new(side: usize, sampling: Sampling) -> Self {
         let entries = |entries: &[f32]| Tensor::new([entries.len()], entries.to_vec()).unwrap();
         Self {
             mesh: Mesh::new(FACES.to_vec(), 8).unwrap(),
@@ -84,6 +85,7 @@ impl Scene {
             translation: entries(&[0.1, 0.0, -3.0]),
             background: entries(&[0.2, 0.1, 0.3]),
             target: Tensor::full([side, side, 3], 0.5),
+            sampling,
         }
     }
 
@@ -110,10 +112,14 @@ impl Scene {
     ) -> Result<Var<'t, f32>, FitError> {
         let pose = Pose { rotation, translation };
         let clip = project(vertices, &perspective(0.7, 1.0, 1.0, 50.0), Some(pose))?;
-        let fragments = rasterize(clip, &self.mesh, Size::square(self.target.shape()[0]))?;
+        let size = Size::square(self.target.shape()[0]);
+        let options = RasterOptions { sampling: self.sampling, ..size.into() };
+        let fragments = rasterize(clip, &self.mesh, options)?;
         let surface = interpolate(vertices, &fragments)?;
-        let image = resolve(surface, &fragments, Background::Color(background))?;
-        let image = antialias(image, &fragments, clip)?;
+        let mut image = resolve(surface, &fragments, Background::Color(background))?;
+        if self.sampling == Sampling::Center {
+            image = antialias(image, &fragments, clip)?;
+        }
         let image = gaussian_blur(image, sigma, &Blur::default())?;
         Ok(squared_error(image, tape.constant(&self.target))?)
     }
@@ -162,7 +168,7 @@ fn tensor_steps(pixels: usize) -> impl FnMut() -> f32 + Send {
 
 /// A step of every rendering operation on an image of `side` x `side` pixels.
 fn rendering_steps(side: usize) -> impl FnMut() -> f32 + Send {
-    let (mut tape, scene) = (Tape::new(), Scene::new(side));
+    let (mut tape, scene) = (Tape::new(), Scene::new(side, Sampling::Center));
     move || scene.step(&mut tape).unwrap()
 }
 
@@ -247,9 +253,17 @@ fn a_steady_step_of_rendering_in_many_pieces_allocates_nothing() {
 }
 
 #[test]
+fn a_steady_step_with_exact_coverage_allocates_nothing() {
+    for side in [32, 300] {
+        let (mut tape, scene) = (Tape::new(), Scene::new(side, Sampling::Exact));
+        assert_steady_from_step_3(move || scene.step(&mut tape).unwrap());
+    }
+}
+
+#[test]
 fn a_steady_step_of_training_allocates_nothing() {
     for side in [32, 300] {
-        let scene = Scene::new(side);
+        let scene = Scene::new(side, Sampling::Center);
         // The cube moves by so little that it covers the same pixels.
         let moved = |name, value: &Tensor<f32>| Parameter::new(name, value.clone()).rate(1e-6);
         let parameters = Parameters::new()

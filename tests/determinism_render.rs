@@ -2,8 +2,9 @@
 
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
-    Background, Blur, Border, Kernel, Lens, Mesh, Pose, RenderError, Size, Target, antialias,
-    depth, depth_of_field, gaussian_blur, interpolate, layer, project, rasterize, resolve,
+    Background, Blur, Border, Kernel, Lens, Mesh, Pose, RasterOptions, RenderError, Sampling, Size,
+    Target, antialias, depth, depth_of_field, gaussian_blur, interpolate, layer, project,
+    rasterize, resolve,
 };
 use glam::dcamera::rh::proj::opengl::perspective;
 use rayon::ThreadPoolBuilder;
@@ -58,6 +59,13 @@ impl Sphere {
         let image = resolve(surface, &fragments, Background::Image(background))?;
         let smooth = antialias(image, &fragments, clip)?;
         let blurred = gaussian_blur(smooth, sigma, &Blur::default())?;
+        let options = RasterOptions { sampling: Sampling::Exact, ..self.size.into() };
+        let exact = rasterize(clip, &self.mesh, options)?;
+        let counts = exact.coverage.boundary_counts();
+        assert!(counts.pixels > 0 && counts.pieces > counts.pixels, "{counts:?}");
+        let exact_surface = interpolate(colors, &exact)?;
+        let exact_image = resolve(exact_surface, &exact, Background::Image(background))?;
+        let exact_loss = exact_image.square().sum() + depth(&exact)?.square().sum();
         let layer = layer(surface, &fragments, Background::Zero)?.antialias(clip)?;
         assert!(layer.values.shape()[0] > fragments.coverage.count(), "the layer has a rim");
         // Several, for a sum in another order may be the same.
@@ -69,11 +77,14 @@ impl Sphere {
         });
         let errors = Var::concat(&errors.collect::<Result<Vec<_>, RenderError>>()?, 0)?;
         let loss = blurred.square().sum() + errors.sum() + depth(&fragments)?.square().sum();
+        let loss = loss + exact_loss;
         let gradients = loss.backward()?;
         let leaves = [positions, colors, rotation, translation, background, sigma];
         let mut results: Vec<_> =
             leaves.iter().map(|&leaf| gradients.get(leaf).unwrap().clone()).collect();
+        let exact_weight = exact.weight.expect("exact coverage has weights");
         let values = [fragments.barycentrics, smooth, blurred, layer.values, errors, loss];
+        let values = values.into_iter().chain([exact.barycentrics, exact_weight, exact_image]);
         results.extend(values.map(|var| var.value()));
         let ids = fragments.coverage.triangle_ids();
         results.push(Tensor::from_fn([height, width], |k| T::from_f64(ids[k].into())));

@@ -98,6 +98,26 @@ proptest! {
         }
     }
 
+    // No edge is in sight, and whole blocks of pixels see both faces.
+    #[test]
+    fn faces_that_cover_the_image_pass_through_each_other_where_they_do(
+        depths in prop::array::uniform6(-0.9..0.9),
+        width in 1..60_usize,
+        height in 1..20_usize,
+    ) {
+        let size = Size { width, height };
+        let corners = [[-3.0, -3.0], [9.0, -3.0], [-3.0, 9.0]];
+        let clip: Clip = (0..6).map(|k| [corners[k % 3][0], corners[k % 3][1], depths[k], 1.0]).collect();
+        let mesh = Mesh::new(vec![[0, 1, 2], [3, 4, 5]], 6).unwrap();
+        let colors = Tensor::from_fn([6, 2], |k| if k < 6 { 0.0 } else { 1.0 });
+        let tape = Tape::<f64>::new();
+        let image = picture(tape.leaf(&tensor(&clip)), tape.leaf(&colors), &mesh, exact(size));
+        let expected = supersampled(&clip, &colors, &mesh, size, 16);
+        for (&found, expected) in image.value().data().iter().zip(expected) {
+            prop_assert!((found - expected).abs() < 0.08, "{found} instead of {expected}");
+        }
+    }
+
     #[test]
     fn the_gradient_is_the_difference_quotient(
         (clip, colors, faces) in loose_faces(),
