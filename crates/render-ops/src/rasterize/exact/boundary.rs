@@ -6,7 +6,7 @@ use std::ops::Range;
 use bokashi_core::Scalar;
 
 use super::marks::Marks;
-use super::polygon::{Line, Measure, value_at};
+use super::polygon::{Line, Measure, size, value_at};
 use super::samples::Samples;
 use super::sheets::Regions;
 use super::visible::{Candidate, Side, Visible};
@@ -17,6 +17,9 @@ use crate::rasterize::setup::Weights;
 
 /// Where more faces may reach into a pixel, it is resolved by samples.
 const MOST_FACES: usize = 64;
+
+/// Pixels of a row that are asked at once whether sheets may cross in them.
+const BLOCK: usize = 8;
 
 /// Pieces below this share of a pixel are dropped.
 pub(super) const SMALLEST: f64 = 1e-14;
@@ -91,6 +94,9 @@ pub(in crate::rasterize) struct Search<S> {
     sheets: Vec<u32>,
     /// Blocks of pixels.
     blocks: Marks,
+    /// Per face of the band: its depth's coefficients, around the middle of the image.
+    planes: Vec<Line<S>>,
+    slabs: Vec<Slab<S>>,
     gathered: Gathered,
     candidates: Vec<Candidate<S>>,
     visible: Visible<S>,
@@ -148,15 +154,14 @@ impl Gathered {
         }
     }
 
-    /// Calls `visit` with the row and the column of each marked block of `block` pixels of a row, and
-    /// with the faces that may reach into it, around its centre.
+    /// Calls `visit` with the row and the column of each marked block of `block` pixels of a row, with
+    /// its centre, and with the faces that may reach into it.
     fn for_each<T: Scalar>(
         &mut self,
         drawn: &Drawn<'_, '_, T>,
         marks: &mut Marks,
         block: usize,
-        candidates: &mut Vec<Candidate<T::Wide>>,
-        mut visit: impl FnMut(usize, usize, &mut [Candidate<T::Wide>]),
+        mut visit: impl FnMut([usize; 2], [T::Wide; 2], &[u32]),
     ) {
         self.find(drawn, marks, block);
         let blocks = drawn.view.size.width / block;
@@ -166,10 +171,8 @@ impl Gathered {
             marks.for_each_in(row, 0..blocks, |column, _| found.push([row, column]));
         }
         for (at, &[row, column]) in found.iter().enumerate() {
-            let (x, y) = (drawn.center(column, block), drawn.view.ys[drawn.rows.start + row]);
-            candidates.clear();
-            candidates.extend(self.faces_of(at).iter().map(|&face| drawn.candidate(face, x, y)));
-            visit(row, column, candidates);
+            let center = [drawn.center(column, block), drawn.view.ys[drawn.rows.start + row]];
+            visit([row, column], center, self.faces_of(at));
         }
         self.blocks = found;
     }
@@ -276,13 +279,12 @@ impl<S: Scalar<Wide = S>> Search<S> {
         if self.marks.count() == 0 {
             return;
         }
-        let Self { marks, gathered, candidates, .. } = self;
-        let (mut marks, mut gathered) = (std::mem::take(marks), std::mem::take(gathered));
-        let mut candidates = std::mem::take(candidates);
-        gathered.for_each(drawn, &mut marks, 1, &mut candidates, |row, column, candidates| {
-            self.resolve(drawn, [row, column], candidates, pieces);
+        let (mut marks, mut gathered) =
+            (std::mem::take(&mut self.marks), std::mem::take(&mut self.gathered));
+        gathered.for_each(drawn, &mut marks, 1, |place, center, faces| {
+            self.resolve(drawn, place, center, faces, pieces);
         });
-        (self.marks, self.gathered, self.candidates) = (marks, gathered, candidates);
+        (self.marks, self.gathered) = (marks, gathered);
     }
 
     /// Marks the pixels that an edge of the surface or an end of the depth range may cross.
@@ -319,7 +321,7 @@ impl<S: Scalar<Wide = S>> Search<S> {
 
     /// Marks the pixels where surfaces may pass through each other.
     fn mark_crossings<T: Scalar<Wide = S>>(&mut self, drawn: &Drawn<'_, '_, T>) {
-        let Self { marks, regions, firsts, sheets, blocks, gathered, candidates, .. } = self;
+        let Self { marks, regions, firsts, sheets, blocks, planes, slabs, gathered, .. } = self;
         let (rows, width) = (drawn.rows.len(), drawn.view.size.width);
         regions.find(marks, rows, width);
         firsts.clear(rows, width);
@@ -343,13 +345,20 @@ impl<S: Scalar<Wide = S>> Search<S> {
                 blocks.mark(row, block..block + 1);
             }
         }
-        gathered.for_each(drawn, blocks, BLOCK, candidates, |row, block, candidates| {
-            if !may_cross(candidates, BLOCK) {
+        planes.clear();
+        let all = 0..drawn.faces.len() as u32;
+        planes.extend(all.map(|at| drawn.candidate(at, S::ZERO, S::ZERO).depth));
+        gathered.for_each(drawn, blocks, BLOCK, |[row, block], center, faces| {
+            slabs.clear();
+            slabs.extend(faces.iter().map(|&face| drawn.slab(planes, face, center, BLOCK)));
+            if !may_cross(slabs) {
                 suspects.unmark(row, block * BLOCK..(block + 1) * BLOCK);
             }
         });
-        gathered.for_each(drawn, suspects, 1, candidates, |row, column, candidates| {
-            if may_cross(candidates, 1) {
+        gathered.for_each(drawn, suspects, 1, |[row, column], center, faces| {
+            slabs.clear();
+            slabs.extend(faces.iter().map(|&face| drawn.slab(planes, face, center, 1)));
+            if may_cross(slabs) {
                 marks.mark(row, column..column + 1);
             }
         });
@@ -360,11 +369,14 @@ impl<S: Scalar<Wide = S>> Search<S> {
         &mut self,
         drawn: &Drawn<'_, '_, T>,
         [row, column]: [usize; 2],
-        candidates: &[Candidate<S>],
+        [x, y]: [S; 2],
+        faces: &[u32],
         pieces: &mut Pieces<S>,
     ) {
-        let Self { visible, samples, measures, order, .. } = self;
+        let Self { candidates, visible, samples, measures, order, .. } = self;
         let row = drawn.rows.start + row;
+        candidates.clear();
+        candidates.extend(faces.iter().map(|&face| drawn.candidate(face, x, y)));
         measures.clear();
         measures.resize(candidates.len(), [S::ZERO; 3]);
         let is_crowded = candidates.len() > MOST_FACES;
@@ -414,24 +426,46 @@ impl<S: Scalar<Wide = S>> Search<S> {
     }
 }
 
-/// Pixels of a row that are asked at once whether sheets may cross in them.
-const BLOCK: usize = 16;
+/// The depths of a face's plane in a block of pixels, and whether it covers the block's centre.
+#[derive(Debug, Clone, Copy)]
+struct Slab<S> {
+    nearest: S,
+    farthest: S,
+    covers: bool,
+}
 
-/// Whether two of the sheets that `candidates` make up in a block of `width` pixels without edges may
-/// pass through each other before all others. The nearest faces up to the first gap between all their
+impl<T: Scalar> Drawn<'_, '_, T> {
+    /// That of a face of the band in a block of `width` pixels of a row.
+    #[inline(always)]
+    fn slab(
+        &self,
+        planes: &[Line<T::Wide>],
+        face: u32,
+        center: [T::Wide; 2],
+        width: usize,
+    ) -> Slab<T::Wide> {
+        let [one, x, y] = planes[face as usize];
+        let depth = value_at([one, x, y], center);
+        let rounding = T::Wide::from_f64(1e-9) * size([one, x * center[0], y * center[1]]);
+        let reach = T::Wide::from_f64(width as f64) * x.abs() + y.abs() + rounding;
+        let edges = &self.weights[face as usize].edges;
+        let covers = edges.iter().all(|&edge| value_at(edge, center) >= T::Wide::ZERO);
+        Slab { nearest: depth - reach, farthest: depth + reach, covers }
+    }
+}
+
+/// Whether two of the sheets that these faces make up in a block of pixels without edges may pass
+/// through each other before all others. The nearest faces up to the first gap between all their
 /// depths are whole sheets, since those of one sheet touch; a sheet covers the block's centre once.
-fn may_cross<S: Scalar>(candidates: &mut [Candidate<S>], width: usize) -> bool {
-    let width = S::from_f64(width as f64);
-    let reach = |[_, x, y]: Line<S>| width * x.abs() + y.abs();
-    let nearest = |one: &Candidate<S>| one.depth[0] - reach(one.depth);
-    candidates.sort_unstable_by(|a, b| nearest(a).to_f64().total_cmp(&nearest(b).to_f64()));
+fn may_cross<S: Scalar>(slabs: &mut [Slab<S>]) -> bool {
+    slabs.sort_unstable_by(|a, b| a.nearest.to_f64().total_cmp(&b.nearest.to_f64()));
     let (mut farthest, mut sheets) = (-S::from_f64(f64::INFINITY), 0);
-    for candidate in candidates {
-        if nearest(candidate) > farthest && sheets > 0 {
+    for slab in slabs {
+        if slab.nearest > farthest && sheets > 0 {
             break;
         }
-        farthest = farthest.greater(candidate.depth[0] + reach(candidate.depth));
-        sheets += usize::from(candidate.edges.iter().all(|edge| edge[0] >= S::ZERO));
+        farthest = farthest.greater(slab.farthest);
+        sheets += usize::from(slab.covers);
     }
     sheets > 1
 }
