@@ -281,6 +281,11 @@ impl Coverage {
         (0..self.by_pixel.len()).map(|at| self.span(at))
     }
 
+    /// The pieces of boundary pixels, runs of one pixel each, in the order of their fragments.
+    pub(crate) fn piece_spans(&self) -> impl Iterator<Item = Span> + Clone + '_ {
+        (self.by_pixel.len()..self.runs.len()).map(|at| self.span(at))
+    }
+
     /// The runs of a row, from the left, for [`Coverage::span_in_row`].
     #[inline(always)]
     pub(crate) fn row(&self, row: usize) -> Range<usize> {

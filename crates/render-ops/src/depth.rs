@@ -9,8 +9,9 @@
 //! `z_bar_i += depth_bar a_i / W`, `w_bar_i -= depth_bar depth a_i / W`. Terms beyond the range of
 //! the numbers as in [`rasterize`](crate::rasterize()).
 //!
-//! With exact coverage the depth is that at the centroid of each piece, which moves: z / w of the
-//! clip positions, interpolated.
+//! A piece of a boundary pixel has the depth of its centroid, which moves: with its weights b_i,
+//! `depth = Z / W`, `Z = sum b_i z_i`, `W = sum b_i w_i`; `b_bar_i = depth_bar (z_i - depth w_i) / W`,
+//! `z_bar_i += depth_bar b_i / W`, `w_bar_i -= depth_bar depth b_i / W`.
 //!
 //! # Where it is not smooth
 //! Where another face comes to be seen.
@@ -24,12 +25,11 @@ use std::sync::Arc;
 
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 
-use crate::coverage::Coverage;
+use crate::coverage::{Coverage, Span};
 use crate::edge_functions::{EdgeSums, LocalFace};
 use crate::error::RenderError;
-use crate::face_sums::{FaceSums, Layout};
+use crate::face_sums::{FaceSums, Layout, add_term};
 use crate::fragments::Fragments;
-use crate::interpolate::interpolate;
 
 /// Each fragment's depth z / w, -1 on the near plane and 1 on the far plane: `[N]`, differentiable
 /// with respect to the clip positions that were rasterized.
@@ -41,14 +41,12 @@ pub fn depth<'t, T: Scalar>(fragments: &Fragments<'t, T>) -> Result<Var<'t, T>, 
     let tape = fragments.clip.tape();
     let coverage = fragments.checked_coverage("depth", tape)?;
     if coverage.is_exact() {
-        let clip = interpolate(fragments.clip, fragments)?;
-        let [z, w] = [2, 3].map(|at| clip.slice(1, at..at + 1));
-        return Ok(z?.try_div(w?)?.reshape([coverage.count()])?);
+        return tape.apply(Depth { coverage }, &[fragments.clip, fragments.barycentrics]);
     }
     tape.apply(Depth { coverage }, &[fragments.clip])
 }
 
-/// Input: clip `[V, 4]`. Output: depth `[N]`.
+/// Inputs: clip `[V, 4]`, and with exact coverage barycentrics `[N, 2]`. Output: depth `[N]`.
 struct Depth {
     coverage: Arc<Coverage>,
 }
@@ -76,7 +74,14 @@ impl<T: Scalar> Op<T> for Depth {
         let (coverage, clip) = (&*self.coverage, inputs.data(0));
         let depths = outputs.push([coverage.count()]);
         let two = T::Wide::from_f64(2.0);
-        coverage.for_each_band_mut(coverage.bands(), 1, depths, |slots, first, depths| {
+        let (depths, pieces) = depths.split_at_mut(coverage.centers());
+        if inputs.len() == 2 {
+            for (span, piece) in coverage.piece_spans().zip(pieces) {
+                let Centroid { depth, .. } = Centroid::of(coverage, clip, inputs.data(1), &span);
+                *piece = T::narrow(depth.greater(-T::Wide::ONE).lesser(T::Wide::ONE));
+            }
+        }
+        coverage.for_each_band_mut(coverage.center_bands(), 1, depths, |slots, first, depths| {
             for slot in slots {
                 let face = face_of(coverage, clip, slot);
                 for span in coverage.spans_of(slot) {
@@ -96,16 +101,81 @@ impl<T: Scalar> Op<T> for Depth {
         Ok(())
     }
 
-    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING.input(0)
+    fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
+        let keep = Keep::NOTHING.input(0);
+        if inputs.len() == 2 { keep.input(1) } else { keep }
     }
 
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
-        let Some(clip_bar) = gradients.get(0) else { return };
-        let coverage = &*self.coverage;
-        let pull_back = PullBack { coverage, clip: kept.input(0), depth_bar: kept.only_upstream() };
-        Layout { coverage, bands: coverage.bands(), mesh: &coverage.mesh, width: 4 }
-            .add_to(clip_bar, &pull_back);
+        let (coverage, clip, depth_bar) = (&*self.coverage, kept.input(0), kept.only_upstream());
+        let pieces = |barycentrics| {
+            let centroid = move |span: Span| {
+                let bar = depth_bar[span.fragments.start].widen();
+                (Centroid::of(coverage, clip, barycentrics, &span), bar, span.fragments.start)
+            };
+            coverage.piece_spans().map(centroid)
+        };
+        if let Some(clip_bar) = gradients.get(0) {
+            let pull_back = PullBack { coverage, clip, depth_bar };
+            let bands = coverage.center_bands();
+            Layout { coverage, bands, mesh: &coverage.mesh, width: 4 }.add_to(clip_bar, &pull_back);
+            if kept.input_count() == 2 {
+                let entries = clip_bar.entries();
+                for (centroid, depth_bar, _) in pieces(kept.input(1)) {
+                    let Centroid { indices, weights, depth, w, .. } = centroid;
+                    for (index, weight) in indices.into_iter().zip(weights) {
+                        let z_bar = depth_bar * weight / w;
+                        let entries = &mut entries[4 * index as usize..][..4];
+                        add_term(&mut entries[2], T::narrow(z_bar));
+                        add_term(&mut entries[3], T::narrow(-depth * z_bar));
+                    }
+                }
+            }
+        }
+        if kept.input_count() < 2 {
+            return;
+        }
+        let Some(barycentrics_bar) = gradients.get(1) else { return };
+        let entries = barycentrics_bar.entries();
+        for (centroid, depth_bar, at) in pieces(kept.input(1)) {
+            let [u_bar, v_bar] = centroid.slopes().map(|slope| T::narrow(depth_bar * slope));
+            entries[2 * at] += u_bar;
+            entries[2 * at + 1] += v_bar;
+        }
+    }
+}
+
+/// The centroid of a piece.
+struct Centroid<S> {
+    indices: [u32; 3],
+    /// The weights of the face's vertices.
+    weights: [S; 3],
+    /// z and w of the vertices.
+    zw: [[S; 2]; 3],
+    depth: S,
+    /// `sum b_i w_i`.
+    w: S,
+}
+
+impl<S: Scalar<Wide = S>> Centroid<S> {
+    fn of<T: Scalar<Wide = S>>(
+        coverage: &Coverage,
+        clip: &[T],
+        barycentrics: &[T],
+        span: &Span,
+    ) -> Self {
+        let indices = coverage.mesh.faces()[span.face];
+        let [u, v] = [0, 1].map(|k| barycentrics[2 * span.fragments.start + k].widen());
+        let weights = [u, v, S::ONE - u - v];
+        let zw = indices.map(|index| [2, 3].map(|k| clip[4 * index as usize + k].widen()));
+        let [z, w] = [0, 1].map(|k| (0..3).map(|i| weights[i] * zw[i][k]).sum::<S>());
+        Self { indices, weights, zw, depth: z / w, w }
+    }
+
+    /// The derivatives of the depth with respect to u and v.
+    fn slopes(&self) -> [S; 2] {
+        let slopes = self.zw.map(|[z, w]| (z - self.depth * w) / self.w);
+        [slopes[0] - slopes[2], slopes[1] - slopes[2]]
     }
 }
 
