@@ -75,9 +75,20 @@ struct Whole<S> {
     polygon: Option<Polygon>,
     /// The lines that cut it: edges, and ends of the depth range.
     cuts: Range<usize>,
-    /// The least and the largest depth of its corners.
-    nearest: S,
-    farthest: S,
+    /// The least and the largest x, y and depth of its corners.
+    least: [S; 3],
+    most: [S; 3],
+}
+
+impl<S: Scalar> Whole<S> {
+    /// Whether nothing of it can hide anything of another one.
+    #[inline(always)]
+    fn hides_nothing_of(&self, other: &Self) -> bool {
+        self.polygon.is_none()
+            || self.least[2] > other.most[2]
+            || (self.least[0] >= other.most[0]) | (self.most[0] <= other.least[0])
+            || (self.least[1] >= other.most[1]) | (self.most[1] <= other.least[1])
+    }
 }
 
 /// What is visible in a pixel, and memory.
@@ -137,12 +148,14 @@ impl<S: Scalar> Visible<S> {
             cut([one + S::ONE, x, y], Source::End { candidate: at, is_far: false });
             cut([S::ONE - one, -x, -y], Source::End { candidate: at, is_far: true });
         }
-        let (mut nearest, mut farthest) = (S::from_f64(f64::INFINITY), -S::from_f64(f64::INFINITY));
+        let infinity = S::from_f64(f64::INFINITY);
+        let (mut least, mut most) = ([infinity; 3], [-infinity; 3]);
         for point in polygon.iter().flat_map(|&polygon| polygons.points(polygon)) {
-            let depth = value_at(candidate.depth, point);
-            (nearest, farthest) = (nearest.lesser(depth), farthest.greater(depth));
+            let place = [point[0], point[1], value_at(candidate.depth, point)];
+            least = std::array::from_fn(|k| least[k].lesser(place[k]));
+            most = std::array::from_fn(|k| most[k].greater(place[k]));
         }
-        whole.push(Whole { polygon, cuts: first..lines.len(), nearest, farthest });
+        whole.push(Whole { polygon, cuts: first..lines.len(), least, most });
     }
 
     /// Takes from candidate `at` what lies behind others.
@@ -152,10 +165,7 @@ impl<S: Scalar> Visible<S> {
         left.clear();
         left.extend(whole[at].polygon);
         for (other, rival) in candidates.iter().enumerate() {
-            let is_irrelevant = other == at
-                || whole[other].polygon.is_none()
-                || whole[other].nearest > whole[at].farthest;
-            if is_irrelevant || left.is_empty() {
+            if other == at || left.is_empty() || whole[other].hides_nothing_of(&whole[at]) {
                 continue;
             }
             let behind = behind(candidates[at].depth, rival.depth, at < other);
