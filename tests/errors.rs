@@ -15,8 +15,9 @@ use bokashi_fit::{
     mean_squared_error,
 };
 use bokashi_render_ops::{
-    Background, Blur, Kernel, Lens, Mesh, Pose, Radius, RenderError, Size, depth_of_field,
-    gaussian_blur, interpolate, interpolate_indexed, layer, project, rasterize, resolve,
+    Background, Blur, Kernel, Lens, Mesh, Pose, Radius, RasterOptions, RenderError, Sampling, Size,
+    depth_of_field, gaussian_blur, interpolate, interpolate_indexed, layer, project, rasterize,
+    resolve,
 };
 use glam::DMat4;
 
@@ -120,6 +121,11 @@ fn every_render_error_says_the_rule_and_the_value() {
     let smooth = layer(values, &fragments, Background::Zero).unwrap().antialias(clip).unwrap();
     let rim = smooth.values.shape()[0] - values.shape()[0];
     let again = smooth.antialias(clip).map(drop);
+    let options = RasterOptions { sampling: Sampling::Exact, ..fragments.coverage.size().into() };
+    let exact = rasterize(clip, fragments.coverage.mesh(), options).unwrap();
+    let pixels = exact.coverage.boundary_counts().pixels;
+    let values = tape.leaf(&Tensor::zeros([exact.coverage.count(), 1]));
+    let exact = layer(values, &exact, Background::Zero).unwrap().antialias(clip).map(drop);
     let (points, image, depth) = (zeros(&[2, 3]), zeros(&[4, 4, 1]), zeros(&[4, 4]));
     let lost = {
         let mut corners = corners;
@@ -172,6 +178,11 @@ fn every_render_error_says_the_rule_and_the_value() {
              [rim] pixels",
         ),
         (
+            exact.unwrap_err(),
+            "antialias needs one fragment per pixel, got exact coverage with [pixels] boundary \
+             pixels",
+        ),
+        (
             interpolate_indexed(points, &Mesh::new(vec![], 2).unwrap(), &fragments).unwrap_err(),
             "attribute indices need one face per rasterized face, 1, got 0",
         ),
@@ -200,7 +211,7 @@ fn every_render_error_says_the_rule_and_the_value() {
     let count = fragments.coverage.count();
     let told = |message: &str| {
         let message = message.replace("[6, C]", &format!("[{count}, C]"));
-        message.replace("[rim]", &rim.to_string())
+        message.replace("[rim]", &rim.to_string()).replace("[pixels]", &pixels.to_string())
     };
     let table = table.into_iter().map(|(error, message)| (error, told(message)));
     // A transparent error shows the one below it: by name it is `Tensor`.

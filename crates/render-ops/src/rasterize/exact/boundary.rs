@@ -456,13 +456,18 @@ impl<T: Scalar> Drawn<'_, '_, T> {
 
 /// Whether two of the sheets that these faces make up in a block of pixels without edges may pass
 /// through each other before all others. The nearest faces up to the first gap between all their
-/// depths are whole sheets, since those of one sheet touch; a sheet covers the block's centre once.
+/// depths are whole sheets, since those of one sheet touch; a sheet covers the block's centre once. What
+/// is out of the depth range hides nothing; what may reach out of it is not told here.
 fn may_cross<S: Scalar>(slabs: &mut [Slab<S>]) -> bool {
     slabs.sort_unstable_by(|a, b| a.nearest.to_f64().total_cmp(&b.nearest.to_f64()));
     let (mut farthest, mut sheets) = (-S::from_f64(f64::INFINITY), 0);
-    for slab in slabs {
+    let is_out = |slab: &Slab<S>| slab.farthest < -S::ONE || slab.nearest > S::ONE;
+    for slab in slabs.iter().filter(|slab| !is_out(slab)) {
         if slab.nearest > farthest && sheets > 0 {
             break;
+        }
+        if slab.nearest < -S::ONE || slab.farthest > S::ONE {
+            return true;
         }
         farthest = farthest.greater(slab.farthest);
         sheets += usize::from(slab.covers);
