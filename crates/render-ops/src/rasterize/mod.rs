@@ -94,8 +94,8 @@ impl From<Size> for RasterOptions {
 /// centre some face covers.
 ///
 /// Smaller z / w wins; of equal ones the lower face index. Faces may reach behind the eye and
-/// through the near and far planes: the visible part is drawn. Faces whose area is zero within rounding are not drawn
-/// and are counted in [`Coverage::culled`].
+/// through the near and far planes: the visible part is drawn. Faces whose area is zero within
+/// rounding are not drawn and are counted in [`Coverage::culled`].
 ///
 /// # Errors
 /// [`RenderError::ImageSize`] for an image without pixels; [`RenderError::Shape`] unless `clip` is
