@@ -78,6 +78,8 @@ struct Whole<S> {
     /// The least and the largest x, y and depth of its corners.
     least: [S; 3],
     most: [S; 3],
+    /// How much nearer another depth has to be to be surely in front.
+    doubt: S,
 }
 
 impl<S: Scalar> Whole<S> {
@@ -85,7 +87,7 @@ impl<S: Scalar> Whole<S> {
     #[inline(always)]
     fn hides_nothing_of(&self, other: &Self) -> bool {
         self.polygon.is_none()
-            || self.least[2] > other.most[2]
+            || self.least[2] > other.most[2] + self.doubt + other.doubt
             || (self.least[0] >= other.most[0]) | (self.most[0] <= other.least[0])
             || (self.least[1] >= other.most[1]) | (self.most[1] <= other.least[1])
     }
@@ -155,7 +157,9 @@ impl<S: Scalar> Visible<S> {
             least = std::array::from_fn(|k| least[k].lesser(place[k]));
             most = std::array::from_fn(|k| most[k].greater(place[k]));
         }
-        whole.push(Whole { polygon, cuts: first..lines.len(), least, most });
+        // Of depths that are equal to `behind`, the rounded values may be in the other order.
+        let doubt = S::from_f64(2.0 * EQUAL) * size(candidate.depth);
+        whole.push(Whole { polygon, cuts: first..lines.len(), least, most, doubt });
     }
 
     /// Takes from candidate `at` what lies behind others.
@@ -266,6 +270,19 @@ pub(super) mod tests {
 
     pub(in super::super) fn triangle() -> impl Strategy<Value = [[f64; 3]; 3]> {
         proptest::array::uniform3(proptest::array::uniform3(-2.0..2.0))
+    }
+
+    #[test]
+    fn of_depths_that_differ_by_rounding_the_first_face_is_in_front_and_alone() {
+        for steps in [-8, -1, 0, 1, 8] {
+            let depth = -0.15 * (1.0 + f64::from(steps) * f64::EPSILON);
+            let all = [-0.15, depth].map(|d| Candidate { depth: [d, 0.0, 0.0], ..background(0) });
+            let mut visible = Visible::default();
+            visible.find(&all);
+            let mut measures = [[0.0; 3]; 2];
+            visible.measure(&mut measures);
+            assert_eq!(measures.map(|measure| measure[0]), [4.0, 0.0], "{steps}");
+        }
     }
 
     proptest! {
