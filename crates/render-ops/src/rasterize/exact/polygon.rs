@@ -213,10 +213,13 @@ pub(super) fn line_bar<S: Scalar>(
     [normal_x, normal_y]: [S; 2],
     g: impl Fn([S; 2]) -> S,
 ) -> Line<S> {
+    // Near 1, since squares of what belongs to vertices far away may leave the range of the numbers.
+    let largest = normal_x.abs().greater(normal_y.abs());
+    let (normal_x, normal_y) = (normal_x / largest, normal_y / largest);
     // The side's length over that of the normal, at a right angle to it: no root is needed.
     let across = ((q[0] - p[0]) * normal_y - (q[1] - p[1]) * normal_x).abs();
     let sixth = S::from_f64(if is_inside { 1.0 / 6.0 } else { -1.0 / 6.0 });
-    let scale = sixth * across / (normal_x * normal_x + normal_y * normal_y);
+    let scale = sixth * across / (normal_x * normal_x + normal_y * normal_y) / largest;
     let (g_p, g_q) = (scale * g(p), scale * g(q));
     let (of_p, of_q) = (g_p + g_p + g_q, g_p + g_q + g_q);
     [of_p + of_q, of_p * p[0] + of_q * q[0], of_p * p[1] + of_q * q[1]]
@@ -301,6 +304,20 @@ mod tests {
                     let scale = 1.0 / lines[k][1].hypot(lines[k][2]);
                     prop_assert!((quotient - lines_bar[k][c]).abs() < 1e-6 * scale);
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn the_adjoint_goes_with_1_over_the_size_of_the_line() {
+        let bar = |size: f64| {
+            let normal = [0.6 * size, 0.8 * size];
+            line_bar([[0.8, -0.6], [-0.8, 0.6]], true, normal, |_| 1.0).map(|bar| bar * size)
+        };
+        for power in [-200, -160, 160, 200] {
+            let (found, expected) = (bar(f64::powi(10.0, power)), bar(1.0));
+            for (found, expected) in found.into_iter().zip(expected) {
+                assert!((found - expected).abs() < 1e-14, "{power}: {found} {expected}");
             }
         }
     }
