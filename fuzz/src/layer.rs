@@ -5,10 +5,11 @@ use std::cell::Cell;
 use arbitrary::{Result, Unstructured};
 use bokashi_core::{Scalar, Tensor};
 use bokashi_render_ops::{
-    Background, Mesh, Target, antialias, interpolate, layer, rasterize, resolve,
+    Background, Mesh, RasterOptions, Sampling, Target, antialias, interpolate, layer, rasterize,
+    resolve,
 };
 
-use super::mesh::{faces, size};
+use super::mesh::{check_pieces, faces, sampling, size};
 use super::number::{Range, bits, expanded};
 use super::step::check;
 
@@ -38,6 +39,8 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> Result<usize> {
     let image: Tensor<T> = range.tensor(bytes, &[size.height, size.width, channels])?;
     // Of the same background, so that pixels beside the layer are left out, or of another one.
     let behind = if background > 1 { color.clone() } else { Tensor::zeros([channels]) };
+    let sampling = sampling(bytes)?;
+    let options = RasterOptions { sampling, ..size.into() };
     let Ok(target) = Target::new(&image, &behind) else { return Ok(0) };
 
     let is_stated = range.is_stated();
@@ -54,11 +57,16 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> Result<usize> {
                 1 => Background::Color(behind),
                 _ => Background::Color(tape.constant(&behind.value())),
             };
-            let fragments = rasterize(clip, &mesh, size)?;
+            let fragments = rasterize(clip, &mesh, options)?;
+            check_pieces(&fragments);
             let surface = interpolate(attributes, &fragments)?;
-            let layer = layer(surface, &fragments, background)?.antialias(clip)?;
+            let mut layer = layer(surface, &fragments, background)?;
+            let mut whole = resolve(surface, &fragments, background)?;
+            if sampling == Sampling::Center {
+                layer = layer.antialias(clip)?;
+                whole = antialias(whole, &fragments, clip)?;
+            }
             reached.set(layer.values.shape()[0]);
-            let whole = antialias(resolve(surface, &fragments, background)?, &fragments, clip)?;
             let [found, expected] = [layer.image()?.value(), whole.value()];
             assert_eq!(bits(found.data()), bits(expected.data()), "the picture");
             let loss = layer.squared_error(&target)?;

@@ -5,8 +5,8 @@ use std::cell::Cell;
 use arbitrary::{Result, Unstructured};
 use bokashi_core::{Scalar, Tensor};
 use bokashi_render_ops::{
-    Background, Cull, Fragments, Mesh, RasterOptions, Size, antialias, depth, interpolate,
-    interpolate_indexed, rasterize, resolve,
+    Background, Cull, Fragments, Mesh, RasterOptions, Sampling, Size, antialias, depth,
+    interpolate, interpolate_indexed, rasterize, resolve,
 };
 
 use super::number::{Range, expanded};
@@ -44,20 +44,42 @@ pub(super) fn size(bytes: &mut Unstructured<'_>) -> Result<Size> {
     Ok(Size { width: bytes.int_in_range(0..=16)?, height: bytes.int_in_range(0..=16)? })
 }
 
+/// What a pixel is the picture of: read last, since inputs were kept before there was a choice.
+pub(super) fn sampling(bytes: &mut Unstructured<'_>) -> Result<Sampling> {
+    Ok(if bytes.arbitrary()? { Sampling::Exact } else { Sampling::Center })
+}
+
+/// Pieces of a pixel cover some of it each, and no more than all of it together.
+pub(super) fn check_pieces<T: Scalar>(fragments: &Fragments<'_, T>) {
+    let Some(weights) = fragments.weight.map(|weight| weight.value()) else { return };
+    let slack = if size_of::<T>() == 4 { 1e-6 } else { 1e-12 };
+    let coverage = &fragments.coverage;
+    for (pixel, pieces) in coverage.boundary() {
+        let weight = |&piece: &u32| weights.data()[piece as usize - coverage.centers()].to_f64();
+        let weights: Vec<_> = pieces.iter().map(weight).collect();
+        let total: f64 = weights.iter().sum();
+        assert!(weights.iter().all(|&weight| weight > 0.0), "{weights:?} in pixel {pixel}");
+        assert!(total <= 1.0 + slack, "{total} of pixel {pixel}");
+    }
+}
+
 /// Weights within the face, depths within the view, one fragment per pixel.
 pub(super) fn check_fragments<T: Scalar>(fragments: &Fragments<'_, T>) {
     let slack = if size_of::<T>() == 4 { 1e-5 } else { 1e-12 };
     let depth = depth(fragments).expect("fragments that are whole").value();
+    let centers = fragments.coverage.centers();
     let weights = fragments.barycentrics.value();
-    for weights in weights.data().chunks_exact(2) {
+    // The weights of a piece are rounded the more coarsely the smaller it is.
+    for weights in weights.data().chunks_exact(2).take(centers) {
         let (u, v) = (weights[0].to_f64(), weights[1].to_f64());
         for weight in [u, v, 1.0 - u - v] {
             assert!((-slack..=1.0 + slack).contains(&weight), "weights {u} {v}");
         }
     }
-    assert!(depth.data().iter().all(|depth| (-1.0..=1.0).contains(&depth.to_f64())), "{depth:?}");
+    let depths = &depth.data()[..centers];
+    assert!(depths.iter().all(|depth| (-1.0..=1.0).contains(&depth.to_f64())), "{depth:?}");
     let coverage = &fragments.coverage;
-    for (fragment, pixel) in coverage.pixels().enumerate() {
+    for (fragment, pixel) in coverage.pixels().enumerate().take(centers) {
         assert_eq!(coverage.fragment_at(pixel), Some(fragment));
     }
     let culled = coverage.culled();
@@ -69,7 +91,6 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> Result<usize> {
     let range = Range::choose::<T>(bytes)?;
     let size = size(bytes)?;
     let cull = *bytes.choose(&[Cull::None, Cull::Back, Cull::Front])?;
-    let options = RasterOptions { cull, ..size.into() };
     let vertex_count = bytes.int_in_range(0..=12)?;
     let channels = bytes.int_in_range(1..=4)?;
     let faces = faces(bytes, vertex_count)?;
@@ -87,6 +108,12 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> Result<usize> {
     };
     let attribute_mesh = indexed.then(|| Mesh::new(vec![[0; 3]; face_count], 1));
     let attribute_mesh = attribute_mesh.transpose().expect("indices of 0 below 1");
+    let sampling = sampling(bytes)?;
+    // The third weight of a piece is what is missing to 1: of a vertex that is nearly all of w it
+    // has to be more than rounding for a depth.
+    let has_depths = sampling == Sampling::Center
+        || clip.data().iter().skip(3).step_by(4).all(|w| (0.01..100.0).contains(&w.abs().to_f64()));
+    let options = RasterOptions { size, cull, sampling };
 
     let inputs = [clip, attributes, behind];
     let upstream = |k: usize| T::from_f64(0.5 - (k % 3) as f64);
@@ -95,6 +122,7 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> Result<usize> {
         let &[clip, attributes, behind] = inputs else { unreachable!("three inputs") };
         let fragments = rasterize(clip, &mesh, options)?;
         check_fragments(&fragments);
+        check_pieces(&fragments);
         reached.set(fragments.coverage.count());
         let surface = match &attribute_mesh {
             Some(mesh) => interpolate_indexed(attributes, mesh, &fragments)?,
@@ -107,8 +135,12 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> Result<usize> {
         };
         // Darker with depth, so that depths have gradients too.
         let depth = depth(&fragments)?.reshape([fragments.coverage.count(), 1])?;
-        let image = resolve(surface * depth, &fragments, background)?;
-        antialias(image, &fragments, clip)
+        let surface = if has_depths { surface * depth } else { surface };
+        let image = resolve(surface, &fragments, background)?;
+        match sampling {
+            Sampling::Center => antialias(image, &fragments, clip),
+            Sampling::Exact => Ok(image),
+        }
     });
     Ok(reached.get())
 }
