@@ -147,7 +147,7 @@ impl Scene {
 }
 
 /// A multiple of 2^-53, uniform in [0, 1).
-fn uniform(generator: &mut impl Rng) -> f64 {
+pub(crate) fn uniform(generator: &mut impl Rng) -> f64 {
     (generator.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
 }
 

@@ -6,17 +6,18 @@ use std::ops::Range;
 use bokashi_core::Scalar;
 
 use super::marks::Marks;
-use super::polygon::{Line, Measure, size, value_at};
+use super::mean::{Extent, barycentrics};
+use super::polygon::{Line, Moments, size, value_at};
 use super::samples::Samples;
 use super::sheets::Regions;
 use super::visible::{Candidate, Side, Visible};
-use crate::homogeneous::{Vertex, cross, missing_factors};
+use crate::homogeneous::{Vertex, cross};
 use crate::rasterize::canvas::View;
 use crate::rasterize::culling::{Corner, Fate};
 use crate::rasterize::setup::Weights;
 
 /// Where more faces may reach into a pixel, it is resolved by samples.
-const MOST_FACES: usize = 64;
+const MOST_FACES: usize = 1024;
 
 /// Pixels of a row that are asked at once whether sheets may cross in them.
 const BLOCK: usize = 8;
@@ -32,16 +33,20 @@ const REACH: f64 = 1.0 + 1e-6;
 pub(in crate::rasterize) struct Piece<S> {
     /// The position of its face among those of the band.
     pub(in crate::rasterize) drawn: u32,
-    /// Its integrals of 1, x and y in scaled coordinates relative to the pixel's centre.
-    pub(super) measure: Measure<S>,
-    /// The weights of its face's vertices 0 and 1 at its centroid.
+    /// Its area in scaled coordinates, in which a pixel has 4.
+    pub(super) area: S,
+    /// From the pixel's centre.
+    pub(super) extent: Extent<S>,
+    /// Whether its extent moves with its sides.
+    pub(super) moves: bool,
+    /// The means of the weights of its face's vertices 0 and 1.
     pub(in crate::rasterize) barycentrics: [S; 2],
 }
 
 impl<S: Scalar> Piece<S> {
     /// The share of the pixel that it covers.
     pub(in crate::rasterize) fn weight(&self) -> S {
-        S::from_f64(0.25) * self.measure[0]
+        S::from_f64(0.25) * self.area
     }
 }
 
@@ -101,8 +106,11 @@ pub(in crate::rasterize) struct Search<S> {
     candidates: Vec<Candidate<S>>,
     visible: Visible<S>,
     samples: Samples<S>,
-    measures: Vec<Measure<S>>,
+    moments: Vec<Moments<S>>,
+    extents: Vec<Option<Extent<S>>>,
     order: Vec<u32>,
+    /// Per face of the band: bit k, whether edge k is one of a surface's outline, or a seam.
+    outlines: Vec<u8>,
 }
 
 /// A band with the faces that were drawn in it.
@@ -243,9 +251,14 @@ impl<T: Scalar> Drawn<'_, '_, T> {
         [both(rows, own_rows), both(columns, own_columns)]
     }
 
-    /// The edge functions around the centre of a pixel, positive inside, and the depth.
+    /// The depth's coefficients around the centre of a pixel.
+    fn depth(&self, drawn: u32, x: T::Wide, y: T::Wide) -> Line<T::Wide> {
+        self.candidate(drawn, 0, x, y).depth
+    }
+
+    /// A face around the centre of a pixel.
     #[inline(always)]
-    fn candidate(&self, drawn: u32, x: T::Wide, y: T::Wide) -> Candidate<T::Wide> {
+    fn candidate(&self, drawn: u32, outline: u8, x: T::Wide, y: T::Wide) -> Candidate<T::Wide> {
         let face = self.faces[drawn as usize] as usize;
         let vertices = self.view.corners_of(face).map(|corner| corner.vertex);
         let sign = T::Wide::from_f64(f64::from(self.view.verdicts[face].orientation));
@@ -254,7 +267,7 @@ impl<T: Scalar> Drawn<'_, '_, T> {
         for (k, edge) in edges.iter_mut().enumerate() {
             edge[0] = sign * cross(q[(k + 1) % 3], q[(k + 2) % 3]);
         }
-        Candidate { drawn, edges, depth: depth(&vertices, &edges) }
+        Candidate { drawn, edges, depth: depth(&vertices, &edges), outline }
     }
 }
 
@@ -290,26 +303,28 @@ impl<S: Scalar<Wide = S>> Search<S> {
     /// Marks the pixels that an edge of the surface or an end of the depth range may cross.
     fn mark<T: Scalar<Wide = S>>(&mut self, drawn: &Drawn<'_, '_, T>) {
         let view = drawn.view;
-        let marks = &mut self.marks;
+        let Self { marks, outlines, .. } = self;
         marks.clear(drawn.rows.len(), view.size.width);
+        outlines.clear();
         for (at, (&face, weights)) in (0..).zip(drawn.faces.iter().zip(drawn.weights)) {
-            for corner in 0..3 {
-                if view.is_silhouette(face as usize, corner)
-                    || view.mesh.is_seam(face as usize, corner)
-                {
-                    let [rows, columns] = drawn.reach_of_edge(face, corner);
-                    let [one, x, y] = weights.edges[corner];
-                    let start = one + x * view.centers[0];
-                    for row in rows {
-                        let line = [start + y * view.ys[row], x, y];
-                        marks.mark(row - drawn.rows.start, near_line(line, columns.clone()));
-                    }
+            let is_outline = |k| {
+                view.is_silhouette(face as usize, k) || view.mesh.is_seam(face as usize, k)
+            };
+            let outline = (0..3).map(|k| u8::from(is_outline(k)) << k).sum();
+            outlines.push(outline);
+            for corner in (0..3).filter(|k| outline >> k & 1 == 1) {
+                let [rows, columns] = drawn.reach_of_edge(face, corner);
+                let [one, x, y] = weights.edges[corner];
+                let start = one + x * view.centers[0];
+                for row in rows {
+                    let line = [start + y * view.ys[row], x, y];
+                    marks.mark(row - drawn.rows.start, near_line(line, columns.clone()));
                 }
             }
             if view.corners_of(face as usize).iter().any(|corner| corner.is_beyond_depths()) {
                 let [rows, columns] = drawn.reach(face);
                 for row in rows {
-                    let [depth, x, y] = drawn.candidate(at, view.centers[0], view.ys[row]).depth;
+                    let [depth, x, y] = drawn.depth(at, view.centers[0], view.ys[row]);
                     for end in [-S::ONE, S::ONE] {
                         let near = near_line([depth - end, x, y], columns.clone());
                         marks.mark(row - drawn.rows.start, near);
@@ -347,7 +362,7 @@ impl<S: Scalar<Wide = S>> Search<S> {
         }
         planes.clear();
         let all = 0..drawn.faces.len() as u32;
-        planes.extend(all.map(|at| drawn.candidate(at, S::ZERO, S::ZERO).depth));
+        planes.extend(all.map(|at| drawn.depth(at, S::ZERO, S::ZERO)));
         gathered.for_each(drawn, blocks, BLOCK, |[row, block], center, faces| {
             slabs.clear();
             slabs.extend(faces.iter().map(|&face| drawn.slab(planes, face, center, BLOCK)));
@@ -373,39 +388,50 @@ impl<S: Scalar<Wide = S>> Search<S> {
         faces: &[u32],
         pieces: &mut Pieces<S>,
     ) {
-        let Self { candidates, visible, samples, measures, order, .. } = self;
+        let Self { candidates, visible, samples, moments, extents, order, outlines, slabs, .. } =
+            self;
         let row = drawn.rows.start + row;
         candidates.clear();
-        candidates.extend(faces.iter().map(|&face| drawn.candidate(face, x, y)));
-        measures.clear();
-        measures.resize(candidates.len(), [S::ZERO; 3]);
-        let is_crowded = candidates.len() > MOST_FACES;
+        candidates.extend(
+            faces.iter().map(|&face| drawn.candidate(face, outlines[face as usize], x, y)),
+        );
+        slabs.clear();
+        slabs.extend(candidates.iter().map(Slab::of));
+        if front_sheets(slabs) == Some(1) {
+            return;
+        }
+        moments.clear();
+        moments.resize(candidates.len(), [S::ZERO; 6]);
+        extents.clear();
+        let is_crowded = candidates.len() > MOST_FACES || !visible.find(candidates);
+        let smallest = S::from_f64(4.0 * SMALLEST);
         if is_crowded {
             pieces.crowded += 1;
-            samples.find(candidates, measures);
+            extents.resize(candidates.len(), None);
+            samples.find(candidates, moments, extents);
         } else {
-            visible.find(candidates);
-            visible.measure(measures);
+            visible.add_moments(moments);
+            let extent = |moments: &Moments<S>| Extent::of(*moments);
+            extents.extend(moments.iter().map(|own| (own[0] > smallest).then(|| extent(own))));
+            let is_dropped = |own: &&Moments<S>| own[0] > S::ZERO && own[0] <= smallest;
+            pieces.dropped += moments.iter().filter(is_dropped).count();
         }
-        let smallest = S::from_f64(4.0 * SMALLEST);
         order.clear();
         let all = 0..candidates.len() as u32;
-        order.extend(all.filter(|&at| measures[at as usize][0] > smallest));
-        let seen = measures.iter().filter(|measure| measure[0] > S::ZERO).count();
-        pieces.dropped += seen - order.len();
+        order.extend(all.filter(|&at| extents[at as usize].is_some()));
         // The largest first; of equal ones the lower face.
         order.sort_unstable_by(|&a, &b| {
-            let area = |at: u32| measures[at as usize][0].to_f64();
+            let area = |at: u32| moments[at as usize][0].to_f64();
             area(b).total_cmp(&area(a)).then(a.cmp(&b))
         });
         pieces.pixels.push((row * drawn.view.size.width + column) as u32);
-        pieces.pieces.extend(order.iter().map(|&at| {
-            let Candidate { drawn: face, edges, .. } = candidates[at as usize];
-            let [area, x, y] = measures[at as usize];
-            let a = edges.map(|edge| value_at(edge, [x / area, y / area]));
-            let corners = drawn.view.corners_of(drawn.faces[face as usize] as usize);
-            let barycentrics = weights(a, corners.map(|corner| corner.factor));
-            Piece { drawn: face, measure: measures[at as usize], barycentrics }
+        pieces.pieces.extend(order.iter().filter_map(|&at| {
+            let (Candidate { drawn: face, edges, .. }, area) =
+                (&candidates[at as usize], moments[at as usize][0]);
+            let extent = extents[at as usize]?;
+            let corners = drawn.view.corners_of(drawn.faces[*face as usize] as usize);
+            let barycentrics = barycentrics(edges, corners.map(|corner| corner.factor), &extent);
+            Some(Piece { drawn: *face, area, extent, moves: !is_crowded, barycentrics })
         }));
         pieces.ends.push(pieces.pieces.len() as u32);
         if !drawn.view.needs {
@@ -418,7 +444,7 @@ impl<S: Scalar<Wide = S>> Search<S> {
             pieces.segments.push(Segment { piece: at as u32, side: Side { source, ..side } });
         };
         if is_crowded {
-            samples.sides(candidates, measures).iter().copied().for_each(&mut keep);
+            samples.sides.iter().copied().for_each(&mut keep);
         } else {
             visible.sides().for_each(&mut keep);
         }
@@ -426,16 +452,37 @@ impl<S: Scalar<Wide = S>> Search<S> {
     }
 }
 
-/// The depths of a face's plane in a block of pixels, and whether it covers the block's centre.
+/// A face in a block of pixels.
 #[derive(Debug, Clone, Copy)]
 struct Slab<S> {
+    /// The range of its plane's depths.
     nearest: S,
     farthest: S,
+    /// Whether it covers the block's centre.
     covers: bool,
+    /// Whether an edge of the surface's outline may cross the block in it.
+    ends: bool,
+}
+
+impl<S: Scalar> Slab<S> {
+    /// That of a candidate in its pixel.
+    #[inline(always)]
+    fn of(candidate: &Candidate<S>) -> Self {
+        let [depth, x, y] = candidate.depth;
+        let rounding = S::from_f64(1e-9) * depth.abs();
+        let reach = x.abs() + y.abs() + rounding;
+        let mut ends = false;
+        for (k, [one, x, y]) in candidate.edges.into_iter().enumerate() {
+            let near = one.abs() <= S::from_f64(REACH) * (x.abs() + y.abs());
+            ends |= (candidate.outline >> k & 1 == 1) & near;
+        }
+        let covers = candidate.edges.iter().all(|edge| edge[0] >= S::ZERO);
+        Self { nearest: depth - reach, farthest: depth + reach, covers, ends }
+    }
 }
 
 impl<T: Scalar> Drawn<'_, '_, T> {
-    /// That of a face of the band in a block of `width` pixels of a row.
+    /// That of a face of the band in a block of `width` pixels of a row, which no outline crosses.
     #[inline(always)]
     fn slab(
         &self,
@@ -450,15 +497,16 @@ impl<T: Scalar> Drawn<'_, '_, T> {
         let reach = T::Wide::from_f64(width as f64) * x.abs() + y.abs() + rounding;
         let edges = &self.weights[face as usize].edges;
         let covers = edges.iter().all(|&edge| value_at(edge, center) >= T::Wide::ZERO);
-        Slab { nearest: depth - reach, farthest: depth + reach, covers }
+        Slab { nearest: depth - reach, farthest: depth + reach, covers, ends: false }
     }
 }
 
-/// Whether two of the sheets that these faces make up in a block of pixels without edges may pass
-/// through each other before all others. The nearest faces up to the first gap between all their
-/// depths are whole sheets, since those of one sheet touch; a sheet covers the block's centre once. What
-/// is out of the depth range hides nothing; what may reach out of it is not told here.
-fn may_cross<S: Scalar>(slabs: &mut [Slab<S>]) -> bool {
+/// How many sheets these faces make up in a block of pixels before all that lies behind them, where
+/// they are whole: those of one sheet touch, so the nearest faces up to the first gap between all
+/// their depths are whole sheets if none of them ends here, and a sheet covers the block's centre once.
+/// What is out of the depth range hides nothing; where something may reach out of it, none can be
+/// told.
+fn front_sheets<S: Scalar>(slabs: &mut [Slab<S>]) -> Option<usize> {
     slabs.sort_unstable_by(|a, b| a.nearest.to_f64().total_cmp(&b.nearest.to_f64()));
     let (mut farthest, mut sheets) = (-S::from_f64(f64::INFINITY), 0);
     let is_out = |slab: &Slab<S>| slab.farthest < -S::ONE || slab.nearest > S::ONE;
@@ -466,13 +514,18 @@ fn may_cross<S: Scalar>(slabs: &mut [Slab<S>]) -> bool {
         if slab.nearest > farthest && sheets > 0 {
             break;
         }
-        if slab.nearest < -S::ONE || slab.farthest > S::ONE {
-            return true;
+        if slab.ends || slab.nearest < -S::ONE || slab.farthest > S::ONE {
+            return None;
         }
         farthest = farthest.greater(slab.farthest);
         sheets += usize::from(slab.covers);
     }
-    sheets > 1
+    Some(sheets)
+}
+
+/// Whether two of the sheets that these faces make up may pass through each other before all others.
+fn may_cross<S: Scalar>(slabs: &mut [Slab<S>]) -> bool {
+    front_sheets(slabs).is_none_or(|sheets| sheets > 1)
 }
 
 /// Of `columns` those in whose pixels a line passes, in a row where it has the value `start` at the
@@ -488,13 +541,4 @@ fn near_line<S: Scalar>([start, x, y]: Line<S>, columns: Range<usize>) -> Range<
     let first = (center - half).ceil().max(columns.start as f64);
     let end = ((center + half).floor() + 1.0).min(columns.end as f64);
     first as usize..end.max(0.0) as usize
-}
-
-/// The weights u and v of a face's vertices where its edge functions are `a`.
-#[inline(always)]
-pub(super) fn weights<S: Scalar>(a: [S; 3], factors: [S; 3]) -> [S; 2] {
-    let missing = missing_factors(a, factors);
-    let weights: [S; 3] = std::array::from_fn(|k| missing[k] * a[k]);
-    let total = weights[0] + weights[1] + weights[2];
-    [weights[0] / total, weights[1] / total]
 }

@@ -2,6 +2,7 @@
 
 mod boundary;
 mod marks;
+mod mean;
 mod polygon;
 mod pull_back;
 mod resolved;

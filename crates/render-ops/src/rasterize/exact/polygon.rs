@@ -1,19 +1,18 @@
-//! Convex polygons within a pixel: cut by lines, measured, and the adjoint of the measure.
+//! Convex polygons within a pixel: cut by lines, their moments, and the adjoint of these.
 //!
 //! Coordinates are scaled ones relative to the pixel's centre: the pixel is `[-1, 1]^2`, of area 4. A
 //! line is `l(x, y) = l_0 + l_1 x + l_2 y`; the side of it where l is positive is its inside.
 //!
-//! # Measure
-//! Of a polygon P the integrals of 1, x and y over it: area and first moments.
+//! # Moments
+//! Of a polygon P the integrals of 1, x, y, x^2, xy and y^2 over it.
 //!
 //! # Adjoint
 //! Where a side of P lies on a line whose inside P is on, a change dl of the line moves the side
-//! outwards by `dl(x, y) / |(l_1, l_2)|`. With the gradients `m_bar` of the integrals of 1, x and y and
-//! `g(x, y) = m_bar_0 + m_bar_1 x + m_bar_2 y` the side adds
-//! `l_bar += int g (1, x, y) ds / |(l_1, l_2)|`, with the other sign where P is on the outside. Corners
-//! move, too, but only what moves across a side changes an integral: where a corner came from does
-//! not matter. Over a side of length s from p to q the integral of two linear functions' product is
-//! `s (2 f_p g_p + f_p g_q + f_q g_p + 2 f_q g_q) / 6`.
+//! outwards by `dl(x, y) / |(l_1, l_2)|`. Where g is what a small area at (x, y) is worth, of which P
+//! gets so much more, the side adds `l_bar += int g (1, x, y) ds / |(l_1, l_2)|`, with the other sign
+//! where P is on the outside. Corners move, too, but only what moves across a side changes an integral:
+//! where a corner came from does not matter. g is quadratic, as the moments are, so two Gauss points
+//! are exact.
 
 use std::ops::Range;
 
@@ -62,8 +61,8 @@ pub(super) struct Polygons<S> {
     values: Vec<S>,
 }
 
-/// The integrals of 1, x and y.
-pub(super) type Measure<S> = [S; 3];
+/// The integrals of 1, x, y, x^2, xy and y^2.
+pub(super) type Moments<S> = [S; 6];
 
 #[inline(always)]
 pub(super) fn value_at<S: Scalar>(line: Line<S>, [x, y]: [S; 2]) -> S {
@@ -85,6 +84,11 @@ impl<S: Scalar> Polygons<S> {
         self.corners.clear();
         self.corners.extend(points.map(|point| Corner { point, side }));
         Polygon { first: 0, end: 4 }
+    }
+
+    /// How many corners all polygons have.
+    pub(super) fn len(&self) -> usize {
+        self.corners.len()
     }
 
     /// The parts of a polygon on the inside and on the outside of a line, where there are any: all of
@@ -187,21 +191,40 @@ impl<S: Scalar> Polygons<S> {
         corners.iter().zip(after).map(|(from, to)| (from.side, [from.point, to.point]))
     }
 
-    pub(super) fn measure(&self, polygon: Polygon) -> Measure<S> {
+    pub(super) fn moments(&self, polygon: Polygon) -> Moments<S> {
         // Triangles around the first point: nothing large cancels.
         let corners = &self.corners[polygon.corners()];
-        let origin = corners[0].point;
-        let (half, third) = (S::from_f64(0.5), S::from_f64(1.0 / 3.0));
-        let mut measure = [S::ZERO; 3];
-        for pair in corners[1..].windows(2) {
-            let [p, q] = [pair[0], pair[1]]
-                .map(|corner| [corner.point[0] - origin[0], corner.point[1] - origin[1]]);
-            let area = half * (p[0] * q[1] - p[1] * q[0]);
-            measure[0] += area;
-            measure[1] += area * (origin[0] + third * (p[0] + q[0]));
-            measure[2] += area * (origin[1] + third * (p[1] + q[1]));
+        let [x, y] = corners[0].point;
+        let from_first = |corner: &Corner<S>| [corner.point[0] - x, corner.point[1] - y];
+        let [mut area, mut m_x, mut m_y, mut m_xx, mut m_xy, mut m_yy] = [S::ZERO; 6];
+        let mut p = from_first(&corners[1]);
+        for corner in &corners[2..] {
+            let q = from_first(corner);
+            let twice = p[0] * q[1] - p[1] * q[0];
+            let [sum_x, sum_y] = [p[0] + q[0], p[1] + q[1]];
+            area += twice;
+            m_x += twice * sum_x;
+            m_y += twice * sum_y;
+            m_xx += twice * (sum_x * sum_x - p[0] * q[0]);
+            m_xy += twice * (sum_x * sum_y + p[0] * p[1] + q[0] * q[1]);
+            m_yy += twice * (sum_y * sum_y - p[1] * q[1]);
+            p = q;
         }
-        measure
+        // Of a triangle (0, p, q): area / 3 (p + q), area / 6 (p_x^2 + p_x q_x + q_x^2), and
+        // area / 12 (2 p_x p_y + p_x q_y + q_x p_y + 2 q_x q_y).
+        let part = |number: f64| S::from_f64(1.0 / number);
+        area *= part(2.0);
+        (m_x, m_y) = (m_x * part(6.0), m_y * part(6.0));
+        (m_xx, m_xy, m_yy) = (m_xx * part(12.0), m_xy * part(24.0), m_yy * part(12.0));
+        // From the first point to the origin.
+        [
+            area,
+            m_x + x * area,
+            m_y + y * area,
+            m_xx + x * (m_x + m_x + x * area),
+            m_xy + x * m_y + y * m_x + x * y * area,
+            m_yy + y * (m_y + m_y + y * area),
+        ]
     }
 }
 
@@ -218,10 +241,13 @@ pub(super) fn line_bar<S: Scalar>(
     let (normal_x, normal_y) = (normal_x / largest, normal_y / largest);
     // The side's length over that of the normal, at a right angle to it: no root is needed.
     let across = ((q[0] - p[0]) * normal_y - (q[1] - p[1]) * normal_x).abs();
-    let sixth = S::from_f64(if is_inside { 1.0 / 6.0 } else { -1.0 / 6.0 });
-    let scale = sixth * across / (normal_x * normal_x + normal_y * normal_y) / largest;
-    let (g_p, g_q) = (scale * g(p), scale * g(q));
-    let (of_p, of_q) = (g_p + g_p + g_q, g_p + g_q + g_q);
+    let half = S::from_f64(if is_inside { 0.5 } else { -0.5 });
+    let scale = half * across / (normal_x * normal_x + normal_y * normal_y) / largest;
+    // (1 - 1 / sqrt(3)) / 2
+    let share = S::from_f64(0.211_324_865_405_187_13);
+    let along = [0, 1].map(|axis| share * (q[axis] - p[axis]));
+    let (p, q) = ([p[0] + along[0], p[1] + along[1]], [q[0] - along[0], q[1] - along[1]]);
+    let (of_p, of_q) = (scale * g(p), scale * g(q));
     [of_p + of_q, of_p * p[0] + of_q * q[0], of_p * p[1] + of_q * q[1]]
 }
 
@@ -259,10 +285,10 @@ mod tests {
             let Some(whole) = cut(&mut polygons, &lines, &sides) else { return Ok(()) };
             let parts = polygons.split(whole, last, 9);
             let inside = polygons.inside(whole, last, 9);
-            let measure = |part: Option<Polygon>| part.map_or([0.0; 3], |p| polygons.measure(p));
-            prop_assert_eq!(measure(inside), measure(parts[0]));
-            let [a, b] = parts.map(measure);
-            for (k, whole) in polygons.measure(whole).into_iter().enumerate() {
+            let moments = |part: Option<Polygon>| part.map_or([0.0; 6], |p| polygons.moments(p));
+            prop_assert_eq!(moments(inside), moments(parts[0]));
+            let [a, b] = parts.map(moments);
+            for (k, whole) in polygons.moments(whole).into_iter().enumerate() {
                 prop_assert!((a[k] + b[k] - whole).abs() < 1e-14);
             }
         }
@@ -271,16 +297,20 @@ mod tests {
         fn the_adjoint_is_the_difference_quotient(
             lines in proptest::collection::vec(line(), 1..6),
             sides: [bool; 5],
-            m_bar in [-1.0..1.0, -1.0..1.0, -1.0..1.0],
+            m_bar in proptest::array::uniform6(-1.0..1.0),
         ) {
-            let measure = |lines: &[Line<f64>]| {
+            let moments = |lines: &[Line<f64>]| {
                 let mut polygons = Polygons::default();
-                cut(&mut polygons, lines, &sides).map_or([0.0; 3], |p| polygons.measure(p))
+                cut(&mut polygons, lines, &sides).map_or([0.0; 6], |p| polygons.moments(p))
             };
             let loss = |lines: &[Line<f64>]| -> f64 {
-                measure(lines).into_iter().zip(m_bar).map(|(m, bar)| m * bar).sum()
+                moments(lines).into_iter().zip(m_bar).map(|(m, bar)| m * bar).sum()
             };
-            prop_assume!(measure(&lines)[0] > 1e-2);
+            let g = |[x, y]: [f64; 2]| -> f64 {
+                let powers = [1.0, x, y, x * x, x * y, y * y];
+                powers.into_iter().zip(m_bar).map(|(power, bar)| power * bar).sum()
+            };
+            prop_assume!(moments(&lines)[0] > 1e-2);
             let mut polygons = Polygons::default();
             let polygon = cut(&mut polygons, &lines, &sides).unwrap();
             let mut lines_bar = vec![[0.0; 3]; lines.len()];
@@ -288,7 +318,7 @@ mod tests {
                 if side.line != BORDER {
                     let line = side.line as usize;
                     let [_, x, y] = lines[line];
-                    let bar = line_bar(ends, side.is_inside, [x, y], |p| value_at(m_bar, p));
+                    let bar = line_bar(ends, side.is_inside, [x, y], g);
                     lines_bar[line].iter_mut().zip(bar).for_each(|(sum, bar)| *sum += bar);
                 }
             }
@@ -326,8 +356,10 @@ mod tests {
     fn a_pixel_measures_4_and_beyond_it_is_nothing() {
         let mut polygons = Polygons::<f64>::default();
         let pixel = polygons.pixel();
-        let [area, x, y] = polygons.measure(pixel);
-        assert!(area == 4.0 && x.abs() < 1e-15 && y.abs() < 1e-15);
+        let expected = [4.0, 0.0, 0.0, 4.0 / 3.0, 0.0, 4.0 / 3.0];
+        for (found, expected) in polygons.moments(pixel).into_iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-14, "{found} {expected}");
+        }
         assert_eq!(polygons.split(pixel, [-3.0, 1.0, 0.0], 0), [None, Some(pixel)]);
     }
 }

@@ -1,24 +1,23 @@
-//! From the gradients of the pieces' areas and centroids to those of the vertices.
+//! From the gradients of the pieces' areas and extents to those of the vertices.
 //!
-//! With the integrals `M_0, M_x, M_y` of a piece the weight is `M_0 / 4` and the centroid
-//! `c = (M_x, M_y) / M_0`, so `M_bar_0 = weight_bar / 4 - c_bar . c / M_0` and
-//! `M_bar_xy = c_bar / M_0`: the g of `polygon` is `g(p) = weight_bar / 4 + c_bar . (p - c) / M_0`, in
-//! which nothing large cancels however small the piece. From there to the lines that bound the piece as in `polygon`. Lines are
-//! edge functions, or depths: with `d = sum z_i a_i / D` and `D = sum w_i a_i`, a number over the
-//! whole image, `a_bar_i = (z_i d_bar - w_i D' ) / D` and so on, coefficient by coefficient.
+//! Of a piece of area A its weight is `A / 4`. Its centroid c and its covariance C are moments over A, so
+//! where it grows at p, with `r = p - c`, they change by r / A and by `(r r^T - C) / A`. The g of `polygon`
+//! is `g(p) = weight_bar / 4 + (c_bar . r + C_bar . (r r^T - C)) / A`, in which nothing large cancels
+//! however small the piece. From there to the lines that bound the piece as in `polygon`. Lines are edge
+//! functions, or depths: with `d = sum z_i a_i / D` and `D = sum w_i a_i`, a number over the whole image,
+//! `a_bar_i = (z_i d_bar + D_bar w_i)`, coefficient by coefficient.
 
 use std::ops::Range;
 
 use bokashi_core::Scalar;
 
 use super::boundary::{Pieces, Segment};
-use super::polygon::{line_bar, value_at};
+use super::mean::{self, Extent};
+use super::polygon::line_bar;
 use super::visible::{Side, Source};
 use crate::edge_functions::{EdgeSums, LocalFace};
-use crate::homogeneous::missing_factors;
 use crate::mesh::Mesh;
 use crate::rasterize::culling::Corner;
-use crate::rasterize::pull_back::weights_bar;
 use crate::size::Size;
 
 /// What the backward pass of a band reads.
@@ -47,20 +46,21 @@ struct Adjoint<S> {
     depth: [S; 3],
 }
 
-/// The gradient of a piece's area where it grows: its value at the centroid, and its slope.
+/// What it is worth that a piece grows: at its centroid, and how that changes from there.
 #[derive(Debug)]
 struct Density<S> {
     centroid: [S; 2],
     middle: S,
     slope: [S; 2],
+    bend: [S; 3],
 }
 
 impl<S: Scalar> Density<S> {
     #[inline(always)]
     fn at(&self, [x, y]: [S; 2]) -> S {
-        self.middle
-            + self.slope[0] * (x - self.centroid[0])
-            + self.slope[1] * (y - self.centroid[1])
+        let (x, y) = (x - self.centroid[0], y - self.centroid[1]);
+        let [xx, xy, yy] = self.bend;
+        self.middle + x * (self.slope[0] + xx * x + xy * y) + y * (self.slope[1] + yy * y)
     }
 }
 
@@ -173,17 +173,21 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
         for (piece, &fragment) in band.pieces.pieces[own.clone()].iter().zip(&band.fragments[own]) {
             let fragment = fragment as usize;
             let weight_bar = band.weights_bar.map_or(S::ZERO, |bars| bars[fragment].widen());
-            let [area, x, y] = piece.measure;
-            let centroid = [x / area, y / area];
-            let mut slope = [S::ZERO; 2];
+            let Extent { centroid, covariance } = piece.extent;
+            let mut middle = S::from_f64(0.25) * weight_bar;
+            let (mut slope, mut bend) = ([S::ZERO; 2], [S::ZERO; 3]);
             if let Some(bars) = band.barycentrics_bar {
                 let uv_bar = [bars[2 * fragment], bars[2 * fragment + 1]].map(T::widen);
                 let adjoint = self.adjoint(band, piece.drawn, pixel);
-                slope = adjoint.add_barycentrics(uv_bar, centroid, pixel, band.size);
-                slope = slope.map(|bar| bar / area);
+                let place = adjoint.face.place(pixel, band.size);
+                let bar = adjoint.add_barycentrics(uv_bar, &piece.extent, place);
+                if piece.moves {
+                    slope = bar.centroid.map(|bar| bar / piece.area);
+                    bend = bar.covariance.map(|bar| bar / piece.area);
+                    middle -= bend.iter().zip(covariance).map(|(&bar, own)| bar * own).sum();
+                }
             }
-            let middle = S::from_f64(0.25) * weight_bar;
-            densities.push(Density { centroid, middle, slope });
+            densities.push(Density { centroid, middle, slope, bend });
         }
         for segment in segments {
             let Side { source, is_inside, normal, ends } = segment.side;
@@ -240,26 +244,25 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
 }
 
 impl<S: Scalar<Wide = S>> Adjoint<S> {
-    /// Adds what the gradients of u and v at `centroid` from the centre of `pixel` say of the edge
-    /// functions; returns that of the centroid.
+    /// Adds what the gradients of u and v of a piece, whose pixel's centre lies at `place`, say of the
+    /// edge functions; returns those of its extent.
     fn add_barycentrics(
         &mut self,
         uv_bar: [S; 2],
-        centroid: [S; 2],
-        pixel: usize,
-        size: Size,
-    ) -> [S; 2] {
-        let place = self.face.place(pixel, size);
-        let place = [place[0] + centroid[0], place[1] + centroid[1]];
-        let coefficients = self.face.coefficients();
-        let a = coefficients.map(|line| value_at(line, place));
-        let missing = missing_factors(a, self.face.factors);
-        let weights = std::array::from_fn(|i| missing[i] * a[i]);
-        let bars = weights_bar(weights, uv_bar);
-        let a_bar: [S; 3] = std::array::from_fn(|i| missing[i] * bars[i]);
-        let centroid_bar =
-            [1, 2].map(|axis| (0..3).map(|i| a_bar[i] * coefficients[i][axis]).sum());
-        self.edges.add_row(a_bar, a_bar.map(|bar| place[0] * bar), place[1]);
-        centroid_bar
+        extent: &Extent<S>,
+        place: [S; 2],
+    ) -> Extent<S> {
+        let [x, y] = [0, 1].map(|axis| place[axis] + extent.centroid[axis]);
+        let lines = self.face.coefficients();
+        let around = lines.map(|[one, by_x, by_y]| {
+            [one + by_x * place[0] + by_y * place[1], by_x, by_y]
+        });
+        let bar = mean::adjoint(&around, self.face.factors, extent, uv_bar);
+        for i in 0..3 {
+            self.edges.ones[i] += bar.values[i];
+            self.edges.xs[i] += x * bar.values[i] + bar.slopes[i][0];
+            self.edges.ys[i] += y * bar.values[i] + bar.slopes[i][1];
+        }
+        bar.extent
     }
 }

@@ -2,17 +2,18 @@
 //! would take too long.
 //!
 //! # Forward
-//! The nearest face at each of [`GRID`]^2 samples; its measure is theirs.
+//! The nearest face at each of [`GRID`]^2 samples; its moments are theirs.
 //!
 //! # Backward
-//! The boundary of what is visible moves with the edges. Each edge of a face that some sample sees is cut
-//! into pieces about as long as samples are apart. Where the face is seen beside the middle of a piece,
-//! the piece is a side of it, and of what is seen on the other side, among all that samples see. An
-//! intersection of two faces is no edge of either: it does not move.
+//! Weights change where the outline of a surface moves: each edge of it is cut into pieces about as
+//! long as samples are apart. Where its face is seen beside the middle of a piece, the piece is a side
+//! of it, and of what is seen beyond, if that goes on behind it. A face that no sample sees, but that
+//! has a side, is a piece of area 0. Centroids do not move, nor intersections, which are no edges.
 
 use bokashi_core::Scalar;
 
-use super::polygon::{Measure, Polygons, value_at};
+use super::mean::Extent;
+use super::polygon::{Moments, Polygons, value_at};
 use super::visible::{Candidate, Side, Source};
 
 /// Samples along a pixel's side.
@@ -26,32 +27,82 @@ const NOTHING: u32 = u32::MAX;
 pub(super) struct Samples<S> {
     depths: Vec<S>,
     seen: Vec<u32>,
-    /// The candidates that some sample sees.
-    visible: Vec<u32>,
     polygons: Polygons<S>,
-    sides: Vec<(u32, Side<S>)>,
+    /// What the last call found.
+    pub(super) sides: Vec<(u32, Side<S>)>,
 }
 
 /// How far beside an edge one looks, in half pixels.
 const BESIDE: f64 = 1e-6;
 
 impl<S: Scalar> Samples<S> {
-    /// Finds what the samples see, and the measure of what is visible of each candidate.
-    pub(super) fn find(&mut self, candidates: &[Candidate<S>], measures: &mut [Measure<S>]) {
+    /// Finds the moments of what the samples see of each candidate, the extents of those that are
+    /// seen or have sides, and the sides.
+    pub(super) fn find(
+        &mut self,
+        candidates: &[Candidate<S>],
+        moments: &mut [Moments<S>],
+        extents: &mut [Option<Extent<S>>],
+    ) {
+        self.look(candidates, moments);
+        for (extent, moments) in extents.iter_mut().zip(moments) {
+            *extent = (moments[0] > S::ZERO).then(|| Extent::of(*moments));
+        }
+        let Self { polygons, sides, .. } = self;
+        sides.clear();
+        for (at, candidate) in (0..).zip(candidates).filter(|(_, one)| one.outline != 0) {
+            let mut polygon = Some(polygons.pixel());
+            for (k, &edge) in (0..).zip(&candidate.edges) {
+                polygon = polygon.and_then(|polygon| polygons.inside(polygon, edge, k));
+            }
+            for (side, ends) in polygon.iter().flat_map(|&polygon| polygons.segments(polygon)) {
+                if candidate.outline.checked_shr(side.line).unwrap_or(0) & 1 == 0 {
+                    continue;
+                }
+                let [_, x, y] = candidate.edges[side.line as usize];
+                let source = Source::Edge { candidate: at, k: side.line as u8 };
+                let beside = S::from_f64(BESIDE) / x.abs().greater(y.abs());
+                for ends in cut(ends) {
+                    let [p, q] = ends;
+                    let half = S::from_f64(0.5);
+                    let middle = [0, 1].map(|axis| half * (p[axis] + q[axis]));
+                    let [inner, outer] = [beside, -beside]
+                        .map(|offset| [middle[0] + offset * x, middle[1] + offset * y]);
+                    if nearest(candidates, inner) != Some(at) {
+                        continue;
+                    }
+                    let mut add = |at: u32, is_inside| {
+                        let still = || Extent { centroid: middle, covariance: [S::ZERO; 3] };
+                        extents[at as usize].get_or_insert_with(still);
+                        sides.push((at, Side { source, is_inside, normal: [x, y], ends }));
+                    };
+                    add(at, true);
+                    // What ends here, too, has a side of its own.
+                    let beyond = nearest(candidates, outer);
+                    if let Some(beyond) = beyond.filter(|&at| candidates[at as usize].covers(inner))
+                    {
+                        add(beyond, false);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Finds what the samples see, and its moments.
+    fn look(&mut self, candidates: &[Candidate<S>], moments: &mut [Moments<S>]) {
         self.depths.clear();
         self.depths.resize(GRID * GRID, S::ONE);
         self.seen.clear();
         self.seen.resize(GRID * GRID, NOTHING);
         let places: [S; GRID] =
             std::array::from_fn(|k| S::from_f64((2 * k + 1) as f64 / GRID as f64 - 1.0));
-        for (at, Candidate { edges, depth, .. }) in (0..).zip(candidates) {
+        for (at, candidate) in (0..).zip(candidates) {
             let rows = self.depths.chunks_exact_mut(GRID).zip(self.seen.chunks_exact_mut(GRID));
             for (&y, (depths, seen)) in places.iter().zip(rows) {
                 for ((&x, nearest), seen) in places.iter().zip(depths).zip(seen) {
-                    let depth = value_at(*depth, [x, y]);
+                    let depth = value_at(candidate.depth, [x, y]);
                     let is_nearer = depth < *nearest || depth == S::ONE && *seen == NOTHING;
-                    let is_in = edges.iter().all(|&edge| value_at(edge, [x, y]) > S::ZERO);
-                    if is_nearer && is_in && depth >= -S::ONE {
+                    if is_nearer && depth >= -S::ONE && candidate.covers([x, y]) {
                         (*nearest, *seen) = (depth, at);
                     }
                 }
@@ -59,57 +110,11 @@ impl<S: Scalar> Samples<S> {
         }
         let share = S::from_f64(4.0 / (GRID * GRID) as f64);
         for (sample, &seen) in self.seen.iter().enumerate().filter(|(_, seen)| **seen != NOTHING) {
-            let measure = &mut measures[seen as usize];
-            measure[0] += share;
-            measure[1] += share * places[sample % GRID];
-            measure[2] += share * places[sample / GRID];
+            let [x, y] = [places[sample % GRID], places[sample / GRID]];
+            let sums = &mut moments[seen as usize];
+            let powers = [S::ONE, x, y, x * x, x * y, y * y];
+            sums.iter_mut().zip(powers).for_each(|(sum, power)| *sum += share * power);
         }
-    }
-
-    /// Finds the sides of what the samples see; after [`Samples::find`].
-    pub(super) fn sides(
-        &mut self,
-        candidates: &[Candidate<S>],
-        measures: &[Measure<S>],
-    ) -> &[(u32, Side<S>)] {
-        let Self { visible, polygons, sides, .. } = self;
-        sides.clear();
-        visible.clear();
-        let all = 0..candidates.len() as u32;
-        visible.extend(all.filter(|&at| measures[at as usize][0] > S::ZERO));
-        for &at in &*visible {
-            let candidate = &candidates[at as usize];
-            let mut polygon = Some(polygons.pixel());
-            for (k, &edge) in (0..).zip(&candidate.edges) {
-                polygon = polygon.and_then(|polygon| polygons.inside(polygon, edge, k));
-            }
-            for (side, ends) in polygon.iter().flat_map(|&polygon| polygons.segments(polygon)) {
-                let Some(&[_, x, y]) = candidate.edges.get(side.line as usize) else { continue };
-                let source = Source::Edge { candidate: at, k: side.line as u8 };
-                let beside = S::from_f64(BESIDE) / x.abs().greater(y.abs());
-                for ends in cut(ends) {
-                    let [p, q] = ends;
-                    let seen = |sign: S| {
-                        let half = S::from_f64(0.5);
-                        let middle = [0, 1].map(|axis| half * (p[axis] + q[axis]));
-                        let offset = sign * beside;
-                        nearest(
-                            candidates,
-                            visible,
-                            [middle[0] + offset * x, middle[1] + offset * y],
-                        )
-                    };
-                    let (inner, outer) = (seen(S::ONE), seen(-S::ONE));
-                    if inner != Some(at) || outer == inner {
-                        continue;
-                    }
-                    let side = |is_inside| Side { source, is_inside, normal: [x, y], ends };
-                    sides.push((at, side(true)));
-                    sides.extend(outer.map(|outer| (outer, side(false))));
-                }
-            }
-        }
-        sides
     }
 }
 
@@ -125,15 +130,14 @@ fn cut<S: Scalar>([p, q]: [[S; 2]; 2]) -> impl Iterator<Item = [[S; 2]; 2]> {
     (0..count).map(move |k| [place(k), place(k + 1)])
 }
 
-/// The nearest of some candidates at a point.
-fn nearest<S: Scalar>(candidates: &[Candidate<S>], visible: &[u32], point: [S; 2]) -> Option<u32> {
+/// The nearest candidate at a point.
+fn nearest<S: Scalar>(candidates: &[Candidate<S>], point: [S; 2]) -> Option<u32> {
     let mut nearest = None;
     let mut least = S::ONE;
-    for &at in visible {
-        let Candidate { edges, depth, .. } = &candidates[at as usize];
-        let depth = value_at(*depth, point);
-        let covers = || edges.iter().all(|&edge| value_at(edge, point) > S::ZERO);
-        if (depth < least || depth == S::ONE && nearest.is_none()) && depth >= -S::ONE && covers() {
+    for (at, candidate) in (0..).zip(candidates) {
+        let depth = value_at(candidate.depth, point);
+        let is_nearer = depth < least || depth == S::ONE && nearest.is_none();
+        if is_nearer && depth >= -S::ONE && candidate.covers(point) {
             (nearest, least) = (Some(at), depth);
         }
     }
@@ -168,10 +172,10 @@ mod tests {
             let all: Vec<_> = triangles.into_iter().enumerate().filter_map(flat).collect();
             let mut visible = Visible::default();
             visible.find(&all);
-            let mut exact = vec![[0.0; 3]; all.len()];
-            visible.measure(&mut exact);
-            let (mut samples, mut found) = (Samples::default(), vec![[0.0; 3]; all.len()]);
-            samples.find(&all, &mut found);
+            let mut exact = vec![[0.0; 6]; all.len()];
+            visible.add_moments(&mut exact);
+            let (mut samples, mut found) = (Samples::default(), vec![[0.0; 6]; all.len()]);
+            samples.find(&all, &mut found, &mut vec![None; all.len()]);
             for (found, exact) in found.as_flattened().iter().zip(exact.as_flattened()) {
                 size[0] += exact.abs();
                 error[0] += (found - exact).abs();
@@ -183,7 +187,7 @@ mod tests {
                 bar[0] * side.normal[0].hypot(side.normal[1])
             };
             let exact: f64 = visible.sides().map(moved).sum();
-            let found: f64 = samples.sides(&all, &found).iter().copied().map(moved).sum();
+            let found: f64 = samples.sides.iter().copied().map(moved).sum();
             size[1] += exact.abs();
             error[1] += (found - exact).abs();
         }

@@ -7,7 +7,7 @@
 //! pass through each other in a line. Of equal depths the lower face index wins, as elsewhere.
 //!
 //! # Backward
-//! From the measures of the pieces to the lines that bound them (`polygon`), and from these to the
+//! From the moments of the pieces to the lines that bound them (`polygon`), and from these to the
 //! faces: an edge's line is a face's edge function; the line of two faces is the difference of their
 //! depths.
 
@@ -15,7 +15,7 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::polygon::{BORDER, Line, Measure, Polygon, Polygons, size, value_at};
+use super::polygon::{BORDER, Line, Moments, Polygon, Polygons, size, value_at};
 
 /// A face in a pixel: lines are relative to the pixel's centre.
 #[derive(Debug, Clone)]
@@ -25,6 +25,15 @@ pub(super) struct Candidate<S> {
     /// The edge functions, positive inside.
     pub(super) edges: [Line<S>; 3],
     pub(super) depth: Line<S>,
+    /// Bit k: whether edge k is one of a surface's outline, or a seam.
+    pub(super) outline: u8,
+}
+
+impl<S: Scalar> Candidate<S> {
+    #[inline(always)]
+    pub(super) fn covers(&self, point: [S; 2]) -> bool {
+        self.edges.iter().all(|&edge| value_at(edge, point) > S::ZERO)
+    }
 }
 
 /// Where a line comes from.
@@ -106,13 +115,17 @@ pub(super) struct Visible<S> {
     next: Vec<Polygon>,
 }
 
+/// A pixel whose polygons have more corners on the way is too crowded.
+const MOST_CORNERS: usize = 1 << 15;
+
 /// Depths that differ by no more than this share of their size are equal: the order of two faces in
 /// one plane is no accident of rounding.
 const EQUAL: f64 = 64.0 * f64::EPSILON;
 
 impl<S: Scalar> Visible<S> {
-    /// Finds the visible pieces of `candidates`, which are in the order of their faces.
-    pub(super) fn find(&mut self, candidates: &[Candidate<S>]) {
+    /// Finds the visible pieces of `candidates`, which are in the order of their faces; returns
+    /// whether it did so without more than [`MOST_CORNERS`] corners.
+    pub(super) fn find(&mut self, candidates: &[Candidate<S>]) -> bool {
         self.pieces.clear();
         self.lines.clear();
         self.sources.clear();
@@ -121,9 +134,10 @@ impl<S: Scalar> Visible<S> {
         for (at, candidate) in (0..).zip(candidates) {
             self.cut_to_pixel(pixel, at, candidate);
         }
-        for at in 0..candidates.len() {
+        (0..candidates.len()).all(|at| {
             self.find_pieces(candidates, at);
-        }
+            self.polygons.len() <= MOST_CORNERS
+        })
     }
 
     /// Cuts a candidate to the pixel and to the depth range.
@@ -217,12 +231,12 @@ impl<S: Scalar> Visible<S> {
         })
     }
 
-    /// The measure of what is visible of each candidate, added to `measures`.
-    pub(super) fn measure(&self, measures: &mut [Measure<S>]) {
+    /// Adds the moments of what is visible of each candidate.
+    pub(super) fn add_moments(&self, moments: &mut [Moments<S>]) {
         for piece in &self.pieces {
-            let measure = self.polygons.measure(piece.polygon);
-            let sum = &mut measures[piece.candidate as usize];
-            sum.iter_mut().zip(measure).for_each(|(sum, part)| *sum += part);
+            let own = self.polygons.moments(piece.polygon);
+            let sum = &mut moments[piece.candidate as usize];
+            sum.iter_mut().zip(own).for_each(|(sum, part)| *sum += part);
         }
     }
 }
@@ -257,11 +271,17 @@ pub(super) mod tests {
         let depth =
             [0, 1, 2].map(|c| (0..3).map(|k| [p, q, r][k][2] * edges[k][c] / area).sum::<f64>());
         let sign = area.signum();
-        Some(Candidate { drawn: face, edges: edges.map(|edge| edge.map(|c| sign * c)), depth })
+        let edges = edges.map(|edge| edge.map(|c| sign * c));
+        Some(Candidate { drawn: face, edges, depth, outline: 7 })
     }
 
     fn background(face: u32) -> Candidate<f64> {
-        Candidate { drawn: face, edges: [[1.0, 0.0, 0.0]; 3], depth: [1.0, 0.0, 0.0] }
+        Candidate {
+            drawn: face,
+            edges: [[1.0, 0.0, 0.0]; 3],
+            depth: [1.0, 0.0, 0.0],
+            outline: 0,
+        }
     }
 
     fn at(line: [f64; 3], x: f64, y: f64) -> f64 {
@@ -278,10 +298,10 @@ pub(super) mod tests {
             let depth = -0.15 * (1.0 + f64::from(steps) * f64::EPSILON);
             let all = [-0.15, depth].map(|d| Candidate { depth: [d, 0.0, 0.0], ..background(0) });
             let mut visible = Visible::default();
-            visible.find(&all);
-            let mut measures = [[0.0; 3]; 2];
-            visible.measure(&mut measures);
-            assert_eq!(measures.map(|measure| measure[0]), [4.0, 0.0], "{steps}");
+            assert!(visible.find(&all));
+            let mut moments = [[0.0; 6]; 2];
+            visible.add_moments(&mut moments);
+            assert_eq!(moments.map(|moments| moments[0]), [4.0, 0.0], "{steps}");
         }
     }
 
@@ -297,10 +317,10 @@ pub(super) mod tests {
                 .collect();
             all.push(background(9));
             let mut visible = Visible::default();
-            visible.find(&all);
-            let mut measures = vec![[0.0; 3]; all.len()];
-            visible.measure(&mut measures);
-            let total: f64 = measures.iter().map(|measure| measure[0]).sum();
+            assert!(visible.find(&all));
+            let mut moments = vec![[0.0; 6]; all.len()];
+            visible.add_moments(&mut moments);
+            let total: f64 = moments.iter().map(|moments| moments[0]).sum();
             prop_assert!((total - 4.0).abs() < 1e-12, "{total}");
             const N: usize = 100;
             let mut sampled = vec![0.0; all.len()];
@@ -315,7 +335,7 @@ pub(super) mod tests {
                 let seen = all.iter().position(|one| one.drawn == seen.drawn).unwrap();
                 sampled[seen] += 4.0 / (N * N) as f64;
             }
-            for (exact, sampled) in measures.iter().zip(sampled) {
+            for (exact, sampled) in moments.iter().zip(sampled) {
                 prop_assert!((exact[0] - sampled).abs() < 0.06, "{} {sampled}", exact[0]);
             }
         }

@@ -1,0 +1,144 @@
+//! The true gradient of a scene's area-averaged picture, and how well it is known.
+
+use bokashi_core::Tensor;
+use bokashi_render_ops::Cull;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+use super::cases::Case;
+use super::scanlines::{Order, Scanlines};
+
+/// Half the step of the differences, in world units: the picture is smooth but where a vertex crosses
+/// a scanline.
+const STEP: f64 = 1e-6;
+/// Where there are more coordinates than this, slopes are taken along so many random directions.
+const DIRECTIONS: usize = 24;
+
+/// What is true of a scene at one size.
+#[derive(Debug, Clone)]
+pub(super) struct Truth {
+    pub(super) pixels: usize,
+    /// `[pixels, pixels, 3]`.
+    pub(super) picture: Vec<f64>,
+    /// The gradient of the squared error against the target's picture, `[pixels, pixels, 3]`.
+    pub(super) upstream: Tensor<f64>,
+    /// Directions in which all vertices move, and how `<upstream, picture>` changes along each.
+    directions: Vec<Vec<f64>>,
+    slopes: Vec<f64>,
+    /// How far the slopes of half as many scanlines are off these, as a share of them.
+    pub(super) noise: f64,
+    /// How far pixels of half as many scanlines are off, at most.
+    pub(super) picture_noise: f64,
+}
+
+impl Truth {
+    /// The length of a gradient's error over that of the gradient. Along random signs the mean square
+    /// of a vector's slopes is that of its length.
+    pub(super) fn error(&self, gradient: &[f64]) -> f64 {
+        let found: Vec<f64> =
+            self.directions.iter().map(|direction| product(direction, gradient)).collect();
+        distance(&found, &self.slopes) / length(&self.slopes)
+    }
+
+    pub(super) fn worst(&self, picture: &[f64]) -> (usize, usize, f64, f64) {
+        let d = |k: &usize| (picture[*k] - self.picture[*k]).abs();
+        let k = (0..picture.len()).max_by(|a, b| d(a).total_cmp(&d(b))).unwrap();
+        (k / 3 / self.pixels, k / 3 % self.pixels, picture[k], self.picture[k])
+    }
+
+    /// The largest difference of a picture's pixels.
+    pub(super) fn picture_error(&self, picture: &[f64]) -> f64 {
+        apart(picture, &self.picture)
+    }
+}
+
+/// The truth at each of some sizes, of which the last is the largest, and a multiple of all others.
+pub(super) fn truths(case: &Case, cull: Cull, sizes: &[usize]) -> Vec<Truth> {
+    let largest = sizes[sizes.len() - 1];
+    let scene = &case.scene.at(largest);
+    let sets = [Order::One, Order::Two].map(|order| Scanlines { scene, cull, order });
+    let [picture, target] = [&scene.positions, &case.target]
+        .map(|positions| sets.each_ref().map(|lines| lines.picture(positions)));
+    let upstream: Vec<f64> =
+        picture[1].iter().zip(&target[1]).map(|(seen, wanted)| seen - wanted).collect();
+    let directions = directions(scene.positions.data().len());
+    let upstreams: Vec<_> = sizes.iter().map(|&size| averaged(&upstream, largest, size)).collect();
+    // Per direction, set of lines, and size.
+    let slopes: Vec<[Vec<f64>; 2]> = directions
+        .par_iter()
+        .map(|direction| {
+            sets.each_ref().map(|lines| {
+                let moved = |step: f64| {
+                    let mut positions = scene.positions.clone();
+                    let entries = positions.data_mut().iter_mut().zip(direction);
+                    entries.for_each(|(entry, along)| *entry += step * along);
+                    lines.picture(&positions)
+                };
+                let (above, below) = (moved(STEP), moved(-STEP));
+                let change: Vec<f64> =
+                    above.iter().zip(&below).map(|(a, b)| (a - b) / (2.0 * STEP)).collect();
+                let both = sizes.iter().zip(&upstreams);
+                both.map(|(&size, g)| product(&averaged(&change, largest, size), g)).collect()
+            })
+        })
+        .collect();
+    let all = sizes.iter().zip(upstreams).enumerate();
+    all.map(|(at, (&pixels, upstream))| {
+        let of = |set: usize| -> Vec<f64> { slopes.iter().map(|sets| sets[set][at]).collect() };
+        let (slopes, coarse) = (of(1), of(0));
+        let [coarse_picture, picture] =
+            picture.each_ref().map(|picture| averaged(picture, largest, pixels));
+        Truth {
+            pixels,
+            upstream: Tensor::new([pixels, pixels, 3], upstream).expect("three channels"),
+            directions: directions.clone(),
+            noise: distance(&coarse, &slopes) / length(&slopes),
+            slopes,
+            picture_noise: apart(&coarse_picture, &picture),
+            picture,
+        }
+    })
+    .collect()
+}
+
+/// One coordinate after the other where there are few, else random signs.
+fn directions(coordinates: usize) -> Vec<Vec<f64>> {
+    if coordinates <= DIRECTIONS {
+        let unit = |k: usize| (0..coordinates).map(|at| f64::from(u8::from(at == k))).collect();
+        return (0..coordinates).map(unit).collect();
+    }
+    let mut generator = ChaCha8Rng::seed_from_u64(0);
+    let mut sign = || if generator.next_u32() & 1 == 0 { 1.0 } else { -1.0 };
+    (0..DIRECTIONS).map(|_| (0..coordinates).map(|_| sign()).collect()).collect()
+}
+
+/// The picture `[to, to, 3]` of one `[from, from, 3]`, a multiple as large.
+fn averaged(samples: &[f64], from: usize, to: usize) -> Vec<f64> {
+    let times = from / to;
+    let mut sums = vec![0.0; to * to * 3];
+    for (row, line) in samples.chunks_exact(from * 3).enumerate() {
+        for (at, entry) in line.iter().enumerate() {
+            let (column, channel) = (at / 3, at % 3);
+            sums[(row / times * to + column / times) * 3 + channel] += entry;
+        }
+    }
+    sums.iter_mut().for_each(|sum| *sum /= (times * times) as f64);
+    sums
+}
+
+fn product(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn length(vector: &[f64]) -> f64 {
+    product(vector, vector).sqrt()
+}
+
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+}
+
+fn apart(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
