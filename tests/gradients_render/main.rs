@@ -5,6 +5,7 @@
 mod blends;
 mod exact;
 mod layers;
+mod partition;
 mod scenes;
 
 use std::cell::Cell;

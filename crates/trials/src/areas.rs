@@ -24,7 +24,7 @@ fn at(line: Line, x: f64, y: f64) -> f64 {
 impl Sheet {
     /// The weights b of the corners `(x, y, z, w)` at a point of the image are linear over it:
     /// `sum b_i (x_i, y_i, w_i) = (X, Y, 1)`. The face is seen where all are positive, at the depth
-    /// `sum b_i z_i`. `None` for a face without area.
+    /// `sum b_i z_i`. `None` for a face without area, to within rounding.
     fn of(corners: [[f64; 4]; 3], Size { width, height }: Size) -> Option<Self> {
         let p = corners
             .map(|[x, y, _, w]| [0.5 * width as f64 * (w + x), 0.5 * height as f64 * (w - y), w]);
@@ -35,11 +35,13 @@ impl Sheet {
         let volume: f64 = (0..3).map(|k| p[0][k] * normals[0][k]).sum();
         let edges = normals.map(|[x, y, one]| [one / volume, x / volume, y / volume]);
         let depth = [0, 1, 2].map(|c| (0..3).map(|k| corners[k][2] * edges[k][c]).sum());
+        let sizes = p.map(|[x, y, w]| x.abs() + y.abs() + w.abs());
         let scaled = |line: Line| {
             let largest = line.iter().fold(0.0_f64, |most, c| most.max(c.abs()));
             line.map(|c| c / largest)
         };
-        (volume != 0.0).then(|| Self { edges: edges.map(scaled), depth })
+        (volume.abs() > 1e-15 * sizes[0] * sizes[1] * sizes[2])
+            .then(|| Self { edges: edges.map(scaled), depth })
     }
 
     /// All lines at which something changes.
