@@ -178,7 +178,7 @@ fn a_bench_has_every_study_as_markdown_json_csv_and_a_page() {
     assert_eq!(found["quick"], true);
     let studies = found["studies"].as_array().expect("a list");
     let names: Vec<&str> = studies.iter().filter_map(|study| study["study"].as_str()).collect();
-    let all = "scenes silhouettes blur operations nodes multiply growth memory";
+    let all = "scenes silhouettes fits blur operations nodes multiply growth memory";
     assert_eq!(names.join(" "), all);
     let page = fs::read_to_string(folder.path().join("made/bench.html")).expect("a page");
     loads_nothing(&page);
@@ -210,10 +210,10 @@ fn a_bench_sets_the_times_of_others_beside_ours() {
     fs::write(folder.path().join("peers.json"), peers).expect("a file");
     let value = object(&bokashi(folder.path(), "bench --quick --peers peers.json --json -"));
     let table = |study: usize, name: &str| value["studies"][study]["tables"][name].clone();
-    let row = &table(5, "multiply")[2];
+    let row = &table(6, "multiply")[2];
     assert_eq!((&row["name"], &row["length_16_nanoseconds"]), (&"theirs".into(), &1500.0.into()));
     assert!(row["length_1_nanoseconds"].is_null() && row["length_256_nanoseconds"] == 2500.0);
-    assert_eq!(table(5, "multiply").as_array().map(Vec::len), Some(4));
+    assert_eq!(table(6, "multiply").as_array().map(Vec::len), Some(4));
     assert_eq!(table(0, "scenes")[0]["deodr_milliseconds"], 70.0);
 }
 
