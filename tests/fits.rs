@@ -3,7 +3,9 @@
 
 use std::ops::ControlFlow;
 
-use bokashi_fit::scenes::{CubeSettings, Experiment, Outcome, Precision, Preset, run_cube};
+use bokashi_fit::scenes::{
+    CubeSettings, Experiment, Outcome, Precision, Preset, STUCK, Silhouettes, run_cube,
+};
 use bokashi_render_ops::{Border, Kernel};
 
 fn run(settings: &CubeSettings) -> Outcome {
@@ -55,12 +57,15 @@ fn sigma_is_found_in_f32_too() {
 }
 
 #[test]
-fn vertices_are_found_with_antialias_and_never_without() {
+fn vertices_are_found_with_antialias_and_exact_coverage_and_never_where_jagged() {
     let fit = CubeSettings { resolution: 8, ..experiment(Experiment::Vertices, Preset::Paper) };
-    let with = vertex_errors(&fit, 5);
-    assert!(with[2] < 1e-5, "with antialias: {with:?}");
-    let without = vertex_errors(&CubeSettings { antialias: false, ..fit }, 5);
-    assert!(without[0] > 0.05, "without antialias: {without:?}");
+    let errors = |silhouettes| vertex_errors(&CubeSettings { silhouettes, ..fit.clone() }, 5);
+    for silhouettes in [Silhouettes::Antialias, Silhouettes::Exact] {
+        let errors = errors(silhouettes);
+        assert!(errors[2] < 1e-5, "{silhouettes}: {errors:?}");
+    }
+    let jagged = errors(Silhouettes::Jagged);
+    assert!(jagged[0] > STUCK, "jagged: {jagged:?}");
 }
 
 #[test]

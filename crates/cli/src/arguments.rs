@@ -4,7 +4,7 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 use bokashi_bench::STUDIES;
-use bokashi_fit::scenes::{Experiment, Precision, Preset};
+use bokashi_fit::scenes::{Experiment, Precision, Preset, Silhouettes};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::error::ErrorKind;
 use clap::parser::ValueSource;
@@ -32,9 +32,9 @@ pub(crate) enum Command {
     Fit(FitArguments),
     /// All of the paper's experiments 5.1, 5.2 and 5.3, with a report in out/.
     ///
-    /// 5.1 at 8, 16 and 32 px, with and without antialias; 5.2 and 5.3 for sigma 1, 1.4, 2.8 and
-    /// 4. With the paper's learning rates, and with tuned ones for 5.1 (32 px, antialias) and 5.3.
-    /// Then, once, in f64: what other choices do where the paper leaves one open.
+    /// 5.1 at 8, 16 and 32 px, with antialias, exact and jagged; 5.2 and 5.3 for sigma 1, 1.4, 2.8
+    /// and 4. With the paper's learning rates, and with tuned ones for 5.1 (32 px, antialias) and
+    /// 5.3. Then, once, in f64: what other choices do where the paper leaves one open.
     Reproduce(ReproduceArguments),
     /// The grid of extreme cases, in f32 and f64: what has to come out, and what does.
     ///
@@ -49,7 +49,7 @@ pub(crate) enum Command {
     /// How fast, and at what error: beside other renderers, per operation, node by node, and how
     /// cost and memory grow.
     ///
-    /// Prints tables as Markdown; takes about nine minutes. Its times are worth something on a
+    /// Prints tables as Markdown; takes about ten minutes. Its times are worth something on a
     /// machine that does nothing else, from a build with --release. Writes files only where --out or
     /// --json asks for them.
     Bench(BenchArguments),
@@ -94,9 +94,10 @@ pub(crate) struct FitArguments {
     /// Seed of the start and of the poses
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = seed)]
     pub(crate) seed: u64,
-    /// Leave silhouettes jagged, in the learnt image and in the target
-    #[arg(long)]
-    pub(crate) no_antialias: bool,
+    /// Silhouettes, in the learnt image and in the target: of pixel centres alone, blended, or of
+    /// all that lies in a pixel
+    #[arg(long, value_name = "WORD", default_value = "antialias", value_parser = words::<Silhouettes>(&["jagged", "antialias", "exact"]))]
+    pub(crate) silhouettes: Silhouettes,
     /// File for the outcome as a JSON object; - for standard output, and then nothing else there
     #[arg(long, value_name = "FILE")]
     pub(crate) json: Option<PathBuf>,
@@ -393,7 +394,8 @@ mod tests {
         assert_eq!((request.out(), request.json()), (None, None));
         let Some(Command::Fit(fit)) = request.command else { panic!("fit") };
         assert_eq!((fit.experiment, fit.preset), (Experiment::Joint, Preset::Paper));
-        assert_eq!((fit.resolution, fit.seed, fit.no_antialias), (32, 0, false));
+        assert_eq!((fit.resolution, fit.seed), (32, 0));
+        assert_eq!(fit.silhouettes, Silhouettes::Antialias);
         assert_eq!((fit.sigma, fit.common.threads), (None, None));
         assert_eq!(fit.common.precision, Precision::F32);
     }
@@ -401,7 +403,7 @@ mod tests {
     #[test]
     fn every_option_of_a_fit_is_read() {
         let line = "fit --experiment sigma --preset tuned --resolution 16 --sigma 2.8 --steps 7 \
-             --seed 3 --no-antialias --precision f64 --threads 2 --out a --json - --quiet \
+             --seed 3 --silhouettes exact --precision f64 --threads 2 --out a --json - --quiet \
              --save b --save-every 4 --resume c";
         let request = read(line).expect("all of them");
         assert_eq!(request.out(), Some("a".into()));
@@ -411,7 +413,7 @@ mod tests {
         assert_eq!((fit.common.steps, fit.common.threads), (7, Some(2)));
         assert_eq!(fit.common.precision, Precision::F64);
         assert_eq!(fit.json, Some("-".into()));
-        assert!(fit.no_antialias && fit.common.quiet);
+        assert!(fit.silhouettes == Silhouettes::Exact && fit.common.quiet);
         assert_eq!((fit.save, fit.save_every), (Some("b".into()), Some(4)));
         assert_eq!(fit.resume, Some("c".into()));
     }
@@ -475,6 +477,8 @@ mod tests {
         let table = [
             ("fit --experiment all", "'all'", "[possible values: vertices, sigma, joint]"),
             ("fit --preset best", "'best'", "[possible values: paper, tuned, second-order]"),
+            ("fit --silhouettes sharp", "'sharp'", "[possible values: jagged, antialias, exact]"),
+            ("fit --no-antialias", "'--no-antialias'", "--help"),
             ("fit --precision f16", "'f16'", "[possible values: f32, f64]"),
             ("fit --resolution 0", "'0'", "needs a whole number from 1 to 4096"),
             ("fit --resolution 3.5", "'3.5'", "needs a whole number from 1 to 4096"),

@@ -1,7 +1,9 @@
 //! Which fits a command stands for.
 
 use bokashi_fit::FitError;
-use bokashi_fit::scenes::{Alternative, CubeSettings, Experiment, Preset, alternatives};
+use bokashi_fit::scenes::{
+    Alternative, CubeSettings, Experiment, Preset, Silhouettes, alternatives,
+};
 
 use crate::arguments::{Command, FitArguments, Request};
 use crate::failure::Failure;
@@ -61,7 +63,7 @@ fn resume(fit: &FitArguments, settings: &mut CubeSettings) -> Result<(), Failure
             ("resolution", settings.resolution.to_string()),
             ("sigma", settings.sigma_target.to_string()),
             ("seed", settings.seed.to_string()),
-            ("no_antialias", (!settings.antialias).to_string()),
+            ("silhouettes", settings.silhouettes.to_string()),
             ("precision", settings.precision.to_string()),
         ]
     };
@@ -96,17 +98,18 @@ fn experiments(request: &Request) -> Vec<CubeSettings> {
                 resolution: fit.resolution,
                 sigma_target: fit.sigma.unwrap_or(settings.sigma_target),
                 seed: fit.seed,
-                antialias: !fit.no_antialias,
+                silhouettes: fit.silhouettes,
                 ..settings
             }]
         }
         Some(Command::Reproduce(reproduce)) => {
             let mut all = Vec::new();
-            for (resolution, antialias) in
-                RESOLUTIONS.into_iter().flat_map(|side| [(side, true), (side, false)])
-            {
-                let settings = new(Experiment::Vertices, Preset::Paper);
-                all.push(CubeSettings { resolution, antialias, ..settings });
+            for resolution in RESOLUTIONS {
+                let all_three = [Silhouettes::Antialias, Silhouettes::Exact, Silhouettes::Jagged];
+                all.extend(all_three.map(|silhouettes| {
+                    let settings = new(Experiment::Vertices, Preset::Paper);
+                    CubeSettings { resolution, silhouettes, ..settings }
+                }));
             }
             all.push(new(Experiment::Vertices, Preset::Tuned));
             all.extend(sigmas(Experiment::Sigma, Preset::Paper));
@@ -145,10 +148,13 @@ mod tests {
 
     #[test]
     fn a_fit_is_one_fit() {
-        let all = planned("fit --no-antialias --sigma 0.5 --seed 9 --resolution 8");
-        let [fit] = &all[..] else { panic!("one") };
-        let found = (fit.antialias, fit.sigma_target, fit.seed, fit.resolution);
-        assert_eq!(found, (false, 0.5, 9, 8));
+        for silhouettes in [Silhouettes::Jagged, Silhouettes::Antialias, Silhouettes::Exact] {
+            let line = "fit --sigma 0.5 --seed 9 --resolution 8 --silhouettes";
+            let all = planned(&format!("{line} {silhouettes}"));
+            let [fit] = &all[..] else { panic!("one") };
+            let found = (fit.silhouettes, fit.sigma_target, fit.seed, fit.resolution);
+            assert_eq!(found, (silhouettes, 0.5, 9, 8));
+        }
     }
 
     #[test]
@@ -156,12 +162,20 @@ mod tests {
         let all = planned("reproduce --seeds 2 --steps 3 --precision f64");
         let count =
             |what: &dyn Fn(&CubeSettings) -> bool| all.iter().filter(|fit| what(fit)).count();
-        assert_eq!(all.len(), 2 * (6 + 1 + 4 + 4 + 4));
-        assert_eq!(count(&|fit| fit.experiment == Experiment::Vertices && !fit.antialias), 2 * 3);
-        assert_eq!(count(&|fit| fit.experiment == Experiment::Vertices && fit.resolution == 8), 4);
+        assert_eq!(all.len(), 2 * (9 + 1 + 4 + 4 + 4));
+        for silhouettes in [Silhouettes::Jagged, Silhouettes::Exact] {
+            let of = |fit: &CubeSettings| fit.silhouettes == silhouettes;
+            assert_eq!(count(&of), 2 * 3);
+            let papers = |fit: &CubeSettings| {
+                (fit.experiment, fit.preset) == (Experiment::Vertices, Preset::Paper)
+            };
+            assert_eq!(count(&|fit| of(fit) && papers(fit)), 2 * 3);
+        }
+        assert_eq!(count(&|fit| fit.experiment == Experiment::Vertices && fit.resolution == 8), 6);
         assert_eq!(count(&|fit| fit.preset == Preset::Tuned), 2 * 5);
-        assert_eq!(count(&|fit| fit.seed == 1 && fit.steps == 3), 19);
+        assert_eq!(count(&|fit| fit.seed == 1 && fit.steps == 3), 22);
     }
+
     #[test]
     fn other_choices_are_shown_once_whatever_the_seeds_and_by_reproducing_alone() {
         let others = |line| {

@@ -6,7 +6,7 @@
 use std::io::IsTerminal as _;
 use std::time::{Duration, Instant};
 
-use bokashi_fit::scenes::{CubeSettings, Experiment, Preset, Progress};
+use bokashi_fit::scenes::{CubeSettings, Experiment, Preset, Progress, Silhouettes};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::plan::Planned;
@@ -18,11 +18,12 @@ const PER_SECOND: u32 = 12;
 /// where fits of several sizes follow each other.
 fn cost(settings: &CubeSettings) -> u64 {
     let pixels = (settings.resolution * settings.resolution) as u64;
-    match settings.experiment {
+    let step = match settings.experiment {
         Experiment::Vertices => 200 + pixels,
         Experiment::Sigma => 200 + pixels / 2,
         Experiment::Joint => 200 + 2 * pixels,
-    }
+    };
+    if settings.silhouettes == Silhouettes::Exact { 4 * step } else { step }
 }
 
 /// A bar over the steps of all fits, on standard error; nothing where that is no terminal.
@@ -126,15 +127,19 @@ pub(crate) fn name(planned: &Planned, number: usize, count: usize) -> String {
         Preset::Tuned => " tuned",
         Preset::SecondOrder => " second-order",
     };
-    let jagged = if settings.antialias { "" } else { " no antialias" };
+    let silhouettes = match settings.silhouettes {
+        Silhouettes::Antialias => "",
+        Silhouettes::Jagged => " jagged",
+        Silhouettes::Exact => " exact",
+    };
     if let Some(alternative) = planned.alternative {
         let choice =
             alternative.choice.map_or("our choices".to_owned(), |choice| choice.to_string());
         return format!("{number}/{count}  {what}{tuned} {choice} {}", alternative.name);
     }
     match count {
-        1 => format!("{what}{tuned}{jagged}"),
-        _ => format!("{number}/{count}  {what}{tuned}{jagged} seed {}", settings.seed),
+        1 => format!("{what}{tuned}{silhouettes}"),
+        _ => format!("{number}/{count}  {what}{tuned}{silhouettes} seed {}", settings.seed),
     }
 }
 
@@ -176,9 +181,15 @@ mod tests {
         assert_eq!(name(&fit, 1, 1), "5.3 σ 1.4 tuned");
         fit.alternative = Some(Alternative { choice: Some(Choice::Border), name: "mirror" });
         assert_eq!(name(&fit, 2, 8), "2/8  5.3 σ 1.4 tuned border mirror");
-        let mut settings = CubeSettings::new(Experiment::Vertices, Preset::Paper);
-        settings.antialias = false;
-        let fit = Planned { settings, alternative: None };
-        assert_eq!(name(&fit, 3, 8), "3/8  5.1 32 px no antialias seed 0");
+        for (silhouettes, word) in [
+            (Silhouettes::Jagged, " jagged"),
+            (Silhouettes::Exact, " exact"),
+            (Silhouettes::Antialias, ""),
+        ] {
+            let new = CubeSettings::new(Experiment::Vertices, Preset::Paper);
+            let settings = CubeSettings { silhouettes, ..new };
+            let fit = Planned { settings, alternative: None };
+            assert_eq!(name(&fit, 3, 8), format!("3/8  5.1 32 px{word} seed 0"));
+        }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use bokashi_fit::scenes::{CubeSettings, Experiment, Outcome};
+use bokashi_fit::scenes::{CubeSettings, Experiment, Outcome, Silhouettes};
 
 /// What is kept of a fit for the summary.
 #[derive(Debug, Clone)]
@@ -76,8 +76,11 @@ fn name(settings: &CubeSettings) -> String {
         Experiment::Sigma => format!("5.2 sigma {}", settings.sigma_target),
         Experiment::Joint => format!("5.3 joint, sigma {}", settings.sigma_target),
     };
-    let jagged = if settings.antialias { "" } else { ", no antialias" };
-    format!("{what}, {}{jagged}", settings.preset)
+    let silhouettes = match settings.silhouettes {
+        Silhouettes::Antialias => String::new(),
+        other => format!(", {other}"),
+    };
+    format!("{what}, {}{silhouettes}", settings.preset)
 }
 
 /// The middle of some numbers, the mean of the two in the middle of an even number.
@@ -92,6 +95,19 @@ fn median(numbers: impl Iterator<Item = f64>) -> Option<f64> {
 mod tests {
     use super::*;
     use bokashi_fit::scenes::Preset;
+
+    #[test]
+    fn a_setting_is_named_by_its_silhouettes_where_they_are_not_the_papers() {
+        for (silhouettes, word) in [
+            (Silhouettes::Jagged, ", jagged"),
+            (Silhouettes::Antialias, ""),
+            (Silhouettes::Exact, ", exact"),
+        ] {
+            let new = CubeSettings::new(Experiment::Vertices, Preset::Paper);
+            let text = name(&CubeSettings { silhouettes, ..new });
+            assert_eq!(text, format!("5.1 vertices, 32 px, paper{word}"));
+        }
+    }
 
     #[test]
     fn seeds_of_one_setting_share_a_row() {

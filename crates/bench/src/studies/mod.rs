@@ -1,6 +1,7 @@
 //! One file per question.
 
 mod blur;
+mod fits;
 mod growth;
 mod memory;
 mod multiply;
@@ -19,10 +20,11 @@ type Do = fn(&Bench) -> Result<Study, FitError>;
 
 /// Every study with its name, in the order of the report. The one about memory comes first in a
 /// process, while its peak is still low; see there.
-pub(super) const ALL: [(&str, Do); 8] = [
+pub(super) const ALL: [(&str, Do); 9] = [
     ("memory", memory::study),
     ("scenes", scenes::study),
     ("silhouettes", silhouettes::study),
+    ("fits", fits::study),
     ("blur", blur::study),
     ("operations", operations::study),
     ("nodes", nodes::study),

@@ -9,16 +9,12 @@
 //! Several seeds: each seed's median per window; the line is the median of these over the seeds,
 //! the band their quartiles. A seed that ended early counts as long as it ran.
 
-use crate::scenes::{CubeSettings, Experiment, Outcome, Preset, Record, Snapshot};
+use crate::scenes::{CubeSettings, Experiment, Outcome, Preset, Record, Silhouettes, Snapshot};
 
 use super::figure::Stroke;
 
 /// Windows per decade of steps: about 130 over a run of 10,000, where the first are single steps.
 const PER_DECADE: f64 = 40.0;
-
-/// A fit with a larger vertex error at its end has not found the cube. Between a fit that
-/// converges (1e-2 at worst) and one that is stuck (0.1 at least) lies a gap.
-pub(crate) const STUCK: f64 = 0.05;
 
 /// What is measured at every step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -135,9 +131,9 @@ impl Fit {
         }
     }
 
-    /// Whether the fit ended far from the cube. An error that is NaN is far.
+    /// Whether the fit ended far from the cube.
     pub(crate) fn is_stuck(&self) -> bool {
-        self.outcome.vertex_error_final.is_some_and(|error| error.is_nan() || error > STUCK)
+        self.outcome.is_stuck()
     }
 }
 
@@ -201,13 +197,14 @@ impl Group {
         same.map(point).collect()
     }
 
-    /// The kind of line: unbroken for the paper's rates, dashed for the tuned ones, dotted
-    /// without antialias.
+    /// The kind of line: with antialias unbroken for the paper's rates and dashed for the tuned
+    /// ones, dots and dashes with exact coverage, dotted where silhouettes are jagged.
     pub(crate) fn stroke(&self) -> Stroke {
-        match (self.settings.antialias, self.settings.preset) {
-            (false, _) => Stroke::Dotted,
-            (true, Preset::Tuned | Preset::SecondOrder) => Stroke::Dashed,
-            (true, Preset::Paper) => Stroke::Solid,
+        match (self.settings.silhouettes, self.settings.preset) {
+            (Silhouettes::Jagged, _) => Stroke::Dotted,
+            (Silhouettes::Exact, _) => Stroke::DashDotted,
+            (Silhouettes::Antialias, Preset::Tuned | Preset::SecondOrder) => Stroke::Dashed,
+            (Silhouettes::Antialias, Preset::Paper) => Stroke::Solid,
         }
     }
 
@@ -223,9 +220,12 @@ impl Group {
     pub(crate) fn file_name(&self) -> String {
         let CubeSettings { experiment, resolution, preset, precision, .. } = self.settings;
         let sigma = self.settings.blurs().then(|| format!("-sigma-{}", self.settings.sigma_target));
-        let antialias = if self.settings.antialias { "" } else { "-no-antialias" };
+        let silhouettes = match self.settings.silhouettes {
+            Silhouettes::Antialias => String::new(),
+            other => format!("-{other}"),
+        };
         let sigma = sigma.unwrap_or_default();
-        format!("{experiment}-{resolution}px{sigma}-{preset}{antialias}-{precision}")
+        format!("{experiment}-{resolution}px{sigma}-{preset}{silhouettes}-{precision}")
     }
 
     /// The size or the blur, in words.
@@ -244,15 +244,18 @@ impl Group {
             Preset::Tuned => name.push_str(", tuned rates"),
             Preset::SecondOrder => name.push_str(", second-order"),
         }
-        if !self.settings.antialias {
-            name.push_str(", no antialias");
+        match self.settings.silhouettes {
+            Silhouettes::Antialias => {}
+            Silhouettes::Jagged => name.push_str(", jagged"),
+            Silhouettes::Exact => name.push_str(", exact coverage"),
         }
         name
     }
 }
 
-/// `[lower quartile, median, upper quartile]`; NaN where there is no number.
-pub(crate) fn quartiles(values: impl Iterator<Item = f64>) -> [f64; 3] {
+/// `[lower quartile, median, upper quartile]`; NaN where there is no number. A number that is NaN
+/// counts as the largest.
+pub fn quartiles(values: impl Iterator<Item = f64>) -> [f64; 3] {
     let values = sorted(values);
     [0.25, 0.5, 0.75].map(|part| quantile(&values, part))
 }

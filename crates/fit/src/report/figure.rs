@@ -39,7 +39,7 @@ const TEXT: u32 = 32;
 /// Radius of a dot, in drawn units.
 const DOT: u32 = 9;
 /// Line widths that stand for the kinds of line until [`dashed`] exchanges them.
-const WIDTHS: [u32; 3] = [4, 5, 6];
+const WIDTHS: [u32; 4] = [4, 5, 6, 7];
 
 /// How a line is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -50,6 +50,8 @@ pub enum Stroke {
     Dashed,
     /// Dots.
     Dotted,
+    /// Dashes and dots in turns.
+    DashDotted,
 }
 
 /// A line, and the band around it.
@@ -196,6 +198,7 @@ fn dashed(svg: &str) -> String {
     svg.replace(&width(0), joined)
         .replace(&width(1), &format!("{joined} stroke-dasharray=\"18 12\""))
         .replace(&width(2), &format!("{joined} stroke-dasharray=\"1 10\""))
+        .replace(&width(3), &format!("{joined} stroke-dasharray=\"16 10 1 10\""))
 }
 
 /// A colour of the palette; these are all written `#rrggbb`.

@@ -6,7 +6,7 @@
 
 use image::{Rgb, RgbImage};
 
-use crate::scenes::{self, Experiment, Preset, Snapshot, View};
+use crate::scenes::{self, Experiment, Preset, Silhouettes, Snapshot, View};
 
 use super::ReportError;
 use super::animation::animation;
@@ -34,8 +34,10 @@ const STRIP: u32 = 10;
 pub(crate) fn cast<'a>(groups: &[&'a Group]) -> Vec<&'a Group> {
     for experiment in [Experiment::Joint, Experiment::Vertices, Experiment::Sigma] {
         let of = groups.iter().filter(|group| group.settings.experiment == experiment);
-        let (first, rest): (Vec<&Group>, Vec<&Group>) = of
-            .partition(|group| group.settings.antialias && group.settings.preset == Preset::Paper);
+        let (first, rest): (Vec<&Group>, Vec<&Group>) = of.partition(|group| {
+            let settings = &group.settings;
+            settings.silhouettes == Silhouettes::Antialias && settings.preset == Preset::Paper
+        });
         let cast = if first.is_empty() { rest } else { first };
         if !cast.is_empty() {
             return cast.into_iter().take(4).collect();
@@ -87,7 +89,8 @@ pub(crate) fn film(groups: &[&Group]) -> Result<Option<Film>, ReportError> {
 fn tile(fit: &Fit, snapshot: &Snapshot, side: usize, view: &View) -> Result<RgbImage, ReportError> {
     let scale = side as f64 / fit.settings.resolution as f64;
     let sigma = snapshot.sigma.filter(|_| fit.settings.blurs()).map(|sigma| sigma * scale);
-    let mut picture = picture_of(&scenes::picture(snapshot, side, true, sigma, view)?)?;
+    let picture = scenes::picture(snapshot, side, Silhouettes::Antialias, sigma, view)?;
+    let mut picture = picture_of(&picture)?;
     // Six bits per channel: half the bytes, and no step that an eye would see in motion.
     picture.pixels_mut().for_each(|pixel| pixel.0 = pixel.0.map(|value| value & 0xFC));
     Ok(picture)

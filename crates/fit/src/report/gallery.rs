@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 
 use image::{Rgb, RgbImage};
 
-use crate::scenes::{self, Experiment, Preset, Snapshot, View};
+use crate::scenes::{self, Experiment, Preset, Silhouettes, Snapshot, View};
 
 use super::ReportError;
 use super::axis::grouped;
@@ -34,13 +34,14 @@ pub(crate) fn view() -> View {
 pub(crate) fn seen(fit: &Fit, snapshot: &Snapshot) -> Result<RgbImage, ReportError> {
     let settings = &fit.settings;
     let sigma = snapshot.sigma.filter(|_| settings.blurs());
-    let image = scenes::picture(snapshot, settings.resolution, settings.antialias, sigma, &view())?;
+    let (side, silhouettes) = (settings.resolution, settings.silhouettes);
+    let image = scenes::picture(snapshot, side, silhouettes, sigma, &view())?;
     picture_of(&image)
 }
 
 /// The cube of `snapshot`, `side` pixels high, sharp.
 fn cube(snapshot: &Snapshot, side: usize) -> Result<RgbImage, ReportError> {
-    picture_of(&scenes::picture(snapshot, side, true, None, &view())?)
+    picture_of(&scenes::picture(snapshot, side, Silhouettes::Antialias, None, &view())?)
 }
 
 /// What the fit should find.

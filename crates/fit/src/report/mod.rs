@@ -37,6 +37,7 @@ use crate::scenes::{Alternative, CubeSettings, Outcome};
 pub use crate::write::{check_folder, write_whole};
 use alternatives::Trial;
 pub use axis::Scale;
+pub use digest::quartiles;
 use digest::{Fit, Group};
 pub use document::{Document, Section, add_page, data_uri, escaped};
 pub use figure::{Curve, Figure, PALETTE, SIZES, Stroke};
@@ -183,7 +184,7 @@ impl Rendered {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scenes::{Experiment, Preset, Record, random_start, truth};
+    use crate::scenes::{Experiment, Preset, Record, Silhouettes, random_start, truth};
 
     /// A made-up outcome whose errors fall from 1 to `last`.
     pub(super) fn outcome(settings: &CubeSettings, last: f64) -> Outcome {
@@ -206,7 +207,7 @@ mod tests {
             resolution: settings.resolution,
             seed: settings.seed,
             steps: settings.steps,
-            antialias: settings.antialias,
+            silhouettes: settings.silhouettes,
             precision: settings.precision,
             sigma_target: sigma,
             sigma_final: sigma.map(|sigma| sigma + last),
@@ -255,6 +256,35 @@ mod tests {
         assert!(page.contains("<b>8 px, seed 1</b><br>vertex error 0.400"));
         assert!(page.contains("1 of the 3 fits"));
         assert_eq!(page.matches("<span class=\"stuck\">stuck</span>").count(), 1);
+    }
+
+    #[test]
+    fn silhouettes_have_files_and_lines_of_their_own_and_jagged_ones_are_not_stuck() {
+        let mut report = Report::new(About::default());
+        for (silhouettes, last) in
+            [(Silhouettes::Antialias, 1e-6), (Silhouettes::Exact, 0.4), (Silhouettes::Jagged, 0.9)]
+        {
+            let settings = CubeSettings { silhouettes, ..settings(Experiment::Vertices) };
+            report.add(&settings, outcome(&settings, last));
+        }
+        let Rendered { files, page } = report.render().expect("a report");
+        for name in ["8px-paper-f32", "8px-paper-exact-f32", "8px-paper-jagged-f32"] {
+            let path = PathBuf::from(format!("pictures/vertices-{name}.png"));
+            assert!(files.iter().any(|(file, _)| *file == path), "{name}");
+        }
+        assert!(page.contains("1 of the 2 fits that learn vertices, those with jagged"));
+        assert!(page.contains("<b>8 px, exact coverage, seed 0</b><br>vertex error 0.400"));
+        assert!(!page.contains("<b>8 px, jagged"));
+        for name in ["the paper’s rates", "exact coverage", "jagged"] {
+            assert!(page.contains(&format!("</svg>{name}")), "{name}");
+        }
+        // The film has the paper's.
+        assert!(page.contains("From left to right: 8 px."));
+        let table = files.iter().find(|(file, _)| file.ends_with("fits.csv")).expect("a table");
+        let table = String::from_utf8_lossy(&table.1);
+        for words in ["steps,silhouettes,precision", ",exact,f32", ",jagged,f32"] {
+            assert!(table.contains(words), "{words}");
+        }
     }
 
     #[test]

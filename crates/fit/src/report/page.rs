@@ -103,7 +103,7 @@ fn speed(groups: &[&Group]) -> String {
          rate can jump back after it has converged. <i>Stuck</i>: ended farther than {} from the \
          cube.</p>",
         results::speed(groups),
-        super::digest::STUCK,
+        crate::scenes::STUCK,
     )
 }
 

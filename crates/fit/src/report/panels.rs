@@ -95,6 +95,7 @@ pub fn line(color: &str, stroke: Stroke) -> String {
         Stroke::Solid => "",
         Stroke::Dashed => " stroke-dasharray=\"7 4\"",
         Stroke::Dotted => " stroke-dasharray=\"0.5 4.5\"",
+        Stroke::DashDotted => " stroke-dasharray=\"7 4.5 0.5 4.5\"",
     };
     format!(
         "<svg viewBox=\"0 0 34 10\" aria-hidden=\"true\"><line x1=\"2\" y1=\"5\" x2=\"32\" \
@@ -120,7 +121,8 @@ fn legend(groups: &[&Group]) -> String {
         let name = match stroke {
             Stroke::Solid => "the paper’s rates",
             Stroke::Dashed => "tuned rates",
-            Stroke::Dotted => "no antialias",
+            Stroke::Dotted => "jagged",
+            Stroke::DashDotted => "exact coverage",
         };
         let class = if at == 0 { " class=\"apart\"" } else { "" };
         let _ = match (strokes.len(), stroke) {

@@ -2,9 +2,9 @@
 
 use std::fmt::Write as _;
 
-use crate::scenes::{self, CubeSettings, Experiment, FACES, VERTEX_COUNT};
+use crate::scenes::{self, CubeSettings, Experiment, FACES, STUCK, Silhouettes, VERTEX_COUNT};
 
-use super::digest::{Fit, Group, STUCK};
+use super::digest::{Fit, Group};
 use super::document::escaped;
 use super::table::{plain, short};
 use super::{ReportError, gallery};
@@ -17,13 +17,13 @@ fn paper_ms(settings: &CubeSettings) -> Option<&'static str> {
     if settings.resolution != 32 {
         return None;
     }
-    match (settings.experiment, settings.sigma_target, settings.antialias) {
-        (Experiment::Vertices, _, false) => Some("1.4"),
-        (Experiment::Vertices, _, true) => Some("2.0"),
-        (Experiment::Sigma, 1.0, true) => Some("1.7"),
-        (Experiment::Sigma, 4.0, true) => Some("2.4"),
-        (Experiment::Joint, 1.0, true) => Some("1.7"),
-        (Experiment::Joint, 4.0, true) => Some("2.9"),
+    match (settings.experiment, settings.sigma_target, settings.silhouettes) {
+        (Experiment::Vertices, _, Silhouettes::Jagged) => Some("1.4"),
+        (Experiment::Vertices, _, Silhouettes::Antialias) => Some("2.0"),
+        (Experiment::Sigma, 1.0, Silhouettes::Antialias) => Some("1.7"),
+        (Experiment::Sigma, 4.0, Silhouettes::Antialias) => Some("2.4"),
+        (Experiment::Joint, 1.0, Silhouettes::Antialias) => Some("1.7"),
+        (Experiment::Joint, 4.0, Silhouettes::Antialias) => Some("2.9"),
         _ => None,
     }
 }
@@ -107,19 +107,19 @@ fn diagnosis(fit: &Fit) -> String {
 /// The fits that did not find the cube, with pictures; `None` where all did.
 pub(crate) fn stuck(groups: &[&Group]) -> Result<Option<String>, ReportError> {
     let fits = || groups.iter().flat_map(|group| group.fits.iter().map(move |fit| (group, fit)));
-    // Without antialias nothing holds the silhouette: none finds the cube, and the gallery and
-    // the table of all fits say so.
-    let stuck: Vec<_> =
-        fits().filter(|(_, fit)| fit.is_stuck() && fit.settings.antialias).collect();
-    let all = fits().filter(|(_, fit)| fit.settings.antialias && fit.main_error().is_some());
+    // Nothing holds a jagged silhouette: none finds the cube, and the gallery and the table of all
+    // fits say so.
+    let fits = || fits().filter(|(_, fit)| fit.settings.silhouettes != Silhouettes::Jagged);
+    let stuck: Vec<_> = fits().filter(|(_, fit)| fit.is_stuck()).collect();
+    let all = fits().filter(|(_, fit)| fit.main_error().is_some());
     let all = all.filter(|(_, fit)| fit.settings.experiment != Experiment::Sigma).count();
     if stuck.is_empty() {
         return Ok(None);
     }
     let mut html = format!(
-        "<p>{} of the {all} fits with antialias that learn vertices end more than {STUCK} from \
-         the cube, and they are in every number of this report. Each is shown at its end: white \
-         the learnt wireframe, yellow the true one.",
+        "<p>{} of the {all} fits that learn vertices, those with jagged silhouettes aside, end \
+         more than {STUCK} from the cube, and they are in every number of this report. Each is \
+         shown at its end: white the learnt wireframe, yellow the true one.",
         stuck.len()
     );
     if stuck.len() > MOST_PICTURES {

@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 use super::digest::{Fit, Quantity};
 
 /// The columns of [`fits`]: the keys of the JSON object, and whether the fit is stuck.
-const FIT_COLUMNS: &str = "experiment,preset,resolution,seed,steps,antialias,precision,\
+const FIT_COLUMNS: &str = "experiment,preset,resolution,seed,steps,silhouettes,precision,\
     sigma_target,sigma_final,vertex_error_initial,vertex_error_final,vertex_error_plain,\
     vertex_error_tail,color_error_final,loss_initial,loss_final,ms_per_step_median,\
     target_ms_per_step_median,wall_seconds,stuck";
@@ -43,7 +43,7 @@ pub(crate) fn fits(fits: &[Fit]) -> String {
 
 /// One row per fit and window of steps: the median of each quantity, and of errors the largest.
 pub(crate) fn histories(fits: &[Fit]) -> String {
-    let mut table = "experiment,preset,resolution,seed,steps,antialias,precision,sigma_target,\
+    let mut table = "experiment,preset,resolution,seed,steps,silhouettes,precision,sigma_target,\
         step,seconds,loss,loss_largest,vertex_error,vertex_error_largest,color_error,\
         color_error_largest,sigma,sigma_error_largest\n"
         .to_owned();
@@ -73,7 +73,7 @@ fn settings(fit: &Fit) -> String {
         outcome.resolution,
         outcome.seed,
         outcome.steps,
-        outcome.antialias,
+        outcome.silhouettes,
         outcome.precision
     )
 }

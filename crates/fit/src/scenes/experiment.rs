@@ -71,7 +71,7 @@ impl<T: Scalar> CubePipeline<T> {
         });
         let truth = truth(settings.blurs().then_some(settings.sigma_target));
         let pipeline = Self {
-            scene: Scene::new(settings.resolution, settings.antialias, blur)?,
+            scene: Scene::new(settings.resolution, settings.silhouettes, blur)?,
             settings: settings.clone(),
             moves: settings.experiment != Experiment::Sigma,
             view: View::fixed(),
@@ -327,7 +327,7 @@ pub(super) fn outcome(
         resolution: settings.resolution,
         seed: settings.seed,
         steps: last.step,
-        antialias: settings.antialias,
+        silhouettes: settings.silhouettes,
         precision: settings.precision,
         sigma_target: settings.blurs().then_some(settings.sigma_target),
         sigma_final: last.sigma,
@@ -349,6 +349,7 @@ pub(super) fn outcome(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scenes::Silhouettes;
 
     const EXPERIMENTS: [Experiment; 3] =
         [Experiment::Vertices, Experiment::Sigma, Experiment::Joint];
@@ -546,16 +547,22 @@ mod tests {
 
     #[test]
     fn a_cube_is_learnt_in_a_thousand_steps() {
-        let settings = CubeSettings {
-            preset: Preset::Tuned,
-            resolution: 32,
-            steps: 1_000,
-            precision: Precision::F64,
-            ..settings(Experiment::Vertices)
-        };
-        let outcome = run_quietly(&settings);
-        assert!(outcome.vertex_error_initial.unwrap() > 0.3);
-        assert!(outcome.vertex_error_final.unwrap() < 1e-6, "{:?}", outcome.vertex_error_final);
-        assert!(outcome.color_error_final.unwrap() < 1e-6);
+        for silhouettes in [Silhouettes::Antialias, Silhouettes::Exact] {
+            let settings = CubeSettings {
+                preset: Preset::Tuned,
+                resolution: 32,
+                steps: 1_000,
+                silhouettes,
+                precision: Precision::F64,
+                ..settings(Experiment::Vertices)
+            };
+            let outcome = run_quietly(&settings);
+            assert_eq!(outcome.silhouettes, silhouettes);
+            assert!(outcome.vertex_error_initial.unwrap() > 0.3);
+            let [vertices, colors] = [outcome.vertex_error_final, outcome.color_error_final];
+            assert!(vertices.unwrap() < 1e-6, "{silhouettes}: {vertices:?}");
+            assert!(colors.unwrap() < 1e-6, "{silhouettes}: {colors:?}");
+            assert!(!outcome.is_stuck());
+        }
     }
 }

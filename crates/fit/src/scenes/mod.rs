@@ -20,9 +20,9 @@ pub use alternative::{Alternative, Choice, alternatives};
 pub use automorphism::automorphisms;
 pub use cube::{FACES, VERTEX_COUNT, View, random_start, truth};
 pub use experiment::{CubeMeasure, CubePipeline, run_cube};
-pub use outcome::{Outcome, Progress, Record, Snapshot};
+pub use outcome::{Outcome, Progress, Record, STUCK, Snapshot};
 pub use picture::{edges, outline, picture};
 #[cfg(feature = "save")]
 pub use saving::{Saving, run_cube_saving};
-pub use settings::{CubeSettings, Experiment, Precision, Preset, Rates};
+pub use settings::{CubeSettings, Experiment, Precision, Preset, Rates, Silhouettes};
 pub use views::CubeViews;

@@ -2,7 +2,11 @@
 
 use bokashi_core::Tensor;
 
-use super::settings::{Experiment, Precision, Preset};
+use super::settings::{Experiment, Precision, Preset, Silhouettes};
+
+/// A fit with a larger vertex error at its end has not found the cube. Between a fit that
+/// converges (1e-2 at worst) and one that is stuck (0.1 at least) lies a gap.
+pub const STUCK: f64 = 0.05;
 
 /// One fit from start to end. Values that do not apply to the experiment are `None`.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,8 +22,8 @@ pub struct Outcome {
     pub seed: u64,
     /// How many updates were done.
     pub steps: u64,
-    /// Whether silhouettes were antialiased.
-    pub antialias: bool,
+    /// How silhouettes looked, in the learnt image and in the target.
+    pub silhouettes: Silhouettes,
     /// The numbers computed with.
     pub precision: Precision,
     /// Blur of the target, in pixels.
@@ -52,6 +56,13 @@ pub struct Outcome {
     /// 50 that are evenly spaced in the logarithm. In increasing order.
     #[cfg_attr(feature = "report", serde(skip))]
     pub snapshots: Vec<Snapshot>,
+}
+
+impl Outcome {
+    /// Whether the fit ended far from the cube, more than [`STUCK`]. An error that is NaN is far.
+    pub fn is_stuck(&self) -> bool {
+        self.vertex_error_final.is_some_and(|error| error.is_nan() || error > STUCK)
+    }
 }
 
 /// One step of an [`Outcome`].

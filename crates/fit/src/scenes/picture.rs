@@ -7,6 +7,7 @@ use glam::DVec4;
 use super::cube::{FACES, VERTEX_COUNT, View};
 use super::outcome::Snapshot;
 use super::scene::Scene;
+use super::settings::Silhouettes;
 use crate::error::FitError;
 
 /// The cube `snapshot` in front of black, `[size, size, 3]`, row 0 on top; blurred by `sigma`, in
@@ -18,14 +19,14 @@ use crate::error::FitError;
 pub fn picture(
     snapshot: &Snapshot,
     size: usize,
-    antialias: bool,
+    silhouettes: Silhouettes,
     sigma: Option<f64>,
     view: &View,
 ) -> Result<Tensor<f64>, FitError> {
     // The tails beyond are lost in 8 bits per channel.
     let radius = Radius::Tolerance(1e-4);
     let blur = sigma.map(|_| Blur { kernel: Kernel::Sampled, border: Border::Zero, radius });
-    let scene = Scene::new(size, antialias, blur)?;
+    let scene = Scene::new(size, silhouettes, blur)?;
     let tape = Tape::new();
     let vertices = tape.constant(&snapshot.vertices);
     let colors = tape.constant(&snapshot.colors);
@@ -76,7 +77,7 @@ mod tests {
     #[test]
     fn a_picture_fills_its_outline() {
         let (cube, size, view) = (truth(None), 64, View::random(3, 0));
-        let image = picture(&cube, size, false, None, &view).unwrap();
+        let image = picture(&cube, size, Silhouettes::Jagged, None, &view).unwrap();
         assert_eq!(image.shape()[..], [size, size, 3]);
         let lit = |k: &usize| image.data()[3 * k..][..3].iter().any(|&channel| channel > 0.0);
         let lit: Vec<usize> = (0..size * size).filter(lit).collect();
@@ -95,13 +96,39 @@ mod tests {
     }
 
     #[test]
-    fn blur_and_antialias_keep_a_picture_between_black_and_white() {
+    fn no_blur_and_no_silhouette_takes_a_picture_out_of_black_to_white() {
         let cube = truth(None);
-        for sigma in [None, Some(1.5)] {
-            let image = picture(&cube, 32, true, sigma, &View::fixed()).unwrap();
-            assert!(image.data().iter().all(|&channel| (-1e-12..=1.0 + 1e-12).contains(&channel)));
+        for silhouettes in [Silhouettes::Jagged, Silhouettes::Antialias, Silhouettes::Exact] {
+            let of = |size, sigma| picture(&cube, size, silhouettes, sigma, &View::fixed());
+            for sigma in [None, Some(1.5)] {
+                let image = of(32, sigma).unwrap();
+                let inside = |channel: &f64| (-1e-12..=1.0 + 1e-12).contains(channel);
+                assert!(image.data().iter().all(inside), "{silhouettes}");
+            }
+            assert!(of(32, Some(-1.0)).is_err() && of(0, None).is_err(), "{silhouettes}");
         }
-        assert!(picture(&cube, 32, true, Some(-1.0), &View::fixed()).is_err());
-        assert!(picture(&cube, 0, true, None, &View::fixed()).is_err());
+    }
+
+    #[test]
+    fn exact_coverage_is_nearer_to_the_mean_over_a_pixel_than_antialias_than_jagged() {
+        let (cube, size, times) = (truth(None), 16, 16);
+        let of = |size, silhouettes| {
+            picture(&cube, size, silhouettes, None, &View::fixed()).unwrap().data().to_vec()
+        };
+        let mut mean = vec![0.0; size * size * 3];
+        for (at, &channel) in of(size * times, Silhouettes::Jagged).iter().enumerate() {
+            let (row, column) = (at / 3 / (size * times) / times, at / 3 % (size * times) / times);
+            mean[3 * (row * size + column) + at % 3] += channel / (times * times) as f64;
+        }
+        let error = |silhouettes| -> f64 {
+            let image = of(size, silhouettes);
+            image.iter().zip(&mean).map(|(seen, mean)| (seen - mean).powi(2)).sum()
+        };
+        let [jagged, antialias, exact] =
+            [Silhouettes::Jagged, Silhouettes::Antialias, Silhouettes::Exact].map(error);
+        assert!(
+            0.1 * jagged > antialias && 0.1 * antialias > exact,
+            "{jagged} {antialias} {exact}"
+        );
     }
 }

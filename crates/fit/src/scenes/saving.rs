@@ -12,7 +12,7 @@ use bokashi_render_ops::{Border, Kernel, Radius};
 
 use super::experiment::{CubePipeline, drive, record};
 use super::outcome::{Outcome, Progress};
-use super::settings::{CubeSettings, Experiment, Precision, Preset, Rates};
+use super::settings::{CubeSettings, Experiment, Precision, Preset, Rates, Silhouettes};
 use crate::error::FitError;
 use crate::fit::Fit;
 use crate::history::Step;
@@ -139,6 +139,9 @@ fn initial<T: Stored>(
 
 const EXPERIMENTS: [Experiment; 3] = [Experiment::Vertices, Experiment::Sigma, Experiment::Joint];
 const PRESETS: [Preset; 3] = [Preset::Paper, Preset::Tuned, Preset::SecondOrder];
+/// The first two as they were when there were no others, and this a flag.
+const SILHOUETTES: [Silhouettes; 3] =
+    [Silhouettes::Jagged, Silhouettes::Antialias, Silhouettes::Exact];
 const PRECISIONS: [Precision; 2] = [Precision::F32, Precision::F64];
 const KERNELS: [Kernel; 2] = [Kernel::Seed, Kernel::Sampled];
 const BORDERS: [Border; 3] = [Border::Zero, Border::Mirror, Border::Clamp];
@@ -177,7 +180,7 @@ impl CubeSettings {
         fields.number(self.sigma_start);
         fields.count(self.steps);
         fields.count(self.seed);
-        fields.byte(u8::from(self.antialias));
+        fields.byte(tag(&SILHOUETTES, &self.silhouettes));
         fields.byte(tag(&PRECISIONS, &self.precision));
         fields.option(self.rates, |fields, rates| {
             fields.number(rates.vertices);
@@ -217,7 +220,7 @@ impl CubeSettings {
             sigma_start: fields.number("the starting sigma")?,
             steps: fields.count("the number of steps")?,
             seed: fields.count("the seed")?,
-            antialias: fields.flag("antialias")?,
+            silhouettes: fields.one_of(&SILHOUETTES, "the silhouettes")?,
             precision: fields.one_of(&PRECISIONS, "the precision")?,
             rates: fields.option("the rates", |fields, what| {
                 Ok(Rates {
@@ -262,7 +265,7 @@ impl CubeSettings {
         same("resolution", &self.resolution, &others.resolution)?;
         same("target sigma", &self.sigma_target, &others.sigma_target)?;
         same("seed", &self.seed, &others.seed)?;
-        same("antialias", &self.antialias, &others.antialias)?;
+        same("silhouettes", &self.silhouettes, &others.silhouettes)?;
         same("precision", &self.precision, &others.precision)?;
         // Whatever else there is, and may come.
         same("settings", self, &Self { steps: self.steps, ..others.clone() })
@@ -307,9 +310,13 @@ mod tests {
         for experiment in EXPERIMENTS {
             for preset in [Preset::Paper, Preset::Tuned] {
                 for precision in PRECISIONS {
-                    for optimizer in [Optimizer::default(), Optimizer::ams_grad()] {
+                    for (optimizer, silhouettes) in [
+                        (Optimizer::default(), Silhouettes::Antialias),
+                        (Optimizer::ams_grad(), Silhouettes::Exact),
+                    ] {
                         let settings = settings(experiment, preset);
-                        let settings = CubeSettings { precision, optimizer, ..settings };
+                        let settings =
+                            CubeSettings { precision, optimizer, silhouettes, ..settings };
                         let whole = run_cube(&settings, &mut |_| ControlFlow::Continue(()));
                         let whole = whole.unwrap();
                         let to = Saving { save: Some(file.clone()), ..Saving::default() };
@@ -394,7 +401,10 @@ mod tests {
                 "resumes it, F64, got F32",
             ),
             (CubeSettings { sigma_target: 1.0, ..ours.clone() }, "resumes it, 1.0, got 4.0"),
-            (CubeSettings { antialias: false, ..ours.clone() }, "resumes it, false, got true"),
+            (
+                CubeSettings { silhouettes: Silhouettes::Exact, ..ours.clone() },
+                "the silhouettes of the fit that resumes it, Exact, got Antialias",
+            ),
         ];
         for (settings, message) in table {
             let error = run(&settings, &from, 5).unwrap_err().to_string();
@@ -406,6 +416,27 @@ mod tests {
     }
 
     #[test]
+    fn silhouettes_are_a_byte_of_which_two_are_the_flag_of_older_files() {
+        let bytes = SILHOUETTES.map(|silhouettes| {
+            let settings = settings(Experiment::Joint, Preset::Paper);
+            let mut state = Vec::new();
+            CubeSettings { silhouettes, ..settings }.save(&mut state);
+            state
+        });
+        let at = bytes[0].iter().zip(&bytes[1]).position(|(a, b)| a != b).expect("they differ");
+        for (tag, state) in bytes.iter().enumerate() {
+            assert_eq!(usize::from(state[at]), tag);
+            let settings = CubeSettings::restored(state).unwrap();
+            assert_eq!(settings.silhouettes, SILHOUETTES[tag]);
+            assert!(state[..at] == bytes[0][..at] && state[at + 1..] == bytes[0][at + 1..]);
+        }
+        let [mut state, ..] = bytes;
+        state[at] = 3;
+        let error = CubeSettings::restored(&state).unwrap_err().to_string();
+        assert_eq!(error, "a saved fit needs a byte below 3 for the silhouettes, got 3");
+    }
+
+    #[test]
     fn settings_of_every_kind_come_back_from_their_bytes() {
         let mut settings = settings(Experiment::Sigma, Preset::Tuned);
         for k in 0..6 {
@@ -413,7 +444,7 @@ mod tests {
             settings.border = BORDERS[k % 3];
             settings.sigma_mapping = [Mapping::Identity, Mapping::Softplus, Mapping::Exp][k % 3];
             settings.seed = u64::MAX - k as u64;
-            settings.antialias = k % 2 == 0;
+            settings.silhouettes = SILHOUETTES[k / 2];
             settings.rates =
                 (k % 2 == 0).then_some(Rates { vertices: 0.1, colors: 0.2, sigma: 0.3 });
             settings.schedule = (k > 2).then_some(Schedule::Step { steps: 9, factor: 0.5 });

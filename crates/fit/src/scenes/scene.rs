@@ -2,12 +2,13 @@
 
 use bokashi_core::{Scalar, Var};
 use bokashi_render_ops::{
-    Background, Blur, Mesh, Size, antialias, gaussian_blur, interpolate, project, rasterize,
-    resolve,
+    Background, Blur, Mesh, RasterOptions, Sampling, Size, antialias, gaussian_blur, interpolate,
+    project, rasterize, resolve,
 };
 use glam::DMat4;
 
 use super::cube::{FACES, VERTEX_COUNT};
+use super::settings::Silhouettes;
 use crate::error::FitError;
 
 /// A cube in front of black, up to its vertices, colours, pose and sigma.
@@ -15,15 +16,19 @@ use crate::error::FitError;
 pub(crate) struct Scene {
     mesh: Mesh,
     size: Size,
-    antialias: bool,
+    silhouettes: Silhouettes,
     blur: Option<Blur>,
 }
 
 impl Scene {
     /// A scene in images of `size` times `size` pixels.
-    pub(crate) fn new(size: usize, antialias: bool, blur: Option<Blur>) -> Result<Self, FitError> {
+    pub(crate) fn new(
+        size: usize,
+        silhouettes: Silhouettes,
+        blur: Option<Blur>,
+    ) -> Result<Self, FitError> {
         let mesh = Mesh::new(FACES.to_vec(), VERTEX_COUNT)?;
-        Ok(Self { mesh, size: Size::square(size), antialias, blur })
+        Ok(Self { mesh, size: Size::square(size), silhouettes, blur })
     }
 
     /// Records the image, `[H, W, 3]`, of `vertices` and `colors`, `[8, 3]` each, blurred by
@@ -36,10 +41,15 @@ impl Scene {
         sigma: Option<Var<'t, T>>,
     ) -> Result<Var<'t, T>, FitError> {
         let clip = project(vertices, camera, None)?;
-        let fragments = rasterize(clip, &self.mesh, self.size)?;
+        let sampling = match self.silhouettes {
+            Silhouettes::Jagged | Silhouettes::Antialias => Sampling::Center,
+            Silhouettes::Exact => Sampling::Exact,
+        };
+        let options = RasterOptions { sampling, ..self.size.into() };
+        let fragments = rasterize(clip, &self.mesh, options)?;
         let surface = interpolate(colors, &fragments)?;
         let mut image = resolve(surface, &fragments, Background::Zero)?;
-        if self.antialias {
+        if self.silhouettes == Silhouettes::Antialias {
             image = antialias(image, &fragments, clip)?;
         }
         if let (Some(blur), Some(sigma)) = (&self.blur, sigma) {

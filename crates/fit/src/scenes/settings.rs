@@ -39,6 +39,19 @@ pub enum Preset {
     SecondOrder,
 }
 
+/// How the edge of a surface looks, in the learnt image and in the target.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[cfg_attr(feature = "report", derive(serde::Serialize), serde(rename_all = "lowercase"))]
+pub enum Silhouettes {
+    /// A pixel shows what lies at its centre: silhouettes have no gradient.
+    Jagged,
+    /// The same, with the pixels at silhouettes blended: the paper's.
+    #[default]
+    Antialias,
+    /// A pixel shows all that lies in it: silhouettes have the gradient of the covered areas.
+    Exact,
+}
+
 /// The numbers that a fit computes with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "report", derive(serde::Serialize), serde(rename_all = "lowercase"))]
@@ -86,6 +99,14 @@ words!(
     Paper = "paper",
     Tuned = "tuned",
     SecondOrder = "second-order"
+);
+words!(
+    Silhouettes,
+    "silhouettes",
+    "one of jagged, antialias, exact",
+    Jagged = "jagged",
+    Antialias = "antialias",
+    Exact = "exact"
 );
 words!(Precision, "precision", "f32 or f64", F32 = "f32", F64 = "f64");
 
@@ -151,8 +172,8 @@ pub struct CubeSettings {
     pub steps: u64,
     /// Of the start and the poses.
     pub seed: u64,
-    /// Whether silhouettes are antialiased, in the learnt image and in the target.
-    pub antialias: bool,
+    /// How silhouettes look, in the learnt image and in the target.
+    pub silhouettes: Silhouettes,
     /// The numbers to compute with.
     pub precision: Precision,
     /// Learning rates; `None`: the preset's.
@@ -187,7 +208,7 @@ impl CubeSettings {
             sigma_start: 2.0,
             steps: 10_000,
             seed: 0,
-            antialias: true,
+            silhouettes: Silhouettes::default(),
             precision: Precision::F32,
             rates: None,
             schedule: None,
@@ -265,6 +286,9 @@ mod tests {
         }
         for preset in [Preset::Paper, Preset::Tuned, Preset::SecondOrder] {
             assert_eq!(preset.to_string().parse(), Ok(preset));
+        }
+        for silhouettes in [Silhouettes::Jagged, Silhouettes::Antialias, Silhouettes::Exact] {
+            assert_eq!(silhouettes.to_string().parse(), Ok(silhouettes));
         }
         for precision in [Precision::F32, Precision::F64] {
             assert_eq!(precision.to_string().parse(), Ok(precision));

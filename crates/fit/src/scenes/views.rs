@@ -40,7 +40,7 @@ impl CubeViews {
             border: settings.border,
             radius: settings.blur_radius(),
         });
-        let scene = Scene::new(settings.resolution, settings.antialias, blur)?;
+        let scene = Scene::new(settings.resolution, settings.silhouettes, blur)?;
         let truth = truth(blurs.then_some(settings.sigma_target));
         let cameras: Vec<DMat4> = views.iter().map(View::camera).collect();
         let target = |camera: &DMat4| -> Result<Tensor<f64>, FitError> {
