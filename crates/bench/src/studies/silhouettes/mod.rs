@@ -32,10 +32,26 @@ struct Method<T: Scalar> {
 /// All methods; another one is another row.
 const fn methods<T: Scalar>() -> [Method<T>; 6] {
     [
-        Method { name: "no antialias", has_seams: false, image: |s, k, p, c| Ok(render(s, k, p, c)?.jagged) },
-        Method { name: "antialias", has_seams: false, image: |s, k, p, c| Ok(render(s, k, p, c)?.image) },
-        Method { name: "antialias, 2x2", has_seams: false, image: |s, k, p, c| supersampled(2, s, k, p, c) },
-        Method { name: "antialias, 4x4", has_seams: false, image: |s, k, p, c| supersampled(4, s, k, p, c) },
+        Method {
+            name: "no antialias",
+            has_seams: false,
+            image: |s, k, p, c| Ok(render(s, k, p, c)?.jagged),
+        },
+        Method {
+            name: "antialias",
+            has_seams: false,
+            image: |s, k, p, c| Ok(render(s, k, p, c)?.image),
+        },
+        Method {
+            name: "antialias, 2x2",
+            has_seams: false,
+            image: |s, k, p, c| supersampled(2, s, k, p, c),
+        },
+        Method {
+            name: "antialias, 4x4",
+            has_seams: false,
+            image: |s, k, p, c| supersampled(4, s, k, p, c),
+        },
         Method { name: "exact coverage", has_seams: false, image: exact },
         Method { name: "exact coverage, all edges", has_seams: true, image: exact },
     ]
@@ -91,32 +107,57 @@ pub(super) fn study(bench: &Bench) -> Result<crate::study::Study, FitError> {
     for (name, seeds, make) in cases::CASES {
         let mut all = vec![vec![[0.0; 2]; 0]; sizes.len() * 6];
         let (mut noise, mut pn) = (0.0_f64, 0.0_f64);
-        if std::env::var("CASE").is_ok_and(|c| !name.contains(&c)) { continue; }
-        for seed in 0..seeds {
+        if std::env::var("CASE").is_ok_and(|c| !name.contains(&c)) {
+            continue;
+        }
+        for seed in 0..seeds.min(std::env::var("SEEDS").map_or(99, |d| d.parse().unwrap())) {
             let case = make(seed)?;
             let truths = bench.widest().install(|| truth::truths(&case, Cull::None, &sizes));
-            println!("seed {seed} noise {:?}", truths.iter().map(|t| [t.noise, t.picture_noise]).collect::<Vec<_>>());
+            println!(
+                "seed {seed} noise {:?}",
+                truths.iter().map(|t| [t.noise, t.picture_noise]).collect::<Vec<_>>()
+            );
             for (at, truth) in truths.iter().enumerate() {
                 noise = noise.max(truth.noise);
                 pn = pn.max(truth.picture_noise);
-                for (k, method) in methods::<f32>().iter().enumerate() {
+                for (k, method) in methods::<f64>().iter().enumerate() {
                     let mut scene = case.scene.at(truth.pixels);
                     if method.has_seams {
                         scene.mesh = scene.mesh.with_seams(|_, _| true);
                     }
-                    let [image, g] = gradient(method, &scene, Cull::None, &truth.upstream.cast(), &mut Tape::new())?;
-                    if k >= 4 { println!("  {:3} {k} {:.5} {:.5} at {:?}", truth.pixels, truth.error(&g), truth.picture_error(&image), truth.worst(&image)); }
+                    let [image, g] = gradient(
+                        method,
+                        &scene,
+                        Cull::None,
+                        &truth.upstream.cast(),
+                        &mut Tape::new(),
+                    )?;
+                    if k >= 4 {
+                        println!(
+                            "  {:3} {k} {:.5} {:.5} at {:?}",
+                            truth.pixels,
+                            truth.error(&g),
+                            truth.picture_error(&image),
+                            truth.worst(&image)
+                        );
+                    }
                     all[at * 6 + k].push([truth.error(&g), truth.picture_error(&image)]);
                 }
             }
         }
         println!("{name}: noise {noise:.5} picture {pn:.6}");
         for (at, size) in sizes.iter().enumerate() {
-            for (k, method) in methods::<f32>().iter().enumerate() {
+            for (k, method) in methods::<f64>().iter().enumerate() {
                 let v = &mut all[at * 6 + k];
                 let p = v.iter().map(|v| v[1]).fold(0.0, f64::max);
                 v.sort_by(|a, b| a[0].total_cmp(&b[0]));
-                println!("  {size:3} {:28} median {:.4} max {:.4}  picture {:.5}", method.name, v[v.len() / 2][0], v[v.len() - 1][0], p);
+                println!(
+                    "  {size:3} {:28} median {:.4} max {:.4}  picture {:.5}",
+                    method.name,
+                    v[v.len() / 2][0],
+                    v[v.len() - 1][0],
+                    p
+                );
             }
         }
     }

@@ -4,10 +4,10 @@
 //! Nothing of it is shared with `rasterize`. Along a line each face is a segment with a depth that is
 //! linear, so what is nearest changes only where a segment starts or ends, or where two cross. A
 //! colour is a quotient of linear functions, integrated pixel by pixel with three Gauss points. Lines
-//! are averaged by one or two Gauss points in each *slab*: between two vertices or borders of pixels
-//! a line's integral is smooth but where an edge passes from one pixel to the next, or over another one.
-//! Slabs are cut where an edge passes through a good part of a pixel in one. All of it moves smoothly
-//! with the vertices, so differences with a tiny step are derivatives.
+//! are averaged by one or two Gauss points in each *slab*: between heights at which there is a vertex,
+//! or an edge passes from one pixel to the next, a line's integral is smooth but where something
+//! passes behind an edge, or through a face. Slabs are narrow besides. All of it moves smoothly with
+//! the vertices, so differences with a tiny step are derivatives.
 
 use bokashi_core::Tensor;
 use bokashi_render_ops::Cull;
@@ -59,10 +59,8 @@ impl Order {
     }
 }
 
-/// Edges pass through at most this much of a pixel in a slab, but where that takes too many slabs.
-const TRAVEL: f64 = 0.125;
-/// At most so many slabs between two vertices.
-const MOST_SLABS: usize = 64;
+/// Slabs are at most this high, in pixels.
+static HEIGHT: std::sync::LazyLock<f64> = std::sync::LazyLock::new(|| std::env::var("HEIGHT").map_or(1.0 / 32.0, |d| 1.0 / d.parse::<f64>().unwrap()));
 
 /// Pictures of a scene, averaged from scanlines.
 pub(super) struct Scanlines<'a> {
@@ -82,7 +80,8 @@ impl Scanlines<'_> {
         faces.retain(|face| self.cull == Cull::None || is_front(face.map(|v| points[v as usize])));
         let top = |face: &[u32; 3]| face.map(row_of).into_iter().fold(f64::INFINITY, f64::min);
         faces.sort_by(|a, b| top(a).total_cmp(&top(b)));
-        let mut cuts: Vec<f64> = faces.as_flattened().iter().map(|&vertex| row_of(vertex)).collect();
+        let mut cuts: Vec<f64> =
+            faces.as_flattened().iter().map(|&vertex| row_of(vertex)).collect();
         cuts.retain(|y| (0.0..height as f64).contains(y));
         cuts.extend((0..=height).map(|row| row as f64));
         cuts.sort_by(f64::total_cmp);
@@ -97,9 +96,7 @@ impl Scanlines<'_> {
                 active.push(face);
             }
             active.retain(|face| face.iter().any(|&vertex| row_of(vertex) > from));
-            let travel = active.iter().map(|&face| travel(&points, face, from, to));
-            let travel = travel.fold(0.0, f64::max).max(to - from);
-            let slabs = ((travel / TRAVEL).ceil() as usize).clamp(1, MOST_SLABS);
+            let slabs = ((to - from) / *HEIGHT).ceil() as usize;
             let half = 0.5 * (to - from) / slabs as f64;
             let row = &mut image[from as usize * width * 3..][..width * 3];
             for slab in 0..slabs {
@@ -154,16 +151,6 @@ fn segment(points: &[Point], face: [u32; 3], y: f64) -> Option<Segment> {
     ends.sort_by(|p, q| p[0].total_cmp(&q[0]));
     let [left, right] = ends;
     (count == 2 && left[0] < right[0]).then_some(Segment { left, right })
-}
-
-/// How far an edge of a face that lasts from one y to another goes to the side.
-fn travel(points: &[Point], face: [u32; 3], from: f64, to: f64) -> f64 {
-    let edges = (0..3).map(|k| {
-        let [p, q] = [points[face[k] as usize], points[face[(k + 1) % 3] as usize]];
-        let is_there = p[1].min(q[1]) <= from && p[1].max(q[1]) >= to;
-        if is_there { ((q[0] - p[0]) / (q[1] - p[1])).abs() * (to - from) } else { 0.0 }
-    });
-    edges.fold(0.0, f64::max)
 }
 
 /// Adds the integral of a segment's colour from x to another to the pixels of a row.
@@ -226,9 +213,9 @@ impl Envelope {
                     visit(&all[one], from, to);
                     continue;
                 }
-                let hidden = active.iter().any(|&at| {
-                    all[at].depth(crossing) < all[one].depth(crossing) - 1e-12
-                });
+                let hidden = active
+                    .iter()
+                    .any(|&at| all[at].depth(crossing) < all[one].depth(crossing) - 1e-12);
                 if hidden {
                     open.extend([[crossing, to], [from, crossing]]);
                 } else {

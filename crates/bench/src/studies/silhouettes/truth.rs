@@ -11,9 +11,9 @@ use super::scanlines::{Order, Scanlines};
 
 /// Half the step of the differences, in world units: the picture is smooth but where a vertex crosses
 /// a scanline.
-const STEP: f64 = 1e-6;
+const STEP: f64 = 1e-8;
 /// Where there are more coordinates than this, slopes are taken along so many random directions.
-const DIRECTIONS: usize = 24;
+pub static DIRECTIONS: std::sync::LazyLock<usize> = std::sync::LazyLock::new(|| std::env::var("DIR").map_or(24, |d| d.parse().unwrap()));
 
 /// What is true of a scene at one size.
 #[derive(Debug, Clone)]
@@ -104,13 +104,13 @@ pub(super) fn truths(case: &Case, cull: Cull, sizes: &[usize]) -> Vec<Truth> {
 
 /// One coordinate after the other where there are few, else random signs.
 fn directions(coordinates: usize) -> Vec<Vec<f64>> {
-    if coordinates <= DIRECTIONS {
+    if coordinates <= 24 {
         let unit = |k: usize| (0..coordinates).map(|at| f64::from(u8::from(at == k))).collect();
         return (0..coordinates).map(unit).collect();
     }
     let mut generator = ChaCha8Rng::seed_from_u64(0);
     let mut sign = || if generator.next_u32() & 1 == 0 { 1.0 } else { -1.0 };
-    (0..DIRECTIONS).map(|_| (0..coordinates).map(|_| sign()).collect()).collect()
+    (0..*DIRECTIONS).map(|_| (0..coordinates).map(|_| sign()).collect()).collect()
 }
 
 /// The picture `[to, to, 3]` of one `[from, from, 3]`, a multiple as large.

@@ -17,7 +17,7 @@ use crate::rasterize::culling::{Corner, Fate};
 use crate::rasterize::setup::Weights;
 
 /// Where more faces may reach into a pixel, it is resolved by samples.
-const MOST_FACES: usize = 1024;
+const MOST_FACES: usize = 4096;
 
 /// Pixels of a row that are asked at once whether sheets may cross in them.
 const BLOCK: usize = 8;
@@ -307,9 +307,8 @@ impl<S: Scalar<Wide = S>> Search<S> {
         marks.clear(drawn.rows.len(), view.size.width);
         outlines.clear();
         for (at, (&face, weights)) in (0..).zip(drawn.faces.iter().zip(drawn.weights)) {
-            let is_outline = |k| {
-                view.is_silhouette(face as usize, k) || view.mesh.is_seam(face as usize, k)
-            };
+            let is_outline =
+                |k| view.is_silhouette(face as usize, k) || view.mesh.is_seam(face as usize, k);
             let outline = (0..3).map(|k| u8::from(is_outline(k)) << k).sum();
             outlines.push(outline);
             for corner in (0..3).filter(|k| outline >> k & 1 == 1) {
@@ -392,16 +391,15 @@ impl<S: Scalar<Wide = S>> Search<S> {
             self;
         let row = drawn.rows.start + row;
         candidates.clear();
-        candidates.extend(
-            faces.iter().map(|&face| drawn.candidate(face, outlines[face as usize], x, y)),
-        );
+        candidates
+            .extend(faces.iter().map(|&face| drawn.candidate(face, outlines[face as usize], x, y)));
         slabs.clear();
         slabs.extend(candidates.iter().map(Slab::of));
         if front_sheets(slabs) == Some(1) {
             return;
         }
         moments.clear();
-        moments.resize(candidates.len(), [S::ZERO; 6]);
+        moments.resize(candidates.len(), Moments::default());
         extents.clear();
         let is_crowded = candidates.len() > MOST_FACES || !visible.find(candidates);
         let smallest = S::from_f64(4.0 * SMALLEST);
@@ -411,9 +409,9 @@ impl<S: Scalar<Wide = S>> Search<S> {
             samples.find(candidates, moments, extents);
         } else {
             visible.add_moments(moments);
-            let extent = |moments: &Moments<S>| Extent::of(*moments);
-            extents.extend(moments.iter().map(|own| (own[0] > smallest).then(|| extent(own))));
-            let is_dropped = |own: &&Moments<S>| own[0] > S::ZERO && own[0] <= smallest;
+            let is_kept = |own: &Moments<S>| own.area() > smallest;
+            extents.extend(moments.iter().map(|own| is_kept(own).then(|| Extent::of(own))));
+            let is_dropped = |own: &&Moments<S>| own.area() > S::ZERO && !is_kept(own);
             pieces.dropped += moments.iter().filter(is_dropped).count();
         }
         order.clear();
@@ -421,13 +419,13 @@ impl<S: Scalar<Wide = S>> Search<S> {
         order.extend(all.filter(|&at| extents[at as usize].is_some()));
         // The largest first; of equal ones the lower face.
         order.sort_unstable_by(|&a, &b| {
-            let area = |at: u32| moments[at as usize][0].to_f64();
+            let area = |at: u32| moments[at as usize].area().to_f64();
             area(b).total_cmp(&area(a)).then(a.cmp(&b))
         });
         pieces.pixels.push((row * drawn.view.size.width + column) as u32);
         pieces.pieces.extend(order.iter().filter_map(|&at| {
             let (Candidate { drawn: face, edges, .. }, area) =
-                (&candidates[at as usize], moments[at as usize][0]);
+                (&candidates[at as usize], moments[at as usize].area());
             let extent = extents[at as usize]?;
             let corners = drawn.view.corners_of(drawn.faces[*face as usize] as usize);
             let barycentrics = barycentrics(edges, corners.map(|corner| corner.factor), &extent);

@@ -31,9 +31,11 @@ pub(super) struct Extent<S> {
 
 impl<S: Scalar> Extent<S> {
     #[inline(always)]
-    pub(super) fn of([area, x, y, xx, xy, yy]: Moments<S>) -> Self {
+    pub(super) fn of(moments: &Moments<S>) -> Self {
+        let [area, x, y, xx, xy, yy] = moments.integrals;
         let [x, y, xx, xy, yy] = [x, y, xx, xy, yy].map(|moment| moment / area);
-        Self { centroid: [x, y], covariance: [xx - x * x, xy - x * y, yy - y * y] }
+        let centroid = [moments.origin[0] + x, moments.origin[1] + y];
+        Self { centroid, covariance: [xx - x * x, xy - x * y, yy - y * y] }
     }
 }
 
@@ -173,7 +175,7 @@ mod tests {
             let edges = edges.map(|[one, x, y]| [one, flat * x, flat * y]);
             let mut polygons = Polygons::<f64>::default();
             let pixel = polygons.pixel();
-            let found = barycentrics(&edges, [1.0; 3], &Extent::of(polygons.moments(pixel)));
+            let found = barycentrics(&edges, [1.0; 3], &Extent::of(&polygons.moments(pixel)));
             let mut mean = [0.0; 2];
             for k in 0..1024 {
                 let point = [k % 32, k / 32].map(|k| f64::from(2 * k + 1) / 32.0 - 1.0);

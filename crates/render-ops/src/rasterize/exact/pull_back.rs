@@ -246,17 +246,11 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
 impl<S: Scalar<Wide = S>> Adjoint<S> {
     /// Adds what the gradients of u and v of a piece, whose pixel's centre lies at `place`, say of the
     /// edge functions; returns those of its extent.
-    fn add_barycentrics(
-        &mut self,
-        uv_bar: [S; 2],
-        extent: &Extent<S>,
-        place: [S; 2],
-    ) -> Extent<S> {
+    fn add_barycentrics(&mut self, uv_bar: [S; 2], extent: &Extent<S>, place: [S; 2]) -> Extent<S> {
         let [x, y] = [0, 1].map(|axis| place[axis] + extent.centroid[axis]);
         let lines = self.face.coefficients();
-        let around = lines.map(|[one, by_x, by_y]| {
-            [one + by_x * place[0] + by_y * place[1], by_x, by_y]
-        });
+        let around =
+            lines.map(|[one, by_x, by_y]| [one + by_x * place[0] + by_y * place[1], by_x, by_y]);
         let bar = mean::adjoint(&around, self.face.factors, extent, uv_bar);
         for i in 0..3 {
             self.edges.ones[i] += bar.values[i];

@@ -46,7 +46,7 @@ impl<S: Scalar> Samples<S> {
     ) {
         self.look(candidates, moments);
         for (extent, moments) in extents.iter_mut().zip(moments) {
-            *extent = (moments[0] > S::ZERO).then(|| Extent::of(*moments));
+            *extent = (moments.area() > S::ZERO).then(|| Extent::of(moments));
         }
         let Self { polygons, sides, .. } = self;
         sides.clear();
@@ -111,7 +111,7 @@ impl<S: Scalar> Samples<S> {
         let share = S::from_f64(4.0 / (GRID * GRID) as f64);
         for (sample, &seen) in self.seen.iter().enumerate().filter(|(_, seen)| **seen != NOTHING) {
             let [x, y] = [places[sample % GRID], places[sample / GRID]];
-            let sums = &mut moments[seen as usize];
+            let sums = &mut moments[seen as usize].integrals;
             let powers = [S::ONE, x, y, x * x, x * y, y * y];
             sums.iter_mut().zip(powers).for_each(|(sum, power)| *sum += share * power);
         }
@@ -172,13 +172,14 @@ mod tests {
             let all: Vec<_> = triangles.into_iter().enumerate().filter_map(flat).collect();
             let mut visible = Visible::default();
             visible.find(&all);
-            let mut exact = vec![[0.0; 6]; all.len()];
+            let mut exact = vec![Moments::default(); all.len()];
             visible.add_moments(&mut exact);
-            let (mut samples, mut found) = (Samples::default(), vec![[0.0; 6]; all.len()]);
+            let (mut samples, mut found) =
+                (Samples::default(), vec![Moments::default(); all.len()]);
             samples.find(&all, &mut found, &mut vec![None; all.len()]);
-            for (found, exact) in found.as_flattened().iter().zip(exact.as_flattened()) {
-                size[0] += exact.abs();
-                error[0] += (found - exact).abs();
+            for (found, exact) in found.iter().zip(&exact) {
+                size[0] += exact.area();
+                error[0] += (found.area() - exact.area()).abs();
             }
             // The gradient of a weighted sum of areas, as all edges move outwards alike.
             let moved = |(at, side): (u32, Side<f64>)| {
