@@ -534,11 +534,13 @@ pub(super) fn crossing_faces<T: Scalar>() -> Outcome {
 pub(super) fn crowded<T: Scalar>() -> Outcome {
     // Strips behind one another within a pixel, each a little wider, and a face over its neighbours.
     let size = Size { width: 4, height: 3 };
-    let mut faces: Vec<_> = (0..100)
+    const STRIPS: usize = 2_100;
+    let mut faces: Vec<_> = (0..STRIPS)
         .map(|k| {
-            let right = 1.05 + 0.009 * f64::from(k);
+            let share = k as f64 / STRIPS as f64;
+            let right = 1.05 + 0.9 * share;
             let corners = [[1.02, 1.1], [right, 1.1], [1.02, 1.9]];
-            (corners, -0.5 + 0.01 * f64::from(k))
+            (corners, -0.5 + share)
         })
         .collect();
     faces.push(([[0.3, 0.2], [3.8, 0.4], [2.9, 2.7]], 0.75));
@@ -546,7 +548,8 @@ pub(super) fn crowded<T: Scalar>() -> Outcome {
     let picture = Picture::of::<T>(&scene)?;
     let (mut exact, mut sampled, mut inside) = (0.0_f64, 0.0_f64, 0.0_f64);
     for (pixel, found) in picture.covered().into_iter().enumerate() {
-        let swept = visible_areas(&scene.clip, &scene.faces[99..], size, [pixel % 4, pixel / 4]);
+        let swept =
+            visible_areas(&scene.clip, &scene.faces[STRIPS - 1..], size, [pixel % 4, pixel / 4]);
         let off = (found - swept.iter().sum::<f64>()).abs();
         if pixel == 5 {
             (sampled, inside) = (off, found);

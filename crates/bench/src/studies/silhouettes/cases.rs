@@ -5,15 +5,17 @@ use std::f64::consts::PI;
 use bokashi_core::Tensor;
 use bokashi_fit::FitError;
 use bokashi_fit::scenes::{FACES, View};
-use bokashi_render_ops::{Mesh, Size};
+use bokashi_render_ops::{Cull, Mesh, Size};
 use glam::{DMat3, DVec2, DVec3};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
+use super::scanlines::Slabs;
+use crate::effort::Effort;
 use crate::scenes::{Scene, uniform};
 
 /// Vertices of cubes are up to this far off, in sides of the cube.
-const SHIFT: f64 = 0.1;
+pub(super) const SHIFT: f64 = 0.1;
 
 /// A scene whose vertices are off, and where they belong.
 #[derive(Debug, Clone)]
@@ -22,18 +24,77 @@ pub(super) struct Case {
     pub(super) target: Tensor<f64>,
 }
 
-/// Makes one of a seed.
-type Make = fn(u64) -> Result<Case, FitError>;
+/// A kind of case, and how its truth is found.
+pub(super) struct Kind {
+    pub(super) name: &'static str,
+    /// Makes one of a seed.
+    pub(super) make: fn(u64) -> Result<Case, FitError>,
+    /// Of how many seeds.
+    pub(super) seeds: u64,
+    pub(super) cull: Cull,
+    pub(super) slabs: Slabs,
+    /// Half the step of the truth's differences, in world units.
+    pub(super) step: f64,
+    /// The size of its image, for the scenes of the step's table.
+    pub(super) pixels: usize,
+}
 
-/// All kinds with their names, and of how many seeds each is looked at.
-pub(super) const CASES: [(&str, u64, Make); 6] = [
-    ("cube", 20, cube),
-    ("sphere20k", 5, sphere),
-    ("two cubes in each other", 5, two_cubes),
-    ("thin fan", 5, fan),
-    ("sheet with a hole", 5, sheet),
-    ("500 triangles", 5, triangles),
+const OWN: Kind = Kind {
+    name: "cube",
+    make: cube,
+    seeds: 20,
+    cull: Cull::None,
+    slabs: Slabs { height: 1.0 / 256.0, at_events: true },
+    step: 1e-6,
+    pixels: 64,
+};
+
+/// The kinds that are looked at in several sizes.
+pub(super) const CASES: [Kind; 6] = [
+    OWN,
+    // Of so many vertices some come to be seen within a larger step.
+    Kind {
+        name: "sphere20k",
+        make: sphere,
+        seeds: 3,
+        slabs: Slabs { height: 1.0 / 64.0, at_events: true },
+        step: 1e-8,
+        ..OWN
+    },
+    Kind { name: "two cubes in each other", make: two_cubes, seeds: 3, ..OWN },
+    Kind { name: "thin fan", make: fan, seeds: 3, ..OWN },
+    Kind { name: "sheet with a hole", make: sheet, seeds: 3, ..OWN },
+    Kind { name: "500 triangles", make: triangles, seeds: 3, ..OWN },
 ];
+
+/// The scenes of the step's table, as they are learnt there.
+pub(super) fn of_bench(effort: Effort) -> Vec<Kind> {
+    let kind = |name, make, pixels| Kind { name, make, pixels, seeds: 1, cull: Cull::Back, ..OWN };
+    let cubes = [
+        kind("cube@32", |_| jittered(Scene::cube(32)?), 32),
+        kind("cube@256", |_| jittered(Scene::cube(256)?), 256),
+        kind("cube@1024", |_| jittered(Scene::cube(1024)?), 1024),
+    ];
+    let spheres = [
+        kind("sphere1k@256", |_| jittered(Scene::sphere("", 32, 17, 256)?), 256),
+        kind("sphere20k@512", |_| jittered(Scene::sphere("", 144, 70, 512)?), 512),
+        kind("sphere80k@1024", |_| jittered(Scene::largest()?), 1024),
+    ];
+    // So many edges that the errors at their ends are no more than the others.
+    let slabs = Slabs { height: 0.25, at_events: false };
+    let spheres = spheres.map(|kind| Kind { slabs, ..kind });
+    let coarse = Slabs { height: 0.25, at_events: true };
+    let cubes =
+        cubes.map(|kind| if kind.pixels < 100 { kind } else { Kind { slabs: coarse, ..kind } });
+    cubes.into_iter().chain(spheres).take(effort.choose(1, 6)).collect()
+}
+
+/// A scene of the step's table, its vertices off as there.
+fn jittered(scene: Scene) -> Result<Case, FitError> {
+    let positions = scene.jittered(0.3 / 256.0 * scene.size.width as f64, 0);
+    let target = scene.positions.clone();
+    Ok(Case { scene: Scene { positions, ..scene }, target })
+}
 
 /// The paper's cube in a random pose, each coordinate of each vertex off.
 fn cube(seed: u64) -> Result<Case, FitError> {

@@ -9,61 +9,66 @@ mod cases;
 mod scanlines;
 mod truth;
 
-use bokashi_core::{Scalar, Tape, Tensor, Var};
+use bokashi_core::{Tape, Tensor, Var};
 use bokashi_fit::FitError;
+use bokashi_fit::report::{Curve, Figure, PALETTE, Panel, SIZES, Scale, Stroke};
 use bokashi_render_ops::{
     Background, Cull, RasterOptions, Sampling, interpolate, project, rasterize, resolve,
 };
 
+use self::cases::{CASES, Case, Kind};
+use self::truth::{Truth, truths};
 use crate::bench::Bench;
+use crate::effort::USUAL;
 use crate::pipeline::render;
+use crate::sampling::{Contestant, Timing, interleaved};
 use crate::scenes::Scene;
+use crate::study::{Figures, Study};
+use crate::table::{Cell, Table};
 
-type Image<T> = for<'t> fn(&Scene, Cull, Var<'t, T>, Var<'t, T>) -> Result<Var<'t, T>, FitError>;
+/// The sizes of the images, in pixels: each a divisor of the last one.
+const PIXELS: [usize; 4] = [8, 16, 32, 64];
 
-/// A way to make an image of a scene with other positions and colours.
-struct Method<T: Scalar> {
+/// A way to make an image of a scene.
+struct Method {
+    /// For people, and for programs.
     name: &'static str,
+    key: &'static str,
     /// Whether every edge is a seam.
     has_seams: bool,
-    image: Image<T>,
+    image: Image,
 }
 
+/// The image of a scene with other positions and colours.
+type Image = for<'t> fn(&Scene, Cull, Var<'t, f32>, Var<'t, f32>) -> Result<Var<'t, f32>, FitError>;
+
 /// All methods; another one is another row.
-const fn methods<T: Scalar>() -> [Method<T>; 6] {
-    [
-        Method {
-            name: "no antialias",
-            has_seams: false,
-            image: |s, k, p, c| Ok(render(s, k, p, c)?.jagged),
-        },
-        Method {
-            name: "antialias",
-            has_seams: false,
-            image: |s, k, p, c| Ok(render(s, k, p, c)?.image),
-        },
-        Method {
-            name: "antialias, 2x2",
-            has_seams: false,
-            image: |s, k, p, c| supersampled(2, s, k, p, c),
-        },
-        Method {
-            name: "antialias, 4x4",
-            has_seams: false,
-            image: |s, k, p, c| supersampled(4, s, k, p, c),
-        },
-        Method { name: "exact coverage", has_seams: false, image: exact },
-        Method { name: "exact coverage, all edges", has_seams: true, image: exact },
-    ]
+const METHODS: [Method; 6] = [
+    method("no antialias", "no_antialias", |scene, cull, p, c| {
+        Ok(render(scene, cull, p, c)?.jagged)
+    }),
+    method("antialias", "antialias", |scene, cull, p, c| Ok(render(scene, cull, p, c)?.image)),
+    method("antialias, 2x2", "antialias_2x2", |scene, cull, p, c| {
+        supersampled(2, scene, cull, p, c)
+    }),
+    method("antialias, 4x4", "antialias_4x4", |scene, cull, p, c| {
+        supersampled(4, scene, cull, p, c)
+    }),
+    method("exact", "exact", exact),
+    Method { has_seams: true, ..method("exact, all edges", "exact_all_edges", exact) },
+];
+
+const fn method(name: &'static str, key: &'static str, image: Image) -> Method {
+    Method { name, key, has_seams: false, image }
 }
 
 /// The picture with exact coverage.
-fn exact<'t, T: Scalar>(
+fn exact<'t>(
     scene: &Scene,
     cull: Cull,
-    positions: Var<'t, T>,
-    colors: Var<'t, T>,
-) -> Result<Var<'t, T>, FitError> {
+    positions: Var<'t, f32>,
+    colors: Var<'t, f32>,
+) -> Result<Var<'t, f32>, FitError> {
     let clip = project(positions, &scene.camera, None)?;
     let options = RasterOptions { cull, sampling: Sampling::Exact, ..scene.size.into() };
     let fragments = rasterize(clip, &scene.mesh, options)?;
@@ -71,95 +76,287 @@ fn exact<'t, T: Scalar>(
 }
 
 /// `times` x `times` antialiased pixels make one.
-fn supersampled<'t, T: Scalar>(
+fn supersampled<'t>(
     times: usize,
     scene: &Scene,
     cull: Cull,
-    positions: Var<'t, T>,
-    colors: Var<'t, T>,
-) -> Result<Var<'t, T>, FitError> {
+    positions: Var<'t, f32>,
+    colors: Var<'t, f32>,
+) -> Result<Var<'t, f32>, FitError> {
     let pixels = scene.size.width;
     let large = render(&scene.at(times * pixels), cull, positions, colors)?.image;
     let split = large.reshape([pixels, times, pixels, times, 3])?;
     Ok(split.mean_axis(3)?.mean_axis(1)?)
 }
 
-/// The image and the gradient that `method` gives, by coordinate.
-fn gradient<T: Scalar>(
-    method: &Method<T>,
-    scene: &Scene,
+/// A scene at one size as a method takes it.
+struct Subject {
+    scene: Scene,
     cull: Cull,
-    upstream: &Tensor<T>,
-    tape: &mut Tape<T>,
-) -> Result<[Vec<f64>; 2], FitError> {
-    let found = {
-        let positions = tape.leaf(&scene.positions.cast());
-        let image = (method.image)(scene, cull, positions, tape.constant(&scene.colors.cast()))?;
-        let gradients = tape.vjp(&[(image, upstream)])?;
-        [image.value(), gradients.get_or_zeros(positions)]
-    };
-    tape.reset();
-    Ok(found.map(|found| found.data().iter().map(|entry| entry.to_f64()).collect()))
+    positions: Tensor<f32>,
+    colors: Tensor<f32>,
+    upstream: Tensor<f32>,
 }
 
-pub(super) fn study(bench: &Bench) -> Result<crate::study::Study, FitError> {
-    let sizes = [8, 16, 32, 64];
-    for (name, seeds, make) in cases::CASES {
-        let mut all = vec![vec![[0.0; 2]; 0]; sizes.len() * 6];
-        let (mut noise, mut pn) = (0.0_f64, 0.0_f64);
-        if std::env::var("CASE").is_ok_and(|c| !name.contains(&c)) {
-            continue;
+impl Subject {
+    fn new(method: &Method, case: &Case, cull: Cull, truth: &Truth) -> Self {
+        let mut scene = case.scene.at(truth.pixels);
+        if method.has_seams {
+            scene.mesh = scene.mesh.with_seams(|_, _| true);
         }
-        for seed in 0..seeds.min(std::env::var("SEEDS").map_or(99, |d| d.parse().unwrap())) {
-            let case = make(seed)?;
-            let truths = bench.widest().install(|| truth::truths(&case, Cull::None, &sizes));
-            println!(
-                "seed {seed} noise {:?}",
-                truths.iter().map(|t| [t.noise, t.picture_noise]).collect::<Vec<_>>()
-            );
-            for (at, truth) in truths.iter().enumerate() {
-                noise = noise.max(truth.noise);
-                pn = pn.max(truth.picture_noise);
-                for (k, method) in methods::<f64>().iter().enumerate() {
-                    let mut scene = case.scene.at(truth.pixels);
-                    if method.has_seams {
-                        scene.mesh = scene.mesh.with_seams(|_, _| true);
-                    }
-                    let [image, g] = gradient(
-                        method,
-                        &scene,
-                        Cull::None,
-                        &truth.upstream.cast(),
-                        &mut Tape::new(),
-                    )?;
-                    if k >= 4 {
-                        println!(
-                            "  {:3} {k} {:.5} {:.5} at {:?}",
-                            truth.pixels,
-                            truth.error(&g),
-                            truth.picture_error(&image),
-                            truth.worst(&image)
-                        );
-                    }
-                    all[at * 6 + k].push([truth.error(&g), truth.picture_error(&image)]);
+        let (positions, colors) = (scene.positions.cast(), scene.colors.cast());
+        Self { scene, cull, positions, colors, upstream: truth.upstream.cast() }
+    }
+
+    /// The image and the gradient that `method` gives.
+    fn gradient(
+        &self,
+        method: &Method,
+        tape: &mut Tape<f32>,
+    ) -> Result<[Tensor<f32>; 2], FitError> {
+        let found = {
+            let positions = tape.leaf(&self.positions);
+            let colors = tape.constant(&self.colors);
+            let image = (method.image)(&self.scene, self.cull, positions, colors)?;
+            let gradients = tape.vjp(&[(image, &self.upstream)])?;
+            [image.value(), gradients.get_or_zeros(positions)]
+        };
+        tape.reset();
+        Ok(found)
+    }
+}
+
+/// What a method got wrong over the seeds of a case at one size.
+#[derive(Debug, Clone, Default)]
+struct Errors {
+    /// Of the gradient, as a share of it.
+    gradient: Vec<f64>,
+    /// Of the picture's worst pixel, at most.
+    pixel: f64,
+}
+
+impl Errors {
+    fn add(&mut self, truth: &Truth, [image, gradient]: &[Tensor<f32>; 2]) {
+        let wide = |tensor: &Tensor<f32>| tensor.cast::<f64>();
+        self.gradient.push(truth.error(wide(gradient).data()));
+        self.gradient.sort_by(f64::total_cmp);
+        self.pixel = self.pixel.max(truth.pixel_error(wide(image).data()));
+    }
+
+    /// Least, median and largest.
+    fn of_gradient(&self) -> [f64; 3] {
+        let all = &self.gradient;
+        [all[0], all[all.len() / 2], all[all.len() - 1]]
+    }
+}
+
+/// Everything measured of a case at one size: per method its errors, and its times where there are
+/// any.
+struct Row {
+    case: String,
+    pixels: usize,
+    errors: Vec<Errors>,
+    timings: Vec<Option<Timing>>,
+    /// The truth's own, at most.
+    noise: f64,
+    pixel_noise: f64,
+}
+
+/// Measures a case at `sizes`.
+fn measure(
+    bench: &Bench,
+    study: &mut Study,
+    kind: &Kind,
+    sizes: &[usize],
+) -> Result<Vec<Row>, FitError> {
+    let seeds = bench.effort.choose(1, kind.seeds);
+    let mut rows = Vec::new();
+    for seed in 0..seeds {
+        let case = (kind.make)(seed)?;
+        let truths = bench.widest().install(|| truths(&case, kind, sizes));
+        for (at, truth) in truths.iter().enumerate() {
+            if seed == 0 {
+                let mut contestants = Vec::new();
+                for method in &METHODS {
+                    let subject = Subject::new(method, &case, kind.cull, truth);
+                    let mut tape = Tape::new();
+                    contestants.push(Contestant::new(bench.one(), move || {
+                        subject.gradient(method, &mut tape).map(drop)
+                    }));
                 }
+                let timings = interleaved(&mut contestants, bench.effort, USUAL);
+                let noted = METHODS.iter().zip(timings).map(|(method, timing)| {
+                    let what = format!("{}, {} at {} px", kind.name, method.name, truth.pixels);
+                    study.noted(&what, timing)
+                });
+                rows.push(Row {
+                    case: kind.name.to_owned(),
+                    pixels: truth.pixels,
+                    errors: vec![Errors::default(); METHODS.len()],
+                    timings: noted.collect(),
+                    noise: 0.0,
+                    pixel_noise: 0.0,
+                });
             }
-        }
-        println!("{name}: noise {noise:.5} picture {pn:.6}");
-        for (at, size) in sizes.iter().enumerate() {
-            for (k, method) in methods::<f64>().iter().enumerate() {
-                let v = &mut all[at * 6 + k];
-                let p = v.iter().map(|v| v[1]).fold(0.0, f64::max);
-                v.sort_by(|a, b| a[0].total_cmp(&b[0]));
-                println!(
-                    "  {size:3} {:28} median {:.4} max {:.4}  picture {:.5}",
-                    method.name,
-                    v[v.len() / 2][0],
-                    v[v.len() - 1][0],
-                    p
-                );
+            let row = &mut rows[at];
+            row.noise = row.noise.max(truth.noise);
+            row.pixel_noise = row.pixel_noise.max(truth.pixel_noise);
+            for (method, errors) in METHODS.iter().zip(&mut row.errors) {
+                let subject = Subject::new(method, &case, kind.cull, truth);
+                errors.add(truth, &subject.gradient(method, &mut Tape::new())?);
             }
         }
     }
-    todo!()
+    Ok(rows)
+}
+
+pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
+    let mut study =
+        Study::new("silhouettes", "The gradient of a silhouette, against the true one", "");
+    let mut rows = Vec::new();
+    for kind in &CASES {
+        rows.extend(measure(bench, &mut study, kind, &PIXELS)?);
+    }
+    for kind in &cases::of_bench(bench.effort) {
+        rows.extend(measure(bench, &mut study, kind, &[kind.pixels])?);
+    }
+    study.note = format!(
+        "The gradient of <g, image> with respect to all vertices, against that of <g, area-averaged \
+         image>; g is one fixed upstream gradient per scene and size, that of the squared error \
+         against the picture of other vertices. The error is the length of the difference over the \
+         length of the truth, for the gradient as a whole; median over {} poses of the cube, each \
+         coordinate of each vertex up to {} of a side off, over {} of the other scenes, and from one of \
+         those of the step's table. The truth: differences of pictures that are integrated along \
+         scanlines; where a scene has more than 24 coordinates, along 24 random directions in which all \
+         vertices move. Truth, ±: how far the truth from one scanline for each two is off, at \
+         most. 2x2 and 4x4: rendered so much larger, then averaged down. All edges: every edge is a \
+         seam. f32; closed meshes of the step's table with back faces culled, all others without.",
+        bench.effort.choose(1, CASES[0].seeds),
+        cases::SHIFT,
+        bench.effort.choose(1, CASES[1].seeds),
+    );
+    study.figures.push(figures(&rows));
+    let percent = |share: f64| Cell::number(100.0 * share);
+    let noise = |row: &Row| percent(row.noise);
+    study.tables.extend([
+        table(
+            &rows,
+            "silhouettes",
+            "Relative error of the vertex gradient, %, median",
+            Some(&noise),
+            &|row, at| percent(row.errors[at].of_gradient()[1]),
+        ),
+        table(&rows, "silhouettes_largest", "The same, largest", Some(&noise), &|row, at| {
+            percent(row.errors[at].of_gradient()[2])
+        }),
+        table(
+            &rows,
+            "silhouettes_pixels",
+            "Error of the worst pixel, % of full intensity",
+            Some(&|row| percent(row.pixel_noise)),
+            &|row, at| percent(row.errors[at].pixel),
+        ),
+        table(
+            &rows,
+            "silhouettes_times",
+            "Milliseconds of an image and its gradient, one thread",
+            None,
+            &|row, at| match &row.timings[at] {
+                Some(timing) => Cell::timed(timing, 1e3 * timing.minimum),
+                None => Cell::Nothing,
+            },
+        ),
+    ]);
+    Ok(study)
+}
+
+/// A row per case and size, a column per method, and perhaps one for the truth.
+fn table(
+    rows: &[Row],
+    name: &'static str,
+    title: &'static str,
+    truth: Option<&dyn Fn(&Row) -> Cell>,
+    cell: &dyn Fn(&Row, usize) -> Cell,
+) -> Table {
+    let mut columns = vec![("scene", "scene"), ("pixels", "pixels")];
+    columns.extend(METHODS.iter().map(|method| (method.name, method.key)));
+    columns.extend(truth.map(|_| ("truth, ±", "truth")));
+    let mut table = Table::new(name, title, &columns);
+    for row in rows {
+        let mut cells = vec![Cell::text(&row.case), Cell::Count(row.pixels)];
+        cells.extend((0..METHODS.len()).map(|at| cell(row, at)));
+        cells.extend(truth.map(|truth| truth(row)));
+        table.push(cells);
+    }
+    table
+}
+
+/// Errors against times, a panel per case and one for the scenes of the step's table.
+fn figures(rows: &[Row]) -> Figures {
+    let is_own = |row: &Row| CASES.iter().any(|kind| kind.name == row.case);
+    let title = |row: &Row| {
+        if is_own(row) { row.case.clone() } else { "the step's scenes".to_owned() }
+    };
+    let mut panels: Vec<Panel> = Vec::new();
+    for row in rows {
+        let title = title(row);
+        if panels.last().is_none_or(|panel| panel.title != title) {
+            panels.push(Panel {
+                figure: Figure {
+                    x: Scale::Seconds,
+                    y: Scale::Logarithmic,
+                    x_title: "time of an image and its gradient",
+                    size: SIZES[1],
+                    spoken: format!("error of the gradient against time: {title}"),
+                    curves: Vec::new(),
+                    marks: Vec::new(),
+                },
+                title,
+            });
+        }
+        let curves = &mut panels.last_mut().expect("there is one now").figure.curves;
+        let points = row.errors.iter().zip(&row.timings).filter_map(|(errors, timing)| {
+            let [least, median, largest] = errors.of_gradient();
+            timing.as_ref().map(|timing| [timing.minimum, least, median, largest])
+        });
+        let mut points: Vec<_> = points.collect();
+        points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        let color = curves.len() % PALETTE.len();
+        curves.push(Curve { color, stroke: Stroke::Solid, dots: true, points });
+    }
+    let legend = PIXELS.iter().enumerate();
+    let legend = legend.map(|(at, pixels)| (format!("{pixels} px"), PALETTE[at], Stroke::Solid));
+    Figures {
+        heading: Some("Relative error of the gradient; bands: least and largest".to_owned()),
+        is_folded: false,
+        legend: legend.collect(),
+        panels,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// At 16 and 32 px, with each edge a seam: what is left is the truth's own error.
+    #[test]
+    fn with_exact_coverage_the_gradient_is_the_true_one() {
+        for (kind, bound) in [(&CASES[0], 0.003), (&CASES[2], 0.003), (&CASES[3], 0.01)] {
+            let case = (kind.make)(1).unwrap();
+            for truth in truths(&case, kind, &[16, 32]) {
+                let gradient_error = |method: &Method| {
+                    let subject = Subject::new(method, &case, kind.cull, &truth);
+                    let found = subject.gradient(method, &mut Tape::new()).unwrap();
+                    let mut errors = Errors::default();
+                    errors.add(&truth, &found);
+                    (errors.of_gradient()[1], errors.pixel)
+                };
+                let (exact, pixel) = gradient_error(&METHODS[5]);
+                let what = format!("{} at {} px: {exact:.4} {pixel:.4}", kind.name, truth.pixels);
+                assert!(truth.noise < bound && exact < bound && pixel < 0.01, "{what}");
+                let (antialiased, _) = gradient_error(&METHODS[1]);
+                assert!(antialiased > 10.0 * exact, "{what}, {antialiased:.4}");
+            }
+        }
+    }
 }

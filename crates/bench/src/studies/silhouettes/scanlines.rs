@@ -6,7 +6,7 @@
 //! colour is a quotient of linear functions, integrated pixel by pixel with three Gauss points. Lines
 //! are averaged by one or two Gauss points in each *slab*: between heights at which there is a vertex,
 //! or an edge passes from one pixel to the next, a line's integral is smooth but where something
-//! passes behind an edge, or through a face. Slabs are narrow besides. All of it moves smoothly with
+//! passes behind an edge, or through a face. Slabs are low besides. All of it moves smoothly with
 //! the vertices, so differences with a tiny step are derivatives.
 
 use bokashi_core::Tensor;
@@ -59,13 +59,20 @@ impl Order {
     }
 }
 
-/// Slabs are at most this high, in pixels.
-static HEIGHT: std::sync::LazyLock<f64> = std::sync::LazyLock::new(|| std::env::var("HEIGHT").map_or(1.0 / 32.0, |d| 1.0 / d.parse::<f64>().unwrap()));
+/// How an image is cut into slabs.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Slabs {
+    /// They are at most this high, in pixels.
+    pub(super) height: f64,
+    /// Whether they end where there is a vertex, or an edge passes from one pixel to the next.
+    pub(super) at_events: bool,
+}
 
 /// Pictures of a scene, averaged from scanlines.
 pub(super) struct Scanlines<'a> {
     pub(super) scene: &'a Scene,
     pub(super) cull: Cull,
+    pub(super) slabs: Slabs,
     pub(super) order: Order,
 }
 
@@ -92,11 +99,11 @@ impl Scanlines<'_> {
         let mut envelope = Envelope::default();
         for cut in cuts.windows(2) {
             let (from, to) = (cut[0], cut[1]);
-            while let Some(face) = coming.next_if(|face| top(face) <= from) {
+            while let Some(face) = coming.next_if(|face| top(face) < to) {
                 active.push(face);
             }
             active.retain(|face| face.iter().any(|&vertex| row_of(vertex) > from));
-            let slabs = ((to - from) / *HEIGHT).ceil() as usize;
+            let slabs = ((to - from) / self.slabs.height).ceil() as usize;
             let half = 0.5 * (to - from) / slabs as f64;
             let row = &mut image[from as usize * width * 3..][..width * 3];
             for slab in 0..slabs {

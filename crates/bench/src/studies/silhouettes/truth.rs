@@ -1,19 +1,16 @@
 //! The true gradient of a scene's area-averaged picture, and how well it is known.
 
 use bokashi_core::Tensor;
-use bokashi_render_ops::Cull;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::cases::Case;
+use super::cases::{Case, Kind};
 use super::scanlines::{Order, Scanlines};
 
-/// Half the step of the differences, in world units: the picture is smooth but where a vertex crosses
-/// a scanline.
-const STEP: f64 = 1e-8;
-/// Where there are more coordinates than this, slopes are taken along so many random directions.
-pub static DIRECTIONS: std::sync::LazyLock<usize> = std::sync::LazyLock::new(|| std::env::var("DIR").map_or(24, |d| d.parse().unwrap()));
+/// Where there are more coordinates than this, slopes are taken along eight random directions.
+const MOST_COORDINATES: usize = 24;
+const DIRECTIONS: usize = 8;
 
 /// What is true of a scene at one size.
 #[derive(Debug, Clone)]
@@ -29,7 +26,7 @@ pub(super) struct Truth {
     /// How far the slopes of half as many scanlines are off these, as a share of them.
     pub(super) noise: f64,
     /// How far pixels of half as many scanlines are off, at most.
-    pub(super) picture_noise: f64,
+    pub(super) pixel_noise: f64,
 }
 
 impl Truth {
@@ -41,23 +38,18 @@ impl Truth {
         distance(&found, &self.slopes) / length(&self.slopes)
     }
 
-    pub(super) fn worst(&self, picture: &[f64]) -> (usize, usize, f64, f64) {
-        let d = |k: &usize| (picture[*k] - self.picture[*k]).abs();
-        let k = (0..picture.len()).max_by(|a, b| d(a).total_cmp(&d(b))).unwrap();
-        (k / 3 / self.pixels, k / 3 % self.pixels, picture[k], self.picture[k])
-    }
-
     /// The largest difference of a picture's pixels.
-    pub(super) fn picture_error(&self, picture: &[f64]) -> f64 {
+    pub(super) fn pixel_error(&self, picture: &[f64]) -> f64 {
         apart(picture, &self.picture)
     }
 }
 
 /// The truth at each of some sizes, of which the last is the largest, and a multiple of all others.
-pub(super) fn truths(case: &Case, cull: Cull, sizes: &[usize]) -> Vec<Truth> {
+pub(super) fn truths(case: &Case, kind: &Kind, sizes: &[usize]) -> Vec<Truth> {
+    let &Kind { cull, slabs, step, .. } = kind;
     let largest = sizes[sizes.len() - 1];
     let scene = &case.scene.at(largest);
-    let sets = [Order::One, Order::Two].map(|order| Scanlines { scene, cull, order });
+    let sets = [Order::One, Order::Two].map(|order| Scanlines { scene, cull, slabs, order });
     let [picture, target] = [&scene.positions, &case.target]
         .map(|positions| sets.each_ref().map(|lines| lines.picture(positions)));
     let upstream: Vec<f64> =
@@ -69,15 +61,15 @@ pub(super) fn truths(case: &Case, cull: Cull, sizes: &[usize]) -> Vec<Truth> {
         .par_iter()
         .map(|direction| {
             sets.each_ref().map(|lines| {
-                let moved = |step: f64| {
+                let moved = |by: f64| {
                     let mut positions = scene.positions.clone();
                     let entries = positions.data_mut().iter_mut().zip(direction);
-                    entries.for_each(|(entry, along)| *entry += step * along);
+                    entries.for_each(|(entry, along)| *entry += by * along);
                     lines.picture(&positions)
                 };
-                let (above, below) = (moved(STEP), moved(-STEP));
+                let (above, below) = (moved(step), moved(-step));
                 let change: Vec<f64> =
-                    above.iter().zip(&below).map(|(a, b)| (a - b) / (2.0 * STEP)).collect();
+                    above.iter().zip(&below).map(|(a, b)| (a - b) / (2.0 * step)).collect();
                 let both = sizes.iter().zip(&upstreams);
                 both.map(|(&size, g)| product(&averaged(&change, largest, size), g)).collect()
             })
@@ -95,7 +87,7 @@ pub(super) fn truths(case: &Case, cull: Cull, sizes: &[usize]) -> Vec<Truth> {
             directions: directions.clone(),
             noise: distance(&coarse, &slopes) / length(&slopes),
             slopes,
-            picture_noise: apart(&coarse_picture, &picture),
+            pixel_noise: apart(&coarse_picture, &picture),
             picture,
         }
     })
@@ -104,13 +96,13 @@ pub(super) fn truths(case: &Case, cull: Cull, sizes: &[usize]) -> Vec<Truth> {
 
 /// One coordinate after the other where there are few, else random signs.
 fn directions(coordinates: usize) -> Vec<Vec<f64>> {
-    if coordinates <= 24 {
+    if coordinates <= MOST_COORDINATES {
         let unit = |k: usize| (0..coordinates).map(|at| f64::from(u8::from(at == k))).collect();
         return (0..coordinates).map(unit).collect();
     }
     let mut generator = ChaCha8Rng::seed_from_u64(0);
     let mut sign = || if generator.next_u32() & 1 == 0 { 1.0 } else { -1.0 };
-    (0..*DIRECTIONS).map(|_| (0..coordinates).map(|_| sign()).collect()).collect()
+    (0..DIRECTIONS).map(|_| (0..coordinates).map(|_| sign()).collect()).collect()
 }
 
 /// The picture `[to, to, 3]` of one `[from, from, 3]`, a multiple as large.

@@ -17,7 +17,7 @@ use crate::rasterize::culling::{Corner, Fate};
 use crate::rasterize::setup::Weights;
 
 /// Where more faces may reach into a pixel, it is resolved by samples.
-const MOST_FACES: usize = 4096;
+const MOST_FACES: usize = 2048;
 
 /// Pixels of a row that are asked at once whether sheets may cross in them.
 const BLOCK: usize = 8;

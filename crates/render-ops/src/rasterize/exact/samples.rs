@@ -8,7 +8,8 @@
 //! Weights change where the outline of a surface moves: each edge of it is cut into pieces about as
 //! long as samples are apart. Where its face is seen beside the middle of a piece, the piece is a side
 //! of it, and of what is seen beyond, if that goes on behind it. A face that no sample sees, but that
-//! has a side, is a piece of area 0. Centroids do not move, nor intersections, which are no edges.
+//! has a side, is a piece of area 0. Where edges times faces are more than [`MOST_PAIRS`], the faces that
+//! samples see are all that counts. Centroids do not move, nor intersections, which are no edges.
 
 use bokashi_core::Scalar;
 
@@ -22,11 +23,16 @@ pub(super) const GRID: usize = 16;
 /// Stands for "nothing is seen".
 const NOTHING: u32 = u32::MAX;
 
+/// How many pairs of an edge and a face may be looked at.
+const MOST_PAIRS: usize = 1 << 24;
+
 /// The samples of a pixel.
 #[derive(Debug, Default)]
 pub(super) struct Samples<S> {
     depths: Vec<S>,
     seen: Vec<u32>,
+    /// The candidates that count.
+    counting: Vec<u32>,
     polygons: Polygons<S>,
     /// What the last call found.
     pub(super) sides: Vec<(u32, Side<S>)>,
@@ -48,9 +54,18 @@ impl<S: Scalar> Samples<S> {
         for (extent, moments) in extents.iter_mut().zip(moments) {
             *extent = (moments.area() > S::ZERO).then(|| Extent::of(moments));
         }
-        let Self { polygons, sides, .. } = self;
+        let Self { counting, polygons, sides, .. } = self;
+        let edges: usize = candidates.iter().map(|one| one.outline.count_ones() as usize).sum();
+        let do_all_count = edges.saturating_mul(candidates.len()) <= MOST_PAIRS;
+        counting.clear();
+        let all = 0..candidates.len() as u32;
+        counting.extend(all.filter(|&at| do_all_count || extents[at as usize].is_some()));
         sides.clear();
-        for (at, candidate) in (0..).zip(candidates).filter(|(_, one)| one.outline != 0) {
+        for &at in &*counting {
+            let candidate = &candidates[at as usize];
+            if candidate.outline == 0 {
+                continue;
+            }
             let mut polygon = Some(polygons.pixel());
             for (k, &edge) in (0..).zip(&candidate.edges) {
                 polygon = polygon.and_then(|polygon| polygons.inside(polygon, edge, k));
@@ -68,7 +83,7 @@ impl<S: Scalar> Samples<S> {
                     let middle = [0, 1].map(|axis| half * (p[axis] + q[axis]));
                     let [inner, outer] = [beside, -beside]
                         .map(|offset| [middle[0] + offset * x, middle[1] + offset * y]);
-                    if nearest(candidates, inner) != Some(at) {
+                    if nearest(candidates, counting, inner) != Some(at) {
                         continue;
                     }
                     let mut add = |at: u32, is_inside| {
@@ -78,7 +93,7 @@ impl<S: Scalar> Samples<S> {
                     };
                     add(at, true);
                     // What ends here, too, has a side of its own.
-                    let beyond = nearest(candidates, outer);
+                    let beyond = nearest(candidates, counting, outer);
                     if let Some(beyond) = beyond.filter(|&at| candidates[at as usize].covers(inner))
                     {
                         add(beyond, false);
@@ -130,11 +145,12 @@ fn cut<S: Scalar>([p, q]: [[S; 2]; 2]) -> impl Iterator<Item = [[S; 2]; 2]> {
     (0..count).map(move |k| [place(k), place(k + 1)])
 }
 
-/// The nearest candidate at a point.
-fn nearest<S: Scalar>(candidates: &[Candidate<S>], point: [S; 2]) -> Option<u32> {
+/// The nearest of some candidates at a point.
+fn nearest<S: Scalar>(candidates: &[Candidate<S>], some: &[u32], point: [S; 2]) -> Option<u32> {
     let mut nearest = None;
     let mut least = S::ONE;
-    for (at, candidate) in (0..).zip(candidates) {
+    for &at in some {
+        let candidate = &candidates[at as usize];
         let depth = value_at(candidate.depth, point);
         let is_nearer = depth < least || depth == S::ONE && nearest.is_none();
         if is_nearer && depth >= -S::ONE && candidate.covers(point) {

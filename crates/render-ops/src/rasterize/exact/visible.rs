@@ -116,7 +116,7 @@ pub(super) struct Visible<S> {
 }
 
 /// A pixel whose polygons have more corners on the way is too crowded.
-const MOST_CORNERS: usize = 1 << 20;
+const MOST_CORNERS: usize = 1 << 18;
 
 /// Depths that differ by no more than this share of their size are equal: the order of two faces in
 /// one plane is no accident of rounding.
