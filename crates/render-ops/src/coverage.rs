@@ -90,8 +90,8 @@ pub struct BoundaryCounts {
     pub pieces: usize,
     /// Pieces that were dropped: smaller than 1e-14 of a pixel.
     pub dropped: usize,
-    /// Pixels into which more than 64 faces may reach: resolved by 16 x 16 samples, with the
-    /// gradient of their boundaries.
+    /// Pixels into which more than 2048 faces may reach, or that fall into too many pieces on the way:
+    /// resolved by 16 x 16 samples, with the gradient of the surface's outline.
     pub crowded: usize,
 }
 

@@ -9,7 +9,7 @@
 //! `z_bar_i += depth_bar a_i / W`, `w_bar_i -= depth_bar depth a_i / W`. Terms beyond the range of
 //! the numbers as in [`rasterize`](crate::rasterize()).
 //!
-//! A piece of a boundary pixel has the depth of its centroid, which moves: with its weights b_i,
+//! A piece of a boundary pixel has the depth of its mean weights b_i, which move with it:
 //! `depth = Z / W`, `Z = sum b_i z_i`, `W = sum b_i w_i`; `b_bar_i = depth_bar (z_i - depth w_i) / W`,
 //! `z_bar_i += depth_bar b_i / W`, `w_bar_i -= depth_bar depth b_i / W`.
 //!
@@ -77,7 +77,7 @@ impl<T: Scalar> Op<T> for Depth {
         let (depths, pieces) = depths.split_at_mut(coverage.centers());
         if inputs.len() == 2 {
             for (span, piece) in coverage.piece_spans().zip(pieces) {
-                let Centroid { depth, .. } = Centroid::of(coverage, clip, inputs.data(1), &span);
+                let Mean { depth, .. } = Mean::of(coverage, clip, inputs.data(1), &span);
                 *piece = T::narrow(depth.greater(-T::Wide::ONE).lesser(T::Wide::ONE));
             }
         }
@@ -109,11 +109,11 @@ impl<T: Scalar> Op<T> for Depth {
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
         let (coverage, clip, depth_bar) = (&*self.coverage, kept.input(0), kept.only_upstream());
         let pieces = |barycentrics| {
-            let centroid = move |span: Span| {
+            let mean = move |span: Span| {
                 let bar = depth_bar[span.fragments.start].widen();
-                (Centroid::of(coverage, clip, barycentrics, &span), bar, span.fragments.start)
+                (Mean::of(coverage, clip, barycentrics, &span), bar, span.fragments.start)
             };
-            coverage.piece_spans().map(centroid)
+            coverage.piece_spans().map(mean)
         };
         if let Some(clip_bar) = gradients.get(0) {
             let pull_back = PullBack { coverage, clip, depth_bar };
@@ -121,8 +121,8 @@ impl<T: Scalar> Op<T> for Depth {
             Layout { coverage, bands, mesh: &coverage.mesh, width: 4 }.add_to(clip_bar, &pull_back);
             if kept.input_count() == 2 {
                 let entries = clip_bar.entries();
-                for (centroid, depth_bar, _) in pieces(kept.input(1)) {
-                    let Centroid { indices, weights, depth, w, .. } = centroid;
+                for (mean, depth_bar, _) in pieces(kept.input(1)) {
+                    let Mean { indices, weights, depth, w, .. } = mean;
                     for (index, weight) in indices.into_iter().zip(weights) {
                         let z_bar = depth_bar * weight / w;
                         let entries = &mut entries[4 * index as usize..][..4];
@@ -137,16 +137,16 @@ impl<T: Scalar> Op<T> for Depth {
         }
         let Some(barycentrics_bar) = gradients.get(1) else { return };
         let entries = barycentrics_bar.entries();
-        for (centroid, depth_bar, at) in pieces(kept.input(1)) {
-            let [u_bar, v_bar] = centroid.slopes().map(|slope| T::narrow(depth_bar * slope));
+        for (mean, depth_bar, at) in pieces(kept.input(1)) {
+            let [u_bar, v_bar] = mean.slopes().map(|slope| T::narrow(depth_bar * slope));
             entries[2 * at] += u_bar;
             entries[2 * at + 1] += v_bar;
         }
     }
 }
 
-/// The centroid of a piece.
-struct Centroid<S> {
+/// Where a piece has its mean weights.
+struct Mean<S> {
     indices: [u32; 3],
     /// The weights of the face's vertices.
     weights: [S; 3],
@@ -157,7 +157,7 @@ struct Centroid<S> {
     w: S,
 }
 
-impl<S: Scalar<Wide = S>> Centroid<S> {
+impl<S: Scalar<Wide = S>> Mean<S> {
     fn of<T: Scalar<Wide = S>>(
         coverage: &Coverage,
         clip: &[T],

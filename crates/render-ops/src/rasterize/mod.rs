@@ -67,9 +67,9 @@ pub enum Sampling {
     #[default]
     Center,
     /// All that lies in it: a pixel that an edge of the surface, an occlusion or an intersection
-    /// crosses falls into pieces, each with its share of the pixel and the weights of its centroid.
-    /// The share and the centroid move with the vertices, so silhouettes have their true gradient
-    /// and need no antialiasing.
+    /// crosses falls into pieces, each with its share of the pixel and its mean barycentrics. Both
+    /// move with the vertices, so silhouettes have their true gradient and need no antialiasing.
+    /// `docs/exact-coverage.md` has the derivation.
     Exact,
 }
 

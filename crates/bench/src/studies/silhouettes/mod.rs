@@ -227,9 +227,8 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
          length of the truth, for the gradient as a whole; median over {} poses of the cube, each \
          coordinate of each vertex up to {} of a side off, over {} of the other scenes, and from one of \
          those of the step's table. The truth: differences of pictures that are integrated along \
-         scanlines; where a scene has more than 24 coordinates, along 24 random directions in which all \
-         vertices move. Truth, ±: how far the truth from one scanline for each two is off, at \
-         most. 2x2 and 4x4: rendered so much larger, then averaged down. All edges: every edge is a \
+         scanlines; where a scene has more than 24 coordinates, along 8 random directions in which all \
+         vertices move. Truth, ±: how far the truth from one scanline for each two is off, at most. 2x2 and 4x4: rendered so much larger, then averaged down. All edges: every edge is a \
          seam. f32; closed meshes of the step's table with back faces culled, all others without.",
         bench.effort.choose(1, CASES[0].seeds),
         cases::SHIFT,

@@ -9,7 +9,7 @@ use super::marks::Marks;
 use super::mean::{Extent, barycentrics};
 use super::polygon::{Line, Moments, size, value_at};
 use super::samples::Samples;
-use super::sheets::Regions;
+use super::sheets::{REACH, Regions, Slab, front_sheets, may_cross};
 use super::visible::{Candidate, Side, Visible};
 use crate::homogeneous::{Vertex, cross};
 use crate::rasterize::canvas::View;
@@ -24,9 +24,6 @@ const BLOCK: usize = 8;
 
 /// Pieces below this share of a pixel are dropped.
 pub(super) const SMALLEST: f64 = 1e-14;
-
-/// Lines are looked for within this many times half a pixel's width: more than they can be off.
-const REACH: f64 = 1.0 + 1e-6;
 
 /// A visible part of a face in a pixel.
 #[derive(Debug, Clone, Copy)]
@@ -450,35 +447,6 @@ impl<S: Scalar<Wide = S>> Search<S> {
     }
 }
 
-/// A face in a block of pixels.
-#[derive(Debug, Clone, Copy)]
-struct Slab<S> {
-    /// The range of its plane's depths.
-    nearest: S,
-    farthest: S,
-    /// Whether it covers the block's centre.
-    covers: bool,
-    /// Whether an edge of the surface's outline may cross the block in it.
-    ends: bool,
-}
-
-impl<S: Scalar> Slab<S> {
-    /// That of a candidate in its pixel.
-    #[inline(always)]
-    fn of(candidate: &Candidate<S>) -> Self {
-        let [depth, x, y] = candidate.depth;
-        let rounding = S::from_f64(1e-9) * depth.abs();
-        let reach = x.abs() + y.abs() + rounding;
-        let mut ends = false;
-        for (k, [one, x, y]) in candidate.edges.into_iter().enumerate() {
-            let near = one.abs() <= S::from_f64(REACH) * (x.abs() + y.abs());
-            ends |= (candidate.outline >> k & 1 == 1) & near;
-        }
-        let covers = candidate.edges.iter().all(|edge| edge[0] >= S::ZERO);
-        Self { nearest: depth - reach, farthest: depth + reach, covers, ends }
-    }
-}
-
 impl<T: Scalar> Drawn<'_, '_, T> {
     /// That of a face of the band in a block of `width` pixels of a row, which no outline crosses.
     #[inline(always)]
@@ -497,33 +465,6 @@ impl<T: Scalar> Drawn<'_, '_, T> {
         let covers = edges.iter().all(|&edge| value_at(edge, center) >= T::Wide::ZERO);
         Slab { nearest: depth - reach, farthest: depth + reach, covers, ends: false }
     }
-}
-
-/// How many sheets these faces make up in a block of pixels before all that lies behind them, where
-/// they are whole: those of one sheet touch, so the nearest faces up to the first gap between all
-/// their depths are whole sheets if none of them ends here, and a sheet covers the block's centre once.
-/// What is out of the depth range hides nothing; where something may reach out of it, none can be
-/// told.
-fn front_sheets<S: Scalar>(slabs: &mut [Slab<S>]) -> Option<usize> {
-    slabs.sort_unstable_by(|a, b| a.nearest.to_f64().total_cmp(&b.nearest.to_f64()));
-    let (mut farthest, mut sheets) = (-S::from_f64(f64::INFINITY), 0);
-    let is_out = |slab: &Slab<S>| slab.farthest < -S::ONE || slab.nearest > S::ONE;
-    for slab in slabs.iter().filter(|slab| !is_out(slab)) {
-        if slab.nearest > farthest && sheets > 0 {
-            break;
-        }
-        if slab.ends || slab.nearest < -S::ONE || slab.farthest > S::ONE {
-            return None;
-        }
-        farthest = farthest.greater(slab.farthest);
-        sheets += usize::from(slab.covers);
-    }
-    Some(sheets)
-}
-
-/// Whether two of the sheets that these faces make up may pass through each other before all others.
-fn may_cross<S: Scalar>(slabs: &mut [Slab<S>]) -> bool {
-    front_sheets(slabs).is_none_or(|sheets| sheets > 1)
 }
 
 /// Of `columns` those in whose pixels a line passes, in a row where it has the value `start` at the

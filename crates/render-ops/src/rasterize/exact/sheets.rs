@@ -7,7 +7,13 @@
 
 use std::ops::Range;
 
+use bokashi_core::Scalar;
+
 use super::marks::Marks;
+use super::visible::Candidate;
+
+/// Lines are looked for within this many times half a pixel's width: more than they can be off.
+pub(super) const REACH: f64 = 1.0 + 1e-6;
 
 /// Neighbouring pixels of a row that no edge crosses.
 #[derive(Debug, Clone)]
@@ -103,6 +109,62 @@ impl Regions {
         }
         self.wanted = wanted;
     }
+}
+
+/// A face in a block of pixels.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Slab<S> {
+    /// The range of its plane's depths.
+    pub(super) nearest: S,
+    pub(super) farthest: S,
+    /// Whether it covers the block's centre.
+    pub(super) covers: bool,
+    /// Whether an edge of the surface's outline may cross the block in it.
+    pub(super) ends: bool,
+}
+
+impl<S: Scalar> Slab<S> {
+    /// That of a candidate in its pixel.
+    #[inline(always)]
+    pub(super) fn of(candidate: &Candidate<S>) -> Self {
+        let [depth, x, y] = candidate.depth;
+        let rounding = S::from_f64(1e-9) * depth.abs();
+        let reach = x.abs() + y.abs() + rounding;
+        let mut ends = false;
+        for (k, [one, x, y]) in candidate.edges.into_iter().enumerate() {
+            let near = one.abs() <= S::from_f64(REACH) * (x.abs() + y.abs());
+            ends |= (candidate.outline >> k & 1 == 1) & near;
+        }
+        let covers = candidate.edges.iter().all(|edge| edge[0] >= S::ZERO);
+        Self { nearest: depth - reach, farthest: depth + reach, covers, ends }
+    }
+}
+
+/// How many sheets these faces make up in a block of pixels before all that lies behind them, where
+/// they are whole: those of one sheet touch, so the nearest faces up to the first gap between all
+/// their depths are whole sheets if none of them ends here, and a sheet covers the block's centre once.
+/// What is out of the depth range hides nothing; where something may reach out of it, none can be
+/// told.
+pub(super) fn front_sheets<S: Scalar>(slabs: &mut [Slab<S>]) -> Option<usize> {
+    slabs.sort_unstable_by(|a, b| a.nearest.to_f64().total_cmp(&b.nearest.to_f64()));
+    let (mut farthest, mut sheets) = (-S::from_f64(f64::INFINITY), 0);
+    let is_out = |slab: &Slab<S>| slab.farthest < -S::ONE || slab.nearest > S::ONE;
+    for slab in slabs.iter().filter(|slab| !is_out(slab)) {
+        if slab.nearest > farthest && sheets > 0 {
+            break;
+        }
+        if slab.ends || slab.nearest < -S::ONE || slab.farthest > S::ONE {
+            return None;
+        }
+        farthest = farthest.greater(slab.farthest);
+        sheets += usize::from(slab.covers);
+    }
+    Some(sheets)
+}
+
+/// Whether two of the sheets that these faces make up may pass through each other before all others.
+pub(super) fn may_cross<S: Scalar>(slabs: &mut [Slab<S>]) -> bool {
+    front_sheets(slabs).is_none_or(|sheets| sheets > 1)
 }
 
 #[cfg(test)]
