@@ -10,7 +10,6 @@ use glam::{DMat3, DVec2, DVec3};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use super::scanlines::Slabs;
 use crate::effort::Effort;
 use crate::scenes::{Scene, uniform};
 
@@ -32,7 +31,8 @@ pub(super) struct Kind {
     /// Of how many seeds.
     pub(super) seeds: u64,
     pub(super) cull: Cull,
-    pub(super) slabs: Slabs,
+    /// How high the truth's slabs are at most, in pixels.
+    pub(super) height: f64,
     /// Half the step of the truth's differences, in world units.
     pub(super) step: f64,
     /// The size of its image, for the scenes of the step's table.
@@ -44,7 +44,7 @@ const OWN: Kind = Kind {
     make: cube,
     seeds: 20,
     cull: Cull::None,
-    slabs: Slabs { height: 1.0 / 256.0, at_events: true },
+    height: 1.0 / 256.0,
     step: 1e-6,
     pixels: 64,
 };
@@ -53,14 +53,7 @@ const OWN: Kind = Kind {
 pub(super) const CASES: [Kind; 6] = [
     OWN,
     // Of so many vertices some come to be seen within a larger step.
-    Kind {
-        name: "sphere20k",
-        make: sphere,
-        seeds: 3,
-        slabs: Slabs { height: 1.0 / 64.0, at_events: true },
-        step: 1e-8,
-        ..OWN
-    },
+    Kind { name: "sphere20k", make: sphere, seeds: 3, height: 1.0 / 64.0, step: 1e-8, ..OWN },
     Kind { name: "two cubes in each other", make: two_cubes, seeds: 3, ..OWN },
     Kind { name: "thin fan", make: fan, seeds: 3, ..OWN },
     Kind { name: "sheet with a hole", make: sheet, seeds: 3, ..OWN },
@@ -69,24 +62,19 @@ pub(super) const CASES: [Kind; 6] = [
 
 /// The scenes of the step's table, as they are learnt there.
 pub(super) fn of_bench(effort: Effort) -> Vec<Kind> {
-    let kind = |name, make, pixels| Kind { name, make, pixels, seeds: 1, cull: Cull::Back, ..OWN };
-    let cubes = [
+    let kind = |name, make, pixels| {
+        let height = if pixels < 100 { OWN.height } else { 0.25 };
+        Kind { name, make, pixels, seeds: 1, cull: Cull::Back, height, ..OWN }
+    };
+    let all = [
         kind("cube@32", |_| jittered(Scene::cube(32)?), 32),
         kind("cube@256", |_| jittered(Scene::cube(256)?), 256),
         kind("cube@1024", |_| jittered(Scene::cube(1024)?), 1024),
-    ];
-    let spheres = [
         kind("sphere1k@256", |_| jittered(Scene::sphere("", 32, 17, 256)?), 256),
         kind("sphere20k@512", |_| jittered(Scene::sphere("", 144, 70, 512)?), 512),
         kind("sphere80k@1024", |_| jittered(Scene::largest()?), 1024),
     ];
-    // So many edges that the errors at their ends are no more than the others.
-    let slabs = Slabs { height: 0.25, at_events: false };
-    let spheres = spheres.map(|kind| Kind { slabs, ..kind });
-    let coarse = Slabs { height: 0.25, at_events: true };
-    let cubes =
-        cubes.map(|kind| if kind.pixels < 100 { kind } else { Kind { slabs: coarse, ..kind } });
-    cubes.into_iter().chain(spheres).take(effort.choose(1, 6)).collect()
+    all.into_iter().take(effort.choose(1, 6)).collect()
 }
 
 /// A scene of the step's table, its vertices off as there.

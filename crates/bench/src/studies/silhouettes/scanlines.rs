@@ -59,20 +59,12 @@ impl Order {
     }
 }
 
-/// How an image is cut into slabs.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Slabs {
-    /// They are at most this high, in pixels.
-    pub(super) height: f64,
-    /// Whether they end where there is a vertex, or an edge passes from one pixel to the next.
-    pub(super) at_events: bool,
-}
-
 /// Pictures of a scene, averaged from scanlines.
 pub(super) struct Scanlines<'a> {
     pub(super) scene: &'a Scene,
     pub(super) cull: Cull,
-    pub(super) slabs: Slabs,
+    /// Slabs are at most this high, in pixels.
+    pub(super) height: f64,
     pub(super) order: Order,
 }
 
@@ -103,7 +95,7 @@ impl Scanlines<'_> {
                 active.push(face);
             }
             active.retain(|face| face.iter().any(|&vertex| row_of(vertex) > from));
-            let slabs = ((to - from) / self.slabs.height).ceil() as usize;
+            let slabs = ((to - from) / self.height).ceil() as usize;
             let half = 0.5 * (to - from) / slabs as f64;
             let row = &mut image[from as usize * width * 3..][..width * 3];
             for slab in 0..slabs {

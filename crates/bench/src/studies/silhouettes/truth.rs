@@ -46,10 +46,10 @@ impl Truth {
 
 /// The truth at each of some sizes, of which the last is the largest, and a multiple of all others.
 pub(super) fn truths(case: &Case, kind: &Kind, sizes: &[usize]) -> Vec<Truth> {
-    let &Kind { cull, slabs, step, .. } = kind;
+    let &Kind { cull, height, step, .. } = kind;
     let largest = sizes[sizes.len() - 1];
     let scene = &case.scene.at(largest);
-    let sets = [Order::One, Order::Two].map(|order| Scanlines { scene, cull, slabs, order });
+    let sets = [Order::One, Order::Two].map(|order| Scanlines { scene, cull, height, order });
     let [picture, target] = [&scene.positions, &case.target]
         .map(|positions| sets.each_ref().map(|lines| lines.picture(positions)));
     let upstream: Vec<f64> =
