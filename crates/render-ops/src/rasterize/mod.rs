@@ -39,7 +39,7 @@ use bokashi_core::{Accumulator, Accumulators, Inputs, Keep, Kept, Op, Outputs, S
 use self::exact::Adjoints;
 use self::pull_back::PullBack;
 use self::visibility::Visibility;
-use crate::coverage::Coverage;
+use crate::coverage::{BoundaryCounts, Coverage};
 use crate::error::RenderError;
 use crate::face_sums::{Layout, add_term};
 use crate::fragments::Fragments;
@@ -114,6 +114,12 @@ pub fn rasterize<'t, T: Scalar>(
     let coverage = coverage.expect("forward has filled in the coverage");
     if !reaches_behind {
         clip.tape().leave_out("rasterize", "whole rows: no face reaches behind the eye");
+    }
+    let BoundaryCounts { dropped, crowded, .. } = coverage.boundary_counts();
+    for (count, reason) in [(dropped, "pieces too small"), (crowded, "pixels too crowded to cut")] {
+        if count > 0 {
+            clip.tape().leave_out("rasterize", reason);
+        }
     }
     let weight = (options.sampling == Sampling::Exact).then(|| outputs[1]);
     Ok(Fragments { barycentrics: outputs[0], weight, clip, coverage })

@@ -156,3 +156,33 @@ proptest! {
         }
     }
 }
+
+/// A wheel of thousands of faces within a pixel: what is covered, and how that
+/// changes with its radius, are told by its rim.
+#[test]
+fn a_crowded_pixel_is_sampled_and_changes_with_its_outline() {
+    const CORNERS: u32 = 2_500;
+    let around = |k: u32| 2.0 * std::f64::consts::PI * f64::from(k) / f64::from(CORNERS);
+    let tape = Tape::<f64>::new();
+    let rim = (0..CORNERS).map(|k| [around(k).cos(), around(k).sin(), 0.0, 1.0]);
+    let unit: Vec<f64> = std::iter::once([0.0, 0.0, 0.0, 1.0]).chain(rim).flatten().collect();
+    let unit = tape.constant(&Tensor::new([CORNERS as usize + 1, 4], unit).unwrap());
+    let faces = (0..CORNERS).map(|k| [0, 1 + k, 1 + (k + 1) % CORNERS]).collect();
+    let mesh = Mesh::new(faces, CORNERS as usize + 1).unwrap();
+    // Pixels are one wide.
+    let radius = tape.leaf(&Tensor::scalar(0.45));
+    let scale = tape.constant(&Tensor::new([4], vec![1.0, 1.0, 0.0, 0.0]).unwrap());
+    let middle = tape.constant(&Tensor::new([4], vec![0.5, 0.47, 0.0, 1.0]).unwrap());
+    let clip = unit * scale * radius + middle;
+    let size = Size { width: 2, height: 2 };
+    let fragments = rasterize(clip, &mesh, exact(size)).unwrap();
+    let counts = fragments.coverage.boundary_counts();
+    assert_eq!((counts.pixels, counts.crowded), (1, 1));
+    let report = tape.take_report();
+    assert!(report.left_out.iter().any(|left| left.reason == "pixels too crowded to cut"));
+    let area = fragments.weight.unwrap().sum();
+    let expected = std::f64::consts::PI * 0.45 * 0.45;
+    assert!((area.item() - expected).abs() < 0.02, "{} {expected}", area.item());
+    let slope = area.backward().unwrap().get_or_zeros(radius).item();
+    assert!((slope * 0.45 / (2.0 * expected) - 1.0).abs() < 1e-4, "{slope}");
+}
