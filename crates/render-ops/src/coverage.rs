@@ -88,7 +88,8 @@ pub struct BoundaryCounts {
     pub pixels: usize,
     /// Their visible pieces, fragments each.
     pub pieces: usize,
-    /// Pieces that were dropped: smaller than 1e-14 of a pixel.
+    /// Pieces that were dropped: smaller than 1e-14 of a pixel, but not so thin that rounding leaves
+    /// nothing of them.
     pub dropped: usize,
     /// Pixels into which more than 2048 faces may reach, or that fall into too many pieces on the way:
     /// resolved by 16 x 16 samples, with the gradient of the surface's outline.
@@ -357,6 +358,12 @@ impl Coverage {
         0..self.center_bands
     }
 
+    /// Whether bands are worked on at the same time. Pieces alone make no second one: where there is
+    /// one of pixel centres, there is too little to share.
+    pub(crate) fn is_shared(&self) -> bool {
+        is_shared(self.center_bands, 1)
+    }
+
     /// Calls `work(slots, first, own)` for each of the first bands, with its slots, its first
     /// fragment, and the entries of its fragments in `entries: [N, width]`; bands may be worked on
     /// at the same time.
@@ -380,7 +387,7 @@ impl Coverage {
         mut merge: impl FnMut(R),
     ) {
         let mut rest = entries;
-        let shared = is_shared(bands.len(), 1);
+        let shared = self.is_shared();
         let bands = bands.map(|band| {
             let slots = self.slots_of(band..band + 1);
             let first = self.fragments_before(self.runs_before(slots.start));

@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use bokashi_core::parallel::{is_shared, merge_ranges};
+use bokashi_core::parallel::merge_ranges;
 use bokashi_core::{Accumulator, Scalar};
 
 use crate::coverage::Coverage;
@@ -73,7 +73,7 @@ impl Layout<'_> {
             }
         };
         let bands = self.bands.end;
-        if !is_shared(bands, 1) {
+        if !self.coverage.is_shared() {
             return self.walk(self.bands.clone(), by_face, &mut add);
         }
         let work = |bands: Range<usize>| {

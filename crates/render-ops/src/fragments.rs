@@ -13,7 +13,8 @@ use crate::error::RenderError;
 
 /// What [`rasterize`](crate::rasterize()) gives: N covered samples. They come in bands of rows from
 /// the top, in a band face by face in the order of the faces' first pixels, and of a face in the
-/// order of their pixels: [`Coverage::pixels`] tells them.
+/// order of their pixels: [`Coverage::pixels`] tells them. With exact coverage all pieces come after
+/// all others, in such an order of their own.
 ///
 /// The fields can be exchanged for others of the same shape on the same tape; operations refuse
 /// all else.

@@ -1,8 +1,9 @@
 //! Layers: the pixels of a picture that can differ from its background.
 //!
 //! Most of a picture is often background, and most losses are sums over pixels. A layer holds the
-//! values of the covered pixels, and once it is antialiased those of its *rim*: the uncovered
-//! pixels beside a silhouette. What is computed on a layer costs nothing elsewhere.
+//! values of the covered pixels, and those of its *rim*: once it is antialiased the uncovered pixels
+//! beside a silhouette, with exact coverage the boundary pixels. What is computed on a layer costs
+//! nothing elsewhere.
 
 use std::sync::Arc;
 
@@ -21,7 +22,7 @@ use crate::mix::mix;
 /// one that was there.
 #[derive(Debug, Clone)]
 pub struct Layer<'t, T: Scalar> {
-    /// The values of the fragments, in their order, and then of the rim. Shape `[P, C]`,
+    /// The values of the fragments at pixel centres, in their order, and then of the rim. Shape `[P, C]`,
     /// differentiable.
     pub values: Var<'t, T>,
     /// What is seen elsewhere.
@@ -68,7 +69,7 @@ impl<'t, T: Scalar> Layer<'t, T> {
     ///
     /// # Errors
     /// [`RenderError::Shape`] unless the values are `[P, C]`, C > 0, with P the number of fragments
-    /// and pixels of the rim.
+    /// at pixel centres and of pixels of the rim.
     pub(crate) fn checked_channels(&self, operation: &'static str) -> Result<usize, RenderError> {
         checked_channels(operation, self.values, self.coverage.centers() + self.rim().len())
     }

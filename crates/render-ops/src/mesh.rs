@@ -52,6 +52,18 @@ impl Mesh {
     /// while the surface goes on: a crease, faces with attributes of their own.
     #[must_use]
     pub fn with_seams(&self, is_seam: impl Fn(usize, usize) -> bool) -> Self {
+        let edge = |face: usize, corner: usize| {
+            let [a, b] = [1, 2].map(|k| self.faces()[face][(corner + k) % 3]);
+            [a.min(b), a.max(b)]
+        };
+        let is_seam = |face: usize, corner: usize| {
+            is_seam(face, corner)
+                || self.adjacency().neighbor(face, corner).is_some_and(|neighbor| {
+                    let other = neighbor.face as usize;
+                    let is_same = |k: &usize| edge(other, *k) == edge(face, corner);
+                    (0..3).filter(is_same).any(|k| is_seam(other, k))
+                })
+        };
         let of_face = |face| (0..3).map(|corner| u8::from(is_seam(face, corner)) << corner).sum();
         let Inner { faces, vertex_count, adjacency, .. } = &*self.0;
         let (faces, vertex_count, adjacency) = (faces.clone(), *vertex_count, adjacency.clone());
@@ -265,6 +277,19 @@ mod tests {
                     back.adjacency().across(5 - face, corner)
                 );
             }
+        }
+    }
+
+    #[test]
+    fn an_edge_is_a_seam_where_either_of_its_faces_says_so() {
+        let mesh = Mesh::new(vec![[0, 1, 2], [2, 1, 3]], 4).unwrap();
+        for of in 0..2 {
+            // Each face faces the edge they share from a corner of its own.
+            let corner = [0, 2][of];
+            let seams = mesh.with_seams(|face, k| (face, k) == (of, corner));
+            let all = (0..2).flat_map(|face| (0..3).map(move |k| (face, k)));
+            let found: Vec<_> = all.filter(|&(face, k)| seams.is_seam(face, k)).collect();
+            assert_eq!(found, [(0, 0), (1, 2)], "{of}");
         }
     }
 }

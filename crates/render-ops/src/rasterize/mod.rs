@@ -4,18 +4,20 @@
 //! At the centre of each pixel, of all faces that cover it the nearest one (see `setup` for the
 //! coverage, `visibility` for the search). With the edge functions `a_i = q_j x q_k` of its vertices
 //! relative to the pixel centre: `u = a_0 / A`, `v = a_1 / A`, `A = a_0 + a_1 + a_2` are
-//! perspective-correct. In [`Scalar::Wide`].
+//! perspective-correct. In [`Scalar::Wide`]. With exact coverage pieces follow, of the pixels that a
+//! discontinuity crosses, with their weights as a second output: see `exact`.
 //!
 //! # Backward
 //! With `m = u_bar u + v_bar v`: `a_bar_0 = (u_bar - m) / A`, `a_bar_1 = (v_bar - m) / A`,
 //! `a_bar_2 = -m / A`; from there to the vertices as in `edge_functions`. The gradients grow as 1
 //! over the scale of the positions: terms beyond the range of the numbers make an entry infinite,
-//! with the sign of the first of them, and not NaN.
+//! with the sign of the first of them, and not NaN; of pieces such terms may be NaN.
 //!
 //! # Where it is not smooth
 //! Which face a pixel sees is a step function of the vertices: its derivative is zero almost
 //! everywhere and not defined where a silhouette or an intersection crosses the pixel centre.
-//! [`antialias`](crate::antialias()) makes up for silhouettes.
+//! [`antialias`](crate::antialias()) makes up for silhouettes. With exact coverage silhouettes and
+//! intersections are smooth; what is not is listed in `docs/exact-coverage.md`.
 //!
 //! # Source
 //! Laine et al., *Modular primitives for high-performance differentiable rendering*, ACM TOG 39(6),
@@ -33,7 +35,7 @@ mod visibility;
 use std::ops::Range;
 use std::sync::Arc;
 
-use bokashi_core::parallel::{is_shared, merge_ranges_into};
+use bokashi_core::parallel::merge_ranges_into;
 use bokashi_core::{Accumulator, Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 
 use self::exact::Adjoints;
@@ -91,7 +93,8 @@ impl From<Size> for RasterOptions {
 }
 
 /// The fragments of `mesh` with vertices `clip: [V, 4]` in clip space: one for each pixel whose
-/// centre some face covers.
+/// centre some face covers. With [`Sampling::Exact`] the pixels that a discontinuity crosses have none
+/// at their centre but one for each visible piece, behind all others, and [`Fragments::weight`] is there.
 ///
 /// Smaller z / w wins; of equal ones the lower face index. Faces may reach behind the eye and
 /// through the near and far planes: the visible part is drawn. Faces whose area is zero within
@@ -116,7 +119,11 @@ pub fn rasterize<'t, T: Scalar>(
         clip.tape().leave_out("rasterize", "whole rows: no face reaches behind the eye");
     }
     let BoundaryCounts { dropped, crowded, .. } = coverage.boundary_counts();
-    for (count, reason) in [(dropped, "pieces too small"), (crowded, "pixels too crowded to cut")] {
+    let cuts = [
+        (dropped, "exact visibility: pieces below 1e-14 of a pixel are dropped"),
+        (crowded, "exact visibility: crowded pixels are sampled"),
+    ];
+    for (count, reason) in cuts {
         if count > 0 {
             clip.tape().leave_out("rasterize", reason);
         }
@@ -203,7 +210,7 @@ impl Rasterize {
                 weights_bar: kept.upstream(1).map(|bars| &bars[weights..weights + count]),
             }
         });
-        if !is_shared(coverage.center_bands, 1) {
+        if !coverage.is_shared() {
             adjoints.resize_with(1, Adjoints::default);
             return bands.for_each(|band| adjoints[0].sum(&band, &mut add));
         }
@@ -286,6 +293,7 @@ impl<T: Scalar> Op<T> for Rasterize {
     }
 
     fn saved_bytes(&self, saved: &Self::Saved) -> usize {
-        saved.coverage.as_ref().map_or(0, |coverage| coverage.bytes())
+        let pieces: usize = saved.visibility.bands().map(|band| band.pieces.bytes()).sum();
+        saved.coverage.as_ref().map_or(0, |coverage| coverage.bytes()) + pieces
     }
 }

@@ -22,8 +22,12 @@ const MOST_FACES: usize = 2048;
 /// Pixels of a row that are asked at once whether sheets may cross in them.
 const BLOCK: usize = 8;
 
+/// Edge functions from the middle of the image are off by no more than this share of what they change
+/// by within half a pixel.
+const DOUBT: f64 = 1e-9;
+
 /// Pieces below this share of a pixel are dropped.
-pub(super) const SMALLEST: f64 = 1e-14;
+const SMALLEST: f64 = 1e-14;
 
 /// A visible part of a face in a pixel.
 #[derive(Debug, Clone, Copy)]
@@ -75,6 +79,14 @@ pub(in crate::rasterize) struct Pieces<S> {
 }
 
 impl<S> Pieces<S> {
+    /// The bytes that a backward pass reads.
+    pub(in crate::rasterize) fn bytes(&self) -> usize {
+        let places = self.pixels.len() + self.ends.len() + self.segment_ends.len();
+        size_of::<u32>() * places
+            + size_of::<Piece<S>>() * self.pieces.len()
+            + size_of::<Segment<S>>() * self.segments.len()
+    }
+
     fn clear(&mut self) {
         self.pixels.clear();
         self.ends.clear();
@@ -118,6 +130,9 @@ pub(in crate::rasterize) struct Drawn<'a, 'v, T: Scalar> {
     pub(in crate::rasterize) weights: &'a [Weights<T::Wide>],
 }
 
+/// More pairs of a block and a face are not gathered at once, but for those of one row.
+const MOST_PAIRS: usize = 1 << 22;
+
 /// The faces that may reach into some pixels, or blocks of them.
 #[derive(Debug, Default)]
 struct Gathered {
@@ -128,22 +143,37 @@ struct Gathered {
     faces: Vec<u32>,
     /// The row and the column of each block.
     blocks: Vec<[usize; 2]>,
+    /// Rows that are still to be gathered, the next ones last.
+    open: Vec<Range<usize>>,
 }
 
 impl Gathered {
-    /// Finds those of the marked blocks of `block` pixels of a row.
-    fn find<T: Scalar>(&mut self, drawn: &Drawn<'_, '_, T>, marks: &mut Marks, block: usize) {
-        let count = marks.count();
+    /// Finds those of the marked blocks of `block` pixels in some rows of the band; returns whether
+    /// they are not too many.
+    fn find<T: Scalar>(
+        &mut self,
+        drawn: &Drawn<'_, '_, T>,
+        marks: &Marks,
+        block: usize,
+        rows: Range<usize>,
+    ) -> bool {
+        let first = marks.count_before(rows.start);
+        let count = marks.count_before(rows.end) - first;
+        let most = if rows.len() > 1 { MOST_PAIRS } else { usize::MAX };
         let Self { pairs, ends, faces, .. } = self;
         pairs.clear();
         ends.clear();
         ends.resize(count + 1, 0);
-        drawn.for_each_face(marks, block, |face, pixel, a, reach| {
+        drawn.for_each_face(marks, block, rows, |face, number, a, reach| {
             if (0..3).all(|k| a[k] + reach[k] >= T::Wide::ZERO) {
-                pairs.push([pixel as u32, face]);
-                ends[pixel + 1] += 1;
+                pairs.push([(number - first) as u32, face]);
+                ends[number - first + 1] += 1;
             }
+            pairs.len() <= most
         });
+        if pairs.len() > most {
+            return false;
+        }
         let mut before = 0;
         for end in ends.iter_mut() {
             before += *end;
@@ -151,12 +181,13 @@ impl Gathered {
         }
         faces.clear();
         faces.resize(pairs.len(), 0);
-        // Where the next face of each pixel goes; in the end, where its last one went.
-        for &[pixel, face] in pairs.iter() {
-            let place = &mut ends[pixel as usize];
+        // Where the next face of each block goes; in the end, where its last one went.
+        for &[number, face] in pairs.iter() {
+            let place = &mut ends[number as usize];
             faces[*place as usize] = face;
             *place += 1;
         }
+        true
     }
 
     /// Calls `visit` with the row and the column of each marked block of `block` pixels of a row, with
@@ -168,18 +199,25 @@ impl Gathered {
         block: usize,
         mut visit: impl FnMut([usize; 2], [T::Wide; 2], &[u32]),
     ) {
-        self.find(drawn, marks, block);
-        let blocks = drawn.view.size.width / block;
-        let mut found = std::mem::take(&mut self.blocks);
-        found.clear();
-        for row in 0..drawn.rows.len() {
-            marks.for_each_in(row, 0..blocks, |column, _| found.push([row, column]));
+        marks.count();
+        self.open.push(0..drawn.rows.len());
+        while let Some(rows) = self.open.pop() {
+            if !self.find(drawn, marks, block, rows.clone()) {
+                let middle = rows.start + rows.len() / 2;
+                self.open.extend([middle..rows.end, rows.start..middle]);
+                continue;
+            }
+            let mut found = std::mem::take(&mut self.blocks);
+            found.clear();
+            for row in rows {
+                marks.for_each(row, |column| found.push([row, column]));
+            }
+            for (at, &[row, column]) in found.iter().enumerate() {
+                let center = [drawn.center(column, block), drawn.view.ys[drawn.rows.start + row]];
+                visit([row, column], center, self.faces_of(at));
+            }
+            self.blocks = found;
         }
-        for (at, &[row, column]) in found.iter().enumerate() {
-            let center = [drawn.center(column, block), drawn.view.ys[drawn.rows.start + row]];
-            visit([row, column], center, self.faces_of(at));
-        }
-        self.blocks = found;
     }
 
     /// The faces of the marked block `at`, in their order.
@@ -197,15 +235,18 @@ impl<T: Scalar> Drawn<'_, '_, T> {
     }
 
     /// Calls `visit(face, at, a, reach)` for each face and each marked block of `block` pixels of a row
-    /// in the box of its pixels, both by their numbers, with the face's edge functions at the
-    /// block's centre and how much they change from there to its corners.
+    /// in the box of its pixels, in some rows of the band, both by their numbers, with the face's
+    /// edge functions at the block's centre and how much they change from there to its corners; until
+    /// it returns false, to the end of that row.
     #[inline(always)]
     fn for_each_face(
         &self,
         marks: &Marks,
         block: usize,
-        mut visit: impl FnMut(u32, usize, [T::Wide; 3], [T::Wide; 3]),
+        some: Range<usize>,
+        mut visit: impl FnMut(u32, usize, [T::Wide; 3], [T::Wide; 3]) -> bool,
     ) {
+        let some = self.rows.start + some.start..self.rows.start + some.end;
         let width = T::Wide::from_f64(block as f64);
         let blocks = self.view.size.width / block;
         for (at, (&face, weights)) in (0..).zip(self.faces.iter().zip(self.weights)) {
@@ -214,13 +255,17 @@ impl<T: Scalar> Drawn<'_, '_, T> {
             let reach = weights
                 .edges
                 .map(|[_, x, y]| T::Wide::from_f64(REACH) * (width * x.abs() + y.abs()));
-            for row in rows {
+            for row in rows.start.max(some.start)..rows.end.min(some.end) {
                 let y = self.view.ys[row];
+                let mut goes_on = true;
                 marks.for_each_in(row - self.rows.start, columns.clone(), |column, number| {
                     let x = self.center(column, block);
                     let a = weights.edges.map(|[one, by_x, by_y]| one + by_x * x + by_y * y);
-                    visit(at, number, a, reach);
+                    goes_on &= visit(at, number, a, reach);
                 });
+                if !goes_on {
+                    return;
+                }
             }
         }
     }
@@ -339,8 +384,10 @@ impl<S: Scalar<Wide = S>> Search<S> {
         regions.mark_first(firsts);
         sheets.clear();
         sheets.resize(firsts.count(), 0);
-        drawn.for_each_face(firsts, 1, |_, at, a, _| {
-            sheets[at] += u32::from(a.iter().all(|&a| a >= S::ZERO));
+        drawn.for_each_face(firsts, 1, 0..rows, |_, at, a, reach| {
+            // One too many does no harm.
+            sheets[at] += u32::from((0..3).all(|k| a[k] >= -S::from_f64(DOUBT) * reach[k]));
+            true
         });
         if sheets.iter().all(|&sheets| sheets < 2) {
             return;
@@ -462,7 +509,10 @@ impl<T: Scalar> Drawn<'_, '_, T> {
         let rounding = T::Wide::from_f64(1e-9) * size([one, x * center[0], y * center[1]]);
         let reach = T::Wide::from_f64(width as f64) * x.abs() + y.abs() + rounding;
         let edges = &self.weights[face as usize].edges;
-        let covers = edges.iter().all(|&edge| value_at(edge, center) >= T::Wide::ZERO);
+        let covers = edges.iter().all(|&edge| {
+            let doubt = T::Wide::from_f64(DOUBT) * (edge[1].abs() + edge[2].abs());
+            value_at(edge, center) >= -doubt
+        });
         Slab { nearest: depth - reach, farthest: depth + reach, covers, ends: false }
     }
 }

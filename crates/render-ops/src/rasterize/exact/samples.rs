@@ -18,13 +18,13 @@ use super::polygon::{Moments, Polygons, value_at};
 use super::visible::{Candidate, Side, Source};
 
 /// Samples along a pixel's side.
-pub(super) const GRID: usize = 16;
+const GRID: usize = 16;
 
 /// Stands for "nothing is seen".
 const NOTHING: u32 = u32::MAX;
 
 /// How many pairs of an edge and a face may be looked at.
-const MOST_PAIRS: usize = 1 << 24;
+const MOST_PAIRS: usize = 1 << 23;
 
 /// The samples of a pixel.
 #[derive(Debug, Default)]

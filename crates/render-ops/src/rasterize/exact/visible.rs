@@ -30,9 +30,10 @@ pub(super) struct Candidate<S> {
 }
 
 impl<S: Scalar> Candidate<S> {
+    /// Whether a point lies in it or on its edges.
     #[inline(always)]
     pub(super) fn covers(&self, point: [S; 2]) -> bool {
-        self.edges.iter().all(|&edge| value_at(edge, point) > S::ZERO)
+        self.edges.iter().all(|&edge| value_at(edge, point) >= S::ZERO)
     }
 }
 
@@ -115,8 +116,10 @@ pub(super) struct Visible<S> {
     next: Vec<Polygon>,
 }
 
-/// A pixel whose polygons have more corners on the way is too crowded.
+/// A pixel whose polygons have more corners on the way is too crowded, and so is one in which more
+/// polygons would be held against faces.
 const MOST_CORNERS: usize = 1 << 18;
+const MOST_CUTS: usize = 1 << 22;
 
 /// Depths that differ by no more than this share of their size are equal: the order of two faces in
 /// one plane is no accident of rounding.
@@ -124,7 +127,7 @@ const EQUAL: f64 = 64.0 * f64::EPSILON;
 
 impl<S: Scalar> Visible<S> {
     /// Finds the visible pieces of `candidates`, which are in the order of their faces; returns
-    /// whether it did so without more than [`MOST_CORNERS`] corners.
+    /// whether it did so within [`MOST_CORNERS`] and [`MOST_CUTS`].
     pub(super) fn find(&mut self, candidates: &[Candidate<S>]) -> bool {
         self.pieces.clear();
         self.lines.clear();
@@ -134,10 +137,8 @@ impl<S: Scalar> Visible<S> {
         for (at, candidate) in (0..).zip(candidates) {
             self.cut_to_pixel(pixel, at, candidate);
         }
-        (0..candidates.len()).all(|at| {
-            self.find_pieces(candidates, at);
-            self.polygons.len() <= MOST_CORNERS
-        })
+        let mut cuts = 0;
+        (0..candidates.len()).all(|at| self.find_pieces(candidates, at, &mut cuts))
     }
 
     /// Cuts a candidate to the pixel and to the depth range.
@@ -176,15 +177,19 @@ impl<S: Scalar> Visible<S> {
         whole.push(Whole { polygon, cuts: first..lines.len(), least, most, doubt });
     }
 
-    /// Takes from candidate `at` what lies behind others.
+    /// Takes from candidate `at` what lies behind others; returns whether it did so within the limits.
     #[inline(always)]
-    fn find_pieces(&mut self, candidates: &[Candidate<S>], at: usize) {
+    fn find_pieces(&mut self, candidates: &[Candidate<S>], at: usize, cuts: &mut usize) -> bool {
         let Self { pieces, polygons, lines, sources, whole, left, next } = self;
         left.clear();
         left.extend(whole[at].polygon);
         for (other, rival) in candidates.iter().enumerate() {
             if other == at || left.is_empty() || whole[other].hides_nothing_of(&whole[at]) {
                 continue;
+            }
+            *cuts += left.len();
+            if *cuts > MOST_CUTS || polygons.len() > MOST_CORNERS {
+                return false;
             }
             let behind = behind(candidates[at].depth, rival.depth, at < other);
             let mut between = None;
@@ -215,6 +220,7 @@ impl<S: Scalar> Visible<S> {
         }
         let candidate = at as u32;
         pieces.extend(left.iter().map(|&polygon| Piece { candidate, polygon }));
+        true
     }
 
     /// Each candidate with the sides of its visible pieces, but for those on the pixel's border.
