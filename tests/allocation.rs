@@ -311,7 +311,7 @@ struct Sheets {
     mesh: Mesh,
     vertices: Tensor<f32>,
     target: Target<f32>,
-    size: Size,
+    options: RasterOptions,
 }
 
 /// What a step collects, and what shows that it did its work.
@@ -352,8 +352,14 @@ impl Sheets {
             mesh,
             vertices: Tensor::new([count, 3], corners).unwrap(),
             target: Target::new(&image, &Tensor::zeros([3])).unwrap(),
-            size: Size::square(pixels),
+            options: Size::square(pixels).into(),
         }
+    }
+
+    /// The same with exact coverage.
+    fn exactly(self) -> Self {
+        let options = RasterOptions { sampling: Sampling::Exact, ..self.options };
+        Self { options, ..self }
     }
 
     fn step(&self, tape: &mut Tape<f32>) -> Result<Found, FitError> {
@@ -365,9 +371,12 @@ impl Sheets {
     fn record(&self, tape: &Tape<f32>) -> Result<Found, FitError> {
         let vertices = tape.leaf_copied(&self.vertices);
         let clip = project(vertices, &perspective(0.7, 1.0, 1.0, 50.0), None)?;
-        let fragments = rasterize(clip, &self.mesh, self.size)?;
+        let fragments = rasterize(clip, &self.mesh, self.options)?;
         let surface = interpolate(vertices, &fragments)?;
-        let layer = layer(surface, &fragments, Background::Zero)?.antialias(clip)?;
+        let mut layer = layer(surface, &fragments, Background::Zero)?;
+        if self.options.sampling == Sampling::Center {
+            layer = layer.antialias(clip)?;
+        }
         let loss = layer.squared_error(&self.target)?;
         let gradients = loss.backward()?;
         assert!(gradients.get(vertices).is_some());
@@ -375,7 +384,7 @@ impl Sheets {
     }
 
     fn found(&self, coverage: &Coverage, loss: f32) -> Found {
-        let Size { width, height } = self.size;
+        let Size { width, height } = self.options.size;
         // Whole rows, of 2^14 pixels or a little more.
         let bands = height.div_ceil((1_usize << 14).div_ceil(width));
         // A face can be the last one of a band and the first one of the next.
@@ -409,6 +418,16 @@ impl Sheets {
             })
         });
         (total.into_inner().unwrap(), found)
+    }
+}
+
+#[test]
+fn a_steady_step_of_one_band_with_exact_coverage_allocates_nothing_on_several_threads() {
+    let sheets = Sheets::new(6, 1, 48).exactly();
+    for threads in [2, 4] {
+        let (before, Found { bands, .. }) = sheets.allocated(threads, 4);
+        let (after, _) = sheets.allocated(threads, 20);
+        assert_eq!((bands, after), (1, before), "{threads} threads");
     }
 }
 

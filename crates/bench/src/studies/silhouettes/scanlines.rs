@@ -7,7 +7,8 @@
 //! are averaged by one or two Gauss points in each *slab*: between heights at which there is a vertex,
 //! or an edge passes from one pixel to the next, a line's integral is smooth but where something
 //! passes behind an edge, or through a face. Slabs are low besides. All of it moves smoothly with
-//! the vertices, so differences with a tiny step are derivatives.
+//! the vertices, but where the number of slabs between two heights changes, so differences with a
+//! tiny step are derivatives.
 
 use bokashi_core::Tensor;
 use bokashi_render_ops::Cull;
@@ -59,6 +60,9 @@ impl Order {
     }
 }
 
+/// Where edges pass more columns than this, slabs are not cut there: many errors of either sign.
+const MOST_CUTS: usize = 100_000;
+
 /// Pictures of a scene, averaged from scanlines.
 pub(super) struct Scanlines<'a> {
     pub(super) scene: &'a Scene,
@@ -81,6 +85,10 @@ impl Scanlines<'_> {
         faces.sort_by(|a, b| top(a).total_cmp(&top(b)));
         let mut cuts: Vec<f64> =
             faces.as_flattened().iter().map(|&vertex| row_of(vertex)).collect();
+        let columns = || faces.iter().flat_map(|&face| columns_passed(&points, face));
+        if columns().take(MOST_CUTS + 1).count() <= MOST_CUTS {
+            cuts.extend(columns());
+        }
         cuts.retain(|y| (0.0..height as f64).contains(y));
         cuts.extend((0..=height).map(|row| row as f64));
         cuts.sort_by(f64::total_cmp);
@@ -132,6 +140,19 @@ impl Scanlines<'_> {
 /// Whether a face turns its front to the camera: counter-clockwise, where y points up.
 fn is_front([p, q, r]: [Point; 3]) -> bool {
     (q[0] - p[0]) * (r[1] - p[1]) < (q[1] - p[1]) * (r[0] - p[0])
+}
+
+/// Where a face's edges pass from one column of pixels to the next.
+fn columns_passed(points: &[Point], face: [u32; 3]) -> impl Iterator<Item = f64> {
+    let corners = face.map(|vertex| points[vertex as usize]);
+    [(0, 1), (1, 2), (2, 0)].into_iter().flat_map(move |(a, b)| {
+        let (p, q) = (corners[a], corners[b]);
+        let (left, right) = if p[0] < q[0] { (p, q) } else { (q, p) };
+        (left[0].ceil() as isize..right[0].ceil() as isize).map(move |column| {
+            let share = (column as f64 - left[0]) / (right[0] - left[0]);
+            left[1] + share * (right[1] - left[1])
+        })
+    })
 }
 
 /// A face on the line y.
