@@ -13,12 +13,31 @@ use rayon::ThreadPool;
 use crate::sampling::Contestant;
 use crate::scenes::Scene;
 
-/// What a render leaves on the tape, in the order of recording.
-pub(crate) struct Rendered<'t, T: Scalar> {
+/// What a picture leaves on the tape, in the order of recording.
+pub(crate) struct Resolved<'t, T: Scalar> {
     pub(crate) clip: Var<'t, T>,
     pub(crate) fragments: Fragments<'t, T>,
     pub(crate) surface: Var<'t, T>,
-    pub(crate) jagged: Var<'t, T>,
+    pub(crate) image: Var<'t, T>,
+}
+
+/// The picture of `scene` with other positions and colours, as it is rasterized.
+pub(crate) fn resolved<'t, T: Scalar>(
+    scene: &Scene,
+    options: RasterOptions,
+    positions: Var<'t, T>,
+    colors: Var<'t, T>,
+) -> Result<Resolved<'t, T>, FitError> {
+    let clip = project(positions, &scene.camera, None)?;
+    let fragments = rasterize(clip, &scene.mesh, options)?;
+    let surface = interpolate(colors, &fragments)?;
+    let image = resolve(surface, &fragments, Background::Zero)?;
+    Ok(Resolved { clip, fragments, surface, image })
+}
+
+/// The same, antialiased.
+pub(crate) struct Rendered<'t, T: Scalar> {
+    pub(crate) resolved: Resolved<'t, T>,
     pub(crate) image: Var<'t, T>,
 }
 
@@ -29,12 +48,10 @@ pub(crate) fn render<'t, T: Scalar>(
     positions: Var<'t, T>,
     colors: Var<'t, T>,
 ) -> Result<Rendered<'t, T>, FitError> {
-    let clip = project(positions, &scene.camera, None)?;
-    let fragments = rasterize(clip, &scene.mesh, RasterOptions { cull, ..scene.size.into() })?;
-    let surface = interpolate(colors, &fragments)?;
-    let jagged = resolve(surface, &fragments, Background::Zero)?;
-    let image = antialias(jagged, &fragments, clip)?;
-    Ok(Rendered { clip, fragments, surface, jagged, image })
+    let options = RasterOptions { cull, ..scene.size.into() };
+    let resolved = resolved(scene, options, positions, colors)?;
+    let image = antialias(resolved.image, &resolved.fragments, resolved.clip)?;
+    Ok(Rendered { resolved, image })
 }
 
 /// What is compared with the target.

@@ -17,7 +17,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::bench::Bench;
 use crate::difference::relative_error;
 use crate::effort::USUAL;
-use crate::pipeline::render;
+use crate::pipeline::{Rendered, render};
 use crate::sampling::Timing;
 use crate::scenes::Scene;
 use crate::study::Study;
@@ -166,17 +166,17 @@ impl Inputs {
         let single = |tensor: Tensor<f32>| tensor.cast();
         let tape = Tape::new();
         let (positions, colors) = (scene.positions.cast(), scene.colors.cast());
-        let rendered =
+        let Rendered { resolved, image } =
             render(&scene, Cull::None, tape.constant(&positions), tape.constant(&colors))?;
         let rows = pixels * pixels / WIDTH;
         Ok(Self {
             positions: single(positions),
-            clip: single(rendered.clip.value()),
-            barycentrics: single(rendered.fragments.barycentrics.value()),
+            clip: single(resolved.clip.value()),
+            barycentrics: single(resolved.fragments.barycentrics.value()),
             colors: single(colors),
-            surface: single(rendered.surface.value()),
-            jagged: single(rendered.jagged.value()),
-            image: single(rendered.image.value()),
+            surface: single(resolved.surface.value()),
+            jagged: single(resolved.image.value()),
+            image: single(image.value()),
             distances: Tensor::from_fn([pixels, pixels], |_| uniform(0.5, 2.0)),
             signed: Tensor::from_fn([rows, WIDTH], |_| uniform(-2.0, 2.0)),
             positive: Tensor::from_fn([rows, WIDTH], |_| uniform(0.5, 2.0)),

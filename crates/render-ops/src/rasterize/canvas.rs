@@ -16,7 +16,7 @@ use crate::size::Size;
 const PIXELS_PER_BLOCK: usize = 1024;
 
 /// Stands for "not seen".
-const NO_SLOT: u32 = u32::MAX;
+pub(super) const NO_SLOT: u32 = u32::MAX;
 
 /// Stands for "no face".
 const NO_FACE: u64 = u64::MAX;
@@ -79,6 +79,16 @@ fn rows_of<'a, S: Scalar>(
 pub(super) fn resize<I: Clone>(list: &mut Vec<I>, length: usize, filling: impl FnOnce() -> I) {
     if list.len() != length {
         list.resize(length, filling());
+    }
+}
+
+/// Makes counts of the items of one kind after another the places where each kind ends.
+#[inline(always)]
+pub(super) fn sum_up(counts: &mut [u32]) {
+    let mut before = 0;
+    for count in counts {
+        before += *count;
+        *count = before;
     }
 }
 
@@ -318,11 +328,7 @@ impl<T: Scalar> Canvas<T> {
         ends.clear();
         ends.resize(seen.len() + 1, 0);
         stretches.iter().for_each(|stretch| ends[stretch.slot as usize + 1] += 1);
-        let mut before = 0;
-        for end in ends.iter_mut() {
-            before += *end;
-            *end = before;
-        }
+        sum_up(ends);
         sorted.clear();
         sorted.resize(stretches.len(), Stretch { slot: 0, row: 0, column: 0, length: 0 });
         // Where the next stretch of each slot goes; in the end, where its last one went.

@@ -1,7 +1,8 @@
 //! The table of cases.
 
+use super::exact::{depths as exact_depths, inputs as exact_inputs, shapes as exact_shapes};
 use super::row::Outcome;
-use super::{blur, exact, faces, focus, input, layers, silhouettes, values, vertices};
+use super::{blur, faces, focus, input, layers, silhouettes, values, vertices};
 
 /// A case: what is put in, what has to come out, and a run in each precision.
 #[derive(Debug, Clone, Copy)]
@@ -95,24 +96,24 @@ pub(super) const CASES: &[Case] = cases! {
     64 "discrete kernel, any sigma", "mass and constants kept", blur::discrete_at_any_sigma;
     65 "discrete kernel, wide", "windows and systems agree", blur::discrete_both_ways;
     66 "layers of any size", "the image's picture and error", layers::against_the_image;
-    67 "exact: nothing to see", "the background, zero gradients", exact::nothing;
-    68 "exact: refused input", "an error", exact::refused;
-    69 "exact: w <= 0", "the area in front, its slope", exact::behind_the_eye;
-    70 "exact: w from 1e-38 to 1e6", "the areas of w = 1", exact::wide_range_of_w;
-    71 "exact: ends of the depth range", "clipped, its slope", exact::ends_of_the_depth_range;
-    72 "exact: slivers", "their areas, finite", exact::slivers;
-    73 "exact: along pixel borders", "the areas, the whole's slope", exact::on_pixel_borders;
-    74 "exact: fans of up to 512 faces", "each pixel once", exact::fans;
-    75 "exact: T-junction", "a gap as wide as rounding", exact::t_junction;
-    76 "exact: up to the largest number", "clipped", exact::far_away;
-    77 "exact: faces in one plane", "the lower index, once", exact::coplanar;
-    78 "exact: faces through one line", "each up to the line", exact::crossing_faces;
-    79 "exact: crowded beside exact", "sampled there alone", exact::crowded;
-    80 "exact: 1e6 faces in one pixel", "the nearest, sampled", exact::many_faces_in_a_pixel;
-    81 "exact: mesh within a pixel", "its area and slope", exact::smaller_than_a_pixel;
-    82 "exact: face that turns edge-on", "area to 0, finite", exact::turning_edge_on;
-    83 "exact: seams on every edge", "what is covered stays", exact::seams_everywhere;
-    84 "exact: images of 1 x N and 1 x 1", "areas and slopes", exact::strips_and_single_pixels;
-    85 "exact: -0.0, 2^k, threads, NaN", "the same bits, nothing masked", exact::upstream_and_bits;
-    86 "exact: back faces, loose edges", "by flag; nothing hidden", exact::sides_and_edges;
+    67 "exact: nothing to see", "the background, zero gradients", exact_inputs::nothing;
+    68 "exact: refused input", "an error", exact_inputs::refused;
+    69 "exact: w <= 0", "the area in front, its slope", exact_inputs::behind_the_eye;
+    70 "exact: w from 1e-38 to 1e6", "the areas of w = 1", exact_inputs::wide_range_of_w;
+    71 "exact: ends of the depth range", "clipped, its slope", exact_inputs::ends_of_the_depth_range;
+    72 "exact: slivers", "their areas, finite", exact_shapes::slivers;
+    73 "exact: along pixel borders", "the areas, the whole's slope", exact_shapes::on_pixel_borders;
+    74 "exact: fans of up to 512 faces", "each pixel once", exact_shapes::fans;
+    75 "exact: T-junction", "a gap as wide as rounding", exact_shapes::t_junction;
+    76 "exact: up to the largest number", "clipped", exact_inputs::far_away;
+    77 "exact: faces in one plane", "the lower index, once", exact_depths::coplanar;
+    78 "exact: faces through one line", "each up to the line", exact_depths::crossing_faces;
+    79 "exact: crowded beside exact", "sampled there alone", exact_depths::crowded;
+    80 "exact: 1e6 faces in one pixel", "the nearest, sampled", exact_depths::many_faces_in_a_pixel;
+    81 "exact: mesh within a pixel", "its area and slope", exact_shapes::smaller_than_a_pixel;
+    82 "exact: face that turns edge-on", "area to 0, finite", exact_shapes::turning_edge_on;
+    83 "exact: seams on every edge", "what is covered stays", exact_shapes::seams_everywhere;
+    84 "exact: images of 1 x N and 1 x 1", "areas and slopes", exact_shapes::strips_and_single_pixels;
+    85 "exact: -0.0, 2^k, threads, NaN", "the same bits, nothing masked", exact_inputs::upstream_and_bits;
+    86 "exact: back faces, loose edges", "by flag; nothing hidden", exact_shapes::sides_and_edges;
 };

@@ -2,11 +2,11 @@
 //! another.
 
 use bokashi_core::{Scalar, Tape, Tensor};
-use bokashi_render_ops::{Cull, Mesh, Size, rasterize};
+use bokashi_render_ops::{Cull, Size, rasterize};
 
 use super::oracle::{GridScene, STEPS};
 use super::row::{Failure, Found, Outcome};
-use super::scene::{Scene, largest, not_finite, numbers, orders};
+use super::scene::{Scene, largest, many_faces, not_finite, numbers, orders};
 
 /// How many pixels are not covered as often as in whole numbers.
 fn wrong_layers<T: Scalar>(scene: &GridScene) -> Result<usize, Failure> {
@@ -362,27 +362,16 @@ pub(super) fn back_faces<T: Scalar>() -> Outcome {
     Ok(Found::exactly("drawn or counted, as the flag says", wrong))
 }
 
-/// How many faces lie over one pixel.
-const MANY: usize = 1_000_000;
-
 pub(super) fn many_faces_in_a_pixel<T: Scalar>() -> Outcome {
-    // All share an edge; the depth at the pixel's centre is half that of the third vertex.
-    let depth = |k: usize| ((k * 7919 + 13) % MANY) as f64 / f64::powi(2.0, 20);
-    let clip = |k: usize| match k {
-        0 => [-0.25, -0.25, 0.0, 1.0],
-        1 => [0.25, -0.25, 0.0, 1.0],
-        k => [0.0, 0.25, depth(k - 2), 1.0],
-    };
+    let (clip, mesh, nearest, depth) = many_faces::<T>()?;
     let tape = Tape::<T>::new();
-    let positions = tape.leaf(&Tensor::from_fn([MANY + 2, 4], |k| T::from_f64(clip(k / 4)[k % 4])));
-    let faces = (0..MANY as u32).map(|k| [0, 1, k + 2]).collect();
-    let mesh = Mesh::new(faces, MANY + 2)?;
+    let positions = tape.leaf(&clip);
     let fragments = rasterize(positions, &mesh, Size::square(3))?;
     let coverage = &fragments.coverage;
-    let nearest = (0..MANY).min_by(|&a, &b| depth(a).total_cmp(&depth(b))).unwrap_or(0);
     let mut wrong = usize::from(!coverage.faces().eq([nearest]) || !coverage.pixels().eq([4]));
     let seen_depth = bokashi_render_ops::depth(&fragments)?;
-    let error = (seen_depth.item().to_f64() - 0.5 * depth(nearest)).abs();
+    // Half that of its third vertex.
+    let error = (seen_depth.item().to_f64() - 0.5 * depth).abs();
     let image = tape.leaf(&Tensor::from_fn([3, 3, 1], |k| T::from_f64((k == 4) as u8 as f64)));
     let image = bokashi_render_ops::antialias(image, &fragments, positions)?;
     wrong += usize::from(!image.value().is_finite());

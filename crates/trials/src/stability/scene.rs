@@ -225,3 +225,21 @@ pub(super) fn not_finite<T: Scalar>(scene: &Scene) -> Result<usize, Failure> {
         && scene.surface_gradient::<T>()?.iter().all(|bar| bar.is_finite());
     Ok(usize::from(!finite))
 }
+
+/// How many faces lie over one pixel.
+const MANY: usize = 1_000_000;
+
+/// Faces that share an edge, all over the middle pixel of 3 x 3, each with a depth of its own at its
+/// third vertex; and the nearest one, with that depth.
+pub(super) fn many_faces<T: Scalar>() -> Result<(Tensor<T>, Mesh, usize, f64), Failure> {
+    let depth = |k: usize| ((k * 7919 + 13) % MANY) as f64 / f64::powi(2.0, 20);
+    let clip = |k: usize| match k {
+        0 => [-0.25, -0.25, 0.0, 1.0],
+        1 => [0.25, -0.25, 0.0, 1.0],
+        k => [0.0, 0.25, depth(k - 2), 1.0],
+    };
+    let clip = Tensor::from_fn([MANY + 2, 4], |k| T::from_f64(clip(k / 4)[k % 4]));
+    let mesh = Mesh::new((0..MANY as u32).map(|k| [0, 1, k + 2]).collect(), MANY + 2)?;
+    let nearest = (0..MANY).min_by(|&a, &b| depth(a).total_cmp(&depth(b))).unwrap_or(0);
+    Ok((clip, mesh, nearest, depth(nearest)))
+}

@@ -6,24 +6,23 @@
 //! own.
 
 mod cases;
+mod figure;
 mod scanlines;
 mod truth;
 
 use bokashi_core::{Tape, Tensor, Var};
 use bokashi_fit::FitError;
-use bokashi_fit::report::{Curve, Figure, PALETTE, Panel, SIZES, Scale, Stroke};
-use bokashi_render_ops::{
-    Background, Cull, RasterOptions, Sampling, interpolate, project, rasterize, resolve,
-};
+use bokashi_render_ops::{Cull, RasterOptions, Sampling};
 
 use self::cases::{CASES, Case, Kind};
+use self::figure::figures;
 use self::truth::{Truth, truths};
 use crate::bench::Bench;
 use crate::effort::USUAL;
-use crate::pipeline::render;
+use crate::pipeline::{render, resolved};
 use crate::sampling::{Contestant, Timing, interleaved};
 use crate::scenes::Scene;
-use crate::study::{Figures, Study};
+use crate::study::Study;
 use crate::table::{Cell, Table};
 
 /// The sizes of the images, in pixels: each a divisor of the last one.
@@ -45,7 +44,7 @@ type Image = for<'t> fn(&Scene, Cull, Var<'t, f32>, Var<'t, f32>) -> Result<Var<
 /// All methods; another one is another row.
 const METHODS: [Method; 6] = [
     method("no antialias", "no_antialias", |scene, cull, p, c| {
-        Ok(render(scene, cull, p, c)?.jagged)
+        Ok(resolved(scene, RasterOptions { cull, ..scene.size.into() }, p, c)?.image)
     }),
     method("antialias", "antialias", |scene, cull, p, c| Ok(render(scene, cull, p, c)?.image)),
     method("antialias, 2x2", "antialias_2x2", |scene, cull, p, c| {
@@ -58,21 +57,19 @@ const METHODS: [Method; 6] = [
     Method { has_seams: true, ..method("exact, all edges", "exact_all_edges", exact) },
 ];
 
-const fn method(name: &'static str, key: &'static str, image: Image) -> Method {
-    Method { name, key, has_seams: false, image }
-}
-
-/// The picture with exact coverage.
+/// With exact coverage.
 fn exact<'t>(
     scene: &Scene,
     cull: Cull,
     positions: Var<'t, f32>,
     colors: Var<'t, f32>,
 ) -> Result<Var<'t, f32>, FitError> {
-    let clip = project(positions, &scene.camera, None)?;
     let options = RasterOptions { cull, sampling: Sampling::Exact, ..scene.size.into() };
-    let fragments = rasterize(clip, &scene.mesh, options)?;
-    Ok(resolve(interpolate(colors, &fragments)?, &fragments, Background::Zero)?)
+    Ok(resolved(scene, options, positions, colors)?.image)
+}
+
+const fn method(name: &'static str, key: &'static str, image: Image) -> Method {
+    Method { name, key, has_seams: false, image }
 }
 
 /// `times` x `times` antialiased pixels make one.
@@ -228,8 +225,9 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
          coordinate of each vertex up to {} of a side off, over {} of the other scenes, and from one of \
          those of the step's table. The truth: differences of pictures that are integrated along \
          scanlines; where a scene has more than 24 coordinates, along 8 random directions in which all \
-         vertices move. Truth, ±: how far the truth from one scanline for each two is off, at most. 2x2 and 4x4: rendered so much larger, then averaged down. All edges: every edge is a \
-         seam. f32; closed meshes of the step's table with back faces culled, all others without.",
+         vertices move. Truth, ±: how far the truth from one scanline for each two is off, at most. \
+         2x2 and 4x4: rendered so much larger, then averaged down. All edges: every edge is a seam. \
+         f32; closed meshes of the step's table with back faces culled, all others without.",
         bench.effort.choose(1, CASES[0].seeds),
         cases::SHIFT,
         bench.effort.choose(1, CASES[1].seeds),
@@ -288,49 +286,6 @@ fn table(
         table.push(cells);
     }
     table
-}
-
-/// Errors against times, a panel per case and one for the scenes of the step's table.
-fn figures(rows: &[Row]) -> Figures {
-    let is_own = |row: &Row| CASES.iter().any(|kind| kind.name == row.case);
-    let title = |row: &Row| {
-        if is_own(row) { row.case.clone() } else { "the step's scenes".to_owned() }
-    };
-    let mut panels: Vec<Panel> = Vec::new();
-    for row in rows {
-        let title = title(row);
-        if panels.last().is_none_or(|panel| panel.title != title) {
-            panels.push(Panel {
-                figure: Figure {
-                    x: Scale::Seconds,
-                    y: Scale::Logarithmic,
-                    x_title: "time of an image and its gradient",
-                    size: SIZES[1],
-                    spoken: format!("error of the gradient against time: {title}"),
-                    curves: Vec::new(),
-                    marks: Vec::new(),
-                },
-                title,
-            });
-        }
-        let curves = &mut panels.last_mut().expect("there is one now").figure.curves;
-        let points = row.errors.iter().zip(&row.timings).filter_map(|(errors, timing)| {
-            let [least, median, largest] = errors.of_gradient();
-            timing.as_ref().map(|timing| [timing.minimum, least, median, largest])
-        });
-        let mut points: Vec<_> = points.collect();
-        points.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        let color = curves.len() % PALETTE.len();
-        curves.push(Curve { color, stroke: Stroke::Solid, dots: true, points });
-    }
-    let legend = PIXELS.iter().enumerate();
-    let legend = legend.map(|(at, pixels)| (format!("{pixels} px"), PALETTE[at], Stroke::Solid));
-    Figures {
-        heading: Some("Relative error of the gradient; bands: least and largest".to_owned()),
-        is_folded: false,
-        legend: legend.collect(),
-        panels,
-    }
 }
 
 #[cfg(test)]

@@ -9,14 +9,14 @@ use super::marks::Marks;
 use super::mean::{Extent, barycentrics};
 use super::polygon::{Line, Moments, size, value_at};
 use super::samples::Samples;
-use super::sheets::{REACH, Regions, Slab, front_sheets, may_cross};
-use super::visible::{Candidate, Side, Visible};
+use super::sheets::{REACH, Regions, Slab, front_sheets, layers, may_cross};
+use super::visible::{Candidate, SMALLEST, Side, Visible};
 use crate::homogeneous::{Vertex, cross};
-use crate::rasterize::canvas::View;
+use crate::rasterize::canvas::{View, sum_up};
 use crate::rasterize::culling::{Corner, Fate};
 use crate::rasterize::setup::Weights;
 
-/// Where more faces may reach into a pixel, it is resolved by samples.
+/// Where more faces may be seen in a pixel, it is resolved by samples.
 const MOST_FACES: usize = 2048;
 
 /// Pixels of a row that are asked at once whether sheets may cross in them.
@@ -25,9 +25,6 @@ const BLOCK: usize = 8;
 /// Edge functions from the middle of the image are off by no more than this share of what they change
 /// by within half a pixel.
 const DOUBT: f64 = 1e-9;
-
-/// Pieces below this share of a pixel are dropped.
-const SMALLEST: f64 = 1e-14;
 
 /// A visible part of a face in a pixel.
 #[derive(Debug, Clone, Copy)]
@@ -98,6 +95,15 @@ impl<S> Pieces<S> {
     }
 }
 
+/// The depths of a face.
+#[derive(Debug)]
+struct Plane<S> {
+    /// The coefficients around the middle of the image.
+    depth: Line<S>,
+    /// The least and the largest one.
+    range: [S; 2],
+}
+
 /// The memory of the search.
 #[derive(Debug, Default)]
 pub(in crate::rasterize) struct Search<S> {
@@ -108,8 +114,8 @@ pub(in crate::rasterize) struct Search<S> {
     sheets: Vec<u32>,
     /// Blocks of pixels.
     blocks: Marks,
-    /// Per face of the band: its depth's coefficients, around the middle of the image.
-    planes: Vec<Line<S>>,
+    /// Per face of the band: its plane.
+    planes: Vec<Plane<S>>,
     slabs: Vec<Slab<S>>,
     gathered: Gathered,
     candidates: Vec<Candidate<S>>,
@@ -174,11 +180,7 @@ impl Gathered {
         if pairs.len() > most {
             return false;
         }
-        let mut before = 0;
-        for end in ends.iter_mut() {
-            before += *end;
-            *end = before;
-        }
+        sum_up(ends);
         faces.clear();
         faces.resize(pairs.len(), 0);
         // Where the next face of each block goes; in the end, where its last one went.
@@ -345,9 +347,11 @@ impl<S: Scalar<Wide = S>> Search<S> {
     /// Marks the pixels that an edge of the surface or an end of the depth range may cross.
     fn mark<T: Scalar<Wide = S>>(&mut self, drawn: &Drawn<'_, '_, T>) {
         let view = drawn.view;
-        let Self { marks, outlines, .. } = self;
+        let Self { marks, outlines, planes, .. } = self;
         marks.clear(drawn.rows.len(), view.size.width);
         outlines.clear();
+        planes.clear();
+        planes.extend((0..drawn.faces.len() as u32).map(|at| drawn.plane(at)));
         for (at, (&face, weights)) in (0..).zip(drawn.faces.iter().zip(drawn.weights)) {
             let is_outline =
                 |k| view.is_silhouette(face as usize, k) || view.mesh.is_seam(face as usize, k);
@@ -403,19 +407,16 @@ impl<S: Scalar<Wide = S>> Search<S> {
                 blocks.mark(row, block..block + 1);
             }
         }
-        planes.clear();
-        let all = 0..drawn.faces.len() as u32;
-        planes.extend(all.map(|at| drawn.depth(at, S::ZERO, S::ZERO)));
         gathered.for_each(drawn, blocks, BLOCK, |[row, block], center, faces| {
             slabs.clear();
-            slabs.extend(faces.iter().map(|&face| drawn.slab(planes, face, center, BLOCK)));
+            slabs.extend(faces.iter().map(|&face| drawn.slab(planes, face, 0, center, BLOCK)));
             if !may_cross(slabs) {
                 suspects.unmark(row, block * BLOCK..(block + 1) * BLOCK);
             }
         });
         gathered.for_each(drawn, suspects, 1, |[row, column], center, faces| {
             slabs.clear();
-            slabs.extend(faces.iter().map(|&face| drawn.slab(planes, face, center, 1)));
+            slabs.extend(faces.iter().map(|&face| drawn.slab(planes, face, 0, center, 1)));
             if may_cross(slabs) {
                 marks.mark(row, column..column + 1);
             }
@@ -431,21 +432,35 @@ impl<S: Scalar<Wide = S>> Search<S> {
         faces: &[u32],
         pieces: &mut Pieces<S>,
     ) {
-        let Self { candidates, visible, samples, moments, extents, order, outlines, slabs, .. } =
-            self;
+        let Self { candidates, visible, samples, moments, extents, order, .. } = self;
+        let Self { planes, outlines, slabs, .. } = self;
         let row = drawn.rows.start + row;
-        candidates.clear();
-        candidates
-            .extend(faces.iter().map(|&face| drawn.candidate(face, outlines[face as usize], x, y)));
         slabs.clear();
-        slabs.extend(candidates.iter().map(Slab::of));
+        slabs.extend(faces.iter().map(|&face| {
+            let outline = outlines[face as usize];
+            drawn.slab(planes, face, outline, [x, y], 1)
+        }));
         if front_sheets(slabs) == Some(1) {
             return;
+        }
+        let candidate = |face: u32| drawn.candidate(face, outlines[face as usize], x, y);
+        candidates.clear();
+        visible.clear();
+        let mut is_crowded = false;
+        for layer in layers(slabs) {
+            candidates.extend(layer.iter().map(|slab| candidate(slab.drawn)));
+            is_crowded = candidates.len() > MOST_FACES || !visible.add(candidates);
+            if is_crowded || visible.fills_pixel() {
+                break;
+            }
+        }
+        if is_crowded {
+            candidates.clear();
+            candidates.extend(faces.iter().map(|&face| candidate(face)));
         }
         moments.clear();
         moments.resize(candidates.len(), Moments::default());
         extents.clear();
-        let is_crowded = candidates.len() > MOST_FACES || !visible.find(candidates);
         let smallest = S::from_f64(4.0 * SMALLEST);
         if is_crowded {
             pieces.crowded += 1;
@@ -464,7 +479,8 @@ impl<S: Scalar<Wide = S>> Search<S> {
         // The largest first; of equal ones the lower face.
         order.sort_unstable_by(|&a, &b| {
             let area = |at: u32| moments[at as usize].area().to_f64();
-            area(b).total_cmp(&area(a)).then(a.cmp(&b))
+            let face = |at: u32| candidates[at as usize].drawn;
+            area(b).total_cmp(&area(a)).then(face(a).cmp(&face(b)))
         });
         pieces.pixels.push((row * drawn.view.size.width + column) as u32);
         pieces.pieces.extend(order.iter().filter_map(|&at| {
@@ -495,25 +511,48 @@ impl<S: Scalar<Wide = S>> Search<S> {
 }
 
 impl<T: Scalar> Drawn<'_, '_, T> {
-    /// That of a face of the band in a block of `width` pixels of a row, which no outline crosses.
+    /// That of a face of the band, around the middle of the image.
+    fn plane(&self, at: u32) -> Plane<T::Wide> {
+        let corners = self.view.corners_of(self.faces[at as usize] as usize);
+        let vertices = corners.map(|corner| corner.vertex);
+        let depth = depth(&vertices, &self.weights[at as usize].edges);
+        let infinity = T::Wide::from_f64(f64::INFINITY);
+        if corners.iter().any(|corner| corner.is_beyond_depths()) {
+            return Plane { depth, range: [-infinity, infinity] };
+        }
+        let [p, q, r] = vertices.map(|vertex| vertex.z / vertex.w);
+        Plane { depth, range: [p.lesser(q).lesser(r), p.greater(q).greater(r)] }
+    }
+
+    /// That of a face of the band, with the edges `outline` of a surface's outline, in a block of
+    /// `width` pixels of a row.
     #[inline(always)]
     fn slab(
         &self,
-        planes: &[Line<T::Wide>],
-        face: u32,
+        planes: &[Plane<T::Wide>],
+        drawn: u32,
+        outline: u8,
         center: [T::Wide; 2],
         width: usize,
     ) -> Slab<T::Wide> {
-        let [one, x, y] = planes[face as usize];
+        let Plane { depth: [one, x, y], range: [least, most] } = planes[drawn as usize];
         let depth = value_at([one, x, y], center);
         let rounding = T::Wide::from_f64(1e-9) * size([one, x * center[0], y * center[1]]);
-        let reach = T::Wide::from_f64(width as f64) * x.abs() + y.abs() + rounding;
-        let edges = &self.weights[face as usize].edges;
-        let covers = edges.iter().all(|&edge| {
-            let doubt = T::Wide::from_f64(DOUBT) * (edge[1].abs() + edge[2].abs());
-            value_at(edge, center) >= -doubt
-        });
-        Slab { nearest: depth - reach, farthest: depth + reach, covers, ends: false }
+        let width = T::Wide::from_f64(width as f64);
+        let reach = width * x.abs() + y.abs();
+        let (mut covers, mut ends) = (true, false);
+        for (k, &edge) in self.weights[drawn as usize].edges.iter().enumerate() {
+            let (value, change) = (value_at(edge, center), width * edge[1].abs() + edge[2].abs());
+            covers &= value >= -T::Wide::from_f64(DOUBT) * change;
+            ends |= outline >> k & 1 == 1 && value.abs() <= T::Wide::from_f64(REACH) * change;
+        }
+        Slab {
+            drawn,
+            nearest: (depth - reach).greater(least) - rounding,
+            farthest: (depth + reach).lesser(most) + rounding,
+            covers,
+            ends,
+        }
     }
 }
 

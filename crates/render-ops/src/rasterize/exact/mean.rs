@@ -107,7 +107,7 @@ pub(super) fn barycentrics<S: Scalar>(
 /// What the gradients of u and v say of the edge functions' values at the centroid and of their slopes,
 /// and of the extent.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Adjoint<S> {
+pub(super) struct Bars<S> {
     pub(super) values: [S; 3],
     pub(super) slopes: [[S; 2]; 3],
     pub(super) extent: Extent<S>,
@@ -120,7 +120,7 @@ pub(super) fn adjoint<S: Scalar>(
     factors: [S; 3],
     extent: &Extent<S>,
     uv_bar: [S; 2],
-) -> Adjoint<S> {
+) -> Bars<S> {
     let Around { missing, values, slopes, total, tau, covariance, s, nu } =
         Around::new(edges, factors, extent);
     let mut s_bar = [0, 1].map(|axis| -(uv_bar[0] * nu[0][axis] + uv_bar[1] * nu[1][axis]));
@@ -141,7 +141,7 @@ pub(super) fn adjoint<S: Scalar>(
     let relative = tau.map(|slope| slope / total);
     let [x, y] = s_bar.map(|bar| bar / total);
     let centroid = [0, 1].map(|axis| (0..3).map(|i| values_bar[i] * slopes[i][axis]).sum());
-    Adjoint {
+    Bars {
         values: std::array::from_fn(|i| missing[i] * values_bar[i]),
         slopes: slopes_bar,
         extent: Extent {
@@ -216,7 +216,7 @@ mod tests {
                 uv_bar[0] * u + uv_bar[1] * v
             };
             let start = numbers(edges, extent(place));
-            let Adjoint { values, slopes, extent: extent_bar } =
+            let Bars { values, slopes, extent: extent_bar } =
                 adjoint(&edges, factors, &extent(place), uv_bar);
             let [x, y] = extent(place).centroid;
             let edges_bar = [0, 1, 2].map(|i| {

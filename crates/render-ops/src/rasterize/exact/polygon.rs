@@ -26,7 +26,7 @@ pub(super) const BORDER: u32 = u32::MAX;
 
 /// What a side of a polygon lies on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Side {
+pub(super) struct Bound {
     /// The index of its line, or [`BORDER`].
     pub(super) line: u32,
     /// Whether the polygon is on the line's inside.
@@ -37,7 +37,7 @@ pub(super) struct Side {
 #[derive(Debug, Clone, Copy)]
 struct Corner<S> {
     point: [S; 2],
-    side: Side,
+    bound: Bound,
 }
 
 /// A convex polygon of [`Polygons`], counter-clockwise.
@@ -107,14 +107,19 @@ pub(super) fn size<S: Scalar>([one, x, y]: Line<S>) -> S {
 }
 
 impl<S: Scalar> Polygons<S> {
-    /// Forgets all polygons but the whole pixel.
+    /// Forgets all polygons.
+    pub(super) fn clear(&mut self) {
+        self.corners.clear();
+    }
+
+    /// The whole pixel.
     pub(super) fn pixel(&mut self) -> Polygon {
         let (low, high) = (-S::ONE, S::ONE);
-        let side = Side { line: BORDER, is_inside: true };
+        let bound = Bound { line: BORDER, is_inside: true };
         let points = [[low, low], [high, low], [high, high], [low, high]];
-        self.corners.clear();
-        self.corners.extend(points.map(|point| Corner { point, side }));
-        Polygon { first: 0, end: 4 }
+        let first = self.corners.len() as u32;
+        self.corners.extend(points.map(|point| Corner { point, bound }));
+        Polygon { first, end: first + 4 }
     }
 
     /// How many corners all polygons have.
@@ -134,7 +139,7 @@ impl<S: Scalar> Polygons<S> {
     ) -> [Option<Polygon>; 2] {
         match self.lies(polygon, line) {
             [true, true] => {
-                [true, false].map(|is_inside| self.part(polygon, Side { line: index, is_inside }))
+                [true, false].map(|is_inside| self.part(polygon, Bound { line: index, is_inside }))
             }
             [true, false] => [Some(polygon), None],
             [false, true] => [None, Some(polygon)],
@@ -151,7 +156,7 @@ impl<S: Scalar> Polygons<S> {
         index: u32,
     ) -> Option<Polygon> {
         match self.lies(polygon, line) {
-            [true, true] => self.part(polygon, Side { line: index, is_inside: true }),
+            [true, true] => self.part(polygon, Bound { line: index, is_inside: true }),
             [is_inside, _] => is_inside.then_some(polygon),
         }
     }
@@ -180,7 +185,7 @@ impl<S: Scalar> Polygons<S> {
 
     /// The part of a polygon on one side of the line whose values were found; what is cut off leaves
     /// the side `cut`.
-    fn part(&mut self, polygon: Polygon, cut: Side) -> Option<Polygon> {
+    fn part(&mut self, polygon: Polygon, cut: Bound) -> Option<Polygon> {
         let Self { corners, values } = self;
         let first = corners.len() as u32;
         let sign = if cut.is_inside { S::ONE } else { -S::ONE };
@@ -190,15 +195,15 @@ impl<S: Scalar> Polygons<S> {
             let at = if k < values.len() { k } else { 0 };
             let (after, b) = (corners[polygon.first as usize + at], sign * values[at]);
             if a >= S::ZERO {
-                let side = if b >= S::ZERO || a > S::ZERO { before.side } else { cut };
-                corners.push(Corner { point: before.point, side });
+                let bound = if b >= S::ZERO || a > S::ZERO { before.bound } else { cut };
+                corners.push(Corner { point: before.point, bound });
             }
             if (a > S::ZERO && b < S::ZERO) || (a < S::ZERO && b > S::ZERO) {
                 let share = a / (a - b);
                 let (p, q) = (before.point, after.point);
                 let point = [0, 1].map(|axis| p[axis] + share * (q[axis] - p[axis]));
-                let side = if a > S::ZERO { cut } else { before.side };
-                corners.push(Corner { point, side });
+                let bound = if a > S::ZERO { cut } else { before.bound };
+                corners.push(Corner { point, bound });
             }
             (before, a) = (after, b);
         }
@@ -216,10 +221,10 @@ impl<S: Scalar> Polygons<S> {
     pub(super) fn segments(
         &self,
         polygon: Polygon,
-    ) -> impl Iterator<Item = (Side, [[S; 2]; 2])> + '_ {
+    ) -> impl Iterator<Item = (Bound, [[S; 2]; 2])> + '_ {
         let corners = &self.corners[polygon.corners()];
         let after = corners[1..].iter().chain(&corners[..1]);
-        corners.iter().zip(after).map(|(from, to)| (from.side, [from.point, to.point]))
+        corners.iter().zip(after).map(|(from, to)| (from.bound, [from.point, to.point]))
     }
 
     pub(super) fn moments(&self, polygon: Polygon) -> Moments<S> {
@@ -344,11 +349,11 @@ mod tests {
             let mut polygons = Polygons::default();
             let polygon = cut(&mut polygons, &lines, &sides).unwrap();
             let mut lines_bar = vec![[0.0; 3]; lines.len()];
-            for (side, ends) in polygons.segments(polygon) {
-                if side.line != BORDER {
-                    let line = side.line as usize;
+            for (bound, ends) in polygons.segments(polygon) {
+                if bound.line != BORDER {
+                    let line = bound.line as usize;
                     let [_, x, y] = lines[line];
-                    let bar = line_bar(ends, side.is_inside, [x, y], g);
+                    let bar = line_bar(ends, bound.is_inside, [x, y], g);
                     lines_bar[line].iter_mut().zip(bar).for_each(|(sum, bar)| *sum += bar);
                 }
             }

@@ -4,9 +4,7 @@ use bokashi_core::Scalar;
 
 use super::boundary::Pieces;
 use crate::coverage::{Run, Slot};
-
-/// Stands for "not seen".
-const NO_SLOT: u32 = u32::MAX;
+use crate::rasterize::canvas::NO_SLOT;
 
 /// The pieces of a band as fragments, counted from its first run, slot and fragment.
 #[derive(Debug, Default)]

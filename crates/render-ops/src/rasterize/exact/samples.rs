@@ -70,12 +70,12 @@ impl<S: Scalar> Samples<S> {
             for (k, &edge) in (0..).zip(&candidate.edges) {
                 polygon = polygon.and_then(|polygon| polygons.inside(polygon, edge, k));
             }
-            for (side, ends) in polygon.iter().flat_map(|&polygon| polygons.segments(polygon)) {
-                if candidate.outline.checked_shr(side.line).unwrap_or(0) & 1 == 0 {
+            for (bound, ends) in polygon.iter().flat_map(|&polygon| polygons.segments(polygon)) {
+                if candidate.outline.checked_shr(bound.line).unwrap_or(0) & 1 == 0 {
                     continue;
                 }
-                let [_, x, y] = candidate.edges[side.line as usize];
-                let source = Source::Edge { candidate: at, k: side.line as u8 };
+                let [_, x, y] = candidate.edges[bound.line as usize];
+                let source = Source::Edge { candidate: at, k: bound.line as u8 };
                 let beside = S::from_f64(BESIDE) / x.abs().greater(y.abs());
                 for ends in cut(ends) {
                     let [p, q] = ends;
@@ -187,7 +187,7 @@ mod tests {
             };
             let all: Vec<_> = triangles.into_iter().enumerate().filter_map(flat).collect();
             let mut visible = Visible::default();
-            visible.find(&all);
+            visible.add(&all);
             let mut exact = vec![Moments::default(); all.len()];
             visible.add_moments(&mut exact);
             let (mut samples, mut found) =

@@ -10,7 +10,6 @@ use std::ops::Range;
 use bokashi_core::Scalar;
 
 use super::marks::Marks;
-use super::visible::Candidate;
 
 /// Lines are looked for within this many times half a pixel's width: more than they can be off.
 pub(super) const REACH: f64 = 1.0 + 1e-6;
@@ -114,7 +113,9 @@ impl Regions {
 /// A face in a block of pixels.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Slab<S> {
-    /// The range of its plane's depths.
+    /// The position of its face among those of the band.
+    pub(super) drawn: u32,
+    /// The range of its depths.
     pub(super) nearest: S,
     pub(super) farthest: S,
     /// Whether it covers the block's centre.
@@ -123,28 +124,11 @@ pub(super) struct Slab<S> {
     pub(super) ends: bool,
 }
 
-impl<S: Scalar> Slab<S> {
-    /// That of a candidate in its pixel.
-    #[inline(always)]
-    pub(super) fn of(candidate: &Candidate<S>) -> Self {
-        let [depth, x, y] = candidate.depth;
-        let rounding = S::from_f64(1e-9) * depth.abs();
-        let reach = x.abs() + y.abs() + rounding;
-        let mut ends = false;
-        for (k, [one, x, y]) in candidate.edges.into_iter().enumerate() {
-            let near = one.abs() <= S::from_f64(REACH) * (x.abs() + y.abs());
-            ends |= (candidate.outline >> k & 1 == 1) & near;
-        }
-        let covers = candidate.edges.iter().all(|edge| edge[0] >= S::ZERO);
-        Self { nearest: depth - reach, farthest: depth + reach, covers, ends }
-    }
-}
-
 /// How many sheets these faces make up in a block of pixels before all that lies behind them, where
 /// they are whole: those of one sheet touch, so the nearest faces up to the first gap between all
 /// their depths are whole sheets if none of them ends here, and a sheet covers the block's centre once.
 /// What is out of the depth range hides nothing; where something may reach out of it, none can be
-/// told.
+/// told. Sorts them, the nearest first.
 pub(super) fn front_sheets<S: Scalar>(slabs: &mut [Slab<S>]) -> Option<usize> {
     slabs.sort_unstable_by(|a, b| a.nearest.to_f64().total_cmp(&b.nearest.to_f64()));
     let (mut farthest, mut sheets) = (-S::from_f64(f64::INFINITY), 0);
@@ -160,6 +144,15 @@ pub(super) fn front_sheets<S: Scalar>(slabs: &mut [Slab<S>]) -> Option<usize> {
         sheets += usize::from(slab.covers);
     }
     Some(sheets)
+}
+
+/// Parts sorted slabs where there is a gap between all depths before and all those behind.
+pub(super) fn layers<S: Scalar>(slabs: &[Slab<S>]) -> impl Iterator<Item = &[Slab<S>]> {
+    let mut farthest = -S::from_f64(f64::INFINITY);
+    slabs.chunk_by(move |slab, next| {
+        farthest = farthest.greater(slab.farthest);
+        next.nearest <= farthest
+    })
 }
 
 /// Whether two of the sheets that these faces make up may pass through each other before all others.

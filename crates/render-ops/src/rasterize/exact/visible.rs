@@ -2,12 +2,14 @@
 //!
 //! # Forward
 //! Each face is cut to the pixel; then from each the part of every other one that lies in front of it is
-//! taken away: the pieces outside each of the other's edges stay, of what is left the part that the
-//! other is behind. All pieces are convex. Depth z / w is linear over the image (`setup`), so two faces
-//! pass through each other in a line. Of equal depths the lower face index wins, as elsewhere.
+//! taken away: what lies outside each of the other's edges stays, and of what is left that which the
+//! other is behind. All parts are convex. Depth z / w is linear over the image (`setup`), so two faces
+//! pass through each other in a line. Of equal depths the lower face index wins, as elsewhere. Faces
+//! come in layers, the nearest first, with a gap between the depths of one layer and the next: once the
+//! parts fill the pixel, nothing behind them is looked at.
 //!
 //! # Backward
-//! From the moments of the pieces to the lines that bound them (`polygon`), and from these to the
+//! From the moments of the parts to the lines that bound them (`polygon`), and from these to the
 //! faces: an edge's line is a face's edge function; the line of two faces is the difference of their
 //! depths.
 
@@ -72,11 +74,12 @@ pub(super) struct Side<S> {
     pub(super) ends: [[S; 2]; 2],
 }
 
-/// A visible piece of a candidate.
+/// A visible part of a candidate.
 #[derive(Debug, Clone, Copy)]
-struct Piece {
+struct Part<S> {
     candidate: u32,
     polygon: Polygon,
+    moments: Moments<S>,
 }
 
 /// All that a pixel holds of a candidate.
@@ -106,7 +109,11 @@ impl<S: Scalar> Whole<S> {
 /// What is visible in a pixel, and memory.
 #[derive(Debug, Default)]
 pub(super) struct Visible<S> {
-    pieces: Vec<Piece>,
+    parts: Vec<Part<S>>,
+    /// Of all parts.
+    area: S,
+    /// How often polygons were held against faces.
+    cuts: usize,
     polygons: Polygons<S>,
     lines: Vec<Line<S>>,
     sources: Vec<Source>,
@@ -121,24 +128,38 @@ pub(super) struct Visible<S> {
 const MOST_CORNERS: usize = 1 << 18;
 const MOST_CUTS: usize = 1 << 22;
 
+/// Pieces below this share of a pixel do not count.
+pub(super) const SMALLEST: f64 = 1e-14;
+
 /// Depths that differ by no more than this share of their size are equal: the order of two faces in
 /// one plane is no accident of rounding.
 const EQUAL: f64 = 64.0 * f64::EPSILON;
 
 impl<S: Scalar> Visible<S> {
-    /// Finds the visible pieces of `candidates`, which are in the order of their faces; returns
-    /// whether it did so within [`MOST_CORNERS`] and [`MOST_CUTS`].
-    pub(super) fn find(&mut self, candidates: &[Candidate<S>]) -> bool {
-        self.pieces.clear();
+    /// Forgets all candidates.
+    pub(super) fn clear(&mut self) {
+        self.parts.clear();
         self.lines.clear();
         self.sources.clear();
         self.whole.clear();
+        self.polygons.clear();
+        (self.area, self.cuts) = (S::ZERO, 0);
+    }
+
+    /// Finds the visible parts of those of `candidates` that were not there before, behind which the
+    /// others surely do not lie; returns whether it did so within [`MOST_CORNERS`] and [`MOST_CUTS`].
+    pub(super) fn add(&mut self, candidates: &[Candidate<S>]) -> bool {
+        let new = self.whole.len()..candidates.len();
         let pixel = self.polygons.pixel();
-        for (at, candidate) in (0..).zip(candidates) {
-            self.cut_to_pixel(pixel, at, candidate);
+        for at in new.clone() {
+            self.cut_to_pixel(pixel, at as u32, &candidates[at]);
         }
-        let mut cuts = 0;
-        (0..candidates.len()).all(|at| self.find_pieces(candidates, at, &mut cuts))
+        new.into_iter().all(|at| self.find_parts(candidates, at))
+    }
+
+    /// Whether nothing can be seen behind the candidates so far.
+    pub(super) fn fills_pixel(&self) -> bool {
+        self.area >= S::from_f64(4.0 * (1.0 - SMALLEST))
     }
 
     /// Cuts a candidate to the pixel and to the depth range.
@@ -179,8 +200,8 @@ impl<S: Scalar> Visible<S> {
 
     /// Takes from candidate `at` what lies behind others; returns whether it did so within the limits.
     #[inline(always)]
-    fn find_pieces(&mut self, candidates: &[Candidate<S>], at: usize, cuts: &mut usize) -> bool {
-        let Self { pieces, polygons, lines, sources, whole, left, next } = self;
+    fn find_parts(&mut self, candidates: &[Candidate<S>], at: usize) -> bool {
+        let Self { parts, area, cuts, polygons, lines, sources, whole, left, next } = self;
         left.clear();
         left.extend(whole[at].polygon);
         for (other, rival) in candidates.iter().enumerate() {
@@ -191,7 +212,8 @@ impl<S: Scalar> Visible<S> {
             if *cuts > MOST_CUTS || polygons.len() > MOST_CORNERS {
                 return false;
             }
-            let behind = behind(candidates[at].depth, rival.depth, at < other);
+            let own = &candidates[at];
+            let behind = behind(own.depth, rival.depth, own.drawn < rival.drawn);
             let mut between = None;
             next.clear();
             for &polygon in &*left {
@@ -219,28 +241,32 @@ impl<S: Scalar> Visible<S> {
             std::mem::swap(left, next);
         }
         let candidate = at as u32;
-        pieces.extend(left.iter().map(|&polygon| Piece { candidate, polygon }));
+        for &polygon in &*left {
+            let moments = polygons.moments(polygon);
+            *area += moments.area();
+            parts.push(Part { candidate, polygon, moments });
+        }
         true
     }
 
-    /// Each candidate with the sides of its visible pieces, but for those on the pixel's border.
+    /// Each candidate with the sides of its visible parts, but for those on the pixel's border.
     #[inline(always)]
     pub(super) fn sides(&self) -> impl Iterator<Item = (u32, Side<S>)> + '_ {
-        self.pieces.iter().flat_map(|piece| {
-            let sides = self.polygons.segments(piece.polygon);
-            sides.filter(|(side, _)| side.line != BORDER).map(|(side, ends)| {
-                let at = side.line as usize;
+        self.parts.iter().flat_map(|part| {
+            let sides = self.polygons.segments(part.polygon);
+            sides.filter(|(bound, _)| bound.line != BORDER).map(|(bound, ends)| {
+                let at = bound.line as usize;
                 let [_, x, y] = self.lines[at];
-                let (source, is_inside) = (self.sources[at], side.is_inside);
-                (piece.candidate, Side { source, is_inside, normal: [x, y], ends })
+                let (source, is_inside) = (self.sources[at], bound.is_inside);
+                (part.candidate, Side { source, is_inside, normal: [x, y], ends })
             })
         })
     }
 
     /// Adds the moments of what is visible of each candidate.
     pub(super) fn add_moments(&self, moments: &mut [Moments<S>]) {
-        for piece in &self.pieces {
-            moments[piece.candidate as usize].add(&self.polygons.moments(piece.polygon));
+        for part in &self.parts {
+            moments[part.candidate as usize].add(&part.moments);
         }
     }
 }
@@ -295,9 +321,11 @@ pub(super) mod tests {
     fn of_depths_that_differ_by_rounding_the_first_face_is_in_front_and_alone() {
         for steps in [-8, -1, 0, 1, 8] {
             let depth = -0.15 * (1.0 + f64::from(steps) * f64::EPSILON);
-            let all = [-0.15, depth].map(|d| Candidate { depth: [d, 0.0, 0.0], ..background(0) });
+            let face = |face, depth| Candidate { depth: [depth, 0.0, 0.0], ..background(face) };
+            let all = [face(0, -0.15), face(1, depth)];
             let mut visible = Visible::default();
-            assert!(visible.find(&all));
+            visible.clear();
+            assert!(visible.add(&all));
             let mut moments = [Moments::default(); 2];
             visible.add_moments(&mut moments);
             assert_eq!(moments.map(|moments| moments.area()), [4.0, 0.0], "{steps}");
@@ -316,7 +344,8 @@ pub(super) mod tests {
                 .collect();
             all.push(background(9));
             let mut visible = Visible::default();
-            assert!(visible.find(&all));
+            visible.clear();
+            assert!(visible.add(&all));
             let mut moments = vec![Moments::default(); all.len()];
             visible.add_moments(&mut moments);
             let total: f64 = moments.iter().map(Moments::area).sum();
