@@ -256,7 +256,10 @@ impl<T: Scalar> Canvas<T> {
         let Self { search, bands, weights, slot_of, .. } = self;
         let Band { pieces, resolved, .. } = &mut bands[at];
         let first = rows.start * view.size.width;
-        search.run(&Drawn { view, rows, faces, weights }, pieces);
+        pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || search.run(&Drawn { view, rows, faces, weights }, pieces),
+        );
         resolved.sort(pieces, faces, slot_of);
         let stored = self.faces.as_flattened_mut();
         let stride = view.blocks_per_row() * LANES;

@@ -156,6 +156,7 @@ struct Gathered {
 impl Gathered {
     /// Finds those of the marked blocks of `block` pixels in some rows of the band; returns whether
     /// they are not too many.
+    #[inline(always)]
     fn find<T: Scalar>(
         &mut self,
         drawn: &Drawn<'_, '_, T>,
@@ -194,6 +195,7 @@ impl Gathered {
 
     /// Calls `visit` with the row and the column of each marked block of `block` pixels of a row, with
     /// its centre, and with the faces that may reach into it.
+    #[inline(always)]
     fn for_each<T: Scalar>(
         &mut self,
         drawn: &Drawn<'_, '_, T>,
@@ -325,6 +327,7 @@ fn depth<S: Scalar>(vertices: &[Vertex<S>; 3], edges: &[[S; 3]; 3]) -> [S; 3] {
 
 impl<S: Scalar<Wide = S>> Search<S> {
     /// Finds the boundary pixels of a band and their pieces.
+    #[inline(always)]
     pub(in crate::rasterize) fn run<T: Scalar<Wide = S>>(
         &mut self,
         drawn: &Drawn<'_, '_, T>,
@@ -345,6 +348,7 @@ impl<S: Scalar<Wide = S>> Search<S> {
     }
 
     /// Marks the pixels that an edge of the surface or an end of the depth range may cross.
+    #[inline(always)]
     fn mark<T: Scalar<Wide = S>>(&mut self, drawn: &Drawn<'_, '_, T>) {
         let view = drawn.view;
         let Self { marks, outlines, planes, .. } = self;
@@ -380,6 +384,7 @@ impl<S: Scalar<Wide = S>> Search<S> {
     }
 
     /// Marks the pixels where surfaces may pass through each other.
+    #[inline(always)]
     fn mark_crossings<T: Scalar<Wide = S>>(&mut self, drawn: &Drawn<'_, '_, T>) {
         let Self { marks, regions, firsts, sheets, blocks, planes, slabs, gathered, .. } = self;
         let (rows, width) = (drawn.rows.len(), drawn.view.size.width);
@@ -424,6 +429,7 @@ impl<S: Scalar<Wide = S>> Search<S> {
     }
 
     /// Resolves a pixel of the band.
+    #[inline(always)]
     fn resolve<T: Scalar<Wide = S>>(
         &mut self,
         drawn: &Drawn<'_, '_, T>,
@@ -512,6 +518,7 @@ impl<S: Scalar<Wide = S>> Search<S> {
 
 impl<T: Scalar> Drawn<'_, '_, T> {
     /// That of a face of the band, around the middle of the image.
+    #[inline(always)]
     fn plane(&self, at: u32) -> Plane<T::Wide> {
         let corners = self.view.corners_of(self.faces[at as usize] as usize);
         let vertices = corners.map(|corner| corner.vertex);

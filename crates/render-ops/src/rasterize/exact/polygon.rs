@@ -185,6 +185,7 @@ impl<S: Scalar> Polygons<S> {
 
     /// The part of a polygon on one side of the line whose values were found; what is cut off leaves
     /// the side `cut`.
+    #[inline(always)]
     fn part(&mut self, polygon: Polygon, cut: Bound) -> Option<Polygon> {
         let Self { corners, values } = self;
         let first = corners.len() as u32;
@@ -227,6 +228,7 @@ impl<S: Scalar> Polygons<S> {
         corners.iter().zip(after).map(|(from, to)| (from.bound, [from.point, to.point]))
     }
 
+    #[inline(always)]
     pub(super) fn moments(&self, polygon: Polygon) -> Moments<S> {
         // Of triangles around the first point.
         let corners = &self.corners[polygon.corners()];

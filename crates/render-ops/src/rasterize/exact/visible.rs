@@ -148,6 +148,7 @@ impl<S: Scalar> Visible<S> {
 
     /// Finds the visible parts of those of `candidates` that were not there before, behind which the
     /// others surely do not lie; returns whether it did so within [`MOST_CORNERS`] and [`MOST_CUTS`].
+    #[inline(always)]
     pub(super) fn add(&mut self, candidates: &[Candidate<S>]) -> bool {
         let new = self.whole.len()..candidates.len();
         let pixel = self.polygons.pixel();
@@ -264,6 +265,7 @@ impl<S: Scalar> Visible<S> {
     }
 
     /// Adds the moments of what is visible of each candidate.
+    #[inline(always)]
     pub(super) fn add_moments(&self, moments: &mut [Moments<S>]) {
         for part in &self.parts {
             moments[part.candidate as usize].add(&part.moments);
