@@ -89,9 +89,9 @@ pub struct BoundaryCounts {
     /// Their visible pieces, fragments each.
     pub pieces: usize,
     /// Pieces that were dropped: smaller than 1e-14 of a pixel, but not so thin that rounding leaves
-    /// nothing of them.
+    /// nothing of them. What lies behind a pixel's front is not looked at, and not counted.
     pub dropped: usize,
-    /// Pixels into which more than 2048 faces may reach, or that fall into too many pieces on the way:
+    /// Pixels whose front has more than 2048 faces, or that fall into too many pieces on the way:
     /// resolved by 16 x 16 samples, with the gradient of the surface's outline.
     pub crowded: usize,
 }

@@ -9,12 +9,11 @@ use crate::study::Figures;
 pub(super) fn figures(rows: &[Row]) -> Figures {
     let panels = rows.chunk_by(|row, next| row.case == next.case).map(panel).collect();
     let legend = METHODS.iter().enumerate();
-    let legend = legend.map(|(at, method)| (method.name.to_owned(), PALETTE[at], Stroke::Solid));
+    let legend = legend
+        .map(|(at, method)| (method.name.to_owned(), PALETTE[at % PALETTE.len()], Stroke::Solid));
     Figures {
         heading: Some(
-            "Relative error of the gradient, from the fewest pixels to the most; bands: least and \
-             largest"
-                .to_owned(),
+            "Relative error of the gradient, a dot per size; bands: least and largest".to_owned(),
         ),
         is_folded: false,
         legend: legend.collect(),

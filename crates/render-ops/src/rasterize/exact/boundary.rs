@@ -7,11 +7,11 @@ use bokashi_core::Scalar;
 
 use super::marks::Marks;
 use super::mean::{Extent, barycentrics};
-use super::polygon::{Line, Moments, size, value_at};
+use super::polygon::{Line, Moments, value_at};
 use super::samples::Samples;
 use super::sheets::{REACH, Regions, Slab, front_sheets, layers, may_cross};
 use super::visible::{Candidate, SMALLEST, Side, Visible};
-use crate::homogeneous::{Vertex, cross};
+use crate::homogeneous::{Vertex, cross, doubt};
 use crate::rasterize::canvas::{View, sum_up};
 use crate::rasterize::culling::{Corner, Fate};
 use crate::rasterize::setup::Weights;
@@ -21,10 +21,6 @@ const MOST_FACES: usize = 2048;
 
 /// Pixels of a row that are asked at once whether sheets may cross in them.
 const BLOCK: usize = 8;
-
-/// Edge functions from the middle of the image are off by no more than this share of what they change
-/// by within half a pixel.
-const DOUBT: f64 = 1e-9;
 
 /// A visible part of a face in a pixel.
 #[derive(Debug, Clone, Copy)]
@@ -95,13 +91,16 @@ impl<S> Pieces<S> {
     }
 }
 
-/// The depths of a face.
+/// The depths of a face, around the middle of the image.
 #[derive(Debug)]
 struct Plane<S> {
-    /// The coefficients around the middle of the image.
+    /// Their coefficients.
     depth: Line<S>,
-    /// The least and the largest one.
+    /// The least and the largest one; of a face that may reach out of the depth range, all numbers.
     range: [S; 2],
+    /// More than what its edge functions are off by anywhere, and what its depths are.
+    edge_doubts: [S; 3],
+    doubt: S,
 }
 
 /// The memory of the search.
@@ -393,9 +392,10 @@ impl<S: Scalar<Wide = S>> Search<S> {
         regions.mark_first(firsts);
         sheets.clear();
         sheets.resize(firsts.count(), 0);
-        drawn.for_each_face(firsts, 1, 0..rows, |_, at, a, reach| {
+        drawn.for_each_face(firsts, 1, 0..rows, |face, at, a, _| {
             // One too many does no harm.
-            sheets[at] += u32::from((0..3).all(|k| a[k] >= -S::from_f64(DOUBT) * reach[k]));
+            let doubts = &planes[face as usize].edge_doubts;
+            sheets[at] += u32::from((0..3).all(|k| a[k] >= -doubts[k]));
             true
         });
         if sheets.iter().all(|&sheets| sheets < 2) {
@@ -452,10 +452,14 @@ impl<S: Scalar<Wide = S>> Search<S> {
         let candidate = |face: u32| drawn.candidate(face, outlines[face as usize], x, y);
         candidates.clear();
         visible.clear();
+        slabs.retain(|slab| !slab.is_out());
         let mut is_crowded = false;
         for layer in layers(slabs) {
-            candidates.extend(layer.iter().map(|slab| candidate(slab.drawn)));
-            is_crowded = candidates.len() > MOST_FACES || !visible.add(candidates);
+            is_crowded = candidates.len() + layer.len() > MOST_FACES;
+            if !is_crowded {
+                candidates.extend(layer.iter().map(|slab| candidate(slab.drawn)));
+                is_crowded = !visible.add(candidates);
+            }
             if is_crowded || visible.fills_pixel() {
                 break;
             }
@@ -517,18 +521,28 @@ impl<S: Scalar<Wide = S>> Search<S> {
 }
 
 impl<T: Scalar> Drawn<'_, '_, T> {
-    /// That of a face of the band, around the middle of the image.
+    /// That of a face of the band.
     #[inline(always)]
     fn plane(&self, at: u32) -> Plane<T::Wide> {
         let corners = self.view.corners_of(self.faces[at as usize] as usize);
         let vertices = corners.map(|corner| corner.vertex);
-        let depth = depth(&vertices, &self.weights[at as usize].edges);
+        let edges = &self.weights[at as usize].edges;
+        let depth = depth(&vertices, edges);
+        let [p, q, r] = vertices;
+        let edge_doubts = [(q, r), (r, p), (p, q)].map(|(p, q)| doubt(p, q, self.view.size));
         let infinity = T::Wide::from_f64(f64::INFINITY);
         if corners.iter().any(|corner| corner.is_beyond_depths()) {
-            return Plane { depth, range: [-infinity, infinity] };
+            return Plane { depth, range: [-infinity, infinity], edge_doubts, doubt: infinity };
         }
-        let [p, q, r] = vertices.map(|vertex| vertex.z / vertex.w);
-        Plane { depth, range: [p.lesser(q).lesser(r), p.greater(q).greater(r)] }
+        let [least, most] = {
+            let [p, q, r] = vertices.map(|vertex| vertex.z / vertex.w);
+            [p.lesser(q).lesser(r), p.greater(q).greater(r)]
+        };
+        // Of z / w = sum z_i a_i / D, D = sum w_i a_i, where the a_i are off by their doubts.
+        let noise: T::Wide = (0..3).map(|k| vertices[k].w * edge_doubts[k]).sum();
+        let total: T::Wide = (0..3).map(|k| vertices[k].w * edges[k][0]).sum();
+        let doubt = T::Wide::from_f64(4.0) * least.abs().greater(most.abs()) * noise / total.abs();
+        Plane { depth, range: [least, most], edge_doubts, doubt }
     }
 
     /// That of a face of the band, with the edges `outline` of a surface's outline, in a block of
@@ -542,24 +556,24 @@ impl<T: Scalar> Drawn<'_, '_, T> {
         center: [T::Wide; 2],
         width: usize,
     ) -> Slab<T::Wide> {
-        let Plane { depth: [one, x, y], range: [least, most] } = planes[drawn as usize];
-        let depth = value_at([one, x, y], center);
-        let rounding = T::Wide::from_f64(1e-9) * size([one, x * center[0], y * center[1]]);
+        let Plane { depth: [one, x, y], range: [least, most], edge_doubts, doubt } =
+            &planes[drawn as usize];
+        let depth = value_at([*one, *x, *y], center);
         let width = T::Wide::from_f64(width as f64);
         let reach = width * x.abs() + y.abs();
         let (mut covers, mut ends) = (true, false);
         for (k, &edge) in self.weights[drawn as usize].edges.iter().enumerate() {
             let (value, change) = (value_at(edge, center), width * edge[1].abs() + edge[2].abs());
-            covers &= value >= -T::Wide::from_f64(DOUBT) * change;
+            covers &= value >= -edge_doubts[k];
             ends |= outline >> k & 1 == 1 && value.abs() <= T::Wide::from_f64(REACH) * change;
         }
-        Slab {
-            drawn,
-            nearest: (depth - reach).greater(least) - rounding,
-            farthest: (depth + reach).lesser(most) + rounding,
-            covers,
-            ends,
-        }
+        let nearest = (depth - reach).greater(*least) - *doubt;
+        let farthest = (depth + reach).lesser(*most) + *doubt;
+        // Of what is no number nothing is known.
+        let infinity = T::Wide::from_f64(f64::INFINITY);
+        let [nearest, farthest] =
+            if nearest <= farthest { [nearest, farthest] } else { [-infinity, infinity] };
+        Slab { drawn, nearest, farthest, covers, ends }
     }
 }
 

@@ -66,6 +66,7 @@ impl<S: Scalar> Samples<S> {
             if candidate.outline == 0 {
                 continue;
             }
+            polygons.clear();
             let mut polygon = Some(polygons.pixel());
             for (k, &edge) in (0..).zip(&candidate.edges) {
                 polygon = polygon.and_then(|polygon| polygons.inside(polygon, edge, k));
@@ -179,6 +180,7 @@ mod tests {
         let mut runner = TestRunner::deterministic();
         let scenes = (vec(triangle(), 1..5), uniform5(-1.0..1.0));
         let (mut size, mut error) = ([0.0; 2], [0.0; 2]);
+        let mut samples = Samples::default();
         for _ in 0..500 {
             let (triangles, weights) = scenes.new_tree(&mut runner).unwrap().current();
             // Each in a plane of its own: intersections do not move.
@@ -190,8 +192,7 @@ mod tests {
             visible.add(&all);
             let mut exact = vec![Moments::default(); all.len()];
             visible.add_moments(&mut exact);
-            let (mut samples, mut found) =
-                (Samples::default(), vec![Moments::default(); all.len()]);
+            let mut found = vec![Moments::default(); all.len()];
             samples.find(&all, &mut found, &mut vec![None; all.len()]);
             for (found, exact) in found.iter().zip(&exact) {
                 size[0] += exact.area();
@@ -208,6 +209,8 @@ mod tests {
             size[1] += exact.abs();
             error[1] += (found - exact).abs();
         }
+        // Memory is that of one candidate.
+        assert!(samples.polygons.len() < 32, "{}", samples.polygons.len());
         assert!(size[0] > 500.0 && error[0] < 0.04 * size[0], "{error:?} of {size:?}");
         assert!(size[1] > 200.0 && error[1] < 0.1 * size[1], "{error:?} of {size:?}");
     }

@@ -1,4 +1,5 @@
-//! Where surfaces may pass through each other between their edges.
+//! Sheets of surfaces: where they may pass through each other between their edges, and which of them
+//! lie before all others.
 //!
 //! In a pixel that no edge of the surface crosses, each surface that is in it fills it: a *sheet*.
 //! Pixels beside each other without such an edge hold the same number of sheets, so that number is
@@ -115,13 +116,20 @@ impl Regions {
 pub(super) struct Slab<S> {
     /// The position of its face among those of the band.
     pub(super) drawn: u32,
-    /// The range of its depths.
+    /// The range of its depths, and a little more.
     pub(super) nearest: S,
     pub(super) farthest: S,
-    /// Whether it covers the block's centre.
+    /// Whether it covers the block's centre, or may.
     pub(super) covers: bool,
     /// Whether an edge of the surface's outline may cross the block in it.
     pub(super) ends: bool,
+}
+
+impl<S: Scalar> Slab<S> {
+    /// Whether nothing of it lies in the depth range.
+    pub(super) fn is_out(&self) -> bool {
+        self.farthest < -S::ONE || self.nearest > S::ONE
+    }
 }
 
 /// How many sheets these faces make up in a block of pixels before all that lies behind them, where
@@ -132,8 +140,7 @@ pub(super) struct Slab<S> {
 pub(super) fn front_sheets<S: Scalar>(slabs: &mut [Slab<S>]) -> Option<usize> {
     slabs.sort_unstable_by(|a, b| a.nearest.to_f64().total_cmp(&b.nearest.to_f64()));
     let (mut farthest, mut sheets) = (-S::from_f64(f64::INFINITY), 0);
-    let is_out = |slab: &Slab<S>| slab.farthest < -S::ONE || slab.nearest > S::ONE;
-    for slab in slabs.iter().filter(|slab| !is_out(slab)) {
+    for slab in slabs.iter().filter(|slab| !slab.is_out()) {
         if slab.nearest > farthest && sheets > 0 {
             break;
         }
@@ -166,7 +173,37 @@ mod tests {
 
     use super::*;
 
+    fn slab([nearest, depth]: [f64; 2]) -> Slab<f64> {
+        Slab { drawn: 0, nearest, farthest: nearest + depth, covers: true, ends: false }
+    }
+
     proptest! {
+        /// Ranges of integers, so that some only touch.
+        #[test]
+        fn between_layers_there_is_a_gap_and_in_none(
+            ranges in proptest::collection::vec([0..30_u8, 0..4_u8], 0..12),
+        ) {
+            let mut slabs: Vec<_> = ranges.iter().map(|range| slab(range.map(f64::from))).collect();
+            slabs.sort_by(|a, b| a.nearest.total_cmp(&b.nearest));
+            let ranges = |slabs: &[Slab<f64>]| -> Vec<_> {
+                slabs.iter().map(|slab| [slab.nearest, slab.farthest]).collect()
+            };
+            prop_assert_eq!(layers(&slabs).flat_map(ranges).collect::<Vec<_>>(), ranges(&slabs));
+            let is_filled = |depth: f64| slabs.iter().any(|s| s.nearest <= depth && depth <= s.farthest);
+            let mut before = f64::NEG_INFINITY;
+            for layer in layers(&slabs) {
+                let farthest = layer.iter().fold(f64::NEG_INFINITY, |most, s| most.max(s.farthest));
+                prop_assert!(before < layer[0].nearest);
+                // Halves of integers tell all gaps.
+                let mut depth = layer[0].nearest;
+                while depth <= farthest {
+                    prop_assert!(is_filled(depth));
+                    depth += 0.5;
+                }
+                before = farthest;
+            }
+        }
+
         #[test]
         fn regions_are_what_a_flood_reaches(
             marked in proptest::collection::vec(any::<bool>(), 1..80),

@@ -96,13 +96,18 @@ struct Whole<S> {
 }
 
 impl<S: Scalar> Whole<S> {
-    /// Whether nothing of it can hide anything of another one.
+    /// Whether all of it lies beside another one, where there is anything of it.
     #[inline(always)]
-    fn hides_nothing_of(&self, other: &Self) -> bool {
+    fn is_beside(&self, other: &Self) -> bool {
         self.polygon.is_none()
-            || self.least[2] > other.most[2] + self.doubt + other.doubt
             || (self.least[0] >= other.most[0]) | (self.most[0] <= other.least[0])
             || (self.least[1] >= other.most[1]) | (self.most[1] <= other.least[1])
+    }
+
+    /// Whether all of it surely lies behind another one.
+    #[inline(always)]
+    fn is_behind(&self, other: &Self) -> bool {
+        self.least[2] > other.most[2] + self.doubt + other.doubt
     }
 }
 
@@ -155,7 +160,7 @@ impl<S: Scalar> Visible<S> {
         for at in new.clone() {
             self.cut_to_pixel(pixel, at as u32, &candidates[at]);
         }
-        new.into_iter().all(|at| self.find_parts(candidates, at))
+        new.clone().all(|at| self.find_parts(candidates, at, new.start))
     }
 
     /// Whether nothing can be seen behind the candidates so far.
@@ -199,14 +204,18 @@ impl<S: Scalar> Visible<S> {
         whole.push(Whole { polygon, cuts: first..lines.len(), least, most, doubt });
     }
 
-    /// Takes from candidate `at` what lies behind others; returns whether it did so within the limits.
+    /// Takes from candidate `at` what lies behind others, of which those before `layer` surely lie
+    /// before it; returns whether it did so within the limits.
     #[inline(always)]
-    fn find_parts(&mut self, candidates: &[Candidate<S>], at: usize) -> bool {
+    fn find_parts(&mut self, candidates: &[Candidate<S>], at: usize, layer: usize) -> bool {
         let Self { parts, area, cuts, polygons, lines, sources, whole, left, next } = self;
         left.clear();
         left.extend(whole[at].polygon);
         for (other, rival) in candidates.iter().enumerate() {
-            if other == at || left.is_empty() || whole[other].hides_nothing_of(&whole[at]) {
+            let is_before = other < layer;
+            let [this, that] = [&whole[at], &whole[other]];
+            let hides_nothing = that.is_beside(this) || !is_before && that.is_behind(this);
+            if other == at || left.is_empty() || hides_nothing {
                 continue;
             }
             *cuts += left.len();
@@ -214,7 +223,11 @@ impl<S: Scalar> Visible<S> {
                 return false;
             }
             let own = &candidates[at];
-            let behind = behind(own.depth, rival.depth, own.drawn < rival.drawn);
+            let behind = if is_before {
+                [-S::ONE, S::ZERO, S::ZERO]
+            } else {
+                behind(own.depth, rival.depth, own.drawn < rival.drawn)
+            };
             let mut between = None;
             next.clear();
             for &polygon in &*left {
@@ -368,6 +381,41 @@ pub(super) mod tests {
             for (exact, sampled) in moments.iter().zip(sampled) {
                 prop_assert!((exact.area() - sampled).abs() < 0.06, "{exact:?} {sampled}");
             }
+        }
+
+        #[test]
+        fn what_lies_behind_others_may_come_later(
+            front in proptest::collection::vec(triangle(), 0..4),
+            back in proptest::collection::vec(triangle(), 0..4),
+            is_full: bool,
+        ) {
+            let scaled = |triangles: Vec<[[f64; 3]; 3]>, first: u32, middle: f64| {
+                let place = move |[x, y, depth]: [f64; 3]| [x, y, middle + 0.2 * depth];
+                let faces = triangles.into_iter().map(move |points| points.map(place));
+                (first..).zip(faces).filter_map(|(face, points)| candidate(face, points))
+            };
+            // The lower indices behind, which may not count.
+            let mut all: Vec<_> = scaled(front, 10, -0.5).collect();
+            all.extend(is_full.then(|| Candidate { depth: [-0.05, 0.0, 0.0], ..background(20) }));
+            let layer = all.len();
+            all.extend(scaled(back, 0, 0.5));
+            let areas = |groups: &[usize]| {
+                let mut visible = Visible::default();
+                for &group in groups {
+                    assert!(visible.add(&all[..group]));
+                }
+                let mut moments = vec![Moments::default(); all.len()];
+                visible.add_moments(&mut moments);
+                let areas: Vec<f64> = moments.iter().map(Moments::area).collect();
+                (areas, visible.fills_pixel())
+            };
+            let ((once, _), (twice, _)) = (areas(&[all.len()]), areas(&[layer, all.len()]));
+            for (once, twice) in once.iter().zip(&twice) {
+                prop_assert!((once - twice).abs() < 1e-13, "{once} {twice}");
+            }
+            let (_, fills) = areas(&[layer]);
+            prop_assert!(fills || !is_full);
+            prop_assert!(!fills || twice[layer..].iter().all(|&area| area < 1e-13));
         }
     }
 }

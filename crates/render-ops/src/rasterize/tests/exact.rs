@@ -186,3 +186,32 @@ fn a_crowded_pixel_is_sampled_and_changes_with_its_outline() {
     let slope = area.backward().unwrap().get_or_zeros(radius).item();
     assert!((slope * 0.45 / (2.0 * expected) - 1.0).abs() < 1e-4, "{slope}");
 }
+
+/// Thousands of faces in a pixel, behind a sheet that a seam cuts there, or before it.
+#[test]
+fn what_lies_behind_a_full_pixel_does_not_crowd_it() {
+    const PILE: u32 = 3_000;
+    let size = Size { width: 3, height: 3 };
+    let of_pile = |sign: f64| {
+        let sheet = [[-4.0, -4.0], [4.0, -4.0], [-4.0, 4.0], [4.0, 4.0]];
+        let mut clip: Clip = sheet.map(|[x, y]| [x, y, 0.0, 1.0]).into();
+        let mut faces = vec![[0, 1, 2], [1, 3, 2]];
+        for k in 0..PILE {
+            let depth = sign * (0.1 + 0.8 * f64::from(k) / f64::from(PILE));
+            clip.extend([[-0.2, -0.2], [0.25, -0.1], [0.0, 0.2]].map(|[x, y]| [x, y, depth, 1.0]));
+            faces.push([0, 1, 2].map(|corner| 4 + 3 * k + corner));
+        }
+        let mesh = Mesh::new(faces, clip.len()).unwrap().with_seams(|face, corner| face + corner == 0);
+        let tape = Tape::<f64>::new();
+        let fragments = rasterize(tape.leaf(&tensor(&clip)), &mesh, exact(size)).unwrap();
+        let weight: f64 = fragments.weight.unwrap().value().data().iter().sum();
+        (fragments.coverage.clone(), weight)
+    };
+    let (behind, weight) = of_pile(1.0);
+    // The seam passes through three pixels, and through corners of four more.
+    let counts = behind.boundary_counts();
+    assert_eq!((counts.pixels, counts.pieces, counts.crowded), (7, 10, 0));
+    assert!(behind.faces().all(|face| face < 2) && (weight - 7.0).abs() < 1e-14);
+    let (before, _) = of_pile(-1.0);
+    assert_eq!(before.boundary_counts().crowded, 1);
+}

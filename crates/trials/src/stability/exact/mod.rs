@@ -179,7 +179,7 @@ impl Checked {
 
     /// Areas within `bound`, or the rounding of `T` where that is more.
     fn found<T: Scalar>(self, outcome: &str, bound: f64) -> Found {
-        let Self { error, slope, parts, wrong, partial, .. } = self;
+        let Self { error, slope, parts, wrong, crowded, partial } = self;
         let outcome = format!("{partial} boundary pixels, {outcome}");
         // Difference quotients are off by 1e-6 where an area's second derivative leaps.
         let steep = 64.0 * rounding::<T>() + 1e-5;
@@ -187,6 +187,7 @@ impl Checked {
             .and(parts <= parts_bound::<T>(), format!("parts are off 1 by {parts:.1e}"))
             .and(slope <= steep, format!("a gradient is off by {slope:.1e} of the largest"))
             .and(wrong == 0, format!("{wrong} numbers are not finite, or a layer differs"))
+            .and(crowded == 0, format!("{crowded} pixels are sampled"))
             .and(partial > 0, "no pixel is covered in part")
     }
 }
