@@ -203,7 +203,8 @@ fn what_lies_behind_a_full_pixel_does_not_crowd_it() {
             clip.extend([[-0.2, -0.2], [0.25, -0.1], [0.0, 0.2]].map(|[x, y]| [x, y, depth, 1.0]));
             faces.push([0, 1, 2].map(|corner| 4 + 3 * k + corner));
         }
-        let mesh = Mesh::new(faces, clip.len()).unwrap().with_seams(|face, corner| face + corner == 0);
+        let mesh =
+            Mesh::new(faces, clip.len()).unwrap().with_seams(|face, corner| face + corner == 0);
         let tape = Tape::<f64>::new();
         let fragments = rasterize(tape.leaf(&tensor(&clip)), &mesh, exact(size)).unwrap();
         let weight: f64 = fragments.weight.unwrap().value().data().iter().sum();
