@@ -31,6 +31,7 @@
 mod antialias;
 mod background;
 mod border;
+mod boundary;
 mod coverage;
 mod depth;
 mod depth_of_field;
@@ -55,7 +56,8 @@ mod target;
 pub use antialias::antialias;
 pub use background::Background;
 pub use border::Border;
-pub use coverage::{BoundaryCounts, Coverage, Culled};
+pub use boundary::BoundaryCounts;
+pub use coverage::{Coverage, Culled};
 pub use depth::depth;
 pub use depth_of_field::{Focused, Lens, depth_of_field};
 pub use error::RenderError;

@@ -41,7 +41,8 @@ use bokashi_core::{Accumulator, Accumulators, Inputs, Keep, Kept, Op, Outputs, S
 use self::exact::Adjoints;
 use self::pull_back::PullBack;
 use self::visibility::Visibility;
-use crate::coverage::{BoundaryCounts, Coverage};
+use crate::boundary::BoundaryCounts;
+use crate::coverage::Coverage;
 use crate::error::RenderError;
 use crate::face_sums::{Layout, add_term};
 use crate::fragments::Fragments;

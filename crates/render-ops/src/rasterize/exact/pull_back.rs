@@ -12,8 +12,8 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::boundary::{Pieces, Segment};
 use super::mean::{self, Extent};
+use super::pieces::{Pieces, Segment};
 use super::polygon::line_bar;
 use super::visible::{Side, Source};
 use crate::edge_functions::{EdgeSums, LocalFace};

@@ -2,7 +2,7 @@
 
 use bokashi_core::Scalar;
 
-use super::boundary::Pieces;
+use super::pieces::Pieces;
 use crate::coverage::{Run, Slot};
 use crate::rasterize::canvas::NO_SLOT;
 

@@ -1,0 +1,54 @@
+//! The pixels that exact coverage resolves into pieces.
+
+use std::sync::Arc;
+
+/// The pixels that are resolved into pieces.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Boundary {
+    /// The pixels, in order; shared with layers.
+    pub(crate) pixels: Arc<Vec<u32>>,
+    /// Where in `fragments` those of each pixel end.
+    pub(crate) ends: Vec<u32>,
+    /// The fragments of each pixel, the largest piece first.
+    pub(crate) fragments: Vec<u32>,
+    pub(crate) counts: BoundaryCounts,
+}
+
+impl Boundary {
+    /// The fragments of the boundary pixel `at`.
+    pub(crate) fn fragments_of(&self, at: usize) -> &[u32] {
+        let first = at.checked_sub(1).map_or(0, |before| self.ends[before]);
+        &self.fragments[first as usize..self.ends[at] as usize]
+    }
+
+    /// Each boundary pixel with its fragments.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = (usize, &[u32])> + Clone + '_ {
+        (0..self.pixels.len()).map(|at| (self.pixels[at] as usize, self.fragments_of(at)))
+    }
+
+    /// Forgets all pixels, and gives the list to fill again.
+    pub(crate) fn clear(&mut self) {
+        match Arc::get_mut(&mut self.pixels) {
+            Some(pixels) => pixels.clear(),
+            None => self.pixels = Arc::default(),
+        }
+        self.ends.clear();
+        self.fragments.clear();
+        self.counts = BoundaryCounts::default();
+    }
+}
+
+/// How pixels were resolved into pieces.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct BoundaryCounts {
+    /// Pixels that a discontinuity may cross.
+    pub pixels: usize,
+    /// Their visible pieces, fragments each.
+    pub pieces: usize,
+    /// Pieces that were dropped: smaller than 1e-14 of a pixel, but not so thin that rounding leaves
+    /// nothing of them. What lies behind a pixel's front is not looked at, and not counted.
+    pub dropped: usize,
+    /// Pixels whose front has more than 2048 faces, or that fall into too many pieces on the way:
+    /// resolved by 16 x 16 samples, with the gradient of the surface's outline.
+    pub crowded: usize,
+}

@@ -1,0 +1,189 @@
+//! The faces of a band, as boundary pixels ask for them.
+
+use std::ops::Range;
+
+use bokashi_core::Scalar;
+
+use super::marks::Marks;
+use super::polygon::{Line, value_at};
+use super::sheets::{REACH, Slab};
+use super::visible::Candidate;
+use crate::homogeneous::{Vertex, cross, doubt};
+use crate::rasterize::canvas::View;
+use crate::rasterize::culling::{Corner, Fate};
+use crate::rasterize::setup::Weights;
+
+/// A band with the faces that were drawn in it.
+pub(in crate::rasterize) struct Drawn<'a, 'v, T: Scalar> {
+    pub(in crate::rasterize) view: &'a View<'v, T>,
+    pub(in crate::rasterize) rows: Range<usize>,
+    pub(in crate::rasterize) faces: &'a [u32],
+    pub(in crate::rasterize) weights: &'a [Weights<T::Wide>],
+}
+
+/// The depths of a face, around the middle of the image.
+#[derive(Debug)]
+pub(super) struct Plane<S> {
+    /// Their coefficients.
+    depth: Line<S>,
+    /// The least and the largest one; of a face that may reach out of the depth range, all numbers.
+    range: [S; 2],
+    /// More than what its edge functions are off by anywhere, and what its depths are.
+    pub(super) edge_doubts: [S; 3],
+    doubt: S,
+}
+
+impl<T: Scalar> Drawn<'_, '_, T> {
+    /// The X of the centre of the block `at` of a row, of `block` pixels.
+    #[inline(always)]
+    pub(super) fn center(&self, at: usize, block: usize) -> T::Wide {
+        self.view.centers[at * block] + T::Wide::from_f64((block - 1) as f64)
+    }
+
+    /// Calls `visit(face, at, a, reach)` for each face and each marked block of `block` pixels of a row
+    /// in the box of its pixels, in some rows of the band, both by their numbers, with the face's
+    /// edge functions at the block's centre and how much they change from there to its corners; until
+    /// it returns false, to the end of that row.
+    #[inline(always)]
+    pub(super) fn for_each_face(
+        &self,
+        marks: &Marks,
+        block: usize,
+        some: Range<usize>,
+        mut visit: impl FnMut(u32, usize, [T::Wide; 3], [T::Wide; 3]) -> bool,
+    ) {
+        let some = self.rows.start + some.start..self.rows.start + some.end;
+        let width = T::Wide::from_f64(block as f64);
+        let blocks = self.view.size.width / block;
+        for (at, (&face, weights)) in (0..).zip(self.faces.iter().zip(self.weights)) {
+            let [rows, columns] = self.reach(face);
+            let columns = columns.start / block..columns.end.div_ceil(block).min(blocks);
+            let reach = weights
+                .edges
+                .map(|[_, x, y]| T::Wide::from_f64(REACH) * (width * x.abs() + y.abs()));
+            for row in rows.start.max(some.start)..rows.end.min(some.end) {
+                let y = self.view.ys[row];
+                let mut goes_on = true;
+                marks.for_each_in(row - self.rows.start, columns.clone(), |column, number| {
+                    let x = self.center(column, block);
+                    let a = weights.edges.map(|[one, by_x, by_y]| one + by_x * x + by_y * y);
+                    goes_on &= visit(at, number, a, reach);
+                });
+                if !goes_on {
+                    return;
+                }
+            }
+        }
+    }
+
+    /// The rows of the band and the columns that a face may reach into.
+    pub(super) fn reach(&self, face: u32) -> [Range<usize>; 2] {
+        let Fate::Drawn { columns: [left, right], rows: [top, bottom] } =
+            self.view.verdicts[face as usize].fate
+        else {
+            unreachable!("only faces that are drawn are on the lists");
+        };
+        let rows = self.rows.start.max(top as usize)..self.rows.end.min(bottom as usize + 1);
+        [rows, left as usize..right as usize + 1]
+    }
+
+    /// The same of the edge that faces corner `corner`.
+    pub(super) fn reach_of_edge(&self, face: u32, corner: usize) -> [Range<usize>; 2] {
+        let corners = self.view.corners_of(face as usize);
+        let ends = [corners[(corner + 1) % 3], corners[(corner + 2) % 3]];
+        let [rows, columns] = self.reach(face);
+        let Some([own_columns, own_rows]) = Corner::pixels_between(ends, self.view.size) else {
+            return [rows, columns];
+        };
+        let both = |a: Range<usize>, b: Range<usize>| a.start.max(b.start)..a.end.min(b.end);
+        [both(rows, own_rows), both(columns, own_columns)]
+    }
+
+    /// The depth's coefficients around the centre of a pixel.
+    pub(super) fn depth(&self, drawn: u32, x: T::Wide, y: T::Wide) -> Line<T::Wide> {
+        self.candidate(drawn, 0, x, y).depth
+    }
+
+    /// A face around the centre of a pixel.
+    #[inline(always)]
+    pub(super) fn candidate(
+        &self,
+        drawn: u32,
+        outline: u8,
+        x: T::Wide,
+        y: T::Wide,
+    ) -> Candidate<T::Wide> {
+        let face = self.faces[drawn as usize] as usize;
+        let vertices = self.view.corners_of(face).map(|corner| corner.vertex);
+        let sign = T::Wide::from_f64(f64::from(self.view.verdicts[face].orientation));
+        let q = vertices.map(|vertex| vertex.relative_to(x, y));
+        let mut edges = self.weights[drawn as usize].edges;
+        for (k, edge) in edges.iter_mut().enumerate() {
+            edge[0] = sign * cross(q[(k + 1) % 3], q[(k + 2) % 3]);
+        }
+        Candidate { drawn, edges, depth: depth(&vertices, &edges), outline }
+    }
+
+    /// That of a face of the band.
+    #[inline(always)]
+    pub(super) fn plane(&self, at: u32) -> Plane<T::Wide> {
+        let corners = self.view.corners_of(self.faces[at as usize] as usize);
+        let vertices = corners.map(|corner| corner.vertex);
+        let edges = &self.weights[at as usize].edges;
+        let depth = depth(&vertices, edges);
+        let [p, q, r] = vertices;
+        let edge_doubts = [(q, r), (r, p), (p, q)].map(|(p, q)| doubt(p, q, self.view.size));
+        let infinity = T::Wide::from_f64(f64::INFINITY);
+        if corners.iter().any(|corner| corner.is_beyond_depths()) {
+            return Plane { depth, range: [-infinity, infinity], edge_doubts, doubt: infinity };
+        }
+        let [least, most] = {
+            let [p, q, r] = vertices.map(|vertex| vertex.z / vertex.w);
+            [p.lesser(q).lesser(r), p.greater(q).greater(r)]
+        };
+        // Of z / w = sum z_i a_i / D, D = sum w_i a_i, where the a_i are off by their doubts.
+        let noise: T::Wide = (0..3).map(|k| vertices[k].w * edge_doubts[k]).sum();
+        let total: T::Wide = (0..3).map(|k| vertices[k].w * edges[k][0]).sum();
+        let doubt = T::Wide::from_f64(4.0) * least.abs().greater(most.abs()) * noise / total.abs();
+        Plane { depth, range: [least, most], edge_doubts, doubt }
+    }
+
+    /// That of a face of the band, with the edges `outline` of a surface's outline, in a block of
+    /// `width` pixels of a row.
+    #[inline(always)]
+    pub(super) fn slab(
+        &self,
+        planes: &[Plane<T::Wide>],
+        drawn: u32,
+        outline: u8,
+        center: [T::Wide; 2],
+        width: usize,
+    ) -> Slab<T::Wide> {
+        let Plane { depth: [one, x, y], range: [least, most], edge_doubts, doubt } =
+            &planes[drawn as usize];
+        let depth = value_at([*one, *x, *y], center);
+        let width = T::Wide::from_f64(width as f64);
+        let reach = width * x.abs() + y.abs();
+        let (mut covers, mut ends) = (true, false);
+        for (k, &edge) in self.weights[drawn as usize].edges.iter().enumerate() {
+            let (value, change) = (value_at(edge, center), width * edge[1].abs() + edge[2].abs());
+            covers &= value >= -edge_doubts[k];
+            ends |= outline >> k & 1 == 1 && value.abs() <= T::Wide::from_f64(REACH) * change;
+        }
+        let nearest = (depth - reach).greater(*least) - *doubt;
+        let farthest = (depth + reach).lesser(*most) + *doubt;
+        // Of what is no number nothing is known.
+        let infinity = T::Wide::from_f64(f64::INFINITY);
+        let [nearest, farthest] =
+            if nearest <= farthest { [nearest, farthest] } else { [-infinity, infinity] };
+        Slab { drawn, nearest, farthest, covers, ends }
+    }
+}
+
+/// The coefficients of z / w: `sum z_i a_i / D`, `D = sum w_i a_i` at any point.
+#[inline(always)]
+fn depth<S: Scalar>(vertices: &[Vertex<S>; 3], edges: &[[S; 3]; 3]) -> [S; 3] {
+    let [p, q, r] = vertices;
+    let scale = S::ONE / (p.w * edges[0][0] + q.w * edges[1][0] + r.w * edges[2][0]);
+    [0, 1, 2].map(|c| scale * (p.z * edges[0][c] + q.z * edges[1][c] + r.z * edges[2][c]))
+}
