@@ -218,3 +218,38 @@ fn what_lies_behind_a_full_pixel_does_not_crowd_it() {
     let (before, _) = of_pile(-1.0);
     assert_eq!(before.boundary_counts().crowded, 1);
 }
+
+/// Far from the middle of a large image, where a plane around that middle says little of so thin a
+/// face: it is seen before what fills all its pixels, and has its slope.
+#[test]
+fn a_needle_before_a_surface_has_its_slope() {
+    let size = Size::square(2048);
+    let width = 1e-8;
+    let (p, along) = ([1_100.2, 1_070.3], [903.1, 911.7]);
+    let length = f64::hypot(along[0], along[1]);
+    let q = [p[0] + along[0], p[1] + along[1]];
+    let across = [along[1] / length, -along[0] / length];
+    let r = [q[0] + width * across[0], q[1] + width * across[1]];
+    let place = |[x, y]: [f64; 2], w: f64, depth: f64| {
+        [w * (x / 1024.0 - 1.0), w * (1.0 - y / 1024.0), w * depth, w]
+    };
+    for depth in [0.1, 0.1 + 1e-12, -0.3] {
+        let mut clip: Clip = [p, q, r].map(|point| place(point, 3.0, depth)).into();
+        let cover = [[-9e3, -9e3], [9e3, -9e3], [0.0, 2e4]];
+        clip.extend(cover.map(|point| place(point, 1.0, depth + 1e-6)));
+        let mesh = Mesh::new(vec![[0, 1, 2], [3, 4, 5]], 6).unwrap();
+        let tape = Tape::<f64>::new();
+        let positions = tape.leaf(&tensor(&clip));
+        let fragments = rasterize(positions, &mesh, exact(size)).unwrap();
+        let is_needle = |face: usize| f64::from(u8::from(face == 0));
+        let coverage = &fragments.coverage;
+        let of_pieces = coverage.faces().skip(coverage.centers());
+        let weight = fragments.weight.unwrap();
+        let upstream = Tensor::new(weight.shape(), of_pieces.map(is_needle).collect()).unwrap();
+        let gradient = tape.vjp(&[(weight, &upstream)]).unwrap().get_or_zeros(positions);
+        // r moves across: half the length for each pixel, 3 units of clip space for 1024 of them.
+        let [x, y] = [gradient.data()[8], -gradient.data()[9]].map(|bar| bar * 3.0 / 1024.0);
+        let slope = x * across[0] + y * across[1];
+        assert!((slope / (0.5 * length) - 1.0).abs() < 1e-6, "{depth}: {slope}");
+    }
+}
