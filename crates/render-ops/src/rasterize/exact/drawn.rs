@@ -28,8 +28,9 @@ pub(super) struct Plane<S> {
     depth: Line<S>,
     /// The least and the largest one; of a face that may reach out of the depth range, all numbers.
     range: [S; 2],
-    /// More than what its edge functions are off by anywhere, and what its depths are.
+    /// More than what its edge functions are off by anywhere in the image.
     pub(super) edge_doubts: [S; 3],
+    /// More than what its depths are off by, where they are in the depth range.
     doubt: S,
 }
 
@@ -124,7 +125,7 @@ impl<T: Scalar> Drawn<'_, '_, T> {
         Candidate { drawn, edges, depth: depth(&vertices, &edges), outline }
     }
 
-    /// That of a face of the band.
+    /// The depths of a face of the band, and how far they can be told.
     #[inline(always)]
     pub(super) fn plane(&self, at: u32) -> Plane<T::Wide> {
         let corners = self.view.corners_of(self.faces[at as usize] as usize);
@@ -133,23 +134,23 @@ impl<T: Scalar> Drawn<'_, '_, T> {
         let depth = depth(&vertices, edges);
         let [p, q, r] = vertices;
         let edge_doubts = [(q, r), (r, p), (p, q)].map(|(p, q)| doubt(p, q, self.view.size));
-        let infinity = T::Wide::from_f64(f64::INFINITY);
-        if corners.iter().any(|corner| corner.is_beyond_depths()) {
-            return Plane { depth, range: [-infinity, infinity], edge_doubts, doubt: infinity };
-        }
-        let [least, most] = {
+        // Of z / w = sum z_i a_i / D, D = sum w_i a_i, the a_i are off by their doubts; in the depth
+        // range z / w counts at most once.
+        let off = |k: usize| (vertices[k].z.abs() + vertices[k].w.abs()) * edge_doubts[k];
+        let total: T::Wide = (0..3).map(|k| vertices[k].w * edges[k][0]).sum();
+        let doubt = T::Wide::from_f64(2.0) * (off(0) + off(1) + off(2)) / total.abs();
+        let range = if corners.iter().any(|corner| corner.is_beyond_depths()) {
+            let infinity = T::Wide::from_f64(f64::INFINITY);
+            [-infinity, infinity]
+        } else {
             let [p, q, r] = vertices.map(|vertex| vertex.z / vertex.w);
             [p.lesser(q).lesser(r), p.greater(q).greater(r)]
         };
-        // Of z / w = sum z_i a_i / D, D = sum w_i a_i, where the a_i are off by their doubts.
-        let noise: T::Wide = (0..3).map(|k| vertices[k].w * edge_doubts[k]).sum();
-        let total: T::Wide = (0..3).map(|k| vertices[k].w * edges[k][0]).sum();
-        let doubt = T::Wide::from_f64(4.0) * least.abs().greater(most.abs()) * noise / total.abs();
-        Plane { depth, range: [least, most], edge_doubts, doubt }
+        Plane { depth, range, edge_doubts, doubt }
     }
 
-    /// That of a face of the band, with the edges `outline` of a surface's outline, in a block of
-    /// `width` pixels of a row.
+    /// A face of the band, with the edges `outline` of a surface's outline, in a block of `width` pixels
+    /// of a row.
     #[inline(always)]
     pub(super) fn slab(
         &self,

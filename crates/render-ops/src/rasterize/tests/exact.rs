@@ -253,3 +253,28 @@ fn a_needle_before_a_surface_has_its_slope() {
         assert!((slope / (0.5 * length) - 1.0).abs() < 1e-6, "{depth}: {slope}");
     }
 }
+
+/// From behind the eye to beyond the far plane, before a wall: nothing but where it meets that is a
+/// boundary.
+#[test]
+fn a_ground_that_is_clipped_makes_no_boundary_of_its_inside() {
+    let size = Size::square(64);
+    // At height -1 below the eye, at the distances -1 and 50, far at about 11; a wall at 8.
+    let ground = |x: f64, w: f64| [x, -1.0, 1.2 * w - 2.2, w];
+    let wall = |x: f64, y: f64| [8.0 * x, 8.0 * y, 1.2 * 8.0 - 2.2, 8.0];
+    let clip: Clip = vec![
+        ground(-90.0, -1.0),
+        ground(90.0, -1.0),
+        ground(0.0, 50.0),
+        wall(-3.0, -3.0),
+        wall(9.0, -3.0),
+        wall(-3.0, 9.0),
+    ];
+    let mesh = Mesh::new(vec![[0, 1, 2], [3, 4, 5]], 6).unwrap();
+    let tape = Tape::<f64>::new();
+    let fragments = rasterize(tape.leaf(&tensor(&clip)), &mesh, exact(size)).unwrap();
+    let counts = fragments.coverage.boundary_counts();
+    // A row of pixels, or two beside its line, and where the ground leaves the near plane.
+    let seen = fragments.coverage.faces().filter(|&face| face == 0).count();
+    assert!(seen > 64 * 10 && (64..=4 * 64).contains(&counts.pixels), "{seen} {counts:?}");
+}
