@@ -35,23 +35,20 @@ pub(crate) fn resolved<'t, T: Scalar>(
     Ok(Resolved { clip, fragments, surface, image })
 }
 
-/// The same, antialiased.
-pub(crate) struct Rendered<'t, T: Scalar> {
-    pub(crate) resolved: Resolved<'t, T>,
-    pub(crate) image: Var<'t, T>,
+impl<'t, T: Scalar> Resolved<'t, T> {
+    pub(crate) fn antialiased(&self) -> Result<Var<'t, T>, FitError> {
+        Ok(antialias(self.image, &self.fragments, self.clip)?)
+    }
 }
 
-/// Renders `scene` with other positions and colours.
+/// The antialiased picture of `scene` with other positions and colours.
 pub(crate) fn render<'t, T: Scalar>(
     scene: &Scene,
     cull: Cull,
     positions: Var<'t, T>,
     colors: Var<'t, T>,
-) -> Result<Rendered<'t, T>, FitError> {
-    let options = RasterOptions { cull, ..scene.size.into() };
-    let resolved = resolved(scene, options, positions, colors)?;
-    let image = antialias(resolved.image, &resolved.fragments, resolved.clip)?;
-    Ok(Rendered { resolved, image })
+) -> Result<Var<'t, T>, FitError> {
+    resolved(scene, RasterOptions { cull, ..scene.size.into() }, positions, colors)?.antialiased()
 }
 
 /// What is compared with the target.
@@ -86,7 +83,7 @@ impl<T: Scalar> Learner<T> {
         let target = {
             let positions = tape.constant(&scene.positions.cast());
             let colors = tape.constant(&scene.colors.cast());
-            render(scene, cull, positions, colors)?.image.value()
+            render(scene, cull, positions, colors)?.value()
         };
         tape.reset();
         let target = Target::new(&target, &Tensor::zeros([3]))?;
@@ -110,7 +107,7 @@ impl<T: Scalar> Learner<T> {
                 layer.squared_error(&self.target)?
             }
             Compared::Image => {
-                let image = render(&self.scene, self.cull, positions, colors)?.image;
+                let image = render(&self.scene, self.cull, positions, colors)?;
                 squared_error(image, self.tape.constant(self.target.image()))?
             }
         };

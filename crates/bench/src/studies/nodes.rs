@@ -38,7 +38,7 @@ impl Start {
         let exact_in_f32 = |tensor: Tensor<f64>| tensor.cast::<f32>().cast();
         let tape = Tape::new();
         let (positions, colors) = (tape.constant(&scene.positions), tape.constant(&scene.colors));
-        let image = render(&scene, Cull::Back, positions, colors)?.image;
+        let image = render(&scene, Cull::Back, positions, colors)?;
         let target = gaussian_blur(image, tape.constant_full([], SIGMA), &Blur::default())?.value();
         Ok(Self {
             positions: exact_in_f32(scene.shifted(SHIFT, 1)),
@@ -52,9 +52,9 @@ impl Start {
     fn record<'t, T: Scalar>(&self, tape: &'t Tape<T>) -> Result<Var<'t, T>, FitError> {
         let (positions, colors) =
             (tape.leaf(&self.positions.cast()), tape.leaf(&self.colors.cast()));
-        let rendered = render(&self.scene, Cull::Back, positions, colors)?;
+        let image = render(&self.scene, Cull::Back, positions, colors)?;
         let sigma = tape.scalar(T::from_f64(SIGMA));
-        let blurred = gaussian_blur(rendered.image, sigma, &Blur::default())?;
+        let blurred = gaussian_blur(image, sigma, &Blur::default())?;
         Ok(squared_error(blurred, tape.constant(&self.target.cast()))?)
     }
 

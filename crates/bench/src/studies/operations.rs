@@ -8,8 +8,8 @@ use std::sync::Arc;
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_fit::{FitError, squared_error};
 use bokashi_render_ops::{
-    Background, Blur, Cull, Fragments, Lens, RasterOptions, Target, antialias, depth,
-    depth_of_field, gaussian_blur, interpolate, layer, project, rasterize, resolve,
+    Background, Blur, Fragments, Lens, RasterOptions, Target, antialias, depth, depth_of_field,
+    gaussian_blur, interpolate, layer, project, rasterize, resolve,
 };
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -17,7 +17,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::bench::Bench;
 use crate::difference::relative_error;
 use crate::effort::USUAL;
-use crate::pipeline::{Rendered, render};
+use crate::pipeline::resolved;
 use crate::sampling::Timing;
 use crate::scenes::Scene;
 use crate::study::Study;
@@ -166,8 +166,9 @@ impl Inputs {
         let single = |tensor: Tensor<f32>| tensor.cast();
         let tape = Tape::new();
         let (positions, colors) = (scene.positions.cast(), scene.colors.cast());
-        let Rendered { resolved, image } =
-            render(&scene, Cull::None, tape.constant(&positions), tape.constant(&colors))?;
+        let (at, tinted) = (tape.constant(&positions), tape.constant(&colors));
+        let resolved = resolved(&scene, scene.size.into(), at, tinted)?;
+        let image = resolved.antialiased()?;
         let rows = pixels * pixels / WIDTH;
         Ok(Self {
             positions: single(positions),

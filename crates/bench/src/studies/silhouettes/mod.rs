@@ -46,7 +46,7 @@ const METHODS: [Method; 6] = [
     method("no antialias", "no_antialias", |scene, cull, p, c| {
         Ok(resolved(scene, RasterOptions { cull, ..scene.size.into() }, p, c)?.image)
     }),
-    method("antialias", "antialias", |scene, cull, p, c| Ok(render(scene, cull, p, c)?.image)),
+    method("antialias", "antialias", render),
     method("antialias, 2x2", "antialias_2x2", |scene, cull, p, c| {
         supersampled(2, scene, cull, p, c)
     }),
@@ -81,7 +81,7 @@ fn supersampled<'t>(
     colors: Var<'t, f32>,
 ) -> Result<Var<'t, f32>, FitError> {
     let pixels = scene.size.width;
-    let large = render(&scene.at(times * pixels), cull, positions, colors)?.image;
+    let large = render(&scene.at(times * pixels), cull, positions, colors)?;
     let split = large.reshape([pixels, times, pixels, times, 3])?;
     Ok(split.mean_axis(3)?.mean_axis(1)?)
 }

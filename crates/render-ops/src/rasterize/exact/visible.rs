@@ -151,8 +151,8 @@ impl<S: Scalar> Visible<S> {
         (self.area, self.cuts) = (S::ZERO, 0);
     }
 
-    /// Finds the visible parts of those of `candidates` that were not there before, behind which the
-    /// others surely do not lie; returns whether it did so within [`MOST_CORNERS`] and [`MOST_CUTS`].
+    /// Finds the visible parts of those of `candidates` that were not there before; those that were
+    /// surely lie before them. Returns whether it did so within [`MOST_CORNERS`] and [`MOST_CUTS`].
     #[inline(always)]
     pub(super) fn add(&mut self, candidates: &[Candidate<S>]) -> bool {
         let new = self.whole.len()..candidates.len();
