@@ -159,34 +159,86 @@ proptest! {
     }
 }
 
-/// A wheel of thousands of faces within a pixel: what is covered, and how that
-/// changes with its radius, are told by its rim.
+/// How many faces a wheel has: more than a pixel may hold and not be crowded.
+const SPOKES: u32 = 2_500;
+
+/// A wheel: its middle, then its rim, of radius 1.
+fn wheel() -> (Vec<[f64; 2]>, Vec<[u32; 3]>) {
+    let around = |k: u32| 2.0 * std::f64::consts::PI * f64::from(k) / f64::from(SPOKES);
+    let rim = (0..SPOKES).map(|k| [around(k).cos(), around(k).sin()]);
+    let faces = (0..SPOKES).map(|k| [0, 1 + k, 1 + (k + 1) % SPOKES]);
+    (std::iter::once([0.0; 2]).chain(rim).collect(), faces.collect())
+}
+
+/// A wheel within a pixel: what is covered, and how that changes with its radius, are told by its
+/// rim; what is seen of it, by the w of its middle, too.
 #[test]
 fn a_crowded_pixel_is_sampled_and_changes_with_its_outline() {
-    const CORNERS: u32 = 2_500;
-    let around = |k: u32| 2.0 * std::f64::consts::PI * f64::from(k) / f64::from(CORNERS);
-    let tape = Tape::<f64>::new();
-    let rim = (0..CORNERS).map(|k| [around(k).cos(), around(k).sin(), 0.0, 1.0]);
-    let unit: Vec<f64> = std::iter::once([0.0, 0.0, 0.0, 1.0]).chain(rim).flatten().collect();
-    let unit = tape.constant(&Tensor::new([CORNERS as usize + 1, 4], unit).unwrap());
-    let faces = (0..CORNERS).map(|k| [0, 1 + k, 1 + (k + 1) % CORNERS]).collect();
-    let mesh = Mesh::new(faces, CORNERS as usize + 1).unwrap();
-    // Pixels are one wide.
-    let radius = tape.leaf(&Tensor::scalar(0.45));
-    let scale = tape.constant(&Tensor::new([4], vec![1.0, 1.0, 0.0, 0.0]).unwrap());
-    let middle = tape.constant(&Tensor::new([4], vec![0.5, 0.47, 0.0, 1.0]).unwrap());
-    let clip = unit * scale * radius + middle;
+    let (points, faces) = wheel();
+    let mesh = Mesh::new(faces, points.len()).unwrap();
     let size = Size { width: 2, height: 2 };
-    let fragments = rasterize(clip, &mesh, exact(size)).unwrap();
-    let counts = fragments.coverage.boundary_counts();
-    assert_eq!((counts.pixels, counts.crowded), (1, 1));
-    let report = tape.take_report();
-    assert!(report.left_out.iter().any(|left| left.reason.ends_with("crowded pixels are sampled")));
-    let area = fragments.weight.unwrap().sum();
-    let expected = std::f64::consts::PI * 0.45 * 0.45;
-    assert!((area.item() - expected).abs() < 0.02, "{} {expected}", area.item());
-    let slope = area.backward().unwrap().get_or_zeros(radius).item();
-    assert!((slope * 0.45 / (2.0 * expected) - 1.0).abs() < 1e-4, "{slope}");
+    for w in [1.0, 0.25, 4.0] {
+        let tape = Tape::<f64>::new();
+        // Pixels are one wide.
+        let (radius, hub) = (tape.leaf(&Tensor::scalar(0.45)), tape.leaf(&Tensor::scalar(w)));
+        let clip: Clip = points.iter().map(|&[x, y]| [x, y, 0.0, 0.0]).collect();
+        let mut is_hub = Tensor::zeros([points.len(), 1]);
+        is_hub.data_mut()[0] = 1.0;
+        let is_rim = is_hub.map(|is_hub| 1.0 - is_hub);
+        let middle = tape.constant(&Tensor::new([4], vec![0.5, 0.47, 0.0, 1.0]).unwrap());
+        let factors = tape.constant(&is_hub) * hub + tape.constant(&is_rim);
+        let clip = tape.constant(&tensor(&clip)) * radius + middle * factors;
+        let fragments = rasterize(clip, &mesh, exact(size)).unwrap();
+        let counts = fragments.coverage.boundary_counts();
+        assert_eq!((counts.pixels, counts.crowded), (1, 1));
+        let report = tape.take_report();
+        let is_named = |reason: &str| reason.ends_with("crowded pixels are sampled");
+        assert!(report.left_out.iter().any(|left| is_named(&left.reason)));
+        let weight = fragments.weight.unwrap();
+        let area = weight.sum();
+        let expected = std::f64::consts::PI * 0.45 * 0.45;
+        assert!((area.item() - expected).abs() < 0.02, "{} {expected}", area.item());
+        let slope = area.backward().unwrap().get_or_zeros(radius).item();
+        assert!((slope * 0.45 / (2.0 * expected) - 1.0).abs() < 1e-4, "{slope}");
+        // A colour of 1 at the rim and 0 in the middle is w s / (1 - s + w s) at the share s of the
+        // radius.
+        let color = interpolate(tape.constant(&is_rim), &fragments).unwrap();
+        let seen = (color.reshape(weight.shape()).unwrap() * weight).sum();
+        let mean = |w: f64| {
+            let shares = (0..1000).map(|k| (f64::from(k) + 0.5) / 1000.0);
+            let colors = shares.map(|s| 2.0 * s * w * s / (1.0 - s + w * s));
+            expected * colors.sum::<f64>() / 1000.0
+        };
+        assert!((seen.item() / mean(w) - 1.0).abs() < 0.05, "{w}: {} {}", seen.item(), mean(w));
+        let by_w = seen.backward().unwrap().get_or_zeros(hub).item();
+        let quotient = (mean(1.001 * w) - mean(0.999 * w)) / (0.002 * w);
+        assert!((by_w / quotient - 1.0).abs() < 0.01, "{w}: {by_w} {quotient}");
+    }
+}
+
+/// Beside a wheel that crowds their pixel, in perspective: most samples see one face.
+#[test]
+fn a_face_of_many_samples_has_their_mean() {
+    let (points, mut faces) = wheel();
+    let mut clip: Clip =
+        points.iter().map(|[x, y]| [0.7 + 0.2 * x, 0.7 + 0.2 * y, 0.5, 1.0]).collect();
+    let first = clip.len() as u32;
+    faces.push([first, first + 1, first + 2]);
+    clip.extend([[-1.0, -1.1, 0.0, 1.0], [0.9, -1.1, 0.0, 1.0], [-2.0, 4.4, 0.0, 4.0]]);
+    let mesh = Mesh::new(faces, clip.len()).unwrap();
+    let colors = Tensor::from_fn([clip.len(), 2], |k| {
+        let vertex = (k / 2) as u32;
+        if vertex < first { 0.5 } else { f64::from((vertex - first) % 3 == 2 - k as u32 % 2) }
+    });
+    let tape = Tape::<f64>::new();
+    let size = Size::square(1);
+    let fragments = rasterize(tape.leaf(&tensor(&clip)), &mesh, exact(size)).unwrap();
+    assert_eq!(fragments.coverage.boundary_counts().crowded, 1);
+    let image = picture(tape.leaf(&tensor(&clip)), tape.leaf(&colors), &mesh, exact(size));
+    let expected = supersampled(&clip, &colors, &mesh, size, 16);
+    for (&found, expected) in image.value().data().iter().zip(expected) {
+        assert!((found - expected).abs() < 0.01, "{found} instead of {expected}");
+    }
 }
 
 /// Thousands of faces in a pixel, behind a sheet that a seam cuts there, or before it.
@@ -277,4 +329,39 @@ fn a_ground_that_is_clipped_makes_no_boundary_of_its_inside() {
     // A row of pixels, or two beside its line, and where the ground leaves the near plane.
     let seen = fragments.coverage.faces().filter(|&face| face == 0).count();
     assert!(seen > 64 * 10 && (64..=4 * 64).contains(&counts.pixels), "{seen} {counts:?}");
+}
+
+/// A plane that reaches far away within a pixel: 1 / w nearly vanishes along its far edge.
+#[test]
+fn the_gradient_of_a_horizon_is_the_difference_quotient() {
+    let (size, mesh) = (Size::square(16), Mesh::new(vec![[0, 1, 2], [0, 2, 3]], 4).unwrap());
+    let colors = Tensor::from_fn([4, 2], |k| ((k * 29 + 5) % 13) as f64 / 13.0);
+    let upstream = Tensor::from_fn([16, 16, 2], |k| ((k * 37 + 11) % 17) as f64 / 17.0 - 0.4);
+    for power in [0, 1, 2, 4, 6, 8, 10, 12, 14, 16] {
+        let far = f64::powi(10.0, power);
+        let at = |height: f64| -> (f64, f64) {
+            let corner = |x: f64, y: f64, w: f64| [x * w, y * w, 0.0, w];
+            let clip = vec![
+                corner(-1.2, -0.8, 1.0),
+                corner(1.2, -0.8, 1.0),
+                corner(0.8, height, far),
+                corner(-0.7, height, far),
+            ];
+            let tape = Tape::<f64>::new();
+            let positions = tape.leaf(&tensor(&clip));
+            let image = picture(positions, tape.constant(&colors), &mesh, exact(size));
+            let gradients = tape.vjp(&[(image, &upstream)]).unwrap();
+            let found = gradients.get_or_zeros(positions);
+            assert!(found.data().iter().all(|entry| entry.is_finite()), "{far}");
+            let loss = image.value().data().iter().zip(upstream.data()).map(|(x, u)| x * u).sum();
+            (loss, far * (found.data()[9] + found.data()[13]))
+        };
+        let (_, found) = at(0.33);
+        let step = 1e-6;
+        let quotient = (at(0.33 + step).0 - at(0.33 - step).0) / (2.0 * step);
+        assert!(
+            (found - quotient).abs() < 1e-5 * (1.0 + quotient.abs()),
+            "{far}: {found} {quotient}"
+        );
+    }
 }
