@@ -167,6 +167,7 @@ fn measure(
     sizes: &[usize],
 ) -> Result<Vec<Row>, FitError> {
     let seeds = bench.effort.choose(1, kind.seeds);
+    let kind = &Kind { height: bench.effort.choose(0.25, kind.height), ..*kind };
     let mut rows = Vec::new();
     for seed in 0..seeds {
         let case = (kind.make)(seed)?;
