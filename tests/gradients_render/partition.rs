@@ -32,8 +32,8 @@ fn meshes() -> impl Strategy<Value = Scene> {
     })
 }
 
-/// The share of each pixel that is covered: the sum of its weights. Asserts that each is positive and
-/// that an image of 1 before 0, and one of 0 before 1, add up to 1.
+/// The share of each pixel that is covered: the sum of its weights. Asserts that each is positive, and
+/// that an image of 1 before 0, and one of 0 before 1, are that share and what is left.
 fn covered<T: Scalar>(scene: &Scene, slack: f64) -> Result<Vec<f64>, TestCaseError> {
     let tape = Tape::<T>::new();
     let clip =
@@ -61,6 +61,17 @@ fn covered<T: Scalar>(scene: &Scene, slack: f64) -> Result<Vec<f64>, TestCaseErr
         prop_assert!((own + behind - 1.0).abs() <= slack, "{own} + {behind} in pixel {pixel}");
     }
     Ok(covered)
+}
+
+/// With a wall through the scene, over the whole image: no pixel has anything left for the background.
+fn walled(scene: &Scene) -> Scene {
+    let mut mesh = scene.mesh.faces().to_vec();
+    let first = scene.mesh.vertex_count();
+    mesh.push([0, 1, 2].map(|corner| first as u32 + corner));
+    let wall = [[-3.0, -3.0, 0.3, 1.0], [9.0, -3.0, 0.3, 1.0], [-3.0, 9.0, 0.3, 1.0]];
+    let entries = [scene.clip.data(), wall.as_flattened()].concat();
+    let clip = Tensor::new([first + 3, 4], entries).unwrap();
+    Scene { mesh: Mesh::new(mesh, first + 3).unwrap(), clip, size: scene.size }
 }
 
 /// The same by a sweep, or for many faces by 32 x 32 samples; and how far that may be off.
@@ -94,6 +105,14 @@ fn pieces_and_background_are_a_partition_of_each_pixel() {
         .run(&meshes(), |scene| {
             covered::<f32>(&scene, 1e-6)?;
             let found = covered::<f64>(&scene, 1e-12)?;
+            let walled = walled(&scene);
+            let full =
+                [(covered::<f32>(&walled, 1e-6)?, 1e-6), (covered::<f64>(&walled, 1e-12)?, 1e-12)];
+            for (covered, slack) in full {
+                for (pixel, covered) in covered.into_iter().enumerate() {
+                    prop_assert!((covered - 1.0).abs() <= slack, "{covered} of pixel {pixel}");
+                }
+            }
             let (expected, bound) = expected(&scene);
             for (pixel, (found, expected)) in found.iter().zip(expected).enumerate() {
                 let off = (found - expected).abs();

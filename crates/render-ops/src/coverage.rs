@@ -41,7 +41,7 @@ pub struct Coverage {
     pub(crate) count: usize,
     pub(crate) boundary: Boundary,
     /// Per face of the mesh, drawn or not: the sign of its area as it is seen, y up; 0 where it is
-    /// zero within rounding.
+    /// zero within rounding, or where that side is culled.
     pub(crate) orientations: Vec<i8>,
 }
 
@@ -363,7 +363,8 @@ impl Coverage {
 
     /// Whether the surface ends, or turns away, at the edge that faces corner `corner` of `face`: no
     /// face on its other side, or both faces on the same side of it in the image. A face seen
-    /// edge-on, to within rounding, covers neither side, so the other one ends there too.
+    /// edge-on, to within rounding, covers neither side, nor does one that is culled, so the other one
+    /// ends there too.
     #[inline]
     pub(crate) fn is_silhouette(&self, face: usize, corner: usize) -> bool {
         let Some(neighbor) = self.mesh.adjacency().neighbor(face, corner) else { return true };

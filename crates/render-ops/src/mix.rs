@@ -2,7 +2,8 @@
 //!
 //! # Forward
 //! With the pieces' values `v_n` and weights `w_n`, and the background b:
-//! `x = b + sum_n w_n (v_n - b)`. In [`Scalar::Wide`]. Fragments at pixel centres stay as they are.
+//! `x = b + sum_n w_n (v_n - b)`. In [`Scalar::Wide`], and of halves, whose differences are within the
+//! range of the numbers where the values are. Fragments at pixel centres stay as they are.
 //!
 //! # Backward
 //! `v_bar_n = w_n x_bar`, `w_bar_n = x_bar . (v_n - b)`, `b_bar = (1 - sum_n w_n) x_bar`.
@@ -72,12 +73,13 @@ impl<T: Scalar> Op<T> for Mix {
         {
             self.behind.fill(mixed, background, channels, pixel);
             for (c, mixed) in mixed.iter_mut().enumerate() {
-                let behind = mixed.widen();
+                let behind = half(*mixed);
                 let parts = fragments.iter().map(|&fragment| {
                     let (value, weight) = piece(values, weights, fragment, centers, channels);
-                    weight * (value[c].widen() - behind)
+                    weight * (half(value[c]) - behind)
                 });
-                *mixed = T::narrow(behind + parts.sum());
+                let sum: T::Wide = behind + parts.sum();
+                *mixed = T::narrow(sum + sum);
             }
         }
         Ok(())
@@ -117,9 +119,10 @@ impl<T: Scalar> Op<T> for Mix {
                     let value = &values[fragment as usize * channels..][..channels];
                     let terms = (0..channels).map(|c| {
                         let behind = self.behind.at(background, channels, pixel, c);
-                        bar[c].widen() * (value[c].widen() - behind.widen())
+                        bar[c].widen() * (half(value[c]) - half(behind))
                     });
-                    weights_bar[fragment as usize - centers] += T::narrow(terms.sum());
+                    let sum: T::Wide = terms.sum();
+                    weights_bar[fragment as usize - centers] += T::narrow(sum + sum);
                 }
             }
         }
@@ -138,6 +141,11 @@ impl<T: Scalar> Op<T> for Mix {
             }
         }
     }
+}
+
+#[inline(always)]
+fn half<T: Scalar>(value: T) -> T::Wide {
+    T::Wide::from_f64(0.5) * value.widen()
 }
 
 /// The value and the weight of a piece.

@@ -106,8 +106,8 @@ pub(super) enum Fate {
     Drawn { columns: [u32; 2], rows: [u32; 2] },
 }
 
-/// The sign of a face's area as it is seen, 0 where that is zero within rounding, and what becomes
-/// of the face.
+/// The sign of a face's area as it is seen, and what becomes of the face. The sign is 0 where the area
+/// is zero within rounding, or where that side is not drawn: the surface ends at such a face.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Verdict {
     pub(super) orientation: i8,
@@ -148,6 +148,7 @@ impl Verdict {
             Fate::Drawn { columns: touched(0, width), rows: touched(1, height) }
         };
         let is_drawn = matches!(fate, Fate::Drawn { .. });
+        let orientation = if matches!(fate, Fate::Facing) { 0 } else { orientation };
         Self { orientation, reaches_behind: is_drawn && (a | b | c) & BEHIND != 0, fate }
     }
 }

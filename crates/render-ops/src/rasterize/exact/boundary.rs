@@ -113,7 +113,7 @@ impl<S: Scalar<Wide = S>> Search<S> {
         regions.mark_first(firsts);
         sheets.clear();
         sheets.resize(firsts.count(), 0);
-        drawn.for_each_face(firsts, 1, 0..rows, |face, at, a, _| {
+        drawn.for_each_face(firsts, 1, [0..rows, 0..width], |face, at, a, _| {
             // One too many does no harm.
             let doubts = &planes[face as usize].edge_doubts;
             sheets[at] += u32::from((0..3).all(|k| a[k] >= -doubts[k]));

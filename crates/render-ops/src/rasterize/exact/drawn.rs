@@ -5,10 +5,10 @@ use std::ops::Range;
 use bokashi_core::Scalar;
 
 use super::marks::Marks;
-use super::polygon::{Line, value_at};
+use super::polygon::{Line, size, value_at};
 use super::sheets::{REACH, Slab};
 use super::visible::Candidate;
-use crate::homogeneous::{Vertex, cross, doubt};
+use crate::homogeneous::{Vertex, cross, doubt, extent};
 use crate::rasterize::canvas::View;
 use crate::rasterize::culling::{Corner, Fate};
 use crate::rasterize::setup::Weights;
@@ -42,27 +42,28 @@ impl<T: Scalar> Drawn<'_, '_, T> {
     }
 
     /// Calls `visit(face, at, a, reach)` for each face and each marked block of `block` pixels of a row
-    /// in the box of its pixels, in some rows of the band, both by their numbers, with the face's
-    /// edge functions at the block's centre and how much they change from there to its corners; until
-    /// it returns false, to the end of that row.
+    /// in the box of its pixels, in some rows of the band and some columns of blocks, both by their
+    /// numbers, with the face's edge functions at the block's centre and how much they change from there
+    /// to its corners; until it returns false, to the end of that row.
     #[inline(always)]
     pub(super) fn for_each_face(
         &self,
         marks: &Marks,
         block: usize,
-        some: Range<usize>,
+        [some_rows, some_columns]: [Range<usize>; 2],
         mut visit: impl FnMut(u32, usize, [T::Wide; 3], [T::Wide; 3]) -> bool,
     ) {
-        let some = self.rows.start + some.start..self.rows.start + some.end;
+        let some_rows = self.rows.start + some_rows.start..self.rows.start + some_rows.end;
         let width = T::Wide::from_f64(block as f64);
         let blocks = self.view.size.width / block;
         for (at, (&face, weights)) in (0..).zip(self.faces.iter().zip(self.weights)) {
             let [rows, columns] = self.reach(face);
-            let columns = columns.start / block..columns.end.div_ceil(block).min(blocks);
+            let columns = (columns.start / block).max(some_columns.start)
+                ..columns.end.div_ceil(block).min(blocks).min(some_columns.end);
             let reach = weights
                 .edges
                 .map(|[_, x, y]| T::Wide::from_f64(REACH) * (width * x.abs() + y.abs()));
-            for row in rows.start.max(some.start)..rows.end.min(some.end) {
+            for row in rows.start.max(some_rows.start)..rows.end.min(some_rows.end) {
                 let y = self.view.ys[row];
                 let mut goes_on = true;
                 marks.for_each_in(row - self.rows.start, columns.clone(), |column, number| {
@@ -122,7 +123,14 @@ impl<T: Scalar> Drawn<'_, '_, T> {
         for (k, edge) in edges.iter_mut().enumerate() {
             edge[0] = sign * cross(q[(k + 1) % 3], q[(k + 2) % 3]);
         }
-        Candidate { drawn, edges, depth: depth(&vertices, &edges), outline }
+        let depth = depth(&vertices, &edges);
+        let reaches = q.map(|[x, y]| x.abs() + y.abs());
+        let extents = vertices.map(|vertex| {
+            let [x, y] = extent(vertex, self.view.size);
+            x.greater(y)
+        });
+        let depth_doubt = depth_doubt(&vertices, &edges, depth, reaches, extents);
+        Candidate { drawn, edges, depth, depth_doubt, outline }
     }
 
     /// The depths of a face of the band, and how far they can be told.
@@ -137,8 +145,8 @@ impl<T: Scalar> Drawn<'_, '_, T> {
         // Of z / w = sum z_i a_i / D, D = sum w_i a_i, the a_i are off by their doubts; in the depth
         // range z / w counts at most once.
         let off = |k: usize| (vertices[k].z.abs() + vertices[k].w.abs()) * edge_doubts[k];
-        let total: T::Wide = (0..3).map(|k| vertices[k].w * edges[k][0]).sum();
-        let doubt = T::Wide::from_f64(2.0) * (off(0) + off(1) + off(2)) / total.abs();
+        let total = total(&vertices, edges).abs();
+        let doubt = T::Wide::from_f64(2.0) * (off(0) + off(1) + off(2)) / total;
         let range = if corners.iter().any(|corner| corner.is_beyond_depths()) {
             let infinity = T::Wide::from_f64(f64::INFINITY);
             [-infinity, infinity]
@@ -181,10 +189,45 @@ impl<T: Scalar> Drawn<'_, '_, T> {
     }
 }
 
-/// The coefficients of z / w: `sum z_i a_i / D`, `D = sum w_i a_i` at any point.
+/// `D = sum w_i a_i`, the same all over the image.
 #[inline(always)]
-fn depth<S: Scalar>(vertices: &[Vertex<S>; 3], edges: &[[S; 3]; 3]) -> [S; 3] {
+fn total<S: Scalar>([p, q, r]: &[Vertex<S>; 3], edges: &[Line<S>; 3]) -> S {
+    p.w * edges[0][0] + q.w * edges[1][0] + r.w * edges[2][0]
+}
+
+/// The coefficients of z / w: `sum z_i a_i / D`.
+#[inline(always)]
+fn depth<S: Scalar>(vertices: &[Vertex<S>; 3], edges: &[Line<S>; 3]) -> Line<S> {
     let [p, q, r] = vertices;
-    let scale = S::ONE / (p.w * edges[0][0] + q.w * edges[1][0] + r.w * edges[2][0]);
+    let scale = S::ONE / total(vertices, edges);
     [0, 1, 2].map(|c| scale * (p.z * edges[0][c] + q.z * edges[1][c] + r.z * edges[2][c]))
+}
+
+/// More than what [`depth`] is off by in a pixel: much where a face is thin. `reaches` are sizes of the
+/// vertices relative to the pixel's centre, `extents` those of their coordinates in the image.
+///
+/// Of an edge function with the ends p and q the value at the centre is off by some roundings of
+/// `extent_p reach_q + extent_q reach_p`, the slopes by those of `extent_p w_q + extent_q w_p`. So D is
+/// off, by which the depth's slopes are divided, and the depth d at the centre by
+/// `sum (z_i - d w_i) / D` of the values' doubts; and all sums are rounded.
+#[inline(always)]
+fn depth_doubt<S: Scalar>(
+    vertices: &[Vertex<S>; 3],
+    edges: &[Line<S>; 3],
+    depth: Line<S>,
+    reaches: [S; 3],
+    extents: [S; 3],
+) -> S {
+    let [middle, x, y] = depth;
+    let slope = x.abs() + y.abs();
+    let parts = (0..3).map(|i| {
+        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+        let Vertex { z, w, .. } = vertices[i];
+        let of_value = extents[j] * reaches[k] + extents[k] * reaches[j];
+        let of_slopes = extents[j] * vertices[k].w.abs() + extents[k] * vertices[j].w.abs();
+        ((z - middle * w).abs() + slope * w.abs()) * of_value
+            + z.abs() * of_slopes
+            + (z.abs() + (middle * w).abs()) * size(edges[i])
+    });
+    S::from_f64(8.0 * f64::EPSILON) * parts.sum::<S>() / total(vertices, edges).abs()
 }

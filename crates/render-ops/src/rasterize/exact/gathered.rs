@@ -8,7 +8,7 @@ use super::drawn::Drawn;
 use super::marks::Marks;
 use crate::rasterize::canvas::sum_up;
 
-/// More pairs of a block and a face are not gathered at once, but for those of one row.
+/// More pairs of a block and a face are not gathered at once, but for those of one block.
 const MOST_PAIRS: usize = 1 << 22;
 
 /// The faces that may reach into some pixels, or blocks of them.
@@ -19,34 +19,34 @@ pub(super) struct Gathered {
     /// Where in `faces` those of each block end.
     ends: Vec<u32>,
     faces: Vec<u32>,
-    /// The row and the column of each block.
+    /// The row and the column of each marked block.
     blocks: Vec<[usize; 2]>,
-    /// Rows that are still to be gathered, the next ones last.
+    /// Of these, those that are still to be gathered, the next ones last.
     open: Vec<Range<usize>>,
 }
 
 impl Gathered {
-    /// Finds those of the marked blocks of `block` pixels in some rows of the band; returns whether
-    /// they are not too many.
+    /// Finds those of the marked blocks `some`, of `block` pixels of a row; returns whether they are not
+    /// too many.
     #[inline(always)]
     fn find<T: Scalar>(
         &mut self,
         drawn: &Drawn<'_, '_, T>,
         marks: &Marks,
         block: usize,
-        rows: Range<usize>,
+        some: Range<usize>,
     ) -> bool {
-        let first = marks.count_before(rows.start);
-        let count = marks.count_before(rows.end) - first;
-        let most = if rows.len() > 1 { MOST_PAIRS } else { usize::MAX };
-        let Self { pairs, ends, faces, .. } = self;
+        let Self { pairs, ends, faces, blocks, .. } = self;
+        let ([top, left], [bottom, right]) = (blocks[some.start], blocks[some.end - 1]);
+        let columns = if top == bottom { left..right + 1 } else { 0..usize::MAX };
+        let most = if some.len() > 1 { MOST_PAIRS } else { usize::MAX };
         pairs.clear();
         ends.clear();
-        ends.resize(count + 1, 0);
-        drawn.for_each_face(marks, block, rows, |face, number, a, reach| {
-            if (0..3).all(|k| a[k] + reach[k] >= T::Wide::ZERO) {
-                pairs.push([(number - first) as u32, face]);
-                ends[number - first + 1] += 1;
+        ends.resize(some.len() + 1, 0);
+        drawn.for_each_face(marks, block, [top..bottom + 1, columns], |face, number, a, reach| {
+            if some.contains(&number) && (0..3).all(|k| a[k] + reach[k] >= T::Wide::ZERO) {
+                pairs.push([(number - some.start) as u32, face]);
+                ends[number - some.start + 1] += 1;
             }
             pairs.len() <= most
         });
@@ -75,28 +75,29 @@ impl Gathered {
         block: usize,
         mut visit: impl FnMut([usize; 2], [T::Wide; 2], &[u32]),
     ) {
-        marks.count();
-        self.open.push(0..drawn.rows.len());
-        while let Some(rows) = self.open.pop() {
-            if !self.find(drawn, marks, block, rows.clone()) {
-                let middle = rows.start + rows.len() / 2;
-                self.open.extend([middle..rows.end, rows.start..middle]);
+        if marks.count() == 0 {
+            return;
+        }
+        self.blocks.clear();
+        for row in 0..drawn.rows.len() {
+            marks.for_each(row, |column| self.blocks.push([row, column]));
+        }
+        self.open.push(0..self.blocks.len());
+        while let Some(some) = self.open.pop() {
+            if !self.find(drawn, marks, block, some.clone()) {
+                let middle = some.start + some.len() / 2;
+                self.open.extend([middle..some.end, some.start..middle]);
                 continue;
             }
-            let mut found = std::mem::take(&mut self.blocks);
-            found.clear();
-            for row in rows {
-                marks.for_each(row, |column| found.push([row, column]));
-            }
-            for (at, &[row, column]) in found.iter().enumerate() {
+            for at in some.clone() {
+                let [row, column] = self.blocks[at];
                 let center = [drawn.center(column, block), drawn.view.ys[drawn.rows.start + row]];
-                visit([row, column], center, self.faces_of(at));
+                visit([row, column], center, self.faces_of(at - some.start));
             }
-            self.blocks = found;
         }
     }
 
-    /// The faces of the marked block `at`, in their order.
+    /// The faces of block `at` of those that were found, in their order.
     fn faces_of(&self, at: usize) -> &[u32] {
         let first = at.checked_sub(1).map_or(0, |before| self.ends[before]);
         &self.faces[first as usize..self.ends[at] as usize]

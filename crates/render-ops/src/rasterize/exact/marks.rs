@@ -10,7 +10,7 @@ const BITS: usize = u64::BITS as usize;
 pub(super) struct Marks {
     words: Vec<u64>,
     words_per_row: usize,
-    /// How many pixels are marked in the words before each one, and in all, once they are counted.
+    /// How many pixels are marked in the words before each one, once they are counted.
     before: Vec<u32>,
 }
 
@@ -60,13 +60,7 @@ impl Marks {
             count += word.count_ones();
             before
         }));
-        self.before.push(count);
         count as usize
-    }
-
-    /// How many pixels are marked in the rows before `row`; they have been counted.
-    pub(super) fn count_before(&self, row: usize) -> usize {
-        self.before[row * self.words_per_row] as usize
     }
 
     /// Calls `visit` with the column of each marked pixel of a row.
@@ -133,10 +127,6 @@ mod tests {
         let expected: Vec<_> =
             ranges.into_iter().flat_map(|(row, columns)| columns.map(move |c| (row, c))).collect();
         assert_eq!(marks.count(), expected.len());
-        for row in 0..=rows {
-            let before = expected.iter().filter(|(own, _)| *own < row).count();
-            assert_eq!(marks.count_before(row), before);
-        }
         for columns in [0..width, 4..64, 63..65, 199..200, 8..8] {
             let mut found = Vec::new();
             for row in 0..rows {

@@ -8,8 +8,9 @@
 //! Weights change where the outline of a surface moves: each edge of it is cut into pieces about as
 //! long as samples are apart. Where its face is seen beside the middle of a piece, the piece is a side
 //! of it, and of what is seen beyond, if that goes on behind it. A face that no sample sees, but that
-//! has a side, is a piece of area 0. Where edges times faces are more than [`MOST_PAIRS`], the faces that
-//! samples see are all that counts. Centroids do not move, nor intersections, which are no edges.
+//! has a side, is a piece of area 0. Where pieces of edges times faces are more than [`MOST_PAIRS`], the
+//! faces that samples see are all that counts. Centroids do not move, nor intersections, which are no
+//! edges.
 
 use bokashi_core::Scalar;
 
@@ -23,8 +24,16 @@ const GRID: usize = 16;
 /// Stands for "nothing is seen".
 const NOTHING: u32 = u32::MAX;
 
-/// How many pairs of an edge and a face may be looked at.
+/// How many pairs of a piece of an edge and a face may be looked at.
 const MOST_PAIRS: usize = 1 << 23;
+
+/// What lies in the pixel of an edge of the surface's outline.
+#[derive(Debug, Clone, Copy)]
+struct Stretch<S> {
+    candidate: u32,
+    k: u8,
+    ends: [[S; 2]; 2],
+}
 
 /// The samples of a pixel.
 #[derive(Debug, Default)]
@@ -34,6 +43,7 @@ pub(super) struct Samples<S> {
     /// The candidates that count.
     counting: Vec<u32>,
     polygons: Polygons<S>,
+    stretches: Vec<Stretch<S>>,
     /// What the last call found.
     pub(super) sides: Vec<(u32, Side<S>)>,
 }
@@ -54,53 +64,63 @@ impl<S: Scalar> Samples<S> {
         for (extent, moments) in extents.iter_mut().zip(moments) {
             *extent = (moments.area() > S::ZERO).then(|| Extent::of(moments));
         }
-        let Self { counting, polygons, sides, .. } = self;
-        let edges: usize = candidates.iter().map(|one| one.outline.count_ones() as usize).sum();
-        let do_all_count = edges.saturating_mul(candidates.len()) <= MOST_PAIRS;
+        self.find_stretches(candidates);
+        let Self { counting, stretches, sides, .. } = self;
+        let cuts: usize = stretches.iter().map(|stretch| cuts(stretch.ends)).sum();
+        let do_all_count = cuts.saturating_mul(candidates.len()) <= MOST_PAIRS;
         counting.clear();
         let all = 0..candidates.len() as u32;
         counting.extend(all.filter(|&at| do_all_count || extents[at as usize].is_some()));
+        if !do_all_count {
+            stretches.retain(|stretch| extents[stretch.candidate as usize].is_some());
+        }
         sides.clear();
-        for &at in &*counting {
-            let candidate = &candidates[at as usize];
-            if candidate.outline == 0 {
+        for &Stretch { candidate: at, k, ends } in &*stretches {
+            let [_, x, y] = candidates[at as usize].edges[usize::from(k)];
+            let source = Source::Edge { candidate: at, k };
+            let beside = S::from_f64(BESIDE) / x.abs().greater(y.abs());
+            for ends in cut(ends) {
+                let [p, q] = ends;
+                let half = S::from_f64(0.5);
+                let middle = [0, 1].map(|axis| half * (p[axis] + q[axis]));
+                let [inner, outer] = [beside, -beside]
+                    .map(|offset| [middle[0] + offset * x, middle[1] + offset * y]);
+                if nearest(candidates, counting, inner) != Some(at) {
+                    continue;
+                }
+                let mut add = |at: u32, is_inside| {
+                    let still = || Extent { centroid: middle, covariance: [S::ZERO; 3] };
+                    extents[at as usize].get_or_insert_with(still);
+                    sides.push((at, Side { source, is_inside, normal: [x, y], ends }));
+                };
+                add(at, true);
+                // What ends here, too, has a side of its own.
+                let beyond = nearest(candidates, counting, outer);
+                if let Some(beyond) = beyond.filter(|&at| candidates[at as usize].covers(inner)) {
+                    add(beyond, false);
+                }
+            }
+        }
+    }
+
+    /// Finds the edges of the surface's outline.
+    fn find_stretches(&mut self, candidates: &[Candidate<S>]) {
+        let Self { polygons, stretches, .. } = self;
+        stretches.clear();
+        for (at, Candidate { edges, outline, .. }) in (0..).zip(candidates) {
+            if *outline == 0 {
                 continue;
             }
             polygons.clear();
             let mut polygon = Some(polygons.pixel());
-            for (k, &edge) in (0..).zip(&candidate.edges) {
+            for (k, &edge) in (0..).zip(edges) {
                 polygon = polygon.and_then(|polygon| polygons.inside(polygon, edge, k));
             }
-            for (bound, ends) in polygon.iter().flat_map(|&polygon| polygons.segments(polygon)) {
-                if candidate.outline.checked_shr(bound.line).unwrap_or(0) & 1 == 0 {
-                    continue;
-                }
-                let [_, x, y] = candidate.edges[bound.line as usize];
-                let source = Source::Edge { candidate: at, k: bound.line as u8 };
-                let beside = S::from_f64(BESIDE) / x.abs().greater(y.abs());
-                for ends in cut(ends) {
-                    let [p, q] = ends;
-                    let half = S::from_f64(0.5);
-                    let middle = [0, 1].map(|axis| half * (p[axis] + q[axis]));
-                    let [inner, outer] = [beside, -beside]
-                        .map(|offset| [middle[0] + offset * x, middle[1] + offset * y]);
-                    if nearest(candidates, counting, inner) != Some(at) {
-                        continue;
-                    }
-                    let mut add = |at: u32, is_inside| {
-                        let still = || Extent { centroid: middle, covariance: [S::ZERO; 3] };
-                        extents[at as usize].get_or_insert_with(still);
-                        sides.push((at, Side { source, is_inside, normal: [x, y], ends }));
-                    };
-                    add(at, true);
-                    // What ends here, too, has a side of its own.
-                    let beyond = nearest(candidates, counting, outer);
-                    if let Some(beyond) = beyond.filter(|&at| candidates[at as usize].covers(inner))
-                    {
-                        add(beyond, false);
-                    }
-                }
-            }
+            let sides = polygon.iter().flat_map(|&polygon| polygons.segments(polygon));
+            stretches.extend(sides.filter_map(|(bound, ends)| {
+                let is_outline = outline.checked_shr(bound.line).unwrap_or(0) & 1 == 1;
+                is_outline.then_some(Stretch { candidate: at, k: bound.line as u8, ends })
+            }));
         }
     }
 
@@ -134,11 +154,16 @@ impl<S: Scalar> Samples<S> {
     }
 }
 
-/// Cuts a segment into pieces about as long as samples are apart.
+/// How many pieces about as long as samples are apart make a segment.
+fn cuts<S: Scalar>([p, q]: [[S; 2]; 2]) -> usize {
+    let [x, y] = [0, 1].map(|axis| (q[axis] - p[axis]).abs().to_f64());
+    (x.max(y) * GRID as f64 / 2.0).ceil().max(1.0) as usize
+}
+
+/// Cuts a segment into these.
 fn cut<S: Scalar>([p, q]: [[S; 2]; 2]) -> impl Iterator<Item = [[S; 2]; 2]> {
     let along = [0, 1].map(|axis| q[axis] - p[axis]);
-    let length = along[0].abs().greater(along[1].abs()).to_f64();
-    let count = (length * GRID as f64 / 2.0).ceil().max(1.0) as usize;
+    let count = cuts([p, q]);
     let place = move |k: usize| {
         let share = S::from_f64(k as f64 / count as f64);
         [0, 1].map(|axis| p[axis] + share * along[axis])

@@ -27,6 +27,8 @@ pub(super) struct Candidate<S> {
     /// The edge functions, positive inside.
     pub(super) edges: [Line<S>; 3],
     pub(super) depth: Line<S>,
+    /// More than what the depth is off by in the pixel.
+    pub(super) depth_doubt: S,
     /// Bit k: whether edge k is one of a surface's outline, or a seam.
     pub(super) outline: u8,
 }
@@ -91,7 +93,7 @@ struct Whole<S> {
     /// The least and the largest x, y and depth of its corners.
     least: [S; 3],
     most: [S; 3],
-    /// How much nearer another depth has to be to be surely in front.
+    /// More than what its depths are off by.
     doubt: S,
 }
 
@@ -130,15 +132,11 @@ pub(super) struct Visible<S> {
 
 /// A pixel whose polygons have more corners on the way is too crowded, and so is one in which more
 /// polygons would be held against faces.
-const MOST_CORNERS: usize = 1 << 18;
-const MOST_CUTS: usize = 1 << 22;
+const MOST_CORNERS: usize = 1 << 17;
+const MOST_CUTS: usize = 1 << 20;
 
 /// Pieces below this share of a pixel do not count.
 pub(super) const SMALLEST: f64 = 1e-14;
-
-/// Depths that differ by no more than this share of their size are equal: the order of two faces in
-/// one plane is no accident of rounding.
-const EQUAL: f64 = 64.0 * f64::EPSILON;
 
 impl<S: Scalar> Visible<S> {
     /// Forgets all candidates.
@@ -172,7 +170,9 @@ impl<S: Scalar> Visible<S> {
     #[inline(always)]
     fn cut_to_pixel(&mut self, pixel: Polygon, at: u32, candidate: &Candidate<S>) {
         let Self { polygons, lines, sources, whole, .. } = self;
-        let mut polygon = Some(pixel);
+        // What has no depth, since that leaves the range of the numbers, is not in the depth range.
+        let reach = size(candidate.depth);
+        let mut polygon = (reach < S::from_f64(f64::INFINITY)).then_some(pixel);
         let first = lines.len();
         let mut cut = |line: Line<S>, source: Source| {
             // Most lines do not come near the pixel.
@@ -188,7 +188,7 @@ impl<S: Scalar> Visible<S> {
             cut(edge, Source::Edge { candidate: at, k });
         }
         let [one, x, y] = candidate.depth;
-        if size(candidate.depth) > S::ONE {
+        if reach > S::ONE {
             cut([one + S::ONE, x, y], Source::End { candidate: at, is_far: false });
             cut([S::ONE - one, -x, -y], Source::End { candidate: at, is_far: true });
         }
@@ -199,8 +199,7 @@ impl<S: Scalar> Visible<S> {
             least = std::array::from_fn(|k| least[k].lesser(place[k]));
             most = std::array::from_fn(|k| most[k].greater(place[k]));
         }
-        // Of depths that are equal to `behind`, the rounded values may be in the other order.
-        let doubt = S::from_f64(2.0 * EQUAL) * size(candidate.depth);
+        let doubt = candidate.depth_doubt;
         whole.push(Whole { polygon, cuts: first..lines.len(), least, most, doubt });
     }
 
@@ -223,11 +222,7 @@ impl<S: Scalar> Visible<S> {
                 return false;
             }
             let own = &candidates[at];
-            let behind = if is_before {
-                [-S::ONE, S::ZERO, S::ZERO]
-            } else {
-                behind(own.depth, rival.depth, own.drawn < rival.drawn)
-            };
+            let behind = if is_before { [-S::ONE, S::ZERO, S::ZERO] } else { behind(own, rival) };
             let mut between = None;
             next.clear();
             for &polygon in &*left {
@@ -286,14 +281,15 @@ impl<S: Scalar> Visible<S> {
     }
 }
 
-/// How far `rival` lies behind a depth `own`; of equal ones the first face is in front.
+/// How far `rival` lies behind `own`. Of depths that are equal, for all that is known of them, the
+/// first face is in front: the order of two faces in one plane is no accident of rounding.
 #[inline(always)]
-fn behind<S: Scalar>(own: Line<S>, rival: Line<S>, is_first: bool) -> Line<S> {
-    let behind = [0, 1, 2].map(|c| rival[c] - own[c]);
-    if size(behind) > S::from_f64(EQUAL) * (size(own) + size(rival)) {
+fn behind<S: Scalar>(own: &Candidate<S>, rival: &Candidate<S>) -> Line<S> {
+    let behind = [0, 1, 2].map(|c| rival.depth[c] - own.depth[c]);
+    if size(behind) > own.depth_doubt + rival.depth_doubt {
         return behind;
     }
-    [if is_first { S::ONE } else { -S::ONE }, S::ZERO, S::ZERO]
+    [if own.drawn < rival.drawn { S::ONE } else { -S::ONE }, S::ZERO, S::ZERO]
 }
 
 #[cfg(test)]
@@ -301,6 +297,8 @@ pub(super) mod tests {
     use proptest::prelude::*;
 
     use super::*;
+
+    const DOUBT: f64 = 64.0 * f64::EPSILON;
 
     /// A face through three points `(x, y, depth)`.
     pub(in super::super) fn candidate(
@@ -317,11 +315,13 @@ pub(super) mod tests {
             [0, 1, 2].map(|c| (0..3).map(|k| [p, q, r][k][2] * edges[k][c] / area).sum::<f64>());
         let sign = area.signum();
         let edges = edges.map(|edge| edge.map(|c| sign * c));
-        Some(Candidate { drawn: face, edges, depth, outline: 7 })
+        let depth_doubt = DOUBT * size(depth);
+        Some(Candidate { drawn: face, edges, depth, depth_doubt, outline: 7 })
     }
 
     fn background(face: u32) -> Candidate<f64> {
-        Candidate { drawn: face, edges: [[1.0, 0.0, 0.0]; 3], depth: [1.0, 0.0, 0.0], outline: 0 }
+        let (edges, depth) = ([[1.0, 0.0, 0.0]; 3], [1.0, 0.0, 0.0]);
+        Candidate { drawn: face, edges, depth, depth_doubt: DOUBT, outline: 0 }
     }
 
     fn at(line: [f64; 3], x: f64, y: f64) -> f64 {

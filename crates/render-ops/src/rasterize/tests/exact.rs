@@ -159,6 +159,151 @@ proptest! {
     }
 }
 
+/// A face, and a picture's loss and gradient, with colours per vertex.
+fn loss_and_gradient(
+    clip: &Clip,
+    faces: &[[u32; 3]],
+    colors: &[f64],
+    options: RasterOptions,
+) -> (f64, Vec<f64>) {
+    let tape = Tape::<f64>::new();
+    let mesh = Mesh::new(faces.to_vec(), clip.len()).unwrap();
+    let (positions, colors) = (
+        tape.leaf(&tensor(clip)),
+        tape.leaf(&Tensor::from_fn([clip.len(), 2], |k| colors[k / 2] * (1 + k % 2) as f64)),
+    );
+    let image = picture(positions, colors, &mesh, options);
+    let upstream = Tensor::from_fn(image.shape(), |k| ((k * 37 + 11) % 17) as f64 / 17.0 - 0.4);
+    let loss = image.value().data().iter().zip(upstream.data()).map(|(x, u)| x * u).sum();
+    (loss, tape.vjp(&[(image, &upstream)]).unwrap().get_or_zeros(positions).data().to_vec())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(300) })]
+
+    /// A second face in the plane of the first one, in another order of corners, however thin both are:
+    /// nothing is seen of it, and nothing tells where the two would pass through each other.
+    #[test]
+    fn of_two_faces_in_one_place_the_first_is_seen_alone(
+        middle in prop::array::uniform2(-0.5..0.5),
+        angle in 0.0..6.3,
+        thickness in prop_oneof![Just(0), -6..1],
+        slope in prop_oneof![Just([0.0; 2]), prop::array::uniform2(-1.0..1.0)],
+        ws in prop_oneof![Just([1.0; 3]), prop::array::uniform3(0.5..2.0)],
+        order in 0..6_usize,
+    ) {
+        let (sine, cosine) = f64::sin_cos(angle);
+        let place = |([along, across], w): ([f64; 2], f64)| {
+            let across = across * f64::powi(10.0, thickness);
+            let [x, y] = [cosine * along - sine * across, sine * along + cosine * across];
+            let depth = 0.1 + slope[0] * x + slope[1] * y;
+            [(middle[0] + x) * w, (middle[1] + y) * w, depth * w, w]
+        };
+        let corners = [[-0.5, -0.1], [0.5, -0.1], [0.1, 0.1]];
+        let mut clip: Clip = corners.into_iter().zip(ws).map(place).collect();
+        let size = Size::square(8);
+        let alone = loss_and_gradient(&clip, &[[0, 1, 2]], &[1.0, 0.9, 0.8], exact(size));
+        clip.extend_from_within(..);
+        let faces = [[0, 1, 2], orders([3, 4, 5])[order]];
+        let both = loss_and_gradient(&clip, &faces, &[1.0, 0.9, 0.8, 0.2, 0.1, 0.3], exact(size));
+        prop_assert_eq!(both.0, alone.0);
+        prop_assert_eq!(&both.1[..12], &alone.1);
+        prop_assert!(both.1[12..].iter().all(|&entry| entry == 0.0), "{:?}", &both.1[12..]);
+    }
+}
+
+/// However it is wound: the surface ends at a face that is not drawn.
+#[test]
+fn a_culled_neighbor_is_as_good_as_none() {
+    let size = Size::square(8);
+    let clip: Clip = vec![
+        [-0.83, -0.83, 0.0, 1.0],
+        [0.83, -0.81, 0.0, 1.0],
+        [-0.8, 0.83, 0.0, 1.0],
+        [0.8, 0.9, 0.0, 1.0],
+    ];
+    let colors = [1.0, 0.9, 0.8, 0.7];
+    for cull in [Cull::Back, Cull::Front] {
+        let options = RasterOptions { cull, ..exact(size) };
+        let face = if cull == Cull::Back { [0, 1, 2] } else { [0, 2, 1] };
+        let alone = loss_and_gradient(&clip, &[face], &colors, options);
+        for other in orders([1, 2, 3]) {
+            let both = loss_and_gradient(&clip, &[face, other], &colors, options);
+            let is_culled =
+                draw::<f64>(&clip, &[other], RasterOptions { cull, ..size.into() }).count() == 0;
+            assert_eq!(both == alone, is_culled, "{cull:?}, {other:?}");
+        }
+    }
+}
+
+/// Its depth leaves the range of the numbers: nothing is seen of it, and it hides nothing.
+#[test]
+fn a_face_without_a_depth_is_not_there() {
+    let size = Size::square(8);
+    for z in [1e300, 1e304, f64::MAX] {
+        let at = |[x, y, z]: [f64; 3]| [x, y, z, 1.0];
+        let mut clip: Clip =
+            [[-0.83, -0.83, z], [0.83, -0.81, -z], [-0.1, 0.83, 0.0]].map(at).into();
+        let (nothing, gradient) = loss_and_gradient(&clip, &[[0, 1, 2]], &[0.5; 3], exact(size));
+        let empty = loss_and_gradient(&clip, &[], &[0.5; 3], exact(size));
+        assert_eq!((nothing, gradient), empty);
+        clip.extend([[-3.0, -3.0, 0.5], [9.0, -3.0, 0.5], [-3.0, 9.0, 0.5]].map(at));
+        let colors = [0.5, 0.5, 0.5, 0.2, 0.2, 0.2];
+        let wall = loss_and_gradient(&clip, &[[3, 4, 5]], &colors, exact(size));
+        let both = loss_and_gradient(&clip, &[[0, 1, 2], [3, 4, 5]], &colors, exact(size));
+        assert!((both.0 - wall.0).abs() < 1e-12, "{} {}", both.0, wall.0);
+    }
+}
+
+/// Colours and a background whose difference is beyond the largest number have a mean.
+#[test]
+fn a_pixel_of_extreme_colors_has_their_mean() {
+    let size = Size::square(4);
+    let clip: Clip =
+        vec![[-0.83, -0.83, 0.0, 1.0], [0.83, -0.81, 0.0, 1.0], [-0.1, 0.83, 0.0, 1.0]];
+    let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
+    let image = |scale: f64| {
+        let tape = Tape::<f64>::new();
+        let fragments = rasterize(tape.leaf(&tensor(&clip)), &mesh, exact(size)).unwrap();
+        let surface = interpolate(tape.constant(&Tensor::full([3, 1], scale)), &fragments).unwrap();
+        let background = tape.leaf(&Tensor::full([1], -scale));
+        let image = resolve(surface, &fragments, Background::Color(background)).unwrap();
+        let by_background = image.sum().backward().unwrap().get_or_zeros(background).item();
+        (image.value(), by_background)
+    };
+    let ((plain, of_plain), (huge, of_huge)) = (image(1.0), image(f64::MAX));
+    assert_eq!(of_plain, of_huge);
+    for (plain, huge) in plain.data().iter().zip(huge.data()) {
+        approx::assert_relative_eq!(*plain, huge / f64::MAX, epsilon = 1e-15);
+    }
+}
+
+/// More pairs of a pixel and a face in one row than are gathered at once: an edge along all of it,
+/// and thousands of faces behind.
+#[test]
+fn a_row_of_many_faces_is_gathered_in_parts() {
+    const FACES: u32 = 2_200;
+    let size = Size { width: 2048, height: 1 };
+    let front = [[-9.0, 0.5], [9.0, 0.5], [0.0, -30.0]];
+    let mut clip: Clip = front.map(|[x, y]| [x, y, -0.95, 1.0]).into();
+    let mut faces = vec![[0, 1, 2]];
+    for k in 0..FACES {
+        let depth = 1.8 * f64::from(k) / f64::from(FACES) - 0.9;
+        clip.extend([[-3.0, -3.0], [9.0, -3.0], [-3.0, 9.0]].map(|[x, y]| [x, y, depth, 1.0]));
+        faces.push([3, 4, 5].map(|corner| 3 * k + corner));
+    }
+    let mesh = Mesh::new(faces, clip.len()).unwrap();
+    let tape = Tape::<f64>::new();
+    let fragments = rasterize(tape.leaf(&tensor(&clip)), &mesh, exact(size)).unwrap();
+    let (weight, coverage) = (fragments.weight.unwrap().value(), &fragments.coverage);
+    let found: Vec<_> =
+        coverage.boundary().map(|(pixel, fragments)| (pixel, fragments.len())).collect();
+    assert!(found.into_iter().eq((0..size.width).map(|pixel| (pixel, 2))));
+    for (face, weight) in coverage.faces().zip(weight.data()) {
+        assert!((weight - [0.75, 0.25][face]).abs() < 1e-14, "{face} {weight}");
+    }
+}
+
 /// How many faces a wheel has: more than a pixel may hold and not be crowded.
 const SPOKES: u32 = 2_500;
 
