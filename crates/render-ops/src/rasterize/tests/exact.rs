@@ -209,6 +209,17 @@ proptest! {
         prop_assert_eq!(both.0, alone.0);
         prop_assert_eq!(&both.1[..12], &alone.1);
         prop_assert!(both.1[12..].iter().all(|&entry| entry == 0.0), "{:?}", &both.1[12..]);
+        // The same of a wall in its plane, at this depth, as of one behind it.
+        let mut before_wall = |depth: f64| {
+            let wall = [[-3.0, -3.0], [9.0, -3.0], [-3.0, 9.0]].map(|[x, y]| [x, y, depth, 1.0]);
+            clip.splice(3.., wall);
+            loss_and_gradient(&clip, &[[0, 1, 2], [3, 4, 5]], &[1.0, 0.9, 0.8, 0.2, 0.1, 0.3], exact(size))
+        };
+        if slope == [0.0; 2] {
+            let (apart, touching) = (before_wall(0.3), before_wall(0.1));
+            prop_assert!((apart.0 - touching.0).abs() < 1e-12, "{} {}", apart.0, touching.0);
+            prop_assert_eq!(apart.1, touching.1);
+        }
     }
 }
 
