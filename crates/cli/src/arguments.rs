@@ -49,7 +49,7 @@ pub(crate) enum Command {
     /// How fast, and at what error: beside other renderers, per operation, node by node, and how
     /// cost and memory grow.
     ///
-    /// Prints tables as Markdown; takes about ten minutes. Its times are worth something on a
+    /// Prints tables as Markdown; takes a quarter of an hour. Its times are worth something on a
     /// machine that does nothing else, from a build with --release. Writes files only where --out or
     /// --json asks for them.
     Bench(BenchArguments),

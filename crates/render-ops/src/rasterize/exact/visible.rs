@@ -132,8 +132,8 @@ pub(super) struct Visible<S> {
 
 /// A pixel whose polygons have more corners on the way is too crowded, and so is one in which more
 /// polygons would be held against faces.
-const MOST_CORNERS: usize = 1 << 17;
-const MOST_CUTS: usize = 1 << 20;
+const MOST_CORNERS: usize = 1 << 18;
+const MOST_CUTS: usize = 1 << 22;
 
 /// Pieces below this share of a pixel do not count.
 pub(super) const SMALLEST: f64 = 1e-14;
