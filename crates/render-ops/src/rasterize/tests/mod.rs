@@ -2,6 +2,7 @@
 //! identities, then the extreme cases.
 
 mod blocks;
+mod crowded;
 mod exact;
 mod extremes;
 mod nearest;
