@@ -4,7 +4,7 @@ use bokashi_core::{Tape, Tensor};
 
 use super::*;
 use crate::mesh::Mesh;
-use crate::rasterize::rasterize;
+use crate::rasterize::{Cull, RasterOptions, rasterize};
 use crate::size::Size;
 
 /// Vertices and faces.
@@ -250,6 +250,32 @@ fn where_a_surface_turns_away_its_edge_is_as_good_as_a_boundary() {
         flat.clip[3][0] *= -1.0;
         assert_eq!(flat.picture::<f64>(|k, _| motley(k)), (0..54).map(motley).collect::<Vec<_>>());
     }
+}
+
+/// However it is wound: the surface ends at a face that is not drawn.
+#[test]
+fn a_culled_neighbor_makes_a_silhouette() {
+    let points = [[1.2, 0.7, 0.0], [7.8, 1.1, 0.0], [1.4, 5.3, 0.0], [7.6, 5.2, 0.0]];
+    let picture = |faces: &[[u32; 3]]| {
+        let scene = Scene::of_points(&points, faces, SIZE);
+        let tape = Tape::<f64>::new();
+        let clip = scene.positions(&tape);
+        let mesh = Mesh::new(scene.faces.clone(), points.len()).unwrap();
+        let options = RasterOptions { cull: Cull::Back, ..SIZE.into() };
+        let fragments = rasterize(clip, &mesh, options).unwrap();
+        let image = tape.leaf(&scene.image(&fragments, |k, id| motley(k) + f64::from(id)));
+        let out = antialias(image, &fragments, clip).unwrap();
+        let upstream = Tensor::from_fn(out.shape(), motley);
+        let gradients = tape.vjp(&[(out, &upstream)]).unwrap();
+        (out.value(), gradients.get_or_zeros(clip))
+    };
+    // The front is counter-clockwise where y points up, which it does not here.
+    let alone = picture(&[[0, 2, 1]]);
+    assert!(alone.1.data().iter().any(|&entry| entry != 0.0));
+    for culled in [[1, 3, 2], [3, 2, 1], [2, 1, 3]] {
+        assert_eq!(picture(&[[0, 2, 1], culled]), alone, "{culled:?}");
+    }
+    assert_ne!(picture(&[[0, 2, 1], [1, 2, 3]]), alone);
 }
 
 #[test]

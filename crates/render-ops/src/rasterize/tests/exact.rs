@@ -202,10 +202,11 @@ proptest! {
         let corners = [[-0.5, -0.1], [0.5, -0.1], [0.1, 0.1]];
         let mut clip: Clip = corners.into_iter().zip(ws).map(place).collect();
         let size = Size::square(8);
-        let alone = loss_and_gradient(&clip, &[[0, 1, 2]], &[1.0, 0.9, 0.8], exact(size));
+        let colors = [1.0, 0.9, 0.8, 0.2, 0.1, 0.3];
+        let alone = loss_and_gradient(&clip, &[[0, 1, 2]], &colors[..3], exact(size));
         clip.extend_from_within(..);
         let faces = [[0, 1, 2], orders([3, 4, 5])[order]];
-        let both = loss_and_gradient(&clip, &faces, &[1.0, 0.9, 0.8, 0.2, 0.1, 0.3], exact(size));
+        let both = loss_and_gradient(&clip, &faces, &colors, exact(size));
         prop_assert_eq!(both.0, alone.0);
         prop_assert_eq!(&both.1[..12], &alone.1);
         prop_assert!(both.1[12..].iter().all(|&entry| entry == 0.0), "{:?}", &both.1[12..]);
@@ -213,7 +214,7 @@ proptest! {
         let mut before_wall = |depth: f64| {
             let wall = [[-3.0, -3.0], [9.0, -3.0], [-3.0, 9.0]].map(|[x, y]| [x, y, depth, 1.0]);
             clip.splice(3.., wall);
-            loss_and_gradient(&clip, &[[0, 1, 2], [3, 4, 5]], &[1.0, 0.9, 0.8, 0.2, 0.1, 0.3], exact(size))
+            loss_and_gradient(&clip, &[[0, 1, 2], [3, 4, 5]], &colors, exact(size))
         };
         if slope == [0.0; 2] {
             let (apart, touching) = (before_wall(0.3), before_wall(0.1));
