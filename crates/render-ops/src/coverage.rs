@@ -272,6 +272,18 @@ impl Coverage {
         runs.map(|at| self.span(at))
     }
 
+    /// The first pixel and the length of each run of some slots.
+    #[inline(always)]
+    pub(crate) fn stretches_of(
+        &self,
+        slots: Range<usize>,
+    ) -> impl Iterator<Item = (usize, usize)> + '_ {
+        let runs = &self.runs[self.runs_before(slots.start)..self.runs_before(slots.end)];
+        let end = self.fragments_before(self.runs_before(slots.end));
+        let next = runs.iter().skip(1).map(|run| run.fragment as usize).chain([end]);
+        runs.iter().zip(next).map(|(run, next)| (run.pixel as usize, next - run.fragment as usize))
+    }
+
     /// The fragments of slot `slot`.
     #[inline(always)]
     pub(crate) fn fragments_of(&self, slot: usize) -> Range<usize> {

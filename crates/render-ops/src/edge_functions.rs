@@ -123,6 +123,21 @@ impl<S: Scalar<Wide = S>> LocalFace<S> {
         self.coefficients.map(|[one, x, by_y]| [one + by_y * y, x])
     }
 
+    /// `sum_j (b_i (b_bar_j - m)) E_j` for the weight `b_i`, from the sums of `b_i u_bar`, `b_i v_bar` and
+    /// `b_i m`: -D times the gradients with respect to (x, y, w) of vertex i in clip space.
+    #[inline(always)]
+    pub(crate) fn pull_back_weights(&self, sums: &[[S; 3]; 3], i: usize, size: Size) -> [S; 3] {
+        let [u, v, m] = [sums[0][i], sums[1][i], sums[2][i]];
+        let bars = [u - m, v - m, -m];
+        let along = |k: usize| -> S {
+            (0..3).map(|j| bars[j] * self.factors[j] * self.coefficients[j][k]).sum()
+        };
+        let [w_bar, x_bar, y_bar] = [along(0), along(1), along(2)];
+        let w_bar = w_bar - (self.origin[0] * x_bar + self.origin[1] * y_bar);
+        let (width, height) = (S::from_f64(size.width as f64), S::from_f64(size.height as f64));
+        [width * x_bar, height * y_bar, w_bar]
+    }
+
     /// The gradients with respect to (x, y, w) of vertex i in clip space, as it is after being
     /// multiplied by its factor: that comes last, for with it they may be beyond the range of the
     /// numbers.

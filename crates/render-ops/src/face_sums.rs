@@ -32,6 +32,79 @@ fn add_terms<T: Scalar, const N: usize>(entries: [&mut T; N], terms: [&T; N]) {
     }
 }
 
+/// Whether all numbers are finite, without a branch for each.
+#[inline(always)]
+fn are_finite<S: Scalar, const N: usize>(numbers: &[S; N]) -> bool {
+    numbers.iter().fold(true, |all, number| all & number.is_finite())
+}
+
+/// Fragments that are summed side by side, where a face has many: as many as the widest vectors hold.
+const PARTS: usize = 8;
+
+/// A face with fewer fragments is summed one by one.
+pub(crate) const MANY: usize = 4 * PARTS;
+
+/// What is summed over the fragments of a face, times their weights.
+pub(crate) trait Terms<T: Scalar> {
+    /// What there is per fragment.
+    type From: Copy;
+
+    /// Three numbers of each of `N` fragments, from their u and v.
+    fn of<const N: usize>(uv: [&[T::Wide; N]; 2], from: &[Self::From; N]) -> [[T::Wide; N]; 3];
+}
+
+/// The sums over some fragments of a face of their weights times three numbers each: `sums[c][i]` of
+/// `b_i terms_c`.
+#[inline(always)]
+pub(crate) fn sum_weighted<T: Scalar, F: Terms<T>>(
+    uv: &[T],
+    from: &[F::From],
+) -> [[T::Wide; 3]; 3] {
+    let uv = uv.as_chunks::<2>().0;
+    let whole = if uv.len() >= MANY { uv.len() / PARTS * PARTS } else { 0 };
+    // Four lanes are a vector.
+    let mut sums = [[T::Wide::ZERO; 4]; 3];
+    for (uv, from) in uv[whole..].iter().zip(&from[whole..]) {
+        let [u, v] = uv.map(T::widen);
+        let b = [u, v, T::Wide::ONE - u - v, T::Wide::ZERO];
+        let terms = F::of([&[u], &[v]], &[*from]);
+        for (sums, [term]) in sums.iter_mut().zip(terms) {
+            for i in 0..4 {
+                sums[i] += b[i] * term;
+            }
+        }
+    }
+    let mut sums = sums.map(|[a, b, c, _]| [a, b, c]);
+    if whole > 0 {
+        add_many::<T, F>(&uv[..whole], &from[..whole], &mut sums);
+    }
+    sums
+}
+
+/// [`sum_weighted`] of many fragments, a multiple of [`PARTS`]: they are summed in parts.
+#[inline(always)]
+fn add_many<T: Scalar, F: Terms<T>>(uv: &[[T; 2]], from: &[F::From], sums: &mut [[T::Wide; 3]; 3]) {
+    let mut parts = [[[T::Wide::ZERO; PARTS]; 3]; 3];
+    for (uv, from) in uv.as_chunks::<PARTS>().0.iter().zip(from.as_chunks::<PARTS>().0) {
+        let of = |k: usize| -> [T::Wide; PARTS] { std::array::from_fn(|part| uv[part][k].widen()) };
+        let (u, v) = (of(0), of(1));
+        let terms = F::of([&u, &v], from);
+        for part in 0..PARTS {
+            let b = [u[part], v[part], T::Wide::ONE - u[part] - v[part]];
+            for c in 0..3 {
+                for i in 0..3 {
+                    parts[c][i][part] += b[i] * terms[c][part];
+                }
+            }
+        }
+    }
+    for (sums, parts) in sums.iter_mut().zip(parts) {
+        for (sum, parts) in sums.iter_mut().zip(parts) {
+            *sum += parts.into_iter().sum();
+        }
+    }
+}
+
 /// How terms of fragments become gradients of vertices.
 pub(crate) trait FaceSums<S>: Sync {
     /// The gradients of the three vertices, `rows: [3, width]`, of the face of slot `slot` from
@@ -53,6 +126,79 @@ pub(crate) struct Layout<'a> {
 impl Layout<'_> {
     /// Adds the gradients of the vertices to `gradient: [V, width]`.
     pub(crate) fn add_to<T: Scalar>(
+        &self,
+        gradient: &mut Accumulator<T>,
+        by_face: &impl FaceSums<T::Wide>,
+    ) {
+        match self.width {
+            3 => self.add_rows::<T, 9>(gradient, by_face),
+            4 => self.add_rows::<T, 12>(gradient, by_face),
+            _ => self.add_any_rows(gradient, by_face),
+        }
+    }
+
+    /// [`Layout::add_to`] where a face's three rows are `N` numbers.
+    fn add_rows<T: Scalar, const N: usize>(
+        &self,
+        gradient: &mut Accumulator<T>,
+        by_face: &impl FaceSums<T::Wide>,
+    ) {
+        let entries = gradient.entries();
+        let faces = self.mesh.faces();
+        let mut add = |face: usize, rows: &[T; N]| {
+            let are_finite = are_finite(rows);
+            for (&vertex, row) in faces[face].iter().zip(rows.chunks_exact(N / 3)) {
+                let entries = &mut entries[vertex as usize * (N / 3)..][..N / 3];
+                let pairs = entries.iter_mut().zip(row);
+                if are_finite {
+                    pairs.for_each(|(entry, &term)| *entry += term);
+                } else {
+                    pairs.for_each(|(entry, &term)| add_term(entry, term));
+                }
+            }
+        };
+        if !self.coverage.is_shared() {
+            return self.walk_rows(self.bands.clone(), by_face, &mut add);
+        }
+        let work = |bands: Range<usize>| {
+            let slots = self.coverage.slots_of(bands.clone()).len();
+            let mut all_rows = Vec::with_capacity(slots);
+            self.walk_rows(bands, by_face, &mut |_, rows: &[T; N]| all_rows.push(*rows));
+            all_rows
+        };
+        let mut slots = self.coverage.slots.iter();
+        merge_ranges(self.bands.end, 1, work, |all_rows| {
+            for (rows, slot) in all_rows.iter().zip(&mut slots) {
+                add(slot.face as usize, rows);
+            }
+        });
+    }
+
+    /// [`Layout::walk`] where a face's three rows are `N` numbers.
+    fn walk_rows<T: Scalar, const N: usize>(
+        &self,
+        bands: Range<usize>,
+        by_face: &impl FaceSums<T::Wide>,
+        emit: &mut impl FnMut(usize, &[T; N]),
+    ) {
+        let coverage = self.coverage;
+        pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for slot in coverage.slots_of(bands) {
+                    let mut rows = [T::Wide::ZERO; N];
+                    let fragments = coverage.fragments_of(slot);
+                    by_face.sum(slot, fragments.clone(), &mut rows);
+                    if !are_finite(&rows) {
+                        add_one_by_one(slot, fragments, by_face, &mut rows);
+                    }
+                    emit(coverage.slots[slot].face as usize, &rows.map(T::narrow));
+                }
+            },
+        );
+    }
+
+    fn add_any_rows<T: Scalar>(
         &self,
         gradient: &mut Accumulator<T>,
         by_face: &impl FaceSums<T::Wide>,

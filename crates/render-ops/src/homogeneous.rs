@@ -28,14 +28,22 @@ impl<S: Scalar<Wide = S>> Vertex<S> {
     /// times the image's extent. A vertex times a positive number is the same point, so it changes
     /// no edge's sign, no crossing and no depth; weights are per vertex, and take the factor back
     /// (see [`missing_factors`]).
+    #[inline(always)]
     pub(crate) fn of<T: Scalar<Wide = S>>(clip: &[T], index: u32, size: Size) -> (Self, S) {
-        let [x, y, z, w] = std::array::from_fn(|k| clip[4 * index as usize + k].widen());
+        let [x, y, z, w] = clip.as_chunks::<4>().0[index as usize].map(T::widen);
         let (width, height) = (S::from_f64(size.width as f64), S::from_f64(size.height as f64));
         let largest = [x, y, w].map(|coordinate| coordinate.abs().to_f64());
         let largest = largest.into_iter().fold(0.0, f64::max);
         if largest == 0.0 || (1e-60..1e60).contains(&largest) {
             return (Self { x: x * width, y: y * height, z, w }, S::ONE);
         }
+        Self::scaled_to_range([x, y, z, w], largest, size)
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn scaled_to_range([x, y, z, w]: [S; 4], largest: f64, size: Size) -> (Self, S) {
+        let (width, height) = (S::from_f64(size.width as f64), S::from_f64(size.height as f64));
         // 2^-1074 would need a factor beyond the range; near it will do.
         let factor = S::from_f64(f64::powi(2.0, -(largest.log2() as i32).clamp(-1000, 1000)));
         let [x, y, z, w] = [x, y, z, w].map(|coordinate| factor * coordinate);

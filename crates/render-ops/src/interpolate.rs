@@ -19,7 +19,7 @@ use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 
 use crate::coverage::Coverage;
 use crate::error::RenderError;
-use crate::face_sums::{FaceSums, Layout};
+use crate::face_sums::{FaceSums, Layout, MANY, Terms, sum_weighted};
 use crate::fragments::Fragments;
 use crate::mesh::Mesh;
 
@@ -263,6 +263,12 @@ impl<T: Scalar> FaceSums<T::Wide> for Shares<'_, T> {
         let uv = &self.barycentrics[2 * fragments.start..2 * fragments.end];
         let s_bar = &self.s_bar[fragments.start * self.channels..fragments.end * self.channels];
         match self.channels {
+            3 if fragments.len() >= MANY => {
+                let sums = sum_weighted::<T, Values>(uv, s_bar.as_chunks::<3>().0);
+                for (i, row) in rows.as_chunks_mut::<3>().0.iter_mut().enumerate() {
+                    *row = sums.map(|sums| sums[i]);
+                }
+            }
             3 => sum_shares::<T, 3>(3, uv, s_bar, rows),
             channels => {
                 for c in 0..channels {
@@ -270,6 +276,24 @@ impl<T: Scalar> FaceSums<T::Wide> for Shares<'_, T> {
                 }
             }
         }
+    }
+}
+
+/// The gradients of three channels, as they are.
+struct Values;
+
+impl<T: Scalar> Terms<T> for Values {
+    type From = [T; 3];
+
+    #[inline(always)]
+    fn of<const N: usize>(_: [&[T::Wide; N]; 2], bars: &[[T; 3]; N]) -> [[T::Wide; N]; 3] {
+        let mut terms = [[T::Wide::ZERO; N]; 3];
+        for part in 0..N {
+            for c in 0..3 {
+                terms[c][part] = bars[part][c].widen();
+            }
+        }
+        terms
     }
 }
 

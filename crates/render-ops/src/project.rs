@@ -14,6 +14,7 @@
 //! Laine et al., *Modular primitives for high-performance differentiable rendering*, ACM TOG 39(6),
 //! 2020, where the projection is left to the user.
 
+use bokashi_core::parallel::for_each_piece_mut;
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 use glam::DMat4;
 
@@ -59,6 +60,9 @@ pub fn project<'t, T: Scalar>(
         }
     }
 }
+
+/// Vertices in one piece of work.
+const ROWS_PER_PIECE: usize = 1 << 13;
 
 /// Inputs: positions `[V, 3]`, and with a pose rotation `[4]` and translation `[3]`.
 struct Project<S> {
@@ -130,13 +134,21 @@ impl<T: Scalar> Op<T> for Project<T::Wide> {
         let t: [T::Wide; 3] = if posed { widened(inputs.data(2)) } else { Default::default() };
         let b = self.camera.map(|[x, y, z, last]| x * t[0] + y * t[1] + z * t[2] + last);
         let (positions, clip) = (inputs.data(0), outputs.push([inputs.shape(0)[0], 4]));
-        for (p, clip) in positions.chunks_exact(3).zip(clip.chunks_exact_mut(4)) {
-            let p: [T::Wide; 3] = widened(p);
-            for (row, clip) in clip.iter_mut().enumerate() {
-                let a = a[row];
-                *clip = T::narrow(a[0] * p[0] + a[1] * p[1] + a[2] * p[2] + b[row]);
-            }
-        }
+        for_each_piece_mut(clip, 4 * ROWS_PER_PIECE, |piece, clip| {
+            let positions = &positions.as_chunks::<3>().0[piece * ROWS_PER_PIECE..];
+            pulp::Arch::new().dispatch(
+                #[inline(always)]
+                || {
+                    for (p, clip) in positions.iter().zip(clip.as_chunks_mut::<4>().0) {
+                        let p = p.map(T::widen);
+                        *clip = [0, 1, 2, 3].map(|row| {
+                            let a = a[row];
+                            T::narrow(a[0] * p[0] + a[1] * p[1] + a[2] * p[2] + b[row])
+                        });
+                    }
+                },
+            );
+        });
         Ok(())
     }
 
@@ -158,13 +170,23 @@ impl<T: Scalar> Op<T> for Project<T::Wide> {
         let posed = kept.input_count() == 3;
         if let Some(positions_bar) = gradients.get(0) {
             let a = self.linear(posed.then(|| kept.input(1)));
-            let rows = clip_bar.chunks_exact(4);
-            for (p_bar, clip_bar) in positions_bar.entries().chunks_exact_mut(3).zip(rows) {
-                let clip_bar: [T::Wide; 4] = widened(clip_bar);
-                for (k, p_bar) in p_bar.iter_mut().enumerate() {
-                    *p_bar += T::narrow((0..4).map(|row| a[row][k] * clip_bar[row]).sum());
-                }
-            }
+            let entries = positions_bar.entries();
+            for_each_piece_mut(entries, 3 * ROWS_PER_PIECE, |piece, entries| {
+                let rows = &clip_bar.as_chunks::<4>().0[piece * ROWS_PER_PIECE..];
+                pulp::Arch::new().dispatch(
+                    #[inline(always)]
+                    || {
+                        for (p_bar, clip_bar) in entries.as_chunks_mut::<3>().0.iter_mut().zip(rows)
+                        {
+                            let [x, y, z, w] = clip_bar.map(T::widen);
+                            for k in 0..3 {
+                                let sum = a[0][k] * x + a[1][k] * y + a[2][k] * z + a[3][k] * w;
+                                p_bar[k] += T::narrow(sum);
+                            }
+                        }
+                    },
+                );
+            });
         }
         if !posed {
             return;

@@ -183,6 +183,26 @@ fn subtract<T: Scalar>(length: usize, differences: &mut [T], x: &[T], t: &[T]) {
     }
 }
 
+/// Partial sums, so that additions overlap.
+const PARTS: usize = 16;
+
+/// The sum of the squares.
+#[inline(always)]
+fn sum_of_squares<T: Scalar>(entries: &[T]) -> T::Wide {
+    let mut parts = [T::Wide::ZERO; PARTS];
+    let (whole, rest) = entries.as_chunks::<PARTS>();
+    for entries in whole {
+        for part in 0..PARTS {
+            let entry = entries[part].widen();
+            parts[part] += entry * entry;
+        }
+    }
+    for (part, entry) in parts.iter_mut().zip(rest) {
+        *part += entry.widen() * entry.widen();
+    }
+    parts.into_iter().sum()
+}
+
 impl<T: Scalar> Op<T> for SquaredError<T> {
     /// The differences `x - t: [P, C]`.
     type Saved = Vec<T>;
@@ -209,14 +229,19 @@ impl<T: Scalar> Op<T> for SquaredError<T> {
         let square = |difference: &T| difference.widen() * difference.widen();
         let mut total = T::Wide::ZERO;
         let work = |slots: Range<usize>, first: usize, own: &mut [T]| {
-            let mut at = 0;
             let x = &x_own[first * channels..][..own.len()];
-            for span in slots.flat_map(|slot| coverage.spans_of(slot)) {
-                let length = span.fragments.len() * channels;
-                subtract(length, &mut own[at..], &x[at..], &target[span.pixel * channels..]);
-                at += length;
-            }
-            sum::<T>(own.len(), |k| square(&own[k]))
+            pulp::Arch::new().dispatch(
+                #[inline(always)]
+                || {
+                    let mut at = 0;
+                    for (pixel, length) in coverage.stretches_of(slots) {
+                        let length = length * channels;
+                        subtract(length, &mut own[at..], &x[at..], &target[pixel * channels..]);
+                        at += length;
+                    }
+                    sum_of_squares(own)
+                },
+            )
         };
         coverage
             .merge_bands_mut(coverage.center_bands(), channels, own, work, |band| total += band);

@@ -122,11 +122,16 @@ impl Verdict {
     pub(super) fn of<S: Scalar<Wide = S>>(
         corners: [&Corner<S>; 3],
         options: RasterOptions,
+        most_noise: S,
     ) -> Self {
         let [p, q, r] = corners.map(|corner| corner.vertex);
         let determinant = determinant(p, edge(q, r));
         // No sign that is an accident: all that asks which way the face turns, asks this number.
-        let noise = rounding([p, q, r], options.size);
+        let noise = if determinant.abs() > most_noise {
+            most_noise
+        } else {
+            rounding([p, q, r], options.size)
+        };
         let orientation = i8::from(determinant > noise) - i8::from(determinant < -noise);
         let [a, b, c] = corners.map(|corner| corner.beyond);
         let fate = if a & b & c != 0 {
@@ -160,6 +165,19 @@ fn rounding<S: Scalar<Wide = S>>(vertices: [Vertex<S>; 3], size: Size) -> S {
     (0..3)
         .map(|k| vertices[k].w.abs() * doubt(vertices[(k + 1) % 3], vertices[(k + 2) % 3], size))
         .sum()
+}
+
+/// At least the [`rounding`] of any face.
+pub(super) fn most_rounding<S: Scalar<Wide = S>>(corners: &[Corner<S>], size: Size) -> S {
+    let mut largest = [S::ZERO; 3];
+    for Corner { vertex, .. } in corners {
+        for (largest, k) in largest.iter_mut().zip([vertex.x, vertex.y, vertex.w]) {
+            *largest = if k.abs() > *largest { k.abs() } else { *largest };
+        }
+    }
+    let [x, y, w] = largest;
+    let vertex = Vertex { x, y, z: S::ZERO, w };
+    S::from_f64(1.0 + 1e-12) * rounding([vertex; 3], size)
 }
 
 /// What a pixel reaches beyond its centre.

@@ -272,7 +272,7 @@ impl<T: Scalar> Op<T> for Rasterize {
     }
 
     fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING
+        Keep::NOTHING.output(0)
     }
 
     fn backward(
@@ -288,7 +288,8 @@ impl<T: Scalar> Op<T> for Rasterize {
             self.pull_back_pieces(kept, coverage, visibility, adjoints, clip_bar);
         }
         let Some(uv_bar) = kept.upstream(0) else { return };
-        let pull_back = PullBack { coverage, corners: &visibility.corners, uv_bar };
+        let pull_back =
+            PullBack { coverage, corners: &visibility.corners, uv: kept.output(0), uv_bar };
         Layout { coverage, bands: coverage.center_bands(), mesh: &self.mesh, width: 4 }
             .add_to(clip_bar, &pull_back);
     }

@@ -363,8 +363,8 @@ impl<S: Scalar<Wide = S>> Weights<S> {
         let row = Row::of(&self.edges, y);
         let weights = |x: S| {
             let a = row.at(x);
-            let total = a[0] + a[1] + a[2];
-            [T::narrow(a[0] / total), T::narrow(a[1] / total)]
+            let scale = S::ONE / (a[0] + a[1] + a[2]);
+            [T::narrow(a[0] * scale), T::narrow(a[1] * scale)]
         };
         let barycentrics = barycentrics.as_chunks_mut::<2>().0;
         let mut done = 0;

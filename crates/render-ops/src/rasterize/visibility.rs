@@ -14,7 +14,7 @@ use bokashi_core::Scalar;
 use bokashi_core::parallel::{for_each_item_mut, for_each_piece_mut, threads};
 
 use super::canvas::{Band, Canvas, Draw, View, resize};
-use super::culling::{Corner, Fate, Verdict, give_one_factor};
+use super::culling::{Corner, Fate, Verdict, give_one_factor, most_rounding};
 use super::setup::LANES;
 use super::{RasterOptions, Sampling};
 use crate::coverage::{Coverage, Culled, Run, Slot};
@@ -77,9 +77,14 @@ impl<T: Scalar> Visibility<T> {
         resize(&mut self.corners, count, || Corner::of(&[T::ZERO; 4], 0, size));
         for_each_piece_mut(&mut self.corners, ITEMS_PER_PIECE, |piece, corners| {
             let first = piece * ITEMS_PER_PIECE;
-            for (index, corner) in (first as u32..).zip(corners) {
-                *corner = Corner::of(clip, index, size);
-            }
+            pulp::Arch::new().dispatch(
+                #[inline(always)]
+                || {
+                    for (index, corner) in (first as u32..).zip(corners) {
+                        *corner = Corner::of(clip, index, size);
+                    }
+                },
+            );
         });
         // No f32 is so small or so large that it is multiplied.
         if T::from_f64(1e60).is_finite() {
@@ -91,6 +96,7 @@ impl<T: Scalar> Visibility<T> {
         let Self { corners, verdicts, .. } = self;
         let degenerate = Verdict { orientation: 0, reaches_behind: false, fate: Fate::Degenerate };
         resize(verdicts, mesh.faces().len(), || degenerate);
+        let most_noise = most_rounding(corners, options.size);
         for_each_piece_mut(verdicts, ITEMS_PER_PIECE, |piece, verdicts| {
             let faces = &mesh.faces()[piece * ITEMS_PER_PIECE..];
             pulp::Arch::new().dispatch(
@@ -100,7 +106,11 @@ impl<T: Scalar> Visibility<T> {
                         *verdict = if repeats_a_vertex(face) {
                             degenerate
                         } else {
-                            Verdict::of(face.map(|vertex| &corners[vertex as usize]), options)
+                            Verdict::of(
+                                face.map(|vertex| &corners[vertex as usize]),
+                                options,
+                                most_noise,
+                            )
                         };
                     }
                 },

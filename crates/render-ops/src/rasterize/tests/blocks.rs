@@ -11,7 +11,7 @@ use super::*;
 fn setup(clip: &[[f64; 4]; 3], size: Size) -> Option<Setup<f64>> {
     let corners = [0, 1, 2].map(|index| Corner::of(clip.as_flattened(), index, size));
     let corners = corners.each_ref();
-    let Verdict { orientation, fate, .. } = Verdict::of(corners, size.into());
+    let Verdict { orientation, fate, .. } = Verdict::of(corners, size.into(), f64::INFINITY);
     matches!(fate, Fate::Drawn { .. }).then(|| Setup::of(corners, orientation, size))
 }
 
