@@ -117,6 +117,7 @@ impl<T: Scalar> Tape<T> {
     }
 
     /// A pass from `seeds` (`None`: a gradient of 1 at a scalar) to `wrt` (`None`: all leaves).
+    #[inline(never)]
     fn run_backward<'t>(
         &'t self,
         seeds: &[(Var<'t, T>, Option<&Tensor<T>>)],

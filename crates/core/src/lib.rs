@@ -30,6 +30,9 @@ mod gradient;
 mod logistic;
 mod op;
 mod pool;
+#[cfg(feature = "precompiled")]
+#[doc(hidden)]
+pub mod precompiled;
 mod preference;
 mod record;
 mod report;

@@ -105,7 +105,11 @@ impl<T: Scalar> Tape<T> {
         inputs: &[Var<'t, T>],
         look: impl FnOnce(&O::Saved) -> R,
     ) -> Result<(Variables<'t, T>, R), O::Error> {
-        let (indices, seen) = self.record_node(op, inputs, look)?;
+        let (mut look, mut seen) = (Some(look), None);
+        let indices = self.record_node(op, inputs, &mut |saved| {
+            seen = look.take().map(|look| look(saved));
+        })?;
+        let seen = seen.expect("a recorded operation is looked at once");
         Ok((indices.map(|index| Var { tape: self, index }).collect(), seen))
     }
 
@@ -121,18 +125,19 @@ impl<T: Scalar> Tape<T> {
         op: O,
         inputs: &[Var<'t, T>],
     ) -> Result<Var<'t, T>, O::Error> {
-        let (outputs, ()) = self.record_node(op, inputs, |_| ())?;
+        let outputs = self.record_node(op, inputs, &mut |_| ())?;
         assert_eq!(outputs.len(), 1, "`apply` is for operations of one output");
         Ok(Var { tape: self, index: outputs.start })
     }
 
-    /// Records `op` on `inputs`; returns the indices of its outputs, and what `look` saw.
-    fn record_node<'t, O: Op<T>, R>(
+    /// Records `op` on `inputs`; returns the indices of its outputs.
+    #[inline(never)]
+    fn record_node<'t, O: Op<T>>(
         &'t self,
         op: O,
         inputs: &[Var<'t, T>],
-        look: impl FnOnce(&O::Saved) -> R,
-    ) -> Result<(Range<u32>, R), O::Error> {
+        look: &mut dyn FnMut(&O::Saved),
+    ) -> Result<Range<u32>, O::Error> {
         let name = op.name();
         if inputs.iter().any(|input| !std::ptr::eq(input.tape, self)) {
             return Err(TensorError::ForeignVariable { operation: name }.into());
@@ -160,7 +165,7 @@ impl<T: Scalar> Tape<T> {
             return Err(error);
         }
         let Outputs { count: output_count, passed, .. } = outputs;
-        let seen = look(&slot.saved);
+        look(&slot.saved);
 
         place.entry = tally.entry(name, place.entry);
         let count = tally.count(place.entry);
@@ -176,7 +181,7 @@ impl<T: Scalar> Tape<T> {
             let index = view.indices[input];
             links.truncate(first_input);
             tally.leave_out(name, reason);
-            return Ok((index..index + 1, seen));
+            return Ok(index..index + 1);
         }
 
         let needs = view.any_needs();
@@ -209,7 +214,7 @@ impl<T: Scalar> Tape<T> {
             let data = values[inputs[input].index as usize].share(pool);
             values[first_output + output].rename(shape, data, pool);
         }
-        Ok((first_output as u32..*live as u32, seen))
+        Ok(first_output as u32..*live as u32)
     }
 }
 

@@ -107,6 +107,7 @@ impl<T: Scalar> Tape<T> {
     }
 
     /// Ends a step: forgets every value and operation and keeps their memory for the next step.
+    #[inline(never)]
     pub fn reset(&mut self) {
         let Inner { values, live, links, nodes, places, used, pool, .. } = self.inner.get_mut();
         for node in nodes.drain(..) {

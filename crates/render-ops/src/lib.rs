@@ -45,6 +45,9 @@ mod interpolate;
 mod layer;
 mod mesh;
 mod mix;
+#[cfg(feature = "precompiled")]
+#[doc(hidden)]
+pub mod precompiled;
 mod project;
 mod rasterize;
 mod resolve;

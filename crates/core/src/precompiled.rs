@@ -1,0 +1,39 @@
+//! Every operation, compiled for `f32` and for `f64`.
+//!
+//! The compiler generates a generic function anew in each crate that uses it with concrete types,
+//! unless the function is never inlined and a crate below has it for the same types already. All
+//! operations pass through [`Tape::record`], and all passes through [`Tape::run_backward`], which
+//! are never inlined; so it is enough that this crate uses each of them once. Nobody calls these
+//! functions. What is missing here still works: it is compiled where it is used.
+
+use std::sync::Arc;
+
+use crate::error::TensorError;
+use crate::scalar::Scalar;
+use crate::tape::Tape;
+use crate::tensor::Tensor;
+use crate::var::Var;
+
+macro_rules! for_each_precision {
+    ($($name:ident: $t:ty),*) => {
+        $(pub fn $name(tape: &mut Tape<$t>) -> Result<(), TensorError> {
+            every_operation(tape.constant(&Tensor::zeros([])))?;
+            tape.reset();
+            Ok(())
+        })*
+    };
+}
+
+for_each_precision!(f32_operations: f32, f64_operations: f64);
+
+fn every_operation<T: Scalar>(x: Var<'_, T>) -> Result<(), TensorError> {
+    let pairs = [x + x, x - x, x * x, x / x, x.minimum(x)?, x.maximum(x)?];
+    let entries = [x.exp(), x.ln(), x.sqrt(), x.powi(2), x.sin(), x.cos(), x.tanh()];
+    let further = [x.sigmoid(), x.softplus(), x.abs(), x.clamp(T::ZERO, T::ONE)?, -x];
+    let sums = [x.sum(), x.sum_axis(0)?, x.mean()?, x.mean_axis(0)?, x.matmul(x)?];
+    let parts =
+        [x.reshape([])?, x.permute(&[])?, x.slice(0, 0..0)?, x.gather_rows(&Arc::from([]))?];
+    let all = [&pairs[..], &entries, &further, &sums, &parts].concat();
+    Var::concat(&all, 0)?.backward()?;
+    Ok(())
+}
