@@ -87,15 +87,6 @@ pub enum RenderError {
         shape: Shape,
     },
 
-    /// A layer was antialiased before.
-    #[error(
-        "antialias needs a layer that was not antialiased before, got one with a rim of {rim} pixels"
-    )]
-    Antialiased {
-        /// Pixels of the rim that it has.
-        rim: usize,
-    },
-
     /// Fragments with exact coverage have nothing to antialias.
     #[error(
         "antialias needs one fragment per pixel, got exact coverage with {pixels} boundary pixels"
