@@ -9,7 +9,7 @@ use std::f64::consts::PI;
 
 use bokashi_core::{Tape, Tensor};
 use bokashi_render_ops::{
-    Background, Mesh, RasterOptions, Sampling, Size, antialias, interpolate, rasterize, resolve,
+    Background, Mesh, RasterOptions, Sampling, Size, antialias, composite, interpolate, rasterize,
 };
 
 const CORNERS: u32 = 64;
@@ -36,11 +36,9 @@ fn brightness(radius: f64, sampling: Sampling, smooth: bool) -> Result<[f64; 2],
     let options = RasterOptions { sampling, ..Size::square(PIXELS).into() };
     let fragments = rasterize(clip, &mesh, options)?;
     let white = tape.constant(&Tensor::from_fn([mesh.vertex_count(), 1], |_| 1.0));
-    let mut image = resolve(interpolate(white, &fragments)?, &fragments, Background::Zero)?;
-    if smooth {
-        image = antialias(image, &fragments, clip)?;
-    }
-    let sum = image.sum();
+    let picture = composite(interpolate(white, &fragments)?, &fragments, Background::Zero)?;
+    let picture = if smooth { antialias(picture)? } else { picture.into() };
+    let sum = picture.image()?.sum();
     Ok([sum.item(), sum.backward()?.get_or_zeros(radius).data()[0]])
 }
 

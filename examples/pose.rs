@@ -10,8 +10,8 @@ use bokashi_fit::{
     Fit, FitError, FitSettings, Mapping, Parameter, Parameters, Schedule, from_fn, squared_error,
 };
 use bokashi_render_ops::{
-    Background, Blur, Mesh, Pose, Size, antialias, gaussian_blur, interpolate, project, rasterize,
-    resolve,
+    Background, Blur, Mesh, Pose, Size, antialias, composite, gaussian_blur, interpolate, project,
+    rasterize,
 };
 use glam::dcamera::rh::proj::opengl::perspective;
 use glam::{DMat4, DQuat, DVec3};
@@ -46,8 +46,8 @@ impl Scene {
         let clip = project(tape.constant(&self.vertices.cast()), &self.camera, Some(pose))?;
         let fragments = rasterize(clip, &self.mesh, Size::square(64))?;
         let surface = interpolate(tape.constant(&self.colors.cast()), &fragments)?;
-        let image = resolve(surface, &fragments, Background::Zero)?;
-        let image = antialias(image, &fragments, clip)?;
+        let picture = antialias(composite(surface, &fragments, Background::Zero)?)?;
+        let image = picture.image()?;
         Ok(gaussian_blur(image, sigma, &Blur::default())?)
     }
 }

@@ -10,8 +10,8 @@ use bokashi_core::{Tape, Tensor, TensorError, Var};
 use bokashi_fit::scenes::FACES;
 use bokashi_fit::{Fit, FitError, FitSettings, Parameter, Parameters, from_fn, squared_error};
 use bokashi_render_ops::{
-    Background, Blur, Coverage, Kernel, Mesh, Pose, RasterOptions, Sampling, Size, Target,
-    antialias, gaussian_blur, interpolate, layer, project, rasterize, resolve,
+    Background, Blur, Coverage, Kernel, Mesh, Pose, RasterOptions, Reference, Sampling, Size,
+    antialias, composite, gaussian_blur, interpolate, project, rasterize,
 };
 use glam::dcamera::rh::proj::opengl::perspective;
 use rayon::{ThreadBuilder, ThreadPoolBuilder};
@@ -116,7 +116,7 @@ impl Scene {
         let options = RasterOptions { sampling: self.sampling, ..size.into() };
         let fragments = rasterize(clip, &self.mesh, options)?;
         let surface = interpolate(vertices, &fragments)?;
-        let mut image = resolve(surface, &fragments, Background::Color(background))?;
+        let mut image = composite(surface, &fragments, Background::Color(background))?.image()?;
         if self.sampling == Sampling::Center {
             image = antialias(image, &fragments, clip)?;
         }
@@ -306,11 +306,11 @@ fn a_steady_step_of_every_blur_allocates_nothing() {
     }
 }
 
-/// Bent sheets of faces, a first one that hides the others, as a layer that is fitted.
+/// Bent sheets of faces, a first one that hides the others, as a picture that is fitted.
 struct Sheets {
     mesh: Mesh,
     vertices: Tensor<f32>,
-    target: Target<f32>,
+    reference: Reference<f32>,
     options: RasterOptions,
 }
 
@@ -351,7 +351,7 @@ impl Sheets {
         Self {
             mesh,
             vertices: Tensor::new([count, 3], corners).unwrap(),
-            target: Target::new(&image, &Tensor::zeros([3])).unwrap(),
+            reference: Reference::new(&image, &Tensor::zeros([3])).unwrap(),
             options: Size::square(pixels).into(),
         }
     }
@@ -373,11 +373,12 @@ impl Sheets {
         let clip = project(vertices, &perspective(0.7, 1.0, 1.0, 50.0), None)?;
         let fragments = rasterize(clip, &self.mesh, self.options)?;
         let surface = interpolate(vertices, &fragments)?;
-        let mut layer = layer(surface, &fragments, Background::Zero)?;
-        if self.options.sampling == Sampling::Center {
-            layer = layer.antialias(clip)?;
-        }
-        let loss = layer.squared_error(&self.target)?;
+        let picture = composite(surface, &fragments, Background::Zero)?;
+        let picture = match self.options.sampling {
+            Sampling::Center => antialias(picture)?,
+            Sampling::Exact => picture.into(),
+        };
+        let loss = picture.squared_error(&self.reference)?;
         let gradients = loss.backward()?;
         assert!(gradients.get(vertices).is_some());
         Ok(self.found(&fragments.coverage, loss.item()))

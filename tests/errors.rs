@@ -16,8 +16,7 @@ use bokashi_fit::{
 };
 use bokashi_render_ops::{
     Background, Blur, Kernel, Lens, Mesh, Pose, Radius, RasterOptions, RenderError, Sampling, Size,
-    depth_of_field, gaussian_blur, interpolate, interpolate_indexed, layer, project, rasterize,
-    resolve,
+    composite, depth_of_field, gaussian_blur, interpolate, interpolate_indexed, project, rasterize,
 };
 use glam::DMat4;
 
@@ -117,15 +116,11 @@ fn every_render_error_says_the_rule_and_the_value() {
     let clip = tape.leaf(&Tensor::new([3, 4], corners.clone()).unwrap());
     let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
     let fragments = rasterize(clip, &mesh, Size::square(4)).unwrap();
-    let values = zeros(&[fragments.coverage.count(), 1]);
-    let smooth = layer(values, &fragments, Background::Zero).unwrap().antialias(clip).unwrap();
-    let rim = smooth.values.shape()[0] - values.shape()[0];
-    let again = smooth.antialias(clip).map(drop);
     let options = RasterOptions { sampling: Sampling::Exact, ..fragments.coverage.size().into() };
     let exact = rasterize(clip, fragments.coverage.mesh(), options).unwrap();
     let pixels = exact.coverage.boundary_counts().pixels;
     let values = tape.leaf(&Tensor::zeros([exact.coverage.count(), 1]));
-    let exact = layer(values, &exact, Background::Zero).unwrap().antialias(clip).map(drop);
+    let exact = antialias(composite(values, &exact, Background::Zero).unwrap()).map(drop);
     let (points, image, depth) = (zeros(&[2, 3]), zeros(&[4, 4, 1]), zeros(&[4, 4]));
     let lost = {
         let mut corners = corners;
@@ -169,8 +164,8 @@ fn every_render_error_says_the_rule_and_the_value() {
             "a rotation needs a finite quaternion other than zero, got (0, 0, 0, 0)",
         ),
         (
-            resolve(image, &fragments, Background::Zero).unwrap_err(),
-            "resolve needs values of shape [6, C], C > 0, got shape [4, 4, 1]",
+            composite(image, &fragments, Background::Zero).unwrap_err(),
+            "composite needs values of shape [6, C], C > 0, got shape [4, 4, 1]",
         ),
         (
             again.unwrap_err(),

@@ -5,8 +5,8 @@ use std::cell::Cell;
 use arbitrary::{Result, Unstructured};
 use bokashi_core::{Scalar, Tensor};
 use bokashi_render_ops::{
-    Background, Mesh, RasterOptions, Sampling, Target, antialias, interpolate, layer, rasterize,
-    resolve,
+    Background, Mesh, RasterOptions, Sampling, Target, antialias, composite, interpolate, layer,
+    rasterize,
 };
 
 use super::mesh::{check_pieces, faces, sampling, size};
@@ -61,7 +61,7 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> Result<usize> {
             check_pieces(&fragments);
             let surface = interpolate(attributes, &fragments)?;
             let mut layer = layer(surface, &fragments, background)?;
-            let mut whole = resolve(surface, &fragments, background)?;
+            let mut whole = composite(surface, &fragments, background)?.image()?;
             if sampling == Sampling::Center {
                 layer = layer.antialias(clip)?;
                 whole = antialias(whole, &fragments, clip)?;

@@ -2,8 +2,8 @@
 
 use bokashi_core::{Scalar, Var};
 use bokashi_render_ops::{
-    Background, Blur, Mesh, RasterOptions, Sampling, Size, antialias, gaussian_blur, interpolate,
-    project, rasterize, resolve,
+    Background, Blur, Mesh, RasterOptions, Sampling, Size, antialias, composite, gaussian_blur,
+    interpolate, project, rasterize,
 };
 use glam::DMat4;
 
@@ -48,7 +48,7 @@ impl Scene {
         let options = RasterOptions { sampling, ..self.size.into() };
         let fragments = rasterize(clip, &self.mesh, options)?;
         let surface = interpolate(colors, &fragments)?;
-        let mut image = resolve(surface, &fragments, Background::Zero)?;
+        let mut image = composite(surface, &fragments, Background::Zero)?.image()?;
         if self.silhouettes == Silhouettes::Antialias {
             image = antialias(image, &fragments, clip)?;
         }

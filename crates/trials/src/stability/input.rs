@@ -3,8 +3,8 @@
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_fit::mean_squared_error;
 use bokashi_render_ops::{
-    Background, Blur, Fragments, Mesh, Pose, Radius, Size, antialias, gaussian_blur, interpolate,
-    project, rasterize, resolve,
+    Background, Blur, Fragments, Mesh, Pose, Radius, Size, antialias, composite, gaussian_blur,
+    interpolate, project, rasterize,
 };
 use glam::DMat4;
 
@@ -95,18 +95,15 @@ fn fragments<'t, T: Scalar>(
 /// What each operation on fragments says to some that it cannot take.
 fn on_fragments<'t, T: Scalar>(
     tape: &'t Tape<T>,
-    clip: Var<'t, T>,
     fragments: &Fragments<'t, T>,
     said: impl Fn(&str) -> String,
 ) -> Vec<(Result<(), String>, String)> {
     let count = fragments.coverage.count();
     let colors = tape.leaf(&Tensor::full([3, 1], T::ONE));
     let values = tape.leaf(&Tensor::full([count, 1], T::ONE));
-    let image = tape.leaf(&Tensor::full([6, 6, 1], T::ONE));
     vec![
         (told(interpolate(colors, fragments)), said("interpolate")),
-        (told(resolve(values, fragments, Background::Zero)), said("resolve")),
-        (told(antialias(image, fragments, clip)), said("antialias")),
+        (told(composite(values, fragments, Background::Zero)), said("composite")),
     ]
 }
 
@@ -144,13 +141,13 @@ pub(super) fn background_of_another_shape<T: Scalar>() -> Outcome {
     let behind = |shape: &[usize]| tape.leaf(&Tensor::zeros(shape));
     let mut results = Vec::new();
     for shape in [&[6, 6, 2][..], &[1], &[3], &[]] {
-        let said = told(resolve(values, &fragments, Background::Color(behind(shape))));
-        let rule = "resolve needs a background colour of shape [2]";
+        let said = told(composite(values, &fragments, Background::Color(behind(shape))));
+        let rule = "composite needs a background colour of shape [2]";
         results.push((said, format!("{rule}, got shape {shape:?}")));
     }
     for shape in [&[2][..], &[6, 6, 1], &[6, 6], &[72]] {
-        let said = told(resolve(values, &fragments, Background::Image(behind(shape))));
-        let rule = "resolve needs a background image of shape [6, 6, 2]";
+        let said = told(composite(values, &fragments, Background::Image(behind(shape))));
+        let rule = "composite needs a background image of shape [6, 6, 2]";
         results.push((said, format!("{rule}, got shape {shape:?}")));
     }
     Ok(Found::refused(results))

@@ -2,7 +2,7 @@
 
 use bokashi_core::{Scalar, Tape, Tensor};
 use bokashi_render_ops::{
-    Background, Size, Target, antialias, interpolate, layer, rasterize, resolve,
+    Background, Size, Target, antialias, composite, interpolate, layer, rasterize,
 };
 
 use super::row::{Found, Outcome};
@@ -29,8 +29,8 @@ pub(super) fn against_the_image<T: Scalar>() -> Outcome {
             let fragments = rasterize(positions, &scene.mesh()?, size)?;
             let surface = interpolate(colors, &fragments)?;
             let layer = layer(surface, &fragments, background)?.antialias(positions)?;
-            let whole = resolve(surface, &fragments, background)?;
-            let whole = antialias(whole, &fragments, positions)?;
+            let picture = antialias(composite(surface, &fragments, background)?)?;
+            let whole = picture.image()?;
             wrong += usize::from(layer.image()?.value() != whole.value());
             counts.push(fragments.coverage.count());
 

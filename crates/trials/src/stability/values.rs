@@ -5,7 +5,7 @@ use bokashi_fit::{
     Fit, FitError, FitSettings, Optimizer, Parameter, Parameters, from_fn, squared_error,
 };
 use bokashi_render_ops::{
-    Background, Blur, Size, antialias, gaussian_blur, interpolate, rasterize, resolve,
+    Background, Blur, Size, antialias, composite, gaussian_blur, interpolate, rasterize,
 };
 
 use super::oracle::{GridScene, STEPS};
@@ -36,8 +36,8 @@ fn pipeline<'t, T: Scalar>(
     let sigma = tape.scalar(T::from_f64(1.1));
     let fragments = rasterize(clip, &scene.mesh()?, scene.size)?;
     let surface = interpolate(colors, &fragments)?;
-    let image = resolve(surface, &fragments, Background::Zero)?;
-    let image = antialias(image, &fragments, clip)?;
+    let picture = antialias(composite(surface, &fragments, Background::Zero)?)?;
+    let image = picture.image()?;
     let image = gaussian_blur(image, sigma, &Blur::default())?;
     Ok(Pipeline { leaves: [clip, colors, sigma], image })
 }
@@ -170,7 +170,7 @@ pub(super) fn colors_that_overflow<T: Scalar>() -> Outcome {
         let clip = scene.leaf(tape);
         let fragments = rasterize(clip, &mesh, scene.size)?;
         let surface = interpolate(variables.get("colours")?, &fragments)?;
-        Ok(resolve(surface, &fragments, Background::Zero)?.sum())
+        Ok(composite(surface, &fragments, Background::Zero)?.image()?.sum())
     }));
     let message = said.map_err(|error| error.to_string()).err().unwrap_or_default();
     let rule = "the loss needs to be finite, got ";
