@@ -90,7 +90,6 @@ fn experiments(request: &Request) -> Vec<CubeSettings> {
         SIGMAS.map(|sigma_target| CubeSettings { sigma_target, ..settings.clone() })
     };
     match &request.command {
-        Some(Command::Stability(_) | Command::Stiff(_) | Command::Bench(_)) => Vec::new(),
         None => sigmas(Experiment::Joint, Preset::Paper).to_vec(),
         Some(Command::Fit(fit)) => {
             let settings = new(fit.experiment, fit.preset);
