@@ -37,8 +37,6 @@ mod pipeline;
 #[cfg(feature = "save")]
 mod saved;
 mod schedule;
-#[cfg(any(feature = "report", feature = "save"))]
-pub mod write;
 
 #[cfg(feature = "report")]
 pub mod report;

@@ -13,7 +13,7 @@ use base64::engine::general_purpose::STANDARD;
 
 use super::ReportError;
 use super::figure::{GRID, INK, PALETTE, PALETTE_DARK};
-use crate::write::write_whole;
+use bokashi_write::write_whole;
 
 /// The style sheet, without the colours of the figures.
 const STYLE: &str = include_str!("page.css");

@@ -34,9 +34,9 @@ use std::{fs, io};
 use crate::error::FitError;
 use crate::scenes::{Alternative, CubeSettings, Outcome};
 
-pub use crate::write::{check_folder, write_whole};
 use alternatives::Trial;
 pub use axis::Scale;
+pub use bokashi_write::{check_folder, write_whole};
 pub use digest::quartiles;
 use digest::{Fit, Group};
 pub use document::{Document, Section, add_page, data_uri, escaped};

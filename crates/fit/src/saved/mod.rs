@@ -30,8 +30,8 @@ pub use self::stored::Stored;
 use crate::error::FitError;
 use crate::fit::{Fit, LoopState, Seen};
 use crate::parameter::{Parameter, Parameters};
-use crate::write::write_whole;
 use bokashi_core::Scalar;
+use bokashi_write::write_whole;
 
 /// What a file begins with.
 const MAGIC: &str = "bokashi-fit";
