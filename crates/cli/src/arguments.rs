@@ -3,7 +3,7 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-use bokashi_fit::scenes::{Experiment, Precision, Preset, Silhouettes};
+use bokashi_paper::{Experiment, Precision, Preset, Silhouettes};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::error::ErrorKind;
 use clap::parser::ValueSource;

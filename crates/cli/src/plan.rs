@@ -1,9 +1,7 @@
 //! Which fits a command stands for.
 
 use bokashi_fit::FitError;
-use bokashi_fit::scenes::{
-    Alternative, CubeSettings, Experiment, Preset, Silhouettes, alternatives,
-};
+use bokashi_paper::{Alternative, CubeSettings, Experiment, Preset, Silhouettes, alternatives};
 
 use crate::arguments::{Command, FitArguments, Request};
 use crate::failure::Failure;

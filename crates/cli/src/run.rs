@@ -7,8 +7,10 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use bokashi_fit::report::{About, Report, ReportError, check_folder, write_whole};
-use bokashi_fit::scenes::{Saving, run_cube_saving};
+use bokashi_paper::page::{About, Report};
+use bokashi_paper::{Saving, run_cube_saving};
+use bokashi_report::ReportError;
+use bokashi_write::{check_folder, write_whole};
 use rayon::{ThreadPoolBuildError, ThreadPoolBuilder};
 
 use crate::arguments::{Command, Request};

@@ -1,8 +1,8 @@
 //! Arbitrary files as saved fits.
 
 use bokashi_core::{Tape, Var};
-use bokashi_fit::scenes::{CubePipeline, CubeSettings};
 use bokashi_fit::{Fit, FitError, Pipeline, Stored, Variables};
+use bokashi_paper::{CubePipeline, CubeSettings};
 
 /// Reads the saved fit that `bytes` are: as they come or, so that the checksum does not keep all
 /// changes out, as the contents of a file with a right one. Returns the bytes of what was read.

@@ -8,12 +8,12 @@ use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
 
 use bokashi_core::{Tape, Tensor};
-use bokashi_fit::report::{Document, ReportError, Section, add_page, escaped};
 use bokashi_fit::{FitError, squared_error};
 use bokashi_render_ops::{
     Background, Blur, Mesh, RasterOptions, Size, antialias, depth, gaussian_blur, interpolate,
     project, rasterize, resolve,
 };
+use bokashi_report::{Document, ReportError, Section, add_page, escaped};
 use glam::DVec4;
 use serde::{Serialize, Serializer, ser::SerializeStruct as _};
 

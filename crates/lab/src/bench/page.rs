@@ -3,7 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use bokashi_fit::report::{Document, ReportError, Section, add_page, escaped, write_whole};
+use bokashi_report::{Document, ReportError, Section, add_page, escaped};
+use bokashi_write::write_whole;
 
 use crate::bench::effort::Effort;
 use crate::bench::questions::method;

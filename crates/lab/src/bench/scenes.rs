@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 
 use bokashi_core::Tensor;
 use bokashi_fit::FitError;
-use bokashi_fit::scenes::{FACES, View, truth};
+use bokashi_paper::{FACES, View, truth};
 use bokashi_render_ops::{Mesh, Size};
 use glam::{DMat4, DVec2, DVec3};
 use rand::{Rng, SeedableRng};

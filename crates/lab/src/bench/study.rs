@@ -1,7 +1,7 @@
 //! What a study found: tables, figures, and what failed.
 
 use bokashi_fit::FitError;
-use bokashi_fit::report::{Panel, ReportError, Stroke, escaped, legend_line, row};
+use bokashi_report::{Panel, ReportError, Stroke, escaped, legend_line, row};
 
 use crate::bench::table::Table;
 

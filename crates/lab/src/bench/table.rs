@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use bokashi_fit::report::{digits, escaped};
+use bokashi_report::{digits, escaped};
 use serde_json::{Map, Value};
 
 use crate::bench::sampling::Timing;

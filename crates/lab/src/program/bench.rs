@@ -4,16 +4,17 @@ use std::io;
 use std::path::Path;
 use std::sync::PoisonError;
 
-use bokashi_fit::report::{ReportError, escaped, write_whole};
+use bokashi_cli::failure::Failure;
+use bokashi_cli::run::{Writing, about, is_standard_output, say, say_bytes};
 use bokashi_lab::bench::{
     Effort, bench, elision, elision_markdown, json, markdown, read_peers, write_elision_page,
     write_page,
 };
+use bokashi_report::{ReportError, escaped};
+use bokashi_write::write_whole;
 use indicatif::ProgressBar;
 
 use crate::arguments::{BenchArguments, BenchCommand, BenchFiles};
-use bokashi_cli::failure::Failure;
-use bokashi_cli::run::{Writing, about, is_standard_output, say, say_bytes};
 
 /// Does what was asked for.
 pub(crate) fn run(arguments: &BenchArguments, writing: &Writing) -> Result<(), Failure> {

@@ -2,12 +2,13 @@
 
 use std::sync::PoisonError;
 
-use bokashi_fit::report::{add_page, write_whole};
-use bokashi_lab::stability::{Row, grid, line, page, summary};
-
-use crate::arguments::StabilityArguments;
 use bokashi_cli::failure::Failure;
 use bokashi_cli::run::{Writing, is_standard_output, say, say_bytes};
+use bokashi_lab::stability::{Row, grid, line, page, summary};
+use bokashi_report::add_page;
+use bokashi_write::write_whole;
+
+use crate::arguments::StabilityArguments;
 
 /// Runs the grid; a row that fails is a failure of the program.
 pub(crate) fn run(arguments: &StabilityArguments, writing: &Writing) -> Result<(), Failure> {
@@ -55,7 +56,7 @@ fn write(
     }
     let Some(out) = &arguments.out else { return Ok(()) };
     let html = page(rows, concat!("bokashi-lab ", env!("CARGO_PKG_VERSION")));
-    let failed = |error: bokashi_fit::report::ReportError| Failure::Work(error.to_string());
+    let failed = |error: bokashi_report::ReportError| Failure::Work(error.to_string());
     let path = add_page(out, "stability.html", &html).map_err(failed)?;
     tell(&format!("\nReport: {}\n", path.display()))
 }

@@ -2,13 +2,14 @@
 
 use std::sync::PoisonError;
 
-use bokashi_fit::report::{escaped, write_whole};
+use bokashi_cli::failure::Failure;
+use bokashi_cli::run::{Writing, about, is_standard_output, say, say_bytes};
 use bokashi_lab::stiff::{StudySettings, study, table, write_page};
+use bokashi_report::escaped;
+use bokashi_write::write_whole;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::arguments::StiffArguments;
-use bokashi_cli::failure::Failure;
-use bokashi_cli::run::{Writing, about, is_standard_output, say, say_bytes};
 
 /// Does the trial and writes what was asked for.
 pub(crate) fn run(arguments: &StiffArguments, writing: &Writing) -> Result<(), Failure> {

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use bokashi_fit::report::{Document, Section, escaped};
+use bokashi_report::{Document, Section, escaped};
 
 use super::row::Row;
 use super::table::summary;

@@ -4,10 +4,11 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use bokashi_fit::report::{
+use bokashi_report::{
     Curve, Document, Figure, PALETTE, Panel, ReportError, SIZES, Scale, Section, Stroke, add_page,
-    escaped, legend_line, row, write_whole,
+    escaped, legend_line, row,
 };
+use bokashi_write::write_whole;
 
 use super::optimizers::{Outcome, Run};
 use super::problem::Family;

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use bokashi_fit::FitError;
-use bokashi_fit::scenes::Experiment;
+use bokashi_paper::Experiment;
 
 use super::conditioning::{Conditioning, conditioning};
 use super::ledger::{Budget, TARGET};

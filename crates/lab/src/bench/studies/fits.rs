@@ -7,10 +7,10 @@
 use std::ops::ControlFlow;
 
 use bokashi_fit::FitError;
-use bokashi_fit::report::{Curve, Figure, PALETTE, Panel, SIZES, Scale, Stroke, quartiles};
-use bokashi_fit::scenes::{
+use bokashi_paper::{
     CubeSettings, Experiment, Outcome, Precision, Preset, STUCK, Silhouettes, run_cube,
 };
+use bokashi_report::{Curve, Figure, PALETTE, Panel, SIZES, Scale, Stroke, quartiles};
 
 use crate::bench::questions::Bench;
 use crate::bench::study::{Figures, Study};

@@ -1,8 +1,8 @@
 //! Does the cost grow linearly in faces and in pixels?
 
 use bokashi_fit::FitError;
-use bokashi_fit::report::{Curve, Figure, PALETTE, Panel, SIZES, Scale, Stroke};
 use bokashi_render_ops::Cull;
+use bokashi_report::{Curve, Figure, PALETTE, Panel, SIZES, Scale, Stroke};
 
 use crate::bench::effort::USUAL;
 use crate::bench::pipeline::{Compared, Learner, contestant};

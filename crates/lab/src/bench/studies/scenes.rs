@@ -6,8 +6,8 @@
 
 use bokashi_core::Scalar;
 use bokashi_fit::FitError;
-use bokashi_fit::report::{Curve, Figure, PALETTE, Panel, SIZES, Scale, Stroke};
 use bokashi_render_ops::Cull;
+use bokashi_report::{Curve, Figure, PALETTE, Panel, SIZES, Scale, Stroke};
 use rayon::ThreadPool;
 
 use crate::bench::effort::GENEROUS;

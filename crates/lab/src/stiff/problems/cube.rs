@@ -11,7 +11,7 @@
 
 use bokashi_core::{Scalar, Tensor, Var};
 use bokashi_fit::FitError;
-use bokashi_fit::scenes::{
+use bokashi_paper::{
     CubeSettings, CubeViews, Experiment, Precision, Preset, Snapshot, View, random_start, truth,
 };
 

@@ -2,8 +2,8 @@
 
 use bokashi_core::{Tape, Tensor};
 use bokashi_fit::FitError;
-use bokashi_fit::report::Stroke;
 use bokashi_render_ops::{Blur, Border, Kernel, Radius, gaussian_blur};
+use bokashi_report::Stroke;
 
 use super::input::EXACT;
 

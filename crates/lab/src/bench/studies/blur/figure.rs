@@ -1,6 +1,6 @@
 //! Points of time and error, and their figures.
 
-use bokashi_fit::report::{Curve, Figure, PALETTE, Panel, SIZES, Scale, Stroke};
+use bokashi_report::{Curve, Figure, PALETTE, Panel, SIZES, Scale, Stroke};
 
 use super::input::Quantity;
 

@@ -14,8 +14,8 @@ mod targets;
 mod tests;
 
 use bokashi_fit::FitError;
-use bokashi_fit::report::{PALETTE, Stroke};
 use bokashi_render_ops::Kernel;
+use bokashi_report::{PALETTE, Stroke};
 
 use self::algorithm::{ALGORITHMS, KERNELS};
 use self::figure::{FRONT, Line, Point, panel};

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use bokashi_core::Tensor;
 use bokashi_fit::FitError;
-use bokashi_fit::scenes::{FACES, View};
+use bokashi_paper::{FACES, View};
 use bokashi_render_ops::{Cull, Mesh, Size};
 use glam::{DMat3, DVec2, DVec3};
 use rand::SeedableRng;

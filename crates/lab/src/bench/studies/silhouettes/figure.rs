@@ -1,6 +1,6 @@
 //! Errors against times.
 
-use bokashi_fit::report::{Curve, Figure, PALETTE, Panel, SIZES, Scale, Stroke};
+use bokashi_report::{Curve, Figure, PALETTE, Panel, SIZES, Scale, Stroke};
 
 use super::{METHODS, Row};
 use crate::bench::study::Figures;
