@@ -116,11 +116,12 @@ impl Scene {
         let options = RasterOptions { sampling: self.sampling, ..size.into() };
         let fragments = rasterize(clip, &self.mesh, options)?;
         let surface = interpolate(vertices, &fragments)?;
-        let mut image = composite(surface, &fragments, Background::Color(background))?.image()?;
-        if self.sampling == Sampling::Center {
-            image = antialias(image, &fragments, clip)?;
-        }
-        let image = gaussian_blur(image, sigma, &Blur::default())?;
+        let picture = composite(surface, &fragments, Background::Color(background))?;
+        let picture = match self.sampling {
+            Sampling::Center => antialias(picture)?,
+            Sampling::Exact => picture.into(),
+        };
+        let image = gaussian_blur(picture.image()?, sigma, &Blur::default())?;
         Ok(squared_error(image, tape.constant(&self.target))?)
     }
 }
@@ -433,7 +434,7 @@ fn a_steady_step_of_one_band_with_exact_coverage_allocates_nothing_on_several_th
 }
 
 #[test]
-fn a_steady_step_of_a_layer_allocates_nothing() {
+fn a_steady_step_of_a_picture_allocates_nothing() {
     // One band and several, few faces and many, and many that are hidden.
     for (side, hidden, pixels) in [(2, 0, 48), (40, 0, 300), (2, 250, 200)] {
         let (mut tape, sheets) = (Tape::new(), Sheets::new(side, hidden, pixels));

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
-    Background, Blur, Border, Fragments, Kernel, Mesh, Radius, Size, antialias, composite, depth,
-    gaussian_blur, interpolate, rasterize,
+    Background, Blur, Border, Composite, Fragments, Kernel, Mesh, Radius, Size, antialias,
+    composite, depth, gaussian_blur, interpolate, rasterize,
 };
 use serde::Deserialize;
 

@@ -4,8 +4,8 @@
 #[path = "../support/blends.rs"]
 mod blends;
 mod exact;
-mod layers;
 mod partition;
+mod pictures;
 mod scenes;
 
 use std::cell::Cell;
@@ -19,9 +19,9 @@ use bokashi_check::strategy::{
 use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
-    Background, Blur, Border, Fragments, Kernel, Lens, Mesh, Pose, Radius, RenderError, Size,
-    antialias, composite, depth, depth_of_field, gaussian_blur, interpolate, interpolate_indexed,
-    project, rasterize,
+    Background, Blur, Border, Composite, Fragments, Kernel, Lens, Mesh, Pose, Radius, RenderError,
+    Size, antialias, composite, depth, depth_of_field, gaussian_blur, interpolate,
+    interpolate_indexed, project, rasterize,
 };
 use glam::DMat4;
 use proptest::collection::vec;
@@ -278,7 +278,7 @@ impl Subject for Antialias {
         let fragments = rasterize(inputs[0], &self.scene.mesh, self.scene.size)?;
         let blends = blends::blends(&fragments, &wide(inputs[0]));
         let choices: Vec<_> = blends.iter().map(|blend| blend.choice()).collect();
-        let image = antialiased(inputs[1], &fragments)?;
+        let image = antialias(Composite::of_image(inputs[1], &fragments)?)?.image()?;
         let ids = fragments.coverage.triangle_ids();
         Ok(Outcome::from(image).with_state(ids).with_state(choices))
     }
@@ -314,7 +314,8 @@ fn antialias_is_the_sum_of_the_blends_of_its_definition() {
                 let clip = tape.leaf(&clip);
                 let fragments = rasterize(clip, &mesh, size).unwrap();
                 let image = Tensor::from_fn([size.height, size.width, 1], motley);
-                let out = antialiased(tape.leaf(&image), &fragments).unwrap().value();
+                let out = Composite::of_image(tape.leaf(&image), &fragments).unwrap();
+                let out = antialias(out).unwrap().image().unwrap().value();
                 let mut expected = image.data().to_vec();
                 for blend in blends::blends(&fragments, &clip.value()) {
                     let [first, second] = blend.pair;
@@ -594,7 +595,7 @@ fn no_operation_is_forgotten() {
 
     // What a subject does itself, under the name that it has: a helper could do anything.
     let tests =
-        [include_str!("main.rs"), include_str!("layers.rs"), include_str!("exact.rs")].concat();
+        [include_str!("main.rs"), include_str!("pictures.rs"), include_str!("exact.rs")].concat();
     let subjects = blocks(&tests, "impl Subject for ").concat();
     for name in functions.iter().chain(&methods) {
         assert!(calls(&subjects, name), "{name} has no law");

@@ -18,6 +18,7 @@ use crate::coverage::Coverage;
 use crate::error::RenderError;
 use crate::fragments::Fragments;
 use crate::picture::{Composite, Picture, checked_channels};
+use crate::size::Size;
 
 const NAME: &str = "composite";
 
@@ -46,6 +47,36 @@ pub fn composite<'t, T: Scalar>(
         rim = Some(Arc::clone(&coverage.boundary.pixels));
     }
     Ok(Composite(Picture { values, backdrop, clip: fragments.clip, coverage, rim }))
+}
+
+impl<'t, T: Scalar> Composite<'t, T> {
+    /// The picture of a dense `image: [H, W, C]`, for whoever shades images before they are
+    /// antialiased: its covered pixels are values, and all others an image in the background. It costs
+    /// two copies of the image where [`composite`] costs nothing.
+    ///
+    /// # Errors
+    /// [`RenderError::Shape`] unless the image is `[H, W, C]`, C > 0, of the fragments' size, and for
+    /// fragments that are not whole; [`RenderError::ExactCoverage`] for fragments with exact coverage;
+    /// `TensorError::ForeignVariable` for variables of several tapes.
+    pub fn of_image(image: Var<'t, T>, fragments: &Fragments<'t, T>) -> Result<Self, RenderError> {
+        let coverage = fragments.checked_coverage(NAME, image.tape())?;
+        coverage.check_centers(NAME)?;
+        let size = coverage.size();
+        let &[height, width, channels] = &*image.shape() else {
+            return Err(not_an_image(size, image));
+        };
+        if [height, width] != [size.height, size.width] || channels == 0 {
+            return Err(not_an_image(size, image));
+        }
+        let pixels: Arc<[u32]> = coverage.pixels().map(|pixel| pixel as u32).collect();
+        let values = image.reshape([size.pixels(), channels])?.gather_rows(&pixels)?;
+        composite(values, fragments, Background::Image(image))
+    }
+}
+
+fn not_an_image<T: Scalar>(size: Size, given: Var<'_, T>) -> RenderError {
+    let rule = format!("an image of shape [{}, {}, C], C > 0", size.height, size.width);
+    RenderError::Shape { operation: NAME, rule, shape: given.shape() }
 }
 
 /// Inputs: values `[N, C]`, weights `[K]` of the pieces, a background `[C]` or `[H, W, C]`.
@@ -169,7 +200,6 @@ mod tests {
     use super::*;
     use crate::mesh::Mesh;
     use crate::rasterize::rasterize;
-    use crate::size::Size;
 
     const SIZE: Size = Size { width: 5, height: 3 };
 
@@ -182,6 +212,26 @@ mod tests {
         assert!((3..12).contains(&count), "{count}");
         let values = Tensor::from_fn([count, 2], |k| T::from_f64(100.0 + k as f64));
         (fragments, tape.leaf(&values))
+    }
+
+    #[test]
+    fn a_picture_of_an_image_makes_that_image() {
+        let tape = Tape::<f64>::new();
+        let (fragments, _) = surface(&tape);
+        let image = tape.leaf(&Tensor::from_fn([3, 5, 2], |k| (k as f64).sin()));
+        let picture = Composite::of_image(image, &fragments).unwrap();
+        assert_eq!(picture.values().shape()[0], fragments.coverage.count());
+        let same = picture.image().unwrap();
+        assert_eq!(same.value(), image.value());
+        let upstream = Tensor::from_fn([3, 5, 2], |k| (k as f64).cos());
+        let gradients = tape.vjp(&[(same, &upstream)]).unwrap();
+        assert_eq!(gradients.get(image).unwrap(), &upstream);
+        for shape in [&[5, 3, 2][..], &[3, 5], &[15, 2], &[3, 5, 0]] {
+            let wrong = tape.leaf(&Tensor::zeros(shape));
+            let error = Composite::of_image(wrong, &fragments).unwrap_err().to_string();
+            let rule = "composite needs an image of shape [3, 5, C], C > 0, got shape";
+            assert!(error.starts_with(rule), "{error}");
+        }
     }
 
     #[test]

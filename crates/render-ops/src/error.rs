@@ -87,11 +87,13 @@ pub enum RenderError {
         shape: Shape,
     },
 
-    /// Fragments with exact coverage have nothing to antialias.
+    /// An operation for one fragment per pixel was given exact coverage.
     #[error(
-        "antialias needs one fragment per pixel, got exact coverage with {pixels} boundary pixels"
+        "{operation} needs one fragment per pixel, got exact coverage with {pixels} boundary pixels"
     )]
     ExactCoverage {
+        /// The operation.
+        operation: &'static str,
         /// Pixels that were resolved into pieces.
         pixels: usize,
     },

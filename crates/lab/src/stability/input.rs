@@ -3,8 +3,8 @@
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_fit::mean_squared_error;
 use bokashi_render_ops::{
-    Background, Blur, Fragments, Mesh, Pose, Radius, Size, antialias, composite, gaussian_blur,
-    interpolate, project, rasterize,
+    Background, Blur, Fragments, Mesh, Pose, Radius, Size, composite, gaussian_blur, interpolate,
+    project, rasterize,
 };
 use glam::DMat4;
 
@@ -109,25 +109,25 @@ fn on_fragments<'t, T: Scalar>(
 
 pub(super) fn foreign_fragments<T: Scalar>() -> Outcome {
     let (tape, other) = (Tape::<T>::new(), Tape::new());
-    let ((clip, _), (_, foreign)) = (fragments(&tape)?, fragments(&other)?);
+    let (_, foreign) = fragments(&other)?;
     let said =
         |operation: &str| format!("{operation} needs variables of one tape, got one of another");
-    Ok(Found::refused(on_fragments(&tape, clip, &foreign, said)))
+    Ok(Found::refused(on_fragments(&tape, &foreign, said)))
 }
 
 pub(super) fn fragments_of_another_length<T: Scalar>() -> Outcome {
     let tape = Tape::<T>::new();
-    let (clip, whole) = fragments(&tape)?;
+    let (_, whole) = fragments(&tape)?;
     let count = whole.coverage.count();
     let mut results = Vec::new();
     for rows in [0, count - 1, count + 1] {
         let barycentrics = tape.leaf(&Tensor::zeros([rows, 2]));
         let few = Fragments { barycentrics, ..whole.clone() };
-        results.extend(on_fragments(&tape, clip, &few, |operation| {
+        results.extend(on_fragments(&tape, &few, |operation| {
             format!("{operation} needs barycentrics of shape [{count}, 2], got shape [{rows}, 2]")
         }));
         let few = Fragments { clip: tape.leaf(&Tensor::zeros([rows, 4])), ..whole.clone() };
-        results.extend(on_fragments(&tape, clip, &few, |operation| {
+        results.extend(on_fragments(&tape, &few, |operation| {
             format!("{operation} needs clip positions of shape [3, 4], got shape [{rows}, 4]")
         }));
     }

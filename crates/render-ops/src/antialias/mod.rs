@@ -61,9 +61,7 @@ pub fn antialias<'t, T: Scalar>(
 ) -> Result<Picture<'t, T>, RenderError> {
     let Composite(picture) = composite;
     let Picture { values, backdrop, clip, coverage, .. } = &picture;
-    if coverage.is_exact() {
-        return Err(RenderError::ExactCoverage { pixels: coverage.boundary.pixels.len() });
-    }
+    coverage.check_centers("antialias")?;
     let op = Antialias { coverage: Arc::clone(coverage), kind: backdrop.kind };
     let inputs = [*clip, *values, backdrop.values];
     let (outputs, rim) =

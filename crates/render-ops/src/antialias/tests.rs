@@ -70,11 +70,7 @@ impl Scene {
 
 /// The antialiased image of `image: [H, W, 1]`, whose uncovered pixels are the background.
 fn antialiased<'t, T: Scalar>(image: Var<'t, T>, fragments: &Fragments<'t, T>) -> Var<'t, T> {
-    let pixels: Arc<[u32]> = fragments.coverage.pixels().map(|pixel| pixel as u32).collect();
-    let rows = image.reshape([fragments.coverage.size().pixels(), 1]).unwrap();
-    let values = rows.gather_rows(&pixels).unwrap();
-    let picture = composite(values, fragments, Background::Image(image)).unwrap();
-    antialias(picture).unwrap().image().unwrap()
+    antialias(Composite::of_image(image, fragments).unwrap()).unwrap().image().unwrap()
 }
 
 /// Colours that differ from pixel to pixel.

@@ -16,7 +16,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::bench::difference::relative_error;
 use crate::bench::effort::USUAL;
-use crate::bench::pipeline::resolved;
+use crate::bench::pipeline::drawn;
 use crate::bench::questions::Bench;
 use crate::bench::sampling::Timing;
 use crate::bench::scenes::Scene;
@@ -164,16 +164,16 @@ impl Inputs {
         let tape = Tape::new();
         let (positions, colors) = (scene.positions.cast(), scene.colors.cast());
         let (at, tinted) = (tape.constant(&positions), tape.constant(&colors));
-        let resolved = resolved(&scene, scene.size.into(), at, tinted)?;
-        let image = resolved.antialiased()?;
+        let drawn = drawn(&scene, scene.size.into(), at, tinted)?;
+        let image = antialias(drawn.composite.clone())?.image()?;
         let rows = pixels * pixels / WIDTH;
         Ok(Self {
             positions: single(positions),
-            clip: single(resolved.clip.value()),
-            barycentrics: single(resolved.fragments.barycentrics.value()),
+            clip: single(drawn.clip.value()),
+            barycentrics: single(drawn.fragments.barycentrics.value()),
             colors: single(colors),
-            surface: single(resolved.surface.value()),
-            aliased: single(resolved.image.value()),
+            surface: single(drawn.surface.value()),
+            aliased: single(drawn.composite.image()?.value()),
             image: single(image.value()),
             distances: Tensor::from_fn([pixels, pixels], |_| uniform(0.5, 2.0)),
             signed: Tensor::from_fn([rows, WIDTH], |_| uniform(-2.0, 2.0)),

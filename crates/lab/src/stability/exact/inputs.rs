@@ -1,7 +1,7 @@
 //! What comes in: nothing, refused numbers, and the ends of all ranges.
 
 use bokashi_core::{Scalar, Tape, Tensor};
-use bokashi_render_ops::{Size, antialias, rasterize};
+use bokashi_render_ops::{Background, Size, antialias, composite, rasterize};
 
 use super::shapes::tetrahedron;
 use super::{Checked, Picture, SIZE, options, parts_bound};

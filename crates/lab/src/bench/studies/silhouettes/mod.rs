@@ -18,7 +18,7 @@ use self::cases::{CASES, Case, Kind};
 use self::figure::figures;
 use self::truth::{Truth, truths};
 use crate::bench::effort::USUAL;
-use crate::bench::pipeline::{render, resolved};
+use crate::bench::pipeline::{drawn, render};
 use crate::bench::questions::Bench;
 use crate::bench::sampling::{Contestant, Timing, interleaved};
 use crate::bench::scenes::Scene;
@@ -44,7 +44,7 @@ type Image = for<'t> fn(&Scene, Cull, Var<'t, f32>, Var<'t, f32>) -> Result<Var<
 /// All methods; another one is another row.
 const METHODS: [Method; 6] = [
     method("no antialias", "no_antialias", |scene, cull, p, c| {
-        Ok(resolved(scene, RasterOptions { cull, ..scene.size.into() }, p, c)?.image)
+        Ok(drawn(scene, RasterOptions { cull, ..scene.size.into() }, p, c)?.composite.image()?)
     }),
     method("antialias", "antialias", render),
     method("antialias, 2x2", "antialias_2x2", |scene, cull, p, c| {
@@ -65,7 +65,7 @@ fn exact<'t>(
     colors: Var<'t, f32>,
 ) -> Result<Var<'t, f32>, FitError> {
     let options = RasterOptions { cull, sampling: Sampling::Exact, ..scene.size.into() };
-    Ok(resolved(scene, options, positions, colors)?.image)
+    Ok(drawn(scene, options, positions, colors)?.composite.image()?)
 }
 
 const fn method(name: &'static str, key: &'static str, image: Image) -> Method {
