@@ -7,10 +7,7 @@
 use std::error::Error;
 use std::f64::consts::PI;
 
-use bokashi_core::{Tape, Tensor};
-use bokashi_render_ops::{
-    Background, Mesh, RasterOptions, Sampling, Size, antialias, composite, interpolate, rasterize,
-};
+use bokashi::prelude::*;
 
 const CORNERS: u32 = 64;
 const PIXELS: usize = 16;

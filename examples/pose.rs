@@ -4,17 +4,10 @@
 //! quaternion and a translation) and the blur's sigma together, from a start that is off by half a
 //! radian, a quarter of the cube's side, and a factor of two in sigma.
 
-use bokashi_core::{Scalar, Tape, Tensor, Var};
-use bokashi_fit::{
-    Fit, FitError, FitSettings, Mapping, Parameter, Parameters, Schedule, from_fn, squared_error,
-};
+use bokashi::glam::dcamera::rh::proj::opengl::perspective;
+use bokashi::glam::{DMat4, DQuat, DVec3};
+use bokashi::prelude::*;
 use bokashi_paper::FACES;
-use bokashi_render_ops::{
-    Background, Blur, Mesh, Pose, Size, antialias, composite, gaussian_blur, interpolate, project,
-    rasterize,
-};
-use glam::dcamera::rh::proj::opengl::perspective;
-use glam::{DMat4, DQuat, DVec3};
 
 /// The known cube and the camera that looks at it.
 struct Scene {
