@@ -34,7 +34,7 @@ use std::{fs, io};
 use crate::error::FitError;
 use crate::scenes::{Alternative, CubeSettings, Outcome};
 
-pub use crate::write::{check_folder, write_whole};
+pub use crate::write::{check_file, check_folder, resolved, write_whole};
 use alternatives::Trial;
 pub use axis::Scale;
 pub use digest::quartiles;
