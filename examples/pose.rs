@@ -5,10 +5,10 @@
 //! radian, a quarter of the cube's side, and a factor of two in sigma.
 
 use bokashi_core::{Scalar, Tape, Tensor, Var};
-use bokashi_fit::scenes::FACES;
 use bokashi_fit::{
     Fit, FitError, FitSettings, Mapping, Parameter, Parameters, Schedule, from_fn, squared_error,
 };
+use bokashi_paper::FACES;
 use bokashi_render_ops::{
     Background, Blur, Mesh, Pose, Size, antialias, gaussian_blur, interpolate, project, rasterize,
     resolve,

@@ -7,8 +7,8 @@ use std::thread;
 use allocation_counter::measure;
 use bokashi_core::parallel::ENTRIES_PER_PIECE;
 use bokashi_core::{Tape, Tensor, TensorError, Var};
-use bokashi_fit::scenes::FACES;
 use bokashi_fit::{Fit, FitError, FitSettings, Parameter, Parameters, from_fn, squared_error};
+use bokashi_paper::FACES;
 use bokashi_render_ops::{
     Background, Blur, Coverage, Kernel, Mesh, Pose, RasterOptions, Sampling, Size, Target,
     antialias, gaussian_blur, interpolate, layer, project, rasterize, resolve,

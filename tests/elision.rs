@@ -1,6 +1,6 @@
 //! What a scene does not need changes no bit, and the tape's report names it.
 
-use bokashi_bench::{Effort, Row, elision};
+use bokashi_lab::bench::{Effort, Row, elision};
 
 /// The rows, and what their reports name as left out.
 const ROWS: [(&str, &[&str]); 9] = [

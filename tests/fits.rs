@@ -3,7 +3,7 @@
 
 use std::ops::ControlFlow;
 
-use bokashi_fit::scenes::{
+use bokashi_paper::{
     CubeSettings, Experiment, Outcome, Precision, Preset, STUCK, Silhouettes, run_cube,
 };
 use bokashi_render_ops::{Border, Kernel};

@@ -5,12 +5,12 @@ use std::fs;
 use std::path::Path;
 
 #[allow(unreachable_pub, reason = "public in the package of the fuzz targets")]
-#[path = "../fuzz/src/lib.rs"]
+#[path = "fuzz/src/lib.rs"]
 mod fuzz;
 
 /// Runs `target` on each kept input of the corpus `name`; returns what it returned.
 fn replayed(name: &str, target: fn(&[u8]) -> usize) -> Vec<usize> {
-    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus").join(name);
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus").join(name);
     let entries = fs::read_dir(&corpus).unwrap().map(|entry| entry.unwrap().path());
     let mut inputs: Vec<_> = entries.collect();
     inputs.sort();

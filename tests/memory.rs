@@ -1,7 +1,7 @@
 //! How much memory steps take at their peak.
 
 use allocation_counter::measure;
-use bokashi_bench::Scene;
+use bokashi_lab::bench::Scene;
 use rayon::ThreadPoolBuilder;
 
 #[test]

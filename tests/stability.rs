@@ -1,6 +1,6 @@
 //! Every extreme case has its defined result or its error, in both precisions.
 
-use bokashi_trials::stability::{grid, line, row_count};
+use bokashi_lab::stability::{grid, line, row_count};
 
 #[test]
 fn every_row_of_the_grid_passes() {
@@ -14,7 +14,7 @@ fn every_row_of_the_grid_passes() {
 
 #[test]
 fn a_row_as_json_has_exactly_the_eight_keys_and_numbers_or_nulls() {
-    let rows = bokashi_trials::stability::grid_of(&[2, 21], |_| ());
+    let rows = bokashi_lab::stability::grid_of(&[2, 21], |_| ());
     let json = serde_json::to_value(&rows).unwrap();
     let rows = json.as_array().unwrap();
     assert_eq!(rows.len(), 4);

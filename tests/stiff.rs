@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use bokashi_check::Dual;
 use bokashi_core::{Tape, Tensor};
-use bokashi_fit::scenes::{CubeSettings, Experiment, Precision, Preset, run_cube};
-use bokashi_trials::stiff::problems::{SceneSettings, literature, rotated_quadratic, scene};
-use bokashi_trials::stiff::{Budget, LEVELS, Method, Problem, TARGET, run};
+use bokashi_lab::stiff::problems::{SceneSettings, literature, rotated_quadratic, scene};
+use bokashi_lab::stiff::{Budget, LEVELS, Method, Problem, TARGET, run};
+use bokashi_paper::{CubeSettings, Experiment, Precision, Preset, run_cube};
 
 const BUDGET: Budget =
     Budget { gradients: 5_000.0, time: Duration::from_secs(600), target: TARGET };

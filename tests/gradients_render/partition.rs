@@ -3,10 +3,10 @@
 //! than the image.
 
 use bokashi_core::{Scalar, Tape, Tensor};
+use bokashi_lab::visible_areas;
 use bokashi_render_ops::{
     Background, Mesh, RasterOptions, Sampling, Size, interpolate, rasterize, resolve,
 };
-use bokashi_trials::visible_areas;
 use proptest::prelude::*;
 use proptest::strategy::Union;
 use proptest::test_runner::{RngAlgorithm, TestRng, TestRunner};

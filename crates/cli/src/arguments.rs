@@ -3,8 +3,7 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-use bokashi_bench::STUDIES;
-use bokashi_fit::scenes::{Experiment, Precision, Preset, Silhouettes};
+use bokashi_paper::{Experiment, Precision, Preset, Silhouettes};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::error::ErrorKind;
 use clap::parser::ValueSource;
@@ -18,7 +17,7 @@ use crate::failure::Failure;
 /// four sigmas, one seed each, with a report in out/.
 #[derive(Debug, Parser)]
 #[command(name = "bokashi", version, args_conflicts_with_subcommands = true)]
-pub(crate) struct Request {
+pub struct Request {
     #[command(subcommand)]
     pub(crate) command: Option<Command>,
     #[command(flatten)]
@@ -36,23 +35,6 @@ pub(crate) enum Command {
     /// and 4. With the paper's learning rates, and with tuned ones for 5.1 (32 px, antialias) and
     /// 5.3. Then, once, in f64: what other choices do where the paper leaves one open.
     Reproduce(ReproduceArguments),
-    /// The grid of extreme cases, in f32 and f64: what has to come out, and what does.
-    ///
-    /// Prints a row per case and precision, with the measured error and its bound; ends with
-    /// status 1 if any of them fails.
-    Stability(StabilityArguments),
-    /// Optimizers against stiff problems with known minima, and against our own scenes.
-    ///
-    /// Prints shares of problems solved, errors and conditions; takes about a minute. Writes files
-    /// only where --out or --json asks for them.
-    Stiff(StiffArguments),
-    /// How fast, and at what error: beside other renderers, per operation, node by node, and how
-    /// cost and memory grow.
-    ///
-    /// Prints tables as Markdown; takes a quarter of an hour. Its times are worth something on a
-    /// machine that does nothing else, from a build with --release. Writes files only where --out or
-    /// --json asks for them.
-    Bench(BenchArguments),
 }
 
 /// The options of every command.
@@ -127,99 +109,11 @@ pub(crate) struct ReproduceArguments {
     pub(crate) common: Common,
 }
 
-/// The options of `stability`.
-#[derive(Debug, Clone, Args)]
-pub(crate) struct StabilityArguments {
-    /// File for the rows as a JSON list; - for standard output, and then nothing else there
-    #[arg(long, value_name = "FILE")]
-    pub(crate) json: Option<PathBuf>,
-    /// Folder of the report to add a page to [default: no page]
-    #[arg(long, value_name = "DIR")]
-    pub(crate) out: Option<PathBuf>,
-    /// Threads [default: one per core]; results are the same bits for any number
-    #[arg(long, value_name = "N", value_parser = threads)]
-    pub(crate) threads: Option<usize>,
-}
-
-/// The options of `stiff`.
-#[derive(Debug, Clone, Args)]
-pub(crate) struct StiffArguments {
-    /// Rotations of the quadratic and starts of each scene, counted from 0
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = seeds)]
-    pub(crate) seeds: u64,
-    /// Threads [default: one per core]; results are the same bits for any number
-    #[arg(long, value_name = "N", value_parser = threads)]
-    pub(crate) threads: Option<usize>,
-    /// File for every run as a JSON list; - for standard output, and then nothing else there
-    #[arg(long, value_name = "FILE")]
-    pub(crate) json: Option<PathBuf>,
-    /// Folder for the page stiff.html and stiff.csv
-    #[arg(long, value_name = "DIR")]
-    pub(crate) out: Option<PathBuf>,
-    /// No progress bar and no tables
-    #[arg(long)]
-    pub(crate) quiet: bool,
-}
-
-/// The options of `bench`.
-#[derive(Debug, Clone, Args)]
-#[command(args_conflicts_with_subcommands = true)]
-pub(crate) struct BenchArguments {
-    #[command(subcommand)]
-    pub(crate) command: Option<BenchCommand>,
-    /// Do this study alone; may be given again
-    #[arg(long, value_name = "STUDY", value_parser = PossibleValuesParser::new(STUDIES))]
-    pub(crate) only: Vec<String>,
-    /// File of other people's times, as the package peers/ writes it, to set beside ours; may be
-    /// given again
-    #[arg(long, value_name = "FILE")]
-    pub(crate) peers: Vec<PathBuf>,
-    #[command(flatten)]
-    pub(crate) files: BenchFiles,
-}
-
-/// What to bench other than everything.
-#[derive(Debug, Clone, Subcommand)]
-pub(crate) enum BenchCommand {
-    /// What a scene does not need: the time with it computed and without, and whether the results
-    /// are the same to the bit.
-    ///
-    /// Prints a table as Markdown; ends with status 1 if any result differs.
-    Elision(BenchFiles),
-}
-
-/// Where a bench writes, and how much it measures.
-#[derive(Debug, Clone, Args)]
-pub(crate) struct BenchFiles {
-    /// File for what was found as JSON; - for standard output, and then nothing else there
-    #[arg(long, value_name = "FILE")]
-    pub(crate) json: Option<PathBuf>,
-    /// Folder of the report to add a page and CSV files to [default: no page]
-    #[arg(long, value_name = "DIR")]
-    pub(crate) out: Option<PathBuf>,
-    /// Small sizes and three samples each, to see that all of it runs: the times mean nothing
-    #[arg(long)]
-    pub(crate) quick: bool,
-}
-
-impl BenchArguments {
-    /// The files of whatever is asked for.
-    fn files(&self) -> &BenchFiles {
-        match &self.command {
-            None => &self.files,
-            Some(BenchCommand::Elision(files)) => files,
-        }
-    }
-}
-
 impl Request {
     /// The options that every command of fits has.
     pub(crate) fn common(&self) -> &Common {
         match &self.command {
-            // What the others share with them they have themselves.
-            None | Some(Command::Stability(_) | Command::Stiff(_) | Command::Bench(_)) => {
-                &self.common
-            }
+            None => &self.common,
             Some(Command::Fit(fit)) => &fit.common,
             Some(Command::Reproduce(reproduce)) => &reproduce.common,
         }
@@ -230,9 +124,6 @@ impl Request {
         let out = self.common().out.clone();
         match &self.command {
             Some(Command::Fit(_)) => out,
-            Some(Command::Stability(stability)) => stability.out.clone(),
-            Some(Command::Stiff(stiff)) => stiff.out.clone(),
-            Some(Command::Bench(bench)) => bench.files().out.clone(),
             _ => Some(out.unwrap_or_else(|| "out".into())),
         }
     }
@@ -241,9 +132,6 @@ impl Request {
     pub(crate) fn json(&self) -> Option<&PathBuf> {
         match &self.command {
             Some(Command::Fit(fit)) => fit.json.as_ref(),
-            Some(Command::Stability(stability)) => stability.json.as_ref(),
-            Some(Command::Stiff(stiff)) => stiff.json.as_ref(),
-            Some(Command::Bench(bench)) => bench.files().json.as_ref(),
             _ => None,
         }
     }
@@ -258,17 +146,13 @@ impl Request {
 
     /// How many threads to compute with; `None`: one per core.
     pub(crate) fn threads(&self) -> Option<usize> {
-        match &self.command {
-            Some(Command::Stability(stability)) => stability.threads,
-            Some(Command::Stiff(stiff)) => stiff.threads,
-            _ => self.common().threads,
-        }
+        self.common().threads
     }
 }
 
 /// Why there is no request.
 #[derive(Debug)]
-pub(crate) enum Stopped {
+pub enum Stopped {
     /// Help or the version was asked for; the text is for standard output.
     Shown(String),
     /// The command line is wrong.
@@ -276,13 +160,9 @@ pub(crate) enum Stopped {
 }
 
 /// Reads a command line, the program's name first.
-pub(crate) fn parse(
+pub fn parse(
     arguments: impl IntoIterator<Item = impl Into<OsString> + Clone>,
 ) -> Result<Request, Stopped> {
-    let stopped = |error: clap::Error| match error.kind() {
-        ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => Stopped::Shown(error.to_string()),
-        _ => Stopped::Wrong(Failure::Use(folded(&error.to_string()))),
-    };
     let matches = Request::command().try_get_matches_from(arguments).map_err(stopped)?;
     let mut request = Request::from_arg_matches(&matches).map_err(stopped)?;
     if let (Some(Command::Fit(fit)), Some((_, matches))) =
@@ -301,6 +181,14 @@ pub(crate) fn parse(
             Err(Stopped::Wrong(Failure::Use(rule.to_owned())))
         }
         _ => Ok(request),
+    }
+}
+
+/// What a parser's error comes to: help and versions are asked for, all else is wrong.
+pub fn stopped(error: clap::Error) -> Stopped {
+    match error.kind() {
+        ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => Stopped::Shown(error.to_string()),
+        _ => Stopped::Wrong(Failure::Use(folded(&error.to_string()))),
     }
 }
 
@@ -335,7 +223,8 @@ fn steps(text: &str) -> Result<u64, String> {
     whole(text, 1, 10_000_000)
 }
 
-fn threads(text: &str) -> Result<usize, String> {
+/// A number of threads.
+pub fn threads(text: &str) -> Result<usize, String> {
     whole(text, 1, 1024).map(|number| number as usize)
 }
 
@@ -344,7 +233,8 @@ fn resolution(text: &str) -> Result<usize, String> {
     whole(text, 1, 4096).map(|number| number as usize)
 }
 
-fn seeds(text: &str) -> Result<u64, String> {
+/// A number of seeds.
+pub fn seeds(text: &str) -> Result<u64, String> {
     whole(text, 1, 1000)
 }
 
@@ -438,41 +328,6 @@ mod tests {
     }
 
     #[test]
-    fn the_grid_writes_nothing_unless_asked() {
-        let request = read("stability").expect("nothing is needed");
-        assert_eq!((request.out(), request.json(), request.threads()), (None, None, None));
-        let request = read("stability --json - --out a --threads 3").expect("all of them");
-        assert_eq!((request.out(), request.json()), (Some("a".into()), Some(&"-".into())));
-        assert_eq!(request.threads(), Some(3));
-    }
-
-    #[test]
-    fn stiff_writes_only_what_it_is_asked_for() {
-        let request = read("stiff").expect("nothing is needed");
-        assert_eq!((request.out(), request.json(), request.threads()), (None, None, None));
-        let line = "stiff --seeds 3 --threads 2 --json a.json --out b --quiet";
-        let request = read(line).expect("all of them");
-        assert_eq!((request.out(), request.json()), (Some("b".into()), Some(&"a.json".into())));
-        assert_eq!(request.threads(), Some(2));
-        let Some(Command::Stiff(stiff)) = request.command else { panic!("stiff") };
-        assert!(stiff.seeds == 3 && stiff.quiet);
-    }
-
-    #[test]
-    fn a_bench_has_its_files_and_its_elision_its_own() {
-        let request = read("bench").expect("nothing is needed");
-        assert_eq!((request.out(), request.json(), request.threads()), (None, None, None));
-        let request =
-            read("bench --quick --out a --json b --peers c --peers d --only blur").expect("all");
-        assert_eq!((request.out(), request.json()), (Some("a".into()), Some(&"b".into())));
-        let Some(Command::Bench(bench)) = request.command else { panic!("bench") };
-        assert!(bench.files.quick && bench.command.is_none());
-        assert_eq!((bench.peers, bench.only), (vec!["c".into(), "d".into()], vec!["blur".into()]));
-        let request = read("bench elision --out a --json -").expect("all of them");
-        assert_eq!((request.out(), request.json()), (Some("a".into()), Some(&"-".into())));
-    }
-
-    #[test]
     fn bad_use_is_one_line_that_says_what_is_allowed() {
         let table = [
             ("fit --experiment all", "'all'", "[possible values: vertices, sigma, joint]"),
@@ -493,11 +348,6 @@ mod tests {
             ("fit --save a --save-every 0", "'0'", "needs a whole number from 1 to 10000000"),
             ("fit --seed 0.5", "'0.5'", "needs a whole number from 0 to"),
             ("fit --threads 0", "'0'", "needs a whole number from 1 to 1024"),
-            ("stability --threads 0", "'0'", "needs a whole number from 1 to 1024"),
-            ("stability --steps 3", "'--steps'", "--help"),
-            ("bench --only all", "'all'", "memory, scenes, silhouettes"),
-            ("stiff --seeds 0", "'0'", "needs a whole number from 1 to 1000"),
-            ("stiff --steps 5", "'--steps'", "--help"),
             ("reproduce --seeds 0", "'0'", "needs a whole number from 1 to 1000"),
             ("fit --steps", "a value is required", "--steps <N>"),
             ("fit --stepz 3", "'--stepz'", "'--steps'"),
@@ -515,18 +365,7 @@ mod tests {
 
     #[test]
     fn help_and_version_are_no_failures() {
-        for line in [
-            "--help",
-            "-h",
-            "--version",
-            "-V",
-            "help",
-            "fit --help",
-            "reproduce -h",
-            "stability --help",
-            "bench --help",
-            "bench elision --help",
-        ] {
+        for line in ["--help", "-h", "--version", "-V", "help", "fit --help", "reproduce -h"] {
             let Err(Stopped::Shown(text)) = read(line) else { panic!("{line}") };
             assert!(text.contains("bokashi"), "{line}: {text}");
         }

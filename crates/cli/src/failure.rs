@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 /// A reason, in one line.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) enum Failure {
+pub enum Failure {
     /// The program was asked for what it cannot do: status 2.
     Use(String),
     /// What was asked for went wrong: status 1.
@@ -16,11 +16,11 @@ pub(crate) enum Failure {
 }
 
 /// The status of a program that an interrupt ended.
-pub(crate) const INTERRUPTED: u8 = 130;
+pub const INTERRUPTED: u8 = 130;
 
 impl Failure {
     /// The status that the program ends with.
-    pub(crate) fn exit_code(&self) -> ExitCode {
+    pub fn exit_code(&self) -> ExitCode {
         match self {
             Self::Use(_) => ExitCode::from(2),
             Self::Work(_) => ExitCode::FAILURE,

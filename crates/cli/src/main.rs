@@ -1,16 +1,8 @@
 //! The paper's experiments from the command line.
 
-mod arguments;
-mod bench;
-mod failure;
-mod plan;
-mod progress;
-mod run;
-mod stability;
-mod stiff;
-mod summary;
-
 use std::process::ExitCode;
+
+use bokashi_cli::{arguments, run};
 
 fn main() -> ExitCode {
     let result = match arguments::parse(std::env::args_os()) {

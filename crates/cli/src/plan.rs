@@ -1,9 +1,7 @@
 //! Which fits a command stands for.
 
 use bokashi_fit::FitError;
-use bokashi_fit::scenes::{
-    Alternative, CubeSettings, Experiment, Preset, Silhouettes, alternatives,
-};
+use bokashi_paper::{Alternative, CubeSettings, Experiment, Preset, Silhouettes, alternatives};
 
 use crate::arguments::{Command, FitArguments, Request};
 use crate::failure::Failure;
@@ -90,7 +88,6 @@ fn experiments(request: &Request) -> Vec<CubeSettings> {
         SIGMAS.map(|sigma_target| CubeSettings { sigma_target, ..settings.clone() })
     };
     match &request.command {
-        Some(Command::Stability(_) | Command::Stiff(_) | Command::Bench(_)) => Vec::new(),
         None => sigmas(Experiment::Joint, Preset::Paper).to_vec(),
         Some(Command::Fit(fit)) => {
             let settings = new(fit.experiment, fit.preset);

@@ -6,7 +6,7 @@
 use std::io::IsTerminal as _;
 use std::time::{Duration, Instant};
 
-use bokashi_fit::scenes::{CubeSettings, Experiment, Preset, Progress, Silhouettes};
+use bokashi_paper::{CubeSettings, Experiment, Preset, Progress, Silhouettes};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::plan::Planned;
@@ -146,7 +146,7 @@ pub(crate) fn name(planned: &Planned, number: usize, count: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bokashi_fit::scenes::{Alternative, Choice};
+    use bokashi_paper::{Alternative, Choice};
 
     fn at(vertex_error: Option<f64>, sigma: Option<f64>) -> Progress {
         let (step, steps, seconds) = (420, 10_000, 1.0);

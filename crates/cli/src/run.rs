@@ -7,29 +7,28 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use bokashi_fit::report::{About, Report, ReportError, check_folder, write_whole};
-use bokashi_fit::scenes::{Saving, run_cube_saving};
+use bokashi_paper::page::{About, Report};
+use bokashi_paper::{Saving, run_cube_saving};
+use bokashi_report::ReportError;
+use bokashi_write::{check_folder, write_whole};
+use rayon::{ThreadPoolBuildError, ThreadPoolBuilder};
 
 use crate::arguments::{Command, Request};
-use crate::bench;
 use crate::failure::{Failure, INTERRUPTED};
 use crate::plan::{Planned, plan};
 use crate::progress::{Bar, name};
-use crate::stability;
-use crate::stiff;
 use crate::summary::Summary;
 
 /// Held while files are written: a program that is interrupted finishes them first.
-pub(crate) type Writing = Arc<Mutex<()>>;
+pub type Writing = Arc<Mutex<()>>;
 
 /// Set by the first interrupt of a fit that is saved: it then ends at its next step.
-type Interrupt = Arc<AtomicBool>;
+pub type Interrupt = Arc<AtomicBool>;
 
 /// Does all that `request` asks for.
-pub(crate) fn run(request: &Request) -> Result<(), Failure> {
+pub fn run(request: &Request) -> Result<(), Failure> {
     if let Some(out) = request.out() {
-        let said = |error| Failure::Use(format!("--out needs a folder to write to: {error}"));
-        check_folder(&out).map_err(said)?;
+        check_folder_of_out(&out)?;
     }
     if let Some(file) = request.json().filter(|file| !is_standard_output(file)) {
         check_file(file, "--json")?;
@@ -39,35 +38,23 @@ pub(crate) fn run(request: &Request) -> Result<(), Failure> {
     }
     let writing = Writing::default();
     let Some(threads) = request.threads() else { return work(request, &writing) };
-    let builder = rayon::ThreadPoolBuilder::new().num_threads(threads);
-    let failed = |error: rayon::ThreadPoolBuildError| {
-        Failure::Work(format!("{threads} threads could not be started: {error}"))
-    };
-    if let Some(Command::Stability(_)) = request.command {
-        // Its cases run in threads of their own, which see the global pool alone.
-        builder.build_global().map_err(failed)?;
-        return work(request, &writing);
-    }
-    builder.build().map_err(failed)?.install(|| work(request, &writing))
+    pool(threads, ThreadPoolBuilder::build)?.install(|| work(request, &writing))
+}
+
+/// What `build` makes of `threads` threads: a pool, or the global one.
+///
+/// # Errors
+/// [`Failure::Work`] where they can't be started.
+pub fn pool<P>(
+    threads: usize,
+    build: impl FnOnce(ThreadPoolBuilder) -> Result<P, ThreadPoolBuildError>,
+) -> Result<P, Failure> {
+    build(ThreadPoolBuilder::new().num_threads(threads))
+        .map_err(|error| Failure::Work(format!("{threads} threads could not be started: {error}")))
 }
 
 /// Does what the command says.
 fn work(request: &Request, writing: &Writing) -> Result<(), Failure> {
-    match &request.command {
-        Some(Command::Stability(_)) => {
-            end_when_interrupted(writing, None)?;
-            return stability::run(request, writing);
-        }
-        Some(Command::Stiff(stiff)) => {
-            end_when_interrupted(writing, None)?;
-            return stiff::run(stiff, writing);
-        }
-        Some(Command::Bench(arguments)) => {
-            end_when_interrupted(writing, None)?;
-            return bench::run(arguments, writing);
-        }
-        _ => {}
-    }
     let plan = plan(request)?;
     let interrupt = Interrupt::default();
     end_when_interrupted(writing, request.save().map(|_| &interrupt))?;
@@ -83,7 +70,7 @@ fn fit_all(
 ) -> Result<(), Failure> {
     let saving = saving(request);
     let quiet = request.common().quiet;
-    let mut report = request.out().map(|_| Report::new(about()));
+    let mut report = request.out().map(|_| Report::new(about("bokashi")));
     let (mut summary, mut json, mut failures) = (Summary::default(), Vec::new(), Vec::new());
     let mut bar = Bar::new(plan, quiet);
     for (at, planned) in plan.iter().enumerate() {
@@ -188,24 +175,33 @@ fn write(
     Ok(Some(page.display().to_string()))
 }
 
-/// What the report says of this run.
-pub(crate) fn about() -> About {
+/// What a report says of this run of `program`.
+pub fn about(program: &str) -> About {
     let arguments = std::env::args_os().skip(1);
     let words: Vec<_> = arguments.map(|word| word.to_string_lossy().into_owned()).collect();
     About {
-        program: concat!("bokashi ", env!("CARGO_PKG_VERSION")).to_owned(),
-        command: format!("bokashi {}", words.join(" ")).trim_end().to_owned(),
+        program: format!("{program} {}", env!("CARGO_PKG_VERSION")),
+        command: format!("{program} {}", words.join(" ")).trim_end().to_owned(),
         threads: rayon::current_num_threads(),
     }
 }
 
 /// Whether `--json` names standard output.
-pub(crate) fn is_standard_output(file: &Path) -> bool {
+pub fn is_standard_output(file: &Path) -> bool {
     file == Path::new("-")
 }
 
+/// Whether the folder that `--out` names could be written to.
+///
+/// # Errors
+/// [`Failure::Use`] where it can't.
+pub fn check_folder_of_out(out: &Path) -> Result<(), Failure> {
+    let said = |error| Failure::Use(format!("--out needs a folder to write to: {error}"));
+    check_folder(out).map_err(said)
+}
+
 /// Whether a file could be written, before hours are spent on what it should hold.
-fn check_file(file: &Path, option: &str) -> Result<(), Failure> {
+pub fn check_file(file: &Path, option: &str) -> Result<(), Failure> {
     let said = |rule: String| Failure::Use(format!("{option} needs a file to write to: {rule}"));
     let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
     let folder = folder.unwrap_or(Path::new("."));
@@ -220,7 +216,7 @@ fn check_file(file: &Path, option: &str) -> Result<(), Failure> {
 
 /// Ends the program at an interrupt, but never between the halves of a file. A fit that is saved
 /// is asked to end, and the program ends at the second interrupt only.
-fn end_when_interrupted(writing: &Writing, saved: Option<&Interrupt>) -> Result<(), Failure> {
+pub fn end_when_interrupted(writing: &Writing, saved: Option<&Interrupt>) -> Result<(), Failure> {
     let (writing, saved) = (Arc::clone(writing), saved.map(Arc::clone));
     let end = move || {
         if saved.as_ref().is_some_and(|interrupt| !interrupt.swap(true, Ordering::Relaxed)) {
@@ -233,11 +229,12 @@ fn end_when_interrupted(writing: &Writing, saved: Option<&Interrupt>) -> Result<
 }
 
 /// Writes to standard output. A reader that went away is no failure.
-pub(crate) fn say(text: &str) -> Result<(), Failure> {
+pub fn say(text: &str) -> Result<(), Failure> {
     say_bytes(text.as_bytes())
 }
 
-pub(crate) fn say_bytes(bytes: &[u8]) -> Result<(), Failure> {
+/// Writes bytes to standard output. A reader that went away is no failure.
+pub fn say_bytes(bytes: &[u8]) -> Result<(), Failure> {
     let mut output = io::stdout().lock();
     match output.write_all(bytes).and_then(|()| output.flush()) {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use bokashi_fit::scenes::{CubeSettings, Experiment, Outcome, Silhouettes};
+use bokashi_paper::{CubeSettings, Experiment, Outcome, Silhouettes};
 
 /// What is kept of a fit for the summary.
 #[derive(Debug, Clone)]
@@ -94,7 +94,7 @@ fn median(numbers: impl Iterator<Item = f64>) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bokashi_fit::scenes::Preset;
+    use bokashi_paper::Preset;
 
     #[test]
     fn a_setting_is_named_by_its_silhouettes_where_they_are_not_the_papers() {

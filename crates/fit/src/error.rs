@@ -42,7 +42,7 @@ pub enum FitError {
     #[error(transparent)]
     Tensor(#[from] TensorError),
     /// A rendering operation refused its inputs.
-    #[cfg(feature = "scenes")]
+    #[cfg(feature = "render")]
     #[error(transparent)]
     Render(#[from] bokashi_render_ops::RenderError),
     /// An operation of a user's own, or of another crate, refused its inputs.
@@ -115,18 +115,14 @@ impl FitError {
         Self::Operation(OperationError(Arc::new(error)))
     }
 
-    /// An error about a saved fit.
+    /// An error about a saved fit: its rule, as the end of "a saved fit needs ...", and what was found.
     #[cfg(feature = "save")]
-    pub(crate) fn saved(rule: impl Into<String>, value: impl fmt::Display) -> Self {
+    pub fn saved(rule: impl Into<String>, value: impl fmt::Display) -> Self {
         Self::Saved { rule: rule.into(), value: value.to_string() }
     }
 
-    /// An error about `setting`.
-    pub(crate) fn setting(
-        setting: &'static str,
-        rule: &'static str,
-        value: impl fmt::Display,
-    ) -> Self {
+    /// An error about `setting`: its rule, as the end of "... needs ...", and the value given.
+    pub fn setting(setting: &'static str, rule: &'static str, value: impl fmt::Display) -> Self {
         Self::Setting { setting, rule, value: value.to_string() }
     }
 }

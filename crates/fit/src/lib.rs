@@ -24,8 +24,8 @@
 //! # Ok::<(), bokashi_fit::FitError>(())
 //! ```
 //!
-//! The feature `scenes` has the paper's experiments, `report` their figures; with `save` a fit can be
-//! saved to a file and resumed from it, to the same bits.
+//! With the feature `render` a [`FitError`] can be made of an error of a rendering operation; with
+//! `save` a fit can be saved to a file and resumed from it, to the same bits.
 
 mod error;
 mod fit;
@@ -35,15 +35,8 @@ mod optimizer;
 mod parameter;
 mod pipeline;
 #[cfg(feature = "save")]
-mod saved;
+pub mod saved;
 mod schedule;
-#[cfg(any(feature = "report", feature = "save"))]
-pub mod write;
-
-#[cfg(feature = "report")]
-pub mod report;
-#[cfg(feature = "scenes")]
-pub mod scenes;
 
 pub use error::{FitError, OperationError, Quantity};
 pub use fit::{Fit, FitSettings, Seen, Stepped};

@@ -134,6 +134,13 @@ impl<T: Scalar> Parameter<T> {
         self.frozen || self.rate == 0.0
     }
 
+    /// Whether both have the same name, shape, learning rate and mapping, and neither or both are
+    /// frozen.
+    pub fn is_like(&self, other: &Self) -> bool {
+        (self.name(), self.raw.shape()) == (other.name(), other.raw.shape())
+            && (self.rate, self.mapping, self.frozen) == (other.rate, other.mapping, other.frozen)
+    }
+
     /// How many entries the last update left as they were though it was not zero: it was below half
     /// a unit of their last place. Many of them say that the numbers of the fit are too short, the
     /// rate has become too small, or a gradient was once far too large.
@@ -155,8 +162,7 @@ impl<T: Scalar> Parameter<T> {
     }
 
     /// The value that `raw` stands for.
-    #[cfg(feature = "scenes")]
-    pub(crate) fn value_at(&self, raw: Tensor<T>) -> Tensor<T> {
+    pub fn value_at(&self, raw: Tensor<T>) -> Tensor<T> {
         match self.mapping {
             Mapping::Identity => raw,
             mapping => raw.map(|raw| mapping.value(raw)),
@@ -291,8 +297,7 @@ impl<T: Scalar> Parameters<T> {
     }
 
     /// Makes `raw`, of the same shape, the raw numbers of the parameter `name`.
-    #[cfg(feature = "scenes")]
-    pub(crate) fn set_raw(&mut self, name: &str, raw: Tensor<T>) -> Result<(), FitError> {
+    pub fn set_raw(&mut self, name: &str, raw: Tensor<T>) -> Result<(), FitError> {
         let parameter = &mut self.list[position(&self.names, name)?];
         debug_assert_eq!(raw.shape(), parameter.raw.shape());
         parameter.raw = raw;

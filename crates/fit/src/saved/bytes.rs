@@ -10,31 +10,35 @@ const MOST_AXES: usize = 8;
 
 /// Fields to be written.
 #[derive(Debug, Default)]
-pub(crate) struct Writer {
-    pub(crate) bytes: Vec<u8>,
+pub struct Writer {
+    /// The bytes so far.
+    pub bytes: Vec<u8>,
 }
 
 impl Writer {
-    pub(crate) fn byte(&mut self, byte: u8) {
+    /// A byte.
+    pub fn byte(&mut self, byte: u8) {
         self.bytes.push(byte);
     }
 
-    pub(crate) fn count(&mut self, count: u64) {
+    /// A whole number.
+    pub fn count(&mut self, count: u64) {
         self.bytes.extend(count.to_le_bytes());
     }
 
-    pub(crate) fn number(&mut self, number: f64) {
+    /// A number, by its bits.
+    pub fn number(&mut self, number: f64) {
         self.bytes.extend(number.to_le_bytes());
     }
 
     /// Bytes after their number.
-    pub(crate) fn block(&mut self, bytes: &[u8]) {
+    pub fn block(&mut self, bytes: &[u8]) {
         self.count(bytes.len() as u64);
         self.bytes.extend(bytes);
     }
 
     /// A byte that says whether there is one, and then the field itself.
-    pub(crate) fn option<V>(&mut self, value: Option<V>, put: impl FnOnce(&mut Self, V)) {
+    pub fn option<V>(&mut self, value: Option<V>, put: impl FnOnce(&mut Self, V)) {
         self.byte(u8::from(value.is_some()));
         if let Some(value) = value {
             put(self, value);
@@ -42,14 +46,14 @@ impl Writer {
     }
 
     /// The number of axes, their extents, the entries.
-    pub(crate) fn tensor<T: Stored>(&mut self, tensor: &Tensor<T>) {
+    pub fn tensor<T: Stored>(&mut self, tensor: &Tensor<T>) {
         self.byte(tensor.shape().rank() as u8);
         tensor.shape().iter().for_each(|&extent| self.count(extent as u64));
         tensor.data().iter().for_each(|entry| entry.put(&mut self.bytes));
     }
 
     /// A byte that says whether there are any, and then the entries.
-    pub(crate) fn entries<T: Stored>(&mut self, entries: &[T]) {
+    pub fn entries<T: Stored>(&mut self, entries: &[T]) {
         self.byte(u8::from(!entries.is_empty()));
         entries.iter().for_each(|entry| entry.put(&mut self.bytes));
     }
@@ -57,12 +61,13 @@ impl Writer {
 
 /// Fields to be read. Nothing is allocated for what the bytes are too few for.
 #[derive(Debug)]
-pub(crate) struct Reader<'a> {
+pub struct Reader<'a> {
     left: &'a [u8],
 }
 
 impl<'a> Reader<'a> {
-    pub(crate) fn new(bytes: &'a [u8]) -> Self {
+    /// The fields of `bytes`.
+    pub fn new(bytes: &'a [u8]) -> Self {
         Self { left: bytes }
     }
 
@@ -82,39 +87,63 @@ impl<'a> Reader<'a> {
         Ok(own)
     }
 
-    pub(crate) fn count(&mut self, what: &str) -> Result<u64, FitError> {
+    /// A whole number.
+    ///
+    /// # Errors
+    /// [`FitError::Saved`] where the bytes are none, or end before.
+    pub fn count(&mut self, what: &str) -> Result<u64, FitError> {
         self.array(what).map(u64::from_le_bytes)
     }
 
-    pub(crate) fn number(&mut self, what: &str) -> Result<f64, FitError> {
+    /// A number.
+    ///
+    /// # Errors
+    /// [`FitError::Saved`] where the bytes are none, or end before.
+    pub fn number(&mut self, what: &str) -> Result<f64, FitError> {
         self.array(what).map(f64::from_le_bytes)
     }
 
     /// A byte that stands for one of `all`.
-    pub(crate) fn one_of<V: Copy>(&mut self, all: &[V], what: &str) -> Result<V, FitError> {
+    pub fn one_of<V: Copy>(&mut self, all: &[V], what: &str) -> Result<V, FitError> {
         let [tag] = self.array(what)?;
         all.get(usize::from(tag))
             .copied()
             .ok_or_else(|| FitError::saved(format!("a byte below {} for {what}", all.len()), tag))
     }
 
-    pub(crate) fn flag(&mut self, what: &str) -> Result<bool, FitError> {
+    /// Yes or no.
+    ///
+    /// # Errors
+    /// [`FitError::Saved`] where the bytes are none, or end before.
+    pub fn flag(&mut self, what: &str) -> Result<bool, FitError> {
         self.one_of(&[false, true], what)
     }
 
-    pub(crate) fn block(&mut self, what: &str) -> Result<&'a [u8], FitError> {
+    /// A block of bytes.
+    ///
+    /// # Errors
+    /// [`FitError::Saved`] where the bytes are none, or end before.
+    pub fn block(&mut self, what: &str) -> Result<&'a [u8], FitError> {
         let count = self.count(what)?;
         self.take(usize::try_from(count).unwrap_or(usize::MAX), what)
     }
 
-    pub(crate) fn text(&mut self, what: &str) -> Result<&'a str, FitError> {
+    /// A text.
+    ///
+    /// # Errors
+    /// [`FitError::Saved`] where the bytes are none, or end before.
+    pub fn text(&mut self, what: &str) -> Result<&'a str, FitError> {
         let bytes = self.block(what)?;
         std::str::from_utf8(bytes).map_err(|_| {
             FitError::saved(format!("UTF-8 for {what}"), format!("\"{}\"", bytes.escape_ascii()))
         })
     }
 
-    pub(crate) fn option<V>(
+    /// What `get` reads, where there is something.
+    ///
+    /// # Errors
+    /// [`FitError::Saved`] where the bytes are none, or end before.
+    pub fn option<V>(
         &mut self,
         what: &str,
         get: impl FnOnce(&mut Self, &str) -> Result<V, FitError>,
@@ -122,7 +151,11 @@ impl<'a> Reader<'a> {
         if self.flag(what)? { get(self, what).map(Some) } else { Ok(None) }
     }
 
-    pub(crate) fn tensor<T: Stored>(&mut self, what: &str) -> Result<Tensor<T>, FitError> {
+    /// A tensor.
+    ///
+    /// # Errors
+    /// [`FitError::Saved`] where the bytes are none, or end before.
+    pub fn tensor<T: Stored>(&mut self, what: &str) -> Result<Tensor<T>, FitError> {
         let [rank] = self.array(what)?;
         if usize::from(rank) > MOST_AXES {
             return Err(FitError::saved(format!("at most {MOST_AXES} axes for {what}"), rank));
@@ -139,11 +172,7 @@ impl<'a> Reader<'a> {
     }
 
     /// None, or `size` entries.
-    pub(crate) fn entries<T: Stored>(
-        &mut self,
-        size: usize,
-        what: &str,
-    ) -> Result<Vec<T>, FitError> {
+    pub fn entries<T: Stored>(&mut self, size: usize, what: &str) -> Result<Vec<T>, FitError> {
         if self.flag(what)? { self.finite(size, what) } else { Ok(Vec::new()) }
     }
 
@@ -158,7 +187,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Checks that nothing is left.
-    pub(crate) fn end(&self) -> Result<(), FitError> {
+    pub fn end(&self) -> Result<(), FitError> {
         match self.left {
             [] => Ok(()),
             left => Err(FitError::saved(

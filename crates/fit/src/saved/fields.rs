@@ -12,17 +12,19 @@ use crate::schedule::Schedule;
 const MAPPINGS: [Mapping; 3] = [Mapping::Identity, Mapping::Softplus, Mapping::Exp];
 
 /// The tag of `value`: its place in `all`.
-pub(crate) fn tag<V: PartialEq>(all: &[V], value: &V) -> u8 {
+pub fn tag<V: PartialEq>(all: &[V], value: &V) -> u8 {
     let at = all.iter().position(|known| known == value);
     at.expect("the list names all variants") as u8
 }
 
 impl Writer {
-    pub(crate) fn mapping(&mut self, mapping: Mapping) {
+    /// A mapping.
+    pub fn mapping(&mut self, mapping: Mapping) {
         self.byte(tag(&MAPPINGS, &mapping));
     }
 
-    pub(crate) fn optimizer(&mut self, optimizer: &Optimizer) {
+    /// An optimizer.
+    pub fn optimizer(&mut self, optimizer: &Optimizer) {
         let mut put = |tag, constants: &[f64]| {
             self.byte(tag);
             constants.iter().for_each(|&constant| self.number(constant));
@@ -34,7 +36,8 @@ impl Writer {
         }
     }
 
-    pub(crate) fn schedule(&mut self, schedule: &Schedule) {
+    /// A schedule.
+    pub fn schedule(&mut self, schedule: &Schedule) {
         let mut put = |tag, steps, constant| {
             self.byte(tag);
             self.count(steps);
@@ -49,7 +52,8 @@ impl Writer {
         }
     }
 
-    pub(crate) fn fit_settings(&mut self, settings: &FitSettings) {
+    /// The settings of a fit.
+    pub fn fit_settings(&mut self, settings: &FitSettings) {
         self.count(settings.steps);
         self.optimizer(&settings.optimizer);
         self.schedule(&settings.schedule);
@@ -60,11 +64,19 @@ impl Writer {
 }
 
 impl Reader<'_> {
-    pub(crate) fn mapping(&mut self) -> Result<Mapping, FitError> {
+    /// A mapping.
+    ///
+    /// # Errors
+    /// [`FitError::Saved`] where the bytes are none.
+    pub fn mapping(&mut self) -> Result<Mapping, FitError> {
         self.one_of(&MAPPINGS, "a mapping")
     }
 
-    pub(crate) fn optimizer(&mut self) -> Result<Optimizer, FitError> {
+    /// An optimizer.
+    ///
+    /// # Errors
+    /// [`FitError::Saved`] where the bytes are none.
+    pub fn optimizer(&mut self) -> Result<Optimizer, FitError> {
         let what = "the optimizer";
         let constants = |reader: &mut Self| {
             Ok::<_, FitError>([reader.number(what)?, reader.number(what)?, reader.number(what)?])
@@ -84,7 +96,11 @@ impl Reader<'_> {
         Ok(optimizer)
     }
 
-    pub(crate) fn schedule(&mut self) -> Result<Schedule, FitError> {
+    /// A schedule.
+    ///
+    /// # Errors
+    /// [`FitError::Saved`] where the bytes are none.
+    pub fn schedule(&mut self) -> Result<Schedule, FitError> {
         let what = "the schedule";
         let tag = self.one_of(&[0, 1, 2, 3, 4], what)?;
         if tag == 0 {
@@ -101,7 +117,11 @@ impl Reader<'_> {
         Ok(schedule)
     }
 
-    pub(crate) fn fit_settings(&mut self) -> Result<FitSettings, FitError> {
+    /// The settings of a fit.
+    ///
+    /// # Errors
+    /// [`FitError::Saved`] where the bytes are none.
+    pub fn fit_settings(&mut self) -> Result<FitSettings, FitError> {
         let settings = FitSettings {
             steps: self.count("the number of steps")?,
             optimizer: self.optimizer()?,

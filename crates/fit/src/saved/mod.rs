@@ -23,15 +23,14 @@ use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::Path;
 
-pub(crate) use self::bytes::{Reader, Writer};
-#[cfg(feature = "scenes")]
-pub(crate) use self::fields::tag;
+pub use self::bytes::{Reader, Writer};
+pub use self::fields::tag;
 pub use self::stored::Stored;
 use crate::error::FitError;
 use crate::fit::{Fit, LoopState, Seen};
 use crate::parameter::{Parameter, Parameters};
-use crate::write::write_whole;
 use bokashi_core::Scalar;
+use bokashi_write::write_whole;
 
 /// What a file begins with.
 const MAGIC: &str = "bokashi-fit";
@@ -179,7 +178,7 @@ fn write(path: &Path, bytes: &[u8]) -> Result<(), FitError> {
 }
 
 /// The bytes of a file, of which no more are read than its head says.
-pub(crate) fn read(path: &Path) -> Result<Vec<u8>, FitError> {
+pub fn read(path: &Path) -> Result<Vec<u8>, FitError> {
     let failed = |error: io::Error| file_error(path, "read", &error);
     let mut file = File::open(path).map_err(failed)?;
     let mut bytes = Vec::new();
@@ -229,8 +228,7 @@ fn encode<T: Stored>(
 }
 
 /// The precision that the fit in `file` computes with, and its pipeline's state.
-#[cfg(feature = "scenes")]
-pub(crate) fn precision_and_state(file: &[u8]) -> Result<(&str, Option<&[u8]>), FitError> {
+pub fn precision_and_state(file: &[u8]) -> Result<(&str, Option<&[u8]>), FitError> {
     let head = Head::of(file)?;
     let mut contents = Reader::new(head.contents(file)?);
     let state = match head.precision {

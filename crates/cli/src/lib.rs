@@ -1,0 +1,9 @@
+//! The program `bokashi`: the paper's experiments from the command line. What other programs of ours
+//! share with it is public.
+
+pub mod arguments;
+pub mod failure;
+mod plan;
+mod progress;
+pub mod run;
+mod summary;

@@ -1,0 +1,27 @@
+//! How fast Bokashi is, at what error, and what it leaves out.
+//!
+//! [`bench()`] answers one question after the other: steps beside other renderers, the gradient of
+//! silhouettes against the true one, fits by steps and seconds to an error, blurs and operations by
+//! time and error, a pipeline node by node, the tape's own cost, growth, memory. [`elision()`] sets steps that compute something beside
+//! steps that have no need of it.
+
+mod difference;
+mod effort;
+mod elision;
+mod machine;
+mod page;
+mod pipeline;
+mod questions;
+mod sampling;
+mod scenes;
+mod studies;
+mod study;
+mod table;
+
+pub use effort::Effort;
+pub use elision::{Row, elision, elision_markdown, write_elision_page};
+pub use machine::Machine;
+pub use page::write_page;
+pub use questions::{Peer, STUDIES, bench, json, markdown, read_peers};
+pub use scenes::{Scene, scenes};
+pub use study::Study;

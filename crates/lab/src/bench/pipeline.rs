@@ -1,0 +1,140 @@
+//! The pipeline whose time is taken: from positions to a loss and its gradients.
+
+use std::hint::black_box;
+
+use bokashi_core::{Gradients, Scalar, Tape, Tensor, Var};
+use bokashi_fit::{FitError, squared_error};
+use bokashi_render_ops::{
+    Background, Cull, Fragments, RasterOptions, Target, antialias, interpolate, layer, project,
+    rasterize, resolve,
+};
+use rayon::ThreadPool;
+
+use crate::bench::sampling::Contestant;
+use crate::bench::scenes::Scene;
+
+/// What a picture leaves on the tape, in the order of recording.
+pub(crate) struct Resolved<'t, T: Scalar> {
+    pub(crate) clip: Var<'t, T>,
+    pub(crate) fragments: Fragments<'t, T>,
+    pub(crate) surface: Var<'t, T>,
+    pub(crate) image: Var<'t, T>,
+}
+
+/// The picture of `scene` with other positions and colours, as it is rasterized.
+pub(crate) fn resolved<'t, T: Scalar>(
+    scene: &Scene,
+    options: RasterOptions,
+    positions: Var<'t, T>,
+    colors: Var<'t, T>,
+) -> Result<Resolved<'t, T>, FitError> {
+    let clip = project(positions, &scene.camera, None)?;
+    let fragments = rasterize(clip, &scene.mesh, options)?;
+    let surface = interpolate(colors, &fragments)?;
+    let image = resolve(surface, &fragments, Background::Zero)?;
+    Ok(Resolved { clip, fragments, surface, image })
+}
+
+impl<'t, T: Scalar> Resolved<'t, T> {
+    pub(crate) fn antialiased(&self) -> Result<Var<'t, T>, FitError> {
+        Ok(antialias(self.image, &self.fragments, self.clip)?)
+    }
+}
+
+/// The antialiased picture of `scene` with other positions and colours.
+pub(crate) fn render<'t, T: Scalar>(
+    scene: &Scene,
+    cull: Cull,
+    positions: Var<'t, T>,
+    colors: Var<'t, T>,
+) -> Result<Var<'t, T>, FitError> {
+    resolved(scene, RasterOptions { cull, ..scene.size.into() }, positions, colors)?.antialiased()
+}
+
+/// What is compared with the target.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Compared {
+    /// The pixels that can differ from the background; what the others cost is known beforehand.
+    Layer,
+    /// Every pixel of the image.
+    Image,
+}
+
+/// A scene whose positions and colours are a little off a target.
+pub(crate) struct Learner<T: Scalar> {
+    scene: Scene,
+    cull: Cull,
+    compared: Compared,
+    positions: Tensor<T>,
+    colors: Tensor<T>,
+    target: Target<T>,
+    tape: Tape<T>,
+}
+
+/// The standard deviation of how far positions are off in x and in y, as a share of the image: 0.3
+/// pixels at 256 px, as in DEODR's figures (`peers/`).
+const SHIFT: f64 = 0.3 / 256.0;
+/// Colours are this far off.
+const TINT: f64 = 0.05;
+
+impl<T: Scalar> Learner<T> {
+    pub(crate) fn new(scene: &Scene, cull: Cull, compared: Compared) -> Result<Self, FitError> {
+        let mut tape = Tape::new();
+        let target = {
+            let positions = tape.constant(&scene.positions.cast());
+            let colors = tape.constant(&scene.colors.cast());
+            render(scene, cull, positions, colors)?.value()
+        };
+        tape.reset();
+        let target = Target::new(&target, &Tensor::zeros([3]))?;
+        let positions = scene.jittered(SHIFT * scene.size.width as f64, 0).cast();
+        let colors = scene.colors.map(|color: f64| T::from_f64((color + TINT).min(1.0)));
+        Ok(Self { scene: scene.clone(), cull, compared, positions, colors, target, tape })
+    }
+
+    /// One step of a fit without its optimizer: render, loss, gradients.
+    pub(crate) fn step(&mut self) -> Result<(), FitError> {
+        let positions = self.tape.leaf(&self.positions);
+        let colors = self.tape.leaf(&self.colors);
+        let loss = match self.compared {
+            Compared::Layer => {
+                let Scene { camera, mesh, size, .. } = &self.scene;
+                let clip = project(positions, camera, None)?;
+                let options = RasterOptions { cull: self.cull, ..(*size).into() };
+                let fragments = rasterize(clip, mesh, options)?;
+                let surface = interpolate(colors, &fragments)?;
+                let layer = layer(surface, &fragments, Background::Zero)?.antialias(clip)?;
+                layer.squared_error(&self.target)?
+            }
+            Compared::Image => {
+                let image = render(&self.scene, self.cull, positions, colors)?;
+                squared_error(image, self.tape.constant(self.target.image()))?
+            }
+        };
+        let gradients: Gradients<'_, T> = loss.backward()?;
+        black_box((loss.item(), gradients.get(positions), gradients.get(colors)));
+        drop(gradients);
+        self.tape.reset();
+        Ok(())
+    }
+}
+
+impl Scene {
+    /// Steps on this scene in `f32`, back faces drawn, as a function that takes one: for whoever
+    /// counts what they allocate.
+    ///
+    /// # Errors
+    /// What an operation refuses: none does.
+    pub fn steps(&self) -> Result<impl FnMut() -> Result<(), FitError> + Send, FitError> {
+        let mut learner = Learner::<f32>::new(self, Cull::None, Compared::Layer)?;
+        Ok(move || learner.step())
+    }
+}
+
+/// Takes steps of `learner` on the threads of `pool`.
+pub(crate) fn contestant<'a, T: Scalar>(
+    mut learner: Learner<T>,
+    pool: &'a ThreadPool,
+) -> Contestant<'a> {
+    Contestant::new(pool, move || learner.step())
+}

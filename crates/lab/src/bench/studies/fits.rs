@@ -1,0 +1,323 @@
+//! How many steps and seconds does a fit take to an error, with antialias and with exact coverage?
+//!
+//! The paper's cube from random starts, with the tuned rates. Both kinds of silhouettes take the same
+//! starts and poses, in turns, so that whatever else the machine does falls on both alike. A fit's
+//! history has every step, so steps to an error are exact.
+
+use std::ops::ControlFlow;
+
+use bokashi_fit::FitError;
+use bokashi_paper::{
+    CubeSettings, Experiment, Outcome, Precision, Preset, STUCK, Silhouettes, run_cube,
+};
+use bokashi_report::{Curve, Figure, PALETTE, Panel, SIZES, Scale, Stroke, quartiles};
+
+use crate::bench::questions::Bench;
+use crate::bench::study::{Figures, Study};
+use crate::bench::table::{Cell, Table};
+
+/// What is compared; the place of each is its colour's.
+const SILHOUETTES: [Silhouettes; 2] = [Silhouettes::Antialias, Silhouettes::Exact];
+/// The vertex errors to reach, in sides of the cube.
+const LEVELS: [f64; 3] = [0.1, 0.01, 1e-3];
+/// How many points a curve has.
+const POINTS: i32 = 60;
+
+/// What is fitted: the experiment, pixels, and the blur of the target.
+struct Case {
+    experiment: Experiment,
+    pixels: usize,
+    sigma: f64,
+}
+
+/// All cases; another one is another row.
+const CASES: [Case; 5] = [
+    Case { experiment: Experiment::Vertices, pixels: 4, sigma: 0.0 },
+    Case { experiment: Experiment::Vertices, pixels: 8, sigma: 0.0 },
+    Case { experiment: Experiment::Vertices, pixels: 16, sigma: 0.0 },
+    Case { experiment: Experiment::Vertices, pixels: 32, sigma: 0.0 },
+    Case { experiment: Experiment::Joint, pixels: 32, sigma: 1.0 },
+];
+
+impl Case {
+    fn name(&self) -> String {
+        match self.experiment {
+            Experiment::Joint => format!("5.3, sigma {}", self.sigma),
+            _ => "5.1".to_owned(),
+        }
+    }
+
+    fn settings(&self, silhouettes: Silhouettes, steps: u64, seed: u64) -> CubeSettings {
+        CubeSettings {
+            resolution: self.pixels,
+            sigma_target: self.sigma,
+            silhouettes,
+            steps,
+            seed,
+            precision: Precision::F64,
+            ..CubeSettings::new(self.experiment, Preset::Tuned)
+        }
+    }
+}
+
+/// What is kept of a fit.
+#[derive(Debug, Clone, PartialEq)]
+struct Run {
+    /// Steps and seconds to each of [`LEVELS`]; infinite where it is never reached.
+    reached: [[f64; 2]; LEVELS.len()],
+    /// The vertex error at the end.
+    last: f64,
+    is_stuck: bool,
+    /// Seconds of a step, all included.
+    step_seconds: f64,
+    /// Seconds and vertex error at the steps of the curve.
+    curve: Vec<[f64; 2]>,
+}
+
+impl Run {
+    fn new(outcome: &Outcome) -> Self {
+        let history = &outcome.history;
+        let error = |at: usize| history[at].vertex_error.unwrap_or(f64::NAN);
+        let reached = LEVELS.map(|level| {
+            let first = (0..history.len()).find(|&at| error(at) <= level);
+            first.map_or([f64::INFINITY; 2], |at| [history[at].step as f64, history[at].seconds])
+        });
+        let steps = outcome.steps.max(1) as f64;
+        let place = |point: i32| steps.powf(f64::from(point) / f64::from(POINTS)).round() as usize;
+        let mut places: Vec<usize> = (0..=POINTS).map(place).collect();
+        places.dedup();
+        Self {
+            reached,
+            last: error(history.len() - 1),
+            is_stuck: outcome.is_stuck(),
+            step_seconds: outcome.wall_seconds / steps,
+            curve: places.into_iter().map(|at| [history[at].seconds, error(at)]).collect(),
+        }
+    }
+}
+
+/// A start's fits, one for each of [`SILHOUETTES`].
+type Pair = [Run; 2];
+
+fn pair(bench: &Bench, case: &Case, steps: u64, seed: u64) -> Result<Pair, FitError> {
+    let run = |silhouettes| {
+        let settings = case.settings(silhouettes, steps, seed);
+        let outcome = || run_cube(&settings, &mut |_| ControlFlow::Continue(()));
+        Ok::<_, FitError>(Run::new(&bench.one().install(outcome)?))
+    };
+    Ok([run(SILHOUETTES[0])?, run(SILHOUETTES[1])?])
+}
+
+/// How many of the seeds that are stuck with one kind of silhouettes are not with the other.
+fn freed(pairs: &[Pair], with: usize) -> [usize; 2] {
+    let stuck = pairs.iter().filter(|pair| pair[1 - with].is_stuck);
+    let free = stuck.clone().filter(|pair| !pair[with].is_stuck);
+    [free.count(), stuck.count()]
+}
+
+fn part([some, all]: [usize; 2]) -> Cell {
+    Cell::text(format!("{some} of {all}"))
+}
+
+/// The median, where it is a number: nothing where half of the seeds or more never get there.
+fn median(numbers: impl Iterator<Item = f64>) -> Cell {
+    Cell::maybe(Some(quartiles(numbers)[1]).filter(|median| median.is_finite()))
+}
+
+/// The rows of a case in both tables.
+fn tabulate(case: &Case, pairs: &[Pair], [to_errors, ends]: [&mut Table; 2]) {
+    for (with, silhouettes) in SILHOUETTES.iter().enumerate() {
+        let runs = || pairs.iter().map(move |pair| &pair[with]);
+        let head = [
+            Cell::text(case.name()),
+            Cell::Count(case.pixels),
+            Cell::text(silhouettes.to_string()),
+        ];
+        let mut row = head.to_vec();
+        for level in 0..LEVELS.len() {
+            let count = runs().filter(|run| run.reached[level][0].is_finite()).count();
+            row.push(part([count, pairs.len()]));
+            row.extend([0, 1].map(|what| median(runs().map(|run| run.reached[level][what]))));
+        }
+        to_errors.push(row);
+        let worst = runs().map(|run| run.last).max_by(f64::total_cmp);
+        let mut row = head.to_vec();
+        row.extend([
+            median(runs().map(|run| 1e3 * run.step_seconds)),
+            median(runs().map(|run| run.last)),
+            Cell::maybe(worst),
+            part([runs().filter(|run| run.is_stuck).count(), pairs.len()]),
+            part(freed(pairs, with)),
+        ]);
+        ends.push(row);
+    }
+}
+
+/// The vertex error of a case against time: medians over the seeds, and quartiles as bands.
+fn panel(case: &Case, pairs: &[Pair]) -> Panel {
+    let curves = (0..SILHOUETTES.len()).map(|with| {
+        let count = pairs.first().map_or(0, |pair| pair[with].curve.len());
+        let point = |at: usize| {
+            let column = |entry: usize| pairs.iter().map(move |pair| pair[with].curve[at][entry]);
+            let ([_, seconds, _], [low, middle, high]) =
+                (quartiles(column(0)), quartiles(column(1)));
+            [seconds, low, middle, high]
+        };
+        let points = (0..count).map(point).collect();
+        Curve { color: with, stroke: Stroke::Solid, dots: false, points }
+    });
+    let what = format!("{}, {} px", case.name(), case.pixels);
+    Panel {
+        title: format!("Vertex error: {what}"),
+        figure: Figure {
+            x: Scale::Seconds,
+            y: Scale::Logarithmic,
+            x_title: "wall-clock time",
+            size: SIZES[0],
+            spoken: format!("vertex error against time with antialias and exact coverage: {what}"),
+            curves: curves.collect(),
+            marks: Vec::new(),
+        },
+    }
+}
+
+fn tables() -> [Table; 2] {
+    let head = [("experiment", "experiment"), ("pixels", "pixels"), ("silhouettes", "silhouettes")];
+    let to_errors = [
+        ("seeds to 0.1", "seeds_to_1e-1"),
+        ("steps", "median_steps_to_1e-1"),
+        ("seconds", "median_seconds_to_1e-1"),
+        ("seeds to 0.01", "seeds_to_1e-2"),
+        ("steps", "median_steps_to_1e-2"),
+        ("seconds", "median_seconds_to_1e-2"),
+        ("seeds to 1e-3", "seeds_to_1e-3"),
+        ("steps", "median_steps_to_1e-3"),
+        ("seconds", "median_seconds_to_1e-3"),
+    ];
+    let ends = [
+        ("ms per step", "median_milliseconds_per_step"),
+        ("median error", "median_vertex_error"),
+        ("worst", "worst_vertex_error"),
+        ("stuck", "stuck"),
+        ("of the other's stuck, free here", "free_of_stuck_with_the_other"),
+    ];
+    let with = |name, title, columns: &[(&'static str, &'static str)]| {
+        Table::new(name, title, &[&head[..], columns].concat())
+    };
+    [
+        with(
+            "fits_to_errors",
+            "Steps and seconds to a vertex error, medians over all seeds",
+            &to_errors,
+        ),
+        with("fits_ends", "The vertex error at the end", &ends),
+    ]
+}
+
+pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
+    let seeds: u64 = bench.effort.choose(2, 20);
+    let steps = bench.effort.choose(60, 3_000);
+    let title = "Steps and seconds to an error: antialias and exact coverage";
+    let mut study = Study::new("fits", title, "");
+    let [mut to_errors, mut ends] = tables();
+    let (mut panels, mut all) = (Vec::new(), Vec::new());
+    for case in &CASES {
+        let mut pairs = Vec::new();
+        for seed in 0..seeds {
+            let what = format!("{}, {} px, seed {seed}", case.name(), case.pixels);
+            pairs.extend(study.noted(&what, pair(bench, case, steps, seed)));
+        }
+        tabulate(case, &pairs, [&mut to_errors, &mut ends]);
+        panels.push(panel(case, &pairs));
+        all.extend(pairs);
+    }
+    let [[exact_frees, with_antialias], [antialias_frees, with_exact]] =
+        [1, 0].map(|with| freed(&all, with));
+    study.note = format!(
+        "Experiment 5.1 learns vertices and colours, 5.3 a blur's sigma too, from 2 pixels; {seeds} \
+         seeds, fits of {steps} steps, tuned rates, f64, one thread. Both kinds of silhouettes take \
+         the same starts and poses; each has a target image of its own kind, rendered anew in each \
+         step. The vertex error is the mean distance of the vertices from the truth, in sides of the \
+         cube. An error counts as reached at the first step that has it; a seed that never does \
+         counts as infinite, and a median that is infinite is a dash. Seconds are wall-clock time \
+         since the start of a fit, all included: poses, targets, updates, and measuring the errors in \
+         every step. Stuck: more than {STUCK} off at the end. Over all rows antialias leaves \
+         {with_antialias} fits stuck, of which {exact_frees} come free with exact coverage; exact \
+         coverage leaves {with_exact}, of which {antialias_frees} come free with antialias.",
+    );
+    let legend = SILHOUETTES.iter().zip(PALETTE);
+    study.figures.push(Figures {
+        heading: None,
+        is_folded: false,
+        legend: legend.map(|(word, color)| (word.to_string(), color, Stroke::Solid)).collect(),
+        panels,
+    });
+    study.tables.extend([to_errors, ends]);
+    Ok(study)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::effort::Effort;
+
+    /// A run that ends at `last`, and reaches each level after so many steps.
+    fn run(steps: [f64; 3], last: f64) -> Run {
+        let reached = steps.map(|steps| [steps, 1e-3 * steps]);
+        let curve = vec![[1e-3, 1.0], [2e-3, last]];
+        Run { reached, last, is_stuck: last > STUCK, step_seconds: 1e-3, curve }
+    }
+
+    #[test]
+    fn a_run_has_the_first_step_of_each_error_and_where_it_ended() {
+        let bench = Bench::new(Effort::Quick, Vec::new()).unwrap();
+        let settings = CASES[1].settings(Silhouettes::Exact, 300, 3);
+        let outcome =
+            bench.one().install(|| run_cube(&settings, &mut |_| ControlFlow::Continue(())));
+        let outcome = outcome.unwrap();
+        let found = Run::new(&outcome);
+        for (level, [steps, seconds]) in LEVELS.into_iter().zip(found.reached) {
+            let below = |step: usize| outcome.history[step].vertex_error.unwrap() <= level;
+            if steps.is_finite() {
+                let at = steps as usize;
+                assert!(below(at) && !(0..at).any(below), "{level}: {steps}");
+                assert_eq!(seconds, outcome.history[at].seconds);
+            } else {
+                assert!(!(0..=300).any(below) && seconds.is_infinite(), "{level}");
+            }
+        }
+        assert!(found.reached[0][0].is_finite(), "{:?}", found.reached);
+        assert_eq!(Some(found.last), outcome.vertex_error_final);
+        assert_eq!(found.curve[found.curve.len() - 1][1], found.last);
+        assert!(found.curve.windows(2).all(|pair| pair[0][0] < pair[1][0]));
+    }
+
+    #[test]
+    fn seeds_that_never_get_there_count_as_infinite_and_as_stuck() {
+        const NEVER: f64 = f64::INFINITY;
+        let stuck = run([50.0, NEVER, NEVER], 0.2);
+        let pairs = [
+            [stuck.clone(), run([10.0, 20.0, NEVER], 0.004)],
+            [stuck.clone(), run([30.0, 40.0, 90.0], 1e-6)],
+            [run([20.0, 30.0, 40.0], 0.0), stuck],
+        ];
+        assert_eq!([freed(&pairs, 0), freed(&pairs, 1)], [[1, 1], [2, 2]]);
+        let [mut to_errors, mut ends] = tables();
+        tabulate(&CASES[0], &pairs, [&mut to_errors, &mut ends]);
+        let row = |seeds: [usize; 3], medians: [Option<f64>; 3]| -> Vec<Cell> {
+            let cells = seeds.iter().zip(medians).flat_map(|(&count, steps)| {
+                [part([count, 3]), Cell::maybe(steps), Cell::maybe(steps.map(|steps| 1e-3 * steps))]
+            });
+            cells.collect()
+        };
+        assert_eq!(to_errors.rows[0][3..], row([3, 1, 1], [Some(50.0), None, None]));
+        assert_eq!(to_errors.rows[1][3..], row([3, 2, 1], [Some(30.0), Some(40.0), None]));
+        let text = ends.markdown();
+        assert!(
+            text.contains("| 2 of 3 | 1 of 1 ") && text.contains("| 1 of 3 | 2 of 2 "),
+            "{text}"
+        );
+        let panel = panel(&CASES[0], &pairs);
+        assert_eq!(panel.figure.curves[0].points[1], [2e-3, 0.1, 0.2, 0.2]);
+    }
+}

@@ -1,0 +1,33 @@
+//! One file per question.
+
+mod blur;
+mod fits;
+mod growth;
+mod memory;
+mod multiply;
+mod nodes;
+mod operations;
+mod scenes;
+mod silhouettes;
+
+use bokashi_fit::FitError;
+
+use crate::bench::questions::Bench;
+use crate::bench::study::Study;
+
+/// Does a study.
+type Do = fn(&Bench) -> Result<Study, FitError>;
+
+/// Every study with its name, in the order of the report. The one about memory comes first in a
+/// process, while its peak is still low; see there.
+pub(super) const ALL: [(&str, Do); 9] = [
+    ("memory", memory::study),
+    ("scenes", scenes::study),
+    ("silhouettes", silhouettes::study),
+    ("fits", fits::study),
+    ("blur", blur::study),
+    ("operations", operations::study),
+    ("nodes", nodes::study),
+    ("multiply", multiply::study),
+    ("growth", growth::study),
+];

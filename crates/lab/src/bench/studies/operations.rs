@@ -1,0 +1,368 @@
+//! What does f64 cost over f32, operation by operation, and what does it buy?
+//!
+//! Each operation is recorded on the same inputs, which are exact in f32, and walked back from the
+//! same upstream gradient. Times are the tape's own, of the operation alone.
+
+use std::sync::Arc;
+
+use bokashi_core::{Scalar, Tape, Tensor, Var};
+use bokashi_fit::{FitError, squared_error};
+use bokashi_render_ops::{
+    Background, Blur, Fragments, Lens, RasterOptions, Target, antialias, depth, depth_of_field,
+    gaussian_blur, interpolate, layer, project, rasterize, resolve,
+};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use crate::bench::difference::relative_error;
+use crate::bench::effort::USUAL;
+use crate::bench::pipeline::resolved;
+use crate::bench::questions::Bench;
+use crate::bench::sampling::Timing;
+use crate::bench::scenes::Scene;
+use crate::bench::study::Study;
+use crate::bench::table::{Cell, Table};
+
+/// Records an operation on variables of its inputs.
+type Record<T> = for<'t> fn(&Scene, &[Var<'t, T>]) -> Result<Var<'t, T>, FitError>;
+
+/// An operation and what it is run on.
+struct Case<T: Scalar> {
+    /// The name it has on the tape, and after a comma what it works on.
+    label: &'static str,
+    inputs: Vec<Tensor<f64>>,
+    record: Record<T>,
+}
+
+impl<T: Scalar> Case<T> {
+    fn name(&self) -> &'static str {
+        self.label.split(',').next().unwrap_or(self.label)
+    }
+}
+
+/// The fragments of the scene, on the tape as constants, with other barycentrics.
+fn fragments<'t, T: Scalar>(
+    scene: &Scene,
+    clip: Var<'t, T>,
+    barycentrics: Option<Var<'t, T>>,
+) -> Result<Fragments<'t, T>, FitError> {
+    let options = RasterOptions::from(scene.size);
+    let found = rasterize(clip.detach(), &scene.mesh, options)?;
+    let barycentrics = barycentrics.unwrap_or(found.barycentrics);
+    Ok(Fragments { barycentrics, ..found })
+}
+
+/// Every operation, with entries in numbers like those of a small image.
+fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
+    let Inputs { signed, positive, .. } = inputs;
+    let mut all: Vec<Case<T>> = Vec::new();
+    let mut add = |label, given: &[&Tensor<f64>], record: Record<T>| {
+        let inputs = given.iter().map(|&tensor| tensor.clone()).collect();
+        all.push(Case { label, inputs, record });
+    };
+    let Inputs { positions, clip, barycentrics, colors, surface, jagged, image, .. } = inputs;
+    add("project", &[positions], |scene, v| Ok(project(v[0], &scene.camera, None)?));
+    add("rasterize", &[clip], |scene, v| {
+        let options = RasterOptions::from(scene.size);
+        Ok(rasterize(v[0], &scene.mesh, options)?.barycentrics)
+    });
+    add("interpolate", &[colors, barycentrics, clip], |scene, v| {
+        Ok(interpolate(v[0], &fragments(scene, v[2], Some(v[1]))?)?)
+    });
+    add("resolve", &[surface, clip], |scene, v| {
+        Ok(resolve(v[0], &fragments(scene, v[1], None)?, Background::Zero)?)
+    });
+    add("antialias", &[jagged, clip], |scene, v| {
+        Ok(antialias(v[0], &fragments(scene, v[1], None)?, v[1])?)
+    });
+    add("antialias, a layer", &[surface, clip], |scene, v| {
+        let layer = layer(v[0], &fragments(scene, v[1], None)?, Background::Zero)?;
+        Ok(layer.antialias(v[1])?.values)
+    });
+    add("depth", &[clip], |scene, v| {
+        let options = RasterOptions::from(scene.size);
+        Ok(depth(&rasterize(v[0], &scene.mesh, options)?)?)
+    });
+    let lens = [Tensor::scalar(2.0), Tensor::scalar(1.25)];
+    add("depth_of_field", &[image, &inputs.distances, &lens[0], &lens[1]], |_, v| {
+        Ok(depth_of_field(v[0], v[1], v[2], v[3], &Lens::default())?.image)
+    });
+    add("gaussian_blur", &[image, &Tensor::scalar(2.0)], |_, v| {
+        Ok(gaussian_blur(v[0], v[1], &Blur::default())?)
+    });
+    add("squared_error", &[image, jagged], |_, v| Ok(squared_error(v[0], v[1])?));
+    add("squared_error, a layer", &[surface, clip, jagged], |scene, v| {
+        let layer = layer(v[0], &fragments(scene, v[1], None)?, Background::Zero)?;
+        let target = Target::new(
+            &v[2].value().map(|entry| entry + T::from_f64(0.125)),
+            &Tensor::zeros([3]),
+        )?;
+        Ok(layer.squared_error(&target)?)
+    });
+    add("add", &[signed, positive], |_, v| Ok(v[0].try_add(v[1])?));
+    add("sub", &[signed, positive], |_, v| Ok(v[0].try_sub(v[1])?));
+    add("mul", &[signed, positive], |_, v| Ok(v[0].try_mul(v[1])?));
+    add("div", &[signed, positive], |_, v| Ok(v[0].try_div(v[1])?));
+    add("minimum", &[signed, positive], |_, v| Ok(v[0].minimum(v[1])?));
+    add("maximum", &[signed, positive], |_, v| Ok(v[0].maximum(v[1])?));
+    add("affine", &[signed], |_, v| Ok(v[0].affine(T::from_f64(0.7), T::from_f64(0.1))));
+    add("exp", &[signed], |_, v| Ok(v[0].exp()));
+    add("ln", &[positive], |_, v| Ok(v[0].ln()));
+    add("sqrt", &[positive], |_, v| Ok(v[0].sqrt()));
+    add("powi", &[signed], |_, v| Ok(v[0].powi(3)));
+    add("sin", &[signed], |_, v| Ok(v[0].sin()));
+    add("cos", &[signed], |_, v| Ok(v[0].cos()));
+    add("tanh", &[signed], |_, v| Ok(v[0].tanh()));
+    add("sigmoid", &[signed], |_, v| Ok(v[0].sigmoid()));
+    add("softplus", &[signed], |_, v| Ok(v[0].softplus()));
+    add("abs", &[signed], |_, v| Ok(v[0].abs()));
+    add("clamp", &[signed], |_, v| Ok(v[0].clamp(-T::ONE, T::ONE)?));
+    add("sum", &[positive], |_, v| Ok(v[0].sum()));
+    add("mean", &[positive], |_, v| Ok(v[0].mean()?));
+    add("matmul", &[signed, &inputs.square], |_, v| Ok(v[0].matmul(v[1])?));
+    add("permute", &[signed], |_, v| Ok(v[0].permute(&[1, 0])?));
+    add("reshape", &[signed], |_, v| Ok(v[0].reshape([v[0].shape().size()])?));
+    add("slice", &[signed], |_, v| Ok(v[0].slice(1, 1..WIDTH - 1)?));
+    add("concat", &[signed, positive], |_, v| Ok(Var::concat(&[v[0], v[1]], 0)?));
+    add("gather_rows", &[signed], |_, v| {
+        let rows = v[0].shape()[0] as u32;
+        let reversed: Arc<[u32]> = (0..rows).rev().collect();
+        Ok(v[0].gather_rows(&reversed)?)
+    });
+    all
+}
+
+/// What the operations are run on, every number exact in f32.
+struct Inputs {
+    scene: Scene,
+    positions: Tensor<f64>,
+    clip: Tensor<f64>,
+    barycentrics: Tensor<f64>,
+    colors: Tensor<f64>,
+    surface: Tensor<f64>,
+    jagged: Tensor<f64>,
+    image: Tensor<f64>,
+    /// `[H, W]`, entries in [1/2, 2].
+    distances: Tensor<f64>,
+    /// `[H W, WIDTH]`, entries in [-2, 2].
+    signed: Tensor<f64>,
+    /// The same in [1/2, 2].
+    positive: Tensor<f64>,
+    /// `[WIDTH, WIDTH]`.
+    square: Tensor<f64>,
+}
+
+/// The second extent of the tensors.
+const WIDTH: usize = 16;
+
+impl Inputs {
+    fn new(pixels: usize) -> Result<Self, FitError> {
+        let scene = Scene::sphere("sphere", 32, 17, pixels)?;
+        let mut generator = ChaCha8Rng::seed_from_u64(0);
+        let mut uniform = move |low: f64, high: f64| {
+            let share = f64::from(generator.next_u32() >> 8) / 16_777_216.0;
+            f64::from((low + (high - low) * share) as f32)
+        };
+        let single = |tensor: Tensor<f32>| tensor.cast();
+        let tape = Tape::new();
+        let (positions, colors) = (scene.positions.cast(), scene.colors.cast());
+        let (at, tinted) = (tape.constant(&positions), tape.constant(&colors));
+        let resolved = resolved(&scene, scene.size.into(), at, tinted)?;
+        let image = resolved.antialiased()?;
+        let rows = pixels * pixels / WIDTH;
+        Ok(Self {
+            positions: single(positions),
+            clip: single(resolved.clip.value()),
+            barycentrics: single(resolved.fragments.barycentrics.value()),
+            colors: single(colors),
+            surface: single(resolved.surface.value()),
+            jagged: single(resolved.image.value()),
+            image: single(image.value()),
+            distances: Tensor::from_fn([pixels, pixels], |_| uniform(0.5, 2.0)),
+            signed: Tensor::from_fn([rows, WIDTH], |_| uniform(-2.0, 2.0)),
+            positive: Tensor::from_fn([rows, WIDTH], |_| uniform(0.5, 2.0)),
+            square: Tensor::from_fn([WIDTH, WIDTH], |_| uniform(-1.0, 1.0)),
+            scene,
+        })
+    }
+}
+
+/// A case in one precision, with its memory.
+struct Runner<T: Scalar> {
+    case: Case<T>,
+    inputs: Vec<Tensor<T>>,
+    /// Starts as ones; set once the shape of the output is known.
+    upstream: Option<Tensor<T>>,
+    tape: Tape<T>,
+}
+
+impl<T: Scalar> Runner<T> {
+    fn new(case: Case<T>) -> Self {
+        let inputs = case.inputs.iter().map(Tensor::cast).collect();
+        let tape = Tape::new();
+        tape.set_timed(true);
+        Self { case, inputs, upstream: None, tape }
+    }
+
+    /// Records and walks back once: the output and the gradients, and the seconds of both passes.
+    fn run(&mut self, scene: &Scene) -> Result<(Vec<Tensor<T>>, f64), FitError> {
+        let results = {
+            let inputs: Vec<Var<'_, T>> =
+                self.inputs.iter().map(|input| self.tape.leaf(input)).collect();
+            let output = (self.case.record)(scene, &inputs)?;
+            // Between 1/2 and 3/2, and exact in f32.
+            let entry = |k: usize| T::from_f64(0.5 + (k % 257) as f64 / 256.0);
+            let upstream =
+                self.upstream.get_or_insert_with(|| Tensor::from_fn(output.shape(), entry));
+            let gradients = self.tape.vjp(&[(output, upstream)])?;
+            let all = inputs.iter().map(|&input| gradients.get_or_zeros(input));
+            std::iter::once(output.value()).chain(all).collect()
+        };
+        let report = self.tape.take_report();
+        let own = report.operations.iter().filter(|entry| entry.name == self.case.name());
+        let seconds = own.map(|entry| (entry.forward + entry.backward).as_secs_f64()).sum();
+        self.tape.reset();
+        Ok((results, seconds))
+    }
+}
+
+pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
+    let pixels = bench.effort.choose(32, 256);
+    let samples = bench.effort.samples(1e-3, USUAL);
+    let mut study = Study::new(
+        "operations",
+        "Every operation in f32 and in f64",
+        format!(
+            "Forward and backward to every input, one thread, by the tape's own clock; samples in \
+             turns, {samples} of each. Rendering operations on a sphere of 1024 faces in {pixels} x \
+             {pixels} pixels, tensor operations on {} entries; nanoseconds are per pixel and per \
+             entry, the larger of inputs and output. Errors are f32's against f64 on the same \
+             inputs, as a share of the largest entry: of the output, and of the worst gradient.",
+            pixels * pixels
+        ),
+    );
+    let mut table = Table::new(
+        "operations",
+        "Time and error",
+        &[
+            ("operation", "operation"),
+            ("f32, ns", "f32_minimum_nanoseconds"),
+            ("median", "f32_median_nanoseconds"),
+            ("f64, ns", "f64_minimum_nanoseconds"),
+            ("median", "f64_median_nanoseconds"),
+            ("f64 / f32", "ratio"),
+            ("error of the output", "output_error"),
+            ("of a gradient", "gradient_error"),
+        ],
+    );
+    let inputs = Inputs::new(pixels)?;
+    let scene = &inputs.scene;
+    for (single, double) in cases::<f32>(&inputs).into_iter().zip(cases::<f64>(&inputs)) {
+        let (label, name) = (single.label, single.name());
+        let (mut single, mut double) = (Runner::new(single), Runner::new(double));
+        let mut sample = || {
+            let mut errors = [0.0_f64; 2];
+            let mut seconds = [Vec::new(), Vec::new()];
+            let mut entries = 0;
+            for round in 0..=samples {
+                let (found, of_single) = single.run(scene)?;
+                let (exact, of_double) = double.run(scene)?;
+                if round == 0 {
+                    // The first run warms up, and has the same results as all others.
+                    entries = exact.iter().map(Tensor::size).max().unwrap_or(1);
+                    for (at, (found, exact)) in found.iter().zip(&exact).enumerate() {
+                        let error = &mut errors[at.min(1)];
+                        *error = error.max(relative_error(found, exact));
+                    }
+                    continue;
+                }
+                seconds[0].push(of_single);
+                seconds[1].push(of_double);
+            }
+            Ok((errors, seconds, entries))
+        };
+        let Some((errors, seconds, entries)) = study.noted(label, bench.one().install(&mut sample))
+        else {
+            continue;
+        };
+        let [single, double] = seconds.map(Timing::of);
+        let is_tensor = inputs.signed.size() <= entries && !RENDERING.contains(&name);
+        let count = if is_tensor { entries } else { pixels * pixels } as f64;
+        table.push(vec![
+            Cell::text(label),
+            Cell::timed(&single, 1e9 * single.minimum / count),
+            Cell::timed(&single, 1e9 * single.median / count),
+            Cell::timed(&double, 1e9 * double.minimum / count),
+            Cell::timed(&double, 1e9 * double.median / count),
+            Cell::number(double.minimum / single.minimum),
+            Cell::number(errors[0]),
+            Cell::number(errors[1]),
+        ]);
+    }
+    study.tables.push(table);
+    Ok(study)
+}
+
+/// The operations whose times are per pixel.
+const RENDERING: [&str; 9] = [
+    "project",
+    "rasterize",
+    "interpolate",
+    "resolve",
+    "antialias",
+    "depth",
+    "depth_of_field",
+    "gaussian_blur",
+    "squared_error",
+];
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::path::Path;
+
+    use super::*;
+
+    #[test]
+    fn no_operation_is_missing() {
+        let crates = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+        let exports = fs::read_to_string(crates.join("render-ops/src/lib.rs")).unwrap();
+        let exports = exports.lines().filter_map(|line| line.strip_prefix("pub use "));
+        let exported = exports.flat_map(|line| {
+            let names = line.split("::").last().unwrap_or_default();
+            names.trim_matches(|c| "{};".contains(c)).split(", ").map(str::to_owned)
+        });
+        // `layer` records nothing, and `interpolate_indexed` what `interpolate` does.
+        let is_operation = |name: &String| {
+            name.starts_with(|c: char| c.is_ascii_lowercase())
+                && !["layer", "interpolate_indexed"].contains(&name.as_str())
+        };
+        let of_core = fs::read_dir(crates.join("core/src/ops")).unwrap();
+        let of_core = of_core
+            .map(|file| file.unwrap().path().file_stem().unwrap().to_string_lossy().into_owned());
+        let mut expected: Vec<_> = exported.filter(is_operation).collect();
+        expected.extend(of_core.filter(|name| name != "mod"));
+        assert!(expected.len() > 30, "{expected:?}");
+        let cases = cases::<f32>(&Inputs::new(32).unwrap());
+        for name in expected {
+            assert!(cases.iter().any(|case| case.name() == name), "{name} is missing");
+        }
+    }
+
+    #[test]
+    fn every_operation_is_on_the_tape_under_its_name_and_is_walked_back() {
+        let inputs = Inputs::new(32).unwrap();
+        for case in cases::<f32>(&inputs) {
+            let name = case.name();
+            let runner = Runner::new(case);
+            let given: Vec<_> = runner.inputs.iter().map(|input| runner.tape.leaf(input)).collect();
+            let output = (runner.case.record)(&inputs.scene, &given).unwrap();
+            let upstream = Tensor::full(output.shape(), 1.0);
+            runner.tape.vjp(&[(output, &upstream)]).unwrap();
+            let report = runner.tape.take_report();
+            let own = report.operations.iter().find(|entry| entry.name == name);
+            let own = own.unwrap_or_else(|| panic!("{name} is not in {report}"));
+            assert!(own.calls > 0 && own.backward_calls > 0, "{report}");
+        }
+    }
+}

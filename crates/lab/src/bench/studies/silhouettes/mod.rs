@@ -1,0 +1,319 @@
+//! How good is the gradient of a silhouette, and what does it cost?
+//!
+//! The truth is the gradient of `<g, a(p)>`, where `a` is the picture of vertices `p` averaged over
+//! the area of each pixel (`scanlines`), and `g` one fixed upstream gradient per image, that of the
+//! squared error against a target. A method gives the gradient of `<g, image(p)>` for an image of its
+//! own.
+
+mod cases;
+mod figure;
+mod scanlines;
+mod truth;
+
+use bokashi_core::{Tape, Tensor, Var};
+use bokashi_fit::FitError;
+use bokashi_render_ops::{Cull, RasterOptions, Sampling};
+
+use self::cases::{CASES, Case, Kind};
+use self::figure::figures;
+use self::truth::{Truth, truths};
+use crate::bench::effort::USUAL;
+use crate::bench::pipeline::{render, resolved};
+use crate::bench::questions::Bench;
+use crate::bench::sampling::{Contestant, Timing, interleaved};
+use crate::bench::scenes::Scene;
+use crate::bench::study::Study;
+use crate::bench::table::{Cell, Table};
+
+/// The sizes of the images, in pixels: each a divisor of the last one.
+const PIXELS: [usize; 4] = [8, 16, 32, 64];
+
+/// A way to make an image of a scene.
+struct Method {
+    /// For people, and for programs.
+    name: &'static str,
+    key: &'static str,
+    /// Whether every edge is a seam.
+    has_seams: bool,
+    image: Image,
+}
+
+/// The image of a scene with other positions and colours.
+type Image = for<'t> fn(&Scene, Cull, Var<'t, f32>, Var<'t, f32>) -> Result<Var<'t, f32>, FitError>;
+
+/// All methods; another one is another row.
+const METHODS: [Method; 6] = [
+    method("no antialias", "no_antialias", |scene, cull, p, c| {
+        Ok(resolved(scene, RasterOptions { cull, ..scene.size.into() }, p, c)?.image)
+    }),
+    method("antialias", "antialias", render),
+    method("antialias, 2x2", "antialias_2x2", |scene, cull, p, c| {
+        supersampled(2, scene, cull, p, c)
+    }),
+    method("antialias, 4x4", "antialias_4x4", |scene, cull, p, c| {
+        supersampled(4, scene, cull, p, c)
+    }),
+    method("exact", "exact", exact),
+    Method { has_seams: true, ..method("exact, all edges", "exact_all_edges", exact) },
+];
+
+/// With exact coverage.
+fn exact<'t>(
+    scene: &Scene,
+    cull: Cull,
+    positions: Var<'t, f32>,
+    colors: Var<'t, f32>,
+) -> Result<Var<'t, f32>, FitError> {
+    let options = RasterOptions { cull, sampling: Sampling::Exact, ..scene.size.into() };
+    Ok(resolved(scene, options, positions, colors)?.image)
+}
+
+const fn method(name: &'static str, key: &'static str, image: Image) -> Method {
+    Method { name, key, has_seams: false, image }
+}
+
+/// `times` x `times` antialiased pixels make one.
+fn supersampled<'t>(
+    times: usize,
+    scene: &Scene,
+    cull: Cull,
+    positions: Var<'t, f32>,
+    colors: Var<'t, f32>,
+) -> Result<Var<'t, f32>, FitError> {
+    let pixels = scene.size.width;
+    let large = render(&scene.at(times * pixels), cull, positions, colors)?;
+    let split = large.reshape([pixels, times, pixels, times, 3])?;
+    Ok(split.mean_axis(3)?.mean_axis(1)?)
+}
+
+/// A scene at one size as a method takes it.
+struct Subject {
+    scene: Scene,
+    cull: Cull,
+    positions: Tensor<f32>,
+    colors: Tensor<f32>,
+    upstream: Tensor<f32>,
+}
+
+impl Subject {
+    fn new(method: &Method, case: &Case, cull: Cull, truth: &Truth) -> Self {
+        let mut scene = case.scene.at(truth.pixels);
+        if method.has_seams {
+            scene.mesh = scene.mesh.with_seams(|_, _| true);
+        }
+        let (positions, colors) = (scene.positions.cast(), scene.colors.cast());
+        Self { scene, cull, positions, colors, upstream: truth.upstream.cast() }
+    }
+
+    /// The image and the gradient that `method` gives.
+    fn gradient(
+        &self,
+        method: &Method,
+        tape: &mut Tape<f32>,
+    ) -> Result<[Tensor<f32>; 2], FitError> {
+        let found = {
+            let positions = tape.leaf(&self.positions);
+            let colors = tape.constant(&self.colors);
+            let image = (method.image)(&self.scene, self.cull, positions, colors)?;
+            let gradients = tape.vjp(&[(image, &self.upstream)])?;
+            [image.value(), gradients.get_or_zeros(positions)]
+        };
+        tape.reset();
+        Ok(found)
+    }
+}
+
+/// What a method got wrong over the seeds of a case at one size.
+#[derive(Debug, Clone, Default)]
+struct Errors {
+    /// Of the gradient, as a share of it.
+    gradient: Vec<f64>,
+    /// Of the picture's worst pixel, at most.
+    pixel: f64,
+}
+
+impl Errors {
+    fn add(&mut self, truth: &Truth, [image, gradient]: &[Tensor<f32>; 2]) {
+        let wide = |tensor: &Tensor<f32>| tensor.cast::<f64>();
+        self.gradient.push(truth.error(wide(gradient).data()));
+        self.gradient.sort_by(f64::total_cmp);
+        self.pixel = self.pixel.max(truth.pixel_error(wide(image).data()));
+    }
+
+    /// Least, median and largest.
+    fn of_gradient(&self) -> [f64; 3] {
+        let all = &self.gradient;
+        [all[0], all[all.len() / 2], all[all.len() - 1]]
+    }
+}
+
+/// Everything measured of a case at one size: per method its errors, and its times where there are
+/// any.
+struct Row {
+    case: String,
+    pixels: usize,
+    errors: Vec<Errors>,
+    timings: Vec<Option<Timing>>,
+    /// The truth's own, at most.
+    noise: f64,
+    pixel_noise: f64,
+}
+
+/// Measures a case at `sizes`.
+fn measure(
+    bench: &Bench,
+    study: &mut Study,
+    kind: &Kind,
+    sizes: &[usize],
+) -> Result<Vec<Row>, FitError> {
+    let seeds = bench.effort.choose(1, kind.seeds);
+    let kind = &Kind { height: bench.effort.choose(0.25, kind.height), ..*kind };
+    let mut rows = Vec::new();
+    for seed in 0..seeds {
+        let case = (kind.make)(seed)?;
+        let truths = bench.widest().install(|| truths(&case, kind, sizes));
+        for (at, truth) in truths.iter().enumerate() {
+            if seed == 0 {
+                let mut contestants = Vec::new();
+                for method in &METHODS {
+                    let subject = Subject::new(method, &case, kind.cull, truth);
+                    let mut tape = Tape::new();
+                    contestants.push(Contestant::new(bench.one(), move || {
+                        subject.gradient(method, &mut tape).map(drop)
+                    }));
+                }
+                let timings = interleaved(&mut contestants, bench.effort, USUAL);
+                let noted = METHODS.iter().zip(timings).map(|(method, timing)| {
+                    let what = format!("{}, {} at {} px", kind.name, method.name, truth.pixels);
+                    study.noted(&what, timing)
+                });
+                rows.push(Row {
+                    case: kind.name.to_owned(),
+                    pixels: truth.pixels,
+                    errors: vec![Errors::default(); METHODS.len()],
+                    timings: noted.collect(),
+                    noise: 0.0,
+                    pixel_noise: 0.0,
+                });
+            }
+            let row = &mut rows[at];
+            row.noise = row.noise.max(truth.noise);
+            row.pixel_noise = row.pixel_noise.max(truth.pixel_noise);
+            for (method, errors) in METHODS.iter().zip(&mut row.errors) {
+                let subject = Subject::new(method, &case, kind.cull, truth);
+                errors.add(truth, &subject.gradient(method, &mut Tape::new())?);
+            }
+        }
+    }
+    Ok(rows)
+}
+
+pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
+    let mut study =
+        Study::new("silhouettes", "The gradient of a silhouette, against the true one", "");
+    let mut rows = Vec::new();
+    for kind in &CASES {
+        rows.extend(measure(bench, &mut study, kind, &PIXELS)?);
+    }
+    for kind in &cases::of_bench(bench.effort) {
+        rows.extend(measure(bench, &mut study, kind, &[kind.pixels])?);
+    }
+    study.note = format!(
+        "The gradient of <g, image> with respect to all vertices, against that of <g, area-averaged \
+         image>; g is one fixed upstream gradient per scene and size, that of the squared error \
+         against the picture of other vertices. The error is the length of the difference over the \
+         length of the truth, for the gradient as a whole; median over {} poses of the cube, each \
+         coordinate of each vertex up to {} of a side off, over {} of the other scenes, and from one of \
+         those of the step's table. The truth: differences of pictures that are integrated along \
+         scanlines; where a scene has more than 24 coordinates, along 8 random directions in which all \
+         vertices move. Truth, ±: how far the truth from one scanline for each two is off, at most. \
+         2x2 and 4x4: rendered so much larger, then averaged down. All edges: every edge is a seam. \
+         f32; closed meshes of the step's table with back faces culled, all others without.",
+        bench.effort.choose(1, CASES[0].seeds),
+        cases::SHIFT,
+        bench.effort.choose(1, CASES[1].seeds),
+    );
+    study.figures.push(figures(&rows));
+    let percent = |share: f64| Cell::number(100.0 * share);
+    let noise = |row: &Row| percent(row.noise);
+    study.tables.extend([
+        table(
+            &rows,
+            "silhouettes",
+            "Relative error of the vertex gradient, %, median",
+            Some(&noise),
+            &|row, at| percent(row.errors[at].of_gradient()[1]),
+        ),
+        table(&rows, "silhouettes_largest", "The same, largest", Some(&noise), &|row, at| {
+            percent(row.errors[at].of_gradient()[2])
+        }),
+        table(
+            &rows,
+            "silhouettes_pixels",
+            "Error of the worst pixel, % of full intensity",
+            Some(&|row| percent(row.pixel_noise)),
+            &|row, at| percent(row.errors[at].pixel),
+        ),
+        table(
+            &rows,
+            "silhouettes_times",
+            "Milliseconds of an image and its gradient, one thread",
+            None,
+            &|row, at| match &row.timings[at] {
+                Some(timing) => Cell::timed(timing, 1e3 * timing.minimum),
+                None => Cell::Nothing,
+            },
+        ),
+    ]);
+    Ok(study)
+}
+
+/// A row per case and size, a column per method, and perhaps one for the truth.
+fn table(
+    rows: &[Row],
+    name: &'static str,
+    title: &'static str,
+    truth: Option<&dyn Fn(&Row) -> Cell>,
+    cell: &dyn Fn(&Row, usize) -> Cell,
+) -> Table {
+    let mut columns = vec![("scene", "scene"), ("pixels", "pixels")];
+    columns.extend(METHODS.iter().map(|method| (method.name, method.key)));
+    columns.extend(truth.map(|_| ("truth, ±", "truth")));
+    let mut table = Table::new(name, title, &columns);
+    for row in rows {
+        let mut cells = vec![Cell::text(&row.case), Cell::Count(row.pixels)];
+        cells.extend((0..METHODS.len()).map(|at| cell(row, at)));
+        cells.extend(truth.map(|truth| truth(row)));
+        table.push(cells);
+    }
+    table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// At 16 and 32 px, the cube's edges being seams: what is left is the truth's own error.
+    #[test]
+    fn with_exact_coverage_the_gradient_is_the_true_one() {
+        let cases = [(0, 5, 0.002), (2, 4, 0.004), (3, 4, 0.005), (3, 5, 0.005)];
+        for (case, exact, bound) in cases {
+            let kind = &CASES[case];
+            let case = (kind.make)(1).unwrap();
+            for truth in truths(&case, kind, &[16, 32]) {
+                let gradient_error = |method: &Method| {
+                    let subject = Subject::new(method, &case, kind.cull, &truth);
+                    let found = subject.gradient(method, &mut Tape::new()).unwrap();
+                    let mut errors = Errors::default();
+                    errors.add(&truth, &found);
+                    (errors.of_gradient()[1], errors.pixel)
+                };
+                let (exact, pixel) = gradient_error(&METHODS[exact]);
+                let what = format!("{} at {} px: {exact:.4} {pixel:.4}", kind.name, truth.pixels);
+                assert!(truth.noise < bound && exact < bound && pixel < 0.01, "{what}");
+                let (antialiased, _) = gradient_error(&METHODS[1]);
+                assert!(antialiased > 10.0 * exact, "{what}, {antialiased:.4}");
+            }
+        }
+    }
+}

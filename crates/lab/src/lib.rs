@@ -1,0 +1,9 @@
+//! What examines Bokashi: extreme cases, stiff problems with known minima, and how fast it is, at
+//! what error. Nobody who uses Bokashi needs it; the program `bokashi-lab` runs it.
+
+mod areas;
+pub mod bench;
+pub mod stability;
+pub mod stiff;
+
+pub use areas::visible_areas;

@@ -1,0 +1,255 @@
+//! What the program is asked to do: its commands and options.
+
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+
+use bokashi_cli::arguments::{Stopped, seeds, stopped, threads};
+use bokashi_lab::bench::STUDIES;
+use clap::builder::PossibleValuesParser;
+use clap::{Args, Parser, Subcommand};
+
+/// Examines Bokashi: extreme cases, stiff problems, times beside errors.
+#[derive(Debug, Parser)]
+#[command(name = "bokashi-lab", version, arg_required_else_help = false)]
+pub(crate) struct Request {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// The grid of extreme cases, in f32 and f64: what has to come out, and what does.
+    ///
+    /// Prints a row per case and precision, with the measured error and its bound; ends with
+    /// status 1 if any of them fails.
+    Stability(StabilityArguments),
+    /// Optimizers against stiff problems with known minima, and against our own scenes.
+    ///
+    /// Prints shares of problems solved, errors and conditions; takes about a minute. Writes files
+    /// only where --out or --json asks for them.
+    Stiff(StiffArguments),
+    /// How fast, and at what error: beside other renderers, per operation, node by node, and how
+    /// cost and memory grow.
+    ///
+    /// Prints tables as Markdown; takes a quarter of an hour. Its times are worth something on a
+    /// machine that does nothing else, from a build with --release. Writes files only where --out or
+    /// --json asks for them.
+    Bench(BenchArguments),
+}
+
+/// The options of `stability`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct StabilityArguments {
+    /// File for the rows as a JSON list; - for standard output, and then nothing else there
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
+    /// Folder of the report to add a page to [default: no page]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Threads [default: one per core]; results are the same bits for any number
+    #[arg(long, value_name = "N", value_parser = threads)]
+    pub(crate) threads: Option<usize>,
+}
+
+/// The options of `stiff`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct StiffArguments {
+    /// Rotations of the quadratic and starts of each scene, counted from 0
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = seeds)]
+    pub(crate) seeds: u64,
+    /// Threads [default: one per core]; results are the same bits for any number
+    #[arg(long, value_name = "N", value_parser = threads)]
+    pub(crate) threads: Option<usize>,
+    /// File for every run as a JSON list; - for standard output, and then nothing else there
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
+    /// Folder for the page stiff.html and stiff.csv
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// No progress bar and no tables
+    #[arg(long)]
+    pub(crate) quiet: bool,
+}
+
+/// The options of `bench`.
+#[derive(Debug, Clone, Args)]
+#[command(args_conflicts_with_subcommands = true)]
+pub(crate) struct BenchArguments {
+    #[command(subcommand)]
+    pub(crate) command: Option<BenchCommand>,
+    /// Do this study alone; may be given again
+    #[arg(long, value_name = "STUDY", value_parser = PossibleValuesParser::new(STUDIES))]
+    pub(crate) only: Vec<String>,
+    /// File of other people's times, as the package peers/ writes it, to set beside ours; may be
+    /// given again
+    #[arg(long, value_name = "FILE")]
+    pub(crate) peers: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) files: BenchFiles,
+}
+
+/// What to bench other than everything.
+#[derive(Debug, Clone, Subcommand)]
+pub(crate) enum BenchCommand {
+    /// What a scene does not need: the time with it computed and without, and whether the results
+    /// are the same to the bit.
+    ///
+    /// Prints a table as Markdown; ends with status 1 if any result differs.
+    Elision(BenchFiles),
+}
+
+/// Where a bench writes, and how much it measures.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct BenchFiles {
+    /// File for what was found as JSON; - for standard output, and then nothing else there
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
+    /// Folder of the report to add a page and CSV files to [default: no page]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Small sizes and three samples each, to see that all of it runs: the times mean nothing
+    #[arg(long)]
+    pub(crate) quick: bool,
+}
+
+impl BenchArguments {
+    /// The files of whatever is asked for.
+    fn files(&self) -> &BenchFiles {
+        match &self.command {
+            None => &self.files,
+            Some(BenchCommand::Elision(files)) => files,
+        }
+    }
+}
+
+impl Request {
+    /// Where the page goes; `None`: there is none.
+    pub(crate) fn out(&self) -> Option<&Path> {
+        match &self.command {
+            Command::Stability(stability) => stability.out.as_deref(),
+            Command::Stiff(stiff) => stiff.out.as_deref(),
+            Command::Bench(bench) => bench.files().out.as_deref(),
+        }
+    }
+
+    /// Where what was found goes as JSON.
+    pub(crate) fn json(&self) -> Option<&Path> {
+        match &self.command {
+            Command::Stability(stability) => stability.json.as_deref(),
+            Command::Stiff(stiff) => stiff.json.as_deref(),
+            Command::Bench(bench) => bench.files().json.as_deref(),
+        }
+    }
+
+    /// How many threads to compute with; `None`: one per core.
+    pub(crate) fn threads(&self) -> Option<usize> {
+        match &self.command {
+            Command::Stability(stability) => stability.threads,
+            Command::Stiff(stiff) => stiff.threads,
+            Command::Bench(_) => None,
+        }
+    }
+}
+
+/// Reads a command line, the program's name first.
+pub(crate) fn parse(
+    arguments: impl IntoIterator<Item = impl Into<OsString> + Clone>,
+) -> Result<Request, Stopped> {
+    Request::try_parse_from(arguments).map_err(stopped)
+}
+
+#[cfg(test)]
+mod tests {
+    use bokashi_cli::failure::Failure;
+    use clap::CommandFactory as _;
+
+    use super::*;
+
+    fn read(line: &str) -> Result<Request, Stopped> {
+        parse(std::iter::once("bokashi-lab").chain(line.split_whitespace()))
+    }
+
+    fn wrong(line: &str) -> String {
+        match read(line) {
+            Err(Stopped::Wrong(failure @ Failure::Use(_))) => failure.to_string(),
+            other => panic!("{line}: {other:?}"),
+        }
+    }
+
+    #[test]
+    fn the_parser_itself_is_sound() {
+        Request::command().debug_assert();
+    }
+
+    #[test]
+    fn the_grid_writes_nothing_unless_asked() {
+        let request = read("stability").expect("nothing is needed");
+        assert_eq!((request.out(), request.json(), request.threads()), (None, None, None));
+        let request = read("stability --json - --out a --threads 3").expect("all of them");
+        assert_eq!((request.out(), request.json()), (Some("a".as_ref()), Some("-".as_ref())));
+        assert_eq!(request.threads(), Some(3));
+    }
+
+    #[test]
+    fn stiff_writes_only_what_it_is_asked_for() {
+        let request = read("stiff").expect("nothing is needed");
+        assert_eq!((request.out(), request.json(), request.threads()), (None, None, None));
+        let line = "stiff --seeds 3 --threads 2 --json a.json --out b --quiet";
+        let request = read(line).expect("all of them");
+        assert_eq!((request.out(), request.json()), (Some("b".as_ref()), Some("a.json".as_ref())));
+        assert_eq!(request.threads(), Some(2));
+        let Command::Stiff(stiff) = request.command else { panic!("stiff") };
+        assert!(stiff.seeds == 3 && stiff.quiet);
+    }
+
+    #[test]
+    fn a_bench_has_its_files_and_its_elision_its_own() {
+        let request = read("bench").expect("nothing is needed");
+        assert_eq!((request.out(), request.json(), request.threads()), (None, None, None));
+        let request =
+            read("bench --quick --out a --json b --peers c --peers d --only blur").expect("all");
+        assert_eq!((request.out(), request.json()), (Some("a".as_ref()), Some("b".as_ref())));
+        let Command::Bench(bench) = request.command else { panic!("bench") };
+        assert!(bench.files.quick && bench.command.is_none());
+        assert_eq!((bench.peers, bench.only), (vec!["c".into(), "d".into()], vec!["blur".into()]));
+        let request = read("bench elision --out a --json -").expect("all of them");
+        assert_eq!((request.out(), request.json()), (Some("a".as_ref()), Some("-".as_ref())));
+    }
+
+    #[test]
+    fn bad_use_is_one_line_that_says_what_is_allowed() {
+        let table = [
+            ("", "subcommand", "stability, stiff, bench"),
+            ("stability --threads 0", "'0'", "needs a whole number from 1 to 1024"),
+            ("stability --steps 3", "'--steps'", "--help"),
+            ("bench --only all", "'all'", "memory, scenes, silhouettes"),
+            ("bench --threads 2", "'--threads'", "--help"),
+            ("stiff --seeds 0", "'0'", "needs a whole number from 1 to 1000"),
+            ("stiff --steps 5", "'--steps'", "--help"),
+            ("fit", "'fit'", "--help"),
+        ];
+        for (line, what, allowed) in table {
+            let text = wrong(line);
+            assert!(text.contains(what) && text.contains(allowed), "{line}: {text}");
+            assert!(!text.contains('\n') && !text.contains("Usage"), "{line}: {text}");
+            assert!(!text.starts_with("error"), "{line}: {text}");
+        }
+    }
+
+    #[test]
+    fn help_and_version_are_no_failures() {
+        for line in [
+            "--help",
+            "-h",
+            "--version",
+            "help",
+            "stability --help",
+            "bench --help",
+            "bench elision --help",
+        ] {
+            let Err(Stopped::Shown(text)) = read(line) else { panic!("{line}") };
+            assert!(text.contains("bokashi-lab"), "{line}: {text}");
+        }
+    }
+}

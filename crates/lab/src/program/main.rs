@@ -1,0 +1,27 @@
+//! What examines Bokashi, from the command line: for those who work on it.
+
+mod arguments;
+mod bench;
+mod run;
+mod stability;
+mod stiff;
+
+use std::process::ExitCode;
+
+use bokashi_cli::arguments::Stopped;
+use bokashi_cli::run::say;
+
+fn main() -> ExitCode {
+    let result = match arguments::parse(std::env::args_os()) {
+        Ok(request) => run::run(&request),
+        Err(Stopped::Shown(text)) => say(&text),
+        Err(Stopped::Wrong(failure)) => Err(failure),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("bokashi-lab: {failure}");
+            failure.exit_code()
+        }
+    }
+}

@@ -1,0 +1,62 @@
+//! The grid of extreme cases: rows as they are found, then the files that were asked for.
+
+use std::sync::PoisonError;
+
+use bokashi_cli::failure::Failure;
+use bokashi_cli::run::{Writing, is_standard_output, say, say_bytes};
+use bokashi_lab::stability::{Row, grid, line, page, summary};
+use bokashi_report::add_page;
+use bokashi_write::write_whole;
+
+use crate::arguments::StabilityArguments;
+
+/// Runs the grid; a row that fails is a failure of the program.
+pub(crate) fn run(arguments: &StabilityArguments, writing: &Writing) -> Result<(), Failure> {
+    let quiet = arguments.json.as_ref().is_some_and(|file| is_standard_output(file));
+    let tell = |text: &str| if quiet { Ok(()) } else { say(text) };
+    let mut told = Ok(());
+    let rows = grid(|row| {
+        if told.is_ok() {
+            told = tell(&format!("{}\n", line(row)));
+        }
+    });
+    told?;
+    tell(&format!("{}\n", summary(&rows)))?;
+    write(arguments, &rows, writing, tell)?;
+    let mut failed = rows.iter().filter(|row| !row.pass);
+    match failed.next() {
+        None => Ok(()),
+        Some(Row { case, name, precision, outcome, .. }) => {
+            let (count, all) = (1 + failed.count(), rows.len());
+            Err(Failure::Work(format!(
+                "{count} of {all} rows failed, the first: {case} {name}, {precision}: {outcome}"
+            )))
+        }
+    }
+}
+
+/// Writes what was asked for.
+fn write(
+    arguments: &StabilityArguments,
+    rows: &[Row],
+    writing: &Writing,
+    tell: impl Fn(&str) -> Result<(), Failure>,
+) -> Result<(), Failure> {
+    let _held = writing.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(file) = &arguments.json {
+        let json = serde_json::to_vec(rows);
+        let mut json = json.map_err(|error| Failure::Work(format!("no JSON: {error}")))?;
+        json.push(b'\n');
+        if is_standard_output(file) {
+            say_bytes(&json)?;
+        } else {
+            let said = |error| Failure::Work(format!("{} not written: {error}", file.display()));
+            write_whole(file, &json).map_err(said)?;
+        }
+    }
+    let Some(out) = &arguments.out else { return Ok(()) };
+    let html = page(rows, concat!("bokashi-lab ", env!("CARGO_PKG_VERSION")));
+    let failed = |error: bokashi_report::ReportError| Failure::Work(error.to_string());
+    let path = add_page(out, "stability.html", &html).map_err(failed)?;
+    tell(&format!("\nReport: {}\n", path.display()))
+}

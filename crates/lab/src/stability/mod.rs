@@ -1,0 +1,84 @@
+//! The extreme-case grid: what is put in, what has to come out, what came out.
+//!
+//! Every case runs in `f32` and in `f64`. It compares with the exact answer, worked out another way
+//! (in whole numbers, by a linear system per pixel, by a double sum over taps, by hand), wherever
+//! there is one, and says how far off it is and how far it may be. A case that panics, or does not
+//! end, is a failed row.
+//!
+//! ```
+//! let rows = bokashi_lab::stability::grid_of(&[14], |_| ());
+//! assert_eq!((rows.len(), rows[0].name), (2, "collinear vertices"));
+//! assert!(rows.iter().all(|row| row.pass));
+//! ```
+
+mod blur;
+mod cases;
+mod exact;
+mod faces;
+mod focus;
+mod input;
+mod layers;
+mod oracle;
+mod page;
+mod row;
+mod run;
+mod scene;
+mod silhouettes;
+mod table;
+mod values;
+mod vertices;
+
+pub use page::page;
+pub use row::Row;
+pub use table::{line, summary};
+
+use cases::CASES;
+
+/// How many rows the whole grid has.
+pub fn row_count() -> usize {
+    2 * CASES.len()
+}
+
+/// The whole grid, in order; `on_row` sees each row as it is found.
+///
+/// Each case runs in a thread of its own, and what is parallel in it in the global thread pool.
+pub fn grid(on_row: impl FnMut(&Row)) -> Vec<Row> {
+    let all: Vec<u32> = CASES.iter().map(|case| case.number).collect();
+    grid_of(&all, on_row)
+}
+
+/// The rows of the cases with these numbers.
+pub fn grid_of(numbers: &[u32], mut on_row: impl FnMut(&Row)) -> Vec<Row> {
+    let mut rows = Vec::new();
+    for case in CASES.iter().filter(|case| numbers.contains(&case.number)) {
+        for (precision, run) in [("f32", case.single), ("f64", case.double)] {
+            let found = run::run(run, run::LIMIT);
+            let row = Row {
+                case: case.number,
+                name: case.name,
+                precision,
+                expected: case.expected,
+                outcome: found.outcome,
+                pass: found.pass,
+                error: found.error.filter(|error| error.is_finite()),
+                bound: found.bound,
+            };
+            on_row(&row);
+            rows.push(row);
+        }
+    }
+    rows
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_case_of_the_list_is_there_once_and_in_order() {
+        let numbers: Vec<u32> = CASES.iter().map(|case| case.number).collect();
+        assert!(numbers.is_sorted_by(|a, b| a < b));
+        let missing: Vec<u32> = (1..=50).filter(|number| !numbers.contains(number)).collect();
+        assert_eq!(missing, [0_u32; 0], "cases without a row");
+    }
+}

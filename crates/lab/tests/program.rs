@@ -1,0 +1,227 @@
+//! The program as those who work on Bokashi meet it: exit statuses, what it prints, what it writes.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+use serde_json::Value;
+
+/// Runs the program in `folder`.
+fn lab(folder: &Path, line: &str) -> Output {
+    let words = line.split_whitespace();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_bokashi-lab"));
+    command.args(words).current_dir(folder).stdin(Stdio::null());
+    command.output().expect("the program starts")
+}
+
+fn folder() -> tempfile::TempDir {
+    tempfile::tempdir().expect("a temporary folder")
+}
+
+/// Every file below a folder, hidden ones too, by path.
+fn files(folder: &Path) -> Vec<String> {
+    let mut found = Vec::new();
+    let mut open = vec![folder.to_owned()];
+    while let Some(next) = open.pop() {
+        for entry in fs::read_dir(next).expect("a folder") {
+            let path = entry.expect("an entry").path();
+            if path.is_dir() {
+                open.push(path);
+            } else {
+                let below = path.strip_prefix(folder).expect("below");
+                found.push(below.to_string_lossy().replace('\\', "/"));
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).expect("text")
+}
+
+/// The object on standard output, alone there.
+fn object(output: &Output) -> Value {
+    assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), String::new()));
+    let value: Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
+    assert_eq!(text(&output.stdout).lines().count(), 1);
+    value
+}
+
+#[test]
+fn the_grid_is_printed_with_errors_and_bounds_and_added_to_a_report() {
+    let folder = folder();
+    let output = lab(folder.path(), "stability --out made --json grid.json --threads 2");
+    let said = text(&output.stdout);
+    assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), String::new()), "{said}");
+    assert!(said.contains("ok    2 f64 empty image"), "{said}");
+    assert!(said.contains("error 0.0e0, bound 0.0e0") && said.contains(" passed, 0 failed"));
+    assert!(said.lines().all(|line| line.chars().count() <= 80), "{said}");
+    assert_eq!(files(folder.path()), ["grid.json", "made/stability.html"]);
+    let json = fs::read(folder.path().join("grid.json")).expect("a file");
+    let rows: Value = serde_json::from_slice(&json).expect("a list");
+    let rows = rows.as_array().expect("a list");
+    assert_eq!(rows.len(), said.lines().filter(|line| line.starts_with("ok ")).count());
+    for precision in ["f32", "f64"] {
+        let cases = rows.iter().filter(|row| row["precision"] == precision);
+        let cases: Vec<u64> = cases.filter_map(|row| row["case"].as_u64()).collect();
+        assert!((1..=50).all(|case| cases.contains(&case)));
+    }
+    let page = fs::read_to_string(folder.path().join("made/stability.html")).expect("a page");
+    assert!(page.contains("fan of 512 faces") && page.contains("each pixel once"));
+    loads_nothing(&page);
+}
+
+#[test]
+fn the_grid_as_json_on_standard_output_is_alone_there() {
+    let folder = folder();
+    let output = lab(folder.path(), "stability --json -");
+    assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), String::new()));
+    let rows: Value = serde_json::from_slice(&output.stdout).expect("one list");
+    let row = rows[0].as_object().expect("objects");
+    let mut keys: Vec<_> = row.keys().map(String::as_str).collect();
+    keys.sort_unstable();
+    let expected = ["bound", "case", "error", "expected", "name", "outcome", "pass", "precision"];
+    assert_eq!(keys, expected);
+    assert!(files(folder.path()).is_empty());
+}
+
+/// The pages of a report load nothing from elsewhere.
+fn loads_nothing(page: &str) {
+    for loads in ["<script", "src=\"http", "href=\"http", "url(", "@import", "<link"] {
+        assert!(!page.contains(loads), "{loads}");
+    }
+}
+
+#[test]
+fn a_bench_has_every_study_as_markdown_json_csv_and_a_page() {
+    let folder = folder();
+    let output = lab(folder.path(), "bench --quick --out made --json bench.json");
+    let said = text(&output.stdout);
+    assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), String::new()), "{said}");
+    assert!(said.contains("THIS IS A QUICK RUN") && said.contains("rustc"), "{said}");
+    assert!(said.contains("| cube@32 "), "{said}");
+    let json = fs::read(folder.path().join("bench.json")).expect("a file");
+    let found: Value = serde_json::from_slice(&json).expect("an object");
+    assert_eq!(found["quick"], true);
+    let studies = found["studies"].as_array().expect("a list");
+    let names: Vec<&str> = studies.iter().filter_map(|study| study["study"].as_str()).collect();
+    let all = "scenes silhouettes fits blur operations nodes multiply growth memory";
+    assert_eq!(names.join(" "), all);
+    let page = fs::read_to_string(folder.path().join("made/bench.html")).expect("a page");
+    loads_nothing(&page);
+    assert!(page.contains("THIS IS A QUICK RUN") && !page.contains("NaN"));
+    for study in studies {
+        assert_eq!(study["failures"], Value::Array(Vec::new()));
+        assert!(page.contains(&format!("<section id={}", study["study"])), "{study}");
+        for (name, rows) in study["tables"].as_object().expect("tables by name") {
+            let rows = rows.as_array().expect("a list");
+            assert!(!rows.is_empty(), "{name}");
+            let file = format!("made/bench-{name}.csv");
+            let csv = fs::read_to_string(folder.path().join(&file)).expect("a file");
+            assert_eq!(csv.lines().count(), rows.len() + 1, "{file}");
+        }
+    }
+}
+
+#[test]
+fn a_bench_sets_the_times_of_others_beside_ours() {
+    let folder = folder();
+    let peers = r#"[{"study": "multiply", "name": "theirs", "length": 16,
+        "minimum_microseconds": 1.5, "median_microseconds": 2.0},
+        {"study": "multiply", "name": "other", "length": 16,
+        "minimum_microseconds": 3.5, "median_microseconds": 4.0},
+        {"study": "multiply", "name": "theirs", "length": 256,
+        "minimum_microseconds": 2.5, "median_microseconds": 3.0},
+        {"study": "scenes", "name": "DEODR", "scene": "cube@32",
+        "minimum_microseconds": 70000.0, "median_microseconds": 80000.0}]"#;
+    fs::write(folder.path().join("peers.json"), peers).expect("a file");
+    let value = object(&lab(folder.path(), "bench --quick --peers peers.json --json -"));
+    let table = |study: usize, name: &str| value["studies"][study]["tables"][name].clone();
+    let row = &table(6, "multiply")[2];
+    assert_eq!((&row["name"], &row["length_16_nanoseconds"]), (&"theirs".into(), &1500.0.into()));
+    assert!(row["length_1_nanoseconds"].is_null() && row["length_256_nanoseconds"] == 2500.0);
+    assert_eq!(table(6, "multiply").as_array().map(Vec::len), Some(4));
+    assert_eq!(table(0, "scenes")[0]["deodr_milliseconds"], 70.0);
+}
+
+#[test]
+fn what_is_left_out_is_a_list_of_rows_with_four_keys() {
+    let folder = folder();
+    let output = lab(folder.path(), "bench elision --quick --json - --out made");
+    assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), String::new()));
+    let rows: Value = serde_json::from_slice(&output.stdout).expect("one list");
+    let rows = rows.as_array().expect("a list");
+    let names: Vec<&str> = rows.iter().filter_map(|row| row["row"].as_str()).collect();
+    let expected = [
+        "frozen positions",
+        "frozen colours",
+        "frozen sigma",
+        "sigma 0",
+        "antialias without discontinuities",
+        "empty background",
+        "no face near the near plane",
+        "depth not asked for",
+        "inference without gradients",
+    ];
+    assert_eq!(names, expected);
+    for row in rows {
+        let mut keys: Vec<_> = row.as_object().expect("objects").keys().collect();
+        keys.sort_unstable();
+        assert_eq!(keys, ["bitwise_equal", "microseconds_with", "microseconds_without", "row"]);
+        assert_eq!(row["bitwise_equal"], true, "{row}");
+        assert!(row["microseconds_with"].is_number() && row["microseconds_without"].is_number());
+    }
+    assert_eq!(files(folder.path()), ["made/elision-rows.csv", "made/elision.html"]);
+    let page = fs::read_to_string(folder.path().join("made/elision.html")).expect("a page");
+    loads_nothing(&page);
+    // Another command's page in the same folder: each names the other.
+    let output = lab(folder.path(), "bench --quick --out made");
+    assert_eq!(output.status.code(), Some(0));
+    let read = |name| fs::read_to_string(folder.path().join(name)).expect("a page");
+    assert!(read("made/bench.html").contains("<a href=\"elision.html\">What is left out</a>"));
+    assert!(read("made/elision.html").contains("<a href=\"bench.html\">Speed</a>"));
+}
+
+#[test]
+fn bad_use_is_status_2_and_one_line() {
+    let folder = folder();
+    fs::write(folder.path().join("file"), "mine").expect("a file");
+    let table = [
+        ("stability --out file", "--out"),
+        ("stability --json .", "--json"),
+        ("stability --threads 0", "from 1"),
+        ("bench --out file", "--out"),
+        ("bench --peers no-such-file", "--peers needs a file that peers/ wrote"),
+        ("bench --peers file", "--peers needs a file that peers/ wrote"),
+        ("bench elision --json .", "--json"),
+        ("bench elision --peers file", "--help"),
+        ("stiff --seeds 0", "from 1"),
+        ("stiff --out file", "--out"),
+        ("dance", "--help"),
+        ("", "subcommand"),
+    ];
+    for (line, allowed) in table {
+        let output = lab(folder.path(), line);
+        let said = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{line}: {said}");
+        assert!(output.stdout.is_empty(), "{line}");
+        assert!(said.starts_with("bokashi-lab: ") && said.contains(allowed), "{line}: {said}");
+        assert_eq!(said.trim_end_matches('\n').lines().count(), 1, "{line}: {said}");
+        assert_eq!(files(folder.path()), ["file"], "{line}");
+    }
+    assert_eq!(fs::read(folder.path().join("file")).expect("still there"), b"mine");
+}
+
+#[test]
+fn help_and_version_are_status_0() {
+    let folder = folder();
+    for line in ["--help", "stability --help", "stiff --help", "bench elision --help", "--version"]
+    {
+        let output = lab(folder.path(), line);
+        assert_eq!(output.status.code(), Some(0), "{line}");
+        assert!(text(&output.stdout).contains("bokashi-lab"), "{line}");
+        assert!(output.stderr.is_empty(), "{line}");
+    }
+}

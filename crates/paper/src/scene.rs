@@ -1,0 +1,60 @@
+//! The paper's pipeline, from vertices to an image, as operations composed.
+
+use bokashi_core::{Scalar, Var};
+use bokashi_fit::FitError;
+use bokashi_render_ops::{
+    Background, Blur, Mesh, RasterOptions, Sampling, Size, antialias, gaussian_blur, interpolate,
+    project, rasterize, resolve,
+};
+use glam::DMat4;
+
+use super::cube::{FACES, VERTEX_COUNT};
+use super::settings::Silhouettes;
+
+/// A cube in front of black, up to its vertices, colours, pose and sigma.
+#[derive(Debug, Clone)]
+pub(crate) struct Scene {
+    mesh: Mesh,
+    size: Size,
+    silhouettes: Silhouettes,
+    blur: Option<Blur>,
+}
+
+impl Scene {
+    /// A scene in images of `size` times `size` pixels.
+    pub(crate) fn new(
+        size: usize,
+        silhouettes: Silhouettes,
+        blur: Option<Blur>,
+    ) -> Result<Self, FitError> {
+        let mesh = Mesh::new(FACES.to_vec(), VERTEX_COUNT)?;
+        Ok(Self { mesh, size: Size::square(size), silhouettes, blur })
+    }
+
+    /// Records the image, `[H, W, 3]`, of `vertices` and `colors`, `[8, 3]` each, blurred by
+    /// `sigma`, `[]`, where the scene has a blur and there is a sigma.
+    pub(crate) fn image<'t, T: Scalar>(
+        &self,
+        camera: &DMat4,
+        vertices: Var<'t, T>,
+        colors: Var<'t, T>,
+        sigma: Option<Var<'t, T>>,
+    ) -> Result<Var<'t, T>, FitError> {
+        let clip = project(vertices, camera, None)?;
+        let sampling = match self.silhouettes {
+            Silhouettes::Jagged | Silhouettes::Antialias => Sampling::Center,
+            Silhouettes::Exact => Sampling::Exact,
+        };
+        let options = RasterOptions { sampling, ..self.size.into() };
+        let fragments = rasterize(clip, &self.mesh, options)?;
+        let surface = interpolate(colors, &fragments)?;
+        let mut image = resolve(surface, &fragments, Background::Zero)?;
+        if self.silhouettes == Silhouettes::Antialias {
+            image = antialias(image, &fragments, clip)?;
+        }
+        if let (Some(blur), Some(sigma)) = (&self.blur, sigma) {
+            image = gaussian_blur(image, sigma, blur)?;
+        }
+        Ok(image)
+    }
+}

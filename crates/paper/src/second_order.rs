@@ -1,0 +1,358 @@
+//! Fits of the cube that end with a second-order method.
+//!
+//! # Forward
+//! First the tuned rates, for [`FIRST_ORDER`] of the steps: far from the truth the image is not
+//! smooth enough for curvature to say more than the slope. Then Levenberg-Marquardt, on
+//! [`POSES`] new random poses per step: with `r = image - target` over all of them,
+//! `A = J^T J`, `g = J^T r`, the step is `-(A + lambda diag A)^-1 g`. It is kept if `sum r^2` falls
+//! on the same poses; `lambda` then shrinks, else it grows. New poses, since those of a fixed set
+//! have local minima where a pixel's nearest face changes; the truth is the minimum of every set.
+//!
+//! # The Jacobian
+//! The image is linear in the colours: one image of eight channels, one per vertex, holds all their
+//! columns. Those of the vertices and of sigma's raw number are difference quotients of width
+//! [`WIDTH`]; their relative error, about 1e-8, is a factor of convergence, not a floor, since the
+//! residuals are exactly zero at the truth.
+//!
+//! # Cost
+//! One such step takes about as long as [`UPDATES_PER_STEP`] updates of Adam, and stands for as
+//! many of the fit's steps: a run of this preset takes about as long as one of the others.
+//!
+//! # Source
+//! Marquardt, *An algorithm for least-squares estimation of nonlinear parameters*, SIAM Journal on
+//! Applied Mathematics 11(2), 1963, with its scaling by the diagonal.
+
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+use bokashi_core::{Scalar, Tensor};
+use bokashi_fit::{FitError, Parameters, Pipeline as _, Step};
+
+use super::cube::{VERTEX_COUNT, View};
+use super::experiment::{
+    COLORS, CubePipeline, SIGMA, VERTICES, outcome, progress, run_first_order, snapshot,
+};
+use super::outcome::{Outcome, Progress};
+use super::settings::{CubeSettings, Experiment, Preset};
+use super::views::CubeViews;
+
+/// The share of a run that is first-order.
+const FIRST_ORDER: f64 = 0.5;
+/// Poses per step: three see every vertex with near certainty, the fourth averages.
+const POSES: u64 = 4;
+/// How many updates of Adam take about as long as a step: docs/stiff.md compares whole fits.
+const UPDATES_PER_STEP: u64 = 150;
+/// Of the difference quotients: the root of the rounding of f64, in sides of the cube.
+const WIDTH: f64 = 1e-7;
+/// Marquardt's first `lambda`, and its factors after a good step and after a bad one.
+const DAMPING: [f64; 3] = [1e-2, 0.1, 4.0];
+/// Below this the damping is rounding.
+const LEAST_DAMPING: f64 = 1e-14;
+
+/// The settings of the first part.
+fn first_part(settings: &CubeSettings) -> CubeSettings {
+    let steps = (FIRST_ORDER * settings.steps as f64).round() as u64;
+    CubeSettings { preset: Preset::Tuned, steps, ..settings.clone() }
+}
+
+/// Does the fit that `settings` describe, in two parts.
+///
+/// # Errors
+/// As [`super::run_cube`].
+pub(super) fn run<T: Scalar>(
+    settings: &CubeSettings,
+    on_step: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+) -> Result<Outcome, FitError> {
+    let start = Instant::now();
+    let first = first_part(settings);
+    let (mut history, mut snapshots, learnt) = run_first_order::<T>(&first, &mut |progress| {
+        // The state at the end of this part is the first one of the next.
+        if progress.step == first.steps {
+            return ControlFlow::Continue(());
+        }
+        on_step(Progress { steps: settings.steps, ..progress })
+    })?;
+    if history.last().step < first.steps {
+        return Ok(outcome(settings, &history, snapshots, start.elapsed().as_secs_f64()));
+    }
+    history.steps.pop();
+    history.target_ms.pop();
+    snapshots.pop();
+    let (pipeline, mut cube) = CubePipeline::<f64>::new(settings)?;
+    for (name, value) in learnt {
+        cube.set_value(&name, &value)?;
+    }
+    let mut damping = DAMPING[0];
+    let mut last_ms = 0.0;
+    let mut step = first.steps;
+    loop {
+        let target = Instant::now();
+        let views = CubeViews::new(settings, &views(settings, step))?;
+        history.target_ms.push(1e3 * target.elapsed().as_secs_f64());
+        let before = Instant::now();
+        let residuals = squares(&views, &cube)?;
+        let seconds = start.elapsed().as_secs_f64();
+        // The loss of one view, as in the first part.
+        let loss = residuals / views.count() as f64;
+        let seen = Step { step, seconds, loss, measure: pipeline.measure(&cube) };
+        snapshots.push(snapshot(&cube, &seen));
+        let shown = progress(settings, &seen, last_ms);
+        history.steps.push(seen);
+        if on_step(shown).is_break() || step >= settings.steps {
+            return Ok(outcome(settings, &history, snapshots, start.elapsed().as_secs_f64()));
+        }
+        damping = improve(&mut cube, &views, residuals, damping)?;
+        last_ms = 1e3 * before.elapsed().as_secs_f64();
+        history.step_ms.push(last_ms);
+        step = (step + UPDATES_PER_STEP).min(settings.steps);
+    }
+}
+
+/// The views of a step.
+fn views(settings: &CubeSettings, step: u64) -> Vec<View> {
+    match settings.experiment {
+        Experiment::Sigma => vec![View::fixed()],
+        Experiment::Vertices | Experiment::Joint => {
+            (step..step + POSES).map(|step| View::random(settings.seed, step)).collect()
+        }
+    }
+}
+
+/// Moves `cube` by one damped step if that lowers the sum of squares, `before`; returns the next
+/// damping.
+fn improve(
+    cube: &mut Parameters<f64>,
+    views: &CubeViews,
+    before: f64,
+    damping: f64,
+) -> Result<f64, FitError> {
+    let (matrix, gradient) = normal_equations(views, cube)?;
+    let [_, less, more] = DAMPING;
+    let Some(step) = damped_step(matrix, &gradient, damping) else { return Ok(damping * more) };
+    let moved = moved(cube, &step)?;
+    // False for NaN; a sigma out of its range is refused.
+    if squares(views, &moved).is_ok_and(|after| after < before) {
+        *cube = moved;
+        return Ok((damping * less).max(LEAST_DAMPING));
+    }
+    Ok(damping * more)
+}
+
+/// The sum of squared residuals.
+fn squares(views: &CubeViews, cube: &Parameters<f64>) -> Result<f64, FitError> {
+    let value = |name| cube.value(name);
+    let sigma = views.blurs().then(|| value(SIGMA)).transpose()?;
+    let mut sum = 0.0;
+    for view in 0..views.count() {
+        let residuals = views.residual(view, &value(VERTICES)?, &value(COLORS)?, sigma.as_ref())?;
+        sum += residuals.data().iter().map(|r| r * r).sum::<f64>();
+    }
+    Ok(sum)
+}
+
+/// `cube` with its raw numbers moved by `step`, in the order of the parameters that are learnt.
+fn moved(cube: &Parameters<f64>, step: &[f64]) -> Result<Parameters<f64>, FitError> {
+    let mut moved = cube.clone();
+    let mut rest = step.iter();
+    for parameter in cube.iter().filter(|parameter| !parameter.is_frozen()) {
+        let raw = parameter.raw().map(|raw| raw + rest.next().copied().unwrap_or(0.0));
+        moved.set_raw(parameter.name(), raw)?;
+    }
+    Ok(moved)
+}
+
+/// `J^T J`, row-major, and `J^T r`, over the raw numbers of the parameters that are learnt.
+fn normal_equations(
+    views: &CubeViews,
+    cube: &Parameters<f64>,
+) -> Result<(Vec<f64>, Vec<f64>), FitError> {
+    let learns = |name| cube.get(name).is_ok_and(|parameter| !parameter.is_frozen());
+    let (vertices, colors) = (cube.value(VERTICES)?, cube.value(COLORS)?);
+    let sigma = views.blurs().then(|| cube.get(SIGMA)).transpose()?;
+    let sigma_value = sigma.map(|sigma| sigma.value());
+    let shape = if learns(VERTICES) { 2 * 3 * VERTEX_COUNT } else { 0 };
+    let n = shape + usize::from(learns(SIGMA));
+    let (mut matrix, mut gradient) = (vec![0.0; n * n], vec![0.0; n]);
+    let unit = Tensor::from_fn([VERTEX_COUNT, VERTEX_COUNT], |k| {
+        if k % (VERTEX_COUNT + 1) == 0 { 1.0 } else { 0.0 }
+    });
+    for view in 0..views.count() {
+        let sigma_here = sigma_value.as_ref();
+        let at = views.residual(view, &vertices, &colors, sigma_here)?;
+        // Each column of vertices or sigma as a whole; those of colours by vertex.
+        let mut columns: Vec<(usize, Tensor<f64>)> = Vec::new();
+        let mut shares = None;
+        if shape > 0 {
+            for k in 0..vertices.size() {
+                let mut wider = vertices.clone();
+                wider.data_mut()[k] += WIDTH;
+                columns.push((k, views.residual(view, &wider, &colors, sigma_here)?));
+            }
+            shares = Some(views.image(view, &vertices, &unit, sigma_here)?);
+        }
+        if let Some(sigma) = sigma.filter(|sigma| !sigma.is_frozen()) {
+            let wider = sigma.value_at(sigma.raw().map(|raw| raw + WIDTH));
+            columns.push((shape, views.residual(view, &vertices, &colors, Some(&wider))?));
+        }
+        let mut row: Vec<(usize, f64)> = Vec::with_capacity(n);
+        for (k, &r) in at.data().iter().enumerate() {
+            row.clear();
+            let slopes = columns.iter().map(|(j, wider)| (*j, (wider.data()[k] - r) / WIDTH));
+            row.extend(slopes.filter(|&(_, slope)| slope != 0.0));
+            if let Some(shares) = &shares {
+                let (pixel, channel) = (k / 3, k % 3);
+                let shares = &shares.data()[pixel * VERTEX_COUNT..][..VERTEX_COUNT];
+                let column = |v: usize| 3 * VERTEX_COUNT + 3 * v + channel;
+                let slopes = shares.iter().enumerate().map(|(v, &share)| (column(v), share));
+                row.extend(slopes.filter(|&(_, slope)| slope != 0.0));
+            }
+            for &(i, a) in &row {
+                gradient[i] += a * r;
+                let line = &mut matrix[i * n..][..n];
+                row.iter().for_each(|&(j, b)| line[j] += a * b);
+            }
+        }
+    }
+    Ok((matrix, gradient))
+}
+
+/// `-(A + damping diag A)^-1 g` for the symmetric `matrix` A, by Cholesky's factors; `None` where
+/// it is not positive definite: some parameter changes no pixel.
+fn damped_step(mut matrix: Vec<f64>, gradient: &[f64], damping: f64) -> Option<Vec<f64>> {
+    let n = gradient.len();
+    for i in 0..n {
+        matrix[i * n + i] *= 1.0 + damping;
+    }
+    // A = L L^T, L below the diagonal and on it.
+    for i in 0..n {
+        for j in 0..=i {
+            let dot: f64 = (0..j).map(|k| matrix[i * n + k] * matrix[j * n + k]).sum();
+            let rest = matrix[i * n + j] - dot;
+            matrix[i * n + j] = if i == j {
+                if rest <= 0.0 || !rest.is_finite() {
+                    return None;
+                }
+                rest.sqrt()
+            } else {
+                rest / matrix[j * n + j]
+            };
+        }
+    }
+    let mut x: Vec<f64> = gradient.iter().map(|g| -g).collect();
+    for i in 0..n {
+        let dot: f64 = (0..i).map(|k| matrix[i * n + k] * x[k]).sum();
+        x[i] = (x[i] - dot) / matrix[i * n + i];
+    }
+    for i in (0..n).rev() {
+        let dot: f64 = (i + 1..n).map(|k| matrix[k * n + i] * x[k]).sum();
+        x[i] = (x[i] - dot) / matrix[i * n + i];
+    }
+    Some(x)
+}
+
+#[cfg(test)]
+mod tests {
+    use bokashi_core::Tape;
+
+    use super::*;
+    use crate::run_cube;
+
+    fn settings(experiment: Experiment) -> CubeSettings {
+        let new = CubeSettings::new(experiment, Preset::SecondOrder);
+        CubeSettings { resolution: 16, sigma_target: 1.4, seed: 5, ..new }
+    }
+
+    #[test]
+    fn a_damped_step_is_the_one_worked_out_by_hand() {
+        // [[4, 2], [2, 3]] has the inverse [[3, -2], [-2, 4]] / 8.
+        let step = damped_step(vec![4.0, 2.0, 2.0, 3.0], &[1.0, 2.0], 0.0).unwrap();
+        assert!((step[0] - 0.125).abs() < 1e-15 && (step[1] + 0.75).abs() < 1e-15, "{step:?}");
+        // With a damping of 1 the diagonal doubles: [[8, 2], [2, 6]], of determinant 44.
+        let step = damped_step(vec![4.0, 2.0, 2.0, 3.0], &[1.0, 2.0], 1.0).unwrap();
+        assert!((step[0] + 2.0 / 44.0).abs() < 1e-15 && (step[1] + 14.0 / 44.0).abs() < 1e-15);
+        assert_eq!(damped_step(vec![1.0, 2.0, 2.0, 1.0], &[1.0, 2.0], 0.0), None);
+        assert_eq!(damped_step(vec![0.0], &[0.0], 1.0), None);
+    }
+
+    #[test]
+    fn the_normal_equations_agree_with_the_tape() {
+        for experiment in [Experiment::Vertices, Experiment::Sigma, Experiment::Joint] {
+            let settings = settings(experiment);
+            let (_, cube) = CubePipeline::<f64>::new(&settings).unwrap();
+            let views = CubeViews::new(&settings, &views(&settings, 3)).unwrap();
+            let (matrix, gradient) = normal_equations(&views, &cube).unwrap();
+            let n = gradient.len();
+
+            let tape = Tape::new();
+            let variables = cube.record(&tape);
+            let get = |name| variables.get(name).unwrap();
+            let sigma = views.blurs().then(|| get(SIGMA));
+            let residuals = views.residuals(get(VERTICES), get(COLORS), sigma).unwrap();
+            let loss = residuals.square().sum();
+            assert!((loss.item() - squares(&views, &cube).unwrap()).abs() < 1e-12 * loss.item());
+            let gradients = loss.backward().unwrap();
+            let learnt = cube.iter().filter(|parameter| !parameter.is_frozen());
+            let exact: Vec<f64> = learnt
+                .flat_map(|parameter| {
+                    let raw = variables.raw(parameter.name()).unwrap();
+                    gradients.get_or_zeros(raw).data().to_vec()
+                })
+                .collect();
+            assert_eq!(exact.len(), n);
+            let size = exact.iter().fold(0.0, |size: f64, g| size.max(g.abs()));
+            for (g, exact) in gradient.iter().zip(&exact) {
+                assert!((2.0 * g - exact).abs() < 1e-6 * size, "{experiment} {g} {exact}");
+            }
+            assert!((0..n * n).all(|k| matrix[k] == matrix[k % n * n + k / n]));
+        }
+    }
+
+    #[test]
+    fn the_parts_follow_one_another_and_end_at_the_last_step() {
+        for (experiment, steps) in [(Experiment::Joint, 700), (Experiment::Sigma, 1)] {
+            let settings = CubeSettings { steps, ..settings(experiment) };
+            let mut seen = Vec::new();
+            let outcome = run_cube(&settings, &mut |progress| {
+                assert_eq!(progress.steps, steps);
+                seen.push(progress.step);
+                ControlFlow::Continue(())
+            })
+            .unwrap();
+            let steps: Vec<u64> = outcome.history.iter().map(|record| record.step).collect();
+            assert_eq!(seen, steps);
+            assert!(steps.windows(2).all(|pair| pair[0] < pair[1]), "{steps:?}");
+            assert_eq!(steps.last(), Some(&settings.steps));
+            assert_eq!(outcome.preset, Preset::SecondOrder);
+            let times: Vec<f64> = outcome.history.iter().map(|record| record.seconds).collect();
+            assert!(times.windows(2).all(|pair| pair[0] <= pair[1]));
+            let last = outcome.snapshots.last().map(|snapshot| snapshot.step);
+            assert_eq!(last, Some(settings.steps));
+        }
+    }
+
+    #[test]
+    fn a_callback_can_stop_either_part() {
+        let settings = CubeSettings { steps: 700, ..settings(Experiment::Vertices) };
+        for stop in [100, 350, 500] {
+            let outcome = run_cube(&settings, &mut |progress| {
+                if progress.step >= stop {
+                    ControlFlow::Break(())
+                } else {
+                    ControlFlow::Continue(())
+                }
+            })
+            .unwrap();
+            assert_eq!(outcome.steps, stop);
+        }
+    }
+
+    #[test]
+    fn what_is_not_first_order_is_not_saved() {
+        let settings = settings(Experiment::Joint);
+        let saving = crate::Saving { save: Some("fit".into()), ..Default::default() };
+        let seen = &mut |_: Progress| ControlFlow::Continue(());
+        let error = crate::run_cube_saving(&settings, &saving, seen).unwrap_err().to_string();
+        let rule = "a fit that is saved needs a first-order preset, whose whole state it holds";
+        assert_eq!(error, format!("{rule}, got second-order"));
+    }
+}

@@ -1,0 +1,105 @@
+//! Animated pictures: APNG, which every browser plays and every viewer shows at least the
+//! first frame of.
+//!
+//! Only the rectangle that differs from the frame before is stored.
+
+use image::{RgbImage, imageops};
+use png::{BitDepth, BlendOp, ColorType, DisposeOp, Encoder};
+
+use crate::error::ReportError;
+
+/// How long the last frame stays, as a multiple of the others.
+const REST: u16 = 15;
+
+/// Frames of one size as an endless animation of `rate` frames per second.
+///
+/// # Errors
+/// [`ReportError::Picture`] where there is no frame, or one is of another size.
+pub fn animation(frames: &[RgbImage], rate: u16) -> Result<Vec<u8>, ReportError> {
+    let first = frames.first().ok_or_else(|| broken("an animation needs frames, got none"))?;
+    let (width, height) = first.dimensions();
+    if let Some(odd) = frames.iter().find(|frame| frame.dimensions() != (width, height)) {
+        let (w, h) = odd.dimensions();
+        return Err(broken(format!("frames need one size, got {width}x{height} and {w}x{h}")));
+    }
+    let mut file = Vec::new();
+    let mut encoder = Encoder::new(&mut file, width, height);
+    encoder.set_color(ColorType::Rgb);
+    encoder.set_depth(BitDepth::Eight);
+    encoder.set_animated(frames.len() as u32, 0).map_err(broken)?;
+    encoder.set_dispose_op(DisposeOp::None).map_err(broken)?;
+    encoder.set_blend_op(BlendOp::Source).map_err(broken)?;
+    encoder.set_frame_delay(1, rate).map_err(broken)?;
+    let mut writer = encoder.write_header().map_err(broken)?;
+    for (at, frame) in frames.iter().enumerate() {
+        let [x, y, w, h] = match at {
+            0 => [0, 0, width, height],
+            _ => changed(&frames[at - 1], frame),
+        };
+        if at > 0 {
+            writer.reset_frame_position().map_err(broken)?;
+            writer.set_frame_dimension(w, h).map_err(broken)?;
+            writer.set_frame_position(x, y).map_err(broken)?;
+        }
+        let delay = if at + 1 == frames.len() { REST } else { 1 };
+        writer.set_frame_delay(delay, rate).map_err(broken)?;
+        let part = imageops::crop_imm(frame, x, y, w, h).to_image();
+        writer.write_image_data(part.as_raw()).map_err(broken)?;
+    }
+    writer.finish().map_err(broken)?;
+    Ok(file)
+}
+
+/// The least rectangle `[x, y, width, height]` that holds every pixel that differs; one pixel
+/// where none does.
+fn changed(before: &RgbImage, after: &RgbImage) -> [u32; 4] {
+    let (mut left, mut top, mut right, mut bottom) = (u32::MAX, u32::MAX, 0, 0);
+    for (x, y, pixel) in after.enumerate_pixels() {
+        if before.get_pixel(x, y) != pixel {
+            (left, top) = (left.min(x), top.min(y));
+            (right, bottom) = (right.max(x + 1), bottom.max(y + 1));
+        }
+    }
+    if left == u32::MAX { [0, 0, 1, 1] } else { [left, top, right - left, bottom - top] }
+}
+
+fn broken(error: impl ToString) -> ReportError {
+    ReportError::Picture(error.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::Rgb;
+
+    fn frames() -> Vec<RgbImage> {
+        let frame = |at: u32| {
+            RgbImage::from_fn(8, 6, |x, y| Rgb([if (x, y) == (at, at) { 255 } else { 0 }; 3]))
+        };
+        vec![frame(0), frame(1), frame(1), frame(5)]
+    }
+
+    #[test]
+    fn a_decoder_reads_every_frame_back() {
+        let file = animation(&frames(), 12).expect("an animation");
+        let mut reader =
+            png::Decoder::new(std::io::Cursor::new(&file)).read_info().expect("a header");
+        assert_eq!(reader.info().animation_control().expect("animated").num_frames, 4);
+        let mut canvas = RgbImage::new(8, 6);
+        let mut buffer = vec![0; reader.output_buffer_size().expect("a size")];
+        for frame in frames() {
+            let info = reader.next_frame(&mut buffer).expect("a frame");
+            let place = *reader.info().frame_control().expect("a place");
+            let bytes = buffer[..info.buffer_size()].to_vec();
+            let part = RgbImage::from_raw(info.width, info.height, bytes).expect("whole");
+            imageops::replace(&mut canvas, &part, place.x_offset.into(), place.y_offset.into());
+            assert_eq!(canvas, frame);
+        }
+    }
+
+    #[test]
+    fn no_frames_and_odd_frames_are_errors() {
+        assert!(animation(&[], 12).is_err());
+        assert!(animation(&[RgbImage::new(2, 2), RgbImage::new(2, 3)], 12).is_err());
+    }
+}
