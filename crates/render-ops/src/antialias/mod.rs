@@ -102,8 +102,10 @@ struct Search<S> {
     fragments: Vec<[u32; 2]>,
 }
 
-/// Rows in one piece of the search.
+/// Rows in one piece of the search, and pixels: of a small image a few rows take less time than it
+/// takes to hand them to another thread.
 const ROWS_PER_PIECE: usize = 16;
+const PIXELS_PER_PIECE: usize = 1 << 12;
 
 /// The row of an uncovered pixel, as long as not all of them are known.
 const MISSING: u32 = u32::MAX;
@@ -116,8 +118,9 @@ impl<T: Scalar> Found<T> {
         blends.clear();
         rows.clear();
         let view = View { coverage, clip, outlines };
-        let height = coverage.size().height;
-        let piece = if is_shared(height, ROWS_PER_PIECE) { ROWS_PER_PIECE } else { height };
+        let (width, height) = (coverage.size().width, coverage.size().height);
+        let rows_per_piece = (PIXELS_PER_PIECE / width.max(1)).max(ROWS_PER_PIECE);
+        let piece = if is_shared(height, rows_per_piece) { rows_per_piece } else { height };
         let work = |rows: Range<usize>, search: &mut Search<T::Wide>| view.find(rows, search);
         merge_ranges_into(searches, height, piece, work, |search| {
             if piece == height {
