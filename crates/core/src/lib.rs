@@ -28,6 +28,7 @@ mod elementwise;
 mod error;
 mod gradient;
 mod logistic;
+mod node;
 mod op;
 mod pool;
 #[cfg(feature = "precompiled")]
@@ -41,6 +42,8 @@ mod shape;
 mod summation;
 mod tape;
 mod tensor;
+#[cfg(test)]
+mod unwinding;
 mod value;
 mod var;
 mod walk;
