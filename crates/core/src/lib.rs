@@ -24,6 +24,7 @@ mod axis;
 mod backward;
 mod broadcast;
 mod comparison;
+mod dependence;
 mod elementwise;
 mod error;
 mod gradient;
@@ -53,6 +54,7 @@ pub mod parallel;
 
 pub use backward::Gradients;
 pub use comparison::{gradient_errors, value_errors};
+pub use dependence::Dependence;
 pub use error::TensorError;
 pub use gradient::{Accumulator, Accumulators};
 pub use op::{Inputs, Keep, Kept, Op, Outputs};

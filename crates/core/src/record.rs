@@ -13,7 +13,7 @@ use crate::node::{Node, slot_in, spare_place};
 use crate::op::{Inputs, Keep, Op, Outputs, Renamed};
 use crate::scalar::Scalar;
 use crate::tape::{Inner, Tape};
-use crate::value::Value;
+use crate::value::{Parting, Value};
 use crate::var::Var;
 
 /// The outputs of a recorded operation; up to four need no allocation.
@@ -138,6 +138,9 @@ impl<T: Scalar> Tape<T> {
         inner.is_call_under_way = false;
         if let Some((input, reason)) = passed {
             let index = view.indices[input];
+            for &other in links[first_input..].iter().filter(|&&other| other != index) {
+                values[other as usize].parting = Parting::Idle(place.entry);
+            }
             links.truncate(first_input);
             tally.leave_out(name, reason);
             return Ok(index..index + 1);
@@ -166,6 +169,7 @@ impl<T: Scalar> Tape<T> {
         for value in &mut values[first_output..*live] {
             value.needs = needs;
             value.entry = Some(place.entry);
+            value.parting = Parting::None;
             count.operation.bytes += size_of_val(value.data()) as u64;
         }
         while let Some(Renamed { output, shape, input }) = renamed.pop() {

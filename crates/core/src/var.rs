@@ -7,7 +7,7 @@ use crate::scalar::Scalar;
 use crate::shape::Shape;
 use crate::tape::{Inner, Tape};
 use crate::tensor::Tensor;
-use crate::value::Value;
+use crate::value::{Parting, Value};
 
 /// A value on a tape: a reference to the tape and an index.
 ///
@@ -66,7 +66,9 @@ impl<'t, T: Scalar> Var<'t, T> {
     /// The same value without a gradient: what lies below it is held constant.
     #[must_use]
     pub fn detach(self) -> Self {
-        self.tape.constant(&self.value())
+        let value = self.value();
+        self.tape.inner.borrow_mut().values[self.index as usize].parting = Parting::Detached;
+        self.tape.constant(&value)
     }
 }
 
@@ -109,7 +111,7 @@ impl<T: Scalar> Tape<T> {
         }
         let value = &mut values[*live];
         fill(value, pool);
-        (value.needs, value.entry) = (needs, None);
+        (value.needs, value.entry, value.parting) = (needs, None, Parting::None);
         *live += 1;
         Var { tape: self, index: *live as u32 - 1 }
     }
