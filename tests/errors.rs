@@ -243,11 +243,16 @@ fn every_fit_error_says_the_rule_and_the_value() {
         (step(x(1.0), settings, |_| Err(FitError::operation(nowhere.clone()))), &message),
         (
             step(x(1e30), settings, |x| Ok(x.square())),
-            "the loss needs to be finite, got inf at step 0",
+            "the loss needs to be finite, got inf at step 0, first in the output of powi of \"x\"",
         ),
         (
             step(x(0.0), settings, |x| Ok(x.sqrt())),
-            "the gradient of \"x\" needs to be finite, got inf at step 0",
+            "the gradient of \"x\" needs to be finite, got inf at step 0, \
+             first in the backward pass of sqrt",
+        ),
+        (
+            step(x(1.0), settings, |x| Ok(x.exp().detach())),
+            "\"x\" needs a way to the loss, got one that ends at exp, whose output is detached",
         ),
         (
             step(x(1.0), settings, |x| Ok(x * 1e30)),

@@ -129,11 +129,13 @@ impl<T: Scalar> Tape<T> {
         }
         let mut inner = self.inner.borrow_mut();
         inner.check_seeds(seeds)?;
+        inner.begin_call();
         let mut results = inner.results.pop().unwrap_or_default();
         inner.mark_wanted(wrt, &mut results);
         inner.seed(seeds);
         inner.walk();
         inner.collect_results(&mut results);
+        inner.is_call_under_way = false;
         Ok(Gradients { tape: self, results })
     }
 }

@@ -5,8 +5,8 @@ use std::cell::Cell;
 use arbitrary::{Result, Unstructured};
 use bokashi_core::{Scalar, Tensor};
 use bokashi_render_ops::{
-    Background, Cull, Fragments, Mesh, RasterOptions, Sampling, Size, antialias, depth,
-    interpolate, interpolate_indexed, rasterize, resolve,
+    Background, Cull, Fragments, Mesh, RasterOptions, Sampling, Size, antialias, composite, depth,
+    interpolate, interpolate_indexed, rasterize,
 };
 
 use super::number::{Range, expanded};

@@ -187,13 +187,14 @@ impl Optimizer {
     ) -> Result<(), FitError> {
         let name = || parameter.name().to_owned();
         if let Some(value) = not_finite(gradient, |g| g) {
-            return Err(FitError::NotFinite { quantity: Quantity::Gradient(name()), value, step });
+            let quantity = Quantity::Gradient(name());
+            return Err(FitError::NotFinite { quantity, value, step, origin: None });
         }
         if self.constants().is_some()
             && let Some(value) = not_finite(gradient, |g| g * g)
         {
             let quantity = Quantity::SquaredGradient(name());
-            return Err(FitError::NotFinite { quantity, value, step });
+            return Err(FitError::NotFinite { quantity, value, step, origin: None });
         }
         Ok(())
     }
@@ -212,7 +213,8 @@ impl Optimizer {
         };
         let Some(value) = value else { return Ok(()) };
         let quantity = Quantity::Update(parameter.name().to_owned());
-        Err(FitError::NotFinite { quantity, value: value.to_f64(), step })
+        let value = value.to_f64();
+        Err(FitError::NotFinite { quantity, value, step, origin: None })
     }
 }
 
