@@ -15,7 +15,7 @@
 //! # Ok::<(), bokashi_core::TensorError>(())
 //! ```
 //!
-//! An operation of one's own implements [`Op`], the trait that the built-in ones implement too.
+//! An operation of your own implements [`Op`], as the built-in operations do.
 //!
 //! Results are bitwise the same for any number of threads, and a step that repeats the last one
 //! allocates nothing on one thread.
