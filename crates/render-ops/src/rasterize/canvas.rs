@@ -4,9 +4,9 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::Sampling;
 use super::culling::{Corner, Fate, Verdict};
 use super::exact::{Drawn, Pieces, Resolved, Search};
+use super::options::Sampling;
 use super::setup::{LANES, Setup, Weights, beyond};
 use crate::coverage::{Run, Slot};
 use crate::mesh::Mesh;

@@ -15,8 +15,8 @@ use bokashi_core::parallel::{for_each_item_mut, for_each_piece_mut, threads};
 
 use super::canvas::{Band, Canvas, Draw, View, resize};
 use super::culling::{Corner, Fate, Verdict, give_one_factor, most_rounding};
+use super::options::{RasterOptions, Sampling};
 use super::setup::LANES;
-use super::{RasterOptions, Sampling};
 use crate::coverage::{Coverage, Culled, Run, Slot};
 use crate::mesh::{Mesh, repeats_a_vertex};
 use crate::size::Size;
