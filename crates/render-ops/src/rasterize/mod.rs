@@ -31,6 +31,7 @@ mod pull_back;
 mod setup;
 #[cfg(test)]
 mod tests;
+mod view;
 mod visibility;
 
 use std::ops::Range;
