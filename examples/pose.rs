@@ -39,8 +39,8 @@ impl Scene {
         let clip = project(tape.constant(&self.vertices.cast()), &self.camera, Some(pose))?;
         let fragments = rasterize(clip, &self.mesh, Size::square(64))?;
         let surface = interpolate(tape.constant(&self.colors.cast()), &fragments)?;
-        let image = resolve(surface, &fragments, Background::Zero)?;
-        let image = antialias(image, &fragments, clip)?;
+        let picture = antialias(composite(surface, &fragments, Background::Zero)?)?;
+        let image = picture.image()?;
         Ok(gaussian_blur(image, sigma, &Blur::default())?)
     }
 }

@@ -28,9 +28,8 @@
 //!         let clip = project(tape.constant(&self.vertices), &self.camera, Some(pose))?;
 //!         let fragments = rasterize(clip, &self.mesh, Size::square(32))?;
 //!         let surface = interpolate(tape.constant(&self.colors), &fragments)?;
-//!         let image = resolve(surface, &fragments, Background::Zero)?;
-//!         let image = antialias(image, &fragments, clip)?;
-//!         Ok(gaussian_blur(image, variables.get("sigma")?, &Blur::default())?)
+//!         let picture = antialias(composite(surface, &fragments, Background::Zero)?)?;
+//!         Ok(gaussian_blur(picture.image()?, variables.get("sigma")?, &Blur::default())?)
 //!     }
 //! }
 //!

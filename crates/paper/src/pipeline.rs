@@ -7,7 +7,7 @@
 
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_fit::{FitError, Parameter, Parameters, Pipeline, Variables, squared_error};
-use bokashi_render_ops::Blur;
+use bokashi_render_ops::{Blur, Reference};
 
 use super::automorphism::automorphisms;
 use super::cube::{FACES, VERTEX_COUNT, View, random_start, truth};
@@ -42,7 +42,7 @@ pub struct CubePipeline<T: Scalar> {
     truth: Snapshot,
     /// The truth in `T`: vertices, colours, sigma.
     target_inputs: (Tensor<T>, Tensor<T>, Option<T>),
-    target: Option<Tensor<T>>,
+    target: Option<Target<T>>,
     target_tape: Tape<T>,
     automorphisms: Vec<Vec<usize>>,
 }
@@ -103,7 +103,25 @@ impl<T: Scalar> CubePipeline<T> {
 
     /// The target image of the step that was prepared last, `[H, W, 3]`.
     pub fn target(&self) -> Option<&Tensor<T>> {
-        self.target.as_ref()
+        self.target.as_ref().map(Target::image)
+    }
+}
+
+/// What a step's picture is compared with.
+#[derive(Debug)]
+enum Target<T: Scalar> {
+    /// A sparse picture: pixels of the background cost nothing.
+    Picture(Reference<T>),
+    /// A blurred image, `[H, W, 3]`.
+    Image(Tensor<T>),
+}
+
+impl<T: Scalar> Target<T> {
+    fn image(&self) -> &Tensor<T> {
+        match self {
+            Self::Picture(reference) => reference.image(),
+            Self::Image(image) => image,
+        }
     }
 }
 
@@ -133,7 +151,10 @@ impl<T: Scalar> Pipeline<T> for CubePipeline<T> {
         let (vertices, colors) = (tape.constant(vertices), tape.constant(colors));
         let sigma = sigma.map(|sigma| tape.constant_full([], sigma));
         let image = self.scene.image(&self.view.camera(), vertices, colors, sigma)?;
-        self.target = Some(image.value());
+        self.target = Some(match sigma {
+            None => Target::Picture(Reference::new(&image.value(), &Tensor::zeros([3]))?),
+            Some(_) => Target::Image(image.value()),
+        });
         Ok(())
     }
 
@@ -144,9 +165,16 @@ impl<T: Scalar> Pipeline<T> for CubePipeline<T> {
     ) -> Result<Var<'t, T>, FitError> {
         let sigma = self.truth.sigma.map(|_| variables.get(SIGMA)).transpose()?;
         let (vertices, colors) = (variables.get(VERTICES)?, variables.get(COLORS)?);
-        let image = self.scene.image(&self.view.camera(), vertices, colors, sigma)?;
-        let target = self.target.as_ref().expect("a step is prepared before its loss is recorded");
-        Ok(squared_error(image, tape.constant(target))?)
+        let camera = self.view.camera();
+        match self.target.as_ref().expect("a step is prepared before its loss is recorded") {
+            Target::Picture(reference) => {
+                Ok(self.scene.picture(&camera, vertices, colors)?.squared_error(reference)?)
+            }
+            Target::Image(image) => {
+                let blurred = self.scene.image(&camera, vertices, colors, sigma)?;
+                Ok(squared_error(blurred, tape.constant(image))?)
+            }
+        }
     }
 
     fn measure(&self, parameters: &Parameters<T>) -> CubeMeasure {

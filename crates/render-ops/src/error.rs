@@ -87,20 +87,13 @@ pub enum RenderError {
         shape: Shape,
     },
 
-    /// A layer was antialiased before.
+    /// An operation for one fragment per pixel was given exact coverage.
     #[error(
-        "antialias needs a layer that was not antialiased before, got one with a rim of {rim} pixels"
-    )]
-    Antialiased {
-        /// Pixels of the rim that it has.
-        rim: usize,
-    },
-
-    /// Fragments with exact coverage have nothing to antialias.
-    #[error(
-        "antialias needs one fragment per pixel, got exact coverage with {pixels} boundary pixels"
+        "{operation} needs one fragment per pixel, got exact coverage with {pixels} boundary pixels"
     )]
     ExactCoverage {
+        /// The operation.
+        operation: &'static str,
         /// Pixels that were resolved into pieces.
         pixels: usize,
     },

@@ -7,9 +7,9 @@
 //! Steps of about `a` whatever the scale of the gradient: see `adam`.
 //!
 //! # Failure
-//! One NaN would poison the moments for ever, and an infinite `g^2` would freeze its entry. So all
-//! gradients, and then all that would become of parameters and moments, are checked before anything
-//! is changed. The second check computes the update without storing it; the update itself then
+//! One NaN would poison the moments for ever, and an infinite `g^2` would freeze its entry. So two
+//! checks come before any change: all gradients, and then the values that parameters and moments
+//! would take. The second check computes the update without storing it; the update itself then
 //! computes the same bits again.
 //!
 //! # Updates that vanish
@@ -38,9 +38,9 @@ pub enum Optimizer {
     GradientDescent,
     /// Steps of about the learning rate, from moving averages of the gradient and its square.
     ///
-    /// A gradient that is far larger than the usual ones freezes its entry for as long as the
-    /// average of the square remembers it: after one of 1e10 among ones of 1, for about 40,000
-    /// updates at the usual `beta2`. That is what the recurrence says and no error; in `f32` the
+    /// A gradient that is far larger than usual freezes its entry for as long as the average of the
+    /// square remembers it. A gradient of 1e10 among gradients of 1 does so for about 40,000
+    /// updates at the usual `beta2`. The recurrence says so, and it is no error; in `f32` the
     /// updates vanish, which [`Parameter::vanished`] shows.
     Adam {
         /// The decay of the average of the gradient.
@@ -191,13 +191,14 @@ impl Optimizer {
     ) -> Result<(), FitError> {
         let name = || parameter.name().to_owned();
         if let Some(value) = not_finite(gradient, |g| g) {
-            return Err(FitError::NotFinite { quantity: Quantity::Gradient(name()), value, step });
+            let quantity = Quantity::Gradient(name());
+            return Err(FitError::NotFinite { quantity, value, step, origin: None });
         }
         if self.constants().is_some()
             && let Some(value) = not_finite(gradient, |g| g * g)
         {
             let quantity = Quantity::SquaredGradient(name());
-            return Err(FitError::NotFinite { quantity, value, step });
+            return Err(FitError::NotFinite { quantity, value, step, origin: None });
         }
         Ok(())
     }
@@ -216,7 +217,8 @@ impl Optimizer {
         };
         let Some(value) = value else { return Ok(()) };
         let quantity = Quantity::Update(parameter.name().to_owned());
-        Err(FitError::NotFinite { quantity, value: value.to_f64(), step })
+        let value = value.to_f64();
+        Err(FitError::NotFinite { quantity, value, step, origin: None })
     }
 }
 

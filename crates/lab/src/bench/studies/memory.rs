@@ -48,7 +48,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
     };
     scene.mesh.adjacency();
     let before = status("VmRSS");
-    let mut learner = Learner::<f32>::new(&scene, Cull::None, Compared::Layer)?;
+    let mut learner = Learner::<f32>::new(&scene, Cull::None, Compared::Picture)?;
     let steps = bench.widest().install(|| (0..5).try_for_each(|_| learner.step()));
     if study.noted(&scene.name, steps).is_some() {
         let steps = status("VmHWM").zip(before).map(|(peak, before)| peak - before);

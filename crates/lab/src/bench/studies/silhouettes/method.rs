@@ -4,7 +4,7 @@ use bokashi_core::Var;
 use bokashi_fit::FitError;
 use bokashi_render_ops::{Cull, RasterOptions, Sampling};
 
-use crate::bench::pipeline::{render, resolved};
+use crate::bench::pipeline::{drawn, render};
 use crate::bench::scenes::Scene;
 
 /// A way to make an image of a scene.
@@ -24,7 +24,7 @@ pub(super) type Image =
 /// All methods; another one is another row.
 pub(super) const METHODS: [Method; 6] = [
     method("no antialias", "no_antialias", |scene, cull, p, c| {
-        Ok(resolved(scene, RasterOptions { cull, ..scene.size.into() }, p, c)?.image)
+        Ok(drawn(scene, RasterOptions { cull, ..scene.size.into() }, p, c)?.composite.image()?)
     }),
     method("antialias", "antialias", render),
     method("antialias, 2x2", "antialias_2x2", |scene, cull, p, c| {
@@ -45,7 +45,7 @@ fn exact<'t>(
     colors: Var<'t, f32>,
 ) -> Result<Var<'t, f32>, FitError> {
     let options = RasterOptions { cull, sampling: Sampling::Exact, ..scene.size.into() };
-    Ok(resolved(scene, options, positions, colors)?.image)
+    Ok(drawn(scene, options, positions, colors)?.composite.image()?)
 }
 
 const fn method(name: &'static str, key: &'static str, image: Image) -> Method {
