@@ -12,8 +12,10 @@ use bokashi_fit::saved::{Reader, Stored, Writer, precision_and_state, read, tag}
 use bokashi_fit::{Fit, FitError, Parameters, Pipeline, Step};
 use bokashi_render_ops::{Border, Kernel, Radius};
 
-use super::experiment::{CubePipeline, drive, record};
+use super::experiment::run_cube;
+use super::first_order::{drive, record};
 use super::outcome::{Outcome, Progress};
+use super::pipeline::CubePipeline;
 use super::settings::{CubeSettings, Experiment, Precision, Preset, Rates, Silhouettes};
 
 /// Where a fit of the cube is saved, and what it goes on from.
@@ -45,7 +47,7 @@ pub fn run_cube_saving(
     }
     if settings.preset == Preset::SecondOrder {
         if *saving == Saving::default() {
-            return super::run_cube(settings, on_step);
+            return run_cube(settings, on_step);
         }
         let rule = "a first-order preset, whose whole state it holds";
         return Err(FitError::setting("a fit that is saved", rule, settings.preset));

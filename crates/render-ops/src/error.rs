@@ -143,3 +143,31 @@ pub enum RenderError {
         value: f64,
     },
 }
+
+/// Here, and not with the rest of [`Size`]: an error holds one.
+impl Size {
+    /// The size itself.
+    ///
+    /// # Errors
+    /// [`RenderError::ImageSize`] unless the pixels can be counted in 32 bits and there is one.
+    pub(crate) fn checked(self) -> Result<Self, RenderError> {
+        match self.width.checked_mul(self.height) {
+            Some(pixels) if pixels > 0 && pixels < u32::MAX as usize => Ok(self),
+            _ => Err(RenderError::ImageSize { size: self }),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_image_without_pixels_or_with_too_many_is_refused() {
+        for size in [Size::square(0), Size { width: 0, height: 5 }, Size::square(1 << 16)] {
+            assert_eq!(size.checked(), Err(RenderError::ImageSize { size }));
+        }
+        assert!(Size::square(usize::MAX).checked().is_err());
+        assert!(Size::square(1).checked().is_ok());
+    }
+}

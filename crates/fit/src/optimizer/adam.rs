@@ -25,7 +25,7 @@
 
 use bokashi_core::Scalar;
 
-use super::{first_not_finite, value_of, vanishes};
+use super::entries::{first_not_finite, value_of, vanishes};
 use crate::parameter::Parameter;
 
 /// The constants of one update, in the numbers of the fit.

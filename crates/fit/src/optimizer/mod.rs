@@ -17,14 +17,18 @@
 //! error: each such entry is counted, see [`Parameter::vanished`].
 
 mod adam;
+mod descent;
+mod entries;
 #[cfg(test)]
 mod tests;
 
 use bokashi_core::{Gradients, Scalar};
 
 use self::adam::Adam;
+use self::descent::{descend, descends_out_of_range};
+use self::entries::first_not_finite;
 use crate::error::{FitError, Quantity};
-use crate::parameter::{Mapping, Parameter, Parameters, Variables};
+use crate::parameter::{Parameter, Parameters, Variables};
 
 /// How gradients change parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -221,48 +225,4 @@ impl Optimizer {
 /// The first of `term(entry)` that is not finite.
 fn not_finite<T: Scalar>(entries: &[T], term: impl Fn(T) -> T) -> Option<f64> {
     first_not_finite(entries.len(), |k| term(entries[k])).map(Scalar::to_f64)
-}
-
-/// The first of `count` numbers that is not finite.
-fn first_not_finite<T: Scalar>(count: usize, number: impl Fn(usize) -> T) -> Option<T> {
-    // Without an early exit, so that the usual case is a loop over vectors.
-    if (0..count).fold(true, |finite, k| finite & number(k).is_finite()) {
-        return None;
-    }
-    (0..count).map(number).find(|number| !number.is_finite())
-}
-
-/// What has to be finite where an entry becomes `raw`: its value, which only an exponential makes
-/// infinite of a finite raw number.
-fn value_of<T: Scalar>(mapping: Mapping, raw: T) -> T {
-    if mapping == Mapping::Exp { raw.exp() } else { raw }
-}
-
-/// Whether an update left `old` as it was though it should have moved it.
-fn vanishes<T: Scalar>(old: T, new: T, direction: T, rate: T) -> bool {
-    (new == old) & (direction != T::ZERO) & (rate != T::ZERO)
-}
-
-/// Returns how many entries' updates vanished.
-fn descend<T: Scalar>(parameter: &mut Parameter<T>, gradient: Option<&[T]>, rate: f64) -> usize {
-    let Some(gradient) = gradient else { return 0 };
-    let rate = T::from_f64(rate);
-    let mut vanished = 0;
-    for (x, &g) in parameter.raw.data_mut().iter_mut().zip(gradient) {
-        let new = *x + -rate * g;
-        vanished += usize::from(vanishes(*x, new, g, rate));
-        *x = new;
-    }
-    vanished
-}
-
-/// The first value that [`descend`] would make infinite or NaN.
-fn descends_out_of_range<T: Scalar>(
-    parameter: &Parameter<T>,
-    gradient: Option<&[T]>,
-    rate: f64,
-) -> Option<T> {
-    let (raw, mapping, rate) = (parameter.raw.data(), parameter.mapping, T::from_f64(rate));
-    let gradient = &gradient?[..raw.len()];
-    first_not_finite(raw.len(), |k| value_of(mapping, raw[k] + -rate * gradient[k]))
 }

@@ -1,6 +1,7 @@
 use bokashi_core::{Tape, Tensor};
 
 use super::*;
+use crate::parameter::Mapping;
 
 const ALL: [Optimizer; 3] = [
     Optimizer::GradientDescent,

@@ -19,9 +19,9 @@ use serde::{Serialize, Serializer, ser::SerializeStruct as _};
 
 use crate::bench::effort::{Effort, GENEROUS};
 use crate::bench::page::write_csv;
-use crate::bench::questions::{Bench, method};
 use crate::bench::sampling::{Contestant, Timing, interleaved};
 use crate::bench::scenes::Scene;
+use crate::bench::setting::{Bench, method};
 use crate::bench::table::{Cell, FEW_SAMPLES, Table};
 
 /// A row: one thing computed, and left out.

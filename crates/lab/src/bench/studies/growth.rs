@@ -6,9 +6,9 @@ use bokashi_report::{Curve, Figure, PALETTE, Panel, SIZES, Scale, Stroke};
 
 use crate::bench::effort::USUAL;
 use crate::bench::pipeline::{Compared, Learner, contestant};
-use crate::bench::questions::Bench;
 use crate::bench::sampling::{Timing, interleaved};
 use crate::bench::scenes::Scene;
+use crate::bench::setting::Bench;
 use crate::bench::study::{Figures, Study};
 use crate::bench::table::{Cell, Table};
 

@@ -11,8 +11,8 @@ use bokashi_render_ops::Cull;
 
 use crate::bench::effort::Effort;
 use crate::bench::pipeline::{Compared, Learner};
-use crate::bench::questions::Bench;
 use crate::bench::scenes::Scene;
+use crate::bench::setting::Bench;
 use crate::bench::study::Study;
 use crate::bench::table::{Cell, Table};
 

@@ -17,9 +17,9 @@ use rand_chacha::ChaCha8Rng;
 use crate::bench::difference::relative_error;
 use crate::bench::effort::USUAL;
 use crate::bench::pipeline::drawn;
-use crate::bench::questions::Bench;
 use crate::bench::sampling::Timing;
 use crate::bench::scenes::Scene;
+use crate::bench::setting::Bench;
 use crate::bench::study::Study;
 use crate::bench::table::{Cell, Table};
 

@@ -12,9 +12,9 @@ use rayon::ThreadPool;
 
 use crate::bench::effort::GENEROUS;
 use crate::bench::pipeline::{Compared, Learner, contestant};
-use crate::bench::questions::Bench;
 use crate::bench::sampling::{Contestant, Timing, interleaved};
 use crate::bench::scenes::{Scene, scenes};
+use crate::bench::setting::Bench;
 use crate::bench::study::{Figures, Study};
 use crate::bench::table::{Cell, Table};
 
