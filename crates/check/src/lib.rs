@@ -48,7 +48,6 @@
 //! operation must not do: to read what it did not ask to keep, or a gradient that is not needed.
 
 mod check;
-mod dual;
 mod failure;
 mod laws;
 mod mutation;
@@ -59,9 +58,8 @@ mod trial;
 
 pub mod strategy;
 
-pub use bokashi_core::{Scalar, Tape, Var};
+pub use bokashi_core::{Dual, Scalar, Tape, Var};
 pub use check::{Check, Report};
-pub use dual::Dual;
 pub use failure::{Broken, Failure, Law, Numbers};
 pub use mutation::{Kills, Mutation};
 pub use subject::{Case, Input, Outcome, Refusal, Subject, sides};
