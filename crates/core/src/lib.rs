@@ -24,6 +24,7 @@ mod axis;
 mod backward;
 mod broadcast;
 mod comparison;
+mod conversion;
 mod dependence;
 mod dual;
 mod elementwise;

@@ -27,7 +27,7 @@ impl<T: Scalar> Tensor<Dual<T>> {
         if values.shape() != tangents.shape() {
             return Err(TensorError::Mismatch {
                 operation: "dual",
-                rule: "a tangent of its value's shape",
+                rule: "a tangent of its value's shape".into(),
                 shapes: Box::new([tangents.shape().clone(), values.shape().clone()]),
             });
         }
