@@ -65,7 +65,7 @@ fn every_tensor_error_says_the_rule_and_the_value() {
         ),
         (
             table.permute(&[0, 0]).unwrap_err(),
-            "permute needs each axis of its input once, got shape [2, 3]",
+            "permute needs each axis of shape [2, 3] once, got axes [0, 0]",
         ),
         (
             table.matmul(table).unwrap_err(),

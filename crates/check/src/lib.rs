@@ -53,7 +53,6 @@
 //! not needed.
 
 mod check;
-mod dual;
 mod failure;
 mod laws;
 mod mutation;
@@ -64,9 +63,8 @@ mod trial;
 
 pub mod strategy;
 
-pub use bokashi_core::{Scalar, Tape, Var};
+pub use bokashi_core::{Dual, Scalar, Tape, Var};
 pub use check::{Check, Report};
-pub use dual::Dual;
 pub use failure::{Broken, Failure, Law, Numbers};
 pub use mutation::{Kills, Mutation};
 pub use subject::{Case, Input, Outcome, Refusal, Subject, sides};

@@ -8,10 +8,9 @@ use std::fmt;
 use std::sync::Arc;
 
 use bokashi_core::{
-    Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Tape, Tensor, TensorError, Var,
+    Accumulators, Dual, Inputs, Keep, Kept, Op, Outputs, Scalar, Tape, Tensor, TensorError, Var,
 };
 
-use crate::dual::Dual;
 use crate::subject::{AnySubject, Applied, Case};
 use crate::trial::Trial;
 

@@ -3,9 +3,8 @@
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use bokashi_core::{Scalar, Tape, Tensor, Var};
+use bokashi_core::{Dual, Scalar, Tape, Tensor, Var};
 
-use crate::dual::Dual;
 use crate::subject::{AnySubject, Case, Input, Number, Refusal};
 
 /// The values of a run's inputs, and which inputs have a gradient.
@@ -97,11 +96,6 @@ pub(crate) fn along(
     let point: Point<_> = case.inputs.iter().zip(direction).map(dual).collect();
     let upstream: Vec<_> = upstream.iter().map(Tensor::cast).collect();
     run(&*case.subject, &point, &upstream)
-}
-
-/// Values and tangents apart.
-pub(crate) fn parts(dual: &Tensor<Dual<f64>>) -> (Tensor<f64>, Tensor<f64>) {
-    (dual.map(|entry| entry.value), dual.map(|entry| entry.tangent))
 }
 
 /// `f()`, or what it panicked with.

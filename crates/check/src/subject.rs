@@ -5,9 +5,7 @@ use std::fmt::Debug;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::Arc;
 
-use bokashi_core::{Scalar, Tape, Tensor, Var};
-
-use crate::dual::Dual;
+use bokashi_core::{Dual, Scalar, Tape, Tensor, Var};
 
 /// Why a subject refused its inputs: whatever error its operations return.
 pub type Refusal = Box<dyn Error + Send + Sync>;

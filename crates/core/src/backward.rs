@@ -150,7 +150,7 @@ impl<T: Scalar> Inner<T> {
                 Some(upstream) if upstream.shape() != shape => {
                     return Err(TensorError::Mismatch {
                         operation: "backward",
-                        rule: "an upstream gradient of its variable's shape",
+                        rule: "an upstream gradient of its variable's shape".into(),
                         shapes: Box::new([upstream.shape().clone(), shape.clone()]),
                     });
                 }

@@ -1,6 +1,8 @@
 //! What a caller can get wrong with tensors and tapes.
 
+use std::borrow::Cow;
 use std::fmt;
+use std::ops::Range;
 
 use crate::shape::Shape;
 
@@ -26,8 +28,8 @@ pub enum TensorError {
     Shape {
         /// The operation.
         operation: &'static str,
-        /// The rule, as the end of "... needs ...".
-        rule: &'static str,
+        /// The rule, as the end of "... needs ..."; it can name what it expected.
+        rule: Cow<'static, str>,
         /// The shape given.
         shape: Shape,
     },
@@ -35,8 +37,8 @@ pub enum TensorError {
     Mismatch {
         /// The operation.
         operation: &'static str,
-        /// The rule, as the end of "... needs ...".
-        rule: &'static str,
+        /// The rule, as the end of "... needs ..."; it can name what it expected.
+        rule: Cow<'static, str>,
         /// The two shapes; boxed, so that a `Result` stays small.
         shapes: Box<[Shape; 2]>,
     },
@@ -49,11 +51,29 @@ pub enum TensorError {
         /// The shape of the input.
         shape: Shape,
     },
-    /// A range or an index lies outside an axis.
+    /// A list of axes breaks the operation's rule.
+    Axes {
+        /// The operation.
+        operation: &'static str,
+        /// The axes given.
+        axes: Box<[usize]>,
+        /// The shape of the input.
+        shape: Shape,
+    },
+    /// A range lies outside an axis, or ends before it starts.
+    Range {
+        /// The operation.
+        operation: &'static str,
+        /// The range given.
+        range: Range<usize>,
+        /// The extent of the axis.
+        extent: usize,
+    },
+    /// An index lies outside an axis.
     Index {
         /// The operation.
         operation: &'static str,
-        /// The first index that is too large, or the start of a reversed range.
+        /// The first index that is too large.
         index: usize,
         /// The extent of the axis.
         extent: usize,
@@ -62,17 +82,26 @@ pub enum TensorError {
     Value {
         /// The operation.
         operation: &'static str,
-        /// The rule, as the end of "... needs ...".
-        rule: &'static str,
+        /// The rule, as the end of "... needs ..."; it can name what it expected.
+        rule: Cow<'static, str>,
         /// The value given.
         value: f64,
+    },
+    /// The bounds of an interval are not in order.
+    Bounds {
+        /// The operation.
+        operation: &'static str,
+        /// The lower one given.
+        low: f64,
+        /// The upper one given.
+        high: f64,
     },
     /// An operation got the wrong number of inputs.
     Inputs {
         /// The operation.
         operation: &'static str,
-        /// The rule, as the end of "... needs ...".
-        rule: &'static str,
+        /// The rule, as the end of "... needs ..."; it can name what it expected.
+        rule: Cow<'static, str>,
         /// The number given.
         given: usize,
     },
@@ -120,6 +149,13 @@ impl fmt::Display for TensorError {
                 "{operation} needs an axis below the rank {}, got axis {axis} of shape {shape}",
                 shape.rank()
             ),
+            Self::Axes { operation, axes, shape } => {
+                write!(f, "{operation} needs each axis of shape {shape} once, got axes {axes:?}")
+            }
+            Self::Range { operation, range: Range { start, end }, extent } => write!(
+                f,
+                "{operation} needs a range within an axis of extent {extent}, got {start}..{end}"
+            ),
             Self::Index { operation, index, extent } => {
                 write!(
                     f,
@@ -128,6 +164,9 @@ impl fmt::Display for TensorError {
             }
             Self::Value { operation, rule, value } => {
                 write!(f, "{operation} needs {rule}, got {value}")
+            }
+            Self::Bounds { operation, low, high } => {
+                write!(f, "{operation} needs bounds with low <= high, got {low} and {high}")
             }
             Self::Inputs { operation, rule, given } => {
                 write!(f, "{operation} needs {rule}, got {given} inputs")

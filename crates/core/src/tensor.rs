@@ -1,6 +1,7 @@
 //! Dense row-major arrays.
 
 use std::fmt;
+use std::ops::{Index, IndexMut};
 use std::sync::Arc;
 
 use crate::error::TensorError;
@@ -27,11 +28,38 @@ impl<T: Scalar> Tensor<T> {
         Ok(Self { shape, data: Arc::new(data) })
     }
 
+    /// The array of `shape` whose entry at `[i, j, ...]` is `entry([i, j, ...])`, row by row:
+    ///
+    /// ```
+    /// let identity = bokashi_core::Tensor::from_fn([3, 3], |[i, j]| f64::from(i == j));
+    /// assert_eq!((identity[[1, 1]], identity[[1, 2]]), (1.0, 0.0));
+    /// ```
+    ///
+    /// # Panics
+    /// Where the shape has more entries than fit an index.
+    pub fn from_fn<const N: usize>(
+        shape: [usize; N],
+        mut entry: impl FnMut([usize; N]) -> T,
+    ) -> Self {
+        let mut at = [0; N];
+        Self::from_flat_fn(shape, |_| {
+            let here = entry(at);
+            for axis in (0..N).rev() {
+                at[axis] += 1;
+                if at[axis] < shape[axis] {
+                    break;
+                }
+                at[axis] = 0;
+            }
+            here
+        })
+    }
+
     /// The array of `shape` whose k-th entry in row-major order is `entry(k)`.
     ///
     /// # Panics
     /// Where the shape has more entries than fit an index.
-    pub fn from_fn(shape: impl Into<Shape>, entry: impl FnMut(usize) -> T) -> Self {
+    pub fn from_flat_fn(shape: impl Into<Shape>, entry: impl FnMut(usize) -> T) -> Self {
         let shape = shape.into();
         let data = (0..shape.size()).map(entry).collect();
         Self { shape, data: Arc::new(data) }
@@ -74,12 +102,13 @@ impl<T: Scalar> Tensor<T> {
         Arc::make_mut(&mut self.data).as_mut_slice()
     }
 
-    /// The first entry: the value of a scalar.
+    /// The only entry: the value of a scalar, whatever its rank.
     ///
     /// # Panics
-    /// Where there is no entry.
+    /// Unless there is exactly one entry.
+    #[track_caller]
     pub fn item(&self) -> T {
-        self.data[0]
+        only(&self.shape, &self.data)
     }
 
     /// The same entries under another shape; the buffer is shared.
@@ -96,7 +125,7 @@ impl<T: Scalar> Tensor<T> {
 
     /// The array of `f(entry)`.
     pub fn map<U: Scalar>(&self, mut f: impl FnMut(T) -> U) -> Tensor<U> {
-        Tensor::from_fn(&self.shape, |k| f(self.data[k]))
+        Tensor::from_flat_fn(&self.shape, |k| f(self.data[k]))
     }
 
     /// The same array in another precision.
@@ -121,6 +150,48 @@ impl<T: Scalar> Tensor<T> {
     }
 }
 
+/// The only one of `entries`, those of an array of `shape`.
+#[track_caller]
+pub(crate) fn only<T: Copy>(shape: &Shape, entries: &[T]) -> T {
+    let &[entry] = entries else { panic!("`item` needs exactly one entry, got shape {shape}") };
+    entry
+}
+
+impl<T> Tensor<T> {
+    /// Where the entry at `index` is.
+    #[track_caller]
+    fn place<const N: usize>(&self, index: [usize; N]) -> usize {
+        let is_within = self.shape.rank() == N && index.iter().zip(&*self.shape).all(|(i, n)| i < n);
+        assert!(is_within, "an index needs to lie within shape {}, got {index:?}", self.shape);
+        index.iter().zip(&*self.shape).fold(0, |place, (i, extent)| place * extent + i)
+    }
+}
+
+/// The entry at an index: `t[[i, j]]` of a matrix.
+///
+/// # Panics
+/// Unless the index has an entry per axis and lies within the shape.
+impl<T, const N: usize> Index<[usize; N]> for Tensor<T> {
+    type Output = T;
+
+    #[track_caller]
+    fn index(&self, index: [usize; N]) -> &T {
+        &self.data[self.place(index)]
+    }
+}
+
+/// The entry at an index for writing; copies the buffer first where it is shared.
+///
+/// # Panics
+/// As for reading.
+impl<T: Clone, const N: usize> IndexMut<[usize; N]> for Tensor<T> {
+    #[track_caller]
+    fn index_mut(&mut self, index: [usize; N]) -> &mut T {
+        let place = self.place(index);
+        &mut Arc::make_mut(&mut self.data)[place]
+    }
+}
+
 impl<T: PartialEq> PartialEq for Tensor<T> {
     fn eq(&self, other: &Self) -> bool {
         self.shape == other.shape && self.data == other.data
@@ -135,6 +206,8 @@ impl<T: fmt::Debug> fmt::Debug for Tensor<T> {
 
 #[cfg(test)]
 mod tests {
+    use std::panic::catch_unwind;
+
     use super::*;
 
     #[test]
@@ -148,6 +221,41 @@ mod tests {
             huge.to_string(),
             "shape [8589934592, 2147483648] needs more entries than fit an index, got 0"
         );
+    }
+
+    #[test]
+    fn entries_by_index_are_those_in_row_major_order() {
+        let mut t = Tensor::from_fn([2, 3, 2], |[i, j, k]| (100 * i + 10 * j + k) as f64);
+        assert_eq!(t.data()[..4], [0.0, 1.0, 10.0, 11.0]);
+        assert_eq!((t[[1, 2, 0]], t.data()[10]), (120.0, 120.0));
+        let shared = t.clone();
+        t[[1, 2, 0]] = 7.0;
+        assert_eq!((t[[1, 2, 0]], t.data()[10], shared[[1, 2, 0]]), (7.0, 7.0, 120.0));
+        let mut scalar = Tensor::from_fn([], |[]| 3.0_f32);
+        scalar[[]] += 1.0;
+        assert_eq!((scalar[[]], scalar.item()), (4.0, 4.0));
+        assert_eq!(Tensor::from_fn([2, 0], |_| 1.0_f32).size(), 0);
+    }
+
+    #[test]
+    fn an_index_outside_the_shape_is_refused_even_where_the_buffer_has_a_place() {
+        let t = Tensor::<f64>::zeros([2, 3]);
+        for wrong in [
+            catch_unwind(|| t[[0, 3]]),
+            catch_unwind(|| t[[2, 0]]),
+            catch_unwind(|| t[[1]]),
+            catch_unwind(|| t[[0, 0, 0]]),
+        ] {
+            let said = *wrong.unwrap_err().downcast::<String>().unwrap();
+            assert!(said.starts_with("an index needs to lie within shape [2, 3], got ["), "{said}");
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "`item` needs exactly one entry, got shape [2]")]
+    fn an_item_is_the_only_one() {
+        assert_eq!(Tensor::full([1, 1], 5.0_f64).item(), 5.0);
+        Tensor::<f32>::zeros([2]).item();
     }
 
     #[test]

@@ -6,7 +6,7 @@ use crate::pool::Pool;
 use crate::scalar::Scalar;
 use crate::shape::Shape;
 use crate::tape::{Inner, Tape};
-use crate::tensor::Tensor;
+use crate::tensor::{Tensor, only};
 use crate::value::{Parting, Value};
 
 /// A value on a tape: a reference to the tape and an index.
@@ -44,12 +44,14 @@ impl<'t, T: Scalar> Var<'t, T> {
         self.tape.inner.borrow().values[self.index as usize].shape.clone()
     }
 
-    /// The first entry: the value of a scalar.
+    /// The only entry: the value of a scalar, whatever its rank.
     ///
     /// # Panics
-    /// Where the value has no entry.
+    /// Unless the value has exactly one entry.
+    #[track_caller]
     pub fn item(self) -> T {
-        self.tape.inner.borrow().values[self.index as usize].data()[0]
+        let value = &self.tape.inner.borrow().values[self.index as usize];
+        only(&value.shape, value.data())
     }
 
     /// Whether a gradient with respect to the variable could be asked for: whether a leaf lies

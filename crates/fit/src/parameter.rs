@@ -172,14 +172,6 @@ impl<T: Scalar> Parameter<T> {
         }
     }
 
-    /// The value that `raw` stands for.
-    pub fn value_at(&self, raw: Tensor<T>) -> Tensor<T> {
-        match self.mapping {
-            Mapping::Identity => raw,
-            mapping => raw.map(|raw| mapping.value(raw)),
-        }
-    }
-
     /// The first entry of the value: the value of a scalar. Allocates nothing.
     ///
     /// # Panics

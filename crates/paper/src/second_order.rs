@@ -10,9 +10,8 @@
 //!
 //! # The Jacobian
 //! The image is linear in the colours: one image of eight channels, one per vertex, holds all their
-//! columns. Those of the vertices and of sigma's raw number are difference quotients of width
-//! [`WIDTH`]; their relative error, about 1e-8, is a factor of convergence, not a floor, since the
-//! residuals are exactly zero at the truth.
+//! columns. Those of the vertices and of sigma's raw number are the tangents of images over dual
+//! numbers, one image each: exact to rounding.
 //!
 //! # Cost
 //! One such step takes about as long as [`UPDATES_PER_STEP`] updates of Adam, and stands for as
@@ -25,7 +24,7 @@
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-use bokashi_core::{Scalar, Tensor};
+use bokashi_core::{Dual, Scalar, Tensor};
 use bokashi_fit::{FitError, Parameters, Pipeline as _, Step};
 
 use super::cube::{VERTEX_COUNT, View};
@@ -41,8 +40,6 @@ const FIRST_ORDER: f64 = 0.5;
 const POSES: u64 = 4;
 /// How many updates of Adam take about as long as a step: docs/stiff.md compares whole fits.
 const UPDATES_PER_STEP: u64 = 150;
-/// Of the difference quotients: the root of the rounding of f64, in sides of the cube.
-const WIDTH: f64 = 1e-7;
 /// Marquardt's first `lambda`, and its factors after a good step and after a bad one.
 const DAMPING: [f64; 3] = [1e-2, 0.1, 4.0];
 /// Below this the damping is rounding.
@@ -181,22 +178,26 @@ fn normal_equations(
         // Each column of vertices or sigma as a whole; those of colours by vertex.
         let mut columns: Vec<(usize, Tensor<f64>)> = Vec::new();
         let mut shares = None;
+        let dual_colors = colors.cast();
+        let dual_sigma = sigma_value.as_ref().map(Tensor::cast);
         if shape > 0 {
             for k in 0..vertices.size() {
-                let mut wider = vertices.clone();
-                wider.data_mut()[k] += WIDTH;
-                columns.push((k, views.residual(view, &wider, &colors, sigma_here)?));
+                let mut along = vertices.cast::<Dual<f64>>();
+                along.data_mut()[k].tangent = 1.0;
+                let image = views.image(view, &along, &dual_colors, dual_sigma.as_ref())?;
+                columns.push((k, image.tangents()));
             }
             shares = Some(views.image(view, &vertices, &unit, sigma_here)?);
         }
         if let Some(sigma) = sigma.filter(|sigma| !sigma.is_frozen()) {
-            let wider = sigma.value_at(sigma.raw().map(|raw| raw + WIDTH));
-            columns.push((shape, views.residual(view, &vertices, &colors, Some(&wider))?));
+            let along = sigma.raw().map(|raw| sigma.mapping.value(Dual::new(raw, 1.0)));
+            let image = views.image(view, &vertices.cast(), &dual_colors, Some(&along))?;
+            columns.push((shape, image.tangents()));
         }
         let mut row: Vec<(usize, f64)> = Vec::with_capacity(n);
         for (k, &r) in at.data().iter().enumerate() {
             row.clear();
-            let slopes = columns.iter().map(|(j, wider)| (*j, (wider.data()[k] - r) / WIDTH));
+            let slopes = columns.iter().map(|(j, column)| (*j, column.data()[k]));
             row.extend(slopes.filter(|&(_, slope)| slope != 0.0));
             if let Some(shares) = &shares {
                 let (pixel, channel) = (k / 3, k % 3);
@@ -300,7 +301,7 @@ mod tests {
             assert_eq!(exact.len(), n);
             let size = exact.iter().fold(0.0, |size: f64, g| size.max(g.abs()));
             for (g, exact) in gradient.iter().zip(&exact) {
-                assert!((2.0 * g - exact).abs() < 1e-6 * size, "{experiment} {g} {exact}");
+                assert!((2.0 * g - exact).abs() < 1e-13 * size, "{experiment} {g} {exact}");
             }
             assert!((0..n * n).all(|k| matrix[k] == matrix[k % n * n + k / n]));
         }

@@ -64,13 +64,13 @@ impl CubeViews {
     }
 
     /// The image of one view, `[H, W, C]`, for `vertices: [8, 3]`, `colors: [8, C]` and `sigma: []`.
-    pub(super) fn image(
+    pub(super) fn image<T: Scalar>(
         &self,
         view: usize,
-        vertices: &Tensor<f64>,
-        colors: &Tensor<f64>,
-        sigma: Option<&Tensor<f64>>,
-    ) -> Result<Tensor<f64>, FitError> {
+        vertices: &Tensor<T>,
+        colors: &Tensor<T>,
+        sigma: Option<&Tensor<T>>,
+    ) -> Result<Tensor<T>, FitError> {
         let tape = Tape::new();
         let (vertices, colors) = (tape.constant(vertices), tape.constant(colors));
         let sigma = sigma.map(|sigma| tape.constant(sigma));

@@ -6,7 +6,7 @@
 use bokashi_core::Tensor;
 
 use crate::failure::Broken;
-use crate::run::{along, dot, forward, noise, parts};
+use crate::run::{along, dot, forward, noise};
 use crate::trial::{ROUNDINGS, Tally, Trial};
 
 /// Closer to a kink than this, in units of `max(1, |x|)`, a direction tells nothing.
@@ -21,7 +21,8 @@ pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
     }
     let run = along(&trial.case, &trial.upstream, &direction);
     let run = run.map_err(|error| Broken::said(format!("refused over dual numbers: {error}")))?;
-    let (values, tangents): (Vec<_>, Vec<_>) = run.outputs.iter().map(parts).unzip();
+    let parts = run.outputs.iter().map(|output| (output.values(), output.tangents()));
+    let (values, tangents): (Vec<_>, Vec<_>) = parts.unzip();
     for (j, (value, expected)) in values.iter().zip(&trial.nominal.outputs).enumerate() {
         tally.same_bits(value, expected, || format!("out{j} over dual numbers"))?;
     }

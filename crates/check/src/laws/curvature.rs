@@ -9,7 +9,7 @@ use bokashi_core::Tensor;
 use super::adjoint::{direction, is_smooth, rounding};
 use super::differences::{Quotient, on_stencil, richardson};
 use crate::failure::{Broken, differentiated, entry};
-use crate::run::{Point, along, dot, largest, parts, run};
+use crate::run::{Point, along, dot, largest, run};
 use crate::trial::{NEGLIGIBLE, ROUNDINGS, Tally, Trial};
 
 /// As for the gradient, but along one direction, and the differences are of gradients.
@@ -69,7 +69,7 @@ fn gradient_size(trial: &Trial) -> f64 {
 fn products(trial: &Trial, v: &[Tensor<f64>]) -> Result<Vec<Option<Tensor<f64>>>, Broken> {
     let run = along(&trial.case, &trial.upstream, v);
     let run = run.map_err(|error| Broken::said(format!("refused over dual numbers: {error}")))?;
-    Ok(run.gradients.iter().map(|gradient| gradient.as_ref().map(|g| parts(g).1)).collect())
+    Ok(run.gradients.iter().map(|gradient| gradient.as_ref().map(Tensor::tangents)).collect())
 }
 
 /// The gradient's quotients along `v`, for every entry of input `i`, with the first step that will

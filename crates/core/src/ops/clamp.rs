@@ -33,13 +33,13 @@ impl<T: Scalar> Var<'_, T> {
     /// Each entry, or the nearer end of `[low, high]` where it lies outside.
     ///
     /// # Errors
-    /// [`TensorError::Value`] unless `low <= high`.
+    /// [`TensorError::Bounds`] unless `low <= high`.
     pub fn clamp(self, low: T, high: T) -> Result<Self, TensorError> {
         if low <= high {
             return Ok(self.each(Clamp { low, high }));
         }
-        let (rule, value) = ("bounds with low <= high", low.to_f64());
-        Err(TensorError::Value { operation: "clamp", rule, value })
+        let (low, high) = (low.to_f64(), high.to_f64());
+        Err(TensorError::Bounds { operation: "clamp", low, high })
     }
 }
 
@@ -66,7 +66,7 @@ mod tests {
     fn bounds_must_be_in_order() {
         let tape = Tape::new();
         let x = tape.scalar(0.0);
-        let message = "clamp needs bounds with low <= high, got 2";
+        let message = "clamp needs bounds with low <= high, got 2 and 1";
         assert_eq!(x.clamp(2.0, 1.0).unwrap_err().to_string(), message);
         assert!(x.clamp(f64::NAN, 1.0).is_err() && x.clamp(0.0, f64::NAN).is_err());
         assert!(x.clamp(1.0, 1.0).is_ok());

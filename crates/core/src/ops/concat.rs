@@ -36,7 +36,7 @@ impl<T: Scalar> Op<T> for Concat {
             if other.rank() != shape.rank() || other.with(self.axis, shape[self.axis]) != *shape {
                 return Err(TensorError::Mismatch {
                     operation: Self::NAME,
-                    rule: "shapes that agree outside the joined axis",
+                    rule: "shapes that agree outside the joined axis".into(),
                     shapes: Box::new([shape.clone(), other.clone()]),
                 });
             }
@@ -90,7 +90,7 @@ impl<T: Scalar> Var<'_, T> {
     /// axis; [`TensorError::Mismatch`] unless the shapes agree outside it.
     pub fn concat(parts: &[Self], axis: usize) -> Result<Self, TensorError> {
         let Some(first) = parts.first() else {
-            let (operation, rule) = (Concat::NAME, "at least one part");
+            let (operation, rule) = (Concat::NAME, "at least one part".into());
             return Err(TensorError::Inputs { operation, rule, given: 0 });
         };
         first.tape.apply(Concat { axis }, parts)

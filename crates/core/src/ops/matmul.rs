@@ -82,7 +82,7 @@ fn extents(left: &Shape, right: &Shape) -> Result<[usize; 3], TensorError> {
         (&[m, k], &[rows, n]) if k == rows => Ok([m, k, n]),
         _ => Err(TensorError::Mismatch {
             operation: "matmul",
-            rule: "shapes [m, k] and [k, n]",
+            rule: "shapes [m, k] and [k, n]".into(),
             shapes: Box::new([left.clone(), right.clone()]),
         }),
     }

@@ -43,7 +43,7 @@ impl<T: Scalar> Op<T> for Mean {
         let blocks = self.blocks(shape)?;
         let [_, count, _] = blocks;
         if count == 0 {
-            let rule = "at least one entry to take the mean of";
+            let rule = "at least one entry to take the mean of".into();
             return Err(TensorError::Shape { operation: Self::NAME, rule, shape: shape.clone() });
         }
         let count = T::Wide::from_f64(count as f64);

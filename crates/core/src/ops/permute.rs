@@ -42,9 +42,9 @@ impl<T: Scalar> Op<T> for Permute {
         let shape = inputs.shape(0);
         let once = |axis: usize| self.axes.iter().filter(|&&other| other == axis).count() == 1;
         if self.axes.len() != shape.rank() || !(0..shape.rank()).all(once) {
-            return Err(TensorError::Shape {
+            return Err(TensorError::Axes {
                 operation: self.operation,
-                rule: "each axis of its input once",
+                axes: self.axes.as_slice().into(),
                 shape: shape.clone(),
             });
         }
@@ -76,7 +76,7 @@ impl<T: Scalar> Var<'_, T> {
     /// The array whose axis `j` is axis `axes[j]` of this one.
     ///
     /// # Errors
-    /// [`TensorError::Shape`] unless `axes` names each axis once.
+    /// [`TensorError::Axes`] unless `axes` names each axis once.
     pub fn permute(self, axes: &[usize]) -> Result<Self, TensorError> {
         let op = Permute { operation: "permute", axes: SmallVec::from_slice(axes) };
         self.tape.apply(op, &[self])
@@ -85,7 +85,7 @@ impl<T: Scalar> Var<'_, T> {
     /// The transpose of a matrix: `[m, n]` becomes `[n, m]`.
     ///
     /// # Errors
-    /// [`TensorError::Shape`] unless there are two axes.
+    /// [`TensorError::Axes`] unless there are two axes.
     pub fn transpose(self) -> Result<Self, TensorError> {
         let op = Permute { operation: "transpose", axes: SmallVec::from_slice(&[1, 0]) };
         self.tape.apply(op, &[self])
@@ -122,7 +122,7 @@ mod tests {
     fn each_axis_is_named_once() {
         let tape = Tape::<f64>::new();
         let x = tape.constant_full([2, 3], 0.0);
-        let message = "permute needs each axis of its input once, got shape [2, 3]";
+        let message = "permute needs each axis of shape [2, 3] once, got axes [0, 0]";
         for axes in [&[0, 0][..], &[0], &[0, 2], &[0, 1, 2]] {
             assert_eq!(x.permute(axes).unwrap_err().to_string(), message);
         }

@@ -46,8 +46,8 @@ impl<T: Scalar> Op<T> for Slice {
         let [_, extent, _] = blocks;
         let Range { start, end } = self.range;
         if start > end || end > extent {
-            let index = if end > extent { end } else { start };
-            return Err(TensorError::Index { operation: Self::NAME, index, extent });
+            let range = self.range.clone();
+            return Err(TensorError::Range { operation: Self::NAME, range, extent });
         }
         if (start, end) == (0, extent) {
             outputs.pass(0, "the whole axis");
@@ -82,7 +82,7 @@ impl<T: Scalar> Var<'_, T> {
     /// The entries whose index along `axis` lies in `range`.
     ///
     /// # Errors
-    /// [`TensorError::Axis`] unless there is such an axis; [`TensorError::Index`] unless the range
+    /// [`TensorError::Axis`] unless there is such an axis; [`TensorError::Range`] unless the range
     /// lies within it.
     pub fn slice(self, axis: usize, range: Range<usize>) -> Result<Self, TensorError> {
         self.tape.apply(Slice { axis, range }, &[self])
@@ -125,11 +125,12 @@ mod tests {
     fn a_range_must_lie_within_its_axis() {
         let tape = Tape::<f64>::new();
         let x = tape.constant_full([2, 3], 0.0);
-        let message = "slice needs indices within an axis of extent 3, got 4";
+        let message = "slice needs a range within an axis of extent 3, got 1..4";
         assert_eq!(x.slice(1, 1..4).unwrap_err().to_string(), message);
         #[expect(clippy::reversed_empty_ranges, reason = "a caller's mistake")]
         let reversed = x.slice(1, 2..1).unwrap_err();
-        assert_eq!(reversed, TensorError::Index { operation: "slice", index: 2, extent: 3 });
+        let message = "slice needs a range within an axis of extent 3, got 2..1";
+        assert_eq!(reversed.to_string(), message);
         assert!(x.slice(2, 0..1).is_err());
         assert_eq!(x.slice(1, 3..3).unwrap().value().size(), 0);
     }

@@ -9,8 +9,7 @@
 
 use std::cell::RefCell;
 
-use bokashi_check::Dual;
-use bokashi_core::{Tape, Tensor};
+use bokashi_core::{Dual, Tape, Tensor};
 use bokashi_fit::FitError;
 use nalgebra::{DMatrix, DVector};
 
@@ -211,14 +210,13 @@ impl<'a> Evaluator<'a> {
         self.with(|state, problem| {
             state.ledger.spend(2 * x.len() as u64)?;
             state.ledger.counts.jacobians += 1;
+            let at = Tensor::from_fn([x.len()], |k| x[k]);
             let mut columns = Vec::with_capacity(x.len());
             for j in 0..x.len() {
-                state.dual.reset();
-                let unit = |k: usize| Dual::new(x[k], if k == j { 1.0 } else { 0.0 });
-                let leaf = state.dual.constant(&Tensor::from_fn([x.len()], unit));
-                let residuals = problem.record_dual(leaf).map_err(broken)?.value();
-                let column = residuals.data().iter().map(|dual| dual.tangent);
-                columns.push(DVector::from_iterator(residuals.size(), column));
+                let unit = Tensor::from_fn([x.len()], |k| if k == j { 1.0 } else { 0.0 });
+                let column = jvp(&mut state.dual, &[(&at, &unit)], |x| problem.record_dual(x[0]));
+                let (_, column) = column.map_err(broken)?;
+                columns.push(DVector::from_column_slice(column.data()));
             }
             let jacobian = DMatrix::from_columns(&columns);
             finite("the Jacobian", jacobian.as_slice())?;
@@ -231,13 +229,11 @@ impl<'a> Evaluator<'a> {
         self.with(|state, problem| {
             state.ledger.spend(4)?;
             state.ledger.counts.hessian_products += 1;
-            state.dual.reset();
-            let entry = |k: usize| Dual::new(x[k], v[k]);
-            let leaf = state.dual.leaf(&Tensor::from_fn([x.len()], entry));
-            let loss = problem.record_dual(leaf).map_err(broken)?.square().sum();
-            let gradients = loss.backward().map_err(|error| broken(error.into()))?;
-            let gradient = gradients.get_or_zeros(leaf);
-            let product: Vec<f64> = gradient.data().iter().map(|dual| dual.tangent).collect();
+            let [at, along] = [x, v].map(|entries| Tensor::from_fn([x.len()], |k| entries[k]));
+            let products = hvp(&mut state.dual, &[(&at, &along)], |x| {
+                Ok(problem.record_dual(x[0])?.square().sum())
+            });
+            let product = products.map_err(broken)?[0].1.data().to_vec();
             finite("a Hessian-vector product", &product)?;
             Ok(product)
         })

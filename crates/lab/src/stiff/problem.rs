@@ -14,8 +14,7 @@
 use std::fmt;
 use std::ops::Range;
 
-use bokashi_check::Dual;
-use bokashi_core::{Scalar, Tape, Tensor, Var};
+use bokashi_core::{Dual, Scalar, Tape, Tensor, Var};
 use bokashi_fit::FitError;
 
 /// The residuals of a problem, for numbers of any kind.

@@ -17,7 +17,7 @@
 
 use std::f64::consts::TAU;
 
-use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, TensorError, Var};
+use bokashi_core::{Accumulators, Dual, Inputs, Keep, Kept, Op, Outputs, Scalar, TensorError, Var};
 
 struct Turn;
 
@@ -83,8 +83,7 @@ pub(super) fn turn<'t, T: Scalar>(x: Var<'t, T>, y: Var<'t, T>) -> Result<Var<'t
 
 #[cfg(test)]
 mod tests {
-    use bokashi_check::Dual;
-    use bokashi_core::Tape;
+    use bokashi_core::{Dual, Tape};
 
     use super::*;
 
