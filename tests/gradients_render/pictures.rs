@@ -76,7 +76,7 @@ impl Subject for Pictures {
         let surface = interpolate(inputs[1], &fragments)?;
         let picture = antialias(composite(surface, &fragments, background)?)?;
         let goal = |k: usize| T::from_f64((k * 13 % 29) as f64 / 29.0);
-        let goal = Tensor::from_fn([size.height, size.width, 2], goal);
+        let goal = Tensor::from_flat_fn([size.height, size.width, 2], goal);
         let black = Tensor::zeros([2]);
         let error = picture.squared_error(&Reference::new(&goal, &black)?)?;
         let robust = PixelLoss::new(&goal, &black, |seen, goal| {
@@ -107,11 +107,11 @@ fn pictures_before_every_background() {
 fn in_pictures(scene: Scene, background: usize) -> Case {
     let (vertices, size) = (scene.mesh.vertex_count(), scene.size);
     let motley = |k: usize| (k * 37 % 101) as f64 / 101.0;
-    let mut inputs = vec![scene.clip.clone(), Tensor::from_fn([vertices, 2], motley)];
+    let mut inputs = vec![scene.clip.clone(), Tensor::from_flat_fn([vertices, 2], motley)];
     match background {
         0 => {}
-        1 => inputs.push(Tensor::from_fn([2], motley)),
-        _ => inputs.push(Tensor::from_fn([size.height, size.width, 2], motley)),
+        1 => inputs.push(Tensor::from_flat_fn([2], motley)),
+        _ => inputs.push(Tensor::from_flat_fn([size.height, size.width, 2], motley)),
     }
     let inputs: Vec<_> = inputs.into_iter().map(Input::leaf).collect();
     Case::new(Pictures { scene, background }, inputs)

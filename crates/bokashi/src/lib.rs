@@ -34,7 +34,7 @@
 //! }
 //!
 //! fn parameters(pose: [f64; 7], sigma: f64) -> Result<Parameters<f64>, FitError> {
-//!     let part = |from: usize, length: usize| Tensor::from_fn([length], |k| pose[from + k]);
+//!     let part = |from: usize, length: usize| Tensor::from_flat_fn([length], |k| pose[from + k]);
 //!     let sigma = Parameter::new("sigma", Tensor::scalar(sigma)).mapping(Mapping::Softplus);
 //!     Parameters::new()
 //!         .with(Parameter::new("rotation", part(0, 4)).rate(0.02))?
@@ -50,8 +50,8 @@
 //!     let bit = |entry: usize| ((entry / 3) >> (2 - entry % 3) & 1) as f64;
 //!     let scene = Scene {
 //!         mesh: Mesh::new(faces, 8)?,
-//!         vertices: Tensor::from_fn([8, 3], |entry| bit(entry) - 0.5),
-//!         colors: Tensor::from_fn([8, 3], bit),
+//!         vertices: Tensor::from_flat_fn([8, 3], |entry| bit(entry) - 0.5),
+//!         colors: Tensor::from_flat_fn([8, 3], bit),
 //!         camera: perspective(0.7, 1.0, 1.0, 50.0),
 //!     };
 //!

@@ -210,7 +210,7 @@ mod tests {
         let fragments = rasterize(clip, &Mesh::new(vec![[0, 1, 2]], 3).unwrap(), SIZE).unwrap();
         let count = fragments.coverage.count();
         assert!((3..12).contains(&count), "{count}");
-        let values = Tensor::from_fn([count, 2], |k| T::from_f64(100.0 + k as f64));
+        let values = Tensor::from_flat_fn([count, 2], |k| T::from_f64(100.0 + k as f64));
         (fragments, tape.leaf(&values))
     }
 
@@ -218,12 +218,12 @@ mod tests {
     fn a_picture_of_an_image_makes_that_image() {
         let tape = Tape::<f64>::new();
         let (fragments, _) = surface(&tape);
-        let image = tape.leaf(&Tensor::from_fn([3, 5, 2], |k| (k as f64).sin()));
+        let image = tape.leaf(&Tensor::from_flat_fn([3, 5, 2], |k| (k as f64).sin()));
         let picture = Composite::of_image(image, &fragments).unwrap();
         assert_eq!(picture.values().shape()[0], fragments.coverage.count());
         let same = picture.image().unwrap();
         assert_eq!(same.value(), image.value());
-        let upstream = Tensor::from_fn([3, 5, 2], |k| (k as f64).cos());
+        let upstream = Tensor::from_flat_fn([3, 5, 2], |k| (k as f64).cos());
         let gradients = tape.vjp(&[(same, &upstream)]).unwrap();
         assert_eq!(gradients.get(image).unwrap(), &upstream);
         for shape in [&[5, 3, 2][..], &[3, 5], &[15, 2], &[3, 5, 0]] {

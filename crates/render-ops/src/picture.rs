@@ -176,13 +176,13 @@ mod tests {
             [-0.3, 0.1, -0.2, 1.0],
             [0.2, -0.7, 0.1, 1.0],
         ];
-        let clip = tape.leaf(&Tensor::from_fn([6, 4], |k| T::from_f64(clip[k / 4][k % 4])));
+        let clip = tape.leaf(&Tensor::from_flat_fn([6, 4], |k| T::from_f64(clip[k / 4][k % 4])));
         let mesh = Mesh::new(vec![[0, 1, 2], [3, 4, 5]], 6).unwrap();
         rasterize(clip, &mesh, RasterOptions { sampling, ..SIZE.into() }).unwrap()
     }
 
     fn leaf<'t, T: Scalar, const N: usize>(tape: &'t Tape<T>, axes: [usize; N]) -> Var<'t, T> {
-        tape.leaf(&Tensor::from_fn(axes, |k| T::from_f64((k * 37 % 101) as f64 / 101.0)))
+        tape.leaf(&Tensor::from_flat_fn(axes, |k| T::from_f64((k * 37 % 101) as f64 / 101.0)))
     }
 
     fn backgrounds<T: Scalar>(tape: &Tape<T>) -> [Background<'_, T>; 3] {
@@ -208,13 +208,14 @@ mod tests {
     #[test]
     fn a_colour_is_the_background_that_an_image_of_it_is() {
         let tape = Tape::<f64>::new();
-        let image_bar = Tensor::from_fn([SIZE.height, SIZE.width, 2], |k| (k % 7) as f64 - 2.5);
+        let image_bar =
+            Tensor::from_flat_fn([SIZE.height, SIZE.width, 2], |k| (k % 7) as f64 - 2.5);
         for sampling in [Sampling::Center, Sampling::Exact] {
             let fragments = fragments(&tape, sampling);
             let values = leaf(&tape, [fragments.coverage.count(), 2]);
             let color = leaf(&tape, [2]);
             let repeated = |k: usize| color.value().data()[k % 2];
-            let sky = tape.leaf(&Tensor::from_fn([SIZE.height, SIZE.width, 2], repeated));
+            let sky = tape.leaf(&Tensor::from_flat_fn([SIZE.height, SIZE.width, 2], repeated));
             let [by_color, by_image] =
                 [Background::Color(color), Background::Image(sky)].map(|background| {
                     let picture = composite(values, &fragments, background).unwrap();
@@ -233,7 +234,7 @@ mod tests {
             }
             let of_sky = expected.get_or_zeros(sky);
             let sums = |c: usize| of_sky.data().iter().skip(c).step_by(2).sum();
-            assert_all_close(&found.get_or_zeros(color), &Tensor::from_fn([2], sums));
+            assert_all_close(&found.get_or_zeros(color), &Tensor::from_flat_fn([2], sums));
         }
     }
 
@@ -258,7 +259,8 @@ mod tests {
     #[test]
     fn the_squared_error_is_that_of_the_image_whatever_the_background() {
         let tape = Tape::<f64>::new();
-        let goal = Tensor::from_fn([SIZE.height, SIZE.width, 2], |k| (k * 13 % 29) as f64 / 29.0);
+        let goal =
+            Tensor::from_flat_fn([SIZE.height, SIZE.width, 2], |k| (k * 13 % 29) as f64 / 29.0);
         let constant = Tensor::new([2], vec![0.25, 0.75]).unwrap();
         let zero = Tensor::zeros([2]);
         let own = Background::Color(tape.constant(&constant));
@@ -354,7 +356,7 @@ mod tests {
         let tape = Tape::<f32>::new();
         // A face that covers all pixels: no silhouette is in sight.
         let clip = [[-1.0, -1.0, 0.0, 1.0], [3.0, -1.0, 0.0, 1.0], [-1.0, 3.0, 0.0, 1.0]];
-        let clip = tape.leaf(&Tensor::from_fn([3, 4], |k| clip[k / 4][k % 4]));
+        let clip = tape.leaf(&Tensor::from_flat_fn([3, 4], |k| clip[k / 4][k % 4]));
         let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
         let fragments = rasterize(clip, &mesh, SIZE).unwrap();
         let values = leaf(&tape, [SIZE.pixels(), 1]);

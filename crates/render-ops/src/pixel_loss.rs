@@ -83,7 +83,8 @@ impl<T: Scalar> PixelLoss<T> {
         let mut tape = Tape::new();
         for rows in reference.data().chunks(PIXELS_AT_ONCE * references) {
             let pixels = rows.len() / references;
-            let seen = Tensor::from_fn([pixels, channels], |k| background.data()[k % channels]);
+            let seen =
+                Tensor::from_flat_fn([pixels, channels], |k| background.data()[k % channels]);
             let rows = Tensor::new([pixels, references], rows.to_vec())?;
             let losses = function(tape.constant(&seen), tape.constant(&rows))?;
             let width = checked_width(losses, pixels)?;
@@ -233,7 +234,8 @@ mod tests {
         let clip = tape.leaf(&Tensor::new([3, 4], clip.to_vec()).unwrap());
         let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
         let fragments = rasterize(clip, &mesh, SIZE).unwrap();
-        let values = Tensor::from_fn([fragments.coverage.count(), 2], |k| (k % 7) as f64 / 7.0);
+        let values =
+            Tensor::from_flat_fn([fragments.coverage.count(), 2], |k| (k % 7) as f64 / 7.0);
         let values = tape.leaf(&values);
         (values, antialias(composite(values, &fragments, background).unwrap()).unwrap())
     }
@@ -248,7 +250,7 @@ mod tests {
     }
 
     fn reference() -> Tensor<f64> {
-        Tensor::from_fn([SIZE.height, SIZE.width, 3], |k| (k * 13 % 29) as f64 / 29.0)
+        Tensor::from_flat_fn([SIZE.height, SIZE.width, 3], |k| (k * 13 % 29) as f64 / 29.0)
     }
 
     #[test]

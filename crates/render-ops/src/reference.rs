@@ -147,7 +147,7 @@ mod tests {
     fn the_background_of_a_range_is_the_sum_over_its_pixels() {
         // Long enough for blocks of blocks.
         let pixels = 3 * BLOCK * BLOCK + 5 * BLOCK + 7;
-        let image = Tensor::from_fn([1, pixels, 2], |k| (k % 11) as f64);
+        let image = Tensor::from_flat_fn([1, pixels, 2], |k| (k % 11) as f64);
         let reference = Reference::new(&image, &Tensor::new([2], vec![3.0, 8.0]).unwrap()).unwrap();
         let square = |k: usize| (image.data()[k] - [3.0, 8.0][k % 2]).powi(2);
         let ends = [0, 1, BLOCK - 1, BLOCK, BLOCK + 1, 3 * BLOCK, BLOCK * BLOCK];

@@ -186,7 +186,7 @@ mod tests {
         let clip = tape.leaf(&Tensor::new([3, 4], clip.to_vec()).unwrap());
         let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
         let fragments = rasterize(clip, &mesh, Size::square(100)).unwrap();
-        let values = Tensor::from_fn([fragments.coverage.count(), 3], |k| (k as f32).sqrt());
+        let values = Tensor::from_flat_fn([fragments.coverage.count(), 3], |k| (k as f32).sqrt());
         let values = tape.leaf(&values);
         let color = Tensor::full([3], 0.3);
         let background = Background::Color(tape.constant(&color));

@@ -73,7 +73,8 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> arbitrary::Result<usize> {
                 Background::Color(color) => color.value().data().to_vec(),
                 _ => vec![T::ZERO; channels],
             };
-            let sky = Tensor::from_fn([size.height, size.width, channels], |k| color[k % channels]);
+            let sky =
+                Tensor::from_flat_fn([size.height, size.width, channels], |k| color[k % channels]);
             let whole = before(Background::Image(tape.constant(&sky)))?.image()?;
             let [found, expected] = [picture.image()?.value(), whole.value()];
             assert_eq!(bits(found.data()), bits(expected.data()), "the picture");
