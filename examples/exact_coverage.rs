@@ -35,7 +35,7 @@ fn brightness(radius: f64, sampling: Sampling, smooth: bool) -> Result<[f64; 2],
     let clip = tape.constant(&unit) * tape.constant(&scale) * radius + tape.constant(&middle);
     let options = RasterOptions { sampling, ..Size::square(PIXELS).into() };
     let fragments = rasterize(clip, &mesh, options)?;
-    let white = tape.constant(&Tensor::from_fn([mesh.vertex_count(), 1], |_| 1.0));
+    let white = tape.constant(&Tensor::from_flat_fn([mesh.vertex_count(), 1], |_| 1.0));
     let mut image = resolve(interpolate(white, &fragments)?, &fragments, Background::Zero)?;
     if smooth {
         image = antialias(image, &fragments, clip)?;

@@ -30,8 +30,8 @@ impl Scene {
         let bit = |entry: usize| ((entry / 3) >> (2 - entry % 3) & 1) as f64;
         Ok(Self {
             mesh: Mesh::new(FACES.to_vec(), 8)?,
-            vertices: Tensor::from_fn([8, 3], |entry| bit(entry) - 0.5),
-            colors: Tensor::from_fn([8, 3], bit),
+            vertices: Tensor::from_flat_fn([8, 3], |entry| bit(entry) - 0.5),
+            colors: Tensor::from_flat_fn([8, 3], bit),
             camera: perspective(0.7, 1.0, 1.0, 50.0),
         })
     }
@@ -57,8 +57,8 @@ fn main() -> Result<(), FitError> {
     let rotation = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, -0.5).normalize(), 0.9);
     let translation = DVec3::new(0.2, -0.1, -4.0);
 
-    let quaternion = |q: DQuat| Tensor::from_fn([4], |k| q.to_array()[k]);
-    let vector = |v: DVec3| Tensor::from_fn([3], |k| v[k]);
+    let quaternion = |q: DQuat| Tensor::from_flat_fn([4], |k| q.to_array()[k]);
+    let vector = |v: DVec3| Tensor::from_flat_fn([3], |k| v[k]);
     let tape = Tape::<f64>::new();
     let truth = Pose {
         rotation: tape.constant(&quaternion(rotation)),

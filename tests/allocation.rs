@@ -27,9 +27,9 @@ struct Leaves {
 impl Leaves {
     fn new(pixels: usize) -> Self {
         Self {
-            points: Tensor::from_fn([9, 4], |k| 0.1 * k as f32 - 1.0),
-            weights: Tensor::from_fn([4, 3], |k| 0.3 - 0.1 * k as f32),
-            image: Tensor::from_fn([pixels, 3], |k| (k % 7) as f32 * 0.1),
+            points: Tensor::from_flat_fn([9, 4], |k| 0.1 * k as f32 - 1.0),
+            weights: Tensor::from_flat_fn([4, 3], |k| 0.3 - 0.1 * k as f32),
+            image: Tensor::from_flat_fn([pixels, 3], |k| (k % 7) as f32 * 0.1),
             rows: Arc::from([0, 8, 3, 3, 1]),
         }
     }
@@ -80,7 +80,7 @@ impl Scene {
         let entries = |entries: &[f32]| Tensor::new([entries.len()], entries.to_vec()).unwrap();
         Self {
             mesh: Mesh::new(FACES.to_vec(), 8).unwrap(),
-            vertices: Tensor::from_fn([8, 3], |k| ((k / 3) >> (2 - k % 3) & 1) as f32 - 0.5),
+            vertices: Tensor::from_flat_fn([8, 3], |k| ((k / 3) >> (2 - k % 3) & 1) as f32 - 0.5),
             rotation: entries(&[0.1, 0.3, 0.2, 0.9]),
             translation: entries(&[0.1, 0.0, -3.0]),
             background: entries(&[0.2, 0.1, 0.3]),
@@ -289,7 +289,7 @@ fn a_steady_step_of_every_blur_allocates_nothing() {
     for (kernel, sigma) in
         [(Kernel::Sampled, 3.0), (Kernel::Discrete, 3.0), (Kernel::Discrete, 40.0)]
     {
-        let image = Tensor::from_fn([150, 160, 3], |k| (k % 101) as f32);
+        let image = Tensor::from_flat_fn([150, 160, 3], |k| (k % 101) as f32);
         let blur = Blur { kernel, ..Blur::default() };
         let mut tape = Tape::new();
         assert_steady_from_step_3(|| {
@@ -347,7 +347,7 @@ impl Sheets {
         let count = corners.len() / 3;
         let mesh = Mesh::new(faces, count).unwrap();
         mesh.adjacency();
-        let image = Tensor::from_fn([pixels, pixels, 3], |k| (k % 5) as f32 * 0.2);
+        let image = Tensor::from_flat_fn([pixels, pixels, 3], |k| (k % 5) as f32 * 0.2);
         Self {
             mesh,
             vertices: Tensor::new([count, 3], corners).unwrap(),

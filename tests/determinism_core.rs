@@ -11,7 +11,7 @@ const COLUMNS: usize = 3;
 
 /// Numbers between -1 and 1 whose sums depend on the order of summation.
 fn numbers<T: Scalar>(shape: [usize; 2], phase: f64) -> Tensor<T> {
-    Tensor::from_fn(shape, |k| T::from_f64((k as f64 * 0.731 + phase).sin()))
+    Tensor::from_flat_fn(shape, |k| T::from_f64((k as f64 * 0.731 + phase).sin()))
 }
 
 /// Every operation that runs in parallel, forward and backward: the values and gradients.

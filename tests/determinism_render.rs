@@ -42,7 +42,7 @@ impl Sphere {
     fn step<T: Scalar>(&self, tape: &Tape<T>) -> Result<Vec<Tensor<T>>, RenderError> {
         let vertices = self.mesh.vertex_count();
         let leaf = |shape: &[usize], entry: &dyn Fn(usize) -> f64| {
-            tape.leaf(&Tensor::from_fn(shape, |k| T::from_f64(entry(k))))
+            tape.leaf(&Tensor::from_flat_fn(shape, |k| T::from_f64(entry(k))))
         };
         let positions = leaf(&[vertices, 3], &|k| self.positions[k]);
         let colors = leaf(&[vertices, 3], &|k| ((k * 31) % 97) as f64 / 97.0);
@@ -71,7 +71,7 @@ impl Sphere {
         // Several, for a sum in another order may be the same.
         let errors = (0..8).map(|k| {
             let goal = |at: usize| T::from_f64(((at + k) * 7919 % 83) as f64 / 83.0);
-            let goal = Tensor::from_fn([height, width, 3], goal);
+            let goal = Tensor::from_flat_fn([height, width, 3], goal);
             let error = layer.squared_error(&Target::new(&goal, &Tensor::zeros([3]))?)?;
             Ok(error.reshape([1])?)
         });
@@ -87,7 +87,7 @@ impl Sphere {
         let values = values.into_iter().chain([exact.barycentrics, exact_weight, exact_image]);
         results.extend(values.map(|var| var.value()));
         let ids = fragments.coverage.triangle_ids();
-        results.push(Tensor::from_fn([height, width], |k| T::from_f64(ids[k].into())));
+        results.push(Tensor::from_flat_fn([height, width], |k| T::from_f64(ids[k].into())));
         assert!(results.iter().all(Tensor::is_finite));
         assert!(fragments.coverage.count() * 4 > self.size.pixels(), "there is much to see");
         Ok(results)
@@ -170,12 +170,12 @@ fn a_second_backward_pass_gives_the_same_bits() {
     let sphere = Sphere::new(20, Size { width: 150, height: 130 });
     let tape = Tape::<f64>::new();
     let vertices = sphere.mesh.vertex_count();
-    let clip = Tensor::from_fn([vertices, 4], |k| match k % 4 {
+    let clip = Tensor::from_flat_fn([vertices, 4], |k| match k % 4 {
         3 => 1.0,
         axis => 0.7 * sphere.positions[k / 4 * 3 + axis],
     });
     let clip = tape.leaf(&clip);
-    let colors = tape.leaf(&Tensor::from_fn([vertices, 2], |k| (k % 13) as f64));
+    let colors = tape.leaf(&Tensor::from_flat_fn([vertices, 2], |k| (k % 13) as f64));
     let sigma = tape.scalar(2.0);
     let fragments = rasterize(clip, &sphere.mesh, sphere.size).unwrap();
     let surface = interpolate(colors, &fragments).unwrap();
@@ -201,7 +201,7 @@ fn every_blur_gives_the_same_bits_on_any_number_of_threads() {
                     for sigma in [1.1, 30.0] {
                         let tape = Tape::<f32>::new();
                         let number = |k: usize| ((k * 7919 + 13) % 1009) as f32 / 1009.0;
-                        let image = tape.leaf(&Tensor::from_fn([170, 155, 3], number));
+                        let image = tape.leaf(&Tensor::from_flat_fn([170, 155, 3], number));
                         let sigma = tape.scalar(sigma);
                         let blur = Blur { kernel, border, ..Blur::default() };
                         let out = gaussian_blur(image, sigma, &blur).unwrap();
@@ -227,8 +227,8 @@ fn depth_of_field_gives_the_same_bits_on_any_number_of_threads() {
         pool.install(|| {
             let tape = Tape::<f32>::new();
             let number = |k: usize| ((k * 7919 + 13) % 1009) as f32 / 1009.0;
-            let image = tape.leaf(&Tensor::from_fn([37, 53, 3], number));
-            let depth = tape.leaf(&Tensor::from_fn([37, 53], |k| 0.5 + 4.0 * number(3 * k)));
+            let image = tape.leaf(&Tensor::from_flat_fn([37, 53, 3], number));
+            let depth = tape.leaf(&Tensor::from_flat_fn([37, 53], |k| 0.5 + 4.0 * number(3 * k)));
             let (aperture, focus) = (tape.scalar(1.3), tape.scalar(2.0));
             let lens = Lens::default();
             let out = depth_of_field(image, depth, aperture, focus, &lens).unwrap().image;

@@ -180,7 +180,7 @@ impl<'t, T: Scalar> Scene<'t, T> {
 }
 
 fn tensor<T: Scalar>(shape: impl Into<bokashi_core::Shape>, entries: &[f64]) -> Tensor<T> {
-    Tensor::from_fn(shape, |k| T::from_f64(entries[k]))
+    Tensor::from_flat_fn(shape, |k| T::from_f64(entries[k]))
 }
 
 fn check(name: &str) {

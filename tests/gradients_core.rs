@@ -71,7 +71,7 @@ fn matrices() -> Inputs {
 /// Inputs of these shapes that are worked on in several pieces, all leaves.
 fn large(shapes: &[&[usize]]) -> Inputs {
     let entry = |k: usize| 0.2 + ((k * 7919 + 13) % 1009) as f64 / 1009.0;
-    let tensors: Vec<_> = shapes.iter().map(|&axes| Tensor::from_fn(axes, entry)).collect();
+    let tensors: Vec<_> = shapes.iter().map(|&axes| Tensor::from_flat_fn(axes, entry)).collect();
     Just(tensors.into_iter().map(Input::leaf).collect()).boxed()
 }
 

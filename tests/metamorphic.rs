@@ -57,7 +57,7 @@ impl Scene {
         let tape = Tape::new();
         let [clip, colors] = self.leaves(&tape);
         let image = self.image(clip, colors, true);
-        let upstream = Tensor::from_fn(image.shape(), |k| upstream(k / 2, k % 2));
+        let upstream = Tensor::from_flat_fn(image.shape(), |k| upstream(k / 2, k % 2));
         let gradients = tape.vjp(&[(image, &upstream)]).unwrap();
         let gradient = |leaf: Var<'_, f64>| gradients.get_or_zeros(leaf).data().to_vec();
         let (clip_bar, color_bar) = (gradient(clip), gradient(colors));
@@ -324,7 +324,7 @@ fn a_target_that_is_the_picture_gives_a_loss_and_gradients_of_exactly_zero() {
     let tape = Tape::<f32>::new();
     let clip = [-0.8, -0.9, 0.0, 1.0, 0.9, -0.7, 0.0, 1.0, 0.1, 0.8, 0.0, 1.0];
     let clip = tape.leaf(&Tensor::new([3, 4], clip.to_vec()).unwrap());
-    let colors = tape.leaf(&Tensor::from_fn([3, 3], |k| 0.1 * k as f32));
+    let colors = tape.leaf(&Tensor::from_flat_fn([3, 3], |k| 0.1 * k as f32));
     let sigma = tape.scalar(1.1);
     let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
     let fragments = rasterize(clip, &mesh, Size::square(16)).unwrap();

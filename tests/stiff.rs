@@ -15,7 +15,7 @@ const BUDGET: Budget =
 /// The gradient of the objective at `x`.
 fn gradient(problem: &Problem, x: &[f64]) -> Vec<f64> {
     let tape = Tape::new();
-    let leaf = tape.leaf(&Tensor::from_fn([x.len()], |k| x[k]));
+    let leaf = tape.leaf(&Tensor::from_flat_fn([x.len()], |k| x[k]));
     let loss = problem.record(leaf).expect("residuals").square().sum();
     loss.backward().expect("a scalar").get_or_zeros(leaf).data().to_vec()
 }
@@ -23,7 +23,7 @@ fn gradient(problem: &Problem, x: &[f64]) -> Vec<f64> {
 /// The Hessian at `x` times `v`: the tangent of the gradient over dual numbers.
 fn hessian_times(problem: &Problem, x: &[f64], v: &[f64]) -> Vec<f64> {
     let tape = Tape::new();
-    let leaf = tape.leaf(&Tensor::from_fn([x.len()], |k| Dual::new(x[k], v[k])));
+    let leaf = tape.leaf(&Tensor::from_flat_fn([x.len()], |k| Dual::new(x[k], v[k])));
     let loss = problem.record_dual(leaf).expect("residuals").square().sum();
     let gradient = loss.backward().expect("a scalar").get_or_zeros(leaf);
     gradient.data().iter().map(|dual| dual.tangent).collect()

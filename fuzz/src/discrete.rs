@@ -36,7 +36,7 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> Result<usize> {
     // A few numbers all over the image: there are not enough bytes for all of it.
     let numbers = range.tensor::<T>(bytes, &[31])?;
     let image =
-        Tensor::from_fn([height, width, channels], |k| numbers.data()[(k + k * k / 97) % 31]);
+        Tensor::from_flat_fn([height, width, channels], |k| numbers.data()[(k + k * k / 97) % 31]);
     let blur = Blur { kernel: Kernel::Discrete, border, radius };
     let upstream = |k: usize| T::from_f64(0.5 - (k % 3) as f64);
     let inputs = [image, Tensor::scalar(T::from_f64(sigma))];

@@ -41,7 +41,7 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> Result<usize> {
         range.tensor(bytes, &[vertex_count, 3])?,
         range.tensor(bytes, &[4])?,
         range.tensor(bytes, &[3])?,
-        Tensor::from_fn([vertex_count, 3], |k| T::from_f64((k % 5) as f64 / 4.0)),
+        Tensor::from_flat_fn([vertex_count, 3], |k| T::from_f64((k % 5) as f64 / 4.0)),
     ];
     let upstream = |k: usize| T::from_f64(0.5 - (k % 3) as f64);
     let reached = Cell::new(0);

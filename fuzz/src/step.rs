@@ -28,7 +28,7 @@ pub fn check<T: Scalar, E: std::fmt::Display>(
         if value.size() == 0 {
             return Ok(Done { value, gradients: Vec::new() });
         }
-        let upstream = Tensor::from_fn(value.shape().clone(), &upstream);
+        let upstream = Tensor::from_flat_fn(value.shape().clone(), &upstream);
         let gradients = tape.vjp(&[(output, &upstream)]).map_err(|error| error.to_string())?;
         let gradients = leaves.iter().map(|&leaf| gradients.get(leaf).cloned()).collect();
         Ok::<_, String>(Done { value, gradients })

@@ -60,14 +60,14 @@ fn gradients_of_closed_meshes_are_difference_quotients() {
     let (compared, left_out) = (Cell::new(0), Cell::new(0));
     TestRunner::new_with_rng(config, TestRng::deterministic_rng(RngAlgorithm::ChaCha))
         .run(&closed().prop_filter("sides in one plane", is_solid), |scene| {
-            let colors = Tensor::from_fn([scene.mesh.vertex_count(), 2], motley);
+            let colors = Tensor::from_flat_fn([scene.mesh.vertex_count(), 2], motley);
             let run = |clip: &Tensor<f64>, is_wanted: bool| {
                 let tape = Tape::new();
                 let [clip, colors] = [tape.leaf(clip), tape.leaf(&colors)];
                 let (image, coverage) = picture(&scene, clip, colors, Background::Zero).unwrap();
                 // Pieces come and go smoothly, but a pixel leaps where it starts to have them.
                 let pixels: Vec<_> = coverage.boundary().map(|(pixel, _)| pixel).collect();
-                let upstream = tape.constant(&Tensor::from_fn(image.shape(), |k| motley(3 * k)));
+                let upstream = tape.constant(&Tensor::from_flat_fn(image.shape(), |k| motley(3 * k)));
                 let loss = (image * upstream).sum();
                 let gradient = is_wanted.then(|| loss.backward().unwrap().get_or_zeros(clip));
                 (loss.item(), gradient, pixels)

@@ -74,7 +74,7 @@ impl Subject for Layers {
         let surface = interpolate(inputs[1], &fragments)?;
         let layer = layer(surface, &fragments, background)?.antialias(inputs[0])?;
         let goal = |k: usize| T::from_f64((k * 13 % 29) as f64 / 29.0);
-        let goal = Tensor::from_fn([size.height, size.width, 2], goal);
+        let goal = Tensor::from_flat_fn([size.height, size.width, 2], goal);
         let loss = layer.squared_error(&Target::new(&goal, &Tensor::zeros([2]))?)?;
         let ids = fragments.coverage.triangle_ids();
         Ok(Outcome::from(vec![layer.image()?, loss]).with_state(ids).with_state(choices))
@@ -100,11 +100,11 @@ fn layers_before_every_background() {
 fn in_layers(scene: Scene, background: usize) -> Case {
     let (vertices, size) = (scene.mesh.vertex_count(), scene.size);
     let motley = |k: usize| (k * 37 % 101) as f64 / 101.0;
-    let mut inputs = vec![scene.clip.clone(), Tensor::from_fn([vertices, 2], motley)];
+    let mut inputs = vec![scene.clip.clone(), Tensor::from_flat_fn([vertices, 2], motley)];
     match background {
         0 => {}
-        1 => inputs.push(Tensor::from_fn([2], motley)),
-        _ => inputs.push(Tensor::from_fn([size.height, size.width, 2], motley)),
+        1 => inputs.push(Tensor::from_flat_fn([2], motley)),
+        _ => inputs.push(Tensor::from_flat_fn([size.height, size.width, 2], motley)),
     }
     let inputs: Vec<_> = inputs.into_iter().map(Input::leaf).collect();
     Case::new(Layers { scene, background }, inputs)

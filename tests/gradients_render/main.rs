@@ -84,7 +84,7 @@ fn project_with_and_without_a_pose() {
     );
     let posed = (camera(), positions(4), unit_quaternion(), 0.5..2.0, tensor([3], number()));
     let posed = posed.prop_map(|(camera, p, q, length, t)| {
-        let rotation = Tensor::from_fn([4], |k| length * q[k]);
+        let rotation = Tensor::from_flat_fn([4], |k| length * q[k]);
         Case::new(Project { camera }, [p, Input::leaf(rotation), Input::leaf(t)])
     });
     let points = leaf([2, 3], 0.5);
@@ -164,7 +164,7 @@ fn fixed_fragments<'t, T: Scalar>(
         [1.2, 1.4, 0.1, 1.5],
         [-0.4, 0.4, 0.0, 0.5],
     ];
-    let clip = tape.constant(&Tensor::from_fn([4, 4], |k| T::from_f64(clip[k / 4][k % 4])));
+    let clip = tape.constant(&Tensor::from_flat_fn([4, 4], |k| T::from_f64(clip[k / 4][k % 4])));
     let mesh = Mesh::new(vec![[0, 1, 2], [0, 2, 3]], 4)?;
     let fragments = rasterize(clip, &mesh, size(6, 4))?;
     let barycentrics = barycentrics.unwrap_or(fragments.barycentrics);
@@ -313,7 +313,7 @@ fn antialias_is_the_sum_of_the_blends_of_its_definition() {
                 let tape = Tape::<f64>::new();
                 let clip = tape.leaf(&clip);
                 let fragments = rasterize(clip, &mesh, size).unwrap();
-                let image = Tensor::from_fn([size.height, size.width, 1], motley);
+                let image = Tensor::from_flat_fn([size.height, size.width, 1], motley);
                 let out = antialias(tape.leaf(&image), &fragments, clip).unwrap().value();
                 let mut expected = image.data().to_vec();
                 for blend in blends::blends(&fragments, &clip.value()) {
@@ -359,7 +359,7 @@ impl Subject for GaussianBlur {
 /// that a refusal leaves the other as it was.
 fn reach<T: Scalar>(sigma: Var<'_, T>, blur: &Blur) -> Result<usize, RenderError> {
     let tape = Tape::new();
-    let impulse = Tensor::from_fn([1, 201, 1], |k| T::from_f64(f64::from(u8::from(k == 100))));
+    let impulse = Tensor::from_flat_fn([1, 201, 1], |k| T::from_f64(f64::from(u8::from(k == 100))));
     let blur = Blur { border: Border::Zero, ..*blur };
     let out = gaussian_blur(tape.constant(&impulse), tape.constant(&sigma.value()), &blur)?;
     Ok(out.value().data().iter().filter(|&&entry| entry != T::ZERO).count())
@@ -400,7 +400,7 @@ fn gaussian_blur_by_tridiagonal_systems() {
         let blur = Blur { kernel: Kernel::Discrete, border, radius: Radius::Tolerance(tolerance) };
         let least = 34 + 5 * poles;
         let [height, width] = more.map(|more| least + more);
-        let image = Input::leaf(Tensor::from_fn([height, width, 1], motley));
+        let image = Input::leaf(Tensor::from_flat_fn([height, width, 1], motley));
         let sigma = reach * least as f64 / (-2.0 * tolerance.ln()).sqrt();
         Case::new(GaussianBlur { blur }, [image, leaf([], sigma)])
     };
@@ -416,7 +416,7 @@ fn gaussian_blur_by_tridiagonal_systems() {
 
 /// An image that is blurred in several pieces.
 fn large_blur(blur: Blur) -> Case {
-    let image = Input::leaf(Tensor::from_fn([150, 130, 3], motley));
+    let image = Input::leaf(Tensor::from_flat_fn([150, 130, 3], motley));
     Case::new(GaussianBlur { blur }, [image, leaf([], 1.7)])
 }
 
@@ -454,8 +454,8 @@ fn depth_of_field_of_an_image_by_its_depths_and_the_lens() {
         let cases = (sizes, vec(number(), 72), vec(depth, 36), lenses).prop_map(
             move |((height, width), colors, depths, (aperture, focus))| {
                 let inputs = [
-                    Tensor::from_fn([height, width, 2], |k| colors[k]),
-                    Tensor::from_fn([height, width], |k| depths[k]),
+                    Tensor::from_flat_fn([height, width, 2], |k| colors[k]),
+                    Tensor::from_flat_fn([height, width], |k| depths[k]),
                     Tensor::scalar(aperture),
                     Tensor::scalar(focus),
                 ];
@@ -480,8 +480,8 @@ fn depth_of_field_of_an_image_by_its_depths_and_the_lens() {
 /// An image that is gathered in several pieces.
 fn large_view(lens: Lens) -> Case {
     let inputs = [
-        Tensor::from_fn([31, 27, 2], motley),
-        Tensor::from_fn([31, 27], |k| 2.0 + 0.9 * motley(3 * k)),
+        Tensor::from_flat_fn([31, 27, 2], motley),
+        Tensor::from_flat_fn([31, 27], |k| 2.0 + 0.9 * motley(3 * k)),
         Tensor::scalar(1.1),
         Tensor::scalar(2.0),
     ];
@@ -532,10 +532,10 @@ fn pipelines(size: Size) -> impl Strategy<Value = Case> {
     (view, looks).prop_map(move |((mesh, camera, q, blur), (colors, shift, back, sigma))| {
         let vertices = mesh.positions.len();
         let inputs = [
-            Tensor::from_fn([vertices, 3], |k| mesh.positions[k / 3][k % 3]),
-            Tensor::from_fn([4], |k| q[k]),
+            Tensor::from_flat_fn([vertices, 3], |k| mesh.positions[k / 3][k % 3]),
+            Tensor::from_flat_fn([4], |k| q[k]),
             shift.map(|entry| 0.1 * entry),
-            Tensor::from_fn([vertices, 3], |k| colors[k]),
+            Tensor::from_flat_fn([vertices, 3], |k| colors[k]),
             back,
             Tensor::scalar(sigma),
         ];

@@ -37,7 +37,7 @@ fn meshes() -> impl Strategy<Value = Scene> {
 fn covered<T: Scalar>(scene: &Scene, slack: f64) -> Result<Vec<f64>, TestCaseError> {
     let tape = Tape::<T>::new();
     let clip =
-        tape.leaf(&Tensor::from_fn(scene.clip.shape(), |k| T::from_f64(scene.clip.data()[k])));
+        tape.leaf(&Tensor::from_flat_fn(scene.clip.shape(), |k| T::from_f64(scene.clip.data()[k])));
     let options = RasterOptions { sampling: Sampling::Exact, ..scene.size.into() };
     let fragments = rasterize(clip, &scene.mesh, options).unwrap();
     let weights = fragments.weight.unwrap().value();

@@ -34,7 +34,7 @@ pub(super) fn sizes() -> impl Strategy<Value = Size> {
 
 pub(super) fn scene(vertices: Vec<[f64; 4]>, faces: Vec<[u32; 3]>, size: Size) -> Scene {
     let mesh = Mesh::new(faces, vertices.len()).unwrap();
-    let clip = Tensor::from_fn([vertices.len(), 4], |k| vertices[k / 4][k % 4]);
+    let clip = Tensor::from_flat_fn([vertices.len(), 4], |k| vertices[k / 4][k % 4]);
     Scene { mesh, clip, size }
 }
 

@@ -91,7 +91,7 @@ pub(crate) fn along(
 ) -> Result<DualRun, Refusal> {
     let dual = |(input, v): (&Input, &Tensor<f64>)| {
         let entry = |k: usize| Dual::new(input.tensor.data()[k], v.data()[k]);
-        (Tensor::from_fn(input.tensor.shape(), entry), input.differentiable)
+        (Tensor::from_flat_fn(input.tensor.shape(), entry), input.differentiable)
     };
     let point: Point<_> = case.inputs.iter().zip(direction).map(dual).collect();
     let upstream: Vec<_> = upstream.iter().map(Tensor::cast).collect();
@@ -110,7 +110,7 @@ fn said(panic: &(dyn Any + Send)) -> String {
 
 /// Numbers of both signs between 1/4 and 1 in size, in the shape of `like`.
 pub(crate) fn noise<T: Scalar>(like: &Tensor<T>, stream: u64) -> Tensor<f64> {
-    Tensor::from_fn(like.shape(), |k| {
+    Tensor::from_flat_fn(like.shape(), |k| {
         let mut bits = (stream << 32 | k as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         bits = (bits ^ bits >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         bits ^= bits >> 31;

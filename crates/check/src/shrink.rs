@@ -178,7 +178,7 @@ fn shortened(tensor: &Tensor<f64>, extent: usize, new: usize) -> Tensor<f64> {
     let shape = tensor.shape();
     let axes: Vec<usize> = shape.iter().map(|&n| if n == extent { new } else { n }).collect();
     let cut = Shape::from(&axes[..]);
-    Tensor::from_fn(&cut, |mut k| {
+    Tensor::from_flat_fn(&cut, |mut k| {
         let (mut at, mut stride) = (0, 1);
         for (&new, &old) in axes.iter().zip(shape.iter()).rev() {
             at += k % new * stride;
@@ -195,7 +195,7 @@ mod tests {
 
     #[test]
     fn a_shorter_tensor_keeps_the_first_entries() {
-        let tensor = Tensor::from_fn([2, 3, 3], |k| k as f64);
+        let tensor = Tensor::from_flat_fn([2, 3, 3], |k| k as f64);
         let short = shortened(&tensor, 3, 2);
         assert_eq!(short.shape(), &Shape::from([2, 2, 2]));
         assert_eq!(short.data(), [0.0, 1.0, 3.0, 4.0, 9.0, 10.0, 12.0, 13.0]);

@@ -367,9 +367,9 @@ mod tests {
     #[test]
     fn upstream_gradients_add_up_and_scale_exactly() {
         let tape = Tape::new();
-        let x = tape.leaf(&Tensor::from_fn([3], |k| 0.4 * k as f64));
+        let x = tape.leaf(&Tensor::from_flat_fn([3], |k| 0.4 * k as f64));
         let (y, z) = (x.sin(), x.exp());
-        let u = Tensor::from_fn([3], |k| 1.0 - 0.3 * k as f64);
+        let u = Tensor::from_flat_fn([3], |k| 1.0 - 0.3 * k as f64);
         let of = |seeds: &[_]| tape.vjp(seeds).unwrap().get_or_zeros(x);
         let (once, both) = (of(&[(y, &u)]), of(&[(y, &u), (z, &u)]));
         let (twice, z_alone) = (of(&[(y, &u), (y, &u)]), of(&[(z, &u)]));
@@ -385,10 +385,10 @@ mod tests {
     #[test]
     fn an_upstream_gradient_stays_the_callers() {
         let tape = Tape::new();
-        let x = tape.leaf(&Tensor::from_fn([3], |k| 0.4 * k as f64));
+        let x = tape.leaf(&Tensor::from_flat_fn([3], |k| 0.4 * k as f64));
         let y = x.exp();
         let z = y.square();
-        let mut u = Tensor::from_fn([3], |k| 1.0 + k as f64);
+        let mut u = Tensor::from_flat_fn([3], |k| 1.0 + k as f64);
         let gradients = tape.vjp_to(&[(y, &u), (z, &u), (x, &u)], &[x, y, z]).unwrap();
         let (of_x, of_y) = (gradients.get(x).unwrap(), gradients.get(y).unwrap());
         for k in 0..3 {
@@ -406,7 +406,7 @@ mod tests {
     #[test]
     fn a_nan_upstream_is_not_masked() {
         let tape = Tape::new();
-        let x = tape.leaf(&Tensor::from_fn([2], |k| k as f64));
+        let x = tape.leaf(&Tensor::from_flat_fn([2], |k| k as f64));
         let upstream = Tensor::new([2], vec![f64::NAN, 1.0]).unwrap();
         let gradient = tape.vjp(&[(x.abs() * 0.0, &upstream)]).unwrap().get_or_zeros(x);
         assert!(gradient.data()[0].is_nan() && gradient.data()[1] == 0.0);

@@ -227,10 +227,10 @@ mod tests {
     /// `x y` and both gradients, where everything is summed with the upstream gradient 1, 2, ...
     fn product(x: &[usize], y: &[usize]) -> [Tensor<f64>; 3] {
         let tape = Tape::new();
-        let x = tape.leaf(&Tensor::from_fn(x, |k| 1.0 + k as f64));
-        let y = tape.leaf(&Tensor::from_fn(y, |k| 10.0 * (1.0 + k as f64)));
+        let x = tape.leaf(&Tensor::from_flat_fn(x, |k| 1.0 + k as f64));
+        let y = tape.leaf(&Tensor::from_flat_fn(y, |k| 10.0 * (1.0 + k as f64)));
         let z = x.try_mul(y).unwrap();
-        let upstream = Tensor::from_fn(z.shape(), |k| 1.0 + k as f64);
+        let upstream = Tensor::from_flat_fn(z.shape(), |k| 1.0 + k as f64);
         let gradients = tape.vjp(&[(z, &upstream)]).unwrap();
         [z.value(), gradients.get_or_zeros(x), gradients.get_or_zeros(y)]
     }
@@ -249,8 +249,8 @@ mod tests {
         let shapes: [&[usize]; 6] = [&[], &[1], &[3], &[2, 1], &[4, 1, 3], &[1, 2, 1]];
         for (left, right) in shapes.iter().flat_map(|&l| shapes.iter().map(move |&r| (l, r))) {
             let tape = Tape::new();
-            let x = Tensor::from_fn(left, |k| 0.3 + k as f64);
-            let y = Tensor::from_fn(right, |k| 0.7 - k as f64);
+            let x = Tensor::from_flat_fn(left, |k| 0.3 + k as f64);
+            let y = Tensor::from_flat_fn(right, |k| 0.7 - k as f64);
             let [a, b] = [tape.leaf(&x), tape.leaf(&y)];
             let (ab, ba) = ((a * b).sum(), (b * a).sum());
             let (one, other) = (ab.backward().unwrap(), ba.backward().unwrap());
@@ -267,7 +267,7 @@ mod tests {
         let tape = Tape::<f32>::new();
         let x = tape.leaf(&Tensor::zeros([columns]));
         let small = 2.0_f32.powi(-24);
-        let terms = Tensor::from_fn([rows, columns], |k| if k < columns { 1.0 } else { small });
+        let terms = Tensor::from_flat_fn([rows, columns], |k| if k < columns { 1.0 } else { small });
         let z = x + tape.constant(&Tensor::zeros([rows, columns]));
         let gradients = tape.vjp(&[(z, &terms)]).unwrap();
         let expected = (1.0 + (rows - 1) as f64 * f64::from(small)) as f32;

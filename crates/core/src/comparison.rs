@@ -108,7 +108,7 @@ mod tests {
 
     /// A loss and what it is made of, in any precision.
     fn pipeline<T: Scalar>(tape: &Tape<T>) -> Var<'_, T> {
-        let x = tape.leaf(&Tensor::from_fn([50], |k| T::from_f64(0.1 + k as f64 / 64.0)));
+        let x = tape.leaf(&Tensor::from_flat_fn([50], |k| T::from_f64(0.1 + k as f64 / 64.0)));
         let c = tape.constant_full([50], T::from_f64(0.3));
         ((x * c).exp().reshape([5, 10]).unwrap().sin() - T::from_f64(0.5)).square().sum()
     }

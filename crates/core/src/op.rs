@@ -378,7 +378,7 @@ mod tests {
     fn a_refusal_leaves_the_tape_as_it_was() {
         let run = |refusals: usize| {
             let tape = Tape::new();
-            let x = tape.leaf(&Tensor::from_fn([3], |k| k as f64));
+            let x = tape.leaf(&Tensor::from_flat_fn([3], |k| k as f64));
             let y = x.square();
             for _ in 0..refusals {
                 assert!(tape.record(Doubles { refuses: true, ..HONEST }, &[y]).is_err());

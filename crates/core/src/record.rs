@@ -267,7 +267,7 @@ mod tests {
     fn values_with_and_without_a_gradient_are_the_same_bits() {
         let of = |is_leaf: bool| {
             let tape = Tape::new();
-            let x = Tensor::from_fn([5, 2], |k| 0.3 * k as f64 - 1.0);
+            let x = Tensor::from_flat_fn([5, 2], |k| 0.3 * k as f64 - 1.0);
             let x = if is_leaf { tape.leaf(&x) } else { tape.constant(&x) };
             let y = (x.sin() * x + 1.0).sum_axis(0).unwrap().mean().unwrap();
             let nodes = tape.inner.borrow().nodes.len();
@@ -321,7 +321,7 @@ mod tests {
     #[test]
     fn operations_that_are_the_identity_give_their_input_back() {
         let tape = Tape::new();
-        let x = tape.leaf(&Tensor::from_fn([2, 3], |k| k as f64));
+        let x = tape.leaf(&Tensor::from_flat_fn([2, 3], |k| k as f64));
         let same = [
             x.reshape([2, 3]).unwrap(),
             x.permute(&[0, 1]).unwrap(),

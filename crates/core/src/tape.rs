@@ -206,7 +206,7 @@ mod tests {
     #[test]
     fn a_later_step_in_recycled_memory_gives_the_same_bits() {
         let mut tape = Tape::new();
-        let x = Tensor::from_fn([2, 3], |k| 0.3 * k as f32 - 0.7);
+        let x = Tensor::from_flat_fn([2, 3], |k| 0.3 * k as f32 - 0.7);
         let first = step(&tape, &x);
         for k in 0..4 {
             tape.reset();

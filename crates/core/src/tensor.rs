@@ -234,7 +234,7 @@ mod tests {
         let mut scalar = Tensor::from_fn([], |[]| 3.0_f32);
         scalar[[]] += 1.0;
         assert_eq!((scalar[[]], scalar.item()), (4.0, 4.0));
-        assert_eq!(Tensor::from_fn([2, 0], |_| 1.0_f32).size(), 0);
+        assert_eq!(Tensor::from_flat_fn([2, 0], |_| 1.0_f32).size(), 0);
     }
 
     #[test]
@@ -269,7 +269,7 @@ mod tests {
 
     #[test]
     fn reshaping_keeps_entries_and_count() {
-        let a = Tensor::from_fn([2, 3], |k| k as f32);
+        let a = Tensor::from_flat_fn([2, 3], |k| k as f32);
         assert_eq!(a.reshaped([3, 2]).unwrap().data(), a.data());
         assert!(a.reshaped([4]).is_err());
     }

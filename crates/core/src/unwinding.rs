@@ -139,7 +139,7 @@ fn finish(tape: &Tape<f64>, x: Var<'_, f64>) -> Shown {
 }
 
 fn start(tape: &Tape<f64>) -> Var<'_, f64> {
-    tape.leaf(&Tensor::from_fn([2, 3], |k| 0.3 * k as f64 - 0.7))
+    tape.leaf(&Tensor::from_flat_fn([2, 3], |k| 0.3 * k as f64 - 0.7))
 }
 
 /// How many values and operations a tape has, and what is left of calls.

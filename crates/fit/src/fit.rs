@@ -526,7 +526,7 @@ mod tests {
             tape: &'t Tape<T>,
             variables: &Variables<'t, T>,
         ) -> Result<Var<'t, T>, FitError> {
-            let center = Tensor::from_fn([2], |k| T::from_f64(self.center[k]));
+            let center = Tensor::from_flat_fn([2], |k| T::from_f64(self.center[k]));
             Ok(squared_error(variables.get("x")?, tape.constant(&center))?)
         }
 

@@ -8,7 +8,7 @@
 //! use bokashi_fit::{Fit, FitSettings, Mapping, Parameter, Parameters, from_fn, squared_error};
 //!
 //! // y = a exp(-k t), with k > 0, from four samples.
-//! let times = Tensor::from_fn([4], |n| n as f64);
+//! let times = Tensor::from_flat_fn([4], |n| n as f64);
 //! let samples = times.map(|t: f64| 3.0 * (-0.5 * t).exp());
 //! let parameters = Parameters::new()
 //!     .with(Parameter::new("a", Tensor::scalar(1.0)).rate(0.1))?

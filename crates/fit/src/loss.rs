@@ -112,7 +112,7 @@ mod tests {
     #[test]
     fn loss_and_gradients_are_exactly_zero_where_target_equals_image() {
         for (loss, _) in losses::<f32>() {
-            let image = Tensor::from_fn([3, 5, 2], |k| (k as f32).sqrt());
+            let image = Tensor::from_flat_fn([3, 5, 2], |k| (k as f32).sqrt());
             let tape = Tape::new();
             let (x, t) = (tape.leaf(&image), tape.leaf(&image));
             let loss = loss(x, t).unwrap();

@@ -35,8 +35,8 @@ fn main() {
 
 fn steps(bencher: Bencher<'_, '_>, (side, sigma, threads): Case, kernel: Kernel, tolerance: f64) {
     let entry = |k: usize| ((k * 7919) % 1009) as f32 / 1009.0;
-    let image = Tensor::from_fn([side, side, 3], entry);
-    let upstream = Tensor::from_fn([side, side, 3], |k| entry(3 * k) - 0.5);
+    let image = Tensor::from_flat_fn([side, side, 3], entry);
+    let upstream = Tensor::from_flat_fn([side, side, 3], |k| entry(3 * k) - 0.5);
     let blur = Blur { kernel, radius: Radius::Tolerance(tolerance), ..Blur::default() };
     let pool = ThreadPoolBuilder::new().num_threads(threads).build().expect("a thread pool");
     let mut tape = Tape::new();

@@ -379,20 +379,20 @@ mod tests {
             [1.2, 1.4, 0.1, 1.5],
             [-0.4, 0.4, 0.0, 0.5],
         ];
-        let clip = tape.leaf(&Tensor::from_fn([4, 4], |k| T::from_f64(clip[k / 4][k % 4])));
+        let clip = tape.leaf(&Tensor::from_flat_fn([4, 4], |k| T::from_f64(clip[k / 4][k % 4])));
         rasterize(clip, &quad(), size).unwrap()
     }
 
     fn numbers<T: Scalar>(rows: usize, channels: usize) -> Tensor<T> {
         let entry = |k: usize| ((k * 7919 + 5) % 101) as f64 / 101.0 - 0.3;
-        Tensor::from_fn([rows, channels], |k| T::from_f64(entry(k)))
+        Tensor::from_flat_fn([rows, channels], |k| T::from_f64(entry(k)))
     }
 
     #[test]
     fn a_constant_attribute_comes_out_exactly() {
         let tape = Tape::<f32>::new();
         let fragments = fragments(&tape, SIZE);
-        let attributes = tape.leaf(&Tensor::from_fn([4, 2], |k| [0.1, 1e30][k % 2]));
+        let attributes = tape.leaf(&Tensor::from_flat_fn([4, 2], |k| [0.1, 1e30][k % 2]));
         let values = interpolate(attributes, &fragments).unwrap().value();
         assert!(fragments.coverage.count() > 10);
         assert_eq!(*values.shape(), [fragments.coverage.count(), 2].into());
@@ -418,7 +418,7 @@ mod tests {
         let ended = Dependence::None { end: Some("rasterize"), is_detached: true };
         assert_eq!(run(&Tensor::full([4, 1], 1.0)), ended);
         let two =
-            |last: f64| Tensor::from_fn([4, 2], |k| if k == 7 { last } else { (k % 2) as f64 });
+            |last: f64| Tensor::from_flat_fn([4, 2], |k| if k == 7 { last } else { (k % 2) as f64 });
         assert_eq!([run(&two(1.0)), run(&two(1.5))], [ended, Dependence::Recorded]);
         assert_eq!(run(&Tensor::full([4, 1], f64::INFINITY)), Dependence::Recorded);
         // What is refused leaves the tape as it was.

@@ -119,20 +119,20 @@ mod tests {
             [-0.3, 0.1, -0.2, 1.0],
             [0.2, -0.7, 0.1, 1.0],
         ];
-        let clip = tape.leaf(&Tensor::from_fn([6, 4], |k| T::from_f64(clip[k / 4][k % 4])));
+        let clip = tape.leaf(&Tensor::from_flat_fn([6, 4], |k| T::from_f64(clip[k / 4][k % 4])));
         rasterize(clip, &Mesh::new(vec![[0, 1, 2], [3, 4, 5]], 6).unwrap(), SIZE).unwrap()
     }
 
     /// One value per pixel, and a face that covers all of them: no silhouette is in sight.
     fn filled<T: Scalar>(tape: &Tape<T>) -> (Var<'_, T>, Fragments<'_, T>) {
         let clip = [[-1.0, -1.0, 0.0, 1.0], [3.0, -1.0, 0.0, 1.0], [-1.0, 3.0, 0.0, 1.0]];
-        let clip = tape.leaf(&Tensor::from_fn([3, 4], |k| T::from_f64(clip[k / 4][k % 4])));
+        let clip = tape.leaf(&Tensor::from_flat_fn([3, 4], |k| T::from_f64(clip[k / 4][k % 4])));
         let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
         (leaf(tape, [SIZE.pixels(), 1]), rasterize(clip, &mesh, SIZE).unwrap())
     }
 
     fn leaf<'t, T: Scalar, const N: usize>(tape: &'t Tape<T>, axes: [usize; N]) -> Var<'t, T> {
-        tape.leaf(&Tensor::from_fn(axes, |k| T::from_f64((k * 37 % 101) as f64 / 101.0)))
+        tape.leaf(&Tensor::from_flat_fn(axes, |k| T::from_f64((k * 37 % 101) as f64 / 101.0)))
     }
 
     fn backgrounds<T: Scalar>(tape: &Tape<T>) -> [Background<'_, T>; 3] {
@@ -147,7 +147,7 @@ mod tests {
         let fragments = fragments(&tape);
         let clip = fragments.clip;
         let values = leaf(&tape, [fragments.coverage.count(), 2]);
-        let image_bar = Tensor::from_fn([SIZE.height, SIZE.width, 2], |k| (k % 7) as f64 - 2.5);
+        let image_bar = Tensor::from_flat_fn([SIZE.height, SIZE.width, 2], |k| (k % 7) as f64 - 2.5);
         for background in backgrounds(&tape) {
             let whole = resolve(values, &fragments, background).unwrap();
             let whole = antialias(whole, &fragments, clip).unwrap();
@@ -173,7 +173,7 @@ mod tests {
         let tape = Tape::<f64>::new();
         let fragments = fragments(&tape);
         let values = leaf(&tape, [fragments.coverage.count(), 2]);
-        let goal = Tensor::from_fn([SIZE.height, SIZE.width, 2], |k| (k * 13 % 29) as f64 / 29.0);
+        let goal = Tensor::from_flat_fn([SIZE.height, SIZE.width, 2], |k| (k * 13 % 29) as f64 / 29.0);
         let constant = Tensor::new([2], vec![0.25, 0.75]).unwrap();
         let zero = Tensor::zeros([2]);
         let own = Background::Color(tape.constant(&constant));

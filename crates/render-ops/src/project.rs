@@ -286,7 +286,7 @@ mod tests {
     fn the_gradients_are_difference_quotients_whichever_are_asked_for() {
         let inputs = [POSITIONS.to_vec(), vec![0.1, 0.7, -0.5, 0.3], vec![0.4, -0.6, 1.5]];
         let shapes: [&[usize]; 3] = [&[3, 3], &[4], &[3]];
-        let upstream = Tensor::from_fn([3, 4], |k| (k as f64 + 1.0) / (2.0 * k as f64 - 5.0));
+        let upstream = Tensor::from_flat_fn([3, 4], |k| (k as f64 + 1.0) / (2.0 * k as f64 - 5.0));
         let value = |inputs: &[Vec<f64>; 3]| -> f64 {
             let tape = Tape::<f64>::new();
             let [positions, rotation, translation] = std::array::from_fn(|i| {

@@ -187,7 +187,7 @@ mod tests {
         let fragments = rasterize(clip, &Mesh::new(vec![[0, 1, 2]], 3).unwrap(), SIZE).unwrap();
         let count = fragments.coverage.count();
         assert!((3..12).contains(&count), "{count}");
-        let values = Tensor::from_fn([count, 2], |k| T::from_f64(100.0 + k as f64));
+        let values = Tensor::from_flat_fn([count, 2], |k| T::from_f64(100.0 + k as f64));
         (fragments, tape.leaf(&values))
     }
 
@@ -210,7 +210,7 @@ mod tests {
         let tape = Tape::new();
         let (fragments, values) = surface(&tape);
         let color = tape.leaf(&Tensor::new([2], vec![0.25, 0.5]).unwrap());
-        let image = tape.leaf(&Tensor::from_fn([3, 5, 2], |k| -(k as f64)));
+        let image = tape.leaf(&Tensor::from_flat_fn([3, 5, 2], |k| -(k as f64)));
         for background in [Background::Zero, Background::Color(color), Background::Image(image)] {
             let out = resolve(values, &fragments, background).unwrap().value();
             assert_eq!(*out.shape(), [3, 5, 2].into());
@@ -227,7 +227,7 @@ mod tests {
     fn each_upstream_entry_goes_to_the_fragment_or_to_the_background() {
         let tape = Tape::new();
         let (fragments, values) = surface(&tape);
-        let upstream = Tensor::from_fn([3, 5, 2], |k| (k + 1) as f64);
+        let upstream = Tensor::from_flat_fn([3, 5, 2], |k| (k + 1) as f64);
         let at_uncovered = expected(&fragments, |_| 0.0, |k| (k + 1) as f64);
         let at_covered: Vec<_> = fragments
             .coverage

@@ -290,7 +290,7 @@ mod tests {
     fn the_background_of_a_range_is_the_sum_over_its_pixels() {
         // Long enough for blocks of blocks.
         let pixels = 3 * BLOCK * BLOCK + 5 * BLOCK + 7;
-        let image = Tensor::from_fn([1, pixels, 2], |k| (k % 11) as f64);
+        let image = Tensor::from_flat_fn([1, pixels, 2], |k| (k % 11) as f64);
         let target = Target::new(&image, &Tensor::new([2], vec![3.0, 8.0]).unwrap()).unwrap();
         let square = |k: usize| (image.data()[k] - [3.0, 8.0][k % 2]).powi(2);
         let ends = [0, 1, BLOCK - 1, BLOCK, BLOCK + 1, 3 * BLOCK, BLOCK * BLOCK];
@@ -313,7 +313,7 @@ mod tests {
         let clip = tape.leaf(&Tensor::new([3, 4], clip.to_vec()).unwrap());
         let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
         let fragments = rasterize(clip, &mesh, Size::square(100)).unwrap();
-        let values = Tensor::from_fn([fragments.coverage.count(), 3], |k| (k as f32).sqrt());
+        let values = Tensor::from_flat_fn([fragments.coverage.count(), 3], |k| (k as f32).sqrt());
         let values = tape.leaf(&values);
         let color = Tensor::full([3], 0.3);
         let background = Background::Color(tape.constant(&color));

@@ -178,10 +178,10 @@ impl Inputs {
             surface: single(resolved.surface.value()),
             jagged: single(resolved.image.value()),
             image: single(image.value()),
-            distances: Tensor::from_fn([pixels, pixels], |_| uniform(0.5, 2.0)),
-            signed: Tensor::from_fn([rows, WIDTH], |_| uniform(-2.0, 2.0)),
-            positive: Tensor::from_fn([rows, WIDTH], |_| uniform(0.5, 2.0)),
-            square: Tensor::from_fn([WIDTH, WIDTH], |_| uniform(-1.0, 1.0)),
+            distances: Tensor::from_flat_fn([pixels, pixels], |_| uniform(0.5, 2.0)),
+            signed: Tensor::from_flat_fn([rows, WIDTH], |_| uniform(-2.0, 2.0)),
+            positive: Tensor::from_flat_fn([rows, WIDTH], |_| uniform(0.5, 2.0)),
+            square: Tensor::from_flat_fn([WIDTH, WIDTH], |_| uniform(-1.0, 1.0)),
             scene,
         })
     }
@@ -213,7 +213,7 @@ impl<T: Scalar> Runner<T> {
             // Between 1/2 and 3/2, and exact in f32.
             let entry = |k: usize| T::from_f64(0.5 + (k % 257) as f64 / 256.0);
             let upstream =
-                self.upstream.get_or_insert_with(|| Tensor::from_fn(output.shape(), entry));
+                self.upstream.get_or_insert_with(|| Tensor::from_flat_fn(output.shape(), entry));
             let gradients = self.tape.vjp(&[(output, upstream)])?;
             let all = inputs.iter().map(|&input| gradients.get_or_zeros(input));
             std::iter::once(output.value()).chain(all).collect()

@@ -60,7 +60,7 @@ pub(super) fn direction(trial: &Trial, stream: u64) -> Vec<Tensor<f64>> {
 pub(super) fn moved(trial: &Trial, direction: &[Tensor<f64>], h: f64) -> crate::run::Point<f64> {
     let moved = |((x, needs), v): (&(Tensor<f64>, bool), &Tensor<f64>)| {
         let entry = |k: usize| x.data()[k] + h * v.data()[k] * x.data()[k].abs().max(1.0);
-        (Tensor::from_fn(x.shape(), entry), *needs)
+        (Tensor::from_flat_fn(x.shape(), entry), *needs)
     };
     trial.point.iter().zip(direction).map(moved).collect()
 }

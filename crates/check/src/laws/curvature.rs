@@ -77,7 +77,7 @@ fn products(trial: &Trial, v: &[Tensor<f64>]) -> Result<Vec<Option<Tensor<f64>>>
 fn quotients(trial: &Trial, v: &[Tensor<f64>], i: usize, size: f64) -> Option<Vec<Quotient>> {
     let gradient_at = |h: f64| -> Option<Tensor<f64>> {
         let along = |((x, needs), v): (&(Tensor<f64>, bool), &Tensor<f64>)| {
-            (Tensor::from_fn(x.shape(), |k| x.data()[k] + h * v.data()[k]), *needs)
+            (Tensor::from_flat_fn(x.shape(), |k| x.data()[k] + h * v.data()[k]), *needs)
         };
         let point: Point<f64> = trial.point.iter().zip(v).map(along).collect();
         let run = run(&*trial.case.subject, &point, &trial.upstream).ok()?;

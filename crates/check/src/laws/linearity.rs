@@ -38,7 +38,7 @@ pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
     }
     let other: Vec<_> = trial.upstream.iter().zip(501..).map(|(u, j)| noise(u, j)).collect();
     let add = |(u, v): (&Tensor<f64>, &Tensor<f64>)| {
-        Tensor::from_fn(u.shape(), |k| u.data()[k] + v.data()[k])
+        Tensor::from_flat_fn(u.shape(), |k| u.data()[k] + v.data()[k])
     };
     let both: Vec<_> = trial.upstream.iter().zip(&other).map(add).collect();
     let (other, both, none) = (with(&other)?, with(&both)?, with(&times(0.0))?);

@@ -39,7 +39,7 @@ pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
             let signs = noise(x, 600 + 100 * stream + i);
             let unit = f64::from(f32::EPSILON) / 2.0;
             let factor = |k: usize| 1.0 + unit * signs.data()[k].signum();
-            Tensor::from_fn(x.shape(), |k| x.data()[k] * factor(k))
+            Tensor::from_flat_fn(x.shape(), |k| x.data()[k] * factor(k))
         };
         let point = point.iter().zip(0..).map(|((x, needs), i)| (moved(x, i), *needs)).collect();
         let upstream: Vec<_> = upstream.iter().zip(50..).map(|(u, j)| moved(u, j)).collect();

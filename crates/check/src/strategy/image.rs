@@ -20,12 +20,12 @@ pub fn image_of(shape: [usize; 3]) -> BoxedStrategy<Tensor<f64>> {
     let [height, width, channels] = shape;
     let size = shape.iter().product::<usize>();
     let from = move |pixel: Box<dyn Fn(usize, usize, usize) -> f64>| {
-        Tensor::from_fn(shape, |k| {
+        Tensor::from_flat_fn(shape, |k| {
             let (pixel_index, channel) = (k / channels, k % channels);
             pixel(pixel_index / width, pixel_index % width, channel)
         })
     };
-    let noise = vec(-1.0..1.0, size).prop_map(move |data| Tensor::from_fn(shape, |k| data[k]));
+    let noise = vec(-1.0..1.0, size).prop_map(move |data| Tensor::from_flat_fn(shape, |k| data[k]));
     let level = || -2.0..2.0;
     let constant = level().prop_map(move |level| Tensor::full(shape, level));
     let corner = [select(vec![0, height - 1]), select(vec![0, width - 1])];
@@ -42,7 +42,7 @@ pub fn image_of(shape: [usize; 3]) -> BoxedStrategy<Tensor<f64>> {
         from(Box::new(move |i, j, c| if (i + j + c) % 2 == 0 { level } else { 0.0 }))
     });
     let wide = vec((-6.0..6.0, any::<bool>()), size).prop_map(move |data| {
-        Tensor::from_fn(shape, |k| {
+        Tensor::from_flat_fn(shape, |k| {
             let (power, negative) = data[k];
             let value = 10.0_f64.powf(power);
             if negative { -value } else { value }

@@ -62,7 +62,7 @@ pub fn tensor(
 ) -> BoxedStrategy<Tensor<f64>> {
     let shape = shape.into();
     let data = vec(entries, shape.size());
-    data.prop_map(move |data| Tensor::from_fn(&shape, |k| data[k])).boxed()
+    data.prop_map(move |data| Tensor::from_flat_fn(&shape, |k| data[k])).boxed()
 }
 
 #[cfg(test)]

@@ -80,10 +80,10 @@ mod tests {
     #[test]
     fn a_row_gathered_twice_collects_both_gradients() {
         let tape = Tape::new();
-        let x = tape.leaf(&Tensor::from_fn([3, 2], |k| k as f64));
+        let x = tape.leaf(&Tensor::from_flat_fn([3, 2], |k| k as f64));
         let y = x.gather_rows(&Arc::from([2, 0, 2])).unwrap();
         assert_eq!(y.value().data(), [4.0, 5.0, 0.0, 1.0, 4.0, 5.0]);
-        let upstream = Tensor::from_fn([3, 2], |k| 1.0 + k as f64);
+        let upstream = Tensor::from_flat_fn([3, 2], |k| 1.0 + k as f64);
         let gradients = tape.vjp(&[(y, &upstream)]).unwrap();
         assert_eq!(gradients.get(x).unwrap().data(), [3.0, 4.0, 0.0, 0.0, 6.0, 8.0]);
     }

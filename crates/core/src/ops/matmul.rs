@@ -159,8 +159,8 @@ mod tests {
     fn the_unit_matrix_changes_nothing() {
         let tape = Tape::new();
         let n = 2 * LANES + 3;
-        let x = tape.leaf(&Tensor::from_fn([n, n], |k| (k as f64).sin()));
-        let unit = tape.constant(&Tensor::from_fn([n, n], |k| f64::from(k % (n + 1) == 0)));
+        let x = tape.leaf(&Tensor::from_flat_fn([n, n], |k| (k as f64).sin()));
+        let unit = tape.constant(&Tensor::from_flat_fn([n, n], |k| f64::from(k % (n + 1) == 0)));
         for product in [x.matmul(unit).unwrap(), unit.matmul(x).unwrap()] {
             assert_eq!(product.value(), x.value());
             let gradients = tape.vjp(&[(product, &x.value())]).unwrap();

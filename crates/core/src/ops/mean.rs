@@ -117,7 +117,7 @@ mod tests {
     #[test]
     fn every_entry_gets_the_same_share() {
         let tape = Tape::new();
-        let x = tape.leaf(&Tensor::from_fn([2, 4], |k| k as f64));
+        let x = tape.leaf(&Tensor::from_flat_fn([2, 4], |k| k as f64));
         let all = x.mean().unwrap().backward().unwrap();
         assert_eq!(all.get(x), Some(&Tensor::full([2, 4], 1.0 / 8.0)));
         let rows = x.mean_axis(1).unwrap().sum().backward().unwrap();

@@ -65,7 +65,7 @@ mod tests {
     #[test]
     fn the_buffer_is_shared_and_outlives_the_step() {
         let mut tape = Tape::new();
-        let x = tape.leaf_copied(&Tensor::from_fn([2, 3], |k| k as f64));
+        let x = tape.leaf_copied(&Tensor::from_flat_fn([2, 3], |k| k as f64));
         let y = x.reshape([6]).unwrap();
         assert_eq!(x.value().data().as_ptr(), y.value().data().as_ptr());
         let held = y.value();

@@ -98,7 +98,7 @@ mod tests {
     #[test]
     fn slices_along_every_axis_by_hand() {
         let tape = Tape::new();
-        let x = tape.leaf(&Tensor::from_fn([3, 2], |k| k as f64));
+        let x = tape.leaf(&Tensor::from_flat_fn([3, 2], |k| k as f64));
         let rows = x.slice(0, 1..3).unwrap();
         assert_eq!(rows.value(), Tensor::new([2, 2], vec![2.0, 3.0, 4.0, 5.0]).unwrap());
         let column = x.slice(1, 1..2).unwrap();
@@ -110,7 +110,7 @@ mod tests {
     #[test]
     fn slices_joined_again_are_the_array() {
         let tape = Tape::new();
-        let x = tape.leaf(&Tensor::from_fn([2, 5, 2], |k| k as f64));
+        let x = tape.leaf(&Tensor::from_flat_fn([2, 5, 2], |k| k as f64));
         for axis in 0..3 {
             let end = x.shape()[axis];
             let (head, tail) = (x.slice(axis, 0..1).unwrap(), x.slice(axis, 1..end).unwrap());

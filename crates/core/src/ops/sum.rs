@@ -96,7 +96,7 @@ mod tests {
     #[test]
     fn sums_along_every_axis_by_hand() {
         let tape = Tape::new();
-        let x = tape.leaf(&Tensor::from_fn([2, 3], |k| k as f64));
+        let x = tape.leaf(&Tensor::from_flat_fn([2, 3], |k| k as f64));
         assert_eq!(x.sum().item(), 15.0);
         assert_eq!(x.sum_axis(0).unwrap().value(), Tensor::new([3], vec![3.0, 5.0, 7.0]).unwrap());
         assert_eq!(x.sum_axis(1).unwrap().value(), Tensor::new([2], vec![3.0, 12.0]).unwrap());

@@ -57,14 +57,14 @@ impl<T: Scalar> Pipeline<T> for Wandering {
         tape: &'t Tape<T>,
         variables: &Variables<'t, T>,
     ) -> Result<Var<'t, T>, FitError> {
-        let center = tape.constant(&Tensor::from_fn([3], |k| T::from_f64(self.center[k])));
+        let center = tape.constant(&Tensor::from_flat_fn([3], |k| T::from_f64(self.center[k])));
         let scale = variables.get("scale")?;
         Ok((variables.get("x")? * scale - center).square().sum() + variables.get("still")?)
     }
 }
 
 fn parameters<T: Scalar>() -> Parameters<T> {
-    let start = Tensor::from_fn([3], |k| T::from_f64(0.1 * k as f64 - 0.3));
+    let start = Tensor::from_flat_fn([3], |k| T::from_f64(0.1 * k as f64 - 0.3));
     let scale = Parameter::new("scale", Tensor::scalar(T::from_f64(1.5)));
     Parameters::new()
         .with(Parameter::new("x", start).rate(0.02))

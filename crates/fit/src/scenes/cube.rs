@@ -54,8 +54,8 @@ pub fn truth(sigma: Option<f64>) -> Snapshot {
     let bit = |k: usize| ((k / 3) >> (2 - k % 3)) as f64 % 2.0;
     Snapshot {
         step: 0,
-        vertices: Tensor::from_fn([VERTEX_COUNT, 3], |k| bit(k) - 0.5),
-        colors: Tensor::from_fn([VERTEX_COUNT, 3], bit),
+        vertices: Tensor::from_flat_fn([VERTEX_COUNT, 3], |k| bit(k) - 0.5),
+        colors: Tensor::from_flat_fn([VERTEX_COUNT, 3], bit),
         sigma,
     }
 }

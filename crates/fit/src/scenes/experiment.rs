@@ -370,7 +370,7 @@ mod tests {
         let (pipeline, mut parameters) = CubePipeline::<T>::new(settings).unwrap();
         let (vertices, colors, sigma) = pipeline.target_inputs.clone();
         let permuted = |tensor: Tensor<T>| {
-            Tensor::from_fn(tensor.shape(), |k| tensor.data()[3 * p[k / 3] + k % 3])
+            Tensor::from_flat_fn(tensor.shape(), |k| tensor.data()[3 * p[k / 3] + k % 3])
         };
         parameters.set_value(VERTICES, &permuted(vertices)).unwrap();
         parameters.set_value(COLORS, &permuted(colors)).unwrap();

@@ -173,7 +173,7 @@ fn normal_equations(
     let shape = if learns(VERTICES) { 2 * 3 * VERTEX_COUNT } else { 0 };
     let n = shape + usize::from(learns(SIGMA));
     let (mut matrix, mut gradient) = (vec![0.0; n * n], vec![0.0; n]);
-    let unit = Tensor::from_fn([VERTEX_COUNT, VERTEX_COUNT], |k| {
+    let unit = Tensor::from_flat_fn([VERTEX_COUNT, VERTEX_COUNT], |k| {
         if k % (VERTEX_COUNT + 1) == 0 { 1.0 } else { 0.0 }
     });
     for view in 0..views.count() {

@@ -87,7 +87,7 @@ impl CubeViews {
     ) -> Result<Tensor<f64>, FitError> {
         let image = self.image(view, vertices, colors, sigma)?;
         let target = self.targets[view].data();
-        Ok(Tensor::from_fn(image.shape(), |k| image.data()[k] - target[k]))
+        Ok(Tensor::from_flat_fn(image.shape(), |k| image.data()[k] - target[k]))
     }
 
     /// Records `image - target` over all views, flat, for `vertices` and `colors`, `[8, 3]` each,

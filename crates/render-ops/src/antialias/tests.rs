@@ -25,7 +25,7 @@ impl Scene {
     }
 
     fn positions<'t, T: Scalar>(&self, tape: &'t Tape<T>) -> Var<'t, T> {
-        tape.leaf(&Tensor::from_fn([self.clip.len(), 4], |k| T::from_f64(self.clip[k / 4][k % 4])))
+        tape.leaf(&Tensor::from_flat_fn([self.clip.len(), 4], |k| T::from_f64(self.clip[k / 4][k % 4])))
     }
 
     fn rasterized<'t, T: Scalar>(&self, clip: Var<'t, T>) -> Fragments<'t, T> {
@@ -49,7 +49,7 @@ impl Scene {
         color: impl Fn(usize, u32) -> f64,
     ) -> Tensor<T> {
         let ids = fragments.coverage.triangle_ids();
-        Tensor::from_fn([self.size.height, self.size.width, 1], |k| T::from_f64(color(k, ids[k])))
+        Tensor::from_flat_fn([self.size.height, self.size.width, 1], |k| T::from_f64(color(k, ids[k])))
     }
 
     /// The gradient of `sum out_bar . out` with respect to the image and the positions.
@@ -265,7 +265,7 @@ fn a_culled_neighbor_makes_a_silhouette() {
         let fragments = rasterize(clip, &mesh, options).unwrap();
         let image = tape.leaf(&scene.image(&fragments, |k, id| motley(k) + f64::from(id)));
         let out = antialias(image, &fragments, clip).unwrap();
-        let upstream = Tensor::from_fn(out.shape(), motley);
+        let upstream = Tensor::from_flat_fn(out.shape(), motley);
         let gradients = tape.vjp(&[(out, &upstream)]).unwrap();
         (out.value(), gradients.get_or_zeros(clip))
     };
@@ -412,11 +412,11 @@ fn a_gradient_beyond_the_range_of_the_numbers_is_infinite_and_not_nan() {
         let whole = [[-60.0, -50.0, 0.0, 64.0], [61.0, -40.0, 0.0, 64.0], [3.0, 55.0, 0.0, 48.0]];
         let tape = Tape::<T>::new();
         let entry = |k: usize| T::from_f64(unit * whole[k / 4][k % 4]);
-        let clip = tape.leaf(&Tensor::from_fn([3, 4], entry));
+        let clip = tape.leaf(&Tensor::from_flat_fn([3, 4], entry));
         let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
         let fragments = rasterize(clip, &mesh, SIZE).unwrap();
         let color = |k: usize| T::from_f64(motley(k));
-        let image = tape.constant(&Tensor::from_fn([SIZE.height, SIZE.width, 1], color));
+        let image = tape.constant(&Tensor::from_flat_fn([SIZE.height, SIZE.width, 1], color));
         let out = antialias(image, &fragments, clip).unwrap();
         let gradients = out.square().sum().backward().unwrap();
         gradients.get_or_zeros(clip).data().iter().map(|bar| bar.to_f64()).collect()

@@ -8,12 +8,12 @@ use crate::gaussian_blur::gaussian_blur;
 const SHAPE: [usize; 3] = [6, 9, 2];
 
 fn image(seed: usize) -> Tensor<f64> {
-    Tensor::from_fn(SHAPE, |k| ((k * 7919 + seed * 104_729) % 1009) as f64 / 1009.0 - 0.4)
+    Tensor::from_flat_fn(SHAPE, |k| ((k * 7919 + seed * 104_729) % 1009) as f64 / 1009.0 - 0.4)
 }
 
 /// Depths on both sides of the focus at 3, and one pixel at infinity.
 fn depths() -> Tensor<f64> {
-    Tensor::from_fn([6, 9], |k| match k {
+    Tensor::from_flat_fn([6, 9], |k| match k {
         20 => f64::INFINITY,
         k => 0.8 + 0.37 * ((k * 31) % 17) as f64,
     })

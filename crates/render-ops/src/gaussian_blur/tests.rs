@@ -27,7 +27,7 @@ fn for_each_case(mut check: impl FnMut(Blur, [usize; 3])) {
 }
 
 pub(super) fn numbers<T: Scalar>(shape: [usize; 3], seed: usize) -> Tensor<T> {
-    Tensor::from_fn(shape, |k| {
+    Tensor::from_flat_fn(shape, |k| {
         T::from_f64(((k * 7919 + seed * 104_729) % 1009) as f64 / 1009.0 - 0.4)
     })
 }
@@ -122,7 +122,7 @@ fn every_pixel_is_the_double_sum_over_its_window() {
         for sigma in [0.4, 1.3] {
             // The implementation cuts off taps below 1e-18 of the largest.
             let [_, width, channels] = shape;
-            let expected = Tensor::from_fn(shape, |k| {
+            let expected = Tensor::from_flat_fn(shape, |k| {
                 let at = [k / (width * channels), k / channels % width, k % channels];
                 double_sum(&image, at, sigma, radius.min(20) as isize, &blur)
             });
@@ -227,7 +227,7 @@ fn a_sigma_beyond_any_image_gives_the_limit_of_its_border() {
             for (border, rest) in [(Border::Mirror, 0.0), (Border::Clamp, 4.0), (Border::Zero, 4.0)]
             {
                 let blur = Blur { kernel, border, ..Blur::default() };
-                let expected = Tensor::from_fn([4, 5, 2], |k| match border {
+                let expected = Tensor::from_flat_fn([4, 5, 2], |k| match border {
                     Border::Mirror => mean_of(&all, k % 2),
                     Border::Clamp => mean_of(&corners, k % 2),
                     Border::Zero => 0.0,
@@ -273,7 +273,7 @@ fn transposing_the_image_transposes_the_blur() {
         let &[height, width, channels] = &**image.shape() else {
             panic!("an image has three axes")
         };
-        Tensor::from_fn([width, height, channels], |k| {
+        Tensor::from_flat_fn([width, height, channels], |k| {
             let (y, x) = (k / channels % height, k / (channels * height));
             image.data()[(y * width + x) * channels + k % channels]
         })
@@ -291,7 +291,7 @@ fn channels_do_not_mix() {
     let out = blurred(&image, 1.2, &Blur::default());
     for channel in 0..3 {
         let alone =
-            |image: &Tensor<f64>| Tensor::from_fn([6, 5, 1], |k| image.data()[3 * k + channel]);
+            |image: &Tensor<f64>| Tensor::from_flat_fn([6, 5, 1], |k| image.data()[3 * k + channel]);
         assert_close(&blurred(&alone(&image), 1.2, &Blur::default()), &alone(&out), 1e-15);
     }
 }

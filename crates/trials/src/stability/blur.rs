@@ -26,10 +26,10 @@ fn blurred<T: Scalar>(
     blur: &Blur,
 ) -> Result<Blurred, Failure> {
     let tape = Tape::<T>::new();
-    let image = tape.leaf(&Tensor::from_fn(shape, |k| T::from_f64(entry(k))));
+    let image = tape.leaf(&Tensor::from_flat_fn(shape, |k| T::from_f64(entry(k))));
     let sigma = tape.scalar(T::from_f64(sigma));
     let out = gaussian_blur(image, sigma, blur)?;
-    let upstream = Tensor::from_fn(shape, |k| T::from_f64(motley(5 * k + 2)));
+    let upstream = Tensor::from_flat_fn(shape, |k| T::from_f64(motley(5 * k + 2)));
     let gradients = tape.vjp(&[(out, &upstream)])?;
     Ok(Blurred {
         image: numbers(&out.value()),
@@ -183,7 +183,7 @@ pub(super) fn wide_window_on_a_small_image<T: Scalar>() -> Outcome {
 pub(super) fn tiny_variance<T: Scalar>() -> Outcome {
     // Learnt as a variance: sigma = sqrt(t).
     let tape = Tape::<T>::new();
-    let image = tape.leaf(&Tensor::from_fn(SHAPE, |k| T::from_f64(motley(k))));
+    let image = tape.leaf(&Tensor::from_flat_fn(SHAPE, |k| T::from_f64(motley(k))));
     let variance = tape.scalar(T::from_f64(1e-12));
     let out = gaussian_blur(image, variance.sqrt(), &Blur::default())?;
     let gradients = out.square().sum().backward()?;

@@ -330,7 +330,7 @@ pub(super) fn crossing_faces<T: Scalar>() -> Outcome {
     let clip = scene.leaf(&tape);
     let fragments = rasterize(clip, &scene.mesh()?, scene.size)?;
     let ids = fragments.coverage.triangle_ids();
-    let image = Tensor::from_fn([6, 10, 1], |k| T::from_f64(f64::from(ids[k])));
+    let image = Tensor::from_flat_fn([6, 10, 1], |k| T::from_f64(f64::from(ids[k])));
     let out = bokashi_render_ops::antialias(tape.constant(&image), &fragments, clip)?;
     let unblended = out.value() == image;
     let bars = numbers(&out.sum().backward()?.get_or_zeros(clip));
@@ -372,7 +372,7 @@ pub(super) fn many_faces_in_a_pixel<T: Scalar>() -> Outcome {
     let seen_depth = bokashi_render_ops::depth(&fragments)?;
     // Half that of its third vertex.
     let error = (seen_depth.item().to_f64() - 0.5 * depth).abs();
-    let image = tape.leaf(&Tensor::from_fn([3, 3, 1], |k| T::from_f64((k == 4) as u8 as f64)));
+    let image = tape.leaf(&Tensor::from_flat_fn([3, 3, 1], |k| T::from_f64((k == 4) as u8 as f64)));
     let image = bokashi_render_ops::antialias(image, &fragments, positions)?;
     wrong += usize::from(!image.value().is_finite());
     let gradients = seen_depth.sum().backward()?;

@@ -19,8 +19,8 @@ struct View<'t, T: Scalar> {
 impl<'t, T: Scalar> View<'t, T> {
     fn new(tape: &'t Tape<T>, depth: impl Fn(usize) -> f64) -> Self {
         Self {
-            image: tape.leaf(&Tensor::from_fn(SHAPE, |k| T::from_f64(motley(k)))),
-            depth: tape.leaf(&Tensor::from_fn([5, 7], |k| T::from_f64(depth(k)))),
+            image: tape.leaf(&Tensor::from_flat_fn(SHAPE, |k| T::from_f64(motley(k)))),
+            depth: tape.leaf(&Tensor::from_flat_fn([5, 7], |k| T::from_f64(depth(k)))),
             aperture: tape.scalar(T::from_f64(1.5)),
             focus: tape.scalar(T::from_f64(2.0)),
         }
@@ -28,7 +28,7 @@ impl<'t, T: Scalar> View<'t, T> {
 
     /// The largest gradients with respect to depth, aperture and focus, for a motley upstream.
     fn largest_bar(&self, out: Var<'t, T>) -> Result<f64, Failure> {
-        let upstream = Tensor::from_fn(SHAPE, |k| T::from_f64(motley(5 * k + 2)));
+        let upstream = Tensor::from_flat_fn(SHAPE, |k| T::from_f64(motley(5 * k + 2)));
         let gradients = out.tape().vjp(&[(out, &upstream)])?;
         let leaves = [self.depth, self.aperture, self.focus];
         Ok(largest(leaves.map(|leaf| largest(numbers(&gradients.get_or_zeros(leaf))))))

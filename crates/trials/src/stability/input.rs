@@ -160,7 +160,7 @@ pub(super) fn bad_camera_or_pose<T: Scalar>() -> Outcome {
     let tape = Tape::<T>::new();
     let points = tape.leaf(&Tensor::zeros([2, 3]));
     let pose = |q: [f64; 4]| Pose {
-        rotation: tape.leaf(&Tensor::from_fn([4], |k| T::from_f64(q[k]))),
+        rotation: tape.leaf(&Tensor::from_flat_fn([4], |k| T::from_f64(q[k]))),
         translation: tape.leaf(&Tensor::zeros([3])),
     };
     let mut results = Vec::new();

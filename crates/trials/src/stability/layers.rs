@@ -20,9 +20,9 @@ pub(super) fn against_the_image<T: Scalar>() -> Outcome {
             let scene = Scene::new(&clip, &[[0, 1, 2]], size);
             let tape = Tape::<T>::new();
             let positions = scene.leaf(&tape);
-            let colors = tape.leaf(&Tensor::from_fn([3, 2], |k| T::from_f64(motley(k))));
-            let goal = Tensor::from_fn([height, width, 2], |k| T::from_f64(motley(3 * k + 1)));
-            let behind = Tensor::from_fn([2], |k| T::from_f64(motley(k + 7)));
+            let colors = tape.leaf(&Tensor::from_flat_fn([3, 2], |k| T::from_f64(motley(k))));
+            let goal = Tensor::from_flat_fn([height, width, 2], |k| T::from_f64(motley(3 * k + 1)));
+            let behind = Tensor::from_flat_fn([2], |k| T::from_f64(motley(k + 7)));
             let target = Target::new(&goal, &behind)?;
             let background = Background::Color(tape.constant(&behind));
 

@@ -132,7 +132,7 @@ impl Scene {
 
     pub(super) fn leaf<'t, T: Scalar>(&self, tape: &'t Tape<T>) -> Var<'t, T> {
         let entry = |k: usize| T::from_f64(self.clip[k / 4][k % 4]);
-        tape.leaf(&Tensor::from_fn([self.clip.len(), 4], entry))
+        tape.leaf(&Tensor::from_flat_fn([self.clip.len(), 4], entry))
     }
 
     pub(super) fn draw<T: Scalar>(&self) -> Result<Drawn, RenderError> {
@@ -174,7 +174,7 @@ impl Scene {
         let clip = self.leaf(&tape);
         let fragments = rasterize(clip, &self.mesh()?, self.size)?;
         let uv_bar =
-            Tensor::from_fn(fragments.barycentrics.shape(), |k| T::from_f64(1.0 + (k % 2) as f64));
+            Tensor::from_flat_fn(fragments.barycentrics.shape(), |k| T::from_f64(1.0 + (k % 2) as f64));
         let depth = depth(&fragments)?;
         let depth_bar = Tensor::full(depth.shape(), T::from_f64(3.0));
         let seeds = [(fragments.barycentrics, &uv_bar), (depth, &depth_bar)];
@@ -196,8 +196,8 @@ impl Scene {
         let tape = Tape::<T>::new();
         let clip = self.leaf(&tape);
         let number = |k: usize| T::from_f64(motley(k));
-        let colors = tape.leaf(&Tensor::from_fn([self.clip.len(), 2], number));
-        let behind = tape.leaf(&Tensor::from_fn([2], |k| T::from_f64(BACKGROUND[k])));
+        let colors = tape.leaf(&Tensor::from_flat_fn([self.clip.len(), 2], number));
+        let behind = tape.leaf(&Tensor::from_flat_fn([2], |k| T::from_f64(BACKGROUND[k])));
         let fragments = rasterize(clip, &self.mesh()?, self.size)?;
         let surface = interpolate(colors, &fragments)?;
         let image = resolve(surface, &fragments, Background::Color(behind))?;
@@ -206,7 +206,7 @@ impl Scene {
         if sigma.is_some() {
             image = gaussian_blur(image, deviation, &Blur::default())?;
         }
-        let upstream = Tensor::from_fn(image.shape(), |k| T::from_f64(upstream(k)));
+        let upstream = Tensor::from_flat_fn(image.shape(), |k| T::from_f64(upstream(k)));
         let gradients = tape.vjp(&[(image, &upstream)])?;
         let gradient = |leaf| numbers(&gradients.get_or_zeros(leaf));
         Ok(Rendered {
@@ -238,7 +238,7 @@ pub(super) fn many_faces<T: Scalar>() -> Result<(Tensor<T>, Mesh, usize, f64), F
         1 => [0.25, -0.25, 0.0, 1.0],
         k => [0.0, 0.25, depth(k - 2), 1.0],
     };
-    let clip = Tensor::from_fn([MANY + 2, 4], |k| T::from_f64(clip(k / 4)[k % 4]));
+    let clip = Tensor::from_flat_fn([MANY + 2, 4], |k| T::from_f64(clip(k / 4)[k % 4]));
     let mesh = Mesh::new((0..MANY as u32).map(|k| [0, 1, k + 2]).collect(), MANY + 2)?;
     let nearest = (0..MANY).min_by(|&a, &b| depth(a).total_cmp(&depth(b))).unwrap_or(0);
     Ok((clip, mesh, nearest, depth(nearest)))

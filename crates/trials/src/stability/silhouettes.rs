@@ -25,7 +25,7 @@ fn antialias_of<T: Scalar>(
     let fragments = rasterize(clip, &scene.mesh()?, scene.size)?;
     let ids = fragments.coverage.triangle_ids();
     let shape = [scene.size.height, scene.size.width, 1];
-    let image = tape.leaf(&Tensor::from_fn(shape, |k| T::from_f64(color(k, ids[k]))));
+    let image = tape.leaf(&Tensor::from_flat_fn(shape, |k| T::from_f64(color(k, ids[k]))));
     let out = antialias(image, &fragments, clip)?;
     Ok(Antialiased {
         covered: ids.iter().map(|&id| id > 0).collect(),

@@ -32,7 +32,7 @@ fn pipeline<'t, T: Scalar>(
 ) -> Result<Pipeline<'t, T>, Failure> {
     let scene = scene();
     let clip = scene.leaf(tape);
-    let colors = tape.leaf(&Tensor::from_fn([4, 3], |k| T::from_f64(color(k))));
+    let colors = tape.leaf(&Tensor::from_flat_fn([4, 3], |k| T::from_f64(color(k))));
     let sigma = tape.scalar(T::from_f64(1.1));
     let fragments = rasterize(clip, &scene.mesh()?, scene.size)?;
     let surface = interpolate(colors, &fragments)?;
@@ -57,7 +57,7 @@ pub(super) fn strips_and_single_pixels<T: Scalar>() -> Outcome {
         }
         // The mean of an image survives any blur under a mirror.
         let tape = Tape::<T>::new();
-        let image = tape.leaf(&Tensor::from_fn([height, width, 1], |k| T::from_f64(motley(k))));
+        let image = tape.leaf(&Tensor::from_flat_fn([height, width, 1], |k| T::from_f64(motley(k))));
         let out = gaussian_blur(image, tape.scalar(T::from_f64(2.5)), &Blur::default())?;
         let sum =
             |tensor: &Tensor<T>| numbers(tensor).iter().sum::<f64>() / (width * height) as f64;
@@ -70,7 +70,7 @@ pub(super) fn strips_and_single_pixels<T: Scalar>() -> Outcome {
 pub(super) fn upstream_that_cancels<T: Scalar>() -> Outcome {
     let tape = Tape::<T>::new();
     let Pipeline { leaves, image } = pipeline(&tape, motley)?;
-    let up = Tensor::from_fn(image.shape(), |k| T::from_f64(motley(7 * k)));
+    let up = Tensor::from_flat_fn(image.shape(), |k| T::from_f64(motley(7 * k)));
     let down = up.map(|entry| -entry);
     let by_seeds = tape.vjp(&[(image, &up), (image, &down)])?;
     let by_loss = (image.sum() - image.sum()).backward()?;
@@ -86,7 +86,7 @@ pub(super) fn upstream_nan<T: Scalar>() -> Outcome {
     let Pipeline { leaves, image } = pipeline(&tape, motley)?;
     let middle = 3 * (4 * 12 + 6);
     let entry = |k: usize| T::from_f64(if k == middle { f64::NAN } else { 0.0 });
-    let upstream = Tensor::from_fn(image.shape(), entry);
+    let upstream = Tensor::from_flat_fn(image.shape(), entry);
     let gradients = tape.vjp(&[(image, &upstream)])?;
     let masked = leaves.iter().filter(|&&leaf| gradients.get_or_zeros(leaf).is_finite()).count();
     // A fit stops there, and changes nothing.
@@ -164,7 +164,7 @@ pub(super) fn huge_and_tiny_colors<T: Scalar>() -> Outcome {
 pub(super) fn colors_that_overflow<T: Scalar>() -> Outcome {
     // The largest number beside its negative: their difference is no number.
     let most = if rounding::<T>() > 1e-10 { f64::from(f32::MAX) } else { f64::MAX };
-    let start = Tensor::from_fn([4, 1], |k| T::from_f64(if k % 2 == 0 { most } else { -most }));
+    let start = Tensor::from_flat_fn([4, 1], |k| T::from_f64(if k % 2 == 0 { most } else { -most }));
     let parameters = Parameters::new().with(Parameter::new("colours", start.clone()))?;
     let mut fit = Fit::new(parameters, FitSettings::default())?;
     let scene = scene();

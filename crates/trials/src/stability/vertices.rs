@@ -152,7 +152,7 @@ fn infinite_gradients<T: Scalar>(
 
 /// What a fit of the positions of `scene` says to their gradient.
 fn fit_of_positions<T: Scalar>(scene: &Scene) -> Result<Result<(), String>, Failure> {
-    let start = Tensor::from_fn([3, 4], |k| T::from_f64(scene.clip[k / 4][k % 4]));
+    let start = Tensor::from_flat_fn([3, 4], |k| T::from_f64(scene.clip[k / 4][k % 4]));
     let parameters = Parameters::new().with(Parameter::new("positions", start))?;
     let mut fit = Fit::new(parameters, FitSettings::default())?;
     let mesh = scene.mesh()?;

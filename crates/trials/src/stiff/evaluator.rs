@@ -210,10 +210,10 @@ impl<'a> Evaluator<'a> {
         self.with(|state, problem| {
             state.ledger.spend(2 * x.len() as u64)?;
             state.ledger.counts.jacobians += 1;
-            let at = Tensor::from_fn([x.len()], |k| x[k]);
+            let at = Tensor::from_flat_fn([x.len()], |k| x[k]);
             let mut columns = Vec::with_capacity(x.len());
             for j in 0..x.len() {
-                let unit = Tensor::from_fn([x.len()], |k| if k == j { 1.0 } else { 0.0 });
+                let unit = Tensor::from_flat_fn([x.len()], |k| if k == j { 1.0 } else { 0.0 });
                 let column = jvp(&mut state.dual, &[(&at, &unit)], |x| problem.record_dual(x[0]));
                 let (_, column) = column.map_err(broken)?;
                 columns.push(DVector::from_column_slice(column.data()));
@@ -229,7 +229,7 @@ impl<'a> Evaluator<'a> {
         self.with(|state, problem| {
             state.ledger.spend(4)?;
             state.ledger.counts.hessian_products += 1;
-            let [at, along] = [x, v].map(|entries| Tensor::from_fn([x.len()], |k| entries[k]));
+            let [at, along] = [x, v].map(|entries| Tensor::from_flat_fn([x.len()], |k| entries[k]));
             let products = hvp(&mut state.dual, &[(&at, &along)], |x| {
                 Ok(problem.record_dual(x[0])?.square().sum())
             });
@@ -241,7 +241,7 @@ impl<'a> Evaluator<'a> {
 }
 
 fn vector(x: &[f64]) -> Tensor<f64> {
-    Tensor::from_fn([x.len()], |k| x[k])
+    Tensor::from_flat_fn([x.len()], |k| x[k])
 }
 
 fn broken(error: FitError) -> Halt {

@@ -152,7 +152,7 @@ impl Problem {
     /// What the operations refuse.
     pub fn objective(&self, x: &[f64]) -> Result<f64, FitError> {
         let tape = Tape::new();
-        let x = tape.constant(&Tensor::from_fn([x.len()], |k| x[k]));
+        let x = tape.constant(&Tensor::from_flat_fn([x.len()], |k| x[k]));
         Ok(self.record(x)?.square().sum().item())
     }
 }

@@ -85,7 +85,7 @@ impl Input {
     pub(super) fn new(pixels: usize, sigma: f64) -> Result<Self, FitError> {
         let mut generator = ChaCha8Rng::seed_from_u64(pixels as u64);
         let shape = [pixels, pixels, CHANNELS];
-        let image = Tensor::from_fn(shape, |_| f64::from(generator.next_u32() >> 8) / 16_777_216.0);
+        let image = Tensor::from_flat_fn(shape, |_| f64::from(generator.next_u32() >> 8) / 16_777_216.0);
         let mut input = Self { image, upstream: Tensor::zeros(shape), sigma };
         // What is a good upstream gradient does not take an exact blur, but one that takes something
         // away at any sigma: the discrete one.
@@ -93,7 +93,7 @@ impl Input {
             input.results::<f32>(&by_tolerance(Kernel::Discrete, 1e-3), Quantity::Values)?;
         let blurred: Tensor<f32> = blurred.unwrap_or(Tensor::zeros(shape));
         let taken = |k: usize| input.image.data()[k] as f32 - blurred.data()[k];
-        input.upstream = Tensor::from_fn(shape, |k| f64::from(taken(k)));
+        input.upstream = Tensor::from_flat_fn(shape, |k| f64::from(taken(k)));
         Ok(input)
     }
 

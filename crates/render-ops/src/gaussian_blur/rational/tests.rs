@@ -54,7 +54,7 @@ fn multiplied(
     let shape = image.shape();
     let apart: usize = shape[axis + 1..].iter().product();
     let n = shape[axis];
-    Tensor::from_fn(shape.clone(), |k| {
+    Tensor::from_flat_fn(shape.clone(), |k| {
         let (i, first) = (k / apart % n, k - k / apart % n * apart);
         (0..n).map(|j| matrix(i, j) * image.data()[first + j * apart]).sum()
     })
@@ -99,7 +99,7 @@ fn a_mirrored_blur_is_that_of_the_cosine_transform() {
             };
             let expected = both(0, 0);
             let slopes = [both(0, 1), both(1, 0)];
-            let slope = Tensor::from_fn(shape, |k| slopes[0].data()[k] + slopes[1].data()[k]);
+            let slope = Tensor::from_flat_fn(shape, |k| slopes[0].data()[k] + slopes[1].data()[k]);
             for tolerance in [1e-3, 1e-5, 2e-7, 2e-9, 2e-11] {
                 let order = order(tolerance);
                 let found = blurred(&image, order, sigma, Border::Mirror);
@@ -156,12 +156,12 @@ fn the_slope_is_the_difference_quotient() {
             let at = |sigma: f64| blurred(&image, order, sigma, border).image;
             let quotient = |h: f64| {
                 let (low, high) = (at(sigma - h), at(sigma + h));
-                Tensor::from_fn(shape, |k| (high.data()[k] - low.data()[k]) / (2.0 * h))
+                Tensor::from_flat_fn(shape, |k| (high.data()[k] - low.data()[k]) / (2.0 * h))
             };
             let h = 2e-3 * sigma;
             let (coarse, fine) = (quotient(h), quotient(0.5 * h));
             let richardson =
-                Tensor::from_fn(shape, |k| (4.0 * fine.data()[k] - coarse.data()[k]) / 3.0);
+                Tensor::from_flat_fn(shape, |k| (4.0 * fine.data()[k] - coarse.data()[k]) / 3.0);
             let error =
                 largest_difference(&blurred(&image, order, sigma, border).slope, &richardson);
             assert!(sigma * error <= 1e-9, "{error} {border:?} {shape:?} {sigma}");

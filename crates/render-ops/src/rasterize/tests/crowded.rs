@@ -97,7 +97,7 @@ fn a_face_of_many_samples_has_their_mean() {
     faces.push([first, first + 1, first + 2]);
     clip.extend([[-1.0, -1.1, 0.0, 1.0], [0.9, -1.1, 0.0, 1.0], [-2.0, 4.4, 0.0, 4.0]]);
     let mesh = Mesh::new(faces, clip.len()).unwrap();
-    let colors = Tensor::from_fn([clip.len(), 2], |k| {
+    let colors = Tensor::from_flat_fn([clip.len(), 2], |k| {
         let vertex = (k / 2) as u32;
         if vertex < first { 0.5 } else { f64::from((vertex - first) % 3 == 2 - k as u32 % 2) }
     });

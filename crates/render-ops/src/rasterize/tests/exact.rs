@@ -109,7 +109,7 @@ proptest! {
         let corners = [[-3.0, -3.0], [9.0, -3.0], [-3.0, 9.0]];
         let clip: Clip = (0..6).map(|k| [corners[k % 3][0], corners[k % 3][1], depths[k], 1.0]).collect();
         let mesh = Mesh::new(vec![[0, 1, 2], [3, 4, 5]], 6).unwrap();
-        let colors = Tensor::from_fn([6, 2], |k| if k < 6 { 0.0 } else { 1.0 });
+        let colors = Tensor::from_flat_fn([6, 2], |k| if k < 6 { 0.0 } else { 1.0 });
         let tape = Tape::<f64>::new();
         let image = picture(tape.leaf(&tensor(&clip)), tape.leaf(&colors), &mesh, exact(size));
         let expected = supersampled(&clip, &colors, &mesh, size, 16);
@@ -127,8 +127,8 @@ proptest! {
         let size = Size { width, height };
         let mesh = Mesh::new(faces, clip.len()).unwrap();
         // Other ones at each vertex, so that means move, too.
-        let colors = Tensor::from_fn([clip.len(), 2], |k| ((k * 29 + 5) % 13) as f64 / 13.0);
-        let upstream = Tensor::from_fn([height, width, 2], |k| ((k * 37 + 11) % 17) as f64 / 17.0 - 0.4);
+        let colors = Tensor::from_flat_fn([clip.len(), 2], |k| ((k * 29 + 5) % 13) as f64 / 13.0);
+        let upstream = Tensor::from_flat_fn([height, width, 2], |k| ((k * 37 + 11) % 17) as f64 / 17.0 - 0.4);
         let loss = |clip: &Clip| -> f64 {
             let tape = Tape::<f64>::new();
             let image = picture(tape.leaf(&tensor(clip)), tape.leaf(&colors), &mesh, exact(size));
@@ -170,10 +170,10 @@ fn loss_and_gradient(
     let mesh = Mesh::new(faces.to_vec(), clip.len()).unwrap();
     let (positions, colors) = (
         tape.leaf(&tensor(clip)),
-        tape.leaf(&Tensor::from_fn([clip.len(), 2], |k| colors[k / 2] * (1 + k % 2) as f64)),
+        tape.leaf(&Tensor::from_flat_fn([clip.len(), 2], |k| colors[k / 2] * (1 + k % 2) as f64)),
     );
     let image = picture(positions, colors, &mesh, options);
-    let upstream = Tensor::from_fn(image.shape(), |k| ((k * 37 + 11) % 17) as f64 / 17.0 - 0.4);
+    let upstream = Tensor::from_flat_fn(image.shape(), |k| ((k * 37 + 11) % 17) as f64 / 17.0 - 0.4);
     let loss = image.value().data().iter().zip(upstream.data()).map(|(x, u)| x * u).sum();
     (loss, tape.vjp(&[(image, &upstream)]).unwrap().get_or_zeros(positions).data().to_vec())
 }
@@ -354,8 +354,8 @@ fn a_ground_that_is_clipped_makes_no_boundary_of_its_inside() {
 #[test]
 fn the_gradient_of_a_horizon_is_the_difference_quotient() {
     let (size, mesh) = (Size::square(16), Mesh::new(vec![[0, 1, 2], [0, 2, 3]], 4).unwrap());
-    let colors = Tensor::from_fn([4, 2], |k| ((k * 29 + 5) % 13) as f64 / 13.0);
-    let upstream = Tensor::from_fn([16, 16, 2], |k| ((k * 37 + 11) % 17) as f64 / 17.0 - 0.4);
+    let colors = Tensor::from_flat_fn([4, 2], |k| ((k * 29 + 5) % 13) as f64 / 13.0);
+    let upstream = Tensor::from_flat_fn([16, 16, 2], |k| ((k * 37 + 11) % 17) as f64 / 17.0 - 0.4);
     for power in [0, 1, 2, 4, 6, 8, 10, 12, 14, 16] {
         let far = f64::powi(10.0, power);
         let at = |height: f64| -> (f64, f64) {

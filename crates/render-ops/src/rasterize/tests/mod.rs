@@ -76,7 +76,7 @@ fn draw<T: Scalar>(clip: &Clip, faces: &[[u32; 3]], options: impl Into<RasterOpt
 }
 
 fn tensor<T: Scalar>(clip: &Clip) -> Tensor<T> {
-    Tensor::from_fn([clip.len(), 4], |k| T::from_f64(clip[k / 4][k % 4]))
+    Tensor::from_flat_fn([clip.len(), 4], |k| T::from_f64(clip[k / 4][k % 4]))
 }
 
 /// The gradient of `sum u + 2 v + 3 depth` with respect to the clip positions.
@@ -86,7 +86,7 @@ fn gradient<T: Scalar>(clip: &Clip, faces: &[[u32; 3]], size: Size) -> Vec<f64> 
     let mesh = Mesh::new(faces.to_vec(), clip.len()).unwrap();
     let fragments = rasterize(positions, &mesh, size).unwrap();
     let uv_bar =
-        Tensor::from_fn(fragments.barycentrics.shape(), |k| T::from_f64(1.0 + (k % 2) as f64));
+        Tensor::from_flat_fn(fragments.barycentrics.shape(), |k| T::from_f64(1.0 + (k % 2) as f64));
     let depth = depth(&fragments).unwrap();
     let depth_bar = Tensor::full(depth.shape(), T::from_f64(3.0));
     let seeds = [(fragments.barycentrics, &uv_bar), (depth, &depth_bar)];

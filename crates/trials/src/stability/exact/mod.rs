@@ -66,15 +66,15 @@ impl Picture {
         let number = |k: usize| T::from_f64(motley(k));
         // The last channel is 1 on all faces and 0 behind them: the share that they cover.
         let color = |k: usize| if k % 3 == 2 { T::ONE } else { number(k) };
-        let colors = tape.leaf(&Tensor::from_fn([scene.clip.len(), 3], color));
+        let colors = tape.leaf(&Tensor::from_flat_fn([scene.clip.len(), 3], color));
         let behind = [BACKGROUND[0], BACKGROUND[1], 0.0];
-        let behind = tape.leaf(&Tensor::from_fn([3], |k| T::from_f64(behind[k])));
+        let behind = tape.leaf(&Tensor::from_flat_fn([3], |k| T::from_f64(behind[k])));
         let fragments = rasterize(clip, &mesh, options)?;
         let surface = interpolate(colors, &fragments)?;
         let background = Background::Color(behind);
         let image = resolve(surface, &fragments, background)?;
         let of_layer = layer(surface, &fragments, background)?.image()?;
-        let upstream = Tensor::from_fn(image.shape(), |k| T::from_f64(upstream(k)));
+        let upstream = Tensor::from_flat_fn(image.shape(), |k| T::from_f64(upstream(k)));
         let gradients = tape.vjp(&[(image, &upstream)])?;
         let gradient = |leaf| numbers(&gradients.get_or_zeros(leaf));
 
@@ -202,6 +202,6 @@ fn area_gradient<T: Scalar>(scene: &Scene) -> Result<Vec<f64>, Failure> {
     let places: Vec<_> = coverage.pixels().zip(coverage.faces()).skip(coverage.centers()).collect();
     let count = scene.faces.len();
     let entry = |k: usize| T::from_f64(motley(places[k].0 * count + places[k].1));
-    let upstream = Tensor::from_fn(weight.shape(), entry);
+    let upstream = Tensor::from_flat_fn(weight.shape(), entry);
     Ok(numbers(&tape.vjp(&[(weight, &upstream)])?.get_or_zeros(clip)))
 }

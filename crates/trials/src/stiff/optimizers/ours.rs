@@ -13,7 +13,7 @@ pub(super) fn descend(
     rate: f64,
 ) -> Result<(), String> {
     let problem = evaluator.problem();
-    let start = Tensor::from_fn([problem.size()], |k| problem.start()[k]);
+    let start = Tensor::from_flat_fn([problem.size()], |k| problem.start()[k]);
     let parameter = Parameter::new("x", start).rate(rate);
     let parameters = Parameters::new().with(parameter).map_err(|error| error.to_string())?;
     let settings = FitSettings { optimizer, ..FitSettings::default() };

@@ -145,7 +145,7 @@ pub fn scene(settings: SceneSettings) -> Result<Problem, FitError> {
     let least = truth(None);
     let far = random_start(settings.seed, None);
     let between = |least: &Tensor<f64>, far: &Tensor<f64>| {
-        Tensor::from_fn(least.shape(), |k| {
+        Tensor::from_flat_fn(least.shape(), |k| {
             least.data()[k] + settings.distance * (far.data()[k] - least.data()[k])
         })
     };

@@ -59,7 +59,7 @@ fn entries<'t, T: Scalar, const N: usize>(x: Var<'t, T>) -> Result<[Var<'t, T>; 
 
 /// Given numbers on the tape of `x`, of shape `[m]`.
 fn given<'t, T: Scalar>(x: Var<'t, T>, values: &[f64]) -> Var<'t, T> {
-    x.tape().constant(&Tensor::from_fn([values.len()], |k| T::from_f64(values[k])))
+    x.tape().constant(&Tensor::from_flat_fn([values.len()], |k| T::from_f64(values[k])))
 }
 
 /// Residuals of shape `[1]` each as one `[m]`.

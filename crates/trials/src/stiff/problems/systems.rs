@@ -62,7 +62,7 @@ fn times<'t, T: Scalar>(
 ) -> Result<Var<'t, T>, FitError> {
     let n = x.shape().size();
     let at = |k: usize| T::from_f64(entry(k / n + 1, k % n + 1));
-    let matrix = x.tape().constant(&Tensor::from_fn([rows, n], at));
+    let matrix = x.tape().constant(&Tensor::from_flat_fn([rows, n], at));
     Ok(matrix.matmul(x.reshape([n, 1])?)?.reshape([rows])?)
 }
 
