@@ -64,7 +64,7 @@ fn main() -> Result<(), FitError> {
         rotation: tape.constant(&quaternion(rotation)),
         translation: tape.constant(&vector(translation)),
     };
-    let photo = scene.picture(truth, tape.constant_full([], 1.5))?.value();
+    let photo = scene.picture(truth, tape.constant_scalar(1.5))?.value();
 
     let turned = quaternion(DQuat::from_axis_angle(DVec3::Y, 0.5) * rotation);
     let moved = vector(translation + DVec3::new(-0.15, 0.15, 0.15));

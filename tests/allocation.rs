@@ -46,7 +46,7 @@ fn record(tape: &Tape<f32>, parameters: &Leaves) -> Result<f32, TensorError> {
     let points = tape.leaf(&parameters.points);
     let weights = tape.leaf_copied(&parameters.weights);
     let image = tape.leaf(&parameters.image);
-    let scale = tape.scalar(0.7);
+    let scale = tape.leaf_scalar(0.7);
     let offset = tape.constant_full([3], 0.1);
 
     let corners = points.gather_rows(&parameters.rows)?.matmul(weights)? + offset;
@@ -98,7 +98,7 @@ impl Scene {
     fn record(&self, tape: &Tape<f32>) -> Result<f32, FitError> {
         let leaves = [&self.vertices, &self.rotation, &self.translation, &self.background];
         let [vertices, rotation, translation, background] = leaves.map(|of| tape.leaf_copied(of));
-        let sigma = tape.scalar(1.2);
+        let sigma = tape.leaf_scalar(1.2);
         let variables = [vertices, rotation, translation, background, sigma];
         let gradients = self.loss(tape, variables)?.backward()?;
         let of = [vertices, rotation, background, sigma].map(|leaf| gradients.get(leaf));
@@ -188,7 +188,7 @@ fn steps_that_leave_out_other_work_by_turns_allocate_nothing() {
         for (frozen, exponent) in [(false, 1), (true, 3), (false, 3), (true, 1)] {
             let image = &parameters.image;
             let image = if frozen { tape.constant(image) } else { tape.leaf(image) };
-            let loss = (image.powi(exponent).exp() * tape.scalar(0.7)).sum();
+            let loss = (image.powi(exponent).exp() * tape.leaf_scalar(0.7)).sum();
             let gradients = loss.backward().unwrap();
             sum += loss.item() + gradients.get(image).map_or(0.0, |x_bar| x_bar.data()[0]);
             drop(gradients);
@@ -294,7 +294,7 @@ fn a_steady_step_of_every_blur_allocates_nothing() {
         let mut tape = Tape::new();
         assert_steady_from_step_3(|| {
             let sum = {
-                let (image, sigma) = (tape.leaf_copied(&image), tape.scalar(sigma));
+                let (image, sigma) = (tape.leaf_copied(&image), tape.leaf_scalar(sigma));
                 let loss = gaussian_blur(image, sigma, &blur).unwrap().square().sum();
                 let gradients = loss.backward().unwrap();
                 let of = [image, sigma].map(|leaf| gradients.get(leaf).unwrap().data()[0]);

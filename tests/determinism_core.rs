@@ -21,7 +21,7 @@ fn everything<T: Scalar>() -> Result<Vec<Tensor<T>>, TensorError> {
     let y = tape.leaf(&numbers([ROWS, COLUMNS], 1.0));
     let row = tape.leaf(&numbers([1, COLUMNS], 2.0));
     let column = tape.leaf(&numbers([ROWS, 1], 3.0));
-    let one = tape.scalar(T::from_f64(0.3));
+    let one = tape.leaf_scalar(T::from_f64(0.3));
     let left = tape.leaf(&numbers([300, 190], 4.0));
     let right = tape.leaf(&numbers([190, 310], 5.0));
     let rows: Arc<[u32]> = (0..2 * ROWS).map(|k| (k * k % ROWS) as u32).collect();

@@ -50,7 +50,7 @@ impl Sphere {
         let translation = leaf(&[3], &|k| [0.1, -0.1, -2.6][k]);
         let Size { width, height } = self.size;
         let background = leaf(&[height, width, 3], &|k| ((k * 17) % 89) as f64 / 89.0);
-        let sigma = tape.scalar(T::from_f64(1.3));
+        let sigma = tape.leaf_scalar(T::from_f64(1.3));
 
         let camera = perspective(0.9, width as f64 / height as f64, 0.1, 10.0);
         let clip = project(positions, &camera, Some(Pose { rotation, translation }))?;
@@ -176,7 +176,7 @@ fn a_second_backward_pass_gives_the_same_bits() {
     });
     let clip = tape.leaf(&clip);
     let colors = tape.leaf(&Tensor::from_flat_fn([vertices, 2], |k| (k % 13) as f64));
-    let sigma = tape.scalar(2.0);
+    let sigma = tape.leaf_scalar(2.0);
     let fragments = rasterize(clip, &sphere.mesh, sphere.size).unwrap();
     let surface = interpolate(colors, &fragments).unwrap();
     let image = resolve(surface, &fragments, Background::Zero).unwrap();
@@ -202,7 +202,7 @@ fn every_blur_gives_the_same_bits_on_any_number_of_threads() {
                         let tape = Tape::<f32>::new();
                         let number = |k: usize| ((k * 7919 + 13) % 1009) as f32 / 1009.0;
                         let image = tape.leaf(&Tensor::from_flat_fn([170, 155, 3], number));
-                        let sigma = tape.scalar(sigma);
+                        let sigma = tape.leaf_scalar(sigma);
                         let blur = Blur { kernel, border, ..Blur::default() };
                         let out = gaussian_blur(image, sigma, &blur).unwrap();
                         let gradients = out.square().sum().backward().unwrap();
@@ -229,7 +229,7 @@ fn depth_of_field_gives_the_same_bits_on_any_number_of_threads() {
             let number = |k: usize| ((k * 7919 + 13) % 1009) as f32 / 1009.0;
             let image = tape.leaf(&Tensor::from_flat_fn([37, 53, 3], number));
             let depth = tape.leaf(&Tensor::from_flat_fn([37, 53], |k| 0.5 + 4.0 * number(3 * k)));
-            let (aperture, focus) = (tape.scalar(1.3), tape.scalar(2.0));
+            let (aperture, focus) = (tape.leaf_scalar(1.3), tape.leaf_scalar(2.0));
             let lens = Lens::default();
             let out = depth_of_field(image, depth, aperture, focus, &lens).unwrap().image;
             let gradients = out.square().sum().backward().unwrap();

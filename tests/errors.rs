@@ -53,7 +53,7 @@ fn assert_messages<E: Debug + Display>(all: &BTreeSet<String>, table: Vec<(E, St
 fn every_tensor_error_says_the_rule_and_the_value() {
     let (tape, other) = (Tape::<f64>::new(), Tape::new());
     let zeros = |shape: &[usize]| tape.leaf(&Tensor::zeros(shape));
-    let (pair, table, foreign) = (zeros(&[2]), zeros(&[2, 3]), other.scalar(1.0));
+    let (pair, table, foreign) = (zeros(&[2]), zeros(&[2, 3]), other.leaf_scalar(1.0));
     let rows: Arc<[u32]> = Arc::new([0, 2]);
     let table: Vec<(TensorError, &str)> = vec![
         (Tensor::new([2, 3], vec![0.0; 5]).unwrap_err(), "shape [2, 3] needs 6 entries, got 5"),
@@ -112,7 +112,7 @@ fn every_tensor_error_says_the_rule_and_the_value() {
 fn every_render_error_says_the_rule_and_the_value() {
     let (tape, other) = (Tape::<f64>::new(), Tape::new());
     let zeros = |shape: &[usize]| tape.leaf(&Tensor::zeros(shape));
-    let number = |number: f64| tape.scalar(number);
+    let number = |number: f64| tape.leaf_scalar(number);
     let corners = vec![-0.8, -0.9, 0.0, 1.0, 0.9, -0.7, 0.0, 1.0, 0.1, 0.8, 0.0, 1.0];
     let clip = tape.leaf(&Tensor::new([3, 4], corners.clone()).unwrap());
     let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();

@@ -167,7 +167,7 @@ impl<'t, T: Scalar> Scene<'t, T> {
                 other => panic!("no kernel is named {other}"),
             };
             let radius = Radius::Fixed(blurred.radius);
-            let sigma = self.image.tape().scalar(T::from_f64(blurred.sigma));
+            let sigma = self.image.tape().leaf_scalar(T::from_f64(blurred.sigma));
             let blur = Blur { kernel, border: Border::Zero, radius };
             let out = gaussian_blur(image, sigma, &blur).unwrap();
             self.assert_close(&what, &out.value(), &flat_image(&blurred.output));

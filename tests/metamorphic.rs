@@ -40,7 +40,7 @@ impl Scene {
         let background = tape.constant(&Tensor::new([2], self.background.to_vec()).unwrap());
         let image = resolve(surface, &fragments, Background::Color(background)).unwrap();
         let image = antialias(image, &fragments, clip).unwrap();
-        let sigma = tape.scalar(0.8);
+        let sigma = tape.leaf_scalar(0.8);
         if blurs { gaussian_blur(image, sigma, &BLUR).unwrap() } else { image }
     }
 
@@ -325,7 +325,7 @@ fn a_target_that_is_the_picture_gives_a_loss_and_gradients_of_exactly_zero() {
     let clip = [-0.8, -0.9, 0.0, 1.0, 0.9, -0.7, 0.0, 1.0, 0.1, 0.8, 0.0, 1.0];
     let clip = tape.leaf(&Tensor::new([3, 4], clip.to_vec()).unwrap());
     let colors = tape.leaf(&Tensor::from_flat_fn([3, 3], |k| 0.1 * k as f32));
-    let sigma = tape.scalar(1.1);
+    let sigma = tape.leaf_scalar(1.1);
     let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
     let fragments = rasterize(clip, &mesh, Size::square(16)).unwrap();
     let surface = interpolate(colors, &fragments).unwrap();

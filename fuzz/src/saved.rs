@@ -64,7 +64,7 @@ impl<T: Stored> Pipeline<T> for Squares {
         tape: &'t Tape<T>,
         variables: &Variables<'t, T>,
     ) -> Result<Var<'t, T>, FitError> {
-        let zero = tape.scalar(T::ZERO);
+        let zero = tape.leaf_scalar(T::ZERO);
         Ok(variables.iter().fold(zero, |sum, value| sum + value.square().sum()))
     }
 }

@@ -304,7 +304,7 @@ mod tests {
     #[test]
     fn a_variable_used_many_times_collects_all_its_terms() {
         let tape = Tape::new();
-        let x = tape.scalar(3.0);
+        let x = tape.leaf_scalar(3.0);
         let cube_and_more =
             x * x * x + x + Var::concat(&[x.reshape([1]).unwrap(); 4], 0).unwrap().sum();
         assert_eq!(cube_and_more.item(), 27.0 + 3.0 + 12.0);
@@ -331,7 +331,7 @@ mod tests {
     #[test]
     fn inner_variables_can_be_asked_for() {
         let tape = Tape::new();
-        let x = tape.scalar(2.0);
+        let x = tape.leaf_scalar(2.0);
         let y = x.square();
         let z = y.square();
         let gradients = z.backward_to(&[y, x, y, z]).unwrap();
@@ -346,7 +346,7 @@ mod tests {
     #[test]
     fn a_leaf_is_its_own_gradient_of_one() {
         let tape = Tape::new();
-        let x = tape.scalar(5.0);
+        let x = tape.leaf_scalar(5.0);
         assert_eq!(x.backward().unwrap().get_or_zeros(x).item(), 1.0);
     }
 
@@ -423,7 +423,7 @@ mod tests {
         let error = tape.vjp(&[(x, &Tensor::zeros([3]))]).unwrap_err();
         assert_eq!(error.to_string(), message);
 
-        let foreign = other.scalar(1.0);
+        let foreign = other.leaf_scalar(1.0);
         let refused = [
             x.sum().backward_to(&[foreign]).map(drop),
             tape.vjp(&[(foreign, &Tensor::scalar(1.0))]).map(drop),

@@ -212,7 +212,7 @@ pub(crate) fn value_and_slopes<T: Scalar>(
     f: impl for<'t> Fn(Var<'t, T>, Var<'t, T>) -> Var<'t, T>,
 ) -> [T; 3] {
     let tape = crate::Tape::new();
-    let (x, y) = (tape.scalar(x), tape.scalar(y));
+    let (x, y) = (tape.leaf_scalar(x), tape.leaf_scalar(y));
     let z = f(x, y);
     let gradients = z.backward().expect("a scalar");
     [z.item(), gradients.get_or_zeros(x).item(), gradients.get_or_zeros(y).item()]
@@ -284,7 +284,7 @@ mod tests {
     #[test]
     fn what_the_slopes_do_not_need_is_not_kept() {
         let tape = Tape::new();
-        let [x, c] = [tape.scalar(2.0), tape.constant_full([], 3.0)];
+        let [x, c] = [tape.leaf_scalar(2.0), tape.constant_scalar(3.0)];
         let _ = x * c;
         assert_eq!(tape.inner.borrow().nodes[0].keep, Keep::NOTHING.input(1));
     }

@@ -171,7 +171,7 @@ mod tests {
         let message =
             "a comparison needs two recordings of one pipeline, got exp and nothing as value 2";
         let shorter = Tape::<f64>::new();
-        let _ = [shorter.scalar(1.0), shorter.scalar(1.0)];
+        let _ = [shorter.leaf_scalar(1.0), shorter.leaf_scalar(1.0)];
         assert_eq!(value_errors(&rough, &shorter).unwrap_err().to_string(), message);
     }
 

@@ -163,20 +163,20 @@ mod tests {
     #[test]
     fn a_way_is_what_was_recorded_even_where_the_gradient_is_zero() {
         let tape = Tape::new();
-        let [x, y] = [2.0, 3.0].map(|number| tape.scalar(number));
+        let [x, y] = [2.0, 3.0].map(|number| tape.leaf_scalar(number));
         let loss = (x.sin() * 0.0).exp() + y;
         for variable in [x, y, loss] {
             assert_eq!(loss.dependence_on(variable), Ok(Dependence::Recorded));
         }
         assert_eq!(x.dependence_on(loss), Ok(none(None, false)));
         assert_eq!(y.dependence_on(x), Ok(none(Some("add"), false)));
-        assert!(loss.dependence_on(Tape::new().scalar(1.0)).is_err());
+        assert!(loss.dependence_on(Tape::new().leaf_scalar(1.0)).is_err());
     }
 
     #[test]
     fn a_way_that_ends_is_named_by_its_last_operation() {
         let tape = Tape::new();
-        let [x, y] = [2.0, 3.0].map(|number| tape.scalar(number));
+        let [x, y] = [2.0, 3.0].map(|number| tape.leaf_scalar(number));
         let loss = y.square();
         assert_eq!(loss.dependence_on(x), Ok(none(None, false)));
         let (side, _) = (x.exp().sin(), y + 1.0);
@@ -186,7 +186,7 @@ mod tests {
         // What is computed beside it, to be shown perhaps, does not hide it.
         let _ = x.tanh();
         assert_eq!(loss.dependence_on(x), Ok(none(Some("sin"), true)));
-        let raw = tape.scalar(1.0);
+        let raw = tape.leaf_scalar(1.0);
         let loss = loss + raw.detach();
         assert_eq!(loss.dependence_on(raw), Ok(none(None, true)));
         // The only way counts: another one that ends does not matter.
@@ -198,13 +198,13 @@ mod tests {
     fn an_operation_that_was_the_identity_in_this_step_is_a_way_that_rests() {
         let mut tape = Tape::new();
         for _ in 0..2 {
-            let [image, rim] = [2.0, 3.0].map(|number| tape.scalar(number));
+            let [image, rim] = [2.0, 3.0].map(|number| tape.leaf_scalar(number));
             let loss = tape.apply(Rims, &[image, rim.exp()]).unwrap().square();
             assert_eq!(loss.dependence_on(image), Ok(Dependence::Recorded));
             assert_eq!(loss.dependence_on(rim), Ok(Dependence::Idle { operation: "rims" }));
             // Its mark goes with the step.
             tape.reset();
-            let [image, rim] = [2.0, 3.0].map(|number| tape.scalar(number));
+            let [image, rim] = [2.0, 3.0].map(|number| tape.leaf_scalar(number));
             let (loss, _) = (image.square(), rim.exp());
             assert_eq!(loss.dependence_on(rim), Ok(none(Some("exp"), false)));
             tape.reset();
@@ -214,12 +214,12 @@ mod tests {
     #[test]
     fn inputs_are_those_of_the_operation_that_computed_the_value() {
         let tape = Tape::new();
-        let (x, frozen) = (tape.scalar(2.0), tape.constant_full([], 1.0));
+        let (x, frozen) = (tape.leaf_scalar(2.0), tape.constant_scalar(1.0));
         let y = frozen * x;
         let inputs = y.inputs();
         assert!(inputs.len() == 2 && inputs[0].is(frozen) && inputs[1].is(x) && !y.is(x));
         assert!(x.inputs().is_empty() && frozen.exp().inputs().is_empty());
-        assert!(!x.is(Tape::new().scalar(2.0)));
+        assert!(!x.is(Tape::new().leaf_scalar(2.0)));
     }
 
     #[test]
@@ -238,7 +238,7 @@ mod tests {
     #[test]
     fn the_first_gradient_that_is_not_finite_is_laid_to_the_operation_that_made_it() {
         let tape = Tape::new();
-        let [x, y] = [0.0, 3.0].map(|number| tape.scalar(number));
+        let [x, y] = [0.0, 3.0].map(|number| tape.leaf_scalar(number));
         let root = x.sqrt();
         // `x` collects a finite gradient of the sine, recorded later, and an infinite one.
         let loss = (root + y).exp() + x.sin();

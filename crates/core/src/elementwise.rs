@@ -96,7 +96,7 @@ pub(crate) fn value_and_slope<T: Scalar>(
     f: impl for<'t> Fn(Var<'t, T>) -> Var<'t, T>,
 ) -> [T; 2] {
     let tape = crate::Tape::new();
-    let x = tape.scalar(x);
+    let x = tape.leaf_scalar(x);
     let y = f(x);
     [y.item(), y.backward().expect("a scalar").get_or_zeros(x).item()]
 }

@@ -355,7 +355,7 @@ mod tests {
     fn what_was_not_kept_cannot_be_read() {
         let tape = Tape::new();
         let op = Doubles { keeps_input: false, refuses: false };
-        let outputs = tape.record(op, &[tape.scalar(1.0)]).unwrap();
+        let outputs = tape.record(op, &[tape.leaf_scalar(1.0)]).unwrap();
         let _ = outputs[0].backward();
     }
 
@@ -371,7 +371,7 @@ mod tests {
     #[should_panic(expected = "`apply` is for operations of one output")]
     fn several_outputs_need_record() {
         let tape = Tape::new();
-        let _ = tape.apply(HONEST, &[tape.scalar(1.0)]);
+        let _ = tape.apply(HONEST, &[tape.leaf_scalar(1.0)]);
     }
 
     #[test]

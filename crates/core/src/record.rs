@@ -315,7 +315,7 @@ mod tests {
     #[should_panic(expected = "scales passes an input on and has outputs as well")]
     fn who_passes_an_input_on_has_no_other_output() {
         let tape = Tape::new();
-        let _ = tape.apply(scales(2.0, &Arc::from([])), &[tape.scalar(1.0)]);
+        let _ = tape.apply(scales(2.0, &Arc::from([])), &[tape.leaf_scalar(1.0)]);
     }
 
     #[test]

@@ -318,8 +318,8 @@ mod tests {
     #[test]
     fn gradients_that_were_not_needed_are_named() {
         let tape = Tape::<f64>::new();
-        let (x, y) = (tape.scalar(2.0), tape.scalar(3.0));
-        let frozen = tape.constant_full([], 5.0);
+        let (x, y) = (tape.leaf_scalar(2.0), tape.leaf_scalar(3.0));
+        let frozen = tape.constant_scalar(5.0);
         let product = x * frozen;
         let (loss, _unused) = (product.exp() + y, product.sin());
         let left_out = || {
@@ -345,9 +345,9 @@ mod tests {
     #[test]
     fn errors_fill_their_columns_with_the_largest_of_each_operation() {
         let (rough, exact) = (Tape::<f32>::new(), Tape::<f64>::new());
-        let x = rough.scalar(0.3);
+        let x = rough.leaf_scalar(0.3);
         let loss = x.exp().exp() + x;
-        let x_exact = exact.scalar(0.3);
+        let x_exact = exact.leaf_scalar(0.3);
         let loss_exact = x_exact.exp().exp() + x_exact;
         let all: Vec<_> = rough.variables().collect();
         let all_exact: Vec<_> = exact.variables().collect();

@@ -23,7 +23,7 @@ use crate::value::Value;
 ///
 /// ```compile_fail
 /// let mut tape = bokashi_core::Tape::<f64>::new();
-/// let x = tape.scalar(1.0);
+/// let x = tape.leaf_scalar(1.0);
 /// tape.reset();
 /// let y = x + x; // x belongs to the step that ended
 /// ```
@@ -247,7 +247,7 @@ mod tests {
     #[test]
     fn variables_of_another_tape_are_refused() {
         let (tape, other) = (Tape::<f64>::new(), Tape::new());
-        let (x, foreign) = (tape.scalar(1.0), other.scalar(1.0));
+        let (x, foreign) = (tape.leaf_scalar(1.0), other.leaf_scalar(1.0));
         let message = "add needs variables of one tape, got one of another";
         assert_eq!(x.try_add(foreign).unwrap_err().to_string(), message);
         assert_eq!((tape.len(), other.len()), (1, 1));
@@ -256,8 +256,8 @@ mod tests {
     #[test]
     fn what_a_tape_holds_can_be_sent_to_another_thread() {
         let tape = Tape::new();
-        let _ = tape.scalar(3.0).square();
-        let squares = std::thread::spawn(move || tape.scalar(2.0).square().item());
+        let _ = tape.leaf_scalar(3.0).square();
+        let squares = std::thread::spawn(move || tape.leaf_scalar(2.0).square().item());
         assert_eq!(squares.join().unwrap(), 4.0);
     }
 
@@ -265,7 +265,7 @@ mod tests {
     fn memory_of_what_was_saved_is_used_again_by_the_same_kind_of_operation() {
         let mut tape = Tape::<f64>::new();
         for _ in 0..3 {
-            let x = tape.scalar(0.5);
+            let x = tape.leaf_scalar(0.5);
             let _ = x.exp().sin() + x;
             tape.reset();
         }

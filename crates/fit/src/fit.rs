@@ -713,13 +713,13 @@ mod tests {
         let mapped = of(|a, _| a.square()).unwrap();
         assert_eq!(mapped, "\"b\" needs a way to the loss, got a loss that does not use it");
         let rule = "\"a\" needs a way to the loss, got one that ends";
-        let cut = of(|a, b| (b * a.tape().scalar(a.sin().item())).square()).unwrap();
+        let cut = of(|a, b| (b * a.tape().leaf_scalar(a.sin().item())).square()).unwrap();
         assert_eq!(cut, format!("{rule} at sin"));
         let detached = of(|a, b| b * a.exp().detach()).unwrap();
         assert_eq!(detached, format!("{rule} at exp, whose output is detached"));
         let detached = of(|a, b| b * a.detach()).unwrap();
         assert_eq!(detached, format!("{rule} where it is detached"));
-        let constant = of(|a, _| a.tape().constant_full([], 1.0)).unwrap();
+        let constant = of(|a, _| a.tape().constant_scalar(1.0)).unwrap();
         assert_eq!(constant, "\"a\" needs a way to the loss, got a loss that does not use it");
     }
 

@@ -448,7 +448,7 @@ mod tests {
         for mapping in MAPPINGS {
             for k in -400..400 {
                 let raw = 0.1 * k as f32;
-                let recorded = mapping.record(tape.scalar(raw)).item();
+                let recorded = mapping.record(tape.leaf_scalar(raw)).item();
                 assert_eq!(mapping.value(raw).to_bits(), recorded.to_bits(), "{mapping:?} {raw}");
             }
         }

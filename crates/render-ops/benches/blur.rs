@@ -42,7 +42,7 @@ fn steps(bencher: Bencher<'_, '_>, (side, sigma, threads): Case, kernel: Kernel,
     let mut tape = Tape::new();
     let mut step = || {
         {
-            let (image, sigma) = (tape.leaf(&image), tape.scalar(sigma));
+            let (image, sigma) = (tape.leaf(&image), tape.leaf_scalar(sigma));
             let out = gaussian_blur(image, sigma, &blur).expect("a finite sigma above 0");
             let gradients = tape.vjp(&[(out, &upstream)]).expect("an upstream of the same shape");
             black_box((gradients.get(image), gradients.get(sigma)));

@@ -15,7 +15,7 @@
 //! let corners = vec![-0.5, -0.5, 0.0, 0.5, -0.5, 0.0, 0.0, 0.6, 0.0];
 //! let positions = tape.leaf(&Tensor::new([3, 3], corners)?);
 //! let colors = tape.leaf(&Tensor::full([3, 3], 0.8));
-//! let sigma = tape.scalar(1.0);
+//! let sigma = tape.leaf_scalar(1.0);
 //!
 //! let clip = project(positions, &glam::DMat4::IDENTITY, None)?;
 //! let fragments = rasterize(clip, &mesh, Size::square(16))?;

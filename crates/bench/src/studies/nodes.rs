@@ -39,7 +39,7 @@ impl Start {
         let tape = Tape::new();
         let (positions, colors) = (tape.constant(&scene.positions), tape.constant(&scene.colors));
         let image = render(&scene, Cull::Back, positions, colors)?;
-        let target = gaussian_blur(image, tape.constant_full([], SIGMA), &Blur::default())?.value();
+        let target = gaussian_blur(image, tape.constant_scalar(SIGMA), &Blur::default())?.value();
         Ok(Self {
             positions: exact_in_f32(scene.shifted(SHIFT, 1)),
             colors: exact_in_f32(scene.colors.clone()),
@@ -53,7 +53,7 @@ impl Start {
         let (positions, colors) =
             (tape.leaf(&self.positions.cast()), tape.leaf(&self.colors.cast()));
         let image = render(&self.scene, Cull::Back, positions, colors)?;
-        let sigma = tape.scalar(T::from_f64(SIGMA));
+        let sigma = tape.leaf_scalar(T::from_f64(SIGMA));
         let blurred = gaussian_blur(image, sigma, &Blur::default())?;
         Ok(squared_error(blurred, tape.constant(&self.target.cast()))?)
     }

@@ -65,7 +65,7 @@ mod tests {
     #[test]
     fn bounds_must_be_in_order() {
         let tape = Tape::new();
-        let x = tape.scalar(0.0);
+        let x = tape.leaf_scalar(0.0);
         let message = "clamp needs bounds with low <= high, got 2 and 1";
         assert_eq!(x.clamp(2.0, 1.0).unwrap_err().to_string(), message);
         assert!(x.clamp(f64::NAN, 1.0).is_err() && x.clamp(0.0, f64::NAN).is_err());

@@ -58,7 +58,7 @@ impl<T: Scalar> Div<T> for Var<'_, T> {
     type Output = Self;
 
     fn div(self, number: T) -> Self {
-        self / self.tape.constant_full([], number)
+        self / self.tape.constant_scalar(number)
     }
 }
 
@@ -68,7 +68,7 @@ macro_rules! number_on_the_left {
             type Output = Var<'t, $t>;
 
             fn div(self, x: Var<'t, $t>) -> Var<'t, $t> {
-                x.tape.constant_full([], self) / x
+                x.tape.constant_scalar(self) / x
             }
         }
     };

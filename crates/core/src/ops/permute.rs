@@ -126,7 +126,7 @@ mod tests {
         for axes in [&[0, 0][..], &[0], &[0, 2], &[0, 1, 2]] {
             assert_eq!(x.permute(axes).unwrap_err().to_string(), message);
         }
-        assert!(tape.scalar(0.0).transpose().is_err());
-        assert!(tape.scalar(0.0).permute(&[]).is_ok());
+        assert!(tape.leaf_scalar(0.0).transpose().is_err());
+        assert!(tape.leaf_scalar(0.0).permute(&[]).is_ok());
     }
 }

@@ -114,6 +114,6 @@ mod tests {
     fn an_axis_must_exist() {
         let tape = Tape::<f64>::new();
         let message = "sum needs an axis below the rank 0, got axis 0 of shape []";
-        assert_eq!(tape.scalar(1.0).sum_axis(0).unwrap_err().to_string(), message);
+        assert_eq!(tape.leaf_scalar(1.0).sum_axis(0).unwrap_err().to_string(), message);
     }
 }

@@ -142,7 +142,7 @@ impl<T: Scalar> Pipeline<T> for CubePipeline<T> {
         let tape = &self.target_tape;
         let (vertices, colors, sigma) = &self.target_inputs;
         let (vertices, colors) = (tape.constant(vertices), tape.constant(colors));
-        let sigma = sigma.map(|sigma| tape.constant_full([], sigma));
+        let sigma = sigma.map(|sigma| tape.constant_scalar(sigma));
         let image = self.scene.image(&self.view.camera(), vertices, colors, sigma)?;
         self.target = Some(image.value());
         Ok(())

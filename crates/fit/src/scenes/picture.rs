@@ -30,7 +30,7 @@ pub fn picture(
     let tape = Tape::new();
     let vertices = tape.constant(&snapshot.vertices);
     let colors = tape.constant(&snapshot.colors);
-    let sigma = sigma.map(|sigma| tape.constant_full([], sigma));
+    let sigma = sigma.map(|sigma| tape.constant_scalar(sigma));
     Ok(scene.image(&view.camera(), vertices, colors, sigma)?.value())
 }
 

@@ -46,7 +46,7 @@ impl CubeViews {
         let target = |camera: &DMat4| -> Result<Tensor<f64>, FitError> {
             let tape = Tape::new();
             let (vertices, colors) = (tape.constant(&truth.vertices), tape.constant(&truth.colors));
-            let sigma = truth.sigma.map(|sigma| tape.constant_full([], sigma));
+            let sigma = truth.sigma.map(|sigma| tape.constant_scalar(sigma));
             Ok(scene.image(camera, vertices, colors, sigma)?.value())
         };
         let targets = cameras.iter().map(target).collect::<Result<_, _>>()?;
@@ -135,7 +135,7 @@ mod tests {
             let cube = CubeViews::new(&settings, &views).unwrap();
             let start = random_start(settings.seed, None);
             let [vertices, colors] = [&start.vertices, &start.colors].map(|x| tape.leaf(x));
-            let sigma = cube.blurs().then(|| tape.scalar(settings.sigma_start));
+            let sigma = cube.blurs().then(|| tape.leaf_scalar(settings.sigma_start));
             let residuals = cube.residuals(vertices, colors, sigma).unwrap();
             let squares = residuals.square().sum().item();
             assert!(losses > 1.0 && (squares - losses).abs() < 1e-12 * losses);

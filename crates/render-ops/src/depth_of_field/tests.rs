@@ -28,7 +28,7 @@ fn focused(
 ) -> (Tensor<f64>, f64, usize) {
     let tape = Tape::new();
     let (image, depth) = (tape.leaf(image), tape.leaf(depth));
-    let (aperture, focus) = (tape.scalar(aperture), tape.scalar(focus));
+    let (aperture, focus) = (tape.leaf_scalar(aperture), tape.leaf_scalar(focus));
     let found = depth_of_field(image, depth, aperture, focus, lens).unwrap();
     let value = found.image.value();
     let product = value.data().iter().zip(upstream().data()).map(|(b, u)| b * u).sum();
@@ -50,7 +50,7 @@ fn assert_close(found: &Tensor<f64>, expected: &Tensor<f64>, tolerance: f64) {
 fn at_one_depth_it_is_the_gaussian_blur() {
     for (depth, sigma) in [(6.0, 1.0), (1.5, 2.0), (f64::INFINITY, 2.0), (3.1, 2.0 / 31.0)] {
         let tape = Tape::new();
-        let blurred = gaussian_blur(tape.leaf(&image(1)), tape.scalar(sigma), &Blur::default());
+        let blurred = gaussian_blur(tape.leaf(&image(1)), tape.leaf_scalar(sigma), &Blur::default());
         let expected = blurred.unwrap().value();
         let (found, ..) =
             focused(&image(1), &Tensor::full([6, 9], depth), [2.0, 3.0], &Lens::default());
@@ -80,7 +80,7 @@ fn what_is_in_focus_stays_as_it_is_to_the_bit() {
 fn a_constant_image_is_kept_to_the_bit_and_moves_with_nothing() {
     let tape = Tape::new();
     let image = tape.leaf(&Tensor::full(SHAPE, 0.7));
-    let (depth, aperture, focus) = (tape.leaf(&depths()), tape.scalar(2.0), tape.scalar(3.0));
+    let (depth, aperture, focus) = (tape.leaf(&depths()), tape.leaf_scalar(2.0), tape.leaf_scalar(3.0));
     let out = depth_of_field(image, depth, aperture, focus, &Lens::default()).unwrap().image;
     assert_eq!(out.value(), image.value());
     let gradients = tape.vjp(&[(out, &upstream())]).unwrap();
@@ -93,7 +93,7 @@ fn a_constant_image_is_kept_to_the_bit_and_moves_with_nothing() {
 fn an_aperture_of_zero_is_the_image_itself_and_leaves_no_trace() {
     let tape = Tape::<f64>::new();
     let (image, depth) = (tape.leaf(&image(1)), tape.leaf(&depths()));
-    let (aperture, focus) = (tape.scalar(0.0), tape.scalar(3.0));
+    let (aperture, focus) = (tape.leaf_scalar(0.0), tape.leaf_scalar(3.0));
     let before = tape.len();
     let out = depth_of_field(image, depth, aperture, focus, &Lens::default()).unwrap().image;
     assert_eq!(tape.len(), before);
@@ -113,7 +113,7 @@ fn near_the_eye_the_blur_is_capped_and_counted() {
     }
     let tape = Tape::new();
     let (image, depth) = (tape.leaf(&image(1)), tape.leaf(&Tensor::zeros([6, 9])));
-    let (aperture, focus) = (tape.scalar(2.0), tape.scalar(3.0));
+    let (aperture, focus) = (tape.leaf_scalar(2.0), tape.leaf_scalar(3.0));
     let out = depth_of_field(image, depth, aperture, focus, &lens).unwrap().image;
     let gradients = tape.vjp(&[(out, &upstream())]).unwrap();
     for leaf in [depth, aperture, focus] {
@@ -128,7 +128,7 @@ fn every_gradient_is_the_difference_quotient() {
         let numbers = [2.0, 3.0];
         let tape = Tape::new();
         let (picture, depth) = (tape.leaf(&image(1)), tape.leaf(&depths()));
-        let [aperture, focus] = numbers.map(|number| tape.scalar(number));
+        let [aperture, focus] = numbers.map(|number| tape.leaf_scalar(number));
         let found = depth_of_field(picture, depth, aperture, focus, &lens).unwrap();
         assert_eq!(found.capped, (0..54).filter(|&k| depths().data()[k] < 6.0 / 7.0).count());
         assert!(found.capped > 0);
@@ -167,12 +167,12 @@ fn every_gradient_is_the_difference_quotient() {
 fn what_cannot_be_is_refused_with_rule_and_value() {
     let (tape, other) = (Tape::<f64>::new(), Tape::new());
     let (picture, z) = (tape.leaf(&image(1)), tape.leaf(&depths()));
-    let (one, three) = (tape.scalar(1.0), tape.scalar(3.0));
+    let (one, three) = (tape.leaf_scalar(1.0), tape.leaf_scalar(3.0));
     let lens = Lens::default();
     let message = |image, depth, aperture, focus, lens: &Lens| {
         depth_of_field(image, depth, aperture, focus, lens).unwrap_err().to_string()
     };
-    let number = |number| tape.scalar(number);
+    let number = |number| tape.leaf_scalar(number);
     let bad_depth = |at: f64| {
         let mut depth = depths();
         depth.data_mut()[7] = at;
@@ -210,7 +210,7 @@ fn what_cannot_be_is_refused_with_rule_and_value() {
             "a finite largest sigma of at least 0, got inf",
         ),
         (
-            message(picture, z, other.scalar(1.0), three, &lens),
+            message(picture, z, other.leaf_scalar(1.0), three, &lens),
             "variables of one tape, got one of another",
         ),
     ];

@@ -34,7 +34,7 @@ pub(super) fn numbers<T: Scalar>(shape: [usize; 3], seed: usize) -> Tensor<T> {
 
 fn blurred<T: Scalar>(image: &Tensor<T>, sigma: f64, blur: &Blur) -> Tensor<T> {
     let tape = Tape::new();
-    let sigma = tape.scalar(T::from_f64(sigma));
+    let sigma = tape.leaf_scalar(T::from_f64(sigma));
     gaussian_blur(tape.leaf(image), sigma, blur).unwrap().value()
 }
 
@@ -46,7 +46,7 @@ fn gradients<T: Scalar>(
     out_bar: &Tensor<T>,
 ) -> (Tensor<T>, f64) {
     let tape = Tape::new();
-    let (image, sigma) = (tape.leaf(image), tape.scalar(T::from_f64(sigma)));
+    let (image, sigma) = (tape.leaf(image), tape.leaf_scalar(T::from_f64(sigma)));
     let out = gaussian_blur(image, sigma, blur).unwrap();
     let gradients = tape.vjp(&[(out, out_bar)]).unwrap();
     (gradients.get(image).unwrap().clone(), gradients.get(sigma).unwrap().item().to_f64())
@@ -330,7 +330,7 @@ fn sampled_weights_with_sigma_zero_are_the_identity_and_leave_no_trace() {
     let tape = Tape::<f32>::new();
     let image = tape.leaf(&numbers([3, 4, 2], 13));
     for zero in [0.0, -0.0] {
-        let sigma = tape.scalar(zero);
+        let sigma = tape.leaf_scalar(zero);
         let before = tape.len();
         let out = gaussian_blur(image, sigma, &Blur::default()).unwrap();
         assert_eq!(tape.len(), before);
@@ -343,14 +343,14 @@ fn sampled_weights_with_sigma_zero_are_the_identity_and_leave_no_trace() {
 #[test]
 fn what_is_refused_elsewhere_is_refused_at_sigma_zero_too() {
     let (tape, other) = (Tape::<f64>::new(), Tape::new());
-    let (image, zero) = (tape.leaf(&numbers([3, 4, 2], 13)), tape.scalar(0.0));
+    let (image, zero) = (tape.leaf(&numbers([3, 4, 2], 13)), tape.leaf_scalar(0.0));
     let blur = Blur::default();
     let flat = tape.leaf(&Tensor::zeros([4, 4]));
     let tolerance = Blur { radius: Radius::Tolerance(7.0), ..blur };
     for error in [
         gaussian_blur(flat, zero, &blur).map(|_| ()),
         gaussian_blur(image, zero, &tolerance).map(|_| ()),
-        gaussian_blur(image, other.scalar(0.0), &blur).map(|_| ()),
+        gaussian_blur(image, other.leaf_scalar(0.0), &blur).map(|_| ()),
     ] {
         assert!(error.is_err());
     }
@@ -372,7 +372,7 @@ fn a_sigma_that_the_kernel_is_not_defined_for_is_refused() {
     let tape = Tape::<f64>::new();
     let image = tape.leaf(&numbers([3, 3, 1], 15));
     let message = |kernel, sigma: f64, radius| {
-        let sigma = tape.scalar(sigma);
+        let sigma = tape.leaf_scalar(sigma);
         let before = tape.len();
         let error =
             gaussian_blur(image, sigma, &Blur { kernel, radius, ..Blur::default() }).unwrap_err();
@@ -402,7 +402,7 @@ fn a_sigma_that_the_kernel_is_not_defined_for_is_refused() {
 #[test]
 fn a_radius_or_tolerance_out_of_range_is_refused() {
     let tape = Tape::<f32>::new();
-    let (image, sigma) = (tape.leaf(&numbers([3, 3, 1], 16)), tape.scalar(2.0));
+    let (image, sigma) = (tape.leaf(&numbers([3, 3, 1], 16)), tape.leaf_scalar(2.0));
     let tolerances = [0.0, -1.0, 1.0, 2.0, f64::NAN].map(Radius::Tolerance);
     for radius in tolerances.into_iter().chain([Radius::Fixed(16_385)]) {
         for kernel in KERNELS {
@@ -416,7 +416,7 @@ fn a_radius_or_tolerance_out_of_range_is_refused() {
 #[test]
 fn wrong_shapes_are_refused() {
     let tape = Tape::<f32>::new();
-    let (image, sigma) = (tape.leaf(&numbers([3, 3, 1], 17)), tape.scalar(2.0));
+    let (image, sigma) = (tape.leaf(&numbers([3, 3, 1], 17)), tape.leaf_scalar(2.0));
     let pair = tape.leaf(&Tensor::full([2], 1.0));
     let error = gaussian_blur(image, pair, &Blur::default()).unwrap_err();
     assert_eq!(error.to_string(), "gaussian_blur needs a single number for sigma, got shape [2]");

@@ -27,7 +27,7 @@ fn blurred<T: Scalar>(
 ) -> Result<Blurred, Failure> {
     let tape = Tape::<T>::new();
     let image = tape.leaf(&Tensor::from_flat_fn(shape, |k| T::from_f64(entry(k))));
-    let sigma = tape.scalar(T::from_f64(sigma));
+    let sigma = tape.leaf_scalar(T::from_f64(sigma));
     let out = gaussian_blur(image, sigma, blur)?;
     let upstream = Tensor::from_flat_fn(shape, |k| T::from_f64(motley(5 * k + 2)));
     let gradients = tape.vjp(&[(out, &upstream)])?;
@@ -60,7 +60,7 @@ pub(super) fn sigma_zero<T: Scalar>() -> Outcome {
     let tape = Tape::<T>::new();
     let image = tape.leaf(&Tensor::zeros(SHAPE));
     let seed = Blur { kernel: Kernel::Seed, ..Blur::default() };
-    let refused = told(gaussian_blur(image, tape.scalar(T::ZERO), &seed));
+    let refused = told(gaussian_blur(image, tape.leaf_scalar(T::ZERO), &seed));
     let rule = "gaussian_blur needs a finite and positive sigma for the seed kernel, got sigma 0";
     Ok(Found::within(
         format!("the image, its gradient the upstream, dsigma 0; seed kernel: error: {rule}"),
@@ -82,7 +82,7 @@ pub(super) fn negative_or_nan_sigma<T: Scalar>() -> Outcome {
         for sigma in [-1.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
             for radius in [Radius::Fixed(2), Radius::Tolerance(1e-6)] {
                 let blur = Blur { kernel, radius, ..Blur::default() };
-                let said = told(gaussian_blur(image, tape.scalar(T::from_f64(sigma)), &blur));
+                let said = told(gaussian_blur(image, tape.leaf_scalar(T::from_f64(sigma)), &blur));
                 results.push((said, format!("{rule}, got sigma {sigma}")));
             }
         }
@@ -95,7 +95,7 @@ pub(super) fn seed_kernel_overflow<T: Scalar>() -> Outcome {
     let image = tape.leaf(&Tensor::zeros(SHAPE));
     let sigma = T::from_f64(1e-30);
     let blur = Blur { kernel: Kernel::Seed, ..Blur::default() };
-    let said = told(gaussian_blur(image, tape.scalar(sigma), &blur));
+    let said = told(gaussian_blur(image, tape.leaf_scalar(sigma), &blur));
     if rounding::<T>() < 1e-10 {
         // The centre's weight is 4e29 and its slope -4e59: numbers, in f64.
         let found = blurred::<T>([1, 1, 1], |_| 1.0, 1e-30, &blur)?;
@@ -184,7 +184,7 @@ pub(super) fn tiny_variance<T: Scalar>() -> Outcome {
     // Learnt as a variance: sigma = sqrt(t).
     let tape = Tape::<T>::new();
     let image = tape.leaf(&Tensor::from_flat_fn(SHAPE, |k| T::from_f64(motley(k))));
-    let variance = tape.scalar(T::from_f64(1e-12));
+    let variance = tape.leaf_scalar(T::from_f64(1e-12));
     let out = gaussian_blur(image, variance.sqrt(), &Blur::default())?;
     let gradients = out.square().sum().backward()?;
     let expected: Vec<_> = (0..70).map(motley_in::<T>).collect();

@@ -21,8 +21,8 @@ impl<'t, T: Scalar> View<'t, T> {
         Self {
             image: tape.leaf(&Tensor::from_flat_fn(SHAPE, |k| T::from_f64(motley(k)))),
             depth: tape.leaf(&Tensor::from_flat_fn([5, 7], |k| T::from_f64(depth(k)))),
-            aperture: tape.scalar(T::from_f64(1.5)),
-            focus: tape.scalar(T::from_f64(2.0)),
+            aperture: tape.leaf_scalar(T::from_f64(1.5)),
+            focus: tape.leaf_scalar(T::from_f64(2.0)),
         }
     }
 
@@ -97,7 +97,7 @@ pub(super) fn depth_to_zero<T: Scalar>() -> Outcome {
         let tape = Tape::<T>::new();
         let view = View::new(&tape, |_| depth);
         let found = depth_of_field(view.image, view.depth, view.aperture, view.focus, &lens)?;
-        let sigma = tape.scalar(T::from_f64(sigma));
+        let sigma = tape.leaf_scalar(T::from_f64(sigma));
         let blurred = gaussian_blur(view.image, sigma, &Blur::default())?;
         error = error
             .greater(difference(&numbers(&found.image.value()), &numbers(&blurred.value())))
@@ -115,7 +115,7 @@ pub(super) fn depth_to_zero<T: Scalar>() -> Outcome {
 pub(super) fn aperture_zero<T: Scalar>() -> Outcome {
     let tape = Tape::<T>::new();
     let view = View::new(&tape, |k| 0.3 * k as f64);
-    let zero = tape.scalar(T::ZERO);
+    let zero = tape.leaf_scalar(T::ZERO);
     let before = tape.len();
     let found = depth_of_field(view.image, view.depth, zero, view.focus, &Lens::default())?;
     let error = difference(&numbers(&found.image.value()), &numbers(&view.image.value()));
@@ -141,7 +141,7 @@ pub(super) fn bad_depth_or_lens<T: Scalar>() -> Outcome {
         results.push((said, format!("{rule}, got {bad} at pixel 9")));
     }
     let view = View::new(&tape, |_| 1.0);
-    let number = |number| tape.scalar(T::from_f64(number));
+    let number = |number| tape.leaf_scalar(T::from_f64(number));
     for (aperture, focus, rule, value) in [
         (-1.0, 2.0, "a finite aperture of at least 0", -1.0),
         (f64::NAN, 2.0, "a finite aperture of at least 0", f64::NAN),

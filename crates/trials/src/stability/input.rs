@@ -40,7 +40,7 @@ pub(super) fn empty_image<T: Scalar>() -> Outcome {
     }
     for shape in [[0, 3, 1], [3, 0, 1], [3, 3, 0]] {
         let image = tape.leaf(&Tensor::zeros(shape));
-        let said = told(gaussian_blur(image, tape.scalar(T::ONE), &Blur::default()));
+        let said = told(gaussian_blur(image, tape.leaf_scalar(T::ONE), &Blur::default()));
         let rule = "gaussian_blur needs an image of shape [H, W, C] with at least one entry";
         results.push((said, format!("{rule}, got shape {shape:?}")));
     }
@@ -183,7 +183,7 @@ pub(super) fn radius_out_of_range<T: Scalar>() -> Outcome {
     let tape = Tape::<T>::new();
     let image = tape.leaf(&Tensor::full([3, 3, 1], T::ONE));
     let blurred = |radius| {
-        told(gaussian_blur(image, tape.scalar(T::ONE), &Blur { radius, ..Blur::default() }))
+        told(gaussian_blur(image, tape.leaf_scalar(T::ONE), &Blur { radius, ..Blur::default() }))
     };
     let mut results = Vec::new();
     for radius in [16_385, usize::MAX] {

@@ -202,7 +202,7 @@ impl Scene {
         let surface = interpolate(colors, &fragments)?;
         let image = resolve(surface, &fragments, Background::Color(behind))?;
         let mut image = antialias(image, &fragments, clip)?;
-        let deviation = tape.scalar(T::from_f64(sigma.unwrap_or(1.0)));
+        let deviation = tape.leaf_scalar(T::from_f64(sigma.unwrap_or(1.0)));
         if sigma.is_some() {
             image = gaussian_blur(image, deviation, &Blur::default())?;
         }

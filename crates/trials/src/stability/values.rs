@@ -33,7 +33,7 @@ fn pipeline<'t, T: Scalar>(
     let scene = scene();
     let clip = scene.leaf(tape);
     let colors = tape.leaf(&Tensor::from_flat_fn([4, 3], |k| T::from_f64(color(k))));
-    let sigma = tape.scalar(T::from_f64(1.1));
+    let sigma = tape.leaf_scalar(T::from_f64(1.1));
     let fragments = rasterize(clip, &scene.mesh()?, scene.size)?;
     let surface = interpolate(colors, &fragments)?;
     let image = resolve(surface, &fragments, Background::Zero)?;
@@ -58,7 +58,7 @@ pub(super) fn strips_and_single_pixels<T: Scalar>() -> Outcome {
         // The mean of an image survives any blur under a mirror.
         let tape = Tape::<T>::new();
         let image = tape.leaf(&Tensor::from_flat_fn([height, width, 1], |k| T::from_f64(motley(k))));
-        let out = gaussian_blur(image, tape.scalar(T::from_f64(2.5)), &Blur::default())?;
+        let out = gaussian_blur(image, tape.leaf_scalar(T::from_f64(2.5)), &Blur::default())?;
         let sum =
             |tensor: &Tensor<T>| numbers(tensor).iter().sum::<f64>() / (width * height) as f64;
         error = error.greater((sum(&out.value()) - sum(&image.value())).abs());

@@ -72,7 +72,7 @@ fn discrete_radius(sigma: f64, tolerance: f64) -> Result<usize, FitError> {
     let mut impulse = Tensor::zeros([1, 2 * end + 1, 1]);
     impulse.data_mut()[end] = 1.0;
     let tape = Tape::<f64>::new();
-    let (impulse, sigma) = (tape.constant(&impulse), tape.constant_full([], sigma));
+    let (impulse, sigma) = (tape.constant(&impulse), tape.constant_scalar(sigma));
     let weights = gaussian_blur(impulse, sigma, &by_tolerance(Kernel::Discrete, EXACT))?.value();
     let mut missing = 0.0;
     let is_needed = |k: &usize| {

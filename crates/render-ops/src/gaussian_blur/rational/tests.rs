@@ -214,7 +214,7 @@ fn a_tolerance_bounds_the_error_whichever_way_it_is_reached() {
     let blurred = |sigma: f64, border, radius| {
         let tape = Tape::new();
         let blur = Blur { kernel: Kernel::Discrete, border, radius };
-        let sigma = tape.scalar(sigma);
+        let sigma = tape.leaf_scalar(sigma);
         super::super::gaussian_blur(tape.leaf(&image), sigma, &blur).unwrap().value()
     };
     for border in [Border::Zero, Border::Mirror, Border::Clamp] {

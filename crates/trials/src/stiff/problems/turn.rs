@@ -97,7 +97,7 @@ mod tests {
         for theta in angles() {
             let tape = Tape::new();
             let (sin, cos) = (TAU * theta).sin_cos();
-            let (x, y) = (tape.scalar(3.0 * cos), tape.scalar(3.0 * sin));
+            let (x, y) = (tape.leaf_scalar(3.0 * cos), tape.leaf_scalar(3.0 * sin));
             let z = turn(x, y).unwrap();
             assert!((z.item() - theta).abs() < 1e-15, "{theta} {}", z.item());
             let gradients = z.backward().unwrap();
@@ -113,8 +113,8 @@ mod tests {
         for theta in angles() {
             let (sin, cos) = (TAU * theta).sin_cos();
             let tape = Tape::new();
-            let x = tape.scalar(Dual::new(cos, -sin));
-            let y = tape.scalar(Dual::new(sin, cos));
+            let x = tape.leaf_scalar(Dual::new(cos, -sin));
+            let y = tape.leaf_scalar(Dual::new(sin, cos));
             let tangent = turn(x, y).unwrap().item().tangent;
             assert!((tangent - 1.0 / TAU).abs() < 1e-15, "{theta} {tangent}");
         }
