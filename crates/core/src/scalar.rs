@@ -66,22 +66,31 @@ pub trait Scalar:
     /// Whether neither infinite nor NaN.
     fn is_finite(self) -> bool;
 
-    /// The smaller of two, of a number and NaN the number. An instruction, not a choice: a kernel
-    /// that keeps the smaller of what is stored and what is new is compiled to whole stores with it.
-    fn min(self, other: Self) -> Self {
+    /// The smaller of two, of a number and NaN the number: minimumNumber of IEEE 754-2019, except
+    /// that of two zeros it may be either. An instruction, not a choice: a kernel that keeps the
+    /// smaller of what is stored and what is new is compiled to whole stores with it.
+    fn minimum_number(self, other: Self) -> Self {
         if other < self || self.to_f64().is_nan() { other } else { self }
     }
 
-    /// The smaller of two; NaN where either is NaN, so that a NaN is never masked.
-    fn lesser(self, other: Self) -> Self {
+    /// The smaller of two, and NaN where either is NaN: minimum of IEEE 754-2019, for which -0 is
+    /// smaller than 0.
+    #[inline]
+    fn minimum(self, other: Self) -> Self {
         #[expect(clippy::eq_op, reason = "only a NaN differs from itself")]
-        if self < other || self != self { self } else { other }
+        let is_nan = self != self;
+        let is_least_zero = self == other && self.to_f64().is_sign_negative();
+        if self < other || is_least_zero || is_nan { self } else { other }
     }
 
-    /// The larger of two; NaN where either is NaN, so that a NaN is never masked.
-    fn greater(self, other: Self) -> Self {
+    /// The larger of two, and NaN where either is NaN: maximum of IEEE 754-2019, for which 0 is
+    /// larger than -0.
+    #[inline]
+    fn maximum(self, other: Self) -> Self {
         #[expect(clippy::eq_op, reason = "only a NaN differs from itself")]
-        if self > other || self != self { self } else { other }
+        let is_nan = self != self;
+        let is_greatest_zero = self == other && !self.to_f64().is_sign_negative();
+        if self > other || is_greatest_zero || is_nan { self } else { other }
     }
 }
 
@@ -135,7 +144,7 @@ macro_rules! scalar {
                 $t::is_finite(self)
             }
             #[inline(always)]
-            fn min(self, other: Self) -> Self {
+            fn minimum_number(self, other: Self) -> Self {
                 $t::min(self, other)
             }
         }
@@ -148,14 +157,32 @@ scalar!(f64, f64);
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dual::Dual;
 
     #[test]
-    fn lesser_and_greater_never_mask_a_nan() {
+    fn minimum_and_maximum_never_mask_a_nan_and_a_number_may() {
         for (a, b) in [(f64::NAN, 1.0), (1.0, f64::NAN)] {
-            assert!(a.lesser(b).is_nan());
-            assert!(a.greater(b).is_nan());
+            assert!(a.minimum(b).is_nan());
+            assert!(a.maximum(b).is_nan());
+            assert_eq!(a.minimum_number(b), 1.0);
         }
-        assert_eq!(2.0_f64.lesser(1.0), 1.0);
-        assert_eq!(2.0_f64.greater(1.0), 2.0);
+        assert!(f64::NAN.minimum_number(f64::NAN).is_nan());
+        let wide = |a: f64, b: f64| Dual::new(a, 0.0).minimum_number(Dual::new(b, 0.0)).value;
+        assert_eq!([wide(f64::NAN, 1.0), wide(1.0, f64::NAN), wide(2.0, 1.0)], [1.0; 3]);
+    }
+
+    #[test]
+    fn negative_zero_is_smaller_than_zero() {
+        fn bits<T: Scalar>() -> [[u64; 2]; 4] {
+            [(-1.0, 1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, -1.0)].map(|(a, b)| {
+                let [a, b] = [a, b].map(|sign| T::from_f64(0.0 * sign));
+                [a.minimum(b), a.maximum(b)].map(|x| x.to_f64().to_bits())
+            })
+        }
+        let (plus, minus) = (0.0_f64.to_bits(), (-0.0_f64).to_bits());
+        let expected = [[minus, plus], [minus, plus], [plus; 2], [minus; 2]];
+        assert_eq!([bits::<f32>(), bits::<f64>(), bits::<Dual<f64>>()], [expected; 3]);
+        assert_eq!([2.0_f64.minimum(1.0), 1.0_f64.minimum(2.0)], [1.0; 2]);
+        assert_eq!([2.0_f64.maximum(1.0), (-1.0_f64).maximum(-2.0)], [2.0, -1.0]);
     }
 }

@@ -95,14 +95,27 @@ impl<T: Scalar> Tape<T> {
     }
 
     /// A scalar variable with a gradient.
-    pub fn scalar(&self, number: T) -> Var<'_, T> {
-        self.push(true, |value, pool| value.renew(&[], pool).fill(number))
+    pub fn leaf_scalar(&self, number: T) -> Var<'_, T> {
+        self.leaf_full([], number)
+    }
+
+    /// A scalar without a gradient.
+    pub fn constant_scalar(&self, number: T) -> Var<'_, T> {
+        self.constant_full([], number)
+    }
+
+    /// A variable of `shape` with a gradient, every entry `number`.
+    pub fn leaf_full(&self, shape: impl Into<Shape>, number: T) -> Var<'_, T> {
+        self.push_full(true, shape.into(), number)
     }
 
     /// A value of `shape` without a gradient, every entry `number`.
     pub fn constant_full(&self, shape: impl Into<Shape>, number: T) -> Var<'_, T> {
-        let shape = shape.into();
-        self.push(false, |value, pool| value.renew(&shape, pool).fill(number))
+        self.push_full(false, shape.into(), number)
+    }
+
+    fn push_full(&self, needs: bool, shape: Shape, number: T) -> Var<'_, T> {
+        self.push(needs, |value, pool| value.renew(&shape, pool).fill(number))
     }
 
     /// Adds a value that no operation computes, as `fill` makes it.
@@ -133,8 +146,28 @@ impl<T: Scalar> fmt::Debug for Var<'_, T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::tape::Tape;
-    use crate::tensor::Tensor;
+    use super::*;
+
+    #[test]
+    fn leaves_and_constants_come_as_tensors_as_scalars_and_full() {
+        let tape = Tape::new();
+        let leaves = [
+            tape.leaf(&Tensor::full([], 2.0)),
+            tape.leaf_copied(&Tensor::full([], 2.0)),
+            tape.leaf_scalar(2.0),
+            tape.leaf_full([], 2.0),
+        ];
+        let constants = [
+            tape.constant(&Tensor::full([], 2.0)),
+            tape.constant_scalar(2.0),
+            tape.constant_full([], 2.0),
+        ];
+        let same = |variable: &Var<'_, f64>| variable.value() == Tensor::scalar(2.0);
+        assert!(leaves.iter().chain(&constants).all(same));
+        assert!(leaves.iter().all(|leaf| leaf.needs_gradient()));
+        assert!(!constants.iter().any(|constant| constant.needs_gradient()));
+        assert_eq!(*tape.leaf_full([2, 1], 3.0).value().shape(), [2, 1].into());
+    }
 
     #[test]
     fn a_detached_variable_is_a_constant_of_the_same_value() {
