@@ -39,7 +39,7 @@ pub mod saved;
 mod schedule;
 
 pub use error::{FitError, OperationError, Origin, Quantity};
-pub use fit::{Fit, FitSettings, Seen, Stepped};
+pub use fit::{Fit, FitSettings, StepState, Stepped};
 pub use history::{History, Step, Stop, Vanished};
 pub use loss::{mean_squared_error, squared_error};
 pub use optimizer::Optimizer;

@@ -80,7 +80,8 @@ impl<T: Scalar> Op<T> for Depth {
         if inputs.len() == 2 {
             for (run, piece) in coverage.pieces.runs.iter().zip(pieces) {
                 let Mean { depth, .. } = Mean::of(coverage, clip, inputs.data(1), run);
-                *piece = T::narrow(depth.greater(-T::Wide::ONE).lesser(T::Wide::ONE));
+                *piece =
+                    T::narrow(depth.maximum_or_nan(-T::Wide::ONE).minimum_or_nan(T::Wide::ONE));
             }
         }
         coverage.centers.for_each_band_mut(1, depths, |slots, first, depths| {
@@ -94,7 +95,9 @@ impl<T: Scalar> Op<T> for Depth {
                         let a = row.map(|[start, slope]| start + slope * x);
                         let [z_over_w, _] = face.depth_and_w(a);
                         // What rasterization lets through lies between the planes.
-                        *depth = T::narrow(z_over_w.greater(-T::Wide::ONE).lesser(T::Wide::ONE));
+                        *depth = T::narrow(
+                            z_over_w.maximum_or_nan(-T::Wide::ONE).minimum_or_nan(T::Wide::ONE),
+                        );
                         x += two;
                     }
                 }

@@ -27,7 +27,7 @@ pub use self::bytes::{Reader, Writer};
 pub use self::fields::tag;
 pub use self::stored::Stored;
 use crate::error::FitError;
-use crate::fit::{Fit, LoopState, Seen};
+use crate::fit::{Fit, LoopState, StepState};
 use crate::parameter::{Parameter, Parameters};
 use bokashi_core::Scalar;
 use bokashi_write::write_whole;
@@ -90,7 +90,7 @@ impl<T: Stored> Fit<T> {
     }
 }
 
-impl<T: Stored, M> Seen<'_, T, M> {
+impl<T: Stored, M> StepState<'_, T, M> {
     /// Saves the fit as it is in this step: as [`Fit::save`], while it runs.
     ///
     /// # Errors

@@ -84,7 +84,7 @@ pub(super) fn rounding<T: Scalar>() -> f64 {
 
 /// The largest of some numbers by size, and NaN where one is.
 pub(super) fn largest(numbers: impl IntoIterator<Item = f64>) -> f64 {
-    numbers.into_iter().fold(0.0, |largest, number| number.abs().greater(largest))
+    numbers.into_iter().fold(0.0, |largest, number| number.abs().maximum_or_nan(largest))
 }
 
 /// The largest difference between two lists.
