@@ -67,7 +67,8 @@ fn gradients_of_closed_meshes_are_difference_quotients() {
                 let (image, coverage) = picture(&scene, clip, colors, Background::Zero).unwrap();
                 // Pieces come and go smoothly, but a pixel leaps where it starts to have them.
                 let pixels: Vec<_> = coverage.boundary().map(|(pixel, _)| pixel).collect();
-                let upstream = tape.constant(&Tensor::from_flat_fn(image.shape(), |k| motley(3 * k)));
+                let upstream =
+                    tape.constant(&Tensor::from_flat_fn(image.shape(), |k| motley(3 * k)));
                 let loss = (image * upstream).sum();
                 let gradient = is_wanted.then(|| loss.backward().unwrap().get_or_zeros(clip));
                 (loss.item(), gradient, pixels)

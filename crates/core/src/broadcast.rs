@@ -267,7 +267,8 @@ mod tests {
         let tape = Tape::<f32>::new();
         let x = tape.leaf(&Tensor::zeros([columns]));
         let small = 2.0_f32.powi(-24);
-        let terms = Tensor::from_flat_fn([rows, columns], |k| if k < columns { 1.0 } else { small });
+        let terms =
+            Tensor::from_flat_fn([rows, columns], |k| if k < columns { 1.0 } else { small });
         let z = x + tape.constant(&Tensor::zeros([rows, columns]));
         let gradients = tape.vjp(&[(z, &terms)]).unwrap();
         let expected = (1.0 + (rows - 1) as f64 * f64::from(small)) as f32;

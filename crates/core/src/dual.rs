@@ -238,8 +238,8 @@ mod tests {
     fn comparisons_go_by_value() {
         let (less, more) = (Dual::new(1.0, 9.0), Dual::new(2.0, -9.0));
         assert!(less < more && less == Dual::new(1.0, 0.0));
-        assert_eq!(less.lesser(more).tangent, 9.0);
-        assert_eq!(less.greater(more).tangent, -9.0);
+        assert_eq!(less.minimum_or_nan(more).tangent, 9.0);
+        assert_eq!(less.maximum_or_nan(more).tangent, -9.0);
         assert!(Dual::new(f64::NAN, 0.0).lesser(more).value.is_nan());
         assert!(Dual::new(1.0, f64::NAN).is_finite());
     }

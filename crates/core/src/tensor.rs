@@ -161,7 +161,8 @@ impl<T> Tensor<T> {
     /// Where the entry at `index` is.
     #[track_caller]
     fn place<const N: usize>(&self, index: [usize; N]) -> usize {
-        let is_within = self.shape.rank() == N && index.iter().zip(&*self.shape).all(|(i, n)| i < n);
+        let is_within =
+            self.shape.rank() == N && index.iter().zip(&*self.shape).all(|(i, n)| i < n);
         assert!(is_within, "an index needs to lie within shape {}, got {index:?}", self.shape);
         index.iter().zip(&*self.shape).fold(0, |place, (i, extent)| place * extent + i)
     }

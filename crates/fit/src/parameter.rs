@@ -30,7 +30,7 @@ impl Mapping {
     pub fn value<T: Scalar>(self, raw: T) -> T {
         match self {
             Self::Identity => raw,
-            Self::Softplus => raw.greater(T::ZERO) + (-raw.abs()).exp().ln_1p(),
+            Self::Softplus => raw.maximum_or_nan(T::ZERO) + (-raw.abs()).exp().ln_1p(),
             Self::Exp => raw.exp(),
         }
     }

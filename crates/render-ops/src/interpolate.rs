@@ -417,8 +417,9 @@ mod tests {
         };
         let ended = Dependence::None { end: Some("rasterize"), is_detached: true };
         assert_eq!(run(&Tensor::full([4, 1], 1.0)), ended);
-        let two =
-            |last: f64| Tensor::from_flat_fn([4, 2], |k| if k == 7 { last } else { (k % 2) as f64 });
+        let two = |last: f64| {
+            Tensor::from_flat_fn([4, 2], |k| if k == 7 { last } else { (k % 2) as f64 })
+        };
         assert_eq!([run(&two(1.0)), run(&two(1.5))], [ended, Dependence::Recorded]);
         assert_eq!(run(&Tensor::full([4, 1], f64::INFINITY)), Dependence::Recorded);
         // What is refused leaves the tape as it was.

@@ -147,7 +147,8 @@ mod tests {
         let fragments = fragments(&tape);
         let clip = fragments.clip;
         let values = leaf(&tape, [fragments.coverage.count(), 2]);
-        let image_bar = Tensor::from_flat_fn([SIZE.height, SIZE.width, 2], |k| (k % 7) as f64 - 2.5);
+        let image_bar =
+            Tensor::from_flat_fn([SIZE.height, SIZE.width, 2], |k| (k % 7) as f64 - 2.5);
         for background in backgrounds(&tape) {
             let whole = resolve(values, &fragments, background).unwrap();
             let whole = antialias(whole, &fragments, clip).unwrap();
@@ -173,7 +174,8 @@ mod tests {
         let tape = Tape::<f64>::new();
         let fragments = fragments(&tape);
         let values = leaf(&tape, [fragments.coverage.count(), 2]);
-        let goal = Tensor::from_flat_fn([SIZE.height, SIZE.width, 2], |k| (k * 13 % 29) as f64 / 29.0);
+        let goal =
+            Tensor::from_flat_fn([SIZE.height, SIZE.width, 2], |k| (k * 13 % 29) as f64 / 29.0);
         let constant = Tensor::new([2], vec![0.25, 0.75]).unwrap();
         let zero = Tensor::zeros([2]);
         let own = Background::Color(tape.constant(&constant));

@@ -106,7 +106,8 @@ mod tests {
     #[test]
     fn each_part_gets_its_own_gradient() {
         let tape = Tape::new();
-        let [x, y] = [[2, 1], [2, 2]].map(|shape| tape.leaf(&Tensor::from_flat_fn(shape, |k| k as f64)));
+        let [x, y] =
+            [[2, 1], [2, 2]].map(|shape| tape.leaf(&Tensor::from_flat_fn(shape, |k| k as f64)));
         let z = Var::concat(&[x, y], 1).unwrap();
         assert_eq!(z.value().data(), [0.0, 0.0, 1.0, 1.0, 2.0, 3.0]);
         let upstream = Tensor::from_flat_fn([2, 3], |k| 10.0 * k as f64);

@@ -21,7 +21,7 @@ impl<T: Scalar> Binary<T> for Smaller {
     const RIGHT_SLOPE_FROM: [bool; 2] = [true, true];
 
     fn value(self, x: T, y: T) -> T {
-        x.lesser(y)
+        x.minimum_or_nan(y)
     }
     fn left_slope(self, x: T, y: T) -> T {
         share(x, y, Ordering::Less)

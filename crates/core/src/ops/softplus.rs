@@ -16,7 +16,7 @@ impl<T: Scalar> Unary<T> for Softplus {
     const SLOPE_FROM: SlopeFrom = SlopeFrom::Input;
 
     fn value(self, x: T) -> T {
-        x.greater(T::ZERO) + (-x.abs()).exp().ln_1p()
+        x.maximum_or_nan(T::ZERO) + (-x.abs()).exp().ln_1p()
     }
     fn slope(self, x: T) -> T {
         logistic(x)

@@ -70,7 +70,7 @@ impl<T: Scalar> Adam<T> {
         let m = self.first[0] * m + self.first[1] * g;
         let v = self.second[0] * v + self.second[1] * (g * g);
         let unbiased = v * self.unbias;
-        let u = if GREATEST { u.greater(unbiased) } else { unbiased };
+        let u = if GREATEST { u.maximum_or_nan(unbiased) } else { unbiased };
         (x + -self.rate * m / (u.sqrt() + self.epsilon), [m, v, u])
     }
 

@@ -25,7 +25,9 @@ impl Scene {
     }
 
     fn positions<'t, T: Scalar>(&self, tape: &'t Tape<T>) -> Var<'t, T> {
-        tape.leaf(&Tensor::from_flat_fn([self.clip.len(), 4], |k| T::from_f64(self.clip[k / 4][k % 4])))
+        tape.leaf(&Tensor::from_flat_fn([self.clip.len(), 4], |k| {
+            T::from_f64(self.clip[k / 4][k % 4])
+        }))
     }
 
     fn rasterized<'t, T: Scalar>(&self, clip: Var<'t, T>) -> Fragments<'t, T> {
@@ -49,7 +51,9 @@ impl Scene {
         color: impl Fn(usize, u32) -> f64,
     ) -> Tensor<T> {
         let ids = fragments.coverage.triangle_ids();
-        Tensor::from_flat_fn([self.size.height, self.size.width, 1], |k| T::from_f64(color(k, ids[k])))
+        Tensor::from_flat_fn([self.size.height, self.size.width, 1], |k| {
+            T::from_f64(color(k, ids[k]))
+        })
     }
 
     /// The gradient of `sum out_bar . out` with respect to the image and the positions.

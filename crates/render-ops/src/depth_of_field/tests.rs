@@ -50,7 +50,8 @@ fn assert_close(found: &Tensor<f64>, expected: &Tensor<f64>, tolerance: f64) {
 fn at_one_depth_it_is_the_gaussian_blur() {
     for (depth, sigma) in [(6.0, 1.0), (1.5, 2.0), (f64::INFINITY, 2.0), (3.1, 2.0 / 31.0)] {
         let tape = Tape::new();
-        let blurred = gaussian_blur(tape.leaf(&image(1)), tape.leaf_scalar(sigma), &Blur::default());
+        let blurred =
+            gaussian_blur(tape.leaf(&image(1)), tape.leaf_scalar(sigma), &Blur::default());
         let expected = blurred.unwrap().value();
         let (found, ..) =
             focused(&image(1), &Tensor::full([6, 9], depth), [2.0, 3.0], &Lens::default());
@@ -80,7 +81,8 @@ fn what_is_in_focus_stays_as_it_is_to_the_bit() {
 fn a_constant_image_is_kept_to_the_bit_and_moves_with_nothing() {
     let tape = Tape::new();
     let image = tape.leaf(&Tensor::full(SHAPE, 0.7));
-    let (depth, aperture, focus) = (tape.leaf(&depths()), tape.leaf_scalar(2.0), tape.leaf_scalar(3.0));
+    let (depth, aperture, focus) =
+        (tape.leaf(&depths()), tape.leaf_scalar(2.0), tape.leaf_scalar(3.0));
     let out = depth_of_field(image, depth, aperture, focus, &Lens::default()).unwrap().image;
     assert_eq!(out.value(), image.value());
     let gradients = tape.vjp(&[(out, &upstream())]).unwrap();

@@ -290,8 +290,9 @@ fn channels_do_not_mix() {
     let image = numbers::<f64>([6, 5, 3], 8);
     let out = blurred(&image, 1.2, &Blur::default());
     for channel in 0..3 {
-        let alone =
-            |image: &Tensor<f64>| Tensor::from_flat_fn([6, 5, 1], |k| image.data()[3 * k + channel]);
+        let alone = |image: &Tensor<f64>| {
+            Tensor::from_flat_fn([6, 5, 1], |k| image.data()[3 * k + channel])
+        };
         assert_close(&blurred(&alone(&image), 1.2, &Blur::default()), &alone(&out), 1e-15);
     }
 }

@@ -78,7 +78,7 @@ pub(super) fn give_one_factor<S: Scalar<Wide = S>>(corners: &mut [Corner<S>]) {
         return;
     }
     let (least, most) = (
-        factors().fold(S::from_f64(f64::INFINITY), S::lesser),
+        factors().fold(S::from_f64(f64::INFINITY), S::minimum_or_nan),
         factors().fold(S::ZERO, S::greater),
     );
     // About 1e-60 and 1e60, where a vertex starts to be multiplied, factors leap by as much. Products

@@ -265,9 +265,9 @@ impl<S: Scalar<Wide = S>> Setup<S> {
                 // Values first, then two stores, so that they are compiled to vectors; and a
                 // minimum, for a choice would become a masked store, which later loads wait for.
                 let (before, seen_before) = (*nearest, *seen);
-                *nearest = lanes(|k| before[k].min(depth[k]));
+                *nearest = lanes(|k| before[k].minimum_number(depth[k]));
                 *seen = lanes(|k| if depth[k] < before[k] { face } else { seen_before[k] });
-                closest = lanes(|k| inside[k].abs().min(closest[k]));
+                closest = lanes(|k| inside[k].abs().minimum_number(closest[k]));
             }
         }
         closest.iter().any(|&distance| distance <= doubt)

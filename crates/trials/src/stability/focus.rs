@@ -42,8 +42,12 @@ pub(super) fn in_focus<T: Scalar>() -> Outcome {
         depth_of_field(view.image, view.depth, view.aperture, view.focus, &Lens::default())?;
     let error = difference(&numbers(&found.image.value()), &numbers(&view.image.value()));
     let bar = view.largest_bar(found.image)?;
-    Ok(Found::within("the image to the bit, no gradient to the depth", error.greater(bar), 0.0)
-        .and(found.capped == 0, "pixels are counted as capped"))
+    Ok(Found::within(
+        "the image to the bit, no gradient to the depth",
+        error.maximum_or_nan(bar),
+        0.0,
+    )
+    .and(found.capped == 0, "pixels are counted as capped"))
 }
 
 /// How far the windows of `gathered` reach.
@@ -100,8 +104,8 @@ pub(super) fn depth_to_zero<T: Scalar>() -> Outcome {
         let sigma = tape.leaf_scalar(T::from_f64(sigma));
         let blurred = gaussian_blur(view.image, sigma, &Blur::default())?;
         error = error
-            .greater(difference(&numbers(&found.image.value()), &numbers(&blurred.value())))
-            .greater(found.capped.abs_diff(capped) as f64);
+            .maximum_or_nan(difference(&numbers(&found.image.value()), &numbers(&blurred.value())))
+            .maximum_or_nan(found.capped.abs_diff(capped) as f64);
     }
     Ok(Found::within(
         "capped as a blur by the cap, and counted; mixed, each the sum over its taps",

@@ -37,13 +37,13 @@ pub(super) fn against_the_image<T: Scalar>() -> Outcome {
             let found = layer.squared_error(&target)?;
             let expected = (whole - tape.constant(&goal)).square().sum();
             let [loss, exact] = [found, expected].map(|loss| loss.item().to_f64());
-            error = error.greater((loss / exact - 1.0).abs());
+            error = error.maximum_or_nan((loss / exact - 1.0).abs());
             let [found, expected] = [found.backward()?, expected.backward()?];
             for leaf in [positions, colors] {
                 let expected = numbers(&expected.get_or_zeros(leaf));
                 let scale = expected.iter().fold(1.0_f64, |most, bar| most.max(bar.abs()));
                 let off = difference(&numbers(&found.get_or_zeros(leaf)), &expected);
-                error = error.greater(off / scale);
+                error = error.maximum_or_nan(off / scale);
             }
         }
     }

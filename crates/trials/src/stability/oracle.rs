@@ -108,7 +108,7 @@ pub(super) fn compare<T: Scalar>(scene: &Scene, drawn: &Drawn) -> Comparison {
             let total: f64 = b.iter().sum();
             let found = [seen.uv[0], seen.uv[1], seen.depth];
             for (found, expected) in found.iter().zip([b[0] / total, b[1] / total, depth]) {
-                comparison.error = comparison.error.greater((found - expected).abs());
+                comparison.error = comparison.error.maximum_or_nan((found - expected).abs());
             }
         }
     }

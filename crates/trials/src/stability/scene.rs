@@ -84,7 +84,7 @@ pub(super) fn rounding<T: Scalar>() -> f64 {
 
 /// The largest of some numbers by size, and NaN where one is.
 pub(super) fn largest(numbers: impl IntoIterator<Item = f64>) -> f64 {
-    numbers.into_iter().fold(0.0, |largest, number| number.abs().greater(largest))
+    numbers.into_iter().fold(0.0, |largest, number| number.abs().maximum_or_nan(largest))
 }
 
 /// The largest difference between two lists.
@@ -173,8 +173,9 @@ impl Scene {
         let tape = Tape::<T>::new();
         let clip = self.leaf(&tape);
         let fragments = rasterize(clip, &self.mesh()?, self.size)?;
-        let uv_bar =
-            Tensor::from_flat_fn(fragments.barycentrics.shape(), |k| T::from_f64(1.0 + (k % 2) as f64));
+        let uv_bar = Tensor::from_flat_fn(fragments.barycentrics.shape(), |k| {
+            T::from_f64(1.0 + (k % 2) as f64)
+        });
         let depth = depth(&fragments)?;
         let depth_bar = Tensor::full(depth.shape(), T::from_f64(3.0));
         let seeds = [(fragments.barycentrics, &uv_bar), (depth, &depth_bar)];

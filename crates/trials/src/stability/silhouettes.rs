@@ -48,7 +48,7 @@ fn against_the_text<T: Scalar>(
             let found =
                 antialias_of::<T>(&Scene::of_px(corners, &[order], size), |k, _| motley(k))?;
             let expected = antialiased(*corners, &found.covered, &found.before, size);
-            error = error.greater(difference(&found.after, &expected));
+            error = error.maximum_or_nan(difference(&found.after, &expected));
             let pairs = found.after.iter().zip(&found.before);
             blended += pairs.filter(|(after, before)| after != before).count();
             finite &= found.clip_bar.iter().all(|bar| bar.is_finite());
@@ -86,7 +86,7 @@ pub(super) fn blends_on_all_sides<T: Scalar>() -> Outcome {
         let (moves, all) = moves_at_the_middle::<T>(scene)?;
         wrong += usize::from(moves != shares || shares.contains(&0.0));
         wrong += usize::from(all != shares.iter().sum::<f64>());
-        reach = reach.greater(all);
+        reach = reach.maximum_or_nan(all);
         Ok(())
     };
     // One face around the centre: two sides of it cross one line each; the third, at exactly 45
@@ -173,8 +173,8 @@ pub(super) fn edge_at_45_degrees<T: Scalar>() -> Outcome {
                     true => through_centers(&found.before, is_left),
                     false => found.before.clone(),
                 };
-                error = error.greater(difference(&found.after, &expected));
-                error = error.greater(if found.covered == covered { 0.0 } else { 1.0 });
+                error = error.maximum_or_nan(difference(&found.after, &expected));
+                error = error.maximum_or_nan(if found.covered == covered { 0.0 } else { 1.0 });
             }
         }
     }
@@ -195,16 +195,16 @@ pub(super) fn crossing_half_way<T: Scalar>() -> Outcome {
             let points = [[4.0, -300.0], [4.0, 300.0], [far, 3.0]];
             let scene = Scene::of_px(&points, &[order], size);
             let found = antialias_of::<T>(&scene, |_, id| f64::from(id))?;
-            error = error.greater(difference(&found.after, &found.before));
+            error = error.maximum_or_nan(difference(&found.after, &found.before));
             // A step to the right covers 4 rows of W / 2 pixels more, or less.
             let slope = found.clip_bar[0] + found.clip_bar[4];
-            moved = moved.greater((slope - sign * 16.0).abs());
+            moved = moved.maximum_or_nan((slope - sign * 16.0).abs());
         }
     }
     let bound = 64.0 * rounding::<T>();
     Ok(Found::within(
         "no pixel moves, and the gradient is the area's, 16",
-        error.greater(moved),
+        error.maximum_or_nan(moved),
         16.0 * bound,
     ))
 }
@@ -248,7 +248,7 @@ pub(super) fn duplicated_vertices<T: Scalar>() -> Outcome {
     let other = antialias_of::<T>(&split, |k, _| motley(k))?;
     let same = antialias_of::<T>(&split, |_, _| 0.7)?;
     // On a surface of one colour the seam does not show.
-    let error = difference(&same.after, &same.before).greater(largest(same.clip_bar));
+    let error = difference(&same.after, &same.before).maximum_or_nan(largest(same.clip_bar));
     Ok(Found::within(
         "the seam blends as a silhouette; 6 boundary edges reported, not 4",
         error,

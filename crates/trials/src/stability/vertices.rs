@@ -21,7 +21,7 @@ fn against_the_system<T: Scalar>(scenes: &[Vec<[f64; 4]>], bound: f64) -> Outcom
             wrong += comparison.wrong;
             covered += comparison.covered;
             close += comparison.close;
-            error = error.greater(comparison.error);
+            error = error.maximum_or_nan(comparison.error);
             finite &= scene.rendered::<T>(None)?.is_finite()
                 && scene.surface_gradient::<T>()?.iter().all(|bar| bar.is_finite());
         }
@@ -120,12 +120,14 @@ fn with_weight<T: Scalar>(face: [[f64; 3]; 3], factors: [f64; 3]) -> Result<(usi
             for (found, expected) in
                 [(seen.uv[0], b[0] / total), (seen.uv[1], b[1] / total), (seen.depth, *depth)]
             {
-                error = error.greater((found - expected).abs());
+                error = error.maximum_or_nan((found - expected).abs());
             }
             let rest = 1.0 - seen.uv[0] - seen.uv[1];
-            let beyond = |weight: f64| (-weight).greater(weight - 1.0).greater(0.0);
-            error =
-                error.greater(beyond(seen.uv[0])).greater(beyond(seen.uv[1])).greater(beyond(rest));
+            let beyond = |weight: f64| (-weight).maximum_or_nan(weight - 1.0).maximum_or_nan(0.0);
+            error = error
+                .maximum_or_nan(beyond(seen.uv[0]))
+                .maximum_or_nan(beyond(seen.uv[1]))
+                .maximum_or_nan(beyond(rest));
         }
     }
     Ok((wrong, error))
@@ -195,7 +197,7 @@ pub(super) fn tiny_w<T: Scalar>() -> Outcome {
         for factors in [[tiny, 1.0, 1.0], [1.0, tiny, tiny], [tiny; 3]] {
             let (pixels, difference) = with_weight::<T>(face, factors)?;
             wrong += pixels;
-            error = error.greater(difference);
+            error = error.maximum_or_nan(difference);
             // A gradient grows as 1 / w. At w = 1 those here are far below 2^20.
             let scene = Scene::new(&weighted(face, factors), &[[0, 1, 2]], SIZE);
             let is_bounded = |vertex: usize| factors[vertex] * most > f64::powi(2.0, 20);
@@ -221,7 +223,7 @@ pub(super) fn wide_range_of_w<T: Scalar>() -> Outcome {
         let factors = powers.map(|power| f64::powi(2.0, power));
         let (pixels, difference) = with_weight::<T>(IN_FRONT, factors)?;
         wrong += pixels;
-        error = error.greater(difference);
+        error = error.maximum_or_nan(difference);
         off += not_finite::<T>(&Scene::new(&weighted(IN_FRONT, factors), &[[0, 1, 2]], SIZE))?;
     }
     let outcome = "weights within [0, 1] and right, w from 1e-6 to 1e6; finite gradients";
@@ -243,8 +245,9 @@ pub(super) fn in_the_near_plane<T: Scalar>() -> Outcome {
             let drawn = scene.draw::<T>()?;
             count += drawn.count();
             off += not_finite::<T>(&scene)?;
-            error = error
-                .greater(largest(drawn.pixels.iter().flatten().map(|seen| seen.depth - depth)));
+            error = error.maximum_or_nan(largest(
+                drawn.pixels.iter().flatten().map(|seen| seen.depth - depth),
+            ));
         }
     }
     let all = 12 * SIZE.pixels();

@@ -85,7 +85,8 @@ impl Input {
     pub(super) fn new(pixels: usize, sigma: f64) -> Result<Self, FitError> {
         let mut generator = ChaCha8Rng::seed_from_u64(pixels as u64);
         let shape = [pixels, pixels, CHANNELS];
-        let image = Tensor::from_flat_fn(shape, |_| f64::from(generator.next_u32() >> 8) / 16_777_216.0);
+        let image =
+            Tensor::from_flat_fn(shape, |_| f64::from(generator.next_u32() >> 8) / 16_777_216.0);
         let mut input = Self { image, upstream: Tensor::zeros(shape), sigma };
         // What is a good upstream gradient does not take an exact blur, but one that takes something
         // away at any sigma: the discrete one.

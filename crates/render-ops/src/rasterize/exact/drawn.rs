@@ -127,7 +127,7 @@ impl<T: Scalar> Drawn<'_, '_, T> {
         let reaches = q.map(|[x, y]| x.abs() + y.abs());
         let extents = vertices.map(|vertex| {
             let [x, y] = extent(vertex, self.view.size);
-            x.greater(y)
+            x.maximum_or_nan(y)
         });
         let depth_doubt = depth_doubt(&vertices, &edges, depth, reaches, extents);
         Candidate { drawn, edges, depth, depth_doubt, outline }
@@ -152,7 +152,7 @@ impl<T: Scalar> Drawn<'_, '_, T> {
             [-infinity, infinity]
         } else {
             let [p, q, r] = vertices.map(|vertex| vertex.z / vertex.w);
-            [p.lesser(q).lesser(r), p.greater(q).greater(r)]
+            [p.minimum_or_nan(q).lesser(r), p.maximum_or_nan(q).maximum_or_nan(r)]
         };
         Plane { depth, range, edge_doubts, doubt }
     }
@@ -179,7 +179,7 @@ impl<T: Scalar> Drawn<'_, '_, T> {
             covers &= value >= -edge_doubts[k];
             ends |= outline >> k & 1 == 1 && value.abs() <= T::Wide::from_f64(REACH) * change;
         }
-        let nearest = (depth - reach).greater(*least) - *doubt;
+        let nearest = (depth - reach).maximum_or_nan(*least) - *doubt;
         let farthest = (depth + reach).lesser(*most) + *doubt;
         // Of what is no number nothing is known.
         let infinity = T::Wide::from_f64(f64::INFINITY);

@@ -267,7 +267,7 @@ pub(super) fn line_bar<S: Scalar>(
     g: impl Fn([S; 2]) -> S,
 ) -> Line<S> {
     // Near 1, since squares of what belongs to vertices far away may leave the range of the numbers.
-    let largest = normal_x.abs().greater(normal_y.abs());
+    let largest = normal_x.abs().maximum_or_nan(normal_y.abs());
     let (normal_x, normal_y) = (normal_x / largest, normal_y / largest);
     // The side's length over that of the normal, at a right angle to it: no root is needed.
     let across = ((q[0] - p[0]) * normal_y - (q[1] - p[1]) * normal_x).abs();

@@ -78,7 +78,7 @@ impl<S: Scalar> Samples<S> {
         for &Stretch { candidate: at, k, ends } in &*stretches {
             let [_, x, y] = candidates[at as usize].edges[usize::from(k)];
             let source = Source::Edge { candidate: at, k };
-            let beside = S::from_f64(BESIDE) / x.abs().greater(y.abs());
+            let beside = S::from_f64(BESIDE) / x.abs().maximum_or_nan(y.abs());
             for ends in cut(ends) {
                 let [p, q] = ends;
                 let half = S::from_f64(0.5);

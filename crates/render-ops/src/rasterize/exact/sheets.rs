@@ -147,7 +147,7 @@ pub(super) fn front_sheets<S: Scalar>(slabs: &mut [Slab<S>]) -> Option<usize> {
         if slab.ends || slab.nearest < -S::ONE || slab.farthest > S::ONE {
             return None;
         }
-        farthest = farthest.greater(slab.farthest);
+        farthest = farthest.maximum_or_nan(slab.farthest);
         sheets += usize::from(slab.covers);
     }
     Some(sheets)
@@ -157,7 +157,7 @@ pub(super) fn front_sheets<S: Scalar>(slabs: &mut [Slab<S>]) -> Option<usize> {
 pub(super) fn layers<S: Scalar>(slabs: &[Slab<S>]) -> impl Iterator<Item = &[Slab<S>]> {
     let mut farthest = -S::from_f64(f64::INFINITY);
     slabs.chunk_by(move |slab, next| {
-        farthest = farthest.greater(slab.farthest);
+        farthest = farthest.maximum_or_nan(slab.farthest);
         next.nearest <= farthest
     })
 }

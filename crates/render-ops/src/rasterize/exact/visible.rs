@@ -197,7 +197,7 @@ impl<S: Scalar> Visible<S> {
         for point in polygon.iter().flat_map(|&polygon| polygons.points(polygon)) {
             let place = [point[0], point[1], value_at(candidate.depth, point)];
             least = std::array::from_fn(|k| least[k].lesser(place[k]));
-            most = std::array::from_fn(|k| most[k].greater(place[k]));
+            most = std::array::from_fn(|k| most[k].maximum_or_nan(place[k]));
         }
         let doubt = candidate.depth_doubt;
         whole.push(Whole { polygon, cuts: first..lines.len(), least, most, doubt });

@@ -173,7 +173,8 @@ fn loss_and_gradient(
         tape.leaf(&Tensor::from_flat_fn([clip.len(), 2], |k| colors[k / 2] * (1 + k % 2) as f64)),
     );
     let image = picture(positions, colors, &mesh, options);
-    let upstream = Tensor::from_flat_fn(image.shape(), |k| ((k * 37 + 11) % 17) as f64 / 17.0 - 0.4);
+    let upstream =
+        Tensor::from_flat_fn(image.shape(), |k| ((k * 37 + 11) % 17) as f64 / 17.0 - 0.4);
     let loss = image.value().data().iter().zip(upstream.data()).map(|(x, u)| x * u).sum();
     (loss, tape.vjp(&[(image, &upstream)]).unwrap().get_or_zeros(positions).data().to_vec())
 }

@@ -37,14 +37,14 @@ pub(in super::super) fn coplanar<T: Scalar>() -> Outcome {
         for second in orders([0, 1, 2]) {
             let scene = Scene::new(&clip, &[first, second, first], SIZE);
             let picture = Picture::of::<T>(&scene)?;
-            error = error.greater(difference(&picture.covered(), &alone));
+            error = error.maximum_or_nan(difference(&picture.covered(), &alone));
             // In one plane to within rounding, which f32 positions are not.
             let later = picture.areas.chunks_exact(3).map(|areas| areas[1] + areas[2]);
-            error = error.greater(largest(later));
+            error = error.maximum_or_nan(largest(later));
             let scene = Scene::new(&clip, &[first, second, [1, 3, 2], [0, 3, 2], first], SIZE);
             let more = Picture::of::<T>(&scene)?;
-            error = error.greater(difference(&more.covered(), &both));
-            parts = parts.greater(picture.parts).greater(more.parts);
+            error = error.maximum_or_nan(difference(&more.covered(), &both));
+            parts = parts.maximum_or_nan(picture.parts).maximum_or_nan(more.parts);
             wrong += picture.wrong + more.wrong;
         }
     }
@@ -107,7 +107,7 @@ pub(in super::super) fn crowded<T: Scalar>() -> Outcome {
         if pixel == 5 {
             (sampled, inside) = (off, found);
         } else {
-            exact = exact.greater(off);
+            exact = exact.maximum_or_nan(off);
         }
     }
     Ok(Found::within("sampled there alone, exact beside it", exact, 16.0 * rounding::<T>())

@@ -86,7 +86,7 @@ pub(in super::super) fn wide_range_of_w<T: Scalar>() -> Outcome {
     for powers in [[-20, 0, 20], [20, -20, 0], [-20, 20, 20], [-126, 0, 0], [-126, -126, -126]] {
         let factors = powers.map(|power| f64::powi(2.0, power));
         let found = Picture::of::<T>(&Scene::new(&weighted(factors), &[[0, 1, 2]], SIZE))?;
-        error = error.greater(difference(&found.areas, &plain.areas));
+        error = error.maximum_or_nan(difference(&found.areas, &plain.areas));
         // Gradients grow as 1 / w, and 2^126 is near the end of the range.
         wrong += if powers[0] > -30 { found.wrong } else { 0 };
         wrong += found.image.iter().filter(|entry| !entry.is_finite()).count();
@@ -136,9 +136,9 @@ pub(in super::super) fn far_away<T: Scalar>() -> Outcome {
                     for (pixel, found) in picture.covered().into_iter().enumerate() {
                         let above = (line - (pixel / 16) as f64).clamp(0.0, 1.0);
                         let expected = if sign > 0.0 { above } else { 1.0 - above };
-                        error = error.greater((found - expected).abs());
+                        error = error.maximum_or_nan((found - expected).abs());
                     }
-                    parts = parts.greater(picture.parts);
+                    parts = parts.maximum_or_nan(picture.parts);
                     wrong += picture.wrong;
                 }
             }

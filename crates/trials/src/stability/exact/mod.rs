@@ -84,8 +84,8 @@ impl Picture {
         for (pixel, values) in pixels.chunks_exact(3).enumerate() {
             let own = &areas[pixel * faces..][..faces];
             let covered: f64 = own.iter().sum();
-            parts = parts.greater((covered - values[2]).abs()).greater(covered - 1.0);
-            parts = own.iter().fold(parts, |parts, &area| parts.greater(-area));
+            parts = parts.maximum_or_nan((covered - values[2]).abs()).maximum_or_nan(covered - 1.0);
+            parts = own.iter().fold(parts, |parts, &area| parts.maximum_or_nan(-area));
         }
         let [clip_bar, color_bar, background_bar] = [clip, colors, behind].map(gradient);
         let all = [&pixels, &clip_bar, &color_bar, &background_bar];
@@ -145,20 +145,20 @@ impl Checked {
         let mut boundary = Vec::new();
         for (pixel, found) in picture.areas.chunks_exact(faces).enumerate() {
             let expected = swept(&scene.clip, pixel);
-            self.error = self.error.greater(difference(found, &expected));
+            self.error = self.error.maximum_or_nan(difference(found, &expected));
             if expected.iter().any(|&area| 0.0 < area && area < 1.0) {
                 boundary.push(pixel);
             }
         }
         self.partial += boundary.len();
-        self.parts = self.parts.greater(picture.parts);
+        self.parts = self.parts.maximum_or_nan(picture.parts);
         self.wrong += picture.wrong;
         self.crowded += picture.crowded;
         if !smooth {
             return Ok(());
         }
         let found = area_gradient::<T>(&scene)?;
-        let most = largest(found.iter().copied()).greater(1e-3);
+        let most = largest(found.iter().copied()).maximum_or_nan(1e-3);
         for (k, found) in found.into_iter().enumerate() {
             let step = 1e-6 * (1.0 + scene.clip[k / 4][k % 4].abs());
             let loss = |sign: f64| -> f64 {
@@ -172,7 +172,7 @@ impl Checked {
                 terms.sum()
             };
             let quotient = (loss(1.0) - loss(-1.0)) / (2.0 * step);
-            self.slope = self.slope.greater((found - quotient).abs() / most);
+            self.slope = self.slope.maximum_or_nan((found - quotient).abs() / most);
         }
         Ok(())
     }

@@ -53,7 +53,7 @@ pub(in super::super) fn on_pixel_borders<T: Scalar>() -> Outcome {
             for (k, [p, q, r]) in [[a, b, c], [b, c, a], [c, a, b]].into_iter().enumerate() {
                 // Half of both, and 4 pixels to a unit of clip space.
                 let expected = 2.0 * turn.signum() * (side(p, q) + side(r, p));
-                steps = steps.greater((found.clip_bar[4 * k] - expected).abs());
+                steps = steps.maximum_or_nan((found.clip_bar[4 * k] - expected).abs());
             }
         }
     }
@@ -85,8 +85,8 @@ pub(in super::super) fn fans<T: Scalar>() -> Outcome {
             let area = 0.5 * f64::from(count) * 6.3 * 6.3 * angle.sin();
             let found: f64 = picture.covered().iter().sum();
             // Some 20 pixels of the rim hold up to 9 faces each of 64, but of 512 up to 50.
-            error = error.greater((found / area - 1.0).abs());
-            parts = parts.greater(picture.parts);
+            error = error.maximum_or_nan((found / area - 1.0).abs());
+            parts = parts.maximum_or_nan(picture.parts);
             wrong += picture.wrong + picture.crowded;
         }
     }
@@ -111,8 +111,8 @@ pub(in super::super) fn t_junction<T: Scalar>() -> Outcome {
         let inner = |pixel: usize| (1..15).contains(&(pixel % 16));
         let covered = picture.covered();
         let gaps = covered.iter().enumerate().filter(|(pixel, _)| inner(*pixel));
-        gap = gap.greater(largest(gaps.map(|(_, covered)| 1.0 - covered)));
-        parts = parts.greater(picture.parts);
+        gap = gap.maximum_or_nan(largest(gaps.map(|(_, covered)| 1.0 - covered)));
+        parts = parts.maximum_or_nan(picture.parts);
         wrong += picture.wrong;
     }
     // Positions of up to 1 are rounded, in units of 8 px.
@@ -167,7 +167,7 @@ pub(in super::super) fn seams_everywhere<T: Scalar>() -> Outcome {
         let plain = Picture::of::<T>(&scene)?;
         let mesh = scene.mesh()?.with_seams(|_, _| true);
         let cut = Picture::with::<T>(&scene, mesh, options(scene.size), |k| motley(3 * k + 1))?;
-        error = error.greater(difference(&cut.covered(), &plain.covered()));
+        error = error.maximum_or_nan(difference(&cut.covered(), &plain.covered()));
         // What a pixel without a boundary shows at its centre is no mean where faces meet in it.
         let is_cut = |pixel: &usize| {
             let count = scene.faces.len();
@@ -175,9 +175,9 @@ pub(in super::super) fn seams_everywhere<T: Scalar>() -> Outcome {
         };
         for pixel in (0..scene.size.pixels()).filter(|pixel| !is_cut(pixel)) {
             let own = 3 * pixel..3 * pixel + 3;
-            error = error.greater(difference(&cut.image[own.clone()], &plain.image[own]));
+            error = error.maximum_or_nan(difference(&cut.image[own.clone()], &plain.image[own]));
         }
-        parts = parts.greater(cut.parts);
+        parts = parts.maximum_or_nan(cut.parts);
         wrong += cut.wrong + cut.crowded;
     }
     Ok(Found::within("what is covered stays", error, 16.0 * rounding::<T>())
@@ -220,8 +220,8 @@ pub(in super::super) fn sides_and_edges<T: Scalar>() -> Outcome {
     three.faces.push([1, 2, 4]);
     for scene in [split, three] {
         let found = Picture::of::<T>(&scene)?;
-        error = error.greater(difference(&found.covered(), &whole.covered()));
-        error = error.greater(found.parts);
+        error = error.maximum_or_nan(difference(&found.covered(), &whole.covered()));
+        error = error.maximum_or_nan(found.parts);
         wrong += found.wrong;
     }
     Ok(Found::within(
