@@ -98,7 +98,7 @@ impl Check {
     ///
     /// # Errors
     /// The first law that is broken, on the smallest inputs found that break it.
-    pub fn run(&self) -> Result<Report, Box<Failure>> {
+    pub fn run(&self) -> Result<CheckReport, Box<Failure>> {
         let mut tallies: Vec<(Law, Tally)> = Vec::new();
         let mut right: Option<Trial> = None;
         let mut cases = points(&self.strategy);
@@ -126,7 +126,7 @@ impl Check {
             })?;
             add(&mut tallies, Law::Refusals, tally);
         }
-        let report = Report {
+        let report = CheckReport {
             name: self.name.clone(),
             cases: self.cases,
             tallies,
@@ -141,7 +141,7 @@ impl Check {
     /// # Panics
     /// Where a law is broken, with the failure as the message.
     #[allow(clippy::must_use_candidate, reason = "most tests want the panic alone")]
-    pub fn assert(&self) -> Report {
+    pub fn assert(&self) -> CheckReport {
         match self.run() {
             Ok(report) => {
                 println!("{report}");
@@ -211,7 +211,7 @@ impl Check {
     }
 
     /// Whether each law was checked on enough points.
-    fn enough(&self, report: &Report) -> Result<(), Box<Failure>> {
+    fn enough(&self, report: &CheckReport) -> Result<(), Box<Failure>> {
         // Wrong input is given by hand or not at all.
         for law in self.laws().filter(|&law| law != Law::Refusals) {
             let tally = report.tally(law);
@@ -284,7 +284,7 @@ impl Points {
 
 /// What a check looked at. `Display` gives a line.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Report {
+pub struct CheckReport {
     /// The subject's name.
     pub name: String,
     /// How many cases were drawn.
@@ -295,7 +295,7 @@ pub struct Report {
     pub except: Vec<Law>,
 }
 
-impl Report {
+impl CheckReport {
     /// What one law compared and left out.
     pub fn tally(&self, law: Law) -> Tally {
         let tally = self.tallies.iter().find(|(found, _)| *found == law);
@@ -311,7 +311,7 @@ impl Tally {
     }
 }
 
-impl fmt::Display for Report {
+impl fmt::Display for CheckReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let differences = self.tally(Law::Differences);
         let all = differences.compared + differences.left_out;

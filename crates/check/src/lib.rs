@@ -59,7 +59,7 @@ mod trial;
 pub mod strategy;
 
 pub use bokashi_core::{Dual, Scalar, Tape, Var};
-pub use check::{Check, Report};
+pub use check::{Check, CheckReport};
 pub use failure::{Broken, Failure, Law, Numbers};
 pub use mutation::{Kills, Mutation};
 pub use subject::{Case, Input, Outcome, Refusal, Subject, sides};

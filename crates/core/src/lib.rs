@@ -64,7 +64,7 @@ pub use gradient::{Accumulator, Accumulators};
 pub use op::{Inputs, Keep, Kept, Op, Outputs};
 pub use products::{hvp, jvp};
 pub use record::Variables;
-pub use report::{LeftOut, OperationReport, Report, ValueError};
+pub use report::{LeftOut, OperationReport, TapeReport, ValueError};
 pub use scalar::Scalar;
 pub use shape::Shape;
 pub use summation::sum;

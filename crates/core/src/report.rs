@@ -23,10 +23,10 @@ pub struct OperationReport {
     /// Bytes of its outputs and of what it saved, over all calls.
     pub bytes: u64,
     /// The largest relative error of its outputs, where they were compared
-    /// ([`Report::with_errors`]).
+    /// ([`TapeReport::with_errors`]).
     pub error: Option<f64>,
     /// The largest relative error of the gradients of its outputs, where they were compared
-    /// ([`Report::with_gradient_errors`]).
+    /// ([`TapeReport::with_gradient_errors`]).
     pub gradient_error: Option<f64>,
 }
 
@@ -44,14 +44,14 @@ pub struct LeftOut {
 /// What a tape did since the report was last taken, in the order in which the tape first met each
 /// kind of operation.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Report {
+pub struct TapeReport {
     /// One entry per kind of operation.
     pub operations: Vec<OperationReport>,
     /// One entry per kind of work left out.
     pub left_out: Vec<LeftOut>,
 }
 
-impl Report {
+impl TapeReport {
     /// The report with the largest relative error of each operation's outputs, of those of
     /// [`value_errors`](crate::value_errors).
     #[must_use]
@@ -215,8 +215,8 @@ impl Tally {
     }
 
     /// The report so far; everything is counted from zero afterwards.
-    pub(crate) fn take(&mut self) -> Report {
-        let mut report = Report::default();
+    pub(crate) fn take(&mut self) -> TapeReport {
+        let mut report = TapeReport::default();
         for count in &mut self.counts {
             report.left_out.extend(count.left_out());
             let fresh = Count::new(count.operation.name);
@@ -236,7 +236,7 @@ impl Tally {
 }
 
 /// A table for people.
-impl fmt::Display for Report {
+impl fmt::Display for TapeReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,

@@ -11,7 +11,7 @@ use crate::gradient::{Accumulator, Wanted};
 use crate::node::{Node, Place};
 use crate::op::Renamed;
 use crate::pool::Pool;
-use crate::report::{Report, Tally};
+use crate::report::{Tally, TapeReport};
 use crate::scalar::Scalar;
 use crate::tensor::Tensor;
 use crate::value::Value;
@@ -166,7 +166,7 @@ impl<T: Scalar> Tape<T> {
     }
 
     /// What the tape did since the report was last taken.
-    pub fn take_report(&self) -> Report {
+    pub fn take_report(&self) -> TapeReport {
         self.inner.borrow_mut().tally.take()
     }
 

@@ -5,7 +5,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use crate::error::TensorError;
 use crate::gradient::Accumulators;
 use crate::op::{Inputs, Keep, Kept, Op, Outputs};
-use crate::report::Report;
+use crate::report::TapeReport;
 use crate::tape::Tape;
 use crate::tensor::Tensor;
 use crate::var::Var;
@@ -119,7 +119,7 @@ fn breaks_off(tape: &Tape<f64>, x: Var<'_, f64>, at: At) -> bool {
 }
 
 /// What one step shows: loss, gradients, values on the tape, and the report.
-type Shown = (Vec<Tensor<f64>>, String, Report);
+type Shown = (Vec<Tensor<f64>>, String, TapeReport);
 
 /// The rest of a step on `x`, by operations of all kinds.
 fn finish(tape: &Tape<f64>, x: Var<'_, f64>) -> Shown {

@@ -4,7 +4,8 @@
 //! the errors that the tape finds in the values and gradients of one recording against the other.
 
 use bokashi_core::{
-    OperationReport, Report, Scalar, Tape, Tensor, ValueError, Var, gradient_errors, value_errors,
+    OperationReport, Scalar, Tape, TapeReport, Tensor, ValueError, Var, gradient_errors,
+    value_errors,
 };
 use bokashi_fit::{FitError, squared_error};
 use bokashi_render_ops::{Blur, Cull, gaussian_blur};
@@ -66,7 +67,7 @@ impl Start {
     }
 
     /// The reports of `times` steps in f32 and of as many in f64, taken in turns.
-    fn reports(&self, times: u32) -> Result<(Report, Report), FitError> {
+    fn reports(&self, times: u32) -> Result<(TapeReport, TapeReport), FitError> {
         let (mut single, mut double) = (Tape::<f32>::new(), Tape::<f64>::new());
         for turn in 0..=times {
             self.step(&mut single)?;

@@ -134,7 +134,7 @@ fn pairs() -> impl Strategy<Value = Vec<Input>> {
     })
 }
 
-fn check(fault: Fault) -> Result<crate::Report, Box<Failure>> {
+fn check(fault: Fault) -> Result<crate::CheckReport, Box<Failure>> {
     let apart = [Input::leaf(Tensor::zeros([2])), Input::leaf(Tensor::zeros([3]))];
     let product = Product(fault);
     Check::new("product", product, pairs()).refuses("other shapes", Case::new(product, apart)).run()
