@@ -63,7 +63,7 @@ pub use error::TensorError;
 pub use gradient::{Accumulator, Accumulators};
 pub use op::{Inputs, Keep, Kept, Op, Outputs};
 pub use products::{hvp, jvp};
-pub use record::Variables;
+pub use record::OutputVars;
 pub use report::{LeftOut, OperationReport, TapeReport, ValueError};
 pub use scalar::Scalar;
 pub use shape::Shape;

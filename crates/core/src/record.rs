@@ -17,7 +17,7 @@ use crate::value::{Parting, Value};
 use crate::var::Var;
 
 /// The outputs of a recorded operation; up to four need no allocation.
-pub type Variables<'t, T> = SmallVec<[Var<'t, T>; 4]>;
+pub type OutputVars<'t, T> = SmallVec<[Var<'t, T>; 4]>;
 
 impl<T: Scalar> Tape<T> {
     /// Records `op` on `inputs` and returns its outputs.
@@ -29,7 +29,7 @@ impl<T: Scalar> Tape<T> {
         &'t self,
         op: O,
         inputs: &[Var<'t, T>],
-    ) -> Result<Variables<'t, T>, O::Error> {
+    ) -> Result<OutputVars<'t, T>, O::Error> {
         Ok(self.record_with(op, inputs, |_| ())?.0)
     }
 
@@ -43,7 +43,7 @@ impl<T: Scalar> Tape<T> {
         op: O,
         inputs: &[Var<'t, T>],
         look: impl FnOnce(&O::Saved) -> R,
-    ) -> Result<(Variables<'t, T>, R), O::Error> {
+    ) -> Result<(OutputVars<'t, T>, R), O::Error> {
         let (mut look, mut seen) = (Some(look), None);
         let indices = self.record_node(op, inputs, false, &mut |saved| {
             seen = look.take().map(|look| look(saved));
