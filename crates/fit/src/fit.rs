@@ -67,7 +67,7 @@ impl FitSettings {
 
 /// What a callback sees of a step, before its update.
 #[derive(Debug)]
-pub struct Seen<'a, T, M> {
+pub struct StepState<'a, T, M> {
     /// Step, seconds, loss and errors.
     pub step: &'a Step<M>,
     /// The parameters.
@@ -278,7 +278,7 @@ impl<T: Scalar> Fit<T> {
     pub fn run_with<P: Pipeline<T>>(
         &mut self,
         pipeline: &mut P,
-        mut on_step: impl FnMut(&Seen<'_, T, P::Measure>) -> ControlFlow<()>,
+        mut on_step: impl FnMut(&StepState<'_, T, P::Measure>) -> ControlFlow<()>,
     ) -> Result<History<P::Measure>, FitError> {
         let start = Instant::now();
         let settings = self.settings;
@@ -296,7 +296,7 @@ impl<T: Scalar> Fit<T> {
                 let seconds = start.elapsed().as_secs_f64();
                 let measure = measured.measure(parameters);
                 steps.push(Step { step, seconds, loss, measure });
-                let seen = Seen {
+                let seen = StepState {
                     step: &steps[steps.len() - 1],
                     parameters,
                     ms: last_ms,

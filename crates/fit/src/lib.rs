@@ -46,7 +46,7 @@ pub mod report;
 pub mod scenes;
 
 pub use error::{FitError, OperationError, Origin, Quantity};
-pub use fit::{Fit, FitSettings, Seen, Stepped};
+pub use fit::{Fit, FitSettings, StepState, Stepped};
 pub use history::{History, Step, Stop, Vanished};
 pub use loss::{mean_squared_error, squared_error};
 pub use optimizer::Optimizer;

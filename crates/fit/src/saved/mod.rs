@@ -28,7 +28,7 @@ pub(crate) use self::bytes::{Reader, Writer};
 pub(crate) use self::fields::tag;
 pub use self::stored::Stored;
 use crate::error::FitError;
-use crate::fit::{Fit, LoopState, Seen};
+use crate::fit::{Fit, LoopState, StepState};
 use crate::parameter::{Parameter, Parameters};
 use crate::write::write_whole;
 use bokashi_core::Scalar;
@@ -91,7 +91,7 @@ impl<T: Stored> Fit<T> {
     }
 }
 
-impl<T: Stored, M> Seen<'_, T, M> {
+impl<T: Stored, M> StepState<'_, T, M> {
     /// Saves the fit as it is in this step: as [`Fit::save`], while it runs.
     ///
     /// # Errors

@@ -178,7 +178,7 @@ fn patience_counts_on_where_it_was() {
         ..settings(ADAM, Schedule::Constant)
     };
     let run = |fit: &mut Fit<f64>, until: u64| {
-        let on_step = |seen: &Seen<'_, f64, ()>| match seen.step.step >= until {
+        let on_step = |seen: &StepState<'_, f64, ()>| match seen.step.step >= until {
             true => ControlFlow::Break(()),
             false => ControlFlow::Continue(()),
         };
