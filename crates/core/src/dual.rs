@@ -240,7 +240,7 @@ mod tests {
         assert!(less < more && less == Dual::new(1.0, 0.0));
         assert_eq!(less.minimum_or_nan(more).tangent, 9.0);
         assert_eq!(less.maximum_or_nan(more).tangent, -9.0);
-        assert!(Dual::new(f64::NAN, 0.0).lesser(more).value.is_nan());
+        assert!(Dual::new(f64::NAN, 0.0).minimum_or_nan(more).value.is_nan());
         assert!(Dual::new(1.0, f64::NAN).is_finite());
     }
 

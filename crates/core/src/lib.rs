@@ -15,7 +15,23 @@
 //! # Ok::<(), bokashi_core::TensorError>(())
 //! ```
 //!
-//! An operation of one's own implements [`Op`], the trait that the built-in ones implement too.
+//! # What returns a `Result`, and what panics
+//!
+//! A method that can be refused, for a shape, an axis, a bound or a variable of another tape, returns
+//! a `Result`, whose error says the rule and then the value; one that cannot (`exp`, `sum`, `abs`)
+//! returns its value. After an error the tape is as it was.
+//!
+//! Two things cannot return a `Result`, and panic at the caller's line. Operators: `x + y` panics
+//! where `x.try_add(y)` returns the error, and so for `-`, `*` and `/`. And reading, as of a slice:
+//! `t[[i, j]]` outside the shape, `item()` of anything but one entry.
+//!
+//! # An operation of one's own
+//!
+//! It implements [`Op`], the trait that the built-in ones implement too. What its author gets wrong
+//! (an input that it did not keep, outputs beside one that it passes on) panics, and nothing is
+//! recorded.
+//!
+//! # Determinism and memory
 //!
 //! Results are bitwise the same for any number of threads, and a step that repeats the last one
 //! allocates nothing on one thread.

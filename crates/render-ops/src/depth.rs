@@ -78,7 +78,8 @@ impl<T: Scalar> Op<T> for Depth {
         if inputs.len() == 2 {
             for (span, piece) in coverage.piece_spans().zip(pieces) {
                 let Mean { depth, .. } = Mean::of(coverage, clip, inputs.data(1), &span);
-                *piece = T::narrow(depth.maximum_or_nan(-T::Wide::ONE).lesser(T::Wide::ONE));
+                *piece =
+                    T::narrow(depth.maximum_or_nan(-T::Wide::ONE).minimum_or_nan(T::Wide::ONE));
             }
         }
         coverage.for_each_band_mut(coverage.center_bands(), 1, depths, |slots, first, depths| {
@@ -92,8 +93,9 @@ impl<T: Scalar> Op<T> for Depth {
                         let a = row.map(|[start, slope]| start + slope * x);
                         let [z_over_w, _] = face.depth_and_w(a);
                         // What rasterization lets through lies between the planes.
-                        *depth =
-                            T::narrow(z_over_w.maximum_or_nan(-T::Wide::ONE).lesser(T::Wide::ONE));
+                        *depth = T::narrow(
+                            z_over_w.maximum_or_nan(-T::Wide::ONE).minimum_or_nan(T::Wide::ONE),
+                        );
                         x += two;
                     }
                 }

@@ -132,5 +132,5 @@ fn relative_factors<S: Scalar>(a: [S; 3], factors: [S; 3]) -> [S; 3] {
     }
     // One that doesn't count may be larger than any number times the largest one that does.
     let most = S::from_f64(f64::powi(2.0, 1000));
-    factors.map(|factor| (factor / largest).lesser(most))
+    factors.map(|factor| (factor / largest).minimum_or_nan(most))
 }

@@ -21,7 +21,7 @@ impl<T: Scalar> Unary<T> for Clamp<T> {
     const SLOPE_FROM: SlopeFrom = SlopeFrom::Input;
 
     fn value(self, x: T) -> T {
-        x.maximum_or_nan(self.low).lesser(self.high)
+        x.maximum_or_nan(self.low).minimum_or_nan(self.high)
     }
     fn slope(self, x: T) -> T {
         // A NaN is its own value, so it gets its own gradient.

@@ -219,7 +219,7 @@ fn looked_at<S: Scalar<Wide = S>>(
     if !(distance >= -slack && distance <= S::ONE + slack) {
         return None;
     }
-    let inside = distance.maximum_or_nan(S::ZERO).lesser(S::ONE);
+    let inside = distance.maximum_or_nan(S::ZERO).minimum_or_nan(S::ONE);
     Some(Blend {
         pixel: pair.pixels(size)[0] as u32,
         below,

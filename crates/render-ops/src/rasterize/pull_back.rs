@@ -55,7 +55,8 @@ impl<T: Scalar> FaceSums<T::Wide> for PullBack<'_, T> {
 #[inline(always)]
 fn has_even_weights<S: Scalar>(vertices: &[Vertex<S>; 3]) -> bool {
     let [p, q, r] = vertices.map(|vertex| vertex.w);
-    let (least, most) = (p.minimum_or_nan(q).lesser(r), p.maximum_or_nan(q).maximum_or_nan(r));
+    let (least, most) =
+        (p.minimum_or_nan(q).minimum_or_nan(r), p.maximum_or_nan(q).maximum_or_nan(r));
     most < S::from_f64(64.0) * least
 }
 

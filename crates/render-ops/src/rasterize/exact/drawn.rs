@@ -152,7 +152,7 @@ impl<T: Scalar> Drawn<'_, '_, T> {
             [-infinity, infinity]
         } else {
             let [p, q, r] = vertices.map(|vertex| vertex.z / vertex.w);
-            [p.minimum_or_nan(q).lesser(r), p.maximum_or_nan(q).maximum_or_nan(r)]
+            [p.minimum_or_nan(q).minimum_or_nan(r), p.maximum_or_nan(q).maximum_or_nan(r)]
         };
         Plane { depth, range, edge_doubts, doubt }
     }
@@ -180,7 +180,7 @@ impl<T: Scalar> Drawn<'_, '_, T> {
             ends |= outline >> k & 1 == 1 && value.abs() <= T::Wide::from_f64(REACH) * change;
         }
         let nearest = (depth - reach).maximum_or_nan(*least) - *doubt;
-        let farthest = (depth + reach).lesser(*most) + *doubt;
+        let farthest = (depth + reach).minimum_or_nan(*most) + *doubt;
         // Of what is no number nothing is known.
         let infinity = T::Wide::from_f64(f64::INFINITY);
         let [nearest, farthest] =

@@ -196,7 +196,7 @@ impl<S: Scalar> Visible<S> {
         let (mut least, mut most) = ([infinity; 3], [-infinity; 3]);
         for point in polygon.iter().flat_map(|&polygon| polygons.points(polygon)) {
             let place = [point[0], point[1], value_at(candidate.depth, point)];
-            least = std::array::from_fn(|k| least[k].lesser(place[k]));
+            least = std::array::from_fn(|k| least[k].minimum_or_nan(place[k]));
             most = std::array::from_fn(|k| most[k].maximum_or_nan(place[k]));
         }
         let doubt = candidate.depth_doubt;
