@@ -33,7 +33,7 @@ impl<T: Scalar> Op<T> for RowNorm {
     ) -> Result<(), TensorError> {
         let &[rows, columns] = &inputs.shape(0)[..] else {
             let (operation, shape) = ("row norm", inputs.shape(0).clone());
-            return Err(TensorError::Shape { operation, rule: "a matrix", shape });
+            return Err(TensorError::Shape { operation, rule: "a matrix".into(), shape });
         };
         let norms = outputs.push([rows]);
         for (norm, row) in norms.iter_mut().zip(inputs.data(0).chunks(columns.max(1))) {

@@ -76,7 +76,7 @@ pub trait Scalar:
     /// The smaller of two, and NaN where either is NaN: minimum of IEEE 754-2019, for which -0 is
     /// smaller than 0.
     #[inline]
-    fn minimum(self, other: Self) -> Self {
+    fn minimum_or_nan(self, other: Self) -> Self {
         #[expect(clippy::eq_op, reason = "only a NaN differs from itself")]
         let is_nan = self != self;
         let is_least_zero = self == other && self.to_f64().is_sign_negative();
@@ -86,7 +86,7 @@ pub trait Scalar:
     /// The larger of two, and NaN where either is NaN: maximum of IEEE 754-2019, for which 0 is
     /// larger than -0.
     #[inline]
-    fn maximum(self, other: Self) -> Self {
+    fn maximum_or_nan(self, other: Self) -> Self {
         #[expect(clippy::eq_op, reason = "only a NaN differs from itself")]
         let is_nan = self != self;
         let is_greatest_zero = self == other && !self.to_f64().is_sign_negative();
@@ -162,8 +162,8 @@ mod tests {
     #[test]
     fn minimum_and_maximum_never_mask_a_nan_and_a_number_may() {
         for (a, b) in [(f64::NAN, 1.0), (1.0, f64::NAN)] {
-            assert!(a.minimum(b).is_nan());
-            assert!(a.maximum(b).is_nan());
+            assert!(a.minimum_or_nan(b).is_nan());
+            assert!(a.maximum_or_nan(b).is_nan());
             assert_eq!(a.minimum_number(b), 1.0);
         }
         assert!(f64::NAN.minimum_number(f64::NAN).is_nan());
@@ -176,13 +176,13 @@ mod tests {
         fn bits<T: Scalar>() -> [[u64; 2]; 4] {
             [(-1.0, 1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, -1.0)].map(|(a, b)| {
                 let [a, b] = [a, b].map(|sign| T::from_f64(0.0 * sign));
-                [a.minimum(b), a.maximum(b)].map(|x| x.to_f64().to_bits())
+                [a.minimum_or_nan(b), a.maximum_or_nan(b)].map(|x| x.to_f64().to_bits())
             })
         }
         let (plus, minus) = (0.0_f64.to_bits(), (-0.0_f64).to_bits());
         let expected = [[minus, plus], [minus, plus], [plus; 2], [minus; 2]];
         assert_eq!([bits::<f32>(), bits::<f64>(), bits::<Dual<f64>>()], [expected; 3]);
-        assert_eq!([2.0_f64.minimum(1.0), 1.0_f64.minimum(2.0)], [1.0; 2]);
-        assert_eq!([2.0_f64.maximum(1.0), (-1.0_f64).maximum(-2.0)], [2.0, -1.0]);
+        assert_eq!([2.0_f64.minimum_or_nan(1.0), 1.0_f64.minimum_or_nan(2.0)], [1.0; 2]);
+        assert_eq!([2.0_f64.maximum_or_nan(1.0), (-1.0_f64).maximum_or_nan(-2.0)], [2.0, -1.0]);
     }
 }

@@ -11,8 +11,8 @@ use crate::value::{Parting, Value};
 
 /// A value on a tape: a reference to the tape and an index.
 ///
-/// Operators and methods record operations. Operators panic on shapes that do not fit, at the
-/// caller's line; methods whose other parameters can be wrong return a `Result`.
+/// Operators and methods record operations. What can be refused returns a `Result`; operators panic
+/// instead, at the caller's line (see the crate's first page).
 pub struct Var<'t, T: Scalar> {
     pub(crate) tape: &'t Tape<T>,
     pub(crate) index: u32,

@@ -39,13 +39,13 @@ impl<T: Scalar> Op<T> for SquaredError {
         let operation = Op::<T>::name(self);
         let (x_shape, t_shape) = (inputs.shape(0), inputs.shape(1));
         if x_shape != t_shape {
-            let rule = "an image and a target of one shape";
+            let rule = "an image and a target of one shape".into();
             let shapes = Box::new([x_shape.clone(), t_shape.clone()]);
             return Err(TensorError::Mismatch { operation, rule, shapes });
         }
         let (x, t) = (inputs.data(0), inputs.data(1));
         if self.mean && x.is_empty() {
-            let rule = "at least one entry";
+            let rule = "at least one entry".into();
             return Err(TensorError::Shape { operation, rule, shape: x_shape.clone() });
         }
         let t = &t[..x.len()];

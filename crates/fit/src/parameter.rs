@@ -164,6 +164,11 @@ impl<T: Scalar> Parameter<T> {
         &self.raw
     }
 
+    /// What leads from the raw numbers to the value.
+    pub fn mapped_by(&self) -> Mapping {
+        self.mapping
+    }
+
     /// The value: the mapping of the raw numbers.
     pub fn value(&self) -> Tensor<T> {
         match self.mapping {

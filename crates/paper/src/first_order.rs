@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use bokashi_core::{Scalar, Tensor};
-use bokashi_fit::{Fit, FitError, History, Parameter, Parameters, Seen, Step};
+use bokashi_fit::{Fit, FitError, History, Parameter, Parameters, StepState, Step};
 
 use super::outcome::{Outcome, Progress, Record, Snapshot, snapshot_steps};
 use super::pipeline::{COLORS, CubeMeasure, CubePipeline, VERTICES};
@@ -20,14 +20,14 @@ pub(super) fn run_first_order<T: Scalar>(
 ) -> Result<Learnt, FitError> {
     let (pipeline, parameters) = CubePipeline::<T>::new(settings)?;
     let mut fit = Fit::new(parameters, settings.fit_settings())?;
-    let seen = &mut |progress, _: &Seen<'_, T, CubeMeasure>| on_step(progress);
+    let seen = &mut |progress, _: &StepState<'_, T, CubeMeasure>| on_step(progress);
     let (history, snapshots) = drive_history(settings, pipeline, &mut fit, seen)?;
     let value = |parameter: &Parameter<T>| (parameter.name().to_owned(), parameter.value().cast());
     Ok((history, snapshots, fit.parameters().iter().map(value).collect()))
 }
 
 /// What is called with every step.
-type OnStep<'a, T> = dyn FnMut(Progress, &Seen<'_, T, CubeMeasure>) -> ControlFlow<()> + 'a;
+type OnStep<'a, T> = dyn FnMut(Progress, &StepState<'_, T, CubeMeasure>) -> ControlFlow<()> + 'a;
 
 /// Runs `fit`, new or resumed, to its end.
 pub(super) fn drive<T: Scalar>(

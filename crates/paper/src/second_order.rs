@@ -190,7 +190,7 @@ fn normal_equations(
             shares = Some(views.image(view, &vertices, &unit, sigma_here)?);
         }
         if let Some(sigma) = sigma.filter(|sigma| !sigma.is_frozen()) {
-            let along = sigma.raw().map(|raw| sigma.mapping.value(Dual::new(raw, 1.0)));
+            let along = sigma.raw().map(|raw| sigma.mapped_by().value(Dual::new(raw, 1.0)));
             let image = views.image(view, &vertices.cast(), &dual_colors, Some(&along))?;
             columns.push((shape, image.tangents()));
         }

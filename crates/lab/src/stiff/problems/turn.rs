@@ -39,7 +39,7 @@ impl<T: Scalar> Op<T> for Turn {
         if x_shape != y_shape {
             return Err(TensorError::Mismatch {
                 operation: "turn",
-                rule: "two inputs of one shape",
+                rule: "two inputs of one shape".into(),
                 shapes: Box::new([x_shape.clone(), y_shape.clone()]),
             });
         }
