@@ -103,7 +103,7 @@ impl<M> History<M> {
     /// spikes after it has converged shows here. NaN where an error is NaN.
     pub fn tail(&self, error: impl Fn(&Step<M>) -> f64) -> f64 {
         let from = self.steps.len() - self.steps.len().div_ceil(10);
-        self.steps[from..].iter().map(error).fold(f64::NEG_INFINITY, Scalar::greater)
+        self.steps[from..].iter().map(error).fold(f64::NEG_INFINITY, Scalar::maximum_or_nan)
     }
 }
 

@@ -126,7 +126,7 @@ pub(crate) fn missing_factors<S: Scalar>(a: [S; 3], factors: [S; 3]) -> [S; 3] {
 #[cold]
 fn relative_factors<S: Scalar>(a: [S; 3], factors: [S; 3]) -> [S; 3] {
     let counting = (0..3).filter(|&k| a[k] != S::ZERO).map(|k| factors[k]);
-    let largest = counting.fold(S::ZERO, S::greater);
+    let largest = counting.fold(S::ZERO, S::maximum_or_nan);
     if largest == S::ZERO {
         return [S::ONE; 3];
     }

@@ -15,7 +15,7 @@ pub(crate) type Matrix3<S> = [[S; 3]; 3];
 
 /// The length of `q`, of any size that a number can have.
 pub(crate) fn length<S: Scalar>(q: [S; 4]) -> S {
-    let largest = q.into_iter().map(S::abs).fold(S::ZERO, S::greater);
+    let largest = q.into_iter().map(S::abs).fold(S::ZERO, S::maximum_or_nan);
     if largest == S::ZERO || !largest.is_finite() {
         return largest;
     }

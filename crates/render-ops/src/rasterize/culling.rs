@@ -79,7 +79,7 @@ pub(super) fn give_one_factor<S: Scalar<Wide = S>>(corners: &mut [Corner<S>]) {
     }
     let (least, most) = (
         factors().fold(S::from_f64(f64::INFINITY), S::minimum_or_nan),
-        factors().fold(S::ZERO, S::greater),
+        factors().fold(S::ZERO, S::maximum_or_nan),
     );
     // About 1e-60 and 1e60, where a vertex starts to be multiplied, factors leap by as much. Products
     // of three coordinates stay within the range of the numbers down to a fraction of 1e-80.
