@@ -9,7 +9,7 @@
 
 use std::cell::RefCell;
 
-use bokashi_core::{Dual, Tape, Tensor};
+use bokashi_core::{Dual, Tape, Tensor, hvp, jvp};
 use bokashi_fit::FitError;
 use nalgebra::{DMatrix, DVector};
 

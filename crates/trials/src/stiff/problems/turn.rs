@@ -17,7 +17,7 @@
 
 use std::f64::consts::TAU;
 
-use bokashi_core::{Accumulators, Dual, Inputs, Keep, Kept, Op, Outputs, Scalar, TensorError, Var};
+use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, TensorError, Var};
 
 struct Turn;
 
