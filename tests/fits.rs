@@ -123,8 +123,9 @@ enum Edges {
 /// Two steps of a fit of a white triangle, `offset` to the right, to a black image.
 fn fit_silhouette<T: Scalar>(edges: Edges, offset: f64) -> Result<(), FitError> {
     let corners = [[-0.5, -0.6, 0.0, 1.0], [0.7, -0.4, 0.0, 1.0], [0.1, 0.65, 0.0, 1.0]];
-    let entry = |k: usize| corners[k / 4][k % 4] + if k % 4 == 0 { offset } else { 0.0 };
-    let clip = Tensor::from_flat_fn([3, 4], |k| T::from_f64(entry(k)));
+    let clip = Tensor::from_fn([3, 4], |[corner, axis]| {
+        T::from_f64(corners[corner][axis] + if axis == 0 { offset } else { 0.0 })
+    });
     let parameters = Parameters::new().with(Parameter::new("clip", clip))?;
     let mesh = Mesh::new(vec![[0, 1, 2]], 3)?;
     let size = Size::square(16);

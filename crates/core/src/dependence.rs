@@ -55,7 +55,7 @@ impl<'t, T: Scalar> Var<'t, T> {
         if depends[self.index as usize] {
             return Ok(Dependence::Recorded);
         }
-        let partings = || values.iter().zip(&depends).filter(|(_, depends)| **depends);
+        let partings = || values[..*live].iter().zip(&depends).filter(|(_, depends)| **depends);
         let idle = partings().find_map(|(value, _)| match value.parting {
             Parting::Idle(entry) => Some(tally.name(entry)),
             Parting::None | Parting::Detached => None,
@@ -63,7 +63,7 @@ impl<'t, T: Scalar> Var<'t, T> {
         if let Some(operation) = idle {
             return Ok(Dependence::Idle { operation });
         }
-        let detached = partings().filter(|(value, _)| value.parting == Parting::Detached).last();
+        let detached = partings().rev().find(|(value, _)| value.parting == Parting::Detached);
         if let Some((value, _)) = detached {
             // What was detached ends the way, whatever else was computed of it.
             end = value.entry.map(|entry| tally.name(entry));

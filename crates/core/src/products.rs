@@ -56,7 +56,7 @@ impl<T: Scalar> Tensor<Dual<T>> {
 /// use bokashi_core::{Tape, Tensor, TensorError, jvp};
 ///
 /// let (x, v) = (Tensor::new([2], vec![3.0, 5.0])?, Tensor::new([2], vec![1.0, 0.0])?);
-/// let (y, slope) = jvp(&mut Tape::new(), &[(&x, &v)], |x| {
+/// let [y, slope] = jvp(&mut Tape::new(), &[(&x, &v)], |x| {
 ///     Ok::<_, TensorError>(x[0].slice(0, 0..1)? * x[0].slice(0, 1..2)?)
 /// })?;
 /// assert_eq!((y.data(), slope.data()), (&[15.0][..], &[5.0][..]));
@@ -70,14 +70,14 @@ pub fn jvp<T: Scalar, E: From<TensorError>>(
     tape: &mut Tape<Dual<T>>,
     point: &[(&Tensor<T>, &Tensor<T>)],
     f: impl for<'t> FnOnce(&[Var<'t, Dual<T>>]) -> Result<Var<'t, Dual<T>>, E>,
-) -> Result<(Tensor<T>, Tensor<T>), E> {
+) -> Result<[Tensor<T>; 2], E> {
     tape.reset();
     let tape = &*tape;
     // Constants: nothing is kept for a backward pass.
     let place = |&(x, v): &(&Tensor<T>, &Tensor<T>)| Ok(tape.constant(&Tensor::dual(x, v)?));
     let inputs = point.iter().map(place).collect::<Result<Vec<_>, TensorError>>()?;
     let y = f(&inputs)?.value();
-    Ok((y.values(), y.tangents()))
+    Ok([y.values(), y.tangents()])
 }
 
 /// The gradient of the scalar `f` at `x`, and `H v`, the Hessian times `v`, for each input; `point`
@@ -93,8 +93,7 @@ pub fn jvp<T: Scalar, E: From<TensorError>>(
 /// let products = hvp(&mut Tape::new(), &[(&x, &one), (&y, &zero)], |inputs| {
 ///     Ok::<_, TensorError>(inputs[0].square() * inputs[1])
 /// })?;
-/// assert_eq!(products, [30.0, 9.0].map(Tensor::scalar).into_iter()
-///     .zip([10.0, 6.0].map(Tensor::scalar)).collect::<Vec<_>>());
+/// assert_eq!(products, [[30.0, 10.0], [9.0, 6.0]].map(|pair| pair.map(Tensor::scalar)));
 /// # Ok::<(), TensorError>(())
 /// ```
 ///
@@ -105,7 +104,7 @@ pub fn hvp<T: Scalar, E: From<TensorError>>(
     tape: &mut Tape<Dual<T>>,
     point: &[(&Tensor<T>, &Tensor<T>)],
     f: impl for<'t> FnOnce(&[Var<'t, Dual<T>>]) -> Result<Var<'t, Dual<T>>, E>,
-) -> Result<Vec<(Tensor<T>, Tensor<T>)>, E> {
+) -> Result<Vec<[Tensor<T>; 2]>, E> {
     tape.reset();
     let tape = &*tape;
     let place = |&(x, v): &(&Tensor<T>, &Tensor<T>)| Ok(tape.leaf(&Tensor::dual(x, v)?));
@@ -113,7 +112,7 @@ pub fn hvp<T: Scalar, E: From<TensorError>>(
     let gradients = f(&inputs)?.backward_to(&inputs)?;
     let product = |&input: &Var<'_, Dual<T>>| {
         let gradient = gradients.get_or_zeros(input);
-        (gradient.values(), gradient.tangents())
+        [gradient.values(), gradient.tangents()]
     };
     Ok(inputs.iter().map(product).collect())
 }
@@ -140,7 +139,7 @@ mod tests {
             pairs.for_each(|(a, b)| assert!((a - b).abs() < 1e-14, "{a} {b}"));
         };
         for _ in 0..2 {
-            let (value, slope) = jvp(&mut tape, &[(&x, &v), (&y, &w)], curved).unwrap();
+            let [value, slope] = jvp(&mut tape, &[(&x, &v), (&y, &w)], curved).unwrap();
             let sum = |term: &dyn Fn(f64, f64, f64) -> f64| {
                 (0..2).map(|k| term(x.data()[k], e.data()[k], v.data()[k])).sum::<f64>()
             };
@@ -151,12 +150,12 @@ mod tests {
             let of_x = |term: &dyn Fn(f64, f64, f64) -> f64| {
                 [0, 1].map(|k| term(x.data()[k], e.data()[k], v.data()[k]))
             };
-            near(&products[0].0, &of_x(&|x, e, _| 0.9 * e + 3.0 * x * x));
-            near(&products[1].0, &[sum(&|x, e, _| x * e)]);
+            near(&products[0][0], &of_x(&|x, e, _| 0.9 * e + 3.0 * x * x));
+            near(&products[1][0], &[sum(&|x, e, _| x * e)]);
             let mixed = |x: f64, e: f64| e + 0.9 * x * e;
             let h = of_x(&|x, e, v| (0.81 * e + 6.0 * x) * v - 2.0 * mixed(x, e));
-            near(&products[0].1, &h);
-            near(&products[1].1, &[sum(&|x, e, v| mixed(x, e) * v - 2.0 * x * x * e)]);
+            near(&products[0][1], &h);
+            near(&products[1][1], &[sum(&|x, e, v| mixed(x, e) * v - 2.0 * x * x * e)]);
         }
     }
 
@@ -165,8 +164,8 @@ mod tests {
         let (x, v) = (Tensor::scalar(2.0), Tensor::scalar(1.0));
         let point = [(&x, &v), (&x, &v)];
         let of = hvp(&mut Tape::new(), &point, |x| Ok::<_, TensorError>(x[0].square())).unwrap();
-        assert_eq!((of[1].0.item(), of[1].1.item()), (0.0, 0.0));
-        assert_eq!((of[0].0.item(), of[0].1.item()), (4.0, 2.0));
+        assert_eq!((of[1][0].item(), of[1][1].item()), (0.0, 0.0));
+        assert_eq!((of[0][0].item(), of[0][1].item()), (4.0, 2.0));
     }
 
     #[test]

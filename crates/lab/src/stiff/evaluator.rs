@@ -215,7 +215,7 @@ impl<'a> Evaluator<'a> {
             for j in 0..x.len() {
                 let unit = Tensor::from_flat_fn([x.len()], |k| if k == j { 1.0 } else { 0.0 });
                 let column = jvp(&mut state.dual, &[(&at, &unit)], |x| problem.record_dual(x[0]));
-                let (_, column) = column.map_err(broken)?;
+                let [_, column] = column.map_err(broken)?;
                 columns.push(DVector::from_column_slice(column.data()));
             }
             let jacobian = DMatrix::from_columns(&columns);
@@ -233,7 +233,7 @@ impl<'a> Evaluator<'a> {
             let products = hvp(&mut state.dual, &[(&at, &along)], |x| {
                 Ok(problem.record_dual(x[0])?.square().sum())
             });
-            let product = products.map_err(broken)?[0].1.data().to_vec();
+            let product = products.map_err(broken)?[0][1].data().to_vec();
             finite("a Hessian-vector product", &product)?;
             Ok(product)
         })

@@ -1,0 +1,244 @@
+//! A list of named parameters.
+
+use std::sync::Arc;
+
+use bokashi_core::{Scalar, Tape, Tensor};
+
+use super::single::Parameter;
+use super::variables::{Variable, Variables, position};
+use crate::error::{FitError, Quantity};
+
+/// What a saved fit gives back.
+#[cfg(feature = "save")]
+impl<T: Scalar> Parameters<T> {
+    /// The list of `list`, whose raw numbers are what they are.
+    ///
+    /// # Errors
+    /// As [`Parameters::with`].
+    pub(crate) fn restored(list: Vec<Parameter<T>>, updates: u64) -> Result<Self, FitError> {
+        let mut known = std::collections::HashSet::new();
+        for parameter in &list {
+            if !known.insert(parameter.name.as_str()) {
+                let name = format!("{:?} twice", parameter.name);
+                return Err(FitError::setting("a parameter", "a name of its own", name));
+            }
+            check_rate(&parameter.name, parameter.rate)?;
+        }
+        let names = list.iter().map(|parameter| parameter.name.clone()).collect();
+        let list = Self { list, names, updates };
+        list.check_values()?;
+        Ok(list)
+    }
+}
+
+/// A list of named parameters.
+#[derive(Debug, Clone)]
+pub struct Parameters<T> {
+    pub(crate) list: Vec<Parameter<T>>,
+    /// The names in the order of the list, shared with every step's variables.
+    names: Arc<[String]>,
+    /// How many updates there were.
+    pub(crate) updates: u64,
+}
+
+impl<T> Default for Parameters<T> {
+    fn default() -> Self {
+        Self { list: Vec::new(), names: Arc::new([]), updates: 0 }
+    }
+}
+
+impl<T: Scalar> Parameters<T> {
+    /// An empty list.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// The list with `parameter` at its end.
+    ///
+    /// # Errors
+    /// [`FitError::Setting`] for a name that is taken, a rate that is negative or not finite, or
+    /// a value that is not finite or that its mapping does not reach.
+    pub fn with(mut self, mut parameter: Parameter<T>) -> Result<Self, FitError> {
+        if self.names.contains(&parameter.name) {
+            let name = format!("{:?} twice", parameter.name);
+            return Err(FitError::setting("a parameter", "a name of its own", name));
+        }
+        check_rate(&parameter.name, parameter.rate)?;
+        let value = parameter.raw.clone();
+        parameter.set(&value)?;
+        self.names = self.names.iter().chain([&parameter.name]).cloned().collect();
+        self.list.push(parameter);
+        Ok(self)
+    }
+
+    /// The parameters in order.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = &Parameter<T>> {
+        self.list.iter()
+    }
+
+    /// The parameter `name`.
+    ///
+    /// # Errors
+    /// [`FitError::UnknownParameter`].
+    pub fn get(&self, name: &str) -> Result<&Parameter<T>, FitError> {
+        Ok(&self.list[position(&self.names, name)?])
+    }
+
+    /// The value of the parameter `name`: the mapping of its raw numbers.
+    ///
+    /// # Errors
+    /// [`FitError::UnknownParameter`].
+    pub fn value(&self, name: &str) -> Result<Tensor<T>, FitError> {
+        Ok(self.get(name)?.value())
+    }
+
+    /// Makes `value` the value of the parameter `name`; its moments stay.
+    ///
+    /// # Errors
+    /// [`FitError::UnknownParameter`]; [`FitError::Setting`] for a value of another shape, not
+    /// finite, or not reached by the mapping.
+    pub fn set_value(&mut self, name: &str, value: &Tensor<T>) -> Result<(), FitError> {
+        let parameter = &mut self.list[position(&self.names, name)?];
+        if value.shape() != parameter.raw.shape() {
+            let given = format!("{} for {} of {name:?}", value.shape(), parameter.raw.shape());
+            return Err(FitError::setting("a new value", "the shape of the old one", given));
+        }
+        parameter.set(value)
+    }
+
+    /// Makes `raw`, of the same shape, the raw numbers of the parameter `name`.
+    pub fn set_raw(&mut self, name: &str, raw: Tensor<T>) -> Result<(), FitError> {
+        let parameter = &mut self.list[position(&self.names, name)?];
+        debug_assert_eq!(raw.shape(), parameter.raw.shape());
+        parameter.raw = raw;
+        Ok(())
+    }
+
+    /// Sets the learning rate of the parameter `name`; 0 freezes it.
+    ///
+    /// # Errors
+    /// [`FitError::UnknownParameter`]; [`FitError::Setting`] for a rate that is negative or not
+    /// finite.
+    pub fn set_rate(&mut self, name: &str, rate: f64) -> Result<(), FitError> {
+        let at = position(&self.names, name)?;
+        check_rate(name, rate)?;
+        self.list[at].rate = rate;
+        Ok(())
+    }
+
+    /// Forgets the moments of all parameters, as if there had been no update: a way on after a
+    /// gradient that froze some of them.
+    pub fn forget_moments(&mut self) {
+        for parameter in &mut self.list {
+            parameter.first.clear();
+            parameter.second.clear();
+            parameter.greatest.clear();
+            parameter.updates = 0;
+        }
+    }
+
+    /// Records the parameters on `tape`: a leaf and its mapping each, a constant where frozen.
+    ///
+    /// Leaves are copies, so that an update in place never copies.
+    pub fn record<'t>(&self, tape: &'t Tape<T>) -> Variables<'t, T> {
+        let record = |parameter: &Parameter<T>| {
+            let raw = if parameter.is_frozen() {
+                tape.constant(&parameter.raw)
+            } else {
+                tape.leaf_copied(&parameter.raw)
+            };
+            Variable { raw, value: parameter.mapping.record(raw) }
+        };
+        let list = self.list.iter().map(record).collect();
+        Variables { list, names: Arc::clone(&self.names) }
+    }
+
+    /// Checks that every value is finite.
+    pub(crate) fn check_values(&self) -> Result<(), FitError> {
+        for parameter in &self.list {
+            if let Some(value) = parameter.not_finite() {
+                let (quantity, step) = (Quantity::Value(parameter.name.clone()), self.updates);
+                return Err(FitError::NotFinite { quantity, value, step, origin: None });
+            }
+        }
+        Ok(())
+    }
+}
+
+fn check_rate(name: &str, rate: f64) -> Result<(), FitError> {
+    if rate.is_finite() && rate >= 0.0 {
+        return Ok(());
+    }
+    let given = format!("{rate} for {name:?}");
+    Err(FitError::setting("learning rate", "a finite number from 0 up", given))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::mapping::Mapping;
+    use super::*;
+
+    #[test]
+    fn values_that_a_mapping_does_not_reach_are_refused() {
+        for (mapping, value) in [
+            (Mapping::Softplus, 0.0),
+            (Mapping::Softplus, -1.0),
+            (Mapping::Exp, 0.0),
+            (Mapping::Exp, -1.0),
+            (Mapping::Identity, f64::NAN),
+            (Mapping::Softplus, f64::INFINITY),
+        ] {
+            let parameter = Parameter::new("sigma", Tensor::scalar(value)).mapping(mapping);
+            let error = Parameters::new().with(parameter).unwrap_err();
+            let message = format!("parameter needs {}, got {value} in \"sigma\"", mapping.rule());
+            assert_eq!(error.to_string(), message);
+        }
+    }
+
+    #[test]
+    fn names_are_unique_and_rates_from_zero_up() {
+        let one = || Tensor::scalar(1.0_f32);
+        let list = Parameters::new().with(Parameter::new("a", one())).unwrap();
+        let twice = list.clone().with(Parameter::new("a", one())).unwrap_err();
+        assert_eq!(twice.to_string(), "a parameter needs a name of its own, got \"a\" twice");
+        for rate in [-1.0, f64::NAN, f64::INFINITY] {
+            let error = list.clone().with(Parameter::new("b", one()).rate(rate)).unwrap_err();
+            let rule = "learning rate needs a finite number from 0 up, got";
+            assert_eq!(error.to_string(), format!("{rule} {rate} for \"b\""));
+        }
+        let unknown = list.value("b").unwrap_err();
+        let message = "a parameter's name needs to be one of [\"a\"], got \"b\"";
+        assert_eq!(unknown.to_string(), message);
+    }
+
+    #[test]
+    fn frozen_parameters_need_no_gradient() {
+        let parameter = |name| Parameter::new(name, Tensor::scalar(2.0_f64));
+        let list = Parameters::new()
+            .with(parameter("free").mapping(Mapping::Exp))
+            .and_then(|list| list.with(parameter("frozen").frozen().mapping(Mapping::Softplus)))
+            .and_then(|list| list.with(parameter("still").rate(0.0)))
+            .unwrap();
+        let tape = Tape::new();
+        let variables = list.record(&tape);
+        for (k, needs) in [true, false, false].into_iter().enumerate() {
+            assert_eq!(variables[k].needs_gradient(), needs);
+            assert!((variables[k].item() - 2.0).abs() < 1e-15);
+        }
+        assert!(variables.get("still").is_ok());
+        assert!(variables.get("gone").is_err());
+    }
+
+    #[test]
+    fn setting_a_value_goes_through_the_mapping_and_keeps_the_shape() {
+        let sigma = Parameter::new("sigma", Tensor::scalar(2.0_f64)).mapping(Mapping::Exp);
+        let mut list = Parameters::new().with(sigma).unwrap();
+        list.set_value("sigma", &Tensor::scalar(4.0)).unwrap();
+        assert_eq!(list.get("sigma").unwrap().raw().item(), 4.0_f64.ln());
+        let error = list.set_value("sigma", &Tensor::zeros([2])).unwrap_err();
+        let message = "a new value needs the shape of the old one, got [2] for [] of \"sigma\"";
+        assert_eq!(error.to_string(), message);
+        assert!(list.set_value("sigma", &Tensor::scalar(-1.0)).is_err());
+        assert_eq!(list.get("sigma").unwrap().item(), 4.0_f64.ln().exp());
+    }
+}

@@ -1,0 +1,70 @@
+//! Parameters on a tape, for one step.
+
+use std::sync::Arc;
+
+use bokashi_core::{Scalar, Var};
+use smallvec::SmallVec;
+
+use crate::error::FitError;
+
+/// A parameter on a tape.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Variable<'t, T: Scalar> {
+    pub(crate) raw: Var<'t, T>,
+    pub(crate) value: Var<'t, T>,
+}
+
+/// The parameters on a tape, for one step.
+#[derive(Debug, Clone)]
+pub struct Variables<'t, T: Scalar> {
+    /// Up to eight need no allocation.
+    pub(crate) list: SmallVec<[Variable<'t, T>; 8]>,
+    pub(super) names: Arc<[String]>,
+}
+
+impl<'t, T: Scalar> Variables<'t, T> {
+    /// The value of the parameter `name`.
+    ///
+    /// # Errors
+    /// [`FitError::UnknownParameter`].
+    pub fn get(&self, name: &str) -> Result<Var<'t, T>, FitError> {
+        Ok(self.list[position(&self.names, name)?].value)
+    }
+
+    /// The values of all parameters, in the order of the list.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = Var<'t, T>> + '_ {
+        self.list.iter().map(|variable| variable.value)
+    }
+
+    /// The names of the parameters that are among `inputs`.
+    pub(crate) fn names_among(&self, inputs: &[Var<'t, T>]) -> Vec<String> {
+        let is_among = |variable: &Variable<'t, T>| {
+            inputs.iter().any(|input| input.is(variable.raw) || input.is(variable.value))
+        };
+        let named = self.list.iter().zip(&*self.names);
+        named.filter(|(variable, _)| is_among(variable)).map(|(_, name)| name.clone()).collect()
+    }
+
+    /// The raw numbers of the parameter `name`: the leaf that gradients are with respect to.
+    ///
+    /// # Errors
+    /// [`FitError::UnknownParameter`].
+    pub fn raw(&self, name: &str) -> Result<Var<'t, T>, FitError> {
+        Ok(self.list[position(&self.names, name)?].raw)
+    }
+}
+
+/// The value of the parameter at a place in the list.
+impl<'t, T: Scalar> std::ops::Index<usize> for Variables<'t, T> {
+    type Output = Var<'t, T>;
+
+    fn index(&self, index: usize) -> &Var<'t, T> {
+        &self.list[index].value
+    }
+}
+
+/// Where in `names` the name is.
+pub(super) fn position(names: &[String], name: &str) -> Result<usize, FitError> {
+    let found = names.iter().position(|known| known == name);
+    found.ok_or_else(|| FitError::UnknownParameter { name: name.into(), known: names.to_vec() })
+}
