@@ -227,6 +227,7 @@ where
         band_ends.push(slots.len() as u32);
         let before = boundary.fragments.len() as u32;
         pixels.extend(&pieces.pixels);
+        boundary.unseen.extend(&pieces.unseen);
         boundary.ends.extend(pieces.ends.iter().map(|end| before + end));
         boundary
             .fragments
