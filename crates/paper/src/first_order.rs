@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use bokashi_core::{Scalar, Tensor};
-use bokashi_fit::{Fit, FitError, History, Parameter, Parameters, StepState, Step};
+use bokashi_fit::{Fit, FitError, History, Parameter, Parameters, Step, StepState};
 
 use super::outcome::{Outcome, Progress, Record, Snapshot, snapshot_steps};
 use super::pipeline::{COLORS, CubeMeasure, CubePipeline, VERTICES};

@@ -11,6 +11,8 @@ pub(crate) struct Boundary {
     pub(crate) ends: Vec<u32>,
     /// The fragments of each pixel, the largest piece first.
     pub(crate) fragments: Vec<u32>,
+    /// The pixels whose pieces all have no area, in order.
+    pub(crate) unseen: Vec<u32>,
     pub(crate) counts: BoundaryCounts,
 }
 
@@ -19,6 +21,12 @@ impl Boundary {
     pub(crate) fn fragments_of(&self, at: usize) -> &[u32] {
         let first = at.checked_sub(1).map_or(0, |before| self.ends[before]);
         &self.fragments[first as usize..self.ends[at] as usize]
+    }
+
+    /// The fragment of the largest piece of the boundary pixel `at`, where one has an area.
+    pub(crate) fn largest_of(&self, at: usize) -> Option<u32> {
+        let is_seen = self.unseen.binary_search(&self.pixels[at]).is_err();
+        self.fragments_of(at).first().copied().filter(|_| is_seen)
     }
 
     /// Each boundary pixel with its fragments.
@@ -34,6 +42,7 @@ impl Boundary {
         }
         self.ends.clear();
         self.fragments.clear();
+        self.unseen.clear();
         self.counts = BoundaryCounts::default();
     }
 }
@@ -43,7 +52,7 @@ impl Boundary {
 pub struct BoundaryCounts {
     /// Pixels that a discontinuity may cross.
     pub pixels: usize,
-    /// Their visible pieces, fragments each.
+    /// Their pieces, fragments each: the visible ones, and those of no area beside sides on borders.
     pub pieces: usize,
     /// Pieces that were dropped: smaller than 1e-14 of a pixel, but not so thin that rounding leaves
     /// nothing of them. What lies behind a pixel's front is not looked at, and not counted.

@@ -94,7 +94,7 @@ impl Coverage {
         let Boundary { pixels, .. } = &self.boundary;
         let at = u32::try_from(pixel).ok().and_then(|pixel| pixels.binary_search(&pixel).ok());
         match at {
-            Some(at) => self.boundary.fragments_of(at).first().map(|&fragment| fragment as usize),
+            Some(at) => self.boundary.largest_of(at).map(|fragment| fragment as usize),
             None => {
                 self.run_at(pixel).map(|run| run.fragment as usize + pixel - run.pixel as usize)
             }
@@ -127,8 +127,8 @@ impl Coverage {
     }
 
     /// The pixels that exact coverage has resolved into pieces, in order, each with its fragments,
-    /// the largest piece first; where nothing is seen in one, it has none. Of other pixels each has
-    /// one fragment or none.
+    /// the largest piece first; where nothing is seen in one, it has none, or pieces of weight 0. Of
+    /// other pixels each has one fragment or none.
     pub fn boundary(&self) -> impl Iterator<Item = (usize, &[u32])> + Clone + '_ {
         self.boundary.iter()
     }

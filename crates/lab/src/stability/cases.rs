@@ -1,6 +1,9 @@
 //! The table of cases.
 
-use super::exact::{depths as exact_depths, inputs as exact_inputs, shapes as exact_shapes};
+use super::exact::{
+    borders as exact_borders, depths as exact_depths, inputs as exact_inputs,
+    shapes as exact_shapes,
+};
 use super::row::Outcome;
 use super::{blur, faces, focus, input, pictures, silhouettes, values, vertices};
 
@@ -116,4 +119,5 @@ pub(super) const CASES: &[Case] = cases! {
     84 "exact: images of 1 x N and 1 x 1", "areas and slopes", exact_shapes::strips_and_single_pixels;
     85 "exact: -0.0, 2^k, threads, NaN", "the same bits, nothing masked", exact_inputs::upstream_and_bits;
     86 "exact: back faces, loose edges", "by flag; nothing hidden", exact_shapes::sides_and_edges;
+    87 "exact: sides on pixel borders", "the mean slope of both sides", exact_borders::sides_on_borders;
 };

@@ -197,6 +197,7 @@ fn join_pieces<'a, T: Scalar>(bands: impl Iterator<Item = &'a Band<T>>, coverage
         let before = boundary.fragments.len() as u32;
         let fragments = (centers.count + pieces.count) as u32;
         pixels.extend(&found.pixels);
+        boundary.unseen.extend(&found.unseen);
         boundary.ends.extend(found.ends.iter().map(|end| before + end));
         boundary.fragments.extend(resolved.fragments.iter().map(|fragment| fragments + fragment));
         pieces.add_band(&resolved.runs);

@@ -1,5 +1,6 @@
 //! The same extremes with exact coverage: against a sweep (`areas`), by hand, or by what is alike.
 
+pub(super) mod borders;
 pub(super) mod depths;
 pub(super) mod inputs;
 pub(super) mod shapes;

@@ -10,6 +10,7 @@ use super::gathered::Gathered;
 use super::marks::Marks;
 use super::mean::{Extent, barycentrics};
 use super::pieces::{Piece, Pieces, Segment};
+use super::pixel_border::{WIDER, clipped, halves, is_along_axis};
 use super::polygon::{Line, Moments};
 use super::samples::Samples;
 use super::sheets::{REACH, Regions, Slab, front_sheets, layers, may_cross};
@@ -20,6 +21,9 @@ const MOST_FACES: usize = 2048;
 
 /// Pixels of a row that are asked at once whether sheets may cross in them.
 const BLOCK: usize = 8;
+
+/// The first bit of a face's edges that run along rows or columns.
+const ALONG_AXIS: u8 = 3;
 
 /// The memory of the search.
 #[derive(Debug, Default)]
@@ -37,11 +41,16 @@ pub(in crate::rasterize) struct Search<S> {
     gathered: Gathered,
     candidates: Vec<Candidate<S>>,
     visible: Visible<S>,
+    /// What is visible in a pixel a little wider, where sides lie on its border.
+    wide: Visible<S>,
+    /// The sides on the pixel's border.
+    border_sides: Vec<(u32, Side<S>)>,
     samples: Samples<S>,
     moments: Vec<Moments<S>>,
     extents: Vec<Option<Extent<S>>>,
     order: Vec<u32>,
-    /// Per face of the band: bit k, whether edge k is one of a surface's outline, or a seam.
+    /// Per face of the band: bit k, whether edge k is one of a surface's outline, or a seam; bit
+    /// `ALONG_AXIS + k`, whether it runs along rows or columns.
     outlines: Vec<u8>,
 }
 
@@ -79,8 +88,10 @@ impl<S: Scalar<Wide = S>> Search<S> {
         for (at, (&face, weights)) in (0..).zip(drawn.faces.iter().zip(drawn.weights)) {
             let is_outline =
                 |k| view.is_silhouette(face as usize, k) || view.mesh.is_seam(face as usize, k);
-            let outline = (0..3).map(|k| u8::from(is_outline(k)) << k).sum();
-            outlines.push(outline);
+            let outline: u8 = (0..3).map(|k| u8::from(is_outline(k)) << k).sum();
+            let along_axis: u8 =
+                (0..3).map(|k| u8::from(is_along_axis(weights.edges[k])) << k).sum();
+            outlines.push(outline | along_axis << ALONG_AXIS);
             for corner in (0..3).filter(|k| outline >> k & 1 == 1) {
                 let [rows, columns] = drawn.reach_of_edge(face, corner);
                 let [one, x, y] = weights.edges[corner];
@@ -159,8 +170,8 @@ impl<S: Scalar<Wide = S>> Search<S> {
         faces: &[u32],
         pieces: &mut Pieces<S>,
     ) {
-        let Self { candidates, visible, samples, moments, extents, order, .. } = self;
-        let Self { planes, outlines, slabs, .. } = self;
+        let Self { candidates, visible, wide, border_sides, samples, .. } = self;
+        let Self { moments, extents, order, planes, outlines, slabs, .. } = self;
         let row = drawn.rows.start + row;
         slabs.clear();
         slabs.extend(faces.iter().map(|&face| {
@@ -170,9 +181,17 @@ impl<S: Scalar<Wide = S>> Search<S> {
         if front_sheets(slabs) == Some(1) {
             return;
         }
-        let candidate = |face: u32| drawn.candidate(face, outlines[face as usize], x, y);
+        let candidate = |face: u32| {
+            let outline = outlines[face as usize];
+            let mut candidate = drawn.candidate(face, outline, x, y);
+            if outline >> ALONG_AXIS != 0 {
+                candidate.on_border = drawn.on_border(planes, face, outline >> ALONG_AXIS, [x, y]);
+            }
+            candidate
+        };
         candidates.clear();
-        visible.clear();
+        visible.clear(S::ONE);
+        border_sides.clear();
         slabs.retain(|slab| !slab.is_out());
         let mut is_crowded = false;
         for layer in layers(slabs) {
@@ -189,6 +208,10 @@ impl<S: Scalar<Wide = S>> Search<S> {
             candidates.clear();
             candidates.extend(faces.iter().map(|&face| candidate(face)));
         }
+        // Where the wide pixel is crowded, the sides on the border stay as they are.
+        let is_split = !is_crowded
+            && visible.touches_border
+            && find_border_sides(wide, candidates, slabs, candidate, border_sides);
         moments.clear();
         moments.resize(candidates.len(), Moments::default());
         extents.clear();
@@ -213,7 +236,9 @@ impl<S: Scalar<Wide = S>> Search<S> {
             let face = |at: u32| candidates[at as usize].drawn;
             area(b).total_cmp(&area(a)).then(face(a).cmp(&face(b)))
         });
-        pieces.pixels.push((row * drawn.view.size.width + column) as u32);
+        let pixel = (row * drawn.view.size.width + column) as u32;
+        let first = pieces.pieces.len();
+        pieces.pixels.push(pixel);
         pieces.pieces.extend(order.iter().filter_map(|&at| {
             let (Candidate { drawn: face, edges, .. }, area) =
                 (&candidates[at as usize], moments[at as usize].area());
@@ -222,23 +247,87 @@ impl<S: Scalar<Wide = S>> Search<S> {
             let barycentrics = barycentrics(edges, corners.map(|corner| corner.factor), &extent);
             Some(Piece { drawn: *face, area, extent, moves: !is_crowded, barycentrics })
         }));
-        pieces.ends.push(pieces.pieces.len() as u32);
-        if !drawn.view.needs {
-            return;
-        }
         let face = |at: u32| candidates[at as usize].drawn;
-        let mut keep = |(candidate, side): (u32, Side<S>)| {
-            let Some(at) = order.iter().position(|&at| at == candidate) else { return };
-            let source = side.source.map(face);
-            pieces.segments.push(Segment { piece: at as u32, side: Side { source, ..side } });
+        let mut keep = |piece: u32, side: Side<S>| {
+            if drawn.view.needs {
+                let source = side.source.map(face);
+                pieces.segments.push(Segment { piece, side: Side { source, ..side } });
+            }
+        };
+        let piece_of = |candidate: u32| order.iter().position(|&at| at == candidate);
+        let mut keep_if_seen = |(candidate, side): (u32, Side<S>)| {
+            if let Some(at) = piece_of(candidate) {
+                keep(at as u32, side);
+            }
         };
         if is_crowded {
-            samples.sides.iter().copied().for_each(&mut keep);
-        } else {
-            visible.sides().for_each(&mut keep);
+            samples.sides.iter().copied().for_each(&mut keep_if_seen);
+        } else if drawn.view.needs {
+            let is_kept = |(_, side): &(u32, Side<S>)| !(is_split && side.is_on_border);
+            visible.sides().filter(is_kept).for_each(&mut keep_if_seen);
         }
-        pieces.segment_ends.push(pieces.segments.len() as u32);
+        let mut count = order.len() as u32;
+        for &(candidate, side) in border_sides.iter() {
+            if let Some(at) = piece_of(candidate) {
+                keep(at as u32, side);
+                continue;
+            }
+            let Candidate { drawn: face, edges, .. } = &candidates[candidate as usize];
+            for (ends, place) in halves(side.ends) {
+                let corners = drawn.view.corners_of(drawn.faces[*face as usize] as usize);
+                let extent = Extent { centroid: place, covariance: [S::ZERO; 3] };
+                let barycentrics =
+                    barycentrics(edges, corners.map(|corner| corner.factor), &extent);
+                pieces.pieces.push(Piece {
+                    drawn: *face,
+                    area: S::ZERO,
+                    extent,
+                    moves: false,
+                    barycentrics,
+                });
+                keep(count, Side { ends, ..side });
+                count += 1;
+            }
+        }
+        if pieces.pieces.get(first).is_some_and(|piece| piece.area == S::ZERO) {
+            pieces.unseen.push(pixel);
+        }
+        pieces.ends.push(pieces.pieces.len() as u32);
+        if drawn.view.needs {
+            pieces.segment_ends.push(pieces.segments.len() as u32);
+        }
     }
+}
+
+/// Finds the sides on the border of a pixel that holds `slabs`, and what lies beside them; returns
+/// whether it did so within the limits. `candidates` are those of the first layers, and may grow.
+#[cold]
+#[inline(never)]
+fn find_border_sides<S: Scalar<Wide = S>>(
+    wide: &mut Visible<S>,
+    candidates: &mut Vec<Candidate<S>>,
+    slabs: &[Slab<S>],
+    candidate: impl Fn(u32) -> Candidate<S>,
+    sides: &mut Vec<(u32, Side<S>)>,
+) -> bool {
+    wide.clear(S::from_f64(WIDER));
+    let mut end = 0;
+    for layer in layers(slabs) {
+        let known = candidates.len().saturating_sub(end).min(layer.len());
+        candidates.extend(layer[known..].iter().map(|slab| candidate(slab.drawn)));
+        end += layer.len();
+        if end > MOST_FACES || !wide.add(&candidates[..end]) {
+            return false;
+        }
+        if wide.fills_pixel() {
+            break;
+        }
+    }
+    sides.extend(wide.sides().filter(|(_, side)| side.is_on_border).filter_map(|(at, side)| {
+        let ends = clipped(side.ends, side.normal)?;
+        Some((at, Side { ends, ..side }))
+    }));
+    true
 }
 
 /// Of `columns` those in whose pixels a line passes, in a row where it has the value `start` at the

@@ -5,6 +5,7 @@ use std::ops::Range;
 use bokashi_core::Scalar;
 
 use super::marks::Marks;
+use super::pixel_border::lies_on_border;
 use super::polygon::{Line, size, value_at};
 use super::sheets::{REACH, Slab};
 use super::visible::Candidate;
@@ -130,7 +131,23 @@ impl<T: Scalar> Drawn<'_, '_, T> {
             x.maximum_or_nan(y)
         });
         let depth_doubt = depth_doubt(&vertices, &edges, depth, reaches, extents);
-        Candidate { drawn, edges, depth, depth_doubt, outline }
+        Candidate { drawn, edges, depth, depth_doubt, outline, on_border: 0 }
+    }
+
+    /// Which of the edges `some` of a face lie on the border of the pixel with the centre `center`.
+    #[cold]
+    pub(super) fn on_border(
+        &self,
+        planes: &[Plane<T::Wide>],
+        drawn: u32,
+        some: u8,
+        center: [T::Wide; 2],
+    ) -> u8 {
+        let (edges, doubts) =
+            (&self.weights[drawn as usize].edges, &planes[drawn as usize].edge_doubts);
+        let is_on_border =
+            |k: &usize| some >> k & 1 == 1 && lies_on_border(edges[*k], center, doubts[*k]);
+        (0..3).filter(is_on_border).map(|k| 1 << k).sum()
     }
 
     /// The depths of a face of the band, and how far they can be told.

@@ -175,7 +175,7 @@ mod tests {
         fn the_mean_is_one_up_to_the_third_order(edges in edges(), flat in 0.01..1.0) {
             let edges = edges.map(|[one, x, y]| [one, flat * x, flat * y]);
             let mut polygons = Polygons::<f64>::default();
-            let pixel = polygons.pixel();
+            let pixel = polygons.pixel(1.0);
             let half = polygons.inside(pixel, [0.0, -1.0, -1.0], 0).unwrap();
             let found = barycentrics(&edges, [1.0; 3], &Extent::of(&polygons.moments(half)));
             let mut mean = [0.0; 2];

@@ -6,6 +6,7 @@ mod gathered;
 mod marks;
 mod mean;
 mod pieces;
+mod pixel_border;
 mod polygon;
 mod pull_back;
 mod resolved;

@@ -41,6 +41,8 @@ pub(super) struct Segment<S> {
 pub(in crate::rasterize) struct Pieces<S> {
     /// The pixels, in order.
     pub(in crate::rasterize) pixels: Vec<u32>,
+    /// Of these, those whose pieces all have no area.
+    pub(in crate::rasterize) unseen: Vec<u32>,
     /// Where the pieces of each pixel end.
     pub(in crate::rasterize) ends: Vec<u32>,
     /// The pieces pixel by pixel, the largest first.
@@ -65,6 +67,7 @@ impl<S> Pieces<S> {
 
     pub(super) fn clear(&mut self) {
         self.pixels.clear();
+        self.unseen.clear();
         self.ends.clear();
         self.pieces.clear();
         self.segment_ends.clear();

@@ -112,9 +112,9 @@ impl<S: Scalar> Polygons<S> {
         self.corners.clear();
     }
 
-    /// The whole pixel.
-    pub(super) fn pixel(&mut self) -> Polygon {
-        let (low, high) = (-S::ONE, S::ONE);
+    /// The whole pixel, or as much as lies within `reach` of its centre.
+    pub(super) fn pixel(&mut self, reach: S) -> Polygon {
+        let (low, high) = (-reach, reach);
         let bound = Bound { line: BORDER, is_inside: true };
         let points = [[low, low], [high, low], [high, high], [low, high]];
         let first = self.corners.len() as u32;
@@ -258,11 +258,12 @@ impl<S: Scalar> Polygons<S> {
     }
 }
 
-/// What a side from p to q adds to the gradient of its line, of normal `normal`, from g at any point.
+/// What a side from p to q adds to the gradient of its line, of normal `normal`, from g at any point. It
+/// counts `share` times, negative where its polygon is on the line's outside.
 #[inline(always)]
 pub(super) fn line_bar<S: Scalar>(
     [p, q]: [[S; 2]; 2],
-    is_inside: bool,
+    share: f64,
     [normal_x, normal_y]: [S; 2],
     g: impl Fn([S; 2]) -> S,
 ) -> Line<S> {
@@ -271,11 +272,11 @@ pub(super) fn line_bar<S: Scalar>(
     let (normal_x, normal_y) = (normal_x / largest, normal_y / largest);
     // The side's length over that of the normal, at a right angle to it: no root is needed.
     let across = ((q[0] - p[0]) * normal_y - (q[1] - p[1]) * normal_x).abs();
-    let half = S::from_f64(if is_inside { 0.5 } else { -0.5 });
-    let scale = half * across / (normal_x * normal_x + normal_y * normal_y) / largest;
+    let scale =
+        S::from_f64(0.5 * share) * across / (normal_x * normal_x + normal_y * normal_y) / largest;
     // (1 - 1 / sqrt(3)) / 2
-    let share = S::from_f64(0.211_324_865_405_187_13);
-    let along = [0, 1].map(|axis| share * (q[axis] - p[axis]));
+    let from_end = S::from_f64(0.211_324_865_405_187_13);
+    let along = [0, 1].map(|axis| from_end * (q[axis] - p[axis]));
     let (p, q) = ([p[0] + along[0], p[1] + along[1]], [q[0] - along[0], q[1] - along[1]]);
     let (of_p, of_q) = (scale * g(p), scale * g(q));
     [of_p + of_q, of_p * p[0] + of_q * q[0], of_p * p[1] + of_q * q[1]]
@@ -296,7 +297,7 @@ mod tests {
 
     /// The pixel, on the inside of some lines and on the outside of others.
     fn cut(polygons: &mut Polygons<f64>, lines: &[Line<f64>], sides: &[bool]) -> Option<Polygon> {
-        let mut polygon = polygons.pixel();
+        let mut polygon = polygons.pixel(1.0);
         for (k, (&line, &is_inside)) in (0..).zip(lines.iter().zip(sides)) {
             let [inside, outside] = polygons.split(polygon, line, k);
             polygon = if is_inside { inside? } else { outside? };
@@ -355,7 +356,8 @@ mod tests {
                 if bound.line != BORDER {
                     let line = bound.line as usize;
                     let [_, x, y] = lines[line];
-                    let bar = line_bar(ends, bound.is_inside, [x, y], g);
+                    let share = if bound.is_inside { 1.0 } else { -1.0 };
+                    let bar = line_bar(ends, share, [x, y], g);
                     lines_bar[line].iter_mut().zip(bar).for_each(|(sum, bar)| *sum += bar);
                 }
             }
@@ -379,7 +381,7 @@ mod tests {
     fn the_adjoint_goes_with_1_over_the_size_of_the_line() {
         let bar = |size: f64| {
             let normal = [0.6 * size, 0.8 * size];
-            line_bar([[0.8, -0.6], [-0.8, 0.6]], true, normal, |_| 1.0).map(|bar| bar * size)
+            line_bar([[0.8, -0.6], [-0.8, 0.6]], 1.0, normal, |_| 1.0).map(|bar| bar * size)
         };
         for power in [-200, -160, 160, 200] {
             let (found, expected) = (bar(f64::powi(10.0, power)), bar(1.0));
@@ -392,7 +394,7 @@ mod tests {
     #[test]
     fn a_pixel_measures_4_and_beyond_it_is_nothing() {
         let mut polygons = Polygons::<f64>::default();
-        let pixel = polygons.pixel();
+        let pixel = polygons.pixel(1.0);
         let expected = [4.0, 4.0, 4.0, 16.0 / 3.0, 4.0, 16.0 / 3.0];
         let Moments { origin, integrals } = polygons.moments(pixel);
         assert_eq!(origin, [-1.0, -1.0]);

@@ -191,9 +191,9 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
             densities.push(Density { centroid, middle, slope, bend });
         }
         for segment in segments {
-            let Side { source, is_inside, normal, ends } = segment.side;
+            let Side { source, normal, ends, .. } = segment.side;
             let density = &densities[segment.piece as usize];
-            let line_bar = line_bar(ends, is_inside, normal, |point| density.at(point));
+            let line_bar = line_bar(ends, segment.side.share(), normal, |point| density.at(point));
             if line_bar == [S::ZERO; 3] {
                 continue;
             }

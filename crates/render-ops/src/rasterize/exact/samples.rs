@@ -15,6 +15,7 @@
 use bokashi_core::Scalar;
 
 use super::mean::Extent;
+use super::pixel_border::{WIDER, clipped};
 use super::polygon::{Moments, Polygons, value_at};
 use super::visible::{Candidate, Side, Source};
 
@@ -78,6 +79,7 @@ impl<S: Scalar> Samples<S> {
         for &Stretch { candidate: at, k, ends } in &*stretches {
             let [_, x, y] = candidates[at as usize].edges[usize::from(k)];
             let source = Source::Edge { candidate: at, k };
+            let is_on_border = candidates[at as usize].on_border >> k & 1 == 1;
             let beside = S::from_f64(BESIDE) / x.abs().maximum_or_nan(y.abs());
             for ends in cut(ends) {
                 let [p, q] = ends;
@@ -91,7 +93,8 @@ impl<S: Scalar> Samples<S> {
                 let mut add = |at: u32, is_inside| {
                     let still = || Extent { centroid: middle, covariance: [S::ZERO; 3] };
                     extents[at as usize].get_or_insert_with(still);
-                    sides.push((at, Side { source, is_inside, normal: [x, y], ends }));
+                    let normal = [x, y];
+                    sides.push((at, Side { source, is_inside, is_on_border, normal, ends }));
                 };
                 add(at, true);
                 // What ends here, too, has a side of its own.
@@ -107,20 +110,28 @@ impl<S: Scalar> Samples<S> {
     fn find_stretches(&mut self, candidates: &[Candidate<S>]) {
         let Self { polygons, stretches, .. } = self;
         stretches.clear();
-        for (at, Candidate { edges, outline, .. }) in (0..).zip(candidates) {
+        for (at, Candidate { edges, outline, on_border, .. }) in (0..).zip(candidates) {
             if *outline == 0 {
                 continue;
             }
-            polygons.clear();
-            let mut polygon = Some(polygons.pixel());
-            for (k, &edge) in (0..).zip(edges) {
-                polygon = polygon.and_then(|polygon| polygons.inside(polygon, edge, k));
+            let mut add = |reach: f64, some: u8| {
+                polygons.clear();
+                let mut polygon = Some(polygons.pixel(S::from_f64(reach)));
+                for (k, &edge) in (0..).zip(edges) {
+                    polygon = polygon.and_then(|polygon| polygons.inside(polygon, edge, k));
+                }
+                let sides = polygon.iter().flat_map(|&polygon| polygons.segments(polygon));
+                stretches.extend(sides.filter_map(|(bound, ends)| {
+                    let is_one = some.checked_shr(bound.line).unwrap_or(0) & 1 == 1;
+                    let [_, x, y] = edges[if is_one { bound.line as usize } else { 0 }];
+                    let ends = if reach > 1.0 { clipped(ends, [x, y])? } else { ends };
+                    is_one.then_some(Stretch { candidate: at, k: bound.line as u8, ends })
+                }));
+            };
+            add(1.0, outline & !on_border);
+            if outline & on_border != 0 {
+                add(WIDER, outline & on_border);
             }
-            let sides = polygon.iter().flat_map(|&polygon| polygons.segments(polygon));
-            stretches.extend(sides.filter_map(|(bound, ends)| {
-                let is_outline = outline.checked_shr(bound.line).unwrap_or(0) & 1 == 1;
-                is_outline.then_some(Stretch { candidate: at, k: bound.line as u8, ends })
-            }));
         }
     }
 
@@ -214,6 +225,7 @@ mod tests {
             };
             let all: Vec<_> = triangles.into_iter().enumerate().filter_map(flat).collect();
             let mut visible = Visible::default();
+            visible.clear(1.0);
             visible.add(&all);
             let mut exact = vec![Moments::default(); all.len()];
             visible.add_moments(&mut exact);
@@ -225,8 +237,8 @@ mod tests {
             }
             // The gradient of a weighted sum of areas, as all edges move outwards alike.
             let moved = |(at, side): (u32, Side<f64>)| {
-                let Side { ends, is_inside, normal, .. } = side;
-                let bar = line_bar(ends, is_inside, normal, |_| weights[at as usize]);
+                let Side { ends, normal, .. } = side;
+                let bar = line_bar(ends, side.share(), normal, |_| weights[at as usize]);
                 bar[0] * side.normal[0].hypot(side.normal[1])
             };
             let exact: f64 = visible.sides().map(moved).sum();

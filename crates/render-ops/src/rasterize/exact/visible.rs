@@ -17,6 +17,7 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
+use super::pixel_border::{FAR, lies_on_border};
 use super::polygon::{BORDER, Line, Moments, Polygon, Polygons, size, value_at};
 
 /// A face in a pixel: lines are relative to the pixel's centre.
@@ -31,6 +32,8 @@ pub(super) struct Candidate<S> {
     pub(super) depth_doubt: S,
     /// Bit k: whether edge k is one of a surface's outline, or a seam.
     pub(super) outline: u8,
+    /// Bit k: whether edge k lies on the pixel's border.
+    pub(super) on_border: u8,
 }
 
 impl<S: Scalar> Candidate<S> {
@@ -71,9 +74,20 @@ impl Source {
 pub(super) struct Side<S> {
     pub(super) source: Source,
     pub(super) is_inside: bool,
+    /// Whether it lies on the pixel's border, which it shares with another pixel.
+    pub(super) is_on_border: bool,
     /// The line's normal.
     pub(super) normal: [S; 2],
     pub(super) ends: [[S; 2]; 2],
+}
+
+impl<S> Side<S> {
+    /// How often it counts, negative where its candidate is on the line's outside.
+    #[inline(always)]
+    pub(super) fn share(&self) -> f64 {
+        let share = if self.is_on_border { 0.5 } else { 1.0 };
+        if self.is_inside { share } else { -share }
+    }
 }
 
 /// A visible part of a candidate.
@@ -119,11 +133,17 @@ pub(super) struct Visible<S> {
     parts: Vec<Part<S>>,
     /// Of all parts.
     area: S,
+    /// How far the pixel reaches: 1, or a little more.
+    reach: S,
     /// How often polygons were held against faces.
     cuts: usize,
     polygons: Polygons<S>,
     lines: Vec<Line<S>>,
     sources: Vec<Source>,
+    /// Per line: whether it lies on the pixel's border.
+    on_border: Vec<bool>,
+    /// Whether some line does.
+    pub(super) touches_border: bool,
     whole: Vec<Whole<S>>,
     /// What is left of a candidate, before and after another one was taken away.
     left: Vec<Polygon>,
@@ -139,14 +159,15 @@ const MOST_CUTS: usize = 1 << 22;
 pub(super) const SMALLEST: f64 = 1e-14;
 
 impl<S: Scalar> Visible<S> {
-    /// Forgets all candidates.
-    pub(super) fn clear(&mut self) {
+    /// Forgets all candidates, for a pixel that reaches as far as `reach` from its centre.
+    pub(super) fn clear(&mut self, reach: S) {
         self.parts.clear();
         self.lines.clear();
         self.sources.clear();
+        self.on_border.clear();
         self.whole.clear();
         self.polygons.clear();
-        (self.area, self.cuts) = (S::ZERO, 0);
+        (self.area, self.cuts, self.reach, self.touches_border) = (S::ZERO, 0, reach, false);
     }
 
     /// Finds the visible parts of those of `candidates` that were not there before; those that were
@@ -154,7 +175,7 @@ impl<S: Scalar> Visible<S> {
     #[inline(always)]
     pub(super) fn add(&mut self, candidates: &[Candidate<S>]) -> bool {
         let new = self.whole.len()..candidates.len();
-        let pixel = self.polygons.pixel();
+        let pixel = self.polygons.pixel(self.reach);
         for at in new.clone() {
             self.cut_to_pixel(pixel, at as u32, &candidates[at]);
         }
@@ -163,34 +184,42 @@ impl<S: Scalar> Visible<S> {
 
     /// Whether nothing can be seen behind the candidates so far.
     pub(super) fn fills_pixel(&self) -> bool {
-        self.area >= S::from_f64(4.0 * (1.0 - SMALLEST))
+        self.area >= S::from_f64(4.0 * (1.0 - SMALLEST)) * self.reach * self.reach
     }
 
     /// Cuts a candidate to the pixel and to the depth range.
     #[inline(always)]
     fn cut_to_pixel(&mut self, pixel: Polygon, at: u32, candidate: &Candidate<S>) {
-        let Self { polygons, lines, sources, whole, .. } = self;
+        let Self { polygons, lines, sources, on_border, touches_border, whole, .. } = self;
+        let half = self.reach;
         // What has no depth, since that leaves the range of the numbers, is not in the depth range.
         let reach = size(candidate.depth);
         let mut polygon = (reach < S::from_f64(f64::INFINITY)).then_some(pixel);
         let first = lines.len();
-        let mut cut = |line: Line<S>, source: Source| {
+        *touches_border |= candidate.on_border != 0;
+        let mut cut = |line: Line<S>, source: Source, is_on_border: bool| {
             // Most lines do not come near the pixel.
             let [one, x, y] = line;
-            let Some(before) = polygon.filter(|_| one < x.abs() + y.abs()) else { return };
+            let Some(before) = polygon.filter(|_| one < half * (x.abs() + y.abs())) else { return };
             polygon = polygons.inside(before, line, lines.len() as u32);
             if polygon != Some(before) {
                 lines.push(line);
                 sources.push(source);
+                on_border.push(is_on_border);
             }
         };
         for (k, &edge) in (0..).zip(&candidate.edges) {
-            cut(edge, Source::Edge { candidate: at, k });
+            let is_on_border = candidate.on_border >> k & 1 == 1;
+            cut(edge, Source::Edge { candidate: at, k }, is_on_border);
         }
         let [one, x, y] = candidate.depth;
-        if reach > S::ONE {
-            cut([one + S::ONE, x, y], Source::End { candidate: at, is_far: false });
-            cut([S::ONE - one, -x, -y], Source::End { candidate: at, is_far: true });
+        // A plane may reach the end of the range at the pixel's border.
+        if half * reach > S::from_f64(1.0 - FAR) {
+            for (line, is_far) in [([one + S::ONE, x, y], false), ([S::ONE - one, -x, -y], true)] {
+                let is_on_border = lies_on_border(line, [S::ZERO; 2], candidate.depth_doubt);
+                *touches_border |= is_on_border;
+                cut(line, Source::End { candidate: at, is_far }, is_on_border);
+            }
         }
         let infinity = S::from_f64(f64::INFINITY);
         let (mut least, mut most) = ([infinity; 3], [-infinity; 3]);
@@ -207,7 +236,8 @@ impl<S: Scalar> Visible<S> {
     /// before it; returns whether it did so within the limits.
     #[inline(always)]
     fn find_parts(&mut self, candidates: &[Candidate<S>], at: usize, layer: usize) -> bool {
-        let Self { parts, area, cuts, polygons, lines, sources, whole, left, next } = self;
+        let Self { parts, area, cuts, polygons, lines, sources, whole, left, next, .. } = self;
+        let Self { on_border, touches_border, .. } = self;
         left.clear();
         left.extend(whole[at].polygon);
         for (other, rival) in candidates.iter().enumerate() {
@@ -243,6 +273,9 @@ impl<S: Scalar> Visible<S> {
                 let index = *between.get_or_insert_with(|| {
                     lines.push(behind);
                     sources.push(Source::Between { first: at as u32, second: other as u32 });
+                    let doubt = own.depth_doubt + rival.depth_doubt;
+                    on_border.push(lies_on_border(behind, [S::ZERO; 2], doubt));
+                    *touches_border |= on_border[lines.len() - 1];
                     lines.len() as u32 - 1
                 });
                 next.extend(polygons.inside(overlap, behind, index));
@@ -258,7 +291,7 @@ impl<S: Scalar> Visible<S> {
         true
     }
 
-    /// Each candidate with the sides of its visible parts, but for those on the pixel's border.
+    /// Each candidate with the sides of its visible parts, which lines make, not the pixel.
     #[inline(always)]
     pub(super) fn sides(&self) -> impl Iterator<Item = (u32, Side<S>)> + '_ {
         self.parts.iter().flat_map(|part| {
@@ -267,7 +300,8 @@ impl<S: Scalar> Visible<S> {
                 let at = bound.line as usize;
                 let [_, x, y] = self.lines[at];
                 let (source, is_inside) = (self.sources[at], bound.is_inside);
-                (part.candidate, Side { source, is_inside, normal: [x, y], ends })
+                let is_on_border = self.on_border[at];
+                (part.candidate, Side { source, is_inside, is_on_border, normal: [x, y], ends })
             })
         })
     }
@@ -316,12 +350,12 @@ pub(super) mod tests {
         let sign = area.signum();
         let edges = edges.map(|edge| edge.map(|c| sign * c));
         let depth_doubt = DOUBT * size(depth);
-        Some(Candidate { drawn: face, edges, depth, depth_doubt, outline: 7 })
+        Some(Candidate { drawn: face, edges, depth, depth_doubt, outline: 7, on_border: 0 })
     }
 
     fn background(face: u32) -> Candidate<f64> {
         let (edges, depth) = ([[1.0, 0.0, 0.0]; 3], [1.0, 0.0, 0.0]);
-        Candidate { drawn: face, edges, depth, depth_doubt: DOUBT, outline: 0 }
+        Candidate { drawn: face, edges, depth, depth_doubt: DOUBT, outline: 0, on_border: 0 }
     }
 
     fn at(line: [f64; 3], x: f64, y: f64) -> f64 {
@@ -339,7 +373,7 @@ pub(super) mod tests {
             let face = |face, depth| Candidate { depth: [depth, 0.0, 0.0], ..background(face) };
             let all = [face(0, -0.15), face(1, depth)];
             let mut visible = Visible::default();
-            visible.clear();
+            visible.clear(1.0);
             assert!(visible.add(&all));
             let mut moments = [Moments::default(); 2];
             visible.add_moments(&mut moments);
@@ -359,7 +393,7 @@ pub(super) mod tests {
                 .collect();
             all.push(background(9));
             let mut visible = Visible::default();
-            visible.clear();
+            visible.clear(1.0);
             assert!(visible.add(&all));
             let mut moments = vec![Moments::default(); all.len()];
             visible.add_moments(&mut moments);

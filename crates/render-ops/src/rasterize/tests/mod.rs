@@ -7,6 +7,7 @@ mod exact;
 mod extremes;
 mod nearest;
 mod oracle;
+mod pixel_borders;
 mod watertight;
 
 use bokashi_core::{Tape, Tensor};
