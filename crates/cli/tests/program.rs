@@ -349,7 +349,7 @@ fn a_file_that_cannot_be_resumed_is_bad_use_in_one_line() {
     fs::write(folder.path().join("foreign"), b"{}").expect("written");
     for (line, allowed) in [
         ("fit --resume missing", "missing could not be read"),
-        ("fit --resume foreign", "a saved fit needs to begin with \"bokashi-fit\", got \"{}\""),
+        ("fit --resume foreign", "a saved fit needs a safetensors file, got 2 bytes"),
         ("fit --resume short", "a saved fit needs"),
         ("fit --resume kept --seed 1", "--seed needs to be that of the saved fit, 0, got 1"),
         ("fit --resume kept --silhouettes exact", "the saved fit, antialias, got exact"),
