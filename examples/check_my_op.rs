@@ -4,9 +4,9 @@
 //! quotients, the adjoint identity, masks, accumulation, threads, precision, wrong input. Then the
 //! same operation with a mistake in it.
 
+use bokashi::core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Tensor, TensorError};
 use bokashi_check::strategy::{number, tensor};
 use bokashi_check::{Case, Check, Input, Outcome, Refusal, Scalar, Subject, Tape, Var, sides};
-use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Tensor, TensorError};
 use proptest::strategy::Strategy;
 
 /// `y_k = |x_k|_2` per row of `x: [N, D]`, shape `[N]`; `x_bar_k += y_bar_k x_k / y_k`, and 0 where

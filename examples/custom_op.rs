@@ -3,7 +3,7 @@
 //! A line is fitted to points one of which is wild. `Huber` is written against [`Op`], the same
 //! trait that the built-in operations implement, and composes with them.
 
-use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Tape, Tensor, TensorError, Var};
+use bokashi::prelude::*;
 
 /// `L = sum_k h(x_k)`, with `h(x) = x^2 / 2` for `|x| <= width`, else `width (|x| - width / 2)`;
 /// `x_bar_k += clamp(x_k, -width, width) L_bar`. Smooth to first order everywhere.

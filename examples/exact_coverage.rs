@@ -7,10 +7,7 @@
 use std::error::Error;
 use std::f64::consts::PI;
 
-use bokashi_core::{Tape, Tensor};
-use bokashi_render_ops::{
-    Background, Mesh, RasterOptions, Sampling, Size, antialias, interpolate, rasterize, resolve,
-};
+use bokashi::prelude::*;
 
 const CORNERS: u32 = 64;
 const PIXELS: usize = 16;
@@ -36,11 +33,9 @@ fn brightness(radius: f64, sampling: Sampling, smooth: bool) -> Result<[f64; 2],
     let options = RasterOptions { sampling, ..Size::square(PIXELS).into() };
     let fragments = rasterize(clip, &mesh, options)?;
     let white = tape.constant(&Tensor::from_fn([mesh.vertex_count(), 1], |_| 1.0));
-    let mut image = resolve(interpolate(white, &fragments)?, &fragments, Background::Zero)?;
-    if smooth {
-        image = antialias(image, &fragments, clip)?;
-    }
-    let sum = image.sum();
+    let picture = composite(interpolate(white, &fragments)?, &fragments, Background::Zero)?;
+    let picture = if smooth { antialias(picture)? } else { picture.into() };
+    let sum = picture.image()?.sum();
     Ok([sum.item(), sum.backward()?.get_or_zeros(radius).data()[0]])
 }
 

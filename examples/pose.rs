@@ -4,17 +4,10 @@
 //! quaternion and a translation) and the blur's sigma together, from a start that is off by half a
 //! radian, a quarter of the cube's side, and a factor of two in sigma.
 
-use bokashi_core::{Scalar, Tape, Tensor, Var};
-use bokashi_fit::{
-    Fit, FitError, FitSettings, Mapping, Parameter, Parameters, Schedule, from_fn, squared_error,
-};
+use bokashi::glam::dcamera::rh::proj::opengl::perspective;
+use bokashi::glam::{DMat4, DQuat, DVec3};
+use bokashi::prelude::*;
 use bokashi_paper::FACES;
-use bokashi_render_ops::{
-    Background, Blur, Mesh, Pose, Size, antialias, gaussian_blur, interpolate, project, rasterize,
-    resolve,
-};
-use glam::dcamera::rh::proj::opengl::perspective;
-use glam::{DMat4, DQuat, DVec3};
 
 /// The known cube and the camera that looks at it.
 struct Scene {
@@ -46,8 +39,8 @@ impl Scene {
         let clip = project(tape.constant(&self.vertices.cast()), &self.camera, Some(pose))?;
         let fragments = rasterize(clip, &self.mesh, Size::square(64))?;
         let surface = interpolate(tape.constant(&self.colors.cast()), &fragments)?;
-        let image = resolve(surface, &fragments, Background::Zero)?;
-        let image = antialias(image, &fragments, clip)?;
+        let picture = antialias(composite(surface, &fragments, Background::Zero)?)?;
+        let image = picture.image()?;
         Ok(gaussian_blur(image, sigma, &Blur::default())?)
     }
 }

@@ -10,8 +10,8 @@ use bokashi_core::{Tape, Tensor, TensorError, Var};
 use bokashi_fit::{Fit, FitError, FitSettings, Parameter, Parameters, from_fn, squared_error};
 use bokashi_paper::FACES;
 use bokashi_render_ops::{
-    Background, Blur, Coverage, Kernel, Mesh, Pose, RasterOptions, Sampling, Size, Target,
-    antialias, gaussian_blur, interpolate, layer, project, rasterize, resolve,
+    Background, Blur, Coverage, Kernel, Mesh, Pose, RasterOptions, Reference, Sampling, Size,
+    antialias, composite, gaussian_blur, interpolate, project, rasterize,
 };
 use glam::dcamera::rh::proj::opengl::perspective;
 use rayon::{ThreadBuilder, ThreadPoolBuilder};
@@ -116,11 +116,12 @@ impl Scene {
         let options = RasterOptions { sampling: self.sampling, ..size.into() };
         let fragments = rasterize(clip, &self.mesh, options)?;
         let surface = interpolate(vertices, &fragments)?;
-        let mut image = resolve(surface, &fragments, Background::Color(background))?;
-        if self.sampling == Sampling::Center {
-            image = antialias(image, &fragments, clip)?;
-        }
-        let image = gaussian_blur(image, sigma, &Blur::default())?;
+        let picture = composite(surface, &fragments, Background::Color(background))?;
+        let picture = match self.sampling {
+            Sampling::Center => antialias(picture)?,
+            Sampling::Exact => picture.into(),
+        };
+        let image = gaussian_blur(picture.image()?, sigma, &Blur::default())?;
         Ok(squared_error(image, tape.constant(&self.target))?)
     }
 }
@@ -306,11 +307,11 @@ fn a_steady_step_of_every_blur_allocates_nothing() {
     }
 }
 
-/// Bent sheets of faces, a first one that hides the others, as a layer that is fitted.
+/// Bent sheets of faces, a first one that hides the others, as a picture that is fitted.
 struct Sheets {
     mesh: Mesh,
     vertices: Tensor<f32>,
-    target: Target<f32>,
+    reference: Reference<f32>,
     options: RasterOptions,
 }
 
@@ -351,7 +352,7 @@ impl Sheets {
         Self {
             mesh,
             vertices: Tensor::new([count, 3], corners).unwrap(),
-            target: Target::new(&image, &Tensor::zeros([3])).unwrap(),
+            reference: Reference::new(&image, &Tensor::zeros([3])).unwrap(),
             options: Size::square(pixels).into(),
         }
     }
@@ -373,11 +374,12 @@ impl Sheets {
         let clip = project(vertices, &perspective(0.7, 1.0, 1.0, 50.0), None)?;
         let fragments = rasterize(clip, &self.mesh, self.options)?;
         let surface = interpolate(vertices, &fragments)?;
-        let mut layer = layer(surface, &fragments, Background::Zero)?;
-        if self.options.sampling == Sampling::Center {
-            layer = layer.antialias(clip)?;
-        }
-        let loss = layer.squared_error(&self.target)?;
+        let picture = composite(surface, &fragments, Background::Zero)?;
+        let picture = match self.options.sampling {
+            Sampling::Center => antialias(picture)?,
+            Sampling::Exact => picture.into(),
+        };
+        let loss = picture.squared_error(&self.reference)?;
         let gradients = loss.backward()?;
         assert!(gradients.get(vertices).is_some());
         Ok(self.found(&fragments.coverage, loss.item()))
@@ -432,7 +434,7 @@ fn a_steady_step_of_one_band_with_exact_coverage_allocates_nothing_on_several_th
 }
 
 #[test]
-fn a_steady_step_of_a_layer_allocates_nothing() {
+fn a_steady_step_of_a_picture_allocates_nothing() {
     // One band and several, few faces and many, and many that are hidden.
     for (side, hidden, pixels) in [(2, 0, 48), (40, 0, 300), (2, 250, 200)] {
         let (mut tape, sheets) = (Tape::new(), Sheets::new(side, hidden, pixels));

@@ -2,9 +2,9 @@
 
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
-    Background, Blur, Border, Kernel, Lens, Mesh, Pose, RasterOptions, RenderError, Sampling, Size,
-    Target, antialias, depth, depth_of_field, gaussian_blur, interpolate, layer, project,
-    rasterize, resolve,
+    Background, Blur, Border, Kernel, Lens, Mesh, Pose, RasterOptions, Reference, RenderError,
+    Sampling, Size, antialias, composite, depth, depth_of_field, gaussian_blur, interpolate,
+    project, rasterize,
 };
 use glam::dcamera::rh::proj::opengl::perspective;
 use rayon::ThreadPoolBuilder;
@@ -38,7 +38,7 @@ impl Sphere {
         Self { mesh, positions, size }
     }
 
-    /// The image, a layer of the same surface, and every gradient of a loss of both, on `tape`.
+    /// The image, a picture of the same surface before black, and every gradient of a loss of both, on `tape`.
     fn step<T: Scalar>(&self, tape: &Tape<T>) -> Result<Vec<Tensor<T>>, RenderError> {
         let vertices = self.mesh.vertex_count();
         let leaf = |shape: &[usize], entry: &dyn Fn(usize) -> f64| {
@@ -56,23 +56,24 @@ impl Sphere {
         let clip = project(positions, &camera, Some(Pose { rotation, translation }))?;
         let fragments = rasterize(clip, &self.mesh, self.size)?;
         let surface = interpolate(colors, &fragments)?;
-        let image = resolve(surface, &fragments, Background::Image(background))?;
-        let smooth = antialias(image, &fragments, clip)?;
+        let picture = antialias(composite(surface, &fragments, Background::Image(background))?)?;
+        let smooth = picture.image()?;
         let blurred = gaussian_blur(smooth, sigma, &Blur::default())?;
         let options = RasterOptions { sampling: Sampling::Exact, ..self.size.into() };
         let exact = rasterize(clip, &self.mesh, options)?;
         let counts = exact.coverage.boundary_counts();
         assert!(counts.pixels > 0 && counts.pieces > counts.pixels, "{counts:?}");
         let exact_surface = interpolate(colors, &exact)?;
-        let exact_image = resolve(exact_surface, &exact, Background::Image(background))?;
+        let exact_image =
+            composite(exact_surface, &exact, Background::Image(background))?.image()?;
         let exact_loss = exact_image.square().sum() + depth(&exact)?.square().sum();
-        let layer = layer(surface, &fragments, Background::Zero)?.antialias(clip)?;
-        assert!(layer.values.shape()[0] > fragments.coverage.count(), "the layer has a rim");
+        let dark = antialias(composite(surface, &fragments, Background::Zero)?)?;
+        assert!(dark.values().shape()[0] > fragments.coverage.count(), "the picture has a rim");
         // Several, for a sum in another order may be the same.
         let errors = (0..8).map(|k| {
             let goal = |at: usize| T::from_f64(((at + k) * 7919 % 83) as f64 / 83.0);
             let goal = Tensor::from_fn([height, width, 3], goal);
-            let error = layer.squared_error(&Target::new(&goal, &Tensor::zeros([3]))?)?;
+            let error = dark.squared_error(&Reference::new(&goal, &Tensor::zeros([3]))?)?;
             Ok(error.reshape([1])?)
         });
         let errors = Var::concat(&errors.collect::<Result<Vec<_>, RenderError>>()?, 0)?;
@@ -83,7 +84,7 @@ impl Sphere {
         let mut results: Vec<_> =
             leaves.iter().map(|&leaf| gradients.get(leaf).unwrap().clone()).collect();
         let exact_weight = exact.weight.expect("exact coverage has weights");
-        let values = [fragments.barycentrics, smooth, blurred, layer.values, errors, loss];
+        let values = [fragments.barycentrics, smooth, blurred, dark.values(), errors, loss];
         let values = values.into_iter().chain([exact.barycentrics, exact_weight, exact_image]);
         results.extend(values.map(|var| var.value()));
         let ids = fragments.coverage.triangle_ids();
@@ -179,8 +180,8 @@ fn a_second_backward_pass_gives_the_same_bits() {
     let sigma = tape.scalar(2.0);
     let fragments = rasterize(clip, &sphere.mesh, sphere.size).unwrap();
     let surface = interpolate(colors, &fragments).unwrap();
-    let image = resolve(surface, &fragments, Background::Zero).unwrap();
-    let image = antialias(image, &fragments, clip).unwrap();
+    let picture = antialias(composite(surface, &fragments, Background::Zero).unwrap()).unwrap();
+    let image = picture.image().unwrap();
     let loss = gaussian_blur(image, sigma, &Blur::default()).unwrap().square().sum();
     let pass = || {
         let gradients = loss.backward().unwrap();

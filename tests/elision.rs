@@ -16,7 +16,7 @@ const ROWS: [(&str, &[&str]); 9] = [
     ("frozen sigma", &["gaussian_blur: gradient of input 1"]),
     ("sigma 0", &["gaussian_blur: sigma is 0"]),
     ("antialias without discontinuities", &["antialias: no discontinuities"]),
-    ("empty background", &["resolve: gradient of the background"]),
+    ("empty background", &["image: gradient of input 1"]),
     ("no face near the near plane", &["rasterize: whole rows"]),
     ("depth not asked for", &["depth: not recorded"]),
     (
@@ -25,7 +25,7 @@ const ROWS: [(&str, &[&str]); 9] = [
             "project: recording",
             "rasterize: recording",
             "interpolate: recording",
-            "resolve: recording",
+            "image: recording",
             "antialias: recording",
             "gaussian_blur: recording",
             "squared_error: recording",

@@ -3,10 +3,15 @@
 
 use std::ops::ControlFlow;
 
+use bokashi_core::{Scalar, Tape, Tensor};
+use bokashi_fit::{Fit, FitError, FitSettings, Parameter, Parameters, from_fn, squared_error};
 use bokashi_paper::{
     CubeSettings, Experiment, Outcome, Precision, Preset, STUCK, Silhouettes, run_cube,
 };
-use bokashi_render_ops::{Border, Kernel};
+use bokashi_render_ops::{
+    Background, Border, Kernel, Mesh, RasterOptions, Sampling, Size, antialias, composite,
+    interpolate, rasterize,
+};
 
 fn run(settings: &CubeSettings) -> Outcome {
     run_cube(settings, &mut |_| ControlFlow::Continue(())).expect("the experiment runs")
@@ -103,6 +108,58 @@ fn the_same_seed_gives_the_same_bits_on_any_number_of_threads() {
         let one = bits(1, precision);
         for threads in [1, 2, 4, 8] {
             assert_eq!(bits(threads, precision), one, "{threads} threads, {precision}");
+        }
+    }
+}
+
+/// How a silhouette gets its gradient.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Edges {
+    Aliased,
+    Antialiased,
+    Exact,
+}
+
+/// Two steps of a fit of a white triangle, `offset` to the right, to a black image.
+fn fit_silhouette<T: Scalar>(edges: Edges, offset: f64) -> Result<(), FitError> {
+    let corners = [[-0.5, -0.6, 0.0, 1.0], [0.7, -0.4, 0.0, 1.0], [0.1, 0.65, 0.0, 1.0]];
+    let entry = |k: usize| corners[k / 4][k % 4] + if k % 4 == 0 { offset } else { 0.0 };
+    let clip = Tensor::from_fn([3, 4], |k| T::from_f64(entry(k)));
+    let parameters = Parameters::new().with(Parameter::new("clip", clip))?;
+    let mesh = Mesh::new(vec![[0, 1, 2]], 3)?;
+    let size = Size::square(16);
+    let sampling = if edges == Edges::Exact { Sampling::Exact } else { Sampling::Center };
+    let options = RasterOptions { sampling, ..size.into() };
+    let mut pipeline = from_fn(|tape: &Tape<T>, variables| {
+        let clip = variables.get("clip")?;
+        let fragments = rasterize(clip, &mesh, options)?;
+        let surface = interpolate(tape.constant_full([3, 1], T::ONE), &fragments)?;
+        let picture = composite(surface, &fragments, Background::Zero)?;
+        let picture = match edges {
+            Edges::Antialiased => antialias(picture)?,
+            Edges::Aliased | Edges::Exact => picture.into(),
+        };
+        Ok(squared_error(picture.image()?, tape.constant_full([16, 16, 1], T::ZERO))?)
+    });
+    let settings = FitSettings { steps: 2, ..FitSettings::default() };
+    Fit::new(parameters, settings)?.run(&mut pipeline).map(drop)
+}
+
+#[test]
+fn a_silhouette_that_gets_no_gradient_is_refused_and_where_it_ends_is_named() {
+    let message = "\"clip\" needs a way to the loss, got one that ends at rasterize, \
+                   whose output is detached";
+    // In view, and out of sight.
+    for offset in [0.0, 5.0] {
+        for refused in [
+            fit_silhouette::<f32>(Edges::Aliased, offset),
+            fit_silhouette::<f64>(Edges::Aliased, offset),
+        ] {
+            assert_eq!(refused.unwrap_err().to_string(), message);
+        }
+        for edges in [Edges::Antialiased, Edges::Exact] {
+            fit_silhouette::<f32>(edges, offset).unwrap();
+            fit_silhouette::<f64>(edges, offset).unwrap();
         }
     }
 }

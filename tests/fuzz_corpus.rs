@@ -47,8 +47,8 @@ fn images_keep_their_promises() {
 }
 
 #[test]
-fn layers_keep_their_promises() {
-    let all = replayed("layer", fuzz::layers);
+fn pictures_keep_their_promises() {
+    let all = replayed("picture", fuzz::pictures);
     assert!(reaching(&all) > 30, "{all:?}");
     assert!(all.iter().any(|&pixels| pixels > 100), "{all:?}");
 }

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
-    Background, Blur, Border, Fragments, Kernel, Mesh, Radius, Size, antialias, depth,
-    gaussian_blur, interpolate, rasterize, resolve,
+    Background, Blur, Border, Composite, Fragments, Kernel, Mesh, Radius, Size, antialias,
+    composite, depth, gaussian_blur, interpolate, rasterize,
 };
 use serde::Deserialize;
 
@@ -79,6 +79,7 @@ struct Scene<'t, T: Scalar> {
     attributes: Var<'t, T>,
     fragments: Fragments<'t, T>,
     /// The interpolated attributes before a black background.
+    picture: Composite<'t, T>,
     image: Var<'t, T>,
 }
 
@@ -90,8 +91,9 @@ impl<'t, T: Scalar> Scene<'t, T> {
         let size = Size { width: golden.width, height: golden.height };
         let fragments = rasterize(clip, &mesh, size).unwrap();
         let values = interpolate(attributes, &fragments).unwrap();
-        let image = resolve(values, &fragments, Background::Zero).unwrap();
-        Self { golden, tolerance, clip, attributes, fragments, image }
+        let picture = composite(values, &fragments, Background::Zero).unwrap();
+        let image = picture.image().unwrap();
+        Self { golden, tolerance, clip, attributes, fragments, picture, image }
     }
 
     /// Entry by entry within the tolerance of the largest expected entry.
@@ -131,7 +133,7 @@ impl<'t, T: Scalar> Scene<'t, T> {
             let rows =
                 values.value().reshaped([self.fragments.coverage.count(), channels]).unwrap();
             let values = values.tape().constant(&rows);
-            resolve(values, &self.fragments, Background::Zero).unwrap().value()
+            composite(values, &self.fragments, Background::Zero).unwrap().image().unwrap().value()
         };
         assert_eq!(self.fragments.coverage.size(), size);
         let barycentrics = dense(self.fragments.barycentrics, 2);
@@ -154,7 +156,7 @@ impl<'t, T: Scalar> Scene<'t, T> {
             assert!(golden.blur.is_empty());
             return;
         };
-        let image = antialias(self.image, &self.fragments, self.clip).unwrap();
+        let image = antialias(self.picture.clone()).unwrap().image().unwrap();
         self.assert_close("antialiased", &image.value(), &flat_image(expected));
         self.assert_gradients("antialiased", image, gradients);
 

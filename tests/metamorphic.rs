@@ -2,8 +2,8 @@
 
 use bokashi_core::{Tape, Tensor, Var};
 use bokashi_render_ops::{
-    Background, Blur, Border, Kernel, Mesh, Radius, Size, antialias, gaussian_blur, interpolate,
-    rasterize, resolve,
+    Background, Blur, Border, Kernel, Mesh, Radius, Size, antialias, composite, gaussian_blur,
+    interpolate, rasterize,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -38,8 +38,10 @@ impl Scene {
         let fragments = rasterize(clip, &mesh, self.size).unwrap();
         let surface = interpolate(colors, &fragments).unwrap();
         let background = tape.constant(&Tensor::new([2], self.background.to_vec()).unwrap());
-        let image = resolve(surface, &fragments, Background::Color(background)).unwrap();
-        let image = antialias(image, &fragments, clip).unwrap();
+        let picture =
+            antialias(composite(surface, &fragments, Background::Color(background)).unwrap())
+                .unwrap();
+        let image = picture.image().unwrap();
         let sigma = tape.scalar(0.8);
         if blurs { gaussian_blur(image, sigma, &BLUR).unwrap() } else { image }
     }
@@ -329,8 +331,8 @@ fn a_target_that_is_the_picture_gives_a_loss_and_gradients_of_exactly_zero() {
     let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
     let fragments = rasterize(clip, &mesh, Size::square(16)).unwrap();
     let surface = interpolate(colors, &fragments).unwrap();
-    let image = resolve(surface, &fragments, Background::Zero).unwrap();
-    let image = antialias(image, &fragments, clip).unwrap();
+    let picture = antialias(composite(surface, &fragments, Background::Zero).unwrap()).unwrap();
+    let image = picture.image().unwrap();
     let image = gaussian_blur(image, sigma, &Blur::default()).unwrap();
     let loss = (image - tape.constant(&image.value())).square().sum();
     assert_eq!(loss.item(), 0.0);

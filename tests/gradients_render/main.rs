@@ -4,8 +4,8 @@
 #[path = "../support/blends.rs"]
 mod blends;
 mod exact;
-mod layers;
 mod partition;
+mod pictures;
 mod scenes;
 
 use std::cell::Cell;
@@ -19,9 +19,9 @@ use bokashi_check::strategy::{
 use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
-    Background, Blur, Border, Fragments, Kernel, Lens, Mesh, Pose, Radius, RenderError, Size,
-    antialias, depth, depth_of_field, gaussian_blur, interpolate, interpolate_indexed, project,
-    rasterize, resolve,
+    Background, Blur, Border, Composite, Fragments, Kernel, Lens, Mesh, Pose, Radius, RenderError,
+    Size, antialias, composite, depth, depth_of_field, gaussian_blur, interpolate,
+    interpolate_indexed, project, rasterize,
 };
 use glam::DMat4;
 use proptest::collection::vec;
@@ -229,9 +229,9 @@ fn interpolate_attributes_at_weights() {
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Resolve;
+struct Image;
 
-impl Subject for Resolve {
+impl Subject for Image {
     /// Fragments' values, and perhaps a background: a colour or an image.
     fn apply<'t, T: Scalar>(
         &self,
@@ -243,20 +243,20 @@ impl Subject for Resolve {
             [_, background] => Background::Image(background),
             _ => Background::Zero,
         };
-        Ok(resolve(inputs[0], &fixed_fragments(tape, None)?, background)?.into())
+        Ok(composite(inputs[0], &fixed_fragments(tape, None)?, background)?.image()?.into())
     }
 }
 
 #[test]
-fn resolve_before_every_background() {
+fn images_before_every_background() {
     let fragments = [fixed_count(), 2];
     for background in [None, Some(&[2][..]), Some(&[4, 6, 2])] {
         let shapes: Vec<&[usize]> = [&fragments[..]].into_iter().chain(background).collect();
-        let of = |inputs: Vec<Input>| Case::new(Resolve, inputs);
+        let of = |inputs: Vec<Input>| Case::new(Image, inputs);
         let one_more = of(vec![leaf([fragments[0] + 1, 2], 0.5)]);
         let turned = of(vec![leaf(fragments, 0.5), leaf([6, 4, 2], 0.5)]);
         check(
-            Check::of_cases("resolve", leaves(&shapes).prop_map(of))
+            Check::of_cases("image", leaves(&shapes).prop_map(of))
                 .refuses_midway("a value without a fragment", one_more)
                 .refuses_midway("a background of another size", turned),
         );
@@ -278,7 +278,7 @@ impl Subject for Antialias {
         let fragments = rasterize(inputs[0], &self.scene.mesh, self.scene.size)?;
         let blends = blends::blends(&fragments, &wide(inputs[0]));
         let choices: Vec<_> = blends.iter().map(|blend| blend.choice()).collect();
-        let image = antialias(inputs[1], &fragments, inputs[0])?;
+        let image = antialias(Composite::of_image(inputs[1], &fragments)?)?.image()?;
         let ids = fragments.coverage.triangle_ids();
         Ok(Outcome::from(image).with_state(ids).with_state(choices))
     }
@@ -314,7 +314,8 @@ fn antialias_is_the_sum_of_the_blends_of_its_definition() {
                 let clip = tape.leaf(&clip);
                 let fragments = rasterize(clip, &mesh, size).unwrap();
                 let image = Tensor::from_fn([size.height, size.width, 1], motley);
-                let out = antialias(tape.leaf(&image), &fragments, clip).unwrap().value();
+                let out = Composite::of_image(tape.leaf(&image), &fragments).unwrap();
+                let out = antialias(out).unwrap().image().unwrap().value();
                 let mut expected = image.data().to_vec();
                 for blend in blends::blends(&fragments, &clip.value()) {
                     let [first, second] = blend.pair;
@@ -512,8 +513,8 @@ impl Subject for Pipeline {
         let blends = blends::blends(&fragments, &wide(clip));
         let choices: Vec<_> = blends.iter().map(|blend| blend.choice()).collect();
         let surface = interpolate(colors, &fragments)?;
-        let image = resolve(surface, &fragments, Background::Color(background))?;
-        let image = antialias(image, &fragments, clip)?;
+        let picture = antialias(composite(surface, &fragments, Background::Color(background))?)?;
+        let image = picture.image()?;
         let image = gaussian_blur(image, sigma, &self.blur)?;
         let ids = fragments.coverage.triangle_ids();
         Ok(Outcome::from(image.square()).with_state(ids).with_state(choices))
@@ -594,7 +595,7 @@ fn no_operation_is_forgotten() {
 
     // What a subject does itself, under the name that it has: a helper could do anything.
     let tests =
-        [include_str!("main.rs"), include_str!("layers.rs"), include_str!("exact.rs")].concat();
+        [include_str!("main.rs"), include_str!("pictures.rs"), include_str!("exact.rs")].concat();
     let subjects = blocks(&tests, "impl Subject for ").concat();
     for name in functions.iter().chain(&methods) {
         assert!(calls(&subjects, name), "{name} has no law");

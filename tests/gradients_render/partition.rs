@@ -5,7 +5,7 @@
 use bokashi_core::{Scalar, Tape, Tensor};
 use bokashi_lab::visible_areas;
 use bokashi_render_ops::{
-    Background, Mesh, RasterOptions, Sampling, Size, interpolate, rasterize, resolve,
+    Background, Mesh, RasterOptions, Sampling, Size, composite, interpolate, rasterize,
 };
 use proptest::prelude::*;
 use proptest::strategy::Union;
@@ -52,7 +52,7 @@ fn covered<T: Scalar>(scene: &Scene, slack: f64) -> Result<Vec<f64>, TestCaseErr
         let colors = tape.constant_full([scene.mesh.vertex_count(), 1], T::from_f64(own));
         let behind = tape.constant_full([1], T::from_f64(1.0 - own));
         let surface = interpolate(colors, &fragments).unwrap();
-        resolve(surface, &fragments, Background::Color(behind)).unwrap().value()
+        composite(surface, &fragments, Background::Color(behind)).unwrap().image().unwrap().value()
     });
     for (pixel, &covered) in covered.iter().enumerate() {
         let [own, behind] = [0, 1].map(|k| ones[k].data()[pixel].to_f64());

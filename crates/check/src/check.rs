@@ -64,8 +64,8 @@ impl Check {
         Self { cases, ..self }
     }
 
-    /// Cases that are large enough for work in pieces: they are checked for threads and recycling
-    /// alone.
+    /// Adds cases that are large enough for work in pieces. Only threads and recycling are checked
+    /// on them.
     #[must_use]
     pub fn large(self, cases: u32, strategy: impl Strategy<Value = Case> + 'static) -> Self {
         Self { large: Some((strategy.boxed(), cases)), ..self }
@@ -79,8 +79,8 @@ impl Check {
         self
     }
 
-    /// [`Check::refuses`] for a pipeline, whose first operations stay on the tape where a later one
-    /// refuses: what was recorded before must be as it was.
+    /// [`Check::refuses`] for a pipeline: its first operations stay on the tape where a later
+    /// operation refuses, but what was recorded before it must be as it was.
     #[must_use]
     pub fn refuses_midway(mut self, what: impl Into<String>, case: Case) -> Self {
         self.refused.push(Refused { what: what.into(), case, is_pipeline: true });

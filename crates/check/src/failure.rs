@@ -17,8 +17,7 @@ pub enum Law {
     Adjoint,
     /// Hessian-vector products are symmetric and agree with differences of gradients.
     Curvature,
-    /// Every subset of the inputs that need a gradient gives them the same bits, and the others
-    /// none.
+    /// Whichever inputs need a gradient, they get the same bits, and the others get none.
     Masks,
     /// A gradient is added to what is there; one variable as two inputs gets both gradients; an
     /// unused output adds nothing.

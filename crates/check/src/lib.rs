@@ -18,14 +18,14 @@
 //!
 //! # What is checked
 //!
-//! Every [`Law`] on every case: the gradient against difference quotients with an error bar of their
-//! own, against a forward-mode run over [dual numbers](Dual), Hessian-vector products, every subset
-//! of the inputs that need a gradient, accumulation, linearity, recycled memory, any number of
-//! threads, `f32` against `f64`, and wrong input. Tolerances are not chosen: each is the measured
-//! error bar of what it is compared with.
+//! A check tries every [`Law`] on every case. It compares the gradient with difference quotients,
+//! which have an error bar of their own, and with a forward-mode run over [dual numbers](Dual). It
+//! looks at Hessian-vector products, every subset of the inputs that need a gradient, accumulation,
+//! linearity, recycled memory, numbers of threads, `f32` against `f64`, and wrong input. Nobody
+//! chooses tolerances: each is the measured error bar of the reference.
 //!
-//! A failure is made small: first the shapes, then the upstream gradient, down to one entry, then the
-//! values. It reads
+//! A failure is made small: first the shapes, then the upstream gradient, down to one entry, then
+//! the values. It reads
 //! `row norm breaks the law of differences: d out[0] / d in0[0,0]: got 2, expected 1 +- 1e-11`.
 //!
 //! Cases are always the same ones: the same check gives the same result.
@@ -34,7 +34,11 @@
 //!
 //! It declares its discrete state ([`Outcome::with_state`]): ids, edge choices, sides of a kink.
 //! Points where that changes within the stencil are left out and counted, and too many of them are
-//! a failure. So is a kink that was not declared.
+//! a failure.
+//!
+//! A kink that was not declared is seen only where a case comes close to it, within some 1e-5 of
+//! `max(1, |x|)`. Inputs on a regular grid may never do so: [`strategy::around`] draws numbers
+//! beside a kink and on it.
 //!
 //! # Is the check able to fail?
 //!
@@ -43,9 +47,10 @@
 //!
 //! # What cannot be seen
 //!
-//! A gradient of a value that no case comes near; a mistake that is smaller than the error bar of
-//! every law; discrete state that is declared to change everywhere. The tape itself refuses what an
-//! operation must not do: to read what it did not ask to keep, or a gradient that is not needed.
+//! A wrong gradient at values that no case comes near; a mistake that is smaller than the error bar
+//! of every law; discrete state that is declared to change everywhere. The tape itself refuses two
+//! things: to read a value that the operation did not ask to keep, and to touch a gradient that is
+//! not needed.
 
 mod check;
 mod dual;

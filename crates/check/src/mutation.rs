@@ -1,8 +1,8 @@
 //! Mutation controls: is a check able to fail?
 //!
-//! From a right adjoint wrong ones are made, by an identity in front of one input whose backward
-//! pass is wrong on purpose. A check that passes with one of them would also pass with an operation
-//! that has this mistake.
+//! An identity whose backward pass is wrong on purpose stands in front of one input, and makes a
+//! wrong adjoint of a right one. A check that passes with it would also pass with an operation that
+//! has this mistake.
 
 use std::fmt;
 use std::sync::Arc;

@@ -8,7 +8,7 @@ use bokashi_core::{Scalar, Tape, Tensor, Var};
 use crate::dual::Dual;
 use crate::subject::{AnySubject, Case, Input, Number, Refusal};
 
-/// The values of a run's inputs, and which have a gradient.
+/// The values of a run's inputs, and which inputs have a gradient.
 pub(crate) type Point<T> = Vec<(Tensor<T>, bool)>;
 
 /// What a run gave.
@@ -16,7 +16,7 @@ pub(crate) type Point<T> = Vec<(Tensor<T>, bool)>;
 pub(crate) struct Run<T> {
     pub(crate) outputs: Vec<Tensor<T>>,
     pub(crate) state: u64,
-    /// Per input; `None` for those without one.
+    /// Per input; `None` for inputs without a gradient.
     pub(crate) gradients: Vec<Option<Tensor<T>>>,
 }
 

@@ -140,7 +140,7 @@ impl Case {
 }
 
 /// A [`Subject`] whose type is forgotten, so that the laws are compiled once and not for every
-/// subject: three kinds of numbers are all they need.
+/// subject. They need it for three kinds of numbers alone.
 pub(crate) trait AnySubject: Debug + Send + Sync {
     fn apply_f32<'t>(&self, tape: &'t Tape<f32>, inputs: &[Var<'t, f32>]) -> Applied<'t, f32>;
     fn apply_f64<'t>(&self, tape: &'t Tape<f64>, inputs: &[Var<'t, f64>]) -> Applied<'t, f64>;

@@ -1,10 +1,9 @@
 //! Backward passes over the tape.
 //!
 //! A pass starts from upstream gradients at some variables and walks the operations in reverse.
-//! An operation runs where one of its outputs has an upstream gradient and one of its inputs
-//! leads to a requested variable; every other one is skipped. Gradients of inner values live
-//! until the operation that made the value has used them; then their buffers serve the operations
-//! further down.
+//! An operation runs where one of its outputs has an upstream gradient and one of its inputs leads
+//! to a requested variable; all others are skipped. The gradient of an inner value lives until the
+//! operation that made the value has used it; then its buffer serves the operations further down.
 
 use std::fmt;
 use std::ops::Range;
@@ -129,11 +128,13 @@ impl<T: Scalar> Tape<T> {
         }
         let mut inner = self.inner.borrow_mut();
         inner.check_seeds(seeds)?;
+        inner.begin_call();
         let mut results = inner.results.pop().unwrap_or_default();
         inner.mark_wanted(wrt, &mut results);
         inner.seed(seeds);
         inner.walk();
         inner.collect_results(&mut results);
+        inner.is_call_under_way = false;
         Ok(Gradients { tape: self, results })
     }
 }

@@ -1,8 +1,8 @@
 //! The same pipeline in two precisions, value by value.
 //!
-//! A pipeline that is generic over its numbers is recorded on two tapes, and the values of the
-//! rough one are compared with those of the exact one, in the order of recording. A pass to every
-//! value ([`Tape::variables`]) compares the gradients as well.
+//! A pipeline that is generic over its numbers is recorded on two tapes, a rough and an exact tape.
+//! Their values are compared in the order of recording. A backward pass to every value
+//! ([`Tape::variables`]) compares the gradients, too.
 //!
 //! The relative error of an array is `max_k |rough_k - exact_k| / max_k |exact_k|`.
 

@@ -15,7 +15,7 @@
 //! # Ok::<(), bokashi_core::TensorError>(())
 //! ```
 //!
-//! An operation of one's own implements [`Op`], the trait that the built-in ones implement too.
+//! An operation of your own implements [`Op`], as the built-in operations do.
 //!
 //! Results are bitwise the same for any number of threads, and a step that repeats the last one
 //! allocates nothing on one thread.
@@ -24,10 +24,12 @@ mod axis;
 mod backward;
 mod broadcast;
 mod comparison;
+mod dependence;
 mod elementwise;
 mod error;
 mod gradient;
 mod logistic;
+mod node;
 mod op;
 mod pool;
 #[cfg(feature = "precompiled")]
@@ -41,6 +43,8 @@ mod shape;
 mod summation;
 mod tape;
 mod tensor;
+#[cfg(test)]
+mod unwinding;
 mod value;
 mod var;
 mod walk;
@@ -50,6 +54,7 @@ pub mod parallel;
 
 pub use backward::Gradients;
 pub use comparison::{gradient_errors, value_errors};
+pub use dependence::Dependence;
 pub use error::TensorError;
 pub use gradient::{Accumulator, Accumulators};
 pub use op::{Inputs, Keep, Kept, Op, Outputs};

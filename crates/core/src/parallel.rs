@@ -1,8 +1,8 @@
 //! Work cut into pieces of a fixed size, whatever the number of threads.
 //!
-//! Pieces are cut by size alone and results are merged in the order of the pieces, so every result
+//! Pieces are cut by size alone and results are merged in the order of the pieces. So every result
 //! is bitwise the same for any number of threads. Work of a single piece never enters the thread
-//! pool: at 32x32 pixels entering it costs more than the work.
+//! pool: at 32 x 32 pixels to enter it costs more than the work.
 
 use std::ops::Range;
 

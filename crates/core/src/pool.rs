@@ -1,10 +1,10 @@
 //! Recycled buffers, so that a steady step allocates nothing.
 //!
 //! # What is kept
-//! A buffer comes from the pool and goes back to it; sizes are rounded up to powers of two. The
-//! values of a step keep theirs until the next step has no use for them in their place, so of each
-//! size a tape holds at most what two steps, each at its peak, had in use at one time. It is freed
-//! with the tape. Buffers that a caller handed in or still holds are not the pool's.
+//! A buffer comes from the pool and goes back to it; sizes are rounded up to powers of two. A value
+//! keeps its buffer in its place until the next step puts a value of another length there. So a
+//! tape holds at most as many buffers of each size as two steps have in use at their peaks. They
+//! are freed with the tape. Buffers that a caller handed in or still holds are not the pool's.
 
 use std::sync::Arc;
 

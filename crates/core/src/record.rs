@@ -3,82 +3,21 @@
 //! An operation none of whose inputs needs a gradient is computed and forgotten: it leaves values
 //! but no node. One that turns out to be the identity leaves neither.
 
-use std::any::Any;
 use std::ops::Range;
 use std::time::Instant;
 
 use smallvec::SmallVec;
 
 use crate::error::TensorError;
-use crate::gradient::Accumulators;
-use crate::op::{Inputs, Keep, Kept, Op, Outputs, Renamed};
+use crate::node::{Node, slot_in, spare_place};
+use crate::op::{Inputs, Keep, Op, Outputs, Renamed};
 use crate::scalar::Scalar;
 use crate::tape::{Inner, Tape};
-use crate::value::Value;
+use crate::value::{Parting, Value};
 use crate::var::Var;
 
 /// The outputs of a recorded operation; up to four need no allocation.
 pub type Variables<'t, T> = SmallVec<[Var<'t, T>; 4]>;
-
-/// One operation that a backward pass can visit.
-pub(crate) struct Node {
-    /// Where the operation and what it saved are.
-    pub(crate) place: u32,
-    /// The operation's entry in the report.
-    pub(crate) entry: u32,
-    pub(crate) keep: Keep,
-    first_input: u32,
-    input_count: u32,
-    first_output: u32,
-    output_count: u32,
-}
-
-impl Node {
-    /// Where in the tape's list of links the indices of the inputs are.
-    #[inline]
-    pub(crate) fn links(&self) -> Range<usize> {
-        self.first_input as usize..(self.first_input + self.input_count) as usize
-    }
-
-    /// The indices of the outputs.
-    #[inline]
-    pub(crate) fn outputs(&self) -> Range<usize> {
-        self.first_output as usize..(self.first_output + self.output_count) as usize
-    }
-}
-
-/// What the k-th operation of a step has on the tape. It stays when the step ends, so that the
-/// k-th operation of the next one finds its memory.
-pub(crate) struct Place<T> {
-    pub(crate) recorded: Box<dyn Recorded<T>>,
-    /// The operation's entry in the report, if it still has the same name.
-    entry: u32,
-}
-
-/// An operation of any type with what it saved.
-pub(crate) trait Recorded<T>: Any + Send {
-    fn backward(&mut self, kept: &Kept<'_, T>, gradients: &mut Accumulators<'_, T>);
-    /// Drops the operation, and with it what it shares with others; keeps the memory of what it
-    /// saved.
-    fn retire(&mut self);
-}
-
-/// An operation of type `O`, where one is recorded, and the memory of what it saved.
-struct Slot<O, S> {
-    op: Option<O>,
-    saved: S,
-}
-
-impl<T: Scalar, O: Op<T>> Recorded<T> for Slot<O, O::Saved> {
-    fn backward(&mut self, kept: &Kept<'_, T>, gradients: &mut Accumulators<'_, T>) {
-        let op = self.op.as_ref().expect("a node's place holds its operation");
-        op.backward(kept, &mut self.saved, gradients);
-    }
-
-    fn retire(&mut self) {
-        self.op = None;
-    }
-}
 
 impl<T: Scalar> Tape<T> {
     /// Records `op` on `inputs` and returns its outputs.
@@ -106,7 +45,7 @@ impl<T: Scalar> Tape<T> {
         look: impl FnOnce(&O::Saved) -> R,
     ) -> Result<(Variables<'t, T>, R), O::Error> {
         let (mut look, mut seen) = (Some(look), None);
-        let indices = self.record_node(op, inputs, &mut |saved| {
+        let indices = self.record_node(op, inputs, false, &mut |saved| {
             seen = look.take().map(|look| look(saved));
         })?;
         let seen = seen.expect("a recorded operation is looked at once");
@@ -119,23 +58,26 @@ impl<T: Scalar> Tape<T> {
     /// As [`Tape::record`].
     ///
     /// # Panics
-    /// Where the operation has another number of outputs.
+    /// Where the operation has another number of outputs; nothing is recorded then.
     pub fn apply<'t, O: Op<T>>(
         &'t self,
         op: O,
         inputs: &[Var<'t, T>],
     ) -> Result<Var<'t, T>, O::Error> {
-        let outputs = self.record_node(op, inputs, &mut |_| ())?;
-        assert_eq!(outputs.len(), 1, "`apply` is for operations of one output");
+        let outputs = self.record_node(op, inputs, true, &mut |_| ())?;
         Ok(Var { tape: self, index: outputs.start })
     }
 
-    /// Records `op` on `inputs`; returns the indices of its outputs.
+    /// Records `op` on `inputs`, one with a single output where `is_single` says so; returns the
+    /// indices of its outputs.
+    ///
+    /// What the operation or the caller gets wrong panics before anything is recorded.
     #[inline(never)]
     fn record_node<'t, O: Op<T>>(
         &'t self,
         op: O,
         inputs: &[Var<'t, T>],
+        is_single: bool,
         look: &mut dyn FnMut(&O::Saved),
     ) -> Result<Range<u32>, O::Error> {
         let name = op.name();
@@ -143,6 +85,7 @@ impl<T: Scalar> Tape<T> {
             return Err(TensorError::ForeignVariable { operation: name }.into());
         }
         let inner = &mut *self.inner.borrow_mut();
+        inner.begin_call();
         let Inner { values, live, links, nodes, places, used, pool, tally, .. } = inner;
         let (further, renamed) = (&mut inner.further, &mut inner.renamed);
         let start = inner.timed.then(Instant::now);
@@ -162,34 +105,52 @@ impl<T: Scalar> Tape<T> {
             links.truncate(first_input);
             values.append(further);
             renamed.clear();
+            inner.is_call_under_way = false;
             return Err(error);
         }
         let Outputs { count: output_count, passed, .. } = outputs;
+        if let Some((input, _)) = passed {
+            assert!(output_count == 0, "{name} passes an input on and has outputs as well");
+            assert!(input < inputs.len(), "{name} passes input {input} on and has no such input");
+        } else if is_single {
+            assert_eq!(output_count, 1, "`apply` is for operations of one output");
+        }
+        for Renamed { shape, input, .. } in renamed.iter() {
+            let of = view.indices.get(*input).map(|&index| &recorded[index as usize].shape);
+            let is_fit = of.is_some_and(|of| of.size() == shape.size());
+            assert!(is_fit, "{name} renames input {input} to {shape}, and that input is {of:?}");
+        }
         look(&slot.saved);
+        let bytes = op.saved_bytes(&slot.saved) as u64;
+        let needs = passed.is_none() && view.any_needs();
+        let keep = if needs { op.keeps(&view) } else { Keep::NOTHING };
 
+        // The operation has said what it has to say: no panic can come from here on.
         place.entry = tally.entry(name, place.entry);
         let count = tally.count(place.entry);
         count.operation.calls += 1;
-        count.operation.bytes += op.saved_bytes(&slot.saved) as u64;
+        count.operation.bytes += bytes;
         if let Some(start) = start {
             count.operation.forward += start.elapsed();
         }
         let place_index = *used as u32;
         *used += 1;
+        inner.is_call_under_way = false;
         if let Some((input, reason)) = passed {
-            assert!(output_count == 0, "{name} passes an input on and has outputs as well");
             let index = view.indices[input];
+            for &other in links[first_input..].iter().filter(|&&other| other != index) {
+                values[other as usize].parting = Parting::Idle(place.entry);
+            }
             links.truncate(first_input);
             tally.leave_out(name, reason);
             return Ok(index..index + 1);
         }
 
-        let needs = view.any_needs();
         if needs {
             nodes.push(Node {
                 place: place_index,
                 entry: place.entry,
-                keep: op.keeps(&view),
+                keep,
                 first_input: first_input as u32,
                 input_count: inputs.len() as u32,
                 first_output: *live as u32,
@@ -208,6 +169,7 @@ impl<T: Scalar> Tape<T> {
         for value in &mut values[first_output..*live] {
             value.needs = needs;
             value.entry = Some(place.entry);
+            value.parting = Parting::None;
             count.operation.bytes += size_of_val(value.data()) as u64;
         }
         while let Some(Renamed { output, shape, input }) = renamed.pop() {
@@ -218,35 +180,13 @@ impl<T: Scalar> Tape<T> {
     }
 }
 
-/// Place `at`, with a slot of the right type: the one that the last step left there where its
-/// operation was of the same kind, a new one otherwise.
-#[inline]
-fn spare_place<T: Scalar, O: Op<T>>(places: &mut Vec<Place<T>>, at: usize) -> &mut Place<T> {
-    let new_slot = || Box::new(Slot::<O, O::Saved> { op: None, saved: O::Saved::default() });
-    match places.get_mut(at) {
-        Some(place) => {
-            let any: &dyn Any = &*place.recorded;
-            if !any.is::<Slot<O, O::Saved>>() {
-                place.recorded = new_slot();
-            }
-        }
-        None => places.push(Place { recorded: new_slot(), entry: 0 }),
-    }
-    &mut places[at]
-}
-
-/// The slot of an operation of type `O`.
-#[inline]
-fn slot_in<T: Scalar, O: Op<T>>(recorded: &mut dyn Recorded<T>) -> &mut Slot<O, O::Saved> {
-    let any: &mut dyn Any = recorded;
-    any.downcast_mut().expect("the slot was made for this type")
-}
-
 #[cfg(test)]
 mod tests {
     use std::sync::Arc;
 
     use super::*;
+    use crate::gradient::Accumulators;
+    use crate::op::Kept;
     use crate::tensor::Tensor;
 
     /// `y = a x`, the identity where `a` is 1; shares a list with the caller.

@@ -8,15 +8,13 @@ use std::cell::RefCell;
 use std::fmt;
 
 use crate::gradient::{Accumulator, Wanted};
+use crate::node::{Node, Place};
 use crate::op::Renamed;
 use crate::pool::Pool;
-use crate::record::{Node, Place};
 use crate::report::{Report, Tally};
 use crate::scalar::Scalar;
-use crate::shape::Shape;
 use crate::tensor::Tensor;
 use crate::value::Value;
-use crate::var::Var;
 
 /// A record of one step's values and operations.
 ///
@@ -62,9 +60,33 @@ pub(crate) struct Inner<T> {
     pub(crate) wanted: Vec<Wanted>,
     /// Lists for the results of backward passes.
     pub(crate) results: Vec<Results<T>>,
+    /// Whether a call is under way. A call that finds it set comes after one that a panic ended.
+    pub(crate) is_call_under_way: bool,
+    /// Whether a panic ended a call of this step: what operations saved may be incomplete.
+    pub(crate) is_memory_doubtful: bool,
 }
 
-impl<T> Inner<T> {
+impl<T: Scalar> Inner<T> {
+    /// Begins to record, or a backward pass; clears up first after a call that a panic ended.
+    #[inline]
+    pub(crate) fn begin_call(&mut self) {
+        if std::mem::replace(&mut self.is_call_under_way, true) {
+            self.forget_unfinished_call();
+        }
+    }
+
+    /// Forgets whatever a call had under way when a panic ended it.
+    #[cold]
+    fn forget_unfinished_call(&mut self) {
+        self.is_memory_doubtful = true;
+        self.places.truncate(self.used);
+        self.links.truncate(self.nodes.last().map_or(0, |node| node.links().end));
+        self.values.append(&mut self.further);
+        self.renamed.clear();
+        self.gradients.clear();
+        self.wanted.clear();
+    }
+
     /// The name of the operation that computed value `index`, `Some(None)` for a leaf or a
     /// constant; `None` where there is no such value.
     pub(crate) fn operation(&self, index: usize) -> Option<Option<&'static str>> {
@@ -102,6 +124,8 @@ impl<T: Scalar> Tape<T> {
                 gradients: Vec::new(),
                 wanted: Vec::new(),
                 results: Vec::new(),
+                is_call_under_way: false,
+                is_memory_doubtful: false,
             }),
         }
     }
@@ -109,10 +133,11 @@ impl<T: Scalar> Tape<T> {
     /// Ends a step: forgets every value and operation and keeps their memory for the next step.
     #[inline(never)]
     pub fn reset(&mut self) {
-        let Inner { values, live, links, nodes, places, used, pool, .. } = self.inner.get_mut();
-        for node in nodes.drain(..) {
-            places[node.place as usize].recorded.retire();
+        let inner = self.inner.get_mut();
+        if std::mem::take(&mut inner.is_call_under_way) {
+            inner.forget_unfinished_call();
         }
+        let Inner { values, live, links, nodes, places, used, pool, .. } = inner;
         links.clear();
         *used = 0;
         // What this step had no use for, another value can have.
@@ -120,54 +145,13 @@ impl<T: Scalar> Tape<T> {
         // Backwards: a second name of a buffer goes before the value that returns it.
         values.iter_mut().rev().for_each(|value| value.end_step(pool));
         *live = 0;
-    }
-
-    /// A variable with a gradient. Shares the buffer of `tensor`.
-    pub fn leaf(&self, tensor: &Tensor<T>) -> Var<'_, T> {
-        self.push(true, |value, pool| value.hold(tensor, pool))
-    }
-
-    /// A variable with a gradient that starts as a copy of `tensor`, in recycled memory: `tensor`
-    /// can then be written to without a copy of its own.
-    pub fn leaf_copied(&self, tensor: &Tensor<T>) -> Var<'_, T> {
-        self.push(true, |value, pool| {
-            value.renew(tensor.shape(), pool).copy_from_slice(tensor.data());
-        })
-    }
-
-    /// A value without a gradient. Shares the buffer of `tensor`.
-    pub fn constant(&self, tensor: &Tensor<T>) -> Var<'_, T> {
-        self.push(false, |value, pool| value.hold(tensor, pool))
-    }
-
-    /// A scalar variable with a gradient.
-    pub fn scalar(&self, number: T) -> Var<'_, T> {
-        self.push(true, |value, pool| value.renew(&[], pool).fill(number))
-    }
-
-    /// A value of `shape` without a gradient, every entry `number`.
-    pub fn constant_full(&self, shape: impl Into<Shape>, number: T) -> Var<'_, T> {
-        let shape = shape.into();
-        self.push(false, |value, pool| value.renew(&shape, pool).fill(number))
-    }
-
-    /// Adds a value that no operation computes, as `fill` makes it.
-    fn push(&self, needs: bool, fill: impl FnOnce(&mut Value<T>, &mut Pool<T>)) -> Var<'_, T> {
-        let Inner { values, live, pool, .. } = &mut *self.inner.borrow_mut();
-        if values.len() == *live {
-            values.push(Value::vacant());
+        // Last, since what an operation drops is the user's, and may panic.
+        for node in nodes.drain(..) {
+            places[node.place as usize].recorded.retire();
         }
-        let value = &mut values[*live];
-        fill(value, pool);
-        (value.needs, value.entry) = (needs, None);
-        *live += 1;
-        Var { tape: self, index: *live as u32 - 1 }
-    }
-
-    /// Every value of the step so far, in the order of recording. A backward pass to all of them
-    /// ([`Var::backward_to`]) shows the gradient at each.
-    pub fn variables(&self) -> impl ExactSizeIterator<Item = Var<'_, T>> {
-        (0..self.len()).map(|index| Var { tape: self, index: index as u32 })
+        if std::mem::take(&mut inner.is_memory_doubtful) {
+            places.clear();
+        }
     }
 
     /// Notes in the report that work of the operation `name` was not needed, and why.

@@ -24,6 +24,17 @@ enum Buffer<T> {
     },
 }
 
+/// How a way from a value to later ones was parted, beside those that were recorded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Parting {
+    /// It was not.
+    None,
+    /// The operation of this entry took the value in and passed another input on.
+    Idle(u32),
+    /// The value went on as a constant.
+    Detached,
+}
+
 /// A value on the tape.
 #[derive(Debug)]
 pub(crate) struct Value<T> {
@@ -33,13 +44,14 @@ pub(crate) struct Value<T> {
     pub(crate) needs: bool,
     /// The report's entry of the operation that computed it; none for a leaf or a constant.
     pub(crate) entry: Option<u32>,
+    pub(crate) parting: Parting,
 }
 
 impl<T: Scalar> Value<T> {
     /// A place for a value, without one.
     pub(crate) fn vacant() -> Self {
         let (shape, buffer) = ([0].into(), Buffer::Own(Vec::new()));
-        Self { shape, buffer, needs: false, entry: None }
+        Self { shape, buffer, needs: false, entry: None, parting: Parting::None }
     }
 
     /// Makes this a value of `shape` and gives its entries. They are whatever an earlier use left

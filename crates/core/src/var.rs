@@ -1,11 +1,13 @@
-//! Variables: small handles to values on a tape.
+//! Variables: small handles to values on a tape, and how values come onto it.
 
 use std::fmt;
 
+use crate::pool::Pool;
 use crate::scalar::Scalar;
 use crate::shape::Shape;
 use crate::tape::{Inner, Tape};
 use crate::tensor::Tensor;
+use crate::value::{Parting, Value};
 
 /// A value on a tape: a reference to the tape and an index.
 ///
@@ -64,7 +66,60 @@ impl<'t, T: Scalar> Var<'t, T> {
     /// The same value without a gradient: what lies below it is held constant.
     #[must_use]
     pub fn detach(self) -> Self {
-        self.tape.constant(&self.value())
+        let value = self.value();
+        self.tape.inner.borrow_mut().values[self.index as usize].parting = Parting::Detached;
+        self.tape.constant(&value)
+    }
+}
+
+/// Values that no operation computes.
+impl<T: Scalar> Tape<T> {
+    /// A variable with a gradient. Shares the buffer of `tensor`.
+    pub fn leaf(&self, tensor: &Tensor<T>) -> Var<'_, T> {
+        self.push(true, |value, pool| value.hold(tensor, pool))
+    }
+
+    /// A variable with a gradient that starts as a copy of `tensor`, in recycled memory: `tensor`
+    /// can then be written to without a copy of its own.
+    pub fn leaf_copied(&self, tensor: &Tensor<T>) -> Var<'_, T> {
+        self.push(true, |value, pool| {
+            value.renew(tensor.shape(), pool).copy_from_slice(tensor.data());
+        })
+    }
+
+    /// A value without a gradient. Shares the buffer of `tensor`.
+    pub fn constant(&self, tensor: &Tensor<T>) -> Var<'_, T> {
+        self.push(false, |value, pool| value.hold(tensor, pool))
+    }
+
+    /// A scalar variable with a gradient.
+    pub fn scalar(&self, number: T) -> Var<'_, T> {
+        self.push(true, |value, pool| value.renew(&[], pool).fill(number))
+    }
+
+    /// A value of `shape` without a gradient, every entry `number`.
+    pub fn constant_full(&self, shape: impl Into<Shape>, number: T) -> Var<'_, T> {
+        let shape = shape.into();
+        self.push(false, |value, pool| value.renew(&shape, pool).fill(number))
+    }
+
+    /// Adds a value that no operation computes, as `fill` makes it.
+    fn push(&self, needs: bool, fill: impl FnOnce(&mut Value<T>, &mut Pool<T>)) -> Var<'_, T> {
+        let Inner { values, live, pool, .. } = &mut *self.inner.borrow_mut();
+        if values.len() == *live {
+            values.push(Value::vacant());
+        }
+        let value = &mut values[*live];
+        fill(value, pool);
+        (value.needs, value.entry, value.parting) = (needs, None, Parting::None);
+        *live += 1;
+        Var { tape: self, index: *live as u32 - 1 }
+    }
+
+    /// Every value of the step so far, in the order of recording. A backward pass to all of them
+    /// ([`Var::backward_to`]) shows the gradient at each.
+    pub fn variables(&self) -> impl ExactSizeIterator<Item = Var<'_, T>> {
+        (0..self.len()).map(|index| Var { tape: self, index: index as u32 })
     }
 }
 

@@ -4,7 +4,7 @@ use std::error::Error;
 use std::fmt;
 use std::sync::Arc;
 
-use bokashi_core::TensorError;
+use bokashi_core::{Shape, TensorError};
 
 /// What was found to be infinite or NaN.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -34,6 +34,46 @@ impl fmt::Display for Quantity {
     }
 }
 
+/// Where a step was infinite or NaN first.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Origin {
+    /// In an operation's output.
+    Output {
+        /// The operation.
+        operation: &'static str,
+        /// The parameters among its inputs.
+        parameters: Vec<String>,
+    },
+    /// In what an operation's backward pass made of finite upstream gradients.
+    Backward {
+        /// The operation.
+        operation: &'static str,
+    },
+    /// In a value that the pipeline brought, and no operation computed.
+    Input {
+        /// The shape of the value.
+        shape: Shape,
+    },
+}
+
+impl fmt::Display for Origin {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Output { operation, parameters } => {
+                write!(f, "the output of {operation}")?;
+                let words = ["of", "and"].into_iter().chain(std::iter::repeat("and"));
+                parameters
+                    .iter()
+                    .zip(words)
+                    .try_for_each(|(name, word)| write!(f, " {word} {name:?}"))
+            }
+            Self::Backward { operation } => write!(f, "the backward pass of {operation}"),
+            Self::Input { shape } => write!(f, "an input of shape {shape}"),
+        }
+    }
+}
+
 /// An error of a fit. Each message says the rule, then the value that broke it.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -49,7 +89,10 @@ pub enum FitError {
     #[error(transparent)]
     Operation(OperationError),
     /// A number became infinite or NaN. Parameters and moments are as they were before the step.
-    #[error("{quantity} needs to be finite, got {value} at step {step}")]
+    #[error(
+        "{quantity} needs to be finite, got {value} at step {step}{}",
+        origin.as_ref().map_or_else(String::new, |origin| format!(", first in {origin}"))
+    )]
     NotFinite {
         /// What it was.
         quantity: Quantity,
@@ -57,6 +100,19 @@ pub enum FitError {
         value: f64,
         /// How many updates the parameters had.
         step: u64,
+        /// Where the step was so first, of a loss or a gradient.
+        origin: Option<Box<Origin>>,
+    },
+    /// No gradient can ever reach a parameter, in what a fit's first step recorded.
+    /// [`Parameter::optional`](crate::Parameter::optional) allows it.
+    #[error("{parameter:?} needs a way to the loss, got {}", dead_end(*end, *is_detached))]
+    NoWay {
+        /// The parameter.
+        parameter: String,
+        /// The last operation that depends on it; `None` where none does.
+        end: Option<&'static str>,
+        /// Whether the pipeline detached it, or what that operation made of it.
+        is_detached: bool,
     },
     /// There is no parameter of this name.
     #[error("a parameter's name needs to be one of {known:?}, got {name:?}")]
@@ -98,6 +154,16 @@ pub enum FitError {
     },
 }
 
+/// Where the way from a parameter ends.
+fn dead_end(end: Option<&'static str>, is_detached: bool) -> String {
+    match (end, is_detached) {
+        (None, false) => "a loss that does not use it".to_owned(),
+        (None, true) => "one that ends where it is detached".to_owned(),
+        (Some(end), false) => format!("one that ends at {end}"),
+        (Some(end), true) => format!("one that ends at {end}, whose output is detached"),
+    }
+}
+
 /// An error of any type, shared. Two are equal where they are the same one.
 #[derive(Debug, Clone, thiserror::Error)]
 #[error(transparent)]
@@ -134,9 +200,27 @@ mod tests {
     #[test]
     fn messages_say_the_rule_and_then_the_value() {
         let quantity = Quantity::Gradient("sigma".into());
-        let error = FitError::NotFinite { quantity, value: f64::NAN, step: 7 };
+        let not_finite = |origin| {
+            let quantity = quantity.clone();
+            FitError::NotFinite { quantity, value: f64::NAN, step: 7, origin }.to_string()
+        };
         let message = "the gradient of \"sigma\" needs to be finite, got NaN at step 7";
-        assert_eq!(error.to_string(), message);
+        assert_eq!(not_finite(None), message);
+        let origin = |names: &[&str]| {
+            let parameters = names.iter().map(|&name| name.into()).collect();
+            Some(Box::new(Origin::Output { operation: "mul", parameters }))
+        };
+        for (names, inputs) in [
+            (&[][..], ""),
+            (&["a"], " of \"a\""),
+            (&["a", "b", "c"], " of \"a\" and \"b\" and \"c\""),
+        ] {
+            let whole = format!("{message}, first in the output of mul{inputs}");
+            assert_eq!(not_finite(origin(names)), whole);
+        }
+        let shape = [2, 3].into();
+        let whole = format!("{message}, first in an input of shape [2, 3]");
+        assert_eq!(not_finite(Some(Box::new(Origin::Input { shape }))), whole);
 
         let error = FitError::setting("resolution", "at least 1 pixel", 0);
         assert_eq!(error.to_string(), "resolution needs at least 1 pixel, got 0");

@@ -7,9 +7,9 @@
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-use bokashi_core::{Gradients, Scalar, Tape, TensorError, Var};
+use bokashi_core::{Dependence, Gradients, Scalar, Tape, TensorError, Var};
 
-use crate::error::{FitError, Quantity};
+use crate::error::{FitError, Origin, Quantity};
 use crate::history::{History, Step, Stop, Vanished};
 use crate::optimizer::Optimizer;
 use crate::parameter::{Parameters, Variables};
@@ -117,6 +117,8 @@ pub struct Fit<T: Scalar> {
     step: u64,
     /// The least loss of a run that is not at its end, and its step.
     best: (f64, u64),
+    /// Whether every parameter is known to have a way to the loss.
+    is_checked: bool,
     /// The pipeline's state before the preparation of the step.
     #[cfg(feature = "save")]
     pipeline: PipelineState,
@@ -169,6 +171,7 @@ impl<T: Scalar> Fit<T> {
             settings,
             step: 0,
             best: (NO_LOSS, 0),
+            is_checked: false,
             #[cfg(feature = "save")]
             pipeline: PipelineState::default(),
             reset_ms: 0.0,
@@ -188,7 +191,8 @@ impl<T: Scalar> Fit<T> {
             is_due: known.is_some(),
         };
         let LoopState { settings, step, best, .. } = loop_state;
-        Ok(Self { step, best, pipeline, ..Self::new(parameters, settings)? })
+        // It was checked when it started; what is optional is not saved.
+        Ok(Self { step, best, is_checked: true, pipeline, ..Self::new(parameters, settings)? })
     }
 
     /// What the fit is besides its parameters.
@@ -238,7 +242,9 @@ impl<T: Scalar> Fit<T> {
     ///
     /// # Errors
     /// What the pipeline refuses; [`FitError::NotFinite`] where the loss or a gradient is infinite
-    /// or NaN (a value where the loss comes from one). Parameters and moments are then as they were.
+    /// or NaN (a value where the loss comes from one); [`FitError::NoWay`] in the first step, where
+    /// a parameter that is neither frozen nor optional has no way to the loss. Parameters and
+    /// moments are then as they were.
     pub fn step<P: Pipeline<T>>(&mut self, pipeline: &mut P) -> Result<Stepped, FitError> {
         let target_ms = self.prepare(pipeline)?;
         match self.advance(pipeline, None, |_, _| ControlFlow::Continue(()))? {
@@ -371,7 +377,7 @@ impl<T: Scalar> Fit<T> {
         gradient_below: Option<f64>,
         observe: impl FnOnce(&Parameters<T>, f64) -> ControlFlow<Stop>,
     ) -> Result<Advance, FitError> {
-        let Self { tape, parameters, settings, step, reset_ms, .. } = self;
+        let Self { tape, parameters, settings, step, is_checked, reset_ms, .. } = self;
         let start = Instant::now();
         let variables = parameters.record(tape);
         let loss = record_loss(pipeline, tape, parameters, &variables)?;
@@ -383,11 +389,15 @@ impl<T: Scalar> Fit<T> {
 
         let start = Instant::now();
         let gradients = loss.backward()?;
+        if !std::mem::replace(is_checked, true) {
+            check_ways(parameters, &variables, loss)?;
+        }
         if gradient_below.is_some_and(|limit| all_below(limit, &variables, &gradients)) {
             return Ok(Advance::Stopped(Stop::GradientBelow));
         }
         let factor = settings.schedule.factor(*step);
-        settings.optimizer.update(parameters, &variables, &gradients, factor)?;
+        let updated = settings.optimizer.update(parameters, &variables, &gradients, factor);
+        updated.map_err(|error| with_origin(error, loss))?;
         drop(gradients);
         let ms = *reset_ms + forward_ms + milliseconds_since(start);
         let vanished = parameters.list.iter().map(|parameter| parameter.vanished).sum();
@@ -419,10 +429,51 @@ fn record_loss<'t, T: Scalar, P: Pipeline<T>>(
     let value = loss.item();
     if !value.is_finite() {
         parameters.check_values()?;
+        let origin = tape.first_not_finite().map(|first| {
+            Box::new(match first.operation() {
+                Some(operation) => {
+                    Origin::Output { operation, parameters: variables.names_among(&first.inputs()) }
+                }
+                None => Origin::Input { shape: first.shape() },
+            })
+        });
         let (value, step) = (value.to_f64(), parameters.updates);
-        return Err(FitError::NotFinite { quantity: Quantity::Loss, value, step });
+        return Err(FitError::NotFinite { quantity: Quantity::Loss, value, step, origin });
     }
     Ok(loss)
+}
+
+/// Checks that every parameter that is fitted has a way to the loss, if only one that rests in this
+/// step: where none was recorded, no later step of the same pipeline has one either.
+fn check_ways<'t, T: Scalar>(
+    parameters: &Parameters<T>,
+    variables: &Variables<'t, T>,
+    loss: Var<'t, T>,
+) -> Result<(), FitError> {
+    for (parameter, variable) in parameters.list.iter().zip(&variables.list) {
+        if parameter.is_frozen() || parameter.is_optional {
+            continue;
+        }
+        // The value, not the raw numbers: its mapping is no operation of the pipeline.
+        if let Dependence::None { end, is_detached } = loss.dependence_on(variable.value)? {
+            let parameter = parameter.name().to_owned();
+            return Err(FitError::NoWay { parameter, end, is_detached });
+        }
+    }
+    Ok(())
+}
+
+/// The error, and where the gradients of `loss` were infinite or NaN first if it is about one.
+fn with_origin<T: Scalar>(error: FitError, loss: Var<'_, T>) -> FitError {
+    match error {
+        FitError::NotFinite { quantity: quantity @ Quantity::Gradient(_), value, step, .. } => {
+            let first = loss.first_gradient_not_finite().ok().flatten();
+            let operation = first.and_then(Var::operation);
+            let origin = operation.map(|operation| Box::new(Origin::Backward { operation }));
+            FitError::NotFinite { quantity, value, step, origin }
+        }
+        error => error,
+    }
 }
 
 /// Whether every entry of every gradient is smaller than `limit`.
@@ -606,9 +657,111 @@ mod tests {
         let value = error_of(x().mapping(Mapping::Exp), Some(800.0), 1);
         assert_eq!(value, "the value of \"x\" needs to be finite, got inf at step 0");
         let loss = error_of(x(), Some(1e200), 2);
-        assert_eq!(loss, "the loss needs to be finite, got inf at step 0");
+        let of = "first in the output of powi of \"x\"";
+        assert_eq!(loss, format!("the loss needs to be finite, got inf at step 0, {of}"));
         let gradient = error_of(x(), Some(0.0), -1);
-        assert_eq!(gradient, "the loss needs to be finite, got inf at step 0");
+        assert_eq!(gradient, format!("the loss needs to be finite, got inf at step 0, {of}"));
+    }
+
+    /// The message of the first step of a fit of `a` and `b`, by the loss that `record` makes.
+    fn refusal(
+        [a, b]: [f64; 2],
+        record: impl for<'t> Fn(Var<'t, f64>, Var<'t, f64>) -> Var<'t, f64>,
+    ) -> Option<String> {
+        let mapped = Parameter::new("b", Tensor::scalar(b)).mapping(Mapping::Softplus);
+        let list = Parameters::new()
+            .with(Parameter::new("a", Tensor::scalar(a)))
+            .and_then(|list| list.with(mapped))
+            .unwrap();
+        let before = list.value("a").unwrap();
+        let mut fit = Fit::new(list, FitSettings { steps: 3, ..FitSettings::default() }).unwrap();
+        let mut pipeline =
+            from_fn(|_, variables| Ok(record(variables.get("a")?, variables.get("b")?)));
+        let error = fit.run(&mut pipeline).err()?.to_string();
+        assert_eq!((fit.parameters().value("a").unwrap(), fit.steps_done()), (before, 0));
+        Some(error)
+    }
+
+    #[test]
+    fn what_is_not_finite_is_laid_to_the_first_operation() {
+        let of = |start, record: for<'t> fn(Var<'t, f64>, Var<'t, f64>) -> Var<'t, f64>| {
+            refusal(start, record).unwrap()
+        };
+        let loss = of([-3.0, 2.0], |a, b| ((a * b).ln() + b).exp());
+        let rule = "the loss needs to be finite, got NaN at step 0";
+        assert_eq!(loss, format!("{rule}, first in the output of ln"));
+        let loss = of([-3.0, 2.0], |a, b| a.sqrt() * b);
+        assert_eq!(loss, format!("{rule}, first in the output of sqrt of \"a\""));
+        let both = of([1e308, 1e308], |a, b| a.square().exp() - (a * b) * b);
+        let rule = "the loss needs to be finite, got NaN at step 0";
+        assert_eq!(both, format!("{rule}, first in the output of powi of \"a\""));
+        let input =
+            of([1.0, 2.0], |a, b| a * b + a.tape().constant(&Tensor::full([2], f64::NAN)).sum());
+        assert_eq!(input, format!("{rule}, first in an input of shape [2]"));
+        let gradient = of([0.0, 2.0], |a, b| (a.square().sqrt() + b).exp());
+        let rule = "the gradient of \"a\" needs to be finite, got NaN at step 0";
+        assert_eq!(gradient, format!("{rule}, first in the backward pass of sqrt"));
+    }
+
+    #[test]
+    fn a_parameter_without_a_way_to_the_loss_is_refused_before_the_first_update() {
+        let of = |record: for<'t> fn(Var<'t, f64>, Var<'t, f64>) -> Var<'t, f64>| {
+            refusal([1.0, 2.0], record)
+        };
+        let unused = of(|_, b| b.square()).unwrap();
+        assert_eq!(unused, "\"a\" needs a way to the loss, got a loss that does not use it");
+        let mapped = of(|a, _| a.square()).unwrap();
+        assert_eq!(mapped, "\"b\" needs a way to the loss, got a loss that does not use it");
+        let rule = "\"a\" needs a way to the loss, got one that ends";
+        let cut = of(|a, b| (b * a.tape().scalar(a.sin().item())).square()).unwrap();
+        assert_eq!(cut, format!("{rule} at sin"));
+        let detached = of(|a, b| b * a.exp().detach()).unwrap();
+        assert_eq!(detached, format!("{rule} at exp, whose output is detached"));
+        let detached = of(|a, b| b * a.detach()).unwrap();
+        assert_eq!(detached, format!("{rule} where it is detached"));
+        let constant = of(|a, _| a.tape().constant_full([], 1.0)).unwrap();
+        assert_eq!(constant, "\"a\" needs a way to the loss, got a loss that does not use it");
+    }
+
+    #[test]
+    fn a_gradient_of_zero_is_no_reason_to_refuse() {
+        for record in [
+            (|a, b| a * 0.0 + b) as for<'t> fn(Var<'t, f64>, Var<'t, f64>) -> Var<'t, f64>,
+            |a, b| (a - 1.0).square() + b,
+            |a, b| a.clamp(5.0, 6.0).unwrap() + b,
+        ] {
+            assert_eq!(refusal([1.0, 2.0], record), None);
+        }
+    }
+
+    #[test]
+    fn what_is_optional_or_frozen_may_go_unused() {
+        let parameter = |name| Parameter::new(name, Tensor::scalar(1.0_f64)).rate(0.1);
+        let list = Parameters::new()
+            .with(parameter("coarse"))
+            .and_then(|list| list.with(parameter("fine").optional()))
+            .and_then(|list| list.with(parameter("still").frozen()))
+            .unwrap();
+        /// Coarse at first, then fine.
+        struct Refines(u64);
+        impl Pipeline<f64> for Refines {
+            type Measure = ();
+            fn prepare(&mut self, step: u64) -> Result<(), FitError> {
+                self.0 = step;
+                Ok(())
+            }
+            fn loss<'t>(
+                &self,
+                _tape: &'t Tape<f64>,
+                variables: &Variables<'t, f64>,
+            ) -> Result<Var<'t, f64>, FitError> {
+                Ok(variables.get(if self.0 < 3 { "coarse" } else { "fine" })?.square())
+            }
+        }
+        let settings = FitSettings { steps: 6, ..FitSettings::default() };
+        let mut fit = Fit::new(list, settings).unwrap();
+        fit.run(&mut Refines(0)).unwrap();
+        assert!(fit.parameters().value("fine").unwrap().item() < 1.0);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use bokashi_core::Scalar;
 
-/// A step as it was before its update; the last one of a history is the final state.
+/// A step as it was before its update; the last step of a history is the final state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Step<M> {
     /// How many updates came before.
@@ -44,14 +44,14 @@ pub struct Vanished {
 /// What a fit did.
 #[derive(Debug, Clone, PartialEq)]
 pub struct History<M> {
-    /// Every step, before its update; the last one is the final state.
+    /// Every step, before its update; the last step is the final state.
     pub steps: Vec<Step<M>>,
     /// Milliseconds of each update: forward, backward and optimizer.
     pub step_ms: Vec<f64>,
     /// Milliseconds of the preparation of each step in `steps`: pose and target image.
     pub target_ms: Vec<f64>,
-    /// Where updates were below half a unit of the last place of what they should have moved, in
-    /// order; nothing for the steps and parameters without.
+    /// Where updates were below half a unit in the last place of the entries that they should have
+    /// moved, in order. Steps and parameters without such updates are left out.
     pub vanished: Vec<Vanished>,
     /// Why the fit stopped.
     pub stop: Stop,

@@ -38,7 +38,7 @@ mod pipeline;
 pub mod saved;
 mod schedule;
 
-pub use error::{FitError, OperationError, Quantity};
+pub use error::{FitError, OperationError, Origin, Quantity};
 pub use fit::{Fit, FitSettings, Seen, Stepped};
 pub use history::{History, Step, Stop, Vanished};
 pub use loss::{mean_squared_error, squared_error};

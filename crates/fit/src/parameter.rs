@@ -76,6 +76,8 @@ pub struct Parameter<T> {
     pub(crate) rate: f64,
     pub(crate) mapping: Mapping,
     pub(crate) frozen: bool,
+    /// Whether a loss may do without it.
+    pub(crate) is_optional: bool,
     /// Adam's moving average of the gradient; empty until the first update.
     pub(crate) first: Vec<T>,
     /// Adam's moving average of the squared gradient.
@@ -100,6 +102,7 @@ impl<T: Scalar> Parameter<T> {
             rate: DEFAULT_RATE,
             mapping: Mapping::Identity,
             frozen: false,
+            is_optional: false,
             first: Vec::new(),
             second: Vec::new(),
             greatest: Vec::new(),
@@ -124,6 +127,14 @@ impl<T: Scalar> Parameter<T> {
     #[must_use]
     pub fn frozen(self) -> Self {
         Self { frozen: true, ..self }
+    }
+
+    /// The parameter as one that a pipeline may leave unused when a fit starts, and use later. Of
+    /// any other, a fit's first step needs a way to the loss
+    /// ([`FitError::NoWay`](crate::FitError::NoWay)).
+    #[must_use]
+    pub fn optional(self) -> Self {
+        Self { is_optional: true, ..self }
     }
 
     /// The name.
@@ -350,7 +361,7 @@ impl<T: Scalar> Parameters<T> {
         for parameter in &self.list {
             if let Some(value) = parameter.not_finite() {
                 let (quantity, step) = (Quantity::Value(parameter.name.clone()), self.updates);
-                return Err(FitError::NotFinite { quantity, value, step });
+                return Err(FitError::NotFinite { quantity, value, step, origin: None });
             }
         }
         Ok(())
@@ -397,6 +408,15 @@ impl<'t, T: Scalar> Variables<'t, T> {
     /// The values of all parameters, in the order of the list.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = Var<'t, T>> + '_ {
         self.list.iter().map(|variable| variable.value)
+    }
+
+    /// The names of the parameters that are among `inputs`.
+    pub(crate) fn names_among(&self, inputs: &[Var<'t, T>]) -> Vec<String> {
+        let is_among = |variable: &Variable<'t, T>| {
+            inputs.iter().any(|input| input.is(variable.raw) || input.is(variable.value))
+        };
+        let named = self.list.iter().zip(&*self.names);
+        named.filter(|(variable, _)| is_among(variable)).map(|(_, name)| name.clone()).collect()
     }
 
     /// The raw numbers of the parameter `name`: the leaf that gradients are with respect to.

@@ -11,8 +11,10 @@ use bokashi_core::Tape;
 use bokashi_fit::saved::{Stored, precision_and_state, read};
 use bokashi_fit::{Fit, FitError, Parameters, Pipeline, Step};
 
-use super::experiment::{CubePipeline, drive, record};
+use super::experiment::run_cube;
+use super::first_order::{drive, record};
 use super::outcome::{Outcome, Progress};
+use super::pipeline::CubePipeline;
 use super::settings::{CubeSettings, Precision, Preset};
 
 /// Where a fit of the cube is saved, and what it goes on from.
@@ -40,7 +42,7 @@ pub fn run_cube_saving(
     on_step: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<Outcome, FitError> {
     if saving.is_free_of(settings)? {
-        return super::run_cube(settings, on_step);
+        return run_cube(settings, on_step);
     }
     match settings.precision {
         Precision::F32 => run::<f32>(settings, saving, on_step),

@@ -3,8 +3,8 @@
 use bokashi_core::{Scalar, Var};
 use bokashi_fit::FitError;
 use bokashi_render_ops::{
-    Background, Blur, Mesh, RasterOptions, Sampling, Size, antialias, gaussian_blur, interpolate,
-    project, rasterize, resolve,
+    Background, Blur, Mesh, Picture, RasterOptions, Sampling, Size, antialias, composite,
+    gaussian_blur, interpolate, project, rasterize,
 };
 use glam::DMat4;
 
@@ -31,6 +31,28 @@ impl Scene {
         Ok(Self { mesh, size: Size::square(size), silhouettes, blur })
     }
 
+    /// Records the picture of `vertices` and `colors`, `[8, 3]` each, before any blur.
+    pub(crate) fn picture<'t, T: Scalar>(
+        &self,
+        camera: &DMat4,
+        vertices: Var<'t, T>,
+        colors: Var<'t, T>,
+    ) -> Result<Picture<'t, T>, FitError> {
+        let clip = project(vertices, camera, None)?;
+        let sampling = match self.silhouettes {
+            Silhouettes::Jagged | Silhouettes::Antialias => Sampling::Center,
+            Silhouettes::Exact => Sampling::Exact,
+        };
+        let options = RasterOptions { sampling, ..self.size.into() };
+        let fragments = rasterize(clip, &self.mesh, options)?;
+        let surface = interpolate(colors, &fragments)?;
+        let picture = composite(surface, &fragments, Background::Zero)?;
+        Ok(match self.silhouettes {
+            Silhouettes::Antialias => antialias(picture)?,
+            Silhouettes::Jagged | Silhouettes::Exact => picture.into(),
+        })
+    }
+
     /// Records the image, `[H, W, 3]`, of `vertices` and `colors`, `[8, 3]` each, blurred by
     /// `sigma`, `[]`, where the scene has a blur and there is a sigma.
     pub(crate) fn image<'t, T: Scalar>(
@@ -40,21 +62,10 @@ impl Scene {
         colors: Var<'t, T>,
         sigma: Option<Var<'t, T>>,
     ) -> Result<Var<'t, T>, FitError> {
-        let clip = project(vertices, camera, None)?;
-        let sampling = match self.silhouettes {
-            Silhouettes::Jagged | Silhouettes::Antialias => Sampling::Center,
-            Silhouettes::Exact => Sampling::Exact,
-        };
-        let options = RasterOptions { sampling, ..self.size.into() };
-        let fragments = rasterize(clip, &self.mesh, options)?;
-        let surface = interpolate(colors, &fragments)?;
-        let mut image = resolve(surface, &fragments, Background::Zero)?;
-        if self.silhouettes == Silhouettes::Antialias {
-            image = antialias(image, &fragments, clip)?;
+        let image = self.picture(camera, vertices, colors)?.image()?;
+        match (&self.blur, sigma) {
+            (Some(blur), Some(sigma)) => Ok(gaussian_blur(image, sigma, blur)?),
+            _ => Ok(image),
         }
-        if let (Some(blur), Some(sigma)) = (&self.blur, sigma) {
-            image = gaussian_blur(image, sigma, blur)?;
-        }
-        Ok(image)
     }
 }

@@ -29,10 +29,9 @@ use bokashi_core::{Scalar, Tensor};
 use bokashi_fit::{FitError, Parameters, Pipeline as _, Step};
 
 use super::cube::{VERTEX_COUNT, View};
-use super::experiment::{
-    COLORS, CubePipeline, SIGMA, VERTICES, outcome, progress, run_first_order, snapshot,
-};
+use super::first_order::{outcome, progress, run_first_order, snapshot};
 use super::outcome::{Outcome, Progress};
+use super::pipeline::{COLORS, CubePipeline, SIGMA, VERTICES};
 use super::settings::{CubeSettings, Experiment, Preset};
 use super::views::CubeViews;
 

@@ -1,6 +1,6 @@
 //! What is seen where nothing covers a pixel.
 
-use bokashi_core::{Scalar, Shape, Var};
+use bokashi_core::{Scalar, Shape, Tape, TensorError, Var};
 
 use crate::error::RenderError;
 use crate::size::Size;
@@ -8,7 +8,7 @@ use crate::size::Size;
 /// What is seen where nothing covers a pixel.
 #[derive(Debug, Clone, Copy, Default)]
 pub enum Background<'t, T: Scalar> {
-    /// Zeros.
+    /// Zeros: a constant colour.
     #[default]
     Zero,
     /// One colour, `[C]`.
@@ -17,37 +17,49 @@ pub enum Background<'t, T: Scalar> {
     Image(Var<'t, T>),
 }
 
-impl<'t, T: Scalar> Background<'t, T> {
-    pub(crate) fn behind(&self) -> Behind {
-        match self {
-            Self::Zero => Behind::Zero,
-            Self::Color(_) => Behind::Color,
-            Self::Image(_) => Behind::Image,
-        }
-    }
+/// A background's numbers on the tape, and what they are.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Backdrop<'t, T: Scalar> {
+    /// `[C]` or `[H, W, C]`.
+    pub(crate) values: Var<'t, T>,
+    pub(crate) kind: Kind,
+}
 
-    /// The variable, where there is one.
-    pub(crate) fn variable(&self) -> Option<Var<'t, T>> {
-        match *self {
-            Self::Zero => None,
-            Self::Color(variable) | Self::Image(variable) => Some(variable),
+impl<'t, T: Scalar> Background<'t, T> {
+    /// The background behind a picture of `channels` channels.
+    ///
+    /// # Errors
+    /// [`RenderError::Shape`] unless a colour is `[channels]`, an image `[H, W, channels]`;
+    /// [`TensorError::ForeignVariable`] for a variable of another tape.
+    pub(crate) fn behind(
+        self,
+        operation: &'static str,
+        tape: &'t Tape<T>,
+        size: Size,
+        channels: usize,
+    ) -> Result<Backdrop<'t, T>, RenderError> {
+        let (values, kind) = match self {
+            Self::Zero => (tape.constant_full([channels], T::ZERO), Kind::Color),
+            Self::Color(color) => (color, Kind::Color),
+            Self::Image(image) => (image, Kind::Image),
+        };
+        if !std::ptr::eq(values.tape(), tape) {
+            return Err(TensorError::ForeignVariable { operation }.into());
         }
+        kind.check(operation, &values.shape(), size, channels)?;
+        Ok(Backdrop { values, kind })
     }
 }
 
-/// The kind of a background, whose numbers are an input of an operation.
+/// The kind of a background whose numbers are an input of an operation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Behind {
-    Zero,
+pub(crate) enum Kind {
     Color,
     Image,
 }
 
-impl Behind {
-    /// # Errors
-    /// [`RenderError::Shape`] unless a background of that shape has `channels` channels and, if it
-    /// is an image, the size `size`.
-    pub(crate) fn check(
+impl Kind {
+    fn check(
         self,
         operation: &'static str,
         shape: &Shape,
@@ -55,20 +67,18 @@ impl Behind {
         channels: usize,
     ) -> Result<(), RenderError> {
         let image = [size.height, size.width, channels];
-        let expected = match self {
-            Self::Zero => return Ok(()),
-            Self::Color => &image[2..],
-            Self::Image => &image,
+        let (expected, what) = match self {
+            Self::Color => (&image[2..], "colour"),
+            Self::Image => (&image[..], "image"),
         };
         if **shape == *expected {
             return Ok(());
         }
-        let what = if self == Self::Color { "colour" } else { "image" };
         let rule = format!("a background {what} of shape {expected:?}");
         Err(RenderError::Shape { operation, rule, shape: shape.clone() })
     }
 
-    /// Fills neighbouring pixels, the first one `pixel`, with what of `background` lies there.
+    /// Fills neighbouring pixels, the first of them `pixel`, with the background behind them.
     pub(crate) fn fill<T: Scalar>(
         self,
         values: &mut [T],
@@ -76,26 +86,17 @@ impl Behind {
         channels: usize,
         pixel: usize,
     ) {
-        match self {
-            Self::Zero => values.fill(T::ZERO),
-            Self::Color => values.chunks_exact_mut(channels).for_each(|value| {
+        match (self, background) {
+            (Self::Color, [first, rest @ ..]) if rest.iter().all(|entry| entry == first) => {
+                values.fill(*first);
+            }
+            (Self::Color, _) => values.chunks_exact_mut(channels).for_each(|value| {
                 value.copy_from_slice(background);
             }),
-            Self::Image => {
+            (Self::Image, _) => {
                 values.copy_from_slice(&background[pixel * channels..][..values.len()]);
             }
         }
-    }
-
-    /// Entry c of what of `background` lies at `pixel`.
-    pub(crate) fn at<T: Scalar>(
-        self,
-        background: &[T],
-        channels: usize,
-        pixel: usize,
-        c: usize,
-    ) -> T {
-        if self == Self::Zero { T::ZERO } else { background[self.entry(channels, pixel) + c] }
     }
 
     /// Where in the background's numbers those of `pixel` start.

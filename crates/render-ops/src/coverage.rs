@@ -12,6 +12,7 @@ use std::ops::Range;
 use bokashi_core::parallel::{for_each_item_mut, is_shared};
 
 use crate::boundary::{Boundary, BoundaryCounts};
+use crate::error::RenderError;
 use crate::mesh::Mesh;
 use crate::size::Size;
 
@@ -179,6 +180,16 @@ impl Coverage {
     /// Whether boundary pixels were resolved, if there were any.
     pub(crate) fn is_exact(&self) -> bool {
         self.band_ends.len() > self.center_bands
+    }
+
+    /// # Errors
+    /// [`RenderError::ExactCoverage`] for anything but fragments at pixel centres.
+    pub(crate) fn check_centers(&self, operation: &'static str) -> Result<(), RenderError> {
+        let pixels = self.boundary.pixels.len();
+        if self.is_exact() {
+            return Err(RenderError::ExactCoverage { operation, pixels });
+        }
+        Ok(())
     }
 
     /// How the pixels of [`Coverage::boundary`] were resolved.

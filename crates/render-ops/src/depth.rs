@@ -7,14 +7,14 @@
 //! # Backward
 //! `a_bar_i = depth_bar (z_i - depth w_i) / W`, from there as in `edge_functions`; and
 //! `z_bar_i += depth_bar a_i / W`, `w_bar_i -= depth_bar depth a_i / W`. Terms beyond the range of
-//! the numbers as in [`rasterize`](crate::rasterize()).
+//! the numbers are treated as in [`rasterize`](crate::rasterize()).
 //!
-//! A piece of a boundary pixel has the depth of its mean weights b_i, which move with it:
+//! A piece of a boundary pixel has the depth of its mean weights b_i, which depend on the vertices:
 //! `depth = Z / W`, `Z = sum b_i z_i`, `W = sum b_i w_i`; `b_bar_i = depth_bar (z_i - depth w_i) / W`,
 //! `z_bar_i += depth_bar b_i / W`, `w_bar_i -= depth_bar depth b_i / W`.
 //!
 //! # Where it is not smooth
-//! Where another face comes to be seen.
+//! Where the visible face changes.
 //!
 //! # Source
 //! Laine et al., *Modular primitives for high-performance differentiable rendering*, ACM TOG 39(6),

@@ -87,20 +87,13 @@ pub enum RenderError {
         shape: Shape,
     },
 
-    /// A layer was antialiased before.
+    /// An operation for one fragment per pixel was given exact coverage.
     #[error(
-        "antialias needs a layer that was not antialiased before, got one with a rim of {rim} pixels"
-    )]
-    Antialiased {
-        /// Pixels of the rim that it has.
-        rim: usize,
-    },
-
-    /// Fragments with exact coverage have nothing to antialias.
-    #[error(
-        "antialias needs one fragment per pixel, got exact coverage with {pixels} boundary pixels"
+        "{operation} needs one fragment per pixel, got exact coverage with {pixels} boundary pixels"
     )]
     ExactCoverage {
+        /// The operation.
+        operation: &'static str,
         /// Pixels that were resolved into pieces.
         pixels: usize,
     },
@@ -149,4 +142,32 @@ pub enum RenderError {
         /// The value given.
         value: f64,
     },
+}
+
+/// Here, and not with the rest of [`Size`]: an error holds one.
+impl Size {
+    /// The size itself.
+    ///
+    /// # Errors
+    /// [`RenderError::ImageSize`] unless the pixels can be counted in 32 bits and there is one.
+    pub(crate) fn checked(self) -> Result<Self, RenderError> {
+        match self.width.checked_mul(self.height) {
+            Some(pixels) if pixels > 0 && pixels < u32::MAX as usize => Ok(self),
+            _ => Err(RenderError::ImageSize { size: self }),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_image_without_pixels_or_with_too_many_is_refused() {
+        for size in [Size::square(0), Size { width: 0, height: 5 }, Size::square(1 << 16)] {
+            assert_eq!(size.checked(), Err(RenderError::ImageSize { size }));
+        }
+        assert!(Size::square(usize::MAX).checked().is_err());
+        assert!(Size::square(1).checked().is_ok());
+    }
 }

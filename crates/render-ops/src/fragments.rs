@@ -78,12 +78,11 @@ mod tests {
     use bokashi_core::Tensor;
 
     use super::*;
-    use crate::antialias::antialias;
     use crate::background::Background;
+    use crate::composite::composite;
     use crate::interpolate::interpolate;
     use crate::mesh::Mesh;
     use crate::rasterize::rasterize;
-    use crate::resolve::resolve;
     use crate::size::Size;
 
     fn fragments(tape: &Tape<f64>) -> (Var<'_, f64>, Fragments<'_, f64>) {
@@ -105,16 +104,14 @@ mod tests {
     #[test]
     fn fragments_that_are_not_whole_or_of_another_tape_are_refused_by_every_operation() {
         let (tape, other) = (Tape::new(), Tape::new());
-        let (clip, whole) = fragments(&tape);
+        let (_, whole) = fragments(&tape);
         let count = whole.coverage.count();
         let colors = tape.leaf(&Tensor::full([3, 1], 0.5));
         let values = tape.leaf(&Tensor::full([count, 1], 0.5));
-        let image = tape.leaf(&Tensor::full([6, 6, 1], 0.5));
         let messages = |fragments: &Fragments<'_, f64>| {
             [
                 interpolate(colors, fragments).map(drop),
-                resolve(values, fragments, Background::Zero).map(drop),
-                antialias(image, fragments, clip).map(drop),
+                composite(values, fragments, Background::Zero).map(drop),
             ]
             .map(|result| result.unwrap_err().to_string())
         };
@@ -123,7 +120,7 @@ mod tests {
         let flat = Fragments { clip: tape.leaf(&Tensor::zeros([4, 3])), ..whole.clone() };
         let (_, foreign) = fragments(&other);
         let before = tape.len();
-        for (at, operation) in ["interpolate", "resolve", "antialias"].iter().enumerate() {
+        for (at, operation) in ["interpolate", "composite"].iter().enumerate() {
             assert_eq!(
                 messages(&few)[at],
                 format!(
@@ -143,6 +140,6 @@ mod tests {
         assert_eq!(tape.len(), before);
         // What is exchanged for its like is accepted.
         let moved = Fragments { clip: whole.clip * 0.5, ..whole };
-        assert!(antialias(image, &moved, clip).is_ok());
+        assert!(composite(values, &moved, Background::Zero).is_ok());
     }
 }

@@ -55,7 +55,32 @@ pub fn interpolate_indexed<'t, T: Scalar>(
         return Err(RenderError::FaceCount { expected, given });
     }
     let op = Interpolate { indices: indices.clone(), coverage };
-    attributes.tape().apply(op, &[attributes, fragments.barycentrics])
+    let tape = attributes.tape();
+    let mut barycentrics = fragments.barycentrics;
+    if barycentrics.needs_gradient()
+        && !attributes.needs_gradient()
+        && is_uniform(attributes, indices)
+    {
+        // No gradient could ever pass: nothing of `rasterize` need run backward, and who asks why
+        // the vertices get none finds the way ended here.
+        tape.leave_out(
+            "interpolate",
+            "attributes that are one constant: no barycentrics' gradient",
+        );
+        barycentrics = barycentrics.detach();
+    }
+    tape.apply(op, &[attributes, barycentrics])
+}
+
+/// Whether `attributes` are `[A, C]` with all rows the same.
+fn is_uniform<T: Scalar>(attributes: Var<'_, T>, indices: &Mesh) -> bool {
+    let value = attributes.value();
+    let &[rows, channels] = &**value.shape() else { return false };
+    // Equal numbers that are not finite differ by NaN, as `A_0 - A_2` has it.
+    rows == indices.vertex_count()
+        && channels > 0
+        && value.data().windows(channels + 1).all(|pair| pair[0] == pair[channels])
+        && value.data().iter().take(channels).all(|entry| entry.is_finite())
 }
 
 /// Inputs: attributes `[A, C]`, barycentrics `[N, 2]`.
@@ -334,7 +359,7 @@ impl Interpolate {
 
 #[cfg(test)]
 mod tests {
-    use bokashi_core::{Tape, Tensor};
+    use bokashi_core::{Dependence, Tape, Tensor};
 
     use super::*;
     use crate::rasterize::rasterize;
@@ -372,6 +397,36 @@ mod tests {
         assert!(fragments.coverage.count() > 10);
         assert_eq!(*values.shape(), [fragments.coverage.count(), 2].into());
         assert!(values.data().chunks(2).all(|value| value == [0.1, 1e30]));
+    }
+
+    #[test]
+    fn attributes_that_are_one_constant_have_the_same_values_and_end_the_way_to_the_vertices() {
+        let run = |attributes: &Tensor<f64>| {
+            let tape = Tape::new();
+            let fragments = fragments(&tape, SIZE);
+            let ends = |attributes: Var<'_, f64>| {
+                let values = interpolate(attributes, &fragments).unwrap();
+                (
+                    format!("{:?}", values.value()),
+                    values.sum().dependence_on(fragments.barycentrics).unwrap(),
+                )
+            };
+            let (frozen, learnt) = (ends(tape.constant(attributes)), ends(tape.leaf(attributes)));
+            assert_eq!((frozen.0, learnt.1), (learnt.0, Dependence::Recorded));
+            frozen.1
+        };
+        let ended = Dependence::None { end: Some("rasterize"), is_detached: true };
+        assert_eq!(run(&Tensor::full([4, 1], 1.0)), ended);
+        let two =
+            |last: f64| Tensor::from_fn([4, 2], |k| if k == 7 { last } else { (k % 2) as f64 });
+        assert_eq!([run(&two(1.0)), run(&two(1.5))], [ended, Dependence::Recorded]);
+        assert_eq!(run(&Tensor::full([4, 1], f64::INFINITY)), Dependence::Recorded);
+        // What is refused leaves the tape as it was.
+        let tape = Tape::<f64>::new();
+        let fragments = fragments(&tape, SIZE);
+        let few = tape.constant(&Tensor::zeros([3, 1]));
+        let count = tape.len();
+        assert!(interpolate(few, &fragments).is_err() && tape.len() == count);
     }
 
     #[test]

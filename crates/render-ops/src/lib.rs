@@ -6,8 +6,8 @@
 //! ```
 //! use bokashi_core::{Tape, Tensor};
 //! use bokashi_render_ops::{
-//!     Background, Blur, Mesh, Size, antialias, gaussian_blur, interpolate, project, rasterize,
-//!     resolve,
+//!     Background, Blur, Mesh, Size, antialias, composite, gaussian_blur, interpolate, project,
+//!     rasterize,
 //! };
 //!
 //! let mesh = Mesh::new(vec![[0, 1, 2]], 3)?;
@@ -20,9 +20,8 @@
 //! let clip = project(positions, &glam::DMat4::IDENTITY, None)?;
 //! let fragments = rasterize(clip, &mesh, Size::square(16))?;
 //! let surface = interpolate(colors, &fragments)?;
-//! let image = resolve(surface, &fragments, Background::Zero)?;
-//! let image = antialias(image, &fragments, clip)?;
-//! let image = gaussian_blur(image, sigma, &Blur::default())?;
+//! let picture = antialias(composite(surface, &fragments, Background::Zero)?)?;
+//! let image = gaussian_blur(picture.image()?, sigma, &Blur::default())?;
 //! let gradients = image.square().sum().backward()?;
 //! assert!(gradients.get(positions).is_some() && gradients.get(sigma).is_some());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -32,6 +31,7 @@ mod antialias;
 mod background;
 mod border;
 mod boundary;
+mod composite;
 mod coverage;
 mod depth;
 mod depth_of_field;
@@ -41,25 +41,27 @@ mod face_sums;
 mod fragments;
 mod gaussian_blur;
 mod homogeneous;
+mod image;
 mod interpolate;
-mod layer;
 mod mesh;
-mod mix;
+mod picture;
+mod pixel_loss;
 #[cfg(feature = "precompiled")]
 #[doc(hidden)]
 pub mod precompiled;
 mod project;
 mod rasterize;
-mod resolve;
+mod reference;
 mod rotation;
 mod size;
+mod squared_error;
 mod taps;
-mod target;
 
 pub use antialias::antialias;
 pub use background::Background;
 pub use border::Border;
 pub use boundary::BoundaryCounts;
+pub use composite::composite;
 pub use coverage::{Coverage, Culled};
 pub use depth::depth;
 pub use depth_of_field::{Focused, Lens, depth_of_field};
@@ -67,11 +69,11 @@ pub use error::RenderError;
 pub use fragments::Fragments;
 pub use gaussian_blur::gaussian_blur;
 pub use interpolate::{interpolate, interpolate_indexed};
-pub use layer::{Layer, layer};
 pub use mesh::{Adjacency, Mesh};
+pub use picture::{Composite, Picture};
+pub use pixel_loss::PixelLoss;
 pub use project::{Pose, project};
 pub use rasterize::{Cull, RasterOptions, Sampling, rasterize};
-pub use resolve::resolve;
+pub use reference::Reference;
 pub use size::Size;
 pub use taps::{Blur, Kernel, Radius};
-pub use target::Target;

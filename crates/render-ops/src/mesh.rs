@@ -44,12 +44,12 @@ impl Mesh {
         Ok(Self(Arc::new(Inner { faces, vertex_count, adjacency, seams })))
     }
 
-    /// The same mesh with seams: the edge that faces corner `corner` of a face is one where
-    /// `is_seam(face, corner)` says so of either of its faces.
+    /// The same mesh with seams. `is_seam(face, corner)` says whether the edge that faces a corner
+    /// of a face is a seam; it is enough that it says so for one of the edge's two faces.
     ///
     /// With [exact coverage](crate::Sampling::Exact) the pixels that a seam crosses are resolved into
-    /// pieces as those at silhouettes are. It is for edges across which what is shown jumps or bends
-    /// while the surface goes on: a crease, faces with attributes of their own.
+    /// pieces, like pixels at silhouettes. Mark edges where the surface goes on but what is shown
+    /// jumps or bends: creases, and borders between faces with attributes of their own.
     #[must_use]
     pub fn with_seams(&self, is_seam: impl Fn(usize, usize) -> bool) -> Self {
         let edge = |face: usize, corner: usize| {
@@ -100,9 +100,9 @@ pub(crate) fn repeats_a_vertex([a, b, c]: [u32; 3]) -> bool {
 
 /// Which faces share an edge of a mesh, by vertex index.
 ///
-/// An edge of exactly two faces joins them. An edge of one face is a *boundary*; where vertices
-/// are duplicated, as at a texture seam, both sides are boundaries. An edge of three or more faces
-/// joins none of them: each treats it as a boundary, since whichever way it is seen, some face
+/// An edge of exactly two faces joins them. An edge of a single face is a *boundary*; where
+/// vertices are duplicated, as at a texture seam, both sides are boundaries. An edge of three or
+/// more faces joins none of them: each treats it as a boundary, since from every side some face
 /// ends there.
 #[derive(Debug, Clone, Default)]
 pub struct Adjacency {
@@ -118,8 +118,8 @@ pub struct Adjacency {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Neighbor {
     pub(crate) face: u32,
-    /// Whether it runs through the edge's vertices in the other order, as faces of a surface with
-    /// one outside do.
+    /// Whether it runs through the edge's vertices in the other order, as neighbours in an oriented
+    /// surface do.
     pub(crate) is_opposite: bool,
 }
 
@@ -175,8 +175,8 @@ impl Adjacency {
         adjacency
     }
 
-    /// The vertex across the edge that faces corner `corner` of `face`: the corner of the one
-    /// other face at that edge that does not lie on it.
+    /// The vertex across the edge that faces corner `corner` of `face`: the corner of the other
+    /// face that does not lie on that edge. `None` unless there is exactly one other face.
     ///
     /// # Panics
     /// Unless the mesh has such a face, and `corner` is below 3.

@@ -6,19 +6,19 @@ use glam::DMat4;
 
 use crate::antialias::antialias;
 use crate::background::Background;
+use crate::composite::composite;
 use crate::depth::depth;
 use crate::depth_of_field::{Lens, depth_of_field};
 use crate::error::RenderError;
 use crate::gaussian_blur::gaussian_blur;
 use crate::interpolate::interpolate;
-use crate::layer::layer;
 use crate::mesh::Mesh;
+use crate::pixel_loss::PixelLoss;
 use crate::project::{Pose, project};
 use crate::rasterize::rasterize;
-use crate::resolve::resolve;
+use crate::reference::Reference;
 use crate::size::Size;
 use crate::taps::Blur;
-use crate::target::Target;
 
 macro_rules! for_each_precision {
     ($($name:ident: $t:ty),*) => {
@@ -35,10 +35,10 @@ fn every_operation<T: Scalar>(x: Var<'_, T>) -> Result<(), RenderError> {
     let clip = project(x, &DMat4::IDENTITY, Some(Pose { rotation: x, translation: x }))?;
     let fragments = rasterize(clip, &mesh, Size::square(1))?;
     let values = interpolate(x, &fragments)? + depth(&fragments)?;
-    let layer = layer(values, &fragments, Background::Color(x))?.antialias(clip)?;
-    layer.squared_error(&Target::new(&x.value(), &x.value())?)?;
-    let image = antialias(resolve(values, &fragments, Background::Color(x))?, &fragments, clip)?;
-    let image = gaussian_blur(image, x, &Blur::default())?;
+    let picture = antialias(composite(values, &fragments, Background::Color(x))?)?;
+    picture.squared_error(&Reference::new(&x.value(), &x.value())?)?;
+    picture.loss(&PixelLoss::new(&x.value(), &x.value(), |x, _| Ok(x))?)?;
+    let image = gaussian_blur(picture.image()?, x, &Blur::default())?;
     depth_of_field(image, x, x, x, &Lens::default())?;
     Ok(())
 }

@@ -8,8 +8,6 @@ use std::fmt;
 
 use bokashi_core::Scalar;
 
-use crate::error::RenderError;
-
 /// The size of an image in pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Size {
@@ -28,17 +26,6 @@ impl Size {
     /// The number of pixels.
     pub const fn pixels(self) -> usize {
         self.width * self.height
-    }
-
-    /// The size itself.
-    ///
-    /// # Errors
-    /// [`RenderError::ImageSize`] unless the pixels can be counted in 32 bits and there is one.
-    pub(crate) fn checked(self) -> Result<Self, RenderError> {
-        match self.width.checked_mul(self.height) {
-            Some(pixels) if pixels > 0 && pixels < u32::MAX as usize => Ok(self),
-            _ => Err(RenderError::ImageSize { size: self }),
-        }
     }
 
     /// The row and the column of `pixel`.
@@ -84,14 +71,5 @@ mod tests {
         let ys: Vec<f64> = (0..3).map(|row| size.center_y(row)).collect();
         assert_eq!(xs, [-3.0, -1.0, 1.0, 3.0]);
         assert_eq!(ys, [2.0, 0.0, -2.0]);
-    }
-
-    #[test]
-    fn an_image_without_pixels_or_with_too_many_is_refused() {
-        for size in [Size::square(0), Size { width: 0, height: 5 }, Size::square(1 << 16)] {
-            assert_eq!(size.checked(), Err(RenderError::ImageSize { size }));
-        }
-        assert!(Size::square(usize::MAX).checked().is_err());
-        assert!(Size::square(1).checked().is_ok());
     }
 }

@@ -4,21 +4,21 @@
 //! - nothing panics, whatever the input: what cannot be done is an error;
 //! - finite input within the stated range gives finite values and finite gradients;
 //! - what was read from a file is written to the same bytes, however often;
-//! - a layer is the picture that an image is, with the same squared error;
+//! - a picture before a colour is that before an image of the colour, with the same squared error;
 //! - the same step on the same tape gives the same bits, though its buffers were used before.
 
 mod discrete;
 mod image;
-mod layer;
 mod matrix;
 mod mesh;
 mod number;
+mod picture;
 mod saved;
 mod step;
 
 pub use discrete::discrete;
 pub use image::image;
-pub use layer::layers;
 pub use matrix::matrix;
 pub use mesh::mesh;
+pub use picture::pictures;
 pub use saved::saved;

@@ -5,7 +5,7 @@ use std::cell::Cell;
 use arbitrary::{Result, Unstructured};
 use bokashi_core::{Scalar, Tensor};
 use bokashi_render_ops::{
-    Background, Mesh, Pose, antialias, depth, interpolate, project, rasterize, resolve,
+    Background, Mesh, Pose, antialias, composite, depth, interpolate, project, rasterize,
 };
 use glam::DMat4;
 
@@ -57,8 +57,7 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> Result<usize> {
         let surface = interpolate(colors, &fragments)?;
         // Darker with depth, so that depths have gradients too.
         let depth = depth(&fragments)?.reshape([fragments.coverage.count(), 1])?;
-        let image = resolve(surface * depth, &fragments, Background::Zero)?;
-        antialias(image, &fragments, clip)
+        antialias(composite(surface * depth, &fragments, Background::Zero)?)?.image()
     });
     Ok(reached.get())
 }

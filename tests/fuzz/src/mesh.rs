@@ -1,12 +1,12 @@
-//! Faces and positions in clip space: rasterize, interpolate, resolve, antialias.
+//! Faces and positions in clip space: rasterize, interpolate, composite, antialias.
 
 use std::cell::Cell;
 
 use arbitrary::{Result, Unstructured};
 use bokashi_core::{Scalar, Tensor};
 use bokashi_render_ops::{
-    Background, Cull, Fragments, Mesh, RasterOptions, Sampling, Size, antialias, depth,
-    interpolate, interpolate_indexed, rasterize, resolve,
+    Background, Cull, Fragments, Mesh, RasterOptions, Sampling, Size, antialias, composite, depth,
+    interpolate, interpolate_indexed, rasterize,
 };
 
 use super::number::{Range, expanded};
@@ -136,10 +136,10 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> Result<usize> {
         // Darker with depth, so that depths have gradients too.
         let depth = depth(&fragments)?.reshape([fragments.coverage.count(), 1])?;
         let surface = if has_depths { surface * depth } else { surface };
-        let image = resolve(surface, &fragments, background)?;
+        let picture = composite(surface, &fragments, background)?;
         match sampling {
-            Sampling::Center => antialias(image, &fragments, clip),
-            Sampling::Exact => Ok(image),
+            Sampling::Center => antialias(picture)?.image(),
+            Sampling::Exact => picture.image(),
         }
     });
     Ok(reached.get())

@@ -50,8 +50,8 @@ fn begun_sums(trial: &Trial, tally: &mut Tally) -> Result<(), Broken> {
     Ok(())
 }
 
-/// One variable for two inputs of the same shape gets the sum of what two variables of the same
-/// value get.
+/// One variable as two inputs of the same shape gets a sum: of the gradients that two variables of
+/// the same value get.
 fn one_variable_as_two_inputs(trial: &Trial, tally: &mut Tally) -> Result<(), Broken> {
     let inputs: Vec<usize> = trial.gradients().map(|(i, _)| i).collect();
     for (at, &i) in inputs.iter().enumerate() {
@@ -86,8 +86,8 @@ fn one_variable_as_two_inputs(trial: &Trial, tally: &mut Tally) -> Result<(), Br
     Ok(())
 }
 
-/// Each output alone, the others unused, and all others with a gradient of zeros: the same; and
-/// the sum over outputs is the gradient.
+/// An output alone gives the same gradient whether the others are unused or have an upstream
+/// gradient of zeros; and the sum over outputs is the gradient.
 fn unused_outputs(trial: &Trial, tally: &mut Tally) -> Result<(), Broken> {
     let outputs = trial.upstream.len();
     if outputs < 2 {

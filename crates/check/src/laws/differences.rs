@@ -9,10 +9,9 @@
 //! - the law is `|gradient - R| <= bar + ROUNDINGS eps scale`, where `scale` is the largest entry of
 //!   the gradient with respect to the same input, by either reckoning.
 //!
-//! Steps become shorter until the discrete state is the same on the whole stencil and the bar is
-//! a millionth. An entry for which no step will do is left out: where the state changes however
-//! short the step, or the bar stays above `VAGUE` of the scale and above the unit roundoff of a slope
-//! of 1.
+//! Steps become shorter until the discrete state is the same on the whole stencil and the bar is a
+//! millionth. An entry is left out where no step will do: the state changes however short the step,
+//! or the bar stays above `VAGUE` of the scale and above the unit roundoff of a slope of 1.
 //!
 //! # Source
 //! The noise level: Moré and Wild, *Estimating computational noise*, SIAM Journal on Scientific
@@ -37,7 +36,7 @@ const VAGUE: f64 = 1e-3;
 const NOISE_STEP: f64 = 1e-7;
 /// Errors this many standard deviations large are rare in a quotient of four values.
 const NOISE_MARGIN: f64 = 12.0;
-/// Entries looked at per input; of a larger one, as many, evenly spread.
+/// The most entries looked at per input; a larger input has as many, evenly spread.
 const MOST_ENTRIES: usize = 160;
 
 /// A difference quotient and its error bar.

@@ -1,8 +1,8 @@
-//! Leaving out what is not needed changes no bit of what is.
+//! A gradient has the same bits whichever other gradients are left out.
 //!
-//! For every subset of the differentiable inputs: a pass to the subset alone, and a recording in
-//! which the other inputs are constants, give the subset the gradients of the full pass, and the
-//! others none.
+//! For every subset of the differentiable inputs there are a backward pass to the subset alone, and
+//! a recording in which the other inputs are constants. Both give the subset the gradients of the
+//! full pass, and the other inputs none.
 
 use bokashi_core::Tape;
 

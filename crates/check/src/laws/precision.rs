@@ -2,8 +2,8 @@
 //!
 //! No operation can do better than the rounding of its inputs allows. So the bound is measured: in
 //! `f64`, the inputs and upstream gradients are moved by a unit roundoff of `f32` in random
-//! directions, and the largest change of each number, plus a roundoff of its tensor's largest
-//! entry, is the size of one rounding. `SLACK` of them are allowed.
+//! directions. The largest change of each number, plus a roundoff of its tensor's largest entry, is
+//! the size of one rounding. `SLACK` such roundings are allowed.
 //!
 //! Cases whose discrete state differs between the precisions, or under the random moves, are left
 //! out.
@@ -16,8 +16,8 @@ use crate::trial::{Tally, Trial};
 
 /// Random moves of the inputs.
 const MOVES: u64 = 6;
-/// Roundings within an operation, beside those of its inputs: each can be as large as one of
-/// theirs, and six random moves don't find the worst direction.
+/// Operations round, too, and each rounding can be as large as that of an input. And six random
+/// moves don't find the worst direction.
 const SLACK: f64 = 16.0;
 
 pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {

@@ -7,8 +7,8 @@ use crate::run::{Run, caught, place, point, step};
 use crate::subject::Case;
 use crate::trial::{Tally, Trial};
 
-/// The same step three times on one tape, before each another one, which leaves other numbers in
-/// the memory: the same bits as on a new tape.
+/// The same step three times on one tape gives the bits of a new tape. Before each, another step
+/// leaves other numbers in the memory.
 pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
     let mut tally = Tally::default();
     let upstream: Vec<_> = trial.upstream.iter().cloned().map(Some).collect();
@@ -49,9 +49,9 @@ pub(super) fn compare<T: bokashi_core::Scalar>(
     Ok(())
 }
 
-/// Wrong inputs are an error and leave the tape as it was: no longer, unless they are those of a
-/// pipeline, and with a step recorded before that gives `right` its gradients to the same bits
-/// afterwards.
+/// Wrong inputs are an error and leave the tape as it was. The tape is no longer than before,
+/// except for the first operations of a pipeline, and a step that was recorded before gives `right`
+/// its gradients to the same bits.
 pub(crate) fn refuses(wrong: &Case, is_pipeline: bool, right: &Trial) -> Result<Tally, Broken> {
     let refused = |error: &dyn std::fmt::Display| Broken::said(error.to_string());
     let mut tally = Tally::default();

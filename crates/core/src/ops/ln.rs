@@ -1,7 +1,8 @@
 //! Natural logarithm: `y = ln x`; `x_bar += y_bar / x`.
 //!
 //! # Where it is not smooth
-//! At `x = 0`, where value and slope are infinite; NaN below, as the logarithm is.
+//! At `x = 0`, where value and slope are infinite. Below, the value is NaN and the slope still
+//! `1 / x`, a number: it is the value that tells.
 
 use crate::elementwise::{SlopeFrom, Unary};
 use crate::scalar::Scalar;
@@ -24,6 +25,10 @@ impl<T: Scalar> Unary<T> for Logarithm {
 
 impl<T: Scalar> Var<'_, T> {
     /// The natural logarithm of each entry.
+    ///
+    /// At 0 it is minus infinity with an infinite slope, so that the gradient is infinite, or NaN
+    /// where the upstream gradient is 0. Below 0 it is NaN, and the gradient is what the formula
+    /// says, `upstream / x`: finite, and without meaning.
     #[must_use]
     pub fn ln(self) -> Self {
         self.each(Logarithm)
@@ -45,6 +50,8 @@ mod tests {
     #[test]
     fn zero_and_below_are_infinite_and_nan() {
         assert_eq!(value_and_slope(0.0, |x| x.ln()), [f64::NEG_INFINITY, f64::INFINITY]);
-        assert!(value_and_slope(-1.0_f64, |x| x.ln())[0].is_nan());
+        assert!(value_and_slope(0.0_f64, |x| x.ln() * 0.0)[1].is_nan());
+        let [value, slope] = value_and_slope(-2.0_f64, |x| x.ln());
+        assert!(value.is_nan() && slope == -0.5);
     }
 }

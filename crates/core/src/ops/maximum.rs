@@ -1,8 +1,9 @@
-//! The larger of two arrays' entries: `z = maximum(x, y)`; the larger one gets `z_bar`.
+//! The larger of each pair of entries of two arrays: `z = maximum(x, y)`; the larger entry gets
+//! `z_bar`.
 //!
 //! # Where it is not smooth
-//! At `x = y`, where each side gets half of `z_bar`: the middle of the subgradients, so that
-//! swapping the arguments swaps the gradients. A NaN on either side gives NaN, value and slopes.
+//! At `x = y`, where each side gets half of `z_bar`: the middle of the subgradients. So swapped
+//! arguments have swapped gradients. A NaN on either side makes value and slopes NaN.
 
 use std::cmp::Ordering;
 

@@ -1,8 +1,9 @@
-//! The smaller of two arrays' entries: `z = minimum(x, y)`; the smaller one gets `z_bar`.
+//! The smaller of each pair of entries of two arrays: `z = minimum(x, y)`; the smaller entry gets
+//! `z_bar`.
 //!
 //! # Where it is not smooth
-//! At `x = y`, where each side gets half of `z_bar`: the middle of the subgradients, so that
-//! swapping the arguments swaps the gradients. A NaN on either side gives NaN, value and slopes.
+//! At `x = y`, where each side gets half of `z_bar`: the middle of the subgradients. So swapped
+//! arguments have swapped gradients. A NaN on either side makes value and slopes NaN.
 
 use std::cmp::Ordering;
 

@@ -1,7 +1,8 @@
 //! Square root: `y = sqrt x`; `x_bar += y_bar / (2 y)`.
 //!
 //! # Where it is not smooth
-//! At `x = 0`, where the slope is infinite; NaN below, as the root is.
+//! At `x = 0`, where the slope is infinite, and `x_bar` NaN where `y_bar` is 0; below, value and
+//! slope are NaN.
 
 use crate::elementwise::{SlopeFrom, Unary};
 use crate::scalar::Scalar;
@@ -23,7 +24,11 @@ impl<T: Scalar> Unary<T> for SquareRoot {
 }
 
 impl<T: Scalar> Var<'_, T> {
-    /// The square root of each entry.
+    /// The square root of each entry: NaN below 0, with a gradient of NaN.
+    ///
+    /// At 0 the slope is infinite, so the gradient is infinite too, or NaN where the upstream
+    /// gradient is 0: a length `(x * x).sum().sqrt()` at `x = 0` has the gradient NaN. Add a small
+    /// number under the root where that can happen.
     #[must_use]
     pub fn sqrt(self) -> Self {
         self.each(SquareRoot)
@@ -38,6 +43,8 @@ mod tests {
     fn value_and_slope_by_hand() {
         assert_eq!(value_and_slope(4.0, |x| x.sqrt()), [2.0, 0.25]);
         assert_eq!(value_and_slope(0.0, |x| x.sqrt()), [0.0, f64::INFINITY]);
-        assert!(value_and_slope(-1.0_f64, |x| x.sqrt())[0].is_nan());
+        assert!(value_and_slope(-1.0_f64, |x| x.sqrt()).into_iter().all(f64::is_nan));
+        assert!(value_and_slope(0.0_f64, |x| x.sqrt() * 0.0)[1].is_nan());
+        assert!(value_and_slope(0.0_f64, |x| x.square().sqrt())[1].is_nan());
     }
 }

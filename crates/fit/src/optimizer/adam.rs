@@ -8,16 +8,16 @@
 //! rate that decays, or a larger epsilon, removes that.
 //!
 //! # AMSGrad
-//! `u = max(u, v / (1 - b2^t))` and `x -= a m / (1 - b1^t) / (sqrt(u) + epsilon)`: the maximum is
-//! that of the *corrected* averages. The paper corrects nothing, so that its first steps are of
-//! `a (1 - b1) / sqrt(1 - b2)`, about 3 a, and grow from there. Others correct the maximum of the
-//! raw averages, and their denominators fall while `1 - b2^t` grows: what the paper rules out. With
-//! the maximum taken last the denominators never fall, and the first step is `a`, as Adam's. In turn
-//! the first gradients weigh in full, for good.
+//! `u = max(u, v / (1 - b2^t))` and `x -= a m / (1 - b1^t) / (sqrt(u) + epsilon)`: the maximum of
+//! the *corrected* averages. The paper corrects nothing, so its first steps have the length
+//! `a (1 - b1) / sqrt(1 - b2)`, about 3 a, and grow from there. Other implementations correct the
+//! maximum of the raw averages. Their denominators fall while `1 - b2^t` grows, which the paper
+//! rules out. Here the maximum is taken last, so denominators never fall, and the first step is
+//! `a`, as in Adam. In turn the first gradients keep their full weight for good.
 //!
 //! # Counts
-//! `t` is a `u64`, the powers are taken in `f64`: right to its rounding for any count, and 0 where
-//! they underflow.
+//! `t` is a `u64`. The powers are taken in `f64`: they are right to rounding for any count, and 0
+//! where they underflow.
 //!
 //! # Source
 //! Kingma and Ba, *Adam: a method for stochastic optimization*, ICLR 2015, algorithm 1. Reddi, Kale
@@ -25,7 +25,7 @@
 
 use bokashi_core::Scalar;
 
-use super::{first_not_finite, value_of, vanishes};
+use super::entries::{first_not_finite, value_of, vanishes};
 use crate::parameter::Parameter;
 
 /// The constants of one update, in the numbers of the fit.

@@ -7,9 +7,9 @@
 //! Steps of about `a` whatever the scale of the gradient: see `adam`.
 //!
 //! # Failure
-//! One NaN would poison the moments for ever, and an infinite `g^2` would freeze its entry. So all
-//! gradients, and then all that would become of parameters and moments, are checked before anything
-//! is changed. The second check computes the update without storing it; the update itself then
+//! One NaN would poison the moments for ever, and an infinite `g^2` would freeze its entry. So two
+//! checks come before any change: all gradients, and then the values that parameters and moments
+//! would take. The second check computes the update without storing it; the update itself then
 //! computes the same bits again.
 //!
 //! # Updates that vanish
@@ -17,14 +17,18 @@
 //! error: each such entry is counted, see [`Parameter::vanished`].
 
 mod adam;
+mod descent;
+mod entries;
 #[cfg(test)]
 mod tests;
 
 use bokashi_core::{Gradients, Scalar};
 
 use self::adam::Adam;
+use self::descent::{descend, descends_out_of_range};
+use self::entries::first_not_finite;
 use crate::error::{FitError, Quantity};
-use crate::parameter::{Mapping, Parameter, Parameters, Variables};
+use crate::parameter::{Parameter, Parameters, Variables};
 
 /// How gradients change parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,9 +40,9 @@ pub enum Optimizer {
     GradientDescent,
     /// Steps of about the learning rate, from moving averages of the gradient and its square.
     ///
-    /// A gradient that is far larger than the usual ones freezes its entry for as long as the
-    /// average of the square remembers it: after one of 1e10 among ones of 1, for about 40,000
-    /// updates at the usual `beta2`. That is what the recurrence says and no error; in `f32` the
+    /// A gradient that is far larger than usual freezes its entry for as long as the average of the
+    /// square remembers it. A gradient of 1e10 among gradients of 1 does so for about 40,000
+    /// updates at the usual `beta2`. The recurrence says so, and it is no error; in `f32` the
     /// updates vanish, which [`Parameter::vanished`] shows.
     Adam {
         /// The decay of the average of the gradient.
@@ -189,13 +193,14 @@ impl Optimizer {
     ) -> Result<(), FitError> {
         let name = || parameter.name().to_owned();
         if let Some(value) = not_finite(gradient, |g| g) {
-            return Err(FitError::NotFinite { quantity: Quantity::Gradient(name()), value, step });
+            let quantity = Quantity::Gradient(name());
+            return Err(FitError::NotFinite { quantity, value, step, origin: None });
         }
         if self.constants().is_some()
             && let Some(value) = not_finite(gradient, |g| g * g)
         {
             let quantity = Quantity::SquaredGradient(name());
-            return Err(FitError::NotFinite { quantity, value, step });
+            return Err(FitError::NotFinite { quantity, value, step, origin: None });
         }
         Ok(())
     }
@@ -214,55 +219,12 @@ impl Optimizer {
         };
         let Some(value) = value else { return Ok(()) };
         let quantity = Quantity::Update(parameter.name().to_owned());
-        Err(FitError::NotFinite { quantity, value: value.to_f64(), step })
+        let value = value.to_f64();
+        Err(FitError::NotFinite { quantity, value, step, origin: None })
     }
 }
 
 /// The first of `term(entry)` that is not finite.
 fn not_finite<T: Scalar>(entries: &[T], term: impl Fn(T) -> T) -> Option<f64> {
     first_not_finite(entries.len(), |k| term(entries[k])).map(Scalar::to_f64)
-}
-
-/// The first of `count` numbers that is not finite.
-fn first_not_finite<T: Scalar>(count: usize, number: impl Fn(usize) -> T) -> Option<T> {
-    // Without an early exit, so that the usual case is a loop over vectors.
-    if (0..count).fold(true, |finite, k| finite & number(k).is_finite()) {
-        return None;
-    }
-    (0..count).map(number).find(|number| !number.is_finite())
-}
-
-/// What has to be finite where an entry becomes `raw`: its value, which only an exponential makes
-/// infinite of a finite raw number.
-fn value_of<T: Scalar>(mapping: Mapping, raw: T) -> T {
-    if mapping == Mapping::Exp { raw.exp() } else { raw }
-}
-
-/// Whether an update left `old` as it was though it should have moved it.
-fn vanishes<T: Scalar>(old: T, new: T, direction: T, rate: T) -> bool {
-    (new == old) & (direction != T::ZERO) & (rate != T::ZERO)
-}
-
-/// Returns how many entries' updates vanished.
-fn descend<T: Scalar>(parameter: &mut Parameter<T>, gradient: Option<&[T]>, rate: f64) -> usize {
-    let Some(gradient) = gradient else { return 0 };
-    let rate = T::from_f64(rate);
-    let mut vanished = 0;
-    for (x, &g) in parameter.raw.data_mut().iter_mut().zip(gradient) {
-        let new = *x + -rate * g;
-        vanished += usize::from(vanishes(*x, new, g, rate));
-        *x = new;
-    }
-    vanished
-}
-
-/// The first value that [`descend`] would make infinite or NaN.
-fn descends_out_of_range<T: Scalar>(
-    parameter: &Parameter<T>,
-    gradient: Option<&[T]>,
-    rate: f64,
-) -> Option<T> {
-    let (raw, mapping, rate) = (parameter.raw.data(), parameter.mapping, T::from_f64(rate));
-    let gradient = &gradient?[..raw.len()];
-    first_not_finite(raw.len(), |k| value_of(mapping, raw[k] + -rate * gradient[k]))
 }

@@ -1,6 +1,7 @@
 use bokashi_core::{Tape, Tensor};
 
 use super::*;
+use crate::parameter::Mapping;
 
 const ALL: [Optimizer; 3] = [
     Optimizer::GradientDescent,
@@ -306,7 +307,7 @@ fn an_update_that_leaves_the_range_changes_nothing_and_is_named() {
         refused(optimizer, 88.0_f32, 1.0, Mapping::Exp, -1.0);
     }
     let quantity = Quantity::Update("x".into());
-    let error = FitError::NotFinite { quantity, value: f64::INFINITY, step: 3 };
+    let error = FitError::NotFinite { quantity, value: f64::INFINITY, step: 3, origin: None };
     assert_eq!(error.to_string(), "the update of \"x\" needs to be finite, got inf at step 3");
 }
 

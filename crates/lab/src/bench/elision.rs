@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 use bokashi_core::{Tape, Tensor};
 use bokashi_fit::{FitError, squared_error};
 use bokashi_render_ops::{
-    Background, Blur, Mesh, RasterOptions, Size, antialias, depth, gaussian_blur, interpolate,
-    project, rasterize, resolve,
+    Background, Blur, Mesh, RasterOptions, Size, antialias, composite, depth, gaussian_blur,
+    interpolate, project, rasterize,
 };
 use bokashi_report::{Document, ReportError, Section, add_page, escaped};
 use glam::DVec4;
@@ -19,9 +19,9 @@ use serde::{Serialize, Serializer, ser::SerializeStruct as _};
 
 use crate::bench::effort::{Effort, GENEROUS};
 use crate::bench::page::write_csv;
-use crate::bench::questions::{Bench, method};
 use crate::bench::sampling::{Contestant, Timing, interleaved};
 use crate::bench::scenes::Scene;
+use crate::bench::setting::{Bench, method};
 use crate::bench::table::{Cell, FEW_SAMPLES, Table};
 
 /// A row: one thing computed, and left out.
@@ -155,8 +155,8 @@ impl Step {
             true => Background::Image(tape.leaf(&start.background)),
             false => Background::Zero,
         };
-        let image = resolve(surface, &fragments, background)?;
-        let mut image = antialias(image, &fragments, clip)?;
+        let picture = antialias(composite(surface, &fragments, background)?)?;
+        let mut image = picture.image()?;
         if self.sigma.is_some() {
             image = gaussian_blur(image, sigma, &Blur::default())?;
         }

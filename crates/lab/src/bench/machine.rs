@@ -1,8 +1,6 @@
 //! What the times were taken on.
 
-use std::fmt;
-use std::fs;
-use std::thread;
+use std::{fmt, fs, thread};
 
 use serde::Serialize;
 

@@ -7,7 +7,7 @@ use bokashi_report::{Document, ReportError, Section, add_page, escaped};
 use bokashi_write::write_whole;
 
 use crate::bench::effort::Effort;
-use crate::bench::questions::method;
+use crate::bench::setting::method;
 use crate::bench::study::Study;
 use crate::bench::table::Table;
 

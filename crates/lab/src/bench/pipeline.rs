@@ -5,8 +5,8 @@ use std::hint::black_box;
 use bokashi_core::{Gradients, Scalar, Tape, Tensor, Var};
 use bokashi_fit::{FitError, squared_error};
 use bokashi_render_ops::{
-    Background, Cull, Fragments, RasterOptions, Target, antialias, interpolate, layer, project,
-    rasterize, resolve,
+    Background, Composite, Cull, Fragments, RasterOptions, Reference, antialias, composite,
+    interpolate, project, rasterize,
 };
 use rayon::ThreadPool;
 
@@ -14,31 +14,25 @@ use crate::bench::sampling::Contestant;
 use crate::bench::scenes::Scene;
 
 /// What a picture leaves on the tape, in the order of recording.
-pub(crate) struct Resolved<'t, T: Scalar> {
+pub(crate) struct Drawn<'t, T: Scalar> {
     pub(crate) clip: Var<'t, T>,
     pub(crate) fragments: Fragments<'t, T>,
     pub(crate) surface: Var<'t, T>,
-    pub(crate) image: Var<'t, T>,
+    pub(crate) composite: Composite<'t, T>,
 }
 
 /// The picture of `scene` with other positions and colours, as it is rasterized.
-pub(crate) fn resolved<'t, T: Scalar>(
+pub(crate) fn drawn<'t, T: Scalar>(
     scene: &Scene,
     options: RasterOptions,
     positions: Var<'t, T>,
     colors: Var<'t, T>,
-) -> Result<Resolved<'t, T>, FitError> {
+) -> Result<Drawn<'t, T>, FitError> {
     let clip = project(positions, &scene.camera, None)?;
     let fragments = rasterize(clip, &scene.mesh, options)?;
     let surface = interpolate(colors, &fragments)?;
-    let image = resolve(surface, &fragments, Background::Zero)?;
-    Ok(Resolved { clip, fragments, surface, image })
-}
-
-impl<'t, T: Scalar> Resolved<'t, T> {
-    pub(crate) fn antialiased(&self) -> Result<Var<'t, T>, FitError> {
-        Ok(antialias(self.image, &self.fragments, self.clip)?)
-    }
+    let composite = composite(surface, &fragments, Background::Zero)?;
+    Ok(Drawn { clip, fragments, surface, composite })
 }
 
 /// The antialiased picture of `scene` with other positions and colours.
@@ -48,26 +42,28 @@ pub(crate) fn render<'t, T: Scalar>(
     positions: Var<'t, T>,
     colors: Var<'t, T>,
 ) -> Result<Var<'t, T>, FitError> {
-    resolved(scene, RasterOptions { cull, ..scene.size.into() }, positions, colors)?.antialiased()
+    let options = RasterOptions { cull, ..scene.size.into() };
+    let Drawn { composite, .. } = drawn(scene, options, positions, colors)?;
+    Ok(antialias(composite)?.image()?)
 }
 
-/// What is compared with the target.
+/// What is compared with the reference image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Compared {
     /// The pixels that can differ from the background; what the others cost is known beforehand.
-    Layer,
+    Picture,
     /// Every pixel of the image.
     Image,
 }
 
-/// A scene whose positions and colours are a little off a target.
+/// A scene whose positions and colours are a little off a reference image.
 pub(crate) struct Learner<T: Scalar> {
     scene: Scene,
     cull: Cull,
     compared: Compared,
     positions: Tensor<T>,
     colors: Tensor<T>,
-    target: Target<T>,
+    reference: Reference<T>,
     tape: Tape<T>,
 }
 
@@ -80,16 +76,16 @@ const TINT: f64 = 0.05;
 impl<T: Scalar> Learner<T> {
     pub(crate) fn new(scene: &Scene, cull: Cull, compared: Compared) -> Result<Self, FitError> {
         let mut tape = Tape::new();
-        let target = {
+        let reference = {
             let positions = tape.constant(&scene.positions.cast());
             let colors = tape.constant(&scene.colors.cast());
             render(scene, cull, positions, colors)?.value()
         };
         tape.reset();
-        let target = Target::new(&target, &Tensor::zeros([3]))?;
+        let reference = Reference::new(&reference, &Tensor::zeros([3]))?;
         let positions = scene.jittered(SHIFT * scene.size.width as f64, 0).cast();
         let colors = scene.colors.map(|color: f64| T::from_f64((color + TINT).min(1.0)));
-        Ok(Self { scene: scene.clone(), cull, compared, positions, colors, target, tape })
+        Ok(Self { scene: scene.clone(), cull, compared, positions, colors, reference, tape })
     }
 
     /// One step of a fit without its optimizer: render, loss, gradients.
@@ -97,18 +93,14 @@ impl<T: Scalar> Learner<T> {
         let positions = self.tape.leaf(&self.positions);
         let colors = self.tape.leaf(&self.colors);
         let loss = match self.compared {
-            Compared::Layer => {
-                let Scene { camera, mesh, size, .. } = &self.scene;
-                let clip = project(positions, camera, None)?;
-                let options = RasterOptions { cull: self.cull, ..(*size).into() };
-                let fragments = rasterize(clip, mesh, options)?;
-                let surface = interpolate(colors, &fragments)?;
-                let layer = layer(surface, &fragments, Background::Zero)?.antialias(clip)?;
-                layer.squared_error(&self.target)?
+            Compared::Picture => {
+                let options = RasterOptions { cull: self.cull, ..self.scene.size.into() };
+                let Drawn { composite, .. } = drawn(&self.scene, options, positions, colors)?;
+                antialias(composite)?.squared_error(&self.reference)?
             }
             Compared::Image => {
                 let image = render(&self.scene, self.cull, positions, colors)?;
-                squared_error(image, self.tape.constant(self.target.image()))?
+                squared_error(image, self.tape.constant(self.reference.image()))?
             }
         };
         let gradients: Gradients<'_, T> = loss.backward()?;
@@ -126,7 +118,7 @@ impl Scene {
     /// # Errors
     /// What an operation refuses: none does.
     pub fn steps(&self) -> Result<impl FnMut() -> Result<(), FitError> + Send, FitError> {
-        let mut learner = Learner::<f32>::new(self, Cull::None, Compared::Layer)?;
+        let mut learner = Learner::<f32>::new(self, Cull::None, Compared::Picture)?;
         Ok(move || learner.step())
     }
 }

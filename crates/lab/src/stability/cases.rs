@@ -2,7 +2,7 @@
 
 use super::exact::{depths as exact_depths, inputs as exact_inputs, shapes as exact_shapes};
 use super::row::Outcome;
-use super::{blur, faces, focus, input, layers, silhouettes, values, vertices};
+use super::{blur, faces, focus, input, pictures, silhouettes, values, vertices};
 
 /// A case: what is put in, what has to come out, and a run in each precision.
 #[derive(Debug, Clone, Copy)]
@@ -95,7 +95,7 @@ pub(super) const CASES: &[Case] = cases! {
     63 "negative depth, impossible lens", "an error", focus::bad_depth_or_lens;
     64 "discrete kernel, any sigma", "mass and constants kept", blur::discrete_at_any_sigma;
     65 "discrete kernel, wide", "windows and systems agree", blur::discrete_both_ways;
-    66 "layers of any size", "the image's picture and error", layers::against_the_image;
+    66 "pictures of any size", "the image's picture and error", pictures::against_the_image;
     67 "exact: nothing to see", "the background, zero gradients", exact_inputs::nothing;
     68 "exact: refused input", "an error", exact_inputs::refused;
     69 "exact: w <= 0", "the area in front, its slope", exact_inputs::behind_the_eye;

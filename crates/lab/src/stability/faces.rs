@@ -2,7 +2,7 @@
 //! another.
 
 use bokashi_core::{Scalar, Tape, Tensor};
-use bokashi_render_ops::{Cull, Size, rasterize};
+use bokashi_render_ops::{Composite, Cull, Size, antialias, rasterize};
 
 use super::oracle::{GridScene, STEPS};
 use super::row::{Failure, Found, Outcome};
@@ -331,7 +331,7 @@ pub(super) fn crossing_faces<T: Scalar>() -> Outcome {
     let fragments = rasterize(clip, &scene.mesh()?, scene.size)?;
     let ids = fragments.coverage.triangle_ids();
     let image = Tensor::from_fn([6, 10, 1], |k| T::from_f64(f64::from(ids[k])));
-    let out = bokashi_render_ops::antialias(tape.constant(&image), &fragments, clip)?;
+    let out = antialias(Composite::of_image(tape.constant(&image), &fragments)?)?.image()?;
     let unblended = out.value() == image;
     let bars = numbers(&out.sum().backward()?.get_or_zeros(clip));
     let outcome =
@@ -373,7 +373,7 @@ pub(super) fn many_faces_in_a_pixel<T: Scalar>() -> Outcome {
     // Half that of its third vertex.
     let error = (seen_depth.item().to_f64() - 0.5 * depth).abs();
     let image = tape.leaf(&Tensor::from_fn([3, 3, 1], |k| T::from_f64((k == 4) as u8 as f64)));
-    let image = bokashi_render_ops::antialias(image, &fragments, positions)?;
+    let image = antialias(Composite::of_image(image, &fragments)?)?.image()?;
     wrong += usize::from(!image.value().is_finite());
     let gradients = seen_depth.sum().backward()?;
     let bars = gradients.get_or_zeros(positions);

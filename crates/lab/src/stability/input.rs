@@ -3,8 +3,8 @@
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_fit::mean_squared_error;
 use bokashi_render_ops::{
-    Background, Blur, Fragments, Mesh, Pose, Radius, Size, antialias, gaussian_blur, interpolate,
-    project, rasterize, resolve,
+    Background, Blur, Fragments, Mesh, Pose, Radius, Size, composite, gaussian_blur, interpolate,
+    project, rasterize,
 };
 use glam::DMat4;
 
@@ -95,42 +95,39 @@ fn fragments<'t, T: Scalar>(
 /// What each operation on fragments says to some that it cannot take.
 fn on_fragments<'t, T: Scalar>(
     tape: &'t Tape<T>,
-    clip: Var<'t, T>,
     fragments: &Fragments<'t, T>,
     said: impl Fn(&str) -> String,
 ) -> Vec<(Result<(), String>, String)> {
     let count = fragments.coverage.count();
     let colors = tape.leaf(&Tensor::full([3, 1], T::ONE));
     let values = tape.leaf(&Tensor::full([count, 1], T::ONE));
-    let image = tape.leaf(&Tensor::full([6, 6, 1], T::ONE));
     vec![
         (told(interpolate(colors, fragments)), said("interpolate")),
-        (told(resolve(values, fragments, Background::Zero)), said("resolve")),
-        (told(antialias(image, fragments, clip)), said("antialias")),
+        (told(composite(values, fragments, Background::Zero)), said("composite")),
     ]
 }
 
 pub(super) fn foreign_fragments<T: Scalar>() -> Outcome {
     let (tape, other) = (Tape::<T>::new(), Tape::new());
-    let ((clip, _), (_, foreign)) = (fragments(&tape)?, fragments(&other)?);
+    let (_, foreign) = fragments(&other)?;
     let said =
         |operation: &str| format!("{operation} needs variables of one tape, got one of another");
-    Ok(Found::refused(on_fragments(&tape, clip, &foreign, said)))
+    Ok(Found::refused(on_fragments(&tape, &foreign, said)))
 }
 
 pub(super) fn fragments_of_another_length<T: Scalar>() -> Outcome {
     let tape = Tape::<T>::new();
-    let (clip, whole) = fragments(&tape)?;
+    let (_, whole) = fragments(&tape)?;
     let count = whole.coverage.count();
     let mut results = Vec::new();
     for rows in [0, count - 1, count + 1] {
         let barycentrics = tape.leaf(&Tensor::zeros([rows, 2]));
         let few = Fragments { barycentrics, ..whole.clone() };
-        results.extend(on_fragments(&tape, clip, &few, |operation| {
+        results.extend(on_fragments(&tape, &few, |operation| {
             format!("{operation} needs barycentrics of shape [{count}, 2], got shape [{rows}, 2]")
         }));
         let few = Fragments { clip: tape.leaf(&Tensor::zeros([rows, 4])), ..whole.clone() };
-        results.extend(on_fragments(&tape, clip, &few, |operation| {
+        results.extend(on_fragments(&tape, &few, |operation| {
             format!("{operation} needs clip positions of shape [3, 4], got shape [{rows}, 4]")
         }));
     }
@@ -144,13 +141,13 @@ pub(super) fn background_of_another_shape<T: Scalar>() -> Outcome {
     let behind = |shape: &[usize]| tape.leaf(&Tensor::zeros(shape));
     let mut results = Vec::new();
     for shape in [&[6, 6, 2][..], &[1], &[3], &[]] {
-        let said = told(resolve(values, &fragments, Background::Color(behind(shape))));
-        let rule = "resolve needs a background colour of shape [2]";
+        let said = told(composite(values, &fragments, Background::Color(behind(shape))));
+        let rule = "composite needs a background colour of shape [2]";
         results.push((said, format!("{rule}, got shape {shape:?}")));
     }
     for shape in [&[2][..], &[6, 6, 1], &[6, 6], &[72]] {
-        let said = told(resolve(values, &fragments, Background::Image(behind(shape))));
-        let rule = "resolve needs a background image of shape [6, 6, 2]";
+        let said = told(composite(values, &fragments, Background::Image(behind(shape))));
+        let rule = "composite needs a background image of shape [6, 6, 2]";
         results.push((said, format!("{rule}, got shape {shape:?}")));
     }
     Ok(Found::refused(results))

@@ -2,8 +2,8 @@
 
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
-    Background, Blur, Cull, Culled, Mesh, RasterOptions, RenderError, Size, antialias, depth,
-    gaussian_blur, interpolate, rasterize, resolve,
+    Background, Blur, Cull, Culled, Mesh, RasterOptions, RenderError, Size, antialias, composite,
+    depth, gaussian_blur, interpolate, rasterize,
 };
 
 use super::row::Failure;
@@ -200,8 +200,8 @@ impl Scene {
         let behind = tape.leaf(&Tensor::from_fn([2], |k| T::from_f64(BACKGROUND[k])));
         let fragments = rasterize(clip, &self.mesh()?, self.size)?;
         let surface = interpolate(colors, &fragments)?;
-        let image = resolve(surface, &fragments, Background::Color(behind))?;
-        let mut image = antialias(image, &fragments, clip)?;
+        let picture = antialias(composite(surface, &fragments, Background::Color(behind))?)?;
+        let mut image = picture.image()?;
         let deviation = tape.scalar(T::from_f64(sigma.unwrap_or(1.0)));
         if sigma.is_some() {
             image = gaussian_blur(image, deviation, &Blur::default())?;

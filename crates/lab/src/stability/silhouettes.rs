@@ -1,7 +1,7 @@
 //! Edges that antialiasing finds, and those that it must not.
 
 use bokashi_core::{Scalar, Tape, Tensor};
-use bokashi_render_ops::{Mesh, Size, antialias, rasterize};
+use bokashi_render_ops::{Composite, Mesh, Size, antialias, rasterize};
 
 use super::oracle::antialiased;
 use super::row::{Failure, Found, Outcome};
@@ -26,7 +26,7 @@ fn antialias_of<T: Scalar>(
     let ids = fragments.coverage.triangle_ids();
     let shape = [scene.size.height, scene.size.width, 1];
     let image = tape.leaf(&Tensor::from_fn(shape, |k| T::from_f64(color(k, ids[k]))));
-    let out = antialias(image, &fragments, clip)?;
+    let out = antialias(Composite::of_image(image, &fragments)?)?.image()?;
     Ok(Antialiased {
         covered: ids.iter().map(|&id| id > 0).collect(),
         before: numbers(&image.value()),

@@ -5,7 +5,7 @@ use bokashi_fit::{
     Fit, FitError, FitSettings, Optimizer, Parameter, Parameters, from_fn, squared_error,
 };
 use bokashi_render_ops::{
-    Background, Blur, Size, antialias, gaussian_blur, interpolate, rasterize, resolve,
+    Background, Blur, Size, antialias, composite, gaussian_blur, interpolate, rasterize,
 };
 
 use super::oracle::{GridScene, STEPS};
@@ -36,8 +36,8 @@ fn pipeline<'t, T: Scalar>(
     let sigma = tape.scalar(T::from_f64(1.1));
     let fragments = rasterize(clip, &scene.mesh()?, scene.size)?;
     let surface = interpolate(colors, &fragments)?;
-    let image = resolve(surface, &fragments, Background::Zero)?;
-    let image = antialias(image, &fragments, clip)?;
+    let picture = antialias(composite(surface, &fragments, Background::Zero)?)?;
+    let image = picture.image()?;
     let image = gaussian_blur(image, sigma, &Blur::default())?;
     Ok(Pipeline { leaves: [clip, colors, sigma], image })
 }
@@ -97,7 +97,8 @@ pub(super) fn upstream_nan<T: Scalar>() -> Outcome {
         let x = variables.get("x")?;
         Ok(x + ((x - T::ONE) * T::ZERO).sqrt())
     }));
-    let message = "the gradient of \"x\" needs to be finite, got NaN at step 0";
+    let message = "the gradient of \"x\" needs to be finite, got NaN at step 0, \
+                   first in the backward pass of sqrt";
     let value = fit.parameters().value("x")?.item();
     Ok(Found::exactly(format!("propagated to every leaf; a fit: error: {message}"), masked)
         .and(
@@ -146,7 +147,9 @@ pub(super) fn huge_and_tiny_colors<T: Scalar>() -> Outcome {
     }));
     let said = said.map(drop).map_err(|error| error.to_string());
     let expected = match rounding::<T>() > 1e-10 {
-        true => Err("the loss needs to be finite, got inf at step 0".to_owned()),
+        true => Err("the loss needs to be finite, got inf at step 0, \
+                     first in the output of squared_error of \"colours\""
+            .to_owned()),
         false => Ok(()),
     };
     let outcome = match &expected {
@@ -170,12 +173,13 @@ pub(super) fn colors_that_overflow<T: Scalar>() -> Outcome {
         let clip = scene.leaf(tape);
         let fragments = rasterize(clip, &mesh, scene.size)?;
         let surface = interpolate(variables.get("colours")?, &fragments)?;
-        Ok(resolve(surface, &fragments, Background::Zero)?.sum())
+        Ok(composite(surface, &fragments, Background::Zero)?.image()?.sum())
     }));
     let message = said.map_err(|error| error.to_string()).err().unwrap_or_default();
     let rule = "the loss needs to be finite, got ";
     let kept = fit.parameters().value("colours")? == start;
-    let right = message.starts_with(rule) && message.ends_with(" at step 0");
+    let origin = " at step 0, first in the output of interpolate of \"colours\"";
+    let right = message.starts_with(rule) && message.ends_with(origin);
     let outcome = format!("error: {message}");
     Ok(Found { outcome, pass: right, error: None, bound: None }
         .and(kept, "the fit moved its parameters"))
@@ -200,7 +204,7 @@ pub(super) fn gradient_spike<T: Scalar>() -> Outcome {
 
 pub(super) fn division_by_zero<T: Scalar>() -> Outcome {
     let mut results = Vec::new();
-    for value in ["inf", "-inf", "NaN"] {
+    for (value, operation) in [("inf", "powi"), ("-inf", "ln"), ("NaN", "div")] {
         let start = Parameters::new().with(Parameter::new("x", Tensor::scalar(T::ZERO)))?;
         let mut fit = Fit::new(start, FitSettings::default())?;
         let said: Result<_, FitError> = fit.step(&mut from_fn(|_: &Tape<T>, variables| {
@@ -211,7 +215,8 @@ pub(super) fn division_by_zero<T: Scalar>() -> Outcome {
                 _ => (x + x) / x,
             })
         }));
-        let message = format!("the loss needs to be finite, got {value} at step 0");
+        let origin = format!("first in the output of {operation} of \"x\"");
+        let message = format!("the loss needs to be finite, got {value} at step 0, {origin}");
         results.push((said.map(drop).map_err(|error| error.to_string()), message));
     }
     Ok(Found::refused(results))

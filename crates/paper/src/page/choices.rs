@@ -4,7 +4,7 @@ use bokashi_fit::{Optimizer, Schedule};
 use bokashi_render_ops::Radius;
 use bokashi_report::{escaped, grouped};
 
-use super::About;
+use super::about::About;
 use super::digest::Group;
 use crate::{CubeSettings, Experiment};
 

@@ -13,6 +13,7 @@
 //!
 //! Each file is written whole or not at all.
 
+mod about;
 mod alternatives;
 mod choices;
 mod digest;
@@ -30,21 +31,11 @@ use bokashi_fit::FitError;
 use bokashi_report::{ReportError, add_page};
 use bokashi_write::write_whole;
 
+pub use self::about::About;
+use self::alternatives::Trial;
+use self::digest::{Fit, Group};
+use self::sections::Content;
 use crate::{Alternative, CubeSettings, Outcome};
-
-use alternatives::Trial;
-use digest::{Fit, Group};
-
-/// Circumstances of a report that its fits don't know.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct About {
-    /// The program and its version.
-    pub program: String,
-    /// The command that made the report.
-    pub command: String,
-    /// How many threads it had.
-    pub threads: usize,
-}
 
 /// A report in the making: see the module.
 #[derive(Debug, Default)]
@@ -105,7 +96,14 @@ impl Report {
                 files.push((format!("pictures/{name}{number}.png").into(), sheet));
             }
         }
-        let page = sections::page(self, &groups, film.as_ref())?;
+        let content = Content {
+            about: &self.about,
+            groups: &groups,
+            film: film.as_ref(),
+            failures: &self.failures,
+            trials: &self.trials,
+        };
+        let page = sections::page(&content)?;
         files.extend(film.map(|film| (PathBuf::from("fit.png"), film.moving)));
         files.push(("fits.csv".into(), table::fits(&self.fits).into()));
         files.push(("histories.csv".into(), table::histories(&self.fits).into()));

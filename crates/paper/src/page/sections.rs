@@ -4,18 +4,25 @@ use std::fmt::Write as _;
 
 use bokashi_report::{Document, ReportError, Section, data_uri, escaped};
 
+use super::about::About;
+use super::alternatives::Trial;
 use super::digest::Group;
 use super::film::Film;
-use super::{Report, alternatives, choices, film, gallery, panels, results};
-use crate::Experiment;
+use super::{alternatives, choices, film, gallery, panels, results};
+use crate::{CubeSettings, Experiment};
 
-/// The whole page of `report`, whose fits are in `groups`.
-pub(crate) fn page(
-    report: &Report,
-    groups: &[&Group],
-    film: Option<&Film>,
-) -> Result<String, ReportError> {
-    let Report { about, failures, trials, .. } = report;
+/// What a page shows.
+pub(crate) struct Content<'a> {
+    pub(crate) about: &'a About,
+    pub(crate) groups: &'a [&'a Group],
+    pub(crate) film: Option<&'a Film>,
+    pub(crate) failures: &'a [(CubeSettings, String)],
+    pub(crate) trials: &'a [Trial],
+}
+
+/// The whole page, as HTML.
+pub(crate) fn page(content: &Content<'_>) -> Result<String, ReportError> {
+    let &Content { about, groups, film, failures, trials } = content;
     let of = |experiment| -> Vec<&Group> {
         groups.iter().copied().filter(|group| group.settings.experiment == experiment).collect()
     };

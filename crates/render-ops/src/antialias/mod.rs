@@ -36,90 +36,44 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use bokashi_core::parallel::{is_shared, merge_ranges_into};
-use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Shape, Var};
+use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar};
 
 use self::discontinuity::{Blend, Outline, blend};
 use self::pairs::{Pair, Rows, Seen};
-use crate::background::Behind;
+use crate::background::Kind;
 use crate::coverage::Coverage;
 use crate::edge_functions::depth_at;
 use crate::error::RenderError;
 use crate::face_sums::add_term;
-use crate::fragments::Fragments;
 use crate::homogeneous::Vertex;
-use crate::layer::Layer;
+use crate::picture::{Composite, Picture};
 
-/// The antialiased image `[H, W, C]` of `image: [H, W, C]`, which shows `fragments`, the
-/// rasterization of vertices `clip: [V, 4]`.
+/// The picture with the silhouettes of its faces antialiased, for pictures of one fragment per pixel,
+/// as [`rasterize`](crate::rasterize()) gives them unless it is asked for exact coverage.
 ///
-/// For images of one fragment per pixel, as [`rasterize`](crate::rasterize()) gives them. Of a
-/// picture that is not filtered before a loss, [`Layer::antialias`] visits the covered pixels
-/// alone.
+/// Uncovered pixels beside a silhouette become part of the picture. The cost is that of the pixels
+/// along silhouettes, and of a copy of the values; where no silhouette is in sight there is none.
 ///
 /// # Errors
-/// [`RenderError::Shape`] unless the image is `[H, W, C]` of the fragments' size and `clip` is
-/// `[V, 4]` with the mesh's number of vertices, and for fragments that are not whole;
-/// [`RenderError::ExactCoverage`] for fragments with exact coverage; `TensorError::ForeignVariable` for variables of several tapes.
+/// [`RenderError::ExactCoverage`] for fragments with exact coverage.
 pub fn antialias<'t, T: Scalar>(
-    image: Var<'t, T>,
-    fragments: &Fragments<'t, T>,
-    clip: Var<'t, T>,
-) -> Result<Var<'t, T>, RenderError> {
-    let coverage = fragments.checked_coverage("antialias", image.tape())?;
-    check_centers(&coverage)?;
-    let op = Antialias { coverage, of: Picture::Image };
-    image.tape().apply(op, &[clip, image])
+    composite: Composite<'t, T>,
+) -> Result<Picture<'t, T>, RenderError> {
+    let Composite(picture) = composite;
+    let Picture { values, backdrop, clip, coverage, .. } = &picture;
+    coverage.check_centers("antialias")?;
+    let op = Antialias { coverage: Arc::clone(coverage), kind: backdrop.kind };
+    let inputs = [*clip, *values, backdrop.values];
+    let (outputs, rim) =
+        values.tape().record_with(op, &inputs, |found: &Found<T>| found.rim.clone())?;
+    Ok(Picture { values: outputs[0], rim, ..picture })
 }
 
-impl<'t, T: Scalar> Layer<'t, T> {
-    /// The layer with the silhouettes of its faces antialiased, as by [`antialias`], for vertices
-    /// `clip: [V, 4]`: uncovered pixels beside a silhouette become part of the layer.
-    ///
-    /// # Errors
-    /// [`RenderError::Antialiased`] for a layer that was antialiased before, with or without
-    /// silhouettes; [`RenderError::ExactCoverage`] for one with exact coverage; [`RenderError::Shape`] unless `clip` is `[V, 4]` with the mesh's number of
-    /// vertices, the values have a row for each fragment, and the background as many channels and,
-    /// if it is an image, the image's size; `TensorError::ForeignVariable` for variables of several
-    /// tapes.
-    pub fn antialias(self, clip: Var<'t, T>) -> Result<Self, RenderError> {
-        check_centers(&self.coverage)?;
-        if self.is_antialiased {
-            return Err(RenderError::Antialiased { rim: self.rim().len() });
-        }
-        self.checked_channels("antialias")?;
-        let tape = self.values.tape();
-        let behind = self.background.behind();
-        let op = Antialias { coverage: Arc::clone(&self.coverage), of: Picture::Layer(behind) };
-        let look = |found: &Found<T>| found.rim.clone();
-        let (outputs, rim) = match self.background.variable() {
-            Some(background) => tape.record_with(op, &[clip, self.values, background], look)?,
-            None => tape.record_with(op, &[clip, self.values], look)?,
-        };
-        Ok(Self { values: outputs[0], rim, is_antialiased: true, ..self })
-    }
-}
-
-/// # Errors
-/// [`RenderError::ExactCoverage`] for anything but fragments at pixel centres.
-fn check_centers(coverage: &Coverage) -> Result<(), RenderError> {
-    let pixels = coverage.boundary.pixels.len();
-    if coverage.is_exact() { Err(RenderError::ExactCoverage { pixels }) } else { Ok(()) }
-}
-
-/// What is antialiased.
-#[derive(Debug, Clone, Copy)]
-enum Picture {
-    /// An image `[H, W, C]`.
-    Image,
-    /// The fragments' values `[N, C]`, before a background.
-    Layer(Behind),
-}
-
-/// Inputs: clip `[V, 4]`, image `[H, W, C]` or values `[N, C]`, and perhaps a background `[C]` or
-/// `[H, W, C]`. Output: the image, or values `[P, C]` of the fragments and the rim.
+/// Inputs: clip `[V, 4]`, values `[N, C]`, a background `[C]` or `[H, W, C]`. Output: values `[P, C]`
+/// of the fragments and the rim.
 struct Antialias {
     coverage: Arc<Coverage>,
-    of: Picture,
+    kind: Kind,
 }
 
 /// The blends, and memory.
@@ -130,7 +84,7 @@ struct Found<T: Scalar> {
     rows: Vec<[u32; 2]>,
     /// Per blend and channel: `c_1 - c_0`.
     steps: Vec<T>,
-    /// The uncovered pixels of all blends, in order, for a layer.
+    /// The uncovered pixels of all blends, in order.
     rim: Option<Arc<Vec<u32>>>,
     outlines: Outlines<T::Wide>,
     /// Of pieces of the slots.
@@ -180,8 +134,8 @@ impl<T: Scalar> Found<T> {
         });
     }
 
-    /// Finds the rim and the rows of the blends in a layer.
-    fn place_in_layer(&mut self, coverage: &Coverage) {
+    /// Finds the rim, and the rows of the blends' pixels.
+    fn place(&mut self, coverage: &Coverage) {
         let Self { blends, rows, rim, .. } = self;
         if rim.as_mut().and_then(Arc::get_mut).is_none() {
             *rim = None;
@@ -207,13 +161,6 @@ impl<T: Scalar> Found<T> {
         });
     }
 
-    /// Finds the rows of the blends in an image.
-    fn place_in_image(&mut self, coverage: &Coverage) {
-        self.rim = None;
-        self.rows.clear();
-        self.rows.extend(self.blends.iter().map(|blend| blend.pixels(coverage.size())));
-    }
-
     /// Each blend, the first entries of its two pixels, and which of the two is blended.
     fn placed(
         &self,
@@ -225,7 +172,7 @@ impl<T: Scalar> Found<T> {
         })
     }
 
-    /// Blends pixels of `out`, which holds what is antialiased.
+    /// Blends pixels of `out`, which holds the aliased values.
     fn blend(&mut self, out: &mut [T], channels: usize) {
         let mut steps = std::mem::take(&mut self.steps);
         steps.clear();
@@ -374,7 +321,6 @@ impl<T: Scalar> Op<T> for Antialias {
         outputs: &mut Outputs<'_, T>,
         found: &mut Self::Saved,
     ) -> Result<(), RenderError> {
-        self.check(inputs)?;
         let coverage = &*self.coverage;
         found.find(coverage, inputs.data(0));
         if found.blends.is_empty() {
@@ -382,28 +328,17 @@ impl<T: Scalar> Op<T> for Antialias {
             outputs.pass(1, "no discontinuities");
             return Ok(());
         }
-        let input = inputs.data(1);
-        let channels = *inputs.shape(1).last().expect("an image has channels");
-        match self.of {
-            Picture::Image => {
-                found.place_in_image(coverage);
-                let out = outputs.push(inputs.shape(1));
-                out.copy_from_slice(input);
-                found.blend(out, channels);
-            }
-            Picture::Layer(behind) => {
-                found.place_in_layer(coverage);
-                let rim = found.rim.as_deref().expect("it was just found");
-                let out = outputs.push([coverage.count() + rim.len(), channels]);
-                let (values, rim_values) = out.split_at_mut(input.len());
-                values.copy_from_slice(input);
-                let background = if inputs.len() == 3 { inputs.data(2) } else { &[] };
-                for (value, &pixel) in rim_values.chunks_exact_mut(channels).zip(rim) {
-                    behind.fill(value, background, channels, pixel as usize);
-                }
-                found.blend(out, channels);
-            }
+        found.place(coverage);
+        let (input, background) = (inputs.data(1), inputs.data(2));
+        let channels = inputs.shape(1)[1];
+        let rim = found.rim.as_deref().expect("it was just found");
+        let out = outputs.push([coverage.count() + rim.len(), channels]);
+        let (values, rim_values) = out.split_at_mut(input.len());
+        values.copy_from_slice(input);
+        for (value, &pixel) in rim_values.chunks_exact_mut(channels).zip(rim) {
+            self.kind.fill(value, background, channels, pixel as usize);
         }
+        found.blend(out, channels);
         Ok(())
     }
 
@@ -418,19 +353,18 @@ impl<T: Scalar> Op<T> for Antialias {
         gradients: &mut Accumulators<'_, T>,
     ) {
         let out_bar = kept.only_upstream();
-        let channels = *kept.input_shape(1).last().expect("an image has channels");
-        if let Some(image_bar) = gradients.get(1) {
-            let own = self.coverage.count() * channels;
-            let own = if found.rim.is_some() { own } else { out_bar.len() };
-            image_bar.add(&out_bar[..own]);
-            let image_bar = image_bar.entries();
+        let channels = kept.input_shape(1)[1];
+        let own = self.coverage.count() * channels;
+        if let Some(values_bar) = gradients.get(1) {
+            values_bar.add(&out_bar[..own]);
+            let values_bar = values_bar.entries();
             for (blend, entries, target) in found.placed(channels) {
                 let alpha = T::narrow(blend.alpha);
                 let signs = [-T::ONE, T::ONE];
                 // What leads to the background is below.
                 for (entry, sign) in entries.into_iter().zip(signs).filter(|(at, _)| *at < own) {
                     for c in 0..channels {
-                        image_bar[entry + c] += sign * (alpha * out_bar[target + c]);
+                        values_bar[entry + c] += sign * (alpha * out_bar[target + c]);
                     }
                 }
             }
@@ -454,15 +388,11 @@ impl<T: Scalar> Op<T> for Antialias {
                 }
             }
         }
-        let (Picture::Layer(behind), Some(rim)) = (self.of, &found.rim) else { return };
-        if kept.input_count() < 3 {
-            return;
-        }
+        let Some(rim) = &found.rim else { return };
         let Some(background_bar) = gradients.get(2) else { return };
         let background_bar = background_bar.entries();
-        let own = self.coverage.count() * channels;
         for (bar, &pixel) in out_bar[own..].chunks_exact(channels).zip(rim.iter()) {
-            let at = behind.entry(channels, pixel as usize);
+            let at = self.kind.entry(channels, pixel as usize);
             let entries = &mut background_bar[at..at + channels];
             entries.iter_mut().zip(bar).for_each(|(entry, &bar)| *entry += bar);
         }
@@ -470,7 +400,7 @@ impl<T: Scalar> Op<T> for Antialias {
             let alpha = T::narrow(blend.alpha);
             for (entry, sign) in entries.into_iter().zip([-T::ONE, T::ONE]) {
                 let Some(rim_entry) = entry.checked_sub(own) else { continue };
-                let at = behind.entry(channels, rim[rim_entry / channels] as usize);
+                let at = self.kind.entry(channels, rim[rim_entry / channels] as usize);
                 for c in 0..channels {
                     background_bar[at + c] += sign * (alpha * out_bar[target + c]);
                 }
@@ -485,30 +415,5 @@ impl<T: Scalar> Op<T> for Antialias {
             + size_of_val(found.outlines.outlines.as_slice())
             + size_of_val(found.outlines.of_slot.as_slice())
             + found.rim.as_ref().map_or(0, |rim| size_of_val(rim.as_slice()))
-    }
-}
-
-impl Antialias {
-    fn check<T: Scalar>(&self, inputs: &Inputs<'_, T>) -> Result<(), RenderError> {
-        let size = self.coverage.size();
-        let refused = |rule: String, shape: &Shape| {
-            Err(RenderError::Shape { operation: "antialias", rule, shape: shape.clone() })
-        };
-        if let (Picture::Layer(behind), 3) = (self.of, inputs.len()) {
-            behind.check("antialias", inputs.shape(2), size, inputs.shape(1)[1])?;
-        }
-        let image = inputs.shape(1);
-        let is_image = image.rank() == 3 && image[..2] == [size.height, size.width];
-        if matches!(self.of, Picture::Image) && !is_image {
-            return refused(
-                format!("an image of shape [{}, {}, C]", size.height, size.width),
-                image,
-            );
-        }
-        let (vertices, clip) = (self.coverage.mesh().vertex_count(), inputs.shape(0));
-        if **clip != [vertices, 4] {
-            return refused(format!("clip positions of shape [{vertices}, 4]"), clip);
-        }
-        Ok(())
     }
 }

@@ -1,10 +1,13 @@
 //! Laws of antialiasing.
 
-use bokashi_core::{Tape, Tensor};
+use bokashi_core::{Tape, Tensor, Var};
 
 use super::*;
+use crate::background::Background;
+use crate::composite::composite;
+use crate::fragments::Fragments;
 use crate::mesh::Mesh;
-use crate::rasterize::{Cull, RasterOptions, rasterize};
+use crate::rasterize::{Cull, RasterOptions, Sampling, rasterize};
 use crate::size::Size;
 
 /// Vertices and faces.
@@ -39,7 +42,7 @@ impl Scene {
         let clip = self.positions(&tape);
         let fragments = self.rasterized(clip);
         let image = tape.leaf(&self.image(&fragments, color));
-        let out = antialias(image, &fragments, clip).unwrap().value();
+        let out = antialiased(image, &fragments).value();
         out.data().iter().map(|entry| entry.to_f64()).collect()
     }
 
@@ -58,11 +61,16 @@ impl Scene {
         let clip = self.positions(&tape);
         let fragments = self.rasterized(clip);
         let image = tape.leaf(&self.image(&fragments, |k, _| image[k]));
-        let out = antialias(image, &fragments, clip).unwrap();
+        let out = antialiased(image, &fragments);
         let upstream = Tensor::new(out.shape(), out_bar.to_vec()).unwrap();
         let gradients = tape.vjp(&[(out, &upstream)]).unwrap();
         [image, clip].map(|variable| gradients.get_or_zeros(variable).data().to_vec())
     }
+}
+
+/// The antialiased image of `image: [H, W, 1]`, whose uncovered pixels are the background.
+fn antialiased<'t, T: Scalar>(image: Var<'t, T>, fragments: &Fragments<'t, T>) -> Var<'t, T> {
+    antialias(Composite::of_image(image, fragments).unwrap()).unwrap().image().unwrap()
 }
 
 /// Colours that differ from pixel to pixel.
@@ -226,8 +234,9 @@ fn an_inner_edge_is_no_silhouette_and_leaves_the_image_itself() {
         assert_eq!(fragments.coverage.count(), 54);
         assert!((0..2).all(|face| fragments.coverage.faces().any(|other| other == face)));
         let image = tape.leaf(&scene.image(&fragments, |k, _| motley(k)));
-        let out = antialias(image, &fragments, clip).unwrap();
-        assert_eq!(out.value().data().as_ptr(), image.value().data().as_ptr());
+        let out = antialiased(image, &fragments);
+        assert_eq!(out.value(), image.value());
+        assert!(tape.take_report().left_out.iter().any(|entry| entry.name == "antialias"));
         // The gradient passes through, and there is none for the positions.
         let gradients = out.square().sum().backward().unwrap();
         let doubled: Vec<_> = image.value().data().iter().map(|c| 2.0 * c).collect();
@@ -264,7 +273,7 @@ fn a_culled_neighbor_makes_a_silhouette() {
         let options = RasterOptions { cull: Cull::Back, ..SIZE.into() };
         let fragments = rasterize(clip, &mesh, options).unwrap();
         let image = tape.leaf(&scene.image(&fragments, |k, id| motley(k) + f64::from(id)));
-        let out = antialias(image, &fragments, clip).unwrap();
+        let out = antialiased(image, &fragments);
         let upstream = Tensor::from_fn(out.shape(), motley);
         let gradients = tape.vjp(&[(out, &upstream)]).unwrap();
         (out.value(), gradients.get_or_zeros(clip))
@@ -354,11 +363,11 @@ fn a_crossing_beyond_the_pair_by_rounding_is_clamped_and_gets_no_gradient() {
     for (edge, alpha) in [(4.53, 0.5), (4.47, 0.5 - 0.03)] {
         let tape = Tape::<f64>::new();
         let (drawn, moved) = (upright(4.5, false), upright(edge, false));
-        let fragments = drawn.rasterized(drawn.positions(&tape));
         let clip = moved.positions(&tape);
+        let fragments = Fragments { clip, ..drawn.rasterized(drawn.positions(&tape)) };
         let image = tape.leaf(&drawn.image(&fragments, is_covered));
         assert_eq!(image.value().data()[4], 1.0);
-        let out = antialias(image, &fragments, clip).unwrap();
+        let out = antialiased(image, &fragments);
         // Half of the pixel belongs to the background, and no more.
         approx::assert_relative_eq!(out.value().data()[4], 1.0 - alpha, epsilon = 1e-12);
         let gradients = out.sum().backward().unwrap();
@@ -385,25 +394,17 @@ fn a_mesh_that_nobody_sees_leaves_the_image_itself() {
 }
 
 #[test]
-fn wrong_shapes_are_refused() {
-    let scene = star();
+fn exact_coverage_has_nothing_to_antialias() {
     let tape = Tape::<f32>::new();
-    let clip = scene.positions(&tape);
-    let fragments = scene.rasterized(clip);
-    for shape in [&[9, 6, 1][..], &[6, 9], &[54, 1, 1]] {
-        let error = antialias(tape.leaf(&Tensor::zeros(shape)), &fragments, clip).unwrap_err();
-        let message = error.to_string();
-        assert!(
-            message.starts_with("antialias needs an image of shape [6, 9, C], got"),
-            "{message}"
-        );
-    }
-    let (image, few) = (tape.leaf(&Tensor::zeros([6, 9, 2])), tape.leaf(&Tensor::zeros([6, 4])));
-    let error = antialias(image, &fragments, few).unwrap_err();
-    assert_eq!(
-        error.to_string(),
-        "antialias needs clip positions of shape [7, 4], got shape [6, 4]"
-    );
+    let scene = star();
+    let mesh = Mesh::new(scene.faces.clone(), scene.clip.len()).unwrap();
+    let options = RasterOptions { sampling: Sampling::Exact, ..SIZE.into() };
+    let fragments = rasterize(scene.positions(&tape), &mesh, options).unwrap();
+    let values = tape.leaf(&Tensor::full([fragments.coverage.count(), 1], 0.5));
+    let error = antialias(composite(values, &fragments, Background::Zero).unwrap()).unwrap_err();
+    let pixels = fragments.coverage.boundary_counts().pixels;
+    let rule = "antialias needs one fragment per pixel, got exact coverage with";
+    assert_eq!(error.to_string(), format!("{rule} {pixels} boundary pixels"));
 }
 
 #[test]
@@ -417,7 +418,7 @@ fn a_gradient_beyond_the_range_of_the_numbers_is_infinite_and_not_nan() {
         let fragments = rasterize(clip, &mesh, SIZE).unwrap();
         let color = |k: usize| T::from_f64(motley(k));
         let image = tape.constant(&Tensor::from_fn([SIZE.height, SIZE.width, 1], color));
-        let out = antialias(image, &fragments, clip).unwrap();
+        let out = antialiased(image, &fragments);
         let gradients = out.square().sum().backward().unwrap();
         gradients.get_or_zeros(clip).data().iter().map(|bar| bar.to_f64()).collect()
     }
@@ -514,7 +515,7 @@ fn what_an_earlier_step_found_is_forgotten() {
         let clip = scene.positions(&tape);
         let fragments = scene.rasterized(clip);
         let image = tape.leaf(&scene.image(&fragments, |k, _| motley(k)));
-        let found = antialias(image, &fragments, clip).unwrap().value();
+        let found = antialiased(image, &fragments).value();
         assert_eq!(found.data(), scene.picture::<f64>(|k, _| motley(k)));
         drop((fragments, found));
         tape.reset();

@@ -1,30 +1,30 @@
 //! Depth of field: each pixel is blurred by how far its depth lies out of focus.
 //!
 //! # Forward
-//! At depth `z_i`, in front of the eye, a lens focused at `f` blurs with standard deviation
-//! `sigma_i = K |1 - f / z_i|`, in pixels, up to a largest one; `K` is the aperture. In focus it
-//! is 0, at infinity K. A thin lens of focal length `l`, diameter A and pixel pitch p has a circle
-//! of confusion of diameter `A l |z - f| / (z (f - l) p)`, and a disc of diameter d has the
-//! variance `(d / 4)^2` per axis: so `K = A l / (4 (f - l) p)`.
+//! At depth `z_i` in front of the eye, a lens focused at `f` blurs with the standard deviation
+//! `sigma_i = K |1 - f / z_i|`, in pixels, up to a cap. `K` is the aperture: sigma is 0 in focus,
+//! and K at infinity. A thin lens of focal length `l`, diameter A and pixel pitch p has a circle of
+//! confusion of diameter `A l |z - f| / (z (f - l) p)`. A disc of diameter d has the variance
+//! `(d / 4)^2` per axis, so `K = A l / (4 (f - l) p)`.
 //!
-//! Each pixel gathers: `b_i = c_i + sum_j w_j(sigma_i) (c_j - c_i)` over the window of `taps` around
-//! it, sampled weights, mirrored at the border. Where the depth is the same everywhere, it is
-//! [`gaussian_blur`](crate::gaussian_blur()). In this form a constant image comes out exactly, and
-//! so does every pixel in focus.
+//! Each pixel gathers: `b_i = c_i + sum_j w_j(sigma_i) (c_j - c_i)` over the window of `taps`
+//! around it, with sampled weights, mirrored at the border. In this form a constant image comes out
+//! exactly, and so does every pixel in focus. Where all depths are equal, the result is that of
+//! [`gaussian_blur`](crate::gaussian_blur()).
 //!
 //! # Backward
 //! `c_bar_j += w_j b_bar_i`, `c_bar_i += b_bar_i - sum_j w_j b_bar_i`;
 //! `sigma_bar_i = sum_j dw_j/dsigma b_bar_i . (c_j - c_i)`, and with `s` the sign of `1 - f / z`:
-//! `dsigma/dz = K s f / z^2`, `dsigma/dK = |1 - f / z|`, `dsigma/df = -K s / z`; all of them 0 where
-//! sigma is capped.
+//! `dsigma/dz = K s f / z^2`, `dsigma/dK = |1 - f / z|`, `dsigma/df = -K s / z`; all three are 0
+//! where sigma is capped.
 //!
 //! # Where it is not smooth
 //! Where sigma reaches its cap, and where a radius that follows from a tolerance steps (see
 //! [`gaussian_blur`](crate::gaussian_blur())). In focus sigma has a kink, but the weights don't: all
-//! their derivatives vanish there. Below sigma 0.2 hardly anything moves.
+//! their derivatives vanish there. Below sigma 0.2 the gradients through sigma are close to 0.
 //!
-//! A gather does not know what hides what: a blurred foreground does not spread over a sharp
-//! background, and a blurred background takes from a sharp foreground.
+//! A gather does not know what hides what. A blurred foreground does not spread over a sharp
+//! background, and a blurred background takes colour from a sharp foreground.
 //!
 //! # Source
 //! Potmesil and Chakravarty, *Synthetic image generation with a lens and aperture camera model*,
@@ -48,8 +48,8 @@ const PIXELS_PER_PIECE: usize = 1 << 8;
 pub struct Lens {
     /// How far each pixel's window reaches.
     pub radius: Radius,
-    /// The standard deviation, in pixels, that no pixel is blurred with more than: at depth 0 it
-    /// would be infinite.
+    /// The cap on a pixel's standard deviation, in pixels: without it, sigma would be infinite at
+    /// depth 0.
     pub largest_sigma: f64,
 }
 
@@ -69,10 +69,10 @@ pub struct Focused<'t, T: Scalar> {
     pub capped: usize,
 }
 
-/// `image: [H, W, C]` as a lens sees it: each pixel blurred by how far its depth `depth: [H, W]`,
-/// from 0 to infinity in front of the eye, is from the depth `focus: []`, in the same units, that
-/// is in focus. `aperture: []` is the standard deviation, in pixels, that points at infinity are
-/// blurred with. All four can have a gradient.
+/// `image: [H, W, C]` as a lens sees it: the farther a pixel's depth lies from `focus: []`, the
+/// more the pixel is blurred. `depth: [H, W]` is from 0 to infinity in front of the eye, in the
+/// units of `focus`. `aperture: []` is the standard deviation, in pixels, of the blur at infinity.
+/// All four can have a gradient.
 ///
 /// An aperture of 0 is the identity: the image itself is returned, and nothing is recorded.
 ///
@@ -110,7 +110,7 @@ struct DepthOfField {
     lens: Lens,
 }
 
-/// How much a pixel is blurred, and how that moves with its depth, the aperture and the focus.
+/// The blur of a pixel, and its derivatives with respect to depth, aperture and focus.
 #[derive(Debug, Clone, Copy)]
 struct Circle<S> {
     sigma: S,
@@ -119,7 +119,7 @@ struct Circle<S> {
     by_focus: S,
 }
 
-/// The circles by pixel, memory for the gradients with respect to them, and how many are capped.
+/// The circles of all pixels, memory for their gradients, and how many are capped.
 #[derive(Debug, Default)]
 struct Saved<S> {
     circles: Vec<Circle<S>>,
@@ -173,7 +173,7 @@ impl DepthOfField {
         let out_of_focus = S::ONE - focus / z;
         let sigma = aperture * out_of_focus.abs();
         let largest = S::from_f64(self.lens.largest_sigma);
-        // Not `sigma > largest`: at depth 0 it is no number.
+        // Not `sigma > largest`: at depth 0 sigma may be NaN.
         let is_within = sigma <= largest;
         if !is_within {
             let zero = S::ZERO;
@@ -300,7 +300,7 @@ impl<T: Scalar> Op<T> for DepthOfField {
         let b_bar = kept.only_upstream();
         let Saved { circles, sigma_bars, .. } = saved;
         if let Some(image_bar) = gradients.get(0) {
-            // One thread: what many windows add to a pixel has to be added in one order.
+            // One thread: many windows add to a pixel, and the order must be the same.
             image_bar.add(b_bar);
             let entries = image_bar.entries();
             let mut windows = Windows::<T>::new(shape, self.lens.radius);

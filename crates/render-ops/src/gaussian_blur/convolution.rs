@@ -1,24 +1,25 @@
-//! Convolution of an image with a separable symmetric window: along the columns, then along the
-//! rows, and both with the slopes of the window on the way.
+//! Convolution of an image with a separable symmetric window, along the columns and then along the
+//! rows, and its derivative with respect to sigma.
 //!
 //! # Forward
 //! `b = K_x K_y c` and `db/dsigma = K'_x K_y c + K_x K'_y c`, with
 //! `(K c)_i = w_0 c_i + sum_k w_k (c_(i-k) + c_(i+k))` and
-//! `(K' c)_i = s c_i + sum_k w'_k ((c_(i-k) + c_(i+k)) - 2 c_i)`, s the sum of all slopes w': in this
-//! form a constant cancels exactly where s = 0. Taps are added in pairs, and weights and slopes
-//! share what is loaded.
+//! `(K' c)_i = s c_i + sum_k w'_k ((c_(i-k) + c_(i+k)) - 2 c_i)`, where s is the sum of all slopes
+//! w'. In this form a constant cancels exactly where s = 0. Taps are added in pairs, and weights
+//! and slopes use the same loads.
 //!
 //! # Adjoint
-//! `K^T = K` for the zero and the mirror border. For the clamp border what leaves the image is added
-//! to the border pixels: `K^T = K_zero` plus, at the first pixel, `sum_j g_j sum_(k > j) w_k`, and
-//! likewise at the last.
+//! `K^T = K` for the zero and the mirror border. For the clamp border, what leaves the image is
+//! added to the border pixels. So `K^T` is `K` with a zero border, plus `sum_j g_j sum_(k > j) w_k`
+//! at the first pixel, and likewise at the last.
 //!
 //! # Order of work
-//! An image is cut into bands of rows. Of a band, strips of columns are copied, with what the window
-//! sees above and below, to where their rows are neighbours in memory (in the image they lie a
-//! power of two apart, all in the same few places of the cache); blurred along the columns they make
-//! rows, with what the window sees to the left and right, and those the blurred rows. So an image is
-//! read and written once, and what is in between stays in a core's own cache.
+//! An image is cut into bands of rows. A band is copied in strips of columns, with what the window
+//! sees above and below. In a strip the rows are neighbours in memory; in the image they often lie
+//! a power of two apart, and then all share a few places of the cache. The strips, blurred along
+//! the columns, make rows, with what the window sees to the left and right. These are blurred along
+//! the rows. So an image is read and written once, and all that lies between stays in a core's own
+//! cache.
 
 use bokashi_core::Scalar;
 use bokashi_core::parallel::{for_each_piece_mut, for_each_two_pieces_mut};
@@ -28,7 +29,7 @@ use super::scratch::Workbench;
 use crate::border::Border;
 use crate::taps::{Taps, Window};
 
-/// Entries summed at a time: their sums stay in registers while the taps go by.
+/// Entries summed at a time: their sums stay in registers through all taps.
 const BLOCK: usize = 32;
 /// Entries of a row in a strip of columns: with a window of 60 pixels to either side, a strip of a
 /// band fits a core's first cache.
@@ -42,7 +43,7 @@ const BAND: usize = 1 << 16;
 pub(super) struct Band<T> {
     /// A strip of columns.
     strip: Vec<T>,
-    /// The rows, blurred along the columns, and what slopes along the columns make of them.
+    /// The rows after the blur along the columns, and after the slopes along the columns.
     rows: Vec<T>,
     slopes: Vec<T>,
 }
@@ -299,8 +300,8 @@ impl<'a, T: Scalar> Convolution<'a, T> {
     }
 }
 
-/// The first `length` entries of `memory` that start on a line of the cache: of a block that lies
-/// across two lines both are read.
+/// The first `length` entries of `memory` that start on a cache line: a block that lies across two
+/// lines has to read both.
 #[inline(always)]
 fn aligned<T: Scalar>(memory: &mut Vec<T>, length: usize) -> &mut [T] {
     const LINE: usize = 64;

@@ -1,6 +1,6 @@
-//! Copies of little, between images and strips.
+//! Short copies between images and strips.
 
-/// Copies a few entries, without the call that a copy of a length unknown to the compiler is.
+/// Copies a few entries inline: a copy whose length the compiler does not know is a call.
 #[inline(always)]
 pub(super) fn copy<T: Copy>(from: &[T], to: &mut [T]) {
     for (to, &from) in to.iter_mut().zip(from) {

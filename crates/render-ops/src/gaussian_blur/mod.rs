@@ -1,36 +1,37 @@
 //! Gaussian blur of an image, with a standard deviation that can be learnt.
 //!
 //! # Forward
-//! `b = K_x K_y c`: along the columns, then along the rows, channel by channel, with the window `w_k`
-//! of `taps` and the border rule of `border`. Where sigma's gradient could be asked for,
-//! `db/dsigma = K'_x K_y c + K_x K'_y c` is computed on the way and kept, `K' = dK/dsigma`; it shares
-//! what is loaded. Else nothing is kept.
+//! `b = K_x K_y c`: along the columns, then along the rows, channel by channel, with the window
+//! `w_k` of `taps` and the border rule of `border`. Where sigma's gradient could be asked for, the
+//! forward pass also computes `db/dsigma = K'_x K_y c + K_x K'_y c`, `K' = dK/dsigma`, from the
+//! same loads, and keeps it. Else nothing is kept.
 //!
 //! # Backward
-//! `c_bar = K_x^T K_y^T b_bar`, which is the forward pass again but for a clamp border;
+//! `c_bar = K_x^T K_y^T b_bar`, which is the forward pass again, except for a clamp border;
 //! `sigma_bar = <b_bar, db/dsigma>`.
 //!
 //! # Two ways
-//! `convolution` sums over a window: its cost grows with sigma, and is the least where sigma is small.
-//! `rational` solves tridiagonal systems, of the discrete kernel alone, with a zero or a mirror
-//! border: its cost does not depend on sigma. Where a tolerance allows both, the one that takes less
-//! time is chosen, by sigma and the extents of the image: the second from a sigma of 9 to 15 on, by tolerance.
+//! `convolution` sums over a window: its cost grows with sigma, and is least where sigma is small.
+//! `rational` solves tridiagonal systems: its cost does not depend on sigma. It serves the discrete
+//! kernel with a zero or a mirror border. Where a tolerance allows both ways, sigma and the extents
+//! of the image decide which takes less time: `rational` from a sigma of 9 to 15 on.
 //!
 //! # Cost and error
 //! `docs/performance.md` has the times, `docs/benchmarks.md` times beside errors.
 //!
-//! The share of the weight that a window misses is not the error of its slope: with a tolerance of
-//! 1e-4 the slopes of a wide window are off by 3e-3, in the sum over taps, with 1e-6 by some 5e-5.
-//! Those of the systems are off by 6e-5 and 1e-6, as their orders come in steps.
+//! The share of the weight that a window misses is not the error of its slopes. Summed over taps,
+//! the slopes of a wide window are off by 3e-3 with a tolerance of 1e-4, and by some 5e-5 with
+//! 1e-6. The slopes of the systems are off by 6e-5 and 1e-6 with these tolerances.
 //!
 //! # Where it is not smooth
 //! A radius that follows from a tolerance steps with sigma; the jump is below that tolerance. A fit
-//! whose target lies on a step keeps an error of that size, so fix the radius there. The same goes
-//! for the sigma at which one way takes over from the other.
+//! whose true sigma lies on a step keeps an error of that size, so fix the radius there. There is
+//! also a jump at the sigma where one way takes over from the other.
 //!
 //! # Source
 //! Kitabayashi and Iwasaki, on parameter estimation of Gaussian filtering by differentiable
-//! rendering, equations (1) to (5): the seed kernel. The sampled one is what image libraries use.
+//! rendering, equations (1) to (5): the unnormalized kernel. Image libraries use the sampled
+//! kernel.
 
 mod convolution;
 mod copy;
@@ -51,14 +52,15 @@ use crate::taps::{Blur, Kernel, LARGEST_RADIUS, Radius, Taps, check_radius};
 
 /// `image: [H, W, C]` blurred with standard deviation `sigma: []`, in pixels; returns `[H, W, C]`.
 ///
-/// Sampled and discrete weights with sigma 0 are the identity: the image itself is returned. The
-/// larger sigma grows beyond the image, the closer the result comes to what its border stands for:
-/// the mean of the image (mirror), of its corners (clamp), or zero.
+/// Sampled and discrete weights with sigma 0 are the identity: the image itself is returned. As
+/// sigma grows beyond the image, the result approaches a constant: the mean of the image (mirror
+/// border), the mean of its corners (clamp), or zero.
 ///
 /// # Errors
-/// [`RenderError::BadSigma`] unless sigma is finite and positive (or 0, but for the seed kernel);
-/// [`RenderError::Shape`] unless the image is `[H, W, C]` with at least one entry and sigma a single
-/// number; [`RenderError::BadRadius`] for a tolerance outside (0, 1) or a radius above 16384.
+/// [`RenderError::BadSigma`] unless sigma is finite and positive (or 0, except for the unnormalized
+/// kernel); [`RenderError::Shape`] unless the image is `[H, W, C]` with at least one entry and
+/// sigma a single number; [`RenderError::BadRadius`] for a tolerance outside (0, 1) or a radius
+/// above 16384.
 pub fn gaussian_blur<'t, T: Scalar>(
     image: Var<'t, T>,
     sigma: Var<'t, T>,
@@ -72,7 +74,7 @@ pub fn gaussian_blur<'t, T: Scalar>(
     check_image(&image.shape())?;
     check_radius(blur.radius)?;
     let is_identity = blur.kernel != Kernel::Seed && sigma.item() == T::ZERO;
-    // Of a variable of another tape the tape makes an error.
+    // The tape refuses a variable of another tape.
     if is_identity && std::ptr::eq(image.tape(), sigma.tape()) {
         image.tape().leave_out("gaussian_blur", "sigma is 0");
         return Ok(image);
@@ -90,9 +92,9 @@ struct GaussianBlur {
 struct Saved<T: Scalar> {
     /// The windows along the rows and along the columns.
     taps: [Taps<T>; 2],
-    /// How the blurred image moves with sigma; empty unless sigma's gradient could be asked for.
+    /// `db/dsigma`; empty unless sigma's gradient could be asked for.
     slope: Vec<T>,
-    /// The same as tridiagonal systems; `Some` where those are used.
+    /// The blur as tridiagonal systems; `Some` where they are used.
     lines: [Line<T>; 2],
     order: Option<&'static Order>,
     /// Memory: for pieces of work, for what is blurred along its columns, for sums by piece, for a
@@ -157,7 +159,7 @@ impl<T: Scalar> Op<T> for GaussianBlur {
         if let Some(image_bar) = gradients.get(0) {
             let (shape, border) = (kept.input_shape(0), self.blur.border);
             let mut adjoint = |out: &mut [T]| match order {
-                // With the borders that it has it is its own adjoint.
+                // With a zero or a mirror border it is its own adjoint.
                 Some(_) => {
                     Rational::new(shape, lines).apply(b_bar, columns, blocks, out, &mut []);
                 }
@@ -197,7 +199,7 @@ impl GaussianBlur {
             return None;
         }
         let order = Order::within(tolerance)?;
-        // Of a Gaussian the share `exp(-r^2 / (2 sigma^2))`, or a little less, is farther out than r.
+        // The share of a Gaussian beyond r is `exp(-r^2 / (2 sigma^2))`, or a little less.
         let radius = sigma * (-2.0 * tolerance.ln()).sqrt();
         let taps: f64 = extents.map(|extent| radius.min(extent as f64)).iter().sum();
         let cost = TAPS_OF_SYSTEMS + TAPS_PER_POLE * order.poles.len() as f64;
@@ -205,8 +207,8 @@ impl GaussianBlur {
     }
 }
 
-/// Taps on one side of a window that take as long as systems without a pole, and as long as each
-/// pole: measured at the sigmas where both ways take the same time (`docs/performance.md`).
+/// How many taps on one side of a window take as long as the systems without a pole, and as long as
+/// each pole. Measured at the sigmas where both ways take the same time (`docs/performance.md`).
 const TAPS_OF_SYSTEMS: f64 = 34.0;
 const TAPS_PER_POLE: f64 = 5.0;
 

@@ -2,8 +2,8 @@
 
 use std::sync::{Mutex, PoisonError};
 
-/// Memory for as many pieces of work as run at the same time. It is kept from step to step, so a
-/// step like the last one allocates nothing: there is at most one `M` for each thread.
+/// Memory for as many pieces of work as run at the same time: at most one `M` for each thread. It
+/// is kept from step to step, so a step like the last one allocates nothing.
 #[derive(Debug, Default)]
 pub(super) struct Workbench<M>(Mutex<Vec<M>>);
 
@@ -16,13 +16,13 @@ impl<M: Default> Workbench<M> {
         result
     }
 
-    /// The sum of `size` over all that is kept.
+    /// The sum of `size` over all memory that is kept.
     pub(super) fn total(&self, size: impl Fn(&M) -> usize) -> usize {
         self.lock().iter().map(size).sum()
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, Vec<M>> {
-        // A piece that panics has taken its memory out: what is left is whole.
+        // A piece that panics has taken its memory out, so all that is left can be used.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -203,7 +203,7 @@ fn a_zero_border_darkens_and_a_wide_mirrored_blur_is_the_mean() {
     let image = Tensor::<f64>::full([32, 32, 1], 1.0);
     let blur = |border, radius| Blur { border, radius, ..Blur::default() };
     let dark = blurred(&image, 4.0, &blur(Border::Zero, Radius::Fixed(40)));
-    // The share of its mass that a row keeps, squared: from a sum over erf by hand, 0.81.
+    // The share of its mass that a row keeps, squared, is 0.81: by hand, from a sum over erf.
     let mean = dark.data().iter().sum::<f64>() / 1024.0;
     approx::assert_relative_eq!(mean, 0.81, epsilon = 0.005);
 
@@ -438,7 +438,7 @@ fn systems_are_solved_where_a_discrete_kernel_is_wide_and_a_tolerance_allows_it(
     assert_eq!(poles(wide, 30.0, [200, 300]), 4);
     assert_eq!(poles(coarse, 14.0, [46, 43]), 2);
     assert_eq!(poles(Blur { border: Border::Zero, ..coarse }, 14.0, [46, 43]), 2);
-    // From where on they take less time: from a radius of 34 + 5 taps for each of four poles.
+    // The systems take less time from a radius of 34 + 5 taps for each of four poles on.
     assert_eq!([10.2, 10.3].map(|sigma| poles(wide, sigma, [1024, 1024])), [0, 4]);
     for (blur, sigma, extents) in [
         (wide, 1.0, [200, 300]),

@@ -4,61 +4,19 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::Sampling;
-use super::culling::{Corner, Fate, Verdict};
+use super::culling::{Fate, Verdict};
 use super::exact::{Drawn, Pieces, Resolved, Search};
+use super::options::Sampling;
 use super::setup::{LANES, Setup, Weights, beyond};
+use super::view::{NO_SLOT, View, sum_up};
 use crate::coverage::{Run, Slot};
-use crate::mesh::Mesh;
 use crate::size::Size;
 
 /// A face that can touch no more pixels is drawn without looking where in a row it starts and ends.
 const PIXELS_PER_BLOCK: usize = 1024;
 
-/// Stands for "not seen".
-pub(super) const NO_SLOT: u32 = u32::MAX;
-
 /// Stands for "no face".
 const NO_FACE: u64 = u64::MAX;
-
-/// What the stages share.
-pub(super) struct View<'a, T: Scalar> {
-    pub(super) mesh: &'a Mesh,
-    pub(super) size: Size,
-    pub(super) corners: &'a [Corner<T::Wide>],
-    pub(super) verdicts: &'a [Verdict],
-    /// The X of each column's pixel centres, in whole blocks.
-    pub(super) centers: &'a [T::Wide],
-    /// The Y of each row's.
-    pub(super) ys: &'a [T::Wide],
-    /// Rows per band.
-    pub(super) rows: usize,
-    pub(super) sampling: Sampling,
-    /// Whether a gradient can be asked for.
-    pub(super) needs: bool,
-}
-
-impl<'a, T: Scalar> View<'a, T> {
-    #[inline(always)]
-    fn blocks_per_row(&self) -> usize {
-        self.centers.len() / LANES
-    }
-
-    /// Whether the surface ends, or turns away, at the edge that faces corner `corner` of `face`.
-    #[inline(always)]
-    pub(super) fn is_silhouette(&self, face: usize, corner: usize) -> bool {
-        self.mesh.adjacency().neighbor(face, corner).is_none_or(|neighbor| {
-            let [own, other] =
-                [face, neighbor.face as usize].map(|face| self.verdicts[face].orientation);
-            neighbor.is_turned(own, other)
-        })
-    }
-
-    #[inline(always)]
-    pub(super) fn corners_of(&self, face: usize) -> [&'a Corner<T::Wide>; 3] {
-        self.mesh.faces()[face].map(|vertex| &self.corners[vertex as usize])
-    }
-}
 
 /// Of some rows of `per_row` blocks each: their y, and the depths and faces of the blocks `blocks`.
 #[inline(always)]
@@ -79,16 +37,6 @@ fn rows_of<'a, S: Scalar>(
 pub(super) fn resize<I: Clone>(list: &mut Vec<I>, length: usize, filling: impl FnOnce() -> I) {
     if list.len() != length {
         list.resize(length, filling());
-    }
-}
-
-/// Makes counts of the items of one kind after another the places where each kind ends.
-#[inline(always)]
-pub(super) fn sum_up(counts: &mut [u32]) {
-    let mut before = 0;
-    for count in counts {
-        before += *count;
-        *count = before;
     }
 }
 

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::{Cull, RasterOptions, Sampling};
+use super::options::{Cull, RasterOptions, Sampling};
 use crate::homogeneous::{Vertex, determinant, doubt, edge};
 use crate::size::Size;
 

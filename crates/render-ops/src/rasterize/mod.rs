@@ -26,10 +26,12 @@
 mod canvas;
 mod culling;
 mod exact;
+mod options;
 mod pull_back;
 mod setup;
 #[cfg(test)]
 mod tests;
+mod view;
 mod visibility;
 
 use std::ops::Range;
@@ -39,6 +41,7 @@ use bokashi_core::parallel::merge_ranges_into;
 use bokashi_core::{Accumulator, Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 
 use self::exact::Adjoints;
+pub use self::options::{Cull, RasterOptions, Sampling};
 use self::pull_back::PullBack;
 use self::visibility::Visibility;
 use crate::boundary::BoundaryCounts;
@@ -48,50 +51,6 @@ use crate::face_sums::{Layout, add_term};
 use crate::fragments::Fragments;
 use crate::mesh::Mesh;
 use crate::size::Size;
-
-/// Which faces are left out by the side that they show. The front is the side from which the
-/// vertices run counter-clockwise on the screen, y up.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Cull {
-    /// Both sides are drawn.
-    #[default]
-    None,
-    /// Faces seen from the back are not drawn: for closed opaque meshes with the front outside,
-    /// whose pictures it does not change.
-    Back,
-    /// Faces seen from the front are not drawn.
-    Front,
-}
-
-/// What a pixel is the picture of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Sampling {
-    /// What lies at its centre.
-    #[default]
-    Center,
-    /// All that lies in it: a pixel that an edge of the surface, an occlusion or an intersection
-    /// crosses falls into pieces, each with its share of the pixel and its mean barycentrics. Both
-    /// move with the vertices, so silhouettes have their true gradient and need no antialiasing.
-    /// `docs/exact-coverage.md` has the derivation.
-    Exact,
-}
-
-/// How to rasterize.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct RasterOptions {
-    /// The image's size in pixels.
-    pub size: Size,
-    /// Which faces are left out by the side that they show.
-    pub cull: Cull,
-    /// What a pixel is the picture of.
-    pub sampling: Sampling,
-}
-
-impl From<Size> for RasterOptions {
-    fn from(size: Size) -> Self {
-        Self { size, cull: Cull::None, sampling: Sampling::Center }
-    }
-}
 
 /// The fragments of `mesh` with vertices `clip: [V, 4]` in clip space: one for each pixel whose
 /// centre some face covers. With [`Sampling::Exact`] the pixels that a discontinuity crosses have none

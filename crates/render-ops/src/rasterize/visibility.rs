@@ -13,10 +13,11 @@ use std::sync::Arc;
 use bokashi_core::Scalar;
 use bokashi_core::parallel::{for_each_item_mut, for_each_piece_mut, threads};
 
-use super::canvas::{Band, Canvas, Draw, View, resize};
+use super::canvas::{Band, Canvas, Draw, resize};
 use super::culling::{Corner, Fate, Verdict, give_one_factor, most_rounding};
+use super::options::{RasterOptions, Sampling};
 use super::setup::LANES;
-use super::{RasterOptions, Sampling};
+use super::view::View;
 use crate::coverage::{Coverage, Culled, Run, Slot};
 use crate::mesh::{Mesh, repeats_a_vertex};
 use crate::size::Size;

@@ -1,11 +1,12 @@
 //! The discrete Gaussian.
 //!
-//! `w_k = exp(-t) I_k(t)`, I the modified Bessel functions, `t = sigma^2`: what diffusion from pixel to
-//! pixel, `dw_k/dt = (w_(k-1) - 2 w_k + w_(k+1)) / 2`, makes of an impulse. The weights of an endless
-//! window sum to 1; cut off at r they are divided by their sum.
+//! `w_k = exp(-t) I_k(t)`, where `t = sigma^2` and the `I_k` are modified Bessel functions. An
+//! impulse has these values after diffusion from pixel to pixel,
+//! `dw_k/dt = (w_(k-1) - 2 w_k + w_(k+1)) / 2`. The weights of an endless window sum to 1. The
+//! weights of a window of radius r are divided by their sum.
 //!
-//! The quotients `q_k = I_k / I_(k-1)` are found from far out inwards, `q_k = t / (2 k + t q_(k+1))`, where
-//! nothing overflows and errors die out.
+//! The quotients `q_k = I_k / I_(k-1)` follow from far out inwards: `q_k = t / (2 k + t q_(k+1))`.
+//! In this direction nothing overflows and errors die out.
 //!
 //! # Source
 //! Lindeberg, *Scale-space for discrete signals*, IEEE PAMI 12(3), 1990.
@@ -20,7 +21,8 @@ impl<T: Scalar> Taps<T> {
         let number = T::Wide::from_f64;
         let count = |k: usize| number(if k == 0 { 1.0 } else { 2.0 });
         let t = sigma * sigma;
-        // The tails of a narrow one are those of a Poisson distribution, and longer than sigma says.
+        // A narrow discrete Gaussian has the tails of a Poisson distribution, longer than sigma
+        // says.
         let end = (9.5 * sigma.to_f64() + 20.0).ceil();
         if end > 2.0 * LARGEST_RADIUS as f64 {
             return false;
@@ -52,7 +54,7 @@ impl<T: Scalar> Taps<T> {
                     missing += 2.0 * wide[*k].to_f64();
                     missing > tolerance
                 };
-                // With the centre alone nothing would move with sigma.
+                // A window of the centre alone would not change with sigma.
                 (1..=end).rev().find(needed).unwrap_or(1)
             }
         };

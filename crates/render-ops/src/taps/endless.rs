@@ -1,12 +1,12 @@
 //! Windows without an end.
 //!
-//! So wide a Gaussian has the sum `sqrt(2 pi) sigma` to all digits, which makes the seed and the sampled
-//! kernel one, and a sum over its taps in steps of 2n is, by Poisson's formula,
-//! `u_k = (1 + 2 sum_m e_m cos(pi m k / n)) / 2n` with `e_m = exp(-(s_m sigma)^2 / 2)`, `s_m = pi m / n`;
-//! `de_m/dsigma = -s_m^2 sigma e_m`.
+//! The taps of so wide a Gaussian sum to `sqrt(2 pi) sigma` in all digits, so the unnormalized and
+//! the sampled kernel are the same. Poisson's formula gives the sum over its taps in steps of 2n:
+//! `u_k = (1 + 2 sum_m e_m cos(pi m k / n)) / 2n` with `e_m = exp(-(s_m sigma)^2 / 2)`,
+//! `s_m = pi m / n` and `de_m/dsigma = -s_m^2 sigma e_m`.
 //!
-//! Of the discrete kernel the same is true, with `s_m = 2 sin(pi m / 2n)`; and as its kurtosis is
-//! `1 / sigma^2`, its taps are those of a Gaussian times `1 + (x^4 - 6 x^2 + 3) / (24 sigma^2)`,
+//! The same holds for the discrete kernel, with `s_m = 2 sin(pi m / 2n)`. Its kurtosis is
+//! `1 / sigma^2`, so its taps are the Gaussian's times `1 + (x^4 - 6 x^2 + 3) / (24 sigma^2)`,
 //! `x = k / sigma`, with an error of about `sigma^-4`.
 
 use std::f64::consts::PI;
@@ -38,7 +38,7 @@ impl<T: Scalar> Taps<T> {
             let one = T::Wide::ONE;
             [weight * (one + more), slope * (one + more) + weight * more_slope / sigma]
         };
-        // Half of what the taps below n leave of the whole, whose slope is 0.
+        // Half of what the taps below n leave of the sum of all taps, which does not change.
         let rest = || -> [T::Wide; 2] {
             let mut rest = [half, T::Wide::ZERO];
             for k in 0..extent {
@@ -79,7 +79,8 @@ impl<T: Scalar> Taps<T> {
             self.weights.push(T::narrow(weight));
             self.slopes.push(T::narrow(slope));
         }
-        // A mirror and a clamp keep the whole; of a zero border the rest of the window is dark.
+        // A mirror and a clamp border keep all of the weight; a zero border loses what lies
+        // outside.
         self.slope_sum = if border == Border::Zero { T::narrow(slope_sum) } else { T::ZERO };
     }
 }

@@ -4,19 +4,20 @@
 //!
 //! | kernel | `w_k` | `dw_k/dsigma` |
 //! |---|---|---|
-//! | seed | `g_k / (sqrt(2 pi) sigma)` | `w_k (k^2 / sigma^2 - 1) / sigma` |
+//! | unnormalized | `g_k / (sqrt(2 pi) sigma)` | `w_k (k^2 / sigma^2 - 1) / sigma` |
 //! | sampled | `g_k / sum g` | `w_k (k^2 - m_2) / sigma^3`, `m_2 = sum w_k k^2` |
 //! | discrete | `exp(-t) I_k(t)`, `t = sigma^2` | `sigma (w_(k-1) - 2 w_k + w_(k+1))` |
 //!
-//! The sampled weights sum to 1, their derivatives to 0; so do the discrete ones (`discrete`).
+//! The sampled and the discrete weights sum to 1, and their derivatives to 0 (`discrete`).
 //!
 //! # Windows wider than a line
 //! A line of n pixels with a mirror border repeats with period 2n, and beyond a clamp border all
-//! pixels are the same. So taps that see the same pixel are summed, and no window needs to reach
-//! farther than n: `u_k = w_k + w_(2n - k) + w_(2n + k) + ...` for a mirror, `u_n` half of the sum
-//! for k = n, which stands at either end; `u_n = sum_(k >= n) w_k` for a clamp.
+//! pixels are the same. So taps that see the same pixel are summed, and no window reaches farther
+//! than n. For a mirror, `u_k = w_k + w_(2n - k) + w_(2n + k) + ...`, and `u_n` is half of that
+//! sum, since it stands at either end. For a clamp, `u_n = sum_(k >= n) w_k`.
 //!
-//! Where a tolerance asks for more than 16384 taps, the window misses nothing (`endless`).
+//! Where a tolerance asks for more than 16384 taps, the window is endless and misses nothing
+//! (`endless`).
 
 mod discrete;
 mod endless;
@@ -31,17 +32,18 @@ use crate::error::RenderError;
 /// Which weights a window has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Kernel {
-    /// The density of the normal distribution at the pixels' centres, as the paper prints it. Its
-    /// sum is a gain that grows above 1 as sigma falls below 0.6; it is not defined at sigma 0.
+    /// Unnormalized: the density of the normal distribution at the pixels' centres, as the paper
+    /// prints it. The weights' sum is a gain, which rises above 1 where sigma falls below 0.6. It
+    /// is not defined at sigma 0.
     Seed,
-    /// The same, divided by its sum: constant images stay as they are, and sigma 0 is the
-    /// identity. Below sigma 0.2 hardly anything moves with sigma.
+    /// The same weights, divided by their sum. A constant image stays as it is, and sigma 0 is the
+    /// identity. Below sigma 0.2 the gradient of sigma is close to 0.
     #[default]
     Sampled,
-    /// The Gaussian of a world that is made of pixels: what diffusion from pixel to pixel makes of an
-    /// impulse. Its variance is sigma squared exactly and its sum 1; two blurs in a row are one of the
-    /// summed variance; sigma 0 is the identity, and moves as soon as sigma does. With a
-    /// tolerance, a blur that is wide takes no longer than one that is not.
+    /// The discrete Gaussian: an impulse after diffusion from pixel to pixel. Its variance is
+    /// exactly sigma squared, its sum is 1, and two blurs in a row are one blur of the summed
+    /// variance. Sigma 0 is the identity, and small sigmas have a gradient. With
+    /// [`Radius::Tolerance`] a wide blur takes no longer than a narrow one.
     Discrete,
 }
 
@@ -50,14 +52,13 @@ pub enum Kernel {
 pub enum Radius {
     /// This many pixels to either side, at most 16384, whatever sigma is.
     Fixed(usize),
-    /// As far as it must for the window to miss at most this share of an endless window's weight,
-    /// per axis. Where that is beyond 16384 pixels, which takes a sigma of some thousand, the window
-    /// is endless, and misses nothing. A wide blur with discrete weights may differ by that share
-    /// everywhere, instead of far out.
+    /// As far as needed to miss at most this share of an endless window's weight, per axis. Where
+    /// that is beyond 16384 pixels, at a sigma of some thousand, the window is endless and misses
+    /// nothing. The error of a wide blur with discrete weights may lie anywhere, not only far out.
     Tolerance(f64),
 }
 
-/// What kind of blur.
+/// The kind of a blur: weights, border, radius.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Blur {
     /// The window's weights.
@@ -76,12 +77,12 @@ impl Default for Blur {
     }
 }
 
-/// A tap below this share of the largest is cut off: it is below the rounding of any sum that it
-/// enters, and in `f32` numbers this small cost many times the time of others.
+/// A tap below this share of the largest tap is cut off. It is below the rounding of any sum that
+/// it enters, and `f32` numbers this small take many times as long as others.
 const NEGLIGIBLE: f64 = 1e-18;
 
-/// The largest number of taps on one side that are added up, in pixels: farther ones belong to an
-/// endless window, for which there is a formula.
+/// The largest number of taps on one side that are added up. Wider windows are endless, for which
+/// there is a formula.
 pub(crate) const LARGEST_RADIUS: usize = 1 << 14;
 
 /// Half of a symmetric window: index 0 is the centre.
@@ -103,8 +104,8 @@ impl<T: Scalar> Taps<T> {
     /// one half window for each of the two axes.
     ///
     /// # Errors
-    /// [`RenderError::BadSigma`] unless sigma is finite and positive, and, for the seed kernel,
-    /// large enough for the weights and their derivatives to be finite.
+    /// [`RenderError::BadSigma`] unless sigma is finite and positive, and, for the unnormalized
+    /// kernel, large enough for the weights and their derivatives to be finite.
     pub(crate) fn fill(
         taps: &mut [Self; 2],
         sigma: T,
@@ -171,7 +172,7 @@ impl<T: Scalar> Taps<T> {
         match blur.kernel {
             Kernel::Sampled => {
                 let m2: T::Wide = (0..=radius).map(|k| count(k) * square(k) * weight(k)).sum();
-                // Where only the centre is left, nothing moves with sigma: not 0 / sigma^3.
+                // Where only the centre is left, the slope is 0, and not 0 / sigma^3.
                 let slope = |k: usize| match m2 == T::Wide::ZERO {
                     true => T::Wide::ZERO,
                     false => weight(k) * (square(k) - m2) / (sigma * sigma * sigma),
@@ -226,14 +227,14 @@ impl<T: Scalar> Taps<T> {
         self.weights.len() - 1
     }
 
-    /// The slopes up to `reach`, where those beyond see nothing but zeros.
+    /// The slopes up to `reach`; farther slopes see nothing but zeros.
     pub(crate) fn window(&self, reach: usize) -> Window<'_, T> {
         let beyond: T = self.slopes[reach + 1..].iter().copied().sum();
         Window { slopes: &self.slopes[..=reach], slope_sum: self.slope_sum - (beyond + beyond) }
     }
 }
 
-/// Half of the slopes of a symmetric window that reaches over all the pixels that count.
+/// Half of the slopes of a symmetric window over all the pixels that count.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Window<'a, T> {
     pub(crate) slopes: &'a [T],
@@ -256,8 +257,8 @@ pub(crate) fn check_radius(radius: Radius) -> Result<(), RenderError> {
 }
 
 /// The smallest radius whose window misses at most the share `tolerance` of an endless window's
-/// weight, per axis; `None` where it is larger than 16384, or sigma so large that no shorter
-/// window is looked for.
+/// weight, per axis. `None` where it is larger than 16384, or where sigma is so large that none is
+/// looked for.
 fn smallest_radius(sigma: f64, tolerance: f64) -> Option<usize> {
     let shape = |k: usize| (-0.5 * (k as f64 / sigma).powi(2)).exp();
     // Beyond 9.2 sigma taps are negligible.

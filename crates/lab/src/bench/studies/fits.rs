@@ -12,7 +12,7 @@ use bokashi_paper::{
 };
 use bokashi_report::{Curve, Figure, PALETTE, Panel, SIZES, Scale, Stroke, quartiles};
 
-use crate::bench::questions::Bench;
+use crate::bench::setting::Bench;
 use crate::bench::study::{Figures, Study};
 use crate::bench::table::{Cell, Table};
 

@@ -6,9 +6,9 @@ use bokashi_report::{Curve, Figure, PALETTE, Panel, SIZES, Scale, Stroke};
 
 use crate::bench::effort::USUAL;
 use crate::bench::pipeline::{Compared, Learner, contestant};
-use crate::bench::questions::Bench;
 use crate::bench::sampling::{Timing, interleaved};
 use crate::bench::scenes::Scene;
+use crate::bench::setting::Bench;
 use crate::bench::study::{Figures, Study};
 use crate::bench::table::{Cell, Table};
 
@@ -73,7 +73,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
             let (count, width) = (scene.mesh.faces().len(), scene.size.width);
             let area = scene.size.pixels() as f64;
             // One scene at a time: the largest take gigabytes.
-            let learner = Learner::<f32>::new(&scene, Cull::Back, Compared::Layer)?;
+            let learner = Learner::<f32>::new(&scene, Cull::Back, Compared::Picture)?;
             let timing =
                 interleaved(&mut [contestant(learner, bench.widest())], bench.effort, USUAL);
             let what = format!("{count} faces, {width} px");

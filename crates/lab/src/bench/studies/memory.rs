@@ -11,8 +11,8 @@ use bokashi_render_ops::Cull;
 
 use crate::bench::effort::Effort;
 use crate::bench::pipeline::{Compared, Learner};
-use crate::bench::questions::Bench;
 use crate::bench::scenes::Scene;
+use crate::bench::setting::Bench;
 use crate::bench::study::Study;
 use crate::bench::table::{Cell, Table};
 
@@ -48,7 +48,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
     };
     scene.mesh.adjacency();
     let before = status("VmRSS");
-    let mut learner = Learner::<f32>::new(&scene, Cull::None, Compared::Layer)?;
+    let mut learner = Learner::<f32>::new(&scene, Cull::None, Compared::Picture)?;
     let steps = bench.widest().install(|| (0..5).try_for_each(|_| learner.step()));
     if study.noted(&scene.name, steps).is_some() {
         let steps = status("VmHWM").zip(before).map(|(peak, before)| peak - before);

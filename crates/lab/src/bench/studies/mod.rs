@@ -12,7 +12,7 @@ mod silhouettes;
 
 use bokashi_fit::FitError;
 
-use crate::bench::questions::Bench;
+use crate::bench::setting::Bench;
 use crate::bench::study::Study;
 
 /// Does a study.

@@ -9,8 +9,8 @@ use bokashi_core::{Tape, Tensor};
 use bokashi_fit::FitError;
 
 use crate::bench::effort::USUAL;
-use crate::bench::questions::Bench;
 use crate::bench::sampling::{Contestant, Timing, interleaved};
+use crate::bench::setting::Bench;
 use crate::bench::study::Study;
 use crate::bench::table::{Cell, Table};
 

@@ -11,8 +11,8 @@ use bokashi_render_ops::{Blur, Cull, gaussian_blur};
 
 use crate::bench::effort::USUAL;
 use crate::bench::pipeline::render;
-use crate::bench::questions::Bench;
 use crate::bench::scenes::Scene;
+use crate::bench::setting::Bench;
 use crate::bench::study::Study;
 use crate::bench::table::{Cell, Table};
 

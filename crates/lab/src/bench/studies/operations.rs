@@ -8,18 +8,18 @@ use std::sync::Arc;
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_fit::{FitError, squared_error};
 use bokashi_render_ops::{
-    Background, Blur, Fragments, Lens, RasterOptions, Target, antialias, depth, depth_of_field,
-    gaussian_blur, interpolate, layer, project, rasterize, resolve,
+    Background, Blur, Fragments, Lens, RasterOptions, Reference, antialias, composite, depth,
+    depth_of_field, gaussian_blur, interpolate, project, rasterize,
 };
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::bench::difference::relative_error;
 use crate::bench::effort::USUAL;
-use crate::bench::pipeline::resolved;
-use crate::bench::questions::Bench;
+use crate::bench::pipeline::drawn;
 use crate::bench::sampling::Timing;
 use crate::bench::scenes::Scene;
+use crate::bench::setting::Bench;
 use crate::bench::study::Study;
 use crate::bench::table::{Cell, Table};
 
@@ -60,7 +60,7 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
         let inputs = given.iter().map(|&tensor| tensor.clone()).collect();
         all.push(Case { label, inputs, record });
     };
-    let Inputs { positions, clip, barycentrics, colors, surface, jagged, image, .. } = inputs;
+    let Inputs { positions, clip, barycentrics, colors, surface, aliased, image, .. } = inputs;
     add("project", &[positions], |scene, v| Ok(project(v[0], &scene.camera, None)?));
     add("rasterize", &[clip], |scene, v| {
         let options = RasterOptions::from(scene.size);
@@ -69,15 +69,12 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
     add("interpolate", &[colors, barycentrics, clip], |scene, v| {
         Ok(interpolate(v[0], &fragments(scene, v[2], Some(v[1]))?)?)
     });
-    add("resolve", &[surface, clip], |scene, v| {
-        Ok(resolve(v[0], &fragments(scene, v[1], None)?, Background::Zero)?)
+    add("composite, image", &[surface, clip], |scene, v| {
+        Ok(composite(v[0], &fragments(scene, v[1], None)?, Background::Zero)?.image()?)
     });
-    add("antialias", &[jagged, clip], |scene, v| {
-        Ok(antialias(v[0], &fragments(scene, v[1], None)?, v[1])?)
-    });
-    add("antialias, a layer", &[surface, clip], |scene, v| {
-        let layer = layer(v[0], &fragments(scene, v[1], None)?, Background::Zero)?;
-        Ok(layer.antialias(v[1])?.values)
+    add("antialias", &[surface, clip], |scene, v| {
+        let picture = composite(v[0], &fragments(scene, v[1], None)?, Background::Zero)?;
+        Ok(antialias(picture)?.values())
     });
     add("depth", &[clip], |scene, v| {
         let options = RasterOptions::from(scene.size);
@@ -90,14 +87,14 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
     add("gaussian_blur", &[image, &Tensor::scalar(2.0)], |_, v| {
         Ok(gaussian_blur(v[0], v[1], &Blur::default())?)
     });
-    add("squared_error", &[image, jagged], |_, v| Ok(squared_error(v[0], v[1])?));
-    add("squared_error, a layer", &[surface, clip, jagged], |scene, v| {
-        let layer = layer(v[0], &fragments(scene, v[1], None)?, Background::Zero)?;
-        let target = Target::new(
+    add("squared_error", &[image, aliased], |_, v| Ok(squared_error(v[0], v[1])?));
+    add("squared_error, a picture", &[surface, clip, aliased], |scene, v| {
+        let picture = composite(v[0], &fragments(scene, v[1], None)?, Background::Zero)?;
+        let reference = Reference::new(
             &v[2].value().map(|entry| entry + T::from_f64(0.125)),
             &Tensor::zeros([3]),
         )?;
-        Ok(layer.squared_error(&target)?)
+        Ok(picture.squared_error(&reference)?)
     });
     add("add", &[signed, positive], |_, v| Ok(v[0].try_add(v[1])?));
     add("sub", &[signed, positive], |_, v| Ok(v[0].try_sub(v[1])?));
@@ -140,7 +137,7 @@ struct Inputs {
     barycentrics: Tensor<f64>,
     colors: Tensor<f64>,
     surface: Tensor<f64>,
-    jagged: Tensor<f64>,
+    aliased: Tensor<f64>,
     image: Tensor<f64>,
     /// `[H, W]`, entries in [1/2, 2].
     distances: Tensor<f64>,
@@ -167,16 +164,16 @@ impl Inputs {
         let tape = Tape::new();
         let (positions, colors) = (scene.positions.cast(), scene.colors.cast());
         let (at, tinted) = (tape.constant(&positions), tape.constant(&colors));
-        let resolved = resolved(&scene, scene.size.into(), at, tinted)?;
-        let image = resolved.antialiased()?;
+        let drawn = drawn(&scene, scene.size.into(), at, tinted)?;
+        let image = antialias(drawn.composite.clone())?.image()?;
         let rows = pixels * pixels / WIDTH;
         Ok(Self {
             positions: single(positions),
-            clip: single(resolved.clip.value()),
-            barycentrics: single(resolved.fragments.barycentrics.value()),
+            clip: single(drawn.clip.value()),
+            barycentrics: single(drawn.fragments.barycentrics.value()),
             colors: single(colors),
-            surface: single(resolved.surface.value()),
-            jagged: single(resolved.image.value()),
+            surface: single(drawn.surface.value()),
+            aliased: single(drawn.composite.image()?.value()),
             image: single(image.value()),
             distances: Tensor::from_fn([pixels, pixels], |_| uniform(0.5, 2.0)),
             signed: Tensor::from_fn([rows, WIDTH], |_| uniform(-2.0, 2.0)),
@@ -308,7 +305,7 @@ const RENDERING: [&str; 9] = [
     "project",
     "rasterize",
     "interpolate",
-    "resolve",
+    "composite",
     "antialias",
     "depth",
     "depth_of_field",
@@ -332,10 +329,9 @@ mod tests {
             let names = line.split("::").last().unwrap_or_default();
             names.trim_matches(|c| "{};".contains(c)).split(", ").map(str::to_owned)
         });
-        // `layer` records nothing, and `interpolate_indexed` what `interpolate` does.
+        // `interpolate_indexed` records what `interpolate` does.
         let is_operation = |name: &String| {
-            name.starts_with(|c: char| c.is_ascii_lowercase())
-                && !["layer", "interpolate_indexed"].contains(&name.as_str())
+            name.starts_with(|c: char| c.is_ascii_lowercase()) && name != "interpolate_indexed"
         };
         let of_core = fs::read_dir(crates.join("core/src/ops")).unwrap();
         let of_core = of_core

@@ -12,9 +12,9 @@ use rayon::ThreadPool;
 
 use crate::bench::effort::GENEROUS;
 use crate::bench::pipeline::{Compared, Learner, contestant};
-use crate::bench::questions::Bench;
 use crate::bench::sampling::{Contestant, Timing, interleaved};
 use crate::bench::scenes::{Scene, scenes};
+use crate::bench::setting::Bench;
 use crate::bench::study::{Figures, Study};
 use crate::bench::table::{Cell, Table};
 
@@ -41,11 +41,11 @@ struct Way {
 
 fn ways(pools: usize) -> Vec<Way> {
     let kinds = [
-        ("f32", Cull::Back, Compared::Layer),
-        ("f32", Cull::None, Compared::Layer),
+        ("f32", Cull::Back, Compared::Picture),
+        ("f32", Cull::None, Compared::Picture),
         ("f32", Cull::Back, Compared::Image),
-        ("f64", Cull::Back, Compared::Layer),
-        ("f64", Cull::None, Compared::Layer),
+        ("f64", Cull::Back, Compared::Picture),
+        ("f64", Cull::None, Compared::Picture),
     ];
     let of = |(precision, cull, compared)| {
         (0..pools).map(move |pool| Way { precision, cull, compared, pool })
@@ -151,7 +151,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
                 Cell::text(&scene.name),
                 Cell::text(way.precision),
                 Cell::text(back),
-                Cell::text(if way.compared == Compared::Layer { "layer" } else { "image" }),
+                Cell::text(if way.compared == Compared::Picture { "picture" } else { "image" }),
                 Cell::Count(way.pool + 1),
                 Cell::timed(&timing, 1e3 * timing.minimum),
                 Cell::timed(&timing, 1e3 * timing.median),
@@ -164,7 +164,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
             let wanted = Way { precision, cull, compared, pool };
             minima.iter().find(|(way, _)| *way == wanted).map(|(_, timing)| timing)
         };
-        let usual = |pool| of("f32", Cull::Back, Compared::Layer, pool);
+        let usual = |pool| of("f32", Cull::Back, Compared::Picture, pool);
         let cell = |precision, cull, compared, pool| {
             let timing = of(precision, cull, compared, pool);
             timing.map_or(Cell::Nothing, |timing| Cell::timed(timing, 1e3 * timing.minimum))
@@ -177,16 +177,16 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
             Cell::text(&scene.name),
             Cell::Count(scene.mesh.faces().len()),
             Cell::maybe(deodr),
-            cell("f32", Cull::Back, Compared::Layer, 0),
+            cell("f32", Cull::Back, Compared::Picture, 0),
             times(0),
-            cell("f32", Cull::Back, Compared::Layer, 1),
+            cell("f32", Cull::Back, Compared::Picture, 1),
             times(1),
-            cell("f32", Cull::None, Compared::Layer, 0),
-            cell("f32", Cull::None, Compared::Layer, 1),
+            cell("f32", Cull::None, Compared::Picture, 0),
+            cell("f32", Cull::None, Compared::Picture, 1),
             cell("f32", Cull::Back, Compared::Image, 0),
             cell("f32", Cull::Back, Compared::Image, 1),
-            cell("f64", Cull::Back, Compared::Layer, 0),
-            cell("f64", Cull::Back, Compared::Layer, 1),
+            cell("f64", Cull::Back, Compared::Picture, 0),
+            cell("f64", Cull::Back, Compared::Picture, 1),
         ]);
         if scene.name.starts_with("cube") {
             let mut point = |at: usize, [low, middle, high]: [f64; 3]| {

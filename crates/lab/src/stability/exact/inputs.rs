@@ -1,7 +1,7 @@
 //! What comes in: nothing, refused numbers, and the ends of all ranges.
 
 use bokashi_core::{Scalar, Tape, Tensor};
-use bokashi_render_ops::{Size, antialias, rasterize};
+use bokashi_render_ops::{Background, Size, antialias, composite, rasterize};
 
 use super::shapes::tetrahedron;
 use super::{Checked, Picture, SIZE, options, parts_bound};
@@ -50,11 +50,11 @@ pub(in super::super) fn refused<T: Scalar>() -> Outcome {
         results.push((said, format!("{message} at vertex 1")));
     }
     let fragments = rasterize(positions, &scene.mesh()?, options(SIZE))?;
-    let image = tape.leaf(&Tensor::zeros([6, 7, 1]));
+    let values = tape.leaf(&Tensor::zeros([fragments.coverage.count(), 1]));
     let pixels = fragments.coverage.boundary_counts().pixels;
     let rule = "antialias needs one fragment per pixel";
     let message = format!("{rule}, got exact coverage with {pixels} boundary pixels");
-    results.push((told(antialias(image, &fragments, positions)), message));
+    results.push((told(antialias(composite(values, &fragments, Background::Zero)?)), message));
     Ok(Found::refused(results))
 }
 

@@ -4,8 +4,8 @@ use bokashi_core::{Scalar, Var};
 use bokashi_fit::FitError;
 
 use super::super::problem::{Problem, Residuals};
+use super::numbers::{entry, given, stacked};
 use super::valleys::powell_singular;
-use super::{entry, given, stacked};
 
 /// The problems of this file.
 pub(super) fn problems() -> Vec<Problem> {

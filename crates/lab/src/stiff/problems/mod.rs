@@ -10,6 +10,8 @@
 //! | `quadratic` | the rotated quadratic of condition 1e8 |
 //! | `cube` | the paper's cube over a fixed set of poses |
 //!
+//! `numbers` has what they take apart and put together.
+//!
 //! # Source
 //! More, Garbow and Hillstrom, *Testing unconstrained optimization software*, ACM Transactions on
 //! Mathematical Software 7(1), 1981; the numbers in the comments are theirs. Minima that they
@@ -18,6 +20,7 @@
 
 mod cube;
 mod many;
+mod numbers;
 #[cfg(test)]
 mod oracle;
 mod quadratic;
@@ -25,9 +28,6 @@ mod samples;
 mod systems;
 mod turn;
 mod valleys;
-
-use bokashi_core::{Scalar, Tensor, TensorError, Var};
-use bokashi_fit::FitError;
 
 use super::problem::Problem;
 
@@ -41,28 +41,4 @@ pub fn literature() -> Vec<Problem> {
     all.extend(many::problems());
     all.extend(systems::problems());
     all
-}
-
-/// The entry `k` of `x`, of shape `[1]`.
-fn entry<'t, T: Scalar>(x: Var<'t, T>, k: usize) -> Result<Var<'t, T>, TensorError> {
-    x.slice(0, k..k + 1)
-}
-
-/// The entries of `x: [N]`, of shape `[1]` each.
-fn entries<'t, T: Scalar, const N: usize>(x: Var<'t, T>) -> Result<[Var<'t, T>; N], TensorError> {
-    let mut all = [x; N];
-    for (k, one) in all.iter_mut().enumerate() {
-        *one = entry(x, k)?;
-    }
-    Ok(all)
-}
-
-/// Given numbers on the tape of `x`, of shape `[m]`.
-fn given<'t, T: Scalar>(x: Var<'t, T>, values: &[f64]) -> Var<'t, T> {
-    x.tape().constant(&Tensor::from_fn([values.len()], |k| T::from_f64(values[k])))
-}
-
-/// Residuals of shape `[1]` each as one `[m]`.
-fn stacked<'t, T: Scalar>(residuals: &[Var<'t, T>]) -> Result<Var<'t, T>, FitError> {
-    Ok(Var::concat(residuals, 0)?)
 }

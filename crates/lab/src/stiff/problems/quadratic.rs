@@ -19,7 +19,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::super::problem::{Problem, Residuals};
-use super::given;
+use super::numbers::given;
 
 /// The quadratic of `n` parameters and the given condition number of `J^T J`, rotated by `seed`.
 /// It starts at 0; its minimum is 0, at all ones.

@@ -4,7 +4,7 @@ use bokashi_core::{Scalar, Var};
 use bokashi_fit::FitError;
 
 use super::super::problem::{Problem, Residuals};
-use super::{entries, given};
+use super::numbers::{entries, given};
 
 /// The problems of this file.
 pub(super) fn problems() -> Vec<Problem> {

@@ -5,7 +5,7 @@ use bokashi_core::{Scalar, Tensor, Var};
 use bokashi_fit::FitError;
 
 use super::super::problem::{Problem, Residuals};
-use super::{given, stacked};
+use super::numbers::{given, stacked};
 
 /// Parameters of every problem here but two.
 const N: usize = 10;

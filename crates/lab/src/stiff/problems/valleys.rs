@@ -4,8 +4,8 @@ use bokashi_core::{Scalar, Var};
 use bokashi_fit::FitError;
 
 use super::super::problem::{Problem, Residuals};
+use super::numbers::{entries, stacked};
 use super::turn::turn;
-use super::{entries, stacked};
 
 /// The problems of this file.
 pub(super) fn problems() -> Vec<Problem> {

@@ -9,7 +9,7 @@ use crate::border::Border;
 /// Lines that are solved side by side.
 pub(super) const LANES: usize = 32;
 
-/// An entry of each of several lines, on lines of the cache of their own.
+/// An entry of each of several lines, on cache lines of its own.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
 pub(super) struct Lanes<T>(pub(super) [T; LANES]);
@@ -38,11 +38,11 @@ type ComplexLanes<T> = [Lanes<T>; 2];
 pub(crate) struct Block<T> {
     /// The lines; then the lines blurred.
     pub(super) lines: Vec<Lanes<T>>,
-    /// How the lines move with sigma; then how the blurred ones do.
+    /// The lines' derivatives with respect to sigma; then the blurred lines' derivatives.
     pub(super) slopes: Vec<Lanes<T>>,
-    /// Right sides of the systems of both.
+    /// Right sides of the systems of lines and derivatives.
     sides: [Vec<Lanes<T>>; 2],
-    /// What is known of a solution.
+    /// A solution, as far as it is known.
     partial: Vec<ComplexLanes<T>>,
 }
 
@@ -59,9 +59,9 @@ impl<T: Scalar> Block<T> {
 pub(super) enum Task {
     /// They are blurred.
     Blur,
-    /// The same, with slopes; the lines themselves don't move with sigma.
+    /// They are blurred, with slopes; the lines themselves don't depend on sigma.
     BlurWithSlopes,
-    /// The same; the lines move with sigma, and their slopes are blurred as well.
+    /// They are blurred, with slopes; the lines depend on sigma, and their slopes are blurred, too.
     BlurBoth,
 }
 
@@ -71,7 +71,7 @@ pub(crate) struct Line<T> {
     positions: usize,
     /// Whether the lines go on mirrored.
     mirror: bool,
-    /// What is left of a line at the highest frequencies.
+    /// The share of a line that is left at the highest frequencies.
     remainder: T,
     /// `2 / sigma`.
     two_by_sigma: T,
@@ -81,8 +81,8 @@ pub(crate) struct Line<T> {
 /// The system of one pole.
 #[derive(Debug)]
 struct Pole<T> {
-    /// `1 + h / p_(i-1)` for pivots p: elimination passes on what this leaves of 1, which is 0 at
-    /// both ends. A number near 1 would be rounded by more than this is.
+    /// `loss_i = 1 + h / p_(i-1)` for pivots p: an elimination step multiplies by `1 - loss_i`,
+    /// which is 0 at both ends. The loss is stored because a factor near 1 would lose digits.
     losses: Vec<[T; 2]>,
     /// `c / p_i`.
     scales: Vec<[T; 2]>,
@@ -110,8 +110,8 @@ impl<T: Scalar> Pole<T> {
         let (one, zero) = (number(1.0), number(0.0));
         let h = Complex::real(sigma * sigma) * number(0.5);
         let a = z / h;
-        // Pivots are `-h (1 + d)`; as the line goes on, `1 + d` nears 1 / q: of the roots of
-        // `q + 1/q - 2 = a` the one outside the unit circle.
+        // Pivots are `-h (1 + d)`. Along the line `1 + d` approaches 1 / q: the root of
+        // `q + 1/q - 2 = a` outside the unit circle.
         let middle = one + a * number(0.5);
         let root = (a * a + number(4.0) * a).sqrt() * number(0.5);
         let same_side = middle.re * root.re + middle.im * root.im >= T::Wide::ZERO;
@@ -122,7 +122,7 @@ impl<T: Scalar> Pole<T> {
         self.losses.push(one.narrow());
         // `-2 c / h` for the residue.
         let scale = number(-2.0) * g * a;
-        // `d / (1 + d)` of the position before.
+        // `d / (1 + d)` at the position before.
         let mut before = if mirror { zero } else { limit * ratio };
         for _ in 1..n {
             let d = a + before;
@@ -207,7 +207,7 @@ impl<T: Scalar> Line<T> {
     }
 }
 
-/// Of each line the entry that is nearest to zero, or zero where there are entries of both signs.
+/// The entry of each line that is nearest to zero, or zero where a line has entries of both signs.
 #[inline(always)]
 fn nearest_to_zero<T: Scalar>(lines: &[Lanes<T>]) -> Lanes<T> {
     let (mut least, mut most) = (lines[0], lines[0]);
@@ -249,7 +249,7 @@ impl<T: Scalar> Pole<T> {
         }
     }
 
-    /// The same, and on the way the elimination of the slopes' system, from the other end:
+    /// The same, and in the same loop the elimination of the slopes' system, from the other end:
     /// `s_i = f_i + by_sigma v_i + (1 - loss_(n-1-i)) s_(i+1)`, which replaces u.
     #[inline(always)]
     fn substitute_and_eliminate(

@@ -1,34 +1,35 @@
 //! Blur with a discrete Gaussian at a cost that does not grow with sigma.
 //!
 //! # Forward
-//! The discrete Gaussian of variance t is `exp(t L / 2)`, L the second difference. With poles z
-//! and residues `z g` of a rational approximation of the exponential (`poles`) and `h = t / 2`, a line x
-//! becomes `y = r x + Re sum_j c_j v_j`, where `(h L - z_j) v_j = x`, `c_j = 2 z_j g_j`,
-//! `r = 1 + 2 Re sum_j g_j`: for each pole one tridiagonal system. From a mirrored line its entry
-//! nearest to zero is taken before and given back after, so that a constant is kept to the last
-//! digit and no entry grows.
+//! The discrete Gaussian of variance t is `exp(t L / 2)`, where L is the second difference. Take
+//! poles z and residues `z g` of a rational approximation of the exponential (`poles`), and
+//! `h = t / 2`. A line x becomes `y = r x + Re sum_j c_j v_j`, where `(h L - z_j) v_j = x`,
+//! `c_j = 2 z_j g_j` and `r = 1 + 2 Re sum_j g_j`: one tridiagonal system for each pole. With a
+//! mirror border, the entry nearest to zero is subtracted from the line before, and added after. So
+//! a constant is kept to the last digit, and no entry grows.
 //!
 //! Beyond a mirror border the line goes on mirrored: L repeats its ends. Beyond a zero border the
 //! solution goes on without end and falls off as `v_k = q^k v_0`, with `q + 1/q - 2 = z / h` and
-//! `|q| < 1`, which enters the first and the last equation alone. So both borders are exact. A clamp
+//! `|q| < 1`. That changes only the first and the last equation, so both borders are exact. A clamp
 //! border is left to windows.
 //!
 //! # Slope
-//! `dy/dsigma` is that of the rational function, not of the exponential: one more system,
-//! `(h L - z_j) w_j = x' - 2 (x + z_j e v_j) / sigma`, `y' = r x' + Re sum_j c_j w_j`, where
-//! `x' = dx/dsigma` and `e = 1`, except at the ends of a line with a zero border: there
-//! `e = 1 / (1 - q^2)`, since q moves with sigma as well.
+//! `dy/dsigma` is the derivative of the rational function, not of the exponential. It takes one
+//! more system, `(h L - z_j) w_j = x' - 2 (x + z_j e v_j) / sigma`, and then
+//! `y' = r x' + Re sum_j c_j w_j`, with `x' = dx/dsigma`. Here `e = 1`, except at the ends of a
+//! line with a zero border. There `e = 1 / (1 - q^2)`, since q changes with sigma, too.
 //!
 //! # Adjoint
 //! All of this is symmetric: the adjoint of the blur is the blur.
 //!
 //! # Order of work
-//! Along the columns first: 32 of them side by side, each step down all of them at once; then along
-//! the rows, those of as many rows and channels side by side as make 32.
+//! First along the columns: 32 columns lie side by side, and each step goes down all of them at
+//! once. Then along the rows: as many rows and channels lie side by side as make 32.
 //!
 //! # Precision
-//! What elimination passes on is near 1 where sigma is large; what it leaves of 1 is rounded instead.
-//! In `f32` rounding adds less than 2e-6 of the largest entry, for any sigma up to 3000.
+//! Where sigma is large, the factor of each elimination step is close to 1. So its difference from
+//! 1 is stored, which keeps its digits. In `f32` rounding adds less than 2e-6 of the largest entry,
+//! for any sigma up to 3000.
 //!
 //! # Source
 //! Lindeberg, *Scale-space for discrete signals*, IEEE PAMI 12(3), 1990: the kernel. Trefethen,
@@ -73,8 +74,8 @@ impl<'a, T: Scalar> Rational<'a, T> {
         Self { height, width, channels, along_rows, along_columns }
     }
 
-    /// `out` is the image, blurred, and `slope`, unless it is empty, how that moves with sigma;
-    /// `columns` is memory.
+    /// Writes the blurred image to `out` and, unless it is empty, its derivative with respect to
+    /// sigma to `slope`; `columns` is memory.
     pub(super) fn apply(
         &self,
         image: &[T],
@@ -224,7 +225,7 @@ impl<T: Scalar> Rows<'_, '_, T> {
         let channels = if C == 0 { blur.channels } else { C };
         let (line, row) = (blur.along_rows, blur.row());
         let (first, rows) = (band * blur.rows_per_band(), out.len() / row);
-        // More channels than lanes are blurred in turns, of one row.
+        // More channels than lanes: the channels of one row are blurred in turns.
         for from in (0..channels).step_by(LANES) {
             let count = if C == 0 { LANES.min(channels - from) } else { C };
             line.start(block, task);
@@ -278,7 +279,7 @@ fn load<T: Scalar>(
     }
 }
 
-/// The way back.
+/// Copies the lanes back to the pixels.
 #[inline(always)]
 fn store<T: Scalar>(
     line: &[Lanes<T>],

@@ -3,10 +3,10 @@
 //! `r(x) = 1 + 2 Re sum_j g_j x / (x - z_j)` is near `exp(x)` for all `x <= 0`. In this form
 //! `r(0) = 1` to the last digit, whatever the rounding of `g` and `z`.
 //!
-//! The poles are those of the Caratheodory-Fejer approximation, from the singular value
-//! decomposition of the Hankel matrix of the Chebyshev coefficients of `exp(9 (s - 1) / (s + 1))`,
-//! `g_j` its residues divided by the poles. Leaving out the constant, so that `r(0) = 1`, doubles
-//! the least possible error.
+//! The poles come from the Caratheodory-Fejer approximation: from the singular value decomposition
+//! of the Hankel matrix of the Chebyshev coefficients of `exp(9 (s - 1) / (s + 1))`. The `g_j` are
+//! its residues divided by the poles. It has a constant term; to leave it out, so that `r(0) = 1`,
+//! doubles the least possible error.
 //!
 //! # Source
 //! Trefethen, Weideman and Schmelzer, *Talbot quadratures and rational approximations*, BIT 46,
@@ -15,10 +15,10 @@
 /// A rational approximation of the exponential.
 #[derive(Debug, PartialEq)]
 pub(crate) struct Order {
-    /// No window of any sigma, made of this approximation, is farther from the discrete Gaussian
-    /// than this, in the sum of all taps' errors.
+    /// A bound on the error of a window of any sigma, against the discrete Gaussian, summed over
+    /// all taps.
     pub(crate) error: f64,
-    /// Of each pair of conjugate poles one: `z_j`, `g_j`, each a real and an imaginary part.
+    /// One of each pair of conjugate poles: `z_j`, `g_j`, each as real and imaginary part.
     pub(crate) poles: &'static [[[f64; 2]; 2]],
 }
 
@@ -123,7 +123,7 @@ mod tests {
                 (value(x) - x.exp()).abs()
             });
             let error = errors.fold(0.0, f64::max);
-            // The error of a window's taps adds up to several times that of its transform.
+            // The errors of a window's taps add up to several times the error of its transform.
             assert!(error < 0.5 * order.error && error > 0.1 * order.error, "{error}");
         }
     }

@@ -9,9 +9,9 @@ use super::polygon::{Line, size, value_at};
 use super::sheets::{REACH, Slab};
 use super::visible::Candidate;
 use crate::homogeneous::{Vertex, cross, doubt, extent};
-use crate::rasterize::canvas::View;
 use crate::rasterize::culling::{Corner, Fate};
 use crate::rasterize::setup::Weights;
+use crate::rasterize::view::View;
 
 /// A band with the faces that were drawn in it.
 pub(in crate::rasterize) struct Drawn<'a, 'v, T: Scalar> {

@@ -6,7 +6,7 @@ use bokashi_core::Scalar;
 
 use super::drawn::Drawn;
 use super::marks::Marks;
-use crate::rasterize::canvas::sum_up;
+use crate::rasterize::view::sum_up;
 
 /// More pairs of a block and a face are not gathered at once, but for those of one block.
 const MOST_PAIRS: usize = 1 << 22;

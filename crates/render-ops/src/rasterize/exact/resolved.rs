@@ -4,7 +4,7 @@ use bokashi_core::Scalar;
 
 use super::pieces::Pieces;
 use crate::coverage::{Run, Slot};
-use crate::rasterize::canvas::NO_SLOT;
+use crate::rasterize::view::NO_SLOT;
 
 /// The pieces of a band as fragments, counted from its first run, slot and fragment.
 #[derive(Debug, Default)]

@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::background::Background;
+use crate::composite::composite;
 use crate::interpolate::interpolate;
-use crate::resolve::resolve;
 
 pub(super) fn exact(size: Size) -> RasterOptions {
     RasterOptions { sampling: Sampling::Exact, ..size.into() }
@@ -19,7 +19,7 @@ pub(super) fn picture<'t>(
     let fragments = rasterize(clip, mesh, options).unwrap();
     let surface = interpolate(colors, &fragments).unwrap();
     let background = clip.tape().constant(&Tensor::new([2], vec![0.1, 0.9]).unwrap());
-    resolve(surface, &fragments, Background::Color(background)).unwrap()
+    composite(surface, &fragments, Background::Color(background)).unwrap().image().unwrap()
 }
 
 /// The mean over `times` x `times` samples per pixel.
@@ -279,7 +279,8 @@ fn a_pixel_of_extreme_colors_has_their_mean() {
         let fragments = rasterize(tape.leaf(&tensor(&clip)), &mesh, exact(size)).unwrap();
         let surface = interpolate(tape.constant(&Tensor::full([3, 1], scale)), &fragments).unwrap();
         let background = tape.leaf(&Tensor::full([1], -scale));
-        let image = resolve(surface, &fragments, Background::Color(background)).unwrap();
+        let image =
+            composite(surface, &fragments, Background::Color(background)).unwrap().image().unwrap();
         let by_background = image.sum().backward().unwrap().get_or_zeros(background).item();
         (image.value(), by_background)
     };

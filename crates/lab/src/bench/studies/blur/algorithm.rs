@@ -5,7 +5,8 @@ use bokashi_fit::FitError;
 use bokashi_render_ops::{Blur, Border, Kernel, Radius, gaussian_blur};
 use bokashi_report::Stroke;
 
-use super::input::EXACT;
+/// The reference's window misses this share.
+pub(super) const EXACT: f64 = 1e-15;
 
 /// A way to blur, at a tolerance.
 pub(super) struct Algorithm {

@@ -9,12 +9,10 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::ThreadPool;
 
-use super::algorithm::{Algorithm, by_tolerance};
+use super::algorithm::{Algorithm, EXACT, by_tolerance};
 use crate::bench::difference::relative_error;
 use crate::bench::sampling::Contestant;
 
-/// The reference's window misses this share.
-pub(super) const EXACT: f64 = 1e-15;
 const CHANNELS: usize = 3;
 
 /// What is asked for.

@@ -17,13 +17,13 @@ use bokashi_fit::FitError;
 use bokashi_render_ops::Kernel;
 use bokashi_report::{PALETTE, Stroke};
 
-use self::algorithm::{ALGORITHMS, KERNELS};
+use self::algorithm::{ALGORITHMS, EXACT, KERNELS};
 use self::figure::{FRONT, Line, Point, panel};
-use self::input::{EXACT, Input, Quantity, Results};
+use self::input::{Input, Quantity, Results};
 use self::targets::targets;
 use crate::bench::effort::USUAL;
-use crate::bench::questions::Bench;
 use crate::bench::sampling::{Timing, interleaved};
+use crate::bench::setting::Bench;
 use crate::bench::study::{Figures, Study};
 use crate::bench::table::{Cell, Table};
 
@@ -229,7 +229,7 @@ impl Rivals<'_> {
 fn peer_points(bench: &Bench, names: &[String], pixels: usize, sigma: f64) -> Vec<Point> {
     let same = bench.peers_of("blur");
     let same = same.filter(|peer| peer.pixels == Some(pixels) && peer.sigma == Some(sigma));
-    let point = |peer: &crate::bench::questions::Peer| {
+    let point = |peer: &crate::bench::setting::Peer| {
         let line = ALGORITHMS.len() + names.iter().position(|name| *name == peer.name)?;
         let seconds_per_pixel = 1e-6 * peer.minimum_microseconds / (pixels * pixels) as f64;
         Some(Point { line, seconds_per_pixel, error: peer.error? })

@@ -7,8 +7,8 @@ use rayon::ThreadPool;
 use super::algorithm::{Algorithm, USED};
 use super::input::{Input, Quantity};
 use crate::bench::effort::USUAL;
-use crate::bench::questions::Bench;
 use crate::bench::sampling::interleaved;
+use crate::bench::setting::Bench;
 use crate::bench::table::{Cell, Table};
 
 /// Forward and backward to the image and sigma, f32, where others were measured: pixels, sigma,

@@ -2,7 +2,8 @@
 
 use bokashi_report::{Curve, Figure, PALETTE, Panel, SIZES, Scale, Stroke};
 
-use super::{METHODS, Row};
+use super::method::METHODS;
+use super::row::Row;
 use crate::bench::study::Figures;
 
 /// A panel per scene, with a curve per method through the scene's sizes.

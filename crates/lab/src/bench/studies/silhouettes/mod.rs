@@ -7,84 +7,29 @@
 
 mod cases;
 mod figure;
+mod method;
+mod row;
 mod scanlines;
 mod truth;
 
-use bokashi_core::{Tape, Tensor, Var};
+use bokashi_core::{Tape, Tensor};
 use bokashi_fit::FitError;
-use bokashi_render_ops::{Cull, RasterOptions, Sampling};
+use bokashi_render_ops::Cull;
 
 use self::cases::{CASES, Case, Kind};
 use self::figure::figures;
+use self::method::{METHODS, Method};
+use self::row::{Errors, Row};
 use self::truth::{Truth, truths};
 use crate::bench::effort::USUAL;
-use crate::bench::pipeline::{render, resolved};
-use crate::bench::questions::Bench;
-use crate::bench::sampling::{Contestant, Timing, interleaved};
+use crate::bench::sampling::{Contestant, interleaved};
 use crate::bench::scenes::Scene;
+use crate::bench::setting::Bench;
 use crate::bench::study::Study;
 use crate::bench::table::{Cell, Table};
 
 /// The sizes of the images, in pixels: each a divisor of the last one.
 const PIXELS: [usize; 4] = [8, 16, 32, 64];
-
-/// A way to make an image of a scene.
-struct Method {
-    /// For people, and for programs.
-    name: &'static str,
-    key: &'static str,
-    /// Whether every edge is a seam.
-    has_seams: bool,
-    image: Image,
-}
-
-/// The image of a scene with other positions and colours.
-type Image = for<'t> fn(&Scene, Cull, Var<'t, f32>, Var<'t, f32>) -> Result<Var<'t, f32>, FitError>;
-
-/// All methods; another one is another row.
-const METHODS: [Method; 6] = [
-    method("no antialias", "no_antialias", |scene, cull, p, c| {
-        Ok(resolved(scene, RasterOptions { cull, ..scene.size.into() }, p, c)?.image)
-    }),
-    method("antialias", "antialias", render),
-    method("antialias, 2x2", "antialias_2x2", |scene, cull, p, c| {
-        supersampled(2, scene, cull, p, c)
-    }),
-    method("antialias, 4x4", "antialias_4x4", |scene, cull, p, c| {
-        supersampled(4, scene, cull, p, c)
-    }),
-    method("exact", "exact", exact),
-    Method { has_seams: true, ..method("exact, all edges", "exact_all_edges", exact) },
-];
-
-/// With exact coverage.
-fn exact<'t>(
-    scene: &Scene,
-    cull: Cull,
-    positions: Var<'t, f32>,
-    colors: Var<'t, f32>,
-) -> Result<Var<'t, f32>, FitError> {
-    let options = RasterOptions { cull, sampling: Sampling::Exact, ..scene.size.into() };
-    Ok(resolved(scene, options, positions, colors)?.image)
-}
-
-const fn method(name: &'static str, key: &'static str, image: Image) -> Method {
-    Method { name, key, has_seams: false, image }
-}
-
-/// `times` x `times` antialiased pixels make one.
-fn supersampled<'t>(
-    times: usize,
-    scene: &Scene,
-    cull: Cull,
-    positions: Var<'t, f32>,
-    colors: Var<'t, f32>,
-) -> Result<Var<'t, f32>, FitError> {
-    let pixels = scene.size.width;
-    let large = render(&scene.at(times * pixels), cull, positions, colors)?;
-    let split = large.reshape([pixels, times, pixels, times, 3])?;
-    Ok(split.mean_axis(3)?.mean_axis(1)?)
-}
 
 /// A scene at one size as a method takes it.
 struct Subject {
@@ -121,42 +66,6 @@ impl Subject {
         tape.reset();
         Ok(found)
     }
-}
-
-/// What a method got wrong over the seeds of a case at one size.
-#[derive(Debug, Clone, Default)]
-struct Errors {
-    /// Of the gradient, as a share of it.
-    gradient: Vec<f64>,
-    /// Of the picture's worst pixel, at most.
-    pixel: f64,
-}
-
-impl Errors {
-    fn add(&mut self, truth: &Truth, [image, gradient]: &[Tensor<f32>; 2]) {
-        let wide = |tensor: &Tensor<f32>| tensor.cast::<f64>();
-        self.gradient.push(truth.error(wide(gradient).data()));
-        self.gradient.sort_by(f64::total_cmp);
-        self.pixel = self.pixel.max(truth.pixel_error(wide(image).data()));
-    }
-
-    /// Least, median and largest.
-    fn of_gradient(&self) -> [f64; 3] {
-        let all = &self.gradient;
-        [all[0], all[all.len() / 2], all[all.len() - 1]]
-    }
-}
-
-/// Everything measured of a case at one size: per method its errors, and its times where there are
-/// any.
-struct Row {
-    case: String,
-    pixels: usize,
-    errors: Vec<Errors>,
-    timings: Vec<Option<Timing>>,
-    /// The truth's own, at most.
-    noise: f64,
-    pixel_noise: f64,
 }
 
 /// Measures a case at `sizes`.

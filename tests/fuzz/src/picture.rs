@@ -1,20 +1,20 @@
-//! Layers against images: the same picture and the same squared error, by either way.
+//! Pictures before a colour, and before an image of that colour: the same picture and squared error.
 
 use std::cell::Cell;
 
-use arbitrary::{Result, Unstructured};
+use arbitrary::Unstructured;
 use bokashi_core::{Scalar, Tensor};
 use bokashi_render_ops::{
-    Background, Mesh, RasterOptions, Sampling, Target, antialias, interpolate, layer, rasterize,
-    resolve,
+    Background, Mesh, Picture, RasterOptions, Reference, RenderError, Sampling, antialias,
+    composite, interpolate, rasterize,
 };
 
 use super::mesh::{check_pieces, faces, sampling, size};
 use super::number::{Range, bits, expanded};
 use super::step::check;
 
-/// Runs the layer that `bytes` stand for; returns the number of its pixels, the rim included.
-pub fn layers(bytes: &[u8]) -> usize {
+/// Runs the picture that `bytes` stand for; returns the number of its pixels, the rim included.
+pub fn pictures(bytes: &[u8]) -> usize {
     let bytes = expanded(bytes);
     let mut bytes = Unstructured::new(&bytes);
     let done = match bytes.arbitrary::<bool>() {
@@ -25,7 +25,7 @@ pub fn layers(bytes: &[u8]) -> usize {
     done.unwrap_or(0)
 }
 
-fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> Result<usize> {
+fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> arbitrary::Result<usize> {
     let range = Range::choose::<T>(bytes)?;
     let size = size(bytes)?;
     let vertex_count = bytes.int_in_range(0..=12)?;
@@ -37,11 +37,11 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> Result<usize> {
     let attributes = range.tensor(bytes, &[vertex_count, channels])?;
     let color = range.tensor(bytes, &[channels])?;
     let image: Tensor<T> = range.tensor(bytes, &[size.height, size.width, channels])?;
-    // Of the same background, so that pixels beside the layer are left out, or of another one.
+    // Of the same background, so that pixels beside the picture are left out, or of another one.
     let behind = if background > 1 { color.clone() } else { Tensor::zeros([channels]) };
     let sampling = sampling(bytes)?;
     let options = RasterOptions { sampling, ..size.into() };
-    let Ok(target) = Target::new(&image, &behind) else { return Ok(0) };
+    let Ok(reference) = Reference::new(&image, &behind) else { return Ok(0) };
 
     let is_stated = range.is_stated();
     let tolerance = if size_of::<T>() == 4 { 1e-4 } else { 1e-12 };
@@ -60,21 +60,29 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> Result<usize> {
             let fragments = rasterize(clip, &mesh, options)?;
             check_pieces(&fragments);
             let surface = interpolate(attributes, &fragments)?;
-            let mut layer = layer(surface, &fragments, background)?;
-            let mut whole = resolve(surface, &fragments, background)?;
-            if sampling == Sampling::Center {
-                layer = layer.antialias(clip)?;
-                whole = antialias(whole, &fragments, clip)?;
-            }
-            reached.set(layer.values.shape()[0]);
-            let [found, expected] = [layer.image()?.value(), whole.value()];
+            let before = |background| -> Result<Picture<'_, T>, RenderError> {
+                let picture = composite(surface, &fragments, background)?;
+                match sampling {
+                    Sampling::Center => antialias(picture),
+                    Sampling::Exact => Ok(picture.into()),
+                }
+            };
+            let picture = before(background)?;
+            reached.set(picture.values().shape()[0]);
+            let color = match background {
+                Background::Color(color) => color.value().data().to_vec(),
+                _ => vec![T::ZERO; channels],
+            };
+            let sky = Tensor::from_fn([size.height, size.width, channels], |k| color[k % channels]);
+            let whole = before(Background::Image(tape.constant(&sky)))?.image()?;
+            let [found, expected] = [picture.image()?.value(), whole.value()];
             assert_eq!(bits(found.data()), bits(expected.data()), "the picture");
-            let loss = layer.squared_error(&target)?;
-            let terms = whole.try_sub(tape.constant(target.image()))?.value();
+            let loss = picture.squared_error(&reference)?;
+            let terms = whole.try_sub(tape.constant(reference.image()))?.value();
             let expected: f64 = terms.data().iter().map(|term| term.to_f64().powi(2)).sum();
             let is_close = (loss.item().to_f64() - expected).abs() <= tolerance * expected;
             assert!(is_close || !is_stated, "loss {} instead of {expected}", loss.item());
-            Ok::<_, bokashi_render_ops::RenderError>(loss)
+            Ok::<_, RenderError>(loss)
         },
     );
     Ok(reached.get())

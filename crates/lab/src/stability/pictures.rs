@@ -1,8 +1,8 @@
-//! Layers that are empty, cover all, or have a single pixel.
+//! Pictures that are empty, cover all, or have a single pixel.
 
 use bokashi_core::{Scalar, Tape, Tensor};
 use bokashi_render_ops::{
-    Background, Size, Target, antialias, interpolate, layer, rasterize, resolve,
+    Background, Reference, Size, antialias, composite, interpolate, rasterize,
 };
 
 use super::row::{Found, Outcome};
@@ -23,19 +23,19 @@ pub(super) fn against_the_image<T: Scalar>() -> Outcome {
             let colors = tape.leaf(&Tensor::from_fn([3, 2], |k| T::from_f64(motley(k))));
             let goal = Tensor::from_fn([height, width, 2], |k| T::from_f64(motley(3 * k + 1)));
             let behind = Tensor::from_fn([2], |k| T::from_f64(motley(k + 7)));
-            let target = Target::new(&goal, &behind)?;
-            let background = Background::Color(tape.constant(&behind));
+            let reference = Reference::new(&goal, &behind)?;
+            let sky = Tensor::from_fn([height, width, 2], |k| behind.data()[k % 2]);
 
             let fragments = rasterize(positions, &scene.mesh()?, size)?;
             let surface = interpolate(colors, &fragments)?;
-            let layer = layer(surface, &fragments, background)?.antialias(positions)?;
-            let whole = resolve(surface, &fragments, background)?;
-            let whole = antialias(whole, &fragments, positions)?;
-            wrong += usize::from(layer.image()?.value() != whole.value());
+            let before = |background| antialias(composite(surface, &fragments, background)?);
+            let sparse = before(Background::Color(tape.constant(&behind)))?;
+            let dense = before(Background::Image(tape.constant(&sky)))?.image()?;
+            wrong += usize::from(sparse.image()?.value() != dense.value());
             counts.push(fragments.coverage.count());
 
-            let found = layer.squared_error(&target)?;
-            let expected = (whole - tape.constant(&goal)).square().sum();
+            let found = sparse.squared_error(&reference)?;
+            let expected = (dense - tape.constant(&goal)).square().sum();
             let [loss, exact] = [found, expected].map(|loss| loss.item().to_f64());
             error = error.greater((loss / exact - 1.0).abs());
             let [found, expected] = [found.backward()?, expected.backward()?];
@@ -50,5 +50,5 @@ pub(super) fn against_the_image<T: Scalar>() -> Outcome {
     let [some, all] = [counts.contains(&0), counts.contains(&36_000)];
     Ok(Found::within("the same picture, error and gradients", error, 64.0 * rounding::<T>())
         .and(wrong == 0, format!("{wrong} pictures are others"))
-        .and(some && all, "no layer is empty, or none covers all"))
+        .and(some && all, "no picture is empty, or none covers all"))
 }

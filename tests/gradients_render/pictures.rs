@@ -1,8 +1,10 @@
-//! Depth, and layers: pictures without their background.
+//! Depth, and pictures before every background, with their losses.
 
 use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
-use bokashi_render_ops::{Background, Mesh, Target, depth, interpolate, layer, rasterize};
+use bokashi_render_ops::{
+    Background, Mesh, PixelLoss, Reference, antialias, composite, depth, interpolate, rasterize,
+};
 use proptest::prelude::*;
 
 use super::blends::blends;
@@ -49,13 +51,13 @@ fn of_one_face(clip: Input) -> Case {
 }
 
 #[derive(Debug)]
-struct Layers {
+struct Pictures {
     scene: Scene,
     /// 0: zeros, 1: the third input, a colour, 2: the third input, an image.
     background: usize,
 }
 
-impl Subject for Layers {
+impl Subject for Pictures {
     /// Clip positions, attributes, and perhaps a background.
     fn apply<'t, T: Scalar>(
         &self,
@@ -72,32 +74,37 @@ impl Subject for Layers {
             _ => Background::Image(inputs[2]),
         };
         let surface = interpolate(inputs[1], &fragments)?;
-        let layer = layer(surface, &fragments, background)?.antialias(inputs[0])?;
+        let picture = antialias(composite(surface, &fragments, background)?)?;
         let goal = |k: usize| T::from_f64((k * 13 % 29) as f64 / 29.0);
         let goal = Tensor::from_fn([size.height, size.width, 2], goal);
-        let loss = layer.squared_error(&Target::new(&goal, &Tensor::zeros([2]))?)?;
+        let black = Tensor::zeros([2]);
+        let error = picture.squared_error(&Reference::new(&goal, &black)?)?;
+        let robust = PixelLoss::new(&goal, &black, |seen, goal| {
+            Ok((seen.try_sub(goal)?.square() + T::from_f64(0.1)).sqrt())
+        })?;
+        let robust = picture.map(|seen| Ok(seen.square() + seen))?.loss(&robust)?;
         let ids = fragments.coverage.triangle_ids();
-        Ok(Outcome::from(vec![layer.image()?, loss]).with_state(ids).with_state(choices))
+        Ok(Outcome::from(vec![picture.image()?, error, robust]).with_state(ids).with_state(choices))
     }
 }
 
 #[test]
-fn layers_before_every_background() {
+fn pictures_before_every_background() {
     for (kind, scenes) in scenes() {
         for background in 0..3 {
-            let cases = scenes.clone().prop_map(move |scene| in_layers(scene, background));
+            let cases = scenes.clone().prop_map(move |scene| in_pictures(scene, background));
             // Of four bands: the sums of two are the same in either order.
             let large = scenes.clone().prop_map(move |scene| {
-                in_layers(Scene { size: size(190, 300), ..scene }, background)
+                in_pictures(Scene { size: size(190, 300), ..scene }, background)
             });
-            let name = format!("layer {background}, {kind}");
+            let name = format!("picture {background}, {kind}");
             check(Check::of_cases(name, cases).large(1, large));
         }
     }
 }
 
-/// A scene before a background: see [`Layers`].
-fn in_layers(scene: Scene, background: usize) -> Case {
+/// A scene before a background: see [`Pictures`].
+fn in_pictures(scene: Scene, background: usize) -> Case {
     let (vertices, size) = (scene.mesh.vertex_count(), scene.size);
     let motley = |k: usize| (k * 37 % 101) as f64 / 101.0;
     let mut inputs = vec![scene.clip.clone(), Tensor::from_fn([vertices, 2], motley)];
@@ -107,5 +114,5 @@ fn in_layers(scene: Scene, background: usize) -> Case {
         _ => inputs.push(Tensor::from_fn([size.height, size.width, 2], motley)),
     }
     let inputs: Vec<_> = inputs.into_iter().map(Input::leaf).collect();
-    Case::new(Layers { scene, background }, inputs)
+    Case::new(Pictures { scene, background }, inputs)
 }

@@ -1,82 +1,53 @@
-//! From fragments to an image.
+//! From a picture to an image.
 //!
 //! # Forward
-//! A covered pixel is the value of its fragment, any other one the background; of a layer that has
-//! been antialiased, the pixels of its rim are its own as well.
+//! A pixel of the picture has its value, any other pixel the background.
 //!
 //! # Backward
-//! `values_bar_n = image_bar` at the value's pixel; the background's gradient is `image_bar` at the
-//! pixels without a value, summed over them where the background is one colour. It is linear.
+//! `values_bar_p = image_bar` at the value's pixel; the background's gradient is `image_bar` at the
+//! other pixels, summed over them where the background is one colour. It is linear.
 
 use std::sync::Arc;
 
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 
-use crate::background::{Background, Behind};
+use crate::background::Kind;
 use crate::coverage::Coverage;
 use crate::error::RenderError;
-use crate::fragments::Fragments;
-use crate::layer::Layer;
+use crate::picture::Picture;
 
-/// The image `[H, W, C]` of fragment values `[N, C]` before a background.
-///
-/// # Errors
-/// [`RenderError::Shape`] unless the values are `[N, C]`, C > 0, with N the number of fragments, and
-/// the background has as many channels and, if it is an image, the image's size; and for fragments
-/// that are not whole. `TensorError::ForeignVariable` for variables of several tapes.
-pub fn resolve<'t, T: Scalar>(
-    values: Var<'t, T>,
-    fragments: &Fragments<'t, T>,
-    background: Background<'t, T>,
-) -> Result<Var<'t, T>, RenderError> {
-    Layer::of("resolve", values, fragments, background)?.image()
-}
-
-impl<'t, T: Scalar> Layer<'t, T> {
-    /// The image `[H, W, C]` of the layer before its background.
+impl<'t, T: Scalar> Picture<'t, T> {
+    /// The dense image, `[H, W, C]`, with the background where the picture has no pixel.
     ///
     /// # Errors
-    /// [`RenderError::Shape`] unless the values have a row for each pixel of the layer and at least
-    /// one channel, and the background as many channels and, if it is an image, the image's size.
-    /// `TensorError::ForeignVariable` for variables of several tapes.
+    /// None that a picture can cause.
     pub fn image(&self) -> Result<Var<'t, T>, RenderError> {
-        self.checked_channels("resolve")?;
-        let op = Resolve {
-            coverage: Arc::clone(&self.coverage),
-            rim: self.rim.clone(),
-            behind: self.background.behind(),
-        };
-        let tape = self.values.tape();
-        match self.background.variable() {
-            None => {
-                tape.leave_out("resolve", "gradient of the background: it is empty");
-                tape.apply(op, &[self.values])
-            }
-            Some(background) => tape.apply(op, &[self.values, background]),
-        }
+        let (coverage, rim) = (Arc::clone(&self.coverage), self.rim.clone());
+        let op = Image { coverage, rim, kind: self.backdrop.kind };
+        self.values.tape().apply(op, &[self.values, self.backdrop.values])
     }
 }
 
-/// Inputs: values `[P, C]`, and perhaps a background `[C]` or `[H, W, C]`.
-struct Resolve {
+/// Inputs: values `[P, C]`, a background `[C]` or `[H, W, C]`.
+struct Image {
     coverage: Arc<Coverage>,
     rim: Option<Arc<Vec<u32>>>,
-    behind: Behind,
+    kind: Kind,
 }
 
-impl Resolve {
+impl Image {
     fn rim(&self) -> &[u32] {
         self.rim.as_deref().map_or(&[], Vec::as_slice)
     }
 }
 
-impl<T: Scalar> Op<T> for Resolve {
+impl<T: Scalar> Op<T> for Image {
     /// Memory for the sums over the pixels that show a background of one colour.
     type Saved = Vec<T::Wide>;
     type Error = RenderError;
 
     fn name(&self) -> &'static str {
-        "resolve"
+        "image"
     }
 
     fn forward(
@@ -86,16 +57,12 @@ impl<T: Scalar> Op<T> for Resolve {
         _saved: &mut Self::Saved,
     ) -> Result<(), RenderError> {
         let (size, channels) = (self.coverage.size(), inputs.shape(0)[1]);
-        let background = if inputs.len() == 2 { inputs.data(1) } else { &[] };
-        if inputs.len() == 2 {
-            self.behind.check("resolve", inputs.shape(1), size, channels)?;
-        }
-        let values = inputs.data(0);
+        let (values, background) = (inputs.data(0), inputs.data(1));
         let image = outputs.push([size.height, size.width, channels]);
         self.coverage.for_each_gap(self.rim(), |gap| {
             let first = gap.start;
             let entries = gap.start * channels..gap.end * channels;
-            self.behind.fill(&mut image[entries], background, channels, first);
+            self.kind.fill(&mut image[entries], background, channels, first);
         });
         for span in self.coverage.center_spans() {
             let pixels = span.pixels();
@@ -143,11 +110,8 @@ impl<T: Scalar> Op<T> for Resolve {
                 own.iter_mut().zip(upstream).for_each(|(own, &bar)| *own += bar);
             }
         }
-        if kept.input_count() == 1 {
-            return;
-        }
         let Some(background_bar) = gradients.get(1) else { return };
-        if self.behind == Behind::Color {
+        if self.kind == Kind::Color {
             sums.clear();
             sums.resize(channels, T::Wide::ZERO);
             self.coverage.for_each_gap(self.rim(), |gap| {
@@ -174,6 +138,9 @@ mod tests {
     use bokashi_core::{Tape, Tensor};
 
     use super::*;
+    use crate::background::Background;
+    use crate::composite::composite;
+    use crate::fragments::Fragments;
     use crate::mesh::Mesh;
     use crate::rasterize::rasterize;
     use crate::size::Size;
@@ -212,7 +179,7 @@ mod tests {
         let color = tape.leaf(&Tensor::new([2], vec![0.25, 0.5]).unwrap());
         let image = tape.leaf(&Tensor::from_fn([3, 5, 2], |k| -(k as f64)));
         for background in [Background::Zero, Background::Color(color), Background::Image(image)] {
-            let out = resolve(values, &fragments, background).unwrap().value();
+            let out = composite(values, &fragments, background).unwrap().image().unwrap().value();
             assert_eq!(*out.shape(), [3, 5, 2].into());
             let behind = |k: usize| match background {
                 Background::Zero => 0.0,
@@ -237,7 +204,7 @@ mod tests {
         let color = tape.leaf(&Tensor::zeros([2]));
         let image = tape.leaf(&Tensor::zeros([3, 5, 2]));
         for background in [Background::Zero, Background::Color(color), Background::Image(image)] {
-            let out = resolve(values, &fragments, background).unwrap();
+            let out = composite(values, &fragments, background).unwrap().image().unwrap();
             let gradients = tape.vjp(&[(out, &upstream)]).unwrap();
             assert_eq!(gradients.get(values).unwrap().data(), at_covered);
             match background {
@@ -260,37 +227,10 @@ mod tests {
         let fragments = rasterize(clip, &Mesh::new(vec![], 1).unwrap(), SIZE).unwrap();
         let values = tape.leaf(&Tensor::zeros([0, 1]));
         let color = tape.leaf(&Tensor::full([1], 0.5));
-        let out = resolve(values, &fragments, Background::Color(color)).unwrap();
+        let out = composite(values, &fragments, Background::Color(color)).unwrap();
+        let out = out.image().unwrap();
         assert_eq!(out.value().data(), [0.5; 15]);
         let gradients = out.sum().backward().unwrap();
         assert_eq!(gradients.get(color).unwrap().data(), [15.0]);
-    }
-
-    #[test]
-    fn wrong_shapes_are_refused() {
-        let tape = Tape::<f64>::new();
-        let (fragments, values) = surface(&tape);
-        let count = fragments.coverage.count();
-        for shape in [vec![count], vec![count + 1, 2], vec![count, 0], vec![count, 2, 1]] {
-            let wrong = tape.leaf(&Tensor::zeros(shape.as_slice()));
-            let error = resolve(wrong, &fragments, Background::Zero).unwrap_err();
-            let rule = format!("resolve needs values of shape [{count}, C], C > 0, got shape");
-            assert!(error.to_string().starts_with(&rule), "{error}");
-        }
-        for shape in [&[][..], &[3], &[1], &[2], &[5, 3, 2], &[3, 5, 1], &[3, 5, 2], &[30]] {
-            let behind = tape.leaf(&Tensor::zeros(shape));
-            for (background, rule, right) in [
-                (Background::Color(behind), "a background colour of shape [2]", &[2][..]),
-                (Background::Image(behind), "a background image of shape [3, 5, 2]", &[3, 5, 2]),
-            ] {
-                let resolved = resolve(values, &fragments, background);
-                if shape == right {
-                    assert!(resolved.is_ok());
-                    continue;
-                }
-                let message = resolved.unwrap_err().to_string();
-                assert!(message.starts_with(&format!("resolve needs {rule}, got")), "{message}");
-            }
-        }
     }
 }

@@ -1,5 +1,5 @@
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    bokashi_fuzz::layers(bytes);
+    bokashi_fuzz::pictures(bytes);
 });

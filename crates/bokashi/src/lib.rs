@@ -1,0 +1,94 @@
+//! Differentiable rendering pipelines of your own, on a CPU: a tape, rendering operations and fits
+//! under one name.
+//!
+//! Where is this cube, and how blurred is its picture?
+//!
+//! ```
+//! use bokashi::glam::{DMat4, dcamera::rh::proj::opengl::perspective};
+//! use bokashi::prelude::*;
+//!
+//! /// What is known: the cube and the camera.
+//! struct Scene {
+//!     mesh: Mesh,
+//!     vertices: Tensor<f64>,
+//!     colors: Tensor<f64>,
+//!     camera: DMat4,
+//! }
+//!
+//! impl Scene {
+//!     fn picture<'t>(
+//!         &self,
+//!         tape: &'t Tape<f64>,
+//!         variables: &Variables<'t, f64>,
+//!     ) -> Result<Var<'t, f64>, FitError> {
+//!         let pose = Pose {
+//!             rotation: variables.get("rotation")?,
+//!             translation: variables.get("translation")?,
+//!         };
+//!         let clip = project(tape.constant(&self.vertices), &self.camera, Some(pose))?;
+//!         let fragments = rasterize(clip, &self.mesh, Size::square(32))?;
+//!         let surface = interpolate(tape.constant(&self.colors), &fragments)?;
+//!         let picture = antialias(composite(surface, &fragments, Background::Zero)?)?;
+//!         Ok(gaussian_blur(picture.image()?, variables.get("sigma")?, &Blur::default())?)
+//!     }
+//! }
+//!
+//! fn parameters(pose: [f64; 7], sigma: f64) -> Result<Parameters<f64>, FitError> {
+//!     let part = |from: usize, length: usize| Tensor::from_fn([length], |k| pose[from + k]);
+//!     let sigma = Parameter::new("sigma", Tensor::scalar(sigma)).mapping(Mapping::Softplus);
+//!     Parameters::new()
+//!         .with(Parameter::new("rotation", part(0, 4)).rate(0.02))?
+//!         .with(Parameter::new("translation", part(4, 3)).rate(0.01))?
+//!         .with(sigma.rate(0.02))
+//! }
+//!
+//! fn main() -> Result<(), FitError> {
+//!     let sides: [[u32; 4]; 6] =
+//!         [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]];
+//!     let faces = sides.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+//!     // Vertex k has the bits of k as its coordinates, and as its colours.
+//!     let bit = |entry: usize| ((entry / 3) >> (2 - entry % 3) & 1) as f64;
+//!     let scene = Scene {
+//!         mesh: Mesh::new(faces, 8)?,
+//!         vertices: Tensor::from_fn([8, 3], |entry| bit(entry) - 0.5),
+//!         colors: Tensor::from_fn([8, 3], bit),
+//!         camera: perspective(0.7, 1.0, 1.0, 50.0),
+//!     };
+//!
+//!     let tape = Tape::new();
+//!     let truth = parameters([0.1, 0.3, -0.1, 0.9, 0.2, -0.1, -4.0], 1.5)?;
+//!     let photo = scene.picture(&tape, &truth.record(&tape))?.value();
+//!
+//!     let start = parameters([0.0, 0.2, 0.0, 1.0, 0.1, 0.0, -3.9], 3.0)?;
+//!     let settings = FitSettings { steps: 100, ..FitSettings::default() };
+//!     let history = Fit::new(start, settings)?.run(&mut from_fn(|tape, variables| {
+//!         let image = scene.picture(tape, variables)?;
+//!         Ok(squared_error(image, tape.constant(&photo))?)
+//!     }))?;
+//!     assert!(history.last().loss < 0.1 * history.initial().loss);
+//!     Ok(())
+//! }
+//! ```
+//!
+//! The engine's crates have names of their own, for those who need one of them alone: [`core`], the
+//! tape and what it records; [`render_ops`], the rendering operations; [`fit`], the loop around them.
+
+pub use bokashi_core as core;
+pub use bokashi_fit as fit;
+pub use bokashi_render_ops as render_ops;
+/// The matrices and quaternions that cameras and poses are made of.
+pub use glam;
+
+/// What nearly every pipeline names: `use bokashi::prelude::*;`.
+pub mod prelude {
+    pub use bokashi_core::{
+        Accumulators, Gradients, Inputs, Keep, Kept, Op, Outputs, Scalar, Shape, Tape, Tensor,
+        TensorError, Var,
+    };
+    pub use bokashi_fit::{
+        Fit, FitError, FitSettings, History, Mapping, Optimizer, Parameter, Parameters, Pipeline,
+        Schedule, Variables, from_fn, mean_squared_error, squared_error,
+    };
+    // All operations, their types and their error.
+    pub use bokashi_render_ops::*;
+}

@@ -1,0 +1,67 @@
+//! The ways to make an image that has a gradient at its silhouettes.
+
+use bokashi_core::Var;
+use bokashi_fit::FitError;
+use bokashi_render_ops::{Cull, RasterOptions, Sampling};
+
+use crate::bench::pipeline::{drawn, render};
+use crate::bench::scenes::Scene;
+
+/// A way to make an image of a scene.
+pub(super) struct Method {
+    /// For people, and for programs.
+    pub(super) name: &'static str,
+    pub(super) key: &'static str,
+    /// Whether every edge is a seam.
+    pub(super) has_seams: bool,
+    pub(super) image: Image,
+}
+
+/// The image of a scene with other positions and colours.
+pub(super) type Image =
+    for<'t> fn(&Scene, Cull, Var<'t, f32>, Var<'t, f32>) -> Result<Var<'t, f32>, FitError>;
+
+/// All methods; another one is another row.
+pub(super) const METHODS: [Method; 6] = [
+    method("no antialias", "no_antialias", |scene, cull, p, c| {
+        Ok(drawn(scene, RasterOptions { cull, ..scene.size.into() }, p, c)?.composite.image()?)
+    }),
+    method("antialias", "antialias", render),
+    method("antialias, 2x2", "antialias_2x2", |scene, cull, p, c| {
+        supersampled(2, scene, cull, p, c)
+    }),
+    method("antialias, 4x4", "antialias_4x4", |scene, cull, p, c| {
+        supersampled(4, scene, cull, p, c)
+    }),
+    method("exact", "exact", exact),
+    Method { has_seams: true, ..method("exact, all edges", "exact_all_edges", exact) },
+];
+
+/// With exact coverage.
+fn exact<'t>(
+    scene: &Scene,
+    cull: Cull,
+    positions: Var<'t, f32>,
+    colors: Var<'t, f32>,
+) -> Result<Var<'t, f32>, FitError> {
+    let options = RasterOptions { cull, sampling: Sampling::Exact, ..scene.size.into() };
+    Ok(drawn(scene, options, positions, colors)?.composite.image()?)
+}
+
+const fn method(name: &'static str, key: &'static str, image: Image) -> Method {
+    Method { name, key, has_seams: false, image }
+}
+
+/// `times` x `times` antialiased pixels make one.
+fn supersampled<'t>(
+    times: usize,
+    scene: &Scene,
+    cull: Cull,
+    positions: Var<'t, f32>,
+    colors: Var<'t, f32>,
+) -> Result<Var<'t, f32>, FitError> {
+    let pixels = scene.size.width;
+    let large = render(&scene.at(times * pixels), cull, positions, colors)?;
+    let split = large.reshape([pixels, times, pixels, times, 3])?;
+    Ok(split.mean_axis(3)?.mean_axis(1)?)
+}

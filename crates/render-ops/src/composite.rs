@@ -1,0 +1,274 @@
+//! From fragments to a picture.
+//!
+//! # Forward
+//! Where one fragment covers a pixel, at its centre, the pixel has the fragment's value: nothing is
+//! computed. A boundary pixel of exact coverage, with pieces of values `v_n` and weights `w_n` before a
+//! background b, has `x = b + sum_n w_n (v_n - b)`. In [`Scalar::Wide`], and of halves, whose
+//! differences are within the range of the numbers where the values are.
+//!
+//! # Backward
+//! `v_bar_n = w_n x_bar`, `w_bar_n = x_bar . (v_n - b)`, `b_bar = (1 - sum_n w_n) x_bar`.
+
+use std::sync::Arc;
+
+use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
+
+use crate::background::{Background, Kind};
+use crate::coverage::Coverage;
+use crate::error::RenderError;
+use crate::fragments::Fragments;
+use crate::picture::{Composite, Picture, checked_channels};
+use crate::size::Size;
+
+const NAME: &str = "composite";
+
+/// The picture of fragment values `[N, C]` before a background.
+///
+/// With fragments at pixel centres it costs nothing. Pieces of exact coverage are added up, each with
+/// its weight.
+///
+/// # Errors
+/// [`RenderError::Shape`] unless the values are `[N, C]`, C > 0, with N the number of fragments, and
+/// the background has as many channels and, if it is an image, the image's size; and for fragments
+/// that are not whole. `TensorError::ForeignVariable` for variables of several tapes.
+pub fn composite<'t, T: Scalar>(
+    values: Var<'t, T>,
+    fragments: &Fragments<'t, T>,
+    background: Background<'t, T>,
+) -> Result<Composite<'t, T>, RenderError> {
+    let tape = values.tape();
+    let coverage = fragments.checked_coverage(NAME, tape)?;
+    let channels = checked_channels(NAME, values, coverage.count())?;
+    let backdrop = background.behind(NAME, tape, coverage.size(), channels)?;
+    let (mut values, mut rim) = (values, None);
+    if let Some(weight) = fragments.weight {
+        let op = MixPieces { coverage: Arc::clone(&coverage), kind: backdrop.kind };
+        values = tape.apply(op, &[values, weight, backdrop.values])?;
+        rim = Some(Arc::clone(&coverage.boundary.pixels));
+    }
+    Ok(Composite(Picture { values, backdrop, clip: fragments.clip, coverage, rim }))
+}
+
+impl<'t, T: Scalar> Composite<'t, T> {
+    /// The picture of a dense `image: [H, W, C]`, for whoever shades images before they are
+    /// antialiased: its covered pixels are values, and all others an image in the background. It costs
+    /// two copies of the image where [`composite`] costs nothing.
+    ///
+    /// # Errors
+    /// [`RenderError::Shape`] unless the image is `[H, W, C]`, C > 0, of the fragments' size, and for
+    /// fragments that are not whole; [`RenderError::ExactCoverage`] for fragments with exact coverage;
+    /// `TensorError::ForeignVariable` for variables of several tapes.
+    pub fn of_image(image: Var<'t, T>, fragments: &Fragments<'t, T>) -> Result<Self, RenderError> {
+        let coverage = fragments.checked_coverage(NAME, image.tape())?;
+        coverage.check_centers(NAME)?;
+        let size = coverage.size();
+        let &[height, width, channels] = &*image.shape() else {
+            return Err(not_an_image(size, image));
+        };
+        if [height, width] != [size.height, size.width] || channels == 0 {
+            return Err(not_an_image(size, image));
+        }
+        let pixels: Arc<[u32]> = coverage.pixels().map(|pixel| pixel as u32).collect();
+        let values = image.reshape([size.pixels(), channels])?.gather_rows(&pixels)?;
+        composite(values, fragments, Background::Image(image))
+    }
+}
+
+fn not_an_image<T: Scalar>(size: Size, given: Var<'_, T>) -> RenderError {
+    let rule = format!("an image of shape [{}, {}, C], C > 0", size.height, size.width);
+    RenderError::Shape { operation: NAME, rule, shape: given.shape() }
+}
+
+/// Inputs: values `[N, C]`, weights `[K]` of the pieces, a background `[C]` or `[H, W, C]`.
+struct MixPieces {
+    coverage: Arc<Coverage>,
+    kind: Kind,
+}
+
+impl<T: Scalar> Op<T> for MixPieces {
+    type Saved = ();
+    type Error = RenderError;
+
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn forward(
+        &self,
+        inputs: &Inputs<'_, T>,
+        outputs: &mut Outputs<'_, T>,
+        _saved: &mut (),
+    ) -> Result<(), RenderError> {
+        let (values, weights, background) = (inputs.data(0), inputs.data(1), inputs.data(2));
+        let (coverage, channels) = (&*self.coverage, inputs.shape(0)[1]);
+        if coverage.boundary.pixels.is_empty() {
+            outputs.pass(0, "no discontinuities");
+            return Ok(());
+        }
+        let centers = coverage.centers();
+        let out = outputs.push([centers + coverage.boundary.pixels.len(), channels]);
+        let (own, mixed) = out.split_at_mut(centers * channels);
+        own.copy_from_slice(&values[..centers * channels]);
+        for ((pixel, fragments), mixed) in coverage.boundary().zip(mixed.chunks_exact_mut(channels))
+        {
+            self.kind.fill(mixed, background, channels, pixel);
+            for (c, mixed) in mixed.iter_mut().enumerate() {
+                let behind = half(*mixed);
+                let parts = fragments.iter().map(|&fragment| {
+                    let (value, weight) = piece(values, weights, fragment, centers, channels);
+                    weight * (half(value[c]) - behind)
+                });
+                let sum: T::Wide = behind + parts.sum();
+                *mixed = T::narrow(sum + sum);
+            }
+        }
+        Ok(())
+    }
+
+    fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
+        let keep = Keep::NOTHING.input(1);
+        if inputs.needs(1) { keep.input(0).input(2) } else { keep }
+    }
+
+    fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
+        let (out_bar, weights) = (kept.only_upstream(), kept.input(1));
+        let (coverage, channels) = (&*self.coverage, kept.input_shape(0)[1]);
+        let centers = coverage.centers();
+        let (own_bar, mixed_bar) = out_bar.split_at(centers * channels);
+        let pixels = || coverage.boundary().zip(mixed_bar.chunks_exact(channels));
+        if let Some(values_bar) = gradients.get(0) {
+            let (own, pieces) = values_bar.entries().split_at_mut(own_bar.len());
+            own.iter_mut().zip(own_bar).for_each(|(own, &bar)| *own += bar);
+            for ((_, fragments), bar) in pixels() {
+                for &fragment in fragments {
+                    let at = fragment as usize - centers;
+                    let row = &mut pieces[at * channels..][..channels];
+                    row.iter_mut().zip(bar).for_each(|(row, &bar)| *row += weights[at] * bar);
+                }
+            }
+        }
+        if let Some(weights_bar) = gradients.get(1) {
+            let (values, background) = (kept.input(0), kept.input(2));
+            let weights_bar = weights_bar.entries();
+            for ((pixel, fragments), bar) in pixels() {
+                for &fragment in fragments {
+                    let value = &values[fragment as usize * channels..][..channels];
+                    let behind = &background[self.kind.entry(channels, pixel)..];
+                    let terms =
+                        (0..channels).map(|c| bar[c].widen() * (half(value[c]) - half(behind[c])));
+                    let sum: T::Wide = terms.sum();
+                    weights_bar[fragment as usize - centers] += T::narrow(sum + sum);
+                }
+            }
+        }
+        let Some(background_bar) = gradients.get(2) else { return };
+        let background_bar = background_bar.entries();
+        for ((pixel, fragments), bar) in pixels() {
+            let parts = fragments.iter().map(|&fragment| weights[fragment as usize - centers]);
+            let left = T::Wide::ONE - parts.map(T::widen).sum();
+            let at = self.kind.entry(channels, pixel);
+            let entries = &mut background_bar[at..at + channels];
+            for (entry, &bar) in entries.iter_mut().zip(bar) {
+                *entry += T::narrow(left * bar.widen());
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn half<T: Scalar>(value: T) -> T::Wide {
+    T::Wide::from_f64(0.5) * value.widen()
+}
+
+/// The value and the weight of a piece.
+#[inline(always)]
+fn piece<'a, T: Scalar>(
+    values: &'a [T],
+    weights: &[T],
+    fragment: u32,
+    centers: usize,
+    channels: usize,
+) -> (&'a [T], T::Wide) {
+    let fragment = fragment as usize;
+    (&values[fragment * channels..][..channels], weights[fragment - centers].widen())
+}
+
+#[cfg(test)]
+mod tests {
+    use bokashi_core::{Tape, Tensor};
+
+    use super::*;
+    use crate::mesh::Mesh;
+    use crate::rasterize::rasterize;
+
+    const SIZE: Size = Size { width: 5, height: 3 };
+
+    /// The fragments of a face over part of an image, and values `[N, 2]` on it.
+    fn surface<T: Scalar>(tape: &Tape<T>) -> (Fragments<'_, T>, Var<'_, T>) {
+        let clip = [-1.2, -0.9, 0.0, 1.0, 0.6, -0.7, 0.0, 1.0, 0.1, 1.3, 0.0, 1.0].map(T::from_f64);
+        let clip = tape.leaf(&Tensor::new([3, 4], clip.to_vec()).unwrap());
+        let fragments = rasterize(clip, &Mesh::new(vec![[0, 1, 2]], 3).unwrap(), SIZE).unwrap();
+        let count = fragments.coverage.count();
+        assert!((3..12).contains(&count), "{count}");
+        let values = Tensor::from_fn([count, 2], |k| T::from_f64(100.0 + k as f64));
+        (fragments, tape.leaf(&values))
+    }
+
+    #[test]
+    fn a_picture_of_an_image_makes_that_image() {
+        let tape = Tape::<f64>::new();
+        let (fragments, _) = surface(&tape);
+        let image = tape.leaf(&Tensor::from_fn([3, 5, 2], |k| (k as f64).sin()));
+        let picture = Composite::of_image(image, &fragments).unwrap();
+        assert_eq!(picture.values().shape()[0], fragments.coverage.count());
+        let same = picture.image().unwrap();
+        assert_eq!(same.value(), image.value());
+        let upstream = Tensor::from_fn([3, 5, 2], |k| (k as f64).cos());
+        let gradients = tape.vjp(&[(same, &upstream)]).unwrap();
+        assert_eq!(gradients.get(image).unwrap(), &upstream);
+        for shape in [&[5, 3, 2][..], &[3, 5], &[15, 2], &[3, 5, 0]] {
+            let wrong = tape.leaf(&Tensor::zeros(shape));
+            let error = Composite::of_image(wrong, &fragments).unwrap_err().to_string();
+            let rule = "composite needs an image of shape [3, 5, C], C > 0, got shape";
+            assert!(error.starts_with(rule), "{error}");
+        }
+    }
+
+    #[test]
+    fn fragments_at_centres_are_a_picture_as_they_are() {
+        let tape = Tape::<f64>::new();
+        let (fragments, values) = surface(&tape);
+        let sky = Background::Color(tape.leaf(&Tensor::zeros([2])));
+        let before = tape.len();
+        let picture = composite(values, &fragments, sky).unwrap();
+        assert_eq!((tape.len(), picture.values().value()), (before, values.value()));
+    }
+
+    #[test]
+    fn wrong_shapes_are_refused() {
+        let tape = Tape::<f64>::new();
+        let (fragments, values) = surface(&tape);
+        let count = fragments.coverage.count();
+        for shape in [vec![count], vec![count + 1, 2], vec![count, 0], vec![count, 2, 1]] {
+            let wrong = tape.leaf(&Tensor::zeros(shape.as_slice()));
+            let error = composite(wrong, &fragments, Background::Zero).unwrap_err();
+            let rule = format!("composite needs values of shape [{count}, C], C > 0, got shape");
+            assert!(error.to_string().starts_with(&rule), "{error}");
+        }
+        for shape in [&[][..], &[3], &[1], &[2], &[5, 3, 2], &[3, 5, 1], &[3, 5, 2], &[30]] {
+            let behind = tape.leaf(&Tensor::zeros(shape));
+            for (background, rule, right) in [
+                (Background::Color(behind), "a background colour of shape [2]", &[2][..]),
+                (Background::Image(behind), "a background image of shape [3, 5, 2]", &[3, 5, 2]),
+            ] {
+                let picture = composite(values, &fragments, background);
+                if shape == right {
+                    assert!(picture.is_ok());
+                    continue;
+                }
+                let message = picture.unwrap_err().to_string();
+                assert!(message.starts_with(&format!("composite needs {rule}, got")), "{message}");
+            }
+        }
+    }
+}

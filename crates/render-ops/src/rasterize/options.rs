@@ -1,0 +1,47 @@
+//! How to rasterize.
+
+use crate::size::Size;
+
+/// Which faces are left out by the side that they show. The front is the side from which the
+/// vertices run counter-clockwise on the screen, y up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Cull {
+    /// Both sides are drawn.
+    #[default]
+    None,
+    /// Faces seen from the back are not drawn: for closed opaque meshes with the front outside,
+    /// whose pictures it does not change.
+    Back,
+    /// Faces seen from the front are not drawn.
+    Front,
+}
+
+/// What a pixel is the picture of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Sampling {
+    /// What lies at its centre.
+    #[default]
+    Center,
+    /// All that lies in it: a pixel that an edge of the surface, an occlusion or an intersection
+    /// crosses falls into pieces, each with its share of the pixel and its mean barycentrics. Both
+    /// move with the vertices, so silhouettes have their true gradient and need no antialiasing.
+    /// `docs/exact-coverage.md` has the derivation.
+    Exact,
+}
+
+/// How to rasterize.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RasterOptions {
+    /// The image's size in pixels.
+    pub size: Size,
+    /// Which faces are left out by the side that they show.
+    pub cull: Cull,
+    /// What a pixel is the picture of.
+    pub sampling: Sampling,
+}
+
+impl From<Size> for RasterOptions {
+    fn from(size: Size) -> Self {
+        Self { size, cull: Cull::None, sampling: Sampling::Center }
+    }
+}

@@ -1,0 +1,61 @@
+//! What the stages of rasterization share.
+
+use bokashi_core::Scalar;
+
+use super::culling::{Corner, Verdict};
+use super::options::Sampling;
+use super::setup::LANES;
+use crate::mesh::Mesh;
+use crate::size::Size;
+
+/// Stands for "not seen".
+pub(super) const NO_SLOT: u32 = u32::MAX;
+
+/// What the stages share.
+pub(super) struct View<'a, T: Scalar> {
+    pub(super) mesh: &'a Mesh,
+    pub(super) size: Size,
+    pub(super) corners: &'a [Corner<T::Wide>],
+    pub(super) verdicts: &'a [Verdict],
+    /// The X of each column's pixel centres, in whole blocks.
+    pub(super) centers: &'a [T::Wide],
+    /// The Y of each row's.
+    pub(super) ys: &'a [T::Wide],
+    /// Rows per band.
+    pub(super) rows: usize,
+    pub(super) sampling: Sampling,
+    /// Whether a gradient can be asked for.
+    pub(super) needs: bool,
+}
+
+impl<'a, T: Scalar> View<'a, T> {
+    #[inline(always)]
+    pub(super) fn blocks_per_row(&self) -> usize {
+        self.centers.len() / LANES
+    }
+
+    /// Whether the surface ends, or turns away, at the edge that faces corner `corner` of `face`.
+    #[inline(always)]
+    pub(super) fn is_silhouette(&self, face: usize, corner: usize) -> bool {
+        self.mesh.adjacency().neighbor(face, corner).is_none_or(|neighbor| {
+            let [own, other] =
+                [face, neighbor.face as usize].map(|face| self.verdicts[face].orientation);
+            neighbor.is_turned(own, other)
+        })
+    }
+
+    #[inline(always)]
+    pub(super) fn corners_of(&self, face: usize) -> [&'a Corner<T::Wide>; 3] {
+        self.mesh.faces()[face].map(|vertex| &self.corners[vertex as usize])
+    }
+}
+
+/// Makes counts of the items of one kind after another the places where each kind ends.
+#[inline(always)]
+pub(super) fn sum_up(counts: &mut [u32]) {
+    let mut before = 0;
+    for count in counts {
+        before += *count;
+        *count = before;
+    }
+}

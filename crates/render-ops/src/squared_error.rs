@@ -1,0 +1,214 @@
+//! The squared error of a picture against a reference image.
+//!
+//! # Forward
+//! `L = sum_p |x_p - r_p|^2` over the pixels p of the picture, plus the background's squared error at
+//! all others, which the [`Reference`] knows. In [`Scalar::Wide`].
+//!
+//! # Backward
+//! `x_bar_p = 2 (x_p - r_p) L_bar`.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, TensorError, Var};
+
+use crate::coverage::Coverage;
+use crate::error::RenderError;
+use crate::picture::Picture;
+use crate::reference::Reference;
+
+impl<'t, T: Scalar> Picture<'t, T> {
+    /// The sum of the squared errors of the whole image, picture and background, against `reference`;
+    /// returns `[]`.
+    ///
+    /// Where the background is a constant colour, the same that the reference was made for, no pixel
+    /// beside the picture is visited; otherwise the image is made first.
+    ///
+    /// # Errors
+    /// [`RenderError::Shape`] unless the reference has the picture's size and channels.
+    pub fn squared_error(&self, reference: &Reference<T>) -> Result<Var<'t, T>, RenderError> {
+        let size = self.coverage.size();
+        let shape = [size.height, size.width, self.channels()];
+        reference.check("squared_error", &shape)?;
+        let tape = self.values.tape();
+        if !self.is_before(reference.background()) {
+            let difference = self.image()?.try_sub(tape.constant(reference.image()))?;
+            return Ok(difference.square().sum());
+        }
+        let op = SquaredError {
+            coverage: Arc::clone(&self.coverage),
+            rim: self.rim.clone(),
+            reference: reference.clone(),
+        };
+        tape.leave_out("squared_error", "pixels of the background: summed with the reference");
+        Ok(tape.apply(op, &[self.values])?)
+    }
+}
+
+/// Input: values `[P, C]`. Output: `[]`.
+struct SquaredError<T: Scalar> {
+    coverage: Arc<Coverage>,
+    rim: Option<Arc<Vec<u32>>>,
+    reference: Reference<T>,
+}
+
+/// Entries that are subtracted at once.
+const AT_ONCE: usize = 12;
+
+/// `x - r` for the first `length` entries. What it writes after them means nothing: most runs are
+/// short, and a fixed number of entries takes less time than as many as there are.
+#[inline(always)]
+fn subtract<T: Scalar>(length: usize, differences: &mut [T], x: &[T], r: &[T]) {
+    let mut done = 0;
+    if let (Some(differences), Some(x), Some(r)) = (
+        differences.first_chunk_mut::<AT_ONCE>(),
+        x.first_chunk::<AT_ONCE>(),
+        r.first_chunk::<AT_ONCE>(),
+    ) {
+        *differences = std::array::from_fn(|k| x[k] - r[k]);
+        done = AT_ONCE;
+    }
+    for k in done..length {
+        differences[k] = x[k] - r[k];
+    }
+}
+
+/// Partial sums, so that additions overlap.
+const PARTS: usize = 16;
+
+/// The sum of the squares.
+#[inline(always)]
+fn sum_of_squares<T: Scalar>(entries: &[T]) -> T::Wide {
+    let mut parts = [T::Wide::ZERO; PARTS];
+    let (whole, rest) = entries.as_chunks::<PARTS>();
+    for entries in whole {
+        for part in 0..PARTS {
+            let entry = entries[part].widen();
+            parts[part] += entry * entry;
+        }
+    }
+    for (part, entry) in parts.iter_mut().zip(rest) {
+        *part += entry.widen() * entry.widen();
+    }
+    parts.into_iter().sum()
+}
+
+impl<T: Scalar> Op<T> for SquaredError<T> {
+    /// The differences `x - r: [P, C]`.
+    type Saved = Vec<T>;
+    type Error = TensorError;
+
+    fn name(&self) -> &'static str {
+        "squared_error"
+    }
+
+    fn forward(
+        &self,
+        inputs: &Inputs<'_, T>,
+        outputs: &mut Outputs<'_, T>,
+        differences: &mut Self::Saved,
+    ) -> Result<(), TensorError> {
+        let (x, reference) = (inputs.data(0), self.reference.image().data());
+        let (coverage, channels) = (&*self.coverage, inputs.shape(0)[1]);
+        let rim = self.rim.as_deref().map_or(&[][..], Vec::as_slice);
+        if differences.len() != x.len() {
+            differences.resize(x.len(), T::ZERO);
+        }
+        let (own, rim_own) = differences.split_at_mut(coverage.centers() * channels);
+        let (x_own, x_rim) = x.split_at(own.len());
+        let square = |difference: &T| difference.widen() * difference.widen();
+        let mut total = T::Wide::ZERO;
+        let work = |slots: Range<usize>, first: usize, own: &mut [T]| {
+            let x = &x_own[first * channels..][..own.len()];
+            pulp::Arch::new().dispatch(
+                #[inline(always)]
+                || {
+                    let mut at = 0;
+                    for (pixel, length) in coverage.stretches_of(slots) {
+                        let length = length * channels;
+                        subtract(length, &mut own[at..], &x[at..], &reference[pixel * channels..]);
+                        at += length;
+                    }
+                    sum_of_squares(own)
+                },
+            )
+        };
+        coverage
+            .merge_bands_mut(coverage.center_bands(), channels, own, work, |band| total += band);
+        let rows = rim_own.chunks_exact_mut(channels).zip(x_rim.chunks_exact(channels));
+        for (&pixel, (row, x)) in rim.iter().zip(rows) {
+            let reference = &reference[pixel as usize * channels..][..channels];
+            row.iter_mut().zip(x.iter().zip(reference)).for_each(|(row, (&x, &r))| *row = x - r);
+            total += row.iter().map(square).sum();
+        }
+        coverage.for_each_gap(rim, |gap| total += self.reference.behind(gap));
+        outputs.push([])[0] = T::narrow(total);
+        Ok(())
+    }
+
+    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
+        Keep::NOTHING
+    }
+
+    fn backward(
+        &self,
+        kept: &Kept<'_, T>,
+        differences: &mut Self::Saved,
+        gradients: &mut Accumulators<'_, T>,
+    ) {
+        let Some(x_bar) = gradients.get(0) else { return };
+        let slope = T::from_f64(2.0) * kept.only_upstream()[0];
+        x_bar.add_zipped([differences], |[difference]| slope * difference);
+    }
+
+    fn saved_bytes(&self, differences: &Self::Saved) -> usize {
+        size_of_val(differences.as_slice())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bokashi_core::{Tape, Tensor};
+
+    use super::*;
+    use crate::antialias::antialias;
+    use crate::background::Background;
+    use crate::composite::composite;
+    use crate::mesh::Mesh;
+    use crate::rasterize::rasterize;
+    use crate::size::Size;
+
+    #[test]
+    fn the_error_is_exactly_zero_where_the_reference_is_the_picture() {
+        let tape = Tape::<f32>::new();
+        let clip = [-0.8, -0.9, 0.0, 1.0, 0.9, -0.7, 0.0, 1.0, 0.1, 0.8, 0.0, 1.0];
+        let clip = tape.leaf(&Tensor::new([3, 4], clip.to_vec()).unwrap());
+        let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
+        let fragments = rasterize(clip, &mesh, Size::square(100)).unwrap();
+        let values = Tensor::from_fn([fragments.coverage.count(), 3], |k| (k as f32).sqrt());
+        let values = tape.leaf(&values);
+        let color = Tensor::full([3], 0.3);
+        let background = Background::Color(tape.constant(&color));
+        let picture = antialias(composite(values, &fragments, background).unwrap()).unwrap();
+        let reference = Reference::new(&picture.image().unwrap().value(), &color).unwrap();
+        let loss = picture.squared_error(&reference).unwrap();
+        assert_eq!(loss.item(), 0.0);
+        let gradients = loss.backward().unwrap();
+        assert!(gradients.get(values).unwrap().data().iter().all(|&bar| bar == 0.0));
+    }
+
+    #[test]
+    fn wrong_shapes_are_refused() {
+        let image = Tensor::<f64>::zeros([4, 5, 3]);
+        let reference = Reference::new(&image, &Tensor::zeros([3])).unwrap();
+        let tape = Tape::new();
+        let mesh = Mesh::new(vec![], 1).unwrap();
+        let clip = tape.leaf(&Tensor::zeros([1, 4]));
+        let fragments = rasterize(clip, &mesh, Size::square(4)).unwrap();
+        let values = tape.leaf(&Tensor::zeros([0, 3]));
+        let picture = composite(values, &fragments, Background::Zero).unwrap();
+        let error = picture.squared_error(&reference).unwrap_err().to_string();
+        let rule = "squared_error needs a reference image of shape [4, 4, 3]";
+        assert_eq!(error, format!("{rule}, got shape [4, 5, 3]"));
+    }
+}
