@@ -3,13 +3,14 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-use bokashi_paper::{Experiment, Precision, Preset, Silhouettes};
+use bokashi_paper::{Experiment, Precision, Preset, Saving, Silhouettes};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use clap::error::ErrorKind;
+use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::parser::ValueSource;
 use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 
-use crate::failure::Failure;
+use crate::failure::{EXIT_STATUSES, Failure};
+use crate::threads::MOST_THREADS;
 
 /// Learns a cube and its blur from pictures, by gradient descent through a renderer.
 ///
@@ -17,6 +18,7 @@ use crate::failure::Failure;
 /// four sigmas, one seed each, with a report in out/.
 #[derive(Debug, Parser)]
 #[command(name = "bokashi", version, args_conflicts_with_subcommands = true)]
+#[command(after_help = EXIT_STATUSES)]
 pub struct Request {
     #[command(subcommand)]
     pub(crate) command: Option<Command>,
@@ -144,6 +146,24 @@ impl Request {
         }
     }
 
+    /// The saved fit to go on with.
+    pub(crate) fn resume(&self) -> Option<&PathBuf> {
+        match &self.command {
+            Some(Command::Fit(fit)) => fit.resume.as_ref(),
+            _ => None,
+        }
+    }
+
+    /// Where the fit is saved, and what it goes on from.
+    pub(crate) fn saving(&self) -> Saving {
+        match &self.command {
+            Some(Command::Fit(fit)) => {
+                Saving { resume: fit.resume.clone(), save: fit.save.clone(), every: fit.save_every }
+            }
+            _ => Saving::default(),
+        }
+    }
+
     /// How many threads to compute with; `None`: one per core.
     pub(crate) fn threads(&self) -> Option<usize> {
         self.common().threads
@@ -163,6 +183,7 @@ pub enum Stopped {
 pub fn parse(
     arguments: impl IntoIterator<Item = impl Into<OsString> + Clone>,
 ) -> Result<Request, Stopped> {
+    let stopped = |error| stopped(error, &Request::command());
     let matches = Request::command().try_get_matches_from(arguments).map_err(stopped)?;
     let mut request = Request::from_arg_matches(&matches).map_err(stopped)?;
     if let (Some(Command::Fit(fit)), Some((_, matches))) =
@@ -184,23 +205,20 @@ pub fn parse(
     }
 }
 
-/// What a parser's error comes to: help and versions are asked for, all else is wrong.
-pub fn stopped(error: clap::Error) -> Stopped {
-    match error.kind() {
-        ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => Stopped::Shown(error.to_string()),
-        _ => Stopped::Wrong(Failure::Use(folded(&error.to_string()))),
+/// What a parser's error comes to: help and versions are asked for, all else is wrong. Where no
+/// command is near a wrong one, the message has all of `command`.
+pub fn stopped(mut error: clap::Error, command: &clap::Command) -> Stopped {
+    if let ErrorKind::DisplayHelp | ErrorKind::DisplayVersion = error.kind() {
+        return Stopped::Shown(error.to_string());
     }
-}
-
-/// The parser's message of several lines as one: what is wrong, what is allowed, where to look.
-fn folded(message: &str) -> String {
-    let lines = message.lines().map(str::trim).filter(|line| !line.is_empty());
-    let lines = lines.filter(|line| !line.starts_with("Usage:"));
-    let text = lines.collect::<Vec<_>>().join(" ");
-    text.strip_prefix("error: ")
-        .unwrap_or(&text)
-        .replace(" For more information, try", "; see")
-        .replace(" tip:", "; tip:")
+    if error.kind() == ErrorKind::InvalidSubcommand
+        && error.get(ContextKind::SuggestedSubcommand).is_none()
+    {
+        let names: Vec<_> = command.get_subcommands().map(clap::Command::get_name).collect();
+        let tip = format!("the commands are {}", names.join(", "));
+        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
+    }
+    Stopped::Wrong(Failure::CommandLine(error.to_string()))
 }
 
 /// One of some words, each of which `T` can be read from.
@@ -225,7 +243,7 @@ fn steps(text: &str) -> Result<u64, String> {
 
 /// A number of threads.
 pub fn threads(text: &str) -> Result<usize, String> {
-    whole(text, 1, 1024).map(|number| number as usize)
+    whole(text, 1, MOST_THREADS as u64).map(|number| number as usize)
 }
 
 /// Larger images would need more memory than a report of them is worth.
@@ -258,7 +276,7 @@ mod tests {
 
     fn wrong(line: &str) -> String {
         match read(line) {
-            Err(Stopped::Wrong(failure @ Failure::Use(_))) => failure.to_string(),
+            Err(Stopped::Wrong(failure)) if failure.status() == 2 => failure.to_string(),
             other => panic!("{line}: {other:?}"),
         }
     }
@@ -328,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn bad_use_is_one_line_that_says_what_is_allowed() {
+    fn bad_use_says_what_is_allowed() {
         let table = [
             ("fit --experiment all", "'all'", "[possible values: vertices, sigma, joint]"),
             ("fit --preset best", "'best'", "[possible values: paper, tuned, second-order]"),
@@ -358,8 +376,24 @@ mod tests {
         for (line, what, allowed) in table {
             let text = wrong(line);
             assert!(text.contains(what) && text.contains(allowed), "{line}: {text}");
-            assert!(!text.contains('\n') && !text.contains("Usage"), "{line}: {text}");
-            assert!(!text.starts_with("error"), "{line}: {text}");
+        }
+    }
+
+    #[test]
+    fn a_wrong_word_is_answered_with_the_parsers_whole_message_and_the_nearest_right_one() {
+        let usage = "Usage: bokashi [OPTIONS]\n       bokashi <COMMAND>\n";
+        for (line, tip) in [
+            ("fitt", "tip: a similar subcommand exists: 'fit'"),
+            ("reprodce", "tip: a similar subcommand exists: 'reproduce'"),
+            ("fooo", "tip: the commands are fit, reproduce"),
+        ] {
+            let text = wrong(line);
+            assert!(
+                text.starts_with(&format!("error: unrecognized subcommand '{line}'")),
+                "{text}"
+            );
+            assert!(text.contains(tip) && text.contains(usage), "{text}");
+            assert!(text.ends_with("For more information, try '--help'."), "{text}");
         }
     }
 

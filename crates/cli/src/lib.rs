@@ -3,7 +3,11 @@
 
 pub mod arguments;
 pub mod failure;
+pub mod interrupt;
+pub mod output;
+pub mod places;
 mod plan;
 mod progress;
 pub mod run;
 mod summary;
+pub mod threads;

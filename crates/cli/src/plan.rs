@@ -22,11 +22,13 @@ pub(crate) struct Planned {
 /// Every fit that `request` asks for, in the order they are done in.
 ///
 /// # Errors
-/// A saved fit that should be gone on with and cannot be.
+/// [`Failure::Use`] for a fit that cannot be saved, or cannot go on from where it should.
 pub(crate) fn plan(request: &Request) -> Result<Vec<Planned>, Failure> {
     let mut fits = experiments(request);
     if let Some(Command::Fit(fit)) = &request.command {
         resume(fit, &mut fits[0])?;
+        let refused = |error: FitError| Failure::Use(error.to_string());
+        request.saving().check(&fits[0]).map_err(refused)?;
     }
     let fits = fits.into_iter();
     let fits = fits.map(|settings| Planned { settings, alternative: None });

@@ -127,10 +127,29 @@ fn loads_nothing(page: &str) {
     }
 }
 
-#[test]
-fn bad_use_is_status_2_and_one_line() {
+/// Checks that the program refuses each line before it does anything, in a folder with `file`: with
+/// what is right in its message.
+fn refuses(table: &[(&str, &str)], is_right: impl Fn(&str) -> bool) {
     let folder = folder();
     fs::write(folder.path().join("file"), "mine").expect("a file");
+    for (line, allowed) in table {
+        let output = bokashi(folder.path(), line);
+        let said = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{line}: {said}");
+        assert!(output.stdout.is_empty(), "{line}");
+        assert!(is_right(&said) && said.contains(allowed), "{line}: {said}");
+        assert_eq!(files(folder.path()), ["file"], "{line}");
+    }
+    assert_eq!(fs::read(folder.path().join("file")).expect("still there"), b"mine");
+}
+
+/// Whether a message is the program's own: one line.
+fn is_one_line(said: &str) -> bool {
+    said.starts_with("bokashi: ") && said.trim_end_matches('\n').lines().count() == 1
+}
+
+#[test]
+fn a_command_line_that_cannot_be_read_is_status_2_and_the_parsers_message() {
     let table = [
         ("fit --experiment all", "vertices, sigma, joint"),
         ("fit --resolution 0", "from 1 to 4096"),
@@ -139,29 +158,60 @@ fn bad_use_is_status_2_and_one_line() {
         ("fit --sigma NaN", "above 0"),
         ("fit --steps 0", "from 1"),
         ("fit --threads 0", "from 1"),
+        ("fit --threads 1025", "to 1024"),
         ("fit --precision f16", "f32, f64"),
         ("fit --unknown", "--help"),
-        ("dance", "--help"),
+        ("fit --save-every 3", "--save <FILE>"),
+        ("dance", "the commands are fit, reproduce"),
+        ("fooo", "Usage: bokashi [OPTIONS]\n       bokashi <COMMAND>\n"),
+        ("fitt", "similar subcommand exists: 'fit'"),
         ("stability", "--help"),
         ("bench", "--help"),
         ("reproduce --seeds 0", "from 1"),
+    ];
+    refuses(&table, |said| {
+        said.starts_with("error: ") && said.ends_with("For more information, try '--help'.\n")
+    });
+}
+
+#[test]
+fn a_wrong_request_is_status_2_and_one_line() {
+    let table = [
         ("fit --steps 1 --out file", "--out"),
         ("fit --steps 1 --out file/below", "--out"),
         ("--steps 1 --out file", "--out"),
         ("fit --steps 1 --json .", "--json"),
         ("fit --steps 1 --json no/such/folder.json", "--json"),
         ("fit --steps 1 --json file/below", "--json"),
+        ("fit --experiment vertices --sigma 1", "--sigma needs --experiment sigma or joint"),
+        ("fit --steps 1 --preset second-order --save kept", "needs a first-order preset"),
+        ("fit --steps 1 --json a --save a", "--save needs another file than --json, got a"),
+        ("fit --steps 1 --json a --save no/.././a", "--save needs"),
+        ("fit --steps 1 --json file --resume file", "--json needs another file than --resume"),
+        ("fit --steps 1 --out d --save d", "--save needs another file than --out, got d"),
+        ("fit --steps 1 --out a/b --json a", "--json needs another file than --out, got a"),
+        (
+            "fit --steps 1 --out . --json index.html",
+            "--json needs a file that is not of the report",
+        ),
+        ("fit --steps 1 --out . --save fits.csv", "--save needs a file that is not of the report"),
     ];
-    for (line, allowed) in table {
-        let output = bokashi(folder.path(), line);
-        let said = text(&output.stderr);
-        assert_eq!(output.status.code(), Some(2), "{line}: {said}");
-        assert!(output.stdout.is_empty(), "{line}");
-        assert!(said.starts_with("bokashi: ") && said.contains(allowed), "{line}: {said}");
-        assert_eq!(said.trim_end_matches('\n').lines().count(), 1, "{line}: {said}");
-        assert_eq!(files(folder.path()), ["file"], "{line}");
-    }
-    assert_eq!(fs::read(folder.path().join("file")).expect("still there"), b"mine");
+    refuses(&table, is_one_line);
+}
+
+#[test]
+fn more_threads_than_can_be_started_are_refused_wherever_they_are_asked_for() {
+    let folder = folder();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_bokashi"));
+    command.args(["fit", "--resolution", "8", "--steps", "1"]).current_dir(folder.path());
+    let output = command.env("RAYON_NUM_THREADS", "999999").output().expect("it starts");
+    let said = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(is_one_line(&said), "{said}");
+    assert!(said.ends_with("RAYON_NUM_THREADS needs a whole number up to 1024, got 999999\n"));
+    // What is asked for comes before what the environment says.
+    let output = command.args(["--threads", "1", "--quiet"]).output().expect("it starts");
+    assert_eq!(output.status.code(), Some(0));
 }
 
 #[test]
@@ -299,11 +349,13 @@ fn a_file_that_cannot_be_resumed_is_bad_use_in_one_line() {
     fs::write(folder.path().join("foreign"), b"{}").expect("written");
     for (line, allowed) in [
         ("fit --resume missing", "missing could not be read"),
-        ("fit --resume foreign", "a saved fit needs to begin with \"bokashi-fit\", got \"{}\""),
+        ("fit --resume foreign", "a saved fit needs a safetensors file, got 2 bytes"),
         ("fit --resume short", "a saved fit needs"),
         ("fit --resume kept --seed 1", "--seed needs to be that of the saved fit, 0, got 1"),
         ("fit --resume kept --silhouettes exact", "the saved fit, antialias, got exact"),
         ("fit --resume kept --precision f64", "the saved fit, f32, got f64"),
+        ("fit --resume kept --steps 4", "steps needs no fewer than are already done, got 4 of 5"),
+        ("fit --resume kept --preset second-order", "the saved fit, paper, got second-order"),
         ("fit --save no/such/folder/kept", "--save needs a file to write to"),
     ] {
         let output = bokashi(folder.path(), line);
@@ -311,34 +363,183 @@ fn a_file_that_cannot_be_resumed_is_bad_use_in_one_line() {
         assert_eq!(output.status.code(), Some(2), "{line}: {said}");
         assert!(said.contains(allowed) && said.lines().count() == 1, "{line}: {said}");
     }
-    let output = bokashi(folder.path(), "fit --resume kept --steps 4");
-    assert_eq!(output.status.code(), Some(1));
-    assert!(
-        text(&output.stderr).contains("steps needs no fewer than are already done, got 4 of 5")
-    );
     assert_eq!(files(folder.path()), ["foreign", "kept", "short"]);
 }
 
-#[cfg(unix)]
-#[test]
-fn an_interrupted_fit_is_saved_and_goes_on_to_the_same_bits() {
-    let folder = folder();
-    let fit =
-        "fit --resolution 16 --steps 200000 --experiment sigma --quiet --json out.json --save kept";
-    let mut command = Command::new(env!("CARGO_BIN_EXE_bokashi"));
+/// The program with no signal ignored, whatever those who run the tests ignore.
+#[cfg(target_os = "linux")]
+fn heedful() -> Command {
+    let mut command = Command::new("env");
+    command.args(["--default-signal=HUP,INT,TERM", env!("CARGO_BIN_EXE_bokashi")]);
+    command
+}
+
+/// A long fit in `folder` with more options, under way: it has saved itself.
+#[cfg(target_os = "linux")]
+fn under_way(folder: &Path, options: &str) -> std::process::Child {
+    let fit = "fit --resolution 16 --steps 200000 --experiment sigma --quiet --save kept";
+    let mut command = heedful();
     command.args(fit.split_whitespace()).args(["--save-every", "50"]);
-    command.current_dir(folder.path()).stdin(Stdio::null());
+    command.args(options.split_whitespace()).current_dir(folder).stdin(Stdio::null());
     let child = command.stderr(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("it starts");
-    // Once there is a first file, the fit is under way, and far from its end.
     let mut looks = 0;
-    while !folder.path().join("kept").exists() {
+    while !folder.join("kept").exists() {
         std::thread::sleep(std::time::Duration::from_millis(5));
         looks += 1;
         assert!(looks < 20_000, "nothing was saved");
     }
-    let mut interrupt = Command::new("kill");
-    let sent = interrupt.args(["-s", "INT", &child.id().to_string()]).status().expect("kill runs");
+    child
+}
+
+/// Sends a signal to the program.
+#[cfg(target_os = "linux")]
+fn send(signal: &str, child: &std::process::Child) {
+    let mut kill = Command::new("kill");
+    let sent = kill.args(["-s", signal, &child.id().to_string()]).status().expect("kill runs");
     assert!(sent.success());
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_signal_ends_a_fit_with_128_and_its_number() {
+    for (signal, status) in [("HUP", 129), ("INT", 130), ("TERM", 143)] {
+        let folder = folder();
+        let child = under_way(folder.path(), "");
+        send(signal, &child);
+        let output = child.wait_with_output().expect("it ends");
+        assert_eq!(output.status.code(), Some(status), "{}", text(&output.stderr));
+        assert!(text(&output.stderr).starts_with("bokashi: interrupted at step "));
+        assert_eq!(files(folder.path()), ["kept"]);
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_signal_that_was_ignored_stays_ignored() {
+    let folder = folder();
+    let program = env!("CARGO_BIN_EXE_bokashi");
+    let fit = "fit --resolution 16 --steps 3000 --experiment sigma --quiet --json out.json";
+    // The shell tells its number, which the program keeps.
+    let script = format!("trap '' HUP; echo $$; exec '{program}' {fit}");
+    let mut command = Command::new("sh");
+    command.args(["-c", &script]).current_dir(folder.path()).stdout(Stdio::piped());
+    let mut child = command.spawn().expect("it starts");
+    let mut number = String::new();
+    let output = child.stdout.as_mut().expect("piped");
+    std::io::BufRead::read_line(&mut std::io::BufReader::new(output), &mut number).expect("a line");
+    std::thread::sleep(std::time::Duration::from_millis(50));
+    send("HUP", &child);
+    assert_eq!(child.wait().expect("it ends").code(), Some(0));
+    assert_eq!(files(folder.path()), ["out.json"]);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_file_that_never_ends_is_left_at_the_second_signal() {
+    let folder = folder();
+    let fifo = folder.path().join("fifo");
+    assert!(Command::new("mkfifo").arg(&fifo).status().expect("mkfifo").success());
+    let mut command = heedful();
+    let fit = "fit --resolution 8 --steps 2 --quiet --json fifo";
+    command.args(fit.split_whitespace()).current_dir(folder.path());
+    let mut child = command.spawn().expect("it starts");
+    // Until it ends: the first ones wait for a reader of the FIFO, who never comes.
+    let mut sent = 0;
+    let status = loop {
+        std::thread::sleep(std::time::Duration::from_millis(100));
+        if let Some(status) = child.try_wait().expect("a child") {
+            break status;
+        }
+        send("INT", &child);
+        sent += 1;
+        assert!(sent < 100, "it does not end");
+    };
+    assert_eq!(status.code(), Some(130));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_reader_that_goes_away_ends_the_program_without_a_word() {
+    let folder = folder();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_bokashi"));
+    command.args(["fit", "--resolution", "8", "--steps", "2", "--json", "-"]);
+    command.current_dir(folder.path()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().expect("it starts");
+    drop(child.stdout.take());
+    let output = child.wait_with_output().expect("it ends");
+    assert_eq!((output.status.code(), text(&output.stderr)), (Some(141), String::new()));
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn what_is_no_regular_file_is_written_in_place() {
+    let folder = folder();
+    let fit = "fit --resolution 8 --steps 2 --quiet --json";
+    let value = object(&bokashi(folder.path(), &format!("{fit} /dev/stdout")));
+    assert_eq!(value["steps"], 2);
+    let output = bokashi(folder.path(), &format!("{fit} /dev/stderr"));
+    assert_eq!((output.status.code(), text(&output.stdout)), (Some(0), String::new()));
+    assert!(serde_json::from_slice::<Value>(&output.stderr).is_ok());
+    assert!(files(folder.path()).is_empty());
+    // A descriptor that the shell opened, whose file keeps what is there.
+    let program = env!("CARGO_BIN_EXE_bokashi");
+    let script = format!("echo before > log; exec 5>> log; '{program}' {fit} /dev/fd/5");
+    let mut shell = Command::new("sh");
+    let status = shell.args(["-c", &script]).current_dir(folder.path()).status().expect("a shell");
+    assert_eq!(status.code(), Some(0));
+    let log = fs::read_to_string(folder.path().join("log")).expect("a file");
+    assert!(log.starts_with("before\n{") && log.lines().count() == 2, "{log}");
+    let full = bokashi(folder.path(), &format!("{fit} /dev/full"));
+    assert_eq!(full.status.code(), Some(1));
+    assert!(is_one_line(&text(&full.stderr)));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_link_is_followed_a_mode_is_kept_and_a_read_only_file_is_refused() {
+    use std::os::unix::fs::{PermissionsExt as _, symlink};
+    let folder = folder();
+    let at = |name: &str| folder.path().join(name);
+    let mode = |mode| fs::Permissions::from_mode(mode);
+    fs::write(at("end"), "old").expect("a file");
+    fs::set_permissions(at("end"), mode(0o600)).expect("its mode");
+    symlink("end", at("link")).expect("a link");
+    let line = "fit --resolution 8 --steps 2 --quiet --json link --save kept";
+    assert_eq!(bokashi(folder.path(), line).status.code(), Some(0));
+    assert!(fs::symlink_metadata(at("link")).expect("there").is_symlink());
+    let found = fs::metadata(at("end")).expect("there");
+    assert_eq!(found.permissions().mode() & 0o777, 0o600);
+    assert!(found.len() > 100);
+
+    fs::set_permissions(at("end"), mode(0o444)).expect("its mode");
+    let output = bokashi(folder.path(), line);
+    assert_eq!(output.status.code(), Some(2));
+    let said = text(&output.stderr);
+    assert!(is_one_line(&said) && said.trim_end().ends_with("end is read-only"), "{said}");
+    let twice = bokashi(folder.path(), "fit --resolution 8 --steps 2 --json end --save link");
+    assert_eq!(twice.status.code(), Some(2));
+    assert_eq!(files(folder.path()), ["end", "kept", "link"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn what_a_killed_run_left_behind_is_removed_by_the_next() {
+    let folder = folder();
+    let stray = folder.path().join(".kept.bokashi-k1ll3d");
+    fs::write(&stray, "half a file").expect("a file");
+    let line = "fit --resolution 8 --steps 2 --quiet --save";
+    assert_eq!(bokashi(folder.path(), &format!("{line} other")).status.code(), Some(0));
+    assert_eq!(files(folder.path()), [".kept.bokashi-k1ll3d", "other"]);
+    assert_eq!(bokashi(folder.path(), &format!("{line} kept")).status.code(), Some(0));
+    assert_eq!(files(folder.path()), ["kept", "other"]);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn an_interrupted_fit_is_saved_and_goes_on_to_the_same_bits() {
+    let folder = folder();
+    let child = under_way(folder.path(), "--json out.json");
+    send("INT", &child);
     let output = child.wait_with_output().expect("it ends");
     let said = text(&output.stderr);
     assert_eq!(output.status.code(), Some(130), "{said}");

@@ -6,6 +6,8 @@ use crate::error::FitError;
 
 /// A factor that multiplies every learning rate, by step.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "save", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "save", serde(rename_all = "kebab-case", deny_unknown_fields))]
 #[non_exhaustive]
 pub enum Schedule {
     /// 1 throughout.

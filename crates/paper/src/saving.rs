@@ -8,15 +8,14 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use bokashi_core::Tape;
-use bokashi_fit::saved::{Reader, Stored, Writer, precision_and_state, read, tag};
+use bokashi_fit::saved::{Stored, precision_and_state, read};
 use bokashi_fit::{Fit, FitError, Parameters, Pipeline, Step};
-use bokashi_render_ops::{Border, Kernel, Radius};
 
 use super::experiment::run_cube;
 use super::first_order::{drive, record};
 use super::outcome::{Outcome, Progress};
 use super::pipeline::CubePipeline;
-use super::settings::{CubeSettings, Experiment, Precision, Preset, Rates, Silhouettes};
+use super::settings::{CubeSettings, Precision, Preset};
 
 /// Where a fit of the cube is saved, and what it goes on from.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -42,15 +41,8 @@ pub fn run_cube_saving(
     saving: &Saving,
     on_step: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<Outcome, FitError> {
-    if saving.every == Some(0) {
-        return Err(FitError::setting("a fit that is saved", "at least 1 step in between", 0));
-    }
-    if settings.preset == Preset::SecondOrder {
-        if *saving == Saving::default() {
-            return run_cube(settings, on_step);
-        }
-        let rule = "a first-order preset, whose whole state it holds";
-        return Err(FitError::setting("a fit that is saved", rule, settings.preset));
+    if saving.is_free_of(settings)? {
+        return run_cube(settings, on_step);
     }
     match settings.precision {
         Precision::F32 => run::<f32>(settings, saving, on_step),
@@ -58,16 +50,56 @@ pub fn run_cube_saving(
     }
 }
 
+impl Saving {
+    /// Checks what [`run_cube_saving`] would refuse before its first step.
+    ///
+    /// # Errors
+    /// As [`run_cube_saving`], but for those of steps and of writing.
+    pub fn check(&self, settings: &CubeSettings) -> Result<(), FitError> {
+        if self.is_free_of(settings)? {
+            return settings.check();
+        }
+        match settings.precision {
+            Precision::F32 => begin::<f32>(settings, self).map(drop),
+            Precision::F64 => begin::<f64>(settings, self).map(drop),
+        }
+    }
+
+    /// Whether the fit that `settings` describe is of a kind that cannot be saved, and is not to be.
+    fn is_free_of(&self, settings: &CubeSettings) -> Result<bool, FitError> {
+        if self.every == Some(0) {
+            return Err(FitError::setting("a fit that is saved", "at least 1 step in between", 0));
+        }
+        if settings.preset != Preset::SecondOrder {
+            return Ok(false);
+        }
+        if *self == Self::default() {
+            return Ok(true);
+        }
+        let rule = "a first-order preset, whose whole state it holds";
+        Err(FitError::setting("a fit that is saved", rule, settings.preset))
+    }
+}
+
+/// The pipeline of `settings`, and the fit as it begins: new, or from a file.
+fn begin<T: Stored>(
+    settings: &CubeSettings,
+    saving: &Saving,
+) -> Result<(CubePipeline<T>, Fit<T>), FitError> {
+    let (pipeline, parameters) = CubePipeline::<T>::new(settings)?;
+    let fit = match &saving.resume {
+        None => Fit::new(parameters, settings.fit_settings())?,
+        Some(path) => resumed(settings, &parameters, path)?,
+    };
+    Ok((pipeline, fit))
+}
+
 fn run<T: Stored>(
     settings: &CubeSettings,
     saving: &Saving,
     on_step: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<Outcome, FitError> {
-    let (pipeline, parameters) = CubePipeline::<T>::new(settings)?;
-    let mut fit = match &saving.resume {
-        None => Fit::new(parameters, settings.fit_settings())?,
-        Some(path) => resumed(settings, &parameters, path)?,
-    };
+    let (pipeline, mut fit) = begin::<T>(settings, saving)?;
     let start = fit.steps_done();
     let mut failed = None;
     let mut outcome = drive(settings, pipeline, &mut fit, &mut |progress, seen| {
@@ -132,15 +164,6 @@ fn initial<T: Stored>(
     Ok(Step { step: 0, seconds: 0.0, loss, measure: pipeline.measure(&parameters) })
 }
 
-const EXPERIMENTS: [Experiment; 3] = [Experiment::Vertices, Experiment::Sigma, Experiment::Joint];
-const PRESETS: [Preset; 3] = [Preset::Paper, Preset::Tuned, Preset::SecondOrder];
-/// The first two as they were when there were no others, and this a flag.
-const SILHOUETTES: [Silhouettes; 3] =
-    [Silhouettes::Jagged, Silhouettes::Antialias, Silhouettes::Exact];
-const PRECISIONS: [Precision; 2] = [Precision::F32, Precision::F64];
-const KERNELS: [Kernel; 2] = [Kernel::Seed, Kernel::Sampled];
-const BORDERS: [Border; 3] = [Border::Zero, Border::Mirror, Border::Clamp];
-
 impl CubeSettings {
     /// The settings of the fit that is saved in the file `path`.
     ///
@@ -164,79 +187,19 @@ impl CubeSettings {
         Ok(settings)
     }
 
-    /// Appends the settings as they are saved.
+    /// Appends the settings as they are saved: a JSON object.
     pub(super) fn save(&self, state: &mut Vec<u8>) {
-        let mut fields = Writer { bytes: std::mem::take(state) };
-        fields.block(STATE.as_bytes());
-        fields.byte(tag(&EXPERIMENTS, &self.experiment));
-        fields.byte(tag(&PRESETS, &self.preset));
-        fields.count(self.resolution as u64);
-        fields.number(self.sigma_target);
-        fields.number(self.sigma_start);
-        fields.count(self.steps);
-        fields.count(self.seed);
-        fields.byte(tag(&SILHOUETTES, &self.silhouettes));
-        fields.byte(tag(&PRECISIONS, &self.precision));
-        fields.option(self.rates, |fields, rates| {
-            fields.number(rates.vertices);
-            fields.number(rates.colors);
-            fields.number(rates.sigma);
-        });
-        fields.option(self.schedule, |fields, schedule| fields.schedule(&schedule));
-        fields.optimizer(&self.optimizer);
-        fields.mapping(self.sigma_mapping);
-        fields.byte(tag(&KERNELS, &self.kernel));
-        fields.byte(tag(&BORDERS, &self.border));
-        fields.option(self.radius, |fields, radius| match radius {
-            Radius::Fixed(radius) => {
-                fields.byte(0);
-                fields.count(radius as u64);
-            }
-            Radius::Tolerance(tolerance) => {
-                fields.byte(1);
-                fields.number(tolerance);
-            }
-        });
-        *state = fields.bytes;
+        let text = serde_json::to_vec(self);
+        state.extend(text.expect("settings are words and numbers"));
     }
 
     /// What [`CubeSettings::save`] wrote.
     pub(super) fn restored(state: &[u8]) -> Result<Self, FitError> {
-        let mut fields = Reader::new(state);
-        if fields.text("what is fitted") != Ok(STATE) {
-            return Err(FitError::saved("a fit of the cube", "one of something else"));
+        let foreign = |error| FitError::saved("a fit of the cube, with its settings", error);
+        let settings: Self = serde_json::from_slice(state).map_err(foreign)?;
+        for check in [settings.optimizer.check(), settings.rate_schedule().check()] {
+            check?;
         }
-        let whole = |count: u64| usize::try_from(count).unwrap_or(usize::MAX);
-        let settings = Self {
-            experiment: fields.one_of(&EXPERIMENTS, "the experiment")?,
-            preset: fields.one_of(&PRESETS, "the preset")?,
-            resolution: whole(fields.count("the resolution")?),
-            sigma_target: fields.number("the target sigma")?,
-            sigma_start: fields.number("the starting sigma")?,
-            steps: fields.count("the number of steps")?,
-            seed: fields.count("the seed")?,
-            silhouettes: fields.one_of(&SILHOUETTES, "the silhouettes")?,
-            precision: fields.one_of(&PRECISIONS, "the precision")?,
-            rates: fields.option("the rates", |fields, what| {
-                Ok(Rates {
-                    vertices: fields.number(what)?,
-                    colors: fields.number(what)?,
-                    sigma: fields.number(what)?,
-                })
-            })?,
-            schedule: fields.option("the schedule", |fields, _| fields.schedule())?,
-            optimizer: fields.optimizer()?,
-            sigma_mapping: fields.mapping()?,
-            kernel: fields.one_of(&KERNELS, "the kernel")?,
-            border: fields.one_of(&BORDERS, "the border")?,
-            radius: fields.option("the window", |fields, what| {
-                Ok(match fields.flag(what)? {
-                    false => Radius::Fixed(whole(fields.count(what)?)),
-                    true => Radius::Tolerance(fields.number(what)?),
-                })
-            })?,
-        };
-        fields.end()?;
         settings.check()?;
         Ok(settings)
     }
@@ -267,16 +230,23 @@ impl CubeSettings {
     }
 }
 
-/// What the state of the pipeline begins with.
-const STATE: &str = "bokashi cube 1";
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::run_cube;
+    use crate::settings::{Experiment, Rates, Silhouettes};
     use bokashi_fit::Mapping;
     use bokashi_fit::Optimizer;
     use bokashi_fit::Schedule;
+    use bokashi_render_ops::{Border, Kernel, Radius};
+
+    const EXPERIMENTS: [Experiment; 3] =
+        [Experiment::Vertices, Experiment::Sigma, Experiment::Joint];
+    const SILHOUETTES: [Silhouettes; 3] =
+        [Silhouettes::Jagged, Silhouettes::Antialias, Silhouettes::Exact];
+    const PRECISIONS: [Precision; 2] = [Precision::F32, Precision::F64];
+    const KERNELS: [Kernel; 3] = [Kernel::Seed, Kernel::Sampled, Kernel::Discrete];
+    const BORDERS: [Border; 3] = [Border::Zero, Border::Mirror, Border::Clamp];
 
     fn settings(experiment: Experiment, preset: Preset) -> CubeSettings {
         CubeSettings { resolution: 12, steps: 30, seed: 5, ..CubeSettings::new(experiment, preset) }
@@ -411,32 +381,11 @@ mod tests {
     }
 
     #[test]
-    fn silhouettes_are_a_byte_of_which_two_are_the_flag_of_older_files() {
-        let bytes = SILHOUETTES.map(|silhouettes| {
-            let settings = settings(Experiment::Joint, Preset::Paper);
-            let mut state = Vec::new();
-            CubeSettings { silhouettes, ..settings }.save(&mut state);
-            state
-        });
-        let at = bytes[0].iter().zip(&bytes[1]).position(|(a, b)| a != b).expect("they differ");
-        for (tag, state) in bytes.iter().enumerate() {
-            assert_eq!(usize::from(state[at]), tag);
-            let settings = CubeSettings::restored(state).unwrap();
-            assert_eq!(settings.silhouettes, SILHOUETTES[tag]);
-            assert!(state[..at] == bytes[0][..at] && state[at + 1..] == bytes[0][at + 1..]);
-        }
-        let [mut state, ..] = bytes;
-        state[at] = 3;
-        let error = CubeSettings::restored(&state).unwrap_err().to_string();
-        assert_eq!(error, "a saved fit needs a byte below 3 for the silhouettes, got 3");
-    }
-
-    #[test]
     fn settings_of_every_kind_come_back_from_their_bytes() {
         let mut settings = settings(Experiment::Sigma, Preset::Tuned);
         for k in 0..6 {
-            settings.kernel = KERNELS[k % 2];
-            settings.border = BORDERS[k % 3];
+            settings.kernel = KERNELS[k % 3];
+            settings.border = BORDERS[k / 2];
             settings.sigma_mapping = [Mapping::Identity, Mapping::Softplus, Mapping::Exp][k % 3];
             settings.seed = u64::MAX - k as u64;
             settings.silhouettes = SILHOUETTES[k / 2];
@@ -456,7 +405,10 @@ mod tests {
         huge.save(&mut state);
         let error = CubeSettings::restored(&state).unwrap_err().to_string();
         assert!(error.starts_with("resolution needs at most 4096 pixels"), "{error}");
-        let error = CubeSettings::restored(b"something").unwrap_err().to_string();
-        assert_eq!(error, "a saved fit needs a fit of the cube, got one of something else");
+        for state in [&b"something"[..], b"{}", b"", b"{\"experiment\":\"sphere\"}"] {
+            let error = CubeSettings::restored(state).unwrap_err().to_string();
+            let rule = "a saved fit needs a fit of the cube, with its settings, got ";
+            assert!(error.starts_with(rule), "{error}");
+        }
     }
 }

@@ -5,10 +5,11 @@ use std::str::FromStr;
 
 use bokashi_fit::{FitError, FitSettings, Mapping, Optimizer, Schedule};
 use bokashi_render_ops::{Border, Kernel, Radius};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// The paper's experiments.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[cfg_attr(feature = "page", derive(serde::Serialize), serde(rename_all = "lowercase"))]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Experiment {
     /// 5.1: vertices and colours, random poses, no blur.
     Vertices,
@@ -19,8 +20,8 @@ pub enum Experiment {
 }
 
 /// Learning rates and how they change over a run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[cfg_attr(feature = "page", derive(serde::Serialize), serde(rename_all = "kebab-case"))]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Preset {
     /// As printed in the paper: vertices and colours 1e-3, sigma 1e-2, constant.
     Paper,
@@ -35,8 +36,8 @@ pub enum Preset {
 }
 
 /// How the edge of a surface looks, in the learnt image and in the target.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-#[cfg_attr(feature = "page", derive(serde::Serialize), serde(rename_all = "lowercase"))]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Silhouettes {
     /// A pixel shows what lies at its centre: silhouettes have no gradient.
     Jagged,
@@ -48,8 +49,8 @@ pub enum Silhouettes {
 }
 
 /// The numbers that a fit computes with.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[cfg_attr(feature = "page", derive(serde::Serialize), serde(rename_all = "lowercase"))]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Precision {
     /// `f32`.
     F32,
@@ -106,7 +107,8 @@ words!(
 words!(Precision, "precision", "f32 or f64", F32 = "f32", F64 = "f64");
 
 /// Learning rates per parameter.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Rates {
     /// Of the vertices.
     pub vertices: f64,
@@ -151,7 +153,8 @@ impl Preset {
 const LARGEST_RESOLUTION: usize = 4096;
 
 /// The settings of one fit of the cube.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct CubeSettings {
     /// What is learnt.
     pub experiment: Experiment,
@@ -180,12 +183,66 @@ pub struct CubeSettings {
     /// How sigma stays positive.
     pub sigma_mapping: Mapping,
     /// The taps of the blur.
+    #[serde(with = "KernelWord")]
     pub kernel: Kernel,
     /// What the blur sees outside the image.
+    #[serde(with = "BorderWord")]
     pub border: Border,
     /// The window of the blur; `None`: fixed at four times the larger of the two sigmas, rounded
     /// up, so that it never steps with sigma.
+    #[serde(with = "window")]
     pub radius: Option<Radius>,
+}
+
+/// The kernels' words in files.
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "Kernel", rename_all = "lowercase")]
+enum KernelWord {
+    Seed,
+    Sampled,
+    Discrete,
+}
+
+/// The borders' words in files.
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "Border", rename_all = "lowercase")]
+enum BorderWord {
+    Zero,
+    Mirror,
+    Clamp,
+}
+
+/// A window in files.
+mod window {
+    use super::*;
+
+    #[derive(Serialize, Deserialize)]
+    #[serde(rename_all = "lowercase")]
+    enum Window {
+        Fixed(usize),
+        Tolerance(f64),
+    }
+
+    pub(super) fn serialize<S: Serializer>(
+        radius: &Option<Radius>,
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        let window = radius.map(|radius| match radius {
+            Radius::Fixed(pixels) => Window::Fixed(pixels),
+            Radius::Tolerance(tolerance) => Window::Tolerance(tolerance),
+        });
+        window.serialize(serializer)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<Option<Radius>, D::Error> {
+        let window = Option::<Window>::deserialize(deserializer)?;
+        Ok(window.map(|window| match window {
+            Window::Fixed(pixels) => Radius::Fixed(pixels),
+            Window::Tolerance(tolerance) => Radius::Tolerance(tolerance),
+        }))
+    }
 }
 
 impl CubeSettings {

@@ -1,17 +1,19 @@
 //! Arbitrary files as saved fits.
 
+use std::collections::{BTreeMap, HashMap};
+
 use bokashi_core::{Tape, Var};
 use bokashi_fit::{Fit, FitError, Pipeline, Stored, Variables};
 use bokashi_paper::{CubePipeline, CubeSettings};
+use safetensors::SafeTensors;
 
 /// Reads the saved fit that `bytes` are: as they come or, so that the checksum does not keep all
-/// changes out, as the contents of a file with a right one. Returns the bytes of what was read.
+/// changes out, with the right one. Returns the bytes of what was read.
 pub fn saved(bytes: &[u8]) -> usize {
     let Some((&how, bytes)) = bytes.split_first() else { return 0 };
     let file = match how % 4 {
         0 | 1 => bytes.to_vec(),
-        2 => sealed("f32", bytes),
-        _ => sealed("f64", bytes),
+        _ => sealed(bytes).unwrap_or_default(),
     };
     let cube = CubeSettings::of_saved(&file);
     match how % 2 {
@@ -20,13 +22,23 @@ pub fn saved(bytes: &[u8]) -> usize {
     }
 }
 
-fn sealed(precision: &str, contents: &[u8]) -> Vec<u8> {
-    let mut file = format!("bokashi-fit 1 {precision}\n").into_bytes();
-    file.extend((contents.len() as u64).to_le_bytes());
-    file.extend(contents);
-    let checksum = crc32fast::hash(&file);
-    file.extend(checksum.to_le_bytes());
-    file
+/// The file with the checksum that its contents have, where it is a safetensors file with our text.
+fn sealed(file: &[u8]) -> Option<Vec<u8>> {
+    const BEFORE: &str = "{\"checksum\":\"";
+    let (_, header) = SafeTensors::read_metadata(file).ok()?;
+    let text = header.metadata().as_ref()?.get("bokashi_fit")?;
+    let (_, rest) = text.strip_prefix(BEFORE)?.split_at_checked(8)?;
+    let tensors = SafeTensors::deserialize(file).ok()?.tensors();
+    let tensors: BTreeMap<_, _> = tensors.into_iter().collect();
+    let mut hasher = crc32fast::Hasher::new();
+    hasher.update(rest.as_bytes());
+    for (name, tensor) in &tensors {
+        hasher.update(format!("{name}{}{:?}", tensor.dtype(), tensor.shape()).as_bytes());
+        hasher.update(tensor.data());
+    }
+    let text = format!("{BEFORE}{:08x}{rest}", hasher.finalize());
+    let metadata = HashMap::from([("bokashi_fit".to_owned(), text)]);
+    safetensors::serialize(&tensors, Some(metadata)).ok()
 }
 
 fn resume<T: Stored>(file: &[u8], cube: Option<CubeSettings>) -> usize {

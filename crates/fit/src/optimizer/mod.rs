@@ -32,6 +32,8 @@ use crate::parameter::{Parameter, Parameters, Variables};
 
 /// How gradients change parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "save", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "save", serde(rename_all = "kebab-case", deny_unknown_fields))]
 #[non_exhaustive]
 pub enum Optimizer {
     /// Steps along the gradient.

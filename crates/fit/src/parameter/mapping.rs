@@ -4,6 +4,8 @@ use bokashi_core::{Scalar, Var};
 
 /// A smooth one-to-one map from all numbers to the allowed ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[cfg_attr(feature = "save", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "save", serde(rename_all = "kebab-case", deny_unknown_fields))]
 #[non_exhaustive]
 pub enum Mapping {
     /// All numbers: `value = raw`.

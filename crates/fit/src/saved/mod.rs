@@ -1,47 +1,64 @@
 //! Fits in files: saved, and resumed to the same bits.
 //!
 //! # The file
-//! One line of text, `bokashi-fit 1 f64`: what it is, the version of what follows, the precision of
-//! the numbers. Then the length of the contents (a `u64`), the contents, and the CRC-32 of all that
-//! comes before it. Whole numbers and the bits of the others have their lowest byte first.
+//! A [safetensors](https://huggingface.co/docs/safetensors) file. Its tensors, in the precision of
+//! the fit, by the names of the parameters:
 //!
-//! The contents are the settings, how many updates are done, the least loss of the run and its step,
-//! the parameters (name, raw numbers with their shape, rate, mapping, whether frozen, moments, how
-//! many updates these have seen), and what the pipeline saved of itself.
+//! | tensor | what |
+//! |---|---|
+//! | `raw/NAME` | the numbers that an update changes, before the parameter's mapping |
+//! | `first_moment/NAME` | average gradients |
+//! | `second_moment/NAME` | average squared gradients |
+//! | `largest_second_moment/NAME` | the largest of these so far |
+//! | `pipeline` | bytes (`U8`) that the pipeline saved of itself |
+//!
+//! What an optimizer does not have, and a pipeline that has not begun, has no tensor. Everything else
+//! is a JSON text in the metadata, under `bokashi_fit`: the version, settings, how many updates are
+//! done, the least loss of the run and its step, and of each parameter its rate, its mapping, whether
+//! it is frozen, how many updates it had. It begins with a checksum, the CRC-32 of the rest of the
+//! text and of all tensors by name: name, type and shape (as `F32[8, 3]`), bytes.
 //!
 //! # Trust
 //! Nothing that a file says is believed before it is checked: whatever the bytes are, the answer is
-//! a fit or an error, and no more memory is taken than the file has bytes.
+//! a fit or an error, and memory is taken in proportion to the bytes that the file has.
 
-mod bytes;
-mod fields;
+mod contents;
 mod stored;
 #[cfg(test)]
 mod tests;
 
+use std::borrow::Cow;
+use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::Path;
 
-pub use self::bytes::{Reader, Writer};
-pub use self::fields::tag;
+use bokashi_core::{Scalar, Shape, Tensor};
+use bokashi_write::write_whole;
+use safetensors::tensor::{Metadata, TensorView};
+use safetensors::{Dtype, SafeTensors, View};
+
+use self::contents::{Contents, Described};
 pub use self::stored::Stored;
 use crate::error::FitError;
 use crate::fit::{Fit, LoopState, StepState};
 use crate::parameter::{Parameter, Parameters};
-use bokashi_core::Scalar;
-use bokashi_write::write_whole;
 
-/// What a file begins with.
-const MAGIC: &str = "bokashi-fit";
-/// The version of the contents.
-const VERSION: u64 = 1;
-/// The first line is no longer than this.
-const LONGEST_LINE: usize = 40;
-/// The bytes of the length before the contents, and of the checksum after them.
-const AROUND: usize = 8 + 4;
-/// The largest count of updates: it leaves room to count on.
-const MOST_UPDATES: u64 = 1 << 63;
+/// The text's key in the metadata.
+const KEY: &str = "bokashi_fit";
+/// What the text begins with, before the digits of the checksum.
+const BEFORE_CHECKSUM: &str = "{\"checksum\":\"";
+/// The hexadecimal digits of the checksum.
+const DIGITS: usize = 8;
+/// The name of the pipeline's state.
+const PIPELINE: &str = "pipeline";
+/// What comes before a parameter's name, for its raw numbers and its three kinds of moments.
+const RAW: &str = "raw";
+const MOMENTS: [&str; 3] = ["first_moment", "second_moment", "largest_second_moment"];
+/// The most axes of a tensor: more than any operation takes.
+const MOST_AXES: usize = 8;
+/// The most bytes of the part before the tensors, as the format has it.
+const LONGEST_HEADER: u64 = 100_000_000;
 
 impl<T: Stored> Fit<T> {
     /// Saves the fit to the file `path`: it then holds all of the fit or, after an error, what it
@@ -78,14 +95,12 @@ impl<T: Stored> Fit<T> {
     /// few or changed; [`FitError::Setting`] and [`FitError::NotFinite`] for contents that no fit
     /// has.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, FitError> {
-        let head = Head::of(bytes)?;
-        if head.precision != T::NAME {
+        let file = Opened::new(bytes)?;
+        if file.contents.precision != T::NAME {
             let rule = format!("numbers in {}, as the fit that resumes it", T::NAME);
-            return Err(FitError::saved(rule, head.precision));
+            return Err(FitError::saved(rule, file.contents.precision));
         }
-        let mut contents = Reader::new(head.contents(bytes)?);
-        let (parameters, loop_state) = decode(&mut contents)?;
-        contents.end()?;
+        let (parameters, loop_state) = file.decoded()?;
         Self::restored(parameters, loop_state)
     }
 }
@@ -100,99 +115,81 @@ impl<T: Stored, M> StepState<'_, T, M> {
     }
 }
 
-/// What the first line says, and how long the file is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Head<'a> {
-    precision: &'a str,
-    /// Bytes before the contents.
-    before: usize,
-    /// Bytes of the whole file.
-    total: usize,
-}
-
-impl<'a> Head<'a> {
-    /// The head of a file that begins with `bytes`.
-    fn of(bytes: &'a [u8]) -> Result<Self, FitError> {
-        let start = &bytes[..bytes.len().min(LONGEST_LINE)];
-        let foreign = || {
-            let rule = format!("to begin with {MAGIC:?}");
-            let found = &start[..start.len().min(MAGIC.len())];
-            Err(FitError::saved(rule, format!("\"{}\"", found.escape_ascii())))
-        };
-        let Some(end) = start.iter().position(|&byte| byte == b'\n') else {
-            // The beginning of a right line is a file cut short.
-            return match start.starts_with(MAGIC.as_bytes()) {
-                true => Err(FitError::saved(
-                    "a whole first line",
-                    format!("\"{}\"", start.escape_ascii()),
-                )),
-                false => foreign(),
-            };
-        };
-        let Ok(line) = std::str::from_utf8(&start[..end]) else { return foreign() };
-        let mut words = line.split(' ');
-        if words.next() != Some(MAGIC) {
-            return foreign();
-        }
-        let version = words.next().unwrap_or_default();
-        if version != VERSION.to_string() {
-            return Err(FitError::saved(
-                format!("version {VERSION}"),
-                format!("version {version:?}"),
-            ));
-        }
-        let precision = words.next().unwrap_or_default();
-        if words.next().is_some() || !matches!(precision, "f32" | "f64") {
-            return Err(FitError::saved("f32 or f64 after its version", format!("{line:?}")));
-        }
-        let line = end + 1;
-        let Some(length) = bytes[line..].first_chunk() else {
-            return Err(FitError::saved(
-                "the length of its contents",
-                format!("{} bytes", bytes.len()),
-            ));
-        };
-        let contents = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
-        let total = contents.saturating_add(line + AROUND);
-        Ok(Self { precision, before: line + 8, total })
-    }
-
-    /// The contents of the file, which is `bytes`.
-    fn contents<'b>(&self, bytes: &'b [u8]) -> Result<&'b [u8], FitError> {
-        if bytes.len() != self.total {
-            return Err(FitError::saved(format!("{} bytes", self.total), bytes.len()));
-        }
-        let (checked, stored) = bytes.split_at(self.total - 4);
-        let (stored, computed) =
-            (u32::from_le_bytes(stored.try_into().expect("4 bytes")), crc32fast::hash(checked));
-        if stored != computed {
-            let rule = format!("contents with the checksum {stored:08x} that it ends with");
-            return Err(FitError::saved(rule, format!("{computed:08x}")));
-        }
-        Ok(&checked[self.before..])
-    }
-}
-
 fn write(path: &Path, bytes: &[u8]) -> Result<(), FitError> {
     write_whole(path, bytes).map_err(|error| file_error(path, "written", &error))
 }
 
-/// The bytes of a file, of which no more are read than its head says.
+fn file_error(path: &Path, done: &'static str, error: &io::Error) -> FitError {
+    FitError::File { path: path.to_owned(), done, said: error.to_string() }
+}
+
+/// Bytes that are no file of this format.
+fn foreign(error: impl std::fmt::Display) -> FitError {
+    FitError::saved("a safetensors file", error)
+}
+
+/// The bytes of a file, of which no more are read than its header says.
+///
+/// # Errors
+/// [`FitError::File`] where it cannot be read; [`FitError::Saved`] where its header is not that of a
+/// fit.
 pub fn read(path: &Path) -> Result<Vec<u8>, FitError> {
     let failed = |error: io::Error| file_error(path, "read", &error);
     let mut file = File::open(path).map_err(failed)?;
     let mut bytes = Vec::new();
-    let start = LONGEST_LINE + AROUND;
-    file.by_ref().take(start as u64).read_to_end(&mut bytes).map_err(failed)?;
-    let total = Head::of(&bytes)?.total;
+    file.by_ref().take(8).read_to_end(&mut bytes).map_err(failed)?;
+    let Some(length) = bytes.first_chunk().map(|&length| u64::from_le_bytes(length)) else {
+        return Err(foreign(format!("{} bytes", bytes.len())));
+    };
+    if length > LONGEST_HEADER {
+        return Err(foreign(format!("a header of {length} bytes")));
+    }
+    file.by_ref().take(length).read_to_end(&mut bytes).map_err(failed)?;
+    let header: Metadata = serde_json::from_slice(&bytes[8..]).map_err(foreign)?;
+    text_of(&header)?;
     // One byte more shows that there are too many.
-    let left = total.saturating_sub(bytes.len()).saturating_add(1);
-    file.take(left as u64).read_to_end(&mut bytes).map_err(failed)?;
+    let left = (header.data_len() as u64).saturating_add(1);
+    file.take(left).read_to_end(&mut bytes).map_err(failed)?;
     Ok(bytes)
 }
 
-fn file_error(path: &Path, done: &'static str, error: &io::Error) -> FitError {
-    FitError::File { path: path.to_owned(), done, said: error.to_string() }
+/// The text in a file's metadata.
+fn text_of(header: &Metadata) -> Result<&str, FitError> {
+    let text = header.metadata().as_ref().and_then(|metadata| metadata.get(KEY));
+    let rule = || format!("a safetensors file with {KEY:?} in its metadata");
+    Ok(text.ok_or_else(|| FitError::saved(rule(), "one without"))?)
+}
+
+/// A tensor to be written.
+#[derive(Debug)]
+struct Block {
+    dtype: Dtype,
+    shape: Vec<usize>,
+    bytes: Vec<u8>,
+}
+
+impl Block {
+    fn new<T: Stored>(shape: &Shape, numbers: &[T]) -> Self {
+        Self { dtype: T::DTYPE, shape: shape.to_vec(), bytes: T::bytes(numbers) }
+    }
+}
+
+impl View for &Block {
+    fn dtype(&self) -> Dtype {
+        self.dtype
+    }
+
+    fn shape(&self) -> &[usize] {
+        &self.shape
+    }
+
+    fn data(&self) -> Cow<'_, [u8]> {
+        Cow::Borrowed(&self.bytes)
+    }
+
+    fn data_len(&self) -> usize {
+        self.bytes.len()
+    }
 }
 
 fn encode<T: Stored>(
@@ -200,90 +197,154 @@ fn encode<T: Stored>(
     parameters: &Parameters<T>,
 ) -> Result<Vec<u8>, FitError> {
     parameters.check_values()?;
-    let mut contents = Writer::default();
-    contents.fit_settings(&loop_state.settings);
-    contents.count(loop_state.step);
-    contents.number(loop_state.best.0);
-    contents.count(loop_state.best.1);
-    contents.count(parameters.updates);
-    contents.count(parameters.list.len() as u64);
+    let mut tensors = BTreeMap::new();
     for parameter in &parameters.list {
-        contents.block(parameter.name().as_bytes());
-        contents.tensor(&parameter.raw);
-        contents.number(parameter.rate);
-        contents.mapping(parameter.mapping);
-        contents.byte(u8::from(parameter.frozen));
-        contents.count(parameter.updates);
-        contents.entries(&parameter.first);
-        contents.entries(&parameter.second);
-        contents.entries(&parameter.greatest);
+        let (name, shape) = (parameter.name(), parameter.raw.shape());
+        tensors.insert(format!("{RAW}/{name}"), Block::new(shape, parameter.raw.data()));
+        let moments = [&parameter.first, &parameter.second, &parameter.greatest];
+        for (kind, moments) in MOMENTS.into_iter().zip(moments) {
+            if !moments.is_empty() {
+                tensors.insert(format!("{kind}/{name}"), Block::new(shape, moments));
+            }
+        }
     }
-    contents.option(loop_state.pipeline, Writer::block);
+    if let Some(state) = loop_state.pipeline {
+        let block = Block { dtype: Dtype::U8, shape: vec![state.len()], bytes: state.to_vec() };
+        tensors.insert(PIPELINE.to_owned(), block);
+    }
+    let contents = Contents::new(T::NAME, loop_state, parameters);
+    let mut text = serde_json::to_string(&contents).map_err(foreign)?;
+    let rest = &text[BEFORE_CHECKSUM.len() + DIGITS..];
+    let views =
+        tensors.iter().map(|(name, block)| (&**name, block.dtype, &*block.shape, &*block.bytes));
+    let checksum = checksum(rest, views);
+    text.replace_range(BEFORE_CHECKSUM.len()..BEFORE_CHECKSUM.len() + DIGITS, &checksum);
+    let metadata = HashMap::from([(KEY.to_owned(), text)]);
+    safetensors::serialize(&tensors, Some(metadata)).map_err(foreign)
+}
 
-    let mut file = Writer { bytes: format!("{MAGIC} {VERSION} {}\n", T::NAME).into_bytes() };
-    file.block(&contents.bytes);
-    let checksum = crc32fast::hash(&file.bytes);
-    file.bytes.extend(checksum.to_le_bytes());
-    Ok(file.bytes)
+/// The checksum, in digits, of a text after its own checksum, and of tensors in the order of their
+/// names.
+fn checksum<'a>(
+    rest: &str,
+    tensors: impl Iterator<Item = (&'a str, Dtype, &'a [usize], &'a [u8])>,
+) -> String {
+    let mut hasher = crc32fast::Hasher::new();
+    hasher.update(rest.as_bytes());
+    for (name, dtype, shape, bytes) in tensors {
+        hasher.update(format!("{name}{dtype}{shape:?}").as_bytes());
+        hasher.update(bytes);
+    }
+    format!("{:0DIGITS$x}", hasher.finalize())
+}
+
+/// A file that is what it was when it was written.
+#[derive(Debug)]
+struct Opened<'a> {
+    contents: Contents,
+    tensors: BTreeMap<String, TensorView<'a>>,
+}
+
+impl<'a> Opened<'a> {
+    fn new(bytes: &'a [u8]) -> Result<Self, FitError> {
+        let (_, header) = SafeTensors::read_metadata(bytes).map_err(foreign)?;
+        let text = text_of(&header)?;
+        let contents = Contents::of(text)?;
+        let file = SafeTensors::deserialize(bytes).map_err(foreign)?;
+        let tensors: BTreeMap<_, _> = file.tensors().into_iter().collect();
+        let begins =
+            text.strip_prefix(BEFORE_CHECKSUM).and_then(|text| text.split_at_checked(DIGITS));
+        let Some((stored, rest)) = begins else {
+            let rule = format!("contents that begin with a checksum of {DIGITS} digits");
+            return Err(FitError::saved(rule, format!("{:?}", contents.checksum)));
+        };
+        let views =
+            tensors.iter().map(|(name, view)| (&**name, view.dtype(), view.shape(), view.data()));
+        let computed = checksum(rest, views);
+        if stored != computed {
+            let rule = format!("contents with the checksum {stored} that it has");
+            return Err(FitError::saved(rule, computed));
+        }
+        Ok(Self { contents, tensors })
+    }
+
+    /// What [`encode`] wrote.
+    fn decoded<T: Stored>(mut self) -> Result<(Parameters<T>, LoopState<'a>), FitError> {
+        let mut list = Vec::new();
+        for described in std::mem::take(&mut self.contents.parameters) {
+            list.push(self.parameter(described)?);
+        }
+        let pipeline = self.tensors.remove(PIPELINE);
+        if let Some(other) = pipeline.as_ref().filter(|view| view.dtype() != Dtype::U8) {
+            return Err(FitError::saved(format!("U8 for {PIPELINE:?}"), other.dtype()));
+        }
+        if let Some((name, _)) = self.tensors.first_key_value() {
+            return Err(FitError::saved(
+                "no tensor but those of its parameters",
+                format!("{name:?}"),
+            ));
+        }
+        let loop_state = self.contents.loop_state(pipeline.map(|view| view.data()))?;
+        let counts = list.iter().map(|parameter: &Parameter<T>| parameter.updates);
+        contents::check_updates(counts)?;
+        Ok((Parameters::restored(list, self.contents.updates)?, loop_state))
+    }
+
+    /// A parameter with its numbers, which are its alone.
+    fn parameter<T: Stored>(&mut self, described: Described) -> Result<Parameter<T>, FitError> {
+        let Described { name, rate, mapping, frozen, updates } = described;
+        let raw = format!("{RAW}/{name}");
+        let Some(numbers) = self.tensor::<T>(&raw)? else {
+            return Err(FitError::saved(format!("a tensor {raw:?}, and one alone"), "none"));
+        };
+        let mut moments = [const { Vec::new() }; 3];
+        for (kind, moments) in MOMENTS.into_iter().zip(&mut moments) {
+            let of = format!("{kind}/{name}");
+            let Some(found) = self.tensor::<T>(&of)? else { continue };
+            if found.shape() != numbers.shape() {
+                let rule = format!("the shape {:?} of {raw:?} for {of:?}", numbers.shape());
+                return Err(FitError::saved(rule, format!("{:?}", found.shape())));
+            }
+            *moments = found.data().to_vec();
+        }
+        let [first, second, greatest] = moments;
+        let squares = second.iter().chain(&greatest);
+        if let Some(square) = squares.copied().find(|&square| square < T::ZERO) {
+            return Err(FitError::saved("average squares from 0 up", Scalar::to_f64(square)));
+        }
+        let mut parameter = Parameter::new(name, numbers);
+        (parameter.rate, parameter.mapping, parameter.frozen) = (rate, mapping, frozen);
+        parameter.updates = updates;
+        (parameter.first, parameter.second, parameter.greatest) = (first, second, greatest);
+        Ok(parameter)
+    }
+
+    /// The tensor of this name, which is not there again.
+    fn tensor<T: Stored>(&mut self, name: &str) -> Result<Option<Tensor<T>>, FitError> {
+        let Some(view) = self.tensors.remove(name) else { return Ok(None) };
+        if view.dtype() != T::DTYPE {
+            return Err(FitError::saved(format!("{} for {name:?}", T::DTYPE), view.dtype()));
+        }
+        if view.shape().len() > MOST_AXES {
+            let rule = format!("at most {MOST_AXES} axes for {name:?}");
+            return Err(FitError::saved(rule, view.shape().len()));
+        }
+        let numbers = T::numbers(view.data());
+        if let Some(number) = numbers.iter().find(|number| !number.is_finite()) {
+            return Err(FitError::saved(format!("finite numbers for {name:?}"), number));
+        }
+        Ok(Some(Tensor::new(Shape::from(view.shape()), numbers)?))
+    }
 }
 
 /// The precision that the fit in `file` computes with, and its pipeline's state.
-pub fn precision_and_state(file: &[u8]) -> Result<(&str, Option<&[u8]>), FitError> {
-    let head = Head::of(file)?;
-    let mut contents = Reader::new(head.contents(file)?);
-    let state = match head.precision {
-        "f32" => decode::<f32>(&mut contents)?.1.pipeline,
-        _ => decode::<f64>(&mut contents)?.1.pipeline,
-    };
-    contents.end()?;
-    Ok((head.precision, state))
-}
-
-/// What [`encode`] wrote.
-fn decode<'a, T: Stored>(
-    contents: &mut Reader<'a>,
-) -> Result<(Parameters<T>, LoopState<'a>), FitError> {
-    let settings = contents.fit_settings()?;
-    let step = updates(contents, "the updates done")?;
-    let best = (contents.number("the least loss")?, contents.count("the step of the least loss")?);
-    if best.0.is_nan() || best.1 > step {
-        let rule = "a least loss of a step that was done";
-        return Err(FitError::saved(rule, format!("{} of step {} of {step}", best.0, best.1)));
-    }
-    let all_updates = updates(contents, "the updates of the parameters")?;
-    let count = contents.count("the number of parameters")?;
-    let mut list = Vec::new();
-    for _ in 0..count {
-        list.push(parameter(contents)?);
-    }
-    let pipeline = contents.option("the state of the pipeline", Reader::block)?;
-    let parameters = Parameters::restored(list, all_updates)?;
-    Ok((parameters, LoopState { settings, step, best, pipeline }))
-}
-
-fn updates(contents: &mut Reader<'_>, what: &str) -> Result<u64, FitError> {
-    let updates = contents.count(what)?;
-    if updates > MOST_UPDATES {
-        return Err(FitError::saved(format!("at most 2^63 for {what}"), updates));
-    }
-    Ok(updates)
-}
-
-fn parameter<T: Stored>(contents: &mut Reader<'_>) -> Result<Parameter<T>, FitError> {
-    let name = contents.text("a parameter's name")?;
-    let raw = contents.tensor::<T>("a parameter")?;
-    let size = raw.size();
-    let mut parameter = Parameter::new(name, raw);
-    parameter.rate = contents.number("a learning rate")?;
-    parameter.mapping = contents.mapping()?;
-    parameter.frozen = contents.flag("whether a parameter is frozen")?;
-    parameter.updates = updates(contents, "the updates of a parameter")?;
-    parameter.first = contents.entries(size, "average gradients")?;
-    parameter.second = contents.entries(size, "average squares")?;
-    parameter.greatest = contents.entries(size, "largest average squares")?;
-    let squares = parameter.second.iter().chain(&parameter.greatest);
-    match squares.copied().find(|&square| square < T::ZERO) {
-        Some(square) => Err(FitError::saved("average squares from 0 up", Scalar::to_f64(square))),
-        None => Ok(parameter),
-    }
+///
+/// # Errors
+/// As [`Fit::from_bytes`].
+pub fn precision_and_state(file: &[u8]) -> Result<(&'static str, Option<&[u8]>), FitError> {
+    let file = Opened::new(file)?;
+    Ok(match &*file.contents.precision {
+        "f32" => ("f32", file.decoded::<f32>()?.1.pipeline),
+        _ => ("f64", file.decoded::<f64>()?.1.pipeline),
+    })
 }

@@ -1,6 +1,7 @@
 //! The numbers that can be saved: by their bits.
 
 use bokashi_core::Scalar;
+use safetensors::Dtype;
 
 /// A number that can be saved and comes back to the bit: `f32` and `f64`.
 pub trait Stored: Scalar + Bits {}
@@ -9,30 +10,29 @@ pub trait Stored: Scalar + Bits {}
 pub trait Bits: Sized {
     /// The name of the precision in files.
     const NAME: &'static str;
-    /// Bytes of a number.
-    const BYTES: usize;
+    /// The type of a tensor of such numbers.
+    const DTYPE: Dtype;
 
-    /// Appends the bits, the lowest byte first.
-    fn put(self, bytes: &mut Vec<u8>);
+    /// The bits of `numbers`, the lowest byte of each first.
+    fn bytes(numbers: &[Self]) -> Vec<u8>;
 
-    /// The number of `BYTES` bytes.
-    fn get(bytes: &[u8]) -> Self;
+    /// The numbers of [`Bits::bytes`].
+    fn numbers(bytes: &[u8]) -> Vec<Self>;
 }
 
 macro_rules! stored {
-    ($t:ident) => {
+    ($t:ident, $dtype:ident) => {
         impl Bits for $t {
             const NAME: &'static str = stringify!($t);
-            const BYTES: usize = size_of::<$t>();
+            const DTYPE: Dtype = Dtype::$dtype;
 
-            fn put(self, bytes: &mut Vec<u8>) {
-                bytes.extend(self.to_le_bytes());
+            fn bytes(numbers: &[Self]) -> Vec<u8> {
+                numbers.iter().flat_map(|number| number.to_le_bytes()).collect()
             }
 
-            fn get(bytes: &[u8]) -> Self {
-                let mut own = [0; size_of::<$t>()];
-                own.copy_from_slice(bytes);
-                Self::from_le_bytes(own)
+            fn numbers(bytes: &[u8]) -> Vec<Self> {
+                let (chunks, _) = bytes.as_chunks();
+                chunks.iter().map(|chunk| Self::from_le_bytes(*chunk)).collect()
             }
         }
 
@@ -40,5 +40,5 @@ macro_rules! stored {
     };
 }
 
-stored!(f32);
-stored!(f64);
+stored!(f32, F32);
+stored!(f64, F64);

@@ -93,16 +93,26 @@ fn file<T: Stored>() -> Vec<u8> {
     fit.to_bytes().unwrap()
 }
 
-/// The same contents after a change, with their right length and checksum.
-fn sealed(file: &[u8], change: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
-    let line = file.iter().position(|&byte| byte == b'\n').unwrap() + 1;
-    let mut contents = file[line + 8..file.len() - 4].to_vec();
-    change(&mut contents);
-    let mut sealed = Writer { bytes: file[..line].to_vec() };
-    sealed.block(&contents);
-    let checksum = crc32fast::hash(&sealed.bytes);
-    sealed.bytes.extend(checksum.to_le_bytes());
-    sealed.bytes
+/// The same file after a change of its text and tensors, with its right checksum.
+fn sealed(file: &[u8], change: impl FnOnce(&mut String, &mut BTreeMap<String, Block>)) -> Vec<u8> {
+    let (_, header) = SafeTensors::read_metadata(file).unwrap();
+    let mut text = text_of(&header).unwrap().to_owned();
+    let tensors = SafeTensors::deserialize(file).unwrap().tensors();
+    let block = |view: TensorView<'_>| Block {
+        dtype: view.dtype(),
+        shape: view.shape().to_vec(),
+        bytes: view.data().to_vec(),
+    };
+    let mut tensors = tensors.into_iter().map(|(name, view)| (name, block(view))).collect();
+    change(&mut text, &mut tensors);
+    let views =
+        tensors.iter().map(|(name, block)| (&**name, block.dtype, &*block.shape, &*block.bytes));
+    if let Some((_, rest)) =
+        text.strip_prefix(BEFORE_CHECKSUM).and_then(|text| text.split_at_checked(DIGITS))
+    {
+        text = format!("{BEFORE_CHECKSUM}{}{rest}", checksum(rest, views));
+    }
+    safetensors::serialize(&tensors, Some(HashMap::from([(KEY.to_owned(), text)]))).unwrap()
 }
 
 fn refused<T: Stored>(bytes: &[u8]) -> String {
@@ -245,12 +255,11 @@ fn a_count_beyond_two_to_the_53_is_exact_and_counts_on() {
     let done = (1 << 53) + 1;
     let mut fit = Fit::<f64>::new(parameters(), settings(ADAM, Schedule::Constant)).unwrap();
     fit.step(&mut Wandering::new(1)).unwrap();
-    let file = sealed(&fit.to_bytes().unwrap(), |contents| {
-        // The count of the updates of "x": after its name, shape, entries, rate and two bytes.
-        let name = contents.windows(9).position(|w| w == [1, 0, 0, 0, 0, 0, 0, 0, b'x']).unwrap();
-        let at = name + 9 + 1 + 8 + 3 * 8 + 8 + 2;
-        assert_eq!(contents[at..at + 8], 1_u64.to_le_bytes());
-        contents[at..at + 8].copy_from_slice(&u64::to_le_bytes(done));
+    let file = sealed(&fit.to_bytes().unwrap(), |text, _| {
+        // The updates of the first parameter, "x".
+        let before = "\"frozen\":false,\"updates\":";
+        assert!(text.contains(&format!("{before}1")));
+        *text = text.replacen(&format!("{before}1"), &format!("{before}{done}"), 1);
     });
     let mut fit = Fit::<f64>::from_bytes(&file).unwrap();
     let Parameter { raw, first, second, .. } = fit.parameters().get("x").unwrap().clone();
@@ -267,24 +276,21 @@ fn a_count_beyond_two_to_the_53_is_exact_and_counts_on() {
 
 #[test]
 fn a_file_that_is_something_else_is_refused_with_rule_and_value() {
-    let file = file::<f64>();
-    let table: [(&[u8], &str); 8] = [
-        (b"", "a saved fit needs to begin with \"bokashi-fit\", got \"\""),
-        (b"\x89PNG\r\n\x1a\n", "to begin with \"bokashi-fit\", got \"\\x89PNG\\r\\n\\x1a\\n\""),
-        (b"bokashi-fitting 1 f64\n", "to begin with \"bokashi-fit\", got \"bokashi-fit\""),
-        (b"bokashi-fit 1", "needs a whole first line, got \"bokashi-fit 1\""),
-        (b"bokashi-fit 2 f64\n", "a saved fit needs version 1, got version \"2\""),
-        (b"bokashi-fit 1 f16\n", "needs f32 or f64 after its version, got \"bokashi-fit 1 f16\""),
-        (b"bokashi-fit 1 f64\n\x01", "needs the length of its contents, got 19 bytes"),
+    let foreign = safetensors::serialize(&BTreeMap::<String, Block>::new(), None).unwrap();
+    let table: [(&[u8], &str); 4] = [
+        (b"", "a saved fit needs a safetensors file, got header too small"),
+        (b"\x89PNG\r\n\x1a\n", "a saved fit needs a safetensors file, got header too large"),
         (
-            b"bokashi-fit 1 f32\n\0\0\0\0\0\0\0\0\0\0\0\0",
-            "a saved fit needs numbers in f64, as the fit that resumes it, got f32",
+            b"\x02\0\0\0\0\0\0\0[]",
+            "a saved fit needs a safetensors file, got invalid JSON in header",
         ),
+        (&foreign, "a safetensors file with \"bokashi_fit\" in its metadata, got one without"),
     ];
     for (bytes, message) in table {
         let said = refused::<f64>(bytes);
-        assert!(said.ends_with(message), "{said}");
+        assert!(said.contains(message), "{said}");
     }
+    let file = file::<f64>();
     assert!(Fit::<f64>::from_bytes(&file).is_ok());
     let said = refused::<f32>(&file);
     assert_eq!(said, "a saved fit needs numbers in f32, as the fit that resumes it, got f64");
@@ -296,18 +302,18 @@ fn a_file_that_is_cut_short_too_long_or_changed_is_refused() {
     for length in 0..file.len() {
         assert!(Fit::<f32>::from_bytes(&file[..length]).is_err(), "{length}");
     }
-    let longer = [&file[..], &[0]].concat();
-    let rule = format!("a saved fit needs {} bytes, got {}", file.len(), file.len() + 1);
-    assert_eq!(refused::<f32>(&longer), rule);
-    for at in 0..file.len() {
-        for bit in [0, 3, 7] {
+    assert!(Fit::<f32>::from_bytes(&[&file[..], &[0]].concat()).is_err());
+    let header = 8 + u64::from_le_bytes(file[..8].try_into().unwrap()) as usize;
+    let padding = file[..header].iter().rposition(|&byte| byte != b' ').unwrap() + 1;
+    for at in (0..padding).chain(header..file.len()) {
+        for bit in 0..8 {
             let mut changed = file.clone();
             changed[at] ^= 1 << bit;
             assert!(Fit::<f32>::from_bytes(&changed).is_err(), "bit {bit} of byte {at}");
         }
     }
     let mut changed = file.clone();
-    changed[file.len() / 2] ^= 1;
+    *changed.last_mut().unwrap() ^= 1;
     let said = refused::<f32>(&changed);
     assert!(said.starts_with("a saved fit needs contents with the checksum "), "{said}");
 }
@@ -315,45 +321,108 @@ fn a_file_that_is_cut_short_too_long_or_changed_is_refused() {
 #[test]
 fn contents_with_a_right_checksum_are_not_believed_either() {
     let file = file::<f64>();
-    let changed = |at: usize, bytes: &[u8]| {
-        refused::<f64>(&sealed(&file, |contents| {
-            contents[at..at + bytes.len()].copy_from_slice(bytes);
-        }))
-    };
-    let name = file.windows(9).position(|w| w == [1, 0, 0, 0, 0, 0, 0, 0, b'x']).unwrap() - 26;
-    let huge = [0xff; 8];
-    // The name's length, the rank, the extent, an entry, the rate, the mapping.
-    let table: [(usize, &[u8], &str); 9] = [
-        (name, &huge, "a saved fit needs 18446744073709551615 bytes for a parameter's name, got"),
-        (name + 8, &[0xff], "a saved fit needs UTF-8 for a parameter's name, got \"\\xff\""),
-        (name + 9, &[200], "a saved fit needs at most 8 axes for a parameter, got 200"),
-        (name + 10, &huge, "a saved fit needs 18446744073709551615 bytes for a parameter, got"),
-        (name + 18, &huge, "a saved fit needs finite numbers for a parameter, got NaN"),
-        (name + 42, &huge, "learning rate needs a finite number from 0 up, got NaN for \"x\""),
-        (name + 50, &[3], "a saved fit needs a byte below 3 for a mapping, got 3"),
+    let texts = [
+        ("\"version\":2", "\"version\":3", "a saved fit needs version 2, got version 3"),
         (
-            name + 51,
-            &[2],
-            "a saved fit needs a byte below 2 for whether a parameter is frozen, got 2",
+            "\"precision\":\"f64\"",
+            "\"precision\":\"f16\"",
+            "a saved fit needs numbers in f32 or f64, got f16",
         ),
-        (name - 8, &huge, "a saved fit needs"),
+        ("\"step\":10", "\"step\":-1", "a saved fit needs contents that are those of a fit, got "),
+        ("\"step\":10", "\"stop\":10", "a saved fit needs contents that are those of a fit, got "),
+        (
+            "\"updates\":10",
+            "\"updates\":9223372036854775809",
+            "a saved fit needs at most 2^63 updates",
+        ),
+        (
+            "\"least_loss_step\":10",
+            "\"least_loss_step\":11",
+            "a saved fit needs a least loss of a step",
+        ),
+        (
+            "\"beta1\":0.9",
+            "\"beta1\":1.5",
+            "Adam's beta1 needs a number from 0 to below 1, got 1.5",
+        ),
+        (
+            "\"rate\":0.02",
+            "\"rate\":-0.02",
+            "learning rate needs a finite number from 0 up, got -0.02",
+        ),
+        (
+            "\"rate\":0.02",
+            "\"rate\":1e999",
+            "a saved fit needs contents that are those of a fit, got ",
+        ),
+        (
+            "\"name\":\"still\"",
+            "\"name\":\"x\"",
+            "a saved fit needs a tensor \"raw/x\", and one alone",
+        ),
+        ("\"name\":\"still\"", "\"name\":\"steal\"", "a saved fit needs a tensor \"raw/steal\""),
+        ("\"softplus\"", "\"tanh\"", "a saved fit needs contents that are those of a fit, got "),
+        ("\"loss_below\":null", "\"loss_below\":\"low\"", "a saved fit needs numbers as limits"),
+        ("\"loss_below\":null", "\"loss_below\":\"NaN\"", "loss limit needs a number, got NaN"),
+        (
+            "{\"checksum\":",
+            "{ \"checksum\":",
+            "a saved fit needs contents that begin with a checksum",
+        ),
     ];
-    for (at, bytes, message) in table {
-        let said = changed(at, bytes);
+    for (right, wrong, message) in texts {
+        let said = refused::<f64>(&sealed(&file, |text, _| {
+            assert!(text.contains(right), "{right} in {text}");
+            *text = text.replacen(right, wrong, 1);
+        }));
         assert!(said.starts_with(message), "{said}");
     }
-    let longer = sealed(&file, |contents| contents.push(0));
-    assert_eq!(
-        refused::<f64>(&longer),
-        "a saved fit needs to end with its last field, got 1 bytes more"
-    );
-    // Whatever single byte is changed to whatever: a fit or an error, no panic.
-    let contents = file.len() - 26 - 4;
-    for at in 0..contents {
-        for byte in [0, 1, 0x7f, 0x80, 0xff] {
-            let _ = Fit::<f64>::from_bytes(&sealed(&file, |contents| contents[at] = byte));
+    type Change = fn(&mut BTreeMap<String, Block>);
+    let tensors: [(Change, &str); 8] = [
+        (|all| drop(all.remove("raw/x")), "a saved fit needs a tensor \"raw/x\", and one alone"),
+        (
+            |all| all.get_mut("raw/x").unwrap().bytes[..8].fill(0xff),
+            "a saved fit needs finite numbers for \"raw/x\", got NaN",
+        ),
+        (
+            |all| all.get_mut("raw/x").unwrap().shape = vec![1, 1, 1, 1, 1, 1, 1, 1, 3],
+            "a saved fit needs at most 8 axes for \"raw/x\", got 9",
+        ),
+        (
+            |all| all.get_mut("second_moment/x").unwrap().shape = vec![3, 1],
+            "a saved fit needs the shape [3] of \"raw/x\" for \"second_moment/x\", got [3, 1]",
+        ),
+        (
+            |all| all.get_mut("second_moment/x").unwrap().bytes[7] = 0xbf,
+            "a saved fit needs average squares from 0 up, got -",
+        ),
+        (
+            |all| all.get_mut("raw/scale").unwrap().dtype = Dtype::I64,
+            "a saved fit needs F64 for \"raw/scale\", got I64",
+        ),
+        (
+            |all| all.get_mut("pipeline").unwrap().dtype = Dtype::I8,
+            "a saved fit needs U8 for \"pipeline\", got I8",
+        ),
+        (
+            |all| drop(all.insert("raw/y".into(), Block::new(&Shape::from([1]), &[1.0_f64]))),
+            "a saved fit needs no tensor but those of its parameters, got \"raw/y\"",
+        ),
+    ];
+    for (change, message) in tensors {
+        let said = refused::<f64>(&sealed(&file, |_, tensors| change(tensors)));
+        assert!(said.starts_with(message), "{said}");
+    }
+    // Whatever single byte of the text is changed to whatever: a fit or an error, no panic.
+    let mut length = 0;
+    sealed(&file, |text, _| length = text.len());
+    for at in 0..length {
+        for byte in *b"\0 0\"{}[]:,-e9" {
+            let changed = sealed(&file, |text, _| {
+                text.replace_range(at..=at, char::from(byte).encode_utf8(&mut [0]));
+            });
+            let _ = Fit::<f64>::from_bytes(&changed);
         }
-        let _ = Fit::<f64>::from_bytes(&sealed(&file, |contents| contents.truncate(at)));
     }
 }
 
@@ -395,9 +464,21 @@ fn a_file_is_saved_whole_and_read_back() {
     assert!(error.contains("no/such/file could not be read: "), "{error}");
 
     // A file that says to be longer than it is takes no more memory than it is long.
-    let mut claims = fit.to_bytes().unwrap();
-    claims[18..26].copy_from_slice(&(1_u64 << 60).to_le_bytes());
-    std::fs::write(&path, &claims).unwrap();
+    for (claim, rule) in
+        [(1_u64 << 60, "a header of 1152921504606846976 bytes"), (90_000_000, "EOF")]
+    {
+        let mut claims = fit.to_bytes().unwrap();
+        claims[..8].copy_from_slice(&claim.to_le_bytes());
+        std::fs::write(&path, &claims).unwrap();
+        let error = Fit::<f32>::resume(&path).unwrap_err().to_string();
+        assert!(error.starts_with("a saved fit needs a safetensors file, got "), "{error}");
+        assert!(error.contains(rule) || error.contains("trailing"), "{error}");
+    }
+    // Of a large file of something else the header alone is read.
+    let other = safetensors::serialize(&BTreeMap::<String, Block>::new(), None).unwrap();
+    let large = std::fs::File::create(&path).unwrap();
+    std::io::Write::write_all(&mut &large, &other).unwrap();
+    large.set_len(1 << 40).unwrap();
     let error = Fit::<f32>::resume(&path).unwrap_err().to_string();
-    assert!(error.starts_with("a saved fit needs 1152921504606847006 bytes, got "), "{error}");
+    assert!(error.ends_with("in its metadata, got one without"), "{error}");
 }

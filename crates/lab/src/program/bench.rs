@@ -5,13 +5,14 @@ use std::path::Path;
 use std::sync::PoisonError;
 
 use bokashi_cli::failure::Failure;
-use bokashi_cli::run::{Writing, about, is_standard_output, say, say_bytes};
+use bokashi_cli::interrupt::Writing;
+use bokashi_cli::output::{is_standard_output, say, say_json};
+use bokashi_cli::run::about;
 use bokashi_lab::bench::{
     Effort, bench, elision, elision_markdown, json, markdown, read_peers, write_elision_page,
     write_page,
 };
 use bokashi_report::{ReportError, escaped};
-use bokashi_write::write_whole;
 use indicatif::ProgressBar;
 
 use crate::arguments::{BenchArguments, BenchCommand, BenchFiles};
@@ -50,18 +51,18 @@ fn studies(arguments: &BenchArguments, writing: &Writing) -> Result<(), Failure>
     };
     let found = bench(effort(files), &arguments.only, peers, on_study).map_err(failed)?;
     bar.finish_and_clear();
-    let json = serde_json::to_vec(&json(&found, effort(files))).map_err(failed)?;
+    let json = serde_json::to_string(&json(&found, effort(files))).map_err(failed)?;
     let text = markdown(&found, effort(files));
     let page = |out: &Path| write_page(&found, effort(files), &footer(), out);
-    write(files, json, &text, page, writing)
+    write(files, &json, &text, page, writing)
 }
 
 fn left_out(files: &BenchFiles, writing: &Writing) -> Result<(), Failure> {
     let rows = elision(effort(files)).map_err(failed)?;
-    let json = serde_json::to_vec(&rows).map_err(failed)?;
+    let json = serde_json::to_string(&rows).map_err(failed)?;
     let text = elision_markdown(&rows, effort(files));
     let page = |out: &Path| write_elision_page(&rows, effort(files), &footer(), out);
-    write(files, json, &text, page, writing)?;
+    write(files, &json, &text, page, writing)?;
     match rows.iter().find(|row| !row.bitwise_equal()) {
         None => Ok(()),
         Some(row) => {
@@ -78,21 +79,15 @@ fn footer() -> String {
 /// Writes and says what was asked for.
 fn write(
     files: &BenchFiles,
-    mut json: Vec<u8>,
+    json: &str,
     text: &str,
     page: impl FnOnce(&Path) -> Result<std::path::PathBuf, ReportError>,
     writing: &Writing,
 ) -> Result<(), Failure> {
     let held = writing.lock().unwrap_or_else(PoisonError::into_inner);
-    json.push(b'\n');
     let only_json = files.json.as_ref().is_some_and(|file| is_standard_output(file));
-    match &files.json {
-        Some(_) if only_json => say_bytes(&json)?,
-        Some(file) => {
-            let said = |error| Failure::Work(format!("{} not written: {error}", file.display()));
-            write_whole(file, &json).map_err(said)?;
-        }
-        None => {}
+    if let Some(file) = &files.json {
+        say_json(file, json)?;
     }
     let mut last = String::new();
     if let Some(out) = &files.out {

@@ -9,7 +9,8 @@ mod stiff;
 use std::process::ExitCode;
 
 use bokashi_cli::arguments::Stopped;
-use bokashi_cli::run::say;
+use bokashi_cli::failure::ended;
+use bokashi_cli::output::say;
 
 fn main() -> ExitCode {
     let result = match arguments::parse(std::env::args_os()) {
@@ -17,11 +18,5 @@ fn main() -> ExitCode {
         Err(Stopped::Shown(text)) => say(&text),
         Err(Stopped::Wrong(failure)) => Err(failure),
     };
-    match result {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            eprintln!("bokashi-lab: {failure}");
-            failure.exit_code()
-        }
-    }
+    ended("bokashi-lab", result)
 }

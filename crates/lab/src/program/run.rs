@@ -1,33 +1,43 @@
 //! Doing what was asked, after a look at where it is to be written.
 
 use bokashi_cli::failure::Failure;
-use bokashi_cli::run::{
-    Writing, check_file, check_folder_of_out, end_when_interrupted, is_standard_output, pool,
-};
+use bokashi_cli::interrupt::{Writing, end_when_interrupted};
+use bokashi_cli::places::Places;
+use bokashi_cli::threads::{start_threads, start_threads_apart};
 
 use crate::arguments::{Command, Request};
 use crate::{bench, stability, stiff};
 
 /// Does all that `request` asks for.
 pub(crate) fn run(request: &Request) -> Result<(), Failure> {
-    if let Some(out) = request.out() {
-        check_folder_of_out(out)?;
+    let report: &[&str] = match &request.command {
+        Command::Stability(_) => &["stability.html"],
+        Command::Stiff(_) => &["stiff.html", "stiff.csv"],
+        Command::Bench(bench) if bench.command.is_none() => &["bench.html"],
+        Command::Bench(_) => &["elision.html", "elision-rows.csv"],
+    };
+    Places {
+        out: request.out(),
+        report,
+        files: request.json().map(|file| ("--json", file)).into_iter().collect(),
+        read: request.peers().iter().map(|file| ("--peers", file.as_path())).collect(),
     }
-    if let Some(file) = request.json().filter(|file| !is_standard_output(file)) {
-        check_file(file, "--json")?;
-    }
+    .check()?;
     let writing = Writing::default();
     end_when_interrupted(&writing, None)?;
-    let work = || match &request.command {
-        Command::Stability(arguments) => stability::run(arguments, &writing),
-        Command::Stiff(arguments) => stiff::run(arguments, &writing),
-        Command::Bench(arguments) => bench::run(arguments, &writing),
-    };
-    let Some(threads) = request.threads() else { return work() };
-    if let Command::Stability(_) = request.command {
-        // Its cases run in threads of their own, which see the global pool alone.
-        pool(threads, rayon::ThreadPoolBuilder::build_global)?;
-        return work();
+    match &request.command {
+        Command::Stability(arguments) => {
+            // Its cases run in threads of their own.
+            start_threads_apart(request.threads())?;
+            stability::run(arguments, &writing)
+        }
+        Command::Stiff(arguments) => {
+            start_threads(request.threads())?;
+            stiff::run(arguments, &writing)
+        }
+        Command::Bench(arguments) => {
+            start_threads(request.threads())?;
+            bench::run(arguments, &writing)
+        }
     }
-    pool(threads, rayon::ThreadPoolBuilder::build)?.install(work)
 }

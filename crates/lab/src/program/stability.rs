@@ -1,12 +1,13 @@
 //! The grid of extreme cases: rows as they are found, then the files that were asked for.
 
+use std::ops::ControlFlow;
 use std::sync::PoisonError;
 
 use bokashi_cli::failure::Failure;
-use bokashi_cli::run::{Writing, is_standard_output, say, say_bytes};
+use bokashi_cli::interrupt::Writing;
+use bokashi_cli::output::{is_standard_output, say, say_json};
 use bokashi_lab::stability::{Row, grid, line, page, summary};
 use bokashi_report::add_page;
-use bokashi_write::write_whole;
 
 use crate::arguments::StabilityArguments;
 
@@ -16,9 +17,9 @@ pub(crate) fn run(arguments: &StabilityArguments, writing: &Writing) -> Result<(
     let tell = |text: &str| if quiet { Ok(()) } else { say(text) };
     let mut told = Ok(());
     let rows = grid(|row| {
-        if told.is_ok() {
-            told = tell(&format!("{}\n", line(row)));
-        }
+        told = tell(&format!("{}\n", line(row)));
+        // Nobody reads the rest.
+        if told.is_err() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
     told?;
     tell(&format!("{}\n", summary(&rows)))?;
@@ -44,15 +45,9 @@ fn write(
 ) -> Result<(), Failure> {
     let _held = writing.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(file) = &arguments.json {
-        let json = serde_json::to_vec(rows);
-        let mut json = json.map_err(|error| Failure::Work(format!("no JSON: {error}")))?;
-        json.push(b'\n');
-        if is_standard_output(file) {
-            say_bytes(&json)?;
-        } else {
-            let said = |error| Failure::Work(format!("{} not written: {error}", file.display()));
-            write_whole(file, &json).map_err(said)?;
-        }
+        let json = serde_json::to_string(rows);
+        let json = json.map_err(|error| Failure::Work(format!("no JSON: {error}")))?;
+        say_json(file, &json)?;
     }
     let Some(out) = &arguments.out else { return Ok(()) };
     let html = page(rows, concat!("bokashi-lab ", env!("CARGO_PKG_VERSION")));

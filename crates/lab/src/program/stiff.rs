@@ -3,10 +3,11 @@
 use std::sync::PoisonError;
 
 use bokashi_cli::failure::Failure;
-use bokashi_cli::run::{Writing, about, is_standard_output, say, say_bytes};
+use bokashi_cli::interrupt::Writing;
+use bokashi_cli::output::{is_standard_output, say, say_json};
+use bokashi_cli::run::about;
 use bokashi_lab::stiff::{StudySettings, study, table, write_page};
 use bokashi_report::escaped;
-use bokashi_write::write_whole;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::arguments::StiffArguments;
@@ -29,14 +30,7 @@ pub(crate) fn run(arguments: &StiffArguments, writing: &Writing) -> Result<(), F
 
     let held = writing.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(file) = &arguments.json {
-        let mut json = serde_json::to_vec(&found.runs).map_err(|error| failed(&error))?;
-        json.push(b'\n');
-        if is_standard_output(file) {
-            say_bytes(&json)?;
-        } else {
-            let said = |error| Failure::Work(format!("{} not written: {error}", file.display()));
-            write_whole(file, &json).map_err(said)?;
-        }
+        say_json(file, &serde_json::to_string(&found.runs).map_err(|error| failed(&error))?)?;
     }
     let mut page = String::new();
     if let Some(out) = &arguments.out {

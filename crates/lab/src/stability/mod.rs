@@ -6,7 +6,7 @@
 //! end, is a failed row.
 //!
 //! ```
-//! let rows = bokashi_lab::stability::grid_of(&[14], |_| ());
+//! let rows = bokashi_lab::stability::grid_of(&[14], |_| std::ops::ControlFlow::Continue(()));
 //! assert_eq!((rows.len(), rows[0].name), (2, "collinear vertices"));
 //! assert!(rows.iter().all(|row| row.pass));
 //! ```
@@ -32,6 +32,8 @@ pub use page::page;
 pub use row::Row;
 pub use table::{line, summary};
 
+use std::ops::ControlFlow;
+
 use cases::CASES;
 
 /// How many rows the whole grid has.
@@ -39,16 +41,16 @@ pub fn row_count() -> usize {
     2 * CASES.len()
 }
 
-/// The whole grid, in order; `on_row` sees each row as it is found.
+/// The whole grid, in order; `on_row` sees each row as it is found, and may end it there.
 ///
 /// Each case runs in a thread of its own, and what is parallel in it in the global thread pool.
-pub fn grid(on_row: impl FnMut(&Row)) -> Vec<Row> {
+pub fn grid(on_row: impl FnMut(&Row) -> ControlFlow<()>) -> Vec<Row> {
     let all: Vec<u32> = CASES.iter().map(|case| case.number).collect();
     grid_of(&all, on_row)
 }
 
 /// The rows of the cases with these numbers.
-pub fn grid_of(numbers: &[u32], mut on_row: impl FnMut(&Row)) -> Vec<Row> {
+pub fn grid_of(numbers: &[u32], mut on_row: impl FnMut(&Row) -> ControlFlow<()>) -> Vec<Row> {
     let mut rows = Vec::new();
     for case in CASES.iter().filter(|case| numbers.contains(&case.number)) {
         for (precision, run) in [("f32", case.single), ("f64", case.double)] {
@@ -63,8 +65,11 @@ pub fn grid_of(numbers: &[u32], mut on_row: impl FnMut(&Row)) -> Vec<Row> {
                 error: found.error.filter(|error| error.is_finite()),
                 bound: found.bound,
             };
-            on_row(&row);
+            let goes_on = on_row(&row);
             rows.push(row);
+            if goes_on.is_break() {
+                return rows;
+            }
         }
     }
     rows
@@ -73,6 +78,19 @@ pub fn grid_of(numbers: &[u32], mut on_row: impl FnMut(&Row)) -> Vec<Row> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_grid_ends_where_it_is_told_to() {
+        let mut seen = 0;
+        let rows = grid_of(&[14, 16], |row| {
+            seen += 1;
+            match (row.case, row.precision) {
+                (14, "f64") => ControlFlow::Break(()),
+                _ => ControlFlow::Continue(()),
+            }
+        });
+        assert_eq!((rows.len(), seen), (2, 2));
+    }
 
     #[test]
     fn every_case_of_the_list_is_there_once_and_in_order() {

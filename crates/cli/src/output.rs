@@ -1,0 +1,43 @@
+//! Standard output, and JSON in files.
+
+use std::io::{self, ErrorKind, Write as _};
+use std::path::Path;
+
+use bokashi_write::write_whole;
+
+use crate::failure::Failure;
+
+/// Whether `--json` names standard output.
+pub fn is_standard_output(file: &Path) -> bool {
+    file == Path::new("-")
+}
+
+/// Writes to standard output.
+///
+/// # Errors
+/// [`Failure::Closed`] where its reader went away; [`Failure::Work`] for a full disk and the like.
+pub fn say(text: &str) -> Result<(), Failure> {
+    let mut output = io::stdout().lock();
+    let said = output.write_all(text.as_bytes()).and_then(|()| output.flush());
+    said.map_err(|error| unwritten("standard output", &error))
+}
+
+/// Writes a line of JSON to where `--json` says.
+///
+/// # Errors
+/// As [`say`]; [`Failure::Work`] where the file cannot be written.
+pub fn say_json(file: &Path, json: &str) -> Result<(), Failure> {
+    let line = format!("{json}\n");
+    if is_standard_output(file) {
+        return say(&line);
+    }
+    let said = |error| unwritten(&file.display().to_string(), &error);
+    write_whole(file, line.as_bytes()).map_err(said)
+}
+
+fn unwritten(what: &str, error: &io::Error) -> Failure {
+    match error.kind() {
+        ErrorKind::BrokenPipe => Failure::Closed,
+        _ => Failure::Work(format!("{what} not written: {error}")),
+    }
+}

@@ -1,0 +1,165 @@
+//! What a file says of a fit beside its numbers: the JSON text in its metadata.
+
+use bokashi_core::Scalar;
+use serde::{Deserialize, Serialize};
+
+use crate::error::FitError;
+use crate::fit::{FitSettings, LoopState};
+use crate::optimizer::Optimizer;
+use crate::parameter::{Mapping, Parameter, Parameters};
+use crate::schedule::Schedule;
+
+/// The version of what follows.
+const VERSION: u64 = 2;
+/// The largest count of updates: it leaves room to count on.
+const MOST_UPDATES: u64 = 1 << 63;
+
+/// What every version begins with.
+#[derive(Debug, Deserialize)]
+struct Head {
+    version: u64,
+    precision: String,
+}
+
+/// The text, field by field. Numbers are finite and come back to the bit.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Contents {
+    /// First in the text: of all that comes after it there, and of all tensors.
+    pub(super) checksum: String,
+    version: u64,
+    pub(super) precision: String,
+    settings: Settings,
+    /// How many updates are done.
+    step: u64,
+    /// The least loss of a run that has not ended, if there is one, and its step.
+    least_loss: Option<f64>,
+    least_loss_step: u64,
+    /// How many updates the parameters had.
+    pub(super) updates: u64,
+    pub(super) parameters: Vec<Described>,
+}
+
+/// A parameter without its numbers.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Described {
+    pub(super) name: String,
+    pub(super) rate: f64,
+    pub(super) mapping: Mapping,
+    pub(super) frozen: bool,
+    pub(super) updates: u64,
+}
+
+/// [`FitSettings`]; limits, which may be infinite, as text.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Settings {
+    steps: u64,
+    optimizer: Optimizer,
+    schedule: Schedule,
+    loss_below: Option<String>,
+    patience: Option<u64>,
+    gradient_below: Option<String>,
+}
+
+impl Contents {
+    /// What is to be saved of a fit of numbers of type `precision`; its checksum is not known yet.
+    pub(super) fn new<T: Scalar>(
+        precision: &str,
+        loop_state: &LoopState<'_>,
+        parameters: &Parameters<T>,
+    ) -> Self {
+        let (least_loss, least_loss_step) = loop_state.best;
+        let described = |parameter: &Parameter<T>| Described {
+            name: parameter.name().to_owned(),
+            rate: parameter.rate,
+            mapping: parameter.mapping,
+            frozen: parameter.frozen,
+            updates: parameter.updates,
+        };
+        let FitSettings { steps, optimizer, schedule, loss_below, patience, gradient_below } =
+            loop_state.settings;
+        let text = |limit: Option<f64>| limit.map(|limit| limit.to_string());
+        Self {
+            checksum: "00000000".to_owned(),
+            version: VERSION,
+            precision: precision.to_owned(),
+            settings: Settings {
+                steps,
+                optimizer,
+                schedule,
+                loss_below: text(loss_below),
+                patience,
+                gradient_below: text(gradient_below),
+            },
+            step: loop_state.step,
+            least_loss: Some(least_loss).filter(|loss| loss.is_finite()),
+            least_loss_step,
+            updates: parameters.updates,
+            parameters: parameters.list.iter().map(described).collect(),
+        }
+    }
+
+    /// What `text` says.
+    pub(super) fn of(text: &str) -> Result<Self, FitError> {
+        let unreadable =
+            |error: serde_json::Error| FitError::saved("contents that are those of a fit", error);
+        // First of all whether it is ours to read.
+        let head: Head = serde_json::from_str(text).map_err(unreadable)?;
+        if head.version != VERSION {
+            let rule = format!("version {VERSION}");
+            return Err(FitError::saved(rule, format!("version {}", head.version)));
+        }
+        if !matches!(&*head.precision, "f32" | "f64") {
+            return Err(FitError::saved("numbers in f32 or f64", head.precision));
+        }
+        serde_json::from_str(text).map_err(unreadable)
+    }
+
+    /// The state of the loop, and that of the pipeline, which is saved beside it.
+    pub(super) fn loop_state<'a>(
+        &self,
+        pipeline: Option<&'a [u8]>,
+    ) -> Result<LoopState<'a>, FitError> {
+        check_updates([self.step, self.updates].into_iter())?;
+        let least = self.least_loss.unwrap_or(f64::INFINITY);
+        if self.least_loss_step > self.step {
+            let (of, step) = (self.least_loss_step, self.step);
+            let found = format!("{least} of step {of} of {step}");
+            return Err(FitError::saved("a least loss of a step that was done", found));
+        }
+        let Settings { steps, optimizer, schedule, loss_below, patience, gradient_below } =
+            &self.settings;
+        optimizer.check()?;
+        schedule.check()?;
+        let settings = FitSettings {
+            steps: *steps,
+            optimizer: *optimizer,
+            schedule: *schedule,
+            loss_below: limit(loss_below)?,
+            patience: *patience,
+            gradient_below: limit(gradient_below)?,
+        };
+        settings.check()?;
+        let best = (least, self.least_loss_step);
+        Ok(LoopState { settings, step: self.step, best, pipeline })
+    }
+}
+
+/// A limit from its text.
+fn limit(text: &Option<String>) -> Result<Option<f64>, FitError> {
+    let number = |text: &String| {
+        let refused = |_| FitError::saved("numbers as limits", format!("{text:?}"));
+        text.parse().map_err(refused)
+    };
+    text.as_ref().map(number).transpose()
+}
+
+/// Checks that all of `counts` leave room to count on.
+pub(super) fn check_updates(mut counts: impl Iterator<Item = u64>) -> Result<(), FitError> {
+    match counts.find(|&count| count > MOST_UPDATES) {
+        Some(count) => Err(FitError::saved("at most 2^63 updates", count)),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,6 @@
+//! The house as docs/architecture.md describes it: which files there are, and which of them import
+//! which.
+
+mod imports;
+mod manifest;
+mod modules;
