@@ -25,11 +25,12 @@ use std::sync::Arc;
 
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 
-use crate::coverage::{Coverage, Span};
+use crate::coverage::Coverage;
 use crate::edge_functions::{EdgeSums, LocalFace};
 use crate::error::RenderError;
 use crate::face_sums::{FaceSums, Layout, add_term};
 use crate::fragments::Fragments;
+use crate::runs::Run;
 
 /// Each fragment's depth z / w, -1 on the near plane and 1 on the far plane: `[N]`, differentiable
 /// with respect to the clip positions that were rasterized.
@@ -53,8 +54,9 @@ struct Depth {
 
 /// The face of slot `slot` around the slot's first pixel.
 fn face_of<T: Scalar>(coverage: &Coverage, clip: &[T], slot: usize) -> LocalFace<T::Wide> {
-    let indices = coverage.mesh.faces()[coverage.slots[slot].face as usize];
-    LocalFace::of(clip, indices, coverage.first_pixel_of(slot), coverage.size)
+    let runs = &coverage.centers;
+    let indices = coverage.mesh.faces()[runs.face(slot)];
+    LocalFace::of(clip, indices, runs.first_pixel_of(slot), coverage.size)
 }
 
 impl<T: Scalar> Op<T> for Depth {
@@ -76,18 +78,18 @@ impl<T: Scalar> Op<T> for Depth {
         let two = T::Wide::from_f64(2.0);
         let (depths, pieces) = depths.split_at_mut(coverage.centers());
         if inputs.len() == 2 {
-            for (span, piece) in coverage.piece_spans().zip(pieces) {
-                let Mean { depth, .. } = Mean::of(coverage, clip, inputs.data(1), &span);
+            for (run, piece) in coverage.pieces.runs.iter().zip(pieces) {
+                let Mean { depth, .. } = Mean::of(coverage, clip, inputs.data(1), run);
                 *piece = T::narrow(depth.greater(-T::Wide::ONE).lesser(T::Wide::ONE));
             }
         }
-        coverage.for_each_band_mut(coverage.center_bands(), 1, depths, |slots, first, depths| {
+        coverage.centers.for_each_band_mut(1, depths, |slots, first, depths| {
             for slot in slots {
                 let face = face_of(coverage, clip, slot);
-                for span in coverage.spans_of(slot) {
-                    let [mut x, y] = face.place(span.pixel, coverage.size);
+                for run in coverage.centers.of(slot) {
+                    let [mut x, y] = face.place(run.pixel as usize, coverage.size);
                     let row = face.row(y);
-                    let own = span.fragments.start - first..span.fragments.end - first;
+                    let own = run.fragments().start - first..run.fragments().end - first;
                     for depth in &mut depths[own] {
                         let a = row.map(|[start, slope]| start + slope * x);
                         let [z_over_w, _] = face.depth_and_w(a);
@@ -109,16 +111,16 @@ impl<T: Scalar> Op<T> for Depth {
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
         let (coverage, clip, depth_bar) = (&*self.coverage, kept.input(0), kept.only_upstream());
         let pieces = |barycentrics| {
-            let mean = move |span: Span| {
-                let bar = depth_bar[span.fragments.start].widen();
-                (Mean::of(coverage, clip, barycentrics, &span), bar, span.fragments.start)
+            let mean = move |run: &Run| {
+                let at = coverage.centers() + run.fragment as usize;
+                (Mean::of(coverage, clip, barycentrics, run), depth_bar[at].widen(), at)
             };
-            coverage.piece_spans().map(mean)
+            coverage.pieces.runs.iter().map(mean)
         };
         if let Some(clip_bar) = gradients.get(0) {
             let pull_back = PullBack { coverage, clip, depth_bar };
-            let bands = coverage.center_bands();
-            Layout { coverage, bands, mesh: &coverage.mesh, width: 4 }.add_to(clip_bar, &pull_back);
+            let runs = &coverage.centers;
+            Layout { runs, mesh: &coverage.mesh, width: 4 }.add_to(clip_bar, &pull_back);
             if kept.input_count() == 2 {
                 let entries = clip_bar.entries();
                 for (mean, depth_bar, _) in pieces(kept.input(1)) {
@@ -162,10 +164,11 @@ impl<S: Scalar<Wide = S>> Mean<S> {
         coverage: &Coverage,
         clip: &[T],
         barycentrics: &[T],
-        span: &Span,
+        piece: &Run,
     ) -> Self {
-        let indices = coverage.mesh.faces()[span.face];
-        let [u, v] = [0, 1].map(|k| barycentrics[2 * span.fragments.start + k].widen());
+        let indices = coverage.mesh.faces()[coverage.pieces.face_of(piece)];
+        let at = coverage.centers() + piece.fragment as usize;
+        let [u, v] = [0, 1].map(|k| barycentrics[2 * at + k].widen());
         let weights = [u, v, S::ONE - u - v];
         let zw = indices.map(|index| [2, 3].map(|k| clip[4 * index as usize + k].widen()));
         let [z, w] = [0, 1].map(|k| (0..3).map(|i| weights[i] * zw[i][k]).sum::<S>());
@@ -192,10 +195,10 @@ impl<T: Scalar> FaceSums<T::Wide> for PullBack<'_, T> {
         let size = self.coverage.size;
         let (mut edges, mut direct) = (EdgeSums::default(), [[T::Wide::ZERO; 2]; 3]);
         let two = T::Wide::from_f64(2.0);
-        for span in self.coverage.spans_within(slot, fragments) {
-            let [mut x, y] = face.place(span.pixel, size);
+        for run in self.coverage.centers.within(slot, fragments) {
+            let [mut x, y] = face.place(run.pixel as usize, size);
             let row = face.row(y);
-            for depth_bar in &self.depth_bar[span.fragments] {
+            for depth_bar in &self.depth_bar[run.fragments()] {
                 let a = row.map(|[start, slope]| start + slope * x);
                 let [depth, w] = face.depth_and_w(a);
                 let scale = depth_bar.widen() / w;

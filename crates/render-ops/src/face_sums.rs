@@ -9,8 +9,8 @@ use std::ops::Range;
 use bokashi_core::parallel::merge_ranges;
 use bokashi_core::{Accumulator, Scalar};
 
-use crate::coverage::Coverage;
 use crate::mesh::Mesh;
+use crate::runs::Runs;
 
 /// Adds a term to an entry of a gradient. A term beyond the range of the numbers is infinite, and
 /// so is the entry from then on: another one of the opposite sign leaves it as it is, for their sum
@@ -114,9 +114,8 @@ pub(crate) trait FaceSums<S>: Sync {
 
 /// Whose gradients they are.
 pub(crate) struct Layout<'a> {
-    pub(crate) coverage: &'a Coverage,
-    /// The bands whose fragments count, from the first one on.
-    pub(crate) bands: Range<usize>,
+    /// The fragments that count.
+    pub(crate) runs: &'a Runs,
     /// The vertices that a face's sums belong to.
     pub(crate) mesh: &'a Mesh,
     /// Numbers per vertex.
@@ -157,17 +156,17 @@ impl Layout<'_> {
                 }
             }
         };
-        if !self.coverage.is_shared() {
-            return self.walk_rows(self.bands.clone(), by_face, &mut add);
+        if !self.runs.is_shared() {
+            return self.walk_rows(0..self.runs.bands(), by_face, &mut add);
         }
         let work = |bands: Range<usize>| {
-            let slots = self.coverage.slots_of(bands.clone()).len();
+            let slots = self.runs.slots_of(bands.clone()).len();
             let mut all_rows = Vec::with_capacity(slots);
             self.walk_rows(bands, by_face, &mut |_, rows: &[T; N]| all_rows.push(*rows));
             all_rows
         };
-        let mut slots = self.coverage.slots.iter();
-        merge_ranges(self.bands.end, 1, work, |all_rows| {
+        let mut slots = self.runs.slots.iter();
+        merge_ranges(self.runs.bands(), 1, work, |all_rows| {
             for (rows, slot) in all_rows.iter().zip(&mut slots) {
                 add(slot.face as usize, rows);
             }
@@ -181,18 +180,18 @@ impl Layout<'_> {
         by_face: &impl FaceSums<T::Wide>,
         emit: &mut impl FnMut(usize, &[T; N]),
     ) {
-        let coverage = self.coverage;
+        let runs = self.runs;
         pulp::Arch::new().dispatch(
             #[inline(always)]
             || {
-                for slot in coverage.slots_of(bands) {
+                for slot in runs.slots_of(bands) {
                     let mut rows = [T::Wide::ZERO; N];
-                    let fragments = coverage.fragments_of(slot);
+                    let fragments = runs.fragments_of(slot..slot + 1);
                     by_face.sum(slot, fragments.clone(), &mut rows);
                     if !are_finite(&rows) {
                         add_one_by_one(slot, fragments, by_face, &mut rows);
                     }
-                    emit(coverage.slots[slot].face as usize, &rows.map(T::narrow));
+                    emit(runs.face(slot), &rows.map(T::narrow));
                 }
             },
         );
@@ -218,18 +217,17 @@ impl Layout<'_> {
                 }
             }
         };
-        let bands = self.bands.end;
-        if !self.coverage.is_shared() {
-            return self.walk(self.bands.clone(), by_face, &mut add);
+        if !self.runs.is_shared() {
+            return self.walk(0..self.runs.bands(), by_face, &mut add);
         }
         let work = |bands: Range<usize>| {
-            let slots = self.coverage.slots_of(bands.clone()).len();
+            let slots = self.runs.slots_of(bands.clone()).len();
             let mut all_rows = Vec::with_capacity(slots * 3 * width);
             self.walk(bands, by_face, &mut |_, rows: &[T]| all_rows.extend_from_slice(rows));
             all_rows
         };
-        let mut slots = self.coverage.slots.iter();
-        merge_ranges(bands, 1, work, |all_rows| {
+        let mut slots = self.runs.slots.iter();
+        merge_ranges(self.runs.bands(), 1, work, |all_rows| {
             for (rows, slot) in all_rows.chunks_exact(3 * width).zip(&mut slots) {
                 add(slot.face as usize, rows);
             }
@@ -243,7 +241,7 @@ impl Layout<'_> {
         by_face: &impl FaceSums<T::Wide>,
         emit: &mut impl FnMut(usize, &[T]),
     ) {
-        let coverage = self.coverage;
+        let runs = self.runs;
         // Attributes of up to eight channels need no allocation.
         let (mut few, mut few_narrow) = ([T::Wide::ZERO; 24], [T::ZERO; 24]);
         let (mut many, mut many_narrow) = (Vec::new(), Vec::new());
@@ -255,18 +253,18 @@ impl Layout<'_> {
             many_narrow.resize(length, T::ZERO);
             (many.as_mut_slice(), many_narrow.as_mut_slice())
         };
-        let slots = coverage.slots_of(bands);
+        let slots = runs.slots_of(bands);
         pulp::Arch::new().dispatch(
             #[inline(always)]
             || {
                 for slot in slots {
-                    let fragments = coverage.fragments_of(slot);
+                    let fragments = runs.fragments_of(slot..slot + 1);
                     by_face.sum(slot, fragments.clone(), rows);
                     if !rows.iter().all(|row| row.is_finite()) {
                         add_one_by_one(slot, fragments, by_face, rows);
                     }
                     narrow.iter_mut().zip(&*rows).for_each(|(to, &row)| *to = T::narrow(row));
-                    emit(coverage.slots[slot].face as usize, narrow);
+                    emit(runs.face(slot), narrow);
                 }
             },
         );
@@ -316,7 +314,7 @@ mod tests {
         let clip = tape.leaf(&Tensor::new([3, 4], clip).unwrap());
         let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
         let coverage = rasterize(clip, &mesh, Size { width: 3, height: 5 }).unwrap().coverage;
-        let layout = Layout { coverage: &coverage, bands: 0..1, mesh: &mesh, width: 2 };
+        let layout = Layout { runs: &coverage.centers, mesh: &mesh, width: 2 };
         let mut found = Vec::new();
         layout.walk(0..1, &Largest, &mut |face, rows: &[f64]| found.push((face, rows.to_vec())));
         // Fifteen terms, in turns.

@@ -7,6 +7,7 @@
 //! `values_bar_p = image_bar` at the value's pixel; the background's gradient is `image_bar` at the
 //! other pixels, summed over them where the background is one colour. It is linear.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
@@ -64,11 +65,9 @@ impl<T: Scalar> Op<T> for Image {
             let entries = gap.start * channels..gap.end * channels;
             self.kind.fill(&mut image[entries], background, channels, first);
         });
-        for span in self.coverage.center_spans() {
-            let pixels = span.pixels();
-            image[pixels.start * channels..pixels.end * channels].copy_from_slice(
-                &values[span.fragments.start * channels..span.fragments.end * channels],
-            );
+        let entries = |rows: Range<usize>| rows.start * channels..rows.end * channels;
+        for run in &self.coverage.centers.runs {
+            image[entries(run.pixels())].copy_from_slice(&values[entries(run.fragments())]);
         }
         let rim_values = values[self.coverage.centers() * channels..].chunks_exact(channels);
         for (&pixel, value) in self.rim().iter().zip(rim_values) {
@@ -91,20 +90,16 @@ impl<T: Scalar> Op<T> for Image {
         let channels = kept.input_shape(0)[1];
         if let Some(values_bar) = gradients.get(0) {
             let (own, rim) = values_bar.entries().split_at_mut(self.coverage.centers() * channels);
-            self.coverage.for_each_band_mut(
-                self.coverage.center_bands(),
-                channels,
-                own,
-                |slots, _, own| {
-                    let mut rest = own;
-                    for span in slots.flat_map(|slot| self.coverage.spans_of(slot)) {
-                        let (own, others) = rest.split_at_mut(span.fragments.len() * channels);
-                        let upstream = &image_bar[span.pixel * channels..];
-                        own.iter_mut().zip(upstream).for_each(|(own, &bar)| *own += bar);
-                        rest = others;
-                    }
-                },
-            );
+            let runs = &self.coverage.centers;
+            runs.for_each_band_mut(channels, own, |slots, _, own| {
+                let mut rest = own;
+                for run in runs.of_slots(slots) {
+                    let (own, others) = rest.split_at_mut(run.length as usize * channels);
+                    let upstream = &image_bar[run.pixel as usize * channels..];
+                    own.iter_mut().zip(upstream).for_each(|(own, &bar)| *own += bar);
+                    rest = others;
+                }
+            });
             for (&pixel, own) in self.rim().iter().zip(rim.chunks_exact_mut(channels)) {
                 let upstream = &image_bar[pixel as usize * channels..];
                 own.iter_mut().zip(upstream).for_each(|(own, &bar)| *own += bar);

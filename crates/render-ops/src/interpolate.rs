@@ -110,8 +110,16 @@ impl<T: Scalar> Op<T> for Interpolate {
         }
         let (attributes, barycentrics) = (inputs.data(0), inputs.data(1));
         let values = outputs.push([self.coverage.count(), channels]);
-        let weighted = Weighted { barycentrics, channels };
-        self.for_each_slot_mut(attributes, channels, values, &weighted);
+        self.for_each_face_mut(
+            attributes,
+            values,
+            channels,
+            #[inline(always)]
+            |fragments, corners, values| {
+                let uv = &barycentrics[2 * fragments.start..2 * fragments.end];
+                interpolate_face(corners, uv, values);
+            },
+        );
         Ok(())
     }
 
@@ -130,104 +138,92 @@ impl<T: Scalar> Op<T> for Interpolate {
         let s_bar = kept.only_upstream();
         let channels = kept.input_shape(0)[1];
         if let Some(attributes_bar) = gradients.get(0) {
-            let shares = Shares { barycentrics: kept.input(1), s_bar, channels };
-            let layout = Layout {
-                coverage: &self.coverage,
-                bands: self.coverage.bands(),
-                mesh: &self.indices,
-                width: channels,
-            };
-            layout.add_to(attributes_bar, &shares);
+            let mut first = 0;
+            for runs in [&self.coverage.centers, &self.coverage.pieces] {
+                let (barycentrics, s_bar) =
+                    (&kept.input(1)[2 * first..], &s_bar[first * channels..]);
+                let shares = Shares { barycentrics, s_bar, channels };
+                Layout { runs, mesh: &self.indices, width: channels }
+                    .add_to(attributes_bar, &shares);
+                first += runs.count;
+            }
         }
         if let Some(barycentrics_bar) = gradients.get(1) {
-            let attributes = kept.input(0);
             let (entries, is_fresh) = barycentrics_bar.entries_or_fresh();
-            let slopes = Slopes { s_bar, channels, is_fresh };
-            self.for_each_slot_mut(attributes, channels, entries, &slopes);
+            self.for_each_face_mut(
+                kept.input(0),
+                entries,
+                channels,
+                #[inline(always)]
+                |fragments, corners, uv_bar| {
+                    let s_bar = &s_bar[fragments.start * channels..fragments.end * channels];
+                    pull_back_face(corners, s_bar, uv_bar, is_fresh);
+                },
+            );
         }
     }
-}
-
-/// Work on the fragments of one face in a band.
-trait SlotWork<T>: Sync {
-    /// `corners` are the attributes of the face's vertices, `own` the fragments' entries.
-    fn run(&self, fragments: Range<usize>, corners: [&[T]; 3], own: &mut [T]);
 }
 
 impl Interpolate {
-    /// Runs `work` on each face in each band, and its fragments' entries of `entries`, several per
-    /// fragment; bands may be worked on at the same time.
-    fn for_each_slot_mut<T: Scalar>(
+    /// Calls `work(fragments, corners, own)` for each face in each band, with its fragments, the
+    /// attributes of its vertices, and the fragments' entries of `entries`, as many for each; bands may
+    /// be worked on at the same time.
+    fn for_each_face_mut<T: Scalar>(
         &self,
         attributes: &[T],
-        channels: usize,
         entries: &mut [T],
-        work: &impl SlotWork<T>,
+        channels: usize,
+        work: impl Fn(Range<usize>, [&[T]; 3], &mut [T]) + Sync,
     ) {
-        let coverage = &*self.coverage;
-        let width = entries.len().checked_div(coverage.count()).unwrap_or(0);
-        coverage.for_each_band_mut(coverage.bands(), width, entries, |slots, first, entries| {
-            pulp::Arch::new().dispatch(
-                #[inline(always)]
-                || {
-                    for slot in slots {
-                        let face = coverage.slots[slot].face as usize;
-                        let corners = self.indices.faces()[face]
-                            .map(|vertex| &attributes[vertex as usize * channels..][..channels]);
-                        let fragments = coverage.fragments_of(slot);
-                        let own =
-                            (fragments.start - first) * width..(fragments.end - first) * width;
-                        work.run(fragments, corners, &mut entries[own]);
-                    }
-                },
-            );
-        });
+        let Coverage { centers, pieces, .. } = &*self.coverage;
+        let width = entries.len().checked_div(self.coverage.count()).unwrap_or(0);
+        let (of_centers, of_pieces) = entries.split_at_mut(centers.count * width);
+        for (runs, before, entries) in
+            [(centers, 0, of_centers), (pieces, centers.count, of_pieces)]
+        {
+            runs.for_each_band_mut(width, entries, |slots, first, entries| {
+                pulp::Arch::new().dispatch(
+                    #[inline(always)]
+                    || {
+                        for slot in slots {
+                            let corners = self.indices.faces()[runs.face(slot)].map(|vertex| {
+                                &attributes[vertex as usize * channels..][..channels]
+                            });
+                            let Range { start, end } = runs.fragments_of(slot..slot + 1);
+                            let own = &mut entries[(start - first) * width..(end - first) * width];
+                            work(before + start..before + end, corners, own);
+                        }
+                    },
+                );
+            });
+        }
     }
 }
 
-/// Interpolation itself.
-struct Weighted<'a, T> {
-    barycentrics: &'a [T],
-    channels: usize,
-}
-
-impl<T: Scalar> SlotWork<T> for Weighted<'_, T> {
-    #[inline(always)]
-    fn run(&self, fragments: Range<usize>, corners: [&[T]; 3], values: &mut [T]) {
-        let uv = &self.barycentrics[2 * fragments.start..2 * fragments.end];
-        match self.channels {
-            3 => interpolate_face::<T, 3>(corners, 3, uv, values),
-            channels => {
-                for c in 0..channels {
-                    let corners = corners.map(|corner| &corner[c..]);
-                    interpolate_face::<T, 1>(corners, channels, uv, &mut values[c..]);
-                }
+/// The values of a face's fragments.
+#[inline(always)]
+fn interpolate_face<T: Scalar>(corners: [&[T]; 3], uv: &[T], values: &mut [T]) {
+    match corners[0].len() {
+        3 => interpolate_channels::<T, 3>(corners, 3, uv, values),
+        channels => {
+            for c in 0..channels {
+                let corners = corners.map(|corner| &corner[c..]);
+                interpolate_channels::<T, 1>(corners, channels, uv, &mut values[c..]);
             }
         }
     }
 }
 
-/// The gradients of u and v.
-struct Slopes<'a, T> {
-    s_bar: &'a [T],
-    channels: usize,
-    /// Whether what is there means nothing yet.
-    is_fresh: bool,
-}
-
-impl<T: Scalar> SlotWork<T> for Slopes<'_, T> {
-    #[inline(always)]
-    fn run(&self, fragments: Range<usize>, corners: [&[T]; 3], uv_bar: &mut [T]) {
-        let channels = self.channels;
-        let s_bar = &self.s_bar[fragments.start * channels..fragments.end * channels];
-        match channels {
-            3 => pull_back_face::<T, 3>(corners, 3, s_bar, uv_bar, self.is_fresh),
-            _ => {
-                for c in 0..channels {
-                    let corners = corners.map(|corner| &corner[c..]);
-                    let is_fresh = self.is_fresh && c == 0;
-                    pull_back_face::<T, 1>(corners, channels, &s_bar[c..], uv_bar, is_fresh);
-                }
+/// Adds the gradients of u and v of a face's fragments; where they are fresh, writes them.
+#[inline(always)]
+fn pull_back_face<T: Scalar>(corners: [&[T]; 3], s_bar: &[T], uv_bar: &mut [T], is_fresh: bool) {
+    match corners[0].len() {
+        3 => pull_back_channels::<T, 3>(corners, 3, s_bar, uv_bar, is_fresh),
+        channels => {
+            for c in 0..channels {
+                let corners = corners.map(|corner| &corner[c..]);
+                let is_fresh = is_fresh && c == 0;
+                pull_back_channels::<T, 1>(corners, channels, &s_bar[c..], uv_bar, is_fresh);
             }
         }
     }
@@ -235,7 +231,7 @@ impl<T: Scalar> SlotWork<T> for Slopes<'_, T> {
 
 /// Interpolates `N` channels of `stride` that start each row of `values`.
 #[inline(always)]
-fn interpolate_face<T: Scalar, const N: usize>(
+fn interpolate_channels<T: Scalar, const N: usize>(
     corners: [&[T]; 3],
     stride: usize,
     uv: &[T],
@@ -252,7 +248,7 @@ fn interpolate_face<T: Scalar, const N: usize>(
 /// Adds the gradients of u and v from `N` channels of `stride` that start each row of `s_bar`; where
 /// they are fresh, writes them.
 #[inline(always)]
-fn pull_back_face<T: Scalar, const N: usize>(
+fn pull_back_channels<T: Scalar, const N: usize>(
     corners: [&[T]; 3],
     stride: usize,
     s_bar: &[T],

@@ -53,6 +53,7 @@ mod project;
 mod rasterize;
 mod reference;
 mod rotation;
+mod runs;
 mod size;
 mod squared_error;
 mod taps;

@@ -16,6 +16,7 @@ use bokashi_core::{Scalar, Shape, Var};
 use crate::background::{Backdrop, Kind};
 use crate::coverage::Coverage;
 use crate::error::RenderError;
+use crate::runs::Run;
 
 /// A sparse image: the values of the pixels that can differ from a background, and the background.
 ///
@@ -74,7 +75,7 @@ impl<'t, T: Scalar> Picture<'t, T> {
 
     /// The pixel of each row of the values, `row * width + column`.
     pub fn pixels(&self) -> impl Iterator<Item = usize> + Clone + '_ {
-        let centers = self.coverage.center_spans().flat_map(|span| span.pixels());
+        let centers = self.coverage.centers.runs.iter().flat_map(Run::pixels);
         centers.chain(self.rim().iter().map(|&pixel| pixel as usize))
     }
 

@@ -190,9 +190,9 @@ impl<T: Scalar> Op<T> for AtPicture<T> {
         let entries = |pixels: Range<usize>| pixels.start * channels..pixels.end * channels;
         let rows = outputs.push([coverage.centers() + rim.len(), channels]);
         let (own, of_rim) = rows.split_at_mut(coverage.centers() * channels);
-        for span in coverage.center_spans() {
-            let from = &reference.data()[entries(span.pixels())];
-            own[entries(span.fragments)].copy_from_slice(from);
+        for run in &coverage.centers.runs {
+            let from = &reference.data()[entries(run.pixels())];
+            own[entries(run.fragments())].copy_from_slice(from);
         }
         for (row, &pixel) in of_rim.chunks_exact_mut(channels).zip(rim) {
             row.copy_from_slice(&reference.data()[pixel as usize * channels..][..channels]);

@@ -110,6 +110,7 @@ impl<T: Scalar> Op<T> for SquaredError<T> {
     ) -> Result<(), TensorError> {
         let (x, reference) = (inputs.data(0), self.reference.image().data());
         let (coverage, channels) = (&*self.coverage, inputs.shape(0)[1]);
+        let runs = &coverage.centers;
         let rim = self.rim.as_deref().map_or(&[][..], Vec::as_slice);
         if differences.len() != x.len() {
             differences.resize(x.len(), T::ZERO);
@@ -124,17 +125,17 @@ impl<T: Scalar> Op<T> for SquaredError<T> {
                 #[inline(always)]
                 || {
                     let mut at = 0;
-                    for (pixel, length) in coverage.stretches_of(slots) {
-                        let length = length * channels;
-                        subtract(length, &mut own[at..], &x[at..], &reference[pixel * channels..]);
+                    for run in runs.of_slots(slots) {
+                        let length = run.length as usize * channels;
+                        let reference = &reference[run.pixel as usize * channels..];
+                        subtract(length, &mut own[at..], &x[at..], reference);
                         at += length;
                     }
                     sum_of_squares(own)
                 },
             )
         };
-        coverage
-            .merge_bands_mut(coverage.center_bands(), channels, own, work, |band| total += band);
+        runs.merge_bands_mut(channels, own, work, |band| total += band);
         let rows = rim_own.chunks_exact_mut(channels).zip(x_rim.chunks_exact(channels));
         for (&pixel, (row, x)) in rim.iter().zip(rows) {
             let reference = &reference[pixel as usize * channels..][..channels];

@@ -210,7 +210,7 @@ impl<S: Scalar<Wide = S>> Outlines<S> {
         coverage: &Coverage,
         clip: &[T],
     ) {
-        let count = coverage.slots.len();
+        let count = coverage.centers.slots.len();
         if !is_shared(count, SLOTS_PER_PIECE) {
             return self.find_piece(coverage, clip, 0..count);
         }
@@ -234,7 +234,7 @@ impl<S: Scalar<Wide = S>> Outlines<S> {
         self.outlines.clear();
         self.of_slot.clear();
         self.of_slot.reserve(slots.len());
-        for slot in &coverage.slots[slots] {
+        for slot in &coverage.centers.slots[slots] {
             let face = slot.face as usize;
             let silhouettes = (0..3).map(|k| u8::from(coverage.is_silhouette(face, k)) << k).sum();
             let at = if silhouettes == 0 {

@@ -7,6 +7,7 @@
 use std::ops::Range;
 
 use crate::coverage::Coverage;
+use crate::runs::Run;
 use crate::size::Size;
 
 /// What a pixel sees.
@@ -36,23 +37,21 @@ impl Pair {
     }
 }
 
-/// A run, in its row.
+/// A run, and what is asked about it.
 #[derive(Debug, Clone)]
 struct RowRun {
+    run: Run,
     columns: Range<u32>,
-    slot: u32,
     face: u32,
-    /// The first fragment.
-    fragment: u32,
     counts: bool,
 }
 
 impl RowRun {
-    /// At `column`, one of its own.
+    /// At `column`, a column of its own.
     #[inline(always)]
     fn seen(&self, column: u32) -> Seen {
-        let fragment = self.fragment + column - self.columns.start;
-        Seen { slot: self.slot, face: self.face, fragment }
+        let fragment = self.run.fragment + column - self.columns.start;
+        Seen { slot: self.run.slot, face: self.face, fragment }
     }
 }
 
@@ -74,17 +73,11 @@ fn read(
     let before = (row * coverage.size().width) as u32;
     let mut any = false;
     runs.clear();
-    runs.extend(coverage.row(row).map(|at| {
-        let span = coverage.span_in_row(at);
-        let (start, counts) = (span.pixel as u32 - before, counts(span.slot));
+    runs.extend(coverage.runs_in_row(row).map(|&run| {
+        let (start, counts) = (run.pixel - before, counts(run.slot as usize));
         any |= counts;
-        RowRun {
-            columns: start..start + span.fragments.len() as u32,
-            slot: span.slot as u32,
-            face: span.face as u32,
-            fragment: span.fragments.start as u32,
-            counts,
-        }
+        let face = coverage.centers.face_of(&run) as u32;
+        RowRun { run, columns: start..start + run.length, face, counts }
     }));
     any
 }
@@ -244,6 +237,7 @@ mod tests {
             let fragments = rasterize(clip, &mesh.unwrap(), Size { width, height }).unwrap();
             let coverage = &fragments.coverage;
             let counts: Vec<_> = coverage
+                .centers
                 .slots
                 .iter()
                 .map(|slot| counting.contains(&(slot.face as usize)))
@@ -255,7 +249,7 @@ mod tests {
                     assert_eq!(seen.map(|seen| seen.face as usize), coverage.face_at(pixel));
                     let fragment = seen.map(|seen| seen.fragment as usize);
                     assert_eq!(fragment, coverage.fragment_at(pixel));
-                    let slot = seen.map(|seen| coverage.slots[seen.slot as usize].face as usize);
+                    let slot = seen.map(|seen| coverage.centers.face(seen.slot as usize));
                     assert_eq!(slot, coverage.face_at(pixel));
                 }
                 assert!(found.insert((pixels[0], pair.below)), "{pair:?} twice");

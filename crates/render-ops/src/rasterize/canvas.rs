@@ -9,7 +9,7 @@ use super::exact::{Drawn, Pieces, Resolved, Search};
 use super::options::Sampling;
 use super::setup::{LANES, Setup, Weights, beyond};
 use super::view::{NO_SLOT, View, sum_up};
-use crate::coverage::{Run, Slot};
+use crate::runs::{Run, Runs, Slot};
 use crate::size::Size;
 
 /// A face that can touch no more pixels is drawn without looking where in a row it starts and ends.
@@ -43,10 +43,9 @@ pub(super) fn resize<I: Clone>(list: &mut Vec<I>, length: usize, filling: impl F
 /// What is seen in a band, counted from its first run, slot and fragment.
 #[derive(Debug, Default)]
 pub(super) struct Band<T: Scalar> {
-    pub(super) runs: Vec<Run>,
+    pub(super) runs: Runs,
     pub(super) by_pixel: Vec<u32>,
     pub(super) row_starts: Vec<u32>,
-    pub(super) slots: Vec<Slot>,
     pub(super) covered: Vec<[u32; 2]>,
     /// The weights u and v of each fragment.
     pub(super) barycentrics: Vec<T>,
@@ -72,23 +71,12 @@ pub(super) struct Canvas<T: Scalar> {
     slot_of: Vec<u32>,
     /// Per slot: its position in `weights`.
     seen: Vec<u32>,
-    /// What was read, by pixel.
-    stretches: Vec<Stretch>,
-    /// Per slot: how many of the stretches are its own or of those before it.
+    /// What was read, by pixel, without fragments yet.
+    read: Vec<Run>,
+    /// Per slot: how many of the runs are its own or of slots before it.
     ends: Vec<u32>,
-    /// What was read, by slot.
-    sorted: Vec<Stretch>,
     search: Search<T::Wide>,
     pub(super) bands: Vec<Band<T>>,
-}
-
-/// Neighbouring pixels of a row that see one face.
-#[derive(Debug, Clone, Copy)]
-struct Stretch {
-    slot: u32,
-    row: u32,
-    column: u32,
-    length: u32,
 }
 
 /// The work on a canvas: it draws every `step`-th band from `first` on.
@@ -143,15 +131,15 @@ impl<T: Scalar> Canvas<T> {
             }
             self.bands[at].row_starts.clear();
             self.bands[at].covered.clear();
-            self.stretches.clear();
+            self.read.clear();
             self.seen.clear();
             self.slot_of.clear();
             self.slot_of.resize(self.weights.len(), NO_SLOT);
             for row in rows {
-                self.bands[at].row_starts.push(self.stretches.len() as u32);
-                self.read(view, at, row, row - first);
+                self.bands[at].row_starts.push(self.read.len() as u32);
+                self.read_row(view, at, row, row - first);
             }
-            self.sort();
+            self.sort(at);
             self.hand_over(view, at, &faces[band]);
         }
     }
@@ -221,7 +209,7 @@ impl<T: Scalar> Canvas<T> {
     /// Reads what the pixels of a row of band `at` see, and forgets what was drawn there, up to the
     /// image's width. `local` is the row within the band.
     #[inline(always)]
-    fn read(&mut self, view: &View<'_, T>, at: usize, row: usize, local: usize) {
+    fn read_row(&mut self, view: &View<'_, T>, at: usize, row: usize, local: usize) {
         let [first, end] = std::mem::replace(&mut self.reached[local], [view.size.width, 0]);
         if first >= end {
             return;
@@ -242,7 +230,6 @@ impl<T: Scalar> Canvas<T> {
                 Some([_, end]) if *end == pixel => *end += length as u32,
                 _ => covered.push([pixel, pixel + length as u32]),
             }
-            let [row, column, length] = [row, column, length].map(|number| number as u32);
             // Slots are numbered as they are seen, so that their order, and with it the order of
             // all sums, does not depend on that of the mesh's faces.
             let slot = &mut self.slot_of[drawn as usize];
@@ -250,7 +237,7 @@ impl<T: Scalar> Canvas<T> {
                 *slot = self.seen.len() as u32;
                 self.seen.push(drawn as u32);
             }
-            self.stretches.push(Stretch { slot: *slot, row, column, length });
+            self.read.push(Run { slot: *slot, pixel, length: length as u32, fragment: 0 });
         };
         let (before, after) = (&faces[first..end - 1], &faces[first + 1..end]);
         let pieces = before.chunks(u64::BITS as usize).zip(after.chunks(u64::BITS as usize));
@@ -272,43 +259,49 @@ impl<T: Scalar> Canvas<T> {
         self.depths[stored].as_flattened_mut()[first..end].fill(beyond());
     }
 
-    /// Sorts the stretches by slot; those of one slot stay in order.
+    /// Sorts the runs of band `at` by slot; those of one slot stay in order.
     #[inline(always)]
-    fn sort(&mut self) {
-        let Self { seen, stretches, ends, sorted, .. } = self;
+    fn sort(&mut self, at: usize) {
+        let Self { seen, read, ends, bands, .. } = self;
         ends.clear();
         ends.resize(seen.len() + 1, 0);
-        stretches.iter().for_each(|stretch| ends[stretch.slot as usize + 1] += 1);
+        read.iter().for_each(|run| ends[run.slot as usize + 1] += 1);
         sum_up(ends);
-        sorted.clear();
-        sorted.resize(stretches.len(), Stretch { slot: 0, row: 0, column: 0, length: 0 });
-        // Where the next stretch of each slot goes; in the end, where its last one went.
-        for stretch in stretches.iter() {
-            let place = &mut ends[stretch.slot as usize];
-            sorted[*place as usize] = *stretch;
+        let sorted = &mut bands[at].runs.runs;
+        resize(sorted, read.len(), Run::default);
+        // Where the next run of each slot goes; in the end, where its last one went.
+        for run in read.iter() {
+            let place = &mut ends[run.slot as usize];
+            sorted[*place as usize] = *run;
             *place += 1;
         }
     }
 
-    /// Makes runs of the stretches, with their weights, in band `at`, whose faces are `faces`.
+    /// Gives the runs of band `at`, whose faces are `faces`, their fragments and their weights.
     #[inline(always)]
     fn hand_over(&mut self, view: &View<'_, T>, at: usize, faces: &[u32]) {
-        let Self { weights, seen, stretches, ends, sorted, bands, .. } = self;
-        let Band { runs, by_pixel, slots, barycentrics, .. } = &mut bands[at];
-        let fragments: usize = stretches.iter().map(|stretch| stretch.length as usize).sum();
-        resize(barycentrics, 2 * fragments, || T::ZERO);
-        runs.clear();
+        let Self { weights, seen, read, ends, bands, .. } = self;
+        let Band { runs, by_pixel, barycentrics, .. } = &mut bands[at];
+        runs.count = read.iter().map(|run| run.length as usize).sum();
+        resize(barycentrics, 2 * runs.count, || T::ZERO);
+        let Runs { runs, slots, .. } = runs;
         slots.clear();
-        let mut fragment = 0;
-        for own in sorted.chunk_by(|left, right| left.slot == right.slot) {
-            let slot = own[0].slot;
-            let drawn = seen[slot as usize] as usize;
+        let width = view.size.width;
+        let (mut fragment, mut first_run) = (0, 0);
+        for own in runs.chunk_by_mut(|left, right| left.slot == right.slot) {
+            let drawn = seen[own[0].slot as usize] as usize;
             let (face, weights) = (faces[drawn], &weights[drawn]);
-            slots.push(Slot { face, first_run: runs.len() as u32 });
-            for &Stretch { row, column, length, .. } in own {
-                let (row, column, length) = (row as usize, column as usize, length as usize);
-                let pixel = (row * view.size.width + column) as u32;
-                runs.push(Run { slot, pixel, fragment: fragment as u32 });
+            slots.push(Slot { face, first_run });
+            first_run += own.len() as u32;
+            let [mut row, _] = view.size.place(own[0].pixel as usize);
+            for run in own {
+                let length = run.length as usize;
+                // Runs of a face come row after row.
+                while run.pixel as usize >= (row + 1) * width {
+                    row += 1;
+                }
+                let column = run.pixel as usize - row * width;
+                run.fragment = fragment as u32;
                 let barycentrics = &mut barycentrics[2 * fragment..];
                 let centers = &view.centers[column..];
                 let y = view.size.center_y(row);
@@ -326,8 +319,8 @@ impl<T: Scalar> Canvas<T> {
         }
         // Backwards, so that the last place of each slot comes first.
         by_pixel.clear();
-        by_pixel.extend(stretches.iter().rev().map(|stretch| {
-            let place = &mut ends[stretch.slot as usize];
+        by_pixel.extend(read.iter().rev().map(|run| {
+            let place = &mut ends[run.slot as usize];
             *place -= 1;
             *place
         }));

@@ -170,7 +170,7 @@ impl Rasterize {
                 weights_bar: kept.upstream(1).map(|bars| &bars[weights..weights + count]),
             }
         });
-        if !coverage.is_shared() {
+        if !coverage.pieces.is_shared() {
             adjoints.resize_with(1, Adjoints::default);
             return bands.for_each(|band| adjoints[0].sum(&band, &mut add));
         }
@@ -249,8 +249,7 @@ impl<T: Scalar> Op<T> for Rasterize {
         let Some(uv_bar) = kept.upstream(0) else { return };
         let pull_back =
             PullBack { coverage, corners: &visibility.corners, uv: kept.output(0), uv_bar };
-        Layout { coverage, bands: coverage.center_bands(), mesh: &self.mesh, width: 4 }
-            .add_to(clip_bar, &pull_back);
+        Layout { runs: &coverage.centers, mesh: &self.mesh, width: 4 }.add_to(clip_bar, &pull_back);
     }
 
     fn saved_bytes(&self, saved: &Self::Saved) -> usize {

@@ -28,11 +28,10 @@ pub(super) struct PullBack<'a, T: Scalar> {
 impl<T: Scalar> FaceSums<T::Wide> for PullBack<'_, T> {
     #[inline(always)]
     fn sum(&self, slot: usize, fragments: Range<usize>, rows: &mut [T::Wide]) {
-        let Coverage { mesh, size, slots, .. } = self.coverage;
-        let corners =
-            mesh.faces()[slots[slot].face as usize].map(|vertex| &self.corners[vertex as usize]);
+        let Coverage { mesh, size, centers, .. } = self.coverage;
+        let corners = mesh.faces()[centers.face(slot)].map(|vertex| &self.corners[vertex as usize]);
         let factors = corners.map(|corner| corner.factor);
-        let origin = self.coverage.first_pixel_of(slot);
+        let origin = centers.first_pixel_of(slot);
         let vertices = corners.map(|corner| corner.vertex);
         let face = LocalFace::new(vertices, factors, origin, *size);
         let sums = if has_even_weights(&vertices) {
@@ -71,10 +70,10 @@ impl<T: Scalar> PullBack<'_, T> {
     ) -> [[T::Wide; 3]; 3] {
         let size = self.coverage.size;
         let mut sums = [[T::Wide::ZERO; 3]; 3];
-        for span in self.coverage.spans_within(slot, fragments) {
-            let [mut x, y] = face.place(span.pixel, size);
+        for run in self.coverage.centers.within(slot, fragments) {
+            let [mut x, y] = face.place(run.pixel as usize, size);
             let row = face.row(y);
-            let uv_bar = &self.uv_bar[2 * span.fragments.start..2 * span.fragments.end];
+            let uv_bar = &self.uv_bar[2 * run.fragments().start..2 * run.fragments().end];
             for uv_bar in uv_bar.as_chunks::<2>().0 {
                 let a = row.map(|[start, slope]| start + slope * x);
                 let missing = missing_factors(a, face.factors);

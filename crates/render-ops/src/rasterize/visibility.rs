@@ -18,7 +18,7 @@ use super::culling::{Corner, Fate, Verdict, give_one_factor, most_rounding};
 use super::options::{RasterOptions, Sampling};
 use super::setup::LANES;
 use super::view::View;
-use crate::coverage::{Coverage, Culled, Run, Slot};
+use crate::coverage::{Coverage, Culled};
 use crate::mesh::{Mesh, repeats_a_vertex};
 use crate::size::Size;
 
@@ -67,10 +67,10 @@ impl<T: Scalar> Visibility<T> {
         coverage.orientations.clear();
         coverage.orientations.extend(self.verdicts.iter().map(|verdict| verdict.orientation));
         self.draw_bands(mesh, options, rows, needs);
-        join(|| self.bands(), coverage);
+        join(self.bands(), coverage);
         coverage.boundary.clear();
         if options.sampling == Sampling::Exact {
-            join_pieces(|| self.bands(), coverage);
+            join_pieces(self.bands(), coverage);
         }
     }
 
@@ -172,71 +172,38 @@ fn sort_into_bands(verdicts: &[Verdict], faces: &mut [Vec<u32>], rows: usize) ->
 }
 
 /// Joins what was found in the bands.
-fn join<'a, T: Scalar, B>(bands: impl Fn() -> B, coverage: &mut Coverage)
-where
-    B: Iterator<Item = &'a Band<T>>,
-{
-    let Coverage { runs, by_pixel, row_starts, slots, covered, band_ends, .. } = coverage;
-    runs.clear();
+fn join<'a, T: Scalar>(bands: impl Iterator<Item = &'a Band<T>>, coverage: &mut Coverage) {
+    let Coverage { centers, by_pixel, row_starts, covered, pieces, .. } = coverage;
+    centers.clear();
     by_pixel.clear();
     row_starts.clear();
-    slots.clear();
     covered.clear();
-    band_ends.clear();
-    let mut fragments = 0;
-    for band in bands() {
-        let (runs_before, slots_before) = (runs.len() as u32, slots.len() as u32);
-        runs.extend(band.runs.iter().map(|run| Run {
-            slot: slots_before + run.slot,
-            fragment: fragments as u32 + run.fragment,
-            ..*run
-        }));
-        by_pixel.extend(band.by_pixel.iter().map(|run| runs_before + run));
-        row_starts.extend(band.row_starts.iter().map(|start| runs_before + start));
-        slots.extend(
-            band.slots.iter().map(|slot| Slot { first_run: runs_before + slot.first_run, ..*slot }),
-        );
+    pieces.clear();
+    for band in bands {
+        let before = centers.runs.len() as u32;
+        centers.add_band(&band.runs);
+        by_pixel.extend(band.by_pixel.iter().map(|run| before + run));
+        row_starts.extend(band.row_starts.iter().map(|start| before + start));
         covered.extend(&band.covered);
-        band_ends.push(slots.len() as u32);
-        fragments += band.barycentrics.len() / 2;
     }
-    row_starts.push(runs.len() as u32);
-    coverage.center_bands = band_ends.len();
-    (coverage.centers, coverage.count) = (fragments, fragments);
+    row_starts.push(centers.runs.len() as u32);
 }
 
-/// Joins the pieces of boundary pixels, after all fragments at pixel centres.
-fn join_pieces<'a, T: Scalar, B>(bands: impl Fn() -> B, coverage: &mut Coverage)
-where
-    B: Iterator<Item = &'a Band<T>>,
-{
-    let Coverage { runs, slots, band_ends, count, boundary, .. } = coverage;
+/// Joins the pieces of boundary pixels.
+fn join_pieces<'a, T: Scalar>(bands: impl Iterator<Item = &'a Band<T>>, coverage: &mut Coverage) {
+    let Coverage { centers, pieces, boundary, .. } = coverage;
     let pixels = Arc::get_mut(&mut boundary.pixels).expect("it was just cleared");
-    for Band { pieces, resolved, .. } in bands() {
-        let (runs_before, slots_before) = (runs.len() as u32, slots.len() as u32);
-        runs.extend(resolved.runs.iter().map(|run| Run {
-            slot: slots_before + run.slot,
-            fragment: *count as u32 + run.fragment,
-            ..*run
-        }));
-        slots.extend(
-            resolved
-                .slots
-                .iter()
-                .map(|slot| Slot { first_run: runs_before + slot.first_run, ..*slot }),
-        );
-        band_ends.push(slots.len() as u32);
+    for Band { pieces: found, resolved, .. } in bands {
         let before = boundary.fragments.len() as u32;
-        pixels.extend(&pieces.pixels);
-        boundary.ends.extend(pieces.ends.iter().map(|end| before + end));
-        boundary
-            .fragments
-            .extend(resolved.fragments.iter().map(|fragment| *count as u32 + fragment));
-        *count += resolved.fragments.len();
+        let fragments = (centers.count + pieces.count) as u32;
+        pixels.extend(&found.pixels);
+        boundary.ends.extend(found.ends.iter().map(|end| before + end));
+        boundary.fragments.extend(resolved.fragments.iter().map(|fragment| fragments + fragment));
+        pieces.add_band(&resolved.runs);
         let counts = &mut boundary.counts;
-        counts.pixels += pieces.pixels.len();
+        counts.pixels += found.pixels.len();
         counts.pieces += resolved.fragments.len();
-        counts.dropped += pieces.dropped;
-        counts.crowded += pieces.crowded;
+        counts.dropped += found.dropped;
+        counts.crowded += found.crowded;
     }
 }

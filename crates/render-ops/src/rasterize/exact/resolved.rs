@@ -3,14 +3,13 @@
 use bokashi_core::Scalar;
 
 use super::pieces::Pieces;
-use crate::coverage::{Run, Slot};
 use crate::rasterize::view::NO_SLOT;
+use crate::runs::{Run, Runs, Slot};
 
 /// The pieces of a band as fragments, counted from its first run, slot and fragment.
 #[derive(Debug, Default)]
 pub(in crate::rasterize) struct Resolved<T> {
-    pub(in crate::rasterize) runs: Vec<Run>,
-    pub(in crate::rasterize) slots: Vec<Slot>,
+    pub(in crate::rasterize) runs: Runs,
     /// The weights u and v of each fragment.
     pub(in crate::rasterize) barycentrics: Vec<T>,
     /// The share of its pixel that each fragment covers.
@@ -30,8 +29,10 @@ impl<T: Scalar> Resolved<T> {
         faces: &[u32],
         slot_of: &mut Vec<u32>,
     ) {
-        let Self { runs, slots, barycentrics, weights, fragments, places } = self;
-        let count = pieces.pieces.len();
+        let Self { runs, barycentrics, weights, fragments, places } = self;
+        runs.count = pieces.pieces.len();
+        let Runs { runs, slots, count, .. } = runs;
+        let count = *count;
         slots.clear();
         places.clear();
         slot_of.clear();
@@ -51,7 +52,7 @@ impl<T: Scalar> Resolved<T> {
             before += std::mem::replace(place, before);
         }
         runs.clear();
-        runs.resize(count, Run { slot: 0, pixel: 0, fragment: 0 });
+        runs.resize(count, Run::default());
         barycentrics.clear();
         barycentrics.resize(2 * count, T::ZERO);
         weights.clear();
@@ -64,7 +65,7 @@ impl<T: Scalar> Resolved<T> {
                 let fragment = places[slot as usize];
                 places[slot as usize] += 1;
                 let at = fragment as usize;
-                runs[at] = Run { slot, pixel, fragment };
+                runs[at] = Run { slot, pixel, length: 1, fragment };
                 let [u, v] = piece.barycentrics.map(T::narrow);
                 (barycentrics[2 * at], barycentrics[2 * at + 1]) = (u, v);
                 weights[at] = T::narrow(piece.weight());

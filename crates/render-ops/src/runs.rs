@@ -1,0 +1,282 @@
+//! Runs: neighbouring pixels of a row that see one face.
+//!
+//! Rows are grouped into *bands*; the faces that are seen in a band have a *slot* each, in the order of
+//! their first pixels. Runs are ordered by slot, and within a slot by pixel, and so are the fragments
+//! that they hold. So the fragments of a face in a band lie side by side in memory: work on the face is
+//! prepared once for all of them, and a backward pass sums over them before it adds to the face's
+//! vertices. Bands are cut by the image's size alone.
+
+use std::ops::Range;
+
+use bokashi_core::parallel::{for_each_item_mut, is_shared};
+
+/// Neighbouring pixels of a row that see one face, a fragment each.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Run {
+    /// The slot of the face.
+    pub(crate) slot: u32,
+    /// The first pixel.
+    pub(crate) pixel: u32,
+    /// The number of pixels.
+    pub(crate) length: u32,
+    /// The first fragment.
+    pub(crate) fragment: u32,
+}
+
+impl Run {
+    #[inline(always)]
+    pub(crate) fn pixels(&self) -> Range<usize> {
+        self.pixel as usize..(self.pixel + self.length) as usize
+    }
+
+    #[inline(always)]
+    pub(crate) fn fragments(&self) -> Range<usize> {
+        self.fragment as usize..(self.fragment + self.length) as usize
+    }
+}
+
+/// A face that is seen in a band.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Slot {
+    pub(crate) face: u32,
+    /// The first of its runs; the next slot's first run is one after its last.
+    pub(crate) first_run: u32,
+}
+
+/// The runs of fragments of one kind: at pixel centres, or pieces of boundary pixels.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Runs {
+    /// In the order of their fragments.
+    pub(crate) runs: Vec<Run>,
+    pub(crate) slots: Vec<Slot>,
+    /// Where in `slots` each band ends, from the top.
+    band_ends: Vec<u32>,
+    /// The number of fragments.
+    pub(crate) count: usize,
+}
+
+impl Runs {
+    pub(crate) fn clear(&mut self) {
+        self.runs.clear();
+        self.slots.clear();
+        self.band_ends.clear();
+        self.count = 0;
+    }
+
+    /// Adds a band, whose runs, slots and fragments count from 0.
+    pub(crate) fn add_band(&mut self, band: &Self) {
+        let Self { runs, slots, band_ends, count } = self;
+        let [run, slot] = [runs.len() as u32, slots.len() as u32];
+        let fragment = *count as u32;
+        runs.extend(band.runs.iter().map(|own| Run {
+            slot: slot + own.slot,
+            fragment: fragment + own.fragment,
+            ..*own
+        }));
+        slots.extend(band.slots.iter().map(|own| Slot { first_run: run + own.first_run, ..*own }));
+        band_ends.push(slots.len() as u32);
+        *count += band.count;
+    }
+
+    /// The number of bands.
+    pub(crate) fn bands(&self) -> usize {
+        self.band_ends.len()
+    }
+
+    /// Whether bands are worked on at the same time.
+    pub(crate) fn is_shared(&self) -> bool {
+        is_shared(self.bands(), 1)
+    }
+
+    /// The slots of some bands.
+    pub(crate) fn slots_of(&self, bands: Range<usize>) -> Range<usize> {
+        let before = |band: usize| band.checked_sub(1).map_or(0, |last| self.band_ends[last]);
+        before(bands.start) as usize..before(bands.end) as usize
+    }
+
+    /// The face of slot `slot`.
+    #[inline(always)]
+    pub(crate) fn face(&self, slot: usize) -> usize {
+        self.slots[slot].face as usize
+    }
+
+    /// The face that a run sees.
+    #[inline(always)]
+    pub(crate) fn face_of(&self, run: &Run) -> usize {
+        self.face(run.slot as usize)
+    }
+
+    /// The face of each fragment.
+    pub(crate) fn faces(&self) -> impl Iterator<Item = usize> + Clone + '_ {
+        let of_run = |run: &Run| std::iter::repeat_n(self.face_of(run), run.length as usize);
+        self.runs.iter().flat_map(of_run)
+    }
+
+    /// The runs of some neighbouring slots.
+    #[inline(always)]
+    pub(crate) fn of_slots(&self, slots: Range<usize>) -> &[Run] {
+        &self.runs[self.runs_before(slots.start)..self.runs_before(slots.end)]
+    }
+
+    /// The runs of slot `slot`.
+    #[inline(always)]
+    pub(crate) fn of(&self, slot: usize) -> &[Run] {
+        self.of_slots(slot..slot + 1)
+    }
+
+    /// The fragments of some neighbouring slots.
+    #[inline(always)]
+    pub(crate) fn fragments_of(&self, slots: Range<usize>) -> Range<usize> {
+        match self.of_slots(slots) {
+            [first, .., last] => first.fragment as usize..last.fragments().end,
+            [only] => only.fragments(),
+            [] => 0..0,
+        }
+    }
+
+    /// The first pixel of slot `slot`.
+    #[inline(always)]
+    pub(crate) fn first_pixel_of(&self, slot: usize) -> usize {
+        self.runs[self.slots[slot].first_run as usize].pixel as usize
+    }
+
+    /// The runs of some of slot `slot`'s fragments.
+    #[inline(always)]
+    pub(crate) fn within(
+        &self,
+        slot: usize,
+        fragments: Range<usize>,
+    ) -> impl Iterator<Item = Run> + '_ {
+        let cut = move |run: &Run| {
+            let first = run.fragments().start.max(fragments.start);
+            let end = run.fragments().end.min(fragments.end);
+            let pixel = run.pixel + (first as u32).wrapping_sub(run.fragment);
+            (first < end).then(|| Run {
+                pixel,
+                length: (end - first) as u32,
+                fragment: first as u32,
+                ..*run
+            })
+        };
+        self.of(slot).iter().filter_map(cut)
+    }
+
+    /// How many runs come before those of slot `slot`.
+    #[inline(always)]
+    fn runs_before(&self, slot: usize) -> usize {
+        self.slots.get(slot).map_or(self.runs.len(), |slot| slot.first_run as usize)
+    }
+
+    /// Calls `work(slots, first, own)` for each band, with its slots, its first fragment, and the
+    /// entries of its fragments in `entries: [count, width]`; bands may be worked on at the same time.
+    pub(crate) fn for_each_band_mut<T: Send>(
+        &self,
+        width: usize,
+        entries: &mut [T],
+        work: impl Fn(Range<usize>, usize, &mut [T]) + Send + Sync,
+    ) {
+        self.merge_bands_mut(width, entries, work, |()| {});
+    }
+
+    /// [`Runs::for_each_band_mut`], with `merge` called on the results in the order of the bands.
+    pub(crate) fn merge_bands_mut<T: Send, R: Send>(
+        &self,
+        width: usize,
+        entries: &mut [T],
+        work: impl Fn(Range<usize>, usize, &mut [T]) -> R + Send + Sync,
+        mut merge: impl FnMut(R),
+    ) {
+        let (mut rest, mut first) = (entries, 0);
+        let bands = (0..self.bands()).map(|band| {
+            let slots = self.slots_of(band..band + 1);
+            let count = self.fragments_of(slots.clone()).len();
+            let (own, others) = std::mem::take(&mut rest).split_at_mut(count * width);
+            rest = others;
+            first += count;
+            (slots, first - count, own)
+        });
+        if !self.is_shared() {
+            return bands.for_each(|(slots, first, own)| merge(work(slots, first, own)));
+        }
+        let mut pieces: Vec<_> = bands.map(|band| (band, None)).collect();
+        for_each_item_mut(&mut pieces, |_, ((slots, first, own), result)| {
+            *result = Some(work(slots.clone(), *first, own));
+        });
+        pieces.into_iter().filter_map(|(_, result)| result).for_each(merge);
+    }
+
+    /// The bytes that it holds, for reports.
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(self.runs.as_slice())
+            + size_of_val(self.slots.as_slice())
+            + size_of_val(self.band_ends.as_slice())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bokashi_core::{Tape, Tensor};
+    use rayon::ThreadPoolBuilder;
+
+    use super::*;
+    use crate::mesh::Mesh;
+    use crate::rasterize::rasterize;
+    use crate::size::Size;
+
+    /// A large face and small ones before it, over several bands.
+    fn runs() -> Runs {
+        let mut corners = vec![[-0.7, -0.9, 0.5], [0.9, -0.5, 0.5], [0.1, 0.8, 0.5]];
+        for k in 0..40 {
+            let (x, y) = (-0.8 + 0.04 * k as f64, 0.7 * (0.9 * k as f64).sin());
+            corners.extend([[x, y, 0.0], [x + 0.09, y - 0.03, 0.0], [x + 0.02, y + 0.1, 0.0]]);
+        }
+        let mesh = Mesh::new((0..41).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect(), 123);
+        let clip = corners.iter().flat_map(|&[x, y, z]| [x, y, z, 1.0]).collect();
+        let tape = Tape::<f64>::new();
+        let clip = tape.leaf(&Tensor::new([123, 4], clip).unwrap());
+        let fragments = rasterize(clip, &mesh.unwrap(), Size { width: 300, height: 200 }).unwrap();
+        fragments.coverage.centers.clone()
+    }
+
+    #[test]
+    fn bands_are_merged_in_their_order_on_any_number_of_threads() {
+        let runs = runs();
+        let merged = |threads: usize| {
+            let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let (mut merged, mut entries) = (Vec::new(), vec![0; 2 * runs.count]);
+            pool.install(|| {
+                let work = |slots: Range<usize>, first: usize, own: &mut [usize]| {
+                    (first..).zip(own.chunks_exact_mut(2)).for_each(|(n, own)| own.fill(n));
+                    (slots, first, own.len())
+                };
+                runs.merge_bands_mut(2, &mut entries, work, |band| merged.push(band));
+            });
+            assert!((0..).zip(entries.chunks_exact(2)).all(|(n, own)| own == [n, n]));
+            merged
+        };
+        let alone = merged(1);
+        assert_eq!(alone.len(), runs.bands());
+        assert!(alone.is_sorted_by_key(|(_, first, _)| *first));
+        for threads in [2, 4] {
+            assert_eq!(merged(threads), alone);
+        }
+    }
+
+    #[test]
+    fn the_fragments_of_a_slot_are_those_of_its_runs_and_can_be_cut() {
+        let runs = runs();
+        let mut next = 0;
+        for slot in 0..runs.slots.len() {
+            let fragments = runs.fragments_of(slot..slot + 1);
+            assert_eq!(fragments.start, next);
+            next = fragments.end;
+            let own: Vec<_> = runs.of(slot).iter().flat_map(Run::pixels).collect();
+            assert_eq!(own.len(), fragments.len());
+            assert_eq!(runs.first_pixel_of(slot), own[0]);
+            let cut = fragments.start + fragments.len() / 3..fragments.end;
+            let within = runs.within(slot, cut.clone()).flat_map(|run| run.pixels());
+            assert!(within.eq(own[cut.start - fragments.start..].iter().copied()));
+        }
+        assert_eq!(next, runs.count);
+    }
+}
