@@ -92,3 +92,8 @@ pub mod prelude {
     // All operations, their types and their error.
     pub use bokashi_render_ops::*;
 }
+
+/// The program in the README is compiled.
+#[cfg(doctest)]
+#[doc = include_str!("../../../README.md")]
+struct Readme;
