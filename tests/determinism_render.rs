@@ -59,7 +59,7 @@ impl Sphere {
         let picture = antialias(composite(surface, &fragments, Background::Image(background))?)?;
         let smooth = picture.image()?;
         let blurred = gaussian_blur(smooth, sigma, &Blur::default())?;
-        let options = RasterOptions { sampling: Sampling::Exact, ..self.size.into() };
+        let options = RasterOptions::new(self.size).sampling(Sampling::Exact);
         let exact = rasterize(clip, &self.mesh, options)?;
         let counts = exact.coverage.boundary_counts();
         assert!(counts.pixels > 0 && counts.pieces > counts.pixels, "{counts:?}");

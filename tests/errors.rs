@@ -117,7 +117,7 @@ fn every_render_error_says_the_rule_and_the_value() {
     let clip = tape.leaf(&Tensor::new([3, 4], corners.clone()).unwrap());
     let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
     let fragments = rasterize(clip, &mesh, Size::square(4)).unwrap();
-    let options = RasterOptions { sampling: Sampling::Exact, ..fragments.coverage.size().into() };
+    let options = RasterOptions::new(fragments.coverage.size()).sampling(Sampling::Exact);
     let exact = rasterize(clip, fragments.coverage.mesh(), options).unwrap();
     let pixels = exact.coverage.boundary_counts().pixels;
     let values = tape.leaf(&Tensor::zeros([exact.coverage.count(), 1]));

@@ -130,7 +130,7 @@ fn fit_silhouette<T: Scalar>(edges: Edges, offset: f64) -> Result<(), FitError> 
     let mesh = Mesh::new(vec![[0, 1, 2]], 3)?;
     let size = Size::square(16);
     let sampling = if edges == Edges::Exact { Sampling::Exact } else { Sampling::Center };
-    let options = RasterOptions { sampling, ..size.into() };
+    let options = RasterOptions::new(size).sampling(sampling);
     let mut pipeline = from_fn(|tape: &Tape<T>, variables| {
         let clip = variables.get("clip")?;
         let fragments = rasterize(clip, &mesh, options)?;

@@ -43,7 +43,7 @@ impl Scene {
             Silhouettes::Jagged | Silhouettes::Antialias => Sampling::Center,
             Silhouettes::Exact => Sampling::Exact,
         };
-        let options = RasterOptions { sampling, ..self.size.into() };
+        let options = RasterOptions::new(self.size).sampling(sampling);
         let fragments = rasterize(clip, &self.mesh, options)?;
         let surface = interpolate(colors, &fragments)?;
         let picture = composite(surface, &fragments, Background::Zero)?;
