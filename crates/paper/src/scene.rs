@@ -40,7 +40,7 @@ impl Scene {
     ) -> Result<Picture<'t, T>, FitError> {
         let clip = project(vertices, camera, None)?;
         let sampling = match self.silhouettes {
-            Silhouettes::Jagged | Silhouettes::Antialias => Sampling::Center,
+            Silhouettes::Aliased | Silhouettes::Antialias => Sampling::Center,
             Silhouettes::Exact => Sampling::Exact,
         };
         let options = RasterOptions::new(self.size).sampling(sampling);
@@ -49,7 +49,7 @@ impl Scene {
         let picture = composite(surface, &fragments, Background::Zero)?;
         Ok(match self.silhouettes {
             Silhouettes::Antialias => antialias(picture)?,
-            Silhouettes::Jagged | Silhouettes::Exact => picture.into(),
+            Silhouettes::Aliased | Silhouettes::Exact => picture.into(),
         })
     }
 
