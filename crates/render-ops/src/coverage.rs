@@ -88,8 +88,8 @@ impl Coverage {
         self.centers.runs.iter().chain(&self.pieces.runs).flat_map(Run::pixels)
     }
 
-    /// The fragment of `pixel`, where it is covered, of several the largest piece. Nothing covers a
-    /// pixel outside the image.
+    /// The fragment of `pixel`, where it is covered; in a boundary pixel the largest piece. Nothing
+    /// covers a pixel outside the image.
     pub fn fragment_at(&self, pixel: usize) -> Option<usize> {
         let Boundary { pixels, .. } = &self.boundary;
         let at = u32::try_from(pixel).ok().and_then(|pixel| pixels.binary_search(&pixel).ok());
@@ -101,7 +101,7 @@ impl Coverage {
         }
     }
 
-    /// The face that `pixel` sees, where it is covered, of several that of the largest piece.
+    /// The face that `pixel` sees, where it is covered; in a boundary pixel the face of the largest piece.
     pub fn face_at(&self, pixel: usize) -> Option<usize> {
         let fragment = self.fragment_at(pixel)?;
         let (runs, fragment) = match fragment.checked_sub(self.centers.count) {
@@ -112,8 +112,8 @@ impl Coverage {
         Some(runs.face_of(&runs.runs[after - 1]))
     }
 
-    /// Per pixel, row by row from the top: the index of its face plus 1, or 0 for the background; of
-    /// several faces that of the largest piece.
+    /// Per pixel, row by row from the top: the index of its face plus 1, or 0 for the background. A
+    /// boundary pixel has the face of its largest piece.
     pub fn triangle_ids(&self) -> Vec<u32> {
         let mut ids = vec![0; self.size.pixels()];
         for run in &self.centers.runs {

@@ -11,20 +11,21 @@ use bokashi_core::{Scalar, Tape, TensorError, Var};
 use crate::coverage::Coverage;
 use crate::error::RenderError;
 
-/// What [`rasterize`](crate::rasterize()) gives: N covered samples. They come in bands of rows from
-/// the top, in a band face by face in the order of the faces' first pixels, and of a face in the
-/// order of their pixels: [`Coverage::pixels`] tells them. With exact coverage all pieces come after
-/// all others, in such an order of their own.
+/// The fragments of a rasterized mesh: N covered samples, as tensors.
 ///
-/// The fields can be exchanged for others of the same shape on the same tape; operations refuse
-/// all else.
+/// Fragments at pixel centres come first. They are ordered by bands of rows from the top, in a band by
+/// face, and within a face by pixel; [`Coverage::pixels`] lists their pixels. With exact coverage the
+/// pieces of boundary pixels follow, in an order of the same kind.
+///
+/// A field can be exchanged for another of the same shape on the same tape; operations refuse anything
+/// else.
 #[derive(Clone)]
 pub struct Fragments<'t, T: Scalar> {
-    /// The perspective-correct weights of each fragment's face's vertices 0 and 1; that of
-    /// vertex 2 is what is missing to 1. Shape `[N, 2]`, differentiable.
+    /// The perspective-correct weights of vertices 0 and 1 of each fragment's face; vertex 2 has what is
+    /// missing to 1. Shape `[N, 2]`, differentiable.
     pub barycentrics: Var<'t, T>,
-    /// With exact coverage the share of its pixel that each piece covers, of the pieces alone: of all
-    /// other fragments, which come first, it is 1. Shape `[K]`, differentiable.
+    /// With exact coverage, the share of its pixel that each of the K pieces covers. Fragments at pixel
+    /// centres have weight 1, which is not stored. Shape `[K]`, differentiable.
     pub weight: Option<Var<'t, T>>,
     /// The clip positions that were rasterized. Shape `[V, 4]`.
     pub clip: Var<'t, T>,
