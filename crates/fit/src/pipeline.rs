@@ -50,7 +50,7 @@ pub trait Pipeline<T: Scalar> {
     /// # Errors
     /// Whatever the operations refuse.
     fn loss<'t>(
-        &self,
+        &mut self,
         tape: &'t Tape<T>,
         variables: &Variables<'t, T>,
     ) -> Result<Var<'t, T>, FitError>;
@@ -85,10 +85,28 @@ pub struct FromFn<T, F> {
 /// assert!(history.last().loss < 1e-6 * history.initial().loss);
 /// # Ok::<(), bokashi_fit::FitError>(())
 /// ```
+///
+/// The function may change what it captures, and so hand out what it has computed: its last picture,
+/// say.
+///
+/// ```
+/// # use bokashi_core::Tensor;
+/// # use bokashi_fit::{Fit, FitSettings, Parameter, Parameters, from_fn};
+/// # let x = Parameter::new("x", Tensor::new([2], vec![3.0, -4.0])?);
+/// let mut picture = Tensor::zeros([2]);
+/// let mut pipeline = from_fn(|_tape, variables| {
+///     let image = variables.get("x")?.exp();
+///     picture = image.value();
+///     Ok(image.sum())
+/// });
+/// Fit::<f64>::new(Parameters::new().with(x)?, FitSettings::default())?.step(&mut pipeline)?;
+/// assert_eq!(picture.data(), [3_f64.exp(), (-4_f64).exp()]);
+/// # Ok::<(), bokashi_fit::FitError>(())
+/// ```
 pub fn from_fn<T, F>(loss: F) -> FromFn<T, F>
 where
     T: Scalar,
-    F: for<'t> Fn(&'t Tape<T>, &Variables<'t, T>) -> Result<Var<'t, T>, FitError>,
+    F: for<'t> FnMut(&'t Tape<T>, &Variables<'t, T>) -> Result<Var<'t, T>, FitError>,
 {
     FromFn { loss, numbers: PhantomData }
 }
@@ -96,12 +114,12 @@ where
 impl<T, F> Pipeline<T> for FromFn<T, F>
 where
     T: Scalar,
-    F: for<'t> Fn(&'t Tape<T>, &Variables<'t, T>) -> Result<Var<'t, T>, FitError>,
+    F: for<'t> FnMut(&'t Tape<T>, &Variables<'t, T>) -> Result<Var<'t, T>, FitError>,
 {
     type Measure = ();
 
     fn loss<'t>(
-        &self,
+        &mut self,
         tape: &'t Tape<T>,
         variables: &Variables<'t, T>,
     ) -> Result<Var<'t, T>, FitError> {

@@ -159,7 +159,7 @@ impl<T: Scalar> Pipeline<T> for CubePipeline<T> {
     }
 
     fn loss<'t>(
-        &self,
+        &mut self,
         tape: &'t Tape<T>,
         variables: &Variables<'t, T>,
     ) -> Result<Var<'t, T>, FitError> {

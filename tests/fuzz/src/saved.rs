@@ -72,7 +72,7 @@ impl<T: Stored> Pipeline<T> for Squares {
     }
 
     fn loss<'t>(
-        &self,
+        &mut self,
         tape: &'t Tape<T>,
         variables: &Variables<'t, T>,
     ) -> Result<Var<'t, T>, FitError> {

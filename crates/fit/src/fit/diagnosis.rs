@@ -10,7 +10,7 @@ use crate::pipeline::Pipeline;
 /// Records the loss and checks that it is a finite scalar; blames a parameter's value where that
 /// is at fault.
 pub(super) fn record_loss<'t, T: Scalar, P: Pipeline<T>>(
-    pipeline: &P,
+    pipeline: &mut P,
     tape: &'t Tape<T>,
     parameters: &Parameters<T>,
     variables: &Variables<'t, T>,

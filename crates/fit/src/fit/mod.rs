@@ -173,7 +173,7 @@ impl<T: Scalar> Fit<T> {
     /// moments are then as they were.
     pub fn step<P: Pipeline<T>>(&mut self, pipeline: &mut P) -> Result<Stepped, FitError> {
         let target_ms = self.prepare(pipeline)?;
-        match self.advance(pipeline, None, |_, _| ControlFlow::Continue(()))? {
+        match self.advance(pipeline, None, |_, _, _| ControlFlow::Continue(()))? {
             Advance::Updated(stepped) => {
                 self.best = (NO_LOSS, self.step);
                 #[cfg(feature = "save")]
@@ -217,10 +217,9 @@ impl<T: Scalar> Fit<T> {
             let mut best = self.best;
             #[cfg(feature = "save")]
             let saved = std::mem::take(&mut self.pipeline);
-            let measured = &*pipeline;
-            let observe = |parameters: &Parameters<T>, loss: f64| {
+            let observe = |pipeline: &P, parameters: &Parameters<T>, loss: f64| {
                 let seconds = start.elapsed().as_secs_f64();
-                let measure = measured.measure(parameters);
+                let measure = pipeline.measure(parameters);
                 steps.push(Step { step, seconds, loss, measure });
                 let seen = StepState {
                     step: &steps[steps.len() - 1],
@@ -299,9 +298,9 @@ impl<T: Scalar> Fit<T> {
     /// Does the rest of a step; `observe` is asked before the update, and is not timed.
     fn advance<P: Pipeline<T>>(
         &mut self,
-        pipeline: &P,
+        pipeline: &mut P,
         gradient_below: Option<f64>,
-        observe: impl FnOnce(&Parameters<T>, f64) -> ControlFlow<Stop>,
+        observe: impl FnOnce(&P, &Parameters<T>, f64) -> ControlFlow<Stop>,
     ) -> Result<Advance, FitError> {
         let Self { tape, parameters, settings, step, is_checked, reset_ms, .. } = self;
         let start = Instant::now();
@@ -309,7 +308,7 @@ impl<T: Scalar> Fit<T> {
         let loss = record_loss(pipeline, tape, parameters, &variables)?;
         let value = loss.item().to_f64();
         let forward_ms = milliseconds_since(start);
-        if let ControlFlow::Break(stop) = observe(parameters, value) {
+        if let ControlFlow::Break(stop) = observe(pipeline, parameters, value) {
             return Ok(Advance::Stopped(stop));
         }
 

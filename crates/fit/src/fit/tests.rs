@@ -33,7 +33,7 @@ impl<T: Scalar> Pipeline<T> for Bowl {
     }
 
     fn loss<'t>(
-        &self,
+        &mut self,
         tape: &'t Tape<T>,
         variables: &Variables<'t, T>,
     ) -> Result<Var<'t, T>, FitError> {
@@ -260,7 +260,7 @@ fn what_is_optional_or_frozen_may_go_unused() {
             Ok(())
         }
         fn loss<'t>(
-            &self,
+            &mut self,
             _tape: &'t Tape<f64>,
             variables: &Variables<'t, f64>,
         ) -> Result<Var<'t, f64>, FitError> {

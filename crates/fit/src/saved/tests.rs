@@ -53,7 +53,7 @@ impl<T: Scalar> Pipeline<T> for Wandering {
     }
 
     fn loss<'t>(
-        &self,
+        &mut self,
         tape: &'t Tape<T>,
         variables: &Variables<'t, T>,
     ) -> Result<Var<'t, T>, FitError> {
