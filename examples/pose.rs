@@ -4,7 +4,6 @@
 //! quaternion and a translation) and the blur's sigma together, from a start that is off by half a
 //! radian, a quarter of the cube's side, and a factor of two in sigma.
 
-use bokashi::glam::dcamera::rh::proj::opengl::perspective;
 use bokashi::glam::{DMat4, DQuat, DVec3};
 use bokashi::prelude::*;
 use bokashi_paper::FACES;

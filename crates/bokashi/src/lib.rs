@@ -4,7 +4,7 @@
 //! Where is this cube, and how blurred is its picture?
 //!
 //! ```
-//! use bokashi::glam::{DMat4, dcamera::rh::proj::opengl::perspective};
+//! use bokashi::glam::DMat4;
 //! use bokashi::prelude::*;
 //!
 //! /// What is known: the cube and the camera.
@@ -89,7 +89,8 @@ pub mod prelude {
         Fit, FitError, FitSettings, History, Mapping, Optimizer, Parameter, Parameters, Pipeline,
         Schedule, Variables, from_fn, mean_squared_error, squared_error,
     };
-    // All operations, their types and their error.
+    // All operations, their types and their error; cameras, and glam itself.
+    pub use bokashi_render_ops::camera::{look_at, perspective};
     pub use bokashi_render_ops::*;
 }
 

@@ -31,6 +31,7 @@ mod antialias;
 mod background;
 mod border;
 mod boundary;
+pub mod camera;
 mod composite;
 mod coverage;
 mod depth;
@@ -69,6 +70,8 @@ pub use depth_of_field::{Focused, Lens, depth_of_field};
 pub use error::RenderError;
 pub use fragments::Fragments;
 pub use gaussian_blur::gaussian_blur;
+/// The matrices, vectors and quaternions that cameras and poses are made of.
+pub use glam;
 pub use interpolate::{interpolate, interpolate_indexed};
 pub use mesh::{Adjacency, Mesh};
 pub use picture::{Composite, Picture};
