@@ -211,15 +211,15 @@ where
 {
     let Coverage { runs, slots, band_ends, count, boundary, .. } = coverage;
     let pixels = Arc::get_mut(&mut boundary.pixels).expect("it was just cleared");
-    for Band { pieces, resolved, .. } in bands() {
+    for Band { pieces, piece_fragments, .. } in bands() {
         let (runs_before, slots_before) = (runs.len() as u32, slots.len() as u32);
-        runs.extend(resolved.runs.iter().map(|run| Run {
+        runs.extend(piece_fragments.runs.iter().map(|run| Run {
             slot: slots_before + run.slot,
             fragment: *count as u32 + run.fragment,
             ..*run
         }));
         slots.extend(
-            resolved
+            piece_fragments
                 .slots
                 .iter()
                 .map(|slot| Slot { first_run: runs_before + slot.first_run, ..*slot }),
@@ -231,11 +231,11 @@ where
         boundary.ends.extend(pieces.ends.iter().map(|end| before + end));
         boundary
             .fragments
-            .extend(resolved.fragments.iter().map(|fragment| *count as u32 + fragment));
-        *count += resolved.fragments.len();
+            .extend(piece_fragments.fragments.iter().map(|fragment| *count as u32 + fragment));
+        *count += piece_fragments.fragments.len();
         let counts = &mut boundary.counts;
         counts.pixels += pieces.pixels.len();
-        counts.pieces += resolved.fragments.len();
+        counts.pieces += piece_fragments.fragments.len();
         counts.dropped += pieces.dropped;
         counts.crowded += pieces.crowded;
     }
