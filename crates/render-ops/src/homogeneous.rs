@@ -109,7 +109,7 @@ pub(crate) fn extent<S: Scalar>(vertex: Vertex<S>, size: Size) -> [S; 2] {
 /// its coefficients or from the vertices relative to a pixel centre: some ten roundings of products
 /// of at most this size. The same for `q` to `p`.
 #[inline(always)]
-pub(crate) fn doubt<S: Scalar<Wide = S>>(p: Vertex<S>, q: Vertex<S>, size: Size) -> S {
+pub(crate) fn edge_error_bound<S: Scalar<Wide = S>>(p: Vertex<S>, q: Vertex<S>, size: Size) -> S {
     let ([px, py], [qx, qy]) = (extent(p, size), extent(q, size));
     S::from_f64(8.0 * f64::EPSILON) * (px * qy + py * qx)
 }

@@ -9,7 +9,7 @@
 use bokashi_core::Scalar;
 
 use super::pairs::Pair;
-use crate::homogeneous::{Vertex, doubt, edge};
+use crate::homogeneous::{Vertex, edge, edge_error_bound};
 use crate::size::Size;
 
 /// How far beyond the two pixel centres a crossing may lie, in pixels, and still count: rounding
@@ -123,7 +123,7 @@ pub(super) struct Outline<S> {
     /// The silhouettes' edge functions, as coefficients of 1, X and Y; of other edges infinite.
     lines: [[S; 3]; 3],
     /// More than the rounding errors of the edge functions.
-    doubt: S,
+    error_bound: S,
 }
 
 impl<S: Scalar<Wide = S>> Outline<S> {
@@ -142,8 +142,10 @@ impl<S: Scalar<Wide = S>> Outline<S> {
             edge(vertices[(corner + 1) % 3], vertices[(corner + 2) % 3])
         });
         let [p, q, r] = vertices;
-        let doubt = doubt(q, r, size) + doubt(r, p, size) + doubt(p, q, size);
-        Self { vertices, indices, silhouettes, lines, doubt }
+        let error_bound = edge_error_bound(q, r, size)
+            + edge_error_bound(r, p, size)
+            + edge_error_bound(p, q, size);
+        Self { vertices, indices, silhouettes, lines, error_bound }
     }
 
     /// Whether all silhouettes surely pass the line through two pixel centres beyond them, and beyond
@@ -157,7 +159,7 @@ impl<S: Scalar<Wide = S>> Outline<S> {
         let [x, y] = if pair.below { [x, y - S::ONE] } else { [x + S::ONE, y] };
         self.lines.iter().all(|&[one, by_x, by_y]| {
             let slope = if pair.below { by_y } else { by_x };
-            (one + by_x * x + by_y * y).abs() > slope.abs() * reach + self.doubt
+            (one + by_x * x + by_y * y).abs() > slope.abs() * reach + self.error_bound
         })
     }
 }

@@ -5,7 +5,7 @@ use std::ops::Range;
 use bokashi_core::Scalar;
 
 use super::culling::{Fate, Verdict};
-use super::exact::{Drawn, Pieces, Resolved, Search};
+use super::exact::{BandFaces, BoundarySearch, PieceFragments, Pieces};
 use super::options::Sampling;
 use super::setup::{LANES, Setup, Weights, beyond};
 use super::view::{NO_SLOT, View, sum_up};
@@ -51,7 +51,7 @@ pub(super) struct Band<T: Scalar> {
     pub(super) barycentrics: Vec<T>,
     pub(super) pieces: Pieces<T::Wide>,
     /// The pieces as fragments.
-    pub(super) resolved: Resolved<T>,
+    pub(super) piece_fragments: PieceFragments<T>,
 }
 
 /// Where bands are drawn, one after another.
@@ -75,7 +75,7 @@ pub(super) struct Canvas<T: Scalar> {
     read: Vec<Run>,
     /// Per slot: how many of the runs are its own or of slots before it.
     ends: Vec<u32>,
-    search: Search<T::Wide>,
+    search: BoundarySearch<T::Wide>,
     pub(super) bands: Vec<Band<T>>,
 }
 
@@ -165,7 +165,7 @@ impl<T: Scalar> Canvas<T> {
             let centers = &view.centers.as_chunks().0[blocks.clone()];
             if setup.cover_blocks(rows_of(ys, depths, faces, per_row, &blocks), centers, at) {
                 let rows = rows_of(ys, depths, faces, per_row, &blocks);
-                setup.cover_doubtful(rows, centers, at);
+                setup.cover_uncertain(rows, centers, at);
             }
             let (first, end) = (blocks.start * LANES, (blocks.end * LANES).min(view.size.width));
             for reached in reached {
@@ -190,13 +190,13 @@ impl<T: Scalar> Canvas<T> {
     #[inline(never)]
     fn resolve(&mut self, view: &View<'_, T>, at: usize, rows: Range<usize>, faces: &[u32]) {
         let Self { search, bands, weights, slot_of, .. } = self;
-        let Band { pieces, resolved, .. } = &mut bands[at];
+        let Band { pieces, piece_fragments, .. } = &mut bands[at];
         let first = rows.start * view.size.width;
         pulp::Arch::new().dispatch(
             #[inline(always)]
-            || search.run(&Drawn { view, rows, faces, weights }, pieces),
+            || search.run(&BandFaces { view, rows, faces, weights }, pieces),
         );
-        resolved.sort(pieces, faces, slot_of);
+        piece_fragments.sort(pieces, faces, slot_of);
         let stored = self.faces.as_flattened_mut();
         let stride = view.blocks_per_row() * LANES;
         for &pixel in &pieces.pixels {

@@ -9,7 +9,7 @@ use std::ops::Range;
 use bokashi_core::Scalar;
 
 use super::options::{Cull, RasterOptions, Sampling};
-use crate::homogeneous::{Vertex, determinant, doubt, edge};
+use crate::homogeneous::{Vertex, determinant, edge, edge_error_bound};
 use crate::size::Size;
 
 /// A vertex, and what every face at it asks of it.
@@ -70,7 +70,7 @@ impl<S: Scalar<Wide = S>> Corner<S> {
 }
 
 /// Gives all corners one factor where they are of sizes near enough, so that a mesh times a power of
-/// two is the same in every bit: the size below which a face's edge functions are in doubt, and the
+/// two is the same in every bit: the size below which a face's edge functions are uncertain, and the
 /// order in which a long row is summed, depend on its factors.
 pub(super) fn give_one_factor<S: Scalar<Wide = S>>(corners: &mut [Corner<S>]) {
     let factors = || corners.iter().map(|corner| corner.factor);
@@ -159,11 +159,14 @@ impl Verdict {
 }
 
 /// The size below which a determinant's sign is an accident of rounding. `D = sum_i w_i a_i`, so its
-/// rounding errors are below `sum_i |w_i| doubt_i`.
+/// rounding errors are below `sum_i |w_i| bound_i`.
 #[inline(always)]
 fn rounding<S: Scalar<Wide = S>>(vertices: [Vertex<S>; 3], size: Size) -> S {
     (0..3)
-        .map(|k| vertices[k].w.abs() * doubt(vertices[(k + 1) % 3], vertices[(k + 2) % 3], size))
+        .map(|k| {
+            vertices[k].w.abs()
+                * edge_error_bound(vertices[(k + 1) % 3], vertices[(k + 2) % 3], size)
+        })
         .sum()
 }
 

@@ -156,7 +156,7 @@ impl Rasterize {
         };
         let mut first = coverage.centers();
         let bands = visibility.bands().zip(visibility.faces()).map(|(band, faces)| {
-            let count = band.resolved.fragments.len();
+            let count = band.piece_fragments.fragments.len();
             let (own, weights) = (first..first + count, first - coverage.centers());
             first = own.end;
             exact::PullBack {
@@ -165,7 +165,7 @@ impl Rasterize {
                 corners: &visibility.corners,
                 faces,
                 pieces: &band.pieces,
-                fragments: &band.resolved.fragments,
+                fragments: &band.piece_fragments.fragments,
                 barycentrics_bar: kept.upstream(0).map(|bars| &bars[2 * own.start..2 * own.end]),
                 weights_bar: kept.upstream(1).map(|bars| &bars[weights..weights + count]),
             }
@@ -224,8 +224,8 @@ impl<T: Scalar> Op<T> for Rasterize {
         };
         let rest = copy_all(barycentrics, visibility.bands().map(|band| &*band.barycentrics));
         if let Some(weights) = weights {
-            copy_all(rest, visibility.bands().map(|band| &*band.resolved.barycentrics));
-            copy_all(weights, visibility.bands().map(|band| &*band.resolved.weights));
+            copy_all(rest, visibility.bands().map(|band| &*band.piece_fragments.barycentrics));
+            copy_all(weights, visibility.bands().map(|band| &*band.piece_fragments.weights));
         }
         Ok(())
     }

@@ -13,7 +13,7 @@
 //!
 //! Faces around a vertex must agree too. The coefficients carry the rounding of the distance from
 //! the image's middle to the vertices, so near a vertex the signs of several edges' functions are
-//! accidents. Where an edge function is smaller than that rounding, a point is *in doubt* (a
+//! accidents. Where an edge function is smaller than that rounding, a point is *uncertain* (a
 //! floating-point filter): it is worked out again, as
 //! `q_1 x q_2`: all faces see the same `q`, rounded once per vertex, and the cross product of two
 //! vectors is right to within the rounding of their own lengths.
@@ -40,12 +40,12 @@ pub(super) struct Setup<S> {
     sign: S,
     /// The edge functions' coefficients, with that sign.
     edges: [[S; 3]; 3],
-    /// The size below which the sign of an edge function is in doubt.
-    doubt: S,
+    /// The size below which the sign of an edge function is uncertain.
+    error_bound: S,
     /// The depth's coefficients, where a linear function gives it to as many digits as the weights.
     plane: Option<[S; 3]>,
     /// Whether some pixel that was covered had to be settled.
-    has_doubtful: bool,
+    has_uncertain: bool,
 }
 
 /// Pixels of a row that are drawn at once.
@@ -106,11 +106,11 @@ impl<S: Scalar<Wide = S>> Setup<S> {
         let edges = edges.map(|[e, ex, ey]| [sign * e, sign * ex, sign * ey]);
         let extents = vertices.map(|vertex| extent(vertex, size));
         let [x, y] = [0, 1].map(|axis| largest(extents.map(|extent| extent[axis])));
-        // That of any two of the vertices, as in `homogeneous::doubt`.
-        let doubt = S::from_f64(16.0 * f64::EPSILON) * x * y;
+        // That of any two of the vertices, as in `homogeneous::edge_error_bound`.
+        let error_bound = S::from_f64(16.0 * f64::EPSILON) * x * y;
         let factors = corners.map(|corner| corner.factor);
-        let plane = plane(&vertices, &edges, doubt);
-        Self { vertices, factors, sign, edges, doubt, plane, has_doubtful: false }
+        let plane = plane(&vertices, &edges, error_bound);
+        Self { vertices, factors, sign, edges, error_bound, plane, has_uncertain: false }
     }
 
     /// The edge functions along the row of pixel centres at `y`.
@@ -120,7 +120,7 @@ impl<S: Scalar<Wide = S>> Setup<S> {
     }
 
     /// Of `columns`, first and end, those that the face may cover in a row: where each edge
-    /// function is above minus its doubt. `centers` are the X of all columns.
+    /// function is above minus its error bound. `centers` are the X of all columns.
     ///
     /// As it is rounded, an edge function rises or falls all along a row, so these are neighbours;
     /// a division says where they end to within a column, and the edge function itself where
@@ -129,7 +129,7 @@ impl<S: Scalar<Wide = S>> Setup<S> {
     fn span(&self, row: &Row<S>, columns: [usize; 2], centers: &[S]) -> [usize; 2] {
         let [mut first, mut end] = columns;
         let middle = 0.5 * (centers.len() as f64 - 1.0);
-        let bound = -self.doubt;
+        let bound = -self.error_bound;
         for k in 0..3 {
             let (start, slope) = (row.starts[k], row.slopes[k]);
             let is_in = |column: usize| start + slope * centers[column] >= bound;
@@ -154,31 +154,31 @@ impl<S: Scalar<Wide = S>> Setup<S> {
         [first, end]
     }
 
-    /// Where in `span` no edge function is in doubt: those in doubt are the first or the last.
+    /// Where in `span` no edge function is uncertain: those uncertain are the first or the last.
     #[inline(always)]
     pub(super) fn certain(&self, row: &Row<S>, span: [usize; 2], centers: &[S]) -> [usize; 2] {
         let [mut first, mut end] = span;
-        while first < end && self.is_in_doubt(row.at(centers[first])) {
+        while first < end && self.is_uncertain(row.at(centers[first])) {
             first += 1;
         }
-        while first < end && self.is_in_doubt(row.at(centers[end - 1])) {
+        while first < end && self.is_uncertain(row.at(centers[end - 1])) {
             end -= 1;
         }
         [first, end]
     }
 
     #[inline(always)]
-    fn is_in_doubt(&self, a: [S; 3]) -> bool {
-        least(a) <= self.doubt
+    fn is_uncertain(&self, a: [S; 3]) -> bool {
+        least(a) <= self.error_bound
     }
 
-    /// The edge functions at a point in doubt, those that are worked out again; `None` where the
+    /// The edge functions at an uncertain point, those that are worked out again; `None` where the
     /// point is not covered.
     pub(super) fn settled(&self, row: &Row<S>, x: S) -> Option<[S; 3]> {
         let mut a = row.at(x);
         let q = self.vertices.map(|vertex| vertex.relative_to(x, row.y));
         for k in 0..3 {
-            if a[k] <= self.doubt {
+            if a[k] <= self.error_bound {
                 a[k] = self.sign * cross(q[(k + 1) % 3], q[(k + 2) % 3]);
             }
             let [_, ex, ey] = self.edges[k];
@@ -240,7 +240,7 @@ impl<S: Scalar<Wide = S>> Setup<S> {
     }
 
     /// Draws `rows` of few pixels, each with its y, its depths and its faces, whose columns are
-    /// `centers`, as [`Setup::cover_span`] does, but for those in doubt; whether there are any. No
+    /// `centers`, as [`Setup::cover_span`] does, but for the uncertain pixels; whether there are any. No
     /// pixel is left out, so that nothing is decided from pixel to pixel.
     #[inline(always)]
     pub(super) fn cover_blocks<'a>(
@@ -250,8 +250,8 @@ impl<S: Scalar<Wide = S>> Setup<S> {
         face: u64,
     ) -> bool {
         let plane = self.plane.expect("its depth is linear");
-        let doubt = self.doubt;
-        let mut closest = [doubt + S::ONE; LANES];
+        let error_bound = self.error_bound;
+        let mut closest = [error_bound + S::ONE; LANES];
         for (y, depths, faces) in rows {
             let row = self.row(y);
             let [start, slope] = along(plane, y);
@@ -259,7 +259,7 @@ impl<S: Scalar<Wide = S>> Setup<S> {
                 let inside = lanes(|k| least(row.at(x[k])));
                 let depth = lanes(|k| start + slope * x[k]);
                 let depth = lanes(|k| {
-                    let is_seen = (inside[k] > doubt) & (depth[k] >= -S::ONE);
+                    let is_seen = (inside[k] > error_bound) & (depth[k] >= -S::ONE);
                     if is_seen { depth[k] } else { beyond() }
                 });
                 // Values first, then two stores, so that they are compiled to vectors; and a
@@ -270,13 +270,13 @@ impl<S: Scalar<Wide = S>> Setup<S> {
                 closest = lanes(|k| inside[k].abs().minimum_number(closest[k]));
             }
         }
-        closest.iter().any(|&distance| distance <= doubt)
+        closest.iter().any(|&distance| distance <= error_bound)
     }
 
-    /// Draws the pixels that [`Setup::cover_blocks`] leaves in doubt.
+    /// Draws the pixels that [`Setup::cover_blocks`] leaves uncertain.
     #[cold]
     #[inline(never)]
-    pub(super) fn cover_doubtful<'a>(
+    pub(super) fn cover_uncertain<'a>(
         &mut self,
         rows: impl Iterator<Item = (S, &'a mut [[S; LANES]], &'a mut [[u64; LANES]])>,
         centers: &[[S; LANES]],
@@ -287,21 +287,21 @@ impl<S: Scalar<Wide = S>> Setup<S> {
             let row = self.row(y);
             let pixels = depths.as_flattened_mut().iter_mut().zip(faces.as_flattened_mut());
             for (pixel, &x) in pixels.zip(centers) {
-                if self.is_in_doubt(row.at(x)) {
+                if self.is_uncertain(row.at(x)) {
                     self.cover_settled(&row, x, pixel, face);
                 }
             }
         }
     }
 
-    /// Draws one pixel where an edge function is in doubt.
+    /// Draws one pixel where an edge function is uncertain.
     #[cold]
     #[inline(never)]
     fn cover_settled(&mut self, row: &Row<S>, x: S, pixel: (&mut S, &mut u64), face: u64) {
         let Some(a) = self.settled(row, x) else { return };
         let depth = self.depth(a);
         if depth < *pixel.0 && depth >= -S::ONE {
-            self.has_doubtful = true;
+            self.has_uncertain = true;
             (*pixel.0, *pixel.1) = (depth, face);
         }
     }
@@ -309,12 +309,12 @@ impl<S: Scalar<Wide = S>> Setup<S> {
     /// What is kept of the face once it is drawn.
     #[inline(always)]
     pub(super) fn weights(&self) -> Weights<S> {
-        let is_plain = !self.has_doubtful && are_one(self.factors);
+        let is_plain = !self.has_uncertain && are_one(self.factors);
         Weights { edges: self.edges, is_plain }
     }
 
     /// The weights u and v of neighbouring pixels of a row that it covers, into
-    /// `barycentrics: [n, 2]`, where pixels may be in doubt, or vertices have factors that differ.
+    /// `barycentrics: [n, 2]`, where pixels may be uncertain, or vertices have factors that differ.
     #[cold]
     #[inline(never)]
     pub(super) fn weigh_one_by_one<T: Scalar<Wide = S>>(
@@ -326,7 +326,7 @@ impl<S: Scalar<Wide = S>> Setup<S> {
         let row = self.row(y);
         for (pair, &x) in barycentrics.chunks_exact_mut(2).zip(centers) {
             let mut a = row.at(x);
-            if self.is_in_doubt(a) {
+            if self.is_uncertain(a) {
                 a = self.settled(&row, x).expect("it was covered a moment ago");
             }
             let missing = missing_factors(a, self.factors);
@@ -418,14 +418,14 @@ fn cover<S: Scalar>(
 fn plane<S: Scalar<Wide = S>>(
     vertices: &[Vertex<S>; 3],
     edges: &[[S; 3]; 3],
-    doubt: S,
+    error_bound: S,
 ) -> Option<[S; 3]> {
     let [p, q, r] = vertices;
     let determinant = determinant(*p, edges[0]);
     let (least, largest) = (least([p.w, q.w, r.w]), largest([p.w, q.w, r.w]));
     let d = p.z / p.w;
     let is_exact = least > S::ZERO
-        && doubt * largest * S::from_f64(1e6) < determinant
+        && error_bound * largest * S::from_f64(1e6) < determinant
         && d.abs() < S::from_f64(1e3);
     let scale = S::ONE / determinant;
     let [q, r] = [scale * (q.z - d * q.w), scale * (r.z - d * r.w)];

@@ -193,17 +193,19 @@ fn join<'a, T: Scalar>(bands: impl Iterator<Item = &'a Band<T>>, coverage: &mut 
 fn join_pieces<'a, T: Scalar>(bands: impl Iterator<Item = &'a Band<T>>, coverage: &mut Coverage) {
     let Coverage { centers, pieces, boundary, .. } = coverage;
     let pixels = Arc::get_mut(&mut boundary.pixels).expect("it was just cleared");
-    for Band { pieces: found, resolved, .. } in bands {
+    for Band { pieces: found, piece_fragments, .. } in bands {
         let before = boundary.fragments.len() as u32;
         let fragments = (centers.count + pieces.count) as u32;
         pixels.extend(&found.pixels);
         boundary.unseen.extend(&found.unseen);
         boundary.ends.extend(found.ends.iter().map(|end| before + end));
-        boundary.fragments.extend(resolved.fragments.iter().map(|fragment| fragments + fragment));
-        pieces.add_band(&resolved.runs);
+        boundary
+            .fragments
+            .extend(piece_fragments.fragments.iter().map(|fragment| fragments + fragment));
+        pieces.add_band(&piece_fragments.runs);
         let counts = &mut boundary.counts;
         counts.pixels += found.pixels.len();
-        counts.pieces += resolved.fragments.len();
+        counts.pieces += piece_fragments.fragments.len();
         counts.dropped += found.dropped;
         counts.crowded += found.crowded;
     }

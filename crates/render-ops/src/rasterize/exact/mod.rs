@@ -1,21 +1,50 @@
 //! Exact coverage: the pixels that a discontinuity crosses, resolved into what is visible in them.
+//!
+//! Visible surfaces are found per pixel, analytically, as Catmull did (*A hidden-surface algorithm with
+//! anti-aliasing*, SIGGRAPH 1978): polygons are clipped to the pixel and against each other as by Weiler
+//! and Atherton (*Hidden surface removal using polygon area sorting*, SIGGRAPH 1977).
+//!
+//! ```text
+//! canvas, one band of rows                     the faces that were drawn in it: BandFaces (band_faces)
+//!   |
+//!   v
+//! BoundarySearch (boundary_pixels)             forward
+//!   |-- mark            outline edges, seams and ends of the depth range mark pixels (PixelMask)
+//!   |-- mark_crossings  pixels in which surface layers may pass through each other
+//!   |     |-- Regions          unmarked pixels with one number of layers each (regions)
+//!   |     |-- FacesByPixel     the faces that may reach into a pixel (faces_by_pixel)
+//!   |     `-- DepthInterval    their depths there: one layer in front ends the search (depth_intervals)
+//!   `-- resolve         per marked pixel, depth group by depth group, the nearest first
+//!         |-- Visible          cut to the pixel, and to what no other face hides (visible)
+//!         |     `-- Polygons   convex polygons, cut by lines; their moments (polygon)
+//!         |-- pixel_border     sides that lie on the pixel's border
+//!         |-- Samples          instead, where a pixel is crowded (samples)
+//!         `-- Extent           centroid, covariance, and the mean of the barycentrics (mean)
+//!   |
+//!   v
+//! Pieces (pieces)                              areas, barycentrics, and their sides with sources
+//!   |
+//!   |--> PieceFragments (piece_fragments)      forward: the pieces as fragments, sorted by face
+//!   `--> PullBack, Adjoints (pull_back)        backward: through means and sides to the vertices
+//! ```
 
-mod boundary;
-mod drawn;
-mod gathered;
-mod marks;
+mod band_faces;
+mod boundary_pixels;
+mod depth_intervals;
+mod faces_by_pixel;
 mod mean;
+mod piece_fragments;
 mod pieces;
 mod pixel_border;
+mod pixel_mask;
 mod polygon;
 mod pull_back;
-mod resolved;
+mod regions;
 mod samples;
-mod sheets;
 mod visible;
 
-pub(super) use self::boundary::Search;
-pub(super) use self::drawn::Drawn;
+pub(super) use self::band_faces::BandFaces;
+pub(super) use self::boundary_pixels::BoundarySearch;
+pub(super) use self::piece_fragments::PieceFragments;
 pub(super) use self::pieces::Pieces;
 pub(super) use self::pull_back::{Adjoints, PullBack};
-pub(super) use self::resolved::Resolved;

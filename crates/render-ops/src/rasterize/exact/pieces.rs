@@ -9,7 +9,7 @@ use super::visible::Side;
 #[derive(Debug, Clone, Copy)]
 pub(in crate::rasterize) struct Piece<S> {
     /// The position of its face among those of the band.
-    pub(in crate::rasterize) drawn: u32,
+    pub(in crate::rasterize) band_face: u32,
     /// Its area in scaled coordinates, in which a pixel has 4.
     pub(super) area: S,
     /// From the pixel's centre.

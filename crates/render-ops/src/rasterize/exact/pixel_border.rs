@@ -24,7 +24,7 @@ use bokashi_core::Scalar;
 use super::polygon::{Line, value_at};
 
 /// How far the wide pixel reaches, in half pixels: much more than sides are off their border, and less
-/// than the margin within which faces are gathered (`sheets::REACH`).
+/// than the margin within which faces are gathered (`band_faces::REACH`).
 pub(super) const WIDER: f64 = 1.0 + 1.0 / (1 << 22) as f64;
 
 /// Sides within this many half pixels are on a border: pieces as thin as this are dropped.

@@ -139,7 +139,9 @@ impl<S: Scalar> Polygons<S> {
     ) -> [Option<Polygon>; 2] {
         match self.lies(polygon, line) {
             [true, true] => {
-                [true, false].map(|is_inside| self.part(polygon, Bound { line: index, is_inside }))
+                let inside = self.part(polygon, Bound { line: index, is_inside: true });
+                let outside = self.part(polygon, Bound { line: index, is_inside: false });
+                [inside, outside]
             }
             [true, false] => [Some(polygon), None],
             [false, true] => [None, Some(polygon)],
@@ -179,8 +181,8 @@ impl<S: Scalar> Polygons<S> {
             least = if value < least { value } else { least };
             most = if value > most { value } else { most };
         }
-        let doubt = S::from_f64(16.0 * f64::EPSILON) * size(line);
-        [most > doubt, least < -doubt]
+        let error_bound = S::from_f64(16.0 * f64::EPSILON) * size(line);
+        [most > error_bound, least < -error_bound]
     }
 
     /// The part of a polygon on one side of the line whose values were found; what is cut off leaves

@@ -40,7 +40,7 @@ pub(in crate::rasterize) struct PullBack<'a, T: Scalar> {
 /// The gradients of a face's edge functions and of its depth's coefficients, around one of its pixels.
 #[derive(Debug)]
 struct Adjoint<S> {
-    drawn: u32,
+    band_face: u32,
     sign: S,
     face: LocalFace<S>,
     edges: EdgeSums<S>,
@@ -70,7 +70,7 @@ impl<S: Scalar> Density<S> {
 pub(in crate::rasterize) struct Adjoints<S> {
     adjoints: Vec<Adjoint<S>>,
     /// Per face of the band: its adjoint.
-    of_drawn: Vec<u32>,
+    of_band_face: Vec<u32>,
     /// Per piece of a pixel.
     densities: Vec<Density<S>>,
     /// The faces with the gradients of their vertices, where they are added later.
@@ -135,8 +135,8 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
         band: &PullBack<'_, T>,
         mut emit: impl FnMut(usize, &[[S; 4]; 3]),
     ) {
-        self.of_drawn.clear();
-        self.of_drawn.resize(band.faces.len(), NONE);
+        self.of_band_face.clear();
+        self.of_band_face.resize(band.faces.len(), NONE);
         self.adjoints.clear();
         let pieces = band.pieces;
         let (mut first, mut first_segment) = (0, 0);
@@ -149,7 +149,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
             self.sum_pixel(band, pixel as usize, own, segments);
         }
         for adjoint in self.adjoints.drain(..) {
-            let face = band.faces[adjoint.drawn as usize] as usize;
+            let face = band.faces[adjoint.band_face as usize] as usize;
             emit(face, &adjoint.rows(band.size));
         }
     }
@@ -179,7 +179,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
             let (mut slope, mut bend) = ([S::ZERO; 2], [S::ZERO; 3]);
             if let Some(bars) = band.barycentrics_bar {
                 let uv_bar = [bars[2 * fragment], bars[2 * fragment + 1]].map(T::widen);
-                let adjoint = self.adjoint(band, piece.drawn, pixel);
+                let adjoint = self.adjoint(band, piece.band_face, pixel);
                 let place = adjoint.face.place(pixel, band.size);
                 let bar = adjoint.add_barycentrics(uv_bar, &piece.extent, place);
                 if piece.moves {
@@ -197,8 +197,8 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
             if line_bar == [S::ZERO; 3] {
                 continue;
             }
-            let mut add_depth = |drawn: u32, sign: S| {
-                let adjoint = self.adjoint(band, drawn, pixel);
+            let mut add_depth = |band_face: u32, sign: S| {
+                let adjoint = self.adjoint(band, band_face, pixel);
                 let place = adjoint.face.place(pixel, band.size);
                 adjoint.add_depth(sign, line_bar, place);
             };
@@ -224,21 +224,21 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
     fn adjoint<T: Scalar<Wide = S>>(
         &mut self,
         band: &PullBack<'_, T>,
-        drawn: u32,
+        band_face: u32,
         pixel: usize,
     ) -> &mut Adjoint<S> {
-        let Self { adjoints, of_drawn, .. } = self;
-        let at = &mut of_drawn[drawn as usize];
+        let Self { adjoints, of_band_face, .. } = self;
+        let at = &mut of_band_face[band_face as usize];
         if *at == NONE {
             *at = adjoints.len() as u32;
-            let indices = band.mesh.faces()[band.faces[drawn as usize] as usize];
+            let indices = band.mesh.faces()[band.faces[band_face as usize] as usize];
             let corners = indices.map(|vertex| &band.corners[vertex as usize]);
             let vertices = corners.map(|corner| corner.vertex);
             let factors = corners.map(|corner| corner.factor);
             let face = LocalFace::new(vertices, factors, pixel, band.size);
             let sign = if face.determinant() > S::ZERO { S::ONE } else { -S::ONE };
             let (edges, depth) = (EdgeSums::default(), [S::ZERO; 3]);
-            adjoints.push(Adjoint { drawn, sign, face, edges, depth });
+            adjoints.push(Adjoint { band_face, sign, face, edges, depth });
         }
         &mut adjoints[*at as usize]
     }

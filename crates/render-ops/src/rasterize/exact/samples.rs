@@ -241,7 +241,8 @@ mod tests {
                 let bar = line_bar(ends, side.share(), normal, |_| weights[at as usize]);
                 bar[0] * side.normal[0].hypot(side.normal[1])
             };
-            let exact: f64 = visible.sides().map(moved).sum();
+            let mut exact = 0.0;
+            visible.for_each_side(|at, side| exact += moved((at, side)));
             let found: f64 = samples.sides.iter().copied().map(moved).sum();
             size[1] += exact.abs();
             error[1] += (found - exact).abs();

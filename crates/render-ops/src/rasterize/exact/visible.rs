@@ -1,11 +1,10 @@
 //! What is visible of each face in one pixel, exactly.
 //!
 //! # Forward
-//! Each face is cut to the pixel; then from each the part of every other one that lies in front of it is
-//! taken away: what lies outside each of the other's edges stays, and of what is left that which the
-//! other is behind. All parts are convex. Depth z / w is linear over the image (`setup`), so two faces
-//! pass through each other in a line. Of equal depths the lower face index wins, as elsewhere. Faces
-//! come in layers, the nearest first, with a gap between the depths of one layer and the next: once the
+//! Each face is cut to the pixel. Then it loses what lies behind another face: outside each edge of the
+//! other face a convex part stays, and inside all of them the part in front. Depth z / w is linear over
+//! the image (`setup`), so two faces pass through each other in a line. Of equal depths the lower face
+//! index wins, as elsewhere. Faces come in depth groups (`depth_intervals`), the nearest first: once the
 //! parts fill the pixel, nothing behind them is looked at.
 //!
 //! # Backward
@@ -17,19 +16,19 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::pixel_border::{FAR, lies_on_border};
+use super::pixel_border::{FAR, clipped, lies_on_border};
 use super::polygon::{BORDER, Line, Moments, Polygon, Polygons, size, value_at};
 
 /// A face in a pixel: lines are relative to the pixel's centre.
 #[derive(Debug, Clone)]
 pub(super) struct Candidate<S> {
     /// The position of its face among those of the band.
-    pub(super) drawn: u32,
+    pub(super) band_face: u32,
     /// The edge functions, positive inside.
     pub(super) edges: [Line<S>; 3],
     pub(super) depth: Line<S>,
     /// More than what the depth is off by in the pixel.
-    pub(super) depth_doubt: S,
+    pub(super) depth_error_bound: S,
     /// Bit k: whether edge k is one of a surface's outline, or a seam.
     pub(super) outline: u8,
     /// Bit k: whether edge k lies on the pixel's border.
@@ -108,7 +107,7 @@ struct Whole<S> {
     least: [S; 3],
     most: [S; 3],
     /// More than what its depths are off by.
-    doubt: S,
+    error_bound: S,
 }
 
 impl<S: Scalar> Whole<S> {
@@ -123,7 +122,7 @@ impl<S: Scalar> Whole<S> {
     /// Whether all of it surely lies behind another one.
     #[inline(always)]
     fn is_behind(&self, other: &Self) -> bool {
-        self.least[2] > other.most[2] + self.doubt + other.doubt
+        self.least[2] > other.most[2] + self.error_bound + other.error_bound
     }
 }
 
@@ -139,9 +138,8 @@ pub(super) struct Visible<S> {
     cuts: usize,
     polygons: Polygons<S>,
     lines: Vec<Line<S>>,
-    sources: Vec<Source>,
-    /// Per line: whether it lies on the pixel's border.
-    on_border: Vec<bool>,
+    /// Per line: where it comes from, and whether it lies on the pixel's border.
+    sources: Vec<(Source, bool)>,
     /// Whether some line does.
     pub(super) touches_border: bool,
     whole: Vec<Whole<S>>,
@@ -164,7 +162,6 @@ impl<S: Scalar> Visible<S> {
         self.parts.clear();
         self.lines.clear();
         self.sources.clear();
-        self.on_border.clear();
         self.whole.clear();
         self.polygons.clear();
         (self.area, self.cuts, self.reach, self.touches_border) = (S::ZERO, 0, reach, false);
@@ -179,7 +176,13 @@ impl<S: Scalar> Visible<S> {
         for at in new.clone() {
             self.cut_to_pixel(pixel, at as u32, &candidates[at]);
         }
-        new.clone().all(|at| self.find_parts(candidates, at, new.start))
+        // No closure, which might not be compiled for the vectors that were found.
+        for at in new.clone() {
+            if !self.find_parts(candidates, at, new.start) {
+                return false;
+            }
+        }
+        true
     }
 
     /// Whether nothing can be seen behind the candidates so far.
@@ -190,7 +193,7 @@ impl<S: Scalar> Visible<S> {
     /// Cuts a candidate to the pixel and to the depth range.
     #[inline(always)]
     fn cut_to_pixel(&mut self, pixel: Polygon, at: u32, candidate: &Candidate<S>) {
-        let Self { polygons, lines, sources, on_border, touches_border, whole, .. } = self;
+        let Self { polygons, lines, sources, touches_border, whole, .. } = self;
         let half = self.reach;
         // What has no depth, since that leaves the range of the numbers, is not in the depth range.
         let reach = size(candidate.depth);
@@ -204,8 +207,7 @@ impl<S: Scalar> Visible<S> {
             polygon = polygons.inside(before, line, lines.len() as u32);
             if polygon != Some(before) {
                 lines.push(line);
-                sources.push(source);
-                on_border.push(is_on_border);
+                sources.push((source, is_on_border));
             }
         };
         for (k, &edge) in (0..).zip(&candidate.edges) {
@@ -216,7 +218,7 @@ impl<S: Scalar> Visible<S> {
         // A plane may reach the end of the range at the pixel's border.
         if half * reach > S::from_f64(1.0 - FAR) {
             for (line, is_far) in [([one + S::ONE, x, y], false), ([S::ONE - one, -x, -y], true)] {
-                let is_on_border = lies_on_border(line, [S::ZERO; 2], candidate.depth_doubt);
+                let is_on_border = lies_on_border(line, [S::ZERO; 2], candidate.depth_error_bound);
                 *touches_border |= is_on_border;
                 cut(line, Source::End { candidate: at, is_far }, is_on_border);
             }
@@ -228,20 +230,19 @@ impl<S: Scalar> Visible<S> {
             least = std::array::from_fn(|k| least[k].minimum_or_nan(place[k]));
             most = std::array::from_fn(|k| most[k].maximum_or_nan(place[k]));
         }
-        let doubt = candidate.depth_doubt;
-        whole.push(Whole { polygon, cuts: first..lines.len(), least, most, doubt });
+        let error_bound = candidate.depth_error_bound;
+        whole.push(Whole { polygon, cuts: first..lines.len(), least, most, error_bound });
     }
 
-    /// Takes from candidate `at` what lies behind others, of which those before `layer` surely lie
-    /// before it; returns whether it did so within the limits.
+    /// Takes from candidate `at` what lies behind others; those before `group` surely lie before it; returns whether it did so within the limits.
     #[inline(always)]
-    fn find_parts(&mut self, candidates: &[Candidate<S>], at: usize, layer: usize) -> bool {
+    fn find_parts(&mut self, candidates: &[Candidate<S>], at: usize, group: usize) -> bool {
         let Self { parts, area, cuts, polygons, lines, sources, whole, left, next, .. } = self;
-        let Self { on_border, touches_border, .. } = self;
+        let Self { touches_border, .. } = self;
         left.clear();
         left.extend(whole[at].polygon);
         for (other, rival) in candidates.iter().enumerate() {
-            let is_before = other < layer;
+            let is_before = other < group;
             let [this, that] = [&whole[at], &whole[other]];
             let hides_nothing = that.is_beside(this) || !is_before && that.is_behind(this);
             if other == at || left.is_empty() || hides_nothing {
@@ -270,14 +271,19 @@ impl<S: Scalar> Visible<S> {
                     next.extend(outside);
                 }
                 let Some(overlap) = overlap else { continue };
-                let index = *between.get_or_insert_with(|| {
-                    lines.push(behind);
-                    sources.push(Source::Between { first: at as u32, second: other as u32 });
-                    let doubt = own.depth_doubt + rival.depth_doubt;
-                    on_border.push(lies_on_border(behind, [S::ZERO; 2], doubt));
-                    *touches_border |= on_border[lines.len() - 1];
-                    lines.len() as u32 - 1
-                });
+                let index = match between {
+                    Some(index) => index,
+                    None => {
+                        let source = Source::Between { first: at as u32, second: other as u32 };
+                        let error_bound = own.depth_error_bound + rival.depth_error_bound;
+                        let is_on_border = lies_on_border(behind, [S::ZERO; 2], error_bound);
+                        *touches_border |= is_on_border;
+                        lines.push(behind);
+                        sources.push((source, is_on_border));
+                        lines.len() as u32 - 1
+                    }
+                };
+                between = Some(index);
                 next.extend(polygons.inside(overlap, behind, index));
             }
             std::mem::swap(left, next);
@@ -291,19 +297,32 @@ impl<S: Scalar> Visible<S> {
         true
     }
 
-    /// Each candidate with the sides of its visible parts, which lines make, not the pixel.
+    /// Calls `visit` with each candidate and the sides of its visible parts: lines, not the pixel's border.
     #[inline(always)]
-    pub(super) fn sides(&self) -> impl Iterator<Item = (u32, Side<S>)> + '_ {
-        self.parts.iter().flat_map(|part| {
-            let sides = self.polygons.segments(part.polygon);
-            sides.filter(|(bound, _)| bound.line != BORDER).map(|(bound, ends)| {
+    pub(super) fn for_each_side(&self, mut visit: impl FnMut(u32, Side<S>)) {
+        for part in &self.parts {
+            for (bound, ends) in self.polygons.segments(part.polygon) {
+                if bound.line == BORDER {
+                    continue;
+                }
                 let at = bound.line as usize;
                 let [_, x, y] = self.lines[at];
-                let (source, is_inside) = (self.sources[at], bound.is_inside);
-                let is_on_border = self.on_border[at];
-                (part.candidate, Side { source, is_inside, is_on_border, normal: [x, y], ends })
-            })
-        })
+                let ((source, is_on_border), is_inside) = (self.sources[at], bound.is_inside);
+                let side = Side { source, is_inside, is_on_border, normal: [x, y], ends };
+                visit(part.candidate, side);
+            }
+        }
+    }
+
+    /// Adds the sides that lie on the pixel's border, clipped to it, with their candidates.
+    #[cold]
+    pub(super) fn add_border_sides(&self, sides: &mut Vec<(u32, Side<S>)>) {
+        self.for_each_side(|candidate, side| {
+            if side.is_on_border {
+                let ends = clipped(side.ends, side.normal);
+                sides.extend(ends.map(|ends| (candidate, Side { ends, ..side })));
+            }
+        });
     }
 
     /// Adds the moments of what is visible of each candidate.
@@ -320,10 +339,10 @@ impl<S: Scalar> Visible<S> {
 #[inline(always)]
 fn behind<S: Scalar>(own: &Candidate<S>, rival: &Candidate<S>) -> Line<S> {
     let behind = [0, 1, 2].map(|c| rival.depth[c] - own.depth[c]);
-    if size(behind) > own.depth_doubt + rival.depth_doubt {
+    if size(behind) > own.depth_error_bound + rival.depth_error_bound {
         return behind;
     }
-    [if own.drawn < rival.drawn { S::ONE } else { -S::ONE }, S::ZERO, S::ZERO]
+    [if own.band_face < rival.band_face { S::ONE } else { -S::ONE }, S::ZERO, S::ZERO]
 }
 
 #[cfg(test)]
@@ -332,7 +351,7 @@ pub(super) mod tests {
 
     use super::*;
 
-    const DOUBT: f64 = 64.0 * f64::EPSILON;
+    const ERROR_BOUND: f64 = 64.0 * f64::EPSILON;
 
     /// A face through three points `(x, y, depth)`.
     pub(in super::super) fn candidate(
@@ -349,13 +368,27 @@ pub(super) mod tests {
             [0, 1, 2].map(|c| (0..3).map(|k| [p, q, r][k][2] * edges[k][c] / area).sum::<f64>());
         let sign = area.signum();
         let edges = edges.map(|edge| edge.map(|c| sign * c));
-        let depth_doubt = DOUBT * size(depth);
-        Some(Candidate { drawn: face, edges, depth, depth_doubt, outline: 7, on_border: 0 })
+        let depth_error_bound = ERROR_BOUND * size(depth);
+        Some(Candidate {
+            band_face: face,
+            edges,
+            depth,
+            depth_error_bound,
+            outline: 7,
+            on_border: 0,
+        })
     }
 
     fn background(face: u32) -> Candidate<f64> {
         let (edges, depth) = ([[1.0, 0.0, 0.0]; 3], [1.0, 0.0, 0.0]);
-        Candidate { drawn: face, edges, depth, depth_doubt: DOUBT, outline: 0, on_border: 0 }
+        Candidate {
+            band_face: face,
+            edges,
+            depth,
+            depth_error_bound: ERROR_BOUND,
+            outline: 0,
+            on_border: 0,
+        }
     }
 
     fn at(line: [f64; 3], x: f64, y: f64) -> f64 {
@@ -409,7 +442,7 @@ pub(super) mod tests {
                 };
                 let seen = all.iter().filter(covers);
                 let seen = seen.min_by(|a, b| depth(a).total_cmp(&depth(b))).unwrap();
-                let seen = all.iter().position(|one| one.drawn == seen.drawn).unwrap();
+                let seen = all.iter().position(|one| one.band_face == seen.band_face).unwrap();
                 sampled[seen] += 4.0 / (N * N) as f64;
             }
             for (exact, sampled) in moments.iter().zip(sampled) {
@@ -431,7 +464,7 @@ pub(super) mod tests {
             // The lower indices behind, which may not count.
             let mut all: Vec<_> = scaled(front, 10, -0.5).collect();
             all.extend(is_full.then(|| Candidate { depth: [-0.05, 0.0, 0.0], ..background(20) }));
-            let layer = all.len();
+            let group = all.len();
             all.extend(scaled(back, 0, 0.5));
             let areas = |groups: &[usize]| {
                 let mut visible = Visible::default();
@@ -443,13 +476,13 @@ pub(super) mod tests {
                 let areas: Vec<f64> = moments.iter().map(Moments::area).collect();
                 (areas, visible.fills_pixel())
             };
-            let ((once, _), (twice, _)) = (areas(&[all.len()]), areas(&[layer, all.len()]));
+            let ((once, _), (twice, _)) = (areas(&[all.len()]), areas(&[group, all.len()]));
             for (once, twice) in once.iter().zip(&twice) {
                 prop_assert!((once - twice).abs() < 1e-13, "{once} {twice}");
             }
-            let (_, fills) = areas(&[layer]);
+            let (_, fills) = areas(&[group]);
             prop_assert!(fills || !is_full);
-            prop_assert!(!fills || twice[layer..].iter().all(|&area| area < 1e-13));
+            prop_assert!(!fills || twice[group..].iter().all(|&area| area < 1e-13));
         }
     }
 }

@@ -57,7 +57,7 @@ proptest! {
         let setups = faces.iter().filter_map(|face| setup(face, size));
         for (face, mut setup) in (0..).zip(setups.filter(Setup::has_plane)) {
             if setup.cover_blocks(rows_of(&ys, &mut blocks), in_blocks, face) {
-                setup.cover_doubtful(rows_of(&ys, &mut blocks), in_blocks, face);
+                setup.cover_uncertain(rows_of(&ys, &mut blocks), in_blocks, face);
             }
             for (y, depths, faces) in rows_of(&ys, &mut spans) {
                 let (depths, faces) = (depths.as_flattened_mut(), faces.as_flattened_mut());

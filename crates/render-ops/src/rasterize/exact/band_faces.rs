@@ -1,21 +1,27 @@
-//! The faces of a band, as boundary pixels ask for them.
+//! The faces of a band: which pixels they may reach into, and what they are around a pixel's centre.
 
 use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::marks::Marks;
+use super::depth_intervals::DepthInterval;
 use super::pixel_border::lies_on_border;
+use super::pixel_mask::PixelMask;
 use super::polygon::{Line, size, value_at};
-use super::sheets::{REACH, Slab};
 use super::visible::Candidate;
-use crate::homogeneous::{Vertex, cross, doubt, extent};
+use crate::homogeneous::{Vertex, cross, edge_error_bound, extent};
 use crate::rasterize::culling::{Corner, Fate};
 use crate::rasterize::setup::Weights;
 use crate::rasterize::view::View;
 
+/// Lines are looked for within this many times half a pixel's width: more than they can be off.
+pub(super) const REACH: f64 = 1.0 + 1e-6;
+
+/// The first bit of a face's edges that run along rows or columns.
+pub(super) const ALONG_AXIS: u8 = 3;
+
 /// A band with the faces that were drawn in it.
-pub(in crate::rasterize) struct Drawn<'a, 'v, T: Scalar> {
+pub(in crate::rasterize) struct BandFaces<'a, 'v, T: Scalar> {
     pub(in crate::rasterize) view: &'a View<'v, T>,
     pub(in crate::rasterize) rows: Range<usize>,
     pub(in crate::rasterize) faces: &'a [u32],
@@ -30,12 +36,12 @@ pub(super) struct Plane<S> {
     /// The least and the largest one; of a face that may reach out of the depth range, all numbers.
     range: [S; 2],
     /// More than what its edge functions are off by anywhere in the image.
-    pub(super) edge_doubts: [S; 3],
+    pub(super) edge_error_bounds: [S; 3],
     /// More than what its depths are off by, where they are in the depth range.
-    doubt: S,
+    error_bound: S,
 }
 
-impl<T: Scalar> Drawn<'_, '_, T> {
+impl<T: Scalar> BandFaces<'_, '_, T> {
     /// The X of the centre of the block `at` of a row, of `block` pixels.
     #[inline(always)]
     pub(super) fn center(&self, at: usize, block: usize) -> T::Wide {
@@ -49,7 +55,7 @@ impl<T: Scalar> Drawn<'_, '_, T> {
     #[inline(always)]
     pub(super) fn for_each_face(
         &self,
-        marks: &Marks,
+        marks: &PixelMask,
         block: usize,
         [some_rows, some_columns]: [Range<usize>; 2],
         mut visit: impl FnMut(u32, usize, [T::Wide; 3], [T::Wide; 3]) -> bool,
@@ -84,7 +90,7 @@ impl<T: Scalar> Drawn<'_, '_, T> {
         let Fate::Drawn { columns: [left, right], rows: [top, bottom] } =
             self.view.verdicts[face as usize].fate
         else {
-            unreachable!("only faces that are drawn are on the lists");
+            unreachable!("only faces that are band_face are on the lists");
         };
         let rows = self.rows.start.max(top as usize)..self.rows.end.min(bottom as usize + 1);
         [rows, left as usize..right as usize + 1]
@@ -103,24 +109,28 @@ impl<T: Scalar> Drawn<'_, '_, T> {
     }
 
     /// The depth's coefficients around the centre of a pixel.
-    pub(super) fn depth(&self, drawn: u32, x: T::Wide, y: T::Wide) -> Line<T::Wide> {
-        self.candidate(drawn, 0, x, y).depth
+    pub(super) fn depth(&self, band_face: u32, x: T::Wide, y: T::Wide) -> Line<T::Wide> {
+        self.candidate(&[], band_face, 0, [x, y]).depth
     }
 
-    /// A face around the centre of a pixel.
+    /// A face around the centre of a pixel, with the edges `outline` of a surface's outline and those
+    /// that run along rows or columns.
     #[inline(always)]
     pub(super) fn candidate(
         &self,
-        drawn: u32,
+        planes: &[Plane<T::Wide>],
+        band_face: u32,
         outline: u8,
-        x: T::Wide,
-        y: T::Wide,
+        [x, y]: [T::Wide; 2],
     ) -> Candidate<T::Wide> {
-        let face = self.faces[drawn as usize] as usize;
+        let along_axis = outline >> ALONG_AXIS;
+        let on_border =
+            if along_axis == 0 { 0 } else { self.on_border(planes, band_face, along_axis, [x, y]) };
+        let face = self.faces[band_face as usize] as usize;
         let vertices = self.view.corners_of(face).map(|corner| corner.vertex);
         let sign = T::Wide::from_f64(f64::from(self.view.verdicts[face].orientation));
         let q = vertices.map(|vertex| vertex.relative_to(x, y));
-        let mut edges = self.weights[drawn as usize].edges;
+        let mut edges = self.weights[band_face as usize].edges;
         for (k, edge) in edges.iter_mut().enumerate() {
             edge[0] = sign * cross(q[(k + 1) % 3], q[(k + 2) % 3]);
         }
@@ -130,23 +140,26 @@ impl<T: Scalar> Drawn<'_, '_, T> {
             let [x, y] = extent(vertex, self.view.size);
             x.maximum_or_nan(y)
         });
-        let depth_doubt = depth_doubt(&vertices, &edges, depth, reaches, extents);
-        Candidate { drawn, edges, depth, depth_doubt, outline, on_border: 0 }
+        let depth_error_bound = depth_error_bound(&vertices, &edges, depth, reaches, extents);
+        Candidate { band_face, edges, depth, depth_error_bound, outline, on_border }
     }
 
     /// Which of the edges `some` of a face lie on the border of the pixel with the centre `center`.
     #[cold]
-    pub(super) fn on_border(
+    #[inline(never)]
+    fn on_border(
         &self,
         planes: &[Plane<T::Wide>],
-        drawn: u32,
+        band_face: u32,
         some: u8,
         center: [T::Wide; 2],
     ) -> u8 {
-        let (edges, doubts) =
-            (&self.weights[drawn as usize].edges, &planes[drawn as usize].edge_doubts);
+        let (edges, bounds) = (
+            &self.weights[band_face as usize].edges,
+            &planes[band_face as usize].edge_error_bounds,
+        );
         let is_on_border =
-            |k: &usize| some >> k & 1 == 1 && lies_on_border(edges[*k], center, doubts[*k]);
+            |k: &usize| some >> k & 1 == 1 && lies_on_border(edges[*k], center, bounds[*k]);
         (0..3).filter(is_on_border).map(|k| 1 << k).sum()
     }
 
@@ -158,12 +171,13 @@ impl<T: Scalar> Drawn<'_, '_, T> {
         let edges = &self.weights[at as usize].edges;
         let depth = depth(&vertices, edges);
         let [p, q, r] = vertices;
-        let edge_doubts = [(q, r), (r, p), (p, q)].map(|(p, q)| doubt(p, q, self.view.size));
-        // Of z / w = sum z_i a_i / D, D = sum w_i a_i, the a_i are off by their doubts; in the depth
+        let edge_error_bounds =
+            [(q, r), (r, p), (p, q)].map(|(p, q)| edge_error_bound(p, q, self.view.size));
+        // Of z / w = sum z_i a_i / D, D = sum w_i a_i, the a_i are off by their bounds; in the depth
         // range z / w counts at most once.
-        let off = |k: usize| (vertices[k].z.abs() + vertices[k].w.abs()) * edge_doubts[k];
+        let off = |k: usize| (vertices[k].z.abs() + vertices[k].w.abs()) * edge_error_bounds[k];
         let total = total(&vertices, edges).abs();
-        let doubt = T::Wide::from_f64(2.0) * (off(0) + off(1) + off(2)) / total;
+        let error_bound = T::Wide::from_f64(2.0) * (off(0) + off(1) + off(2)) / total;
         let range = if corners.iter().any(|corner| corner.is_beyond_depths()) {
             let infinity = T::Wide::from_f64(f64::INFINITY);
             [-infinity, infinity]
@@ -171,38 +185,38 @@ impl<T: Scalar> Drawn<'_, '_, T> {
             let [p, q, r] = vertices.map(|vertex| vertex.z / vertex.w);
             [p.minimum_or_nan(q).minimum_or_nan(r), p.maximum_or_nan(q).maximum_or_nan(r)]
         };
-        Plane { depth, range, edge_doubts, doubt }
+        Plane { depth, range, edge_error_bounds, error_bound }
     }
 
     /// A face of the band, with the edges `outline` of a surface's outline, in a block of `width` pixels
     /// of a row.
     #[inline(always)]
-    pub(super) fn slab(
+    pub(super) fn interval(
         &self,
         planes: &[Plane<T::Wide>],
-        drawn: u32,
+        band_face: u32,
         outline: u8,
         center: [T::Wide; 2],
         width: usize,
-    ) -> Slab<T::Wide> {
-        let Plane { depth: [one, x, y], range: [least, most], edge_doubts, doubt } =
-            &planes[drawn as usize];
+    ) -> DepthInterval<T::Wide> {
+        let Plane { depth: [one, x, y], range: [least, most], edge_error_bounds, error_bound } =
+            &planes[band_face as usize];
         let depth = value_at([*one, *x, *y], center);
         let width = T::Wide::from_f64(width as f64);
         let reach = width * x.abs() + y.abs();
         let (mut covers, mut ends) = (true, false);
-        for (k, &edge) in self.weights[drawn as usize].edges.iter().enumerate() {
+        for (k, &edge) in self.weights[band_face as usize].edges.iter().enumerate() {
             let (value, change) = (value_at(edge, center), width * edge[1].abs() + edge[2].abs());
-            covers &= value >= -edge_doubts[k];
+            covers &= value >= -edge_error_bounds[k];
             ends |= outline >> k & 1 == 1 && value.abs() <= T::Wide::from_f64(REACH) * change;
         }
-        let nearest = (depth - reach).maximum_or_nan(*least) - *doubt;
-        let farthest = (depth + reach).minimum_or_nan(*most) + *doubt;
+        let nearest = (depth - reach).maximum_or_nan(*least) - *error_bound;
+        let farthest = (depth + reach).minimum_or_nan(*most) + *error_bound;
         // Of what is no number nothing is known.
         let infinity = T::Wide::from_f64(f64::INFINITY);
         let [nearest, farthest] =
             if nearest <= farthest { [nearest, farthest] } else { [-infinity, infinity] };
-        Slab { drawn, nearest, farthest, covers, ends }
+        DepthInterval { band_face, nearest, farthest, covers, ends }
     }
 }
 
@@ -226,9 +240,9 @@ fn depth<S: Scalar>(vertices: &[Vertex<S>; 3], edges: &[Line<S>; 3]) -> Line<S> 
 /// Of an edge function with the ends p and q the value at the centre is off by some roundings of
 /// `extent_p reach_q + extent_q reach_p`, the slopes by those of `extent_p w_q + extent_q w_p`. So D is
 /// off, by which the depth's slopes are divided, and the depth d at the centre by
-/// `sum (z_i - d w_i) / D` of the values' doubts; and all sums are rounded.
+/// `sum (z_i - d w_i) / D` of the values' bounds; and all sums are rounded.
 #[inline(always)]
-fn depth_doubt<S: Scalar>(
+fn depth_error_bound<S: Scalar>(
     vertices: &[Vertex<S>; 3],
     edges: &[Line<S>; 3],
     depth: Line<S>,

@@ -8,7 +8,7 @@ use crate::runs::{Run, Runs, Slot};
 
 /// The pieces of a band as fragments, counted from its first run, slot and fragment.
 #[derive(Debug, Default)]
-pub(in crate::rasterize) struct Resolved<T> {
+pub(in crate::rasterize) struct PieceFragments<T> {
     pub(in crate::rasterize) runs: Runs,
     /// The weights u and v of each fragment.
     pub(in crate::rasterize) barycentrics: Vec<T>,
@@ -20,7 +20,7 @@ pub(in crate::rasterize) struct Resolved<T> {
     places: Vec<u32>,
 }
 
-impl<T: Scalar> Resolved<T> {
+impl<T: Scalar> PieceFragments<T> {
     /// Sorts `pieces` by face; those of one face stay in the order of their pixels. `slot_of` is
     /// memory.
     pub(in crate::rasterize) fn sort(
@@ -38,10 +38,10 @@ impl<T: Scalar> Resolved<T> {
         slot_of.clear();
         slot_of.resize(faces.len(), NO_SLOT);
         for piece in &pieces.pieces {
-            let slot = &mut slot_of[piece.drawn as usize];
+            let slot = &mut slot_of[piece.band_face as usize];
             if *slot == NO_SLOT {
                 *slot = slots.len() as u32;
-                slots.push(Slot { face: faces[piece.drawn as usize], first_run: 0 });
+                slots.push(Slot { face: faces[piece.band_face as usize], first_run: 0 });
                 places.push(0);
             }
             places[*slot as usize] += 1;
@@ -61,7 +61,7 @@ impl<T: Scalar> Resolved<T> {
         let mut first = 0;
         for (&pixel, &end) in pieces.pixels.iter().zip(&pieces.ends) {
             for piece in &pieces.pieces[first..end as usize] {
-                let slot = slot_of[piece.drawn as usize];
+                let slot = slot_of[piece.band_face as usize];
                 let fragment = places[slot as usize];
                 places[slot as usize] += 1;
                 let at = fragment as usize;

@@ -7,14 +7,14 @@ const BITS: usize = u64::BITS as usize;
 
 /// The marked pixels of some rows.
 #[derive(Debug, Default)]
-pub(super) struct Marks {
+pub(super) struct PixelMask {
     words: Vec<u64>,
     words_per_row: usize,
     /// How many pixels are marked in the words before each one, once they are counted.
     before: Vec<u32>,
 }
 
-impl Marks {
+impl PixelMask {
     /// None, in `rows` rows of `width` pixels.
     pub(super) fn clear(&mut self, rows: usize, width: usize) {
         self.words_per_row = width.div_ceil(BITS);
@@ -116,7 +116,7 @@ mod tests {
 
     #[test]
     fn marked_pixels_are_found_in_order_and_numbered() {
-        let mut marks = Marks::default();
+        let mut marks = PixelMask::default();
         let (rows, width) = (3, 200);
         marks.clear(rows, width);
         let ranges = [(0, 3..5), (0, 60..70), (1, 0..200), (2, 63..64), (2, 64..65), (2, 199..200)];

@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::drawn::Drawn;
-use super::marks::Marks;
+use super::band_faces::BandFaces;
+use super::pixel_mask::PixelMask;
 use crate::rasterize::view::sum_up;
 
 /// More pairs of a block and a face are not gathered at once, but for those of one block.
@@ -13,7 +13,7 @@ const MOST_PAIRS: usize = 1 << 22;
 
 /// The faces that may reach into some pixels, or blocks of them.
 #[derive(Debug, Default)]
-pub(super) struct Gathered {
+pub(super) struct FacesByPixel {
     /// Blocks, by their number among them, with faces.
     pairs: Vec<[u32; 2]>,
     /// Where in `faces` those of each block end.
@@ -25,14 +25,14 @@ pub(super) struct Gathered {
     open: Vec<Range<usize>>,
 }
 
-impl Gathered {
+impl FacesByPixel {
     /// Finds those of the marked blocks `some`, of `block` pixels of a row; returns whether they are not
     /// too many.
     #[inline(always)]
     fn find<T: Scalar>(
         &mut self,
-        drawn: &Drawn<'_, '_, T>,
-        marks: &Marks,
+        band: &BandFaces<'_, '_, T>,
+        marks: &PixelMask,
         block: usize,
         some: Range<usize>,
     ) -> bool {
@@ -43,7 +43,7 @@ impl Gathered {
         pairs.clear();
         ends.clear();
         ends.resize(some.len() + 1, 0);
-        drawn.for_each_face(marks, block, [top..bottom + 1, columns], |face, number, a, reach| {
+        band.for_each_face(marks, block, [top..bottom + 1, columns], |face, number, a, reach| {
             if some.contains(&number) && (0..3).all(|k| a[k] + reach[k] >= T::Wide::ZERO) {
                 pairs.push([(number - some.start) as u32, face]);
                 ends[number - some.start + 1] += 1;
@@ -70,8 +70,8 @@ impl Gathered {
     #[inline(always)]
     pub(super) fn for_each<T: Scalar>(
         &mut self,
-        drawn: &Drawn<'_, '_, T>,
-        marks: &mut Marks,
+        band: &BandFaces<'_, '_, T>,
+        marks: &mut PixelMask,
         block: usize,
         mut visit: impl FnMut([usize; 2], [T::Wide; 2], &[u32]),
     ) {
@@ -79,19 +79,19 @@ impl Gathered {
             return;
         }
         self.blocks.clear();
-        for row in 0..drawn.rows.len() {
+        for row in 0..band.rows.len() {
             marks.for_each(row, |column| self.blocks.push([row, column]));
         }
         self.open.push(0..self.blocks.len());
         while let Some(some) = self.open.pop() {
-            if !self.find(drawn, marks, block, some.clone()) {
+            if !self.find(band, marks, block, some.clone()) {
                 let middle = some.start + some.len() / 2;
                 self.open.extend([middle..some.end, some.start..middle]);
                 continue;
             }
             for at in some.clone() {
                 let [row, column] = self.blocks[at];
-                let center = [drawn.center(column, block), drawn.view.ys[drawn.rows.start + row]];
+                let center = [band.center(column, block), band.view.ys[band.rows.start + row]];
                 visit([row, column], center, self.faces_of(at - some.start));
             }
         }

@@ -1,0 +1,112 @@
+//! The intervals of the depths of faces in a pixel, or in a block of pixels.
+//!
+//! Sorted by their nearest depths, faces fall into *groups* with gaps between their depths. A group lies
+//! before all that follows: what it hides is never looked at. Where the first group has no edges, its
+//! faces make up whole surface layers; if it is one layer, nothing passes through it and it is all that
+//! is seen.
+
+use bokashi_core::Scalar;
+
+/// The interval of a face's depths in a block of pixels.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct DepthInterval<S> {
+    /// The position of its face among those of the band.
+    pub(super) band_face: u32,
+    /// The range of its depths, and a little more.
+    pub(super) nearest: S,
+    pub(super) farthest: S,
+    /// Whether it covers the block's centre, or may.
+    pub(super) covers: bool,
+    /// Whether an edge of the surface's outline may cross the block in it.
+    pub(super) ends: bool,
+}
+
+impl<S: Scalar> DepthInterval<S> {
+    /// Whether nothing of it lies in the depth range.
+    pub(super) fn is_out(&self) -> bool {
+        self.farthest < -S::ONE || self.nearest > S::ONE
+    }
+}
+
+/// How many surface layers the first group of these faces makes up in a block of pixels. Sorts the
+/// intervals, the nearest first.
+///
+/// Faces of one layer touch, so no gap parts them. Where none of a group's faces ends in the block, its
+/// layers are whole, and each covers the block's centre once: the faces that cover it are counted. `None`
+/// where a face ends, or may reach out of the depth range. What is out of that range hides nothing.
+pub(super) fn front_layers<S: Scalar>(intervals: &mut [DepthInterval<S>]) -> Option<usize> {
+    intervals.sort_unstable_by(|a, b| a.nearest.to_f64().total_cmp(&b.nearest.to_f64()));
+    let (mut farthest, mut layers) = (-S::from_f64(f64::INFINITY), 0);
+    for interval in intervals.iter().filter(|interval| !interval.is_out()) {
+        if interval.nearest > farthest && layers > 0 {
+            break;
+        }
+        if interval.ends || interval.nearest < -S::ONE || interval.farthest > S::ONE {
+            return None;
+        }
+        farthest = farthest.maximum_or_nan(interval.farthest);
+        layers += usize::from(interval.covers);
+    }
+    Some(layers)
+}
+
+/// Parts sorted intervals into groups: between a group's depths and the next group's there is a gap.
+pub(super) fn depth_groups<S: Scalar>(
+    intervals: &[DepthInterval<S>],
+) -> impl Iterator<Item = &[DepthInterval<S>]> {
+    let mut farthest = -S::from_f64(f64::INFINITY);
+    intervals.chunk_by(move |interval, next| {
+        farthest = farthest.maximum_or_nan(interval.farthest);
+        next.nearest <= farthest
+    })
+}
+
+/// Whether surface layers may pass through each other in the first group.
+pub(super) fn may_cross<S: Scalar>(intervals: &mut [DepthInterval<S>]) -> bool {
+    front_layers(intervals).is_none_or(|layers| layers > 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn interval([nearest, depth]: [f64; 2]) -> DepthInterval<f64> {
+        DepthInterval {
+            band_face: 0,
+            nearest,
+            farthest: nearest + depth,
+            covers: true,
+            ends: false,
+        }
+    }
+
+    proptest! {
+        /// Ranges of integers, so that some only touch.
+        #[test]
+        fn between_groups_there_is_a_gap_and_in_none(
+            ranges in proptest::collection::vec([0..30_u8, 0..4_u8], 0..12),
+        ) {
+            let mut intervals: Vec<_> = ranges.iter().map(|range| interval(range.map(f64::from))).collect();
+            intervals.sort_by(|a, b| a.nearest.total_cmp(&b.nearest));
+            let ranges = |intervals: &[DepthInterval<f64>]| -> Vec<_> {
+                intervals.iter().map(|interval| [interval.nearest, interval.farthest]).collect()
+            };
+            prop_assert_eq!(depth_groups(&intervals).flat_map(ranges).collect::<Vec<_>>(), ranges(&intervals));
+            let is_filled = |depth: f64| intervals.iter().any(|s| s.nearest <= depth && depth <= s.farthest);
+            let mut before = f64::NEG_INFINITY;
+            for group in depth_groups(&intervals) {
+                let farthest = group.iter().fold(f64::NEG_INFINITY, |most, s| most.max(s.farthest));
+                prop_assert!(before < group[0].nearest);
+                // Halves of integers tell all gaps.
+                let mut depth = group[0].nearest;
+                while depth <= farthest {
+                    prop_assert!(is_filled(depth));
+                    depth += 0.5;
+                }
+                before = farthest;
+            }
+        }
+    }
+}
