@@ -30,7 +30,7 @@ fn brightness(radius: f64, sampling: Sampling, smooth: bool) -> Result<[f64; 2],
     let scale = Tensor::new([4], vec![1.0, 1.0, 0.0, 0.0])?;
     let middle = Tensor::new([4], vec![0.03, -0.01, 0.0, 1.0])?;
     let clip = tape.constant(&unit) * tape.constant(&scale) * radius + tape.constant(&middle);
-    let options = RasterOptions { sampling, ..Size::square(PIXELS).into() };
+    let options = RasterOptions::new(Size::square(PIXELS)).sampling(sampling);
     let fragments = rasterize(clip, &mesh, options)?;
     let white = tape.constant(&Tensor::from_flat_fn([mesh.vertex_count(), 1], |_| 1.0));
     let picture = composite(interpolate(white, &fragments)?, &fragments, Background::Zero)?;

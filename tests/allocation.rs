@@ -113,7 +113,7 @@ impl Scene {
         let pose = Pose { rotation, translation };
         let clip = project(vertices, &perspective(0.7, 1.0, 1.0, 50.0), Some(pose))?;
         let size = Size::square(self.target.shape()[0]);
-        let options = RasterOptions { sampling: self.sampling, ..size.into() };
+        let options = RasterOptions::new(size).sampling(self.sampling);
         let fragments = rasterize(clip, &self.mesh, options)?;
         let surface = interpolate(vertices, &fragments)?;
         let picture = composite(surface, &fragments, Background::Color(background))?;
@@ -359,7 +359,7 @@ impl Sheets {
 
     /// The same with exact coverage.
     fn exactly(self) -> Self {
-        let options = RasterOptions { sampling: Sampling::Exact, ..self.options };
+        let options = self.options.sampling(Sampling::Exact);
         Self { options, ..self }
     }
 

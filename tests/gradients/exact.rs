@@ -97,7 +97,7 @@ fn gradients_of_closed_meshes_are_difference_quotients() {
 }
 
 fn options(scene: &Scene) -> RasterOptions {
-    RasterOptions { sampling: Sampling::Exact, ..scene.size.into() }
+    RasterOptions::new(scene.size).sampling(Sampling::Exact)
 }
 
 /// What changes by leaps: which pixels are resolved, into pieces of which faces, and of what shape.

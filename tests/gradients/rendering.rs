@@ -364,11 +364,11 @@ fn reach<T: Scalar>(sigma: Var<'_, T>, blur: &Blur) -> Result<usize, RenderError
 fn gaussian_blur_of_an_image_by_a_sigma() {
     // Radii that are smaller and larger than the image, and one by tolerance.
     for radius in [Radius::Fixed(2), Radius::Fixed(12), Radius::Tolerance(1e-4)] {
-        for kernel in [Kernel::Seed, Kernel::Sampled, Kernel::Discrete] {
+        for kernel in [Kernel::Unnormalized, Kernel::Sampled, Kernel::Discrete] {
             let borders = select(&[Border::Zero, Border::Mirror, Border::Clamp][..]);
             let cases = (borders, image(), sigma()).prop_map(move |(border, image, sigma)| {
-                // The seed kernel's gain at smaller ones is 1 / sigma^2.
-                let sigma = if kernel == Kernel::Seed { sigma.max(0.3) } else { sigma };
+                // The unnormalized kernel's gain at smaller ones is 1 / sigma^2.
+                let sigma = if kernel == Kernel::Unnormalized { sigma.max(0.3) } else { sigma };
                 let inputs = [image, Tensor::scalar(sigma)].map(Input::leaf);
                 Case::new(GaussianBlur { blur: Blur { kernel, border, radius } }, inputs)
             });
@@ -519,7 +519,7 @@ impl Subject for Pipeline {
 fn pipelines(size: Size) -> impl Strategy<Value = Case> {
     let blurs = select(vec![
         Blur { radius: Radius::Fixed(4), ..Blur::default() },
-        Blur { kernel: Kernel::Seed, border: Border::Zero, radius: Radius::Fixed(3) },
+        Blur { kernel: Kernel::Unnormalized, border: Border::Zero, radius: Radius::Fixed(3) },
         Blur { border: Border::Clamp, radius: Radius::Fixed(12), ..Blur::default() },
     ]);
     let view = (closed_mesh(), camera(), unit_quaternion(), blurs);

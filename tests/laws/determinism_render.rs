@@ -59,7 +59,7 @@ impl Sphere {
         let picture = antialias(composite(surface, &fragments, Background::Image(background))?)?;
         let smooth = picture.image()?;
         let blurred = gaussian_blur(smooth, sigma, &Blur::default())?;
-        let options = RasterOptions { sampling: Sampling::Exact, ..self.size.into() };
+        let options = RasterOptions::new(self.size).sampling(Sampling::Exact);
         let exact = rasterize(clip, &self.mesh, options)?;
         let counts = exact.coverage.boundary_counts();
         assert!(counts.pixels > 0 && counts.pieces > counts.pixels, "{counts:?}");
@@ -196,7 +196,7 @@ fn every_blur_gives_the_same_bits_on_any_number_of_threads() {
         let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let mut results = Vec::new();
         pool.install(|| {
-            for kernel in [Kernel::Seed, Kernel::Sampled, Kernel::Discrete] {
+            for kernel in [Kernel::Unnormalized, Kernel::Sampled, Kernel::Discrete] {
                 for border in [Border::Zero, Border::Mirror, Border::Clamp] {
                     // The wider one of the discrete kernel is solved for, not summed.
                     for sigma in [1.1, 30.0] {

@@ -117,7 +117,7 @@ fn every_render_error_says_the_rule_and_the_value() {
     let clip = tape.leaf(&Tensor::new([3, 4], corners.clone()).unwrap());
     let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
     let fragments = rasterize(clip, &mesh, Size::square(4)).unwrap();
-    let options = RasterOptions { sampling: Sampling::Exact, ..fragments.coverage.size().into() };
+    let options = RasterOptions::new(fragments.coverage.size()).sampling(Sampling::Exact);
     let exact = rasterize(clip, fragments.coverage.mesh(), options).unwrap();
     let pixels = exact.coverage.boundary_counts().pixels;
     let values = tape.leaf(&Tensor::zeros([exact.coverage.count(), 1]));
@@ -131,7 +131,7 @@ fn every_render_error_says_the_rule_and_the_value() {
     let (mut camera, blur, lens) = (DMat4::IDENTITY, Blur::default(), Lens::default());
     camera.col_mut(3).z = f64::NAN;
     let pose = Pose { rotation: zeros(&[4]), translation: zeros(&[3]) };
-    let seed = Blur { kernel: Kernel::Seed, ..blur };
+    let seed = Blur { kernel: Kernel::Unnormalized, ..blur };
     let endless = Blur { radius: Radius::Tolerance(0.0), ..blur };
     let behind = tape.leaf(&Tensor::full([4, 4], -2.0));
 
@@ -183,7 +183,7 @@ fn every_render_error_says_the_rule_and_the_value() {
         ),
         (
             gaussian_blur(image, number(0.0), &seed).unwrap_err(),
-            "gaussian_blur needs a finite and positive sigma for the seed kernel, got sigma 0",
+            "gaussian_blur needs a finite and positive sigma for the unnormalized kernel, got sigma 0",
         ),
         (
             gaussian_blur(image, number(1.0), &endless).unwrap_err(),

@@ -164,7 +164,7 @@ impl<'t, T: Scalar> Scene<'t, T> {
             let what = format!("{} blur of {}", blurred.kernel, blurred.sigma);
             assert_eq!(blurred.border, "zero");
             let kernel = match blurred.kernel.as_str() {
-                "seed" => Kernel::Seed,
+                "seed" => Kernel::Unnormalized,
                 "sampled" => Kernel::Sampled,
                 other => panic!("no kernel is named {other}"),
             };

@@ -33,7 +33,7 @@ fn vertex_errors(settings: &CubeSettings, seeds: u64) -> Vec<f64> {
 
 #[test]
 fn sigma_is_found_under_every_kernel_and_border_from_either_side() {
-    for kernel in [Kernel::Seed, Kernel::Sampled] {
+    for kernel in [Kernel::Unnormalized, Kernel::Sampled] {
         for border in [Border::Zero, Border::Mirror, Border::Clamp] {
             for sigma_target in [1.0, 4.0] {
                 let fit = experiment(Experiment::Sigma, Preset::Paper);
@@ -62,15 +62,15 @@ fn sigma_is_found_in_f32_too() {
 }
 
 #[test]
-fn vertices_are_found_with_antialias_and_exact_coverage_and_never_where_jagged() {
+fn vertices_are_found_with_antialias_and_exact_coverage_and_never_where_aliased() {
     let fit = CubeSettings { resolution: 8, ..experiment(Experiment::Vertices, Preset::Paper) };
     let errors = |silhouettes| vertex_errors(&CubeSettings { silhouettes, ..fit.clone() }, 5);
     for silhouettes in [Silhouettes::Antialias, Silhouettes::Exact] {
         let errors = errors(silhouettes);
         assert!(errors[2] < 1e-5, "{silhouettes}: {errors:?}");
     }
-    let jagged = errors(Silhouettes::Jagged);
-    assert!(jagged[0] > STUCK, "jagged: {jagged:?}");
+    let aliased = errors(Silhouettes::Aliased);
+    assert!(aliased[0] > STUCK, "aliased: {aliased:?}");
 }
 
 #[test]
@@ -130,7 +130,7 @@ fn fit_silhouette<T: Scalar>(edges: Edges, offset: f64) -> Result<(), FitError> 
     let mesh = Mesh::new(vec![[0, 1, 2]], 3)?;
     let size = Size::square(16);
     let sampling = if edges == Edges::Exact { Sampling::Exact } else { Sampling::Center };
-    let options = RasterOptions { sampling, ..size.into() };
+    let options = RasterOptions::new(size).sampling(sampling);
     let mut pipeline = from_fn(|tape: &Tape<T>, variables| {
         let clip = variables.get("clip")?;
         let fragments = rasterize(clip, &mesh, options)?;

@@ -33,7 +33,7 @@ pub(crate) enum Command {
     Fit(FitArguments),
     /// All of the paper's experiments 5.1, 5.2 and 5.3, with a report in out/.
     ///
-    /// 5.1 at 8, 16 and 32 px, with antialias, exact and jagged; 5.2 and 5.3 for sigma 1, 1.4, 2.8
+    /// 5.1 at 8, 16 and 32 px, with antialias, exact and aliased; 5.2 and 5.3 for sigma 1, 1.4, 2.8
     /// and 4. With the paper's learning rates, and with tuned ones for 5.1 (32 px, antialias) and
     /// 5.3. Then, once, in f64: what other choices do where the paper leaves one open.
     Reproduce(ReproduceArguments),
@@ -80,7 +80,7 @@ pub(crate) struct FitArguments {
     pub(crate) seed: u64,
     /// Silhouettes, in the learnt image and in the target: of pixel centres alone, blended, or of
     /// all that lies in a pixel
-    #[arg(long, value_name = "WORD", default_value = "antialias", value_parser = words::<Silhouettes>(&["jagged", "antialias", "exact"]))]
+    #[arg(long, value_name = "WORD", default_value = "antialias", value_parser = words::<Silhouettes>(&["aliased", "antialias", "exact"]))]
     pub(crate) silhouettes: Silhouettes,
     /// File for the outcome as a JSON object; - for standard output, and then nothing else there
     #[arg(long, value_name = "FILE")]
@@ -350,7 +350,7 @@ mod tests {
         let table = [
             ("fit --experiment all", "'all'", "[possible values: vertices, sigma, joint]"),
             ("fit --preset best", "'best'", "[possible values: paper, tuned, second-order]"),
-            ("fit --silhouettes sharp", "'sharp'", "[possible values: jagged, antialias, exact]"),
+            ("fit --silhouettes sharp", "'sharp'", "[possible values: aliased, antialias, exact]"),
             ("fit --no-antialias", "'--no-antialias'", "--help"),
             ("fit --precision f16", "'f16'", "[possible values: f32, f64]"),
             ("fit --resolution 0", "'0'", "needs a whole number from 1 to 4096"),

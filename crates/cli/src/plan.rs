@@ -104,7 +104,7 @@ fn experiments(request: &Request) -> Vec<CubeSettings> {
         Some(Command::Reproduce(reproduce)) => {
             let mut all = Vec::new();
             for resolution in RESOLUTIONS {
-                let all_three = [Silhouettes::Antialias, Silhouettes::Exact, Silhouettes::Jagged];
+                let all_three = [Silhouettes::Antialias, Silhouettes::Exact, Silhouettes::Aliased];
                 all.extend(all_three.map(|silhouettes| {
                     let settings = new(Experiment::Vertices, Preset::Paper);
                     CubeSettings { resolution, silhouettes, ..settings }
@@ -147,7 +147,7 @@ mod tests {
 
     #[test]
     fn a_fit_is_one_fit() {
-        for silhouettes in [Silhouettes::Jagged, Silhouettes::Antialias, Silhouettes::Exact] {
+        for silhouettes in [Silhouettes::Aliased, Silhouettes::Antialias, Silhouettes::Exact] {
             let line = "fit --sigma 0.5 --seed 9 --resolution 8 --silhouettes";
             let all = planned(&format!("{line} {silhouettes}"));
             let [fit] = &all[..] else { panic!("one") };
@@ -162,7 +162,7 @@ mod tests {
         let count =
             |what: &dyn Fn(&CubeSettings) -> bool| all.iter().filter(|fit| what(fit)).count();
         assert_eq!(all.len(), 2 * (9 + 1 + 4 + 4 + 4));
-        for silhouettes in [Silhouettes::Jagged, Silhouettes::Exact] {
+        for silhouettes in [Silhouettes::Aliased, Silhouettes::Exact] {
             let of = |fit: &CubeSettings| fit.silhouettes == silhouettes;
             assert_eq!(count(&of), 2 * 3);
             let papers = |fit: &CubeSettings| {

@@ -129,7 +129,7 @@ pub(crate) fn name(planned: &Planned, number: usize, count: usize) -> String {
     };
     let silhouettes = match settings.silhouettes {
         Silhouettes::Antialias => "",
-        Silhouettes::Jagged => " jagged",
+        Silhouettes::Aliased => " aliased",
         Silhouettes::Exact => " exact",
     };
     if let Some(alternative) = planned.alternative {
@@ -182,7 +182,7 @@ mod tests {
         fit.alternative = Some(Alternative { choice: Some(Choice::Border), name: "mirror" });
         assert_eq!(name(&fit, 2, 8), "2/8  5.3 σ 1.4 tuned border mirror");
         for (silhouettes, word) in [
-            (Silhouettes::Jagged, " jagged"),
+            (Silhouettes::Aliased, " aliased"),
             (Silhouettes::Exact, " exact"),
             (Silhouettes::Antialias, ""),
         ] {

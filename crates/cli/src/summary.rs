@@ -99,7 +99,7 @@ mod tests {
     #[test]
     fn a_setting_is_named_by_its_silhouettes_where_they_are_not_the_papers() {
         for (silhouettes, word) in [
-            (Silhouettes::Jagged, ", jagged"),
+            (Silhouettes::Aliased, ", aliased"),
             (Silhouettes::Antialias, ""),
             (Silhouettes::Exact, ", exact"),
         ] {

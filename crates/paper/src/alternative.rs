@@ -82,7 +82,11 @@ fn around(ours: &CubeSettings) -> Vec<(Alternative, CubeSettings)> {
         (Choice::Radius, "follows sigma, steps beside σ*", radius(Radius::Tolerance(THREE_SIGMA))),
         (Choice::Border, "mirror", border(Border::Mirror)),
         (Choice::Border, "clamp", border(Border::Clamp)),
-        (Choice::Kernel, "seed", CubeSettings { kernel: Kernel::Seed, ..ours.clone() }),
+        (
+            Choice::Kernel,
+            "unnormalized",
+            CubeSettings { kernel: Kernel::Unnormalized, ..ours.clone() },
+        ),
         (Choice::Mapping, "exponential", mapping(Mapping::Exp)),
         (Choice::Mapping, "nothing", mapping(Mapping::Identity)),
     ];

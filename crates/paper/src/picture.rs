@@ -77,7 +77,7 @@ mod tests {
     #[test]
     fn a_picture_fills_its_outline() {
         let (cube, size, view) = (truth(None), 64, View::random(3, 0));
-        let image = picture(&cube, size, Silhouettes::Jagged, None, &view).unwrap();
+        let image = picture(&cube, size, Silhouettes::Aliased, None, &view).unwrap();
         assert_eq!(image.shape()[..], [size, size, 3]);
         let lit = |k: &usize| image.data()[3 * k..][..3].iter().any(|&channel| channel > 0.0);
         let lit: Vec<usize> = (0..size * size).filter(lit).collect();
@@ -98,7 +98,7 @@ mod tests {
     #[test]
     fn no_blur_and_no_silhouette_takes_a_picture_out_of_black_to_white() {
         let cube = truth(None);
-        for silhouettes in [Silhouettes::Jagged, Silhouettes::Antialias, Silhouettes::Exact] {
+        for silhouettes in [Silhouettes::Aliased, Silhouettes::Antialias, Silhouettes::Exact] {
             let of = |size, sigma| picture(&cube, size, silhouettes, sigma, &View::fixed());
             for sigma in [None, Some(1.5)] {
                 let image = of(32, sigma).unwrap();
@@ -110,13 +110,13 @@ mod tests {
     }
 
     #[test]
-    fn exact_coverage_is_nearer_to_the_mean_over_a_pixel_than_antialias_than_jagged() {
+    fn exact_coverage_is_nearer_to_the_mean_over_a_pixel_than_antialias_than_aliased() {
         let (cube, size, times) = (truth(None), 16, 16);
         let of = |size, silhouettes| {
             picture(&cube, size, silhouettes, None, &View::fixed()).unwrap().data().to_vec()
         };
         let mut mean = vec![0.0; size * size * 3];
-        for (at, &channel) in of(size * times, Silhouettes::Jagged).iter().enumerate() {
+        for (at, &channel) in of(size * times, Silhouettes::Aliased).iter().enumerate() {
             let (row, column) = (at / 3 / (size * times) / times, at / 3 % (size * times) / times);
             mean[3 * (row * size + column) + at % 3] += channel / (times * times) as f64;
         }
@@ -124,11 +124,11 @@ mod tests {
             let image = of(size, silhouettes);
             image.iter().zip(&mean).map(|(seen, mean)| (seen - mean).powi(2)).sum()
         };
-        let [jagged, antialias, exact] =
-            [Silhouettes::Jagged, Silhouettes::Antialias, Silhouettes::Exact].map(error);
+        let [aliased, antialias, exact] =
+            [Silhouettes::Aliased, Silhouettes::Antialias, Silhouettes::Exact].map(error);
         assert!(
-            0.1 * jagged > antialias && 0.1 * antialias > exact,
-            "{jagged} {antialias} {exact}"
+            0.1 * aliased > antialias && 0.1 * antialias > exact,
+            "{aliased} {antialias} {exact}"
         );
     }
 }

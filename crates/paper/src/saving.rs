@@ -243,9 +243,9 @@ mod tests {
     const EXPERIMENTS: [Experiment; 3] =
         [Experiment::Vertices, Experiment::Sigma, Experiment::Joint];
     const SILHOUETTES: [Silhouettes; 3] =
-        [Silhouettes::Jagged, Silhouettes::Antialias, Silhouettes::Exact];
+        [Silhouettes::Aliased, Silhouettes::Antialias, Silhouettes::Exact];
     const PRECISIONS: [Precision; 2] = [Precision::F32, Precision::F64];
-    const KERNELS: [Kernel; 3] = [Kernel::Seed, Kernel::Sampled, Kernel::Discrete];
+    const KERNELS: [Kernel; 3] = [Kernel::Unnormalized, Kernel::Sampled, Kernel::Discrete];
     const BORDERS: [Border; 3] = [Border::Zero, Border::Mirror, Border::Clamp];
 
     fn settings(experiment: Experiment, preset: Preset) -> CubeSettings {

@@ -40,16 +40,16 @@ impl Scene {
     ) -> Result<Picture<'t, T>, FitError> {
         let clip = project(vertices, camera, None)?;
         let sampling = match self.silhouettes {
-            Silhouettes::Jagged | Silhouettes::Antialias => Sampling::Center,
+            Silhouettes::Aliased | Silhouettes::Antialias => Sampling::Center,
             Silhouettes::Exact => Sampling::Exact,
         };
-        let options = RasterOptions { sampling, ..self.size.into() };
+        let options = RasterOptions::new(self.size).sampling(sampling);
         let fragments = rasterize(clip, &self.mesh, options)?;
         let surface = interpolate(colors, &fragments)?;
         let picture = composite(surface, &fragments, Background::Zero)?;
         Ok(match self.silhouettes {
             Silhouettes::Antialias => antialias(picture)?,
-            Silhouettes::Jagged | Silhouettes::Exact => picture.into(),
+            Silhouettes::Aliased | Silhouettes::Exact => picture.into(),
         })
     }
 

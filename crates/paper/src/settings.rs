@@ -40,7 +40,7 @@ pub enum Preset {
 #[serde(rename_all = "lowercase")]
 pub enum Silhouettes {
     /// A pixel shows what lies at its centre: silhouettes have no gradient.
-    Jagged,
+    Aliased,
     /// The same, with the pixels at silhouettes blended: the paper's.
     #[default]
     Antialias,
@@ -99,8 +99,8 @@ words!(
 words!(
     Silhouettes,
     "silhouettes",
-    "one of jagged, antialias, exact",
-    Jagged = "jagged",
+    "one of aliased, antialias, exact",
+    Aliased = "aliased",
     Antialias = "antialias",
     Exact = "exact"
 );
@@ -198,7 +198,7 @@ pub struct CubeSettings {
 #[derive(Serialize, Deserialize)]
 #[serde(remote = "Kernel", rename_all = "lowercase")]
 enum KernelWord {
-    Seed,
+    Unnormalized,
     Sampled,
     Discrete,
 }
@@ -339,7 +339,7 @@ mod tests {
         for preset in [Preset::Paper, Preset::Tuned, Preset::SecondOrder] {
             assert_eq!(preset.to_string().parse(), Ok(preset));
         }
-        for silhouettes in [Silhouettes::Jagged, Silhouettes::Antialias, Silhouettes::Exact] {
+        for silhouettes in [Silhouettes::Aliased, Silhouettes::Antialias, Silhouettes::Exact] {
             assert_eq!(silhouettes.to_string().parse(), Ok(silhouettes));
         }
         for precision in [Precision::F32, Precision::F64] {

@@ -178,7 +178,7 @@ mod tests {
         ];
         let clip = tape.leaf(&Tensor::from_flat_fn([6, 4], |k| T::from_f64(clip[k / 4][k % 4])));
         let mesh = Mesh::new(vec![[0, 1, 2], [3, 4, 5]], 6).unwrap();
-        rasterize(clip, &mesh, RasterOptions { sampling, ..SIZE.into() }).unwrap()
+        rasterize(clip, &mesh, RasterOptions::new(SIZE).sampling(sampling)).unwrap()
     }
 
     fn leaf<'t, T: Scalar, const N: usize>(tape: &'t Tape<T>, axes: [usize; N]) -> Var<'t, T> {

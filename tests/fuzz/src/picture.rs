@@ -40,7 +40,7 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> arbitrary::Result<usize> {
     // Of the same background, so that pixels beside the picture are left out, or of another one.
     let behind = if background > 1 { color.clone() } else { Tensor::zeros([channels]) };
     let sampling = sampling(bytes)?;
-    let options = RasterOptions { sampling, ..size.into() };
+    let options = RasterOptions::new(size).sampling(sampling);
     let Ok(reference) = Reference::new(&image, &behind) else { return Ok(0) };
 
     let is_stated = range.is_stated();

@@ -42,7 +42,7 @@ pub(crate) fn render<'t, T: Scalar>(
     positions: Var<'t, T>,
     colors: Var<'t, T>,
 ) -> Result<Var<'t, T>, FitError> {
-    let options = RasterOptions { cull, ..scene.size.into() };
+    let options = RasterOptions::new(scene.size).cull(cull);
     let Drawn { composite, .. } = drawn(scene, options, positions, colors)?;
     Ok(antialias(composite)?.image()?)
 }
@@ -94,7 +94,7 @@ impl<T: Scalar> Learner<T> {
         let colors = self.tape.leaf(&self.colors);
         let loss = match self.compared {
             Compared::Picture => {
-                let options = RasterOptions { cull: self.cull, ..self.scene.size.into() };
+                let options = RasterOptions::new(self.scene.size).cull(self.cull);
                 let Drawn { composite, .. } = drawn(&self.scene, options, positions, colors)?;
                 antialias(composite)?.squared_error(&self.reference)?
             }

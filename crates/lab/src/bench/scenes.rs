@@ -204,7 +204,7 @@ mod tests {
             let tape = Tape::new();
             let clip = project(tape.constant(&scene.positions), &scene.camera, None).unwrap();
             let ids = |cull| {
-                let options = RasterOptions { cull, ..scene.size.into() };
+                let options = RasterOptions::new(scene.size).cull(cull);
                 rasterize(clip, &scene.mesh, options).unwrap().coverage.triangle_ids()
             };
             let all = ids(Cull::None);

@@ -7,7 +7,7 @@ use super::row::{Failure, Found, Outcome, told};
 use super::scene::{difference, largest, motley, numbers, rounding};
 
 const SHAPE: [usize; 3] = [5, 7, 2];
-const KERNELS: [Kernel; 3] = [Kernel::Seed, Kernel::Sampled, Kernel::Discrete];
+const KERNELS: [Kernel; 3] = [Kernel::Unnormalized, Kernel::Sampled, Kernel::Discrete];
 /// Those with a sum of 1.
 const NORMALIZED: [Kernel; 2] = [Kernel::Sampled, Kernel::Discrete];
 const BORDERS: [Border; 3] = [Border::Zero, Border::Mirror, Border::Clamp];
@@ -59,15 +59,18 @@ pub(super) fn sigma_zero<T: Scalar>() -> Outcome {
     }
     let tape = Tape::<T>::new();
     let image = tape.leaf(&Tensor::zeros(SHAPE));
-    let seed = Blur { kernel: Kernel::Seed, ..Blur::default() };
+    let seed = Blur { kernel: Kernel::Unnormalized, ..Blur::default() };
     let refused = told(gaussian_blur(image, tape.leaf_scalar(T::ZERO), &seed));
-    let rule = "gaussian_blur needs a finite and positive sigma for the seed kernel, got sigma 0";
+    let rule =
+        "gaussian_blur needs a finite and positive sigma for the unnormalized kernel, got sigma 0";
     Ok(Found::within(
-        format!("the image, its gradient the upstream, dsigma 0; seed kernel: error: {rule}"),
+        format!(
+            "the image, its gradient the upstream, dsigma 0; unnormalized kernel: error: {rule}"
+        ),
         error,
         0.0,
     )
-    .and(refused == Err(rule.to_owned()), "the seed kernel says something else"))
+    .and(refused == Err(rule.to_owned()), "the unnormalized kernel says something else"))
 }
 
 pub(super) fn negative_or_nan_sigma<T: Scalar>() -> Outcome {
@@ -76,7 +79,9 @@ pub(super) fn negative_or_nan_sigma<T: Scalar>() -> Outcome {
     let mut results = Vec::new();
     for kernel in KERNELS {
         let rule = match kernel {
-            Kernel::Seed => "gaussian_blur needs a finite and positive sigma for the seed kernel",
+            Kernel::Unnormalized => {
+                "gaussian_blur needs a finite and positive sigma for the unnormalized kernel"
+            }
             _ => "gaussian_blur needs a finite sigma of at least 0",
         };
         for sigma in [-1.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
@@ -94,7 +99,7 @@ pub(super) fn seed_kernel_overflow<T: Scalar>() -> Outcome {
     let tape = Tape::<T>::new();
     let image = tape.leaf(&Tensor::zeros(SHAPE));
     let sigma = T::from_f64(1e-30);
-    let blur = Blur { kernel: Kernel::Seed, ..Blur::default() };
+    let blur = Blur { kernel: Kernel::Unnormalized, ..Blur::default() };
     let said = told(gaussian_blur(image, tape.leaf_scalar(sigma), &blur));
     if rounding::<T>() < 1e-10 {
         // The centre's weight is 4e29 and its slope -4e59: numbers, in f64.
@@ -104,7 +109,7 @@ pub(super) fn seed_kernel_overflow<T: Scalar>() -> Outcome {
         let error = (found.image[0] / (weight * weight) - 1.0).abs();
         return Ok(Found::within("the gain of 1.6e59 as printed", error, 1e-14));
     }
-    let rule = "gaussian_blur needs a sigma at which the seed kernel does not overflow";
+    let rule = "gaussian_blur needs a sigma at which the unnormalized kernel does not overflow";
     Ok(Found::refused(vec![(said, format!("{rule}, got sigma {}", sigma.to_f64()))]))
 }
 

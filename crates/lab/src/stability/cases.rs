@@ -72,7 +72,7 @@ pub(super) const CASES: &[Case] = cases! {
     37 "upstream that cancels", "exactly 0", values::upstream_that_cancels;
     38 "upstream NaN", "an error, or propagated", values::upstream_nan;
     39 "target equals render", "loss 0, gradients exactly 0", values::target_equals_render;
-    40 "sigma = 0", "the identity; an error for the seed kernel", blur::sigma_zero;
+    40 "sigma = 0", "the identity; an error for the unnormalized kernel", blur::sigma_zero;
     41 "sigma < 0 or NaN", "an error", blur::negative_or_nan_sigma;
     42 "sigma beyond the image", "the limit of the border", blur::sigma_beyond_the_image;
     43 "variance 1e-12", "defined", blur::tiny_variance;
@@ -84,7 +84,7 @@ pub(super) const CASES: &[Case] = cases! {
     49 "1e6 faces in one pixel", "the nearest, within the time limit", faces::many_faces_in_a_pixel;
     50 "colours of 1e30 and 1e-30", "finite, or an error", values::huge_and_tiny_colors;
     51 "window wider than the image", "each tap by the border", blur::wide_window_on_a_small_image;
-    52 "seed kernel at sigma 1e-30", "its gain, or an error", blur::seed_kernel_overflow;
+    52 "unnormalized kernel at sigma 1e-30", "its gain, or an error", blur::seed_kernel_overflow;
     53 "radius or tolerance out of range", "an error", input::radius_out_of_range;
     54 "coordinates up to the largest number", "clipped", vertices::largest_coordinates;
     55 "fragments of another tape", "an error", input::foreign_fragments;

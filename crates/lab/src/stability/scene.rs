@@ -141,7 +141,7 @@ impl Scene {
 
     pub(super) fn draw_culling<T: Scalar>(&self, cull: Cull) -> Result<Drawn, RenderError> {
         let tape = Tape::<T>::new();
-        let options = RasterOptions { cull, ..self.size.into() };
+        let options = RasterOptions::new(self.size).cull(cull);
         let fragments = rasterize(self.leaf(&tape), &self.mesh()?, options)?;
         let coverage = &fragments.coverage;
         let (uv, depth) = (fragments.barycentrics.value(), depth(&fragments)?.value());

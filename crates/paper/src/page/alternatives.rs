@@ -108,7 +108,7 @@ fn what_to_look_for(choice: Choice) -> String {
              the steps to it differ, and whether they do so more for the wider blur."
         }
         Choice::Kernel => {
-            "over a window without an end, the seed’s gain differs from 1 by more than 0.4 % only \
+            "over a window without an end, the unnormalized kernel’s gain differs from 1 by more than 0.4 % only \
              below sigma 0.6; look whether a fit comes that low (<i>least sigma</i>), and \
              whether its numbers differ from ours without that."
         }

@@ -196,10 +196,10 @@ impl Group {
     }
 
     /// The kind of line: with antialias unbroken for the paper's rates and dashed for the tuned
-    /// ones, dots and dashes with exact coverage, dotted where silhouettes are jagged.
+    /// ones, dots and dashes with exact coverage, dotted where silhouettes are aliased.
     pub(crate) fn stroke(&self) -> Stroke {
         match (self.settings.silhouettes, self.settings.preset) {
-            (Silhouettes::Jagged, _) => Stroke::Dotted,
+            (Silhouettes::Aliased, _) => Stroke::Dotted,
             (Silhouettes::Exact, _) => Stroke::DashDotted,
             (Silhouettes::Antialias, Preset::Tuned | Preset::SecondOrder) => Stroke::Dashed,
             (Silhouettes::Antialias, Preset::Paper) => Stroke::Solid,
@@ -244,7 +244,7 @@ impl Group {
         }
         match self.settings.silhouettes {
             Silhouettes::Antialias => {}
-            Silhouettes::Jagged => name.push_str(", jagged"),
+            Silhouettes::Aliased => name.push_str(", aliased"),
             Silhouettes::Exact => name.push_str(", exact coverage"),
         }
         name

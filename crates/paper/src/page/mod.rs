@@ -219,30 +219,30 @@ mod tests {
     }
 
     #[test]
-    fn silhouettes_have_files_and_lines_of_their_own_and_jagged_ones_are_not_stuck() {
+    fn silhouettes_have_files_and_lines_of_their_own_and_aliased_ones_are_not_stuck() {
         let mut report = Report::new(About::default());
         for (silhouettes, last) in
-            [(Silhouettes::Antialias, 1e-6), (Silhouettes::Exact, 0.4), (Silhouettes::Jagged, 0.9)]
+            [(Silhouettes::Antialias, 1e-6), (Silhouettes::Exact, 0.4), (Silhouettes::Aliased, 0.9)]
         {
             let settings = CubeSettings { silhouettes, ..settings(Experiment::Vertices) };
             report.add(&settings, outcome(&settings, last));
         }
         let Rendered { files, page } = report.render().expect("a report");
-        for name in ["8px-paper-f32", "8px-paper-exact-f32", "8px-paper-jagged-f32"] {
+        for name in ["8px-paper-f32", "8px-paper-exact-f32", "8px-paper-aliased-f32"] {
             let path = PathBuf::from(format!("pictures/vertices-{name}.png"));
             assert!(files.iter().any(|(file, _)| *file == path), "{name}");
         }
-        assert!(page.contains("1 of the 2 fits that learn vertices, those with jagged"));
+        assert!(page.contains("1 of the 2 fits that learn vertices, those with aliased"));
         assert!(page.contains("<b>8 px, exact coverage, seed 0</b><br>vertex error 0.400"));
-        assert!(!page.contains("<b>8 px, jagged"));
-        for name in ["the paper’s rates", "exact coverage", "jagged"] {
+        assert!(!page.contains("<b>8 px, aliased"));
+        for name in ["the paper’s rates", "exact coverage", "aliased"] {
             assert!(page.contains(&format!("</svg>{name}")), "{name}");
         }
         // The film has the paper's.
         assert!(page.contains("From left to right: 8 px."));
         let table = files.iter().find(|(file, _)| file.ends_with("fits.csv")).expect("a table");
         let table = String::from_utf8_lossy(&table.1);
-        for words in ["steps,silhouettes,precision", ",exact,f32", ",jagged,f32"] {
+        for words in ["steps,silhouettes,precision", ",exact,f32", ",aliased,f32"] {
             assert!(table.contains(words), "{words}");
         }
     }

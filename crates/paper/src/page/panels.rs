@@ -98,7 +98,7 @@ fn legend(groups: &[&Group]) -> String {
         let name = match stroke {
             Stroke::Solid => "the paper’s rates",
             Stroke::Dashed => "tuned rates",
-            Stroke::Dotted => "jagged",
+            Stroke::Dotted => "aliased",
             Stroke::DashDotted => "exact coverage",
         };
         let class = if at == 0 { " class=\"apart\"" } else { "" };

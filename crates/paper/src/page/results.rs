@@ -17,7 +17,7 @@ fn paper_ms(settings: &CubeSettings) -> Option<&'static str> {
         return None;
     }
     match (settings.experiment, settings.sigma_target, settings.silhouettes) {
-        (Experiment::Vertices, _, Silhouettes::Jagged) => Some("1.4"),
+        (Experiment::Vertices, _, Silhouettes::Aliased) => Some("1.4"),
         (Experiment::Vertices, _, Silhouettes::Antialias) => Some("2.0"),
         (Experiment::Sigma, 1.0, Silhouettes::Antialias) => Some("1.7"),
         (Experiment::Sigma, 4.0, Silhouettes::Antialias) => Some("2.4"),
@@ -106,9 +106,9 @@ fn diagnosis(fit: &Fit) -> String {
 /// The fits that did not find the cube, with pictures; `None` where all did.
 pub(crate) fn stuck(groups: &[&Group]) -> Result<Option<String>, ReportError> {
     let fits = || groups.iter().flat_map(|group| group.fits.iter().map(move |fit| (group, fit)));
-    // Nothing holds a jagged silhouette: none finds the cube, and the gallery and the table of all
+    // Nothing holds a aliased silhouette: none finds the cube, and the gallery and the table of all
     // fits say so.
-    let fits = || fits().filter(|(_, fit)| fit.settings.silhouettes != Silhouettes::Jagged);
+    let fits = || fits().filter(|(_, fit)| fit.settings.silhouettes != Silhouettes::Aliased);
     let stuck: Vec<_> = fits().filter(|(_, fit)| fit.is_stuck()).collect();
     let all = fits().filter(|(_, fit)| fit.main_error().is_some());
     let all = all.filter(|(_, fit)| fit.settings.experiment != Experiment::Sigma).count();
@@ -116,7 +116,7 @@ pub(crate) fn stuck(groups: &[&Group]) -> Result<Option<String>, ReportError> {
         return Ok(None);
     }
     let mut html = format!(
-        "<p>{} of the {all} fits that learn vertices, those with jagged silhouettes aside, end \
+        "<p>{} of the {all} fits that learn vertices, those with aliased silhouettes aside, end \
          more than {STUCK} from the cube, and they are in every number of this report. Each is \
          shown at its end: white the learnt wireframe, yellow the true one.",
         stuck.len()

@@ -274,7 +274,7 @@ fn a_culled_neighbor_makes_a_silhouette() {
         let tape = Tape::<f64>::new();
         let clip = scene.positions(&tape);
         let mesh = Mesh::new(scene.faces.clone(), points.len()).unwrap();
-        let options = RasterOptions { cull: Cull::Back, ..SIZE.into() };
+        let options = RasterOptions::new(SIZE).cull(Cull::Back);
         let fragments = rasterize(clip, &mesh, options).unwrap();
         let image = tape.leaf(&scene.image(&fragments, |k, id| motley(k) + f64::from(id)));
         let out = antialiased(image, &fragments);
@@ -402,7 +402,7 @@ fn exact_coverage_has_nothing_to_antialias() {
     let tape = Tape::<f32>::new();
     let scene = star();
     let mesh = Mesh::new(scene.faces.clone(), scene.clip.len()).unwrap();
-    let options = RasterOptions { sampling: Sampling::Exact, ..SIZE.into() };
+    let options = RasterOptions::new(SIZE).sampling(Sampling::Exact);
     let fragments = rasterize(scene.positions(&tape), &mesh, options).unwrap();
     let values = tape.leaf(&Tensor::full([fragments.coverage.count(), 1], 0.5));
     let error = antialias(composite(values, &fragments, Background::Zero).unwrap()).unwrap_err();

@@ -73,7 +73,7 @@ pub fn gaussian_blur<'t, T: Scalar>(
     }
     check_image(&image.shape())?;
     check_radius(blur.radius)?;
-    let is_identity = blur.kernel != Kernel::Seed && sigma.item() == T::ZERO;
+    let is_identity = blur.kernel != Kernel::Unnormalized && sigma.item() == T::ZERO;
     // The tape refuses a variable of another tape.
     if is_identity && std::ptr::eq(image.tape(), sigma.tape()) {
         image.tape().leave_out("gaussian_blur", "sigma is 0");

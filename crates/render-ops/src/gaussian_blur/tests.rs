@@ -4,7 +4,7 @@ use bokashi_core::{Tape, Tensor};
 
 use super::*;
 
-const KERNELS: [Kernel; 3] = [Kernel::Seed, Kernel::Sampled, Kernel::Discrete];
+const KERNELS: [Kernel; 3] = [Kernel::Unnormalized, Kernel::Sampled, Kernel::Discrete];
 const BORDERS: [Border; 3] = [Border::Zero, Border::Mirror, Border::Clamp];
 /// Smaller than the window and larger, along one axis and both; more entries than a block.
 const SHAPES: [[usize; 3]; 6] =
@@ -83,7 +83,7 @@ fn double_sum(image: &Tensor<f64>, at: [usize; 3], sigma: f64, radius: isize, bl
         _ => (-0.5 * (k as f64 / sigma).powi(2)).exp(),
     };
     let total = match blur.kernel {
-        Kernel::Seed => sigma * std::f64::consts::TAU.sqrt(),
+        Kernel::Unnormalized => sigma * std::f64::consts::TAU.sqrt(),
         Kernel::Sampled | Kernel::Discrete => (-radius..=radius).map(shape).sum(),
     };
     let source = |at: isize, extent: usize| -> Option<usize> {
@@ -169,7 +169,7 @@ fn the_sigma_gradient_is_the_difference_quotient() {
 #[test]
 fn a_constant_image_is_kept_by_mirror_and_clamp_and_its_sigma_gradient_is_zero() {
     for_each_case(|blur, shape| {
-        if blur.kernel == Kernel::Seed || blur.border == Border::Zero {
+        if blur.kernel == Kernel::Unnormalized || blur.border == Border::Zero {
             return;
         }
         for sigma in [1e-12, 0.3, 2.0, 50.0, 300.0] {
@@ -185,7 +185,7 @@ fn a_constant_image_is_kept_by_mirror_and_clamp_and_its_sigma_gradient_is_zero()
 #[test]
 fn an_impulse_in_the_corner_keeps_its_mass_under_a_mirror_border() {
     for_each_case(|blur, shape| {
-        if blur.kernel == Kernel::Seed || blur.border != Border::Mirror {
+        if blur.kernel == Kernel::Unnormalized || blur.border != Border::Mirror {
             return;
         }
         for sigma in [0.5, 3.0, 80.0] {
@@ -390,13 +390,13 @@ fn a_sigma_that_the_kernel_is_not_defined_for_is_refused() {
         }
         for sigma in [0.0, -0.0, -1.0, f64::NAN, f64::INFINITY] {
             assert_eq!(
-                message(Kernel::Seed, sigma, radius),
+                message(Kernel::Unnormalized, sigma, radius),
                 format!(
-                    "gaussian_blur needs a finite and positive sigma for the seed kernel, got sigma {sigma}"
+                    "gaussian_blur needs a finite and positive sigma for the unnormalized kernel, got sigma {sigma}"
                 )
             );
         }
-        assert!(message(Kernel::Seed, 1e-200, radius).contains("does not overflow"));
+        assert!(message(Kernel::Unnormalized, 1e-200, radius).contains("does not overflow"));
     }
 }
 

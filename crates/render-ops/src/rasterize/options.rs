@@ -40,8 +40,27 @@ pub struct RasterOptions {
     pub sampling: Sampling,
 }
 
+impl RasterOptions {
+    /// Both sides of all faces at pixel centres, in an image of `size`.
+    pub const fn new(size: Size) -> Self {
+        Self { size, cull: Cull::None, sampling: Sampling::Center }
+    }
+
+    /// The same without the faces that `cull` names.
+    #[must_use]
+    pub const fn cull(self, cull: Cull) -> Self {
+        Self { cull, ..self }
+    }
+
+    /// The same with another `sampling`.
+    #[must_use]
+    pub const fn sampling(self, sampling: Sampling) -> Self {
+        Self { sampling, ..self }
+    }
+}
+
 impl From<Size> for RasterOptions {
     fn from(size: Size) -> Self {
-        Self { size, cull: Cull::None, sampling: Sampling::Center }
+        Self::new(size)
     }
 }

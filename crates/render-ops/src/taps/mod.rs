@@ -35,7 +35,7 @@ pub enum Kernel {
     /// Unnormalized: the density of the normal distribution at the pixels' centres, as the paper
     /// prints it. The weights' sum is a gain, which rises above 1 where sigma falls below 0.6. It
     /// is not defined at sigma 0.
-    Seed,
+    Unnormalized,
     /// The same weights, divided by their sum. A constant image stays as it is, and sigma 0 is the
     /// identity. Below sigma 0.2 the gradient of sigma is close to 0.
     #[default]
@@ -136,7 +136,7 @@ impl<T: Scalar> Taps<T> {
         let bad_sigma = |rule| RenderError::BadSigma { rule, sigma: sigma.to_f64() };
         if !(sigma > T::ZERO && sigma.is_finite()) {
             return Err(bad_sigma(match blur.kernel {
-                Kernel::Seed => "a finite and positive sigma for the seed kernel",
+                Kernel::Unnormalized => "a finite and positive sigma for the unnormalized kernel",
                 Kernel::Sampled | Kernel::Discrete => "a finite sigma of at least 0",
             }));
         }
@@ -190,7 +190,7 @@ impl<T: Scalar> Taps<T> {
             }
         }
         if !(self.weights[0].is_finite() && self.slopes[0].is_finite()) {
-            return Err(bad_sigma("a sigma at which the seed kernel does not overflow"));
+            return Err(bad_sigma("a sigma at which the unnormalized kernel does not overflow"));
         }
         Ok(true)
     }

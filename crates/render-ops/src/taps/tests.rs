@@ -78,14 +78,14 @@ fn sampled_weights_sum_to_one_and_their_slopes_to_zero() {
 fn the_seed_kernels_gain_is_that_of_the_formula_as_printed() {
     // The square of the one-dimensional sum, from numbers worked out for equation (2).
     for (sigma, gain, places) in [(0.1, 15.9, 0.05), (0.3, 1.80, 0.005), (0.5, 1.029, 0.0005)] {
-        let sum = whole_sum(&taps(sigma, Kernel::Seed, Radius::Fixed(8)).weights);
+        let sum = whole_sum(&taps(sigma, Kernel::Unnormalized, Radius::Fixed(8)).weights);
         assert_relative_eq!(sum * sum, gain, epsilon = places);
     }
 }
 
 #[test]
 fn slopes_are_the_difference_quotients_of_the_weights() {
-    for kernel in [Kernel::Seed, Kernel::Sampled, Kernel::Discrete] {
+    for kernel in [Kernel::Unnormalized, Kernel::Sampled, Kernel::Discrete] {
         for sigma in [0.3, 1.0, 2.8] {
             let h = 1e-6 * sigma;
             let [low, mid, high] =

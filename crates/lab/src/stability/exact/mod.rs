@@ -18,7 +18,7 @@ use crate::visible_areas;
 const SIZE: Size = Size { width: 7, height: 6 };
 
 fn options(size: Size) -> RasterOptions {
-    RasterOptions { sampling: Sampling::Exact, ..size.into() }
+    RasterOptions::new(size).sampling(Sampling::Exact)
 }
 
 /// How much of each pixel each face covers, from fragments and weights: `[H W, F]`.

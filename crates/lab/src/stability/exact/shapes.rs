@@ -1,7 +1,7 @@
 //! Shapes of faces and meshes, and where they lie in the pixels.
 
 use bokashi_core::Scalar;
-use bokashi_render_ops::{Cull, RasterOptions, Size};
+use bokashi_render_ops::{Cull, Size};
 
 use super::{Checked, Picture, SIZE, options, parts_bound};
 use crate::stability::row::{Found, Outcome};
@@ -204,7 +204,7 @@ pub(in super::super) fn sides_and_edges<T: Scalar>() -> Outcome {
     let (mut error, mut wrong) = (0.0_f64, whole.wrong);
     // Back faces by flag.
     for (cull, is_drawn) in [(Cull::Back, true), (Cull::Front, false)] {
-        let options = RasterOptions { cull, ..options(SIZE) };
+        let options = options(SIZE).cull(cull);
         let found = Picture::with::<T>(&quad, quad.mesh()?, options, |k| motley(3 * k + 1))?;
         wrong += usize::from((found.culled == 0) != is_drawn);
         wrong += usize::from(is_drawn && found != whole);

@@ -6,7 +6,7 @@ use crate::composite::composite;
 use crate::interpolate::interpolate;
 
 pub(super) fn exact(size: Size) -> RasterOptions {
-    RasterOptions { sampling: Sampling::Exact, ..size.into() }
+    RasterOptions::new(size).sampling(Sampling::Exact)
 }
 
 /// The picture `[H, W, 2]` of vertices with colours, before a background.
@@ -237,13 +237,13 @@ fn a_culled_neighbor_is_as_good_as_none() {
     ];
     let colors = [1.0, 0.9, 0.8, 0.7];
     for cull in [Cull::Back, Cull::Front] {
-        let options = RasterOptions { cull, ..exact(size) };
+        let options = exact(size).cull(cull);
         let face = if cull == Cull::Back { [0, 1, 2] } else { [0, 2, 1] };
         let alone = loss_and_gradient(&clip, &[face], &colors, options);
         for other in orders([1, 2, 3]) {
             let both = loss_and_gradient(&clip, &[face, other], &colors, options);
             let is_culled =
-                draw::<f64>(&clip, &[other], RasterOptions { cull, ..size.into() }).count() == 0;
+                draw::<f64>(&clip, &[other], RasterOptions::new(size).cull(cull)).count() == 0;
             assert_eq!(both == alone, is_culled, "{cull:?}, {other:?}");
         }
     }

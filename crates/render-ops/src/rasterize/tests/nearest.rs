@@ -62,7 +62,7 @@ fn the_order_of_corners_moves_the_weights_and_nothing_else() {
 #[test]
 fn every_face_shows_its_front_or_its_back() {
     let (clip, faces) = layered();
-    let drawn = |cull, face| draw::<f32>(&clip, &[face], RasterOptions { cull, ..WIDE.into() });
+    let drawn = |cull, face| draw::<f32>(&clip, &[face], RasterOptions::new(WIDE).cull(cull));
     for face in faces {
         let all = drawn(Cull::None, face);
         let [front, back] = [Cull::Back, Cull::Front].map(|cull| drawn(cull, face));
@@ -74,7 +74,7 @@ fn every_face_shows_its_front_or_its_back() {
     }
     // Counter-clockwise on the screen, y up, is the front.
     let clip = vec![[-1.0, -1.0, 0.0, 1.0], [1.0, -1.0, 0.0, 1.0], [0.0, 1.0, 0.0, 1.0]];
-    let options = RasterOptions { cull: Cull::Back, ..WIDE.into() };
+    let options = RasterOptions::new(WIDE).cull(Cull::Back);
     assert!(draw::<f32>(&clip, &[[0, 1, 2]], options).count() > 0);
     assert_eq!(draw::<f32>(&clip, &[[0, 2, 1]], options).count(), 0);
 }

@@ -52,7 +52,7 @@ fn candidate(input: &Input, algorithm: &Algorithm) -> Result<Candidate, FitError
 
 fn name(kernel: Kernel) -> &'static str {
     match kernel {
-        Kernel::Seed => "seed",
+        Kernel::Unnormalized => "unnormalized",
         Kernel::Sampled => "sampled",
         Kernel::Discrete => "discrete",
     }

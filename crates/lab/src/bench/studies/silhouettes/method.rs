@@ -24,7 +24,7 @@ pub(super) type Image =
 /// All methods; another one is another row.
 pub(super) const METHODS: [Method; 6] = [
     method("no antialias", "no_antialias", |scene, cull, p, c| {
-        Ok(drawn(scene, RasterOptions { cull, ..scene.size.into() }, p, c)?.composite.image()?)
+        Ok(drawn(scene, RasterOptions::new(scene.size).cull(cull), p, c)?.composite.image()?)
     }),
     method("antialias", "antialias", render),
     method("antialias, 2x2", "antialias_2x2", |scene, cull, p, c| {
@@ -44,7 +44,7 @@ fn exact<'t>(
     positions: Var<'t, f32>,
     colors: Var<'t, f32>,
 ) -> Result<Var<'t, f32>, FitError> {
-    let options = RasterOptions { cull, sampling: Sampling::Exact, ..scene.size.into() };
+    let options = RasterOptions::new(scene.size).cull(cull).sampling(Sampling::Exact);
     Ok(drawn(scene, options, positions, colors)?.composite.image()?)
 }
 
