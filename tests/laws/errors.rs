@@ -234,7 +234,7 @@ fn every_fit_error_says_the_rule_and_the_value() {
             step(x(1.0), settings, |x| {
                 Ok(mean_squared_error(x, x.tape().leaf(&Tensor::zeros([2])))?)
             }),
-            "mean_squared_error needs an image and a target of one shape, got shapes [] and [2]",
+            "mean_squared_error needs an image and a reference of one shape, got shapes [] and [2]",
         ),
         (
             step(x(1.0), settings, |x| Ok(gaussian_blur(x, x, &Blur::default())?)),

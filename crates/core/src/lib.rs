@@ -62,6 +62,7 @@ pub use dual::Dual;
 pub use error::TensorError;
 pub use gradient::{Accumulator, Accumulators};
 pub use op::{Inputs, Keep, Kept, Op, Outputs};
+pub use ops::{mean_squared_error, squared_error};
 pub use products::{hvp, jvp};
 pub use record::OutputVars;
 pub use report::{LeftOut, OperationReport, TapeReport, ValueError};

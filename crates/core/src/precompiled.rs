@@ -9,6 +9,7 @@
 use std::sync::Arc;
 
 use crate::error::TensorError;
+use crate::ops::{mean_squared_error, squared_error};
 use crate::scalar::Scalar;
 use crate::tape::Tape;
 use crate::tensor::Tensor;
@@ -31,7 +32,15 @@ fn every_operation<T: Scalar>(x: Var<'_, T>) -> Result<(), TensorError> {
     let pairs = [x + x, x - x, x * x, x / x, x.minimum(x)?, x.maximum(x)?];
     let entries = [x.exp(), x.ln(), x.sqrt(), x.powi(2), x.sin(), x.cos(), x.tanh()];
     let further = [x.sigmoid(), x.softplus(), x.abs(), x.clamp(T::ZERO, T::ONE)?, -x];
-    let sums = [x.sum(), x.sum_axis(0)?, x.mean()?, x.mean_axis(0)?, x.matmul(x)?];
+    let sums = [
+        x.sum(),
+        x.sum_axis(0)?,
+        x.mean()?,
+        x.mean_axis(0)?,
+        x.matmul(x)?,
+        squared_error(x, x)?,
+        mean_squared_error(x, x)?,
+    ];
     let parts =
         [x.reshape([])?, x.permute(&[])?, x.slice(0, 0..0)?, x.gather_rows(&Arc::from([]))?];
     let all = [&pairs[..], &entries, &further, &sums, &parts].concat();

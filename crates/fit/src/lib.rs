@@ -30,7 +30,6 @@
 mod error;
 mod fit;
 mod history;
-mod loss;
 mod optimizer;
 mod parameter;
 mod pipeline;
@@ -38,10 +37,10 @@ mod pipeline;
 pub mod saved;
 mod schedule;
 
+pub use bokashi_core::{mean_squared_error, squared_error};
 pub use error::{FitError, OperationError, Origin, Quantity};
 pub use fit::{Fit, FitSettings, StepState, Stepped};
 pub use history::{History, Step, Stop, Vanished};
-pub use loss::{mean_squared_error, squared_error};
 pub use optimizer::Optimizer;
 pub use parameter::{Mapping, Parameter, Parameters, Variables};
 pub use pipeline::{FromFn, Pipeline, from_fn};

@@ -24,7 +24,7 @@ pub struct Fragments<'t, T: Scalar> {
     /// vertex 2 is what is missing to 1. Shape `[N, 2]`, differentiable.
     pub barycentrics: Var<'t, T>,
     /// With exact coverage the share of its pixel that each piece covers, of the pieces alone: of all
-    /// other fragments, which come first, it is 1. Shape `[P]`, differentiable.
+    /// other fragments, which come first, it is 1. Shape `[K]`, differentiable.
     pub weight: Option<Var<'t, T>>,
     /// The clip positions that were rasterized. Shape `[V, 4]`.
     pub clip: Var<'t, T>,

@@ -10,7 +10,9 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, TensorError, Var};
+use bokashi_core::{
+    Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, TensorError, Var, squared_error,
+};
 
 use crate::coverage::Coverage;
 use crate::error::RenderError;
@@ -32,8 +34,7 @@ impl<'t, T: Scalar> Picture<'t, T> {
         reference.check("squared_error", &shape)?;
         let tape = self.values.tape();
         if !self.is_before(reference.background()) {
-            let difference = self.image()?.try_sub(tape.constant(reference.image()))?;
-            return Ok(difference.square().sum());
+            return Ok(squared_error(self.image()?, tape.constant(reference.image()))?);
         }
         let op = SquaredError {
             coverage: Arc::clone(&self.coverage),

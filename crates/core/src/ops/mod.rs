@@ -9,6 +9,7 @@
 //! | `matmul` | product of two matrices |
 //! | `reshape`, `permute` | the same entries under another shape; `transpose` of a matrix |
 //! | `slice`, `gather_rows` | part of an axis; rows by index |
+//! | `squared_error` | its sum or mean over all entries |
 //! | `concat` | arrays one after another along an axis |
 
 mod abs;
@@ -34,6 +35,9 @@ mod sin;
 mod slice;
 mod softplus;
 mod sqrt;
+mod squared_error;
 mod sub;
 mod sum;
 mod tanh;
+
+pub use squared_error::{mean_squared_error, squared_error};

@@ -2,10 +2,9 @@
 
 use std::ops::ControlFlow;
 
-use bokashi_core::{Scalar, Tape, Tensor, Var};
+use bokashi_core::{Scalar, Tape, Tensor, Var, squared_error};
 
 use super::*;
-use crate::loss::squared_error;
 use crate::optimizer::Optimizer;
 use crate::parameter::{Mapping, Parameter, Variables};
 use crate::pipeline::from_fn;

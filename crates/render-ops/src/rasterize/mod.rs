@@ -92,7 +92,7 @@ pub fn rasterize<'t, T: Scalar>(
     Ok(Fragments { barycentrics: outputs[0], weight, clip, coverage })
 }
 
-/// Input: clip `[V, 4]`. Outputs: barycentrics `[N, 2]`, and with exact coverage the weights `[P]`
+/// Input: clip `[V, 4]`. Outputs: barycentrics `[N, 2]`, and with exact coverage the weights `[K]`
 /// of the pieces.
 struct Rasterize {
     mesh: Mesh,

@@ -167,7 +167,7 @@ mod tests {
         let (report, _) = start.reports(2).unwrap();
         let report = report.with_errors(&values).with_gradient_errors(&gradients);
         let names: Vec<&str> = report.operations.iter().map(|entry| entry.name).collect();
-        let expected = ["project", "rasterize", "interpolate", "resolve", "antialias"];
+        let expected = ["project", "rasterize", "interpolate", "antialias", "image"];
         assert_eq!(names[..5], expected);
         assert_eq!(names[5..], ["gaussian_blur", "squared_error"]);
         for entry in &report.operations {

@@ -1,13 +1,13 @@
-//! Losses between an image and its target.
-//!
-//! # Forward
-//! `L = s sum_k (x_k - t_k)^2`, with `s = 1` (sum of squared errors) or `1 / n` (mean squared
-//! error), summed in [`Scalar::Wide`].
-//!
-//! # Backward
-//! `x_bar_k = 2 s (x_k - t_k) L_bar`, `t_bar_k = -x_bar_k`.
+//! Squared error of an image against a reference: `L = s sum_k (x_k - r_k)^2`, with `s = 1` (the sum
+//! of squared errors) or `1 / n` (their mean), summed in [`Scalar::Wide`];
+//! `x_bar_k += 2 s (x_k - r_k) L_bar`, `r_bar_k -= 2 s (x_k - r_k) L_bar`.
 
-use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, TensorError, Var, sum};
+use crate::error::TensorError;
+use crate::gradient::Accumulators;
+use crate::op::{Inputs, Keep, Kept, Op, Outputs};
+use crate::scalar::Scalar;
+use crate::summation::sum;
+use crate::var::Var;
 
 /// The squared error of input 0 against input 1.
 struct SquaredError {
@@ -37,20 +37,20 @@ impl<T: Scalar> Op<T> for SquaredError {
         _saved: &mut (),
     ) -> Result<(), TensorError> {
         let operation = Op::<T>::name(self);
-        let (x_shape, t_shape) = (inputs.shape(0), inputs.shape(1));
-        if x_shape != t_shape {
-            let rule = "an image and a target of one shape".into();
-            let shapes = Box::new([x_shape.clone(), t_shape.clone()]);
+        let (x_shape, r_shape) = (inputs.shape(0), inputs.shape(1));
+        if x_shape != r_shape {
+            let rule = "an image and a reference of one shape".into();
+            let shapes = Box::new([x_shape.clone(), r_shape.clone()]);
             return Err(TensorError::Mismatch { operation, rule, shapes });
         }
-        let (x, t) = (inputs.data(0), inputs.data(1));
+        let (x, r) = (inputs.data(0), inputs.data(1));
         if self.mean && x.is_empty() {
             let rule = "at least one entry".into();
             return Err(TensorError::Shape { operation, rule, shape: x_shape.clone() });
         }
-        let t = &t[..x.len()];
+        let r = &r[..x.len()];
         let squares = sum::<T>(x.len(), |k| {
-            let difference = x[k].widen() - t[k].widen();
+            let difference = x[k].widen() - r[k].widen();
             difference * difference
         });
         outputs.push([])[0] = T::narrow(self.scale::<T::Wide>(x.len()) * squares);
@@ -62,46 +62,46 @@ impl<T: Scalar> Op<T> for SquaredError {
     }
 
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
-        let (x, t) = (kept.input(0), kept.input(1));
-        let t = &t[..x.len()];
+        let (x, r) = (kept.input(0), kept.input(1));
+        let r = &r[..x.len()];
         let slope = T::from_f64(2.0) * self.scale::<T>(x.len()) * kept.only_upstream()[0];
         if let Some(x_bar) = gradients.get(0) {
-            x_bar.add_zipped([x, t], |[x, t]| slope * (x - t));
+            x_bar.add_zipped([x, r], |[x, r]| slope * (x - r));
         }
-        if let Some(t_bar) = gradients.get(1) {
-            t_bar.add_zipped([x, t], |[x, t]| slope * (t - x));
+        if let Some(r_bar) = gradients.get(1) {
+            r_bar.add_zipped([x, r], |[x, r]| slope * (r - x));
         }
     }
 }
 
-/// The sum of squared errors of `image` against `target`, of any one shape; returns `[]`.
+/// The sum of squared errors of `image` against `reference`, of any one shape; returns `[]`.
 ///
 /// # Errors
 /// [`TensorError::Mismatch`] unless both have the same shape; [`TensorError::ForeignVariable`]
 /// unless both are on one tape.
 pub fn squared_error<'t, T: Scalar>(
     image: Var<'t, T>,
-    target: Var<'t, T>,
+    reference: Var<'t, T>,
 ) -> Result<Var<'t, T>, TensorError> {
-    image.tape().apply(SquaredError { mean: false }, &[image, target])
+    image.tape().apply(SquaredError { mean: false }, &[image, reference])
 }
 
-/// The mean squared error of `image` against `target`, of any one shape; returns `[]`.
+/// The mean squared error of `image` against `reference`, of any one shape; returns `[]`.
 ///
 /// # Errors
 /// As [`squared_error`]; [`TensorError::Shape`] for images without an entry.
 pub fn mean_squared_error<'t, T: Scalar>(
     image: Var<'t, T>,
-    target: Var<'t, T>,
+    reference: Var<'t, T>,
 ) -> Result<Var<'t, T>, TensorError> {
-    image.tape().apply(SquaredError { mean: true }, &[image, target])
+    image.tape().apply(SquaredError { mean: true }, &[image, reference])
 }
 
 #[cfg(test)]
 mod tests {
-    use bokashi_core::{Tape, Tensor};
-
     use super::*;
+    use crate::tape::Tape;
+    use crate::tensor::Tensor;
 
     type Loss<T> = for<'t> fn(Var<'t, T>, Var<'t, T>) -> Result<Var<'t, T>, TensorError>;
 
@@ -110,16 +110,16 @@ mod tests {
     }
 
     #[test]
-    fn loss_and_gradients_are_exactly_zero_where_target_equals_image() {
+    fn loss_and_gradients_are_exactly_zero_where_reference_equals_image() {
         for (loss, _) in losses::<f32>() {
             let image = Tensor::from_flat_fn([3, 5, 2], |k| (k as f32).sqrt());
             let tape = Tape::new();
-            let (x, t) = (tape.leaf(&image), tape.leaf(&image));
-            let loss = loss(x, t).unwrap();
+            let (x, r) = (tape.leaf(&image), tape.leaf(&image));
+            let loss = loss(x, r).unwrap();
             assert_eq!(loss.item(), 0.0);
             let gradients = loss.backward().unwrap();
             assert!(gradients.get(x).unwrap().data().iter().all(|&entry| entry == 0.0));
-            assert!(gradients.get(t).unwrap().data().iter().all(|&entry| entry == 0.0));
+            assert!(gradients.get(r).unwrap().data().iter().all(|&entry| entry == 0.0));
         }
     }
 
@@ -128,19 +128,19 @@ mod tests {
         for (loss, scale) in losses::<f64>() {
             let tape = Tape::new();
             let x = tape.leaf(&Tensor::new([2, 2], vec![1.0, 2.0, 3.0, 4.0]).unwrap());
-            let t = tape.leaf(&Tensor::new([2, 2], vec![1.5, 2.0, 1.0, 5.0]).unwrap());
-            let loss = loss(x, t).unwrap();
+            let r = tape.leaf(&Tensor::new([2, 2], vec![1.5, 2.0, 1.0, 5.0]).unwrap());
+            let loss = loss(x, r).unwrap();
             assert_eq!(loss.item(), scale * (0.25 + 4.0 + 1.0));
             // Through a factor of 3, so that the upstream gradient counts.
             let gradients = (loss * 3.0).backward().unwrap();
             let expected = [-0.5, 0.0, 2.0, -1.0].map(|difference| 6.0 * scale * difference);
             assert_eq!(gradients.get(x).unwrap().data(), expected);
-            assert_eq!(gradients.get(t).unwrap().data(), expected.map(|entry| -entry));
+            assert_eq!(gradients.get(r).unwrap().data(), expected.map(|entry| -entry));
         }
     }
 
     #[test]
-    fn a_loss_of_an_image_with_itself_as_target_has_no_gradient() {
+    fn a_loss_of_an_image_with_itself_as_reference_has_no_gradient() {
         let tape = Tape::<f64>::new();
         let x = tape.leaf(&Tensor::full([4], 2.0));
         let gradients = squared_error(x, x).unwrap().backward().unwrap();
@@ -152,9 +152,9 @@ mod tests {
         let n = 1_000_000;
         let tape = Tape::<f32>::new();
         let image = tape.constant_full([n], 0.1);
-        let target = tape.constant_full([n], 0.0);
+        let reference = tape.constant_full([n], 0.0);
         let exact = n as f64 * f64::from(0.1_f32) * f64::from(0.1_f32);
-        assert_eq!(squared_error(image, target).unwrap().item(), exact as f32);
+        assert_eq!(squared_error(image, reference).unwrap().item(), exact as f32);
     }
 
     #[test]
@@ -175,7 +175,7 @@ mod tests {
         let (a, b) = (tape.constant_full([2, 3], 0.0), tape.constant_full([3, 2], 0.0));
         assert_eq!(
             squared_error(a, b).unwrap_err().to_string(),
-            "squared_error needs an image and a target of one shape, got shapes [2, 3] and [3, 2]"
+            "squared_error needs an image and a reference of one shape, got shapes [2, 3] and [3, 2]"
         );
         let empty = tape.constant_full([0, 3], 0.0);
         assert_eq!(squared_error(empty, empty).unwrap().item(), 0.0);
