@@ -1,6 +1,6 @@
-//! Every test file and every example is listed in its manifest: with `autotests = false` and
-//! `autoexamples = false` a forgotten one would never run. And every file that the documents name is
-//! there.
+//! Every test file and every example is listed in its manifest, or in the `main.rs` of its folder: with
+//! `autotests = false` and `autoexamples = false` a forgotten file would never run. And every file that
+//! the documents name is there.
 
 use std::fs;
 use std::path::Path;
@@ -25,6 +25,31 @@ fn assert_all_listed(directory: &Path) {
 #[test]
 fn every_test_is_listed() {
     assert_all_listed(Path::new(env!("CARGO_MANIFEST_DIR")));
+}
+
+#[test]
+fn every_file_of_a_test_of_several_files_is_a_module_of_it() {
+    let tests = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let manifest = fs::read_to_string(tests.join("Cargo.toml")).unwrap();
+    let folders = fs::read_dir(tests).unwrap().map(|entry| entry.unwrap().path());
+    let mut count = 0;
+    // What has a manifest is a package of its own.
+    for folder in folders.filter(|path| path.is_dir() && !path.join("Cargo.toml").exists()) {
+        let files = sources(&folder);
+        if files.is_empty() {
+            continue;
+        }
+        let name = folder.file_name().unwrap().to_str().unwrap();
+        let listed = manifest.lines().any(|line| line == format!("path = \"{name}/main.rs\""));
+        assert!(listed, "{name}/main.rs is missing from tests/Cargo.toml");
+        let main = fs::read_to_string(folder.join("main.rs")).unwrap();
+        for file in files.iter().filter(|file| *file != "main.rs") {
+            let module = format!("mod {};", file.trim_end_matches(".rs"));
+            assert!(main.lines().any(|line| line == module), "{name}/main.rs has no {module}");
+            count += 1;
+        }
+    }
+    assert!(count > 10, "only {count} files were found");
 }
 
 #[test]

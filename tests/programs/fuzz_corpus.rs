@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 #[allow(unreachable_pub, reason = "public in the package of the fuzz targets")]
-#[path = "fuzz/src/lib.rs"]
+#[path = "../fuzz/src/lib.rs"]
 mod fuzz;
 
 /// Runs `target` on each kept input of the corpus `name`; returns what it returned.

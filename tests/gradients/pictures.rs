@@ -7,9 +7,9 @@ use bokashi_render_ops::{
 };
 use proptest::prelude::*;
 
-use super::blends::blends;
-use super::scenes::{Scene, scenes, size};
-use super::{check, leaf, wide};
+use crate::blends::blends;
+use crate::rendering::{check, leaf, wide};
+use crate::scenes::{Scene, scenes, size};
 
 #[derive(Debug)]
 struct Depth {

@@ -13,8 +13,8 @@ use glam::DVec3;
 use proptest::prelude::*;
 use proptest::test_runner::{RngAlgorithm, TestRng, TestRunner};
 
+use crate::rendering::{check, wide};
 use crate::scenes::{Scene, closed, motley, scenes};
-use crate::{check, wide};
 
 /// The scenes that have derivatives within the laws' rounding. Others do not: slivers, where the
 /// rounding of a centroid's weights is as many times larger as a piece is narrower than a pixel; edges

@@ -1,13 +1,6 @@
 //! One law, a list of operations: every rendering operation keeps the laws of `bokashi-check`, on
 //! scenes that aim at trouble; and the check catches every wrong adjoint made from it.
 
-#[path = "../support/blends.rs"]
-mod blends;
-mod exact;
-mod partition;
-mod pictures;
-mod scenes;
-
 use std::cell::Cell;
 use std::fs;
 use std::ops::Range;
@@ -29,12 +22,13 @@ use proptest::prelude::*;
 use proptest::sample::select;
 use proptest::test_runner::{RngAlgorithm, TestRng, TestRunner};
 
+use crate::blends;
 use crate::scenes::{Scene, motley, scene, scenes, size};
 
 const CASES: u32 = 24;
 
 /// The laws, and that they see every wrong adjoint.
-fn check(check: Check) {
+pub(crate) fn check(check: Check) {
     let check = check.cases(CASES);
     check.assert();
     let kills = check.kills().unwrap_or_else(|failure| panic!("{failure}"));
@@ -42,7 +36,7 @@ fn check(check: Check) {
     assert!(kills.tried > 0 && kills.survivors.is_empty(), "{kills}");
 }
 
-fn wide<T: Scalar>(var: Var<'_, T>) -> Tensor<f64> {
+pub(crate) fn wide<T: Scalar>(var: Var<'_, T>) -> Tensor<f64> {
     var.value().cast()
 }
 
@@ -106,7 +100,7 @@ fn project_by(camera: [[f64; 4]; 4], inputs: &[Input]) -> Case {
 }
 
 /// A leaf with all entries alike.
-fn leaf<const N: usize>(axes: [usize; N], entry: f64) -> Input {
+pub(crate) fn leaf<const N: usize>(axes: [usize; N], entry: f64) -> Input {
     Input::leaf(Tensor::full(axes, entry))
 }
 
@@ -595,7 +589,8 @@ fn no_operation_is_forgotten() {
 
     // What a subject does itself, under the name that it has: a helper could do anything.
     let tests =
-        [include_str!("main.rs"), include_str!("pictures.rs"), include_str!("exact.rs")].concat();
+        [include_str!("rendering.rs"), include_str!("pictures.rs"), include_str!("exact.rs")]
+            .concat();
     let subjects = blocks(&tests, "impl Subject for ").concat();
     for name in functions.iter().chain(&methods) {
         assert!(calls(&subjects, name), "{name} has no law");

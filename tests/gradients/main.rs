@@ -1,0 +1,10 @@
+//! Gradients: every operation keeps the laws of `bokashi-check`, and the check catches every wrong
+//! adjoint made from it.
+
+mod blends;
+mod exact;
+mod partition;
+mod pictures;
+mod rendering;
+mod scenes;
+mod tensors;
