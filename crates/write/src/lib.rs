@@ -96,6 +96,8 @@ pub fn check_folder(folder: &Path) -> io::Result<()> {
 /// # Errors
 /// Those of the file system: links in a loop, a folder that may not be searched.
 pub fn resolved(path: &Path) -> io::Result<PathBuf> {
+    // No path at all is the current folder.
+    let path = if path.as_os_str().is_empty() { Path::new(".") } else { path };
     resolved_through(path, MOST_LINKS)
 }
 
@@ -294,6 +296,7 @@ fn folder_of(path: &Path) -> &Path {
     match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         Some(_) => Path::new("."),
+        None if path.as_os_str().is_empty() => Path::new("."),
         None => path,
     }
 }

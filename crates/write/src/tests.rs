@@ -62,6 +62,7 @@ fn checking_leaves_no_trace() {
     assert!(check_folder(&file).is_err());
     assert!(check_folder(&file.join("under")).is_err());
     check_folder(Path::new("relative/and/missing")).expect("under the current folder");
+    check_folder(Path::new("")).expect("the current folder");
 }
 
 #[test]
@@ -131,6 +132,7 @@ fn what_is_missing_comes_to_the_path_that_it_would_have() {
         assert_eq!(found, root.join(expected), "{path}");
     }
     let here = fs::canonicalize(".").expect("a path");
+    assert_eq!(resolved(Path::new("")).expect("a path"), here);
     assert_eq!(resolved(Path::new("no-such-file")).expect("a path"), here.join("no-such-file"));
 }
 

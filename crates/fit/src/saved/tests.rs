@@ -319,6 +319,18 @@ fn a_file_that_is_cut_short_too_long_or_changed_is_refused() {
 }
 
 #[test]
+fn the_checksum_is_of_shapes_as_well() {
+    let matrix = Parameter::new("m", Tensor::from_fn([2, 3], |k| k as f64));
+    let list = Parameters::new().with(matrix).unwrap();
+    let file = Fit::new(list, FitSettings::default()).unwrap().to_bytes().unwrap();
+    let at = file.windows(5).position(|bytes| bytes == b"[2,3]").unwrap();
+    let mut changed = file.clone();
+    changed[at..at + 5].copy_from_slice(b"[3,2]");
+    let said = refused::<f64>(&changed);
+    assert!(said.starts_with("a saved fit needs contents with the checksum "), "{said}");
+}
+
+#[test]
 fn contents_with_a_right_checksum_are_not_believed_either() {
     let file = file::<f64>();
     let texts = [
