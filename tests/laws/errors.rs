@@ -85,13 +85,26 @@ fn every_tensor_error_says_the_rule_and_the_value() {
         ),
         (
             table.slice(1, 1..5).unwrap_err(),
-            "slice needs indices within an axis of extent 3, got 5",
+            "slice needs a range within an axis of extent 3, got 1..5",
         ),
         (
             table.gather_rows(&rows).unwrap_err(),
             "gather_rows needs indices within an axis of extent 2, got 2",
         ),
-        (table.clamp(2.0, 1.0).unwrap_err(), "clamp needs bounds with low <= high, got 2"),
+        (table.clamp(2.0, 1.0).unwrap_err(), "clamp needs bounds with low <= high, got 2 and 1"),
+        (
+            // What an operation of one's own may say: a rule that names its number.
+            TensorError::Value {
+                operation: "spline",
+                rule: format!("an order below {}", 4).into(),
+                value: 7.0,
+            },
+            "spline needs an order below 4, got 7",
+        ),
+        (
+            Vec::<[f64; 2]>::try_from(&table.value()).unwrap_err(),
+            "rows needs shape [n, 2], got shape [2, 3]",
+        ),
         (Var::<f64>::concat(&[], 0).unwrap_err(), "concat needs at least one part, got 0 inputs"),
         (pair.try_mul(foreign).unwrap_err(), "mul needs variables of one tape, got one of another"),
         (

@@ -6,7 +6,6 @@ use smallvec::SmallVec;
 use crate::error::TensorError;
 use crate::scalar::Scalar;
 use crate::tape::{Inner, Tape};
-use crate::tensor::Tensor;
 use crate::value::Parting;
 use crate::var::Var;
 
@@ -86,31 +85,40 @@ impl<'t, T: Scalar> Var<'t, T> {
         std::ptr::eq(self.tape, other.tape) && self.index == other.index
     }
 
-    /// The first operation of a backward pass from this scalar, last operation first, that makes a
-    /// gradient infinite or NaN of upstream gradients that are not; its first output. `None` where
-    /// all gradients are finite.
+    /// The operation that, in a backward pass from this scalar, first makes a gradient infinite or
+    /// NaN of upstream gradients that are not; its first output. `None` where all gradients are
+    /// finite.
     ///
     /// # Errors
     /// [`TensorError::NotScalar`] unless the variable has exactly one entry.
     pub fn first_gradient_not_finite(self) -> Result<Option<Self>, TensorError> {
         let all: Vec<_> = self.tape.variables().collect();
         let gradients = self.backward_to(&all)?;
-        let outputs: Vec<_> = self.tape.inner.borrow().nodes.iter().map(|n| n.outputs()).collect();
-        for outputs in outputs.into_iter().rev() {
+        let is_broken = |&&value: &&Self| gradients.get(value).is_some_and(|g| !g.is_finite());
+        // The last such value: the gradients of all that was computed from it are finite.
+        let Some(&value) = all.iter().rev().find(is_broken) else { return Ok(None) };
+        let users: Vec<_> = {
+            let Inner { nodes, links, .. } = &*self.tape.inner.borrow();
+            let uses = nodes.iter().filter(|node| links[node.links()].contains(&value.index));
+            uses.map(|node| node.outputs()).collect()
+        };
+        let mut last = None;
+        // In the order of recording: what lies between a user and the value was asked before.
+        for outputs in users {
             let outputs = &all[outputs];
-            let upstream =
-                outputs.iter().filter_map(|&output| Some((output, gradients.get(output)?)));
+            let upstream = outputs.iter().filter_map(|&of| Some((of, gradients.get(of)?)));
             let upstream: Vec<_> = upstream.collect();
-            if upstream.is_empty() || !upstream.iter().all(|(_, gradient)| gradient.is_finite()) {
+            if upstream.is_empty() {
                 continue;
             }
-            let inputs = outputs[0].inputs();
-            let own = self.tape.vjp_to(&upstream, &inputs)?;
-            if !inputs.iter().filter_map(|&input| own.get(input)).all(Tensor::is_finite) {
-                return Ok(Some(outputs[0]));
+            last = Some(outputs[0]);
+            let own = self.tape.vjp_to(&upstream, &[value])?;
+            if own.get(value).is_some_and(|gradient| !gradient.is_finite()) {
+                break;
             }
         }
-        Ok(None)
+        // Where each share is finite and their sum is not, the last user stands for all.
+        Ok(last)
     }
 }
 
@@ -130,6 +138,7 @@ mod tests {
     use super::*;
     use crate::gradient::Accumulators;
     use crate::op::{Inputs, Keep, Kept, Op, Outputs};
+    use crate::tensor::Tensor;
 
     /// `image`, whatever `rim` is, as an operation gives it where nothing is to be done.
     struct Rims;
@@ -244,6 +253,12 @@ mod tests {
         let loss = (root + y).exp() + x.sin();
         assert!(loss.first_gradient_not_finite().unwrap().unwrap().is(root));
         assert!(y.square().first_gradient_not_finite().unwrap().is_none());
+        // An input of the sum lies below the other one.
+        let root = (x * 0.0).sqrt();
+        assert!((x + root).first_gradient_not_finite().unwrap().unwrap().is(root));
+        // Each share is finite.
+        let (left, right) = (y * 1e308, y * 1e308);
+        assert!((left + right).first_gradient_not_finite().unwrap().unwrap().is(right));
         assert!(tape.constant_full([2], 1.0).first_gradient_not_finite().is_err());
     }
 }

@@ -147,6 +147,17 @@ macro_rules! scalar {
             fn minimum_number(self, other: Self) -> Self {
                 $t::min(self, other)
             }
+            // As above, by the sign bit of numbers of this width.
+            #[inline]
+            fn minimum_or_nan(self, other: Self) -> Self {
+                let is_least_zero = self == other && self.is_sign_negative();
+                if self < other || is_least_zero || self.is_nan() { self } else { other }
+            }
+            #[inline]
+            fn maximum_or_nan(self, other: Self) -> Self {
+                let is_greatest_zero = self == other && self.is_sign_positive();
+                if self > other || is_greatest_zero || self.is_nan() { self } else { other }
+            }
         }
     };
 }
