@@ -320,7 +320,7 @@ fn a_file_that_is_cut_short_too_long_or_changed_is_refused() {
 
 #[test]
 fn the_checksum_is_of_shapes_as_well() {
-    let matrix = Parameter::new("m", Tensor::from_fn([2, 3], |k| k as f64));
+    let matrix = Parameter::new("m", Tensor::from_flat_fn([2, 3], |k| k as f64));
     let list = Parameters::new().with(matrix).unwrap();
     let file = Fit::new(list, FitSettings::default()).unwrap().to_bytes().unwrap();
     let at = file.windows(5).position(|bytes| bytes == b"[2,3]").unwrap();
