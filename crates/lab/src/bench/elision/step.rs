@@ -1,0 +1,133 @@
+//! A step of a pipeline, up to what it computes.
+
+use bokashi_core::{Tape, Tensor};
+use bokashi_fit::{FitError, squared_error};
+use bokashi_render_ops::{
+    Background, Blur, RasterOptions, antialias, composite, depth, gaussian_blur, interpolate,
+    project, rasterize,
+};
+
+use crate::bench::scenes::Scene;
+
+/// A step, and what it asks for.
+#[derive(Debug, Clone)]
+pub(super) struct Step {
+    pub(super) scene: Scene,
+    pub(super) learns_positions: bool,
+    pub(super) learns_colors: bool,
+    /// The blur; `None`: there is none.
+    pub(super) sigma: Option<f32>,
+    pub(super) learns_sigma: bool,
+    /// A background of zeros with a gradient of its own, not the empty one.
+    pub(super) has_background: bool,
+    /// The depth has an upstream gradient, of zeros.
+    pub(super) has_depth: bool,
+}
+
+/// What a step gives, by name.
+pub(super) type Results = Vec<(&'static str, Tensor<f32>)>;
+
+impl Step {
+    /// Positions, colours and sigma are learnt before an empty background.
+    pub(super) fn new(scene: &Scene) -> Self {
+        Self {
+            scene: scene.clone(),
+            learns_positions: true,
+            learns_colors: true,
+            sigma: Some(1.0),
+            learns_sigma: true,
+            has_background: false,
+            has_depth: false,
+        }
+    }
+
+    /// The same without a blur.
+    pub(super) fn sharp(scene: &Scene) -> Self {
+        Self { sigma: None, learns_sigma: false, ..Self::new(scene) }
+    }
+
+    fn learns(&self) -> bool {
+        self.learns_positions || self.learns_colors || self.learns_sigma
+    }
+
+    /// The tensors that the step starts from.
+    pub(super) fn start(&self) -> Start {
+        let [height, width] = [self.scene.size.height, self.scene.size.width];
+        Start {
+            positions: self.scene.positions.cast(),
+            colors: self.scene.colors.cast(),
+            sigma: Tensor::scalar(self.sigma.unwrap_or_default()),
+            background: Tensor::zeros([height, width, 3]),
+            target: Tensor::full([height, width, 3], 0.25),
+            one: Tensor::scalar(1.0),
+            depth_upstream: None,
+        }
+    }
+
+    /// Takes the step; gives what it found where `look` says so.
+    pub(super) fn take(
+        &self,
+        start: &mut Start,
+        tape: &Tape<f32>,
+        look: bool,
+    ) -> Result<Results, FitError> {
+        let leaf = |learns: bool, tensor: &Tensor<f32>| match learns {
+            true => tape.leaf(tensor),
+            false => tape.constant(tensor),
+        };
+        let positions = leaf(self.learns_positions, &start.positions);
+        let colors = leaf(self.learns_colors, &start.colors);
+        let sigma = leaf(self.learns_sigma, &start.sigma);
+        let clip = project(positions, &self.scene.camera, None)?;
+        let options = RasterOptions::from(self.scene.size);
+        let fragments = rasterize(clip, &self.scene.mesh, options)?;
+        let surface = interpolate(colors, &fragments)?;
+        let background = match self.has_background {
+            true => Background::Image(tape.leaf(&start.background)),
+            false => Background::Zero,
+        };
+        let picture = antialias(composite(surface, &fragments, background)?)?;
+        let mut image = picture.image()?;
+        if self.sigma.is_some() {
+            image = gaussian_blur(image, sigma, &Blur::default())?;
+        }
+        let loss = squared_error(image, tape.constant(&start.target))?;
+        let mut results = Vec::new();
+        if look {
+            results.extend([("picture", image.value()), ("loss", loss.value())]);
+        }
+        if !self.learns() {
+            return Ok(results);
+        }
+        let gradients = match self.has_depth {
+            false => loss.backward()?,
+            true => {
+                let depth = depth(&fragments)?;
+                let zeros = || Tensor::zeros(depth.shape());
+                let upstream = start.depth_upstream.get_or_insert_with(zeros);
+                tape.vjp(&[(loss, &start.one), (depth, upstream)])?
+            }
+        };
+        let learnt = [
+            ("gradient of positions", self.learns_positions, positions),
+            ("gradient of colours", self.learns_colors, colors),
+            ("gradient of sigma", self.learns_sigma, sigma),
+        ];
+        for (name, _, variable) in learnt.into_iter().filter(|(_, learnt, _)| look && *learnt) {
+            results.push((name, gradients.get_or_zeros(variable)));
+        }
+        Ok(results)
+    }
+}
+
+/// The tensors that a step starts from.
+pub(super) struct Start {
+    positions: Tensor<f32>,
+    colors: Tensor<f32>,
+    sigma: Tensor<f32>,
+    background: Tensor<f32>,
+    target: Tensor<f32>,
+    one: Tensor<f32>,
+    /// Zeros, once their number is known.
+    depth_upstream: Option<Tensor<f32>>,
+}
