@@ -101,7 +101,8 @@ impl Coverage {
         }
     }
 
-    /// The face that `pixel` sees, where it is covered; in a boundary pixel the face of the largest piece.
+    /// The face that `pixel` sees, where it is covered; in a boundary pixel the face of the largest
+    /// piece.
     pub fn face_at(&self, pixel: usize) -> Option<usize> {
         let fragment = self.fragment_at(pixel)?;
         let (runs, fragment) = match fragment.checked_sub(self.centers.count) {
