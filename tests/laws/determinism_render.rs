@@ -38,7 +38,8 @@ impl Sphere {
         Self { mesh, positions, size }
     }
 
-    /// The image, a picture of the same surface before black, and every gradient of a loss of both, on `tape`.
+    /// The image, a picture of the same surface before black, and every gradient of a loss of both,
+    /// on `tape`.
     fn step<T: Scalar>(&self, tape: &Tape<T>) -> Result<Vec<Tensor<T>>, RenderError> {
         let vertices = self.mesh.vertex_count();
         let leaf = |shape: &[usize], entry: &dyn Fn(usize) -> f64| {

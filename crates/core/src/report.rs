@@ -87,7 +87,8 @@ pub struct ValueError {
     pub index: usize,
     /// The operation that computed the value; `None` for a leaf or a constant.
     pub operation: Option<&'static str>,
-    /// The relative error, `max_k |rough_k - exact_k| / max_k |exact_k|`; `None` where the shapes differ, as those of what was rasterized can.
+    /// The relative error, `max_k |rough_k - exact_k| / max_k |exact_k|`; `None` where the shapes
+    /// differ, as those of what was rasterized can.
     pub error: Option<f64>,
 }
 

@@ -11,8 +11,8 @@
 //! assert_eq!((origin.x, origin.y, origin.w), (0.0, 0.0, 4.0));
 //! ```
 
-/// Right-handed, to OpenGL clip space: from the vertical field of view in radians, width over height, and
-/// the distances of the near and far planes.
+/// Right-handed, to OpenGL clip space: from the vertical field of view in radians, width over
+/// height, and the distances of the near and far planes.
 pub use glam::dcamera::rh::proj::opengl::perspective;
 /// Right-handed, from an eye, the point that it looks at, and the direction that is up.
 pub use glam::dcamera::rh::view::look_at_mat4 as look_at;

@@ -101,7 +101,8 @@ impl Coverage {
         }
     }
 
-    /// The face that `pixel` sees, where it is covered; in a boundary pixel the face of the largest piece.
+    /// The face that `pixel` sees, where it is covered; in a boundary pixel the face of the largest
+    /// piece.
     pub fn face_at(&self, pixel: usize) -> Option<usize> {
         let fragment = self.fragment_at(pixel)?;
         let (runs, fragment) = match fragment.checked_sub(self.centers.count) {
@@ -187,14 +188,10 @@ impl Coverage {
         self.by_pixel[self.row(row)].iter().map(|&at| &self.centers.runs[at as usize])
     }
 
-    /// Whether the surface ends, or turns away, at the edge that faces corner `corner` of `face`: no
-    /// face on its other side, or both faces on the same side of it in the image. A face seen
-    /// edge-on, to within rounding, covers neither side, nor does one that is culled, so the other one
-    /// ends there too.
+    /// [`Mesh::is_silhouette`], as the mesh is seen.
     #[inline]
     pub(crate) fn is_silhouette(&self, face: usize, corner: usize) -> bool {
-        let Some(neighbor) = self.mesh.adjacency().neighbor(face, corner) else { return true };
-        neighbor.is_turned(self.orientations[face], self.orientations[neighbor.face as usize])
+        self.mesh.is_silhouette(face, corner, |face| self.orientations[face])
     }
 
     /// Calls `visit` with the uncovered pixels, as ranges, but for those of `rim`, which are

@@ -77,6 +77,23 @@ impl Mesh {
         self.0.seams.get(face).is_some_and(|seams| seams & 1 << corner != 0)
     }
 
+    /// Whether the surface ends, or turns away, at the edge that faces corner `corner` of `face`,
+    /// where `orientation` gives the sign of a face's area as it is seen, 0 for a face that covers
+    /// nothing: no face on its other side, or both faces on the same side of it in the image. A face
+    /// seen edge-on, to within rounding, covers neither side, and neither does a culled face, so the
+    /// other face ends there too.
+    #[inline(always)]
+    pub(crate) fn is_silhouette(
+        &self,
+        face: usize,
+        corner: usize,
+        orientation: impl Fn(usize) -> i8,
+    ) -> bool {
+        self.adjacency().neighbor(face, corner).is_none_or(|neighbor| {
+            neighbor.is_turned(orientation(face), orientation(neighbor.face as usize))
+        })
+    }
+
     /// The vertex indices of each face.
     pub fn faces(&self) -> &[[u32; 3]] {
         &self.0.faces

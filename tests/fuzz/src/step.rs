@@ -12,8 +12,9 @@ struct Done<T> {
 }
 
 /// Records `pipeline` on the leaves `inputs`, pulls `upstream` back, does the same again on the
-/// recycled tape, and panics unless both give the same bits and, where `finite` is promised,
-/// finite ones. Returns the number of values. An error of the pipeline is as good as a value, but it has to come twice.
+/// recycled tape, and panics unless both give the same bits and, where `finite` is promised, finite
+/// ones. Returns the number of values. An error of the pipeline is as good as a value, but it has
+/// to come twice.
 pub fn check<T: Scalar, E: std::fmt::Display>(
     inputs: &[Tensor<T>],
     finite: bool,

@@ -2,8 +2,8 @@
 //!
 //! [`bench()`] answers one question after the other: steps beside other renderers, the gradient of
 //! silhouettes against the true one, fits by steps and seconds to an error, blurs and operations by
-//! time and error, a pipeline node by node, the tape's own cost, growth, memory. [`elision()`] sets steps that compute something beside
-//! steps that have no need of it.
+//! time and error, a pipeline node by node, the tape's own cost, growth, memory. [`elision()`] sets
+//! steps that compute something beside steps that have no need of it.
 
 mod difference;
 mod effort;

@@ -2,15 +2,17 @@
 //! passes between their centres, and so gives silhouettes a gradient.
 //!
 //! # Forward
-//! For each pixel and its right and its lower neighbour, `c_0` and `c_1`, whose triangle ids differ:
-//! the edge is one of the covered triangle's, of two the nearer one's. Of its edges that cross the
-//! line through the two centres take the one that lies farthest towards the other pixel; use it
-//! only if it is a silhouette (no face on its other side or one seen edge-on, or both faces on the
-//! same side of it in the image), runs more across the line than along it, and crosses between the
-//! two centres, at distance d from the covered one. With `s = 1` where the triangle covers the first pixel and -1
-//! where it covers the second, `alpha = s (1/2 - d)`: where positive `out_0 += alpha (c_1 - c_0)`,
-//! else `out_1 += alpha (c_1 - c_0)`. All reads are from the input image, so up to four blends add
-//! at a pixel, each with a share of at most 1/2.
+//! Take each pixel with its right and its lower neighbour, of colours `c_0` and `c_1`, where triangle
+//! ids differ. The edge between them belongs to the triangle that covers a pixel; where both are
+//! covered, to the nearer triangle. Of its edges that cross the line through the two centres take the
+//! edge that lies farthest towards the other pixel. Use it only if it is a silhouette, runs more
+//! across the line than along it, and crosses between the two centres. A silhouette has no face on its
+//! other side, or a face seen edge-on, or both faces lie on the same side of it in the image.
+//!
+//! Let d be the distance of the crossing from the covered centre, and `s = 1` where the triangle
+//! covers the first pixel, -1 where it covers the second. Then `alpha = s (1/2 - d)`: where positive
+//! `out_0 += alpha (c_1 - c_0)`, else `out_1 += alpha (c_1 - c_0)`. All reads are from the aliased
+//! picture, so up to four blends add at a pixel, each with a share of at most 1/2.
 //!
 //! # Backward
 //! `alpha_bar = out_bar . (c_1 - c_0)` at the blended pixel; `c_bar_0 -= alpha out_bar`,

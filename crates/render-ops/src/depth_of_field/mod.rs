@@ -95,10 +95,6 @@ pub fn depth_of_field<'t, T: Scalar>(
         return Err(TensorError::ForeignVariable { operation: NAME }.into());
     }
     op.check(&inputs.map(Var::value))?;
-    if aperture.item() == T::ZERO {
-        image.tape().leave_out(NAME, "aperture is 0");
-        return Ok(Focused { image, capped: 0 });
-    }
     let (outputs, capped) = image.tape().record_with(op, &inputs, |saved| saved.capped)?;
     Ok(Focused { image: outputs[0], capped })
 }
@@ -256,6 +252,10 @@ impl<T: Scalar> Op<T> for DepthOfField {
         let Saved { circles, capped, .. } = saved;
         circles.clear();
         *capped = 0;
+        if inputs.data(2)[0] == T::ZERO {
+            outputs.pass(0, "aperture is 0");
+            return Ok(());
+        }
         for &z in inputs.data(1) {
             let (circle, is_capped) = self.circle(z.widen(), aperture, focus);
             circles.push(circle);

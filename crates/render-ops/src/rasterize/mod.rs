@@ -53,8 +53,9 @@ use crate::mesh::Mesh;
 use crate::size::Size;
 
 /// The fragments of `mesh` with vertices `clip: [V, 4]` in clip space: one for each pixel whose
-/// centre some face covers. With [`Sampling::Exact`] the pixels that a discontinuity crosses have none
-/// at their centre but one for each visible piece, behind all others, and [`Fragments::weight`] is there.
+/// centre some face covers. With [`Sampling::Exact`] the pixels that a discontinuity crosses have
+/// none at their centre but one for each visible piece, behind all others, and
+/// [`Fragments::weight`] is there.
 ///
 /// Smaller z / w wins; of equal ones the lower face index. Faces may reach behind the eye and
 /// through the near and far planes: the visible part is drawn. Faces whose area is zero within

@@ -34,14 +34,10 @@ impl<'a, T: Scalar> View<'a, T> {
         self.centers.len() / LANES
     }
 
-    /// Whether the surface ends, or turns away, at the edge that faces corner `corner` of `face`.
+    /// [`Mesh::is_silhouette`], as the mesh is seen.
     #[inline(always)]
     pub(super) fn is_silhouette(&self, face: usize, corner: usize) -> bool {
-        self.mesh.adjacency().neighbor(face, corner).is_none_or(|neighbor| {
-            let [own, other] =
-                [face, neighbor.face as usize].map(|face| self.verdicts[face].orientation);
-            neighbor.is_turned(own, other)
-        })
+        self.mesh.is_silhouette(face, corner, |face| self.verdicts[face].orientation)
     }
 
     #[inline(always)]

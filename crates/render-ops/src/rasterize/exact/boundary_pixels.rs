@@ -273,8 +273,9 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
     }
 }
 
-/// Finds the sides on the border of a pixel that holds the faces of `intervals`, and what lies beside them; returns
-/// whether it did so within the limits. `candidates` are those of the first groups, and may grow.
+/// Finds the sides on the border of a pixel that holds the faces of `intervals`, and what lies
+/// beside them; returns whether it did so within the limits. `candidates` are those of the first
+/// groups, and may grow.
 #[cold]
 #[inline(never)]
 fn find_border_sides<S: Scalar<Wide = S>>(

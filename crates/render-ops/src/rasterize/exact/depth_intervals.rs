@@ -31,9 +31,10 @@ impl<S: Scalar> DepthInterval<S> {
 /// How many surface layers the first group of these faces makes up in a block of pixels. Sorts the
 /// intervals, the nearest first.
 ///
-/// Faces of one layer touch, so no gap parts them. Where none of a group's faces ends in the block, its
-/// layers are whole, and each covers the block's centre once: the faces that cover it are counted. `None`
-/// where a face ends, or may reach out of the depth range. What is out of that range hides nothing.
+/// Faces of one layer touch, so no gap parts them. Where none of a group's faces ends in the block,
+/// its layers are whole, and each covers the block's centre once: the faces that cover it are
+/// counted. `None` where a face ends, or may reach out of the depth range. What is out of that
+/// range hides nothing.
 pub(super) fn front_layers<S: Scalar>(intervals: &mut [DepthInterval<S>]) -> Option<usize> {
     intervals.sort_unstable_by(|a, b| a.nearest.to_f64().total_cmp(&b.nearest.to_f64()));
     let (mut farthest, mut layers) = (-S::from_f64(f64::INFINITY), 0);

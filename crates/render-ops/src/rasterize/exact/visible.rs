@@ -234,7 +234,8 @@ impl<S: Scalar> Visible<S> {
         whole.push(Whole { polygon, cuts: first..lines.len(), least, most, error_bound });
     }
 
-    /// Takes from candidate `at` what lies behind others; those before `group` surely lie before it; returns whether it did so within the limits.
+    /// Takes from candidate `at` what lies behind others; those before `group` surely lie before
+    /// it; returns whether it did so within the limits.
     #[inline(always)]
     fn find_parts(&mut self, candidates: &[Candidate<S>], at: usize, group: usize) -> bool {
         let Self { parts, area, cuts, polygons, lines, sources, whole, left, next, .. } = self;
@@ -297,7 +298,8 @@ impl<S: Scalar> Visible<S> {
         true
     }
 
-    /// Calls `visit` with each candidate and the sides of its visible parts: lines, not the pixel's border.
+    /// Calls `visit` with each candidate and the sides of its visible parts: lines, not the pixel's
+    /// border.
     #[inline(always)]
     pub(super) fn for_each_side(&self, mut visit: impl FnMut(u32, Side<S>)) {
         for part in &self.parts {
