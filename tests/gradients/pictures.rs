@@ -76,15 +76,17 @@ impl Subject for Pictures {
         let surface = interpolate(inputs[1], &fragments)?;
         let picture = antialias(composite(surface, &fragments, background)?)?;
         let goal = |k: usize| T::from_f64((k * 13 % 29) as f64 / 29.0);
-        let goal = Tensor::from_flat_fn([size.height, size.width, 2], goal);
+        let goal = Tensor::from_flat_fn([size.height, size.width, picture.channels()], goal);
         let black = Tensor::zeros([2]);
         let error = picture.squared_error(&Reference::new(&goal, &black)?)?;
         let robust = PixelLoss::new(&goal, &black, |seen, goal| {
             Ok((seen.try_sub(goal)?.square() + T::from_f64(0.1)).sqrt())
         })?;
         let robust = picture.map(|seen| Ok(seen.square() + seen))?.loss(&robust)?;
-        let ids = fragments.coverage.triangle_ids();
-        Ok(Outcome::from(vec![picture.image()?, error, robust]).with_state(ids).with_state(choices))
+        let (ids, pixels) =
+            (fragments.coverage.triangle_ids(), picture.pixels().collect::<Vec<_>>());
+        let outputs = vec![picture.image()?, picture.values(), error, robust];
+        Ok(Outcome::from(outputs).with_state(ids).with_state(pixels).with_state(choices))
     }
 }
 

@@ -283,7 +283,7 @@ fn every_fit_error_says_the_rule_and_the_value() {
         ),
         (
             Fit::<f32>::from_bytes(b"GIF89a, and what not").map(drop).unwrap_err(),
-            "a saved fit needs to begin with \"bokashi-fit\", got \"GIF89a, and\"",
+            "a saved fit needs a safetensors file, got header too large",
         ),
         (Fit::<f32>::resume("nowhere/fit.bokashi").map(drop).unwrap_err(), &missing),
         (

@@ -49,7 +49,8 @@ pub(super) fn sampling(bytes: &mut Unstructured<'_>) -> Result<Sampling> {
     Ok(if bytes.arbitrary()? { Sampling::Exact } else { Sampling::Center })
 }
 
-/// Pieces of a pixel cover some of it each, and no more than all of it together.
+/// Pieces of a pixel cover some of it each, or none, beside a side on the pixel's border; and no more
+/// than all of it together.
 pub(super) fn check_pieces<T: Scalar>(fragments: &Fragments<'_, T>) {
     let Some(weights) = fragments.weight.map(|weight| weight.value()) else { return };
     let slack = if size_of::<T>() == 4 { 1e-6 } else { 1e-12 };
@@ -58,7 +59,7 @@ pub(super) fn check_pieces<T: Scalar>(fragments: &Fragments<'_, T>) {
         let weight = |&piece: &u32| weights.data()[piece as usize - coverage.centers()].to_f64();
         let weights: Vec<_> = pieces.iter().map(weight).collect();
         let total: f64 = weights.iter().sum();
-        assert!(weights.iter().all(|&weight| weight > 0.0), "{weights:?} in pixel {pixel}");
+        assert!(weights.iter().all(|&weight| weight >= 0.0), "{weights:?} in pixel {pixel}");
         assert!(total <= 1.0 + slack, "{total} of pixel {pixel}");
     }
 }

@@ -1,11 +1,17 @@
-//! From the gradients of the weights to those of the vertices: per face, three sums over its fragments;
-//! the edge functions' coefficients do the rest.
+//! From the gradients of the weights to those of the vertices: per face, sums over its fragments, which
+//! the face's coefficients turn into gradients.
 //!
+//! # By stored weights
 //! With the vertices `V_i = (x_i, y_i, w_i)` as the columns of M, the weights are those of
 //! `M^-1 (X, Y, 1)` over their sum. Where `b_i` are the weights and `b_bar_j` their gradients, (u_bar,
-//! v_bar, 0), `m = sum_j b_bar_j b_j`: `V_bar_i = -sum_j S_ij E_j / D`, with the sums over the fragments
-//! `S_ij = sum b_i (b_bar_j - m)`, `E_j` the coefficients of edge function j and D the determinant.
-//! So neither a fragment's place nor its edge functions are asked for again.
+//! v_bar, 0), let `m = sum_j b_bar_j b_j`. Then `V_bar_i = -sum_j S_ij E_j / D`, with the sums over the
+//! fragments `S_ij = sum b_i (b_bar_j - m)`, `E_j` the coefficients of edge function j and D the
+//! determinant. So neither a fragment's place nor its edge functions are asked for again.
+//!
+//! # By edge functions
+//! The third weight is 1 - u - v, and loses digits where it is small in all fragments: where a vertex
+//! is much farther away than another, or far outside the image. There the edge functions are worked out
+//! again, and rows sum their gradients, from which `edge_functions`' adjoint leads on.
 
 use std::ops::Range;
 
@@ -13,9 +19,10 @@ use bokashi_core::Scalar;
 
 use super::culling::Corner;
 use crate::coverage::Coverage;
-use crate::edge_functions::LocalFace;
+use crate::edge_functions::{EdgeSums, LocalFace};
 use crate::face_sums::{FaceSums, Terms, sum_weighted};
 use crate::homogeneous::{Vertex, missing_factors};
+use crate::size::Size;
 
 /// From the gradients of u and v to those of the vertices.
 pub(super) struct PullBack<'a, T: Scalar> {
@@ -34,13 +41,12 @@ impl<T: Scalar> FaceSums<T::Wide> for PullBack<'_, T> {
         let origin = centers.first_pixel_of(slot);
         let vertices = corners.map(|corner| corner.vertex);
         let face = LocalFace::new(vertices, factors, origin, *size);
-        let sums = if has_even_weights(&vertices) {
-            let entries = 2 * fragments.start..2 * fragments.end;
-            let (uv, uv_bar) = (&self.uv[entries.clone()], &self.uv_bar[entries]);
-            sum_weighted::<T, Slopes>(uv, uv_bar.as_chunks::<2>().0)
-        } else {
-            self.sum_by_edges(&face, slot, fragments)
-        };
+        if !has_even_weights(&vertices, *size) {
+            return self.sum_by_edges(&face, slot, fragments, rows);
+        }
+        let entries = 2 * fragments.start..2 * fragments.end;
+        let (uv, uv_bar) = (&self.uv[entries.clone()], &self.uv_bar[entries]);
+        let sums = sum_weighted::<T, Slopes>(uv, uv_bar.as_chunks::<2>().0);
         let scale = -T::Wide::ONE / face.determinant();
         for (i, row) in rows.chunks_exact_mut(4).enumerate() {
             let [x_bar, y_bar, w_bar] = face.pull_back_weights(&sums, i, *size);
@@ -49,18 +55,29 @@ impl<T: Scalar> FaceSums<T::Wide> for PullBack<'_, T> {
     }
 }
 
-/// Whether the third weight, as one less the others, has as many digits as they have, or nearly: where
-/// a vertex is far behind another one its weights are tiny.
+/// Depths of vertices of a face with even weights differ by less than this factor.
+const EVEN_DEPTHS: f64 = 64.0;
+
+/// Its vertices lie within this many times half the image's size from the image's middle.
+const EVEN_EXTENTS: f64 = 16.0;
+
+/// Whether the third weight, as one less the others, has nearly as many digits as they have.
 #[inline(always)]
-fn has_even_weights<S: Scalar>(vertices: &[Vertex<S>; 3]) -> bool {
+fn has_even_weights<S: Scalar>(vertices: &[Vertex<S>; 3], size: Size) -> bool {
     let [p, q, r] = vertices.map(|vertex| vertex.w);
     let (least, most) =
         (p.minimum_or_nan(q).minimum_or_nan(r), p.maximum_or_nan(q).maximum_or_nan(r));
-    most < S::from_f64(64.0) * least
+    let [width, height] =
+        [size.width, size.height].map(|extent| S::from_f64(EVEN_EXTENTS * extent as f64));
+    let is_near = |vertex: &Vertex<S>| {
+        (vertex.x.abs() <= width * vertex.w) & (vertex.y.abs() <= height * vertex.w)
+    };
+    (most < S::from_f64(EVEN_DEPTHS) * least)
+        & vertices.iter().fold(true, |all, vertex| all & is_near(vertex))
 }
 
 impl<T: Scalar> PullBack<'_, T> {
-    /// [`sum_weighted`] with weights that are worked out again.
+    /// The gradients of the face's vertices by edge functions.
     #[cold]
     #[inline(never)]
     fn sum_by_edges(
@@ -68,28 +85,35 @@ impl<T: Scalar> PullBack<'_, T> {
         face: &LocalFace<T::Wide>,
         slot: usize,
         fragments: Range<usize>,
-    ) -> [[T::Wide; 3]; 3] {
+        rows: &mut [T::Wide],
+    ) {
         let size = self.coverage.size;
-        let mut sums = [[T::Wide::ZERO; 3]; 3];
+        let mut sums = EdgeSums::default();
         for run in self.coverage.centers.within(slot, fragments) {
             let [mut x, y] = face.place(run.pixel as usize, size);
             let row = face.row(y);
+            let (mut ones, mut xs) = ([T::Wide::ZERO; 3], [T::Wide::ZERO; 3]);
             let uv_bar = &self.uv_bar[2 * run.fragments().start..2 * run.fragments().end];
             for uv_bar in uv_bar.as_chunks::<2>().0 {
                 let a = row.map(|[start, slope]| start + slope * x);
+                // The weights are missing_i a_i, so a_bar_i gets that factor.
                 let missing = missing_factors(a, face.factors);
-                let weights: [T::Wide; 3] = std::array::from_fn(|i| missing[i] * a[i]);
-                let total = weights[0] + weights[1] + weights[2];
-                let b = weights.map(|weight| weight / total);
-                let [u_bar, v_bar] = uv_bar.map(T::widen);
-                let bars = [u_bar, v_bar, u_bar * b[0] + v_bar * b[1]];
-                for (sums, bar) in sums.iter_mut().zip(bars) {
-                    sums.iter_mut().zip(b).for_each(|(sum, b)| *sum += b * bar);
+                let weights = std::array::from_fn(|i| missing[i] * a[i]);
+                let bars = weights_bar(weights, uv_bar.map(T::widen));
+                for i in 0..3 {
+                    let a_bar = missing[i] * bars[i];
+                    ones[i] += a_bar;
+                    xs[i] += x * a_bar;
                 }
                 x += T::Wide::from_f64(2.0);
             }
+            sums.add_row(ones, xs, y);
         }
-        sums
+        for (i, row) in rows.chunks_exact_mut(4).enumerate() {
+            let [x_bar, y_bar, w_bar] = face.pull_back(&sums, i, size);
+            let bars = [x_bar, y_bar, T::Wide::ZERO, w_bar];
+            row.copy_from_slice(&bars.map(|bar| face.factors[i] * bar));
+        }
     }
 }
 

@@ -257,9 +257,14 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
             let candidate =
                 |face: u32| band.candidate(planes, face, outlines[face as usize], [x, y]);
             if find_border_sides(wide, candidates, intervals, candidate, border_sides) {
-                let mut own = pieces.segments.split_off(first_segment);
-                own.retain(|segment| !segment.side.is_on_border);
-                pieces.segments.append(&mut own);
+                let mut kept = first_segment;
+                for at in first_segment..pieces.segments.len() {
+                    if !pieces.segments[at].side.is_on_border {
+                        pieces.segments[kept] = pieces.segments[at];
+                        kept += 1;
+                    }
+                }
+                pieces.segments.truncate(kept);
                 keep_sides(band, candidates, order, border_sides, pieces);
             }
         }
