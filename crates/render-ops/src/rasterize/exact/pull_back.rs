@@ -23,7 +23,7 @@ use crate::rasterize::culling::Corner;
 use crate::size::Size;
 
 /// What the backward pass of a band reads.
-pub(in crate::rasterize) struct PullBack<'a, T: Scalar> {
+pub(in crate::rasterize) struct PiecePullBack<'a, T: Scalar> {
     pub(in crate::rasterize) mesh: &'a Mesh,
     pub(in crate::rasterize) size: Size,
     pub(in crate::rasterize) corners: &'a [Corner<T::Wide>],
@@ -133,7 +133,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
     /// vertices.
     pub(in crate::rasterize) fn sum<T: Scalar<Wide = S>>(
         &mut self,
-        band: &PullBack<'_, T>,
+        band: &PiecePullBack<'_, T>,
         mut emit: impl FnMut(usize, &[[S; 4]; 3]),
     ) {
         self.of_band_face.clear();
@@ -156,7 +156,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
     }
 
     /// [`Adjoints::sum`] into `rows`.
-    pub(in crate::rasterize) fn keep<T: Scalar<Wide = S>>(&mut self, band: &PullBack<'_, T>) {
+    pub(in crate::rasterize) fn keep<T: Scalar<Wide = S>>(&mut self, band: &PiecePullBack<'_, T>) {
         let mut rows = std::mem::take(&mut self.rows);
         rows.clear();
         self.sum(band, |face, own| rows.push((face, *own)));
@@ -165,7 +165,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
 
     fn sum_pixel<T: Scalar<Wide = S>>(
         &mut self,
-        band: &PullBack<'_, T>,
+        band: &PiecePullBack<'_, T>,
         pixel: usize,
         own: Range<usize>,
         segments: &[Segment<S>],
@@ -224,7 +224,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
     /// The adjoint of a face, around `pixel` where it is the first one that asks.
     fn adjoint<T: Scalar<Wide = S>>(
         &mut self,
-        band: &PullBack<'_, T>,
+        band: &PiecePullBack<'_, T>,
         band_face: u32,
         pixel: usize,
     ) -> &mut Adjoint<S> {
