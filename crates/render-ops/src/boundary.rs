@@ -5,7 +5,7 @@ use std::sync::Arc;
 /// The pixels that are resolved into pieces.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Boundary {
-    /// The pixels, in order; shared with layers.
+    /// The pixels, in order; shared with pictures.
     pub(crate) pixels: Arc<Vec<u32>>,
     /// Where in `fragments` those of each pixel end.
     pub(crate) ends: Vec<u32>,

@@ -90,7 +90,7 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         let Fate::Drawn { columns: [left, right], rows: [top, bottom] } =
             self.view.verdicts[face as usize].fate
         else {
-            unreachable!("only faces that are band_face are on the lists");
+            unreachable!("only faces that are drawn are on the lists");
         };
         let rows = self.rows.start.max(top as usize)..self.rows.end.min(bottom as usize + 1);
         [rows, left as usize..right as usize + 1]

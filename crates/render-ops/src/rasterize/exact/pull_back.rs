@@ -103,7 +103,7 @@ impl<S: Scalar<Wide = S>> Adjoint<S> {
     fn rows(mut self, size: Size) -> [[S; 4]; 3] {
         let coefficients = *self.face.coefficients();
         let mut direct = [[S::ZERO; 2]; 3];
-        if self.depth != [S::ZERO; 3] {
+        if !are_zero(self.depth) {
             let vertices = self.face.vertices;
             let total = self.face.determinant();
             let bar = self.depth.map(|bar| bar / total);
@@ -195,7 +195,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
             let Side { source, normal, ends, .. } = segment.side;
             let density = &densities[segment.piece as usize];
             let line_bar = line_bar(ends, segment.side.share(), normal, |point| density.at(point));
-            if line_bar == [S::ZERO; 3] {
+            if are_zero(line_bar) {
                 continue;
             }
             let mut add_depth = |band_face: u32, sign: S| {
@@ -261,4 +261,9 @@ impl<S: Scalar<Wide = S>> Adjoint<S> {
         }
         bar.extent
     }
+}
+
+/// Whether nothing can come of these numbers, and nothing of their derivatives either.
+fn are_zero<S: Scalar>(numbers: [S; 3]) -> bool {
+    numbers.iter().all(|number| number.is_same(S::ZERO))
 }
