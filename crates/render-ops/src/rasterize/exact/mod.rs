@@ -24,8 +24,8 @@
 //!   v
 //! Pieces (pieces)                              areas, barycentrics, and their sides with sources
 //!   |
-//!   |--> PieceFragments (piece_fragments)      forward: the pieces as fragments, sorted by face
-//!   `--> PiecePullBack, Adjoints (pull_back)        backward: through means and sides to the vertices
+//!   |--> PieceFragments (piece_fragments)     forward: the pieces as fragments, sorted by face
+//!   `--> PiecePullBack, Adjoints (pull_back)   backward: through means and sides to the vertices
 //! ```
 
 mod band_faces;
