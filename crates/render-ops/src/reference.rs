@@ -7,7 +7,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use bokashi_core::{Scalar, Tensor, sum};
+use bokashi_core::{Scalar, Tensor};
 
 use crate::error::RenderError;
 
@@ -37,7 +37,8 @@ impl<T: Scalar> Reference<T> {
         }
         let background = background.data().to_vec();
         let blocks = image.data().chunks(BLOCK * channels);
-        let blocks = Blocks::new(blocks.map(|block| squared_error(&background, block)).collect());
+        let repeated = background.repeat(BLOCK);
+        let blocks = Blocks::new(blocks.map(|block| squared_error(&repeated, block)).collect());
         Ok(Self(Arc::new(Inner { image: image.clone(), background, blocks })))
     }
 
@@ -71,8 +72,9 @@ impl<T: Scalar> Reference<T> {
         let Inner { image, background, blocks } = &*self.0;
         let channels = background.len();
         blocks.sum(pixels, |pixels| {
-            let entries = pixels.start * channels..pixels.end * channels;
-            squared_error(background, &image.data()[entries])
+            let pixels =
+                image.data()[pixels.start * channels..pixels.end * channels].chunks(channels);
+            pixels.map(|pixel| squared_error(background, pixel)).sum()
         })
     }
 }
@@ -91,17 +93,27 @@ pub(crate) fn checked_channels<T: Scalar>(
     }
 }
 
-/// The squared error of one colour against some pixels.
-fn squared_error<T: Scalar>(color: &[T], pixels: &[T]) -> T::Wide {
-    let channels = color.len();
-    let of_channel = |c: usize| {
-        let color = color[c].widen();
-        sum::<T>(pixels.len() / channels, |pixel| {
-            let difference = color - pixels[pixel * channels + c].widen();
-            difference * difference
-        })
+/// The squared error of some pixels against as many of `colors`.
+fn squared_error<T: Scalar>(colors: &[T], pixels: &[T]) -> T::Wide {
+    /// Partial sums, so that additions overlap.
+    const PARTS: usize = 8;
+    let mut parts = [T::Wide::ZERO; PARTS];
+    let square = |color: T, pixel: T| {
+        let difference = color.widen() - pixel.widen();
+        difference * difference
     };
-    (0..channels).map(of_channel).sum()
+    let (colors, pixels) = (&colors[..pixels.len()], pixels);
+    let whole = colors.as_chunks::<PARTS>().0.iter().zip(pixels.as_chunks::<PARTS>().0);
+    for (colors, pixels) in whole {
+        for part in 0..PARTS {
+            parts[part] += square(colors[part], pixels[part]);
+        }
+    }
+    let rest = colors.as_chunks::<PARTS>().1.iter().zip(pixels.as_chunks::<PARTS>().1);
+    for (part, (&color, &pixel)) in parts.iter_mut().zip(rest) {
+        *part += square(color, pixel);
+    }
+    parts.into_iter().sum()
 }
 
 /// Pixels in a block: fewer are visited on either side of a gap, and fewer blocks, and so many times

@@ -88,6 +88,8 @@ struct Found<T: Scalar> {
     steps: Vec<T>,
     /// The uncovered pixels of all blends, in order.
     rim: Option<Arc<Vec<u32>>>,
+    /// Memory: per 64 pixels a bit for each pixel of the rim, and how many of them come before.
+    marks: Vec<(u64, u32)>,
     outlines: Outlines<T::Wide>,
     /// Of pieces of the slots.
     pieces_of_outlines: Vec<Outlines<T::Wide>>,
@@ -138,7 +140,7 @@ impl<T: Scalar> Found<T> {
 
     /// Finds the rim, and the rows of the blends' pixels.
     fn place(&mut self, coverage: &Coverage) {
-        let Self { blends, rows, rim, .. } = self;
+        let Self { blends, rows, rim, marks, .. } = self;
         if rim.as_mut().and_then(Arc::get_mut).is_none() {
             *rim = None;
         }
@@ -154,12 +156,29 @@ impl<T: Scalar> Found<T> {
                 }
             }
         };
-        for_each_missing(&mut |pixel, _| rim.push(pixel));
-        rim.sort_unstable();
-        rim.dedup();
+        // A bit for each pixel: in the order of pixels, each once, without sorting.
+        let place = |pixel: u32| (pixel as usize / 64, pixel % 64);
+        marks.clear();
+        marks.resize(size.pixels().div_ceil(64), (0, 0));
+        for_each_missing(&mut |pixel, _| {
+            let (word, bit) = place(pixel);
+            marks[word].0 |= 1 << bit;
+        });
+        for (word, (bits, before)) in
+            marks.iter_mut().enumerate().filter(|(_, (bits, _))| *bits != 0)
+        {
+            *before = rim.len() as u32;
+            let mut rest = *bits;
+            while rest != 0 {
+                rim.push(64 * word as u32 + rest.trailing_zeros());
+                rest &= rest - 1;
+            }
+        }
         for_each_missing(&mut |pixel, row| {
-            let at = rim.binary_search(&pixel).expect("it was put there");
-            *row = (coverage.count() + at) as u32;
+            let (word, bit) = place(pixel);
+            let (bits, before) = marks[word];
+            let at = before + (bits & ((1 << bit) - 1)).count_ones();
+            *row = coverage.count() as u32 + at;
         });
     }
 

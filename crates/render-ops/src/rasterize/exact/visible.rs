@@ -176,13 +176,7 @@ impl<S: Scalar> Visible<S> {
         for at in new.clone() {
             self.cut_to_pixel(pixel, at as u32, &candidates[at]);
         }
-        // No closure, which might not be compiled for the vectors that were found.
-        for at in new.clone() {
-            if !self.find_parts(candidates, at, new.start) {
-                return false;
-            }
-        }
-        true
+        new.clone().all(|at| self.find_parts(candidates, at, new.start))
     }
 
     /// Whether nothing can be seen behind the candidates so far.
