@@ -121,9 +121,9 @@ pub(super) fn blends_on_all_sides<T: Scalar>() -> Outcome {
         .and(reach == 1.9375, format!("a pixel moved by up to {reach} steps in colour")))
 }
 
-/// What becomes of `image`, of 8 x 8 pixels, where the edge at 45 degrees of a face at the bottom
-/// left, or else at the bottom right, goes through the centres of a diagonal: a pixel of the
-/// diagonal moves half-way to the left one, and half-way to the one that is on the same side.
+/// What becomes of `image`, of 8 x 8 pixels, with a face at the bottom left, or else at the bottom
+/// right. The face's edge at 45 degrees goes through the centres of a diagonal. A pixel of the
+/// diagonal moves half-way to its left neighbour, and half-way to its neighbour on the same side.
 ///
 /// A centre on an edge counts as a little to the right of it. So the first face covers none of the
 /// diagonal: it reaches over from the left and from below, through distances of 1. The other one

@@ -21,7 +21,7 @@ const SLACK: f64 = 1.0 / 16.0;
 pub(super) struct Blend<S> {
     /// The pixel on the left or above.
     pub(super) pixel: u32,
-    /// Whether the other pixel is the one below, not the one on the right.
+    /// Whether the other pixel lies below, not on the right.
     pub(super) below: bool,
     /// Whether the face covers the first pixel, not the second.
     pub(super) covers_first: bool,

@@ -14,7 +14,7 @@ use super::pixel_mask::PixelMask;
 struct FreeRun {
     row: usize,
     columns: Range<usize>,
-    /// The run of lower index that its region is known by, itself for the first one.
+    /// The run of lower index that its region is known by; the first run of a region names itself.
     root: usize,
 }
 

@@ -111,7 +111,7 @@ struct Whole<S> {
 }
 
 impl<S: Scalar> Whole<S> {
-    /// Whether all of it lies beside another one, where there is anything of it.
+    /// Whether all of this face lies beside another face, where there is anything of it.
     #[inline(always)]
     fn is_beside(&self, other: &Self) -> bool {
         self.polygon.is_none()
@@ -119,7 +119,7 @@ impl<S: Scalar> Whole<S> {
             || (self.least[1] >= other.most[1]) | (self.most[1] <= other.least[1])
     }
 
-    /// Whether all of it surely lies behind another one.
+    /// Whether all of this face surely lies behind another face.
     #[inline(always)]
     fn is_behind(&self, other: &Self) -> bool {
         self.least[2] > other.most[2] + self.error_bound + other.error_bound
@@ -143,13 +143,13 @@ pub(super) struct Visible<S> {
     /// Whether some line does.
     pub(super) touches_border: bool,
     whole: Vec<Whole<S>>,
-    /// What is left of a candidate, before and after another one was taken away.
+    /// What is left of a candidate, before and after another face was taken away.
     left: Vec<Polygon>,
     next: Vec<Polygon>,
 }
 
-/// A pixel whose polygons have more corners on the way is too crowded, and so is one in which more
-/// polygons would be held against faces.
+/// A pixel whose polygons have more corners on the way is too crowded, and so is a pixel in which
+/// polygons would be held against faces more often.
 const MOST_CORNERS: usize = 1 << 18;
 const MOST_CUTS: usize = 1 << 22;
 

@@ -1,9 +1,9 @@
 //! How good is the gradient of a silhouette, and what does it cost?
 //!
 //! The truth is the gradient of `<g, a(p)>`, where `a` is the picture of vertices `p` averaged over
-//! the area of each pixel (`scanlines`), and `g` one fixed upstream gradient per image, that of the
-//! squared error against a reference image. A method gives the gradient of `<g, image(p)>` for an image of its
-//! own.
+//! the area of each pixel (`scanlines`). Here `g` is one fixed upstream gradient per image: the
+//! gradient of the squared error against a reference image. A method gives the gradient of
+//! `<g, image(p)>` for an image of its own.
 
 mod cases;
 mod figure;
