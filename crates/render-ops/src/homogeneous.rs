@@ -23,11 +23,11 @@ pub(crate) struct Vertex<S> {
 }
 
 impl<S: Scalar<Wide = S>> Vertex<S> {
-    /// Vertex `index` of the rows of `clip: [V, 4]`, times a power of two, and that factor: 1 but
-    /// where products of three coordinates would leave the range of the numbers, or one coordinate
-    /// times the image's extent. A vertex times a positive number is the same point, so it changes
-    /// no edge's sign, no crossing and no depth; weights are per vertex, and take the factor back
-    /// (see [`missing_factors`]).
+    /// Vertex `index` of the rows of `clip: [V, 4]`, times a power of two, and that factor. The
+    /// factor is 1 unless products of three coordinates would leave the range of the numbers, or a
+    /// coordinate times the image's extent would. A vertex times a positive number is the same point,
+    /// so it changes no edge's sign, no crossing and no depth. Weights are per vertex, and take the
+    /// factor back (see [`missing_factors`]).
     #[inline(always)]
     pub(crate) fn of<T: Scalar<Wide = S>>(clip: &[T], index: u32, size: Size) -> (Self, S) {
         let [x, y, z, w] = clip.as_chunks::<4>().0[index as usize].map(T::widen);

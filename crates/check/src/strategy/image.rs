@@ -52,9 +52,9 @@ pub fn image_of(shape: [usize; 3]) -> BoxedStrategy<Tensor<f64>> {
         .boxed()
 }
 
-/// Standard deviations of a blur, in pixels, from 0.05 to 12: small ones, where a sampled kernel is
-/// an impulse; multiples of a quarter, where windows of whole radii step; and larger than an image
-/// of [`image`].
+/// Standard deviations of a blur, in pixels, from 0.05 to 12. Some are so small that a sampled kernel
+/// is an impulse. Some are multiples of a quarter, where windows of whole radii step. Some are larger
+/// than an image of [`image`].
 pub fn sigma() -> BoxedStrategy<f64> {
     prop_oneof![
         4 => 0.3..3.0,

@@ -126,7 +126,7 @@ impl<T: Scalar> Found<T> {
         let work = |rows: Range<usize>, search: &mut Search<T::Wide>| view.find(rows, search);
         merge_ranges_into(searches, height, piece, work, |search| {
             if piece == height {
-                // There is no other one.
+                // There is no other search.
                 std::mem::swap(blends, &mut search.blends);
                 std::mem::swap(rows, &mut search.fragments);
             } else {

@@ -186,8 +186,8 @@ pub(super) fn most_rounding<S: Scalar<Wide = S>>(corners: &[Corner<S>], size: Si
 /// What a pixel reaches beyond its centre.
 const HALF_A_PIXEL: f64 = 0.5;
 
-/// The first and last of `extent` pixels whose centres can lie between the smallest and the
-/// largest of three coordinates in pixels, or up to `margin` beyond; where there is none, the last
+/// The first and last of `extent` pixels whose centres can lie between the smallest and the largest
+/// of three coordinates in pixels, or up to `margin` beyond. Where there is no such pixel, the last
 /// comes before the first.
 #[inline(always)]
 fn touched(pixel: [f64; 3], extent: usize, margin: f64) -> [u32; 2] {

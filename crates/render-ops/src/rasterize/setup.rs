@@ -122,9 +122,9 @@ impl<S: Scalar<Wide = S>> Setup<S> {
     /// Of `columns`, first and end, those that the face may cover in a row: where each edge
     /// function is above minus its error bound. `centers` are the X of all columns.
     ///
-    /// As it is rounded, an edge function rises or falls all along a row, so these are neighbours;
-    /// a division says where they end to within a column, and the edge function itself where
-    /// exactly.
+    /// As it is rounded, an edge function rises or falls all along a row, so these columns are
+    /// neighbours. A division says where they end to within a column, and the edge function itself
+    /// where exactly.
     #[inline(always)]
     fn span(&self, row: &Row<S>, columns: [usize; 2], centers: &[S]) -> [usize; 2] {
         let [mut first, mut end] = columns;

@@ -1,7 +1,8 @@
 //! Where in a pipeline do time and error arise?
 //!
-//! The same pipeline, which is generic, in f32 and in f64 on the same inputs: the tape's report, with
-//! the errors that the tape finds in the values and gradients of one recording against the other.
+//! The same pipeline, which is generic, runs in f32 and in f64 on the same inputs. The tape's report
+//! shows it, with the errors that the tape finds in the values and gradients of the f32 recording
+//! against the f64 recording.
 
 use bokashi_core::{
     OperationReport, Scalar, Tape, TapeReport, Tensor, ValueError, Var, gradient_errors,

@@ -225,7 +225,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         order.clear();
         let all = 0..candidates.len() as u32;
         order.extend(all.filter(|&at| extents[at as usize].is_some()));
-        // The largest first; of equal ones the lower face.
+        // The largest first; where pieces are as large, the lower face.
         order.sort_unstable_by(|&a, &b| {
             let area = |at: u32| moments[at as usize].area().to_f64();
             let face = |at: u32| candidates[at as usize].band_face;

@@ -1,15 +1,15 @@
 //! What is visible of each face in one pixel, exactly.
 //!
 //! # Forward
-//! Each face is cut to the pixel. Then it loses what lies behind another face: outside each edge of the
-//! other face a convex part stays, and inside all of them the part in front. Depth z / w is linear over
-//! the image (`setup`), so two faces pass through each other in a line. Of equal depths the lower face
-//! index wins, as elsewhere. Faces come in depth groups (`depth_intervals`), the nearest first: once the
-//! parts fill the pixel, nothing behind them is looked at.
+//! Each face is cut to the pixel. Then it loses what lies behind another face. Outside each edge of
+//! the other face a convex part stays; inside all of them the part in front stays. Depth z / w is
+//! linear over the image (`setup`), so two faces pass through each other in a line. Where depths are
+//! equal, the lower face index wins, as elsewhere. Faces come in depth groups (`depth_intervals`),
+//! the nearest first: once the parts fill the pixel, nothing behind them is looked at.
 //!
 //! # Backward
 //! From the moments of the parts to the lines that bound them (`polygon`), and from these to the
-//! faces: an edge's line is a face's edge function; the line of two faces is the difference of their
+//! faces. An edge's line is a face's edge function; the line of two faces is the difference of their
 //! depths.
 
 use std::ops::Range;
