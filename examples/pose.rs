@@ -1,4 +1,4 @@
-//! A pipeline of one's own: where is this cube, and how blurred is its picture?
+//! A pipeline of your own: where is this cube, and how blurred is its picture?
 //!
 //! Takes one blurred picture of a cube whose shape and colours are known. Learns the cube's pose (a
 //! quaternion and a translation) and the blur's sigma together. The start is off by half a radian, a
@@ -6,7 +6,10 @@
 
 use bokashi::glam::{DMat4, DQuat, DVec3};
 use bokashi::prelude::*;
-use bokashi_paper::FACES;
+
+/// The corners of the cube's six sides; vertex k has the bits of k as its coordinates.
+const SIDES: [[u32; 4]; 6] =
+    [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]];
 
 /// The known cube and the camera that looks at it.
 struct Scene {
@@ -18,12 +21,12 @@ struct Scene {
 
 impl Scene {
     fn new() -> Result<Self, FitError> {
-        // Vertex k has the bits of k as its coordinates, side 1 about the origin.
-        let bit = |entry: usize| ((entry / 3) >> (2 - entry % 3) & 1) as f64;
+        let faces = SIDES.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]);
+        let bit = |[vertex, axis]: [usize; 2]| (vertex >> (2 - axis) & 1) as f64;
         Ok(Self {
-            mesh: Mesh::new(FACES.to_vec(), 8)?,
-            vertices: Tensor::from_flat_fn([8, 3], |entry| bit(entry) - 0.5),
-            colors: Tensor::from_flat_fn([8, 3], bit),
+            mesh: Mesh::new(faces.collect(), 8)?,
+            vertices: Tensor::from_fn([8, 3], |entry| bit(entry) - 0.5),
+            colors: Tensor::from_fn([8, 3], bit),
             camera: perspective(0.7, 1.0, 1.0, 50.0),
         })
     }
@@ -39,8 +42,7 @@ impl Scene {
         let fragments = rasterize(clip, &self.mesh, Size::square(64))?;
         let surface = interpolate(tape.constant(&self.colors.cast()), &fragments)?;
         let picture = antialias(composite(surface, &fragments, Background::Zero)?)?;
-        let image = picture.image()?;
-        Ok(gaussian_blur(image, sigma, &Blur::default())?)
+        Ok(gaussian_blur(picture.image()?, sigma, &Blur::default())?)
     }
 }
 
@@ -49,8 +51,8 @@ fn main() -> Result<(), FitError> {
     let rotation = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, -0.5).normalize(), 0.9);
     let translation = DVec3::new(0.2, -0.1, -4.0);
 
-    let quaternion = |q: DQuat| Tensor::from_flat_fn([4], |k| q.to_array()[k]);
-    let vector = |v: DVec3| Tensor::from_flat_fn([3], |k| v[k]);
+    let quaternion = |q: DQuat| Tensor::from(q.to_array());
+    let vector = |v: DVec3| Tensor::from(v.to_array());
     let tape = Tape::<f64>::new();
     let truth = Pose {
         rotation: tape.constant(&quaternion(rotation)),

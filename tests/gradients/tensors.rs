@@ -203,7 +203,7 @@ law!(gather_entries, of_shape(&[3]), |x| x[0].gather_rows(&Arc::from([2, 2]))?,
 
 law!(squared_error, parts(&[&[5, 3], &[5, 3]]), |x| {
     [bokashi_core::squared_error(x[0], x[1])?, bokashi_core::mean_squared_error(x[0], x[1])?]
-}, large [MANY], refuses "another shape" [&[2, 3][..], &[3, 2]]);
+}, large [MANY, MANY], refuses "another shape" [&[2, 3][..], &[3, 2]]);
 law!(a_network_of_two_layers, parts(&[&[5, 3], &[3, 4], &[4], &[4, 2]]), |x| {
     let hidden = x[0].matmul(x[1])?.try_add(x[2])?.tanh();
     hidden.matmul(x[3])?.square().mean()?

@@ -15,9 +15,9 @@ use bokashi_fit::{
     mean_squared_error,
 };
 use bokashi_render_ops::{
-    Background, Blur, Kernel, Lens, Mesh, Pose, Radius, RasterOptions, RenderError, Sampling, Size,
-    antialias, composite, depth_of_field, gaussian_blur, interpolate, interpolate_indexed, project,
-    rasterize,
+    Background, Blur, Fragments, Kernel, Lens, Mesh, Pose, Radius, RasterOptions, RenderError,
+    Sampling, Size, antialias, composite, depth_of_field, gaussian_blur, interpolate,
+    interpolate_indexed, project, rasterize,
 };
 use glam::DMat4;
 
@@ -134,6 +134,9 @@ fn every_render_error_says_the_rule_and_the_value() {
     let exact = rasterize(clip, fragments.coverage.mesh(), options).unwrap();
     let pixels = exact.coverage.boundary_counts().pixels;
     let values = tape.leaf(&Tensor::zeros([exact.coverage.count(), 1]));
+    let pieces = exact.coverage.count() - exact.coverage.centers();
+    let weightless = Fragments { weight: None, ..exact.clone() };
+    let weightless = composite(values, &weightless, Background::Zero).map(drop);
     let exact = antialias(composite(values, &exact, Background::Zero).unwrap()).map(drop);
     let (points, image, depth) = (zeros(&[2, 3]), zeros(&[4, 4, 1]), zeros(&[4, 4]));
     let lost = {
@@ -155,7 +158,7 @@ fn every_render_error_says_the_rule_and_the_value() {
         ),
         (
             rasterize(clip, &mesh, Size { width: 0, height: 4 }).unwrap_err(),
-            "an image needs at least one pixel and fewer than 2^32, got 0 x 4",
+            "an image needs at least one pixel and fewer than 2^32 - 1, got 0 x 4",
         ),
         (
             Mesh::new(vec![[0, 1, 2], [0, 3, 1]], 3).unwrap_err(),
@@ -180,6 +183,10 @@ fn every_render_error_says_the_rule_and_the_value() {
         (
             composite(image, &fragments, Background::Zero).unwrap_err(),
             "composite needs values of shape [6, C], C > 0, got shape [4, 4, 1]",
+        ),
+        (
+            weightless.unwrap_err(),
+            "composite needs a weight for each of the [pieces] pieces of exact coverage, got none",
         ),
         (
             exact.unwrap_err(),
@@ -215,7 +222,7 @@ fn every_render_error_says_the_rule_and_the_value() {
     let count = fragments.coverage.count();
     let told = |message: &str| {
         let message = message.replace("[6, C]", &format!("[{count}, C]"));
-        message.replace("[pixels]", &pixels.to_string())
+        message.replace("[pieces]", &pieces.to_string()).replace("[pixels]", &pixels.to_string())
     };
     let table = table.into_iter().map(|(error, message)| (error, told(message)));
     // A transparent error shows the one below it: by name it is `Tensor`.

@@ -70,6 +70,9 @@
 //! }
 //! ```
 //!
+//! A method that can be refused returns a `Result`; operators, indexing and `item()` panic at the
+//! caller's line ([`core`] has the rule).
+//!
 //! The engine's crates have names of their own, for those who need one of them alone: [`core`], the
 //! tape and what it records; [`render_ops`], the rendering operations; [`fit`], the loop around them.
 

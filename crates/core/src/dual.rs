@@ -178,6 +178,9 @@ impl<T: Scalar> Scalar for Dual<T> {
     fn abs(self) -> Self {
         if self.value < T::ZERO { -self } else { Self { value: self.value.abs(), ..self } }
     }
+    fn is_same(self, other: Self) -> bool {
+        self.value.is_same(other.value) && self.tangent.is_same(other.tangent)
+    }
     fn is_finite(self) -> bool {
         self.value.is_finite()
     }

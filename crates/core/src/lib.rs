@@ -15,7 +15,22 @@
 //! # Ok::<(), bokashi_core::TensorError>(())
 //! ```
 //!
-//! An operation of your own implements [`Op`], as the built-in operations do.
+//! # What returns a `Result`, and what panics
+//!
+//! A method that can be refused, for a shape, an axis, a bound or a variable of another tape, returns
+//! a `Result`. Its error says the rule and then the value, and the tape is as it was. A method that
+//! cannot be refused (`exp`, `sum`, `abs`) returns its value.
+//!
+//! Operators and reading panic, at the caller's line. `x + y` panics where `x.try_add(y)` returns the
+//! error, and so for `-`, `*` and `/`. `t[[i, j]]` panics outside the shape, and `item()` for anything
+//! but a single entry.
+//!
+//! # An operation of your own
+//!
+//! It implements [`Op`], as the built-in operations do. A mistake of its author panics, and nothing is
+//! recorded: an input that it reads and did not keep, say.
+//!
+//! # Determinism and memory
 //!
 //! Results are bitwise the same for any number of threads, and a step that repeats the last one
 //! allocates nothing on one thread.

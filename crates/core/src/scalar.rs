@@ -66,6 +66,13 @@ pub trait Scalar:
     /// Whether neither infinite nor NaN.
     fn is_finite(self) -> bool;
 
+    /// Whether both are the same number and carry the same derivative, where they carry one: what `==`
+    /// does not ask. A kernel that leaves work out where it would change nothing asks this.
+    #[inline]
+    fn is_same(self, other: Self) -> bool {
+        self == other
+    }
+
     /// The smaller of two, of a number and NaN the number: minimumNumber of IEEE 754-2019, except
     /// that of two zeros it may be either. An instruction, not a choice: a kernel that keeps the
     /// smaller of what is stored and what is new is compiled to whole stores with it.

@@ -87,7 +87,7 @@ impl Kind {
         pixel: usize,
     ) {
         match (self, background) {
-            (Self::Color, [first, rest @ ..]) if rest.iter().all(|entry| entry == first) => {
+            (Self::Color, [first, rest @ ..]) if rest.iter().all(|c| c.is_same(*first)) => {
                 values.fill(*first);
             }
             (Self::Color, _) => values.chunks_exact_mut(channels).for_each(|value| {

@@ -54,7 +54,8 @@ pub fn composite<'t, T: Scalar>(
 impl<'t, T: Scalar> Composite<'t, T> {
     /// The picture of a dense `image: [H, W, C]`, for whoever shades images before they are
     /// antialiased: its covered pixels are values, and all others an image in the background. It costs
-    /// two copies of the image where [`composite`] costs nothing.
+    /// two copies of the image where [`composite`] costs nothing. The image must not have been
+    /// antialiased: no type says so of a dense image.
     ///
     /// # Errors
     /// [`RenderError::Shape`] unless the image is `[H, W, C]`, C > 0, of the fragments' size, and for

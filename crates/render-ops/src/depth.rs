@@ -121,7 +121,7 @@ impl<T: Scalar> Op<T> for Depth {
             coverage.pieces.runs.iter().map(mean)
         };
         if let Some(clip_bar) = gradients.get(0) {
-            let pull_back = PullBack { coverage, clip, depth_bar };
+            let pull_back = DepthPullBack { coverage, clip, depth_bar };
             let runs = &coverage.centers;
             Layout { runs, mesh: &coverage.mesh, width: 4 }.add_to(clip_bar, &pull_back);
             if kept.input_count() == 2 {
@@ -186,13 +186,13 @@ impl<S: Scalar<Wide = S>> Mean<S> {
 }
 
 /// From the gradients of depths to those of the vertices.
-struct PullBack<'a, T> {
+struct DepthPullBack<'a, T> {
     coverage: &'a Coverage,
     clip: &'a [T],
     depth_bar: &'a [T],
 }
 
-impl<T: Scalar> FaceSums<T::Wide> for PullBack<'_, T> {
+impl<T: Scalar> FaceSums<T::Wide> for DepthPullBack<'_, T> {
     fn sum(&self, slot: usize, fragments: Range<usize>, rows: &mut [T::Wide]) {
         let face = face_of(self.coverage, self.clip, slot);
         let size = self.coverage.size;

@@ -13,7 +13,7 @@ pub enum RenderError {
     Tensor(#[from] TensorError),
 
     /// An image has no pixels, or too many.
-    #[error("an image needs at least one pixel and fewer than 2^32, got {size}")]
+    #[error("an image needs at least one pixel and fewer than 2^32 - 1, got {size}")]
     ImageSize {
         /// The size given.
         size: Size,
@@ -85,6 +85,17 @@ pub enum RenderError {
         rule: String,
         /// The shape given.
         shape: Shape,
+    },
+
+    /// Fragments with exact coverage have lost their weights.
+    #[error(
+        "{operation} needs a weight for each of the {pieces} pieces of exact coverage, got none"
+    )]
+    MissingWeights {
+        /// The operation.
+        operation: &'static str,
+        /// Pieces of boundary pixels.
+        pieces: usize,
     },
 
     /// An operation for one fragment per pixel was given exact coverage.

@@ -44,7 +44,8 @@ impl<'t, T: Scalar> Fragments<'t, T> {
     ///
     /// # Errors
     /// [`TensorError::ForeignVariable`] for fragments of another tape; [`RenderError::Shape`] for
-    /// barycentrics that are not one row per fragment, or positions not one per vertex.
+    /// barycentrics that are not one row per fragment, positions not one per vertex, or weights not
+    /// one per piece; [`RenderError::MissingWeights`] where these are missing.
     pub(crate) fn checked_coverage(
         &self,
         operation: &'static str,
@@ -64,11 +65,15 @@ impl<'t, T: Scalar> Fragments<'t, T> {
         if *self.clip.shape() != [vertices, 4] {
             return refused(format!("clip positions of shape [{vertices}, 4]"), self.clip);
         }
-        if let Some(weight) = self.weight {
-            let pieces = count - self.coverage.centers();
-            if *weight.shape() != [pieces] {
+        let pieces = count - self.coverage.centers();
+        match self.weight {
+            None if self.coverage.is_exact() => {
+                return Err(RenderError::MissingWeights { operation, pieces });
+            }
+            Some(weight) if *weight.shape() != [pieces] => {
                 return refused(format!("weights of shape [{pieces}]"), weight);
             }
+            _ => {}
         }
         Ok(Arc::clone(&self.coverage))
     }
@@ -83,7 +88,7 @@ mod tests {
     use crate::composite::composite;
     use crate::interpolate::interpolate;
     use crate::mesh::Mesh;
-    use crate::rasterize::rasterize;
+    use crate::rasterize::{RasterOptions, Sampling, rasterize};
     use crate::size::Size;
 
     fn fragments(tape: &Tape<f64>) -> (Var<'_, f64>, Fragments<'_, f64>) {
@@ -100,6 +105,20 @@ mod tests {
         let coverage = &fragments.coverage;
         assert!((0..36).any(|pixel| coverage.fragment_at(pixel).is_some()));
         assert!([36, 37, usize::MAX].iter().all(|&pixel| coverage.fragment_at(pixel).is_none()));
+    }
+
+    #[test]
+    fn pieces_without_their_weights_are_refused() {
+        let tape = Tape::new();
+        let (clip, whole) = fragments(&tape);
+        let options = RasterOptions::new(Size::square(6)).sampling(Sampling::Exact);
+        let exact = rasterize(clip, whole.coverage.mesh(), options).unwrap();
+        let values = tape.leaf(&Tensor::full([exact.coverage.count(), 1], 0.5));
+        let pieces = exact.coverage.count() - exact.coverage.centers();
+        let lost = Fragments { weight: None, ..exact };
+        let error = composite(values, &lost, Background::Zero).unwrap_err().to_string();
+        let rule = format!("composite needs a weight for each of the {pieces} pieces");
+        assert_eq!(error, format!("{rule} of exact coverage, got none"));
     }
 
     #[test]

@@ -80,7 +80,7 @@ fn is_uniform<T: Scalar>(attributes: Var<'_, T>, indices: &Mesh) -> bool {
     // Equal numbers that are not finite differ by NaN, as `A_0 - A_2` has it.
     rows == indices.vertex_count()
         && channels > 0
-        && value.data().windows(channels + 1).all(|pair| pair[0] == pair[channels])
+        && value.data().windows(channels + 1).all(|pair| pair[0].is_same(pair[channels]))
         && value.data().iter().take(channels).all(|entry| entry.is_finite())
 }
 

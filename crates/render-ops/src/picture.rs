@@ -13,10 +13,11 @@ use std::sync::Arc;
 
 use bokashi_core::{Scalar, Shape, Var};
 
-use crate::background::{Backdrop, Kind};
+use crate::background::{Backdrop, Background, Kind};
 use crate::coverage::Coverage;
 use crate::error::RenderError;
 use crate::runs::Run;
+use crate::size::Size;
 
 /// A sparse image: the values of the pixels that can differ from a background, and the background.
 ///
@@ -79,6 +80,19 @@ impl<'t, T: Scalar> Picture<'t, T> {
         centers.chain(self.rim().iter().map(|&pixel| pixel as usize))
     }
 
+    /// The background, as it is after every [`Picture::map`].
+    pub fn background(&self) -> Background<'t, T> {
+        match self.backdrop.kind {
+            Kind::Color => Background::Color(self.backdrop.values),
+            Kind::Image => Background::Image(self.backdrop.values),
+        }
+    }
+
+    /// The size of the image.
+    pub fn size(&self) -> Size {
+        self.coverage.size()
+    }
+
     /// The number of channels, C.
     pub fn channels(&self) -> usize {
         self.values.shape()[1]
@@ -93,7 +107,7 @@ impl<'t, T: Scalar> Picture<'t, T> {
     ///
     /// # Errors
     /// [`RenderError::Shape`] unless both calls return rows of K > 0 channels, as many as they were
-    /// given; and what `function` refuses.
+    /// given; and what `function` refuses. What `function` has recorded by then stays on the tape.
     pub fn map(
         &self,
         mut function: impl FnMut(Var<'t, T>) -> Result<Var<'t, T>, RenderError>,
@@ -131,7 +145,11 @@ impl<'t, T: Scalar> Picture<'t, T> {
     /// Whether the background is a colour that no gradient is asked of, with these entries.
     pub(crate) fn is_before(&self, color: &[T]) -> bool {
         let Backdrop { values, kind } = self.backdrop;
-        kind == Kind::Color && !values.needs_gradient() && values.value().data() == color
+        if kind == Kind::Image || values.needs_gradient() {
+            return false;
+        }
+        let values = values.value();
+        values.data().iter().zip(color).all(|(own, other)| own.is_same(*other))
     }
 }
 
@@ -152,17 +170,15 @@ pub(crate) fn checked_channels<T: Scalar>(
 
 #[cfg(test)]
 mod tests {
-    use bokashi_core::{Tape, Tensor};
+    use bokashi_core::{Tape, Tensor, hvp, jvp};
 
     use super::*;
     use crate::antialias::antialias;
-    use crate::background::Background;
     use crate::composite::composite;
     use crate::fragments::Fragments;
     use crate::mesh::Mesh;
     use crate::rasterize::{RasterOptions, Sampling, rasterize};
     use crate::reference::Reference;
-    use crate::size::Size;
 
     const SIZE: Size = Size { width: 24, height: 17 };
 
@@ -349,6 +365,96 @@ mod tests {
         let error = narrow.unwrap_err().to_string();
         let rule = "map needs the background's values of shape [1, 2]";
         assert_eq!(error, format!("{rule}, got shape [1, 1]"));
+    }
+
+    /// The sum of the channels of the image before `sky`, or of its squared error, each apart.
+    fn channels_before<'t, T: Scalar>(sky: Var<'t, T>, sampling: Sampling) -> [Var<'t, T>; 2] {
+        let tape = sky.tape();
+        let fragments = fragments(tape, sampling);
+        let values = tape.constant_full([fragments.coverage.count(), 2], T::from_f64(0.3));
+        let picture = composite(values, &fragments, Background::Color(sky)).unwrap();
+        let picture = match sampling {
+            Sampling::Center => antialias(picture).unwrap(),
+            Sampling::Exact => picture.into(),
+        };
+        let image = picture.image().unwrap();
+        let sums = image.reshape([SIZE.pixels(), 2]).unwrap().sum_axis(0).unwrap();
+        let goal = Tensor::zeros([SIZE.height, SIZE.width, 2]);
+        let reference = Reference::new(&goal, &Tensor::full([2], T::from_f64(0.5))).unwrap();
+        [sums, picture.squared_error(&reference).unwrap()]
+    }
+
+    #[test]
+    fn derivatives_along_a_grey_background_are_told_apart_by_channel_and_never_lost() {
+        for sampling in [Sampling::Center, Sampling::Exact] {
+            let (grey, red) = (Tensor::full([2], 0.5), Tensor::new([2], vec![1.0, 0.0]).unwrap());
+            let tape = Tape::<f64>::new();
+            let sky = tape.leaf(&grey);
+            let [sums, error] = channels_before(sky, sampling);
+            let slope = |of: Var<'_, f64>| of.backward().unwrap().get_or_zeros(sky).data()[0];
+            let [of_sum, of_error] = [slope(sums.sum()), slope(error)];
+            let along = |k: usize| {
+                let point = [(&grey, &red)];
+                let [_, slope] = jvp(&mut Tape::new(), &point, |x| {
+                    Ok::<_, RenderError>(channels_before(x[0], sampling)[k])
+                })
+                .unwrap();
+                slope.data().to_vec()
+            };
+            assert!(of_sum > 10.0 && of_error > 10.0);
+            let found = along(0);
+            approx::assert_relative_eq!(found[0], of_sum, max_relative = 1e-12);
+            assert_eq!(found[1], 0.0);
+            approx::assert_relative_eq!(along(1)[0], of_error, max_relative = 1e-12);
+        }
+    }
+
+    #[test]
+    fn at_a_perfect_fit_silhouettes_have_their_curvature() {
+        for sampling in [Sampling::Center, Sampling::Exact] {
+            let corners = [-0.8, -0.9, 0.0, 1.0, 0.9, -0.7, 0.0, 1.0, 0.1, 0.8, 0.0, 1.0];
+            let corners = Tensor::new([3, 4], corners.to_vec()).unwrap();
+            let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
+            let options = RasterOptions::new(SIZE).sampling(sampling);
+            fn image<'t, T: Scalar>(
+                clip: Var<'t, T>,
+                mesh: &Mesh,
+                options: RasterOptions,
+            ) -> Var<'t, T> {
+                let fragments = rasterize(clip, mesh, options).unwrap();
+                let white = [fragments.coverage.count(), 1];
+                let white = clip.tape().constant_full(white, T::ONE);
+                let picture = composite(white, &fragments, Background::Zero).unwrap();
+                let picture = match options.sampling {
+                    Sampling::Center => antialias(picture).unwrap(),
+                    Sampling::Exact => picture.into(),
+                };
+                picture.image().unwrap()
+            }
+            let tape = Tape::<f64>::new();
+            let goal = image(tape.leaf(&corners), &mesh, options).value();
+            let along = Tensor::from_flat_fn([3, 4], |k| [1.0, -0.5][k % 2] * ((k / 4) as f64));
+            let along = along.map(|entry: f64| 0.1 * entry);
+            let products = hvp(&mut Tape::new(), &[(&corners, &along)], |x| {
+                let goal = x[0].tape().constant(&goal.cast());
+                Ok::<_, RenderError>((image(x[0], &mesh, options) - goal).square().sum())
+            });
+            let [_, product] = &products.unwrap()[0];
+            let gradient = |step: f64| {
+                let tape = Tape::<f64>::new();
+                let moved = corners.data().iter().zip(along.data()).map(|(x, v)| x + step * v);
+                let x = tape.leaf(&Tensor::new([3, 4], moved.collect()).unwrap());
+                let loss = (image(x, &mesh, options) - tape.constant(&goal)).square().sum();
+                loss.backward().unwrap().get_or_zeros(x)
+            };
+            let h = 1e-5;
+            let (forth, back) = (gradient(h), gradient(-h));
+            let quotients = forth.data().iter().zip(back.data()).map(|(f, b)| (f - b) / (2.0 * h));
+            assert!(product.data().iter().any(|entry| entry.abs() > 1.0), "{product:?}");
+            for (&found, expected) in product.data().iter().zip(quotients) {
+                approx::assert_relative_eq!(found, expected, epsilon = 1e-4, max_relative = 1e-4);
+            }
+        }
     }
 
     #[test]

@@ -28,7 +28,8 @@ type Function<T> =
 /// A loss `sum_p f(x_p, r_p)` over the pixels of an image, with a reference image: an absolute
 /// error, a robust or a weighted one. Cheap to clone.
 ///
-/// It keeps one number per pixel, beside the reference image.
+/// It keeps one number per pixel, beside the reference image. Its function knows no variables of a
+/// step: for a loss with a learnable scale take [`Picture::values`] and [`Picture::pixels`].
 #[derive(Clone)]
 pub struct PixelLoss<T: Scalar>(Arc<Inner<T>>);
 
@@ -125,7 +126,8 @@ impl<'t, T: Scalar> Picture<'t, T> {
     ///
     /// # Errors
     /// [`RenderError::Shape`] unless the reference has the picture's size and the background's colour
-    /// its channels, and the loss's function returns a row per pixel; and what that refuses.
+    /// its channels, and the loss's function returns a row per pixel; and what the function refuses.
+    /// What it has recorded by then stays on the tape.
     pub fn loss(&self, loss: &PixelLoss<T>) -> Result<Var<'t, T>, RenderError> {
         let Inner { function, reference, background, .. } = &*loss.0;
         let (size, channels) = (self.coverage.size(), self.channels());

@@ -2,7 +2,7 @@
 //!
 //! # Forward
 //! `L = sum_p |x_p - r_p|^2` over the pixels p of the picture, plus the background's squared error at
-//! all others, which the [`Reference`] knows. In [`Scalar::Wide`].
+//! all others, which the [`Reference`] knows. Squares and sums in [`Scalar::Wide`].
 //!
 //! # Backward
 //! `x_bar_p = 2 (x_p - r_p) L_bar`.

@@ -117,10 +117,11 @@ impl<T: Scalar> Parameter<T> {
         }
     }
 
-    /// The first entry of the value: the value of a scalar. Allocates nothing.
+    /// The value of a parameter of one entry. Allocates nothing.
     ///
     /// # Panics
-    /// Where the parameter has no entry.
+    /// Where the parameter has any other number of entries.
+    #[track_caller]
     pub fn item(&self) -> T {
         self.mapping.value(self.raw.item())
     }

@@ -9,14 +9,14 @@ use super::scene::{difference, largest, motley, numbers, rounding};
 const SHAPE: [usize; 3] = [5, 7, 2];
 
 /// An image, its depths, and a lens focused at 2 with an aperture of 1.5 pixels.
-struct View<'t, T: Scalar> {
+struct LensView<'t, T: Scalar> {
     image: Var<'t, T>,
     depth: Var<'t, T>,
     aperture: Var<'t, T>,
     focus: Var<'t, T>,
 }
 
-impl<'t, T: Scalar> View<'t, T> {
+impl<'t, T: Scalar> LensView<'t, T> {
     fn new(tape: &'t Tape<T>, depth: impl Fn(usize) -> f64) -> Self {
         Self {
             image: tape.leaf(&Tensor::from_flat_fn(SHAPE, |k| T::from_f64(motley(k)))),
@@ -37,7 +37,7 @@ impl<'t, T: Scalar> View<'t, T> {
 
 pub(super) fn in_focus<T: Scalar>() -> Outcome {
     let tape = Tape::<T>::new();
-    let view = View::new(&tape, |_| 2.0);
+    let view = LensView::new(&tape, |_| 2.0);
     let found =
         depth_of_field(view.image, view.depth, view.aperture, view.focus, &Lens::default())?;
     let error = difference(&numbers(&found.image.value()), &numbers(&view.image.value()));
@@ -88,7 +88,7 @@ pub(super) fn depth_to_zero<T: Scalar>() -> Outcome {
     // At the eye, at denormal distances, near, and with some pixels at infinity: sigma there is 1.5.
     let depths = [0.0, -0.0, 1e-40, 1e-6, 3.0, f64::INFINITY, 2.0];
     let tape = Tape::<T>::new();
-    let some = View::new(&tape, |k| depths[k % 7]);
+    let some = LensView::new(&tape, |k| depths[k % 7]);
     let short = Lens { radius: Radius::Fixed(RADIUS as usize), ..lens };
     let mixed = depth_of_field(some.image, some.depth, some.aperture, some.focus, &short)?;
     let finite = mixed.image.value().is_finite() && some.largest_bar(mixed.image)?.is_finite();
@@ -99,7 +99,7 @@ pub(super) fn depth_to_zero<T: Scalar>() -> Outcome {
         difference(&numbers(&mixed.image.value()), &gathered(&image, |k| sigmas[k % 7]));
     for (depth, sigma, capped) in [(0.0, 4.0, 35), (1e-40, 4.0, 35), (f64::INFINITY, 1.5, 0)] {
         let tape = Tape::<T>::new();
-        let view = View::new(&tape, |_| depth);
+        let view = LensView::new(&tape, |_| depth);
         let found = depth_of_field(view.image, view.depth, view.aperture, view.focus, &lens)?;
         let sigma = tape.leaf_scalar(T::from_f64(sigma));
         let blurred = gaussian_blur(view.image, sigma, &Blur::default())?;
@@ -118,7 +118,7 @@ pub(super) fn depth_to_zero<T: Scalar>() -> Outcome {
 
 pub(super) fn aperture_zero<T: Scalar>() -> Outcome {
     let tape = Tape::<T>::new();
-    let view = View::new(&tape, |k| 0.3 * k as f64);
+    let view = LensView::new(&tape, |k| 0.3 * k as f64);
     let zero = tape.leaf_scalar(T::ZERO);
     let before = tape.len();
     let found = depth_of_field(view.image, view.depth, zero, view.focus, &Lens::default())?;
@@ -133,7 +133,7 @@ pub(super) fn bad_depth_or_lens<T: Scalar>() -> Outcome {
     let tape = Tape::<T>::new();
     let mut results = Vec::new();
     for bad in [-1.0, f64::NAN, f64::NEG_INFINITY] {
-        let view = View::new(&tape, |k| if k == 9 { bad } else { 1.0 });
+        let view = LensView::new(&tape, |k| if k == 9 { bad } else { 1.0 });
         let said = told(depth_of_field(
             view.image,
             view.depth,
@@ -144,7 +144,7 @@ pub(super) fn bad_depth_or_lens<T: Scalar>() -> Outcome {
         let rule = "depth_of_field needs depths from 0 up";
         results.push((said, format!("{rule}, got {bad} at pixel 9")));
     }
-    let view = View::new(&tape, |_| 1.0);
+    let view = LensView::new(&tape, |_| 1.0);
     let number = |number| tape.leaf_scalar(T::from_f64(number));
     for (aperture, focus, rule, value) in [
         (-1.0, 2.0, "a finite aperture of at least 0", -1.0),

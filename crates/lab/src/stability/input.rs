@@ -34,7 +34,7 @@ pub(super) fn empty_image<T: Scalar>() -> Outcome {
     for (width, height) in [(0, 0), (0, 5), (5, 0), (1 << 16, 1 << 16), (usize::MAX, 2)] {
         let said = told(rasterize(clip, &mesh, Size { width, height }));
         let message = format!(
-            "an image needs at least one pixel and fewer than 2^32, got {width} x {height}"
+            "an image needs at least one pixel and fewer than 2^32 - 1, got {width} x {height}"
         );
         results.push((said, message));
     }

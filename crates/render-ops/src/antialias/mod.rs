@@ -41,7 +41,7 @@ use bokashi_core::parallel::{is_shared, merge_ranges_into};
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar};
 
 use self::discontinuity::{Blend, Outline, blend};
-use self::pairs::{Pair, Rows, Seen};
+use self::pairs::{Pair, Rows, SeenFace};
 use crate::background::Kind;
 use crate::coverage::Coverage;
 use crate::edge_functions::depth_at;
@@ -119,7 +119,7 @@ impl<T: Scalar> Found<T> {
         outlines.find(pieces_of_outlines, coverage, clip);
         blends.clear();
         rows.clear();
-        let view = View { coverage, clip, outlines };
+        let view = Silhouettes { coverage, clip, outlines };
         let (width, height) = (coverage.size().width, coverage.size().height);
         let rows_per_piece = (PIXELS_PER_PIECE / width.max(1)).max(ROWS_PER_PIECE);
         let piece = if is_shared(height, rows_per_piece) { rows_per_piece } else { height };
@@ -252,13 +252,13 @@ impl<S: Scalar<Wide = S>> Outlines<S> {
 }
 
 /// What is drawn, and the outlines.
-struct View<'a, T: Scalar> {
+struct Silhouettes<'a, T: Scalar> {
     coverage: &'a Coverage,
     clip: &'a [T],
     outlines: &'a Outlines<T::Wide>,
 }
 
-impl<T: Scalar> View<'_, T> {
+impl<T: Scalar> Silhouettes<'_, T> {
     /// Finds the blends at the pairs whose first pixel lies in `rows`, and the fragments of their
     /// pixels.
     fn find(&self, rows: Range<usize>, search: &mut Search<T::Wide>) {
@@ -275,12 +275,12 @@ impl<T: Scalar> View<'_, T> {
     }
 
     /// The outline of a face.
-    fn outline(&self, Seen { slot, .. }: Seen) -> Option<&Outline<T::Wide>> {
+    fn outline(&self, SeenFace { slot, .. }: SeenFace) -> Option<&Outline<T::Wide>> {
         self.outlines.outlines.get(self.outlines.of_slot[slot as usize] as usize)
     }
 
     /// The depth of a face at the centre of a pixel.
-    fn depth(&self, seen: Seen, pixel: usize) -> T::Wide {
+    fn depth(&self, seen: SeenFace, pixel: usize) -> T::Wide {
         let size = self.coverage.size();
         if let Some(outline) = self.outline(seen) {
             return depth_at(&outline.vertices, pixel, size);

@@ -12,7 +12,7 @@ use crate::size::Size;
 
 /// What a pixel sees.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Seen {
+pub(super) struct SeenFace {
     pub(super) slot: u32,
     pub(super) face: u32,
     pub(super) fragment: u32,
@@ -26,7 +26,7 @@ pub(super) struct Pair {
     /// Whether the other pixel lies below, not on the right.
     pub(super) below: bool,
     /// What they see, where they are covered.
-    pub(super) seen: [Option<Seen>; 2],
+    pub(super) seen: [Option<SeenFace>; 2],
 }
 
 impl Pair {
@@ -49,9 +49,9 @@ struct RowRun {
 impl RowRun {
     /// At `column`, a column of its own.
     #[inline(always)]
-    fn seen(&self, column: u32) -> Seen {
+    fn seen(&self, column: u32) -> SeenFace {
         let fragment = self.run.fragment + column - self.columns.start;
-        Seen { slot: self.run.slot, face: self.face, fragment }
+        SeenFace { slot: self.run.slot, face: self.face, fragment }
     }
 }
 

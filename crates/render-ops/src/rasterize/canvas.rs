@@ -7,8 +7,8 @@ use bokashi_core::Scalar;
 use super::culling::{Fate, Verdict};
 use super::exact::{BandFaces, BoundarySearch, PieceFragments, Pieces};
 use super::options::Sampling;
+use super::prepared::{NO_SLOT, Prepared, sum_up};
 use super::setup::{LANES, Setup, Weights, beyond};
-use super::view::{NO_SLOT, View, sum_up};
 use crate::runs::{Run, Runs, Slot};
 use crate::size::Size;
 
@@ -82,7 +82,7 @@ pub(super) struct Canvas<T: Scalar> {
 /// The work on a canvas: it draws every `step`-th band from `first` on.
 pub(super) struct Draw<'a, T: Scalar> {
     pub(super) canvas: &'a mut Canvas<T>,
-    pub(super) view: &'a View<'a, T>,
+    pub(super) view: &'a Prepared<'a, T>,
     pub(super) faces: &'a [Vec<u32>],
     pub(super) first: usize,
     pub(super) step: usize,
@@ -103,7 +103,7 @@ impl<T: Scalar> Canvas<T> {
     #[inline(always)]
     fn run(
         &mut self,
-        view: &View<'_, T>,
+        view: &Prepared<'_, T>,
         faces: &[Vec<u32>],
         bands: impl ExactSizeIterator<Item = usize>,
     ) {
@@ -146,7 +146,7 @@ impl<T: Scalar> Canvas<T> {
 
     /// Draws a face into the band of `rows`.
     #[inline(always)]
-    fn draw(&mut self, view: &View<'_, T>, rows: Range<usize>, face: usize) {
+    fn draw(&mut self, view: &Prepared<'_, T>, rows: Range<usize>, face: usize) {
         let Verdict { orientation, fate, .. } = view.verdicts[face];
         let Fate::Drawn { columns: [left, right], rows: [top, bottom] } = fate else {
             unreachable!("only faces that are drawn are on the lists");
@@ -188,7 +188,7 @@ impl<T: Scalar> Canvas<T> {
     /// Resolves the boundary pixels of band `at`, whose faces are `faces`; nothing is seen at their
     /// centres then.
     #[inline(never)]
-    fn resolve(&mut self, view: &View<'_, T>, at: usize, rows: Range<usize>, faces: &[u32]) {
+    fn resolve(&mut self, view: &Prepared<'_, T>, at: usize, rows: Range<usize>, faces: &[u32]) {
         let Self { search, bands, weights, slot_of, .. } = self;
         let Band { pieces, piece_fragments, .. } = &mut bands[at];
         let first = rows.start * view.size.width;
@@ -209,7 +209,7 @@ impl<T: Scalar> Canvas<T> {
     /// Reads what the pixels of a row of band `at` see, and forgets what was drawn there, up to the
     /// image's width. `local` is the row within the band.
     #[inline(always)]
-    fn read_row(&mut self, view: &View<'_, T>, at: usize, row: usize, local: usize) {
+    fn read_row(&mut self, view: &Prepared<'_, T>, at: usize, row: usize, local: usize) {
         let [first, end] = std::mem::replace(&mut self.reached[local], [view.size.width, 0]);
         if first >= end {
             return;
@@ -279,7 +279,7 @@ impl<T: Scalar> Canvas<T> {
 
     /// Gives the runs of band `at`, whose faces are `faces`, their fragments and their weights.
     #[inline(always)]
-    fn hand_over(&mut self, view: &View<'_, T>, at: usize, faces: &[u32]) {
+    fn hand_over(&mut self, view: &Prepared<'_, T>, at: usize, faces: &[u32]) {
         let Self { weights, seen, read, ends, bands, .. } = self;
         let Band { runs, by_pixel, barycentrics, .. } = &mut bands[at];
         runs.count = read.iter().map(|run| run.length as usize).sum();

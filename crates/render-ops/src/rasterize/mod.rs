@@ -27,11 +27,11 @@ mod canvas;
 mod culling;
 mod exact;
 mod options;
+mod prepared;
 mod pull_back;
 mod setup;
 #[cfg(test)]
 mod tests;
-mod view;
 mod visibility;
 
 use std::ops::Range;
@@ -42,7 +42,7 @@ use bokashi_core::{Accumulator, Accumulators, Inputs, Keep, Kept, Op, Outputs, S
 
 use self::exact::Adjoints;
 pub use self::options::{Cull, RasterOptions, Sampling};
-use self::pull_back::PullBack;
+use self::pull_back::WeightPullBack;
 use self::visibility::Visibility;
 use crate::boundary::BoundaryCounts;
 use crate::coverage::Coverage;
@@ -160,7 +160,7 @@ impl Rasterize {
             let count = band.piece_fragments.fragments.len();
             let (own, weights) = (first..first + count, first - coverage.centers());
             first = own.end;
-            exact::PullBack {
+            exact::PiecePullBack {
                 mesh: &self.mesh,
                 size: self.options.size,
                 corners: &visibility.corners,
@@ -249,7 +249,7 @@ impl<T: Scalar> Op<T> for Rasterize {
         }
         let Some(uv_bar) = kept.upstream(0) else { return };
         let pull_back =
-            PullBack { coverage, corners: &visibility.corners, uv: kept.output(0), uv_bar };
+            WeightPullBack { coverage, corners: &visibility.corners, uv: kept.output(0), uv_bar };
         Layout { runs: &coverage.centers, mesh: &self.mesh, width: 4 }.add_to(clip_bar, &pull_back);
     }
 

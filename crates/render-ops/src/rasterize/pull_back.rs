@@ -25,14 +25,14 @@ use crate::homogeneous::{Vertex, missing_factors};
 use crate::size::Size;
 
 /// From the gradients of u and v to those of the vertices.
-pub(super) struct PullBack<'a, T: Scalar> {
+pub(super) struct WeightPullBack<'a, T: Scalar> {
     pub(super) coverage: &'a Coverage,
     pub(super) corners: &'a [Corner<T::Wide>],
     pub(super) uv: &'a [T],
     pub(super) uv_bar: &'a [T],
 }
 
-impl<T: Scalar> FaceSums<T::Wide> for PullBack<'_, T> {
+impl<T: Scalar> FaceSums<T::Wide> for WeightPullBack<'_, T> {
     #[inline(always)]
     fn sum(&self, slot: usize, fragments: Range<usize>, rows: &mut [T::Wide]) {
         let Coverage { mesh, size, centers, .. } = self.coverage;
@@ -76,7 +76,7 @@ fn has_even_weights<S: Scalar>(vertices: &[Vertex<S>; 3], size: Size) -> bool {
         & vertices.iter().fold(true, |all, vertex| all & is_near(vertex))
 }
 
-impl<T: Scalar> PullBack<'_, T> {
+impl<T: Scalar> WeightPullBack<'_, T> {
     /// The gradients of the face's vertices by edge functions.
     #[cold]
     #[inline(never)]

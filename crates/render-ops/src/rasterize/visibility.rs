@@ -16,8 +16,8 @@ use bokashi_core::parallel::{for_each_item_mut, for_each_piece_mut, threads};
 use super::canvas::{Band, Canvas, Draw, resize};
 use super::culling::{Corner, Fate, Verdict, give_one_factor, most_rounding};
 use super::options::{RasterOptions, Sampling};
+use super::prepared::Prepared;
 use super::setup::LANES;
-use super::view::View;
 use crate::coverage::{Coverage, Culled};
 use crate::mesh::{Mesh, repeats_a_vertex};
 use crate::size::Size;
@@ -129,7 +129,7 @@ impl<T: Scalar> Visibility<T> {
         centers.extend(columns.map(|column| size.center_x::<T::Wide>(column)));
         ys.clear();
         ys.extend((0..size.height).map(|row| size.center_y::<T::Wide>(row)));
-        let view = View { mesh, size, corners, verdicts, centers, ys, rows, sampling, needs };
+        let view = Prepared { mesh, size, corners, verdicts, centers, ys, rows, sampling, needs };
         // As few as can be: what the band before has touched is in a core's cache.
         let threads = threads();
         let count = faces.len().min(if threads > 1 { threads * CANVASES_PER_THREAD } else { 1 });

@@ -39,7 +39,7 @@ pub(in super::super) fn refused<T: Scalar>() -> Outcome {
     let positions = scene.leaf(&tape);
     let mut results = Vec::new();
     let empty = Size { width: 0, height: 5 };
-    let rule = "an image needs at least one pixel and fewer than 2^32, got 0 x 5";
+    let rule = "an image needs at least one pixel and fewer than 2^32 - 1, got 0 x 5";
     results.push((told(rasterize(positions, &scene.mesh()?, options(empty))), rule.to_owned()));
     for bad in [f64::NAN, f64::INFINITY] {
         let mut scene = scene.clone();

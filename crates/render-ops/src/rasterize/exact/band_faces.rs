@@ -11,8 +11,8 @@ use super::polygon::{Line, size, value_at};
 use super::visible::Candidate;
 use crate::homogeneous::{Vertex, cross, edge_error_bound, extent};
 use crate::rasterize::culling::{Corner, Fate};
+use crate::rasterize::prepared::Prepared;
 use crate::rasterize::setup::Weights;
-use crate::rasterize::view::View;
 
 /// Lines are looked for within this many times half a pixel's width: more than they can be off.
 pub(super) const REACH: f64 = 1.0 + 1e-6;
@@ -22,7 +22,7 @@ pub(super) const ALONG_AXIS: u8 = 3;
 
 /// A band with the faces that were drawn in it.
 pub(in crate::rasterize) struct BandFaces<'a, 'v, T: Scalar> {
-    pub(in crate::rasterize) view: &'a View<'v, T>,
+    pub(in crate::rasterize) view: &'a Prepared<'v, T>,
     pub(in crate::rasterize) rows: Range<usize>,
     pub(in crate::rasterize) faces: &'a [u32],
     pub(in crate::rasterize) weights: &'a [Weights<T::Wide>],

@@ -6,7 +6,7 @@ use bokashi_core::Scalar;
 
 use super::band_faces::BandFaces;
 use super::pixel_mask::PixelMask;
-use crate::rasterize::view::sum_up;
+use crate::rasterize::prepared::sum_up;
 
 /// More pairs of a block and a face are not gathered at once, but for those of one block.
 const MOST_PAIRS: usize = 1 << 22;

@@ -24,8 +24,8 @@
 //!   v
 //! Pieces (pieces)                              areas, barycentrics, and their sides with sources
 //!   |
-//!   |--> PieceFragments (piece_fragments)      forward: the pieces as fragments, sorted by face
-//!   `--> PullBack, Adjoints (pull_back)        backward: through means and sides to the vertices
+//!   |--> PieceFragments (piece_fragments)     forward: the pieces as fragments, sorted by face
+//!   `--> PiecePullBack, Adjoints (pull_back)   backward: through means and sides to the vertices
 //! ```
 
 mod band_faces;
@@ -47,4 +47,4 @@ pub(super) use self::band_faces::BandFaces;
 pub(super) use self::boundary_pixels::BoundarySearch;
 pub(super) use self::piece_fragments::PieceFragments;
 pub(super) use self::pieces::Pieces;
-pub(super) use self::pull_back::{Adjoints, PullBack};
+pub(super) use self::pull_back::{Adjoints, PiecePullBack};

@@ -3,7 +3,7 @@
 use bokashi_core::Scalar;
 
 use super::pieces::Pieces;
-use crate::rasterize::view::NO_SLOT;
+use crate::rasterize::prepared::NO_SLOT;
 use crate::runs::{Run, Runs, Slot};
 
 /// The pieces of a band as fragments, counted from its first run, slot and fragment.

@@ -25,7 +25,7 @@ use crate::rasterize::culling::Corner;
 use crate::size::Size;
 
 /// What the backward pass of a band reads.
-pub(in crate::rasterize) struct PullBack<'a, T: Scalar> {
+pub(in crate::rasterize) struct PiecePullBack<'a, T: Scalar> {
     pub(in crate::rasterize) mesh: &'a Mesh,
     pub(in crate::rasterize) size: Size,
     pub(in crate::rasterize) corners: &'a [Corner<T::Wide>],
@@ -105,7 +105,7 @@ impl<S: Scalar<Wide = S>> Adjoint<S> {
     fn rows(mut self, size: Size) -> [[S; 4]; 3] {
         let coefficients = *self.face.coefficients();
         let mut direct = [[S::ZERO; 2]; 3];
-        if self.depth != [S::ZERO; 3] {
+        if !are_zero(self.depth) {
             let vertices = self.face.vertices;
             let total = self.face.determinant();
             let bar = self.depth.map(|bar| bar / total);
@@ -135,7 +135,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
     /// vertices.
     pub(in crate::rasterize) fn sum<T: Scalar<Wide = S>>(
         &mut self,
-        band: &PullBack<'_, T>,
+        band: &PiecePullBack<'_, T>,
         mut emit: impl FnMut(usize, &[[S; 4]; 3]),
     ) {
         self.of_band_face.clear();
@@ -158,7 +158,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
     }
 
     /// [`Adjoints::sum`] into `rows`.
-    pub(in crate::rasterize) fn keep<T: Scalar<Wide = S>>(&mut self, band: &PullBack<'_, T>) {
+    pub(in crate::rasterize) fn keep<T: Scalar<Wide = S>>(&mut self, band: &PiecePullBack<'_, T>) {
         let mut rows = std::mem::take(&mut self.rows);
         rows.clear();
         self.sum(band, |face, own| rows.push((face, *own)));
@@ -167,7 +167,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
 
     fn sum_pixel<T: Scalar<Wide = S>>(
         &mut self,
-        band: &PullBack<'_, T>,
+        band: &PiecePullBack<'_, T>,
         pixel: usize,
         own: Range<usize>,
         segments: &[Segment<S>],
@@ -197,7 +197,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
             let Side { source, normal, ends, .. } = segment.side;
             let density = &densities[segment.piece as usize];
             let line_bar = line_bar(ends, segment.side.share(), normal, |point| density.at(point));
-            if line_bar == [S::ZERO; 3] {
+            if are_zero(line_bar) {
                 continue;
             }
             let mut add_depth = |band_face: u32, sign: S| {
@@ -226,7 +226,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
     /// The adjoint of a face, around `pixel` where that is the first pixel to ask.
     fn adjoint<T: Scalar<Wide = S>>(
         &mut self,
-        band: &PullBack<'_, T>,
+        band: &PiecePullBack<'_, T>,
         band_face: u32,
         pixel: usize,
     ) -> &mut Adjoint<S> {
@@ -263,4 +263,9 @@ impl<S: Scalar<Wide = S>> Adjoint<S> {
         }
         bar.extent
     }
+}
+
+/// Whether nothing can come of these numbers, and nothing of their derivatives either.
+fn are_zero<S: Scalar>(numbers: [S; 3]) -> bool {
+    numbers.iter().all(|number| number.is_same(S::ZERO))
 }

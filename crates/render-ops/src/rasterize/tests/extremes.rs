@@ -346,7 +346,7 @@ fn wrong_sizes_and_shapes_are_refused() {
     let error = try_draw::<f32>(&clip, &faces, empty).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "an image needs at least one pixel and fewer than 2^32, got 0 x 5"
+        "an image needs at least one pixel and fewer than 2^32 - 1, got 0 x 5"
     );
     let tape = Tape::<f32>::new();
     let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();

@@ -12,7 +12,7 @@ use crate::size::Size;
 pub(super) const NO_SLOT: u32 = u32::MAX;
 
 /// What the stages share.
-pub(super) struct View<'a, T: Scalar> {
+pub(super) struct Prepared<'a, T: Scalar> {
     pub(super) mesh: &'a Mesh,
     pub(super) size: Size,
     pub(super) corners: &'a [Corner<T::Wide>],
@@ -28,7 +28,7 @@ pub(super) struct View<'a, T: Scalar> {
     pub(super) needs: bool,
 }
 
-impl<'a, T: Scalar> View<'a, T> {
+impl<'a, T: Scalar> Prepared<'a, T> {
     #[inline(always)]
     pub(super) fn blocks_per_row(&self) -> usize {
         self.centers.len() / LANES
