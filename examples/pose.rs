@@ -1,8 +1,8 @@
 //! A pipeline of your own: where is this cube, and how blurred is its picture?
 //!
-//! Takes one blurred picture of a cube whose shape and colours are known, and learns its pose (a
-//! quaternion and a translation) and the blur's sigma together, from a start that is off by half a
-//! radian, a quarter of the cube's side, and a factor of two in sigma.
+//! Takes one blurred picture of a cube whose shape and colours are known. Learns the cube's pose (a
+//! quaternion and a translation) and the blur's sigma together. The start is off by half a radian, a
+//! quarter of the cube's side, and a factor of two in sigma.
 
 use bokashi::glam::{DMat4, DQuat, DVec3};
 use bokashi::prelude::*;

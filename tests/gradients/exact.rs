@@ -16,10 +16,11 @@ use proptest::test_runner::{RngAlgorithm, TestRng, TestRunner};
 use crate::rendering::{check, wide};
 use crate::scenes::{Scene, closed, motley, scenes};
 
-/// The scenes that have derivatives within the laws' rounding. Others do not: slivers, where the
-/// rounding of a centroid's weights is as many times larger as a piece is narrower than a pixel; edges
-/// along the borders of pixels, and faces in one plane, which are kinks; and closed meshes, where
-/// what each side of an edge inside the surface says of it cancels nearly.
+/// The scenes that have derivatives within the laws' rounding. Others do not:
+/// - Slivers: the rounding of a centroid's weights is as many times larger as a piece is narrower
+///   than a pixel.
+/// - Edges along the borders of pixels, and faces in one plane: they are kinks.
+/// - Closed meshes: what each side of an edge inside the surface says of it cancels nearly.
 fn smooth_scenes() -> impl Iterator<Item = (&'static str, BoxedStrategy<Scene>)> {
     let kinds = ["faces", "faces through the eye"];
     scenes().into_iter().filter(move |(kind, _)| kinds.contains(kind))

@@ -1,6 +1,6 @@
-//! With exact coverage what is seen in a pixel and its background are a partition of it, of meshes of
-//! every kind: closed, loose, through each other, in one plane, far smaller than a pixel and far larger
-//! than the image.
+//! With exact coverage what is seen in a pixel and its background are a partition of it. This holds
+//! for meshes of every kind: closed, loose, through each other, in one plane, far smaller than a
+//! pixel, far larger than the image.
 
 use bokashi_core::{Scalar, Tape, Tensor};
 use bokashi_lab::visible_areas;

@@ -1,6 +1,6 @@
-//! One law, a list of operations: every core operation keeps the laws of `bokashi-check`, over
-//! shapes of all kinds and values close to where the operation is not smooth; and the check catches
-//! every wrong adjoint made from it.
+//! One law, a list of operations. Every core operation keeps the laws of `bokashi-check`, over shapes
+//! of all kinds and values close to where the operation is not smooth. The check catches every wrong
+//! adjoint made from it.
 
 use std::fs;
 use std::sync::Arc;

@@ -58,7 +58,7 @@ impl Check {
         }
     }
 
-    /// How many cases are drawn; always the same ones. 32 unless told.
+    /// How many cases are drawn; always the same cases. 32 unless told.
     #[must_use]
     pub fn cases(self, cases: u32) -> Self {
         Self { cases, ..self }
@@ -262,7 +262,7 @@ fn described(found: &Found) -> String {
     text
 }
 
-/// The cases of a strategy, always the same ones.
+/// The cases of a strategy, always the same.
 pub(crate) struct Points {
     strategy: BoxedStrategy<Case>,
     runner: TestRunner,

@@ -28,7 +28,7 @@
 //! the values. It reads
 //! `row norm breaks the law of differences: d out[0] / d in0[0,0]: got 2, expected 1 +- 1e-11`.
 //!
-//! Cases are always the same ones: the same check gives the same result.
+//! Cases are always the same: the same check gives the same result.
 //!
 //! # Where an operation is not smooth
 //!

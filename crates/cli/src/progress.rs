@@ -1,7 +1,7 @@
 //! The progress bar.
 //!
-//! A fit's step takes some hundredths of a millisecond, so a step may not wait for a terminal:
-//! a step costs one look at the clock, and the bar is drawn at most [`PER_SECOND`] times a second.
+//! A fit's step takes some hundredths of a millisecond, so a step may not wait for a terminal. A step
+//! costs a look at the clock, and the bar is drawn at most [`PER_SECOND`] times a second.
 
 use std::io::IsTerminal as _;
 use std::time::{Duration, Instant};

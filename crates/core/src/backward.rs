@@ -26,9 +26,11 @@ pub struct Gradients<'t, T: Scalar> {
 }
 
 impl<'t, T: Scalar> Gradients<'t, T> {
-    /// The gradient with respect to `variable`, in its shape; `None` where it was not asked for,
-    /// is zero because nothing that the pass started from depends on it, or is not known because
-    /// the variable is a constant: what was recorded without a gradient has none.
+    /// The gradient with respect to `variable`, in its shape. It is `None` in three cases:
+    /// - it was not asked for;
+    /// - it is zero, because nothing that the pass started from depends on the variable;
+    /// - it is not known, because the variable is a constant: what was recorded without a gradient
+    ///   has none.
     pub fn get(&self, variable: Var<'t, T>) -> Option<&Tensor<T>> {
         if !std::ptr::eq(variable.tape, self.tape) {
             return None;

@@ -10,7 +10,7 @@
 //!
 //! # Where it is not smooth
 //! Comparisons go by value, so that a kernel takes the same branch as without tangents; the
-//! derivative is the one of that branch. `|x|` has slope 1 at 0.
+//! derivative is the derivative of that branch. `|x|` has slope 1 at 0.
 //!
 //! # Source
 //! Griewank and Walther, *Evaluating Derivatives*, 2nd edition, 2008, chapter 3.

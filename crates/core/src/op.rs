@@ -1,10 +1,12 @@
 //! The one interface behind every operation on the tape, built in or a user's.
 //!
-//! An operation maps input tensors to output tensors and knows its adjoint: given the gradient of
-//! a loss with respect to its outputs (*upstream*), it adds `J^T upstream` into the gradients of
-//! those inputs that need one. Two masks save work: while recording, [`Inputs::needs`] says which
-//! gradients could ever be asked for (it decides what is kept); in a backward pass,
-//! [`Accumulators::needs`] says which are wanted now (it decides what is computed).
+//! An operation maps input tensors to output tensors and knows its adjoint. Given the gradient of a
+//! loss with respect to its outputs (*upstream*), it adds `J^T upstream` into the gradients of those
+//! inputs that need one.
+//!
+//! Two masks save work. While recording, [`Inputs::needs`] says which gradients could ever be asked
+//! for, and so decides what is kept. In a backward pass, [`Accumulators::needs`] says which gradients
+//! are wanted now, and so decides what is computed.
 
 use crate::error::TensorError;
 use crate::gradient::{Accumulator, Accumulators};

@@ -1,8 +1,8 @@
 //! The tape: every value and operation of a step, in the order of recording.
 //!
-//! An operation is recorded after its inputs, so the order of recording is a topological order,
-//! and a backward pass is one loop over the operations in reverse: no hashing, no locks, no
-//! reference counts, no recursion.
+//! An operation is recorded after its inputs, so the order of recording is a topological order. A
+//! backward pass is a loop over the operations in reverse: no hashing, no locks, no reference counts,
+//! no recursion.
 
 use std::cell::RefCell;
 use std::fmt;

@@ -1,5 +1,5 @@
-"""DEODR 0.2.3 on the scenes of `bokashi bench`: milliseconds of a render and of the backward pass of
-the squared error, as JSON for `bokashi-lab bench --peers`.
+"""DEODR 0.2.3 on the scenes of `bokashi-lab bench`: milliseconds of a render and of the backward pass
+of the squared error, as JSON for `bokashi-lab bench --peers`.
 
 Its 2-D stage alone, in f64, on one thread, back faces culled: vertices are projected beforehand, and
 the gradient ends at the pixel positions. Positions are shifted by 0.3 pixels at 256 px.

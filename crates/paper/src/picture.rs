@@ -10,9 +10,9 @@ use super::outcome::Snapshot;
 use super::scene::Scene;
 use super::settings::Silhouettes;
 
-/// The cube `snapshot` in front of black, `[size, size, 3]`, row 0 on top; blurred by `sigma`, in
-/// pixels of this picture, where there is one (the snapshot's own sigma, which is in pixels of the
-/// fit, plays no part).
+/// The cube `snapshot` in front of black, `[size, size, 3]`, row 0 on top. Where there is a `sigma`,
+/// in pixels of this picture, it is blurred. The snapshot's own sigma, which is in pixels of the fit,
+/// plays no part.
 ///
 /// # Errors
 /// [`FitError::Render`] for a size or a sigma that the operations refuse.

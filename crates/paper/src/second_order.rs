@@ -1,21 +1,22 @@
 //! Fits of the cube that end with a second-order method.
 //!
 //! # Forward
-//! First the tuned rates, for [`FIRST_ORDER`] of the steps: far from the truth the image is not
-//! smooth enough for curvature to say more than the slope. Then Levenberg-Marquardt, on
-//! [`POSES`] new random poses per step: with `r = image - target` over all of them,
-//! `A = J^T J`, `g = J^T r`, the step is `-(A + lambda diag A)^-1 g`. It is kept if `sum r^2` falls
-//! on the same poses; `lambda` then shrinks, else it grows. New poses, since those of a fixed set
-//! have local minima where a pixel's nearest face changes; the truth is the minimum of every set.
+//! First come the tuned rates, for [`FIRST_ORDER`] of the steps: far from the truth the image is not
+//! smooth enough for curvature to say more than the slope. Then comes Levenberg-Marquardt, on
+//! [`POSES`] new random poses per step. With `r = image - reference` over all of them, `A = J^T J`,
+//! `g = J^T r`, the step is `-(A + lambda diag A)^-1 g`. It is kept if `sum r^2` falls on the same
+//! poses; `lambda` then shrinks, else it grows. Poses are new, since a fixed set has local minima
+//! where a pixel's nearest face changes. The truth is the minimum of every set.
 //!
 //! # The Jacobian
-//! The image is linear in the colours: one image of eight channels, one per vertex, holds all their
-//! columns. Those of the vertices and of sigma's raw number are the tangents of images over dual
-//! numbers, one image each: exact to rounding.
+//! The image is linear in the colours: an image of eight channels, a channel per vertex, holds all
+//! their columns. The columns of the vertices and of sigma's raw number are the tangents of images
+//! over dual numbers, an image each. They are exact to rounding.
 //!
 //! # Cost
-//! One such step takes about as long as [`UPDATES_PER_STEP`] updates of Adam, and stands for as
-//! many of the fit's steps: a run of this preset takes about as long as one of the others.
+//! A step of Levenberg-Marquardt takes about as long as [`UPDATES_PER_STEP`] updates of Adam, and
+//! stands for as many of the fit's steps. So a run of this preset takes about as long as a run of
+//! another preset.
 //!
 //! # Source
 //! Marquardt, *An algorithm for least-squares estimation of nonlinear parameters*, SIAM Journal on

@@ -25,13 +25,14 @@ pub enum Experiment {
 pub enum Preset {
     /// As printed in the paper: vertices and colours 1e-3, sigma 1e-2, constant.
     Paper,
-    /// Larger ones that fall over the run: in 5.1 vertices 6e-3 and colours 6e-2, along a cosine to
-    /// 0; with a blur vertices 5e-3, colours 3e-2 and sigma 6e-2, exponentially to 0.01 of them.
+    /// Larger rates that fall over the run. In 5.1 vertices have 6e-3 and colours 6e-2, along a
+    /// cosine to 0. With a blur vertices have 5e-3, colours 3e-2 and sigma 6e-2, exponentially to
+    /// 0.01 of these rates.
     Tuned,
-    /// Half of the run with the tuned rates over it; in the other half steps of
-    /// Levenberg-Marquardt, in `f64` whatever the fit computes with, of which each takes the place,
-    /// and about the time, of 150 updates. Made for 32 px: at 16 px its steps can undo what the
-    /// first half learnt, see docs/stiff.md.
+    /// The first half of the run has the tuned rates. The other half has steps of
+    /// Levenberg-Marquardt, in `f64` whatever the fit computes with. Each takes the place, and about
+    /// the time, of 150 updates. Made for 32 px: at 16 px its steps can undo what the first half
+    /// learnt, see docs/stiff.md.
     SecondOrder,
 }
 

@@ -7,7 +7,7 @@ use std::sync::Arc;
 pub(crate) struct Boundary {
     /// The pixels, in order; shared with pictures.
     pub(crate) pixels: Arc<Vec<u32>>,
-    /// Where in `fragments` those of each pixel end.
+    /// Where in `fragments` the fragments of each pixel end.
     pub(crate) ends: Vec<u32>,
     /// The fragments of each pixel, the largest piece first.
     pub(crate) fragments: Vec<u32>,
@@ -23,7 +23,7 @@ impl Boundary {
         &self.fragments[first as usize..self.ends[at] as usize]
     }
 
-    /// The fragment of the largest piece of the boundary pixel `at`, where one has an area.
+    /// The fragment of the largest piece of the boundary pixel `at`, where a piece has an area.
     pub(crate) fn largest_of(&self, at: usize) -> Option<u32> {
         let is_seen = self.unseen.binary_search(&self.pixels[at]).is_err();
         self.fragments_of(at).first().copied().filter(|_| is_seen)
@@ -52,7 +52,7 @@ impl Boundary {
 pub struct BoundaryCounts {
     /// Pixels that a discontinuity may cross.
     pub pixels: usize,
-    /// Their pieces, fragments each: the visible ones, and those of no area beside sides on borders.
+    /// Their pieces, fragments each: visible pieces, and pieces of no area beside sides on borders.
     pub pieces: usize,
     /// Pieces that were dropped: smaller than 1e-14 of a pixel, but not so thin that rounding leaves
     /// nothing of them. What lies behind a pixel's front is not looked at, and not counted.

@@ -28,9 +28,11 @@ const NAME: &str = "composite";
 /// its weight.
 ///
 /// # Errors
-/// [`RenderError::Shape`] unless the values are `[N, C]`, C > 0, with N the number of fragments, and
-/// the background has as many channels and, if it is an image, the image's size; and for fragments
-/// that are not whole. `TensorError::ForeignVariable` for variables of several tapes.
+/// - [`RenderError::Shape`] unless the values are `[N, C]`, C > 0, with N the number of fragments,
+///   and for fragments that are not whole.
+/// - [`RenderError::Shape`] unless the background has as many channels and, if it is an image, the
+///   image's size.
+/// - `TensorError::ForeignVariable` for variables of several tapes.
 pub fn composite<'t, T: Scalar>(
     values: Var<'t, T>,
     fragments: &Fragments<'t, T>,

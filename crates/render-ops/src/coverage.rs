@@ -127,9 +127,9 @@ impl Coverage {
         ids
     }
 
-    /// The pixels that exact coverage has resolved into pieces, in order, each with its fragments,
-    /// the largest piece first; where nothing is seen in one, it has none, or pieces of weight 0. Of
-    /// other pixels each has one fragment or none.
+    /// The pixels that exact coverage has resolved into pieces, in order. Each comes with its
+    /// fragments, the largest piece first. A pixel in which nothing is seen has no fragments, or
+    /// pieces of weight 0. Every other pixel of the image has a single fragment, or none.
     pub fn boundary(&self) -> impl Iterator<Item = (usize, &[u32])> + Clone + '_ {
         self.boundary.iter()
     }

@@ -139,9 +139,9 @@ impl<S: Scalar<Wide = S>> LocalFace<S> {
         [width * x_bar, height * y_bar, w_bar]
     }
 
-    /// The gradients with respect to (x, y, w) of vertex i in clip space, as it is after being
-    /// multiplied by its factor: that comes last, for with it they may be beyond the range of the
-    /// numbers.
+    /// The gradients with respect to (x, y, w) of vertex i in clip space, after its factor has
+    /// multiplied it. The factor's own turn comes last, for with it the gradients may be beyond the
+    /// range of the numbers.
     #[inline(always)]
     pub(crate) fn pull_back(&self, sums: &EdgeSums<S>, i: usize, size: Size) -> [S; 3] {
         let (j, k) = ((i + 1) % 3, (i + 2) % 3);

@@ -12,9 +12,9 @@ use bokashi_core::{Accumulator, Scalar};
 use crate::mesh::Mesh;
 use crate::runs::Runs;
 
-/// Adds a term to an entry of a gradient. A term beyond the range of the numbers is infinite, and
-/// so is the entry from then on: another one of the opposite sign leaves it as it is, for their sum
-/// would be NaN. What is NaN stays so.
+/// Adds a term to an entry of a gradient. A term beyond the range of the numbers is infinite, and so
+/// is the entry from then on. A later infinite term of the opposite sign leaves the entry as it is,
+/// for their sum would be NaN. What is NaN stays so.
 #[inline]
 pub(crate) fn add_term<T: Scalar>(entry: &mut T, term: T) {
     if term.is_finite() || *entry != -term {
@@ -22,7 +22,7 @@ pub(crate) fn add_term<T: Scalar>(entry: &mut T, term: T) {
     }
 }
 
-/// [`add_term`] for several, which rarely have one beyond the range.
+/// [`add_term`] for several terms, which are rarely beyond the range.
 #[inline(always)]
 fn add_terms<T: Scalar, const N: usize>(entries: [&mut T; N], terms: [&T; N]) {
     if terms.iter().all(|term| term.is_finite()) {

@@ -1,8 +1,8 @@
 //! Points and lines of the image plane in homogeneous coordinates.
 //!
-//! With a vertex `(x, y, w)` in scaled coordinates and a pixel centre `(X, Y)`, the vertex relative
-//! to the pixel is `q = (x - X w, y - Y w)`, and the edge from vertex 1 to vertex 2 is
-//! `a = q1 x q2`: positive on its left, zero on the line. No division by `w`, so that vertices
+//! Let `(x, y, w)` be a vertex in scaled coordinates, and `(X, Y)` a pixel centre. The vertex
+//! relative to the pixel is `q = (x - X w, y - Y w)`. The edge from vertex 1 to vertex 2 is
+//! `a = q1 x q2`: positive on its left, zero on the line. Nothing is divided by `w`, so that vertices
 //! behind the eye need no clipping.
 //!
 //! # Source
@@ -23,11 +23,11 @@ pub(crate) struct Vertex<S> {
 }
 
 impl<S: Scalar<Wide = S>> Vertex<S> {
-    /// Vertex `index` of the rows of `clip: [V, 4]`, times a power of two, and that factor: 1 but
-    /// where products of three coordinates would leave the range of the numbers, or one coordinate
-    /// times the image's extent. A vertex times a positive number is the same point, so it changes
-    /// no edge's sign, no crossing and no depth; weights are per vertex, and take the factor back
-    /// (see [`missing_factors`]).
+    /// Vertex `index` of the rows of `clip: [V, 4]`, times a power of two, and that factor. The
+    /// factor is 1 unless products of three coordinates would leave the range of the numbers, or a
+    /// coordinate times the image's extent would. A vertex times a positive number is the same point,
+    /// so it changes no edge's sign, no crossing and no depth. Weights are per vertex, and take the
+    /// factor back (see [`missing_factors`]).
     #[inline(always)]
     pub(crate) fn of<T: Scalar<Wide = S>>(clip: &[T], index: u32, size: Size) -> (Self, S) {
         let [x, y, z, w] = clip.as_chunks::<4>().0[index as usize].map(T::widen);
@@ -105,9 +105,9 @@ pub(crate) fn extent<S: Scalar>(vertex: Vertex<S>, size: Size) -> [S; 2] {
     [vertex.x.abs() + width * w, vertex.y.abs() + height * w]
 }
 
-/// More than the rounding errors of the edge function from `p` to `q` anywhere in the image, from
-/// its coefficients or from the vertices relative to a pixel centre: some ten roundings of products
-/// of at most this size. The same for `q` to `p`.
+/// More than the rounding errors of the edge function from `p` to `q`, or from `q` to `p`, anywhere
+/// in the image. It holds for edge functions from coefficients and from vertices relative to a pixel
+/// centre: some ten roundings of products of at most this size.
 #[inline(always)]
 pub(crate) fn edge_error_bound<S: Scalar<Wide = S>>(p: Vertex<S>, q: Vertex<S>, size: Size) -> S {
     let ([px, py], [qx, qy]) = (extent(p, size), extent(q, size));
@@ -121,7 +121,7 @@ pub(crate) fn missing_factors<S: Scalar>(a: [S; 3], factors: [S; 3]) -> [S; 3] {
     if are_one(factors) { [S::ONE; 3] } else { relative_factors(a, factors) }
 }
 
-/// The factors relative to the largest one that counts, so that the weights neither overflow nor
+/// The factors relative to the largest factor that counts, so that the weights neither overflow nor
 /// vanish all three.
 #[cold]
 fn relative_factors<S: Scalar>(a: [S; 3], factors: [S; 3]) -> [S; 3] {
@@ -130,7 +130,7 @@ fn relative_factors<S: Scalar>(a: [S; 3], factors: [S; 3]) -> [S; 3] {
     if largest == S::ZERO {
         return [S::ONE; 3];
     }
-    // One that doesn't count may be larger than any number times the largest one that does.
+    // A factor that doesn't count may be larger than any number times the largest factor that does.
     let most = S::from_f64(f64::powi(2.0, 1000));
     factors.map(|factor| (factor / largest).minimum_or_nan(most))
 }

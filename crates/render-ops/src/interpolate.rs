@@ -40,9 +40,10 @@ pub fn interpolate<'t, T: Scalar>(
 /// `indices` names the attributes of face k of the mesh that was rasterized.
 ///
 /// # Errors
-/// [`RenderError::FaceCount`] unless `indices` has as many faces as the mesh that was rasterized;
-/// [`RenderError::Shape`] unless the attributes are `[A, C]` with A its number of vertices, and for
-/// fragments that are not whole; `TensorError::ForeignVariable` for variables of several tapes.
+/// - [`RenderError::FaceCount`] unless `indices` has as many faces as the mesh that was rasterized.
+/// - [`RenderError::Shape`] unless the attributes are `[A, C]` with A its number of vertices, and for
+///   fragments that are not whole.
+/// - `TensorError::ForeignVariable` for variables of several tapes.
 pub fn interpolate_indexed<'t, T: Scalar>(
     attributes: Var<'t, T>,
     indices: &Mesh,
@@ -165,9 +166,9 @@ impl<T: Scalar> Op<T> for Interpolate {
 }
 
 impl Interpolate {
-    /// Calls `work(fragments, corners, own)` for each face in each band, with its fragments, the
-    /// attributes of its vertices, and the fragments' entries of `entries`, as many for each; bands may
-    /// be worked on at the same time.
+    /// Calls `work(fragments, corners, own)` for each face in each band: with its fragments, the
+    /// attributes of its vertices, and the fragments' entries of `entries`. Each fragment has as many
+    /// entries. Bands may be worked on at the same time.
     fn for_each_face_mut<T: Scalar>(
         &self,
         attributes: &[T],

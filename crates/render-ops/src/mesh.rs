@@ -77,11 +77,11 @@ impl Mesh {
         self.0.seams.get(face).is_some_and(|seams| seams & 1 << corner != 0)
     }
 
-    /// Whether the surface ends, or turns away, at the edge that faces corner `corner` of `face`,
-    /// where `orientation` gives the sign of a face's area as it is seen, 0 for a face that covers
-    /// nothing: no face on its other side, or both faces on the same side of it in the image. A face
-    /// seen edge-on, to within rounding, covers neither side, and neither does a culled face, so the
-    /// other face ends there too.
+    /// Whether the surface ends, or turns away, at the edge that faces corner `corner` of `face`.
+    /// `orientation` gives the sign of a face's area as it is seen, or 0 for a face that covers
+    /// nothing. The surface ends where no face lies beyond the edge. It turns away where both faces
+    /// lie on the same side of the edge in the image. A face seen edge-on, to within rounding, covers
+    /// neither side, and neither does a culled face. So the other face ends there, too.
     #[inline(always)]
     pub(crate) fn is_silhouette(
         &self,

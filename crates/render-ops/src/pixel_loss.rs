@@ -2,8 +2,8 @@
 //!
 //! # Forward
 //! `L = sum_p f(x_p, r_p)` over all pixels p of the image, with a reference image r. At the pixels of
-//! a picture f is recorded with what is seen there; its sum over all others, where a constant
-//! background is seen, is made of sums over blocks that are worked out once (`reference`).
+//! a picture f is recorded with what is seen there. All other pixels see a constant background. The
+//! sum over them is made of sums over blocks that are worked out once (`reference`).
 //!
 //! # Backward
 //! The operations of f, at the pixels of the picture.

@@ -1,8 +1,8 @@
 //! Reference images, and what a background costs against them.
 //!
-//! A sum over all pixels of an image is one over the pixels of a picture and one over all others,
-//! where the background is seen. The second sum changes with the silhouettes alone: it is made of
-//! sums over blocks of pixels, which are worked out once.
+//! A sum over all pixels of an image is the sum over the pixels of a picture and the sum over all
+//! others, where the background is seen. The second sum changes with the silhouettes alone. It is
+//! made of sums over blocks of pixels, which are worked out once.
 
 use std::ops::Range;
 use std::sync::Arc;

@@ -1,10 +1,10 @@
 //! Runs: neighbouring pixels of a row that see one face.
 //!
-//! Rows are grouped into *bands*; the faces that are seen in a band have a *slot* each, in the order of
-//! their first pixels. Runs are ordered by slot, and within a slot by pixel, and so are the fragments
-//! that they hold. So the fragments of a face in a band lie side by side in memory: work on the face is
-//! prepared once for all of them, and a backward pass sums over them before it adds to the face's
-//! vertices. Bands are cut by the image's size alone.
+//! Rows are grouped into *bands*. Each face that is seen in a band has a *slot*, in the order of the
+//! faces' first pixels. Runs are ordered by slot, and within a slot by pixel, and so are the
+//! fragments that they hold. So the fragments of a face in a band lie side by side in memory. Work on
+//! the face is prepared once for all of them. A backward pass sums over them before it adds to the
+//! face's vertices. Bands are cut by the image's size alone.
 
 use std::ops::Range;
 

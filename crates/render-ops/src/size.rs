@@ -1,8 +1,8 @@
 //! The size of an image, and where its pixel centres are.
 //!
 //! Geometry is done in *scaled* normalized device coordinates: x times the width and y times the
-//! height, so that the image is `[-W, W] x [-H, H]`, y up, a pixel is 2 units wide, and every
-//! pixel centre is a whole number, free of rounding.
+//! height. The image is `[-W, W] x [-H, H]`, y up, and a pixel is 2 units wide. So every pixel centre
+//! is a whole number, free of rounding.
 
 use std::fmt;
 

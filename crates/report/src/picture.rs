@@ -1,4 +1,4 @@
-//! Pictures: image tensors as PNG files, small ones enlarged pixel by pixel.
+//! Pictures: image tensors as PNG files; small tensors are enlarged pixel by pixel.
 //!
 //! A value of 0 is black and 1 is full; there is no gamma curve between, since the fit's loss
 //! knows none either. Values outside are clamped, and what is NaN shows as magenta, so that a

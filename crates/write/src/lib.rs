@@ -1,11 +1,11 @@
 //! Files that are written whole or not at all.
 //!
 //! # Where the bytes go
-//! Links are followed to the file at their end, there or not, and that file is replaced: the bytes go
+//! Links are followed to the file at their end, there or not, and that file is replaced. The bytes go
 //! to a temporary file beside it, which then takes its name, its mode and, where the system allows
 //! it, its owner. A hard link under another name keeps the old bytes. What is no regular file is
-//! written in place: a device, a FIFO, a descriptor such as `/dev/stdout`. A read-only file is refused
-//! by its permission bits, to root as well.
+//! written in place: a device, a FIFO, a descriptor such as `/dev/stdout`. A read-only file is
+//! refused by its permission bits, to root as well.
 //!
 //! # Killed runs
 //! A temporary file is named after the file that it becomes, `.{name}.bokashi-` and six letters, and

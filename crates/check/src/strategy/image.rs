@@ -5,9 +5,9 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
 
-/// Images `[height, width, channels]` of up to 9 by 9 pixels and 4 channels, a single pixel, row or
-/// column among them: noise, constant, an impulse in a corner or anywhere, a step, a chessboard,
-/// or of a range from 1e-6 to 1e6.
+/// Images `[height, width, channels]` of up to 9 by 9 pixels and 4 channels; some are a single pixel,
+/// row or column. They hold noise, a constant, an impulse in a corner or anywhere, a step, a
+/// chessboard, or a range from 1e-6 to 1e6.
 pub fn image() -> BoxedStrategy<Tensor<f64>> {
     let extent = || prop_oneof![1 => Just(1_usize), 3 => 2..=9_usize];
     (extent(), extent(), 1..=4_usize)
@@ -52,9 +52,9 @@ pub fn image_of(shape: [usize; 3]) -> BoxedStrategy<Tensor<f64>> {
         .boxed()
 }
 
-/// Standard deviations of a blur, in pixels, from 0.05 to 12: small ones, where a sampled kernel is
-/// an impulse; multiples of a quarter, where windows of whole radii step; and larger than an image
-/// of [`image`].
+/// Standard deviations of a blur, in pixels, from 0.05 to 12. Some are so small that a sampled kernel
+/// is an impulse. Some are multiples of a quarter, where windows of whole radii step. Some are larger
+/// than an image of [`image`].
 pub fn sigma() -> BoxedStrategy<f64> {
     prop_oneof![
         4 => 0.3..3.0,

@@ -5,9 +5,9 @@ use std::f64::consts::FRAC_1_SQRT_2;
 use proptest::prelude::*;
 use proptest::sample::select;
 
-/// Matrices from world to clip space, as columns, `clip = sum_k column_k p_k`: perspective cameras
-/// (OpenGL's depth range) that look at the origin from all around, at 0.2 to 6 units; some stand
-/// within what they see, some have a near plane through it, a narrow or a wide view.
+/// Matrices from world to clip space, as columns: `clip = sum_k column_k p_k`. They are perspective
+/// cameras (OpenGL's depth range) that look at the origin from all around, at 0.2 to 6 units. Some
+/// stand within what they see, or have a near plane through it. Some have a narrow or a wide view.
 pub fn camera() -> BoxedStrategy<[[f64; 4]; 4]> {
     let distance = prop_oneof![4 => 1.5..6.0_f64, 1 => 0.2..0.8];
     let direction = [-1.0..1.0, -1.0..1.0, -1.0..1.0];

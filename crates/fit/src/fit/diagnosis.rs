@@ -43,8 +43,8 @@ pub(super) fn record_loss<'t, T: Scalar, P: Pipeline<T>>(
     Ok(loss)
 }
 
-/// Checks that every parameter that is fitted has a way to the loss, if only one that rests in this
-/// step: where none was recorded, no later step of the same pipeline has one either.
+/// Checks that every parameter that is fitted has a way to the loss, even a way that rests in this
+/// step. Where no way was recorded, no later step of the same pipeline has a way either.
 pub(super) fn check_ways<'t, T: Scalar>(
     parameters: &Parameters<T>,
     variables: &Variables<'t, T>,

@@ -167,10 +167,13 @@ impl<T: Scalar> Fit<T> {
     /// Does one step, whatever the rules to stop say.
     ///
     /// # Errors
-    /// What the pipeline refuses; [`FitError::NotFinite`] where the loss or a gradient is infinite
-    /// or NaN (a value where the loss comes from one); [`FitError::NoWay`] in the first step, where
-    /// a parameter that is neither frozen nor optional has no way to the loss. Parameters and
-    /// moments are then as they were.
+    /// - What the pipeline refuses.
+    /// - [`FitError::NotFinite`] where the loss or a gradient is infinite or NaN. Where a parameter's
+    ///   value is at fault, the error names that value.
+    /// - [`FitError::NoWay`] in the first step, where a parameter that is neither frozen nor optional
+    ///   has no way to the loss.
+    ///
+    /// Parameters and moments are then as they were.
     pub fn step<P: Pipeline<T>>(&mut self, pipeline: &mut P) -> Result<Stepped, FitError> {
         let target_ms = self.prepare(pipeline)?;
         match self.advance(pipeline, None, |_, _, _| ControlFlow::Continue(()))? {

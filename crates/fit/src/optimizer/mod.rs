@@ -117,10 +117,12 @@ impl Optimizer {
     /// every learning rate.
     ///
     /// # Errors
-    /// [`FitError::NotFinite`] where a gradient (or, for Adam and AMSGrad, its square) is infinite
-    /// or NaN, or the update would make a value so; [`FitError::Setting`] where a rate is too large,
-    /// or epsilon too small, for the numbers of the fit. All parameters and moments are then as they
-    /// were.
+    /// - [`FitError::NotFinite`] where a gradient (or, for Adam and AMSGrad, its square) is infinite
+    ///   or NaN, or where the update would make a value so.
+    /// - [`FitError::Setting`] where a rate is too large, or epsilon too small, for the numbers of
+    ///   the fit.
+    ///
+    /// All parameters and moments are then as they were.
     pub fn update<'t, T: Scalar>(
         &self,
         parameters: &mut Parameters<T>,

@@ -2,7 +2,7 @@
 
 use bokashi_core::{Scalar, Var};
 
-/// A smooth one-to-one map from all numbers to the allowed ones.
+/// A smooth one-to-one map from all numbers to the allowed numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[cfg_attr(feature = "save", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "save", serde(rename_all = "kebab-case", deny_unknown_fields))]
@@ -11,7 +11,7 @@ pub enum Mapping {
     /// All numbers: `value = raw`.
     #[default]
     Identity,
-    /// Positive numbers: `value = ln(1 + e^raw)`, which is `raw` for large ones. Steps in raw are
+    /// Positive numbers: `value = ln(1 + e^raw)`, which is `raw` for large numbers. Steps in raw are
     /// steps of about the same size in value.
     Softplus,
     /// Positive numbers: `value = e^raw`. Steps in raw are relative steps in value.

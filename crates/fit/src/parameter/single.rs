@@ -79,8 +79,8 @@ impl<T: Scalar> Parameter<T> {
         Self { frozen: true, ..self }
     }
 
-    /// The parameter as one that a pipeline may leave unused when a fit starts, and use later. Of
-    /// any other, a fit's first step needs a way to the loss
+    /// The parameter, which a pipeline may now leave unused when a fit starts, and use later. Every
+    /// other parameter needs a way to the loss in a fit's first step
     /// ([`FitError::NoWay`](crate::FitError::NoWay)).
     #[must_use]
     pub fn optional(self) -> Self {

@@ -12,11 +12,13 @@
 //! | `largest_second_moment/NAME` | the largest of these so far |
 //! | `pipeline` | bytes (`U8`) that the pipeline saved of itself |
 //!
-//! What an optimizer does not have, and a pipeline that has not begun, has no tensor. Everything else
-//! is a JSON text in the metadata, under `bokashi_fit`: the version, settings, how many updates are
-//! done, the least loss of the run and its step, and of each parameter its rate, its mapping, whether
-//! it is frozen, how many updates it had. It begins with a checksum, the CRC-32 of the rest of the
-//! text and of all tensors by name: name, type and shape (as `F32[8, 3]`), bytes.
+//! What an optimizer does not have, and a pipeline that has not begun, has no tensor.
+//!
+//! Everything else is a JSON text in the metadata, under `bokashi_fit`. It has the version, the
+//! settings, how many updates are done, and the least loss of the run with its step. For each
+//! parameter it has the rate, the mapping, whether it is frozen, and how many updates it had. The
+//! text begins with a checksum: the CRC-32 of the rest of the text and of all tensors by name. A
+//! tensor counts with its name, its type and shape (as `F32[8, 3]`), and its bytes.
 //!
 //! # Trust
 //! Nothing that a file says is believed before it is checked: whatever the bytes are, the answer is

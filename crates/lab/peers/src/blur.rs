@@ -15,7 +15,7 @@ use libblur::{
 use crate::Figure;
 use crate::sampling::interleaved;
 
-/// Those of `bokashi bench`.
+/// Strengths of the blur, in pixels, as in `bokashi-lab bench`.
 const SIGMAS: [f64; 6] = [0.1, 0.5, 1.0, 4.0, 16.0, 64.0];
 const PIXELS: [usize; 3] = [32, 256, 1024];
 const CHANNELS: usize = 3;

@@ -1,5 +1,5 @@
-//! Times of other people's code on the work that `bokashi bench` times: on standard output as JSON
-//! for `bokashi-lab bench --peers FILE`, on standard error as a table.
+//! Times of other people's code on the work that `bokashi-lab bench` times: on standard output as
+//! JSON for `bokashi-lab bench --peers FILE`, on standard error as a table.
 //!
 //! One thread, f32. The slope between two chains is the time of a multiplication, so that what a
 //! step costs once does not count; a blur is forward alone, at the library's own truncation.

@@ -5,7 +5,7 @@ use std::hint::black_box;
 use crate::Figure;
 use crate::sampling::interleaved;
 
-/// Lengths of the chains and of the vectors: those of `bokashi bench`.
+/// Lengths of the chains and of the vectors, as in `bokashi-lab bench`.
 const CHAINS: [usize; 2] = [20, 220];
 const LENGTHS: [usize; 4] = [1, 16, 256, 3072];
 

@@ -1,9 +1,9 @@
 //! How fast Bokashi is, at what error, and what it leaves out.
 //!
-//! [`bench()`] answers one question after the other: steps beside other renderers, the gradient of
-//! silhouettes against the true one, fits by steps and seconds to an error, blurs and operations by
-//! time and error, a pipeline node by node, the tape's own cost, growth, memory. [`elision()`] sets
-//! steps that compute something beside steps that have no need of it.
+//! [`bench()`] answers one question after the other. They ask for steps beside other renderers, the
+//! gradient of silhouettes, fits to an error, blurs and operations by time and error. They also ask
+//! for a pipeline node by node, the tape's own cost, growth, and memory. [`elision()`] sets steps
+//! that compute something beside steps that have no need of it.
 
 mod difference;
 mod effort;

@@ -10,7 +10,7 @@ use serde::Deserialize;
 use crate::bench::effort::Effort;
 use crate::bench::machine::Machine;
 
-/// A measurement of someone else's code, as the package `peers/` writes them.
+/// A measurement of someone else's code, as the package `crates/lab/peers` writes it.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Peer {
@@ -34,7 +34,7 @@ pub struct Peer {
     pub error: Option<f64>,
 }
 
-/// Reads the measurements that the package `peers/` wrote.
+/// Reads the measurements that the package `crates/lab/peers` wrote.
 ///
 /// # Errors
 /// Where the file can't be read, or holds something else.

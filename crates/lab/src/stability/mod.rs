@@ -1,9 +1,9 @@
 //! The extreme-case grid: what is put in, what has to come out, what came out.
 //!
-//! Every case runs in `f32` and in `f64`. It compares with the exact answer, worked out another way
-//! (in whole numbers, by a linear system per pixel, by a double sum over taps, by hand), wherever
-//! there is one, and says how far off it is and how far it may be. A case that panics, or does not
-//! end, is a failed row.
+//! Every case runs in `f32` and in `f64`. Wherever there is an exact answer, the case compares with
+//! it. The answer is worked out another way: in whole numbers, by a linear system per pixel, by a
+//! double sum over taps, or by hand. The case says how far off it is and how far it may be. A case
+//! that panics, or does not end, is a failed row.
 //!
 //! ```
 //! let rows = bokashi_lab::stability::grid_of(&[14], |_| std::ops::ControlFlow::Continue(()));

@@ -121,12 +121,13 @@ pub(super) fn blends_on_all_sides<T: Scalar>() -> Outcome {
         .and(reach == 1.9375, format!("a pixel moved by up to {reach} steps in colour")))
 }
 
-/// What becomes of `image`, of 8 x 8 pixels, where the edge at 45 degrees of a face at the bottom
-/// left, or else at the bottom right, goes through the centres of a diagonal: a pixel of the
-/// diagonal moves half-way to the left one, and half-way to the one that is on the same side.
+/// What becomes of `image`, of 8 x 8 pixels, with a face at the bottom left, or else at the bottom
+/// right. The face's edge at 45 degrees goes through the centres of a diagonal. A pixel of the
+/// diagonal moves half-way to its left neighbour, and half-way to its neighbour above or below on the
+/// same side.
 ///
 /// A centre on an edge counts as a little to the right of it. So the first face covers none of the
-/// diagonal: it reaches over from the left and from below, through distances of 1. The other one
+/// diagonal: it reaches over from the left and from below, through distances of 1. The other face
 /// covers all of the diagonal, and ends there, at distances of 0 to the left and above.
 fn through_centers(image: &[f64], is_left: bool) -> Vec<f64> {
     let mut out = image.to_vec();

@@ -2,8 +2,9 @@
 //!
 //! # The unit of cost
 //! A *gradient evaluation* is one pass forward and one backward over the tape. Everything else is
-//! counted in the same passes: an objective or residuals alone 1/2; a pass in dual numbers twice a
-//! plain one, so `J v` 1, a Jacobian of n columns n, and a Hessian-vector product 2.
+//! counted in the same passes. An objective or residuals alone count 1/2. A pass in dual numbers
+//! counts twice a plain pass. So `J v` counts 1, a Jacobian of n columns n, and a Hessian-vector
+//! product 2.
 
 use std::fmt;
 use std::time::{Duration, Instant};

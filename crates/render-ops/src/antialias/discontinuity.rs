@@ -1,10 +1,10 @@
 //! Where an edge crosses between two neighbouring pixel centres, and where exactly.
 //!
-//! Coordinates are local to the pair: origin at the centre of the *owner*, the pixel that the
-//! edge's face covers; x along the pair from the first pixel to the second, y across, in pixels,
-//! homogeneous with w. For vertices `(x_1, y_1, w_1)` and `(x_2, y_2, w_2)` the edge meets the
-//! line y = 0 at `x = n / m`, `n = x_1 y_2 - y_1 x_2`, `m = w_1 y_2 - y_1 w_2`; nothing is divided
-//! by a w, so an end behind the eye needs no clipping.
+//! Coordinates are local to the pair, in pixels, homogeneous with w. The origin is the centre of the
+//! *owner*, the pixel that the edge's face covers. x runs along the pair from the first pixel to the
+//! second, y across. For vertices `(x_1, y_1, w_1)` and `(x_2, y_2, w_2)` the edge meets the line y =
+//! 0 at `x = n / m`, `n = x_1 y_2 - y_1 x_2`, `m = w_1 y_2 - y_1 w_2`. Nothing is divided by a w, so
+//! an end behind the eye needs no clipping.
 
 use bokashi_core::Scalar;
 
@@ -21,7 +21,7 @@ const SLACK: f64 = 1.0 / 16.0;
 pub(super) struct Blend<S> {
     /// The pixel on the left or above.
     pub(super) pixel: u32,
-    /// Whether the other pixel is the one below, not the one on the right.
+    /// Whether the other pixel lies below, not on the right.
     pub(super) below: bool,
     /// Whether the face covers the first pixel, not the second.
     pub(super) covers_first: bool,
@@ -118,7 +118,7 @@ pub(super) struct Outline<S> {
     pub(super) vertices: [Vertex<S>; 3],
     /// Of the vertices.
     indices: [u32; 3],
-    /// Its silhouettes, a bit for the corner that each one faces.
+    /// Its silhouettes, a bit for the corner that each edge faces.
     silhouettes: u8,
     /// The silhouettes' edge functions, as coefficients of 1, X and Y; of other edges infinite.
     lines: [[S; 3]; 3],
@@ -196,7 +196,7 @@ fn looked_at<S: Scalar<Wide = S>>(
     }
     let sign = if covers_first { S::ONE } else { -S::ONE };
 
-    // The straddling edge that lies farthest towards the neighbour: the one where the face ends.
+    // The straddling edge that lies farthest towards the neighbour: there the face ends.
     let mut farthest: Option<(usize, S, S)> = None;
     for corner in (0..3).filter(|corner| met & 1 << corner != 0) {
         let (p, q) = (corners[(corner + 1) % 3], corners[(corner + 2) % 3]);

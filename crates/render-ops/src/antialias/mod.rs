@@ -93,7 +93,7 @@ struct Found<T: Scalar> {
     outlines: Outlines<T::Wide>,
     /// Of pieces of the slots.
     pieces_of_outlines: Vec<Outlines<T::Wide>>,
-    /// Of pieces of the image, the first one of all of it where it is not cut.
+    /// Of pieces of the image; where the image is not cut, the first search is of all of it.
     searches: Vec<Search<T::Wide>>,
 }
 
@@ -128,7 +128,7 @@ impl<T: Scalar> Found<T> {
         let work = |rows: Range<usize>, search: &mut Search<T::Wide>| view.find(rows, search);
         merge_ranges_into(searches, height, piece, work, |search| {
             if piece == height {
-                // There is no other one.
+                // There is no other search.
                 std::mem::swap(blends, &mut search.blends);
                 std::mem::swap(rows, &mut search.fragments);
             } else {
@@ -308,12 +308,12 @@ impl<T: Scalar> Silhouettes<'_, T> {
         depth_at(&Vertex::of_face(self.clip, indices, size).0, pixel, size)
     }
 
-    /// The blend at a pair of pixels, where a silhouette passes between them: one of the nearer of
-    /// two faces, of equally near ones of the first pixel's.
+    /// The blend at a pair of pixels, where a silhouette passes between them. It is of the nearer of
+    /// two faces; where both are as near, it is of the first pixel's face.
     fn blend(&self, pair: &Pair) -> Option<Blend<T::Wide>> {
         let blends = [self.blend_of(pair, 0), self.blend_of(pair, 1)];
         let [Some(first), Some(second)] = pair.seen else { return blends[0].or(blends[1]) };
-        // Which one is nearer matters only where there is something to blend.
+        // Which face is nearer matters only where there is something to blend.
         if blends.iter().all(Option::is_none) {
             return None;
         }
@@ -322,7 +322,7 @@ impl<T: Scalar> Silhouettes<'_, T> {
         blends[usize::from(is_behind)]
     }
 
-    /// The blend of the face that the first or the second pixel sees, if it is the nearer one.
+    /// The blend of the face that the first or the second pixel sees, if it is the nearer face.
     fn blend_of(&self, pair: &Pair, at: usize) -> Option<Blend<T::Wide>> {
         blend(self.outline(pair.seen[at]?)?, pair, at == 0, self.coverage.size())
     }

@@ -23,7 +23,7 @@ pub(super) struct SeenFace {
 pub(super) struct Pair {
     pub(super) row: usize,
     pub(super) column: usize,
-    /// Whether the other pixel is the one below, not the one on the right.
+    /// Whether the other pixel lies below, not on the right.
     pub(super) below: bool,
     /// What they see, where they are covered.
     pub(super) seen: [Option<SeenFace>; 2],

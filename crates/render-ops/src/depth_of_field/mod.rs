@@ -77,11 +77,12 @@ pub struct Focused<'t, T: Scalar> {
 /// An aperture of 0 is the identity: the image itself is returned, and nothing is recorded.
 ///
 /// # Errors
-/// [`RenderError::Shape`] unless the image is `[H, W, C]` with at least one entry, the depth `[H, W]`,
-/// and aperture and focus single numbers; [`RenderError::Depth`] for a depth that is negative or
-/// NaN; [`RenderError::BadLens`] for an aperture or a largest sigma that is negative or not finite,
-/// or a focus that is not finite and positive; [`RenderError::BadRadius`] as for
-/// [`gaussian_blur`](crate::gaussian_blur()).
+/// - [`RenderError::Shape`] unless the image is `[H, W, C]` with at least one entry, the depth
+///   `[H, W]`, and aperture and focus single numbers.
+/// - [`RenderError::Depth`] for a depth that is negative or NaN.
+/// - [`RenderError::BadLens`] for an aperture or a largest sigma that is negative or not finite, or a
+///   focus that is not finite and positive.
+/// - [`RenderError::BadRadius`] as for [`gaussian_blur`](crate::gaussian_blur()).
 pub fn depth_of_field<'t, T: Scalar>(
     image: Var<'t, T>,
     depth: Var<'t, T>,

@@ -57,10 +57,11 @@ use crate::taps::{Blur, Kernel, LARGEST_RADIUS, Radius, Taps, check_radius};
 /// border), the mean of its corners (clamp), or zero.
 ///
 /// # Errors
-/// [`RenderError::BadSigma`] unless sigma is finite and positive (or 0, except for the unnormalized
-/// kernel); [`RenderError::Shape`] unless the image is `[H, W, C]` with at least one entry and
-/// sigma a single number; [`RenderError::BadRadius`] for a tolerance outside (0, 1) or a radius
-/// above 16384.
+/// - [`RenderError::BadSigma`] unless sigma is finite and positive (or 0, except for the unnormalized
+///   kernel).
+/// - [`RenderError::Shape`] unless the image is `[H, W, C]` with at least one entry and sigma a
+///   single number.
+/// - [`RenderError::BadRadius`] for a tolerance outside (0, 1) or a radius above 16384.
 pub fn gaussian_blur<'t, T: Scalar>(
     image: Var<'t, T>,
     sigma: Var<'t, T>,

@@ -242,7 +242,7 @@ impl<T: Scalar> Canvas<T> {
         let (before, after) = (&faces[first..end - 1], &faces[first + 1..end]);
         let pieces = before.chunks(u64::BITS as usize).zip(after.chunks(u64::BITS as usize));
         for ((before, after), from) in pieces.zip((first + 1..).step_by(u64::BITS as usize)) {
-            // A bit for each pixel that sees another face than the one before it: where runs start
+            // A bit for each pixel that sees another face than the pixel before it: where runs start
             // can't be foretold, so pixels are compared all at once, and then runs visited.
             let mut changes = before
                 .iter()

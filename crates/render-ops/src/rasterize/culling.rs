@@ -20,14 +20,14 @@ pub(super) struct Corner<S> {
     pub(super) factor: S,
     /// The view's bounding planes that it lies beyond, one bit each.
     beyond: u8,
-    /// In pixels from the centre of the first one; means nothing behind the eye.
+    /// In pixels from the centre of the first pixel; means nothing behind the eye.
     pixel: [f64; 2],
 }
 
 /// The bit of [`Corner::beyond`] for a vertex behind the eye.
 const BEHIND: u8 = 1;
 
-/// Those for one beyond the far plane and before the near one.
+/// The bits of [`Corner::beyond`] for a vertex beyond the far plane, and before the near plane.
 const BEYOND_FAR: u8 = 1 << 5;
 const BEFORE_NEAR: u8 = 1 << 6;
 
@@ -46,7 +46,7 @@ impl<S: Scalar<Wide = S>> Corner<S> {
         Self { vertex, factor, beyond, pixel }
     }
 
-    /// Whether it lies before the near plane, beyond the far one, or behind the eye.
+    /// Whether the vertex lies before the near plane, beyond the far plane, or behind the eye.
     pub(super) fn is_beyond_depths(&self) -> bool {
         self.beyond & (BEHIND | BEYOND_FAR | BEFORE_NEAR) != 0
     }
@@ -69,9 +69,9 @@ impl<S: Scalar<Wide = S>> Corner<S> {
     }
 }
 
-/// Gives all corners one factor where they are of sizes near enough, so that a mesh times a power of
-/// two is the same in every bit: the size below which a face's edge functions are uncertain, and the
-/// order in which a long row is summed, depend on its factors.
+/// Gives all corners the same factor, where their sizes are near enough, so that a mesh times a power
+/// of two is the same in every bit. Two things depend on a face's factors: the size below which its
+/// edge functions are uncertain, and the order in which a long row is summed.
 pub(super) fn give_one_factor<S: Scalar<Wide = S>>(corners: &mut [Corner<S>]) {
     let factors = || corners.iter().map(|corner| corner.factor);
     if factors().all(|factor| factor == S::ONE) {
@@ -186,8 +186,8 @@ pub(super) fn most_rounding<S: Scalar<Wide = S>>(corners: &[Corner<S>], size: Si
 /// What a pixel reaches beyond its centre.
 const HALF_A_PIXEL: f64 = 0.5;
 
-/// The first and last of `extent` pixels whose centres can lie between the smallest and the
-/// largest of three coordinates in pixels, or up to `margin` beyond; where there is none, the last
+/// The first and last of `extent` pixels whose centres can lie between the smallest and the largest
+/// of three coordinates in pixels, or up to `margin` beyond. Where there is no such pixel, the last
 /// comes before the first.
 #[inline(always)]
 fn touched(pixel: [f64; 3], extent: usize, margin: f64) -> [u32; 2] {

@@ -10,8 +10,8 @@
 //! # Backward
 //! With `m = u_bar u + v_bar v`: `a_bar_0 = (u_bar - m) / A`, `a_bar_1 = (v_bar - m) / A`,
 //! `a_bar_2 = -m / A`; from there to the vertices as in `edge_functions`. The gradients grow as 1
-//! over the scale of the positions: terms beyond the range of the numbers make an entry infinite,
-//! with the sign of the first of them, and not NaN; of pieces such terms may be NaN.
+//! over the scale of the positions. Terms beyond the range of the numbers make an entry infinite and
+//! not NaN, with the sign of the first such term. For pieces such terms may be NaN.
 //!
 //! # Where it is not smooth
 //! Which face a pixel sees is a step function of the vertices: its derivative is zero almost
@@ -52,13 +52,13 @@ use crate::fragments::Fragments;
 use crate::mesh::Mesh;
 use crate::size::Size;
 
-/// The fragments of `mesh` with vertices `clip: [V, 4]` in clip space: one for each pixel whose
-/// centre some face covers. With [`Sampling::Exact`] the pixels that a discontinuity crosses have
-/// none at their centre but one for each visible piece, behind all others, and
-/// [`Fragments::weight`] is there.
+/// The fragments of `mesh` with vertices `clip: [V, 4]` in clip space: a fragment for each pixel
+/// whose centre some face covers. With [`Sampling::Exact`] the pixels that a discontinuity crosses
+/// have no fragment at their centre. They have a fragment for each visible piece, behind all other
+/// fragments, and [`Fragments::weight`] is there.
 ///
-/// Smaller z / w wins; of equal ones the lower face index. Faces may reach behind the eye and
-/// through the near and far planes: the visible part is drawn. Faces whose area is zero within
+/// Smaller z / w wins; where it is equal, the lower face index wins. Faces may reach behind the eye
+/// and through the near and far planes: the visible part is drawn. Faces whose area is zero within
 /// rounding are not drawn and are counted in [`Coverage::culled`].
 ///
 /// # Errors

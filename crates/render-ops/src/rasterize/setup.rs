@@ -6,17 +6,17 @@
 //! covered where all `a_i` have the sign of D: then its weights `a_i / sum a` are positive and so
 //! is `w = D / sum a`.
 //!
-//! Two faces at an edge see the same products, swapped, so their edge functions are exact
-//! opposites and no pixel centre is lost or drawn twice between them. One exactly on an edge
-//! belongs to the face to whose inside it would move if it were shifted by a little to the right,
-//! and by far less downwards (the top-left rule).
+//! Two faces at an edge see the same products, swapped. So their edge functions are exact opposites,
+//! and no pixel centre is lost or drawn twice between them. A pixel centre exactly on an edge counts
+//! as shifted by a little to the right, and by far less downwards. It belongs to the face into which
+//! it would then move (the top-left rule).
 //!
-//! Faces around a vertex must agree too. The coefficients carry the rounding of the distance from
-//! the image's middle to the vertices, so near a vertex the signs of several edges' functions are
+//! Faces around a vertex must agree, too. The coefficients carry the rounding of the distance from
+//! the image's middle to the vertices, so near a vertex the signs of several edge functions are
 //! accidents. Where an edge function is smaller than that rounding, a point is *uncertain* (a
-//! floating-point filter): it is worked out again, as
-//! `q_1 x q_2`: all faces see the same `q`, rounded once per vertex, and the cross product of two
-//! vectors is right to within the rounding of their own lengths.
+//! floating-point filter). The edge function is then worked out again, as `q_1 x q_2`. All faces see
+//! the same `q`, rounded once per vertex. The cross product of two vectors is right to within the
+//! rounding of their own lengths.
 //!
 //! The depth is `z / w = sum_i z_i a_i / D`: the weights of three numbers that are linear over the
 //! image, so it is, too. Around vertex 0's depth d, which its own edge function leaves out,
@@ -122,9 +122,9 @@ impl<S: Scalar<Wide = S>> Setup<S> {
     /// Of `columns`, first and end, those that the face may cover in a row: where each edge
     /// function is above minus its error bound. `centers` are the X of all columns.
     ///
-    /// As it is rounded, an edge function rises or falls all along a row, so these are neighbours;
-    /// a division says where they end to within a column, and the edge function itself where
-    /// exactly.
+    /// As it is rounded, an edge function rises or falls all along a row, so these columns are
+    /// neighbours. A division says where they end to within a column, and the edge function itself
+    /// where exactly.
     #[inline(always)]
     fn span(&self, row: &Row<S>, columns: [usize; 2], centers: &[S]) -> [usize; 2] {
         let [mut first, mut end] = columns;

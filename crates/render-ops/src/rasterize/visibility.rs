@@ -1,9 +1,9 @@
 //! Which face each pixel centre sees.
 //!
-//! The image is cut into bands of rows. Each band has a list of the faces that can touch it, in
-//! the order of their indices, and keeps the nearest depth per pixel; of equal depths the lower
-//! face index wins, since it came first. Then it is read off as runs, with their weights. Pixels
-//! that no face's rows reached are neither cleared nor read.
+//! The image is cut into bands of rows. Each band has a list of the faces that can touch it, in the
+//! order of their indices, and keeps the nearest depth per pixel. Where depths are equal, the lower
+//! face index wins, since it came first. Then the band is read off as runs, with their weights.
+//! Pixels that no face's rows reached are neither cleared nor read.
 //!
 //! Bands are independent of each other and joined in order, so nothing depends on the number of
 //! threads. Some share a canvas, so that its memory stays in a core's cache.
@@ -26,7 +26,7 @@ use crate::size::Size;
 /// is enough work to be worth a thread.
 const PIXELS_PER_BAND: usize = 1 << 14;
 
-/// Canvases per thread, where there are several: one that has less to do takes another one.
+/// Canvases per thread, where there are several: a thread that has less to do takes another canvas.
 const CANVASES_PER_THREAD: usize = 2;
 
 /// Vertices or faces in one piece of work: some tens of microseconds.

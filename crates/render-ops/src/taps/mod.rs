@@ -206,7 +206,7 @@ impl<T: Scalar> Taps<T> {
         };
         for taps in [&mut self.weights, &mut self.slopes] {
             for k in extent + 1..taps.len() {
-                // The centre sees both the tap at k and the one at -k.
+                // The centre sees both the tap at k and the tap at -k.
                 let count = if source(k) == 0 { 2.0 } else { 1.0 };
                 let tap = taps[k];
                 taps[source(k)] += T::from_f64(count) * tap;

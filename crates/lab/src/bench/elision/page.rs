@@ -56,15 +56,16 @@ fn table(rows: &[Row]) -> Table {
 
 /// What the table shows.
 const NOTE: &str = "Each step is taken with one thing computed and without it, on a sphere of 1024 \
-    faces (f32, one thread): positions, colours and sigma are learnt, sigma is 1, the background \
-    empty, where the row does not say otherwise. The counterpart of sigma 0 is a window with nothing \
-    but its centre; of an empty background one of zeros that is learnt; of a scene without \
-    discontinuities, a wall that fills the image, the same wall with all faces apart; of no face near \
-    the near plane one that reaches through it beside the image; of a depth that nobody asks for one \
-    with an upstream gradient of zeros; of inference a step with all gradients. Compared are the \
-    picture, the loss, and each gradient that both steps have. Samples of both are taken in turns; \
-    times are equal where the ranges between their quartiles meet, of which the wider is given as a \
-    share of its median.";
+    faces (f32, one thread). Where the row does not say otherwise, positions, colours and sigma \
+    are learnt, sigma is 1, and the background is empty. Beside sigma 0 stands a window with \
+    nothing but its centre. Beside an empty background stands a background of zeros that is \
+    learnt. A scene without discontinuities is a wall that fills the image; beside it stands the \
+    same wall with all faces apart. Beside a scene without a face near the near plane stands the \
+    scene with such a face, which reaches through the plane beside the image. Beside a depth that \
+    nobody asks for stands a depth with an upstream gradient of zeros. Beside inference stands a \
+    step with all gradients. The picture, the loss, and each gradient that both steps have are \
+    compared. Samples of both are taken in turns. Times are equal where the ranges between their \
+    quartiles meet; the wider range is given as a share of its median.";
 
 /// The rows as Markdown.
 pub fn elision_markdown(rows: &[Row], effort: Effort) -> String {

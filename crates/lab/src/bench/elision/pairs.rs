@@ -44,8 +44,8 @@ pub(super) fn pairs(pixels: usize) -> Result<Vec<(&'static str, Step, Step)>, Fi
 /// The scene with a face that reaches through the near plane beside the image, and without; its
 /// three vertices are there in both.
 fn beside_the_near_plane(scene: &Scene) -> Result<(Scene, Scene), FitError> {
-    // Clip coordinates with w = 2, -2 and 2: x / w is 4.5 and more, to the right of the image, but
-    // the vertex behind the eye has x < -w, so that no plane has all three beyond it.
+    // Clip coordinates with w = 2, -2 and 2. So x / w is 4.5 and more, to the right of the image. But
+    // the vertex behind the eye has x < -w, so that no plane has all three vertices beyond it.
     let (back, corners) =
         (scene.camera.inverse(), [(9.0, 0.0, 2.0), (-9.0, 1.0, -2.0), (12.0, 0.0, 2.0)]);
     let mut positions = scene.positions.data().to_vec();
@@ -74,9 +74,9 @@ fn beside_the_near_plane(scene: &Scene) -> Result<(Scene, Scene), FitError> {
 /// Quads per side of the walls.
 const QUADS: usize = 8;
 
-/// A wall of one colour that fills the image and more, once with vertices of its own for every
-/// face, so that all edges within it are silhouettes, whose blends change nothing, and once with
-/// shared ones, so that none is.
+/// A wall of a single colour that fills the image and more, made twice. First every face has vertices
+/// of its own, so that all edges within the wall are silhouettes, whose blends change nothing. Then
+/// faces share vertices, so that no edge is a silhouette.
 fn walls(pixels: usize) -> Result<[Scene; 2], FitError> {
     let side = QUADS + 1;
     let mut shared = Vec::new();

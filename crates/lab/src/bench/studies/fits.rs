@@ -23,7 +23,7 @@ const LEVELS: [f64; 3] = [0.1, 0.01, 1e-3];
 /// How many points a curve has.
 const POINTS: i32 = 60;
 
-/// What is fitted: the experiment, pixels, and the blur of the target.
+/// What is fitted: the experiment, pixels, and the blur of the reference image.
 struct Case {
     experiment: Experiment,
     pixels: usize,
@@ -236,12 +236,12 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
     study.note = format!(
         "Experiment 5.1 learns vertices and colours, 5.3 a blur's sigma too, from 2 pixels; {seeds} \
          seeds, fits of {steps} steps, tuned rates, f64, one thread. Both kinds of silhouettes take \
-         the same starts and poses; each has a target image of its own kind, rendered anew in each \
+         the same starts and poses; each has a reference image of its own kind, rendered anew in each \
          step. The vertex error is the mean distance of the vertices from the truth, in sides of the \
          cube. An error counts as reached at the first step that has it; a seed that never does \
          counts as infinite, and a median that is infinite is a dash. Seconds are wall-clock time \
-         since the start of a fit, all included: poses, targets, updates, and measuring the errors in \
-         every step. Stuck: more than {STUCK} off at the end. Over all rows antialias leaves \
+         since the start of a fit, all included: poses, reference images, updates, and measuring the \
+         errors in every step. Stuck: more than {STUCK} off at the end. Over all rows antialias leaves \
          {with_antialias} fits stuck, of which {exact_frees} come free with exact coverage; exact \
          coverage leaves {with_exact}, of which {antialias_frees} come free with antialias.",
     );

@@ -25,12 +25,13 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         "growth",
         "Cost against faces and pixels",
         format!(
-            "A step as in the first table, on spheres, f32, back faces culled, {threads} threads; \
-             one scene after the other, not in turns, since the largest take gigabytes. The \
-             exponent is that of the time between a row and the row before: 1 is linear, less is \
-             where what does not grow still counts, more where the caches end. Fitted ones are the \
-             slopes of logarithms by least squares, over all rows and over the last three, where \
-             what does not grow counts least. Dotted: linear growth through the last point."
+            "A step as in the first table, on spheres, f32, back faces culled, {threads} threads. \
+             Scenes are timed one after the other, not in turns, since the largest take gigabytes. \
+             The exponent is that of the time between a row and the row before. Linear growth has \
+             the exponent 1. It is less where a constant part of the time still counts, and more \
+             where the caches end. Fitted exponents are slopes of logarithms by least squares, \
+             over all rows and over the last three, where a constant part counts least. Dotted: \
+             linear growth through the last point."
         ),
     );
     let mut table = Table::new(

@@ -27,9 +27,9 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
     let mut study = Study::new(
         "memory",
         "Memory of a step",
-        "Peak resident size of the process during five steps (f32, back faces drawn), less its size \
-         before the tape and the parameters were made; the mesh with its adjacency, which all steps \
-         share, is apart. Empty where the system does not tell.",
+        "Peak resident size of the process during five steps (f32, back faces drawn), less its \
+         size before the tape and the parameters were made. The mesh with its adjacency, which all \
+         steps share, is apart. Empty where the system does not tell.",
     );
     let mut table = Table::new(
         "memory",

@@ -42,9 +42,9 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         "multiply",
         "A multiplication on the tape",
         "Forward and backward of one multiplication of vectors in a chain, f32, one thread: the \
-         slope between chains of 20 and of 220. One factor is constant, as in the peers' figures, \
-         or both need a gradient. The peers are those of the package peers/, where a file of its \
-         figures was given.",
+         slope between chains of 20 and of 220. One factor is constant, as in others' figures, or \
+         both need a gradient. Others' figures come from crates/lab/peers, where a file of them \
+         was given.",
     );
     let mut table = Table::new(
         "multiply",

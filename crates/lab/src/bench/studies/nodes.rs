@@ -1,7 +1,8 @@
 //! Where in a pipeline do time and error arise?
 //!
-//! The same pipeline, which is generic, in f32 and in f64 on the same inputs: the tape's report, with
-//! the errors that the tape finds in the values and gradients of one recording against the other.
+//! The same pipeline, which is generic, runs in f32 and in f64 on the same inputs. The tape's report
+//! shows it, with the errors that the tape finds in the values and gradients of the f32 recording
+//! against the f64 recording.
 
 use bokashi_core::{
     OperationReport, Scalar, Tape, TapeReport, Tensor, ValueError, Var, gradient_errors,
@@ -100,11 +101,12 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         "nodes",
         "A pipeline in f32 beside f64, node by node",
         format!(
-            "A sphere of 1024 faces in {pixels} x {pixels} pixels, blurred (sigma {SIGMA}), squared \
-             error: the tape's report, mean of {times} steps on one thread, f32 and f64 in turns, \
-             and the largest difference of each node's values and gradients from f64 on the same \
-             inputs, as a share of the largest entry. Leaves have gradients alone. An error here \
-             has gathered on the way: the table of operations has each one's own."
+            "A sphere of 1024 faces in {pixels} x {pixels} pixels, blurred (sigma {SIGMA}), with a \
+             squared error. The times and bytes are from the tape's report: the mean of {times} \
+             steps on one thread, f32 and f64 in turns. The errors are the largest difference of \
+             each node's values and gradients from f64 on the same inputs, as a share of the \
+             largest entry. Leaves have gradients alone. Errors gather along the pipeline: the \
+             table of operations has the error of each operation alone."
         ),
     );
     let mut table = Table::new(

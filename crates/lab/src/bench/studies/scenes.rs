@@ -83,16 +83,17 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         "scenes",
         "A step, beside DEODR",
         format!(
-            "Projection, rasterization, interpolation, antialiasing, squared error, gradients with \
-             respect to positions and colours. Only pixels that can differ from the background are \
-             antialiased and compared; what the others cost is summed with the target, before any \
-             step is timed. \"Whole image\" is the same step where all pixels are. Vertices are shifted within the image \
-             plane, depths as they are, by normally distributed numbers of standard deviation 0.3 \
-             pixels at 256 px (the same share of every image), colours by 0.05. DEODR 0.2.3 \
-             {source}; its figure covers the 2-D stage alone (no projection), whole images in f64, \
-             on one thread, with back faces culled. It is shifted alike, but is given the silhouette \
-             edges, found once from the unshifted vertices; ours are found anew in each step. The \
-             table has f32 with back faces culled where nothing else is said."
+            "A step is projection, rasterization, interpolation, antialiasing, a squared error, \
+             and gradients with respect to positions and colours. Only pixels that can differ from \
+             the background are antialiased and compared; what the others cost is summed with the \
+             reference image, before any step is timed. \"Whole image\" is the same step where all \
+             pixels are antialiased and compared. Vertices are shifted within the image plane and \
+             keep their depths. Shifts are normally distributed: their standard deviation is 0.3 \
+             pixels at 256 px, and the same share of every image. Colours change by 0.05. DEODR \
+             0.2.3 {source}. Its figure covers the 2-D stage alone (no projection): whole images \
+             in f64, on one thread, with back faces culled. It is shifted alike, but is given the \
+             silhouette edges, found once from the unshifted vertices. Ours are found anew in each \
+             step. The table has f32 with back faces culled where nothing else is said."
         ),
     );
     let scenes = scenes()?;

@@ -1,8 +1,8 @@
 //! The paper's cube over a fixed set of poses, as a least-squares problem.
 //!
 //! # Forward
-//! `r = image - target` over all poses and pixels, through the public interface of
-//! [`bokashi_fit::scenes`]. `x` holds the vertices (24), then the colours (24), then the number
+//! `r = image - reference` over all poses and pixels, through the public interface of
+//! [`bokashi_paper`]. `x` holds the vertices (24), then the colours (24), then the number
 //! that stands for sigma; an experiment leaves out what it does not learn.
 //!
 //! # Where it is not smooth
@@ -70,7 +70,7 @@ pub struct SceneSettings {
     pub resolution: usize,
     /// How many poses; one, the paper's, in experiment 5.2.
     pub poses: usize,
-    /// Blur of the target, in pixels.
+    /// Blur of the reference image, in pixels.
     pub sigma_target: f64,
     /// Blur at the start, in pixels.
     pub sigma_start: f64,

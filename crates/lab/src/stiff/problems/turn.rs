@@ -2,9 +2,9 @@
 //!
 //! # Forward
 //! `theta = atan(y / x) / 2 pi`, and `+ 1/2` where `x <= 0`: turns from -1/4 to 3/4. In numbers
-//! without an arctangent the angle `a` of the value is taken in `f64` and corrected by the rest
-//! that a rotation by `-a` leaves, `n / d = (y cos a - x sin a) / (x cos a + y sin a)`: zero but
-//! for rounding, and with the right tangent.
+//! without an arctangent the angle `a` of the value is taken in `f64`. It is corrected by the rest
+//! that a rotation by `-a` leaves, `n / d = (y cos a - x sin a) / (x cos a + y sin a)`. The rest is
+//! zero but for rounding, and has the right tangent.
 //!
 //! # Backward
 //! `x_bar += -y / (2 pi (x^2 + y^2)) theta_bar`, `y_bar += x / (2 pi (x^2 + y^2)) theta_bar`.

@@ -48,10 +48,12 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         self.view.centers[at * block] + T::Wide::from_f64((block - 1) as f64)
     }
 
-    /// Calls `visit(face, at, a, reach)` for each face and each marked block of `block` pixels of a row
-    /// in the box of its pixels, in some rows of the band and some columns of blocks, both by their
-    /// numbers, with the face's edge functions at the block's centre and how much they change from there
-    /// to its corners; until it returns false, to the end of that row.
+    /// Calls `visit(face, at, a, reach)` for each face of the band and each marked block of `block`
+    /// pixels of a row in the box of the face's pixels. `some_rows` of the band and `some_columns` of
+    /// blocks limit the search. `face` and `at` are numbers: of the face among the band's faces, and
+    /// of the block among the marks. `a` are the face's edge functions at the block's centre, and
+    /// `reach` is how much they change from there to the block's corners. Once `visit` returns false,
+    /// the search ends with that row.
     #[inline(always)]
     pub(super) fn for_each_face(
         &self,

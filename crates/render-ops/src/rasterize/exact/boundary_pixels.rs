@@ -225,7 +225,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         order.clear();
         let all = 0..candidates.len() as u32;
         order.extend(all.filter(|&at| extents[at as usize].is_some()));
-        // The largest first; of equal ones the lower face.
+        // The largest first; where pieces are as large, the lower face.
         order.sort_unstable_by(|&a, &b| {
             let area = |at: u32| moments[at as usize].area().to_f64();
             let face = |at: u32| candidates[at as usize].band_face;
@@ -350,8 +350,9 @@ fn keep_sides<T: Scalar>(
     }
 }
 
-/// Of `columns` those in whose pixels a line passes, in a row where it has the value `start` at the
-/// centre of column 0 and changes by `x` with X and by `y` with Y; a few more perhaps.
+/// The range of `columns` in whose pixels of a row a line passes, and perhaps a few more columns. The
+/// line has the value `start` at the centre of column 0 of the row. It changes by `x` with X and by
+/// `y` with Y.
 #[inline(always)]
 fn near_line<S: Scalar>([start, x, y]: Line<S>, columns: Range<usize>) -> Range<usize> {
     let reach = S::from_f64(REACH) * (x.abs() + y.abs());

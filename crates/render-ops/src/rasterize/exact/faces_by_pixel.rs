@@ -21,7 +21,7 @@ pub(super) struct FacesByPixel {
     faces: Vec<u32>,
     /// The row and the column of each marked block.
     blocks: Vec<[usize; 2]>,
-    /// Of these, those that are still to be gathered, the next ones last.
+    /// Ranges of marked blocks that are still to be gathered, the next range last.
     open: Vec<Range<usize>>,
 }
 

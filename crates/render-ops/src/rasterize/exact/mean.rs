@@ -1,11 +1,12 @@
 //! The mean of the barycentrics over a piece, so that its value is the mean of any attribute.
 //!
 //! # Forward
-//! Barycentrics are `b_i = N_i / T`, `T = sum N_i`, with N_i linear over the image. Around a piece's
-//! centroid c, of covariance C, with the gradients n_i and tau of N_i and T and all values at c:
-//! `b_i + r . nu_i / T (1 - r . tau / T + ...)`, `nu_i = n_i - b_i tau`, so the mean is
-//! `b_i - nu_i . s`, `s = C tau / T^2`: exact where w is the same everywhere, else up to the third
-//! order in how much 1 / w changes over the piece, as a share of itself.
+//! Barycentrics are `b_i = N_i / T`, `T = sum N_i`, with N_i linear over the image. Let c be a
+//! piece's centroid and C its covariance, n_i and tau the gradients of N_i and T, and all values
+//! taken at c. Around c a barycentric is `b_i + r . nu_i / T (1 - r . tau / T + ...)`, with
+//! `nu_i = n_i - b_i tau`. So the mean is `b_i - nu_i . s`, with `s = C tau / T^2`. It is exact where
+//! w is the same everywhere. Elsewhere its error is of the third order in how much 1 / w changes over
+//! the piece, as a share of itself.
 //!
 //! Where all N_i are positive over a convex piece, so are these means: `tau . s` and `n_i . s / b_i`
 //! are at most 1/2 then. Where a piece is in parts and `tau . s` is larger, s is 0: it has the

@@ -1,8 +1,8 @@
 //! Exact coverage: the pixels that a discontinuity crosses, resolved into what is visible in them.
 //!
-//! Visible surfaces are found per pixel, analytically, as Catmull did (*A hidden-surface algorithm with
-//! anti-aliasing*, SIGGRAPH 1978): polygons are clipped to the pixel and against each other as by Weiler
-//! and Atherton (*Hidden surface removal using polygon area sorting*, SIGGRAPH 1977).
+//! Visible surfaces are found per pixel, analytically, as Catmull did (*A hidden-surface algorithm
+//! with anti-aliasing*, SIGGRAPH 1978). Polygons are clipped to the pixel and against each other as
+//! by Weiler and Atherton (*Hidden surface removal using polygon area sorting*, SIGGRAPH 1977).
 //!
 //! ```text
 //! canvas, one band of rows                     the faces that were drawn in it: BandFaces (band_faces)

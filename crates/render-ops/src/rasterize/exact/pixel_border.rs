@@ -1,9 +1,10 @@
 //! Sides that lie on a pixel's border.
 //!
 //! # Derivative
-//! A side on the border between two pixels is a kink: moved to one side it changes the one pixel, moved
-//! to the other side the other pixel. The derivative is the central one, the mean of both: in each
-//! pixel the side counts half. At the image's own border there is one pixel, and half of its slope.
+//! A side on the border between two pixels is a kink. If it moves to one side, it changes the pixel
+//! there; if it moves to the other side, it changes the other pixel. The derivative is the central
+//! derivative, the mean of both slopes: in each pixel the side counts half. At the image's own border
+//! there is only the pixel inside, and the derivative is half of its slope.
 //!
 //! # Which sides
 //! Closed pixels share their border, so cutting a face to a pixel either leaves the whole pixel or
@@ -13,11 +14,11 @@
 //! wide pixel, and no area.
 //!
 //! # Unseen faces
-//! What is seen beside such a side may have no area in the pixel, as a face that ends at its border. It
-//! becomes two pieces of weight 0, so that a pipeline shades it and the weights have gradients. Each
-//! moves with one half of the side and is shaded at a third of the side's length from its middle: a
-//! value that is linear along the side then has both integrals right, its own and its first moment, for
-//! `2 (L / 2) (L / 4) (L / 3) = L^3 / 12`.
+//! What is seen beside such a side may have no area in the pixel, as a face that ends at its border.
+//! It becomes two pieces of weight 0, so that a pipeline shades it and the weights have gradients.
+//! Each piece moves with a half of the side. It is shaded at a third of the side's length from the
+//! side's middle. A value that is linear along the side then has two integrals right, its own and its
+//! first moment, since `2 (L / 2) (L / 4) (L / 3) = L^3 / 12`.
 
 use bokashi_core::Scalar;
 

@@ -10,7 +10,7 @@ const BITS: usize = u64::BITS as usize;
 pub(super) struct PixelMask {
     words: Vec<u64>,
     words_per_row: usize,
-    /// How many pixels are marked in the words before each one, once they are counted.
+    /// How many pixels are marked in the words before each word, once they are counted.
     before: Vec<u32>,
 }
 

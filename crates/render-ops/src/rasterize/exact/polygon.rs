@@ -1,7 +1,8 @@
 //! Convex polygons within a pixel: cut by lines, their moments, and the adjoint of these.
 //!
-//! Coordinates are scaled ones relative to the pixel's centre: the pixel is `[-1, 1]^2`, of area 4. A
-//! line is `l(x, y) = l_0 + l_1 x + l_2 y`; the side of it where l is positive is its inside.
+//! Coordinates are scaled coordinates relative to the pixel's centre: the pixel is `[-1, 1]^2`, of
+//! area 4. A line is `l(x, y) = l_0 + l_1 x + l_2 y`. The side of the line where l is positive is its
+//! inside.
 //!
 //! # Moments
 //! Of a polygon P the integrals of 1, x, y, x^2, xy and y^2 over it.
@@ -33,7 +34,7 @@ pub(super) struct Bound {
     pub(super) is_inside: bool,
 }
 
-/// A corner of a polygon, and the side that leads from it to the next one.
+/// A corner of a polygon, and the side that leads from it to the next corner.
 #[derive(Debug, Clone, Copy)]
 struct Corner<S> {
     point: [S; 2],
@@ -127,9 +128,9 @@ impl<S: Scalar> Polygons<S> {
         self.corners.len()
     }
 
-    /// The parts of a polygon on the inside and on the outside of a line, where there are any: all of
-    /// it where nothing lies on the other side by more than rounding, since a corner that was cut by
-    /// this line lies on neither side.
+    /// The parts of a polygon on the inside and on the outside of a line, where there are any. Where
+    /// nothing lies on the other side by more than rounding, a part is the whole polygon: a corner
+    /// that was cut by this line lies on neither side.
     #[inline(always)]
     pub(super) fn split(
         &mut self,

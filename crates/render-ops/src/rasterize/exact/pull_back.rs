@@ -1,13 +1,15 @@
 //! From the gradients of the pieces' areas and extents to those of the vertices.
 //!
-//! Of a piece of area A its weight is `A / 4`. Its centroid c and its covariance C are moments over
-//! A, so where it grows at p, with `r = p - c`, they change by r / A and by `(r r^T - C) / A`. The
-//! g of `polygon` is `g(p) = weight_bar / 4 + (c_bar . r + C_bar . (r r^T - C)) / A`, in which
-//! nothing large cancels however small the piece. From there to the lines that bound the piece as
-//! in `polygon`. Lines are edge functions, or depths: with `d = sum z_i a_i / D` per coefficient,
-//! `D = sum w_i a_i` being one number over the whole image, `a_bar_i = z_i d_bar / D` per
-//! coefficient, `D_bar = -sum d d_bar / D` to that of 1 times w_i, `z_bar_i = sum a_i d_bar / D`,
-//! and `w_bar_i = a_i D_bar` with the coefficient of 1.
+//! A piece of area A has the weight `A / 4`. Its centroid c and its covariance C are moments over A.
+//! So where it grows at p, with `r = p - c`, they change by r / A and by `(r r^T - C) / A`. The g of
+//! `polygon` is `g(p) = weight_bar / 4 + (c_bar . r + C_bar . (r r^T - C)) / A`, in which nothing
+//! large cancels however small the piece. From there to the lines that bound the piece as in
+//! `polygon`.
+//!
+//! Lines are edge functions, or depths. A depth is `d = sum z_i a_i / D` per coefficient, with
+//! `D = sum w_i a_i` the same number over the whole image. Then `a_bar_i = z_i d_bar / D` per
+//! coefficient. `D_bar = -sum d d_bar / D` goes to the coefficient of 1, times w_i.
+//! `z_bar_i = sum a_i d_bar / D`, and `w_bar_i = a_i D_bar` with the coefficient of 1.
 
 use std::ops::Range;
 
@@ -221,7 +223,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
         self.densities = densities;
     }
 
-    /// The adjoint of a face, around `pixel` where it is the first one that asks.
+    /// The adjoint of a face, around `pixel` where that is the first pixel to ask.
     fn adjoint<T: Scalar<Wide = S>>(
         &mut self,
         band: &PiecePullBack<'_, T>,

@@ -14,7 +14,7 @@ use super::pixel_mask::PixelMask;
 struct FreeRun {
     row: usize,
     columns: Range<usize>,
-    /// The run of lower index that its region is known by, itself for the first one.
+    /// The run of lower index that its region is known by; the first run of a region names itself.
     root: usize,
 }
 
@@ -45,7 +45,7 @@ impl Regions {
             add(width, width);
             for at in first..self.runs.len() {
                 let Range { start, end } = self.runs[at].columns;
-                // The last one that touches this run may touch the next one, too.
+                // The last run that touches this run may touch the next run, too.
                 while above < first && self.runs[above].columns.end <= start {
                     above += 1;
                 }

@@ -1,15 +1,15 @@
 //! What is visible of each face in one pixel, exactly.
 //!
 //! # Forward
-//! Each face is cut to the pixel. Then it loses what lies behind another face: outside each edge of the
-//! other face a convex part stays, and inside all of them the part in front. Depth z / w is linear over
-//! the image (`setup`), so two faces pass through each other in a line. Of equal depths the lower face
-//! index wins, as elsewhere. Faces come in depth groups (`depth_intervals`), the nearest first: once the
-//! parts fill the pixel, nothing behind them is looked at.
+//! Each face is cut to the pixel. Then it loses what lies behind another face. Outside each edge of
+//! the other face a convex part stays; inside all of them the part in front stays. Depth z / w is
+//! linear over the image (`setup`), so two faces pass through each other in a line. Where depths are
+//! equal, the lower face index wins, as elsewhere. Faces come in depth groups (`depth_intervals`),
+//! the nearest first: once the parts fill the pixel, nothing behind them is looked at.
 //!
 //! # Backward
 //! From the moments of the parts to the lines that bound them (`polygon`), and from these to the
-//! faces: an edge's line is a face's edge function; the line of two faces is the difference of their
+//! faces. An edge's line is a face's edge function; the line of two faces is the difference of their
 //! depths.
 
 use std::ops::Range;
@@ -111,7 +111,7 @@ struct Whole<S> {
 }
 
 impl<S: Scalar> Whole<S> {
-    /// Whether all of it lies beside another one, where there is anything of it.
+    /// Whether all of this face lies beside another face, where there is anything of it.
     #[inline(always)]
     fn is_beside(&self, other: &Self) -> bool {
         self.polygon.is_none()
@@ -119,7 +119,7 @@ impl<S: Scalar> Whole<S> {
             || (self.least[1] >= other.most[1]) | (self.most[1] <= other.least[1])
     }
 
-    /// Whether all of it surely lies behind another one.
+    /// Whether all of this face surely lies behind another face.
     #[inline(always)]
     fn is_behind(&self, other: &Self) -> bool {
         self.least[2] > other.most[2] + self.error_bound + other.error_bound
@@ -143,13 +143,13 @@ pub(super) struct Visible<S> {
     /// Whether some line does.
     pub(super) touches_border: bool,
     whole: Vec<Whole<S>>,
-    /// What is left of a candidate, before and after another one was taken away.
+    /// What is left of a candidate, before and after another face was taken away.
     left: Vec<Polygon>,
     next: Vec<Polygon>,
 }
 
-/// A pixel whose polygons have more corners on the way is too crowded, and so is one in which more
-/// polygons would be held against faces.
+/// A pixel whose polygons have more corners on the way is too crowded, and so is a pixel in which
+/// polygons would be held against faces more often.
 const MOST_CORNERS: usize = 1 << 18;
 const MOST_CUTS: usize = 1 << 22;
 

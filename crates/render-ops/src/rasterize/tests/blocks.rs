@@ -89,9 +89,9 @@ fn a_depth_is_linear_where_its_rounding_cannot_be_seen() {
     assert!(!has_plane([behind[1], behind[2], behind[0]]));
 }
 
-/// A sliver of this width along the centres of row 4, from column 2 to `end`, with depths from
-/// 1.35 down to -0.45: it covers the centres of its right half, and those of the first half of these
-/// lie behind 0.
+/// A sliver of this width along the centres of row 4, from column 2 to `end`, with depths from 1.35
+/// down to -0.45. It covers the centres of its right half, and the first half of these centres lies
+/// behind 0.
 fn sliver(size: Size, width: f64, end: f64) -> [[f64; 4]; 3] {
     let at = |x: f64, y: f64, depth: f64| {
         let [x, y, _, w] = at_px(size, x, y);

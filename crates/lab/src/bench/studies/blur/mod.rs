@@ -40,13 +40,14 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         "A blur: time against error",
         format!(
             "Three channels of noise, a mirror border; one thread where nothing else is said. The \
-             error is the largest difference from the same kernel, sampled or discrete, in f64 with \
-             a window that misses less than {EXACT:e}, as a share of the largest entry. The discrete \
-             Gaussian is a window where that takes less time and tridiagonal systems where those do, \
-             from a sigma of some 10 on; its window in any case is a line of its own. Lines join the \
-             tolerances {}. Times are per pixel; the time of a gradient includes that of the values. \
-             Where sigma is larger than the image nothing but its mean is left, and what gradients \
-             there are is rounding. Grey dots: what nothing else beats in both (the Pareto front).",
+             error is the largest difference from the same kernel, sampled or discrete, as a share \
+             of the largest entry. That kernel is computed in f64, with a window that misses less \
+             than {EXACT:e}. The discrete Gaussian takes a window or tridiagonal systems, \
+             whichever takes less time: the systems from a sigma of some 10 on. A line of its own \
+             shows its window at every sigma. Lines join the tolerances {}. Times are per pixel; \
+             the time of a gradient includes that of the values. Where sigma is larger than the \
+             image, only the image's mean is left, and what gradients there are is rounding. Grey \
+             dots: no other point has both less time and less error (the Pareto front).",
             TOLERANCES.map(|tolerance| format!("{tolerance:e}")).join(", ")
         ),
     );

@@ -1,4 +1,4 @@
-//! Scenes whose silhouettes differ in kind, each with vertices off those of a target.
+//! Scenes whose silhouettes differ in kind, each with vertices off those of a reference image.
 
 use std::f64::consts::PI;
 

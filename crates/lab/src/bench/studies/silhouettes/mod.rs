@@ -1,9 +1,9 @@
 //! How good is the gradient of a silhouette, and what does it cost?
 //!
 //! The truth is the gradient of `<g, a(p)>`, where `a` is the picture of vertices `p` averaged over
-//! the area of each pixel (`scanlines`), and `g` one fixed upstream gradient per image, that of the
-//! squared error against a target. A method gives the gradient of `<g, image(p)>` for an image of its
-//! own.
+//! the area of each pixel (`scanlines`). Here `g` is one fixed upstream gradient per image: the
+//! gradient of the squared error against a reference image. A method gives the gradient of
+//! `<g, image(p)>` for an image of its own.
 
 mod cases;
 mod figure;
@@ -128,16 +128,18 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         rows.extend(measure(bench, &mut study, kind, &[kind.pixels])?);
     }
     study.note = format!(
-        "The gradient of <g, image> with respect to all vertices, against that of <g, area-averaged \
-         image>; g is one fixed upstream gradient per scene and size, that of the squared error \
-         against the picture of other vertices. The error is the length of the difference over the \
-         length of the truth, for the gradient as a whole; median over {} poses of the cube, each \
-         coordinate of each vertex up to {} of a side off, over {} of the other scenes, and from one of \
-         those of the step's table. The truth: differences of pictures that are integrated along \
-         scanlines; where a scene has more than 24 coordinates, along 8 random directions in which all \
-         vertices move. Truth, ±: how far the truth from one scanline for each two is off, at most. \
-         2x2 and 4x4: rendered so much larger, then averaged down. All edges: every edge is a seam. \
-         f32; closed meshes of the step's table with back faces culled, all others without.",
+        "Each method gives the gradient of <g, image> with respect to all vertices, in f32. The \
+         truth is the gradient of <g, area-averaged image>. Here g is one fixed upstream gradient \
+         per scene and size: that of the squared error against the picture of other vertices. The \
+         error is the length of the difference over the length of the truth, for the gradient as a \
+         whole. It is a median over {} poses of the cube, with each coordinate of each vertex up \
+         to {} of a side off, and over {} seeds of each other scene. The scenes of the step's \
+         table have one seed. The truth comes from differences of pictures that are integrated \
+         along scanlines. Where a scene has more than 24 coordinates, the differences are along 8 \
+         random directions in which all vertices move. Truth, ±: how far half as many scanlines \
+         move the truth, at most. 2x2 and 4x4: rendered so much larger, then averaged down. All \
+         edges: every edge is a seam. Back faces are culled in closed meshes of the step's table, \
+         and drawn in all other scenes.",
         bench.effort.choose(1, CASES[0].seeds),
         cases::SHIFT,
         bench.effort.choose(1, CASES[1].seeds),

@@ -1,14 +1,16 @@
 //! The area-averaged picture by another way: along each of many scanlines visibility is found and
 //! colours are integrated exactly, and lines are averaged.
 //!
-//! Nothing of it is shared with `rasterize`. Along a line each face is a segment with a depth that is
-//! linear, so what is nearest changes only where a segment starts or ends, or where two cross. A
-//! colour is a quotient of linear functions, integrated pixel by pixel with three Gauss points. Lines
-//! are averaged by one or two Gauss points in each *slab*: between heights at which there is a vertex,
-//! or an edge passes from one pixel to the next, a line's integral is smooth but where something
-//! passes behind an edge, or through a face. Slabs are low besides. All of it moves smoothly with
-//! the vertices, but where the number of slabs between two heights changes, so differences with a
-//! tiny step are derivatives.
+//! Nothing of it is shared with `rasterize`. Along a line each face is a segment whose depth is
+//! linear. So what is nearest changes only where a segment starts or ends, or where two segments
+//! cross. A colour is a quotient of linear functions, integrated pixel by pixel with three Gauss
+//! points.
+//!
+//! Lines are averaged by one or two Gauss points in each *slab*. A slab lies between heights at which
+//! there is a vertex, or an edge passes from one pixel to the next. Within a slab a line's integral
+//! is smooth but where something passes behind an edge, or through a face. Slabs are low besides. All
+//! of it moves smoothly with the vertices, but where the number of slabs between two heights changes.
+//! So differences with a tiny step are derivatives.
 
 use bokashi_core::Tensor;
 use bokashi_render_ops::Cull;

@@ -18,7 +18,7 @@ pub(super) struct Truth {
     pub(super) pixels: usize,
     /// `[pixels, pixels, 3]`.
     pub(super) picture: Vec<f64>,
-    /// The gradient of the squared error against the target's picture, `[pixels, pixels, 3]`.
+    /// The gradient of the squared error against the reference image, `[pixels, pixels, 3]`.
     pub(super) upstream: Tensor<f64>,
     /// Directions in which all vertices move, and how `<upstream, picture>` changes along each.
     directions: Vec<Vec<f64>>,
