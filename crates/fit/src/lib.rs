@@ -33,6 +33,9 @@ mod history;
 mod optimizer;
 mod parameter;
 mod pipeline;
+#[cfg(feature = "precompiled")]
+#[doc(hidden)]
+pub mod precompiled;
 #[cfg(feature = "save")]
 pub mod saved;
 mod schedule;

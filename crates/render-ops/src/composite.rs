@@ -33,6 +33,7 @@ const NAME: &str = "composite";
 /// - [`RenderError::Shape`] unless the background has as many channels and, if it is an image, the
 ///   image's size.
 /// - `TensorError::ForeignVariable` for variables of several tapes.
+#[inline(never)]
 pub fn composite<'t, T: Scalar>(
     values: Var<'t, T>,
     fragments: &Fragments<'t, T>,

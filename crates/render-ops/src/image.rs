@@ -22,6 +22,7 @@ impl<'t, T: Scalar> Picture<'t, T> {
     ///
     /// # Errors
     /// None that a picture can cause.
+    #[inline(never)]
     pub fn image(&self) -> Result<Var<'t, T>, RenderError> {
         let (coverage, rim) = (Arc::clone(&self.coverage), self.rim.clone());
         let op = Image { coverage, rim, kind: self.backdrop.kind };

@@ -44,6 +44,7 @@ pub fn interpolate<'t, T: Scalar>(
 /// - [`RenderError::Shape`] unless the attributes are `[A, C]` with A its number of vertices, and for
 ///   fragments that are not whole.
 /// - `TensorError::ForeignVariable` for variables of several tapes.
+#[inline(never)]
 pub fn interpolate_indexed<'t, T: Scalar>(
     attributes: Var<'t, T>,
     indices: &Mesh,

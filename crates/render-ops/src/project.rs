@@ -39,6 +39,7 @@ pub struct Pose<'t, T: Scalar> {
 /// [`RenderError::Shape`] unless positions are `[V, 3]`, the rotation `[4]` and the translation
 /// `[3]`; [`RenderError::Camera`] for a matrix entry that is not finite;
 /// [`RenderError::Rotation`] for a quaternion that is zero or not finite.
+#[inline(never)]
 pub fn project<'t, T: Scalar>(
     positions: Var<'t, T>,
     camera: &DMat4,

@@ -29,6 +29,7 @@ impl<T: Scalar> Reference<T> {
     ///
     /// # Errors
     /// [`RenderError::Shape`] unless the image is `[H, W, C]` and the background `[C]`, C > 0.
+    #[inline(never)]
     pub fn new(image: &Tensor<T>, background: &Tensor<T>) -> Result<Self, RenderError> {
         let channels = checked_channels("reference", image)?;
         if **background.shape() != [channels] {

@@ -28,6 +28,7 @@ impl<'t, T: Scalar> Picture<'t, T> {
     ///
     /// # Errors
     /// [`RenderError::Shape`] unless the reference has the picture's size and channels.
+    #[inline(never)]
     pub fn squared_error(&self, reference: &Reference<T>) -> Result<Var<'t, T>, RenderError> {
         let size = self.coverage.size();
         let shape = [size.height, size.width, self.channels()];

@@ -123,6 +123,7 @@ impl Optimizer {
     ///   the fit.
     ///
     /// All parameters and moments are then as they were.
+    #[inline(never)]
     pub fn update<'t, T: Scalar>(
         &self,
         parameters: &mut Parameters<T>,

@@ -140,6 +140,7 @@ impl<T: Scalar> Parameters<T> {
     /// Records the parameters on `tape`: a leaf and its mapping each, a constant where frozen.
     ///
     /// Leaves are copies, so that an update in place never copies.
+    #[inline(never)]
     pub fn record<'t>(&self, tape: &'t Tape<T>) -> Variables<'t, T> {
         let record = |parameter: &Parameter<T>| {
             let raw = if parameter.is_frozen() {

@@ -58,6 +58,7 @@ use crate::picture::{Composite, Picture};
 ///
 /// # Errors
 /// [`RenderError::ExactCoverage`] for fragments with exact coverage.
+#[inline(never)]
 pub fn antialias<'t, T: Scalar>(
     composite: Composite<'t, T>,
 ) -> Result<Picture<'t, T>, RenderError> {

@@ -83,6 +83,7 @@ pub struct Focused<'t, T: Scalar> {
 /// - [`RenderError::BadLens`] for an aperture or a largest sigma that is negative or not finite, or a
 ///   focus that is not finite and positive.
 /// - [`RenderError::BadRadius`] as for [`gaussian_blur`](crate::gaussian_blur()).
+#[inline(never)]
 pub fn depth_of_field<'t, T: Scalar>(
     image: Var<'t, T>,
     depth: Var<'t, T>,

@@ -62,6 +62,7 @@ use crate::taps::{Blur, Kernel, LARGEST_RADIUS, Radius, Taps, check_radius};
 /// - [`RenderError::Shape`] unless the image is `[H, W, C]` with at least one entry and sigma a
 ///   single number.
 /// - [`RenderError::BadRadius`] for a tolerance outside (0, 1) or a radius above 16384.
+#[inline(never)]
 pub fn gaussian_blur<'t, T: Scalar>(
     image: Var<'t, T>,
     sigma: Var<'t, T>,

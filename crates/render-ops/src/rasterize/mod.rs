@@ -70,7 +70,16 @@ pub fn rasterize<'t, T: Scalar>(
     mesh: &Mesh,
     options: impl Into<RasterOptions>,
 ) -> Result<Fragments<'t, T>, RenderError> {
-    let options = options.into();
+    record(clip, mesh, options.into())
+}
+
+/// [`rasterize()`], compiled once.
+#[inline(never)]
+fn record<'t, T: Scalar>(
+    clip: Var<'t, T>,
+    mesh: &Mesh,
+    options: RasterOptions,
+) -> Result<Fragments<'t, T>, RenderError> {
     options.size.checked()?;
     let op = Rasterize { mesh: mesh.clone(), options };
     let look = |saved: &Saved<T>| (saved.coverage.clone(), saved.visibility.reaches_behind);
