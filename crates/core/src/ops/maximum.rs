@@ -22,7 +22,8 @@ impl<T: Scalar> Binary<T> for Larger {
     const RIGHT_SLOPE_FROM: [bool; 2] = [true, true];
 
     fn value(self, x: T, y: T) -> T {
-        x.maximum_or_nan(y)
+        // As IEEE 754-2019 has it, -0 is smaller than 0.
+        if x == y && !x.to_f64().is_sign_negative() { x } else { x.maximum_or_nan(y) }
     }
     fn left_slope(self, x: T, y: T) -> T {
         share(x, y, Ordering::Greater)
@@ -60,5 +61,14 @@ mod tests {
             let of = value_and_slopes(x, y, |x, y| x.maximum(y).unwrap());
             assert!(of.iter().all(|number| number.is_nan()));
         }
+    }
+
+    #[test]
+    fn negative_zero_is_smaller_than_zero() {
+        let (plus, minus) = (0.0_f64.to_bits(), (-0.0_f64).to_bits());
+        let pairs: [(f64, f64); 4] = [(-0.0, 0.0), (0.0, -0.0), (0.0, 0.0), (-0.0, -0.0)];
+        let found =
+            pairs.map(|(x, y)| value_and_slopes(x, y, |x, y| x.maximum(y).unwrap())[0].to_bits());
+        assert_eq!(found, [plus, plus, plus, minus]);
     }
 }
