@@ -75,6 +75,7 @@ impl Subject for Pictures {
         };
         let surface = interpolate(inputs[1], &fragments)?;
         let picture = antialias(composite(surface, &fragments, background)?)?;
+        assert!(!matches!(picture.background(), Background::Zero) && picture.size() == size);
         let goal = |k: usize| T::from_f64((k * 13 % 29) as f64 / 29.0);
         let goal = Tensor::from_flat_fn([size.height, size.width, picture.channels()], goal);
         let black = Tensor::zeros([2]);
