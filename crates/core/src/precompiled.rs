@@ -2,7 +2,7 @@
 //!
 //! The compiler generates a generic function anew in each crate that uses it with concrete types,
 //! unless the function is never inlined and a crate below has it for the same types already. All
-//! operations go through [`Tape::record`], and all backward passes through [`Tape::run_backward`].
+//! operations go through [`Tape::record`], and all backward passes through [`Var::backward`].
 //! Neither is ever inlined, so it is enough that this crate uses each operation once. Nobody calls
 //! these functions. An operation that is missing here still works: it is compiled where it is used.
 
