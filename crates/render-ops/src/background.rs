@@ -86,8 +86,11 @@ impl Kind {
         channels: usize,
         pixel: usize,
     ) {
+        // -0 equals 0 but has other bits, so a colour of both is no single number.
+        let sign = |c: T| c.to_f64().is_sign_negative();
+        let alike = |a: T, b: T| a.is_same(b) && sign(a) == sign(b);
         match (self, background) {
-            (Self::Color, [first, rest @ ..]) if rest.iter().all(|c| c.is_same(*first)) => {
+            (Self::Color, [first, rest @ ..]) if rest.iter().all(|&c| alike(c, *first)) => {
                 values.fill(*first);
             }
             (Self::Color, _) => values.chunks_exact_mut(channels).for_each(|value| {
