@@ -18,12 +18,18 @@ pub(crate) struct Blend {
     pub(crate) clamped: bool,
 }
 
+/// The pair, the edge, whether its first pixel is blended, and whether the share is at a limit.
+pub(crate) type Choice = ([usize; 2], [u32; 2], bool, bool);
+
 impl Blend {
-    /// What does not move where the vertices move by very little: the pair, the edge, which pixel
-    /// is blended, and whether the share is at a limit.
-    pub(crate) fn choice(&self) -> ([usize; 2], [u32; 2], bool, bool) {
+    fn choice(&self) -> Choice {
         (self.pair, self.edge, self.alpha > 0.0, self.clamped)
     }
+}
+
+/// What does not move where vertices move by very little, blend after blend.
+pub(crate) fn choices<T: Scalar>(fragments: &Fragments<'_, T>, clip: &Tensor<f64>) -> Vec<Choice> {
+    blends(fragments, clip).iter().map(Blend::choice).collect()
 }
 
 /// The blends of a picture of `fragments`, whose vertices are `clip: [V, 4]`.

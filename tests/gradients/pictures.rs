@@ -7,7 +7,7 @@ use bokashi_render_ops::{
 };
 use proptest::prelude::*;
 
-use crate::blends::blends;
+use crate::blends::choices;
 use crate::rendering::{check, leaf, wide};
 use crate::scenes::{Scene, scenes, size};
 
@@ -66,8 +66,7 @@ impl Subject for Pictures {
     ) -> Result<Outcome<'t, T>, Refusal> {
         let size = self.scene.size;
         let fragments = rasterize(inputs[0], &self.scene.mesh, size)?;
-        let choices: Vec<_> =
-            blends(&fragments, &wide(inputs[0])).iter().map(|blend| blend.choice()).collect();
+        let choices = choices(&fragments, &wide(inputs[0]));
         let background = match self.background {
             0 => Background::Zero,
             1 => Background::Color(inputs[2]),

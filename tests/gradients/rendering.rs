@@ -270,8 +270,7 @@ impl Subject for Antialias {
         inputs: &[Var<'t, T>],
     ) -> Result<Outcome<'t, T>, Refusal> {
         let fragments = rasterize(inputs[0], &self.scene.mesh, self.scene.size)?;
-        let blends = blends::blends(&fragments, &wide(inputs[0]));
-        let choices: Vec<_> = blends.iter().map(|blend| blend.choice()).collect();
+        let choices = blends::choices(&fragments, &wide(inputs[0]));
         let image = antialias(Composite::of_image(inputs[1], &fragments)?)?.image()?;
         let ids = fragments.coverage.triangle_ids();
         Ok(Outcome::from(image).with_state(ids).with_state(choices))
@@ -504,8 +503,7 @@ impl Subject for Pipeline {
         let camera = DMat4::from_cols_array_2d(&self.camera);
         let clip = project(positions, &camera, Some(Pose { rotation, translation }))?;
         let fragments = rasterize(clip, &self.mesh, self.size)?;
-        let blends = blends::blends(&fragments, &wide(clip));
-        let choices: Vec<_> = blends.iter().map(|blend| blend.choice()).collect();
+        let choices = blends::choices(&fragments, &wide(clip));
         let surface = interpolate(colors, &fragments)?;
         let picture = antialias(composite(surface, &fragments, Background::Color(background))?)?;
         let image = picture.image()?;

@@ -202,21 +202,7 @@ mod tests {
     use bokashi_core::{Tape, Tensor};
 
     use super::*;
-    use crate::mesh::Mesh;
-    use crate::rasterize::rasterize;
-
-    const SIZE: Size = Size { width: 5, height: 3 };
-
-    /// The fragments of a face over part of an image, and values `[N, 2]` on it.
-    fn surface<T: Scalar>(tape: &Tape<T>) -> (Fragments<'_, T>, Var<'_, T>) {
-        let clip = [-1.2, -0.9, 0.0, 1.0, 0.6, -0.7, 0.0, 1.0, 0.1, 1.3, 0.0, 1.0].map(T::from_f64);
-        let clip = tape.leaf(&Tensor::new([3, 4], clip.to_vec()).unwrap());
-        let fragments = rasterize(clip, &Mesh::new(vec![[0, 1, 2]], 3).unwrap(), SIZE).unwrap();
-        let count = fragments.coverage.count();
-        assert!((3..12).contains(&count), "{count}");
-        let values = Tensor::from_flat_fn([count, 2], |k| T::from_f64(100.0 + k as f64));
-        (fragments, tape.leaf(&values))
-    }
+    use crate::fixtures::surface;
 
     #[test]
     fn a_picture_of_an_image_makes_that_image() {

@@ -233,29 +233,11 @@ impl Coverage {
 
 #[cfg(test)]
 mod tests {
-    use bokashi_core::{Tape, Tensor};
-
-    use super::*;
-    use crate::rasterize::rasterize;
-
-    /// A large face and small ones before it, over several bands.
-    fn coverage() -> Coverage {
-        let mut corners = vec![[-0.7, -0.9, 0.5], [0.9, -0.5, 0.5], [0.1, 0.8, 0.5]];
-        for k in 0..40 {
-            let (x, y) = (-0.8 + 0.04 * k as f64, 0.7 * (0.9 * k as f64).sin());
-            corners.extend([[x, y, 0.0], [x + 0.09, y - 0.03, 0.0], [x + 0.02, y + 0.1, 0.0]]);
-        }
-        let mesh = Mesh::new((0..41).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect(), 123);
-        let clip = corners.iter().flat_map(|&[x, y, z]| [x, y, z, 1.0]).collect();
-        let tape = Tape::<f64>::new();
-        let clip = tape.leaf(&Tensor::new([123, 4], clip).unwrap());
-        let fragments = rasterize(clip, &mesh.unwrap(), Size { width: 300, height: 200 }).unwrap();
-        Coverage::clone(&fragments.coverage)
-    }
+    use crate::fixtures::many_faces;
 
     #[test]
     fn each_fragment_has_one_pixel_and_each_covered_pixel_one_fragment() {
-        let coverage = coverage();
+        let coverage = many_faces();
         assert!(coverage.centers.bands() > 2 && coverage.centers.runs.len() > 500);
         let mut seen = vec![false; coverage.size().pixels()];
         let places = coverage.pixels().zip(coverage.faces());
@@ -274,7 +256,7 @@ mod tests {
 
     #[test]
     fn gaps_are_the_pixels_that_are_neither_covered_nor_of_the_rim() {
-        let coverage = coverage();
+        let coverage = many_faces();
         let uncovered: Vec<_> = (0..coverage.size().pixels())
             .filter(|&pixel| coverage.fragment_at(pixel).is_none())
             .collect();

@@ -133,26 +133,12 @@ impl<T: Scalar> Op<T> for Image {
 mod tests {
     use bokashi_core::{Tape, Tensor};
 
-    use super::*;
     use crate::background::Background;
     use crate::composite::composite;
+    use crate::fixtures::{SMALL, surface};
     use crate::fragments::Fragments;
     use crate::mesh::Mesh;
     use crate::rasterize::rasterize;
-    use crate::size::Size;
-
-    const SIZE: Size = Size { width: 5, height: 3 };
-
-    /// The fragments of a face over part of an image, and values `[N, 2]` on it.
-    fn surface<T: Scalar>(tape: &Tape<T>) -> (Fragments<'_, T>, Var<'_, T>) {
-        let clip = [-1.2, -0.9, 0.0, 1.0, 0.6, -0.7, 0.0, 1.0, 0.1, 1.3, 0.0, 1.0].map(T::from_f64);
-        let clip = tape.leaf(&Tensor::new([3, 4], clip.to_vec()).unwrap());
-        let fragments = rasterize(clip, &Mesh::new(vec![[0, 1, 2]], 3).unwrap(), SIZE).unwrap();
-        let count = fragments.coverage.count();
-        assert!((3..12).contains(&count), "{count}");
-        let values = Tensor::from_flat_fn([count, 2], |k| T::from_f64(100.0 + k as f64));
-        (fragments, tape.leaf(&values))
-    }
 
     /// The image by looking up each pixel's fragment.
     fn expected(
@@ -220,7 +206,7 @@ mod tests {
     fn an_image_that_nothing_covers_is_the_background() {
         let tape = Tape::<f32>::new();
         let clip = tape.leaf(&Tensor::zeros([1, 4]));
-        let fragments = rasterize(clip, &Mesh::new(vec![], 1).unwrap(), SIZE).unwrap();
+        let fragments = rasterize(clip, &Mesh::new(vec![], 1).unwrap(), SMALL).unwrap();
         let values = tape.leaf(&Tensor::zeros([0, 1]));
         let color = tape.leaf(&Tensor::full([1], 0.5));
         let out = composite(values, &fragments, Background::Color(color)).unwrap();

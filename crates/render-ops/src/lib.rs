@@ -39,6 +39,8 @@ mod depth_of_field;
 mod edge_functions;
 mod error;
 mod face_sums;
+#[cfg(test)]
+mod fixtures;
 mod fragments;
 mod gaussian_blur;
 mod homogeneous;

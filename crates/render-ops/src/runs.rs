@@ -215,32 +215,14 @@ impl Runs {
 
 #[cfg(test)]
 mod tests {
-    use bokashi_core::{Tape, Tensor};
     use rayon::ThreadPoolBuilder;
 
     use super::*;
-    use crate::mesh::Mesh;
-    use crate::rasterize::rasterize;
-    use crate::size::Size;
-
-    /// A large face and small ones before it, over several bands.
-    fn runs() -> Runs {
-        let mut corners = vec![[-0.7, -0.9, 0.5], [0.9, -0.5, 0.5], [0.1, 0.8, 0.5]];
-        for k in 0..40 {
-            let (x, y) = (-0.8 + 0.04 * k as f64, 0.7 * (0.9 * k as f64).sin());
-            corners.extend([[x, y, 0.0], [x + 0.09, y - 0.03, 0.0], [x + 0.02, y + 0.1, 0.0]]);
-        }
-        let mesh = Mesh::new((0..41).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect(), 123);
-        let clip = corners.iter().flat_map(|&[x, y, z]| [x, y, z, 1.0]).collect();
-        let tape = Tape::<f64>::new();
-        let clip = tape.leaf(&Tensor::new([123, 4], clip).unwrap());
-        let fragments = rasterize(clip, &mesh.unwrap(), Size { width: 300, height: 200 }).unwrap();
-        fragments.coverage.centers.clone()
-    }
+    use crate::fixtures::many_faces;
 
     #[test]
     fn bands_are_merged_in_their_order_on_any_number_of_threads() {
-        let runs = runs();
+        let runs = &many_faces().centers;
         let merged = |threads: usize| {
             let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let (mut merged, mut entries) = (Vec::new(), vec![0; 2 * runs.count]);
@@ -264,7 +246,7 @@ mod tests {
 
     #[test]
     fn the_fragments_of_a_slot_are_those_of_its_runs_and_can_be_cut() {
-        let runs = runs();
+        let runs = &many_faces().centers;
         let mut next = 0;
         for slot in 0..runs.slots.len() {
             let fragments = runs.fragments_of(slot..slot + 1);

@@ -5,9 +5,9 @@
 //! `u_k = (1 + 2 sum_m e_m cos(pi m k / n)) / 2n` with `e_m = exp(-(s_m sigma)^2 / 2)`,
 //! `s_m = pi m / n` and `de_m/dsigma = -s_m^2 sigma e_m`.
 //!
-//! The same holds for the discrete kernel, with `s_m = 2 sin(pi m / 2n)`. Its kurtosis is
-//! `1 / sigma^2`, so its taps are the Gaussian's times `1 + (x^4 - 6 x^2 + 3) / (24 sigma^2)`,
-//! `x = k / sigma`, with an error of about `sigma^-4`.
+//! The same holds for the discrete kernel, with `s_m = 2 sin(pi m / 2n)`. Its excess kurtosis is
+//! `1 / sigma^2`. With `x = k / sigma`, its taps are therefore the Gaussian's times
+//! `1 + (x^4 - 6 x^2 + 3) / (24 sigma^2)`. The error is about `sigma^-4`.
 
 use std::f64::consts::PI;
 
