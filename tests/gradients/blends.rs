@@ -36,35 +36,40 @@ pub(crate) fn choices<T: Scalar>(fragments: &Fragments<'_, T>, clip: &Tensor<f64
 pub(crate) fn blends<T: Scalar>(fragments: &Fragments<'_, T>, clip: &Tensor<f64>) -> Vec<Blend> {
     let Size { width, height } = fragments.coverage.size();
     let depth = depth(fragments).unwrap().value();
-    let depth = |fragment: usize| depth.data()[fragment].to_f64();
+    let coverage = &fragments.coverage;
+    let seen: Vec<Option<Seen>> = (0..width * height)
+        .map(|pixel| {
+            let fragment = coverage.fragment_at(pixel)?;
+            Some((coverage.face_at(pixel)?, depth.data()[fragment].to_f64()))
+        })
+        .collect();
     let mut blends = Vec::new();
     for row in 0..height {
         for column in 0..width {
             let first = row * width + column;
             if column + 1 < width {
-                blends.extend(blend(&fragments.coverage, depth, clip, [first, first + 1]));
+                blends.extend(blend(coverage, &seen, clip, [first, first + 1]));
             }
             if row + 1 < height {
-                blends.extend(blend(&fragments.coverage, depth, clip, [first, first + width]));
+                blends.extend(blend(coverage, &seen, clip, [first, first + width]));
             }
         }
     }
     blends
 }
 
+/// The face that a pixel's centre sees, and how deep.
+type Seen = (usize, f64);
+
 fn blend(
     coverage: &Coverage,
-    depth: impl Fn(usize) -> f64,
+    seen: &[Option<Seen>],
     clip: &Tensor<f64>,
     pair: [usize; 2],
 ) -> Option<Blend> {
     let Size { width, height } = coverage.size();
     let faces = coverage.mesh().faces();
-    let [seen, beside] = pair.map(|pixel| {
-        let fragment = coverage.fragment_at(pixel)?;
-        Some((coverage.face_at(pixel)?, depth(fragment)))
-    });
-    let (face, covers_first) = match (seen, beside) {
+    let (face, covers_first) = match (seen[pair[0]], seen[pair[1]]) {
         (None, None) => return None,
         (Some((face, _)), None) => (face, true),
         (None, Some((face, _))) => (face, false),

@@ -137,12 +137,15 @@ fn a_bench_sets_the_times_of_others_beside_ours() {
         {"study": "scenes", "name": "DEODR", "scene": "cube@32",
         "minimum_microseconds": 70000.0, "median_microseconds": 80000.0}]"#;
     fs::write(folder.path().join("peers.json"), peers).expect("a file");
-    let value = object(&lab(folder.path(), "bench --quick --peers peers.json --json -"));
+    let value = object(&lab(
+        folder.path(),
+        "bench --quick --only scenes --only multiply --peers peers.json --json -",
+    ));
     let table = |study: usize, name: &str| value["studies"][study]["tables"][name].clone();
-    let row = &table(6, "multiply")[2];
+    let row = &table(1, "multiply")[2];
     assert_eq!((&row["name"], &row["length_16_nanoseconds"]), (&"theirs".into(), &1500.0.into()));
     assert!(row["length_1_nanoseconds"].is_null() && row["length_256_nanoseconds"] == 2500.0);
-    assert_eq!(table(6, "multiply").as_array().map(Vec::len), Some(4));
+    assert_eq!(table(1, "multiply").as_array().map(Vec::len), Some(4));
     assert_eq!(table(0, "scenes")[0]["deodr_milliseconds"], 70.0);
 }
 
@@ -177,7 +180,7 @@ fn what_is_left_out_is_a_list_of_rows_with_four_keys() {
     let page = fs::read_to_string(folder.path().join("made/elision.html")).expect("a page");
     loads_nothing(&page);
     // Another command's page in the same folder: each names the other.
-    let output = lab(folder.path(), "bench --quick --out made");
+    let output = lab(folder.path(), "bench --quick --only nodes --out made");
     assert_eq!(output.status.code(), Some(0));
     let read = |name| fs::read_to_string(folder.path().join(name)).expect("a page");
     assert!(read("made/bench.html").contains("<a href=\"elision.html\">What is left out</a>"));

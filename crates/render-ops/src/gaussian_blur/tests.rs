@@ -249,7 +249,7 @@ fn a_sigma_beyond_any_image_gives_the_limit_of_its_border() {
 
 #[test]
 fn an_endless_window_has_the_laws_of_any_other() {
-    for (shape, sigma) in [([3, 4, 2], 4e3), ([1, 900, 1], 3.6e3), ([9000, 1, 1], 5e3)] {
+    for (shape, sigma) in [([3, 4, 2], 4e3), ([1, 900, 1], 3.6e3), ([4000, 1, 1], 3.6e3)] {
         for border in BORDERS {
             let blur = Blur { border, ..Blur::default() };
             let (image, out_bar) = (numbers::<f64>(shape, 23), numbers::<f64>(shape, 24));

@@ -52,13 +52,13 @@ const OWN: Kind = Kind {
 /// The kinds that are looked at in several sizes.
 pub(super) const CASES: [Kind; 6] = [
     OWN,
-    // Of so many vertices some come to be seen within a larger step.
-    Kind { name: "sphere20k", make: sphere, seeds: 3, height: 1.0 / 64.0, step: 1e-8, ..OWN },
     Kind { name: "two cubes in each other", make: two_cubes, seeds: 3, ..OWN },
     Kind { name: "thin fan", make: fan, seeds: 3, ..OWN },
     Kind { name: "sheet with a hole", make: sheet, seeds: 3, ..OWN },
     // Many edges pass behind others between two vertices.
     Kind { name: "500 triangles", make: triangles, seeds: 3, height: 1.0 / 2048.0, ..OWN },
+    // The last: its truth takes the longest, and a quick run leaves it out. Of so many vertices some come to be seen within a larger step.
+    Kind { name: "sphere20k", make: sphere, seeds: 3, height: 1.0 / 64.0, step: 1e-8, ..OWN },
 ];
 
 /// The scenes of the step's table, as they are learnt there.

@@ -121,7 +121,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
     let mut study =
         Study::new("silhouettes", "The gradient of a silhouette, against the true one", "");
     let mut rows = Vec::new();
-    for kind in &CASES {
+    for kind in &CASES[..bench.effort.choose(CASES.len() - 1, CASES.len())] {
         rows.extend(measure(bench, &mut study, kind, &PIXELS)?);
     }
     for kind in &cases::of_bench(bench.effort) {
@@ -207,7 +207,7 @@ mod tests {
     /// At 16 and 32 px, the cube's edges being seams: what is left is the truth's own error.
     #[test]
     fn with_exact_coverage_the_gradient_is_the_true_one() {
-        let cases = [(0, 5, 0.002), (2, 4, 0.004), (3, 4, 0.005), (3, 5, 0.005)];
+        let cases = [(0, 5, 0.002), (1, 4, 0.004), (2, 4, 0.005), (2, 5, 0.005)];
         for (case, exact, bound) in cases {
             let kind = &CASES[case];
             let case = (kind.make)(1).unwrap();
