@@ -1,10 +1,9 @@
 //! The edge functions of a face around one of its pixels, and their adjoint.
 //!
 //! # Forward
-//! With the vertices `q_i = (x_i - X_0 w_i, y_i - Y_0 w_i)` relative to an origin, the edge
-//! function that faces vertex i, of neighbours j and k, is
-//! `a_i(X, Y) = q_j x q_k + (q_jy w_k - w_j q_ky) X + (w_j q_kx - q_jx w_k) Y`, with X and Y from
-//! the origin. Near the origin nothing large cancels.
+//! The edge function that faces vertex i is that of its neighbours j and k (`homogeneous::edge`), with
+//! the vertices `q_i = (x_i - X_0 w_i, y_i - Y_0 w_i)` and with X and Y from an origin `(X_0, Y_0)`.
+//! Near the origin nothing large cancels.
 //!
 //! # Backward
 //! It takes three sums over the fragments: `s_i = sum a_bar_i`, `s_ix = sum X a_bar_i` and
@@ -15,7 +14,7 @@
 
 use bokashi_core::Scalar;
 
-use crate::homogeneous::{Vertex, cross};
+use crate::homogeneous::{Vertex, cross, edge};
 use crate::size::Size;
 
 /// A face around the centre of one of its pixels.
@@ -24,7 +23,8 @@ pub(crate) struct LocalFace<S> {
     pub(crate) vertices: [Vertex<S>; 3],
     pub(crate) factors: [S; 3],
     origin: [S; 2],
-    q: [[S; 2]; 3],
+    /// The vertices in coordinates from the origin.
+    local: [Vertex<S>; 3],
     /// The edge functions' coefficients of 1, X and Y.
     coefficients: [[S; 3]; 3],
 }
@@ -73,13 +73,10 @@ impl<S: Scalar<Wide = S>> LocalFace<S> {
     #[inline(always)]
     pub(crate) fn new(vertices: [Vertex<S>; 3], factors: [S; 3], pixel: usize, size: Size) -> Self {
         let origin = size.center(pixel);
-        let q = vertices.map(|vertex| vertex.relative_to(origin[0], origin[1]));
-        let coefficients = std::array::from_fn(|i| {
-            let (j, k) = ((i + 1) % 3, (i + 2) % 3);
-            let (wj, wk) = (vertices[j].w, vertices[k].w);
-            [cross(q[j], q[k]), q[j][1] * wk - wj * q[k][1], wj * q[k][0] - q[j][0] * wk]
-        });
-        Self { vertices, factors, origin, q, coefficients }
+        let local = vertices.map(|vertex| vertex.around(origin));
+        let [p, q, r] = local;
+        let coefficients = [edge(q, r), edge(r, p), edge(p, q)];
+        Self { vertices, factors, origin, local, coefficients }
     }
 
     /// Of the vertices `indices` of `clip: [V, 4]`, around the centre of pixel `pixel`.
@@ -146,8 +143,8 @@ impl<S: Scalar<Wide = S>> LocalFace<S> {
     pub(crate) fn pull_back(&self, sums: &EdgeSums<S>, i: usize, size: Size) -> [S; 3] {
         let (j, k) = ((i + 1) % 3, (i + 2) % 3);
         let EdgeSums { ones, xs, ys } = sums;
-        let ([qjx, qjy], [qkx, qky]) = (self.q[j], self.q[k]);
-        let (wj, wk) = (self.vertices[j].w, self.vertices[k].w);
+        let Vertex { x: qjx, y: qjy, w: wj, .. } = self.local[j];
+        let Vertex { x: qkx, y: qky, w: wk, .. } = self.local[k];
         let x_bar = ones[k] * qjy - ones[j] * qky + (ys[j] * wk - ys[k] * wj);
         let y_bar = ones[j] * qkx - ones[k] * qjx + (xs[k] * wj - xs[j] * wk);
         let w_bar = -(self.origin[0] * x_bar + self.origin[1] * y_bar)

@@ -64,6 +64,13 @@ impl<S: Scalar<Wide = S>> Vertex<S> {
     pub(crate) fn relative_to(self, x: S, y: S) -> [S; 2] {
         [self.x - x * self.w, self.y - y * self.w]
     }
+
+    /// The vertex in coordinates from the origin `(x, y)`.
+    #[inline(always)]
+    pub(crate) fn around(self, [x, y]: [S; 2]) -> Self {
+        let [x, y] = self.relative_to(x, y);
+        Self { x, y, ..self }
+    }
 }
 
 /// Whether a face's vertices were all multiplied by the same.
