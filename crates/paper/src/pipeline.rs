@@ -37,6 +37,8 @@ pub struct CubeMeasure {
 pub struct CubePipeline<T: Scalar> {
     scene: Scene,
     settings: CubeSettings,
+    /// As they are saved, for each step's state.
+    saved_settings: Vec<u8>,
     moves: bool,
     view: View,
     truth: Snapshot,
@@ -63,6 +65,7 @@ impl<T: Scalar> CubePipeline<T> {
         let truth = truth(settings.blurs().then_some(settings.sigma_target));
         let pipeline = Self {
             scene: Scene::new(settings.resolution, settings.silhouettes, blur)?,
+            saved_settings: settings.saved(),
             settings: settings.clone(),
             moves: settings.experiment != Experiment::Sigma,
             view: View::fixed(),
@@ -130,7 +133,7 @@ impl<T: Scalar> Pipeline<T> for CubePipeline<T> {
 
     fn save_state(&self, state: &mut Vec<u8>) {
         // A pose is a function of the seed and the step: the generator has no other state.
-        self.settings.save(state);
+        state.extend_from_slice(&self.saved_settings);
     }
 
     fn restore_state(&mut self, state: &[u8]) -> Result<(), FitError> {

@@ -187,13 +187,12 @@ impl CubeSettings {
         Ok(settings)
     }
 
-    /// Appends the settings as they are saved: a JSON object.
-    pub(super) fn save(&self, state: &mut Vec<u8>) {
-        let text = serde_json::to_vec(self);
-        state.extend(text.expect("settings are words and numbers"));
+    /// The settings as they are saved: a JSON object.
+    pub(super) fn saved(&self) -> Vec<u8> {
+        serde_json::to_vec(self).expect("settings are words and numbers")
     }
 
-    /// What [`CubeSettings::save`] wrote.
+    /// What [`CubeSettings::saved`] returned.
     pub(super) fn restored(state: &[u8]) -> Result<Self, FitError> {
         let foreign = |error| FitError::saved("a fit of the cube, with its settings", error);
         let settings: Self = serde_json::from_slice(state).map_err(foreign)?;
@@ -393,16 +392,14 @@ mod tests {
                 (k % 2 == 0).then_some(Rates { vertices: 0.1, colors: 0.2, sigma: 0.3 });
             settings.schedule = (k > 2).then_some(Schedule::Step { steps: 9, factor: 0.5 });
             settings.radius = [None, Some(Radius::Fixed(7)), Some(Radius::Tolerance(1e-3))][k % 3];
-            let mut state = Vec::new();
-            settings.save(&mut state);
+            let state = settings.saved();
             assert_eq!(CubeSettings::restored(&state).as_ref(), Ok(&settings));
             for length in 0..state.len() {
                 assert!(CubeSettings::restored(&state[..length]).is_err());
             }
         }
         let huge = CubeSettings { resolution: usize::MAX, ..settings };
-        let mut state = Vec::new();
-        huge.save(&mut state);
+        let state = huge.saved();
         let error = CubeSettings::restored(&state).unwrap_err().to_string();
         assert!(error.starts_with("resolution needs at most 4096 pixels"), "{error}");
         for state in [&b"something"[..], b"{}", b"", b"{\"experiment\":\"sphere\"}"] {

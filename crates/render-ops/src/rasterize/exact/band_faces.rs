@@ -253,14 +253,15 @@ fn depth_error_bound<S: Scalar>(
 ) -> S {
     let [middle, x, y] = depth;
     let slope = x.abs() + y.abs();
-    let parts = (0..3).map(|i| {
+    let mut sum = S::ZERO;
+    for i in 0..3 {
         let (j, k) = ((i + 1) % 3, (i + 2) % 3);
         let Vertex { z, w, .. } = vertices[i];
         let of_value = extents[j] * reaches[k] + extents[k] * reaches[j];
         let of_slopes = extents[j] * vertices[k].w.abs() + extents[k] * vertices[j].w.abs();
-        ((z - middle * w).abs() + slope * w.abs()) * of_value
+        sum += ((z - middle * w).abs() + slope * w.abs()) * of_value
             + z.abs() * of_slopes
-            + (z.abs() + (middle * w).abs()) * size(edges[i])
-    });
-    S::from_f64(8.0 * f64::EPSILON) * parts.sum::<S>() / total(vertices, edges).abs()
+            + (z.abs() + (middle * w).abs()) * size(edges[i]);
+    }
+    S::from_f64(8.0 * f64::EPSILON) * sum / total(vertices, edges).abs()
 }

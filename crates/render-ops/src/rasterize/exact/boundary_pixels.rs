@@ -200,12 +200,8 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
             }
         }
         if is_crowded {
-            candidates.clear();
-            candidates.extend(
-                faces
-                    .iter()
-                    .map(|&face| band.candidate(planes, face, outlines[face as usize], [x, y])),
-            );
+            let outline = |face: u32| outlines[face as usize];
+            gather(band, planes, faces, outline, [x, y], candidates);
         }
         moments.clear();
         moments.resize(candidates.len(), Moments::default());
@@ -276,6 +272,22 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
             pieces.segment_ends.push(pieces.segments.len() as u32);
         }
     }
+}
+
+/// All of `faces` in a crowded pixel, whatever hides them.
+#[cold]
+#[inline(never)]
+fn gather<T: Scalar>(
+    band: &BandFaces<'_, '_, T>,
+    planes: &[Plane<T::Wide>],
+    faces: &[u32],
+    outline: impl Fn(u32) -> u8,
+    center: [T::Wide; 2],
+    candidates: &mut Vec<Candidate<T::Wide>>,
+) {
+    candidates.clear();
+    candidates
+        .extend(faces.iter().map(|&face| band.candidate(planes, face, outline(face), center)));
 }
 
 /// Finds the sides on the border of a pixel that holds the faces of `intervals`, and what lies

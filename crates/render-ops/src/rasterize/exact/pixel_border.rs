@@ -34,21 +34,25 @@ const NEAR: f64 = 2.5e-14;
 /// However coarsely a line is known, sides beyond this distance are not on a border.
 pub(super) const FAR: f64 = 1e-9;
 
-/// Whether a line runs along rows or columns.
+/// Whether a line runs along rows or columns; no line does whose value is the same everywhere.
 #[inline(always)]
 pub(super) fn is_along_axis<S: Scalar>([_, x, y]: Line<S>) -> bool {
     let (x, y) = (x.abs(), y.abs());
-    x.minimum_or_nan(y) <= S::from_f64(FAR) * x.maximum_or_nan(y)
+    x.minimum_or_nan(y) < S::from_f64(FAR) * x.maximum_or_nan(y)
 }
 
 /// Whether a line lies on the border of the pixel with the centre `center`. Its values are off by up to
 /// `error`, within which it is on the border. The two pixels of a border agree, for they look at the
 /// line in one point.
-#[inline]
+#[inline(always)]
 pub(super) fn lies_on_border<S: Scalar>(line: Line<S>, center: [S; 2], error: S) -> bool {
-    if !is_along_axis(line) {
-        return false;
-    }
+    is_along_axis(line) && is_near_border(line, center, error)
+}
+
+/// [`lies_on_border`] of a line along rows or columns.
+#[cold]
+#[inline(never)]
+fn is_near_border<S: Scalar>(line: Line<S>, center: [S; 2], error: S) -> bool {
     let (x, y) = (line[1].abs(), line[2].abs());
     let (across, along) = (x.maximum_or_nan(y), x.minimum_or_nan(y));
     let tolerance =
