@@ -1,7 +1,6 @@
-//! Whole programs: fits, extreme cases, stiff problems, what is left out, and what fuzzing kept.
+//! Whole programs: fits, stiff problems, what is left out, and what fuzzing kept.
 
 mod elision;
 mod fits;
 mod fuzz_corpus;
-mod stability;
 mod stiff;

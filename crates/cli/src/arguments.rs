@@ -72,13 +72,13 @@ pub(crate) struct FitArguments {
     /// Width and height of the images, in pixels
     #[arg(long, value_name = "N", default_value_t = 32, value_parser = resolution)]
     pub(crate) resolution: usize,
-    /// Blur of the target, in pixels [default: 4]; not for --experiment vertices
+    /// Blur of the reference image, in pixels [default: 4]; not for --experiment vertices
     #[arg(long, value_name = "S", value_parser = sigma, allow_negative_numbers = true)]
     pub(crate) sigma: Option<f64>,
     /// Seed of the start and of the poses
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = seed)]
     pub(crate) seed: u64,
-    /// Silhouettes, in the learnt image and in the target: of pixel centres alone, blended, or of
+    /// Silhouettes, in the learnt image and in the reference image: of pixel centres alone, blended, or of
     /// all that lies in a pixel
     #[arg(long, value_name = "WORD", default_value = "antialias", value_parser = words::<Silhouettes>(&["aliased", "antialias", "exact"]))]
     pub(crate) silhouettes: Silhouettes,

@@ -23,7 +23,8 @@
 //!
 //! Operators and reading panic, at the caller's line. `x + y` panics where `x.try_add(y)` returns the
 //! error, and so for `-`, `*` and `/`. `t[[i, j]]` panics outside the shape, and `item()` for anything
-//! but a single entry.
+//! but a single entry. A constructor from a shape alone (`zeros`, `full`, `from_fn`) panics where the
+//! shape has more entries than fit an index.
 //!
 //! # An operation of your own
 //!

@@ -1,7 +1,7 @@
 //! The logistic function, behind sigmoid, softplus and tanh.
 //!
-//! Exponentials are taken of `-|x|`, so that they never overflow, and differences from 1 are
-//! never formed, so that value and slope have their full digits in both tails.
+//! Exponentials are taken of `-|x|`, so that they never overflow. No difference from 1 is formed, so
+//! value and slope keep their digits in both tails.
 
 use crate::scalar::Scalar;
 

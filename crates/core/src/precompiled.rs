@@ -1,9 +1,9 @@
 //! Every operation, compiled for `f32` and for `f64`.
 //!
 //! The compiler generates a generic function anew in each crate that uses it with concrete types,
-//! unless the function is never inlined and a crate below has it for the same types already. All
-//! operations go through [`Tape::record`], and all backward passes through [`Var::backward`].
-//! Neither is ever inlined, so it is enough that this crate uses each operation once. Nobody calls
+//! unless the function is never inlined and a crate below has it for the same types already. The
+//! function behind [`Tape::record`] and [`Tape::apply`] and the function behind [`Var::backward`] are
+//! never inlined, so it is enough that this crate uses each operation once. Nobody calls
 //! these functions. An operation that is missing here still works: it is compiled where it is used.
 
 use std::sync::Arc;

@@ -66,6 +66,9 @@ impl<T: Scalar> Tensor<T> {
     }
 
     /// The array of `shape` with every entry `value`.
+    ///
+    /// # Panics
+    /// Where the shape has more entries than fit an index.
     pub fn full(shape: impl Into<Shape>, value: T) -> Self {
         let shape = shape.into();
         let data = vec![value; shape.size()];
@@ -73,6 +76,9 @@ impl<T: Scalar> Tensor<T> {
     }
 
     /// The array of `shape` with every entry 0.
+    ///
+    /// # Panics
+    /// As [`Tensor::full`].
     pub fn zeros(shape: impl Into<Shape>) -> Self {
         Self::full(shape, T::ZERO)
     }

@@ -48,8 +48,8 @@ pub struct History<M> {
     pub steps: Vec<Step<M>>,
     /// Milliseconds of each update: forward, backward and optimizer.
     pub step_ms: Vec<f64>,
-    /// Milliseconds of the preparation of each step in `steps`: pose and target image.
-    pub target_ms: Vec<f64>,
+    /// Milliseconds of the preparation of each step in `steps`: pose and reference image.
+    pub preparation_ms: Vec<f64>,
     /// Where updates were below half a unit in the last place of the entries that they should have
     /// moved, in order. Steps and parameters without such updates are left out.
     pub vanished: Vec<Vanished>,
@@ -67,7 +67,7 @@ impl<M> History<M> {
         Self {
             steps: Vec::with_capacity(room),
             step_ms: Vec::with_capacity(room),
-            target_ms: Vec::with_capacity(room),
+            preparation_ms: Vec::with_capacity(room),
             vanished: Vec::new(),
             stop: Stop::Steps,
         }
@@ -94,9 +94,9 @@ impl<M> History<M> {
         median(&self.step_ms)
     }
 
-    /// The median milliseconds of a preparation: pose and target image; `None` without one.
-    pub fn target_ms_median(&self) -> Option<f64> {
-        median(&self.target_ms)
+    /// The median milliseconds of a preparation: pose and reference image; `None` without one.
+    pub fn preparation_ms_median(&self) -> Option<f64> {
+        median(&self.preparation_ms)
     }
 
     /// The largest `error` of the last tenth of the run, the final state included: an error that

@@ -15,7 +15,7 @@ pub trait Pipeline<T: Scalar> {
     /// The errors of the parameters against the truth; `()` where it is unknown.
     type Measure: Clone + Default;
 
-    /// Sets what changes from step to step and is not learnt: a pose, a target image. Called once
+    /// Sets what changes from step to step and is not learnt: a pose, a reference image. Called once
     /// per step, before [`Pipeline::loss`], and timed apart.
     ///
     /// # Errors

@@ -50,41 +50,46 @@ fn object(output: &Output) -> Value {
 }
 
 #[test]
-fn the_grid_is_printed_with_errors_and_bounds_and_added_to_a_report() {
+fn every_row_of_the_grid_passes_and_is_printed_kept_and_added_to_a_report() {
     let folder = folder();
-    let output = lab(folder.path(), "stability --out made --json grid.json --threads 2");
-    let said = text(&output.stdout);
-    assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), String::new()), "{said}");
+    // Two at once: another run says the same, on other threads.
+    let [printed, alone] = std::thread::scope(|scope| {
+        let alone = scope.spawn(|| lab(folder.path(), "stability --json - --threads 1"));
+        let printed = lab(folder.path(), "stability --out made --json grid.json --threads 2");
+        [printed, alone.join().expect("it ends")]
+    });
+    let said = text(&printed.stdout);
+    assert_eq!((printed.status.code(), text(&printed.stderr)), (Some(0), String::new()), "{said}");
     assert!(said.contains("ok    2 f64 empty image"), "{said}");
     assert!(said.contains("error 0.0e0, bound 0.0e0") && said.contains(" passed, 0 failed"));
     assert!(said.lines().all(|line| line.chars().count() <= 80), "{said}");
     assert_eq!(files(folder.path()), ["grid.json", "made/stability.html"]);
+    let page = fs::read_to_string(folder.path().join("made/stability.html")).expect("a page");
+    assert!(page.contains("fan of 512 faces") && page.contains("each pixel once"));
+    loads_nothing(&page);
+
     let json = fs::read(folder.path().join("grid.json")).expect("a file");
+    assert_eq!((alone.status.code(), text(&alone.stderr)), (Some(0), String::new()));
+    assert_eq!(text(&alone.stdout).trim_end(), text(&json).trim_end());
     let rows: Value = serde_json::from_slice(&json).expect("a list");
     let rows = rows.as_array().expect("a list");
+    assert_eq!(rows.len(), bokashi_lab::stability::row_count());
     assert_eq!(rows.len(), said.lines().filter(|line| line.starts_with("ok ")).count());
     for precision in ["f32", "f64"] {
         let cases = rows.iter().filter(|row| row["precision"] == precision);
         let cases: Vec<u64> = cases.filter_map(|row| row["case"].as_u64()).collect();
         assert!((1..=50).all(|case| cases.contains(&case)));
     }
-    let page = fs::read_to_string(folder.path().join("made/stability.html")).expect("a page");
-    assert!(page.contains("fan of 512 faces") && page.contains("each pixel once"));
-    loads_nothing(&page);
-}
-
-#[test]
-fn the_grid_as_json_on_standard_output_is_alone_there() {
-    let folder = folder();
-    let output = lab(folder.path(), "stability --json -");
-    assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), String::new()));
-    let rows: Value = serde_json::from_slice(&output.stdout).expect("one list");
-    let row = rows[0].as_object().expect("objects");
-    let mut keys: Vec<_> = row.keys().map(String::as_str).collect();
-    keys.sort_unstable();
-    let expected = ["bound", "case", "error", "expected", "name", "outcome", "pass", "precision"];
-    assert_eq!(keys, expected);
-    assert!(files(folder.path()).is_empty());
+    for row in rows {
+        assert_eq!(row["pass"], true, "{row}");
+        let mut keys: Vec<_> = row.as_object().expect("objects").keys().collect();
+        keys.sort_unstable();
+        let expected =
+            ["bound", "case", "error", "expected", "name", "outcome", "pass", "precision"];
+        assert_eq!(keys, expected);
+        assert!(row["error"].is_number() || row["error"].is_null());
+        assert_eq!(row["error"].is_number(), row["bound"].is_number(), "{row}");
+    }
 }
 
 /// The pages of a report load nothing from elsewhere.

@@ -125,7 +125,7 @@ pub(super) fn outcome(
         loss_initial: first.loss,
         loss_final: last.loss,
         ms_per_step_median: history.step_ms_median(),
-        target_ms_per_step_median: history.target_ms_median(),
+        target_ms_per_step_median: history.preparation_ms_median(),
         wall_seconds,
         history: history.steps.iter().map(|step| record(settings, step)).collect(),
         snapshots,

@@ -73,7 +73,7 @@ pub(super) fn run<T: Scalar>(
         return Ok(outcome(settings, &history, snapshots, start.elapsed().as_secs_f64()));
     }
     history.steps.pop();
-    history.target_ms.pop();
+    history.preparation_ms.pop();
     snapshots.pop();
     let (pipeline, mut cube) = CubePipeline::<f64>::new(settings)?;
     for (name, value) in learnt {
@@ -85,7 +85,7 @@ pub(super) fn run<T: Scalar>(
     loop {
         let target = Instant::now();
         let views = CubeViews::new(settings, &views(settings, step))?;
-        history.target_ms.push(1e3 * target.elapsed().as_secs_f64());
+        history.preparation_ms.push(1e3 * target.elapsed().as_secs_f64());
         let before = Instant::now();
         let residuals = squares(&views, &cube)?;
         let seconds = start.elapsed().as_secs_f64();

@@ -3,8 +3,8 @@
 //! # Forward
 //! Where one fragment covers a pixel, at its centre, the pixel has the fragment's value: nothing is
 //! computed. A boundary pixel of exact coverage, with pieces of values `v_n` and weights `w_n` before a
-//! background b, has `x = b + sum_n w_n (v_n - b)`. In [`Scalar::Wide`], and of halves, whose
-//! differences are within the range of the numbers where the values are.
+//! background b, has `x = b + sum_n w_n (v_n - b)`. Sums are taken in [`Scalar::Wide`]. Values are
+//! halved first, so that their differences cannot overflow.
 //!
 //! # Backward
 //! `v_bar_n = w_n x_bar`, `w_bar_n = x_bar . (v_n - b)`, `b_bar = (1 - sum_n w_n) x_bar`.

@@ -228,6 +228,7 @@ impl Coverage {
             + size_of_val(self.boundary.pixels.as_slice())
             + size_of_val(self.boundary.ends.as_slice())
             + size_of_val(self.boundary.fragments.as_slice())
+            + size_of_val(self.boundary.unseen.as_slice())
     }
 }
 

@@ -1,9 +1,9 @@
 //! The edge functions of a face around one of its pixels, and their adjoint.
 //!
 //! # Forward
-//! The edge function that faces vertex i is that of its neighbours j and k (`homogeneous::edge`), with
-//! the vertices `q_i = (x_i - X_0 w_i, y_i - Y_0 w_i)` and with X and Y from an origin `(X_0, Y_0)`.
-//! Near the origin nothing large cancels.
+//! The edge function that faces vertex i joins vertices j and k (`homogeneous::edge`). Coordinates are
+//! relative to an origin `(X_0, Y_0)`: `q_i = (x_i - X_0 w_i, y_i - Y_0 w_i)`. Near the origin nothing
+//! large cancels.
 //!
 //! # Backward
 //! It takes three sums over the fragments: `s_i = sum a_bar_i`, `s_ix = sum X a_bar_i` and

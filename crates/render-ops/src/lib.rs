@@ -1,7 +1,7 @@
 //! Differentiable rendering operations on the Bokashi tape.
 //!
-//! Each is a custom operation with a hand-written backward pass, registered on the tape through
-//! the same trait that is open to everyone. Surface first, image last:
+//! Each operation has a hand-written backward pass, registered on the tape through the same trait that
+//! is open to everyone. Surface first, image last:
 //!
 //! ```
 //! use bokashi_core::{Tape, Tensor};

@@ -51,7 +51,7 @@ pub struct Stepped {
     /// Milliseconds of forward, backward and optimizer.
     pub ms: f64,
     /// Milliseconds of the preparation.
-    pub target_ms: f64,
+    pub preparation_ms: f64,
     /// How many entries of all parameters the update left as they were though it was not zero; by
     /// parameter: [`Parameter::vanished`](crate::Parameter::vanished).
     pub vanished: usize,
@@ -175,13 +175,13 @@ impl<T: Scalar> Fit<T> {
     ///
     /// Parameters and moments are then as they were.
     pub fn step<P: Pipeline<T>>(&mut self, pipeline: &mut P) -> Result<Stepped, FitError> {
-        let target_ms = self.prepare(pipeline)?;
+        let preparation_ms = self.prepare(pipeline)?;
         match self.advance(pipeline, None, |_, _, _| ControlFlow::Continue(()))? {
             Advance::Updated(stepped) => {
                 self.best = (NO_LOSS, self.step);
                 #[cfg(feature = "save")]
                 self.pipeline.save(pipeline);
-                Ok(Stepped { target_ms, ..stepped })
+                Ok(Stepped { preparation_ms, ..stepped })
             }
             Advance::Stopped(_) => unreachable!("no rule was given"),
         }
@@ -215,7 +215,7 @@ impl<T: Scalar> Fit<T> {
         let mut last_ms = 0.0;
         loop {
             let step = self.step;
-            history.target_ms.push(self.prepare(pipeline)?);
+            history.preparation_ms.push(self.prepare(pipeline)?);
             let steps = &mut history.steps;
             let mut best = self.best;
             #[cfg(feature = "save")]
@@ -329,7 +329,7 @@ impl<T: Scalar> Fit<T> {
         drop(gradients);
         let ms = *reset_ms + forward_ms + milliseconds_since(start);
         let vanished = parameters.list.iter().map(|parameter| parameter.vanished).sum();
-        let stepped = Stepped { step: *step, loss: value, ms, target_ms: 0.0, vanished };
+        let stepped = Stepped { step: *step, loss: value, ms, preparation_ms: 0.0, vanished };
         *step += 1;
         Ok(Advance::Updated(stepped))
     }

@@ -72,7 +72,7 @@ fn a_history_holds_the_state_before_each_update_and_the_final_one() {
     let history = Fit::<f64>::new(start(0.25), descent(10)).unwrap().run(&mut bowl).unwrap();
     assert_eq!(history.stop, Stop::Steps);
     assert_eq!(history.steps.len(), 11);
-    assert_eq!((history.step_ms.len(), history.target_ms.len()), (10, 11));
+    assert_eq!((history.step_ms.len(), history.preparation_ms.len()), (10, 11));
     for (k, step) in history.steps.iter().enumerate() {
         assert_eq!(step.step, k as u64);
         assert_eq!(step.measure, 3.0 * 0.5_f64.powi(k as i32));

@@ -1,4 +1,4 @@
-//! Where an edge crosses between two neighbouring pixel centres, and where exactly.
+//! Whether an edge crosses between two neighbouring pixel centres, and at which point.
 //!
 //! Coordinates are local to the pair, in pixels, homogeneous with w. The origin is the centre of the
 //! *owner*, the pixel that the edge's face covers. x runs along the pair from the first pixel to the

@@ -107,7 +107,7 @@ impl Rows {
                 visit(Pair { row, column: column as usize, below: true, seen });
             };
             if any {
-                for_each_stretch(upper, lower, |columns, own, below| {
+                for_each_overlap(upper, lower, |columns, own, below| {
                     if below.is_none_or(|below| below.face != own.face) {
                         columns.for_each(|column| {
                             pair(
@@ -119,7 +119,7 @@ impl Rows {
                 });
             }
             if any_below {
-                for_each_stretch(lower, upper, |columns, own, above| {
+                for_each_overlap(lower, upper, |columns, own, above| {
                     if above.is_none_or(|above| above.face != own.face && !above.counts) {
                         columns.for_each(|column| {
                             pair(
@@ -161,7 +161,7 @@ fn for_each_beside(runs: &[RowRun], row: usize, width: u32, visit: &mut impl FnM
 /// Cuts each run of `runs` that counts into stretches of columns at which the row `beside` sees one
 /// face, or none.
 #[inline(always)]
-fn for_each_stretch(
+fn for_each_overlap(
     runs: &[RowRun],
     beside: &[RowRun],
     mut visit: impl FnMut(Range<u32>, &RowRun, Option<&RowRun>),

@@ -1,8 +1,8 @@
 //! Culling: what becomes of a face before any of its pixels is visited.
 //!
-//! A face is left out where all its vertices lie beyond one of the view's planes, where its area is
-//! zero within rounding, and where it turns the side away that is not drawn. Of all others it is known
-//! here which pixels they can touch. The area has the sign of the determinant of the three vertices.
+//! A face is left out if all its vertices lie beyond one of the view's planes, if its area is zero
+//! within rounding, or if the side that it shows is culled. For all others this file finds the pixels
+//! that they can touch. The area has the sign of the determinant of the three vertices.
 
 use std::ops::Range;
 

@@ -1,11 +1,11 @@
 //! Rasterization of triangles to fragments.
 //!
 //! # Forward
-//! At the centre of each pixel, of all faces that cover it the nearest one (see `setup` for the
-//! coverage, `visibility` for the search). With the edge functions `a_i = q_j x q_k` of its vertices
-//! relative to the pixel centre: `u = a_0 / A`, `v = a_1 / A`, `A = a_0 + a_1 + a_2` are
-//! perspective-correct. In [`Scalar::Wide`]. With exact coverage pieces follow, of the pixels that a
-//! discontinuity crosses, with their weights as a second output: see `exact`.
+//! Each pixel centre sees the nearest face that covers it (`setup` has the coverage, `visibility` the
+//! search). Let `a_i = q_j x q_k` be the edge functions of the face's vertices relative to the pixel
+//! centre, and `A = a_0 + a_1 + a_2`. The weights `u = a_0 / A` and `v = a_1 / A` are
+//! perspective-correct, and computed in [`Scalar::Wide`]. With exact coverage the pieces of boundary
+//! pixels follow. Their weights are a second output: see `exact`.
 //!
 //! # Backward
 //! With `m = u_bar u + v_bar v`: `a_bar_0 = (u_bar - m) / A`, `a_bar_1 = (v_bar - m) / A`,

@@ -1,10 +1,10 @@
-//! From the gradients of the weights to those of the vertices: per face, sums over its fragments, which
-//! the face's coefficients turn into gradients.
+//! From the gradients of the weights to the gradients of the vertices. The coefficients of a face turn
+//! sums over its fragments into gradients.
 //!
 //! # By stored weights
-//! With the vertices `V_i = (x_i, y_i, w_i)` as the columns of M, the weights are those of
-//! `M^-1 (X, Y, 1)` over their sum. Where `b_i` are the weights and `b_bar_j` their gradients, (u_bar,
-//! v_bar, 0), let `m = sum_j b_bar_j b_j`. Then `V_bar_i = -sum_j S_ij E_j / D`, with the sums over the
+//! With the vertices `V_i = (x_i, y_i, w_i)` as the columns of M, the weights are the entries of
+//! `M^-1 (X, Y, 1)`, divided by their sum. Let `b_i` be the weights, `b_bar_j` their gradients
+//! (u_bar, v_bar, 0), and `m = sum_j b_bar_j b_j`. Then `V_bar_i = -sum_j S_ij E_j / D`, with the sums over the
 //! fragments `S_ij = sum b_i (b_bar_j - m)`, `E_j` the coefficients of edge function j and D the
 //! determinant. So neither a fragment's place nor its edge functions are asked for again.
 //!

@@ -18,10 +18,10 @@
 //! the same `q`, rounded once per vertex. The cross product of two vectors is right to within the
 //! rounding of their own lengths.
 //!
-//! The depth is `z / w = sum_i z_i a_i / D`: the weights of three numbers that are linear over the
-//! image, so it is, too. Around vertex 0's depth d, which its own edge function leaves out,
-//! `z / w = d + sum_i (z_i - d w_i) a_i / D`: then what is rounded is only the depth's change over
-//! the face.
+//! The depth is `z / w = sum_i z_i a_i / D`: linear functions over the constant D, so it is linear over
+//! the image. It is computed as vertex 0's depth d plus a difference,
+//! `z / w = d + sum_i (z_i - d w_i) a_i / D`, whose term of vertex 0 is zero. Only the difference is
+//! rounded.
 
 use bokashi_core::Scalar;
 

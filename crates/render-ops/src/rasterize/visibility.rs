@@ -6,7 +6,8 @@
 //! Pixels that no face's rows reached are neither cleared nor read.
 //!
 //! Bands are independent of each other and joined in order, so nothing depends on the number of
-//! threads. Some share a canvas, so that its memory stays in a core's cache.
+//! threads. Several bands are drawn one after another on one canvas, so that its memory stays in a
+//! core's cache.
 
 use std::sync::Arc;
 

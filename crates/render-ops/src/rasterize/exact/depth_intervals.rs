@@ -1,9 +1,8 @@
 //! The intervals of the depths of faces in a pixel, or in a block of pixels.
 //!
 //! Sorted by their nearest depths, faces fall into *groups* with gaps between their depths. A group lies
-//! before all that follows: what it hides is never looked at. Where the first group has no edges, its
-//! faces make up whole surface layers; if it is one layer, nothing passes through it and it is all that
-//! is seen.
+//! before all that follows: what it hides is never looked at. If the first group has no edges, its faces
+//! make up whole surface layers. A single layer hides everything else.
 
 use bokashi_core::Scalar;
 

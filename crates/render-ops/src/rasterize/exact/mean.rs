@@ -9,8 +9,8 @@
 //! the piece, as a share of itself.
 //!
 //! Where all N_i are positive over a convex piece, so are these means: `tau . s` and `n_i . s / b_i`
-//! are at most 1/2 then. Where a piece is in parts and `tau . s` is larger, s is 0: it has the
-//! barycentrics of its centroid, by a leap.
+//! are at most 1/2 then. Where a piece is in parts and `tau . s` is larger, s is 0. The piece then takes
+//! the barycentrics at its centroid, and the mean jumps there.
 //!
 //! # Backward
 //! `nu_bar_i = -b_bar_i s`, `s_bar = -sum b_bar_i nu_i`, `n_bar_i = nu_bar_i + tau_bar`,

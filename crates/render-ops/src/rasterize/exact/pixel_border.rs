@@ -14,8 +14,8 @@
 //! wide pixel, and no area.
 //!
 //! # Unseen faces
-//! What is seen beside such a side may have no area in the pixel, as a face that ends at its border.
-//! It becomes two pieces of weight 0, so that a pipeline shades it and the weights have gradients.
+//! A face that ends at the pixel's border has no area in the pixel. It still becomes two pieces of
+//! weight 0, so that a pipeline shades it and the weights have gradients.
 //! Each piece moves with a half of the side. It is shaded at a third of the side's length from the
 //! side's middle. A value that is linear along the side then has two integrals right, its own and its
 //! first moment, since `2 (L / 2) (L / 4) (L / 3) = L^3 / 12`.

@@ -5,15 +5,15 @@
 //! inside.
 //!
 //! # Moments
-//! Of a polygon P the integrals of 1, x, y, x^2, xy and y^2 over it.
+//! The moments of a polygon P are the integrals of 1, x, y, x^2, xy and y^2 over it.
 //!
 //! # Adjoint
-//! Where a side of P lies on a line whose inside P is on, a change dl of the line moves the side
-//! outwards by `dl(x, y) / |(l_1, l_2)|`. Where g is what a small area at (x, y) is worth, of which P
-//! gets so much more, the side adds `l_bar += int g (1, x, y) ds / |(l_1, l_2)|`, with the other sign
-//! where P is on the outside. Corners move, too, but only what moves across a side changes an integral:
-//! where a corner came from does not matter. g is quadratic, as the moments are, so two Gauss points
-//! are exact.
+//! Let a side of P lie on a line, with P on its inside. A change dl of the line moves the side outwards
+//! by `dl(x, y) / |(l_1, l_2)|`. Let g(x, y) be the gradient of the loss per unit of area gained at
+//! (x, y). The side then adds `l_bar += int g (1, x, y) ds / |(l_1, l_2)|`. The sign is the opposite
+//! where P lies outside the line. Corners move, too, but only what moves across a side changes an
+//! integral: where a corner came from does not matter. g is quadratic, as the moments are. With
+//! (1, x, y) the integrand is cubic along a side, so two Gauss points are exact.
 
 use std::ops::Range;
 

@@ -1,8 +1,8 @@
-//! From the gradients of the pieces' areas and extents to those of the vertices.
+//! From the gradients of the pieces' areas and extents to the gradients of the vertices.
 //!
 //! A piece of area A has the weight `A / 4`. Its centroid c and its covariance C are moments over A.
-//! So where it grows at p, with `r = p - c`, they change by r / A and by `(r r^T - C) / A`. The g of
-//! `polygon` is `g(p) = weight_bar / 4 + (c_bar . r + C_bar . (r r^T - C)) / A`, in which nothing
+//! Area gained at p, with `r = p - c`, changes c by `r / A` and C by `(r r^T - C) / A`, per unit of
+//! area. The g of `polygon` is `g(p) = weight_bar / 4 + (c_bar . r + C_bar . (r r^T - C)) / A`, in which nothing
 //! large cancels however small the piece. From there to the lines that bound the piece as in
 //! `polygon`.
 //!

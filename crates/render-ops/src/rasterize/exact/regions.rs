@@ -2,8 +2,8 @@
 //!
 //! In such a pixel each surface that is there fills it: a *surface layer*. Pixels beside each other
 //! without such an edge have the same number of layers. So the pixels that are not marked fall into
-//! connected regions, the layers are counted in one pixel of each region, and only regions with two
-//! layers or more are searched for intersections.
+//! connected regions. The layers are counted in one pixel of each region. Only regions with two layers
+//! or more are searched for intersections.
 
 use std::ops::Range;
 

@@ -5,12 +5,12 @@
 //! The nearest face at each of [`GRID`]^2 samples; its moments are theirs.
 //!
 //! # Backward
-//! Weights change where the outline of a surface moves: each edge of it is cut into pieces about as
-//! long as samples are apart. Where its face is seen beside the middle of a piece, the piece is a side
-//! of it, and of what is seen beyond, if that goes on behind it. A face that no sample sees, but that
-//! has a side, is a piece of area 0. Where pieces of edges times faces are more than [`MOST_PAIRS`], the
-//! faces that samples see are all that counts. Centroids do not move, nor intersections, which are no
-//! edges.
+//! Weights change where the outline of a surface moves. Each edge of the outline is cut into steps
+//! about as long as samples are apart. A step counts where the edge's face is seen beside its middle:
+//! it is then a side of that face. It is also a side of the face seen beyond, if that face continues
+//! behind. A face that no sample sees, but that has a side, is a piece of area 0. Where steps times
+//! faces are more than [`MOST_PAIRS`], only faces that samples see count. Centroids do not move.
+//! Intersections do not move either, since they are no edges.
 
 use bokashi_core::Scalar;
 

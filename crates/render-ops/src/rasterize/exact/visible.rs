@@ -148,8 +148,8 @@ pub(super) struct Visible<S> {
     next: Vec<Polygon>,
 }
 
-/// A pixel whose polygons have more corners on the way is too crowded, and so is a pixel in which
-/// polygons would be held against faces more often.
+/// A pixel is crowded if its polygons have more corners than this on the way, or would be held against
+/// faces more often.
 const MOST_CORNERS: usize = 1 << 18;
 const MOST_CUTS: usize = 1 << 22;
 
@@ -167,8 +167,9 @@ impl<S: Scalar> Visible<S> {
         (self.area, self.cuts, self.reach, self.touches_border) = (S::ZERO, 0, reach, false);
     }
 
-    /// Finds the visible parts of those of `candidates` that were not there before; those that were
-    /// surely lie before them. Returns whether it did so within [`MOST_CORNERS`] and [`MOST_CUTS`].
+    /// Adds the candidates that are new in `candidates`: finds their visible parts behind the candidates
+    /// added earlier, which surely lie before them. Returns whether it did so within [`MOST_CORNERS`]
+    /// and [`MOST_CUTS`].
     #[inline(always)]
     pub(super) fn add(&mut self, candidates: &[Candidate<S>]) -> bool {
         let new = self.whole.len()..candidates.len();
