@@ -78,8 +78,8 @@ pub(crate) struct FitArguments {
     /// Seed of the start and of the poses
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = seed)]
     pub(crate) seed: u64,
-    /// Silhouettes, in the learnt image and in the reference image: of pixel centres alone, blended, or of
-    /// all that lies in a pixel
+    /// Silhouettes, in the learnt image and in the reference image: of pixel centres alone,
+    /// blended, or of all that lies in a pixel
     #[arg(long, value_name = "WORD", default_value = "antialias", value_parser = words::<Silhouettes>(&["aliased", "antialias", "exact"]))]
     pub(crate) silhouettes: Silhouettes,
     /// File for the outcome as a JSON object; - for standard output, and then nothing else there

@@ -200,8 +200,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
             }
         }
         if is_crowded {
-            let outline = |face: u32| outlines[face as usize];
-            gather(band, planes, faces, outline, [x, y], candidates);
+            gather(band, planes, faces, outlines, [x, y], candidates);
         }
         moments.clear();
         moments.resize(candidates.len(), Moments::default());
@@ -281,13 +280,14 @@ fn gather<T: Scalar>(
     band: &BandFaces<'_, '_, T>,
     planes: &[Plane<T::Wide>],
     faces: &[u32],
-    outline: impl Fn(u32) -> u8,
+    outlines: &[u8],
     center: [T::Wide; 2],
     candidates: &mut Vec<Candidate<T::Wide>>,
 ) {
     candidates.clear();
-    candidates
-        .extend(faces.iter().map(|&face| band.candidate(planes, face, outline(face), center)));
+    candidates.extend(
+        faces.iter().map(|&face| band.candidate(planes, face, outlines[face as usize], center)),
+    );
 }
 
 /// Finds the sides on the border of a pixel that holds the faces of `intervals`, and what lies

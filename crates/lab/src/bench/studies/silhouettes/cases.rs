@@ -23,11 +23,13 @@ pub(super) struct Case {
     pub(super) target: Tensor<f64>,
 }
 
+/// Makes the case of a seed.
+type Make = fn(u64) -> Result<Case, FitError>;
+
 /// A kind of case, and how its truth is found.
 pub(super) struct Kind {
     pub(super) name: &'static str,
-    /// Makes one of a seed.
-    pub(super) make: fn(u64) -> Result<Case, FitError>,
+    pub(super) make: Make,
     /// Of how many seeds.
     pub(super) seeds: u64,
     pub(super) cull: Cull,
@@ -49,17 +51,24 @@ const OWN: Kind = Kind {
     pixels: 64,
 };
 
-/// The kinds that are looked at in several sizes.
-pub(super) const CASES: [Kind; 6] = [
-    OWN,
-    Kind { name: "two cubes in each other", make: two_cubes, seeds: 3, ..OWN },
-    Kind { name: "thin fan", make: fan, seeds: 3, ..OWN },
-    Kind { name: "sheet with a hole", make: sheet, seeds: 3, ..OWN },
-    // Many edges pass behind others between two vertices.
-    Kind { name: "500 triangles", make: triangles, seeds: 3, height: 1.0 / 2048.0, ..OWN },
-    // The last: its truth takes the longest, and a quick run leaves it out. Of so many vertices some come to be seen within a larger step.
-    Kind { name: "sphere20k", make: sphere, seeds: 3, height: 1.0 / 64.0, step: 1e-8, ..OWN },
-];
+/// The kinds that are looked at in several sizes. A quick run takes a small sphere: the truth of the
+/// large sphere takes the longest of all.
+pub(super) fn cases(effort: Effort) -> [Kind; 6] {
+    let (name, make): (_, Make) = match effort {
+        Effort::Quick => ("sphere1k", |seed| sphere(seed, 32, 17)),
+        Effort::Full => ("sphere20k", |seed| sphere(seed, 144, 70)),
+    };
+    [
+        OWN,
+        // Of so many vertices some come to be seen within a larger step.
+        Kind { name, make, seeds: 3, height: 1.0 / 64.0, step: 1e-8, ..OWN },
+        Kind { name: "two cubes in each other", make: two_cubes, seeds: 3, ..OWN },
+        Kind { name: "thin fan", make: fan, seeds: 3, ..OWN },
+        Kind { name: "sheet with a hole", make: sheet, seeds: 3, ..OWN },
+        // Many edges pass behind others between two vertices.
+        Kind { name: "500 triangles", make: triangles, seeds: 3, height: 1.0 / 2048.0, ..OWN },
+    ]
+}
 
 /// The scenes of the step's table, as they are learnt there.
 pub(super) fn of_bench(effort: Effort) -> Vec<Kind> {
@@ -94,8 +103,8 @@ fn cube(seed: u64) -> Result<Case, FitError> {
 }
 
 /// A sphere of one colour, bent.
-fn sphere(seed: u64) -> Result<Case, FitError> {
-    let sphere = Scene::sphere("", 144, 70, 8)?;
+fn sphere(seed: u64, around: usize, along: usize) -> Result<Case, FitError> {
+    let sphere = Scene::sphere("", around, along, 8)?;
     let colors = vec![0.8; sphere.colors.data().len()];
     bent(seed, sphere.mesh.faces().to_vec(), sphere.positions.data().to_vec(), colors)
 }
