@@ -164,6 +164,40 @@ impl Coverage {
         self.culled
     }
 
+    /// The runs of either kind of fragments, and how many fragments come before them.
+    pub(crate) fn kinds(&self) -> [(&Runs, usize); 2] {
+        [(&self.centers, 0), (&self.pieces, self.centers.count)]
+    }
+
+    /// Calls `work(runs, slot, fragments, own)` for each slot of either kind of fragments: with its
+    /// fragments, and their entries of `entries`. Each fragment has as many entries. Bands may be
+    /// worked on at the same time.
+    #[inline(always)]
+    pub(crate) fn for_each_slot_mut<T: Send>(
+        &self,
+        entries: &mut [T],
+        work: impl Fn(&Runs, usize, Range<usize>, &mut [T]) + Sync,
+    ) {
+        let width = entries.len().checked_div(self.count()).unwrap_or(0);
+        let mut rest = entries;
+        for (runs, before) in self.kinds() {
+            let (entries, others) = rest.split_at_mut(runs.count * width);
+            rest = others;
+            runs.for_each_band_mut(width, entries, |slots, first, entries| {
+                pulp::Arch::new().dispatch(
+                    #[inline(always)]
+                    || {
+                        for slot in slots {
+                            let Range { start, end } = runs.fragments_of(slot..slot + 1);
+                            let own = &mut entries[(start - first) * width..(end - first) * width];
+                            work(runs, slot, before + start..before + end, own);
+                        }
+                    },
+                );
+            });
+        }
+    }
+
     /// The run that covers the centre of `pixel`.
     fn run_at(&self, pixel: usize) -> Option<&Run> {
         if pixel >= self.size.pixels() {

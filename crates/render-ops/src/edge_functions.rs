@@ -126,7 +126,13 @@ impl<S: Scalar<Wide = S>> LocalFace<S> {
     #[inline(always)]
     pub(crate) fn pull_back_weights(&self, sums: &[[S; 3]; 3], i: usize, size: Size) -> [S; 3] {
         let [u, v, m] = [sums[0][i], sums[1][i], sums[2][i]];
-        let bars = [u - m, v - m, -m];
+        self.along_edges([u - m, v - m, -m], size)
+    }
+
+    /// `sum_j bars_j E_j`, the coefficients of X, Y and 1 from the image's middle, in units of clip
+    /// space.
+    #[inline(always)]
+    pub(crate) fn along_edges(&self, bars: [S; 3], size: Size) -> [S; 3] {
         let along = |k: usize| -> S {
             (0..3).map(|j| bars[j] * self.factors[j] * self.coefficients[j][k]).sum()
         };

@@ -12,12 +12,10 @@
 //! Laine et al., *Modular primitives for high-performance differentiable rendering*, ACM TOG 39(6),
 //! 2020.
 
-use std::ops::Range;
-use std::sync::Arc;
-
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
+use std::ops::Range;
 
-use crate::coverage::Coverage;
+use crate::attributes::Attributes;
 use crate::error::RenderError;
 use crate::face_sums::{FaceSums, Layout, MANY, Terms, sum_weighted};
 use crate::fragments::Fragments;
@@ -51,12 +49,7 @@ pub fn interpolate_indexed<'t, T: Scalar>(
     fragments: &Fragments<'t, T>,
 ) -> Result<Var<'t, T>, RenderError> {
     let coverage = fragments.checked_coverage("interpolate", attributes.tape())?;
-    let expected = coverage.mesh().faces().len();
-    let given = indices.faces().len();
-    if given != expected {
-        return Err(RenderError::FaceCount { expected, given });
-    }
-    let op = Interpolate { indices: indices.clone(), coverage };
+    let op = Interpolate(Attributes::new(indices, coverage)?);
     let tape = attributes.tape();
     let mut barycentrics = fragments.barycentrics;
     if barycentrics.needs_gradient()
@@ -86,10 +79,7 @@ fn is_uniform<T: Scalar>(attributes: Var<'_, T>, indices: &Mesh) -> bool {
 }
 
 /// Inputs: attributes `[A, C]`, barycentrics `[N, 2]`.
-struct Interpolate {
-    indices: Mesh,
-    coverage: Arc<Coverage>,
-}
+struct Interpolate(Attributes);
 
 impl<T: Scalar> Op<T> for Interpolate {
     type Saved = ();
@@ -105,14 +95,10 @@ impl<T: Scalar> Op<T> for Interpolate {
         outputs: &mut Outputs<'_, T>,
         _saved: &mut (),
     ) -> Result<(), RenderError> {
-        let shape = inputs.shape(0);
-        let &[vertices, channels] = &**shape else { return Err(self.wrong_shape(shape)) };
-        if vertices != self.indices.vertex_count() || channels == 0 {
-            return Err(self.wrong_shape(shape));
-        }
+        let channels = self.0.channels("interpolate", inputs.shape(0))?;
         let (attributes, barycentrics) = (inputs.data(0), inputs.data(1));
-        let values = outputs.push([self.coverage.count(), channels]);
-        self.for_each_face_mut(
+        let values = outputs.push([self.0.coverage.count(), channels]);
+        self.0.for_each_face_mut(
             attributes,
             values,
             channels,
@@ -140,19 +126,17 @@ impl<T: Scalar> Op<T> for Interpolate {
         let s_bar = kept.only_upstream();
         let channels = kept.input_shape(0)[1];
         if let Some(attributes_bar) = gradients.get(0) {
-            let mut first = 0;
-            for runs in [&self.coverage.centers, &self.coverage.pieces] {
+            for (runs, first) in self.0.coverage.kinds() {
                 let (barycentrics, s_bar) =
                     (&kept.input(1)[2 * first..], &s_bar[first * channels..]);
                 let shares = Shares { barycentrics, s_bar, channels };
-                Layout { runs, mesh: &self.indices, width: channels }
+                Layout { runs, mesh: &self.0.indices, width: channels }
                     .add_to(attributes_bar, &shares);
-                first += runs.count;
             }
         }
         if let Some(barycentrics_bar) = gradients.get(1) {
             let (entries, is_fresh) = barycentrics_bar.entries_or_fresh();
-            self.for_each_face_mut(
+            self.0.for_each_face_mut(
                 kept.input(0),
                 entries,
                 channels,
@@ -162,42 +146,6 @@ impl<T: Scalar> Op<T> for Interpolate {
                     pull_back_face(corners, s_bar, uv_bar, is_fresh);
                 },
             );
-        }
-    }
-}
-
-impl Interpolate {
-    /// Calls `work(fragments, corners, own)` for each face in each band: with its fragments, the
-    /// attributes of its vertices, and the fragments' entries of `entries`. Each fragment has as many
-    /// entries. Bands may be worked on at the same time.
-    fn for_each_face_mut<T: Scalar>(
-        &self,
-        attributes: &[T],
-        entries: &mut [T],
-        channels: usize,
-        work: impl Fn(Range<usize>, [&[T]; 3], &mut [T]) + Sync,
-    ) {
-        let Coverage { centers, pieces, .. } = &*self.coverage;
-        let width = entries.len().checked_div(self.coverage.count()).unwrap_or(0);
-        let (of_centers, of_pieces) = entries.split_at_mut(centers.count * width);
-        for (runs, before, entries) in
-            [(centers, 0, of_centers), (pieces, centers.count, of_pieces)]
-        {
-            runs.for_each_band_mut(width, entries, |slots, first, entries| {
-                pulp::Arch::new().dispatch(
-                    #[inline(always)]
-                    || {
-                        for slot in slots {
-                            let corners = self.indices.faces()[runs.face(slot)].map(|vertex| {
-                                &attributes[vertex as usize * channels..][..channels]
-                            });
-                            let Range { start, end } = runs.fragments_of(slot..slot + 1);
-                            let own = &mut entries[(start - first) * width..(end - first) * width];
-                            work(before + start..before + end, corners, own);
-                        }
-                    },
-                );
-            });
         }
     }
 }
@@ -342,16 +290,6 @@ fn sum_shares<T: Scalar, const N: usize>(
     }
     for (row, sums) in rows.chunks_mut(stride).zip(sums) {
         row[..N].copy_from_slice(&sums);
-    }
-}
-
-impl Interpolate {
-    fn wrong_shape(&self, shape: &bokashi_core::Shape) -> RenderError {
-        RenderError::Shape {
-            operation: "interpolate",
-            rule: format!("attributes of shape [{}, C], C > 0", self.indices.vertex_count()),
-            shape: shape.clone(),
-        }
     }
 }
 

@@ -28,6 +28,7 @@
 //! ```
 
 mod antialias;
+mod attributes;
 mod background;
 mod border;
 mod boundary;
@@ -36,6 +37,7 @@ mod composite;
 mod coverage;
 mod depth;
 mod depth_of_field;
+mod differentials;
 mod edge_functions;
 mod error;
 mod face_sums;
@@ -46,6 +48,7 @@ mod gaussian_blur;
 mod homogeneous;
 mod image;
 mod interpolate;
+mod interpolate_differentials;
 mod mesh;
 mod picture;
 mod pixel_loss;
@@ -69,12 +72,14 @@ pub use composite::composite;
 pub use coverage::{Coverage, Culled};
 pub use depth::depth;
 pub use depth_of_field::{Focused, Lens, depth_of_field};
+pub use differentials::differentials;
 pub use error::RenderError;
 pub use fragments::Fragments;
 pub use gaussian_blur::gaussian_blur;
 /// The matrices, vectors and quaternions that cameras and poses are made of.
 pub use glam;
 pub use interpolate::{interpolate, interpolate_indexed};
+pub use interpolate_differentials::{interpolate_differentials, interpolate_differentials_indexed};
 pub use mesh::{Adjacency, Mesh};
 pub use picture::{Composite, Picture};
 pub use pixel_loss::PixelLoss;

@@ -1,0 +1,394 @@
+//! How barycentrics change from pixel to pixel.
+//!
+//! # Forward
+//! With the vertices `V_i = (x_i, y_i, w_i)` as the columns of M, let `F_i` be the rows of `M^-1`:
+//! `F_i = E_i / D`, the coefficients of edge function i over the determinant. The weights `b_i` at a
+//! point p are `F_i p / sum_j F_j p`, and the sum is `1 / W` with `W = sum_j b_j w_j`. So along
+//! `k = X, Y`, with `T_k = sum_j F_jk`:
+//!
+//! `db_i/dk = W (F_ik - b_i T_k)`.
+//!
+//! A pixel is two units wide and Y runs up: `d/dx = 2 d/dX`, `d/dy = -2 d/dY`. The formula needs the
+//! weights and not the point, so a piece of a boundary pixel has the derivatives where the weights
+//! are its means. In [`Scalar::Wide`].
+//!
+//! # Backward
+//! Let `q_ik` be the gradients of `db_i/dk` (`q_2k = 0`), `m_k = sum_j q_jk b_j`, and
+//! `W_bar = sum_ik q_ik (F_ik - b_i T_k)`. Then `b_bar_j = W_bar w_j - W sum_k q_jk T_k`, and
+//! `w_bar_j = W_bar b_j`. From `F_bar_jk = W (q_jk - m_k)`, since `dM^-1 = -M^-1 dM M^-1`:
+//! `V_bar_i = -sum_j (sum_k F_bar_jk F_ik) F_j`. Sums over the fragments of a face of `F_bar_jk` and of
+//! `w_bar_j` are enough.
+//!
+//! # Where it is not smooth
+//! Where the visible face changes.
+//!
+//! # Source
+//! Edge functions as in `homogeneous`; the derivation is ours. Heckbert, *Fundamentals of texture
+//! mapping and image warping*, 1989, section 3.5.1, has the same derivatives by the quotient rule.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
+
+use crate::coverage::Coverage;
+use crate::edge_functions::LocalFace;
+use crate::error::RenderError;
+use crate::face_sums::{FaceSums, Layout};
+use crate::fragments::Fragments;
+use crate::runs::Runs;
+
+/// How the barycentrics of each fragment change from pixel to pixel: `[N, 2, 2]`, with du/dx, du/dy,
+/// dv/dx and dv/dy, per pixel, x to the right and y **down**. Differentiable with respect to the
+/// barycentrics and to the clip positions that were rasterized.
+///
+/// Textures choose their level of detail by them: see
+/// [`interpolate_differentials`](crate::interpolate_differentials()).
+///
+/// # Errors
+/// [`RenderError::Shape`] for fragments that are not whole; `TensorError::ForeignVariable` for
+/// fragments of several tapes.
+#[inline(never)]
+pub fn differentials<'t, T: Scalar>(
+    fragments: &Fragments<'t, T>,
+) -> Result<Var<'t, T>, RenderError> {
+    let tape = fragments.clip.tape();
+    let coverage = fragments.checked_coverage("differentials", tape)?;
+    tape.apply(Differentials { coverage }, &[fragments.clip, fragments.barycentrics])
+}
+
+/// Inputs: clip `[V, 4]`, barycentrics `[N, 2]`. Output: `[N, 2, 2]`.
+struct Differentials {
+    coverage: Arc<Coverage>,
+}
+
+/// What all fragments of a face share.
+struct Plane<S> {
+    face: LocalFace<S>,
+    /// `F_ik`, for the three vertices along X and Y.
+    slopes: [[S; 2]; 3],
+    /// `T_k`.
+    sums: [S; 2],
+    /// The vertices' w in clip space.
+    w: [S; 3],
+}
+
+/// X is two units per pixel to the right, and Y two units per pixel up.
+const UNITS_PER_PIXEL: [f64; 2] = [2.0, -2.0];
+
+impl<S: Scalar<Wide = S>> Plane<S> {
+    #[inline(always)]
+    fn of<T: Scalar<Wide = S>>(coverage: &Coverage, clip: &[T], runs: &Runs, slot: usize) -> Self {
+        let indices = coverage.mesh.faces()[runs.face(slot)];
+        let face = LocalFace::of(clip, indices, runs.first_pixel_of(slot), coverage.size);
+        let w = indices.map(|index| clip[4 * index as usize + 3].widen());
+        let scale = S::ONE / face.determinant();
+        let slopes: [[S; 2]; 3] = std::array::from_fn(|i| {
+            let [_, x, y] = face.coefficients()[i];
+            [x, y].map(|slope| face.factors[i] * (slope * scale))
+        });
+        let sums = [0, 1].map(|k| slopes[0][k] + slopes[1][k] + slopes[2][k]);
+        Self { face, slopes, sums, w }
+    }
+
+    /// `F_ik - b_i T_k` for vertices 0 and 1, and W.
+    #[inline(always)]
+    fn at(&self, [u, v]: [S; 2]) -> ([[S; 2]; 2], S) {
+        let of = |i: usize, b: S| [0, 1].map(|k| self.slopes[i][k] - b * self.sums[k]);
+        let w = self.w[2] + u * (self.w[0] - self.w[2]) + v * (self.w[1] - self.w[2]);
+        ([of(0, u), of(1, v)], w)
+    }
+
+    /// `q_ik` of vertices 0 and 1, from the gradients of a fragment's derivatives.
+    #[inline(always)]
+    fn upstream<T: Scalar<Wide = S>>(bars: &[T; 4]) -> [[S; 2]; 2] {
+        let [x, y] = UNITS_PER_PIXEL.map(S::from_f64);
+        let [ux, uy, vx, vy] = bars.map(T::widen);
+        [[x * ux, y * uy], [x * vx, y * vy]]
+    }
+
+    /// `W_bar`.
+    #[inline(always)]
+    fn w_bar(q: [[S; 2]; 2], slopes: [[S; 2]; 2]) -> S {
+        q[0][0] * slopes[0][0]
+            + q[0][1] * slopes[0][1]
+            + q[1][0] * slopes[1][0]
+            + q[1][1] * slopes[1][1]
+    }
+}
+
+impl<T: Scalar> Op<T> for Differentials {
+    type Saved = ();
+    type Error = RenderError;
+
+    fn name(&self) -> &'static str {
+        "differentials"
+    }
+
+    fn forward(
+        &self,
+        inputs: &Inputs<'_, T>,
+        outputs: &mut Outputs<'_, T>,
+        _saved: &mut (),
+    ) -> Result<(), RenderError> {
+        let (coverage, clip, uv) = (&*self.coverage, inputs.data(0), inputs.data(1));
+        let uv = uv.as_chunks::<2>().0;
+        let out = outputs.push([coverage.count(), 2, 2]);
+        let [x, y] = UNITS_PER_PIXEL.map(T::Wide::from_f64);
+        coverage.for_each_slot_mut(
+            out,
+            #[inline(always)]
+            |runs, slot, fragments, own| {
+                let plane = Plane::of(coverage, clip, runs, slot);
+                for (own, uv) in own.as_chunks_mut::<4>().0.iter_mut().zip(&uv[fragments]) {
+                    let ([u, v], w) = plane.at(uv.map(T::widen));
+                    *own = [x * u[0], y * u[1], x * v[0], y * v[1]].map(|s| T::narrow(w * s));
+                }
+            },
+        );
+        Ok(())
+    }
+
+    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
+        Keep::NOTHING.input(0).input(1)
+    }
+
+    fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
+        let (coverage, clip) = (&*self.coverage, kept.input(0));
+        let uv = kept.input(1).as_chunks::<2>().0;
+        let bars = kept.only_upstream().as_chunks::<4>().0;
+        if let Some(clip_bar) = gradients.get(0) {
+            for (runs, first) in coverage.kinds() {
+                let pull_back =
+                    PullBack { coverage, runs, clip, uv: &uv[first..], bars: &bars[first..] };
+                Layout { runs, mesh: &coverage.mesh, width: 4 }.add_to(clip_bar, &pull_back);
+            }
+        }
+        if let Some(uv_bar) = gradients.get(1) {
+            let (entries, is_fresh) = uv_bar.entries_or_fresh();
+            coverage.for_each_slot_mut(
+                entries,
+                #[inline(always)]
+                |runs, slot, fragments, own| {
+                    let plane = Plane::of(coverage, clip, runs, slot);
+                    let own = own.as_chunks_mut::<2>().0.iter_mut();
+                    let from = uv[fragments.clone()].iter().zip(&bars[fragments]);
+                    for (own, (uv, bars)) in own.zip(from) {
+                        let (slopes, w) = plane.at(uv.map(T::widen));
+                        let q = Plane::upstream(bars);
+                        let w_bar = Plane::w_bar(q, slopes);
+                        let direct = |j: usize| q[j][0] * plane.sums[0] + q[j][1] * plane.sums[1];
+                        let bar =
+                            |j: usize| T::narrow(w_bar * (plane.w[j] - plane.w[2]) - w * direct(j));
+                        let bar = [bar(0), bar(1)];
+                        *own = if is_fresh { bar } else { [own[0] + bar[0], own[1] + bar[1]] };
+                    }
+                },
+            );
+        }
+    }
+}
+
+/// From the gradients of the derivatives to those of the vertices.
+struct PullBack<'a, T> {
+    coverage: &'a Coverage,
+    runs: &'a Runs,
+    clip: &'a [T],
+    /// Of the fragments of `runs`.
+    uv: &'a [[T; 2]],
+    bars: &'a [[T; 4]],
+}
+
+impl<T: Scalar> FaceSums<T::Wide> for PullBack<'_, T> {
+    #[inline(always)]
+    fn sum(&self, slot: usize, fragments: Range<usize>, rows: &mut [T::Wide]) {
+        let Self { coverage, runs, clip, .. } = *self;
+        let plane = Plane::of(coverage, clip, runs, slot);
+        let (mut slopes_bar, mut w_bars) = ([[T::Wide::ZERO; 2]; 3], [T::Wide::ZERO; 3]);
+        for (uv, bars) in self.uv[fragments.clone()].iter().zip(&self.bars[fragments]) {
+            let [u, v] = uv.map(T::widen);
+            let (slopes, w) = plane.at([u, v]);
+            let q = Plane::upstream(bars);
+            let w_bar = Plane::w_bar(q, slopes);
+            for (sum, b) in w_bars.iter_mut().zip([u, v, T::Wide::ONE - u - v]) {
+                *sum += w_bar * b;
+            }
+            for k in 0..2 {
+                let m = q[0][k] * u + q[1][k] * v;
+                slopes_bar[0][k] += w * (q[0][k] - m);
+                slopes_bar[1][k] += w * (q[1][k] - m);
+                slopes_bar[2][k] += w * -m;
+            }
+        }
+        let scale = -T::Wide::ONE / plane.face.determinant();
+        for (i, row) in rows.chunks_exact_mut(4).enumerate() {
+            let of = |j: usize| {
+                slopes_bar[j][0] * plane.slopes[i][0] + slopes_bar[j][1] * plane.slopes[i][1]
+            };
+            let along = plane.face.along_edges([of(0), of(1), of(2)], coverage.size);
+            let [x_bar, y_bar, w_bar] = along.map(|bar| scale * bar);
+            row.copy_from_slice(&[x_bar, y_bar, T::Wide::ZERO, w_bar + w_bars[i]]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bokashi_core::{Tape, Tensor};
+
+    use super::*;
+    use crate::mesh::Mesh;
+    use crate::rasterize::{RasterOptions, Sampling, rasterize};
+    use crate::size::Size;
+
+    const SIZE: Size = Size { width: 9, height: 6 };
+
+    /// Two faces in strong perspective.
+    const CLIP: [[f64; 4]; 4] = [
+        [-0.9, -0.8, 0.0, 1.0],
+        [3.9, -3.1, 0.0, 4.0],
+        [1.2, 1.4, 0.1, 1.5],
+        [-0.4, 0.4, 0.0, 0.5],
+    ];
+
+    fn options(sampling: Sampling) -> RasterOptions {
+        RasterOptions::new(SIZE).sampling(sampling)
+    }
+
+    /// Of the quad with vertices `clip(i, k)`.
+    fn quad(
+        tape: &Tape<f64>,
+        sampling: Sampling,
+        clip: impl Fn(usize, usize) -> f64,
+    ) -> Fragments<'_, f64> {
+        let mesh = Mesh::new(vec![[0, 1, 2], [0, 2, 3]], 4).unwrap();
+        let clip = tape.leaf(&Tensor::from_fn([4, 4], |[i, k]| clip(i, k)));
+        rasterize(clip, &mesh, options(sampling)).unwrap()
+    }
+
+    #[test]
+    fn without_perspective_they_are_the_slopes_of_a_plane() {
+        // A face whose corners 0, 1 and 2 lie at (1, 1), (9, 1) and (1, 5) px of 9 x 6.
+        let corner = |x: f64, y: f64| [2.0 * x / 9.0 - 1.0, 1.0 - 2.0 * y / 6.0, 0.0, 1.0];
+        let corners = [corner(1.0, 1.0), corner(9.0, 1.0), corner(1.0, 5.0)];
+        let tape = Tape::<f64>::new();
+        let clip = tape.leaf(&Tensor::from_fn([3, 4], |[i, k]| corners[i][k]));
+        let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
+        for sampling in [Sampling::Center, Sampling::Exact] {
+            let fragments = rasterize(clip, &mesh, options(sampling)).unwrap();
+            let found = differentials(&fragments).unwrap().value();
+            assert!(found.size() > 40);
+            for found in found.data().chunks_exact(4) {
+                for (found, expected) in found.iter().zip([-0.125, -0.25, 0.125, 0.0]) {
+                    approx::assert_relative_eq!(*found, expected, epsilon = 1e-15);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn they_are_the_difference_quotients_of_barycentrics_that_move_over_the_image() {
+        let tape = Tape::new();
+        let here = quad(&tape, Sampling::Center, |i, k| CLIP[i][k]);
+        let found = differentials(&here).unwrap().value();
+        for axis in 0..2 {
+            // The surface moves by a small part of a pixel to the left, or up.
+            let moved = |h: f64| {
+                let shift = [-2.0 * h / SIZE.width as f64, 2.0 * h / SIZE.height as f64][axis];
+                let moved = quad(&tape, Sampling::Center, |i, k| {
+                    CLIP[i][k] + if k == axis { shift * CLIP[i][3] } else { 0.0 }
+                });
+                assert!(moved.coverage.pixels().eq(here.coverage.pixels()));
+                moved.barycentrics.value()
+            };
+            let (after, before) = (moved(1e-5), moved(-1e-5));
+            for (k, (after, before)) in after.data().iter().zip(before.data()).enumerate() {
+                let found = found.data()[2 * k + axis];
+                approx::assert_relative_eq!(found, (after - before) / 2e-5, epsilon = 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn a_piece_has_the_differentials_where_the_weights_are_its_means() {
+        let tape = Tape::new();
+        let exact = quad(&tape, Sampling::Exact, |i, k| CLIP[i][k]);
+        let pieces = exact.coverage.centers()..exact.coverage.count();
+        assert!(pieces.len() > 10);
+        let found = differentials(&exact).unwrap().value();
+        let faces: Vec<_> = exact.coverage.faces().collect();
+        let uv = exact.barycentrics.value();
+        for n in pieces {
+            // The point with these weights, and points beside it, in NDC.
+            let corners = exact.coverage.mesh().faces()[faces[n]].map(|v| CLIP[v as usize]);
+            let [u, v] = [uv[[n, 0]], uv[[n, 1]]];
+            let mix =
+                |k: usize| u * corners[0][k] + v * corners[1][k] + (1.0 - u - v) * corners[2][k];
+            let point = [mix(0) / mix(3), mix(1) / mix(3)];
+            let matrix = glam::DMat3::from_cols_array_2d(&corners.map(|[x, y, _, w]| [x, y, w]));
+            let at = |x: f64, y: f64| {
+                let b = matrix.inverse() * glam::DVec3::new(x, y, 1.0);
+                b / b.element_sum()
+            };
+            for (axis, h) in [(0, [1e-6, 0.0]), (1, [0.0, -1e-6])] {
+                let extents = [SIZE.width, SIZE.height].map(|n| 2.0 / n as f64);
+                let [dx, dy] = [h[0] * extents[0], h[1] * extents[1]];
+                let slope =
+                    (at(point[0] + dx, point[1] + dy) - at(point[0] - dx, point[1] - dy)) / 2e-6;
+                approx::assert_relative_eq!(found[[n, 0, axis]], slope.x, epsilon = 1e-8);
+                approx::assert_relative_eq!(found[[n, 1, axis]], slope.y, epsilon = 1e-8);
+            }
+        }
+    }
+
+    #[test]
+    fn the_size_of_clip_positions_does_not_matter() {
+        let run = |factors: [f64; 4]| {
+            let tape = Tape::new();
+            let fragments = quad(&tape, Sampling::Center, |i, k| factors[i] * CLIP[i][k]);
+            differentials(&fragments).unwrap().value()
+        };
+        let plain = run([1.0; 4]);
+        for power in [-40, 7, 150, -150] {
+            assert_eq!(run([f64::powi(2.0, power); 4]), plain);
+        }
+    }
+
+    #[test]
+    fn the_gradients_are_difference_quotients_in_vertices_and_weights() {
+        for sampling in [Sampling::Center, Sampling::Exact] {
+            let tape = Tape::new();
+            let whole = quad(&tape, sampling, |i, k| CLIP[i][k]);
+            let upstream =
+                Tensor::from_flat_fn([whole.coverage.count(), 2, 2], |k| (k as f64 * 0.7).sin());
+            // Vertices and weights are held apart: coverage stays.
+            let run = |clip: &Tensor<f64>, uv: &Tensor<f64>| {
+                let held = Fragments {
+                    clip: tape.leaf(clip),
+                    barycentrics: tape.leaf(uv),
+                    ..whole.clone()
+                };
+                let found = differentials(&held).unwrap();
+                let bars = tape.vjp(&[(found, &upstream)]).unwrap();
+                let terms = found.value();
+                let loss: f64 =
+                    terms.data().iter().zip(upstream.data()).map(|(d, bar)| d * bar).sum();
+                (loss, [bars.get_or_zeros(held.clip), bars.get_or_zeros(held.barycentrics)])
+            };
+            let inputs = [whole.clip.value(), whole.barycentrics.value()];
+            let (_, bars) = run(&inputs[0], &inputs[1]);
+            for (i, input) in inputs.iter().enumerate() {
+                for k in 0..input.size() {
+                    let moved = |h: f64| {
+                        let mut inputs = inputs.clone();
+                        inputs[i].data_mut()[k] += h;
+                        run(&inputs[0], &inputs[1]).0
+                    };
+                    let quotient = (moved(1e-6) - moved(-1e-6)) / 2e-6;
+                    let bar = bars[i].data()[k];
+                    approx::assert_relative_eq!(bar, quotient, epsilon = 1e-7, max_relative = 1e-7);
+                }
+            }
+        }
+    }
+}
