@@ -136,6 +136,39 @@ pub enum RenderError {
         value: f64,
     },
 
+    /// A number that has to be finite is infinite or NaN.
+    #[error("{operation} needs finite {what}, got {value} in row {row}")]
+    NotFinite {
+        /// The operation.
+        operation: &'static str,
+        /// What the number is, in the plural.
+        what: &'static str,
+        /// The row of the first axis that it is in.
+        row: usize,
+        /// The number given.
+        value: f64,
+    },
+
+    /// A direction has no length.
+    #[error("{operation} needs directions other than zero, got zero in row {row}")]
+    Direction {
+        /// The operation.
+        operation: &'static str,
+        /// The row of the direction.
+        row: usize,
+    },
+
+    /// A texture cannot be looked up that way.
+    #[error("{operation} needs {rule}, got {given}")]
+    BadSampler {
+        /// The operation.
+        operation: &'static str,
+        /// The rule.
+        rule: &'static str,
+        /// The number given.
+        given: usize,
+    },
+
     /// A depth that nothing in front of the eye has.
     #[error("depth_of_field needs depths from 0 up, got {depth} at pixel {pixel}")]
     Depth {

@@ -50,6 +50,7 @@ mod image;
 mod interpolate;
 mod interpolate_differentials;
 mod mesh;
+mod mipmaps;
 mod picture;
 mod pixel_loss;
 #[cfg(feature = "precompiled")]
@@ -63,6 +64,7 @@ mod runs;
 mod size;
 mod squared_error;
 mod taps;
+mod texture;
 
 pub use antialias::antialias;
 pub use background::Background;
@@ -88,3 +90,7 @@ pub use rasterize::{Cull, RasterOptions, Sampling, rasterize};
 pub use reference::Reference;
 pub use size::Size;
 pub use taps::{Blur, Kernel, Radius};
+pub use texture::{
+    CubeMap, Detail, MOST_PROBES, Sampler, Texture, TextureBorder, TextureFilter, sample_cube_map,
+    sample_texture,
+};

@@ -1,0 +1,302 @@
+//! From coordinates to places on the faces of a texture.
+//!
+//! # Forward
+//! A texture of the plane has one face, and coordinates (u, v) are places on it once they have been
+//! brought back by the border's rule: `u - floor(u)` (wrap), the distance from the nearest even number
+//! (mirror), the nearest of `[0, 1]` (clamp).
+//!
+//! A cube map has six, in the order +x, -x, +y, -y, +z, -z. A direction d meets the face of its largest
+//! component m. With the face's axes `a_s`, `a_t`: `s = (a_s . d / |m| + 1) / 2`, and t likewise.
+//!
+//! # Backward
+//! `ds/dd = (a_s - s' sign(m) e_m) / (2 |m|)`, `s' = a_s . d / |m|`. From pixel to pixel places change
+//! by `J = ds/dd D`, with D the change of the direction: `J_s = (a_s . D - s' sign(m) D_m) / (2 |m|)`.
+//! So with `P_s = (J_s)_bar / (2 |m|)`: `D_bar += a_s P_s`, `D_bar_m -= s' sign(m) P_s`,
+//! `s'_bar -= sign(m) D_m . P_s`, `|m|_bar -= J_s . (J_s)_bar / |m|`.
+//!
+//! # Where it is not smooth
+//! On the edges between faces of a cube, and where a coordinate is brought back: there the texture
+//! goes on, but its slope may differ.
+//!
+//! # Source
+//! OpenGL 4.6, section 8.13, for the faces of a cube map and their axes.
+
+use bokashi_core::Scalar;
+
+use super::options::TextureBorder;
+
+/// A place on a face of a texture: (0, 0) is its upper left corner and (1, 1) its lower right corner.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Place<T> {
+    pub(super) face: usize,
+    pub(super) at: [T; 2],
+}
+
+/// The texels that stand for a texel beyond a face: each with the weight 1 over their number.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Texels {
+    /// A face, a row and a column.
+    pub(super) texels: [[usize; 3]; 3],
+    pub(super) count: usize,
+}
+
+impl Texels {
+    fn one(texel: [usize; 3]) -> Self {
+        Self { texels: [texel; 3], count: 1 }
+    }
+
+    pub(super) fn iter(&self) -> impl Iterator<Item = &[usize; 3]> {
+        self.texels[..self.count].iter()
+    }
+}
+
+/// How `K` coordinates become places.
+pub(super) trait Chart<const K: usize>: Copy + Send + Sync + 'static {
+    /// The operation that it belongs to.
+    const OPERATION: &'static str;
+    /// The number of faces.
+    const FACES: usize;
+
+    /// The place of coordinates.
+    fn place<T: Scalar>(self, coordinates: [T; K]) -> Place<T>;
+
+    /// The gradients of coordinates from the gradient of their place.
+    fn pull_back<T: Scalar>(self, coordinates: [T; K], at_bar: [T; 2]) -> [T; K];
+
+    /// How the place changes from pixel to pixel, where the coordinates change by `slopes`.
+    fn slopes<T: Scalar>(self, coordinates: [T; K], slopes: [[T; 2]; K]) -> [[T; 2]; 2];
+
+    /// The gradients of coordinates and of their slopes from those of the place's slopes.
+    fn pull_back_slopes<T: Scalar>(
+        self,
+        coordinates: [T; K],
+        slopes: [[T; 2]; K],
+        bars: [[T; 2]; 2],
+    ) -> ([T; K], [[T; 2]; K]);
+
+    /// What stands for the texel in row and column `at` of a face, some of which lies beyond its
+    /// `[rows, columns]`, by one.
+    fn beyond(self, extents: [usize; 2], face: usize, at: [isize; 2]) -> Texels;
+
+    /// Whether places beyond a face show nothing.
+    fn ends(self) -> bool;
+}
+
+/// A texture of the plane.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Plane {
+    pub(super) border: TextureBorder,
+}
+
+impl Plane {
+    /// A coordinate brought back into `[0, 1]`, and how that changes with it.
+    #[inline(always)]
+    fn reduced<T: Scalar>(self, u: T) -> [T; 2] {
+        // Beyond, a number has no fraction left, or is infinite.
+        let has_fraction = u.abs() < T::from_f64(1e15);
+        let floor = |x: T| T::from_f64(x.to_f64().floor());
+        match self.border {
+            TextureBorder::Wrap if has_fraction => [u - floor(u), T::ONE],
+            TextureBorder::Mirror if has_fraction => {
+                let two = T::from_f64(2.0);
+                let phase = u - two * floor(u / two);
+                if phase > T::ONE { [two - phase, -T::ONE] } else { [phase, T::ONE] }
+            }
+            TextureBorder::Wrap | TextureBorder::Mirror => [T::ZERO; 2],
+            TextureBorder::Clamp if u > T::ZERO && u < T::ONE => [u, T::ONE],
+            TextureBorder::Clamp => [if u > T::ZERO { T::ONE } else { T::ZERO }, T::ZERO],
+            TextureBorder::Zero => [u, T::ONE],
+        }
+    }
+}
+
+impl Chart<2> for Plane {
+    const OPERATION: &'static str = "sample_texture";
+    const FACES: usize = 1;
+
+    #[inline(always)]
+    fn place<T: Scalar>(self, coordinates: [T; 2]) -> Place<T> {
+        Place { face: 0, at: coordinates.map(|u| self.reduced(u)[0]) }
+    }
+
+    #[inline(always)]
+    fn pull_back<T: Scalar>(self, coordinates: [T; 2], at_bar: [T; 2]) -> [T; 2] {
+        [0, 1].map(|k| self.reduced(coordinates[k])[1] * at_bar[k])
+    }
+
+    // How large a footprint is does not depend on where the coordinates are.
+
+    #[inline(always)]
+    fn slopes<T: Scalar>(self, _: [T; 2], slopes: [[T; 2]; 2]) -> [[T; 2]; 2] {
+        slopes
+    }
+
+    #[inline(always)]
+    fn pull_back_slopes<T: Scalar>(
+        self,
+        _: [T; 2],
+        _: [[T; 2]; 2],
+        bars: [[T; 2]; 2],
+    ) -> ([T; 2], [[T; 2]; 2]) {
+        ([T::ZERO; 2], bars)
+    }
+
+    fn beyond(self, extents: [usize; 2], _: usize, at: [isize; 2]) -> Texels {
+        let source = |k: usize| {
+            let (at, extent) = (at[k], extents[k] as isize);
+            match self.border {
+                TextureBorder::Wrap => Some(at.rem_euclid(extent) as usize),
+                // One beyond the border its mirror image is the border itself.
+                TextureBorder::Mirror | TextureBorder::Clamp => {
+                    Some(at.clamp(0, extent - 1) as usize)
+                }
+                TextureBorder::Zero => (0..extent).contains(&at).then_some(at as usize),
+            }
+        };
+        match [source(0), source(1)] {
+            [Some(row), Some(column)] => Texels::one([0, row, column]),
+            _ => Texels::default(),
+        }
+    }
+
+    #[inline(always)]
+    fn ends(self) -> bool {
+        self.border == TextureBorder::Zero
+    }
+}
+
+/// The six faces of a cube.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Cube;
+
+/// Per face the axes along which s and t grow: an axis and its sign.
+const AXES: [[(usize, f64); 2]; 6] = [
+    [(2, -1.0), (1, -1.0)],
+    [(2, 1.0), (1, -1.0)],
+    [(0, 1.0), (2, 1.0)],
+    [(0, 1.0), (2, -1.0)],
+    [(0, 1.0), (1, -1.0)],
+    [(0, -1.0), (1, -1.0)],
+];
+
+impl Cube {
+    /// The face that a direction meets, and its component along the face's normal.
+    #[inline(always)]
+    fn face<T: Scalar>(direction: [T; 3]) -> (usize, T) {
+        let [x, y, z] = direction.map(T::abs);
+        let axis = if x >= y && x >= z { 0 } else { 1 + usize::from(z > y) };
+        let major = direction[axis];
+        (2 * axis + usize::from(major < T::ZERO), major)
+    }
+
+    /// s' and t' of a direction with such a component `major` on `face`.
+    #[inline(always)]
+    fn ratios<T: Scalar>(direction: [T; 3], face: usize, major: T) -> [T; 2] {
+        AXES[face].map(|(axis, sign)| T::from_f64(sign) * direction[axis] / major.abs())
+    }
+
+    fn sign<T: Scalar>(major: T) -> T {
+        if major < T::ZERO { -T::ONE } else { T::ONE }
+    }
+}
+
+impl Chart<3> for Cube {
+    const OPERATION: &'static str = "sample_cube_map";
+    const FACES: usize = 6;
+
+    #[inline(always)]
+    fn place<T: Scalar>(self, direction: [T; 3]) -> Place<T> {
+        let (face, major) = Self::face(direction);
+        let half = T::from_f64(0.5);
+        let at = Self::ratios(direction, face, major).map(|ratio| {
+            // A sum of probes may be no direction at all.
+            let place = half * ratio + half;
+            if place >= T::ZERO { place.minimum_number(T::ONE) } else { T::ZERO }
+        });
+        Place { face, at }
+    }
+
+    #[inline(always)]
+    fn pull_back<T: Scalar>(self, direction: [T; 3], at_bar: [T; 2]) -> [T; 3] {
+        let (face, major) = Self::face(direction);
+        let ratios = Self::ratios(direction, face, major);
+        let mut bar = [T::ZERO; 3];
+        for (k, (axis, sign)) in AXES[face].into_iter().enumerate() {
+            let ratio_bar = T::from_f64(0.5) * at_bar[k] / major.abs();
+            bar[axis] += T::from_f64(sign) * ratio_bar;
+            bar[face / 2] -= ratios[k] * Self::sign(major) * ratio_bar;
+        }
+        bar
+    }
+
+    #[inline(always)]
+    fn slopes<T: Scalar>(self, direction: [T; 3], slopes: [[T; 2]; 3]) -> [[T; 2]; 2] {
+        let (face, major) = Self::face(direction);
+        let ratios = Self::ratios(direction, face, major);
+        let scale = T::from_f64(0.5) / major.abs();
+        std::array::from_fn(|i| {
+            let (axis, sign) = AXES[face][i];
+            [0, 1].map(|k| {
+                let along = ratios[i] * Self::sign(major) * slopes[face / 2][k];
+                scale * (T::from_f64(sign) * slopes[axis][k] - along)
+            })
+        })
+    }
+
+    #[inline(always)]
+    fn pull_back_slopes<T: Scalar>(
+        self,
+        direction: [T; 3],
+        slopes: [[T; 2]; 3],
+        bars: [[T; 2]; 2],
+    ) -> ([T; 3], [[T; 2]; 3]) {
+        let (face, major) = Self::face(direction);
+        let (ratios, sign_of_major) = (Self::ratios(direction, face, major), Self::sign(major));
+        let here = self.slopes(direction, slopes);
+        let (mut bar, mut slopes_bar) = ([T::ZERO; 3], [[T::ZERO; 2]; 3]);
+        let inverse = T::ONE / major.abs();
+        for (i, (axis, sign)) in AXES[face].into_iter().enumerate() {
+            let sign = T::from_f64(sign);
+            let (mut ratio_bar, mut length_bar) = (T::ZERO, T::ZERO);
+            for k in 0..2 {
+                let part = T::from_f64(0.5) * inverse * bars[i][k];
+                slopes_bar[axis][k] += sign * part;
+                slopes_bar[face / 2][k] -= ratios[i] * sign_of_major * part;
+                ratio_bar -= sign_of_major * slopes[face / 2][k] * part;
+                length_bar -= here[i][k] * bars[i][k] * inverse;
+            }
+            bar[axis] += sign * ratio_bar * inverse;
+            bar[face / 2] += sign_of_major * (length_bar - ratios[i] * ratio_bar * inverse);
+        }
+        (bar, slopes_bar)
+    }
+
+    fn beyond(self, [extent, _]: [usize; 2], face: usize, [row, column]: [isize; 2]) -> Texels {
+        let last = extent as isize - 1;
+        let (near_row, near_column) = (row.clamp(0, last), column.clamp(0, last));
+        if near_row != row && near_column != column {
+            // Three faces meet in a corner: there is no fourth texel.
+            let texels = [[near_row, near_column], [near_row, column], [row, near_column]];
+            let texel = |at| self.beyond([extent; 2], face, at).texels[0];
+            return Texels { texels: texels.map(texel), count: 3 };
+        }
+        if near_row == row && near_column == column {
+            return Texels::one([face, row as usize, column as usize]);
+        }
+        // The texel of the face that the middle of this texel, in the plane of its own face, shows.
+        let ratio = |at: isize| (2 * at + 1) as f64 / extent as f64 - 1.0;
+        let mut direction = [0.0; 3];
+        direction[face / 2] = if face % 2 == 0 { 1.0 } else { -1.0 };
+        let [(s_axis, s_sign), (t_axis, t_sign)] = AXES[face];
+        direction[s_axis] = s_sign * ratio(column);
+        direction[t_axis] = t_sign * ratio(row);
+        let Place { face, at } = self.place(direction);
+        let index = |at: f64| ((at * extent as f64) as usize).min(extent - 1);
+        Texels::one([face, index(at[1]), index(at[0])])
+    }
+
+    #[inline(always)]
+    fn ends(self) -> bool {
+        false
+    }
+}

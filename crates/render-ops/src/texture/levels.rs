@@ -1,0 +1,177 @@
+//! Textures and cube maps: levels of detail, from the finest on.
+
+use bokashi_core::{Scalar, Shape, TensorError, Var};
+
+use crate::error::RenderError;
+use crate::mipmaps::{half, halved};
+
+/// An image that is looked up on surfaces, perhaps with coarser levels of itself.
+#[derive(Debug, Clone)]
+pub struct Texture<'t, T: Scalar> {
+    pub(super) levels: Vec<Var<'t, T>>,
+}
+
+/// Six images around a point, one on each side of a cube, that are looked up by direction; perhaps
+/// with coarser levels of themselves.
+///
+/// Faces are +x, -x, +y, -y, +z, -z. Seen from the middle of the cube, they are laid out as in OpenGL.
+#[derive(Debug, Clone)]
+pub struct CubeMap<'t, T: Scalar> {
+    pub(super) levels: Vec<Var<'t, T>>,
+}
+
+/// # Errors
+/// [`RenderError::Shape`] with `rule`.
+fn refused<T>(operation: &'static str, rule: String, shape: Shape) -> Result<T, RenderError> {
+    Err(RenderError::Shape { operation, rule, shape })
+}
+
+/// All levels down to a single texel.
+///
+/// # Errors
+/// None that a level of the right shape causes.
+fn all_levels<'t, T: Scalar>(finest: Var<'t, T>) -> Result<Vec<Var<'t, T>>, RenderError> {
+    let mut levels = vec![finest];
+    let mut level = finest;
+    loop {
+        let shape = level.shape();
+        let &[.., height, width, _] = &*shape else { return Ok(levels) };
+        if height <= 1 && width <= 1 {
+            return Ok(levels);
+        }
+        level = halved(level)?;
+        levels.push(level);
+    }
+}
+
+/// The levels, where each has half the extents of the level before.
+///
+/// # Errors
+/// [`RenderError::Shape`] where a level has another shape; [`TensorError::Inputs`] without a level;
+/// [`TensorError::ForeignVariable`] for variables of several tapes.
+fn checked<'t, T: Scalar>(
+    operation: &'static str,
+    levels: &[Var<'t, T>],
+) -> Result<Vec<Var<'t, T>>, RenderError> {
+    let Some(first) = levels.first() else {
+        let rule = "at least one level".into();
+        return Err(TensorError::Inputs { operation, rule, given: 0 }.into());
+    };
+    let mut expected = first.shape().to_vec();
+    for (k, level) in levels.iter().enumerate() {
+        if !std::ptr::eq(level.tape(), first.tape()) {
+            return Err(TensorError::ForeignVariable { operation }.into());
+        }
+        if *level.shape() != expected[..] {
+            return refused(operation, format!("a level {k} of shape {expected:?}"), level.shape());
+        }
+        if let [.., height, width, _] = expected.as_mut_slice() {
+            (*height, *width) = (half(*height), half(*width));
+        }
+    }
+    Ok(levels.to_vec())
+}
+
+impl<'t, T: Scalar> Texture<'t, T> {
+    const OPERATION: &'static str = "a texture";
+
+    fn check(texels: Var<'t, T>) -> Result<(), RenderError> {
+        match *texels.shape() {
+            [height, width, channels] if height * width * channels > 0 => Ok(()),
+            _ => refused(
+                Self::OPERATION,
+                "texels of shape [H, W, C] and at least one entry".into(),
+                texels.shape(),
+            ),
+        }
+    }
+
+    /// The texture of `texels: [H, W, C]` without coarser levels.
+    ///
+    /// # Errors
+    /// [`RenderError::Shape`] unless the texels are `[H, W, C]` with at least one entry.
+    pub fn new(texels: Var<'t, T>) -> Result<Self, RenderError> {
+        Self::check(texels)?;
+        Ok(Self { levels: vec![texels] })
+    }
+
+    /// The texture of `texels: [H, W, C]` with all coarser levels, each half as large along each axis,
+    /// rounded down. Gradients of the coarser levels lead back to the texels. The levels cost a third
+    /// of the texels' memory again; make them once per step, and not once per sample.
+    ///
+    /// # Errors
+    /// As [`Texture::new`].
+    pub fn with_mipmaps(texels: Var<'t, T>) -> Result<Self, RenderError> {
+        Self::check(texels)?;
+        Ok(Self { levels: all_levels(texels)? })
+    }
+
+    /// The texture of `levels` of the caller's own, the finest first. Each has half the height and
+    /// width of the level before, rounded down, and at least 1.
+    ///
+    /// # Errors
+    /// [`RenderError::Shape`] where a level has another shape; `TensorError::Inputs` without a level;
+    /// `TensorError::ForeignVariable` for variables of several tapes.
+    pub fn of_levels(levels: &[Var<'t, T>]) -> Result<Self, RenderError> {
+        if let Some(&first) = levels.first() {
+            Self::check(first)?;
+        }
+        Ok(Self { levels: checked(Self::OPERATION, levels)? })
+    }
+
+    /// The levels, the finest first.
+    pub fn levels(&self) -> &[Var<'t, T>] {
+        &self.levels
+    }
+}
+
+impl<'t, T: Scalar> CubeMap<'t, T> {
+    const OPERATION: &'static str = "a cube map";
+
+    fn check(texels: Var<'t, T>) -> Result<(), RenderError> {
+        match *texels.shape() {
+            [6, height, width, channels] if height == width && width * channels > 0 => Ok(()),
+            _ => refused(
+                Self::OPERATION,
+                "texels of shape [6, S, S, C] and at least one entry".into(),
+                texels.shape(),
+            ),
+        }
+    }
+
+    /// The cube map of `texels: [6, S, S, C]` without coarser levels.
+    ///
+    /// # Errors
+    /// [`RenderError::Shape`] unless the texels are `[6, S, S, C]` with at least one entry.
+    pub fn new(texels: Var<'t, T>) -> Result<Self, RenderError> {
+        Self::check(texels)?;
+        Ok(Self { levels: vec![texels] })
+    }
+
+    /// The cube map of `texels: [6, S, S, C]` with all coarser levels, as in
+    /// [`Texture::with_mipmaps`]. Each face is averaged alone.
+    ///
+    /// # Errors
+    /// As [`CubeMap::new`].
+    pub fn with_mipmaps(texels: Var<'t, T>) -> Result<Self, RenderError> {
+        Self::check(texels)?;
+        Ok(Self { levels: all_levels(texels)? })
+    }
+
+    /// The cube map of `levels` of the caller's own, as in [`Texture::of_levels`]: light that was
+    /// filtered for each roughness, say.
+    ///
+    /// # Errors
+    /// As [`Texture::of_levels`].
+    pub fn of_levels(levels: &[Var<'t, T>]) -> Result<Self, RenderError> {
+        if let Some(&first) = levels.first() {
+            Self::check(first)?;
+        }
+        Ok(Self { levels: checked(Self::OPERATION, levels)? })
+    }
+
+    /// The levels, the finest first.
+    pub fn levels(&self) -> &[Var<'t, T>] {
+        &self.levels
+    }
+}
