@@ -8,3 +8,4 @@ mod pictures;
 mod rendering;
 mod scenes;
 mod tensors;
+mod textures;

@@ -122,7 +122,8 @@ impl<T: Scalar> Level<'_, T> {
         mixed(&self.corners(chart, cell, first), cell.fractions)
     }
 
-    /// B . `bars`, and its derivatives along the place's two axes, over `N` channels.
+    /// `N` channels of the bilinear sample in a cell, and the derivatives of B . `bars` along the
+    /// place's two axes.
     #[inline(always)]
     pub(super) fn sample_along<const K: usize, const N: usize>(
         &self,
@@ -130,20 +131,19 @@ impl<T: Scalar> Level<'_, T> {
         cell: &Cell<T>,
         first: usize,
         bars: &[T; N],
-    ) -> (T, [T; 2]) {
-        let corners = self.corners::<K, N>(chart, cell, first).map(|corner| {
-            let mut dot = corner[0] * bars[0];
-            for c in 1..N {
-                dot += corner[c] * bars[c];
-            }
-            dot
-        });
+    ) -> ([T; N], [T; 2]) {
+        let [a, b, c, d] = self.corners::<K, N>(chart, cell, first);
         let [f, g] = cell.fractions;
-        let [a, b, c, d] = corners;
-        let (upper, lower) = (b - a, d - c);
-        let along = [upper + g * (lower - upper), (c - a) + f * (lower - upper)];
+        let (mut value, mut slopes) = ([T::ZERO; N], [T::ZERO; 2]);
+        for k in 0..N {
+            let (upper, lower) = (b[k] - a[k], d[k] - c[k]);
+            let down = (c[k] - a[k]) + f * (lower - upper);
+            value[k] = a[k] + f * upper + g * down;
+            slopes[0] += bars[k] * (upper + g * (lower - upper));
+            slopes[1] += bars[k] * down;
+        }
         let [rows, columns] = self.extents.map(|extent| T::from_f64(extent as f64));
-        (a + f * upper + g * along[1], [columns * along[0], rows * along[1]])
+        (value, [columns * slopes[0], rows * slopes[1]])
     }
 }
 

@@ -70,13 +70,8 @@ fn sample<'t, T: Scalar, C: Chart<K>, const K: usize>(
         return Err(RenderError::BadSampler { operation: C::OPERATION, rule, given: probes });
     }
     let top = sampler.coarsest.unwrap_or(usize::MAX).min(levels.len() - 1);
-    // What the samples are step functions of gets no gradient.
-    let held = |steps: bool, variable: Var<'t, T>| {
-        if steps && variable.needs_gradient() { variable.detach() } else { variable }
-    };
-    let steps = !sampler.filter.mixes_levels();
     let mut inputs: SmallVec<[Var<'t, T>; 20]> = SmallVec::new();
-    inputs.push(held(sampler.filter == TextureFilter::Nearest, coordinates));
+    inputs.push(coordinates);
     let mut kind = Kind::Finest;
     match detail {
         Detail::Finest => {}
@@ -85,14 +80,14 @@ fn sample<'t, T: Scalar, C: Chart<K>, const K: usize>(
             coordinates.tape().leave_out(C::OPERATION, "detail: there is a single level");
         }
         Detail::Level(level) => {
-            inputs.push(held(steps, level));
+            inputs.push(level);
             kind = Kind::Level;
         }
         Detail::Differentials { differentials, bias } => {
-            inputs.push(held(steps, differentials));
+            inputs.push(differentials);
             kind = Kind::Differentials;
             if let Some(bias) = bias {
-                inputs.push(held(steps, bias));
+                inputs.push(bias);
                 kind = Kind::BiasedDifferentials;
             }
         }
@@ -311,26 +306,51 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Lookups<'_, T, C, K> {
         }
     }
 
-    /// The sample of a level . `bars`, and its derivatives along a place's axes.
+    /// The gradients of a probe's place and of its level.
     #[inline(always)]
-    fn along(&self, level: usize, coordinates: [T; K], bars: &[T]) -> (T, [T; 2]) {
-        let Some(cell) = self.cell(coordinates, level) else { return (T::ZERO, [T::ZERO; 2]) };
-        let level = &self.levels[level];
+    fn pull_back_probe(&self, spot: &Spot<T, K>, coordinates: [T; K], bars: &[T]) -> ([T; 2], T) {
         match bars {
-            &[a, b, c] => level.sample_along::<K, 3>(self.chart, &cell, 0, &[a, b, c]),
-            &[a, b, c, d] => level.sample_along::<K, 4>(self.chart, &cell, 0, &[a, b, c, d]),
+            &[a, b, c] => self.pull_back_channels(spot, coordinates, 0, &[a, b, c]),
+            &[a, b, c, d] => self.pull_back_channels(spot, coordinates, 0, &[a, b, c, d]),
             _ => {
-                let (mut value, mut slopes) = (T::ZERO, [T::ZERO; 2]);
+                let (mut at_bar, mut level_bar) = ([T::ZERO; 2], T::ZERO);
                 for (first, &bar) in bars.iter().enumerate() {
-                    let (own, own_slopes) =
-                        level.sample_along::<K, 1>(self.chart, &cell, first, &[bar]);
-                    value += own;
-                    slopes[0] += own_slopes[0];
-                    slopes[1] += own_slopes[1];
+                    let (own, own_level) =
+                        self.pull_back_channels(spot, coordinates, first, &[bar]);
+                    at_bar[0] += own[0];
+                    at_bar[1] += own[1];
+                    level_bar += own_level;
                 }
-                (value, slopes)
+                (at_bar, level_bar)
             }
         }
+    }
+
+    /// The same from `N` channels, from `first` on.
+    #[inline(always)]
+    fn pull_back_channels<const N: usize>(
+        &self,
+        spot: &Spot<T, K>,
+        coordinates: [T; K],
+        first: usize,
+        bars: &[T; N],
+    ) -> ([T; 2], T) {
+        let of = |level: usize| match self.cell(coordinates, level) {
+            Some(cell) => self.levels[level].sample_along::<K, N>(self.chart, &cell, first, bars),
+            None => ([T::ZERO; N], [T::ZERO; 2]),
+        };
+        let (finer, mut at_bar) = of(spot.level);
+        let mut level_bar = T::ZERO;
+        if spot.is_free {
+            let (coarser, other) = of(spot.level + 1);
+            for i in 0..2 {
+                at_bar[i] += spot.fraction * (other[i] - at_bar[i]);
+            }
+            for c in 0..N {
+                level_bar += bars[c] * (coarser[c] - finer[c]);
+            }
+        }
+        (at_bar, level_bar)
     }
 
     /// The gradients of sample n's coordinates, differentials and level.
@@ -341,14 +361,8 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Lookups<'_, T, C, K> {
         let (mut bar, mut axis_bar, mut level_bar) = ([T::ZERO; K], [T::ZERO; K], T::ZERO);
         for k in 0..spot.probes {
             let coordinates = self.probe(&spot, k);
-            let (finer, mut at_bar) = self.along(spot.level, coordinates, bars);
-            if spot.is_free {
-                let (coarser, other) = self.along(spot.level + 1, coordinates, bars);
-                for i in 0..2 {
-                    at_bar[i] += spot.fraction * (other[i] - at_bar[i]);
-                }
-                level_bar += share * (coarser - finer);
-            }
+            let (at_bar, own_level) = self.pull_back_probe(&spot, coordinates, bars);
+            level_bar += share * own_level;
             let own = self.chart.pull_back(coordinates, at_bar.map(|bar| share * bar));
             for i in 0..K {
                 bar[i] += own[i];
@@ -533,9 +547,14 @@ impl<C: Chart<K>, const K: usize> Sample<C, K> {
         lookups
     }
 
-    /// Whether something beside the texels gets a gradient, as `needs` says of inputs.
+    /// Whether something beside the texels gets a gradient, as `needs` says of inputs: not what
+    /// samples are step functions of.
     fn moves(&self, needs: impl Fn(usize) -> bool) -> bool {
-        (0..self.kind.first_level()).any(needs)
+        match self.filter {
+            TextureFilter::Nearest => false,
+            TextureFilter::Bilinear => needs(0),
+            _ => (0..self.kind.first_level()).any(needs),
+        }
     }
 }
 
@@ -642,11 +661,12 @@ impl<C: Chart<K>, const K: usize> Sample<C, K> {
         gradients: &mut Accumulators<'_, T>,
     ) {
         let bias = if self.kind == Kind::Level { 1 } else { 2 };
+        let mixes = self.filter.mixes_levels();
         let has_level = matches!(self.kind, Kind::Level | Kind::BiasedDifferentials);
         let wants = [
             gradients.needs(0),
-            bias == 2 && self.kind != Kind::Finest && gradients.needs(1),
-            has_level && gradients.needs(bias),
+            mixes && bias == 2 && self.kind != Kind::Finest && gradients.needs(1),
+            mixes && has_level && gradients.needs(bias),
         ];
         if wants == [true, false, false] {
             let coordinates_bar = gradients.get(0).expect("it is wanted");
