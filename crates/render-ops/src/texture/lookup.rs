@@ -1,17 +1,32 @@
-//! Samples of a level at a place, and how they change with the place.
+//! Where samples are taken: from coordinates to cells of levels.
 
 use bokashi_core::Scalar;
 
 use super::chart::{Chart, Place};
+use super::footprint::Footprint;
+use super::options::TextureFilter;
+use super::texels::{Touch, Touches};
 
-/// The texels of a level.
+/// The texels of a level along rows and columns.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Level<'a, T> {
-    /// `[faces, rows, columns, channels]`.
-    pub(super) texels: &'a [T],
+pub(super) struct Extents<T> {
     /// Rows and columns.
-    pub(super) extents: [usize; 2],
-    pub(super) channels: usize,
+    pub(super) counts: [usize; 2],
+    /// Columns and rows, as places on a face have them.
+    scale: [T; 2],
+}
+
+impl<T: Scalar> Extents<T> {
+    pub(super) fn new(counts: [usize; 2]) -> Self {
+        let [rows, columns] = counts.map(|count| T::from_f64(count as f64));
+        Self { counts, scale: [columns, rows] }
+    }
+
+    /// Derivatives along the axes of a face, from those in texels.
+    #[inline(always)]
+    pub(super) fn along_face(&self, slopes: [T; 2]) -> [T; 2] {
+        [self.scale[0] * slopes[0], self.scale[1] * slopes[1]]
+    }
 }
 
 /// The four texels around a place.
@@ -25,134 +40,204 @@ pub(super) struct Cell<T> {
 }
 
 impl<T: Scalar> Cell<T> {
-    /// The cell of a place on a level of such extents, where there is one. With `is_nearest` the
-    /// fractions are 0 and the nearest texel is the upper left texel.
+    /// The cell of a place, where there is one.
     #[inline(always)]
-    pub(super) fn of<const K: usize>(
-        chart: impl Chart<K>,
-        place: Place<T>,
-        [rows, columns]: [usize; 2],
-        is_nearest: bool,
-    ) -> Option<Self> {
-        let [x, y] = place.at;
-        if is_nearest {
-            let [x, y] = [(x, columns), (y, rows)].map(|(at, extent)| at.to_f64() * extent as f64);
-            if chart.ends() && !(x >= 0.0 && y >= 0.0 && x < columns as f64 && y < rows as f64) {
-                return None;
-            }
-            let at = [(y, rows), (x, columns)]
-                .map(|(at, extent)| (at as isize).min(extent as isize - 1));
-            return Some(Self { face: place.face, at, fractions: [T::ZERO; 2] });
-        }
+    fn around(place: Place<T>, extents: &Extents<T>, ends: bool) -> Option<Self> {
         let half = T::from_f64(0.5);
-        let x = x * T::from_f64(columns as f64) - half;
-        let y = y * T::from_f64(rows as f64) - half;
+        let x = place.at[0] * extents.scale[0] - half;
+        let y = place.at[1] * extents.scale[1] - half;
         let (left, upper) = (x.to_f64().floor(), y.to_f64().floor());
-        if chart.ends()
-            && !(left >= -1.0 && upper >= -1.0 && left < columns as f64 && upper < rows as f64)
+        let [rows, columns] = extents.counts;
+        if ends && !(left >= -1.0 && upper >= -1.0 && left < columns as f64 && upper < rows as f64)
         {
             return None;
         }
         let fractions = [x - T::from_f64(left), y - T::from_f64(upper)];
         Some(Self { face: place.face, at: [upper as isize, left as isize], fractions })
     }
+
+    /// The cell whose upper left texel is nearest to a place, where there is one, with fractions 0.
+    #[inline(always)]
+    fn nearest(place: Place<T>, extents: &Extents<T>, ends: bool) -> Option<Self> {
+        let [rows, columns] = extents.counts;
+        let x = place.at[0].to_f64() * columns as f64;
+        let y = place.at[1].to_f64() * rows as f64;
+        if ends && !(x >= 0.0 && y >= 0.0 && x < columns as f64 && y < rows as f64) {
+            return None;
+        }
+        let index = |at: f64, count: usize| (at as isize).min(count as isize - 1);
+        let at = [index(y, rows), index(x, columns)];
+        Some(Self { face: place.face, at, fractions: [T::ZERO; 2] })
+    }
 }
 
-impl<T: Scalar> Level<'_, T> {
-    /// `N` channels, from `first` on, of the four texels of a cell: the upper left and right, the lower
-    /// left and right.
+/// Which part of the texture a sample is made of.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Spot<T, const K: usize> {
+    pub(super) coordinates: [T; K],
+    /// The finer level.
+    pub(super) level: usize,
+    /// The coarser level's share; nothing where the level is not free.
+    pub(super) fraction: T,
+    /// Whether the level moves with what it follows from.
+    pub(super) is_free: bool,
+    pub(super) footprint: Option<Footprint<T>>,
+    /// The longer axis of the footprint, as a change of the coordinates.
+    axis: [T; K],
+    pub(super) probes: usize,
+}
+
+impl<T: Scalar, const K: usize> Spot<T, K> {
+    /// The coordinates of a probe.
     #[inline(always)]
-    pub(super) fn corners<const K: usize, const N: usize>(
-        &self,
-        chart: impl Chart<K>,
-        cell: &Cell<T>,
-        first: usize,
-    ) -> [[T; N]; 4] {
-        let [rows, columns] = self.extents;
-        let [row, column] = cell.at;
-        let is_inside =
-            row >= 0 && column >= 0 && row + 1 < rows as isize && column + 1 < columns as isize;
-        if !is_inside {
-            return self.corners_beyond(chart, cell, first);
+    pub(super) fn probe(&self, k: usize) -> [T; K] {
+        match &self.footprint {
+            Some(footprint) if self.probes > 1 => {
+                let offset = footprint.offset(k);
+                std::array::from_fn(|i| self.coordinates[i] + offset * self.axis[i])
+            }
+            _ => self.coordinates,
         }
-        let line = columns * self.channels;
-        let upper =
-            (cell.face * rows + row as usize) * line + column as usize * self.channels + first;
-        let pair = |at: usize| {
-            let texels = &self.texels[at..at + self.channels + N];
-            let right = &texels[self.channels..];
-            [std::array::from_fn(|c| texels[c]), std::array::from_fn(|c| right[c])]
+    }
+
+    /// The share of a probe in its sample.
+    #[inline(always)]
+    pub(super) fn share(&self) -> T {
+        if self.probes == 1 { T::ONE } else { T::from_f64(1.0 / self.probes as f64) }
+    }
+
+    /// The levels that it is taken from.
+    #[inline(always)]
+    fn levels(&self) -> std::ops::RangeInclusive<usize> {
+        self.level..=self.level + usize::from(self.is_free)
+    }
+}
+
+/// Where the samples of a texture are taken.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Lookup<'a, T, C, const K: usize> {
+    pub(super) chart: C,
+    pub(super) filter: TextureFilter,
+    pub(super) coordinates: &'a [[T; K]],
+    pub(super) level: Option<&'a [T]>,
+    pub(super) differentials: Option<&'a [[[T; 2]; K]]>,
+    pub(super) bias: Option<&'a [T]>,
+    /// The level of each sample, where the forward pass has found it.
+    pub(super) known: Option<&'a [T]>,
+    /// Of all levels, the finest first.
+    pub(super) extents: &'a [Extents<T>],
+}
+
+impl<T: Scalar, C: Chart<K>, const K: usize> Lookup<'_, T, C, K> {
+    /// How a place changes from pixel to pixel, in texels of level 0.
+    #[inline(always)]
+    pub(super) fn slopes(&self, coordinates: [T; K], slopes: [[T; 2]; K]) -> [[T; 2]; 2] {
+        let [columns, rows] = self.extents[0].scale;
+        let [s, t] = self.chart.slopes(coordinates, slopes);
+        [s.map(|slope| columns * slope), t.map(|slope| rows * slope)]
+    }
+
+    /// The gradients of the slopes of a place from those of [`Lookup::slopes`].
+    #[inline(always)]
+    pub(super) fn along_face(&self, [s_bar, t_bar]: [[T; 2]; 2]) -> [[T; 2]; 2] {
+        let [columns, rows] = self.extents[0].scale;
+        [s_bar.map(|bar| columns * bar), t_bar.map(|bar| rows * bar)]
+    }
+
+    /// The level of sample n before it is bounded.
+    #[inline(always)]
+    pub(super) fn level(&self, n: usize) -> T {
+        let of = |numbers: &[T]| if numbers.len() == 1 { numbers[0] } else { numbers[n] };
+        match (self.level, self.differentials) {
+            (Some(level), _) => of(level),
+            (None, Some(differentials)) => {
+                let slopes = self.slopes(self.coordinates[n], differentials[n]);
+                let footprint = Footprint::of(slopes, self.filter.probes());
+                footprint.level() + self.bias.map_or(T::ZERO, of)
+            }
+            _ => T::ZERO,
+        }
+    }
+
+    /// The spot of sample n, with its footprint where that is asked for or makes probes.
+    #[inline(always)]
+    pub(super) fn spot(&self, n: usize, with_footprint: bool) -> Spot<T, K> {
+        let coordinates = self.coordinates[n];
+        let mut spot = Spot {
+            coordinates,
+            level: 0,
+            fraction: T::ZERO,
+            is_free: false,
+            footprint: None,
+            axis: [T::ZERO; K],
+            probes: 1,
         };
-        let ([a, b], [c, d]) = (pair(upper), pair(upper + line));
-        [a, b, c, d]
-    }
-
-    #[cold]
-    #[inline(never)]
-    fn corners_beyond<const K: usize, const N: usize>(
-        &self,
-        chart: impl Chart<K>,
-        cell: &Cell<T>,
-        first: usize,
-    ) -> [[T; N]; 4] {
-        let [row, column] = cell.at;
-        [[row, column], [row, column + 1], [row + 1, column], [row + 1, column + 1]].map(|at| {
-            let texels = chart.beyond(self.extents, cell.face, at);
-            let mut sum = [T::ZERO; N];
-            for &[face, row, column] in texels.iter() {
-                let at = (face * self.extents[0] + row) * self.extents[1] + column;
-                let texel = &self.texels[at * self.channels + first..][..N];
-                sum.iter_mut().zip(texel).for_each(|(sum, &texel)| *sum += texel);
+        if let Some(differentials) = self.differentials
+            && (with_footprint || self.filter.probes() > 1)
+        {
+            let slopes = differentials[n];
+            let footprint = Footprint::of(self.slopes(coordinates, slopes), self.filter.probes());
+            if footprint.probes > 1 {
+                let [x, y] = footprint.direction();
+                spot.axis = slopes.map(|slope| slope[0] * x + slope[1] * y);
+                spot.probes = footprint.probes;
             }
-            match texels.count {
-                0 | 1 => sum,
-                count => sum.map(|sum| sum / T::from_f64(count as f64)),
-            }
-        })
-    }
-
-    /// `N` channels of the bilinear sample in a cell.
-    #[inline(always)]
-    pub(super) fn sample<const K: usize, const N: usize>(
-        &self,
-        chart: impl Chart<K>,
-        cell: &Cell<T>,
-        first: usize,
-    ) -> [T; N] {
-        mixed(&self.corners(chart, cell, first), cell.fractions)
-    }
-
-    /// `N` channels of the bilinear sample in a cell, and the derivatives of B . `bars` along the
-    /// place's two axes.
-    #[inline(always)]
-    pub(super) fn sample_along<const K: usize, const N: usize>(
-        &self,
-        chart: impl Chart<K>,
-        cell: &Cell<T>,
-        first: usize,
-        bars: &[T; N],
-    ) -> ([T; N], [T; 2]) {
-        let [a, b, c, d] = self.corners::<K, N>(chart, cell, first);
-        let [f, g] = cell.fractions;
-        let (mut value, mut slopes) = ([T::ZERO; N], [T::ZERO; 2]);
-        for k in 0..N {
-            let (upper, lower) = (b[k] - a[k], d[k] - c[k]);
-            let down = (c[k] - a[k]) + f * (lower - upper);
-            value[k] = a[k] + f * upper + g * down;
-            slopes[0] += bars[k] * (upper + g * (lower - upper));
-            slopes[1] += bars[k] * down;
+            spot.footprint = Some(footprint);
         }
-        let [rows, columns] = self.extents.map(|extent| T::from_f64(extent as f64));
-        (value, [columns * slopes[0], rows * slopes[1]])
+        let level = match self.known {
+            Some(known) => known[n],
+            None => self.level(n),
+        };
+        let coarsest = self.extents.len() - 1;
+        if !self.filter.mixes_levels() {
+            let nearest = (level.to_f64() + 0.5).max(0.0);
+            spot.level = (nearest as usize).min(coarsest);
+        } else if level > T::ZERO && level < T::from_f64(coarsest as f64) {
+            spot.level = level.to_f64() as usize;
+            spot.fraction = level - T::from_f64(spot.level as f64);
+            spot.is_free = true;
+        } else if !(level <= T::ZERO) {
+            spot.level = coarsest;
+        }
+        spot
+    }
+
+    /// The cell of a place on a level.
+    #[inline(always)]
+    pub(super) fn cell(&self, place: Place<T>, level: usize) -> Option<Cell<T>> {
+        let extents = &self.extents[level];
+        if self.filter == TextureFilter::Nearest {
+            Cell::nearest(place, extents, self.chart.ends())
+        } else {
+            Cell::around(place, extents, self.chart.ends())
+        }
     }
 }
 
-/// In this form texels that are all the same come out exactly.
-#[inline(always)]
-fn mixed<T: Scalar, const N: usize>([a, b, c, d]: &[[T; N]; 4], [f, g]: [T; 2]) -> [T; N] {
-    std::array::from_fn(|k| {
-        let upper = a[k] + f * (b[k] - a[k]);
-        let lower = c[k] + f * (d[k] - c[k]);
-        upper + g * (lower - upper)
-    })
+impl<T: Scalar, C: Chart<K>, const K: usize> Touches<T> for Lookup<'_, T, C, K> {
+    #[inline(always)]
+    fn for_each(&self, n: usize, mut touch: impl FnMut(usize, usize, Cell<T>)) {
+        let spot = self.spot(n, false);
+        for probe in 0..spot.probes {
+            let place = self.chart.place(spot.probe(probe));
+            for level in spot.levels() {
+                if let Some(cell) = self.cell(place, level) {
+                    touch(probe, level, cell);
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn touch(&self, n: usize, probe: usize, level: usize) -> Touch<T> {
+        let spot = self.spot(n, false);
+        let place = self.chart.place(spot.probe(probe));
+        let cell = self.cell(place, level).expect("it was found there before");
+        let mut weight = spot.share();
+        if spot.is_free {
+            let fraction = if level == spot.level { T::ONE - spot.fraction } else { spot.fraction };
+            weight = weight * fraction;
+        }
+        Touch { cell, weight }
+    }
 }

@@ -33,6 +33,7 @@ mod sample;
 #[cfg(test)]
 mod tests;
 mod texels;
+mod values;
 
 pub use self::levels::{CubeMap, Texture};
 pub use self::options::{Detail, MOST_PROBES, Sampler, TextureBorder, TextureFilter};

@@ -135,22 +135,33 @@ impl Piece {
         tiles.clear();
         places.clear();
         places.resize(count, UNTOUCHED);
-        for n in range.clone() {
-            let sample = (n - range.start) as u16;
-            touches.for_each(n, |probe, level, cell| {
-                if !is_wanted(level) {
-                    return;
+        pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                // Moved, so that the closure can run only once and is inlined here.
+                let (start, range) = (range.start, range);
+                for n in range {
+                    let sample = (n - start) as u16;
+                    touches.for_each(
+                        n,
+                        #[inline(always)]
+                        |probe, level, cell| {
+                            if !is_wanted(level) {
+                                return;
+                            }
+                            let tile = levels[level].tile_of(&cell);
+                            let place = &mut places[tile];
+                            if *place == UNTOUCHED {
+                                *place = tiles.len() as u32;
+                                tiles.push((tile as u32, 0));
+                            }
+                            tiles[*place as usize].1 += 1;
+                            found.push((*place, sample | (probe as u16) << 13));
+                        },
+                    );
                 }
-                let tile = levels[level].tile_of(&cell);
-                let place = &mut places[tile];
-                if *place == UNTOUCHED {
-                    *place = tiles.len() as u32;
-                    tiles.push((tile as u32, 0));
-                }
-                tiles[*place as usize].1 += 1;
-                found.push((*place, sample | (probe as u16) << 13));
-            });
-        }
+            },
+        );
         let mut start = 0;
         for (_, end) in tiles.iter_mut() {
             let count = *end;
@@ -307,33 +318,43 @@ impl<T: Scalar> TexelSums<T> {
         sums.resize(texels * texels * channels, T::Wide::ZERO);
         let within = (tile - tiles.first) % (tiles.counts[0] * tiles.counts[1]);
         let origin = [within / tiles.counts[1], within % tiles.counts[1]].map(|k| k * tiles.side);
-        self.visit(tile, range, |n, probe| {
-            let Touch { cell, weight } = touches.touch(n, probe, level);
-            let [row, column] = [0, 1].map(|k| (cell.at[k] + 1) as usize - origin[k]);
-            let bars = &bars[n * channels..][..channels];
-            let [f, g] = cell.fractions;
-            let lower = weight * g;
-            let upper = weight - lower;
-            let at = (row * texels + column) * channels;
-            for (weight, at) in [(upper, at), (lower, at + texels * channels)] {
-                let right = weight * f;
-                let weights = [weight - right, right].map(T::widen);
-                let (left, right) = sums[at..][..2 * channels].split_at_mut(channels);
-                for (sums, weight) in [(left, weights[0]), (right, weights[1])] {
-                    match (sums, bars) {
-                        ([a, b, c], [x, y, z]) => {
-                            *a += weight * x.widen();
-                            *b += weight * y.widen();
-                            *c += weight * z.widen();
+        pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                self.visit(
+                    tile,
+                    range,
+                    #[inline(always)]
+                    |n: usize, probe: usize| {
+                        let Touch { cell, weight } = touches.touch(n, probe, level);
+                        let [row, column] = [0, 1].map(|k| (cell.at[k] + 1) as usize - origin[k]);
+                        let bars = &bars[n * channels..][..channels];
+                        let [f, g] = cell.fractions;
+                        let lower = weight * g;
+                        let upper = weight - lower;
+                        let at = (row * texels + column) * channels;
+                        for (weight, at) in [(upper, at), (lower, at + texels * channels)] {
+                            let right = weight * f;
+                            let weights = [weight - right, right].map(T::widen);
+                            let (left, right) = sums[at..][..2 * channels].split_at_mut(channels);
+                            for (sums, weight) in [(left, weights[0]), (right, weights[1])] {
+                                match (sums, bars) {
+                                    ([a, b, c], [x, y, z]) => {
+                                        *a += weight * x.widen();
+                                        *b += weight * y.widen();
+                                        *c += weight * z.widen();
+                                    }
+                                    (sums, bars) => {
+                                        let pairs = sums.iter_mut().zip(bars);
+                                        pairs.for_each(|(sum, bar)| *sum += weight * bar.widen());
+                                    }
+                                }
+                            }
                         }
-                        (sums, bars) => {
-                            let pairs = sums.iter_mut().zip(bars);
-                            pairs.for_each(|(sum, bar)| *sum += weight * bar.widen());
-                        }
-                    }
-                }
-            }
-        });
+                    },
+                );
+            },
+        );
     }
 
     /// Adds the terms of all touches of a level to its gradient, `[faces, rows, columns, channels]`.
