@@ -140,7 +140,7 @@ mod tests {
     /// Footprints round, long, turned, sheared and mirrored.
     fn all() -> Vec<[[f64; 2]; 2]> {
         let mut all =
-            vec![[[3.0, 0.0], [0.0, 3.0]], [[8.0, 0.0], [0.0, 1.5]], [[0.0, 9.0], [2.0, 0.0]]];
+            vec![[[3.0, 0.0], [0.0, 3.0]], [[8.0, 0.0], [0.0, 1.5]], [[0.0, 9.0], [2.1, 0.0]]];
         for k in 0..40 {
             let (a, b) = (0.37 * k as f64, 1.3 * k as f64);
             let (long, short) = (2.0 + (k % 7) as f64 * 3.1, 1.1 + 0.13 * (k % 5) as f64);
