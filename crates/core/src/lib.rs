@@ -59,6 +59,7 @@ mod record;
 mod report;
 mod scalar;
 mod shape;
+mod sum_over;
 mod summation;
 mod tape;
 mod tensor;
