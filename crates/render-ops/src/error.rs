@@ -109,6 +109,44 @@ pub enum RenderError {
         pixels: usize,
     },
 
+    /// Layers in depth were asked for with exact coverage.
+    #[error(
+        "{operation} needs fragments at pixel centres, got exact coverage, \
+         whose pieces say nothing of what lies behind them"
+    )]
+    ExactLayers {
+        /// The operation.
+        operation: &'static str,
+    },
+
+    /// There is no layer.
+    #[error("{operation} needs at least one layer, got none")]
+    NoLayers {
+        /// The operation.
+        operation: &'static str,
+    },
+
+    /// A layer covers a pixel that the layer in front does not.
+    #[error(
+        "layers need to follow each other from the front, \
+         got layer {layer} at pixel {pixel}, where layer {} is not", layer - 1
+    )]
+    LayerPixel {
+        /// The layer, from 0 on.
+        layer: usize,
+        /// The pixel, `row * width + column`.
+        pixel: usize,
+    },
+
+    /// A layer is looked for behind a layer of another size.
+    #[error("a layer needs the size of the layer in front, {expected}, got {given}")]
+    LayerSize {
+        /// The size of the layer in front.
+        expected: Size,
+        /// The size given.
+        given: Size,
+    },
+
     /// An index buffer has another number of faces than the mesh that was rasterized.
     #[error("attribute indices need one face per rasterized face, {expected}, got {given}")]
     FaceCount {
