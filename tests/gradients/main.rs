@@ -3,6 +3,7 @@
 
 mod blends;
 mod exact;
+mod layers;
 mod partition;
 mod pictures;
 mod rendering;

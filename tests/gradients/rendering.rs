@@ -592,6 +592,7 @@ fn no_operation_is_forgotten() {
         include_str!("pictures.rs"),
         include_str!("exact.rs"),
         include_str!("textures.rs"),
+        include_str!("layers.rs"),
     ]
     .concat();
     let subjects = blocks(&tests, "impl Subject for ").concat();

@@ -7,18 +7,23 @@ use glam::DMat4;
 use crate::antialias::antialias;
 use crate::background::Background;
 use crate::composite::composite;
+use crate::composite_layers::{Layer, composite_layers};
 use crate::depth::depth;
 use crate::depth_of_field::{Lens, depth_of_field};
+use crate::differentials::differentials;
 use crate::error::RenderError;
 use crate::gaussian_blur::gaussian_blur;
 use crate::interpolate::interpolate;
+use crate::interpolate_differentials::interpolate_differentials;
 use crate::mesh::Mesh;
+use crate::over::over;
 use crate::pixel_loss::PixelLoss;
 use crate::project::{Pose, project};
 use crate::rasterize::rasterize;
 use crate::reference::Reference;
 use crate::size::Size;
 use crate::taps::Blur;
+use crate::texture::{CubeMap, Detail, Sampler, Texture, sample_cube_map, sample_texture};
 
 macro_rules! for_each_precision {
     ($($name:ident: $t:ty),*) => {
@@ -34,7 +39,19 @@ fn every_operation<T: Scalar>(x: Var<'_, T>) -> Result<(), RenderError> {
     let mesh = Mesh::new(Vec::new(), 0)?;
     let clip = project(x, &DMat4::IDENTITY, Some(Pose { rotation: x, translation: x }))?;
     let fragments = rasterize(clip, &mesh, Size::square(1))?;
+    let slopes = differentials(&fragments)?;
     let values = interpolate(x, &fragments)? + depth(&fragments)?;
+    let detail = Detail::Differentials {
+        differentials: interpolate_differentials(x, &fragments, slopes)?,
+        bias: Some(x),
+    };
+    let samples = [
+        sample_texture(&Texture::with_mipmaps(x)?, x, detail, Sampler::new())?,
+        sample_cube_map(&CubeMap::with_mipmaps(x)?, x, detail, Sampler::new())?,
+    ];
+    let layer = Layer { fragments: &fragments, premultiplied: values, alpha: samples[0] };
+    composite_layers(&[layer], Background::Zero)?;
+    over(samples[0], samples[1])?;
     let picture = antialias(composite(values, &fragments, Background::Color(x))?)?;
     picture.squared_error(&Reference::new(&x.value(), &x.value())?)?;
     picture.loss(&PixelLoss::new(&x.value(), &x.value(), |x, _| Ok(x))?)?;
