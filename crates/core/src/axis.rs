@@ -10,6 +10,8 @@ use crate::summation::sum;
 
 /// Sums that are formed side by side.
 const LANES: usize = 8;
+/// From so many columns on they are enough to share among threads.
+const MANY_COLUMNS: usize = 512;
 
 /// An array of `shape` seen as `[outer, extent of axis, inner]`.
 ///
@@ -72,7 +74,23 @@ pub(crate) fn sum_along<T: Scalar>(
         sum_rows::<T>(extent, inner, term, |column, total| sums[column] = round(total));
     };
     if size > ENTRIES_PER_PIECE {
-        sums.chunks_mut(inner).enumerate().for_each(|(block, sums)| sum_block(block, sums));
+        for (block, sums) in sums.chunks_mut(inner).enumerate() {
+            if inner < MANY_COLUMNS {
+                sum_block(block, sums);
+                continue;
+            }
+            // So many columns that threads share them rather than the rows.
+            let x = &x[block * size..][..size];
+            let columns = (ENTRIES_PER_PIECE / extent).max(1).next_multiple_of(LANES);
+            for_each_piece_mut(sums, columns, |k, sums| {
+                for (group, sums) in sums.chunks_mut(LANES).enumerate() {
+                    let first = k * columns + group * LANES;
+                    let term = |row: usize, c: usize| x[row * inner + first + c].widen();
+                    let totals = sum_lanes::<T>([extent, inner], sums.len(), term);
+                    sums.iter_mut().zip(totals).for_each(|(sum, total)| *sum = round(total));
+                }
+            });
+        }
         return;
     }
     let blocks = (ENTRIES_PER_PIECE / size.max(1)).max(1);
@@ -92,29 +110,51 @@ pub(crate) fn sum_rows<T: Scalar>(
 ) {
     for first in (0..columns).step_by(LANES) {
         let width = LANES.min(columns - first);
-        let mut totals = [T::Wide::ZERO; LANES];
-        // A loop of a known length where there are a few columns.
-        let piece = |range: Range<usize>| match width {
-            1 => lanes::<1, T>(range, |row, c| term(row, first + c)),
-            2 => lanes::<2, T>(range, |row, c| term(row, first + c)),
-            3 => lanes::<3, T>(range, |row, c| term(row, first + c)),
-            4 => lanes::<4, T>(range, |row, c| term(row, first + c)),
-            LANES => lanes::<LANES, T>(range, |row, c| term(row, first + c)),
-            _ => {
-                let mut sums = [T::Wide::ZERO; LANES];
-                for row in range {
-                    for (c, sum) in sums[..width].iter_mut().enumerate() {
-                        *sum += term(row, first + c);
-                    }
-                }
-                sums
-            }
-        };
-        merge_ranges(rows, (ENTRIES_PER_PIECE / columns).max(1), piece, |sums| {
-            totals.iter_mut().zip(sums).for_each(|(total, sum)| *total += sum);
-        });
+        let term = |row: usize, c: usize| term(row, first + c);
+        let totals = sum_lanes::<T>([rows, columns], width, term);
         totals[..width].iter().enumerate().for_each(|(c, &total)| put(first + c, total));
     }
+}
+
+/// Sums `term(row, c)` over all rows for each `c` below `width`, of an array of so many rows and columns.
+fn sum_lanes<T: Scalar>(
+    [rows, columns]: [usize; 2],
+    width: usize,
+    term: impl Fn(usize, usize) -> T::Wide + Send + Sync,
+) -> [T::Wide; LANES] {
+    let mut totals = [T::Wide::ZERO; LANES];
+    // A loop of a known length where there are a few columns.
+    let piece = |range: Range<usize>| match width {
+        1 => lanes::<1, T>(range, &term),
+        2 => lanes::<2, T>(range, &term),
+        3 => lanes::<3, T>(range, &term),
+        4 => lanes::<4, T>(range, &term),
+        LANES => lanes::<LANES, T>(range, &term),
+        _ => {
+            let mut sums = [T::Wide::ZERO; LANES];
+            for row in range {
+                for (c, sum) in sums[..width].iter_mut().enumerate() {
+                    *sum += term(row, c);
+                }
+            }
+            sums
+        }
+    };
+    let mut merge = |sums: [T::Wide; LANES]| {
+        totals.iter_mut().zip(sums).for_each(|(total, sum)| *total += sum);
+    };
+    let rows_per_piece = (ENTRIES_PER_PIECE / columns).max(1);
+    if rows_per_piece == 1 {
+        // Row after row is the same sum.
+        merge(piece(0..rows));
+    } else if rows * width > ENTRIES_PER_PIECE {
+        merge_ranges(rows, rows_per_piece, piece, merge);
+    } else {
+        // The same pieces, too little work to share.
+        let starts = (0..rows).step_by(rows_per_piece);
+        starts.map(|start| piece(start..(start + rows_per_piece).min(rows))).for_each(merge);
+    }
+    totals
 }
 
 /// The sums of `term(row, column)` over `rows`, for `W` columns; zeros beyond.

@@ -137,8 +137,8 @@ fn add_terms<T: Scalar>(
     } else {
         let own_bar = own_bar.entries();
         match *Walk::new(axes([full, own_shape, other_shape])).axes() {
-            // A row beside each row.
-            [(columns, [1, 1, step]), (rows, [_, 0, stride])] => {
+            // A row beside each row, short enough for a piece.
+            [(columns, [1, 1, step]), (rows, [_, 0, stride])] if columns <= ENTRIES_PER_PIECE => {
                 let term = |row: usize, column: usize| {
                     let other = other[row * stride + column * step];
                     term(own[column], other, z_bar[row * columns + column]).widen()

@@ -53,7 +53,16 @@ pub(crate) fn add_over_copies<T: Scalar, const N: usize>(
             for (entry, sum) in (k * piece..).zip(sums) {
                 let entry = entries.at(entry);
                 let mut total = T::Wide::ZERO;
-                copies.for_each(|copy| total += term(both(entry, copy)));
+                match *copies.axes() {
+                    [(count, steps)] => {
+                        let mut at = entry;
+                        for _ in 0..count {
+                            total += term(at);
+                            at = both(at, steps);
+                        }
+                    }
+                    _ => copies.for_each(|copy| total += term(both(entry, copy))),
+                }
                 *sum += T::narrow(total);
             }
         });

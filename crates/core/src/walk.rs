@@ -44,7 +44,25 @@ impl<const N: usize> Walk<N> {
         work: impl Fn(&mut D, [T; N]) + Send + Sync,
     ) {
         let columns = self.columns().max(1);
-        let rows = (ENTRIES_PER_PIECE / columns).max(1);
+        let rows = ENTRIES_PER_PIECE / columns;
+        if rows == 0 {
+            // A row has several pieces.
+            let steps = self.steps();
+            return self.rows_mut(data, |row, starts| {
+                let mut buffers = [[T::ZERO; BLOCK]; N];
+                for (k, row) in row.chunks_mut(BLOCK).enumerate() {
+                    let mut buffers = buffers.iter_mut();
+                    let from: [&[T]; N] = array::from_fn(|i| {
+                        let buffer = buffers.next().expect("there is one for each array");
+                        let from = &from[i][starts[i] + k * BLOCK * steps[i]..];
+                        brought(from, steps[i], &mut buffer[..row.len()])
+                    });
+                    for (k, entry) in row.iter_mut().enumerate() {
+                        work(entry, from.map(|from| from[k]));
+                    }
+                }
+            });
+        }
         // Either a block has several rows, or a row several blocks.
         let block_rows = (BLOCK / columns).max(1);
         for_each_piece_mut(data, rows * columns, |piece, data| {
@@ -87,11 +105,7 @@ impl<const N: usize> Walk<N> {
         let is_tiled = !is_whole && self.axes[1..].iter().all(|axis| axis.1[i] == 0);
         if is_first || !is_tiled {
             for (row, buffer) in (row..).zip(buffer.chunks_mut(columns)) {
-                let from = &from[self.start(row, i) + column * step..];
-                match step {
-                    0 => buffer.fill(from[0]),
-                    _ => buffer.iter_mut().enumerate().for_each(|(k, to)| *to = from[k * step]),
-                }
+                bring(&from[self.start(row, i) + column * step..], step, buffer);
             }
         }
         buffer
@@ -214,6 +228,24 @@ impl<const N: usize> Walk<N> {
             }
         }
     }
+}
+
+/// Fills `buffer` with every `step`-th of `from`, or with its first entry where the step is 0.
+fn bring<T: Copy>(from: &[T], step: usize, buffer: &mut [T]) {
+    match step {
+        0 => buffer.fill(from[0]),
+        _ => buffer.iter_mut().enumerate().for_each(|(k, to)| *to = from[k * step]),
+    }
+}
+
+/// Every `step`-th of `from`: where they lie, if they are in one piece, otherwise in `buffer`, as many as
+/// it holds.
+fn brought<'a, T: Copy>(from: &'a [T], step: usize, buffer: &'a mut [T]) -> &'a [T] {
+    if step == 1 {
+        return &from[..buffer.len()];
+    }
+    bring(from, step, buffer);
+    buffer
 }
 
 /// The axes of the first shape, outermost first, and how far one step along each moves in arrays of all

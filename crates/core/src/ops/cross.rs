@@ -32,7 +32,12 @@ struct Vectors<'a, T> {
     stride: usize,
 }
 
-impl<T: Scalar> Vectors<'_, T> {
+impl<'a, T: Scalar> Vectors<'a, T> {
+    /// Component `k` of the vectors from that at `at` on.
+    fn from(self, at: usize, k: usize) -> &'a [T] {
+        &self.entries[at + k * self.stride..]
+    }
+
     /// Component `k` of the vector at `at`.
     #[inline(always)]
     fn get(self, at: usize, k: usize) -> T::Wide {
@@ -135,6 +140,18 @@ impl Cross {
         }));
         let [step, right_step, along] = walk.steps();
         walk.rows_mut(z, |z, [at, right_at, i]| {
+            if [step, right_step, along] == [1, 1, 0] {
+                // Components that lie in one piece.
+                let [j, k] = AFTER[i];
+                let [x, y] = vectors;
+                let left = x.from(at, j).iter().zip(x.from(at, k));
+                let right = y.from(right_at, j).iter().zip(y.from(right_at, k));
+                for (z, (x, y)) in z.iter_mut().zip(left.zip(right)) {
+                    let product = x.0.widen() * y.1.widen() - x.1.widen() * y.0.widen();
+                    put(z, T::narrow(product));
+                }
+                return;
+            }
             for (k, z) in z.iter_mut().enumerate() {
                 let at = [at + k * step, right_at + k * right_step];
                 put(z, T::narrow(component(vectors, at, i + k * along)));
