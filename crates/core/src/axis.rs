@@ -25,7 +25,22 @@ pub(crate) fn blocks(
     let Some(&extent) = shape.get(axis) else {
         return Err(TensorError::Axis { operation, axis, shape: shape.clone() });
     };
-    Ok([shape[..axis].iter().product(), extent, shape[axis + 1..].iter().product()])
+    // Of an array without entries a product need not fit an index, and is not used.
+    let product = |axes: &[usize]| axes.iter().fold(1_usize, |n, &extent| n.saturating_mul(extent));
+    Ok([product(&shape[..axis]), extent, product(&shape[axis + 1..])])
+}
+
+/// `shape` without `axis`, one of its axes: the shape of what a reduction gives.
+///
+/// # Errors
+/// [`TensorError::Length`] where it has more entries than fit an index, which an axis of extent 0 can
+/// hide.
+pub(crate) fn reduced(shape: &Shape, axis: usize) -> Result<Shape, TensorError> {
+    let reduced = shape.without(axis);
+    match reduced.checked_size() {
+        Some(_) => Ok(reduced),
+        None => Err(TensorError::Length { shape: reduced, entries: 0 }),
+    }
 }
 
 /// `shape` with a new axis of `extent` before `axis`, or at the end.

@@ -8,8 +8,8 @@ use crate::listed_rows::Lists;
 /// The places of each index in a list, in order. They stay as long as the list is the same one.
 #[derive(Debug, Default)]
 pub(crate) struct Grouping {
-    /// The list that was grouped. It is let go: while its memory is known here, no other list has the
-    /// same address.
+    /// The list that was grouped. It is let go, but while its memory is known here no other list has the
+    /// same address, and nobody can write to it in place.
     list: Option<Weak<[u32]>>,
     /// Where the places of each index start, and last where those of the last one end.
     starts: Vec<usize>,

@@ -111,6 +111,7 @@ impl<T: Scalar> Var<'_, T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dependence::Dependence;
     use crate::dual::Dual;
     use crate::tape::Tape;
     use crate::tensor::Tensor;
@@ -152,7 +153,12 @@ mod tests {
         let x = tape.leaf_scalar(2.0);
         let mask = x.is_less(tape.constant_scalar(3.0)).unwrap();
         assert_eq!((mask.count(), tape.len()), (1, 2));
-        assert_eq!(x.square().backward().unwrap().get_or_zeros(x).item(), 4.0);
+        // Who asks where the way from x ended is told.
+        let end = Dependence::None { end: Some("is_less"), is_detached: false };
+        assert_eq!(tape.constant_scalar(1.0).dependence_on(x), Ok(end));
+        let gradients = x.exp().backward().unwrap();
+        assert_eq!(gradients.get_or_zeros(x).item(), 2.0_f64.exp());
+        drop(gradients);
         let report = tape.take_report();
         assert_eq!((report.operations[0].name, report.operations[0].calls), ("is_less", 1));
         assert!(report.left_out.is_empty(), "{report}");

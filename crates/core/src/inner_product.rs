@@ -37,6 +37,9 @@ pub(crate) fn inner_products<T: Scalar, S: Send>(
     products: &mut [S],
     finish: impl Fn(usize, T::Wide) -> S + Send + Sync,
 ) {
+    if products.is_empty() {
+        return;
+    }
     let term = |i: usize, j: usize| x.entries[i].widen() * y.entries[j].widen();
     let is_few = inner < MANY && extent * inner > ENTRIES_PER_PIECE;
     if inner == 1 && x.steps[1] == 1 && y.steps[1] == 1 {

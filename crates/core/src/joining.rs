@@ -16,11 +16,11 @@ pub(crate) fn join<T: Scalar>(
     length: impl Fn(usize) -> usize + Send + Sync,
     joined: &mut [T],
 ) {
-    let lengths = || (0..parts.len()).map(&length).enumerate();
-    let size = lengths().map(|(_, length)| length).sum();
-    if size == 0 {
+    if joined.is_empty() {
         return;
     }
+    let lengths = || (0..parts.len()).map(&length).enumerate();
+    let size = lengths().map(|(_, length)| length).sum();
     // Either a piece has several blocks, or a block several pieces.
     let blocks = ENTRIES_PER_PIECE / size;
     if blocks == 0 {

@@ -98,6 +98,9 @@ pub(crate) fn lengths<T: Scalar, S: Send>(
     lengths: &mut [S],
     finish: impl Fn(Length<T::Wide>) -> S + Send + Sync,
 ) {
+    if lengths.is_empty() {
+        return;
+    }
     let [_, extent, inner] = blocks;
     let whole = Operand::whole(x, blocks);
     inner_products([whole; 2], blocks, lengths, |place, squares| {

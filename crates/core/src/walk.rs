@@ -26,8 +26,11 @@ impl<const N: usize> Walk<N> {
         let mut merged: SmallVec<[(usize, [usize; N]); 4]> = SmallVec::new();
         for (extent, strides) in axes.rev().filter(|&(extent, _)| extent != 1) {
             match merged.last_mut() {
-                Some((inner, inner_strides)) if strides == inner_strides.map(|s| s * *inner) => {
-                    *inner *= extent;
+                Some((inner, inner_strides))
+                    if strides == inner_strides.map(|s| s.saturating_mul(*inner)) =>
+                {
+                    // Too large where another extent is 0 and nothing is visited.
+                    *inner = inner.saturating_mul(extent);
                 }
                 _ => merged.push((extent, strides)),
             }
@@ -148,7 +151,8 @@ impl<const N: usize> Walk<N> {
 
     /// The number of positions.
     pub(crate) fn size(&self) -> usize {
-        self.axes.iter().map(|&(extent, _)| extent).product()
+        let extents = || self.axes.iter().map(|&(extent, _)| extent);
+        if extents().any(|extent| extent == 0) { 0 } else { extents().product() }
     }
 
     /// How far a step along the innermost axis moves in each array.

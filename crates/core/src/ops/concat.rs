@@ -62,9 +62,10 @@ impl<T: Scalar> Op<T> for Concat {
             .expect("the forward pass found the axis");
         let mut start = 0;
         for i in 0..kept.input_count() {
-            let end = start + kept.input_shape(i)[self.axis] * inner;
+            let length = kept.input_shape(i)[self.axis].saturating_mul(inner);
+            let end = length.saturating_add(start);
             if let Some(x_bar) = gradients.get(i) {
-                add_part(x_bar, z_bar, start..end, extent * inner);
+                add_part(x_bar, z_bar, start..end, extent.saturating_mul(inner));
             }
             start = end;
         }

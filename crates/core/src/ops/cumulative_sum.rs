@@ -44,10 +44,10 @@ impl Scan {
         put: impl Fn(&mut T, T::Wide) + Send + Sync,
     ) {
         let Self { extent, inner, .. } = self;
-        let size = extent * inner;
-        if size == 0 {
+        if x.is_empty() {
             return;
         }
+        let size = extent * inner;
         if size <= ENTRIES_PER_PIECE {
             let piece = ENTRIES_PER_PIECE / size * size;
             for_each_piece_mut(y, piece, |k, y| {

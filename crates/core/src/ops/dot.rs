@@ -4,7 +4,7 @@
 //!
 //! No product is stored: sums are formed in [`Scalar::Wide`] as the products are.
 
-use crate::axis::{for_each_line_mut, is_in_lines};
+use crate::axis::{blocks, for_each_line_mut, is_in_lines, reduced};
 use crate::copies::add_over_copies;
 use crate::error::TensorError;
 use crate::gradient::Accumulators;
@@ -35,6 +35,11 @@ impl Dot {
         Err(TensorError::Axis { operation, axis: self.axis, shape: full })
     }
 
+    /// The common shape seen as `[outer, extent, inner]`.
+    fn blocks(&self, full: &Shape) -> [usize; 3] {
+        blocks(full, self.axis, Self::NAME).expect("the common shape has the axis")
+    }
+
     /// How far a step along the axes before `axis`, along it, and along those after it moves in an
     /// operand; `None` where several axes are not one.
     fn steps(&self, operand: &Shape, full: &Shape) -> Option<[usize; 3]> {
@@ -48,12 +53,6 @@ impl Dot {
         };
         let Self { axis } = *self;
         Some([one(0, axis)?, one(axis, axis + 1)?, one(axis + 1, full.rank())?])
-    }
-
-    /// The extents before the axis, of the axis, and after it.
-    fn blocks(&self, full: &Shape) -> [usize; 3] {
-        let (before, after) = (&full[..self.axis], &full[self.axis + 1..]);
-        [before.iter().product(), full[self.axis], after.iter().product()]
     }
 }
 
@@ -74,7 +73,7 @@ impl<T: Scalar> Op<T> for Dot {
         let (left, right) = (inputs.shape(0), inputs.shape(1));
         let (x, y) = (inputs.data(0), inputs.data(1));
         let full = self.full(left, right)?;
-        let z = outputs.push(full.without(self.axis));
+        let z = outputs.push(reduced(&full, self.axis)?);
         if let (Some(of_x), Some(of_y)) = (self.steps(left, &full), self.steps(right, &full)) {
             let operands = [(x, of_x), (y, of_y)];
             let operands = operands.map(|(entries, steps)| Operand { entries, steps });
@@ -131,24 +130,22 @@ impl<T: Scalar> Op<T> for Dot {
                 *x_bar = if fresh { term } else { *x_bar + term };
             };
             let blocks = self.blocks(&full);
-            match self.steps(other, &full) {
-                Some([_, 1, _]) if is_in_lines(blocks) && *other == full => {
-                    for_each_line_mut(x_bar, blocks[1], [y], |row, x_bar, [y]| {
-                        let z_bar = z_bar[row];
-                        x_bar.iter_mut().zip(y).for_each(|(x_bar, &y)| add(x_bar, [y, z_bar]));
-                    });
-                }
-                Some([0, 1, _]) if is_in_lines(blocks) => {
-                    for_each_line_mut(x_bar, blocks[1], [], |row, x_bar, []| {
-                        let z_bar = z_bar[row];
-                        x_bar.iter_mut().zip(y).for_each(|(x_bar, &y)| add(x_bar, [y, z_bar]));
-                    });
-                }
-                _ => {
-                    let axes = axes([&full, other, &sums]);
-                    let walk = Walk::new(axes.map(|(extent, [_, j, k])| (extent, [j, k])));
-                    walk.zip_mut(x_bar, [y, z_bar], add);
-                }
+            let [_, extent, _] = blocks;
+            if is_in_lines(blocks) && *other == full {
+                for_each_line_mut(x_bar, extent, [y], |row, x_bar, [y]| {
+                    let z_bar = z_bar[row];
+                    x_bar.iter_mut().zip(y).for_each(|(x_bar, &y)| add(x_bar, [y, z_bar]));
+                });
+            } else if is_in_lines(blocks) && matches!(self.steps(other, &full), Some([0, 1, _])) {
+                // A row beside all.
+                for_each_line_mut(x_bar, extent, [], |row, x_bar, []| {
+                    let z_bar = z_bar[row];
+                    x_bar.iter_mut().zip(y).for_each(|(x_bar, &y)| add(x_bar, [y, z_bar]));
+                });
+            } else {
+                let axes = axes([&full, other, &sums]);
+                let walk = Walk::new(axes.map(|(extent, [_, j, k])| (extent, [j, k])));
+                walk.zip_mut(x_bar, [y, z_bar], add);
             }
         }
     }

@@ -64,7 +64,7 @@ impl<T: Scalar> Op<T> for GatherRows {
         if x_bar.is_empty() {
             return;
         }
-        let (y_bar, inner) = (kept.only_upstream(), shape[1..].iter().product());
+        let (y_bar, inner) = (kept.only_upstream(), x_bar.len() / shape[0]);
         let lists = saved.of(&self.rows, shape[0]);
         let put = |x_bar: &mut T, sum: T::Wide| {
             let sum = T::narrow(sum);

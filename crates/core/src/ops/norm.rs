@@ -7,7 +7,7 @@
 //! # Where it is not smooth
 //! At `x = 0`, where the gradient is taken as 0, the middle of the subgradients.
 
-use crate::axis::{blocks, for_each_line_mut, is_in_lines};
+use crate::axis::{blocks, for_each_line_mut, is_in_lines, reduced};
 use crate::error::TensorError;
 use crate::gradient::Accumulators;
 use crate::length::{Length, length, lengths};
@@ -41,7 +41,7 @@ impl<T: Scalar> Op<T> for Norm {
     ) -> Result<(), TensorError> {
         let (x, shape) = (inputs.data(0), inputs.shape(0));
         let blocks = blocks(shape, self.axis, Self::NAME)?;
-        let y = outputs.push(shape.without(self.axis));
+        let y = outputs.push(reduced(shape, self.axis)?);
         lengths(x, blocks, y, |length| T::narrow(length.value()));
         Ok(())
     }
@@ -62,6 +62,9 @@ impl<T: Scalar> Op<T> for Norm {
         let blocks = blocks.expect("the forward pass found the axis");
         let [outer, extent, inner] = blocks;
         let (x_bar, fresh) = x_bar.entries_or_fresh();
+        if x_bar.is_empty() {
+            return;
+        }
         // x_bar += x (y_bar / |x|), where neither factor leaves the range of the numbers.
         let add = |x_bar: &mut T, x: T, length: Length<T::Wide>, share: T::Wide| {
             let term = T::narrow(length.scaled(x.widen()) * share);
@@ -123,6 +126,25 @@ mod tests {
         assert_eq!(turned.value(), y.value());
         let gradients = tape.vjp(&[(turned, &Tensor::from([1.0, 1.0, 2.0]))]).unwrap();
         assert_near(gradients.get_or_zeros(x));
+    }
+
+    #[test]
+    fn lengths_are_roots_of_inner_products_however_the_array_lies() {
+        for (shape, axis) in [([2, 40_000], 1), ([40_000, 2], 0), ([3, 20_000], 0), ([40, 7], 1)] {
+            let tape = Tape::new();
+            let x = tape.leaf(&Tensor::from_flat_fn(shape, |k| (k as f64).sin() + 0.1));
+            let lengths = x.norm(axis).unwrap();
+            let roots = x.dot(x, axis).unwrap().sqrt();
+            let upstream = Tensor::from_flat_fn(lengths.shape(), |k| 1.0 + (k % 7) as f64);
+            let [found, expected] = [lengths, roots].map(|y| {
+                let gradients = tape.vjp(&[(y, &upstream)]).unwrap();
+                [y.value(), gradients.get_or_zeros(x)]
+            });
+            for (found, expected) in found.iter().zip(&expected) {
+                let pairs = found.data().iter().zip(expected.data());
+                pairs.for_each(|(a, b)| assert!((a - b).abs() < 1e-13 * b.abs().max(1.0)));
+            }
+        }
     }
 
     #[test]

@@ -85,6 +85,9 @@ impl<T: Scalar> Op<T> for Normalize {
         let blocks = self.blocks(shape)?;
         let [outer, extent, inner] = blocks;
         let y = outputs.push(shape);
+        if y.is_empty() {
+            return Ok(());
+        }
         let quotient =
             |x: T, length: Length<T::Wide>| T::narrow(length.divide(length.scaled(x.widen())));
         if is_in_lines(blocks) {
@@ -125,6 +128,9 @@ impl<T: Scalar> Op<T> for Normalize {
         let [outer, extent, inner] = blocks;
         let y_bar = kept.only_upstream();
         let (x_bar, fresh) = x_bar.entries_or_fresh();
+        if x_bar.is_empty() {
+            return;
+        }
         if is_in_lines(blocks) {
             let x = kept.input(0);
             match extent {
@@ -195,7 +201,7 @@ mod tests {
     #[test]
     fn vectors_along_another_axis_are_those_of_the_transpose() {
         let tape = Tape::new();
-        for shape in [[3, 5], [2, 40], [70, 3], [1, 4]] {
+        for shape in [[3, 5], [2, 40], [70, 3], [1, 4], [2, 20_000]] {
             let x = tape.leaf(&Tensor::from_flat_fn(shape, |k| (k as f64 * 0.7).sin()));
             let rows = x.normalize(1).unwrap();
             let columns = x.transpose().unwrap().normalize(0).unwrap().transpose().unwrap();

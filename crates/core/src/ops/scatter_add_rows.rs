@@ -72,8 +72,8 @@ impl<T: Scalar> Op<T> for ScatterAddRows {
     ) {
         let Some(x_bar) = gradients.get(0) else { return };
         let y_bar = kept.only_upstream();
-        let inner = kept.input_shape(0)[1..].iter().product::<usize>();
         let (x_bar, fresh) = x_bar.entries_or_fresh();
+        let inner = x_bar.len() / self.rows.len().max(1);
         for_each_line_mut(x_bar, inner, [], |r, x_bar, []| {
             let y_bar = &y_bar[self.rows[r] as usize * inner..][..inner];
             for (x_bar, &y_bar) in x_bar.iter_mut().zip(y_bar) {

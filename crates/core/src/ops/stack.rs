@@ -43,7 +43,7 @@ impl<T: Scalar> Op<T> for Stack {
             outputs.push_renamed(stacked, 0);
             return Ok(());
         }
-        let inner = stacked[self.axis + 1..].iter().product();
+        let [_, _, inner] = blocks(&stacked, self.axis, Self::NAME)?;
         join(inputs, |_| inner, outputs.push(stacked));
         Ok(())
     }
@@ -57,8 +57,8 @@ impl<T: Scalar> Op<T> for Stack {
             .expect("the forward pass made the axis");
         for i in 0..kept.input_count() {
             if let Some(x_bar) = gradients.get(i) {
-                let place = i * inner..(i + 1) * inner;
-                add_part(x_bar, kept.only_upstream(), place, count * inner);
+                let [start, end, size] = [i, i + 1, count].map(|n| inner.saturating_mul(n));
+                add_part(x_bar, kept.only_upstream(), start..end, size);
             }
         }
     }

@@ -177,6 +177,20 @@ pub(super) fn empty_axes<T: Scalar>() -> Outcome {
     check(matrix(4, 0)?.product(rows)?, &[4, 3])?;
     check(matrix(0, 3)?.product(columns)?, &[0, 0])?;
     check(matrix(0, 3)?.product(leaf(&[3]))?, &[0])?;
+    // More entries than fit an index, were there any.
+    let huge = 1_usize << 40;
+    let hollow = leaf(&[0, huge, huge]);
+    check(hollow.norm(1)?, &[0, huge])?;
+    check(hollow.dot(hollow, 2)?, &[0, huge])?;
+    check(hollow.normalize(0)?, &[0, huge, huge])?;
+    check(hollow.cumulative_sum(1)?, &[0, huge, huge])?;
+    check(hollow.keepdim(0)?, &[1, 0, huge, huge])?;
+    check(Var::stack(&[hollow, hollow], 1)?, &[0, 2, huge, huge])?;
+    check(Var::concat(&[hollow, hollow], 1)?, &[0, 2 * huge, huge])?;
+    check(hollow.pad(2, [1, 1], Padding::Wrap)?, &[0, huge, huge + 2])?;
+    check(hollow.is_less(hollow)?.select(hollow, hollow)?, &[0, huge, huge])?;
+    check(hollow.gather_rows(&Arc::from([]))?, &[0, huge, huge])?;
+    check(hollow.scatter_add_rows(&Arc::from([]), 0)?, &[0, huge, huge])?;
     Ok(Found::exactly("empty, or sums of 0, and gradients of 0", wrong))
 }
 
@@ -263,6 +277,8 @@ pub(super) fn refused_tensors<T: Scalar>() -> Outcome {
     let leaf = |shape: &[usize]| tape.leaf(&Tensor::full(shape, T::ONE));
     let (pair, table) = (leaf(&[2]), leaf(&[2, 3]));
     let entry = |row, column| SparseMatrix::new(2, 3, [(row, column, T::ONE)]);
+    let hollow = tape.leaf(&Tensor::zeros([0, 1 << 40, 1 << 40]));
+    let beyond = "shape [1099511627776, 1099511627776] needs more entries than fit an index, got 0";
     let results = [
         (told(table.dot(pair, 1)), "dot needs shapes that broadcast, got [2, 3] and [2]"),
         (
@@ -292,6 +308,13 @@ pub(super) fn refused_tensors<T: Scalar>() -> Outcome {
         (
             told(table.scatter_add_rows(&Arc::from([0]), 3)),
             "scatter_add_rows needs 1 rows, one per index, got shape [2, 3]",
+        ),
+        (told(hollow.sum_axis(0)), beyond),
+        (told(hollow.norm(0)), beyond),
+        (told(hollow.dot(hollow, 0)), beyond),
+        (
+            told(hollow.pad(0, [1, 1], Padding::Constant(T::ONE))),
+            "pad needs fewer entries than fit an index, got 2",
         ),
         (told(entry(2, 0)), "sparse_matrix needs indices within an axis of extent 2, got 2"),
         (told(entry(0, 3)), "sparse_matrix needs indices within an axis of extent 3, got 3"),
