@@ -6,7 +6,7 @@ use std::thread;
 
 use allocation_counter::measure;
 use bokashi_core::parallel::ENTRIES_PER_PIECE;
-use bokashi_core::{Tape, Tensor, TensorError, Var};
+use bokashi_core::{Padding, SparseMatrix, Tape, Tensor, TensorError, Var};
 use bokashi_fit::{Fit, FitError, FitSettings, Parameter, Parameters, from_fn, squared_error};
 use bokashi_paper::FACES;
 use bokashi_render_ops::{
@@ -21,7 +21,11 @@ struct Leaves {
     points: Tensor<f32>,
     weights: Tensor<f32>,
     image: Tensor<f32>,
+    row: Tensor<f32>,
     rows: Arc<[u32]>,
+    /// An index per pixel, below 7.
+    groups: Arc<[u32]>,
+    matrix: SparseMatrix<f32>,
 }
 
 impl Leaves {
@@ -30,7 +34,15 @@ impl Leaves {
             points: Tensor::from_flat_fn([9, 4], |k| 0.1 * k as f32 - 1.0),
             weights: Tensor::from_flat_fn([4, 3], |k| 0.3 - 0.1 * k as f32),
             image: Tensor::from_flat_fn([pixels, 3], |k| (k % 7) as f32 * 0.1),
+            row: Tensor::from([0.3, -0.2, 0.7]),
             rows: Arc::from([0, 8, 3, 3, 1]),
+            groups: (0..pixels).map(|k| (k * k % 7) as u32).collect(),
+            matrix: SparseMatrix::new(
+                pixels,
+                pixels,
+                (0..2 * pixels as u32).map(|k| (k / 2, k * 31 % pixels as u32, 0.5)),
+            )
+            .expect("entries lie within"),
         }
     }
 }
@@ -57,8 +69,19 @@ fn record(tape: &Tape<f32>, parameters: &Leaves) -> Result<f32, TensorError> {
     let rough = image.abs().minimum(image.cos())?.maximum(image.sin())?.clamp(-0.5, 0.5)?;
     let colour = (smooth / (rough.square() + 1.0) - 2.0 * rough.powi(3)) * offset * scale;
 
+    let (row, bound) = (tape.leaf(&parameters.row), tape.constant_scalar(0.3));
+    let chosen = image.is_less(bound)?.select(image, bound)?.relu();
+    let lengths = image.norm(1)? + image.dot(row, 1)? + image.dot(chosen, 1)?;
+    let unit = (image + 0.1).normalize(1)?.cross(row, 1)? * (row.square() + 1.0).pow(row)?;
+    let sums = unit.cumulative_sum(0)?.scatter_add_rows(&parameters.groups, 7)?.powf(3.0);
+    let other = parameters.matrix.product(Var::stack(&[lengths, lengths], 1)?)?;
+    let planes = image.transpose()?;
+    let other = other.pad(0, [2, 3], Padding::Mirror)?.keepdim(0)?.mean()?;
+    let vectors = other + planes.norm(0)?.sum() + planes.normalize(0)?.sum() + sums.mean()?;
+
     let first = shapes.mean()? + joined.sum() - shapes.detach().sum();
-    let second = colour.sum_axis(0)?.mean_axis(0)? + colour.mean()? + colour.square().sum();
+    let second =
+        colour.sum_axis(0)?.mean_axis(0)? + colour.mean()? + colour.square().sum() + vectors;
     let (first, second) = (first.backward()?, (second * scale).backward_to(&[image, scale])?);
     let [a, b] = [first.get(weights), second.get(image)].map(|g| g.expect("both are used"));
     Ok(a.data()[0] + b.data()[0] + first.get_or_zeros(scale).item())

@@ -61,6 +61,9 @@ pub trait Scalar:
     fn tanh(self) -> Self;
     /// Integer power.
     fn powi(self, exponent: i32) -> Self;
+    /// Power with an exponent that need not be whole: NaN below 0 where it is not, and 1 for
+    /// exponent 0.
+    fn powf(self, exponent: Self) -> Self;
     /// Absolute value.
     fn abs(self) -> Self;
     /// Whether neither infinite nor NaN.
@@ -139,6 +142,9 @@ macro_rules! scalar {
             }
             fn powi(self, exponent: i32) -> Self {
                 $t::powi(self, exponent)
+            }
+            fn powf(self, exponent: Self) -> Self {
+                $t::powf(self, exponent)
             }
             fn abs(self) -> Self {
                 $t::abs(self)

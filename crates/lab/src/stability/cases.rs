@@ -5,7 +5,7 @@ use super::exact::{
     shapes as exact_shapes,
 };
 use super::row::Outcome;
-use super::{blur, faces, focus, input, pictures, silhouettes, values, vertices};
+use super::{blur, faces, focus, input, pictures, silhouettes, tensors, values, vertices};
 
 /// A case: what is put in, what has to come out, and a run in each precision.
 #[derive(Debug, Clone, Copy)]
@@ -120,4 +120,13 @@ pub(super) static CASES: &[Case] = cases! {
     85 "exact: -0.0, 2^k, threads, NaN", "the same bits, nothing masked", exact_inputs::upstream_and_bits;
     86 "exact: back faces, loose edges", "by flag; nothing hidden", exact_shapes::sides_and_edges;
     87 "exact: sides on pixel borders", "the mean slope of both sides", exact_borders::sides_on_borders;
+    101 "vectors of 0: norm, normalize", "0, gradient 0", tensors::vectors_of_zero;
+    102 "vectors of every size", "length and direction", tensors::vectors_of_every_size;
+    103 "powers at 0, below, of 1e30", "the limits, or an error", tensors::powers_at_zero;
+    104 "select beside NaN and infinity", "nothing of what is masked", tensors::masked_numbers;
+    105 "empty axes", "empty, or sums of 0", tensors::empty_axes;
+    106 "sums that cancel", "every digit of the rest", tensors::sums_that_cancel;
+    107 "nearly parallel vectors: cross", "their small product", tensors::nearly_parallel_vectors;
+    108 "padding far beyond the axis", "again and again", tensors::far_beyond_an_axis;
+    109 "tensors: refused input", "an error", tensors::refused_tensors;
 };

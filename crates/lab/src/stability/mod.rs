@@ -25,6 +25,7 @@ mod run;
 mod scene;
 mod silhouettes;
 mod table;
+mod tensors;
 mod values;
 mod vertices;
 

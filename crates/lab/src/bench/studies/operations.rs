@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use bokashi_core::{Scalar, Tape, Tensor, Var};
+use bokashi_core::{Mask, Padding, Scalar, SparseMatrix, Tape, Tensor, Var};
 use bokashi_fit::{FitError, squared_error};
 use bokashi_render_ops::{
     Background, Blur, Fragments, Lens, RasterOptions, Reference, antialias, composite, depth,
@@ -100,6 +100,10 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
     add("sub", &[signed, positive], |_, v| Ok(v[0].try_sub(v[1])?));
     add("mul", &[signed, positive], |_, v| Ok(v[0].try_mul(v[1])?));
     add("div", &[signed, positive], |_, v| Ok(v[0].try_div(v[1])?));
+    add("pow", &[positive, signed], |_, v| Ok(v[0].pow(v[1])?));
+    add("select", &[signed, positive], |_, v| {
+        Ok(Mask::from_flat_fn(v[0].shape(), |k| k % 3 > 0).select(v[0], v[1])?)
+    });
     add("minimum", &[signed, positive], |_, v| Ok(v[0].minimum(v[1])?));
     add("maximum", &[signed, positive], |_, v| Ok(v[0].maximum(v[1])?));
     add("affine", &[signed], |_, v| Ok(v[0].affine(T::from_f64(0.7), T::from_f64(0.1))));
@@ -107,24 +111,48 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
     add("ln", &[positive], |_, v| Ok(v[0].ln()));
     add("sqrt", &[positive], |_, v| Ok(v[0].sqrt()));
     add("powi", &[signed], |_, v| Ok(v[0].powi(3)));
+    add("powf", &[positive], |_, v| Ok(v[0].powf(T::from_f64(2.25))));
     add("sin", &[signed], |_, v| Ok(v[0].sin()));
     add("cos", &[signed], |_, v| Ok(v[0].cos()));
     add("tanh", &[signed], |_, v| Ok(v[0].tanh()));
     add("sigmoid", &[signed], |_, v| Ok(v[0].sigmoid()));
     add("softplus", &[signed], |_, v| Ok(v[0].softplus()));
+    add("relu", &[signed], |_, v| Ok(v[0].relu()));
     add("abs", &[signed], |_, v| Ok(v[0].abs()));
     add("clamp", &[signed], |_, v| Ok(v[0].clamp(-T::ONE, T::ONE)?));
     add("sum", &[positive], |_, v| Ok(v[0].sum()));
     add("mean", &[positive], |_, v| Ok(v[0].mean()?));
+    add("cumulative_sum", &[positive], |_, v| Ok(v[0].cumulative_sum(0)?));
+    add("dot", &[signed, positive], |_, v| Ok(v[0].dot(v[1], 1)?));
+    let [left, right] = &inputs.vectors;
+    add("dot, three and a row", &[left, &inputs.row], |_, v| Ok(v[0].dot(v[1], 1)?));
+    add("cross", &[left, right], |_, v| Ok(v[0].cross(v[1], 1)?));
+    add("norm", &[left], |_, v| Ok(v[0].norm(1)?));
+    add("normalize", &[left], |_, v| Ok(v[0].normalize(1)?));
+    add("sparse_product", &[left], |_, v| {
+        // Each row beside the next five of a ring.
+        let rows = v[0].shape()[0];
+        let entry = |k: usize| ((k / 5) as u32, ((k / 5 + k % 5) % rows) as u32, T::ONE);
+        Ok(SparseMatrix::new(rows, rows, (0..5 * rows).map(entry))?.product(v[0])?)
+    });
     add("matmul", &[signed, &inputs.square], |_, v| Ok(v[0].matmul(v[1])?));
     add("permute", &[signed], |_, v| Ok(v[0].permute(&[1, 0])?));
     add("reshape", &[signed], |_, v| Ok(v[0].reshape([v[0].shape().size()])?));
+    add("keepdim", &[signed], |_, v| Ok(v[0].keepdim(1)?));
     add("slice", &[signed], |_, v| Ok(v[0].slice(1, 1..WIDTH - 1)?));
+    add("pad", &[signed], |_, v| Ok(v[0].pad(1, [2, 2], Padding::Mirror)?));
+    add("stack", &[signed, positive], |_, v| Ok(Var::stack(&[v[0], v[1]], 1)?));
     add("concat", &[signed, positive], |_, v| Ok(Var::concat(&[v[0], v[1]], 0)?));
     add("gather_rows", &[signed], |_, v| {
         let rows = v[0].shape()[0] as u32;
         let reversed: Arc<[u32]> = (0..rows).rev().collect();
         Ok(v[0].gather_rows(&reversed)?)
+    });
+    add("scatter_add_rows", &[signed], |_, v| {
+        // Six rows to a sum, as faces meet in a vertex.
+        let (rows, count) = (v[0].shape()[0], v[0].shape()[0] / 6 + 1);
+        let spread: Arc<[u32]> = (0..rows).map(|row| (row * 7919 % count) as u32).collect();
+        Ok(v[0].scatter_add_rows(&spread, count)?)
     });
     all
 }
@@ -147,6 +175,10 @@ struct Inputs {
     positive: Tensor<f64>,
     /// `[WIDTH, WIDTH]`.
     square: Tensor<f64>,
+    /// `[n, 3]`, with at least as many entries, in [-2, 2].
+    vectors: [Tensor<f64>; 2],
+    /// `[3]`.
+    row: Tensor<f64>,
 }
 
 /// The second extent of the tensors.
@@ -179,6 +211,11 @@ impl Inputs {
             signed: Tensor::from_flat_fn([rows, WIDTH], |_| uniform(-2.0, 2.0)),
             positive: Tensor::from_flat_fn([rows, WIDTH], |_| uniform(0.5, 2.0)),
             square: Tensor::from_flat_fn([WIDTH, WIDTH], |_| uniform(-1.0, 1.0)),
+            vectors: [(); 2].map(|()| {
+                let rows = (pixels * pixels).div_ceil(3);
+                Tensor::from_flat_fn([rows, 3], |_| uniform(-2.0, 2.0))
+            }),
+            row: Tensor::from_flat_fn([3], |_| uniform(-1.0, 1.0)),
             scene,
         })
     }
