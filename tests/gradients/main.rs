@@ -2,6 +2,7 @@
 //! adjoint made from it.
 
 mod blends;
+mod cameras;
 mod exact;
 mod partition;
 mod pictures;

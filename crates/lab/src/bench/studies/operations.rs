@@ -8,8 +8,8 @@ use std::sync::Arc;
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_fit::{FitError, squared_error};
 use bokashi_render_ops::{
-    Background, Blur, Fragments, Lens, RasterOptions, Reference, antialias, composite, depth,
-    depth_of_field, gaussian_blur, interpolate, project, rasterize,
+    Background, Blur, DepthImage, Fragments, Lens, LensOptions, RasterOptions, Reference,
+    antialias, composite, depth, depth_of_field, gaussian_blur, interpolate, project, rasterize,
 };
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -82,7 +82,9 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
     });
     let lens = [Tensor::scalar(2.0), Tensor::scalar(1.25)];
     add("depth_of_field", &[image, &inputs.distances, &lens[0], &lens[1]], |_, v| {
-        Ok(depth_of_field(v[0], v[1], v[2], v[3], &Lens::default())?.image)
+        let (lens, distances) =
+            (Lens { aperture: v[2], focus: v[3] }, DepthImage::of_distances(v[1]));
+        Ok(depth_of_field(v[0], distances, lens, &LensOptions::default())?.image)
     });
     add("gaussian_blur", &[image, &Tensor::scalar(2.0)], |_, v| {
         Ok(gaussian_blur(v[0], v[1], &Blur::default())?)
