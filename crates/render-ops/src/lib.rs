@@ -28,6 +28,7 @@
 //! ```
 
 mod antialias;
+mod assembly;
 mod background;
 mod border;
 mod boundary;
@@ -57,6 +58,7 @@ mod pixel_loss;
 #[doc(hidden)]
 pub mod precompiled;
 mod project;
+mod project_instances;
 mod projection;
 mod rasterize;
 mod reference;
@@ -68,6 +70,7 @@ mod taps;
 mod transform_points;
 
 pub use antialias::antialias;
+pub use assembly::{Assembly, Place};
 pub use background::Background;
 pub use border::Border;
 pub use boundary::BoundaryCounts;
@@ -88,6 +91,7 @@ pub use mesh::{Adjacency, Mesh};
 pub use picture::{Composite, Picture};
 pub use pixel_loss::PixelLoss;
 pub use project::{Pose, project};
+pub use project_instances::project_instances;
 pub use projection::Camera;
 pub use rasterize::{Cull, RasterOptions, Sampling, rasterize};
 pub use reference::Reference;

@@ -17,6 +17,7 @@ use crate::interpolate::interpolate;
 use crate::mesh::Mesh;
 use crate::pixel_loss::PixelLoss;
 use crate::project::{Pose, project};
+use crate::project_instances::project_instances;
 use crate::rasterize::rasterize;
 use crate::reference::Reference;
 use crate::size::Size;
@@ -41,6 +42,7 @@ fn every_operation<T: Scalar>(x: Var<'_, T>) -> Result<(), RenderError> {
     let points = distort(transform_points(x, view)?, x)?;
     let pose = Some(Pose { rotation: x, translation: x });
     let clip = project(points, intrinsics, pose)? + project(points, &DMat4::IDENTITY, pose)?;
+    let clip = clip + project_instances(points, x, intrinsics)?;
     let fragments = rasterize(clip, &mesh, Size::square(1))?;
     let values = interpolate(x, &fragments)? + depth(&fragments)?;
     let picture = antialias(composite(values, &fragments, Background::Color(x))?)?;
