@@ -5,7 +5,8 @@ use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, TensorError, Var};
 use bokashi_render_ops::camera::distortion_radius;
 use bokashi_render_ops::{
-    Pose, affine_inverse, distort, orthographic, pinhole, project, rigid, se3, transform_points,
+    Pose, affine_inverse, distort, orthographic, pinhole, project, project_instances, rigid, se3,
+    transform_points,
 };
 use glam::DMat4;
 use proptest::prelude::*;
@@ -261,4 +262,68 @@ fn project_by_a_camera_that_is_learnt() {
         of(vec![p, Tensor::from(q.map(|entry| 1.3 * entry)), t, matrix(camera)])
     });
     check(Check::of_cases("project by a variable, with a pose", posed));
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Instances {
+    fixed: Option<[[f64; 4]; 4]>,
+}
+
+impl Subject for Instances {
+    /// Positions and matrices, and perhaps a camera.
+    fn apply<'t, T: Scalar>(
+        &self,
+        _tape: &'t Tape<T>,
+        inputs: &[Var<'t, T>],
+    ) -> Result<Outcome<'t, T>, Refusal> {
+        Ok(match &self.fixed {
+            None => project_instances(inputs[0], inputs[1], inputs[2])?.into(),
+            Some(fixed) => {
+                let camera = DMat4::from_cols_array_2d(fixed);
+                project_instances(inputs[0], inputs[1], &camera)?.into()
+            }
+        })
+    }
+}
+
+#[test]
+fn instances_by_their_matrices() {
+    let of = |fixed, inputs: Vec<Tensor<f64>>| {
+        let inputs: Vec<_> = inputs.into_iter().map(Input::leaf).collect();
+        Case::new(Instances { fixed }, inputs)
+    };
+    let some = |(instances, vertices): (usize, usize)| {
+        (camera(), tensor([vertices, 3], number()), tensor([instances, 4, 4], number()))
+    };
+    let counts = || (0..4_usize, 1..5_usize);
+    let fixed = counts().prop_flat_map(some);
+    let fixed = fixed.prop_map(move |(camera, p, matrices)| of(Some(camera), vec![p, matrices]));
+    let learnt = counts().prop_flat_map(some).prop_map(move |(camera, p, matrices)| {
+        of(None, vec![p, matrices, Tensor::from_fn([4, 4], |[i, k]| camera[k][i])])
+    });
+    // Two pieces of the same positions, and many small meshes.
+    let sizes = select(&[(2, 9_000), (900, 20)][..]);
+    let many = (sizes, camera()).prop_map(move |((instances, vertices), camera)| {
+        let matrices = Tensor::from_flat_fn([instances, 4, 4], |k| motley(3 * k));
+        of(Some(camera), vec![Tensor::from_flat_fn([vertices, 3], motley), matrices])
+    });
+    let refused = |positions: [usize; 2], matrices: [usize; 2]| {
+        of(
+            None,
+            vec![
+                Tensor::full(positions, 0.5),
+                Tensor::full(matrices, 0.5),
+                Tensor::full([4, 4], 0.5),
+            ],
+        )
+    };
+    check(
+        Check::of_cases("project_instances", fixed)
+            .large(2, many)
+            .refuses("a matrix without an instance", refused([2, 3], [4, 4])),
+    );
+    check(
+        Check::of_cases("project_instances by a variable", learnt)
+            .refuses("points of two coordinates", refused([2, 2], [4, 4])),
+    );
 }

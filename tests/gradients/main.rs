@@ -3,6 +3,7 @@
 
 mod blends;
 mod cameras;
+mod distances;
 mod exact;
 mod partition;
 mod pictures;

@@ -148,7 +148,7 @@ fn rasterize_to_barycentrics_and_depth() {
 }
 
 /// Fragments of a fixed scene, whose barycentrics are a variable of their own.
-fn fixed_fragments<'t, T: Scalar>(
+pub(crate) fn fixed_fragments<'t, T: Scalar>(
     tape: &'t Tape<T>,
     barycentrics: Option<Var<'t, T>>,
 ) -> Result<Fragments<'t, T>, RenderError> {
@@ -166,7 +166,7 @@ fn fixed_fragments<'t, T: Scalar>(
 }
 
 /// How many fragments [`fixed_fragments`] has.
-fn fixed_count() -> usize {
+pub(crate) fn fixed_count() -> usize {
     fixed_fragments::<f64>(&Tape::new(), None).unwrap().coverage.count()
 }
 
@@ -592,6 +592,7 @@ fn no_operation_is_forgotten() {
     let tests = [
         include_str!("rendering.rs"),
         include_str!("cameras.rs"),
+        include_str!("distances.rs"),
         include_str!("pictures.rs"),
         include_str!("exact.rs"),
     ]

@@ -1,13 +1,12 @@
 //! Distances along the view axis at fragments.
 //!
-//! # Forward
-//! `w = sum_i b_i w_i`, with the perspective-correct weights b of the fragment's face. Along a face 1 / w
-//! is linear over the image, and w is linear over the face. So w needs no division, and for a piece of a
-//! boundary pixel, whose weights are means, it is the mean.
-//!
-//! # Backward
-//! `u_bar += w_bar (w_0 - w_2)`, `v_bar += w_bar (w_1 - w_2)`; `w_bar_i += b_i w_bar` at the vertices.
-//! What the weights owe to the vertices is [`rasterize`](crate::rasterize())'s to add.
+//! # Forward and backward
+//! `w = sum_i b_i w_i` with the perspective-correct weights `b_i = a_i / sum_j a_j`: 1 / w is linear over
+//! the image. That is a quotient of two functions that are linear over the image, `face_quotients` with
+//! `n = w` and `m = 1`. It is computed of edge functions, and not of the barycentrics that were
+//! rounded: where one vertex is much farther away than the others, its weight is what is left of 1. w is
+//! linear over the face, so that for a piece of a boundary pixel, whose weights are means, it is the
+//! mean.
 //!
 //! # Where it is not smooth
 //! Where the visible face changes.
@@ -16,23 +15,20 @@
 //! Olano and Greer, *Triangle scan conversion using 2D homogeneous coordinates*, Graphics Hardware
 //! 1997.
 
-use std::ops::Range;
-use std::sync::Arc;
-
-use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
+use bokashi_core::{Scalar, Var};
 
 use crate::background::Background;
-use crate::coverage::Coverage;
 use crate::depth_image::DepthImage;
 use crate::error::RenderError;
-use crate::face_sums::{FaceSums, Layout};
+use crate::face_quotients::{Quotient, quotients};
 use crate::fragments::Fragments;
+use crate::homogeneous::Vertex;
 use crate::picture::Composite;
 
 const NAME: &str = "eye_depth";
 
-/// Each fragment's distance along the view axis, by the clip positions that were rasterized and the
-/// barycentrics; differentiable with respect to both. A piece of exact coverage has its mean distance.
+/// Each fragment's distance along the view axis, differentiable with respect to the clip positions that
+/// were rasterized. A piece of exact coverage has its mean distance.
 ///
 /// It is the w of clip space, which is the distance, in units of the scene, for the matrices of
 /// [`pinhole`](crate::pinhole()) and [`perspective`](crate::camera::perspective). An orthographic camera
@@ -46,10 +42,7 @@ const NAME: &str = "eye_depth";
 pub fn eye_depth<'t, T: Scalar>(
     fragments: &Fragments<'t, T>,
 ) -> Result<EyeDepth<'t, T>, RenderError> {
-    let tape = fragments.clip.tape();
-    let coverage = fragments.checked_coverage(NAME, tape)?;
-    let inputs = [fragments.clip, fragments.barycentrics];
-    Ok(EyeDepth { values: tape.apply(OfFragments { coverage }, &inputs)? })
+    Ok(EyeDepth { values: quotients::<T, Distance>(fragments)? })
 }
 
 /// Distances along the view axis at fragments: what [`eye_depth`] gives.
@@ -93,119 +86,26 @@ impl<'t, T: Scalar> EyeDepth<'t, T> {
     }
 }
 
-/// Inputs: clip `[V, 4]`, barycentrics `[N, 2]`. Output: distances `[N]`.
-struct OfFragments {
-    coverage: Arc<Coverage>,
-}
+struct Distance;
 
-/// `w_0 - w_2`, `w_1 - w_2` and `w_2` of a face.
-fn slopes<T: Scalar>(coverage: &Coverage, clip: &[T], face: usize) -> [T::Wide; 3] {
-    let corners = coverage.mesh().faces()[face];
-    let [p, q, r] = corners.map(|vertex| clip[4 * vertex as usize + 3].widen());
-    [p - r, q - r, r]
-}
+impl Quotient for Distance {
+    const NAME: &'static str = NAME;
 
-impl OfFragments {
-    /// Calls `work(face, fragments, own)` for each face in each band, with its fragments and their
-    /// entries of `entries: [N, width]`. Bands may be worked on at the same time.
-    fn for_each_face_mut<T: Scalar>(
-        &self,
-        width: usize,
-        entries: &mut [T],
-        work: impl Fn(usize, Range<usize>, &mut [T]) + Sync,
-    ) {
-        let Coverage { centers, pieces, .. } = &*self.coverage;
-        let (of_centers, of_pieces) = entries.split_at_mut(centers.count * width);
-        for (runs, before, entries) in
-            [(centers, 0, of_centers), (pieces, centers.count, of_pieces)]
-        {
-            runs.for_each_band_mut(width, entries, |slots, first, entries| {
-                for slot in slots {
-                    let Range { start, end } = runs.fragments_of(slot..slot + 1);
-                    let own = &mut entries[(start - first) * width..(end - first) * width];
-                    work(runs.face(slot), before + start..before + end, own);
-                }
-            });
-        }
-    }
-}
-
-impl<T: Scalar> Op<T> for OfFragments {
-    type Saved = ();
-    type Error = RenderError;
-
-    fn name(&self) -> &'static str {
-        NAME
+    /// A vertex that was multiplied has weights that were divided.
+    #[inline(always)]
+    fn terms<S: Scalar>(vertex: &Vertex<S>, factor: S) -> [S; 2] {
+        [vertex.w, factor]
     }
 
-    fn forward(
-        &self,
-        inputs: &Inputs<'_, T>,
-        outputs: &mut Outputs<'_, T>,
-        _saved: &mut (),
-    ) -> Result<(), RenderError> {
-        let (clip, barycentrics) = (inputs.data(0), inputs.data(1));
-        let values = outputs.push([self.coverage.count()]);
-        self.for_each_face_mut(1, values, |face, fragments, own| {
-            let [by_u, by_v, start] = slopes(&self.coverage, clip, face);
-            let uv = &barycentrics.as_chunks::<2>().0[fragments];
-            for (own, [u, v]) in own.iter_mut().zip(uv) {
-                *own = T::narrow(start + u.widen() * by_u + v.widen() * by_v);
-            }
-        });
-        Ok(())
+    #[inline(always)]
+    fn pull_back<S: Scalar>([n_bar, _]: [S; 2]) -> [S; 2] {
+        [S::ZERO, n_bar]
     }
 
-    fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
-        match (inputs.needs(0), inputs.needs(1)) {
-            (true, true) => Keep::NOTHING.input(0).input(1),
-            (true, false) => Keep::NOTHING.input(1),
-            (false, true) => Keep::NOTHING.input(0),
-            (false, false) => Keep::NOTHING,
-        }
-    }
-
-    fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
-        let bars = kept.only_upstream();
-        if let Some(clip_bar) = gradients.get(0) {
-            let mut first = 0;
-            for runs in [&self.coverage.centers, &self.coverage.pieces] {
-                let shares = Shares { uv: &kept.input(1)[2 * first..], bars: &bars[first..] };
-                Layout { runs, mesh: self.coverage.mesh(), width: 4 }.add_to(clip_bar, &shares);
-                first += runs.count;
-            }
-        }
-        if let Some(barycentrics_bar) = gradients.get(1) {
-            let clip = kept.input(0);
-            self.for_each_face_mut(2, barycentrics_bar.entries(), |face, fragments, own| {
-                let [by_u, by_v, _] = slopes(&self.coverage, clip, face);
-                for (own, bar) in own.as_chunks_mut::<2>().0.iter_mut().zip(&bars[fragments]) {
-                    own[0] += T::narrow(bar.widen() * by_u);
-                    own[1] += T::narrow(bar.widen() * by_v);
-                }
-            });
-        }
-    }
-}
-
-/// The shares of each vertex in the gradients of distances, in the column of w.
-struct Shares<'a, T> {
-    uv: &'a [T],
-    bars: &'a [T],
-}
-
-impl<T: Scalar> FaceSums<T::Wide> for Shares<'_, T> {
-    fn sum(&self, _slot: usize, fragments: Range<usize>, rows: &mut [T::Wide]) {
-        let mut sums = [T::Wide::ZERO; 3];
-        let uv = &self.uv.as_chunks::<2>().0[fragments.clone()];
-        for ([u, v], bar) in uv.iter().zip(&self.bars[fragments]) {
-            let (u, v, bar) = (u.widen(), v.widen(), bar.widen());
-            let shares = [u, v, T::Wide::ONE - u - v];
-            sums.iter_mut().zip(shares).for_each(|(sum, share)| *sum += share * bar);
-        }
-        for (row, sum) in rows.chunks_exact_mut(4).zip(sums) {
-            row.copy_from_slice(&[T::Wide::ZERO, T::Wide::ZERO, T::Wide::ZERO, sum]);
-        }
+    /// What rasterization lets through lies before the eye.
+    #[inline(always)]
+    fn within_range<S: Scalar>(quotient: S) -> S {
+        quotient.maximum_or_nan(S::ZERO)
     }
 }
 

@@ -41,6 +41,7 @@ mod depth_of_field;
 mod edge_functions;
 mod error;
 mod eye_depth;
+mod face_quotients;
 mod face_sums;
 #[cfg(test)]
 mod fixtures;
