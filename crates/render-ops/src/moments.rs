@@ -27,22 +27,25 @@ pub(crate) fn piece_moments<T: Scalar, const N: usize>(
     points: &[[T; 3]],
     bars: &[[T; N]],
 ) -> [[T::Wide; 4]; N] {
-    let mut sums = [[T::Wide::ZERO; 4]; N];
+    // By columns: the gradient of a point is a vector, which a number multiplies.
+    let mut columns = [[T::Wide::ZERO; N]; 4];
     pulp::Arch::new().dispatch(
         #[inline(always)]
         || {
             for (p, bar) in points.iter().zip(bars) {
                 let (p, bar) = (p.map(T::widen), bar.map(T::widen));
-                for (sums, bar) in sums.iter_mut().zip(bar) {
-                    for k in 0..3 {
-                        sums[k] += bar * p[k];
+                for k in 0..3 {
+                    for row in 0..N {
+                        columns[k][row] += bar[row] * p[k];
                     }
-                    sums[3] += bar;
+                }
+                for row in 0..N {
+                    columns[3][row] += bar[row];
                 }
             }
         },
     );
-    sums
+    std::array::from_fn(|row| columns.map(|column| column[row]))
 }
 
 /// `sum_i y_bar_i` over gradients `bars: [V, N]`.
