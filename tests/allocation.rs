@@ -10,9 +10,12 @@ use bokashi_core::{Padding, SparseMatrix, Tape, Tensor, TensorError, Var};
 use bokashi_fit::{Fit, FitError, FitSettings, Parameter, Parameters, from_fn, squared_error};
 use bokashi_paper::FACES;
 use bokashi_render_ops::{
-    Background, Blur, Coverage, Kernel, Mesh, Pose, RasterOptions, Reference, Sampling, Size,
-    antialias, composite, gaussian_blur, interpolate, project, rasterize,
+    Assembly, Background, Blur, Coverage, Kernel, Mesh, Pose, RasterOptions, Reference,
+    RenderError, Sampling, Size, affine_inverse, antialias, composite, distort, eye_depth,
+    gaussian_blur, interpolate, pinhole, project, project_instances, rasterize, rigid, se3,
+    transform_points,
 };
+use glam::DMat4;
 use glam::dcamera::rh::proj::opengl::perspective;
 use rayon::{ThreadBuilder, ThreadPoolBuilder};
 
@@ -194,6 +197,47 @@ fn tensor_steps(pixels: usize) -> impl FnMut() -> f32 + Send {
 fn rendering_steps(side: usize) -> impl FnMut() -> f32 + Send {
     let (mut tape, scene) = (Tape::new(), Scene::new(side, Sampling::Center));
     move || scene.step(&mut tape).unwrap()
+}
+
+/// Two cubes before a learnt camera, through a lens, by their distances, with every gradient of `leaves`:
+/// positions, intrinsics, an increment, a rotation, a translation and a lens.
+fn camera_step(
+    tape: &Tape<f32>,
+    scene: &Assembly,
+    leaves: &[Tensor<f32>; 6],
+) -> Result<f32, RenderError> {
+    let leaves = leaves.each_ref().map(|leaf| tape.leaf_copied(leaf));
+    let [positions, intrinsics, increment, rotation, translation, lens] = leaves;
+    let view = affine_inverse(affine_inverse(rigid(rotation, translation)?)?)?;
+    let view = se3(increment, &DMat4::IDENTITY)?.matmul(view)?;
+    let bent = distort(transform_points(positions, view)?, lens)?;
+    let camera = pinhole(intrinsics, Size::square(32), 0.1, 10.0)?;
+    let beside = project_instances(positions, view.reshape([1, 4, 4])?, camera)?;
+    let clip = Var::concat(&[project(bent, camera, None)?, beside], 0)?;
+    let fragments = rasterize(clip, scene.mesh(), Size::square(32))?;
+    let distances = eye_depth(&fragments)?.image(&fragments, 20.0)?.distances();
+    let gradients = distances.square().sum().backward()?;
+    let of = leaves.map(|leaf| gradients.get(leaf).expect("each is used").data()[0]);
+    Ok(of.into_iter().sum())
+}
+
+#[test]
+fn steady_steps_with_learnt_cameras_allocate_nothing() {
+    let scene = Assembly::new(&[(&Mesh::new(FACES.to_vec(), 8).unwrap(), 2)]).unwrap();
+    let leaves = [
+        Tensor::from_flat_fn([8, 3], |k| ((k / 3) >> (2 - k % 3) & 1) as f32 - 0.5),
+        Tensor::from([30.0, 30.0, 15.5, 15.5]),
+        Tensor::from([0.1, 0.0, 0.0, 0.0, 0.2, 0.0]),
+        Tensor::from([0.1, 0.3, 0.2, 0.9]),
+        Tensor::from([0.0, 0.0, 4.0]),
+        Tensor::from([-0.1, 0.01, 0.001, 0.0, 0.0]),
+    ];
+    let mut tape = Tape::new();
+    assert_steady_from_step_3(move || {
+        let sum = camera_step(&tape, &scene, &leaves).unwrap();
+        tape.reset();
+        sum
+    });
 }
 
 #[test]

@@ -2,6 +2,8 @@
 //! adjoint made from it.
 
 mod blends;
+mod cameras;
+mod distances;
 mod exact;
 mod layers;
 mod partition;

@@ -15,9 +15,9 @@ use bokashi_fit::{
     mean_squared_error,
 };
 use bokashi_render_ops::{
-    Background, Blur, Fragments, Kernel, Lens, Mesh, Pose, Radius, RasterOptions, RenderError,
-    Sampling, Size, antialias, composite, depth_of_field, gaussian_blur, interpolate,
-    interpolate_indexed, project, rasterize,
+    Background, Blur, DepthImage, Fragments, Kernel, Lens, LensOptions, Mesh, Pose, Radius,
+    RasterOptions, RenderError, Sampling, Size, antialias, composite, depth_of_field,
+    gaussian_blur, interpolate, interpolate_indexed, project, rasterize,
 };
 use glam::DMat4;
 
@@ -144,12 +144,18 @@ fn every_render_error_says_the_rule_and_the_value() {
         corners[5] = f64::INFINITY;
         tape.leaf(&Tensor::new([3, 4], corners).unwrap())
     };
-    let (mut camera, blur, lens) = (DMat4::IDENTITY, Blur::default(), Lens::default());
+    let (mut camera, blur) = (DMat4::IDENTITY, Blur::default());
     camera.col_mut(3).z = f64::NAN;
     let pose = Pose { rotation: zeros(&[4]), translation: zeros(&[3]) };
     let seed = Blur { kernel: Kernel::Unnormalized, ..blur };
     let endless = Blur { radius: Radius::Tolerance(0.0), ..blur };
     let behind = tape.leaf(&Tensor::full([4, 4], -2.0));
+
+    let focused = |distances, focus| {
+        let lens = Lens { aperture: number(1.0), focus: number(focus) };
+        let distances = DepthImage::of_distances(distances);
+        depth_of_field(image, distances, lens, &LensOptions::default()).unwrap_err()
+    };
 
     let table: Vec<(RenderError, &str)> = vec![
         (
@@ -209,14 +215,8 @@ fn every_render_error_says_the_rule_and_the_value() {
             gaussian_blur(image, number(1.0), &endless).unwrap_err(),
             "gaussian_blur needs a tolerance between 0 and 1, got 0",
         ),
-        (
-            depth_of_field(image, behind, number(1.0), number(2.0), &lens).unwrap_err(),
-            "depth_of_field needs depths from 0 up, got -2 at pixel 0",
-        ),
-        (
-            depth_of_field(image, depth, number(1.0), number(-2.0), &lens).unwrap_err(),
-            "depth_of_field needs a finite and positive focus, got -2",
-        ),
+        (focused(behind, 2.0), "depth_of_field needs depths from 0 up, got -2 at pixel 0"),
+        (focused(depth, -2.0), "depth_of_field needs a finite and positive focus, got -2"),
     ];
     let all = variants("crates/render-ops/src/error.rs", "RenderError");
     let count = fragments.coverage.count();

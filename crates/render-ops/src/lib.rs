@@ -28,6 +28,7 @@
 //! ```
 
 mod antialias;
+mod assembly;
 mod attributes;
 mod background;
 mod border;
@@ -37,10 +38,13 @@ mod composite;
 mod composite_layers;
 mod coverage;
 mod depth;
+mod depth_image;
 mod depth_of_field;
 mod differentials;
 mod edge_functions;
 mod error;
+mod eye_depth;
+mod face_quotients;
 mod face_sums;
 #[cfg(test)]
 mod fixtures;
@@ -50,8 +54,10 @@ mod homogeneous;
 mod image;
 mod interpolate;
 mod interpolate_differentials;
+mod matrix;
 mod mesh;
 mod mipmaps;
+mod moments;
 mod over;
 mod picture;
 mod pixel_loss;
@@ -59,6 +65,8 @@ mod pixel_loss;
 #[doc(hidden)]
 pub mod precompiled;
 mod project;
+mod project_instances;
+mod projection;
 mod rasterize;
 mod reference;
 mod rotation;
@@ -67,19 +75,24 @@ mod size;
 mod squared_error;
 mod taps;
 mod texture;
+mod transform_points;
 
 pub use antialias::antialias;
+pub use assembly::{Assembly, Place};
 pub use background::Background;
 pub use border::Border;
 pub use boundary::BoundaryCounts;
+pub use camera::{affine_inverse, distort, orthographic, pinhole, rigid, se3};
 pub use composite::composite;
 pub use composite_layers::{Layer, composite_layers};
 pub use coverage::{Coverage, Culled};
 pub use depth::depth;
-pub use depth_of_field::{Focused, Lens, depth_of_field};
+pub use depth_image::DepthImage;
+pub use depth_of_field::{Focused, Lens, LensOptions, depth_of_field};
 pub use differentials::differentials;
 pub use error::RenderError;
-pub use fragments::Fragments;
+pub use eye_depth::{EyeDepth, eye_depth};
+pub use fragments::{Fragments, StillFragments};
 pub use gaussian_blur::gaussian_blur;
 /// The matrices, vectors and quaternions that cameras and poses are made of.
 pub use glam;
@@ -90,6 +103,8 @@ pub use over::over;
 pub use picture::{Composite, Picture};
 pub use pixel_loss::PixelLoss;
 pub use project::{Pose, project};
+pub use project_instances::project_instances;
+pub use projection::Camera;
 pub use rasterize::{Cull, RasterOptions, Sampling, depth_layers, rasterize, rasterize_behind};
 pub use reference::Reference;
 pub use size::Size;
@@ -98,3 +113,4 @@ pub use texture::{
     CubeMap, Detail, MOST_PROBES, Sampler, Texture, TextureBorder, TextureFilter, sample_cube_map,
     sample_texture,
 };
+pub use transform_points::transform_points;

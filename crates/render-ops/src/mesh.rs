@@ -44,6 +44,35 @@ impl Mesh {
         Ok(Self(Arc::new(Inner { faces, vertex_count, adjacency, seams })))
     }
 
+    /// The faces of several meshes one after another, each with the index of its first vertex among
+    /// `vertex_count`, which has to be so large that its vertices fit. Their seams stay seams.
+    ///
+    /// # Errors
+    /// [`RenderError::MeshSize`] for 2^31 faces or vertices and more.
+    pub(crate) fn joined<'a>(
+        parts: impl Iterator<Item = (&'a Self, usize)> + Clone,
+        vertex_count: usize,
+    ) -> Result<Self, RenderError> {
+        let limit = 1_usize << 31;
+        let count = |sum: usize, (mesh, _): (&Self, usize)| sum.saturating_add(mesh.faces().len());
+        for given in [parts.clone().fold(0, count), vertex_count] {
+            if given >= limit {
+                return Err(RenderError::MeshSize { given });
+            }
+        }
+        let faces = parts.clone().flat_map(|(mesh, first)| {
+            mesh.faces().iter().map(move |face| face.map(|vertex| vertex + first as u32))
+        });
+        let faces = faces.collect();
+        let has_seams = parts.clone().any(|(mesh, _)| !mesh.0.seams.is_empty());
+        let seams_of = |(mesh, _): (&'a Self, usize)| {
+            (0..mesh.faces().len()).map(|face| mesh.0.seams.get(face).copied().unwrap_or_default())
+        };
+        let seams = if has_seams { parts.flat_map(seams_of).collect() } else { Vec::new() };
+        let adjacency = OnceLock::new();
+        Ok(Self(Arc::new(Inner { faces, vertex_count, adjacency, seams })))
+    }
+
     /// The same mesh with seams. `is_seam(face, corner)` says whether the edge that faces a corner
     /// of a face is a seam; it is enough that it says so for one of the edge's two faces.
     ///

@@ -6,12 +6,14 @@ use glam::DMat4;
 
 use crate::antialias::antialias;
 use crate::background::Background;
+use crate::camera::{affine_inverse, distort, orthographic, pinhole, rigid, se3};
 use crate::composite::composite;
 use crate::composite_layers::{Layer, composite_layers};
 use crate::depth::depth;
-use crate::depth_of_field::{Lens, depth_of_field};
+use crate::depth_of_field::{Lens, LensOptions, depth_of_field};
 use crate::differentials::differentials;
 use crate::error::RenderError;
+use crate::eye_depth::eye_depth;
 use crate::gaussian_blur::gaussian_blur;
 use crate::interpolate::interpolate;
 use crate::interpolate_differentials::interpolate_differentials;
@@ -19,11 +21,13 @@ use crate::mesh::Mesh;
 use crate::over::over;
 use crate::pixel_loss::PixelLoss;
 use crate::project::{Pose, project};
+use crate::project_instances::project_instances;
 use crate::rasterize::rasterize;
 use crate::reference::Reference;
 use crate::size::Size;
 use crate::taps::Blur;
 use crate::texture::{CubeMap, Detail, Sampler, Texture, sample_cube_map, sample_texture};
+use crate::transform_points::transform_points;
 
 macro_rules! for_each_precision {
     ($($name:ident: $t:ty),*) => {
@@ -37,7 +41,13 @@ for_each_precision!(f32_operations: f32, f64_operations: f64);
 
 fn every_operation<T: Scalar>(x: Var<'_, T>) -> Result<(), RenderError> {
     let mesh = Mesh::new(Vec::new(), 0)?;
-    let clip = project(x, &DMat4::IDENTITY, Some(Pose { rotation: x, translation: x }))?;
+    let intrinsics =
+        pinhole(x, Size::square(1), 0.1, 1.0)? + orthographic(x, Size::square(1), 0.1, 1.0)?;
+    let view = affine_inverse(rigid(x, x)?.matmul(se3(x, &DMat4::IDENTITY)?)?)?;
+    let points = distort(transform_points(x, view)?, x)?;
+    let pose = Some(Pose { rotation: x, translation: x });
+    let clip = project(points, intrinsics, pose)? + project(points, &DMat4::IDENTITY, pose)?;
+    let clip = clip + project_instances(points, x, intrinsics)?;
     let fragments = rasterize(clip, &mesh, Size::square(1))?;
     let slopes = differentials(&fragments)?;
     let values = interpolate(x, &fragments)? + depth(&fragments)?;
@@ -56,6 +66,8 @@ fn every_operation<T: Scalar>(x: Var<'_, T>) -> Result<(), RenderError> {
     picture.squared_error(&Reference::new(&x.value(), &x.value())?)?;
     picture.loss(&PixelLoss::new(&x.value(), &x.value(), |x, _| Ok(x))?)?;
     let image = gaussian_blur(picture.image()?, x, &Blur::default())?;
-    depth_of_field(image, x, x, x, &Lens::default())?;
+    let distances = eye_depth(&fragments)?.image(&fragments, 1.0)?;
+    let lens = Lens { aperture: x, focus: x };
+    depth_of_field(image, distances, lens, &LensOptions::default())?;
     Ok(())
 }

@@ -5,7 +5,9 @@ use super::exact::{
     shapes as exact_shapes,
 };
 use super::row::Outcome;
-use super::{blur, faces, focus, input, pictures, silhouettes, tensors, values, vertices};
+use super::{
+    blur, cameras, distances, faces, focus, input, pictures, silhouettes, tensors, values, vertices,
+};
 
 /// A case: what is put in, what has to come out, and a run in each precision.
 #[derive(Debug, Clone, Copy)]
@@ -129,4 +131,17 @@ pub(super) static CASES: &[Case] = cases! {
     107 "nearly parallel vectors: cross", "their small product", tensors::nearly_parallel_vectors;
     108 "padding far beyond the axis", "again and again", tensors::far_beyond_an_axis;
     109 "tensors: refused input", "an error", tensors::refused_tensors;
+    121 "impossible intrinsics or planes", "an error", cameras::impossible_intrinsics;
+    122 "pinholes of any focal length", "points at their pixels", cameras::known_pixels;
+    123 "bad motions and matrices", "an error", cameras::impossible_matrices;
+    124 "motions of any angle", "the rotation, finite gradients", cameras::motions_of_any_angle;
+    125 "inverses from 1e-12 to 1e12", "times the matrix the identity", cameras::inverses_of_any_size;
+    126 "lens: far outside, at and behind the eye", "outside stays outside", cameras::beyond_the_lens;
+    127 "lens: coefficients of any size", "finite, or an error", cameras::extreme_lenses;
+    128 "no instances, no vertices", "nothing drawn, zero gradients", cameras::instances_of_nothing;
+    129 "too many instances", "an error", cameras::too_many_instances;
+    130 "distances: w from 1e-6 to 1e6", "where the ray meets the face", distances::wide_range_of_w;
+    131 "distances: w = 1 everywhere", "1", distances::flat_w;
+    132 "distances: background far away", "infinite, or an error", distances::backgrounds_far_away;
+    133 "fragments of an earlier step", "the same bits", distances::fragments_of_an_earlier_step;
 };

@@ -12,7 +12,9 @@
 //! ```
 
 mod blur;
+mod cameras;
 mod cases;
+mod distances;
 mod exact;
 mod faces;
 mod focus;

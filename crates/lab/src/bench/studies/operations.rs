@@ -8,8 +8,10 @@ use std::sync::Arc;
 use bokashi_core::{Mask, Padding, Scalar, SparseMatrix, Tape, Tensor, Var};
 use bokashi_fit::{FitError, squared_error};
 use bokashi_render_ops::{
-    Background, Blur, Fragments, Lens, RasterOptions, Reference, antialias, composite, depth,
-    depth_of_field, gaussian_blur, interpolate, project, rasterize,
+    Background, Blur, DepthImage, Fragments, Lens, LensOptions, RasterOptions, Reference,
+    affine_inverse, antialias, composite, depth, depth_of_field, distort, eye_depth, gaussian_blur,
+    interpolate, orthographic, pinhole, project, project_instances, rasterize, rigid, se3,
+    transform_points,
 };
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -62,6 +64,20 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
     };
     let Inputs { positions, clip, barycentrics, colors, surface, aliased, image, .. } = inputs;
     add("project", &[positions], |scene, v| Ok(project(v[0], &scene.camera, None)?));
+    let motion = [Tensor::from([0.125, -0.25, 0.5, 1.0]), Tensor::from([0.25, -0.5, 1.0])];
+    let intrinsics = Tensor::from([300.0, 280.0, 127.5, 120.25]);
+    add("pinhole", &[&intrinsics], |scene, v| Ok(pinhole(v[0], scene.size, 0.1, 100.0)?));
+    add("orthographic", &[&intrinsics], |scene, v| Ok(orthographic(v[0], scene.size, 0.1, 100.0)?));
+    add("rigid", &[&motion[0], &motion[1]], |_, v| Ok(rigid(v[0], v[1])?));
+    let increment = Tensor::from([0.25, -0.5, 1.0, 0.125, -0.25, 0.5]);
+    add("se3", &[&increment], |scene, v| Ok(se3(v[0], &scene.camera)?));
+    add("affine_inverse", &[&inputs.affine], |_, v| Ok(affine_inverse(v[0])?));
+    add("transform_points", &[positions, &inputs.affine], |_, v| Ok(transform_points(v[0], v[1])?));
+    let lens = Tensor::from([-0.25, 0.0625, 0.001953125, -0.00390625, 0.0078125]);
+    add("distort", &[positions, &lens], |_, v| Ok(distort(v[0], v[1])?));
+    add("project_instances", &[positions, &inputs.instances], |scene, v| {
+        Ok(project_instances(v[0], v[1], &scene.camera)?)
+    });
     add("rasterize", &[clip], |scene, v| {
         let options = RasterOptions::from(scene.size);
         Ok(rasterize(v[0], &scene.mesh, options)?.barycentrics)
@@ -80,9 +96,15 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
         let options = RasterOptions::from(scene.size);
         Ok(depth(&rasterize(v[0], &scene.mesh, options)?)?)
     });
+    add("eye_depth", &[clip], |scene, v| {
+        let options = RasterOptions::from(scene.size);
+        Ok(eye_depth(&rasterize(v[0], &scene.mesh, options)?)?.values())
+    });
     let lens = [Tensor::scalar(2.0), Tensor::scalar(1.25)];
     add("depth_of_field", &[image, &inputs.distances, &lens[0], &lens[1]], |_, v| {
-        Ok(depth_of_field(v[0], v[1], v[2], v[3], &Lens::default())?.image)
+        let (lens, distances) =
+            (Lens { aperture: v[2], focus: v[3] }, DepthImage::of_distances(v[1]));
+        Ok(depth_of_field(v[0], distances, lens, &LensOptions::default())?.image)
     });
     add("gaussian_blur", &[image, &Tensor::scalar(2.0)], |_, v| {
         Ok(gaussian_blur(v[0], v[1], &Blur::default())?)
@@ -179,7 +201,15 @@ struct Inputs {
     vectors: [Tensor<f64>; 2],
     /// `[3]`.
     row: Tensor<f64>,
+    /// `[4, 4]`, a motion and a scale.
+    affine: Tensor<f64>,
+    /// `[8, 4, 4]`, the same with other translations.
+    instances: Tensor<f64>,
 }
+
+/// An affine matrix.
+const AFFINE: [f64; 16] =
+    [0.5, -0.25, 0.125, 1.0, 0.25, 0.75, 0.5, -2.0, -0.5, 0.25, 1.0, 0.5, 0.0, 0.0, 0.0, 1.0];
 
 /// The second extent of the tensors.
 const WIDTH: usize = 16;
@@ -216,6 +246,11 @@ impl Inputs {
                 Tensor::from_flat_fn([rows, 3], |_| uniform(-2.0, 2.0))
             }),
             row: Tensor::from_flat_fn([3], |_| uniform(-1.0, 1.0)),
+            affine: Tensor::from_flat_fn([4, 4], |k| AFFINE[k]),
+            instances: Tensor::from_flat_fn([8, 4, 4], |k| match k % 16 {
+                3 => (k / 16) as f64,
+                entry => AFFINE[entry],
+            }),
             scene,
         })
     }
