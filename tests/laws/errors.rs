@@ -258,7 +258,7 @@ fn every_render_error_says_the_rule_and_the_value() {
              whose pieces say nothing of what lies behind them",
         ),
         (
-            composite_layers(&[], Background::Zero).unwrap_err(),
+            composite_layers::<f64>(&[], Background::Zero).unwrap_err(),
             "composite_layers needs at least one layer, got none",
         ),
         (
