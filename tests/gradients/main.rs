@@ -7,4 +7,5 @@ mod partition;
 mod pictures;
 mod rendering;
 mod scenes;
+mod surfaces;
 mod tensors;

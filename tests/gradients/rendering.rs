@@ -587,9 +587,13 @@ fn no_operation_is_forgotten() {
     assert!(methods.len() >= 3, "{methods:?}");
 
     // What a subject does itself, under the name that it has: a helper could do anything.
-    let tests =
-        [include_str!("rendering.rs"), include_str!("pictures.rs"), include_str!("exact.rs")]
-            .concat();
+    let tests = [
+        include_str!("rendering.rs"),
+        include_str!("pictures.rs"),
+        include_str!("exact.rs"),
+        include_str!("surfaces.rs"),
+    ]
+    .concat();
     let subjects = blocks(&tests, "impl Subject for ").concat();
     for name in functions.iter().chain(&methods) {
         // An associated function stands behind the name of its type.

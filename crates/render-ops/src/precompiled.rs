@@ -10,6 +10,7 @@ use crate::composite::composite;
 use crate::depth::depth;
 use crate::depth_of_field::{Lens, depth_of_field};
 use crate::error::RenderError;
+use crate::face_normals::face_normals;
 use crate::gaussian_blur::gaussian_blur;
 use crate::interpolate::interpolate;
 use crate::mesh::Mesh;
@@ -19,6 +20,7 @@ use crate::rasterize::rasterize;
 use crate::reference::Reference;
 use crate::size::Size;
 use crate::taps::Blur;
+use crate::vertex_normals::{Weighting, vertex_normals};
 
 macro_rules! for_each_precision {
     ($($name:ident: $t:ty),*) => {
@@ -32,6 +34,8 @@ for_each_precision!(f32_operations: f32, f64_operations: f64);
 
 fn every_operation<T: Scalar>(x: Var<'_, T>) -> Result<(), RenderError> {
     let mesh = Mesh::new(Vec::new(), 0)?;
+    face_normals(x, &mesh)?;
+    vertex_normals(x, &mesh, Weighting::Area)?;
     let clip = project(x, &DMat4::IDENTITY, Some(Pose { rotation: x, translation: x }))?;
     let fragments = rasterize(clip, &mesh, Size::square(1))?;
     let values = interpolate(x, &fragments)? + depth(&fragments)?;

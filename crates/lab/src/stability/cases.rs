@@ -5,7 +5,7 @@ use super::exact::{
     shapes as exact_shapes,
 };
 use super::row::Outcome;
-use super::{blur, faces, focus, input, pictures, silhouettes, values, vertices};
+use super::{blur, faces, focus, input, pictures, silhouettes, surfaces, values, vertices};
 
 /// A case: what is put in, what has to come out, and a run in each precision.
 #[derive(Debug, Clone, Copy)]
@@ -120,4 +120,9 @@ pub(super) static CASES: &[Case] = cases! {
     85 "exact: -0.0, 2^k, threads, NaN", "the same bits, nothing masked", exact_inputs::upstream_and_bits;
     86 "exact: back faces, loose edges", "by flag; nothing hidden", exact_shapes::sides_and_edges;
     87 "exact: sides on pixel borders", "the mean slope of both sides", exact_borders::sides_on_borders;
+    141 "normals: faces without an area", "zero, no gradient, no part", surfaces::without_an_area;
+    142 "normals: a mesh times 2^k", "the same bits, gradients / 2^k", surfaces::of_any_size;
+    143 "normals: no face, or they cancel", "zero, no gradient", surfaces::no_normal;
+    144 "normals: needles and caps", "the plane's normal", surfaces::needles;
+    145 "surfaces: refused input", "an error", surfaces::refused;
 };

@@ -24,6 +24,7 @@ mod row;
 mod run;
 mod scene;
 mod silhouettes;
+mod surfaces;
 mod table;
 mod values;
 mod vertices;

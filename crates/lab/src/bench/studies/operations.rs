@@ -8,8 +8,9 @@ use std::sync::Arc;
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_fit::{FitError, squared_error};
 use bokashi_render_ops::{
-    Background, Blur, Fragments, Lens, RasterOptions, Reference, antialias, composite, depth,
-    depth_of_field, gaussian_blur, interpolate, project, rasterize,
+    Background, Blur, Fragments, Lens, RasterOptions, Reference, Weighting, antialias, composite,
+    depth, depth_of_field, face_normals, gaussian_blur, interpolate, project, rasterize,
+    vertex_normals,
 };
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -62,6 +63,13 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
     };
     let Inputs { positions, clip, barycentrics, colors, surface, aliased, image, .. } = inputs;
     add("project", &[positions], |scene, v| Ok(project(v[0], &scene.camera, None)?));
+    add("face_normals", &[positions], |scene, v| Ok(face_normals(v[0], &scene.mesh)?));
+    add("vertex_normals, by area", &[positions], |scene, v| {
+        Ok(vertex_normals(v[0], &scene.mesh, Weighting::Area)?)
+    });
+    add("vertex_normals, by angle", &[positions], |scene, v| {
+        Ok(vertex_normals(v[0], &scene.mesh, Weighting::Angle)?)
+    });
     add("rasterize", &[clip], |scene, v| {
         let options = RasterOptions::from(scene.size);
         Ok(rasterize(v[0], &scene.mesh, options)?.barycentrics)
@@ -301,8 +309,10 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
 }
 
 /// The operations whose times are per pixel.
-const RENDERING: [&str; 9] = [
+const RENDERING: [&str; 11] = [
     "project",
+    "face_normals",
+    "vertex_normals",
     "rasterize",
     "interpolate",
     "image",
