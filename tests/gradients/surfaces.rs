@@ -2,14 +2,17 @@
 
 use std::hash::Hash;
 
-use bokashi_check::strategy::{ClosedMesh, closed_mesh, well_shaped};
+use bokashi_check::strategy::{
+    ClosedMesh, closed_mesh, number, tensor, unit_quaternion, well_shaped,
+};
 use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
-use bokashi_render_ops::{Mesh, Weighting, face_normals, vertex_normals};
+use bokashi_render_ops::{Mesh, Weighting, face_normals, transform_normals, vertex_normals};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
 use crate::rendering::{check, leaf};
+use crate::scenes::motley;
 
 /// A mesh and its positions `[V, 3]`.
 #[derive(Debug, Clone)]
@@ -154,5 +157,59 @@ fn vertex_normals_by_area_and_by_angle() {
                     .refuses("a position that is no number", of(&small, leaf([4, 3], f64::NAN))),
             );
         }
+    }
+}
+
+#[derive(Debug)]
+struct TransformNormals;
+
+impl Subject for TransformNormals {
+    /// Normals and a matrix.
+    fn apply<'t, T: Scalar>(
+        &self,
+        _tape: &'t Tape<T>,
+        inputs: &[Var<'t, T>],
+    ) -> Result<Outcome<'t, T>, Refusal> {
+        let normals = transform_normals(inputs[0], inputs[1])?;
+        Ok(Outcome::from(normals).with_state(vanishing(normals, 3)))
+    }
+}
+
+/// Vectors of any direction whose length is from 0.3 to 3.
+fn vectors(count: usize) -> BoxedStrategy<Tensor<f64>> {
+    let vector = (0.3..3.0, unit_quaternion()).prop_map(|(length, [x, y, z, w])| {
+        let column = [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)];
+        column.map(|entry| length * entry)
+    });
+    let rows = vec(vector, count);
+    rows.prop_map(move |rows| Tensor::from_flat_fn([count, 3], |k| rows[k / 3][k % 3])).boxed()
+}
+
+/// Square matrices whose linear part is far enough from singular for difference quotients.
+fn matrices(side: usize) -> BoxedStrategy<Tensor<f64>> {
+    let determinant = move |matrix: &Tensor<f64>| {
+        let at = |i: usize, j: usize| matrix.data()[i * side + j];
+        glam::DMat3::from_cols_array_2d(&[0, 1, 2].map(|i| [0, 1, 2].map(|j| at(i, j))))
+            .determinant()
+    };
+    let is_regular = move |matrix: &Tensor<f64>| determinant(matrix).abs() > 0.5;
+    tensor([side, side], number()).prop_filter("nearly singular", is_regular).boxed()
+}
+
+#[test]
+fn transform_normals_by_matrices_of_both_shapes() {
+    let of = |normals: Input, matrix: Input| Case::new(TransformNormals, [normals, matrix]);
+    for side in [3, 4] {
+        let cases = (vectors(4), matrices(side))
+            .prop_map(move |(normals, matrix)| of(Input::leaf(normals), Input::leaf(matrix)));
+        let many = Tensor::from_flat_fn([20_000, 3], |k| motley(7 * k) + 0.6);
+        let matrix =
+            Tensor::from_flat_fn([side, side], |k| motley(k) + f64::from(k % (side + 1) == 0));
+        check(
+            Check::of_cases(format!("transform_normals by {side} x {side}"), cases)
+                .large(1, Just(of(Input::leaf(many), Input::leaf(matrix))))
+                .refuses("rows of four", of(leaf([2, 4], 1.0), leaf([side, side], 1.0)))
+                .refuses("a matrix of another shape", of(leaf([2, 3], 1.0), leaf([3, 4], 1.0))),
+        );
     }
 }

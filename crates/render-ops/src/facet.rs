@@ -24,11 +24,8 @@
 use bokashi_core::Scalar;
 
 use crate::vector::{
-    Vector3, across, cross, difference, dot, larger, largest, power_of_two_to_1, scaled,
+    ROUNDING, Vector3, across, cross, difference, dot, larger, largest, power_of_two_to_1, scaled,
 };
-
-/// A bound on the relative rounding error of a cross product: three roundings of each of two products.
-pub(crate) const ROUNDING: f64 = 8.0 * f64::EPSILON;
 
 /// The square of the shortest edge that a face may have whose longest edge is near 1.
 const SHORTEST: f64 = f64::from_bits(123 << 52);

@@ -65,6 +65,7 @@ mod runs;
 mod size;
 mod squared_error;
 mod taps;
+mod transform_normals;
 mod vector;
 mod vertex_normals;
 
@@ -91,4 +92,5 @@ pub use rasterize::{Cull, RasterOptions, Sampling, rasterize};
 pub use reference::Reference;
 pub use size::Size;
 pub use taps::{Blur, Kernel, Radius};
+pub use transform_normals::transform_normals;
 pub use vertex_normals::{Weighting, vertex_normals};

@@ -20,6 +20,7 @@ use crate::rasterize::rasterize;
 use crate::reference::Reference;
 use crate::size::Size;
 use crate::taps::Blur;
+use crate::transform_normals::transform_normals;
 use crate::vertex_normals::{Weighting, vertex_normals};
 
 macro_rules! for_each_precision {
@@ -35,7 +36,8 @@ for_each_precision!(f32_operations: f32, f64_operations: f64);
 fn every_operation<T: Scalar>(x: Var<'_, T>) -> Result<(), RenderError> {
     let mesh = Mesh::new(Vec::new(), 0)?;
     face_normals(x, &mesh)?;
-    vertex_normals(x, &mesh, Weighting::Area)?;
+    let normals = vertex_normals(x, &mesh, Weighting::Area)?;
+    transform_normals(normals, x)?;
     let clip = project(x, &DMat4::IDENTITY, Some(Pose { rotation: x, translation: x }))?;
     let fragments = rasterize(clip, &mesh, Size::square(1))?;
     let values = interpolate(x, &fragments)? + depth(&fragments)?;

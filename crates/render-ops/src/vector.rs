@@ -7,6 +7,10 @@
 
 use bokashi_core::Scalar;
 
+/// More than the relative rounding error of a cross product of differences, against the product of
+/// their lengths: three roundings of each of two products.
+pub(crate) const ROUNDING: f64 = 8.0 * f64::EPSILON;
+
 /// A vector of three numbers.
 pub(crate) type Vector3<S> = [S; 3];
 
@@ -91,8 +95,8 @@ impl<S: Scalar> Direction<S> {
         let factor = power_of_two_to_1(largest(v));
         let v = scaled(factor, v);
         let length = dot(v, v).sqrt();
-        // By value, and so that a NaN is let through.
-        if length <= factor * error {
+        // What is not finite is let through.
+        if length <= factor * error && length.is_finite() {
             return None;
         }
         Some(Self { unit: v.map(|entry| entry / length), length, factor })

@@ -124,5 +124,6 @@ pub(super) static CASES: &[Case] = cases! {
     142 "normals: a mesh times 2^k", "the same bits, gradients / 2^k", surfaces::of_any_size;
     143 "normals: no face, or they cancel", "zero, no gradient", surfaces::no_normal;
     144 "normals: needles and caps", "the plane's normal", surfaces::needles;
-    145 "surfaces: refused input", "an error", surfaces::refused;
+    145 "normals: refused input", "an error", surfaces::refused;
+    146 "normals: singular, mirrored matrices", "the faces' normals, or zero", surfaces::transformed;
 };

@@ -10,7 +10,7 @@ use bokashi_fit::{FitError, squared_error};
 use bokashi_render_ops::{
     Background, Blur, Fragments, Lens, RasterOptions, Reference, Weighting, antialias, composite,
     depth, depth_of_field, face_normals, gaussian_blur, interpolate, project, rasterize,
-    vertex_normals,
+    transform_normals, vertex_normals,
 };
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -70,6 +70,9 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
     add("vertex_normals, by angle", &[positions], |scene, v| {
         Ok(vertex_normals(v[0], &scene.mesh, Weighting::Angle)?)
     });
+    let turn =
+        Tensor::from_flat_fn([3, 3], |k| [0.5, -0.75, 1.0, 1.5, 0.25, -0.5, 0.0, 1.0, 2.0][k]);
+    add("transform_normals", &[positions, &turn], |_, v| Ok(transform_normals(v[0], v[1])?));
     add("rasterize", &[clip], |scene, v| {
         let options = RasterOptions::from(scene.size);
         Ok(rasterize(v[0], &scene.mesh, options)?.barycentrics)
@@ -309,7 +312,8 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
 }
 
 /// The operations whose times are per pixel.
-const RENDERING: [&str; 11] = [
+const RENDERING: [&str; 12] = [
+    "transform_normals",
     "project",
     "face_normals",
     "vertex_normals",
