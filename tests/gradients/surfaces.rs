@@ -7,11 +7,15 @@ use bokashi_check::strategy::{
 };
 use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
-use bokashi_render_ops::{Mesh, Weighting, face_normals, transform_normals, vertex_normals};
+use bokashi_render_ops::{
+    Mesh, Weighting, face_normals, perturbed_normals, tangents, transform_normals, vertex_normals,
+};
+use glam::{DMat3, DVec3};
 use proptest::collection::vec;
 use proptest::prelude::*;
+use proptest::sample::select;
 
-use crate::rendering::{check, leaf};
+use crate::rendering::{check, leaf, wide};
 use crate::scenes::motley;
 
 /// A mesh and its positions `[V, 3]`.
@@ -189,8 +193,7 @@ fn vectors(count: usize) -> BoxedStrategy<Tensor<f64>> {
 fn matrices(side: usize) -> BoxedStrategy<Tensor<f64>> {
     let determinant = move |matrix: &Tensor<f64>| {
         let at = |i: usize, j: usize| matrix.data()[i * side + j];
-        glam::DMat3::from_cols_array_2d(&[0, 1, 2].map(|i| [0, 1, 2].map(|j| at(i, j))))
-            .determinant()
+        DMat3::from_cols_array_2d(&[0, 1, 2].map(|i| [0, 1, 2].map(|j| at(i, j)))).determinant()
     };
     let is_regular = move |matrix: &Tensor<f64>| determinant(matrix).abs() > 0.5;
     tensor([side, side], number()).prop_filter("nearly singular", is_regular).boxed()
@@ -212,4 +215,147 @@ fn transform_normals_by_matrices_of_both_shapes() {
                 .refuses("a matrix of another shape", of(leaf([2, 3], 1.0), leaf([3, 4], 1.0))),
         );
     }
+}
+
+/// A mesh, and texture coordinates with indices of their own.
+#[derive(Debug, Clone)]
+struct Tangents {
+    mesh: Mesh,
+    indices: Mesh,
+}
+
+impl Subject for Tangents {
+    /// Positions, normals and texture coordinates.
+    fn apply<'t, T: Scalar>(
+        &self,
+        _tape: &'t Tape<T>,
+        inputs: &[Var<'t, T>],
+    ) -> Result<Outcome<'t, T>, Refusal> {
+        let out = tangents(inputs[0], inputs[1], inputs[2], &self.indices, &self.mesh)?;
+        // On which side of a face each normal lies, and which way the texture is turned there.
+        let [positions, normals] = [0, 1].map(|i| wide(inputs[i]));
+        let at =
+            |of: &Tensor<f64>, vertex: u32| DVec3::from_slice(&of.data()[3 * vertex as usize..]);
+        let sides = self.mesh.faces().iter().flat_map(|&face| {
+            let [p, q, r] = face.map(|vertex| at(&positions, vertex));
+            let cross = (q - p).cross(r - p);
+            face.map(|vertex| cross.dot(at(&normals, vertex)) > 0.0)
+        });
+        let signs: Vec<_> = wide(out).data().chunks(4).map(|row| row[3] > 0.0).collect();
+        Ok(Outcome::from(out)
+            .with_state(vanishing(out, 3))
+            .with_state(sides.collect::<Vec<_>>())
+            .with_state(signs))
+    }
+}
+
+/// A surface with normals that are somewhat askew, and crooked coordinates: two for each vertex, of which
+/// the second half of the faces takes the second.
+fn textured(surface: &Surface, noise: &[f64]) -> (Tangents, Vec<Input>) {
+    let positions = &surface.positions;
+    let count = positions.shape()[0];
+    let tape = Tape::new();
+    let upright = vertex_normals(tape.constant(positions), &surface.mesh, Weighting::Angle);
+    let upright = upright.unwrap().value();
+    let normals =
+        Tensor::from_flat_fn([count, 3], |k| 2.0 * upright.data()[k] + 0.6 * noise[k % 40]);
+    let coordinate = |k: usize| {
+        let p = DVec3::from_slice(&positions.data()[k / 2 % count * 3..]);
+        let slopes = [DVec3::new(1.0, 0.3, -0.2), DVec3::new(-0.1, 0.9, 0.8)];
+        slopes[k % 2].dot(p) + 0.4 * noise[7 * k % 40]
+    };
+    let coordinates = Tensor::from_flat_fn([2 * count, 2], coordinate);
+    let faces = surface.mesh.faces();
+    let named = faces.iter().enumerate().map(|(k, face)| {
+        let shift = if 2 * k < faces.len() { 0 } else { count as u32 };
+        face.map(|vertex| vertex + shift)
+    });
+    let indices = Mesh::new(named.collect(), 2 * count).unwrap();
+    let inputs = [positions.clone(), normals, coordinates].map(Input::leaf).to_vec();
+    (Tangents { mesh: surface.mesh.clone(), indices }, inputs)
+}
+
+#[test]
+fn tangents_of_textures_with_indices_of_their_own() {
+    let of = |surface: &Surface, noise: &[f64]| {
+        let (subject, inputs) = textured(surface, noise);
+        Case::new(subject, inputs)
+    };
+    let noises = || vec(-1.0..1.0, 40);
+    for (kind, surfaces) in surfaces() {
+        let cases = (surfaces, noises()).prop_map(move |(surface, noise)| of(&surface, &noise));
+        let noise: Vec<f64> = (0..40).map(motley).collect();
+        let (subject, right) = textured(&Surface::sheet(1), &noise);
+        let wrong = |input: usize, tensor: Input| {
+            let mut inputs = right.clone();
+            inputs[input] = tensor;
+            Case::new(subject.clone(), inputs)
+        };
+        let few = Mesh::new(vec![], 8).unwrap();
+        let few = Case::new(Tangents { indices: few, ..subject.clone() }, right.clone());
+        check(
+            Check::of_cases(format!("tangents of {kind}"), cases)
+                .large(1, Just(of(&Surface::sheet(48), &noise)))
+                .refuses("another number of positions", wrong(0, leaf([5, 3], 1.0)))
+                .refuses("normals of four coordinates", wrong(1, leaf([4, 4], 1.0)))
+                .refuses("a coordinate that is no number", wrong(2, leaf([8, 2], f64::NAN)))
+                .refuses("another number of faces", few),
+        );
+    }
+}
+
+#[derive(Debug)]
+struct PerturbedNormals;
+
+impl Subject for PerturbedNormals {
+    /// Normals, tangents and map values.
+    fn apply<'t, T: Scalar>(
+        &self,
+        _tape: &'t Tape<T>,
+        inputs: &[Var<'t, T>],
+    ) -> Result<Outcome<'t, T>, Refusal> {
+        let out = perturbed_normals(inputs[0], inputs[1], inputs[2])?;
+        let tangents = wide(inputs[1]);
+        let kind = |row: &[f64]| (row[3] < 0.0, row[..3] == [0.0; 3]);
+        let kinds: Vec<_> = tangents.data().chunks(4).map(kind).collect();
+        Ok(Outcome::from(out).with_state(kinds))
+    }
+}
+
+#[test]
+fn perturbed_normals_in_frames_of_every_kind() {
+    let of = |n: Input, t: Input, v: Input| Case::new(PerturbedNormals, [n, t, v]);
+    let count = 4;
+    let rows = |width: usize| {
+        let entry = move |k: usize| motley(11 * k + width) + 0.2;
+        Input::leaf(Tensor::from_flat_fn([12_000, width], entry))
+    };
+    // The sign is a number that is not near 0; and a tangent may be missing.
+    let sign = select(&[1.0, -1.0, 0.4, -0.7][..]);
+    let is_there = prop_oneof![11 => Just(true), 1 => Just(false)];
+    // Nearly along the normal a difference quotient has no step.
+    let is_across = |[n, t, _]: &[Tensor<f64>; 3]| {
+        let mut rows = n.data().chunks(3).zip(t.data().chunks(3));
+        rows.all(|(n, t)| DVec3::from_slice(n).cross(DVec3::from_slice(t)).length() > 0.1)
+    };
+    let vectors = [vectors(count), vectors(count), vectors(count)];
+    let vectors = vectors.prop_filter("along the normal", is_across);
+    let cases = (vectors, vec((sign, is_there), count)).prop_map(move |([n, t, v], kinds)| {
+        let tangent = |k: usize| match (k % 4, kinds[k / 4]) {
+            (3, (sign, _)) => sign,
+            (_, (_, false)) => 0.0,
+            (i, _) => t.data()[k / 4 * 3 + i],
+        };
+        let t = Tensor::from_flat_fn([count, 4], tangent);
+        of(Input::leaf(n), Input::leaf(t), Input::leaf(v))
+    });
+    check(
+        Check::of_cases("perturbed_normals", cases)
+            .large(1, Just(of(rows(3), rows(4), rows(3))))
+            .refuses(
+                "tangents of three",
+                of(leaf([2, 3], 1.0), leaf([2, 3], 1.0), leaf([2, 3], 1.0)),
+            )
+            .refuses("other rows", of(leaf([2, 3], 1.0), leaf([2, 4], 1.0), leaf([3, 3], 1.0))),
+    );
 }

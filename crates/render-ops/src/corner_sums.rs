@@ -8,7 +8,7 @@ use crate::corners::Corners;
 /// Vertices in one piece of work.
 const VERTICES_PER_PIECE: usize = 1 << 11;
 
-/// Adds to row v of `gradient: [V, N]` the sum of `row(v, corners at v)`.
+/// Adds `row(v, corners at v)` to row v of `gradient: [V, N]`.
 #[inline(always)]
 pub(crate) fn add_by_vertex<T: Scalar, const N: usize>(
     gradient: &mut Accumulator<T>,
@@ -35,17 +35,18 @@ pub(crate) fn add_rows_by_vertex<T: Scalar, const N: usize>(
     corners: &Corners,
     rows: &[[T::Wide; N]],
 ) {
-    add_by_vertex(gradient, corners, |_, corners| sum_rows(corners, rows));
+    add_by_vertex(gradient, corners, |_, corners| sum_over(corners, |corner| rows[corner]));
 }
 
-/// The sum of the rows of some corners.
+/// The sum of the rows of some corners, in their order.
 #[inline(always)]
-pub(crate) fn sum_rows<S: Scalar, const N: usize>(corners: &[usize], rows: &[[S; N]]) -> [S; N] {
+pub(crate) fn sum_over<S: Scalar, const N: usize>(
+    corners: &[usize],
+    row: impl Fn(usize) -> [S; N],
+) -> [S; N] {
     let mut sum = [S::ZERO; N];
     for &corner in corners {
-        for (sum, &entry) in sum.iter_mut().zip(&rows[corner]) {
-            *sum += entry;
-        }
+        sum.iter_mut().zip(row(corner)).for_each(|(sum, term)| *sum += term);
     }
     sum
 }

@@ -107,6 +107,11 @@ impl Mesh {
         self.0.vertex_count
     }
 
+    /// Whether both are clones of one mesh.
+    pub(crate) fn is(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+
     /// Which faces share an edge.
     pub fn adjacency(&self) -> &Adjacency {
         self.0.adjacency.get_or_init(|| Adjacency::of(&self.0.faces))

@@ -124,6 +124,9 @@ pub(super) static CASES: &[Case] = cases! {
     142 "normals: a mesh times 2^k", "the same bits, gradients / 2^k", surfaces::of_any_size;
     143 "normals: no face, or they cancel", "zero, no gradient", surfaces::no_normal;
     144 "normals: needles and caps", "the plane's normal", surfaces::needles;
-    145 "normals: refused input", "an error", surfaces::refused;
+    145 "normals, tangents: refused input", "an error", surfaces::refused;
     146 "normals: singular, mirrored matrices", "the faces' normals, or zero", surfaces::transformed;
+    147 "tangents: nothing has a direction", "(0, 0, 0, 1), no gradient", surfaces::no_tangent;
+    148 "tangents: factors 2^k, u sheared", "the same bits, no gradient of u", surfaces::tangents_of_any_size;
+    149 "perturbed: no tangent, zeros", "the normal, or zero", surfaces::perturbed;
 };

@@ -2,7 +2,8 @@
 
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
-    Mesh, RenderError, Weighting, face_normals, transform_normals, vertex_normals,
+    Mesh, RenderError, Weighting, face_normals, perturbed_normals, tangents, transform_normals,
+    vertex_normals,
 };
 
 use super::row::{Failure, Found, Outcome, told};
@@ -167,6 +168,32 @@ pub(super) fn refused<T: Scalar>() -> Outcome {
         let rule = "transform_normals needs a matrix of shape [4, 4] or [3, 3], got shape";
         results.push((said, format!("{rule} {shape:?}")));
     }
+    let upright = zeros(&[49, 3]);
+    let flat = zeros(&[49, 2]);
+    let textured = |p, n, c, indices: &Mesh| told(tangents(p, n, c, indices, &mesh));
+    for (name, [p, n], c, rule) in [
+        ("positions", [flat, upright], flat, "[49, 3], got shape [49, 2]"),
+        ("normals", [upright, flat], flat, "[49, 3], got shape [49, 2]"),
+        ("texture coordinates", [upright; 2], upright, "[49, 2], got shape [49, 3]"),
+    ] {
+        let message = format!("tangents needs {name} of shape {rule}");
+        results.push((textured(p, n, c, &mesh), message));
+    }
+    let few = Mesh::new(vec![[0, 1, 2]], 49)?;
+    let rule = "indices need one face per face of the mesh, 72, got 1";
+    results.push((textured(upright, upright, flat, &few), rule.to_owned()));
+    let shared = Mesh::new(vec![[0, 1, 2]; 72], 3)?;
+    let rule = "tangents needs texture coordinate 1 at vertex 1 alone, got 8";
+    results.push((textured(upright, upright, zeros(&[3, 2]), &shared), rule.to_owned()));
+    let perturbed =
+        |[n, t, v]: [&[usize]; 3]| told(perturbed_normals(zeros(n), zeros(t), zeros(v)));
+    for (shapes, rule) in [
+        ([&[4, 2][..], &[4, 4], &[4, 3]], "normals of shape [.., 3], got shape [4, 2]"),
+        ([&[4, 3], &[4, 3], &[4, 3]], "tangents of shape [4, 4], got shape [4, 3]"),
+        ([&[4, 3], &[4, 4], &[3, 3]], "map values of shape [4, 3], got shape [3, 3]"),
+    ] {
+        results.push((perturbed(shapes), format!("perturbed_normals needs {rule}")));
+    }
     Ok(Found::refused(results))
 }
 
@@ -203,4 +230,122 @@ pub(super) fn transformed<T: Scalar>() -> Outcome {
     // The normals before are rounded.
     Ok(Found::within("the normals of the transformed faces", error, 32.0 * rounding::<T>())
         .and(finite, "a gradient is not finite"))
+}
+
+/// Tangents of the sheet, and gradients of positions, normals and coordinates for motley upstream.
+fn run_tangents<T: Scalar>(inputs: [&[f64]; 3]) -> Result<[Vec<f64>; 4], Failure> {
+    let tape = Tape::<T>::new();
+    let mesh = Mesh::new(sheet::<T>().1, 49)?;
+    let leaf =
+        |of: &[f64]| tape.leaf(&Tensor::from_flat_fn([49, of.len() / 49], |k| T::from_f64(of[k])));
+    let [positions, normals, coordinates] = inputs.map(leaf);
+    let out = tangents(positions, normals, coordinates, &mesh, &mesh)?;
+    let upstream = Tensor::from_flat_fn(out.shape(), |k| T::from_f64(motley(3 * k + 1)));
+    let gradients = tape.vjp(&[(out, &upstream)])?;
+    let [p, n, c] = [positions, normals, coordinates].map(|leaf| gradients.get_or_zeros(leaf));
+    Ok([numbers(&out.value()), numbers(&p), numbers(&n), numbers(&c)])
+}
+
+/// Normals and texture coordinates of the sheet, as `T` holds them.
+fn texture<T: Scalar>(positions: &[f64]) -> [Vec<f64>; 2] {
+    let single = |x: f64| T::from_f64(x).to_f64();
+    let normals = (0..147).map(|k| single(if k % 3 == 2 { 1.0 } else { 0.4 * motley(k) }));
+    let coordinate = |k: usize| {
+        let [x, y] = [positions[k / 2 * 3], positions[k / 2 * 3 + 1]];
+        if k % 2 == 0 { x + 0.2 * y } else { 0.9 - 0.8 * y + 0.1 * x }
+    };
+    [normals.collect(), (0..98).map(|k| single(coordinate(k))).collect()]
+}
+
+pub(super) fn no_tangent<T: Scalar>() -> Outcome {
+    let (positions, _) = sheet::<T>();
+    let [normals, coordinates] = texture::<T>(&positions);
+    let line: Vec<f64> = (0..98).map(|k| f64::from(1 + k % 2) * (k / 2 % 7) as f64).collect();
+    let all_in_one = vec![0.3; 98];
+    let (flat, gone) = (vec![0.5; 147], vec![0.0; 147]);
+    let along_x: Vec<f64> =
+        positions.iter().enumerate().map(|(k, x)| if k % 3 == 0 { *x } else { 0.0 }).collect();
+    let mut wrong = 0;
+    for inputs in [
+        [&positions[..], &normals, &all_in_one],
+        [&positions, &normals, &line],
+        [&positions, &gone, &coordinates],
+        [&flat, &normals, &coordinates],
+        [&along_x, &normals, &coordinates],
+    ] {
+        let [found, bars @ ..] = run_tangents::<T>(inputs)?;
+        let right = |(k, entry): (usize, &f64)| *entry == f64::from(u8::from(k % 4 == 3));
+        wrong += found.iter().enumerate().filter(|&entry| !right(entry)).count();
+        wrong += bars.iter().flatten().filter(|&&bar| bar != 0.0).count();
+    }
+    Ok(Found::exactly("(0, 0, 0, 1), zero gradients", wrong))
+}
+
+pub(super) fn tangents_of_any_size<T: Scalar>() -> Outcome {
+    let (positions, _) = sheet::<T>();
+    let [normals, coordinates] = texture::<T>(&positions);
+    let [expected, expected_bars @ ..] = run_tangents::<T>([&positions, &normals, &coordinates])?;
+    let most = if rounding::<T>() < 1e-10 { 800 } else { 60 };
+    let mut wrong = 0;
+    for powers in [[most, -most, most], [-most, 3, -most], [0, most, 1]] {
+        let scales = powers.map(|power| f64::powi(2.0, power));
+        let scaled = |of: &[f64], input: usize| -> Vec<f64> {
+            of.iter().map(|x| scales[input] * x).collect()
+        };
+        let [p, n, c] = [scaled(&positions, 0), scaled(&normals, 1), scaled(&coordinates, 2)];
+        let [found, bars @ ..] = run_tangents::<T>([&p, &n, &c])?;
+        wrong += usize::from(found != expected);
+        for input in 0..3 {
+            wrong += usize::from(scaled(&bars[input], input) != expected_bars[input]);
+        }
+        wrong += bars[2].iter().step_by(2).filter(|&&bar| bar != 0.0).count();
+    }
+    // Where v stays u grows, whatever is added to u along v.
+    let shear = |(k, c): (usize, &f64)| if k % 2 == 0 { c + 0.5 * coordinates[k + 1] } else { *c };
+    let sheared: Vec<f64> = coordinates.iter().enumerate().map(shear).collect();
+    let [found, ..] = run_tangents::<T>([&positions, &normals, &sheared])?;
+    wrong += usize::from(found != expected);
+    Ok(Found::exactly("the same tangents, gradients times 2^-k", wrong))
+}
+
+pub(super) fn perturbed<T: Scalar>() -> Outcome {
+    let normal = [0.5, -0.25, 2.0];
+    let along = normal.map(|entry| -3.0 * entry);
+    let unit = 1.0 / (normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]).sqrt();
+    let upright = normal.map(|entry| unit * entry);
+    let down = upright.map(|entry| -entry);
+    let (zero, across) = ([0.0; 3], [1.0, 0.0, 0.0]);
+    // Normal, tangent and map value; what comes out.
+    let table = [
+        (normal, zero, [0.3, -0.5, 0.7], upright),
+        (normal, along, [0.3, -0.5, -0.7], upright),
+        (normal, along, zero, upright),
+        (normal, across, [0.0, 0.0, 1e-30], upright),
+        (normal, across, [0.0, 0.0, -1.0], down),
+        (normal, across, zero, zero),
+        (zero, across, [0.3, -0.5, 0.7], zero),
+        (zero, zero, zero, zero),
+    ];
+    let mut error = 0.0_f64;
+    let mut finite = true;
+    for (normal, [x, y, z], value, expected) in table {
+        for (scale, sign) in [(1.0, 1.0), (1e-30, -1.0), (1e30, -0.0)] {
+            let tape = Tape::<T>::new();
+            let leaf = |of: &[f64]| {
+                tape.leaf(&Tensor::from_flat_fn([1, of.len()], |k| T::from_f64(of[k])))
+            };
+            let normal = leaf(&normal.map(|entry| scale * entry));
+            let (tangent, value) = (leaf(&[scale * x, scale * y, scale * z, sign]), leaf(&value));
+            let out = perturbed_normals(normal, tangent, value)?;
+            error = error.maximum_or_nan(difference(&numbers(&out.value()), &expected));
+            let gradients = out.sum().backward()?;
+            let leaves = [normal, tangent, value];
+            finite &= leaves.iter().all(|&leaf| gradients.get_or_zeros(leaf).is_finite());
+            let is_zero = expected == zero;
+            let bars = leaves.iter().flat_map(|&leaf| numbers(&gradients.get_or_zeros(leaf)));
+            finite &= !is_zero || bars.into_iter().all(|bar| bar == 0.0);
+        }
+    }
+    Ok(Found::within("the unit normal, its opposite, or zero", error, 4.0 * rounding::<T>())
+        .and(finite, "a gradient is not finite, or not zero"))
 }

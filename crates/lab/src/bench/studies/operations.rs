@@ -9,8 +9,8 @@ use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_fit::{FitError, squared_error};
 use bokashi_render_ops::{
     Background, Blur, Fragments, Lens, RasterOptions, Reference, Weighting, antialias, composite,
-    depth, depth_of_field, face_normals, gaussian_blur, interpolate, project, rasterize,
-    transform_normals, vertex_normals,
+    depth, depth_of_field, face_normals, gaussian_blur, interpolate, perturbed_normals, project,
+    rasterize, tangents, transform_normals, vertex_normals,
 };
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -73,6 +73,13 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
     let turn =
         Tensor::from_flat_fn([3, 3], |k| [0.5, -0.75, 1.0, 1.5, 0.25, -0.5, 0.0, 1.0, 2.0][k]);
     add("transform_normals", &[positions, &turn], |_, v| Ok(transform_normals(v[0], v[1])?));
+    add("tangents", &[positions, &inputs.normals, &inputs.coordinates], |scene, v| {
+        Ok(tangents(v[0], v[1], v[2], &scene.mesh, &scene.mesh)?)
+    });
+    let [normals, tangents, values] = &inputs.frames;
+    add("perturbed_normals", &[normals, tangents, values], |_, v| {
+        Ok(perturbed_normals(v[0], v[1], v[2])?)
+    });
     add("rasterize", &[clip], |scene, v| {
         let options = RasterOptions::from(scene.size);
         Ok(rasterize(v[0], &scene.mesh, options)?.barycentrics)
@@ -144,6 +151,11 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
 struct Inputs {
     scene: Scene,
     positions: Tensor<f64>,
+    /// `[V, 3]` and `[V, 2]`.
+    normals: Tensor<f64>,
+    coordinates: Tensor<f64>,
+    /// Normals, tangents and map values, one for each pixel.
+    frames: [Tensor<f64>; 3],
     clip: Tensor<f64>,
     barycentrics: Tensor<f64>,
     colors: Tensor<f64>,
@@ -178,7 +190,16 @@ impl Inputs {
         let drawn = drawn(&scene, scene.size.into(), at, tinted)?;
         let image = antialias(drawn.composite.clone())?.image()?;
         let rows = pixels * pixels / WIDTH;
+        let normals = vertex_normals(at, &scene.mesh, Weighting::Angle)?;
+        let vertices = scene.mesh.vertex_count();
+        let coordinate = |k: usize| positions.data()[k / 2 * 3 + k % 2];
+        let coordinates = Tensor::from_flat_fn([vertices, 2], coordinate);
+        let mut vectors =
+            |width| Tensor::from_flat_fn([pixels * pixels, width], |_| uniform(-1.0, 1.0));
         Ok(Self {
+            normals: single(normals.value()),
+            coordinates: single(coordinates),
+            frames: [vectors(3), vectors(4), vectors(3)],
             positions: single(positions),
             clip: single(drawn.clip.value()),
             barycentrics: single(drawn.fragments.barycentrics.value()),
@@ -312,7 +333,9 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
 }
 
 /// The operations whose times are per pixel.
-const RENDERING: [&str; 12] = [
+const RENDERING: [&str; 14] = [
+    "tangents",
+    "perturbed_normals",
     "transform_normals",
     "project",
     "face_normals",

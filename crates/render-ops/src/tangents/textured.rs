@@ -1,0 +1,206 @@
+//! A face with texture coordinates: in which direction u grows on it, as its corners see that.
+//!
+//! # Forward
+//! With the corner k that faces the longest edge, `dv_i = v_i - v_k`, and `e` the edges of the face,
+//! `t = s (dv_(k+1) e_(k+1) + dv_(k+2) e_(k+2))`. This is dp/du times the size of the determinant
+//! `du_(k+1) dv_(k+2) - dv_(k+1) du_(k+2)`, whose sign is s. A corner with unit normal m sees
+//!
+//! - the direction `d = q / |q|`, `q = t - m (m . t)`;
+//! - the angle `phi = atan2(|A|, D)` between the edges a and b that begin there, seen along m:
+//!   `A = m . (a x b)`, `D = a . b - (m . a) (m . b)`.
+//!
+//! # Backward
+//! `q_bar = (d_bar - d (d . d_bar)) / |q|`, `t_bar += q_bar - m (m . q_bar)`,
+//! `m_bar -= (m . t) q_bar + (m . q_bar) t`; and with `h = A^2 + D^2`,
+//! `A_bar = sign(A) phi_bar D / h`, `D_bar = -phi_bar |A| / h`, from there to a, b and m.
+//!
+//! # Degenerate faces
+//! No corner sees anything where the face has no normal (`facet`), or where the determinant is no
+//! larger than a bound on its rounding error. A corner sees nothing where its normal is zero, where t
+//! is along the normal to within rounding, or one of the corner's edges is.
+
+use bokashi_core::Scalar;
+
+use crate::facet::Facet;
+use crate::vector::{
+    Direction, ROUNDING, Vector3, across, cross, difference, dot, larger, power_of_two_to_1,
+    scaled, sum,
+};
+
+/// A face on which u has a direction.
+pub(super) struct Textured<S> {
+    facet: Facet<S>,
+    /// The differences of v along the edges after and before the corner that faces the longest edge,
+    /// times `factor` and the determinant's sign.
+    dv: [S; 2],
+    factor: S,
+    /// Whether the texture is mirrored, seen from the front.
+    pub(super) is_mirrored: bool,
+    /// Along dp/du, and a bound on its error.
+    t: Vector3<S>,
+    error: S,
+}
+
+/// What a corner sees.
+pub(super) struct Seen<S> {
+    direction: Direction<S>,
+    /// `A` and `D`.
+    area: S,
+    product: S,
+    /// A bound on the error of the direction.
+    pub(super) doubt: S,
+}
+
+impl<S: Scalar> Seen<S> {
+    pub(super) fn direction(&self) -> Vector3<S> {
+        self.direction.unit
+    }
+
+    pub(super) fn angle(&self) -> S {
+        self.area.abs().atan2(self.product)
+    }
+}
+
+/// Gradients of a face's corners.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Bars<S> {
+    pub(super) positions: [Vector3<S>; 3],
+    /// Of the unit normals.
+    pub(super) normals: [Vector3<S>; 3],
+    /// Of the texture coordinates: those of u are zero.
+    pub(super) coordinates: [[S; 2]; 3],
+}
+
+impl<S: Scalar> Bars<S> {
+    pub(super) const ZERO: Self = Self {
+        positions: [[S::ZERO; 3]; 3],
+        normals: [[S::ZERO; 3]; 3],
+        coordinates: [[S::ZERO; 2]; 3],
+    };
+}
+
+impl<S: Scalar<Wide = S>> Textured<S> {
+    /// The face with these corners in the rows of `positions: [V, 3]` and `coordinates: [A, 2]`; `None`
+    /// where it is degenerate.
+    #[inline(always)]
+    pub(super) fn of<T: Scalar<Wide = S>>(
+        [positions, coordinates]: [&[T]; 2],
+        [face, textured]: [[u32; 3]; 2],
+    ) -> Option<Self> {
+        let facet = Facet::of(positions, face)?;
+        let rows = coordinates.as_chunks::<2>().0;
+        let corners = textured.map(|index| rows[index as usize].map(T::widen));
+        let ([[du, dv], [eu, ev]], factor) = differences(corners, facet.apex);
+        let [one, other] = [du * ev, dv * eu];
+        let determinant = one - other;
+        if determinant.abs() <= S::from_f64(ROUNDING) * (one.abs() + other.abs()) {
+            return None;
+        }
+        // Rows run downwards: unmirrored, v falls to the left of where u grows.
+        let is_mirrored = determinant > S::ZERO;
+        let dv = [dv, ev].map(|dv| if is_mirrored { dv } else { -dv });
+        let edges = ends(&facet);
+        let [by_next, by_last] = [0, 1].map(|i| scaled(dv[i], edges[i]));
+        let sizes = [by_next, by_last].map(|[x, y, z]| x.abs() + y.abs() + z.abs());
+        let error = S::from_f64(ROUNDING) * (sizes[0] + sizes[1]);
+        Some(Self { dv, factor, is_mirrored, t: sum(by_next, by_last), error, facet })
+    }
+
+    /// The edges that begin at a corner: to the next corner, and to the last one.
+    #[inline(always)]
+    fn edges_at(&self, corner: usize) -> [Vector3<S>; 2] {
+        let edges = &self.facet.edges;
+        [edges[(corner + 2) % 3], edges[(corner + 1) % 3].map(|entry| -entry)]
+    }
+
+    /// What a corner with unit normal `m` sees.
+    #[inline(always)]
+    pub(super) fn seen(&self, corner: usize, m: Vector3<S>) -> Option<Seen<S>> {
+        let direction = Direction::beyond(across(m, self.t), self.error)?;
+        let [a, b] = self.edges_at(corner);
+        let area = self.facet.area * dot(m, self.facet.normal);
+        let product = dot(a, b) - dot(m, a) * dot(m, b);
+        let least = S::from_f64(16.0 * ROUNDING * ROUNDING) * dot(a, a) * dot(b, b);
+        if area * area + product * product <= least {
+            return None;
+        }
+        let doubt = self.error * direction.factor / direction.length;
+        Some(Seen { direction, area, product, doubt })
+    }
+
+    /// The gradients of the corners, from what each corner with its unit normal sees, and the gradients
+    /// of its direction and its angle.
+    #[inline(always)]
+    pub(super) fn pull_back(
+        &self,
+        corners: [Option<(Vector3<S>, Seen<S>, Vector3<S>, S)>; 3],
+    ) -> Bars<S> {
+        let mut bars = Bars::ZERO;
+        let Facet { normal, area, factor, apex, .. } = self.facet;
+        let c = scaled(area, normal);
+        let (mut c_bar, mut t_bar, mut edge_bars) = ([S::ZERO; 3], [S::ZERO; 3], [[S::ZERO; 3]; 3]);
+        for (k, corner) in corners.into_iter().enumerate() {
+            let Some((m, seen, direction_bar, angle_bar)) = corner else { continue };
+            let q_bar = seen.direction.pull_back(direction_bar);
+            let along = dot(m, q_bar);
+            t_bar = sum(t_bar, across(m, q_bar));
+            let [a, b] = self.edges_at(k);
+            let (ma, mb) = (dot(m, a), dot(m, b));
+            let h = seen.area * seen.area + seen.product * seen.product;
+            let sign = if seen.area < S::ZERO { -S::ONE } else { S::ONE };
+            let area_bar = sign * angle_bar * (seen.product / h);
+            let product_bar = -(angle_bar * (seen.area.abs() / h));
+            let m_bar = difference(
+                scaled(area_bar, c),
+                sum(scaled(dot(m, self.t), q_bar), scaled(along, self.t)),
+            );
+            bars.normals[k] =
+                difference(m_bar, scaled(product_bar, sum(scaled(mb, a), scaled(ma, b))));
+            c_bar = sum(c_bar, scaled(area_bar, m));
+            let [next, last] = [(k + 1) % 3, (k + 2) % 3];
+            edge_bars[last] = sum(edge_bars[last], scaled(product_bar, across(m, b)));
+            edge_bars[next] = difference(edge_bars[next], scaled(product_bar, across(m, a)));
+        }
+        let places = [(apex + 1) % 3, (apex + 2) % 3];
+        let mut v_bars = [S::ZERO; 3];
+        for (i, (place, edge)) in places.into_iter().zip(ends(&self.facet)).enumerate() {
+            edge_bars[place] = sum(edge_bars[place], scaled(self.dv[i], t_bar));
+            let dv_bar = self.factor * dot(edge, t_bar);
+            let dv_bar = if self.is_mirrored { dv_bar } else { -dv_bar };
+            v_bars[place] += dv_bar;
+            v_bars[apex] -= dv_bar;
+        }
+        for k in 0..3 {
+            let by_edges = difference(edge_bars[(k + 1) % 3], edge_bars[(k + 2) % 3]);
+            let by_cross = cross(c_bar, self.facet.edges[k]);
+            bars.positions[k] = scaled(factor, sum(by_edges, by_cross));
+            bars.coordinates[k] = [S::ZERO, v_bars[k]];
+        }
+        bars
+    }
+}
+
+/// The edges that face the corners after and before the one that faces the longest edge.
+#[inline(always)]
+fn ends<S: Scalar>(facet: &Facet<S>) -> [Vector3<S>; 2] {
+    [1, 2].map(|step| facet.edges[(facet.apex + step) % 3])
+}
+
+/// The coordinates of the corners after and before `apex`, less its own, times the power of two that
+/// brings the largest of them into [1, 2).
+#[inline(always)]
+fn differences<S: Scalar>(corners: [[S; 2]; 3], apex: usize) -> ([[S; 2]; 2], S) {
+    let between = |scale: S| {
+        let [at, next, last] = [0, 1, 2].map(|step| corners[(apex + step) % 3].map(|x| scale * x));
+        [next, last].map(|corner| [corner[0] - at[0], corner[1] - at[1]])
+    };
+    let size =
+        |[[a, b], [c, d]]: [[S; 2]; 2]| larger(larger(a.abs(), b.abs()), larger(c.abs(), d.abs()));
+    let (mut differences, mut scale) = (between(S::ONE), S::ONE);
+    if !size(differences).is_finite() {
+        scale = S::from_f64(0.25);
+        differences = between(scale);
+    }
+    let factor = power_of_two_to_1(size(differences));
+    (differences.map(|corner| corner.map(|x| factor * x)), scale * factor)
+}
