@@ -28,7 +28,7 @@ mod textured;
 use bokashi_core::parallel::{for_each_piece_mut, for_each_two_pieces_mut};
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, TensorError, Var};
 
-use self::textured::{Bars, Textured};
+use self::textured::{Bars, SeenBar, Textured};
 use crate::corner_sums::{add_by_vertex, sum_over};
 use crate::error::RenderError;
 use crate::mesh::Mesh;
@@ -140,26 +140,18 @@ impl Tangents {
         Ok(())
     }
 
-    /// Face `face` with its texture, and the unit normals at its corners.
+    /// A face with its texture.
     #[inline(always)]
-    fn face<T: Scalar>(
-        &self,
-        [positions, normals, coordinates]: [&[T]; 3],
-        face: usize,
-    ) -> Option<(Textured<T::Wide>, [Option<Vector3<T::Wide>>; 3])> {
-        let [vertices, named] = [&self.mesh, &self.indices].map(|mesh| mesh.faces()[face]);
-        let textured = Textured::of([positions, coordinates], [vertices, named])?;
-        let rows = normals.as_chunks::<3>().0;
-        let unit = |vertex: u32| Some(Direction::of(rows[vertex as usize].map(T::widen))?.unit);
-        Some((textured, vertices.map(unit)))
+    fn textured<T: Scalar>(&self, inputs: [&[T]; 3], face: usize) -> Option<Textured<T::Wide>> {
+        Textured::of(inputs, self.mesh.faces()[face], self.indices.faces()[face])
     }
 
     fn part<T: Scalar>(&self, inputs: [&[T]; 3], face: usize) -> Part<T::Wide> {
         let mut part = Part::nothing();
-        let Some((textured, normals)) = self.face(inputs, face) else { return part };
+        let Some(textured) = self.textured(inputs, face) else { return part };
         part.is_mirrored = textured.is_mirrored;
-        for (k, normal) in normals.into_iter().enumerate() {
-            if let Some(seen) = normal.and_then(|m| textured.seen(k, m)) {
+        for k in 0..3 {
+            if let Some(seen) = textured.seen(k) {
                 part.weights[k] = seen.angle();
                 part.directions[k] = seen.direction();
                 part.doubts[k] = seen.doubt;
@@ -177,21 +169,18 @@ impl Tangents {
         sums: &[Sum<T::Wide>],
         sum_bars: &[Vector3<T::Wide>],
     ) -> Bars<T::Wide> {
-        let Some((textured, normals)) = self.face(inputs, face) else { return Bars::ZERO };
-        let named = self.indices.faces()[face];
-        let corner = |k: usize| {
-            let coordinate = named[k] as usize;
-            let Sum { length, is_mirrored, .. } = sums[coordinate];
-            if length == T::Wide::ZERO || is_mirrored != textured.is_mirrored {
+        let Some(textured) = self.textured(inputs, face) else { return Bars::ZERO };
+        let named = self.indices.faces()[face].map(|coordinate| coordinate as usize);
+        textured.pull_back([0, 1, 2].map(|k| {
+            let (sum, sum_bar) = (&sums[named[k]], sum_bars[named[k]]);
+            if sum.length == T::Wide::ZERO || sum.is_mirrored != textured.is_mirrored {
                 return None;
             }
-            let (m, sum_bar) = (normals[k]?, sum_bars[coordinate]);
-            let seen = textured.seen(k, m)?;
-            let angle_bar = dot(seen.direction(), sum_bar);
+            let seen = textured.seen(k)?;
             let direction_bar = scaled(seen.angle(), sum_bar);
-            Some((m, seen, direction_bar, angle_bar))
-        };
-        textured.pull_back([corner(0), corner(1), corner(2)])
+            let angle_bar = dot(seen.direction(), sum_bar);
+            Some((seen, SeenBar { direction_bar, angle_bar }))
+        }))
     }
 }
 

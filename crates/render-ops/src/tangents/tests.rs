@@ -176,7 +176,7 @@ fn a_seam_has_a_tangent_on_either_side() {
     let (left, right) = tangents.split_at(16);
     assert_eq!(left, [1.0, 0.0, 0.0, 1.0].repeat(4));
     // u grows upwards there, and v to the right.
-    assert_eq!(right, [0.0, 1.0, 0.0, 1.0].repeat(4).iter().map(|x| *x).collect::<Vec<f64>>());
+    assert_eq!(right, [0.0, 1.0, 0.0, 1.0].repeat(4));
     assert!(normal_bars.iter().all(|bar| bar.is_finite()));
 }
 

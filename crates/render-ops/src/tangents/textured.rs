@@ -30,6 +30,8 @@ use crate::vector::{
 /// A face on which u has a direction.
 pub(super) struct Textured<S> {
     facet: Facet<S>,
+    /// The unit normals at the corners, where they are not zero.
+    normals: [Option<Vector3<S>>; 3],
     /// The differences of v along the edges after and before the corner that faces the longest edge,
     /// times `factor` and the determinant's sign.
     dv: [S; 2],
@@ -43,6 +45,8 @@ pub(super) struct Textured<S> {
 
 /// What a corner sees.
 pub(super) struct Seen<S> {
+    /// The unit normal.
+    m: Vector3<S>,
     direction: Direction<S>,
     /// `A` and `D`.
     area: S,
@@ -59,6 +63,12 @@ impl<S: Scalar> Seen<S> {
     pub(super) fn angle(&self) -> S {
         self.area.abs().atan2(self.product)
     }
+}
+
+/// The gradient of what a corner sees.
+pub(super) struct SeenBar<S> {
+    pub(super) direction_bar: Vector3<S>,
+    pub(super) angle_bar: S,
 }
 
 /// Gradients of a face's corners.
@@ -80,16 +90,17 @@ impl<S: Scalar> Bars<S> {
 }
 
 impl<S: Scalar<Wide = S>> Textured<S> {
-    /// The face with these corners in the rows of `positions: [V, 3]` and `coordinates: [A, 2]`; `None`
-    /// where it is degenerate.
+    /// The face with these corners in the rows of positions and normals, `[V, 3]`, and of coordinates,
+    /// `[A, 2]`; `None` where it is degenerate.
     #[inline(always)]
     pub(super) fn of<T: Scalar<Wide = S>>(
-        [positions, coordinates]: [&[T]; 2],
-        [face, textured]: [[u32; 3]; 2],
+        [positions, normals, coordinates]: [&[T]; 3],
+        face: [u32; 3],
+        named: [u32; 3],
     ) -> Option<Self> {
         let facet = Facet::of(positions, face)?;
         let rows = coordinates.as_chunks::<2>().0;
-        let corners = textured.map(|index| rows[index as usize].map(T::widen));
+        let corners = named.map(|index| rows[index as usize].map(T::widen));
         let ([[du, dv], [eu, ev]], factor) = differences(corners, facet.apex);
         let [one, other] = [du * ev, dv * eu];
         let determinant = one - other;
@@ -103,7 +114,11 @@ impl<S: Scalar<Wide = S>> Textured<S> {
         let [by_next, by_last] = [0, 1].map(|i| scaled(dv[i], edges[i]));
         let sizes = [by_next, by_last].map(|[x, y, z]| x.abs() + y.abs() + z.abs());
         let error = S::from_f64(ROUNDING) * (sizes[0] + sizes[1]);
-        Some(Self { dv, factor, is_mirrored, t: sum(by_next, by_last), error, facet })
+        let rows = normals.as_chunks::<3>().0;
+        let unit = |direction: Direction<S>| direction.unit;
+        let normals =
+            face.map(|vertex| Direction::of(rows[vertex as usize].map(T::widen)).map(unit));
+        Some(Self { dv, factor, is_mirrored, t: sum(by_next, by_last), error, normals, facet })
     }
 
     /// The edges that begin at a corner: to the next corner, and to the last one.
@@ -113,9 +128,10 @@ impl<S: Scalar<Wide = S>> Textured<S> {
         [edges[(corner + 2) % 3], edges[(corner + 1) % 3].map(|entry| -entry)]
     }
 
-    /// What a corner with unit normal `m` sees.
+    /// What a corner sees.
     #[inline(always)]
-    pub(super) fn seen(&self, corner: usize, m: Vector3<S>) -> Option<Seen<S>> {
+    pub(super) fn seen(&self, corner: usize) -> Option<Seen<S>> {
+        let m = self.normals[corner]?;
         let direction = Direction::beyond(across(m, self.t), self.error)?;
         let [a, b] = self.edges_at(corner);
         let area = self.facet.area * dot(m, self.facet.normal);
@@ -125,22 +141,19 @@ impl<S: Scalar<Wide = S>> Textured<S> {
             return None;
         }
         let doubt = self.error * direction.factor / direction.length;
-        Some(Seen { direction, area, product, doubt })
+        Some(Seen { m, direction, area, product, doubt })
     }
 
-    /// The gradients of the corners, from what each corner with its unit normal sees, and the gradients
-    /// of its direction and its angle.
+    /// The gradients of the corners, from what each corner sees and the gradient of that.
     #[inline(always)]
-    pub(super) fn pull_back(
-        &self,
-        corners: [Option<(Vector3<S>, Seen<S>, Vector3<S>, S)>; 3],
-    ) -> Bars<S> {
+    pub(super) fn pull_back(&self, corners: [Option<(Seen<S>, SeenBar<S>)>; 3]) -> Bars<S> {
         let mut bars = Bars::ZERO;
         let Facet { normal, area, factor, apex, .. } = self.facet;
         let c = scaled(area, normal);
         let (mut c_bar, mut t_bar, mut edge_bars) = ([S::ZERO; 3], [S::ZERO; 3], [[S::ZERO; 3]; 3]);
         for (k, corner) in corners.into_iter().enumerate() {
-            let Some((m, seen, direction_bar, angle_bar)) = corner else { continue };
+            let Some((seen, SeenBar { direction_bar, angle_bar })) = corner else { continue };
+            let m = seen.m;
             let q_bar = seen.direction.pull_back(direction_bar);
             let along = dot(m, q_bar);
             t_bar = sum(t_bar, across(m, q_bar));
