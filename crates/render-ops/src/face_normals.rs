@@ -227,7 +227,7 @@ mod tests {
         assert_eq!(refused(&[4, 3], |_| 0.5), format!("{rule} [4, 3]"));
         assert_eq!(refused(&[9], |_| 0.5), format!("{rule} [9]"));
         let nan = |k: usize| if k == 4 { f64::NAN } else { 0.5 };
-        let message = "face_normals needs finite positions, also in row 1, got NaN";
+        let message = "face_normals needs finite numbers in row 1 of the positions, got NaN";
         assert_eq!(refused(&[3, 3], nan), message);
         assert_eq!(tape.len(), 3);
     }

@@ -83,7 +83,7 @@ impl<S: Scalar<Wide = S>> Facet<S> {
     /// The gradient with respect to c from that with respect to the normal.
     #[inline(always)]
     pub(crate) fn pull_back_normal(&self, normal_bar: Vector3<S>) -> Vector3<S> {
-        across(self.normal, normal_bar).map(|entry| entry / self.area)
+        scaled(S::ONE / self.area, across(self.normal, normal_bar))
     }
 
     /// The gradients of the corners, without `factor`, from that with respect to c.
@@ -95,7 +95,7 @@ impl<S: Scalar<Wide = S>> Facet<S> {
     /// The gradients of the corners, without `factor`, from those of the angles.
     #[inline(always)]
     pub(crate) fn pull_back_angles(&self, bars: [S; 3]) -> [Vector3<S>; 3] {
-        let turned = |edge| cross(self.normal, edge).map(|entry| entry / dot(edge, edge));
+        let turned = |edge| scaled(S::ONE / dot(edge, edge), cross(self.normal, edge));
         let q = self.edges.map(turned);
         [0, 1, 2].map(|k| {
             let [next, last] = [(k + 1) % 3, (k + 2) % 3];

@@ -147,7 +147,8 @@ impl<S: Scalar<Wide = S>> Frame<S> {
 }
 
 impl<T: Scalar> Op<T> for PerturbedNormals {
-    type Saved = ();
+    /// Memory: the gradients of each row's inputs.
+    type Saved = Vec<Bars<T>>;
     type Error = RenderError;
 
     fn name(&self) -> &'static str {
@@ -158,7 +159,7 @@ impl<T: Scalar> Op<T> for PerturbedNormals {
         &self,
         inputs: &Inputs<'_, T>,
         outputs: &mut Outputs<'_, T>,
-        _saved: &mut (),
+        _saved: &mut Self::Saved,
     ) -> Result<(), RenderError> {
         let shape = inputs.shape(0);
         let refused = |rule: String, input: usize| {
@@ -194,24 +195,36 @@ impl<T: Scalar> Op<T> for PerturbedNormals {
         Keep::NOTHING.input(0).input(1).input(2)
     }
 
-    fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
+    fn backward(
+        &self,
+        kept: &Kept<'_, T>,
+        bars: &mut Self::Saved,
+        gradients: &mut Accumulators<'_, T>,
+    ) {
         let rows = rows([0, 1, 2].map(|i| kept.input(i)));
         let result_bars = kept.only_upstream().as_chunks::<3>().0;
-        let bars = |at: usize| {
-            let frame = Frame::of(rows(at))?;
-            frame.pull_back(result_bars[at].map(T::widen))
-        };
+        bars.resize(result_bars.len(), [[T::ZERO; 3]; 3]);
+        for_each_piece_mut(bars, ROWS_PER_PIECE, |piece, bars| {
+            let first = piece * ROWS_PER_PIECE;
+            for (k, bars) in bars.iter_mut().enumerate() {
+                let result_bar = result_bars[first + k].map(T::widen);
+                let all = Frame::of(rows(first + k)).and_then(|frame| frame.pull_back(result_bar));
+                *bars = all.map_or([[T::ZERO; 3]; 3], |all| all.map(|bar| bar.map(T::narrow)));
+            }
+        });
         for (input, width) in [(0, 3), (1, 4), (2, 3)] {
             let Some(gradient) = gradients.get(input) else { continue };
             for_each_piece_mut(gradient.entries(), width * ROWS_PER_PIECE, |piece, entries| {
-                for (k, entries) in entries.chunks_exact_mut(width).enumerate() {
-                    if let Some(bars) = bars(piece * ROWS_PER_PIECE + k) {
-                        let bar = bars[input].map(T::narrow);
-                        entries.iter_mut().zip(bar).for_each(|(entry, term)| *entry += term);
-                    }
+                let bars = &bars[piece * ROWS_PER_PIECE..];
+                for (entries, bars) in entries.chunks_exact_mut(width).zip(bars) {
+                    entries.iter_mut().zip(bars[input]).for_each(|(entry, term)| *entry += term);
                 }
             });
         }
+    }
+
+    fn saved_bytes(&self, bars: &Self::Saved) -> usize {
+        size_of_val(&bars[..])
     }
 }
 

@@ -6,11 +6,14 @@ use glam::DMat4;
 
 use crate::antialias::antialias;
 use crate::background::Background;
+use crate::border::Border;
 use crate::composite::composite;
 use crate::depth::depth;
 use crate::depth_of_field::{Lens, depth_of_field};
+use crate::downsample::downsample;
 use crate::error::RenderError;
 use crate::face_normals::face_normals;
+use crate::filter::Filter;
 use crate::gaussian_blur::gaussian_blur;
 use crate::interpolate::interpolate;
 use crate::mesh::Mesh;
@@ -48,6 +51,7 @@ fn every_operation<T: Scalar>(x: Var<'_, T>) -> Result<(), RenderError> {
     picture.squared_error(&Reference::new(&x.value(), &x.value())?)?;
     picture.loss(&PixelLoss::new(&x.value(), &x.value(), |x, _| Ok(x))?)?;
     let image = gaussian_blur(picture.image()?, x, &Blur::default())?;
+    let image = downsample(image, 1, &Filter::Mitchell, Border::Mirror)?;
     depth_of_field(image, x, x, x, &Lens::default())?;
     Ok(())
 }

@@ -34,7 +34,7 @@ impl Rows {
             return Ok(());
         }
         let at = data.iter().position(|entry| !entry.is_finite()).unwrap_or_default();
-        let rule = format!("finite {name}, also in row {}", at / shape[1]).into();
+        let rule = format!("finite numbers in row {} of the {name}", at / shape[1]).into();
         Err(TensorError::Value { operation, rule, value: data[at].to_f64() }.into())
     }
 }

@@ -105,7 +105,7 @@ impl<S: Scalar> Direction<S> {
     /// The gradient with respect to the vector from the one with respect to its unit vector.
     #[inline(always)]
     pub(crate) fn pull_back(&self, unit_bar: Vector3<S>) -> Vector3<S> {
-        across(self.unit, unit_bar).map(|entry| entry / self.length * self.factor)
+        scaled(self.factor / self.length, across(self.unit, unit_bar))
     }
 }
 

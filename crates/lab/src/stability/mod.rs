@@ -13,6 +13,7 @@
 
 mod blur;
 mod cases;
+mod downsampling;
 mod exact;
 mod faces;
 mod focus;

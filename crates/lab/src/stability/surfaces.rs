@@ -153,7 +153,7 @@ pub(super) fn refused<T: Scalar>() -> Outcome {
         for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
             let entry = |k: usize| T::from_f64(if k == 100 { bad } else { 0.5 });
             let said = told(normals(tape.leaf(&Tensor::from_flat_fn([49, 3], entry)), &mesh));
-            let rule = "needs finite positions, also in row 33, got";
+            let rule = "needs finite numbers in row 33 of the positions, got";
             results.push((said, format!("{name} {rule} {bad}")));
         }
     }
@@ -183,7 +183,7 @@ pub(super) fn refused<T: Scalar>() -> Outcome {
     let rule = "indices need one face per face of the mesh, 72, got 1";
     results.push((textured(upright, upright, flat, &few), rule.to_owned()));
     let shared = Mesh::new(vec![[0, 1, 2]; 72], 3)?;
-    let rule = "tangents needs texture coordinate 1 at vertex 1 alone, got 8";
+    let rule = "tangents needs texture coordinate 1 at no vertex but 1, got 8";
     results.push((textured(upright, upright, zeros(&[3, 2]), &shared), rule.to_owned()));
     let perturbed =
         |[n, t, v]: [&[usize]; 3]| told(perturbed_normals(zeros(n), zeros(t), zeros(v)));

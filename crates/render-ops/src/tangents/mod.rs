@@ -131,7 +131,7 @@ impl Tangents {
             let place = &mut vertices[coordinate as usize];
             if *place != NOWHERE && *place != vertex {
                 let rule =
-                    format!("texture coordinate {coordinate} at vertex {place} alone").into();
+                    format!("texture coordinate {coordinate} at no vertex but {place}").into();
                 let value = f64::from(vertex);
                 return Err(TensorError::Value { operation: NAME, rule, value }.into());
             }
@@ -166,6 +166,7 @@ impl Tangents {
         &self,
         inputs: [&[T]; 3],
         face: usize,
+        part: &Part<T::Wide>,
         sums: &[Sum<T::Wide>],
         sum_bars: &[Vector3<T::Wide>],
     ) -> Bars<T::Wide> {
@@ -177,7 +178,7 @@ impl Tangents {
                 return None;
             }
             let seen = textured.seen(k)?;
-            let direction_bar = scaled(seen.angle(), sum_bar);
+            let direction_bar = scaled(part.weights[k], sum_bar);
             let angle_bar = dot(seen.direction(), sum_bar);
             Some((seen, SeenBar { direction_bar, angle_bar }))
         }))
@@ -228,7 +229,7 @@ impl<S: Scalar> Sum<S> {
         if self.length == S::ZERO {
             return [S::ZERO; 3];
         }
-        across(self.tangent, tangent_bar).map(|entry| entry / self.length)
+        scaled(S::ONE / self.length, across(self.tangent, tangent_bar))
     }
 
     fn row<T: Scalar<Wide = S>>(&self) -> [T; 4] {
@@ -293,7 +294,7 @@ impl<T: Scalar> Op<T> for Tangents {
     ) {
         let data = [0, 1, 2].map(|i| kept.input(i));
         let tangents_bar = kept.only_upstream().as_chunks::<4>().0;
-        let Saved { sums, sum_bars, bars, .. } = saved;
+        let Saved { parts, sums, sum_bars, bars, .. } = saved;
         sum_bars.resize(sums.len(), [T::Wide::ZERO; 3]);
         for_each_piece_mut(sum_bars, PER_PIECE, |piece, sum_bars| {
             let first = piece * PER_PIECE;
@@ -305,7 +306,8 @@ impl<T: Scalar> Op<T> for Tangents {
         bars.resize(self.mesh.faces().len(), Bars::ZERO);
         for_each_piece_mut(bars, PER_PIECE, |piece, bars| {
             for (k, bars) in bars.iter_mut().enumerate() {
-                *bars = self.bars(data, piece * PER_PIECE + k, sums, sum_bars);
+                let face = piece * PER_PIECE + k;
+                *bars = self.bars(data, face, &parts[face], sums, sum_bars);
             }
         });
         if let Some(positions_bar) = gradients.get(0) {

@@ -263,13 +263,13 @@ fn wrong_input_is_refused_with_rule_and_value() {
     );
     assert_eq!(
         said(p, p, full([4, 2], f64::NAN), &mesh),
-        "tangents needs finite texture coordinates, also in row 0, got NaN"
+        "tangents needs finite numbers in row 0 of the texture coordinates, got NaN"
     );
     let one = Mesh::new(vec![[0, 1, 2]], 4).unwrap();
     assert_eq!(said(p, p, c, &one), "indices need one face per face of the mesh, 2, got 1");
     let shared = Mesh::new(vec![[0, 1, 2], [0, 1, 2]], 4).unwrap();
     assert_eq!(
         said(p, p, c, &shared),
-        "tangents needs texture coordinate 1 at vertex 1 alone, got 2"
+        "tangents needs texture coordinate 1 at no vertex but 1, got 2"
     );
 }

@@ -160,9 +160,9 @@ impl<S: Scalar<Wide = S>> Textured<S> {
             let [a, b] = self.edges_at(k);
             let (ma, mb) = (dot(m, a), dot(m, b));
             let h = seen.area * seen.area + seen.product * seen.product;
-            let sign = if seen.area < S::ZERO { -S::ONE } else { S::ONE };
-            let area_bar = sign * angle_bar * (seen.product / h);
-            let product_bar = -(angle_bar * (seen.area.abs() / h));
+            let share = angle_bar / h;
+            let area_bar = share * if seen.area < S::ZERO { -seen.product } else { seen.product };
+            let product_bar = -(share * seen.area.abs());
             let m_bar = difference(
                 scaled(area_bar, c),
                 sum(scaled(dot(m, self.t), q_bar), scaled(along, self.t)),

@@ -164,7 +164,7 @@ impl<S: Scalar<Wide = S>> Sum<S> {
         if self.length == S::ZERO {
             return [S::ZERO; 3];
         }
-        across(self.normal, normal_bar).map(|entry| entry / self.length)
+        scaled(S::ONE / self.length, across(self.normal, normal_bar))
     }
 }
 

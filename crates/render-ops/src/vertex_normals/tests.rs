@@ -214,6 +214,6 @@ fn wrong_positions_are_refused_with_rule_and_value() {
     };
     let rule = "vertex_normals needs positions of shape [3, 3], got shape";
     assert_eq!(refused(&[2, 3], 0.5), format!("{rule} [2, 3]"));
-    let message = "vertex_normals needs finite positions, also in row 0, got inf";
+    let message = "vertex_normals needs finite numbers in row 0 of the positions, got inf";
     assert_eq!(refused(&[3, 3], f64::INFINITY), message);
 }

@@ -8,9 +8,10 @@ use std::sync::Arc;
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_fit::{FitError, squared_error};
 use bokashi_render_ops::{
-    Background, Blur, Fragments, Lens, RasterOptions, Reference, Weighting, antialias, composite,
-    depth, depth_of_field, face_normals, gaussian_blur, interpolate, perturbed_normals, project,
-    rasterize, tangents, transform_normals, vertex_normals,
+    Background, Blur, Border, Filter, Fragments, Lens, RasterOptions, Reference, Weighting,
+    antialias, composite, depth, depth_of_field, downsample, face_normals, gaussian_blur,
+    interpolate, perturbed_normals, project, rasterize, tangents, transform_normals,
+    vertex_normals,
 };
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -104,6 +105,10 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
     });
     add("gaussian_blur", &[image, &Tensor::scalar(2.0)], |_, v| {
         Ok(gaussian_blur(v[0], v[1], &Blur::default())?)
+    });
+    add("downsample, box", &[image], |_, v| Ok(downsample(v[0], 4, &Filter::Box, Border::Mirror)?));
+    add("downsample, Lanczos", &[image], |_, v| {
+        Ok(downsample(v[0], 4, &Filter::Lanczos(3), Border::Mirror)?)
     });
     add("squared_error", &[image, aliased], |_, v| Ok(squared_error(v[0], v[1])?));
     add("squared_error, a picture", &[surface, clip, aliased], |scene, v| {
@@ -333,7 +338,8 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
 }
 
 /// The operations whose times are per pixel.
-const RENDERING: [&str; 14] = [
+const RENDERING: [&str; 15] = [
+    "downsample",
     "tangents",
     "perturbed_normals",
     "transform_normals",
