@@ -252,7 +252,7 @@ fn texture<T: Scalar>(positions: &[f64]) -> [Vec<f64>; 2] {
     let normals = (0..147).map(|k| single(if k % 3 == 2 { 1.0 } else { 0.4 * motley(k) }));
     let coordinate = |k: usize| {
         let [x, y] = [positions[k / 2 * 3], positions[k / 2 * 3 + 1]];
-        if k % 2 == 0 { x + 0.2 * y } else { 0.9 - 0.8 * y + 0.1 * x }
+        if k.is_multiple_of(2) { x + 0.2 * y } else { 0.9 - 0.8 * y + 0.1 * x }
     };
     [normals.collect(), (0..98).map(|k| single(coordinate(k))).collect()]
 }

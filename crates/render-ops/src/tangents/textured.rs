@@ -7,12 +7,14 @@
 //!
 //! - the direction `d = q / |q|`, `q = t - m (m . t)`;
 //! - the angle `phi = atan2(|A|, D)` between the edges a and b that begin there, seen along m:
-//!   `A = m . (a x b)`, `D = a . b - (m . a) (m . b)`.
+//!   `A = m . (a x b)`, `D = a' . b'` with `a' = a - m (m . a)` and `b'` alike.
 //!
 //! # Backward
 //! `q_bar = (d_bar - d (d . d_bar)) / |q|`, `t_bar += q_bar - m (m . q_bar)`,
 //! `m_bar -= (m . t) q_bar + (m . q_bar) t`; and with `h = A^2 + D^2`,
-//! `A_bar = sign(A) phi_bar D / h`, `D_bar = -phi_bar |A| / h`, from there to a, b and m.
+//! `A_bar = sign(A) phi_bar D / h`, `D_bar = -phi_bar |A| / h`, `a_bar = D_bar b'` beside what A has,
+//! and `m_bar += A_bar (a x b) - D_bar ((m . b) a' + (m . a) b')`. Components along m are left out of
+//! `m_bar`: normalizing removes them.
 //!
 //! # Degenerate faces
 //! No corner sees anything where the face has no normal (`facet`), or where the determinant is no
@@ -135,7 +137,7 @@ impl<S: Scalar<Wide = S>> Textured<S> {
         let direction = Direction::beyond(across(m, self.t), self.error)?;
         let [a, b] = self.edges_at(corner);
         let area = self.facet.area * dot(m, self.facet.normal);
-        let product = dot(a, b) - dot(m, a) * dot(m, b);
+        let product = dot(across(m, a), across(m, b));
         let least = S::from_f64(16.0 * ROUNDING * ROUNDING) * dot(a, a) * dot(b, b);
         if area * area + product * product <= least {
             return None;
@@ -158,7 +160,8 @@ impl<S: Scalar<Wide = S>> Textured<S> {
             let along = dot(m, q_bar);
             t_bar = sum(t_bar, across(m, q_bar));
             let [a, b] = self.edges_at(k);
-            let (ma, mb) = (dot(m, a), dot(m, b));
+            let [along_a, along_b] = [a, b].map(|edge| dot(m, edge));
+            let [a, b] = [a, b].map(|edge| across(m, edge));
             let h = seen.area * seen.area + seen.product * seen.product;
             let share = angle_bar / h;
             let area_bar = share * if seen.area < S::ZERO { -seen.product } else { seen.product };
@@ -168,11 +171,11 @@ impl<S: Scalar<Wide = S>> Textured<S> {
                 sum(scaled(dot(m, self.t), q_bar), scaled(along, self.t)),
             );
             bars.normals[k] =
-                difference(m_bar, scaled(product_bar, sum(scaled(mb, a), scaled(ma, b))));
+                difference(m_bar, scaled(product_bar, sum(scaled(along_b, a), scaled(along_a, b))));
             c_bar = sum(c_bar, scaled(area_bar, m));
             let [next, last] = [(k + 1) % 3, (k + 2) % 3];
-            edge_bars[last] = sum(edge_bars[last], scaled(product_bar, across(m, b)));
-            edge_bars[next] = difference(edge_bars[next], scaled(product_bar, across(m, a)));
+            edge_bars[last] = sum(edge_bars[last], scaled(product_bar, b));
+            edge_bars[next] = difference(edge_bars[next], scaled(product_bar, a));
         }
         let places = [(apex + 1) % 3, (apex + 2) % 3];
         let mut v_bars = [S::ZERO; 3];
