@@ -10,10 +10,11 @@ use bokashi_core::{Padding, SparseMatrix, Tape, Tensor, TensorError, Var};
 use bokashi_fit::{Fit, FitError, FitSettings, Parameter, Parameters, from_fn, squared_error};
 use bokashi_paper::FACES;
 use bokashi_render_ops::{
-    Assembly, Background, Blur, Coverage, Kernel, Mesh, Pose, RasterOptions, Reference,
-    RenderError, Sampling, Size, affine_inverse, antialias, composite, distort, eye_depth,
-    gaussian_blur, interpolate, pinhole, project, project_instances, rasterize, rigid, se3,
-    transform_points,
+    Assembly, Background, Blur, Border, Coverage, Filter, Kernel, Mesh, Pose, RasterOptions,
+    Reference, RenderError, Sampling, Size, Weighting, affine_inverse, antialias, composite,
+    distort, downsample, eye_depth, face_normals, gaussian_blur, interpolate, perturbed_normals,
+    pinhole, project, project_instances, rasterize, rigid, se3, tangents, transform_normals,
+    transform_points, vertex_normals,
 };
 use glam::DMat4;
 use glam::dcamera::rh::proj::opengl::perspective;
@@ -367,6 +368,48 @@ fn a_steady_step_of_every_blur_allocates_nothing() {
                 let gradients = loss.backward().unwrap();
                 let of = [image, sigma].map(|leaf| gradients.get(leaf).unwrap().data()[0]);
                 loss.item() + of[0] + of[1]
+            };
+            tape.reset();
+            sum
+        });
+    }
+}
+
+#[test]
+fn a_steady_step_on_surfaces_allocates_nothing() {
+    // One piece of work and several.
+    for (side, filter) in [(3, Filter::Box), (60, Filter::Lanczos(3))] {
+        let count = (side + 1) * (side + 1);
+        let place = |k: usize| [k % (side + 1), k / (side + 1)].map(|at| at as f32 / side as f32);
+        let positions = Tensor::from_flat_fn([count, 3], |k| {
+            let [x, y] = place(k / 3);
+            [x, y, x.sin() * y][k % 3]
+        });
+        let coordinates = Tensor::from_flat_fn([count, 2], |k| place(k / 2)[k % 2]);
+        let corners = (0..side * side).map(|k| k / side * (side + 1) + k % side);
+        let faces = corners.flat_map(|k| {
+            let [a, b, c, d] = [k, k + 1, k + side + 2, k + side + 1].map(|k| k as u32);
+            [[a, b, c], [a, c, d]]
+        });
+        let mesh = Mesh::new(faces.collect(), count).unwrap();
+        let image = Tensor::from_flat_fn([60, 300, 3], |k| (k % 101) as f32);
+        let mut tape = Tape::new();
+        assert_steady_from_step_3(|| {
+            let sum = {
+                let leaves = [&positions, &coordinates, &image].map(|of| tape.leaf_copied(of));
+                let [positions, coordinates, image] = leaves;
+                let matrix = tape.constant_full([3, 3], 0.5) + positions.slice(0, 0..3).unwrap();
+                let flat = face_normals(positions, &mesh).unwrap();
+                let normals = vertex_normals(positions, &mesh, Weighting::Angle).unwrap()
+                    + vertex_normals(positions, &mesh, Weighting::Area).unwrap();
+                let turned = transform_normals(normals, matrix).unwrap();
+                let frames = tangents(positions, normals, coordinates, &mesh, &mesh).unwrap();
+                let bent = perturbed_normals(normals, frames, turned).unwrap();
+                let small = downsample(image, 4, &filter, Border::Mirror).unwrap();
+                let loss = flat.sum() + bent.sum() + turned.sum() + small.square().sum();
+                let gradients = loss.backward().unwrap();
+                let of = leaves.map(|leaf| gradients.get(leaf).unwrap().data()[0]);
+                loss.item() + of[0] + of[1] + of[2]
             };
             tape.reset();
             sum

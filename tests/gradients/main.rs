@@ -10,5 +10,6 @@ mod partition;
 mod pictures;
 mod rendering;
 mod scenes;
+mod surfaces;
 mod tensors;
 mod textures;

@@ -597,6 +597,7 @@ fn no_operation_is_forgotten() {
         include_str!("layers.rs"),
         include_str!("cameras.rs"),
         include_str!("distances.rs"),
+        include_str!("surfaces.rs"),
     ]
     .concat();
     let subjects = blocks(&tests, "impl Subject for ").concat();

@@ -226,7 +226,7 @@ fn every_render_error_says_the_rule_and_the_value() {
         ),
         (
             interpolate_indexed(points, &Mesh::new(vec![], 2).unwrap(), &fragments).unwrap_err(),
-            "attribute indices need one face per rasterized face, 1, got 0",
+            "indices need one face per face of the mesh, 1, got 0",
         ),
         (
             gaussian_blur(image, number(-1.0), &blur).unwrap_err(),

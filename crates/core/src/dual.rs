@@ -162,6 +162,11 @@ impl<T: Scalar> Scalar for Dual<T> {
     fn cos(self) -> Self {
         self.chain(self.value.cos(), -self.value.sin())
     }
+    fn atan2(self, x: Self) -> Self {
+        let square = self.value * self.value + x.value * x.value;
+        let tangent = (x.value * self.tangent - self.value * x.tangent) / square;
+        Self { value: self.value.atan2(x.value), tangent }
+    }
     fn tanh(self) -> Self {
         // 1 / cosh^2 x = 4 e / (1 + e)^2 with e = exp(-2 |x|): 1 - tanh^2 has no digits in the tails.
         let size = self.value.abs();
@@ -214,7 +219,7 @@ mod tests {
 
     #[test]
     fn every_function_carries_its_derivative() {
-        let functions: [fn(Dual<f64>) -> Dual<f64>; 21] = [
+        let functions: [fn(Dual<f64>) -> Dual<f64>; 22] = [
             |x| x + x,
             |x| Dual::ONE - x,
             |x| x * x * x,
@@ -227,6 +232,7 @@ mod tests {
             |x| (x * x).sqrt(),
             Dual::sin,
             Dual::cos,
+            |x| (x * x).atan2(Dual::ONE - x),
             Dual::tanh,
             |x| x.powi(5),
             |x| x.powi(-2),

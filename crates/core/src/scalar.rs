@@ -57,6 +57,9 @@ pub trait Scalar:
     fn sin(self) -> Self;
     /// Cosine of an angle in radians.
     fn cos(self) -> Self;
+    /// The angle of the point `(x, self)` from the x axis, in radians from -pi to pi; `self` is y.
+    /// At the origin it has no derivative.
+    fn atan2(self, x: Self) -> Self;
     /// Hyperbolic tangent.
     fn tanh(self) -> Self;
     /// Integer power.
@@ -136,6 +139,9 @@ macro_rules! scalar {
             }
             fn cos(self) -> Self {
                 $t::cos(self)
+            }
+            fn atan2(self, x: Self) -> Self {
+                $t::atan2(self, x)
             }
             fn tanh(self) -> Self {
                 $t::tanh(self)

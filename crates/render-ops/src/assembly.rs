@@ -298,7 +298,7 @@ mod tests {
         );
         assert_eq!(
             said(assembly.attributes(&[&triangle(), &triangle()]).unwrap_err()),
-            "attribute indices need one face per rasterized face, 2, got 1"
+            "indices need one face per face of the mesh, 2, got 1"
         );
         let wide = Mesh::new(vec![[0; 3]], (1 << 31) - 1).unwrap();
         let pair = Assembly::new(&[(&triangle(), 1), (&triangle(), 1)]).unwrap();

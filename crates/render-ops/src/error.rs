@@ -149,10 +149,10 @@ pub enum RenderError {
         given: Size,
     },
 
-    /// An index buffer has another number of faces than the mesh that was rasterized.
-    #[error("attribute indices need one face per rasterized face, {expected}, got {given}")]
+    /// An index buffer has another number of faces than the mesh that it goes with.
+    #[error("indices need one face per face of the mesh, {expected}, got {given}")]
     FaceCount {
-        /// Faces of the mesh that was rasterized.
+        /// Faces of the mesh.
         expected: usize,
         /// Faces of the index buffer.
         given: usize,

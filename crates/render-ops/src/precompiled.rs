@@ -6,28 +6,36 @@ use glam::DMat4;
 
 use crate::antialias::antialias;
 use crate::background::Background;
+use crate::border::Border;
 use crate::camera::{affine_inverse, distort, orthographic, pinhole, rigid, se3};
 use crate::composite::composite;
 use crate::composite_layers::{Layer, composite_layers};
 use crate::depth::depth;
 use crate::depth_of_field::{Lens, LensOptions, depth_of_field};
 use crate::differentials::differentials;
+use crate::downsample::downsample;
 use crate::error::RenderError;
 use crate::eye_depth::eye_depth;
+use crate::face_normals::face_normals;
+use crate::filter::Filter;
 use crate::gaussian_blur::gaussian_blur;
 use crate::interpolate::interpolate;
 use crate::interpolate_differentials::interpolate_differentials;
 use crate::mesh::Mesh;
 use crate::over::over;
+use crate::perturbed_normals::perturbed_normals;
 use crate::pixel_loss::PixelLoss;
 use crate::project::{Pose, project};
 use crate::project_instances::project_instances;
 use crate::rasterize::rasterize;
 use crate::reference::Reference;
 use crate::size::Size;
+use crate::tangents::tangents;
 use crate::taps::Blur;
 use crate::texture::{CubeMap, Detail, Sampler, Texture, sample_cube_map, sample_texture};
+use crate::transform_normals::transform_normals;
 use crate::transform_points::transform_points;
+use crate::vertex_normals::{Weighting, vertex_normals};
 
 macro_rules! for_each_precision {
     ($($name:ident: $t:ty),*) => {
@@ -69,5 +77,10 @@ fn every_operation<T: Scalar>(x: Var<'_, T>) -> Result<(), RenderError> {
     let distances = eye_depth(&fragments)?.image(&fragments, 1.0)?;
     let lens = Lens { aperture: x, focus: x };
     depth_of_field(image, distances, lens, &LensOptions::default())?;
+    downsample(image, 1, &Filter::Mitchell, Border::Mirror)?;
+    face_normals(x, &mesh)?;
+    let normals = vertex_normals(x, &mesh, Weighting::Area)?;
+    let tangents = tangents(x, transform_normals(normals, x)?, x, &mesh, &mesh)?;
+    perturbed_normals(normals, tangents, x)?;
     Ok(())
 }

@@ -283,7 +283,7 @@ pub(super) fn too_many_instances<T: Scalar>() -> Outcome {
     let message = "attributes needs an index buffer for each of 1 parts, got 0 inputs";
     results.push((said, message.to_owned()));
     let two = Mesh::new(vec![[0, 1, 2]; 2], 3)?;
-    let message = "attribute indices need one face per rasterized face, 1, got 2";
+    let message = "indices need one face per face of the mesh, 1, got 2";
     results.push((told(assembly.attributes(&[&two])), message.to_owned()));
     let tape = Tape::<T>::new();
     let wide = tape.leaf(&Tensor::zeros([1 << 20, 3]));

@@ -6,7 +6,8 @@ use super::exact::{
 };
 use super::row::Outcome;
 use super::{
-    blur, cameras, distances, faces, focus, input, pictures, silhouettes, tensors, values, vertices,
+    blur, cameras, distances, downsampling, faces, focus, input, pictures, silhouettes, surfaces,
+    tensors, values, vertices,
 };
 
 /// A case: what is put in, what has to come out, and a run in each precision.
@@ -144,4 +145,17 @@ pub(super) static CASES: &[Case] = cases! {
     131 "distances: w = 1 everywhere", "1", distances::flat_w;
     132 "distances: background far away", "infinite, or an error", distances::backgrounds_far_away;
     133 "fragments of an earlier step", "the same bits", distances::fragments_of_an_earlier_step;
+    141 "normals: faces without an area", "zero, no gradient, no part", surfaces::without_an_area;
+    142 "normals: a mesh times 2^k", "the same bits, gradients / 2^k", surfaces::of_any_size;
+    143 "normals: none, or they cancel", "zero, no gradient", surfaces::no_normal;
+    144 "normals: needles and caps", "the plane's normal", surfaces::needles;
+    145 "surfaces: refused input", "an error", surfaces::refused;
+    146 "normals: singular, mirrored", "the faces' normals, or zero", surfaces::transformed;
+    147 "tangents: without a direction", "(0, 0, 0, 1), no gradient", surfaces::no_tangent;
+    148 "tangents: times 2^k, u sheared", "the same bits, no gradient of u", surfaces::tangents_of_any_size;
+    149 "perturbed: no tangent, zeros", "the normal, or zero", surfaces::perturbed;
+    150 "downsampling: wide windows", "each tap by the border", downsampling::wide_windows;
+    151 "downsampling: constants", "kept, finite", downsampling::constants;
+    152 "downsampling: 1, and one block", "the identity; the weighted mean", downsampling::ends;
+    153 "downsampling: refused input", "an error", downsampling::refused;
 };

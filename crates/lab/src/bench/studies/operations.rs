@@ -8,10 +8,11 @@ use std::sync::Arc;
 use bokashi_core::{Mask, Padding, Scalar, SparseMatrix, Tape, Tensor, Var};
 use bokashi_fit::{FitError, squared_error};
 use bokashi_render_ops::{
-    Background, Blur, DepthImage, Fragments, Lens, LensOptions, RasterOptions, Reference,
-    affine_inverse, antialias, composite, depth, depth_of_field, distort, eye_depth, gaussian_blur,
-    interpolate, orthographic, pinhole, project, project_instances, rasterize, rigid, se3,
-    transform_points,
+    Background, Blur, Border, DepthImage, Filter, Fragments, Lens, LensOptions, RasterOptions,
+    Reference, Weighting, affine_inverse, antialias, composite, depth, depth_of_field, distort,
+    downsample, eye_depth, face_normals, gaussian_blur, interpolate, orthographic,
+    perturbed_normals, pinhole, project, project_instances, rasterize, rigid, se3, tangents,
+    transform_normals, transform_points, vertex_normals,
 };
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -78,6 +79,23 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
     add("project_instances", &[positions, &inputs.instances], |scene, v| {
         Ok(project_instances(v[0], v[1], &scene.camera)?)
     });
+    add("face_normals", &[positions], |scene, v| Ok(face_normals(v[0], &scene.mesh)?));
+    add("vertex_normals, by area", &[positions], |scene, v| {
+        Ok(vertex_normals(v[0], &scene.mesh, Weighting::Area)?)
+    });
+    add("vertex_normals, by angle", &[positions], |scene, v| {
+        Ok(vertex_normals(v[0], &scene.mesh, Weighting::Angle)?)
+    });
+    let turn =
+        Tensor::from_flat_fn([3, 3], |k| [0.5, -0.75, 1.0, 1.5, 0.25, -0.5, 0.0, 1.0, 2.0][k]);
+    add("transform_normals", &[positions, &turn], |_, v| Ok(transform_normals(v[0], v[1])?));
+    add("tangents", &[positions, &inputs.normals, &inputs.coordinates], |scene, v| {
+        Ok(tangents(v[0], v[1], v[2], &scene.mesh, &scene.mesh)?)
+    });
+    let [normals, tangents, values] = &inputs.frames;
+    add("perturbed_normals", &[normals, tangents, values], |_, v| {
+        Ok(perturbed_normals(v[0], v[1], v[2])?)
+    });
     add("rasterize", &[clip], |scene, v| {
         let options = RasterOptions::from(scene.size);
         Ok(rasterize(v[0], &scene.mesh, options)?.barycentrics)
@@ -108,6 +126,10 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
     });
     add("gaussian_blur", &[image, &Tensor::scalar(2.0)], |_, v| {
         Ok(gaussian_blur(v[0], v[1], &Blur::default())?)
+    });
+    add("downsample, box", &[image], |_, v| Ok(downsample(v[0], 4, &Filter::Box, Border::Mirror)?));
+    add("downsample, Lanczos", &[image], |_, v| {
+        Ok(downsample(v[0], 4, &Filter::Lanczos(3), Border::Mirror)?)
     });
     add("squared_error", &[image, aliased], |_, v| Ok(squared_error(v[0], v[1])?));
     add("squared_error, a picture", &[surface, clip, aliased], |scene, v| {
@@ -183,6 +205,11 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
 struct Inputs {
     scene: Scene,
     positions: Tensor<f64>,
+    /// `[V, 3]` and `[V, 2]`.
+    normals: Tensor<f64>,
+    coordinates: Tensor<f64>,
+    /// Normals, tangents and map values, one for each pixel.
+    frames: [Tensor<f64>; 3],
     clip: Tensor<f64>,
     barycentrics: Tensor<f64>,
     colors: Tensor<f64>,
@@ -229,7 +256,16 @@ impl Inputs {
         let drawn = drawn(&scene, scene.size.into(), at, tinted)?;
         let image = antialias(drawn.composite.clone())?.image()?;
         let rows = pixels * pixels / WIDTH;
+        let normals = vertex_normals(at, &scene.mesh, Weighting::Angle)?;
+        let vertices = scene.mesh.vertex_count();
+        let coordinate = |k: usize| positions.data()[k / 2 * 3 + k % 2];
+        let coordinates = Tensor::from_flat_fn([vertices, 2], coordinate);
+        let mut vectors =
+            |width| Tensor::from_flat_fn([pixels * pixels, width], |_| uniform(-1.0, 1.0));
         Ok(Self {
+            normals: single(normals.value()),
+            coordinates: single(coordinates),
+            frames: [vectors(3), vectors(4), vectors(3)],
             positions: single(positions),
             clip: single(drawn.clip.value()),
             barycentrics: single(drawn.fragments.barycentrics.value()),
@@ -373,8 +409,14 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
 }
 
 /// The operations whose times are per pixel.
-const RENDERING: [&str; 9] = [
+const RENDERING: [&str; 15] = [
+    "downsample",
+    "tangents",
+    "perturbed_normals",
+    "transform_normals",
     "project",
+    "face_normals",
+    "vertex_normals",
     "rasterize",
     "interpolate",
     "image",
