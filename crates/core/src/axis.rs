@@ -288,8 +288,10 @@ mod tests {
     #[test]
     fn sums_along_an_axis_are_exact_on_integers_at_every_extent() {
         let extents = [0, 1, 2, LANES, LANES + 1, 200];
-        for k in 0..extents.len().pow(3) {
-            let [outer, extent, inner] = [k / 36, k / 6 % 6, k % 6].map(|at| extents[at]);
+        let all = (0..216).map(|k| [k / 36, k / 6 % 6, k % 6].map(|at| extents[at]));
+        // Columns that threads share, in a group more or less, and rows that they share.
+        let wide = [[2, 40, 700], [3, 5, 6001], [1, 2, ENTRIES_PER_PIECE + 1], [2, 9000, 3]];
+        for [outer, extent, inner] in all.chain(wide) {
             let x: Vec<f32> = (0..outer * extent * inner).map(|k| (k % 101) as f32).collect();
             let mut sums = vec![f32::NAN; outer * inner];
             sum_along(&x, [outer, extent, inner], &mut sums, |total| total as f32);

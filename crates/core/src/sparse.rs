@@ -220,17 +220,18 @@ mod tests {
 
     #[test]
     fn triplets_come_back_by_row_and_column_with_duplicates_added_in_their_order() {
-        let given =
-            [(2, 1, 1e30), (0, 3, 2.0), (2, 1, -1e30), (0, 0, 5.0), (2, 1, 0.5), (1, 1, 0.0)];
+        let large = [(2, 1, 1e30), (0, 3, 2.0), (2, 1, -1e30), (0, 0, 5.0)];
+        let small = [(2, 1, 0.5), (1, 1, 0.0), (2, 1, 0.25)];
+        let given = large.into_iter().chain(small);
         let matrix = SparseMatrix::<f64>::new(4, 5, given).unwrap();
-        let expected = [(0, 0, 5.0), (0, 3, 2.0), (1, 1, 0.0), (2, 1, 0.5)];
+        let expected = [(0, 0, 5.0), (0, 3, 2.0), (1, 1, 0.0), (2, 1, 0.75)];
         assert_eq!(matrix.triplets().collect::<Vec<_>>(), expected);
         assert_eq!((matrix.rows(), matrix.columns(), matrix.entries()), (4, 5, 4));
         assert_eq!(matrix.row(0), (&[0, 3][..], &[5.0, 2.0][..]));
         assert_eq!(matrix.row(3), (&[][..], &[][..]));
         let again = SparseMatrix::new(4, 5, matrix.triplets()).unwrap();
         assert_eq!(again, matrix);
-        let text = "SparseMatrix[4, 5] [(0, 0, 5.0), (0, 3, 2.0), (1, 1, 0.0), (2, 1, 0.5)]";
+        let text = "SparseMatrix[4, 5] [(0, 0, 5.0), (0, 3, 2.0), (1, 1, 0.0), (2, 1, 0.75)]";
         assert_eq!(format!("{matrix:?}"), text);
     }
 
