@@ -166,6 +166,34 @@ mod tests {
     }
 
     #[test]
+    fn vertices_of_any_size_have_the_distances_of_their_w() {
+        // A vertex times a number is seen at the same place, at another distance.
+        let w = |scales: [f64; 3]| {
+            let tape = Tape::<f64>::new();
+            let places = [[-0.9, -0.8], [0.95, -0.7], [0.1, 0.9]];
+            let clip = Tensor::from_flat_fn([3, 4], |k| {
+                let [x, y] = places[k / 4];
+                scales[k / 4] * [x, y, 0.0, 1.0][k % 4]
+            });
+            let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
+            let fragments = rasterize(tape.leaf(&clip), &mesh, SIZE).unwrap();
+            eye_depth(&fragments).unwrap().values().value().data().to_vec()
+        };
+        let expected = w([1.0, 2.0, 3.0]);
+        for scale in [1e-200, 1e-70, 1e70, 1e200] {
+            for (found, expected) in w([1.0, 2.0, 3.0].map(|w| scale * w)).iter().zip(&expected) {
+                approx::assert_relative_eq!(*found, scale * expected, max_relative = 1e-13);
+            }
+        }
+        // 1 / w is linear, so what is close to the first vertex is as close as it is.
+        let near = w([1e-70, 1.0, 1.0]);
+        let nearer = w([1e-72, 1.0, 1.0]);
+        for (near, nearer) in near.iter().zip(nearer) {
+            approx::assert_relative_eq!(near / nearer, 100.0, max_relative = 1e-12);
+        }
+    }
+
+    #[test]
     fn an_image_of_distances_is_far_where_nothing_is_seen() {
         let tape = Tape::<f64>::new();
         let fragments = fragments(&tape, Sampling::Center);

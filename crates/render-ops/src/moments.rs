@@ -27,20 +27,22 @@ pub(crate) fn piece_moments<T: Scalar, const N: usize>(
     points: &[[T; 3]],
     bars: &[[T; N]],
 ) -> [[T::Wide; 4]; N] {
-    // By columns: the gradient of a point is a vector, which a number multiplies.
-    let mut columns = [[T::Wide::ZERO; N]; 4];
+    // By columns: the gradient of a point is a vector of four, which a number multiplies.
+    let mut columns = [[T::Wide::ZERO; 4]; 4];
     pulp::Arch::new().dispatch(
         #[inline(always)]
         || {
             for (p, bar) in points.iter().zip(bars) {
-                let (p, bar) = (p.map(T::widen), bar.map(T::widen));
-                for k in 0..3 {
-                    for row in 0..N {
-                        columns[k][row] += bar[row] * p[k];
-                    }
-                }
+                let p = p.map(T::widen);
+                let mut wide = [T::Wide::ZERO; 4];
                 for row in 0..N {
-                    columns[3][row] += bar[row];
+                    wide[row] = bar[row].widen();
+                }
+                for row in 0..4 {
+                    for k in 0..3 {
+                        columns[k][row] += wide[row] * p[k];
+                    }
+                    columns[3][row] += wide[row];
                 }
             }
         },

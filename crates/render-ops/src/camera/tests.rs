@@ -155,6 +155,23 @@ fn a_rigid_matrix_and_its_inverse_are_glams() {
 }
 
 #[test]
+fn a_matrix_that_is_singular_but_for_rounding_is_refused_at_any_size() {
+    let tape = Tape::<f64>::new();
+    for scale in [1e-200, 1.0, 1e200] {
+        // Tenths are no binary fractions: the determinant comes out as a rounding error.
+        let entry = |k: usize| match k {
+            15 => 1.0,
+            k if k < 12 && k % 4 < 3 => scale * (0.1 * (3 * (k / 4) + k % 4 + 1) as f64),
+            _ => 0.0,
+        };
+        let error = affine_inverse(tape.leaf(&Tensor::from_flat_fn([4, 4], entry))).unwrap_err();
+        let rule = "affine_inverse needs a linear part whose determinant is not 0 within rounding";
+        let message = error.to_string();
+        assert!(message.starts_with(rule) && !message.ends_with("got 0"), "{message}");
+    }
+}
+
+#[test]
 fn an_affine_matrix_of_any_size_has_an_inverse() {
     let tape = Tape::new();
     let linear = view() * DMat4::from_scale(DVec3::new(2.0, -0.5, 30.0));
