@@ -367,10 +367,13 @@ mod tests {
 
     #[test]
     fn where_nothing_is_left_of_a_normal_it_is_zero_and_gives_no_gradient() {
-        // A line, a point, and rounded thirds that are a line to within rounding.
+        // A line, a point, and multiples of a vector that are a line to within rounding.
         let line = [1., 2., 3., 2., 4., 6., -1., -2., -3.];
-        let thirds = line.map(|entry| entry / 3.0 * 0.1);
-        for matrix in [line, thirds, [0.0; 9]] {
+        let rounded = [0.1, 0.7, 0.3].map(|x| [x, x / 3.0, x / 7.0]);
+        let rounded = std::array::from_fn(|k| rounded[k % 3][k / 3]);
+        let linear = Linear::of(&rounded, 3);
+        assert!(linear.cofactors.as_flattened().iter().any(|&entry| entry != 0.0));
+        for matrix in [line, rounded, [0.0; 9]] {
             let [out, normals_bar, matrix_bar] = run::<f64>(&NORMALS, &matrix);
             let all = out.iter().chain(&normals_bar).chain(&matrix_bar);
             assert!(all.into_iter().all(|&entry| entry == 0.0), "{matrix:?}");

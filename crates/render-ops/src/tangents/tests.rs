@@ -140,9 +140,8 @@ fn factors_that_are_powers_of_two_and_what_is_added_to_u_change_no_bit() {
     assert!(bars[2].chunks(2).any(|bar| bar[1] != 0.0));
 }
 
-#[test]
-fn the_gradients_are_difference_quotients() {
-    let surface = Surface::sheet(3, 2);
+/// Compares all gradients with difference quotients.
+fn assert_gradients(surface: &Surface) {
     let [_, bars @ ..] = surface.run::<f64>();
     let value = |surface: &Surface| -> f64 {
         let [tangents, ..] = surface.run::<f64>();
@@ -159,6 +158,11 @@ fn the_gradients_are_difference_quotients() {
             assert_relative_eq!(*bar, quotient, max_relative = 1e-6, epsilon = 1e-7);
         }
     }
+}
+
+#[test]
+fn the_gradients_are_difference_quotients() {
+    assert_gradients(&Surface::sheet(3, 2));
 }
 
 #[test]
@@ -204,8 +208,8 @@ fn where_no_direction_is_there_is_no_tangent_and_no_gradient() {
 
 #[test]
 fn directions_that_cancel_around_a_pole_are_no_tangent() {
-    // Six faces around vertex 0, all with v at the pole, and u around it.
-    let (mut surface, ring) = (Surface::square(), 6);
+    // Seven faces around vertex 0, all with v at the pole, and u around it: sums of sines.
+    let (mut surface, ring) = (Surface::square(), 7);
     (surface.positions, surface.coordinates) = (vec![0.0, 0.0, 0.0], vec![0.5, 0.0]);
     let (mut faces, mut named) = (Vec::new(), Vec::new());
     for k in 0..ring {
@@ -215,7 +219,7 @@ fn directions_that_cancel_around_a_pole_are_no_tangent() {
         faces.push([0, 1 + k, 1 + (k + 1) % ring]);
         named.push([0, 1 + 2 * k, 2 + 2 * k]);
     }
-    surface.normals = [0.0, 0.0, 1.0].repeat(7);
+    surface.normals = [0.0, 0.0, 1.0].repeat(8);
     (surface.faces, surface.named) = (faces, named);
     let [tangents, bars @ ..] = surface.run::<f64>();
     assert_eq!(tangents[..4], [0.0, 0.0, 0.0, 1.0]);
@@ -239,6 +243,28 @@ fn the_side_with_the_larger_angle_prevails_where_a_mirrored_texture_shares_coord
     assert_eq!(found[1], (DVec3::X, 1.0));
     assert_eq!(found[0], (DVec3::X, 1.0));
     assert_eq!(found[2].1, -1.0);
+    // The other side has no part in the gradient, either.
+    let mut crooked = surface;
+    crooked.positions.iter_mut().enumerate().for_each(|(k, x)| *x += 0.2 * number(k));
+    crooked.normals.iter_mut().enumerate().for_each(|(k, x)| *x += 0.2 * number(3 * k));
+    assert_gradients(&crooked);
+}
+
+#[test]
+fn an_edge_along_the_normal_makes_no_angle() {
+    // Two faces meet at a right angle. At vertex 1 the normal lies in the first, along an edge of it.
+    let surface = Surface {
+        positions: vec![0., 0., 0., 1., 0., 0., 1., 1., 0., 0., 0., 1.],
+        normals: [0.0, 1.0, 0.0].repeat(4),
+        coordinates: vec![0., 1., 1., 1., 1., 0., 0.5, 2.],
+        faces: vec![[0, 1, 2], [1, 0, 3]],
+        named: vec![[0, 1, 2], [1, 0, 3]],
+    };
+    let [tangents, bars @ ..] = surface.run::<f64>();
+    let found: Vec<_> = rows(&tangents).collect();
+    // Only the second face counts; u grows along x there, as v does not.
+    assert!((found[1].0 - DVec3::X).length() < 1e-15 && found[2] == (DVec3::ZERO, 1.0));
+    assert!(bars.iter().flatten().all(|bar| bar.is_finite()));
 }
 
 #[test]
