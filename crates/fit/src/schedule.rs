@@ -28,12 +28,15 @@ pub enum Schedule {
         /// The power, above 0.
         power: f64,
     },
-    /// Halved (for `factor` 1/2) smoothly every `steps`: `factor^(step / steps)`.
+    /// Halved (for `factor` 1/2) smoothly every `steps`: `factor^(step / steps)`, down to `floor`.
     Exponential {
         /// How many steps multiply the rate by `factor` once.
         steps: u64,
         /// The factor, in (0, 1].
         factor: f64,
+        /// The least factor, from 0 to 1.
+        #[cfg_attr(feature = "save", serde(default))]
+        floor: f64,
     },
     /// Multiplied by `factor` at once every `steps`.
     Step {
@@ -58,7 +61,9 @@ impl Schedule {
             Self::Polynomial { steps, .. } if step >= steps => 0.0,
             Self::Polynomial { steps, power } => ((steps - step) as f64 / steps as f64).powf(power),
             Self::Exponential { steps: 0, .. } | Self::Step { steps: 0, .. } => f64::NAN,
-            Self::Exponential { steps, factor } => factor.powf(step as f64 / steps as f64),
+            Self::Exponential { steps, factor, floor } => {
+                factor.powf(step as f64 / steps as f64).max(floor)
+            }
             Self::Step { steps, factor } => factor.powf((step / steps) as f64),
         }
     }
@@ -69,7 +74,9 @@ impl Schedule {
     /// [`FitError::Setting`] for a factor or floor outside its range, or a period of no steps.
     pub fn check(&self) -> Result<(), FitError> {
         match *self {
-            Self::Cosine { floor, .. } if !(0.0..=1.0).contains(&floor) => {
+            Self::Cosine { floor, .. } | Self::Exponential { floor, .. }
+                if !(0.0..=1.0).contains(&floor) =>
+            {
                 Err(FitError::setting("schedule", "a floor from 0 to 1", floor))
             }
             Self::Polynomial { power, .. } if !(power > 0.0 && power.is_finite()) => {
@@ -115,7 +122,7 @@ mod tests {
 
     #[test]
     fn exponential_and_step_agree_at_whole_periods() {
-        let smooth = Schedule::Exponential { steps: 10, factor: 0.5 };
+        let smooth = Schedule::Exponential { steps: 10, factor: 0.5, floor: 0.0 };
         let sudden = Schedule::Step { steps: 10, factor: 0.5 };
         for period in 0..5 {
             let expected = 0.5_f64.powi(period);
@@ -124,6 +131,8 @@ mod tests {
             assert_eq!(sudden.factor(10 * period as u64 + 9), expected);
         }
         assert!((smooth.factor(5) - 0.5_f64.sqrt()).abs() < 1e-15);
+        let with_floor = Schedule::Exponential { steps: 10, factor: 0.5, floor: 0.3 };
+        assert_eq!([10, 20, 99].map(|step| with_floor.factor(step)), [0.5, 0.3, 0.3]);
     }
 
     #[test]
@@ -134,10 +143,12 @@ mod tests {
         assert_eq!(Schedule::Cosine { steps: 0, floor: 0.0 }.factor(0), 0.0);
         let floor = message(Schedule::Cosine { steps: 9, floor: 1.5 });
         assert_eq!(floor, Err("schedule needs a floor from 0 to 1, got 1.5".into()));
+        let floor = message(Schedule::Exponential { steps: 9, factor: 0.5, floor: -0.5 });
+        assert_eq!(floor, Err("schedule needs a floor from 0 to 1, got -0.5".into()));
         let steps = message(Schedule::Step { steps: 0, factor: 0.5 });
         assert_eq!(steps, Err("schedule needs a period of at least 1 step, got 0".into()));
         assert!(Schedule::Step { steps: 0, factor: 0.5 }.factor(3).is_nan());
-        assert!(Schedule::Exponential { steps: 0, factor: 0.5 }.factor(3).is_nan());
+        assert!(Schedule::Exponential { steps: 0, factor: 0.5, floor: 0.0 }.factor(3).is_nan());
         let factor = message(Schedule::Exponential { steps: 1, factor: f64::NAN });
         assert_eq!(factor, Err("schedule needs a factor above 0 and up to 1, got NaN".into()));
     }

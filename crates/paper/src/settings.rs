@@ -144,7 +144,7 @@ impl Preset {
             // Under a wide blur Adam is unstable above about a tenth of these rates and converges
             // geometrically below: a run needs many steps there, which a cosine does not give it.
             (Self::Tuned | Self::SecondOrder, _) => {
-                Schedule::Exponential { steps: steps.max(1), factor: 0.01 }
+                Schedule::Exponential { steps: steps.max(1), factor: 0.01, floor: 0.0 }
             }
         }
     }

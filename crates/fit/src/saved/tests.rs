@@ -123,7 +123,7 @@ fn refused<T: Stored>(bytes: &[u8]) -> String {
 fn a_resumed_fit_goes_on_to_the_same_bits() {
     fn check<T: Stored>() {
         let cosine = Schedule::Cosine { steps: 40, floor: 0.1 };
-        let falling = Schedule::Exponential { steps: 7, factor: 0.5 };
+        let falling = Schedule::Exponential { steps: 7, factor: 0.5, floor: 0.0 };
         for optimizer in [Optimizer::GradientDescent, ADAM, Optimizer::ams_grad()] {
             for schedule in [Schedule::Constant, cosine, falling] {
                 let settings = settings(optimizer, schedule);
@@ -233,7 +233,7 @@ fn settings_of_every_kind_come_back() {
         Schedule::Constant,
         Schedule::Cosine { steps: 3, floor: 0.25 },
         Schedule::Polynomial { steps: 4, power: 2.5 },
-        Schedule::Exponential { steps: u64::MAX, factor: 0.1 },
+        Schedule::Exponential { steps: u64::MAX, factor: 0.1, floor: 0.0 },
         Schedule::Step { steps: 6, factor: 1.0 },
     ];
     for (k, schedule) in schedules.into_iter().enumerate() {

@@ -1,0 +1,54 @@
+//! The samples that people in this field know, from the public interface alone: one file each in
+//! `samples/`, under 100 lines. Each is an example of its own, and `bokashi samples` runs them all.
+//!
+//! `stage/` has what they share and what is no part of a pipeline: meshes, textures of our own, random
+//! numbers, figures of merit.
+
+// Each sample names this library as any program would.
+extern crate self as bokashi_examples;
+
+mod asked;
+mod found;
+pub mod stage;
+
+#[path = "samples/cube.rs"]
+pub mod cube;
+#[path = "samples/triangle.rs"]
+pub mod triangle;
+
+pub use asked::{Asked, Silhouettes};
+pub use found::{Curve, Found, Goal};
+
+use bokashi::prelude::FitError;
+
+/// A sample: what it is called, what it learns, and how.
+#[derive(Debug, Clone, Copy)]
+pub struct Sample {
+    /// Its name on a command line.
+    pub name: &'static str,
+    /// What it learns, in a sentence.
+    pub about: &'static str,
+    /// Runs it.
+    pub run: fn(&Asked) -> Result<Vec<Found>, FitError>,
+}
+
+/// All samples, the simplest first.
+pub const SAMPLES: [Sample; 2] = [triangle::SAMPLE, cube::SAMPLE];
+
+/// Runs one sample as a program: `[SEED [STEPS]]`, the seed 0 and as many steps as the sample needs by
+/// default.
+///
+/// # Errors
+/// Whatever the sample runs into; [`FitError::Setting`] for an argument that is no number.
+pub fn main(sample: &Sample) -> Result<(), FitError> {
+    let mut arguments = std::env::args().skip(1).map(|word| {
+        let rule = "a seed and a number of steps, both whole";
+        word.parse::<u64>().map_err(|_| FitError::setting("the command line", rule, word))
+    });
+    let seed = arguments.next().transpose()?.unwrap_or(0);
+    let asked = Asked { seed, most_steps: arguments.next().transpose()?, ..Asked::default() };
+    for found in (sample.run)(&asked)? {
+        println!("{found}");
+    }
+    Ok(())
+}
