@@ -11,8 +11,16 @@ mod asked;
 mod found;
 pub mod stage;
 
+#[path = "samples/camera.rs"]
+pub mod camera;
 #[path = "samples/cube.rs"]
 pub mod cube;
+#[path = "samples/earth.rs"]
+pub mod earth;
+#[path = "samples/far_start.rs"]
+pub mod far_start;
+#[path = "samples/pose.rs"]
+pub mod pose;
 #[path = "samples/triangle.rs"]
 pub mod triangle;
 
@@ -33,7 +41,14 @@ pub struct Sample {
 }
 
 /// All samples, the simplest first.
-pub const SAMPLES: [Sample; 2] = [triangle::SAMPLE, cube::SAMPLE];
+pub const SAMPLES: [Sample; 6] = [
+    triangle::SAMPLE,
+    cube::SAMPLE,
+    pose::SAMPLE,
+    earth::SAMPLE,
+    far_start::SAMPLE,
+    camera::SAMPLE,
+];
 
 /// Runs one sample as a program: `[SEED [STEPS]]`, the seed 0 and as many steps as the sample needs by
 /// default.

@@ -15,6 +15,17 @@ pub fn psnr<T: Scalar>(image: &Tensor<T>, truth: &Tensor<T>) -> f64 {
     -10.0 * (sum / image.size() as f64).log10()
 }
 
+/// The root of the mean square of differences.
+///
+/// # Panics
+/// Where the lengths differ.
+#[track_caller]
+pub fn root_mean_square(a: &[f32], b: &[f32]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    let sum: f64 = a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum();
+    (sum / a.len() as f64).sqrt()
+}
+
 /// The mean distance of vertices `[V, 3]` from their true places. A mesh that looks the same with its
 /// vertices permuted may be learnt in any of these ways: the least distance counts.
 #[derive(Debug, Clone)]

@@ -1,9 +1,11 @@
 //! What samples share and what is no part of a pipeline.
 
+mod globe;
 mod measure;
 mod mesh;
 mod random;
 
-pub use measure::{VertexDistance, psnr, vertex_distance};
+pub use globe::{at_vertices, globe};
+pub use measure::{VertexDistance, psnr, root_mean_square, vertex_distance};
 pub use mesh::{Shape, cube, sphere};
 pub use random::Random;

@@ -1,6 +1,6 @@
 //! Random numbers that follow from a seed.
 
-use bokashi::glam::{DQuat, DVec3};
+use bokashi::glam::{DMat4, DQuat, DVec3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -47,5 +47,17 @@ impl Random {
     /// Uniform among directions.
     pub fn direction(&mut self) -> DVec3 {
         DVec3::from_array([(); 3].map(|()| self.normal())).normalize()
+    }
+
+    /// A camera's view of what is at 0, from any side, at this distance and moved by so much.
+    pub fn view(&mut self, distance: f64, moved: f64) -> DMat4 {
+        let place = self.vector(moved) + DVec3::new(0.0, 0.0, distance);
+        DMat4::from_rotation_translation(self.rotation(), place)
+    }
+
+    /// A small motion: turned by up to `angle`, in radians, and moved by up to `length` along each axis.
+    pub fn nearby(&mut self, angle: f64, length: f64) -> DMat4 {
+        let turn = DQuat::from_axis_angle(self.direction(), self.between(0.0, angle));
+        DMat4::from_rotation_translation(turn, self.vector(length))
     }
 }

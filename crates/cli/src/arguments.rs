@@ -3,6 +3,7 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
+use bokashi_examples::{SAMPLES, Silhouettes as Shown};
 use bokashi_paper::{Experiment, Precision, Preset, Saving, Silhouettes};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::error::{ContextKind, ContextValue, ErrorKind};
@@ -37,6 +38,9 @@ pub(crate) enum Command {
     /// and 4. With the paper's learning rates, and with tuned ones for 5.1 (32 px, antialias) and
     /// 5.3. Then, once, in f64: what other choices do where the paper leaves one open.
     Reproduce(ReproduceArguments),
+    /// The samples that people know, with what each has to reach: a cube of a few pixels, poses,
+    /// textures, light, lenses, silhouettes, cameras.
+    Samples(SamplesArguments),
 }
 
 /// The options of every command.
@@ -111,11 +115,43 @@ pub(crate) struct ReproduceArguments {
     pub(crate) common: Common,
 }
 
+/// The options of `samples`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct SamplesArguments {
+    /// Only this sample; may be given several times [default: all]
+    #[arg(long, value_name = "NAME", value_parser = PossibleValuesParser::new(SAMPLES.iter().map(|sample| sample.name)))]
+    pub(crate) only: Vec<String>,
+    /// Seeds per sample
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = seeds)]
+    pub(crate) seeds: u64,
+    /// The first seed
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = seed)]
+    pub(crate) first_seed: u64,
+    /// Silhouettes, where a sample leaves them open
+    #[arg(long, value_name = "WORD", default_value = "antialias", value_parser = words::<Shown>(&["aliased", "antialias", "exact"]))]
+    pub(crate) silhouettes: Shown,
+    /// Most updates per fit, to see that all of it runs [default: what each sample needs]
+    #[arg(long, value_name = "N", value_parser = steps)]
+    pub(crate) steps: Option<u64>,
+    /// Folder for the report, samples.html [default: no report]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// File for the figures as a JSON list; - for standard output, and then nothing else there
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
+    /// Threads [default: one per core]; figures are the same bits for any number
+    #[arg(long, value_name = "N", value_parser = threads)]
+    pub(crate) threads: Option<usize>,
+    /// No table
+    #[arg(long)]
+    pub(crate) quiet: bool,
+}
+
 impl Request {
     /// The options that every command of fits has.
     pub(crate) fn common(&self) -> &Common {
         match &self.command {
-            None => &self.common,
+            None | Some(Command::Samples(_)) => &self.common,
             Some(Command::Fit(fit)) => &fit.common,
             Some(Command::Reproduce(reproduce)) => &reproduce.common,
         }
@@ -366,6 +402,13 @@ mod tests {
             ("fit --save a --save-every 0", "'0'", "needs a whole number from 1 to 10000000"),
             ("fit --seed 0.5", "'0.5'", "needs a whole number from 0 to"),
             ("fit --threads 0", "'0'", "needs a whole number from 1 to 1024"),
+            ("samples --only cub", "'cub'", "cube"),
+            (
+                "samples --silhouettes soft",
+                "'soft'",
+                "[possible values: aliased, antialias, exact]",
+            ),
+            ("samples --seeds 0", "'0'", "needs a whole number from 1 to 1000"),
             ("reproduce --seeds 0", "'0'", "needs a whole number from 1 to 1000"),
             ("fit --steps", "a value is required", "--steps <N>"),
             ("fit --stepz 3", "'--stepz'", "'--steps'"),
@@ -385,7 +428,7 @@ mod tests {
         for (line, tip) in [
             ("fitt", "tip: a similar subcommand exists: 'fit'"),
             ("reprodce", "tip: a similar subcommand exists: 'reproduce'"),
-            ("fooo", "tip: the commands are fit, reproduce"),
+            ("fooo", "tip: the commands are fit, reproduce, samples"),
         ] {
             let text = wrong(line);
             assert!(

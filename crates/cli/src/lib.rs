@@ -1,6 +1,7 @@
 //! The program `bokashi`: the paper's experiments from the command line. What other programs of ours
 //! share with it is public.
 
+pub mod about;
 pub mod arguments;
 pub mod failure;
 pub mod interrupt;
@@ -9,5 +10,6 @@ pub mod places;
 mod plan;
 mod progress;
 pub mod run;
+mod samples;
 mod summary;
 pub mod threads;

@@ -91,6 +91,7 @@ fn experiments(request: &Request) -> Vec<CubeSettings> {
     };
     match &request.command {
         None => sigmas(Experiment::Joint, Preset::Paper).to_vec(),
+        Some(Command::Samples(_)) => Vec::new(),
         Some(Command::Fit(fit)) => {
             let settings = new(fit.experiment, fit.preset);
             vec![CubeSettings {

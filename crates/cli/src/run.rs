@@ -3,17 +3,19 @@
 use std::ops::ControlFlow;
 use std::sync::PoisonError;
 
-use bokashi_paper::page::{About, Report};
+use bokashi_paper::page::Report;
 use bokashi_paper::run_cube_saving;
 use bokashi_report::ReportError;
 
-use crate::arguments::Request;
+use crate::about::about;
+use crate::arguments::{Command, Request};
 use crate::failure::Failure;
 use crate::interrupt::{Interrupt, Writing, end_when_interrupted};
 use crate::output::{is_standard_output, say, say_json};
 use crate::places::Places;
 use crate::plan::{Planned, plan};
 use crate::progress::{Bar, name};
+use crate::samples;
 use crate::summary::Summary;
 use crate::threads::start_threads;
 
@@ -22,6 +24,9 @@ const REPORT: [&str; 3] = ["index.html", "fits.csv", "histories.csv"];
 
 /// Does all that `request` asks for.
 pub fn run(request: &Request) -> Result<(), Failure> {
+    if let Some(Command::Samples(arguments)) = &request.command {
+        return samples::run(arguments);
+    }
     let out = request.out();
     let json = request.json().map(|file| ("--json", file.as_path()));
     let save = request.save().map(|file| ("--save", file.as_path()));
@@ -136,15 +141,4 @@ fn write(
     let (Some(rendered), Some(out)) = (rendered, request.out()) else { return Ok(None) };
     let page = rendered.write(&out).map_err(failed)?;
     Ok(Some(page.display().to_string()))
-}
-
-/// What a report says of this run of `program`.
-pub fn about(program: &str) -> About {
-    let arguments = std::env::args_os().skip(1);
-    let words: Vec<_> = arguments.map(|word| word.to_string_lossy().into_owned()).collect();
-    About {
-        program: format!("{program} {}", env!("CARGO_PKG_VERSION")),
-        command: format!("{program} {}", words.join(" ")).trim_end().to_owned(),
-        threads: rayon::current_num_threads(),
-    }
 }

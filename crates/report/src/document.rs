@@ -102,8 +102,9 @@ const BESIDE: &str = "<!--beside-->";
 const END: &str = "<!--end-->";
 
 /// The pages that a folder may hold, and what they show.
-const PAGES: [(&str, &str); 5] = [
+const PAGES: [(&str, &str); 6] = [
     ("index.html", "Fits"),
+    ("samples.html", "Samples"),
     ("bench.html", "Speed"),
     ("elision.html", "What is left out"),
     ("stability.html", "Extreme cases"),
@@ -111,8 +112,8 @@ const PAGES: [(&str, &str); 5] = [
 ];
 
 /// Writes `html` into `folder`, which is made where it is missing, under the name of one of the
-/// pages that a report's folder may hold: `index.html`, `bench.html`, `elision.html`,
-/// `stability.html`, `stiff.html`. Then every page in the folder names the others. Returns the path
+/// pages that a report's folder may hold: `index.html`, `samples.html`,
+/// `bench.html`, `elision.html`, `stability.html`, `stiff.html`. Then every page in the folder names the others. Returns the path
 /// of the page.
 ///
 /// # Errors

@@ -4,10 +4,10 @@ use std::io;
 use std::path::Path;
 use std::sync::PoisonError;
 
+use bokashi_cli::about::about;
 use bokashi_cli::failure::Failure;
 use bokashi_cli::interrupt::Writing;
 use bokashi_cli::output::{is_standard_output, say, say_json};
-use bokashi_cli::run::about;
 use bokashi_lab::bench::{
     Effort, bench, elision, elision_markdown, json, markdown, read_peers, write_elision_page,
     write_page,

@@ -2,10 +2,10 @@
 
 use std::sync::PoisonError;
 
+use bokashi_cli::about::about;
 use bokashi_cli::failure::Failure;
 use bokashi_cli::interrupt::Writing;
 use bokashi_cli::output::{is_standard_output, say, say_json};
-use bokashi_cli::run::about;
 use bokashi_lab::stiff::{StudySettings, study, table, write_page};
 use bokashi_report::escaped;
 use indicatif::{ProgressBar, ProgressStyle};

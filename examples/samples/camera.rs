@@ -1,0 +1,114 @@
+//! Cameras from pictures of a known object: the intrinsics and the distortion that twelve cameras share, and
+//! the pose of each, from noisy starts. A pose is learnt as an increment in the tangent space of SE(3). The
+//! pictures are blurred, less and less, so that starts that are some pixels off find their way.
+
+use bokashi::glam::DMat4;
+use bokashi::prelude::*;
+use bokashi_examples::stage::{Random, Shape, at_vertices, globe, root_mean_square, sphere};
+use bokashi_examples::{Asked, Curve, Found, Goal, Sample, Silhouettes};
+
+/// This sample.
+pub const SAMPLE: Sample = Sample {
+    name: "camera",
+    about: "calibrates twelve cameras by pictures of a known object",
+    run,
+};
+
+const SIDE: usize = 256;
+const STEPS: u64 = 600;
+const CAMERAS: usize = 12;
+const INTRINSICS: [f32; 4] = [310.0, 305.0, 129.0, 126.0];
+const DISTORTION: [f32; 5] = [-0.12, 0.05, -0.01, 0.002, -0.003];
+
+struct Scene {
+    ball: Shape,
+    colors: Tensor<f32>,
+    silhouettes: Silhouettes,
+}
+
+/// The increments of all poses `[12, 6]` and where they start, intrinsics and distortion.
+struct Cameras<'a, 't>(&'a [DMat4], [Var<'t, f32>; 3]);
+
+impl Scene {
+    /// The object before camera k: its faces are small enough for bent edges.
+    fn clip<'t>(&self, cameras: &Cameras<'_, 't>, k: usize) -> Result<Var<'t, f32>, FitError> {
+        let Cameras(starts, [increments, intrinsics, distortion]) = *cameras;
+        let view = se3(increments.slice(0, k..k + 1)?.reshape([6])?, &starts[k])?;
+        let seen = transform_points(view.tape().constant(&self.ball.vertices), view)?;
+        let camera = pinhole(intrinsics, Size::square(SIDE), 0.1, 100.0)?;
+        Ok(project(distort(seen, distortion)?, camera, None)?)
+    }
+
+    fn image<'t>(&self, cameras: &Cameras<'_, 't>, k: usize) -> Result<Var<'t, f32>, FitError> {
+        let clip = self.clip(cameras, k)?;
+        let options = self.silhouettes.options(Size::square(SIDE)).cull(Cull::Back);
+        let fragments = rasterize(clip, &self.ball.mesh, options)?;
+        let surface = interpolate(clip.tape().constant(&self.colors), &fragments)?;
+        Ok(self.silhouettes.picture(surface, &fragments, Background::Zero)?.image()?)
+    }
+
+    /// The vertices in pixels, before all cameras.
+    fn pixels(&self, cameras: &Cameras<'_, '_>) -> Result<Vec<f32>, FitError> {
+        let mut all = Vec::new();
+        for k in 0..CAMERAS {
+            let clip = self.clip(cameras, k)?.value();
+            let pixels = clip.data().chunks(4).flat_map(|p| [p[0] / p[3], p[1] / p[3]]);
+            all.extend(pixels.map(|x| 0.5 * SIDE as f32 * x));
+        }
+        Ok(all)
+    }
+}
+
+fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
+    let mut random = Random::new(asked.seed, 0);
+    let (ball, coordinates) = sphere(40)?;
+    let colors = at_vertices(&globe([40, 80], &mut random), &coordinates);
+    let scene = Scene { ball, colors, silhouettes: asked.silhouettes };
+    let truth: Vec<_> = (0..CAMERAS).map(|_| random.view(2.6, 0.15)).collect();
+    let starts: Vec<_> = truth.iter().map(|view| random.nearby(0.03, 0.04) * *view).collect();
+    let noisy = INTRINSICS.map(|x| x * (1.0 + 0.02 * random.normal() as f32));
+    let tape = Tape::new();
+    let still = tape.constant(&Tensor::zeros([CAMERAS, 6]));
+    let [intrinsics, distortion] =
+        [&INTRINSICS[..], &DISTORTION].map(|numbers| tape.constant(&Tensor::from(numbers)));
+    let known = Cameras(&truth, [still, intrinsics, distortion]);
+    let images = (0..CAMERAS).map(|k| Ok::<_, FitError>(scene.image(&known, k)?.value()));
+    let (targets, places) = (images.collect::<Result<Vec<_>, _>>()?, scene.pixels(&known)?);
+
+    let parameters = Parameters::new()
+        .with(Parameter::new("increments", Tensor::zeros([CAMERAS, 6])).rate(2e-3))?
+        .with(Parameter::new("intrinsics", Tensor::from(noisy)).rate(0.5))?
+        .with(Parameter::new("distortion", Tensor::zeros([5])).rate(3e-3))?;
+    let steps = asked.steps(STEPS);
+    let schedule = Schedule::Cosine { steps, floor: 0.0 };
+    let mut fit = Fit::new(parameters, FitSettings { schedule, ..FitSettings::default() })?;
+    let mut pipeline = views(CAMERAS, |view, tape: &Tape<f32>, variables| {
+        let found = Cameras(&starts, [variables[0], variables[1], variables[2]]);
+        let image = scene.image(&found, view.index)?;
+        // 6 pixels at first, and none in the second half.
+        let sigma = 6.0 * (1.0 - 2.0 * view.step as f64 / steps as f64).max(0.0);
+        let sigma = tape.constant_scalar(sigma as f32);
+        let blur = |image| gaussian_blur(image, sigma, &Blur::default());
+        Ok(mean_squared_error(blur(image)?, blur(tape.constant(&targets[view.index]))?)?)
+    });
+    let mut curve = Curve::starting_now();
+    for step in 0..=steps {
+        if step % 20 == 0 || step == steps {
+            let tape = Tape::new();
+            let list = fit.parameters().record(&tape);
+            let found = scene.pixels(&Cameras(&starts, [list[0], list[1], list[2]]))?;
+            // Of a distance, not of one of its two parts.
+            curve.add(2_f64.sqrt() * root_mean_square(&found, &places));
+        }
+        if step < steps {
+            fit.step(&mut pipeline)?;
+        }
+    }
+    let found = Found::last("reprojection error, in pixels", Goal::Below(0.05), steps, curve);
+    Ok(vec![found.picture("first camera", &targets[0]).picture("second camera", &targets[1])])
+}
+
+/// Runs it as a program.
+pub fn main() -> Result<(), FitError> {
+    bokashi_examples::main(&SAMPLE)
+}

@@ -1,0 +1,104 @@
+//! The texture of a sphere that is seen from near and far, with and without mipmaps.
+//!
+//! Far away a pixel sees many texels. Without mipmaps it takes four of them for all, and pulls these four
+//! towards the mean. The target is drawn four times as large along each axis, and then averaged. The set-up
+//! is that of the sample `earth` of Laine et al. 2020, with a texture of our own.
+
+use bokashi::glam::{DMat4, DVec3};
+use bokashi::prelude::*;
+use bokashi_examples::stage::{Random, Shape, globe, psnr, sphere};
+use bokashi_examples::{Asked, Curve, Found, Goal, Sample, Silhouettes};
+
+/// This sample.
+pub const SAMPLE: Sample =
+    Sample { name: "earth", about: "learns the texture of a sphere seen from near and far", run };
+
+const SIDE: usize = 512;
+const STEPS: u64 = 1500;
+const TEXELS: [usize; 2] = [128, 256];
+
+struct Scene {
+    sphere: Shape,
+    coordinates: Tensor<f32>,
+    silhouettes: Silhouettes,
+}
+
+impl Scene {
+    fn image<'t>(
+        &self,
+        texture: &Texture<'t, f32>,
+        camera: &DMat4,
+        side: usize,
+    ) -> Result<Var<'t, f32>, RenderError> {
+        let tape = texture.levels()[0].tape();
+        let clip = project(tape.constant(&self.sphere.vertices), camera, None)?;
+        let options = self.silhouettes.options(Size::square(side)).cull(Cull::Back);
+        let fragments = rasterize(clip, &self.sphere.mesh, options)?;
+        let coordinates = tape.constant(&self.coordinates);
+        let places = interpolate(coordinates, &fragments)?;
+        let detail = if texture.levels().len() > 1 {
+            let steps = differentials(&fragments)?;
+            let differentials = interpolate_differentials(coordinates, &fragments, steps)?;
+            Detail::Differentials { differentials, bias: None }
+        } else {
+            Detail::Finest
+        };
+        let surface = sample_texture(texture, places, detail, Sampler::new())?;
+        self.silhouettes.picture(surface, &fragments, Background::Zero)?.image()
+    }
+}
+
+/// A sphere of radius 1/2, turned at random, 1.5 to 50 in front of the camera.
+fn camera(random: &mut Random) -> DMat4 {
+    let projection = perspective(2.0 * 0.4_f64.atan(), 1.0, 0.9, 200.0);
+    let place = DVec3::new(0.0, 0.0, -random.between(1.5, 50.0));
+    projection * DMat4::from_scale_rotation_translation(DVec3::splat(0.5), random.rotation(), place)
+}
+
+fn learn(asked: &Asked, has_mipmaps: bool) -> Result<Found, FitError> {
+    let (sphere, coordinates) = sphere(24)?;
+    let scene = Scene { sphere, coordinates, silhouettes: asked.silhouettes };
+    let truth = globe(TEXELS, &mut Random::new(asked.seed, 0));
+    let start = Tensor::full([TEXELS[0], TEXELS[1], 3], 0.3);
+    let texels = Parameter::new("texels", start.clone()).rate(1e-2);
+    let steps = asked.steps(STEPS);
+    let schedule = Schedule::Exponential { steps, factor: 0.1, floor: 0.0 };
+    let settings = FitSettings { schedule, ..FitSettings::default() };
+    let mut fit = Fit::new(Parameters::new().with(texels)?, settings)?;
+    let mut curve = Curve::starting_now();
+    curve.add(psnr(&start, &truth));
+    for step in 0..steps {
+        let camera = camera(&mut Random::new(asked.seed, 1 + step));
+        fit.step(&mut from_fn(|tape: &Tape<f32>, variables| {
+            let texture = Texture::with_mipmaps(tape.constant(&truth))?;
+            let fine = scene.image(&texture, &camera, 4 * SIDE)?;
+            let target = downsample(fine, 4, &Filter::Box, Border::Mirror)?;
+            let texels = variables.get("texels")?;
+            let texture =
+                if has_mipmaps { Texture::with_mipmaps(texels)? } else { Texture::new(texels)? };
+            Ok(mean_squared_error(scene.image(&texture, &camera, SIDE)?, target)?)
+        }))?;
+        if (step + 1) % 100 == 0 || step + 1 == steps {
+            curve.add(psnr(&fit.parameters().value("texels")?, &truth));
+        }
+    }
+    let metric =
+        format!("texture PSNR in dB, {} mipmaps", if has_mipmaps { "with" } else { "without" });
+    let found = Found::last(metric, Goal::None, steps, curve).picture("true texture", &truth);
+    Ok(found.picture("learnt", &fit.parameters().value("texels")?))
+}
+
+fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
+    let [with, without] = [learn(asked, true)?, learn(asked, false)?];
+    let (ahead, seconds) = (with.value - without.value, with.seconds + without.seconds);
+    let curve = vec![(seconds, ahead)];
+    let (metric, goal) = ("mipmaps ahead by, in dB".to_owned(), Goal::Above(3.0));
+    let steps = with.steps;
+    let ahead = Found { metric, value: ahead, goal, steps, seconds, curve, pictures: Vec::new() };
+    Ok(vec![with, without, ahead])
+}
+
+/// Runs it as a program.
+pub fn main() -> Result<(), FitError> {
+    bokashi_examples::main(&SAMPLE)
+}

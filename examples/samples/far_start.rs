@@ -1,0 +1,98 @@
+//! An object that starts further away than its own size: no pixel of its picture touches the target's, so
+//! no gradient leads there. A wide blur of both pictures makes them touch, and gets narrower as the fit
+//! goes on. Without the blur the fit must fail, and that is shown.
+
+use bokashi::glam::DVec3;
+use bokashi::prelude::*;
+use bokashi_examples::stage::{Random, Shape, cube};
+use bokashi_examples::{Asked, Curve, Found, Goal, Sample, Silhouettes};
+
+/// This sample.
+pub const SAMPLE: Sample =
+    Sample { name: "far-start", about: "finds an object that starts far from its picture", run };
+
+const SIDE: usize = 64;
+const STEPS: u64 = 400;
+/// The standard deviation of the blur at the start, in pixels.
+const WIDEST: f64 = 12.0;
+
+struct Scene {
+    cube: Shape,
+    silhouettes: Silhouettes,
+}
+
+impl Scene {
+    fn image<'t>(&self, translation: Var<'t, f32>) -> Result<Var<'t, f32>, RenderError> {
+        let tape = translation.tape();
+        let turn = [0.2, 0.3, 0.1, 0.9];
+        let pose = Pose { rotation: tape.constant(&Tensor::from(turn)), translation };
+        let camera = perspective(0.7, 1.0, 0.1, 50.0);
+        let clip = project(tape.constant(&self.cube.vertices), &camera, Some(pose))?;
+        let fragments =
+            rasterize(clip, &self.cube.mesh, self.silhouettes.options(Size::square(SIDE)))?;
+        let colors = tape.constant(&self.cube.vertices.map(|x| x + 0.5));
+        let surface = interpolate(colors, &fragments)?;
+        self.silhouettes.picture(surface, &fragments, Background::Zero)?.image()
+    }
+}
+
+fn tensor(v: DVec3) -> Tensor<f32> {
+    Tensor::from(v.to_array().map(|x| x as f32))
+}
+
+fn learn(
+    scene: &Scene,
+    asked: &Asked,
+    truth: DVec3,
+    start: DVec3,
+    blurs: bool,
+) -> Result<Found, FitError> {
+    let tape = Tape::new();
+    let target = scene.image(tape.constant(&tensor(truth)))?.value();
+    let steps = asked.steps(STEPS);
+    let place = Parameter::new("place", tensor(start)).rate(0.05);
+    let schedule = Schedule::Cosine { steps, floor: 0.0 };
+    let settings = FitSettings { schedule, ..FitSettings::default() };
+    let mut fit = Fit::new(Parameters::new().with(place)?, settings)?;
+    let mut curve = Curve::starting_now();
+    let off = |place: &Tensor<f32>| {
+        DVec3::from_array([0, 1, 2].map(|k| place.data()[k].into())).distance(truth)
+    };
+    curve.add(off(&fit.parameters().value("place")?));
+    let mut image = target.clone();
+    for step in 0..steps {
+        // From wide to none in the first two thirds.
+        let left = 1.0 - 1.5 * step as f64 / steps as f64;
+        let sigma = if blurs { (WIDEST * left).max(0.0) } else { 0.0 };
+        fit.step(&mut from_fn(|tape: &Tape<f32>, variables| {
+            let found = scene.image(variables.get("place")?)?;
+            image = found.value();
+            let sigma = tape.constant_scalar(sigma as f32);
+            let blur = |image| gaussian_blur(image, sigma, &Blur::default());
+            Ok(squared_error(blur(found)?, blur(tape.constant(&target))?)?)
+        }))?;
+        curve.add(off(&fit.parameters().value("place")?));
+    }
+    // The cube's side is 1, and the way was longer.
+    let (word, goal) =
+        if blurs { ("with", Goal::Below(0.01)) } else { ("without", Goal::Above(0.5)) };
+    let found = Found::last(format!("distance {word} blur, in sides"), goal, steps, curve);
+    Ok(found.picture(&format!("{word} blur"), &image).picture("target", &target))
+}
+
+fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
+    let scene = Scene { cube: cube()?, silhouettes: asked.silhouettes };
+    let mut random = Random::new(asked.seed, 0);
+    let truth = DVec3::new(random.between(0.8, 1.2), random.between(-1.2, 1.2), -6.0);
+    // Across the picture: 1.9 to 2.4 sides away, and more or less as far from the eye.
+    let away = DVec3::new(-random.between(1.9, 2.4), 0.0, random.between(-0.3, 0.3));
+    [true, false]
+        .into_iter()
+        .map(|blurs| learn(&scene, asked, truth, truth + away, blurs))
+        .collect()
+}
+
+/// Runs it as a program.
+pub fn main() -> Result<(), FitError> {
+    bokashi_examples::main(&SAMPLE)
+}

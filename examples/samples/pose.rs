@@ -1,0 +1,103 @@
+//! The pose of a cube with flat sides, from one picture: a random search far away, gradients near the end.
+//!
+//! The first half of the steps tries rotations around the best one so far, by noise that falls from 1 to
+//! 1e-4, and keeps what looks better. The second half is Adam. The set-up is that of the sample `pose` of
+//! Laine et al. 2020.
+
+use bokashi::glam::{DQuat, DVec3};
+use bokashi::prelude::*;
+use bokashi_examples::stage::{Random, Shape, cube};
+use bokashi_examples::{Asked, Curve, Found, Goal, Sample, Silhouettes};
+
+/// This sample.
+pub const SAMPLE: Sample =
+    Sample { name: "pose", about: "finds how a cube with flat sides is turned", run };
+
+const SIDE: usize = 256;
+const STEPS: u64 = 4000;
+const COLORS: [[f32; 3]; 6] = [
+    [1.0, 0.2, 0.2],
+    [0.2, 1.0, 0.2],
+    [0.2, 0.2, 1.0],
+    [1.0, 1.0, 0.2],
+    [1.0, 0.2, 1.0],
+    [0.2, 1.0, 1.0],
+];
+
+/// What does not change: the cube, and its faces' colours at corners of their own.
+struct Scene {
+    cube: Shape,
+    colored: Mesh,
+    silhouettes: Silhouettes,
+}
+
+impl Scene {
+    fn image<'t>(&self, rotation: Var<'t, f32>) -> Result<Var<'t, f32>, RenderError> {
+        let tape = rotation.tape();
+        let translation = tape.constant(&Tensor::from([0.0, 0.0, -3.5]));
+        let projection = perspective(2.0 * 0.4_f64.atan(), 1.0, 1.0, 50.0);
+        let pose = Pose { rotation, translation };
+        let clip = project(tape.constant(&self.cube.vertices), &projection, Some(pose))?;
+        let options = self.silhouettes.options(Size::square(SIDE));
+        let fragments = rasterize(clip, &self.cube.mesh, options)?;
+        let colors = tape.constant(&Tensor::from(COLORS));
+        let surface = interpolate_indexed(colors, &self.colored, &fragments)?;
+        self.silhouettes.picture(surface, &fragments, Background::Zero)?.image()
+    }
+}
+
+fn tensor(q: DQuat) -> Tensor<f32> {
+    Tensor::from(q.normalize().to_array().map(|x| x as f32))
+}
+
+fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
+    let cube = cube()?;
+    let colored = Mesh::new((0..12).map(|face| [face / 2; 3]).collect(), 6)?;
+    let scene = Scene { cube, colored, silhouettes: asked.silhouettes };
+    let mut random = Random::new(asked.seed, 0);
+    let (truth, mut best) = (random.rotation(), random.rotation());
+    let mut tape = Tape::new();
+    let target = scene.image(tape.constant(&tensor(truth)))?.value();
+    let off = |q: DQuat| q.normalize().angle_between(truth).to_degrees();
+    let mut curve = Curve::starting_now();
+    let steps = asked.steps(STEPS);
+
+    let mut least = f32::INFINITY;
+    for step in 0..steps / 2 {
+        let noise = 1e-4_f64.powf(2.0 * step as f64 / steps as f64);
+        let axis = DVec3::from_array([(); 3].map(|()| random.normal()));
+        let tried = DQuat::from_vec4((noise * axis).extend(1.0)).normalize() * best;
+        tape.reset();
+        let image = scene.image(tape.constant(&tensor(tried)))?;
+        let loss = squared_error(image, tape.constant(&target))?.item();
+        if loss < least {
+            (least, best) = (loss, tried);
+            curve.add(off(best));
+        }
+    }
+
+    let rotation = Parameter::new("rotation", tensor(best)).rate(1e-2);
+    let schedule = Schedule::Cosine { steps: steps - steps / 2, floor: 0.0 };
+    let settings = FitSettings { steps: steps - steps / 2, schedule, ..FitSettings::default() };
+    let mut fit = Fit::new(Parameters::new().with(rotation)?, settings)?;
+    let mut image = target.clone();
+    let quaternion = |q: &Tensor<f32>| DQuat::from_array([0, 1, 2, 3].map(|k| q.data()[k].into()));
+    fit.run_with(
+        &mut from_fn(|tape: &Tape<f32>, variables| {
+            let found = scene.image(variables.get("rotation")?)?;
+            image = found.value();
+            Ok(squared_error(found, tape.constant(&target))?)
+        }),
+        |seen| {
+            curve.add(off(quaternion(seen.parameters.get("rotation").expect("it is there").raw())));
+            std::ops::ControlFlow::Continue(())
+        },
+    )?;
+    let found = Found::last("angle to the truth, in degrees", Goal::Below(0.5), steps, curve);
+    Ok(vec![found.picture("target", &target).picture("found", &image)])
+}
+
+/// Runs it as a program.
+pub fn main() -> Result<(), FitError> {
+    bokashi_examples::main(&SAMPLE)
+}
