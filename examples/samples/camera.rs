@@ -15,7 +15,7 @@ pub const SAMPLE: Sample = Sample {
 };
 
 const SIDE: usize = 256;
-const STEPS: u64 = 600;
+const STEPS: u64 = 1500;
 const CAMERAS: usize = 12;
 const INTRINSICS: [f32; 4] = [310.0, 305.0, 129.0, 126.0];
 const DISTORTION: [f32; 5] = [-0.12, 0.05, -0.01, 0.002, -0.003];

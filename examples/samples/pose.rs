@@ -14,7 +14,7 @@ pub const SAMPLE: Sample =
     Sample { name: "pose", about: "finds how a cube with flat sides is turned", run };
 
 const SIDE: usize = 256;
-const STEPS: u64 = 4000;
+const STEPS: u64 = 10_000;
 const COLORS: [[f32; 3]; 6] = [
     [1.0, 0.2, 0.2],
     [0.2, 1.0, 0.2],
@@ -64,7 +64,8 @@ fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
 
     let mut least = f32::INFINITY;
     for step in 0..steps / 2 {
-        let noise = 1e-4_f64.powf(2.0 * step as f64 / steps as f64);
+        // From 1 to 1e-4, and long near 1.
+        let noise = 1e-4_f64.powf((2.0 * step as f64 / steps as f64).powi(2));
         let axis = DVec3::from_array([(); 3].map(|()| random.normal()));
         let tried = DQuat::from_vec4((noise * axis).extend(1.0)).normalize() * best;
         tape.reset();
