@@ -4,6 +4,7 @@
 //! is bitwise the same for any number of threads. Work of a single piece never enters the thread
 //! pool: at 32 x 32 pixels to enter it costs more than the work.
 
+use std::cell::Cell;
 use std::ops::Range;
 
 #[cfg(feature = "parallel")]
@@ -87,10 +88,10 @@ pub fn for_each_item_mut<T: Send>(items: &mut [T], work: impl Fn(usize, &mut T) 
 /// # Panics
 /// Where one of `from` is shorter than `data`.
 #[inline]
-pub fn for_each_zipped_mut<T: Copy + Send + Sync, const N: usize>(
-    data: &mut [T],
+pub fn for_each_zipped_mut<D: Send, T: Copy + Sync, const N: usize>(
+    data: &mut [D],
     from: [&[T]; N],
-    work: impl Fn(&mut T, [T; N]) + Send + Sync,
+    work: impl Fn(&mut D, [T; N]) + Send + Sync,
 ) {
     for_each_piece_mut(data, ENTRIES_PER_PIECE, |k, piece| {
         let from = from.map(|entries| &entries[k * ENTRIES_PER_PIECE..][..piece.len()]);
@@ -137,6 +138,37 @@ pub fn merge_ranges_into<R: Default + Send>(
     results.iter_mut().for_each(merge);
 }
 
+/// Runs both, perhaps at the same time, and returns both results.
+pub fn join<A: Send, B: Send>(
+    first: impl FnOnce() -> A + Send,
+    second: impl FnOnce() -> B + Send,
+) -> (A, B) {
+    #[cfg(feature = "parallel")]
+    if threads() > 1 {
+        return rayon::join(first, second);
+    }
+    (first(), second())
+}
+
+thread_local! {
+    /// Whether what this thread does is not to be shared.
+    static IS_ALONE: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Runs `work` on this thread alone: what it calls shares nothing with other threads. For work that
+/// is itself one of many pieces.
+pub fn alone<R>(work: impl FnOnce() -> R) -> R {
+    /// Sets back what was there, after a panic too.
+    struct Before(bool);
+    impl Drop for Before {
+        fn drop(&mut self) {
+            IS_ALONE.set(self.0);
+        }
+    }
+    let _before = Before(IS_ALONE.replace(true));
+    work()
+}
+
 /// Whether work on `length` entries in pieces of `piece` is shared by several threads. For work
 /// whose results need memory per piece only then; its results must not depend on the answer.
 pub fn is_shared(length: usize, piece: usize) -> bool {
@@ -147,7 +179,7 @@ pub fn is_shared(length: usize, piece: usize) -> bool {
 /// on it.
 pub fn threads() -> usize {
     #[cfg(feature = "parallel")]
-    let threads = rayon::current_num_threads();
+    let threads = if IS_ALONE.get() { 1 } else { rayon::current_num_threads() };
     #[cfg(not(feature = "parallel"))]
     let threads = 1;
     threads
@@ -188,6 +220,18 @@ mod tests {
             assert_eq!(covered, (0..length).collect::<Vec<_>>());
         }
         assert_eq!(results.len(), 10);
+    }
+
+    #[test]
+    fn what_runs_alone_is_shared_with_no_other_thread_and_a_panic_ends_that() {
+        let before = threads();
+        alone(|| {
+            assert_eq!(threads(), 1);
+            alone(|| assert!(!is_shared(10, 1)));
+            assert_eq!(join(threads, || 2), (1, 2));
+        });
+        assert!(std::panic::catch_unwind(|| alone(|| panic!("on purpose"))).is_err());
+        assert_eq!(threads(), before);
     }
 
     #[test]

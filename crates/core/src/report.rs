@@ -30,6 +30,26 @@ pub struct OperationReport {
     pub gradient_error: Option<f64>,
 }
 
+impl OperationReport {
+    /// Adds what the same kind of operation did on another tape.
+    fn absorb(&mut self, other: &Self) {
+        self.calls += other.calls;
+        self.backward_calls += other.backward_calls;
+        self.forward += other.forward;
+        self.backward += other.backward;
+        self.bytes += other.bytes;
+    }
+}
+
+/// Adds to the entry of the same work, or makes one.
+fn add_left_out(entries: &mut Vec<LeftOut>, more: LeftOut) {
+    let is_same = |own: &&mut LeftOut| own.name == more.name && own.reason == more.reason;
+    match entries.iter_mut().find(is_same) {
+        Some(own) => own.count += more.count,
+        None => entries.push(more),
+    }
+}
+
 /// A piece of work that a scene did not need.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LeftOut {
@@ -52,6 +72,19 @@ pub struct TapeReport {
 }
 
 impl TapeReport {
+    /// Adds what another tape did.
+    pub(crate) fn absorb(&mut self, other: Self) {
+        for operation in other.operations {
+            match self.operations.iter_mut().find(|own| own.name == operation.name) {
+                Some(own) => own.absorb(&operation),
+                None => self.operations.push(operation),
+            }
+        }
+        for left_out in other.left_out {
+            add_left_out(&mut self.left_out, left_out);
+        }
+    }
+
     /// The report with the largest relative error of each operation's outputs, of those of
     /// [`value_errors`](crate::value_errors).
     #[must_use]
@@ -212,6 +245,17 @@ impl Tally {
         match self.said.iter_mut().find(|entry| entry.name == name && entry.reason == reason) {
             Some(entry) => entry.count += 1,
             None => self.said.push(LeftOut { name, reason: reason.into(), count: 1 }),
+        }
+    }
+
+    /// Adds what another tape did.
+    pub(crate) fn absorb(&mut self, other: TapeReport) {
+        for operation in &other.operations {
+            let entry = self.entry(operation.name, 0);
+            self.count(entry).operation.absorb(operation);
+        }
+        for left_out in other.left_out {
+            add_left_out(&mut self.said, left_out);
         }
     }
 

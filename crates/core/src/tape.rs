@@ -6,6 +6,7 @@
 
 use std::cell::RefCell;
 use std::fmt;
+use std::sync::Mutex;
 
 use crate::gradient::{Accumulator, Wanted};
 use crate::node::{Node, Place};
@@ -29,6 +30,8 @@ use crate::value::Value;
 /// ```
 pub struct Tape<T: Scalar> {
     pub(crate) inner: RefCell<Inner<T>>,
+    /// Tapes of parts that are computed apart ([`Tape::sum_over`]), to be used again.
+    pub(crate) spare: Mutex<Vec<Tape<T>>>,
 }
 
 /// What the tape holds.
@@ -127,6 +130,7 @@ impl<T: Scalar> Tape<T> {
                 is_call_under_way: false,
                 is_memory_doubtful: false,
             }),
+            spare: Mutex::new(Vec::new()),
         }
     }
 

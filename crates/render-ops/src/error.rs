@@ -1,5 +1,7 @@
 //! What a caller can get wrong with rendering operations.
 
+use std::borrow::Cow;
+
 use bokashi_core::{Shape, TensorError};
 
 use crate::size::Size;
@@ -109,10 +111,48 @@ pub enum RenderError {
         pixels: usize,
     },
 
-    /// An index buffer has another number of faces than the mesh that was rasterized.
-    #[error("attribute indices need one face per rasterized face, {expected}, got {given}")]
+    /// Layers in depth were asked for with exact coverage.
+    #[error(
+        "{operation} needs fragments at pixel centres, got exact coverage, \
+         whose pieces say nothing of what lies behind them"
+    )]
+    ExactLayers {
+        /// The operation.
+        operation: &'static str,
+    },
+
+    /// There is no layer.
+    #[error("{operation} needs at least one layer, got none")]
+    NoLayers {
+        /// The operation.
+        operation: &'static str,
+    },
+
+    /// A layer covers a pixel that the layer in front does not.
+    #[error(
+        "layers need to follow each other from the front, \
+         got layer {layer} at pixel {pixel}, where layer {} is not", layer - 1
+    )]
+    LayerPixel {
+        /// The layer, from 0 on.
+        layer: usize,
+        /// The pixel, `row * width + column`.
+        pixel: usize,
+    },
+
+    /// A layer is looked for behind a layer of another size.
+    #[error("a layer needs the size of the layer in front, {expected}, got {given}")]
+    LayerSize {
+        /// The size of the layer in front.
+        expected: Size,
+        /// The size given.
+        given: Size,
+    },
+
+    /// An index buffer has another number of faces than the mesh that it goes with.
+    #[error("indices need one face per face of the mesh, {expected}, got {given}")]
     FaceCount {
-        /// Faces of the mesh that was rasterized.
+        /// Faces of the mesh.
         expected: usize,
         /// Faces of the index buffer.
         given: usize,
@@ -186,6 +226,26 @@ pub enum RenderError {
         /// The value given.
         value: f64,
     },
+}
+
+impl RenderError {
+    /// A number that breaks an operation's rule.
+    pub(crate) fn of_value(
+        operation: &'static str,
+        rule: impl Into<Cow<'static, str>>,
+        value: f64,
+    ) -> Self {
+        TensorError::Value { operation, rule: rule.into(), value }.into()
+    }
+
+    /// A shape that breaks an operation's rule.
+    pub(crate) fn of_shape(
+        operation: &'static str,
+        rule: impl Into<String>,
+        shape: &Shape,
+    ) -> Self {
+        Self::Shape { operation, rule: rule.into(), shape: shape.clone() }
+    }
 }
 
 /// Here, and not with the rest of [`Size`]: an error holds one.

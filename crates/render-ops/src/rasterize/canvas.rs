@@ -4,11 +4,13 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
+use super::behind::{Found, Peeling};
 use super::culling::{Fate, Verdict};
 use super::exact::{BandFaces, BoundarySearch, PieceFragments, Pieces};
 use super::options::Sampling;
 use super::prepared::{NO_SLOT, Prepared, sum_up};
 use super::setup::{LANES, Setup, Weights, beyond};
+use crate::coverage::Coverage;
 use crate::runs::{Run, Runs, Slot};
 use crate::size::Size;
 
@@ -76,6 +78,7 @@ pub(super) struct Canvas<T: Scalar> {
     /// Per slot: how many of the runs are its own or of slots before it.
     ends: Vec<u32>,
     search: BoundarySearch<T::Wide>,
+    peeling: Peeling<T::Wide>,
     pub(super) bands: Vec<Band<T>>,
 }
 
@@ -123,8 +126,13 @@ impl<T: Scalar> Canvas<T> {
             let first = band * view.rows;
             let rows = first..(first + view.rows).min(view.size.height);
             self.weights.clear();
-            for &face in &faces[band] {
-                self.draw(view, rows.clone(), face as usize);
+            match view.front {
+                None => {
+                    for &face in &faces[band] {
+                        self.draw(view, rows.clone(), face as usize);
+                    }
+                }
+                Some(front) => self.draw_behind(view, front, rows.clone(), &faces[band]),
             }
             if view.sampling == Sampling::Exact {
                 self.resolve(view, at, rows.clone(), &faces[band]);
@@ -183,6 +191,24 @@ impl<T: Scalar> Canvas<T> {
             }
         }
         self.weights.push(setup.weights());
+    }
+
+    /// Draws the layer behind `front` into the band of `rows`.
+    #[inline(never)]
+    fn draw_behind(
+        &mut self,
+        view: &Prepared<'_, T>,
+        front: &Coverage,
+        rows: Range<usize>,
+        faces: &[u32],
+    ) {
+        let found = Found {
+            depths: self.depths.as_flattened_mut(),
+            faces: self.faces.as_flattened_mut(),
+            stride: view.blocks_per_row() * LANES,
+            reached: &mut self.reached,
+        };
+        self.peeling.draw(view, front, rows, faces, found, &mut self.weights);
     }
 
     /// Resolves the boundary pixels of band `at`, whose faces are `faces`; nothing is seen at their

@@ -23,6 +23,7 @@
 //! Laine et al., *Modular primitives for high-performance differentiable rendering*, ACM TOG 39(6),
 //! 2020; coverage as in `homogeneous`.
 
+mod behind;
 mod canvas;
 mod culling;
 mod exact;
@@ -70,8 +71,67 @@ pub fn rasterize<'t, T: Scalar>(
     mesh: &Mesh,
     options: impl Into<RasterOptions>,
 ) -> Result<Fragments<'t, T>, RenderError> {
-    record(clip, mesh, options.into())
+    record(clip, mesh, options.into(), None)
 }
+
+/// The fragments of what is seen behind `front`, fragments of the same image with the same `options`:
+/// at each pixel of `front` the nearest face behind the face there. Where depths are equal, faces follow
+/// each other in the order of their indices. So each face that covers a pixel centre is seen in one layer
+/// there. The last layer has none behind it: then there are no fragments.
+///
+/// A layer costs some two to four times what [`rasterize`] costs.
+///
+/// # Errors
+/// - [`RenderError::ExactLayers`] for exact coverage: the pieces of a boundary pixel hold what is visible
+///   in it, and nothing is known of what lies behind a piece.
+/// - [`RenderError::LayerSize`] for options with another size.
+/// - As [`rasterize`], and for fragments that are not whole.
+pub fn rasterize_behind<'t, T: Scalar>(
+    front: &Fragments<'t, T>,
+    options: impl Into<RasterOptions>,
+) -> Result<Fragments<'t, T>, RenderError> {
+    let options = options.into();
+    let coverage = front.checked_coverage(BEHIND, front.clip.tape())?;
+    if coverage.is_exact() || options.sampling == Sampling::Exact {
+        return Err(RenderError::ExactLayers { operation: BEHIND });
+    }
+    if options.size != coverage.size() {
+        return Err(RenderError::LayerSize { expected: coverage.size(), given: options.size });
+    }
+    let mesh = coverage.mesh().clone();
+    record(front.clip, &mesh, options, Some(coverage))
+}
+
+/// The fragments of all surfaces that pixel centres see one behind another, the nearest first: at most
+/// `most` layers, or all that there are. A layer without fragments is none. See [`rasterize_behind`].
+///
+/// # Errors
+/// As [`rasterize`], and [`RenderError::ExactLayers`] for exact coverage.
+pub fn depth_layers<'t, T: Scalar>(
+    clip: Var<'t, T>,
+    mesh: &Mesh,
+    options: impl Into<RasterOptions>,
+    most: Option<usize>,
+) -> Result<Vec<Fragments<'t, T>>, RenderError> {
+    let options = options.into();
+    if options.sampling == Sampling::Exact {
+        return Err(RenderError::ExactLayers { operation: "depth_layers" });
+    }
+    let mut layers = Vec::new();
+    while most.is_none_or(|most| layers.len() < most) {
+        let layer = match layers.last() {
+            None => rasterize(clip, mesh, options)?,
+            Some(front) => rasterize_behind(front, options)?,
+        };
+        if layer.coverage.count() == 0 {
+            break;
+        }
+        layers.push(layer);
+    }
+    Ok(layers)
+}
+
+const BEHIND: &str = "rasterize_behind";
 
 /// [`rasterize()`], compiled once.
 #[inline(never)]
@@ -79,9 +139,10 @@ fn record<'t, T: Scalar>(
     clip: Var<'t, T>,
     mesh: &Mesh,
     options: RasterOptions,
+    front: Option<Arc<Coverage>>,
 ) -> Result<Fragments<'t, T>, RenderError> {
     options.size.checked()?;
-    let op = Rasterize { mesh: mesh.clone(), options };
+    let op = Rasterize { mesh: mesh.clone(), options, front };
     let look = |saved: &Saved<T>| (saved.coverage.clone(), saved.visibility.reaches_behind);
     let (outputs, (coverage, reaches_behind)) = clip.tape().record_with(op, &[clip], look)?;
     let coverage = coverage.expect("forward has filled in the coverage");
@@ -107,6 +168,8 @@ fn record<'t, T: Scalar>(
 struct Rasterize {
     mesh: Mesh,
     options: RasterOptions,
+    /// The layer in front, if what is behind a layer is looked for.
+    front: Option<Arc<Coverage>>,
 }
 
 /// The coverage, shared with the fragments that were handed out, and the memory of the search.
@@ -222,7 +285,7 @@ impl<T: Scalar> Op<T> for Rasterize {
 
         let Saved { coverage, visibility, .. } = saved;
         let coverage = recycled(coverage, &self.mesh, self.options.size);
-        visibility.run(clip, self.options, inputs.needs(0), coverage);
+        visibility.run(clip, self.options, inputs.needs(0), self.front.as_deref(), coverage);
         let pieces = coverage.count() - coverage.centers();
         let barycentrics = [coverage.count(), 2].into();
         let (barycentrics, weights) = match self.options.sampling {

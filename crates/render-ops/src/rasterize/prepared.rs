@@ -5,6 +5,7 @@ use bokashi_core::Scalar;
 use super::culling::{Corner, Verdict};
 use super::options::Sampling;
 use super::setup::LANES;
+use crate::coverage::Coverage;
 use crate::mesh::Mesh;
 use crate::size::Size;
 
@@ -26,6 +27,8 @@ pub(super) struct Prepared<'a, T: Scalar> {
     pub(super) sampling: Sampling,
     /// Whether a gradient can be asked for.
     pub(super) needs: bool,
+    /// The layer in front of what is looked for, if it is not all.
+    pub(super) front: Option<&'a Coverage>,
 }
 
 impl<'a, T: Scalar> Prepared<'a, T> {

@@ -50,12 +50,14 @@ pub(super) struct Visibility<T: Scalar> {
 }
 
 impl<T: Scalar> Visibility<T> {
-    /// Finds the runs, and their weights, which the bands hold.
+    /// Finds the runs, and their weights, which the bands hold: of the nearest faces, or of those behind
+    /// the layer `front`.
     pub(super) fn run(
         &mut self,
         clip: &[T],
         options: RasterOptions,
         needs: bool,
+        front: Option<&Coverage>,
         coverage: &mut Coverage,
     ) {
         let (mesh, size) = (&coverage.mesh.clone(), coverage.size);
@@ -67,7 +69,7 @@ impl<T: Scalar> Visibility<T> {
         coverage.culled = sort_into_bands(&self.verdicts, &mut self.faces, rows);
         coverage.orientations.clear();
         coverage.orientations.extend(self.verdicts.iter().map(|verdict| verdict.orientation));
-        self.draw_bands(mesh, options, rows, needs);
+        self.draw_bands(mesh, options, rows, needs, front);
         join(self.bands(), coverage);
         coverage.boundary.clear();
         if options.sampling == Sampling::Exact {
@@ -122,7 +124,14 @@ impl<T: Scalar> Visibility<T> {
     }
 
     /// Draws and reads the bands of `rows` rows.
-    fn draw_bands(&mut self, mesh: &Mesh, options: RasterOptions, rows: usize, needs: bool) {
+    fn draw_bands(
+        &mut self,
+        mesh: &Mesh,
+        options: RasterOptions,
+        rows: usize,
+        needs: bool,
+        front: Option<&Coverage>,
+    ) {
         let RasterOptions { size, sampling, .. } = options;
         let Self { corners, verdicts, centers, ys, faces, canvases, .. } = self;
         centers.clear();
@@ -130,7 +139,8 @@ impl<T: Scalar> Visibility<T> {
         centers.extend(columns.map(|column| size.center_x::<T::Wide>(column)));
         ys.clear();
         ys.extend((0..size.height).map(|row| size.center_y::<T::Wide>(row)));
-        let view = Prepared { mesh, size, corners, verdicts, centers, ys, rows, sampling, needs };
+        let view =
+            Prepared { mesh, size, corners, verdicts, centers, ys, rows, sampling, needs, front };
         // As few as can be: what the band before has touched is in a core's cache.
         let threads = threads();
         let count = faces.len().min(if threads > 1 { threads * CANVASES_PER_THREAD } else { 1 });

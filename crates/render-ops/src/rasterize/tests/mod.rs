@@ -5,6 +5,7 @@ mod blocks;
 mod crowded;
 mod exact;
 mod extremes;
+mod layers;
 mod nearest;
 mod oracle;
 mod pixel_borders;

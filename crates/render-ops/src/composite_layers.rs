@@ -1,0 +1,409 @@
+//! Layers in depth, one over another.
+//!
+//! # Forward
+//! Layer k has the colours `c_k`, times their alpha (premultiplied), and the alphas `a_k`. From the last
+//! layer on, before a background b: `r_k = c_k + (1 - a_k) r_(k+1)`, where `r_(k+1)` is b at a pixel
+//! that no further layer covers. The picture is `r_0`.
+//!
+//! # Backward
+//! From the first layer on, with `r_bar_0 = x_bar`: `c_bar_k = r_bar_k`, `a_bar_k = -r_bar_k . r_(k+1)`,
+//! `r_bar_(k+1) = (1 - a_k) r_bar_k`, and the last `r_bar` at a pixel is the background's. It is smooth in
+//! colours and alphas.
+//!
+//! # Source
+//! Porter and Duff, *Compositing digital images*, SIGGRAPH 1984: the operator over.
+
+use std::sync::Arc;
+
+use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
+
+use crate::background::{Background, Kind};
+use crate::coverage::Coverage;
+use crate::error::RenderError;
+use crate::fragments::Fragments;
+use crate::picture::{Composite, Picture, checked_channels};
+
+const NAME: &str = "composite_layers";
+
+/// What a layer in depth shows.
+#[derive(Debug, Clone, Copy)]
+pub struct Layer<'a, 't, T: Scalar> {
+    /// The layer's fragments, at pixel centres.
+    pub fragments: &'a Fragments<'t, T>,
+    /// Colours times their alpha, `[N, C]`.
+    pub premultiplied: Var<'t, T>,
+    /// How much of what lies behind is hidden, from 0 to 1: `[N]`.
+    pub alpha: Var<'t, T>,
+}
+
+/// The picture of layers one over another, the nearest first, before a background:
+/// [`depth_layers`](crate::depth_layers()) has the fragments. The first layer covers every pixel that
+/// some layer covers.
+///
+/// An alpha of 1 hides all that lies behind, and an alpha of 0 nothing. The picture has the
+/// first layer's silhouettes, so [`antialias`](crate::antialias()) smooths those alone.
+///
+/// # Errors
+/// - [`RenderError::NoLayers`] without a layer.
+/// - [`RenderError::Shape`] unless the colours of each layer are `[N, C]`, C > 0, its
+///   alphas `[N]`, and the background has as many channels; and for fragments that are not whole.
+/// - [`RenderError::ExactLayers`] for fragments of exact coverage.
+/// - [`RenderError::LayerSize`] for layers of several sizes.
+/// - [`RenderError::LayerPixel`] where a layer covers a pixel that the layer before does not.
+/// - `TensorError::ForeignVariable` for variables of several tapes.
+#[inline(never)]
+pub fn composite_layers<'t, T: Scalar>(
+    layers: &[Layer<'_, 't, T>],
+    background: Background<'t, T>,
+) -> Result<Composite<'t, T>, RenderError> {
+    let Some(front) = layers.first() else {
+        return Err(RenderError::NoLayers { operation: NAME });
+    };
+    let tape = front.premultiplied.tape();
+    let channels = checked_channels(NAME, front.premultiplied, front.fragments.coverage.count())?;
+    let mut coverages = Vec::with_capacity(layers.len());
+    for layer in layers {
+        let coverage = layer.fragments.checked_coverage(NAME, tape)?;
+        if coverage.is_exact() {
+            return Err(RenderError::ExactLayers { operation: NAME });
+        }
+        let (count, size) = (coverage.count(), front.fragments.coverage.size());
+        if coverage.size() != size {
+            return Err(RenderError::LayerSize { expected: size, given: coverage.size() });
+        }
+        let expected = [
+            (layer.premultiplied, vec![count, channels], "values"),
+            (layer.alpha, vec![count], "alphas"),
+        ];
+        for (variable, shape, what) in expected {
+            if *variable.shape() != shape[..] {
+                let rule = format!("{what} of shape {shape:?}");
+                return Err(RenderError::Shape { operation: NAME, rule, shape: variable.shape() });
+            }
+        }
+        coverages.push(coverage);
+    }
+    let coverage = Arc::clone(&coverages[0]);
+    let backdrop = background.behind(NAME, tape, coverage.size(), channels)?;
+    let inputs: Vec<_> = [backdrop.values]
+        .into_iter()
+        .chain(layers.iter().flat_map(|layer| [layer.premultiplied, layer.alpha]))
+        .collect();
+    let op = CompositeLayers { coverages, kind: backdrop.kind };
+    let values = tape.apply(op, &inputs)?;
+    let clip = front.fragments.clip;
+    Ok(Composite(Picture { values, backdrop, clip, coverage, rim: None }))
+}
+
+/// Inputs: a background `[C]` or `[H, W, C]`, then for each layer colours `[N, C]` and alphas `[N]`.
+struct CompositeLayers {
+    coverages: Vec<Arc<Coverage>>,
+    kind: Kind,
+}
+
+/// Stands for "no fragment".
+const NONE: u32 = u32::MAX;
+
+/// What a backward pass reads.
+#[derive(Debug)]
+struct Saved<T: Scalar> {
+    /// By layer: for each fragment the fragment of the next layer at its pixel, or [`NONE`].
+    next: Vec<Vec<u32>>,
+    /// By layer: `r_k`, and the alphas.
+    seen: Vec<Vec<T>>,
+    alphas: Vec<Vec<T>>,
+    /// Per pixel: a fragment of a layer.
+    at: Vec<u32>,
+    /// `r_bar` of a layer and of the next.
+    bars: [Vec<T>; 2],
+    /// The sum over all pixels that see a background of one colour.
+    color_bar: Vec<T::Wide>,
+}
+
+impl<T: Scalar> Default for Saved<T> {
+    fn default() -> Self {
+        let (next, seen, alphas, at, bars, color_bar) = Default::default();
+        Self { next, seen, alphas, at, bars, color_bar }
+    }
+}
+
+impl CompositeLayers {
+    /// Finds what lies behind each fragment.
+    ///
+    /// # Errors
+    /// [`RenderError::LayerPixel`] where a layer covers a pixel that the layer before does not.
+    fn find_next<T: Scalar>(&self, saved: &mut Saved<T>) -> Result<(), RenderError> {
+        let Saved { next, at, .. } = saved;
+        next.resize_with(self.coverages.len(), Vec::new);
+        at.clear();
+        at.resize(self.coverages[0].size().pixels(), NONE);
+        for (k, coverage) in self.coverages.iter().enumerate() {
+            next[k].clear();
+            next[k].resize(coverage.count(), NONE);
+        }
+        for (k, pair) in self.coverages.windows(2).enumerate() {
+            for (n, pixel) in pair[0].pixels().enumerate() {
+                at[pixel] = n as u32;
+            }
+            for (n, pixel) in pair[1].pixels().enumerate() {
+                let front = std::mem::replace(&mut at[pixel], NONE);
+                if front == NONE {
+                    return Err(RenderError::LayerPixel { layer: k + 1, pixel });
+                }
+                next[k][front as usize] = n as u32;
+            }
+            // What is left has nothing behind it.
+            pair[0].pixels().for_each(|pixel| at[pixel] = NONE);
+        }
+        Ok(())
+    }
+}
+
+impl<T: Scalar> Op<T> for CompositeLayers {
+    type Saved = Saved<T>;
+    type Error = RenderError;
+
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn forward(
+        &self,
+        inputs: &Inputs<'_, T>,
+        outputs: &mut Outputs<'_, T>,
+        saved: &mut Saved<T>,
+    ) -> Result<(), RenderError> {
+        let (background, channels) = (inputs.data(0), inputs.shape(1)[1]);
+        self.find_next(saved)?;
+        let Saved { next, seen, alphas, .. } = saved;
+        seen.resize_with(self.coverages.len(), Vec::new);
+        alphas.resize_with(self.coverages.len(), Vec::new);
+        for (k, coverage) in self.coverages.iter().enumerate().rev() {
+            let (colors, alpha) = (inputs.data(1 + 2 * k), inputs.data(2 + 2 * k));
+            let (own, behind) = seen.split_at_mut(k + 1);
+            let own = &mut own[k];
+            own.clear();
+            own.extend_from_slice(colors);
+            let rows = own.chunks_exact_mut(channels).zip(alpha).zip(&next[k]);
+            for (((row, &alpha), &next), pixel) in rows.zip(coverage.pixels()) {
+                let behind = match next {
+                    NONE => &background[self.kind.entry(channels, pixel)..][..channels],
+                    next => &behind[0][next as usize * channels..][..channels],
+                };
+                let left = T::ONE - alpha;
+                row.iter_mut().zip(behind).for_each(|(row, &behind)| *row += left * behind);
+            }
+            alphas[k].clear();
+            alphas[k].extend_from_slice(alpha);
+        }
+        outputs.push(inputs.shape(1)).copy_from_slice(&seen[0]);
+        Ok(())
+    }
+
+    fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
+        let needs_alpha = (0..self.coverages.len()).any(|k| inputs.needs(2 + 2 * k));
+        if needs_alpha { Keep::NOTHING.input(0) } else { Keep::NOTHING }
+    }
+
+    fn backward(
+        &self,
+        kept: &Kept<'_, T>,
+        saved: &mut Saved<T>,
+        gradients: &mut Accumulators<'_, T>,
+    ) {
+        let channels = kept.input_shape(1)[1];
+        let Saved { next, seen, alphas, bars: [bars, behind_bars], color_bar, .. } = saved;
+        color_bar.clear();
+        color_bar.resize(channels, T::Wide::ZERO);
+        bars.clear();
+        bars.extend_from_slice(kept.only_upstream());
+        for (k, coverage) in self.coverages.iter().enumerate() {
+            if let Some(colors_bar) = gradients.get(1 + 2 * k) {
+                colors_bar.add(bars);
+            }
+            if let Some(alpha_bar) = gradients.get(2 + 2 * k) {
+                let background = kept.input(0);
+                let entries = alpha_bar.entries().iter_mut().zip(bars.chunks_exact(channels));
+                for (((entry, bar), &next), pixel) in entries.zip(&next[k]).zip(coverage.pixels()) {
+                    let behind = match next {
+                        NONE => &background[self.kind.entry(channels, pixel)..][..channels],
+                        next => &seen[k + 1][next as usize * channels..][..channels],
+                    };
+                    let dot: T::Wide =
+                        bar.iter().zip(behind).map(|(a, b)| a.widen() * b.widen()).sum();
+                    *entry += T::narrow(-dot);
+                }
+            }
+            let count = self.coverages.get(k + 1).map_or(0, |next| next.count());
+            behind_bars.clear();
+            behind_bars.resize(count * channels, T::ZERO);
+            let mut background_bar = gradients.get(0).map(|bar| bar.entries());
+            let rows = bars.chunks_exact(channels).zip(&alphas[k]).zip(&next[k]);
+            for (((bar, &alpha), &next), pixel) in rows.zip(coverage.pixels()) {
+                let left = T::ONE - alpha;
+                let to = match (next, background_bar.as_deref_mut(), self.kind) {
+                    (NONE, None, _) => continue,
+                    (NONE, _, Kind::Color) => {
+                        for (sum, bar) in color_bar.iter_mut().zip(bar) {
+                            *sum += left.widen() * bar.widen();
+                        }
+                        continue;
+                    }
+                    (NONE, Some(entries), Kind::Image) => {
+                        &mut entries[pixel * channels..][..channels]
+                    }
+                    (next, ..) => &mut behind_bars[next as usize * channels..][..channels],
+                };
+                to.iter_mut().zip(bar).for_each(|(to, &bar)| *to += left * bar);
+            }
+            std::mem::swap(bars, behind_bars);
+        }
+        if let (Kind::Color, Some(background_bar)) = (self.kind, gradients.get(0)) {
+            background_bar.add_each(|c| T::narrow(color_bar[c]));
+        }
+    }
+
+    fn saved_bytes(&self, saved: &Saved<T>) -> usize {
+        let of = |lists: &[Vec<T>]| lists.iter().map(|list| size_of_val(&list[..])).sum::<usize>();
+        let next = saved.next.iter().map(|list| size_of_val(&list[..])).sum::<usize>();
+        of(&saved.seen) + of(&saved.alphas) + next
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bokashi_core::{Tape, Tensor};
+
+    use super::*;
+    use crate::mesh::Mesh;
+    use crate::rasterize::{RasterOptions, Sampling, depth_layers, rasterize};
+    use crate::size::Size;
+
+    const SIZE: Size = Size { width: 9, height: 7 };
+
+    /// Three walls one behind another, each smaller than the wall behind it, given in any order.
+    fn walls(tape: &Tape<f64>, order: [usize; 3]) -> (Var<'_, f64>, Mesh) {
+        let corners = |k: usize| {
+            let (reach, z) = (0.5 + 0.3 * k as f64, 0.3 * k as f64);
+            [[-reach, -reach, z, 1.0], [3.0 * reach, -reach, z, 1.0], [-reach, 3.0 * reach, z, 1.0]]
+        };
+        let all: Vec<f64> = order.iter().flat_map(|&k| corners(k)).flatten().collect();
+        let faces = (0..3).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+        (tape.leaf(&Tensor::new([9, 4], all).unwrap()), Mesh::new(faces, 9).unwrap())
+    }
+
+    fn colors(k: usize) -> [f64; 2] {
+        [0.2 + 0.3 * k as f64, 0.9 - 0.25 * k as f64]
+    }
+
+    /// The picture of the walls, each with an alpha of its own.
+    fn picture(order: [usize; 3], alpha: impl Fn(usize) -> f64) -> Tensor<f64> {
+        let tape = Tape::new();
+        let (clip, mesh) = walls(&tape, order);
+        let fragments = depth_layers(clip, &mesh, SIZE, None).unwrap();
+        assert_eq!(fragments.len(), 3);
+        let all: Vec<_> = fragments
+            .iter()
+            .map(|fragments| {
+                let faces: Vec<_> = fragments.coverage.faces().map(|face| order[face]).collect();
+                let color = Tensor::from_fn([faces.len(), 2], |[n, c]| {
+                    alpha(faces[n]) * colors(faces[n])[c]
+                });
+                let alphas = Tensor::from_fn([faces.len()], |[n]| alpha(faces[n]));
+                (tape.leaf(&color), tape.leaf(&alphas))
+            })
+            .collect();
+        let layers: Vec<_> = fragments
+            .iter()
+            .zip(&all)
+            .map(|(fragments, &(premultiplied, alpha))| Layer { fragments, premultiplied, alpha })
+            .collect();
+        let behind = Background::Color(tape.leaf(&Tensor::full([2], 0.5)));
+        composite_layers(&layers, behind).unwrap().image().unwrap().value()
+    }
+
+    #[test]
+    fn each_layer_shows_as_much_as_those_in_front_let_through_in_any_order_of_faces() {
+        let alpha = |k: usize| [0.25, 0.5, 0.8][k];
+        let image = picture([0, 1, 2], alpha);
+        for order in [[2, 1, 0], [1, 2, 0], [0, 2, 1]] {
+            assert_eq!(picture(order, alpha), image);
+        }
+        let tape = Tape::<f64>::new();
+        for pixel in 0..SIZE.pixels() {
+            // From back to front, each wall where it alone covers the pixel.
+            let mut expected = [0.5; 2];
+            for k in (0..3).rev() {
+                let (clip, _) = walls(&tape, [k; 3]);
+                let one = Mesh::new(vec![[0, 1, 2]], 9).unwrap();
+                let covers = rasterize(clip, &one, SIZE).unwrap().coverage.fragment_at(pixel);
+                if covers.is_some() {
+                    for c in 0..2 {
+                        expected[c] += alpha(k) * (colors(k)[c] - expected[c]);
+                    }
+                }
+            }
+            for c in 0..2 {
+                approx::assert_relative_eq!(
+                    image.data()[2 * pixel + c],
+                    expected[c],
+                    epsilon = 1e-15
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn opaque_layers_are_the_nearest_alone_and_clear_layers_the_background() {
+        let opaque = picture([0, 1, 2], |_| 1.0);
+        let tape = Tape::<f64>::new();
+        let (clip, mesh) = walls(&tape, [0, 1, 2]);
+        let nearest = rasterize(clip, &mesh, SIZE).unwrap().coverage;
+        for pixel in 0..SIZE.pixels() {
+            let expected = nearest.face_at(pixel).map_or([0.5; 2], colors);
+            assert_eq!(opaque.data()[2 * pixel..][..2], expected);
+        }
+        assert!(picture([0, 1, 2], |_| 0.0).data().iter().all(|&entry| entry == 0.5));
+    }
+
+    #[test]
+    fn wrong_layers_are_refused() {
+        let tape = Tape::new();
+        let (clip, mesh) = walls(&tape, [0, 1, 2]);
+        let layers = depth_layers(clip, &mesh, SIZE, None).unwrap();
+        let with = |fragments: &Fragments<'_, f64>| {
+            let count = fragments.coverage.count();
+            (count, tape.constant_full([count, 1], 0.5), tape.constant_full([count], 0.5))
+        };
+        let say = |fragments: &[&Fragments<'_, f64>], short: usize| {
+            let all: Vec<_> = fragments
+                .iter()
+                .map(|&fragments| {
+                    let (count, premultiplied, _) = with(fragments);
+                    let alpha = tape.constant_full([count - short], 0.5);
+                    Layer { fragments, premultiplied, alpha }
+                })
+                .collect();
+            composite_layers(&all, Background::Zero).unwrap_err().to_string()
+        };
+        assert_eq!(say(&[], 0), "composite_layers needs at least one layer, got none");
+        let count = layers[0].coverage.count();
+        assert_eq!(
+            say(&[&layers[0]], 1),
+            format!("composite_layers needs alphas of shape [{count}], got shape [{}]", count - 1)
+        );
+        assert!(say(&[&layers[1], &layers[0]], 0).starts_with("layers need to follow each other"));
+        let small = rasterize(clip, &mesh, Size::square(4)).unwrap();
+        assert_eq!(
+            say(&[&layers[0], &small], 0),
+            "a layer needs the size of the layer in front, 9 x 7, got 4 x 4"
+        );
+        let exact = RasterOptions::new(SIZE).sampling(Sampling::Exact);
+        let pieces = rasterize(clip, &mesh, exact).unwrap();
+        let rule = "needs fragments at pixel centres, got exact coverage, \
+                    whose pieces say nothing of what lies behind them";
+        assert_eq!(say(&[&pieces], 0), format!("composite_layers {rule}"));
+        let error = depth_layers(clip, &mesh, exact, None).unwrap_err();
+        assert_eq!(error.to_string(), format!("depth_layers {rule}"));
+    }
+}

@@ -1,0 +1,157 @@
+//! An image over another.
+//!
+//! # Forward
+//! `x = f + (1 - f_a) b`, with the last channel of each image its alpha, and the other channels colours
+//! times their alpha (premultiplied). The alpha of x follows by the same rule.
+//!
+//! # Backward
+//! `f_bar = x_bar`, `f_a_bar -= x_bar . b`, `b_bar = (1 - f_a) x_bar`.
+//!
+//! # Source
+//! Porter and Duff, *Compositing digital images*, SIGGRAPH 1984.
+
+use bokashi_core::parallel::{ENTRIES_PER_PIECE, for_each_piece_mut};
+use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
+
+use crate::error::RenderError;
+
+const NAME: &str = "over";
+
+/// The image `front` over the image `behind`, both `[.., C]`: premultiplied colours, and alpha last. For
+/// layers in depth that were antialiased one by one.
+///
+/// # Errors
+/// [`RenderError::Shape`] unless both images have one shape, with at least one channel;
+/// `TensorError::ForeignVariable` for variables of several tapes.
+#[inline(never)]
+pub fn over<'t, T: Scalar>(
+    front: Var<'t, T>,
+    behind: Var<'t, T>,
+) -> Result<Var<'t, T>, RenderError> {
+    let refused = |rule: &str, variable: Var<'t, T>| {
+        let (rule, shape) = (rule.to_owned(), variable.shape());
+        Err(RenderError::Shape { operation: NAME, rule, shape })
+    };
+    match front.shape().last() {
+        None | Some(0) => return refused("images of shape [.., C], C > 0", front),
+        _ if behind.shape() != front.shape() => {
+            return refused(&format!("an image behind of shape {}", front.shape()), behind);
+        }
+        _ => {}
+    }
+    front.tape().apply(Over, &[front, behind])
+}
+
+/// Inputs: two images `[.., C]`, the front image first.
+struct Over;
+
+impl<T: Scalar> Op<T> for Over {
+    type Saved = ();
+    type Error = RenderError;
+
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn forward(
+        &self,
+        inputs: &Inputs<'_, T>,
+        outputs: &mut Outputs<'_, T>,
+        _saved: &mut (),
+    ) -> Result<(), RenderError> {
+        let channels = *inputs.shape(0).last().expect("it was checked");
+        let (front, behind) = (inputs.data(0), inputs.data(1));
+        for_each_pixel(outputs.push(inputs.shape(0)), channels, |entries, out| {
+            let (front, behind) = (&front[entries.clone()], &behind[entries]);
+            let left = T::ONE - front[channels - 1];
+            for (out, (&front, &behind)) in out.iter_mut().zip(front.iter().zip(behind)) {
+                *out = front + left * behind;
+            }
+        });
+        Ok(())
+    }
+
+    fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
+        let keep = if inputs.needs(0) { Keep::NOTHING.input(1) } else { Keep::NOTHING };
+        if inputs.needs(1) { keep.input(0) } else { keep }
+    }
+
+    fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
+        let channels = *kept.input_shape(0).last().expect("it was checked");
+        let bars = kept.only_upstream();
+        if let Some(front_bar) = gradients.get(0) {
+            let behind = kept.input(1);
+            for_each_pixel(front_bar.entries(), channels, |entries, own| {
+                let (bars, behind) = (&bars[entries.clone()], &behind[entries]);
+                own.iter_mut().zip(bars).for_each(|(own, &bar)| *own += bar);
+                let pairs = bars.iter().zip(behind);
+                let dot: T::Wide = pairs.map(|(a, b)| a.widen() * b.widen()).sum();
+                own[channels - 1] -= T::narrow(dot);
+            });
+        }
+        if let Some(behind_bar) = gradients.get(1) {
+            let front = kept.input(0);
+            for_each_pixel(behind_bar.entries(), channels, |entries, own| {
+                let left = T::ONE - front[entries.end - 1];
+                own.iter_mut().zip(&bars[entries]).for_each(|(own, &bar)| *own += left * bar);
+            });
+        }
+    }
+}
+
+/// Calls `work(entries, own)` for each pixel: which entries of an image it has, and its own of `image`.
+fn for_each_pixel<T: Scalar>(
+    image: &mut [T],
+    channels: usize,
+    work: impl Fn(std::ops::Range<usize>, &mut [T]) + Sync,
+) {
+    let pixels = (ENTRIES_PER_PIECE / channels).max(1);
+    for_each_piece_mut(image, pixels * channels, |piece, image| {
+        let starts = (piece * pixels * channels..).step_by(channels);
+        for (start, own) in starts.zip(image.chunks_exact_mut(channels)) {
+            work(start..start + channels, own);
+        }
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use bokashi_core::{Tape, Tensor};
+
+    use super::*;
+
+    #[test]
+    fn over_is_associative_and_nothing_changes_nothing() {
+        let tape = Tape::<f64>::new();
+        let image = |seed: usize| {
+            tape.leaf(&Tensor::from_flat_fn([30, 20, 4], |k| ((k + seed) as f64 * 0.7).sin().abs()))
+        };
+        let [a, b, c] = [1, 5, 9].map(image);
+        let left = over(over(a, b).unwrap(), c).unwrap().value();
+        let right = over(a, over(b, c).unwrap()).unwrap().value();
+        for (left, right) in left.data().iter().zip(right.data()) {
+            approx::assert_relative_eq!(left, right, epsilon = 1e-14);
+        }
+        let nothing = tape.constant_full([30, 20, 4], 0.0);
+        assert_eq!(over(nothing, a).unwrap().value(), a.value());
+        assert_eq!(over(a, nothing).unwrap().value(), a.value());
+        let opaque = a.value().map(|_| 1.0);
+        let opaque = tape.constant(&opaque);
+        assert_eq!(over(opaque, b).unwrap().value(), opaque.value());
+    }
+
+    #[test]
+    fn wrong_shapes_are_refused() {
+        let tape = Tape::<f64>::new();
+        let zeros = |shape: &[usize]| tape.leaf(&Tensor::zeros(shape));
+        let message = |front, behind| over(front, behind).unwrap_err().to_string();
+        assert_eq!(
+            message(zeros(&[2, 3, 4]), zeros(&[3, 2, 4])),
+            "over needs an image behind of shape [2, 3, 4], got shape [3, 2, 4]"
+        );
+        assert_eq!(
+            message(zeros(&[2, 0]), zeros(&[2, 0])),
+            "over needs images of shape [.., C], C > 0, got shape [2, 0]"
+        );
+    }
+}
