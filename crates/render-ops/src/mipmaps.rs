@@ -41,7 +41,7 @@ fn taps<T: Scalar>(j: usize, extent: usize) -> (usize, [T; 3], usize) {
     if extent == 1 {
         return (0, [T::ONE, T::ZERO, T::ZERO], 1);
     }
-    if extent % 2 == 0 {
+    if extent.is_multiple_of(2) {
         return (2 * j, [T::from_f64(0.5), T::from_f64(0.5), T::ZERO], 2);
     }
     let middle = coarse as f64 / extent as f64;

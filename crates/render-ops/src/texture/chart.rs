@@ -162,8 +162,7 @@ fn wrapped<T: Scalar>(u: T) -> Reduced<T> {
 fn mirrored<T: Scalar>(u: T) -> Reduced<T> {
     let two = T::from_f64(2.0);
     let phase = u - two * floor(u / two);
-    let [phase, slope] =
-        if phase > T::ONE { [two - phase, -T::ONE] } else { [phase, T::ONE] };
+    let [phase, slope] = if phase > T::ONE { [two - phase, -T::ONE] } else { [phase, T::ONE] };
     if has_fraction(u) { [phase, slope] } else { [T::ZERO; 2] }
 }
 
@@ -434,7 +433,7 @@ impl Chart<3> for Cube {
         // The texel of the face that the middle of this texel, in the plane of its own face, shows.
         let ratio = |at: isize| (2 * at + 1) as f64 / extent as f64 - 1.0;
         let mut direction = [0.0; 3];
-        direction[face / 2] = if face % 2 == 0 { 1.0 } else { -1.0 };
+        direction[face / 2] = if face.is_multiple_of(2) { 1.0 } else { -1.0 };
         let [(s_axis, s_sign), (t_axis, t_sign)] = AXES[face];
         direction[s_axis] = s_sign * ratio(column);
         direction[t_axis] = t_sign * ratio(row);

@@ -60,7 +60,12 @@ mod tests {
             approx::assert_relative_eq!(log2(x), x.log2(), epsilon = 2e-16, max_relative = 4e-16);
             let single = x as f32;
             let expected = f64::from(single).log2() as f32;
-            approx::assert_relative_eq!(log2(single), expected, epsilon = 1e-7, max_relative = 3e-7);
+            approx::assert_relative_eq!(
+                log2(single),
+                expected,
+                epsilon = 1e-7,
+                max_relative = 3e-7
+            );
         }
     }
 

@@ -91,7 +91,11 @@ impl<T: Scalar, const K: usize> Probes<T, K> {
         } else {
             keys.iter().take_while(|other| **other == key).count()
         };
-        Segment { lanes: first..(first + end).min(LANES), level: key as usize / 2, is_free: key % 2 == 1 }
+        Segment {
+            lanes: first..(first + end).min(LANES),
+            level: key as usize / 2,
+            is_free: key % 2 == 1,
+        }
     }
 }
 

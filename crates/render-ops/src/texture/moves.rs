@@ -63,8 +63,13 @@ pub(super) fn add_moves<T: Scalar, C: Chart<K>, const K: usize, const N: usize, 
                         #[inline(always)]
                         |probes, moves| {
                             let mut own = [[T::ZERO; LANES]; K];
-                        let chart = values.lookup.chart;
-                        chart.pull_back_all(&probes.coordinates, probes.count, &moves.at, &mut own);
+                            let chart = values.lookup.chart;
+                            chart.pull_back_all(
+                                &probes.coordinates,
+                                probes.count,
+                                &moves.at,
+                                &mut own,
+                            );
                             if several {
                                 for i in 0..probes.count {
                                     let row = &mut rows[probes.samples[i] - start];

@@ -366,7 +366,9 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Op<T> for Sample<C, K> {
             let (wanted, from) = (self.wanted(gradients), Upstream { count, bars, channels });
             match channels {
                 3 => add_moves::<T, C, K, 3, 4>(values, wanted, from, &mut saved.moves, gradients),
-                _ if channels % 4 == 0 => add_moves::<T, C, K, 4, 4>(values, wanted, from, &mut saved.moves, gradients),
+                _ if channels % 4 == 0 => {
+                    add_moves::<T, C, K, 4, 4>(values, wanted, from, &mut saved.moves, gradients)
+                }
                 _ => add_moves::<T, C, K, 1, 1>(values, wanted, from, &mut saved.moves, gradients),
             }
         }

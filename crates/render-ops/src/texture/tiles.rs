@@ -217,7 +217,12 @@ fn push_runs<T: Scalar, const K: usize>(
         }
         if tile != NO_TILE {
             let sample = (probes.samples[first] - start) as u16;
-            runs.push(Run { tile, sample, number: probes.numbers[first], count: (end - first) as u8 });
+            runs.push(Run {
+                tile,
+                sample,
+                number: probes.numbers[first],
+                count: (end - first) as u8,
+            });
         }
         first = end;
     }

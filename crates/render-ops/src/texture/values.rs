@@ -227,8 +227,9 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Values<'_, T, C, K> {
                             self.corners::<N, L>(&finer, &probes, &cells[0], i, channel, of_fine);
                         let mut value = sample(corners, cells[0].fractions_of(i));
                         if segment.is_free {
-                                let corners =
-                                self.corners::<N, L>(&coarser, &probes, &cells[1], i, channel, of_coarse);
+                            let corners = self.corners::<N, L>(
+                                &coarser, &probes, &cells[1], i, channel, of_coarse,
+                            );
                             let other = sample(corners, cells[1].fractions_of(i));
                             value = mix(value, other, probes.fractions[i]);
                         }
@@ -298,16 +299,22 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Values<'_, T, C, K> {
                     for i in segment.lanes.clone() {
                         let [of_fine, of_coarse] = &mut spare;
                         let fractions = [cells[0].fractions_of(i), cells[1].fractions_of(i)];
-                        let fine = self.corners::<N, L>(&finer, &probes, &cells[0], i, channel, of_fine);
+                        let fine =
+                            self.corners::<N, L>(&finer, &probes, &cells[0], i, channel, of_fine);
                         let mut own = finer.along_face(slopes(fine, fractions[0]));
                         if segment.is_free {
-                                let coarse = self.corners::<N, L>(&coarser, &probes, &cells[1], i, channel, of_coarse);
+                            let coarse = self.corners::<N, L>(
+                                &coarser, &probes, &cells[1], i, channel, of_coarse,
+                            );
                             let others = coarser.along_face(slopes(coarse, fractions[1]));
                             for k in 0..2 {
                                 own[k] = mix(own[k], others[k], probes.fractions[i]);
                             }
                             if with_levels {
-                                changes[2][i] = from_to(sample(fine, fractions[0]), sample(coarse, fractions[1]));
+                                changes[2][i] = from_to(
+                                    sample(fine, fractions[0]),
+                                    sample(coarse, fractions[1]),
+                                );
                             }
                         }
                         changes[0][i] = own[0];
