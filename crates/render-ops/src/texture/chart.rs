@@ -70,6 +70,8 @@ pub(super) trait Chart<const K: usize>: Copy + Send + Sync + 'static {
     const OPERATION: &'static str;
     /// The number of faces.
     const FACES: usize;
+    /// Whether a footprint depends on where its coordinates are.
+    const IS_CURVED: bool;
 
     /// The place of coordinates.
     fn place<T: Scalar>(self, coordinates: [T; K]) -> Place<T>;
@@ -224,6 +226,7 @@ impl Plane {
 impl Chart<2> for Plane {
     const OPERATION: &'static str = "sample_texture";
     const FACES: usize = 1;
+    const IS_CURVED: bool = false;
 
     #[inline(always)]
     fn place<T: Scalar>(self, coordinates: [T; 2]) -> Place<T> {
@@ -350,6 +353,7 @@ impl Cube {
 impl Chart<3> for Cube {
     const OPERATION: &'static str = "sample_cube_map";
     const FACES: usize = 6;
+    const IS_CURVED: bool = true;
 
     #[inline(always)]
     fn place<T: Scalar>(self, direction: [T; 3]) -> Place<T> {

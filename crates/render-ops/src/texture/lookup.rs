@@ -133,6 +133,17 @@ fn add_numbers<T: Scalar>(numbers: &[T], samples: Range<usize>, levels: &mut [T]
 }
 
 impl<T: Scalar, C: Chart<K>, const K: usize> Lookup<'_, T, C, K> {
+    /// The same for some of the samples alone, whose levels were found.
+    #[inline(always)]
+    pub(super) fn of_samples(&self, samples: Range<usize>) -> Self {
+        Self {
+            coordinates: &self.coordinates[samples.clone()],
+            differentials: self.differentials.map(|all| &all[samples.clone()]),
+            known: self.known.map(|all| &all[samples]),
+            ..*self
+        }
+    }
+
     /// How a place changes from pixel to pixel, in texels of level 0.
     #[inline(always)]
     pub(super) fn slopes(&self, coordinates: [T; K], slopes: [[T; 2]; K]) -> [[T; 2]; 2] {
@@ -150,13 +161,6 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Lookup<'_, T, C, K> {
     #[inline(always)]
     pub(super) fn rounding(&self) -> Rounding {
         Rounding { to_nearest: self.filter == TextureFilter::Nearest, ends: self.chart.ends() }
-    }
-
-    /// The footprint of sample n, which has differentials.
-    #[inline(always)]
-    pub(super) fn footprint(&self, n: usize) -> Option<Footprint<T>> {
-        let slopes = self.slopes(self.coordinates[n], self.differentials?[n]);
-        Some(Footprint::of(slopes, self.filter.probes()))
     }
 
     /// Whether the level of sample n, which the forward pass has found, moves.

@@ -8,7 +8,7 @@ use super::cells::Extents;
 use super::chart::{Chart, Cube, Plane};
 use super::levels::{CubeMap, Texture};
 use super::lookup::Lookup;
-use super::moves::{Upstream, Wanted, add_moves};
+use super::moves::{Wanted, add_moves};
 use super::options::{Detail, MOST_PROBES, Sampler, TextureFilter};
 use super::texels::{Terms, TexelSums};
 use super::values::{Level, Values};
@@ -363,7 +363,7 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Op<T> for Sample<C, K> {
         if moves {
             let levels = levels(&extents, |level| kept.input(first + level), channels);
             let values = Values { lookup, levels: &levels };
-            let (wanted, from) = (self.wanted(gradients), Upstream { count, bars, channels });
+            let (wanted, from) = (self.wanted(gradients), (count, bars));
             match channels {
                 3 => add_moves::<T, C, K, 3, 4>(values, wanted, from, &mut saved.moves, gradients),
                 _ if channels % 4 == 0 => {

@@ -20,7 +20,7 @@ const SAMPLES_PER_PIECE: usize = 1 << 13;
 
 /// The logarithm of the number of cells along a tile's side, where a texel has a few channels and where
 /// it has many: the sums of a tile shall stay in a processor's first cache.
-const SHIFTS: [u32; 2] = [7, 6];
+const SHIFTS: [u32; 2] = [5, 4];
 
 /// A texel of more channels has many.
 const FEW_CHANNELS: usize = 4;
