@@ -133,17 +133,6 @@ fn add_numbers<T: Scalar>(numbers: &[T], samples: Range<usize>, levels: &mut [T]
 }
 
 impl<T: Scalar, C: Chart<K>, const K: usize> Lookup<'_, T, C, K> {
-    /// The same for some of the samples alone, whose levels were found.
-    #[inline(always)]
-    pub(super) fn of_samples(&self, samples: Range<usize>) -> Self {
-        Self {
-            coordinates: &self.coordinates[samples.clone()],
-            differentials: self.differentials.map(|all| &all[samples.clone()]),
-            known: self.known.map(|all| &all[samples]),
-            ..*self
-        }
-    }
-
     /// How a place changes from pixel to pixel, in texels of level 0.
     #[inline(always)]
     pub(super) fn slopes(&self, coordinates: [T; K], slopes: [[T; 2]; K]) -> [[T; 2]; 2] {
@@ -163,11 +152,10 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Lookup<'_, T, C, K> {
         Rounding { to_nearest: self.filter == TextureFilter::Nearest, ends: self.chart.ends() }
     }
 
-    /// Whether the level of sample n, which the forward pass has found, moves.
+    /// Whether a level, before it is bounded, moves with what it follows from.
     #[inline(always)]
-    pub(super) fn is_free(&self, n: usize) -> bool {
+    pub(super) fn is_free(&self, level: T) -> bool {
         let top = T::from_f64((self.extents.len() - 1) as f64);
-        let level = self.known.map_or(T::ZERO, |known| known[n]);
         self.filter.mixes_levels() && level > T::ZERO && level < top
     }
 

@@ -5,8 +5,6 @@
 //! longer axis `D v_1` of the footprint. The differentials D get theirs from that axis, and by `footprint`
 //! from the direction `v_1` and the level. Where the chart is curved, so do the coordinates.
 
-use std::ops::Range;
-
 use bokashi_core::parallel::{for_each_piece_mut, for_each_two_pieces_mut};
 use bokashi_core::{Accumulator, Accumulators, Scalar, sum};
 
@@ -28,37 +26,10 @@ pub(super) struct Wanted {
     pub(super) level: Option<usize>,
 }
 
-/// The gradients of the footprints of all samples, or of some.
-#[derive(Debug, Clone, Copy)]
-struct Footprints<'a, T> {
-    /// Of each sample a row: the gradient of the longer axis, unless all samples have a single probe;
-    /// then the gradient of the level.
-    rows: &'a [T],
-    width: usize,
-}
-
-impl<'a, T: Scalar> Footprints<'a, T> {
-    /// Those of some samples.
-    #[inline(always)]
-    fn of_samples(self, samples: Range<usize>) -> Self {
-        let rows = &self.rows[samples.start * self.width..samples.end * self.width];
-        Self { rows, ..self }
-    }
-
-    /// The gradients of the longer axis and of the level of sample `n`.
-    #[inline(always)]
-    fn of<const K: usize>(self, n: usize) -> ([T; K], T) {
-        let row = &self.rows[n * self.width..][..self.width];
-        match row.split_first_chunk::<K>() {
-            Some((&axis_bar, &[level_bar])) => (axis_bar, level_bar),
-            _ => ([T::ZERO; K], row[0]),
-        }
-    }
-
-    /// The gradient of the level of sample `n`.
-    fn level(self, n: usize) -> T {
-        self.rows[(n + 1) * self.width - 1]
-    }
+/// The numbers of a row of [`Footprints`], of samples with at most `most` probes of `K` coordinates.
+#[inline(always)]
+fn width<const K: usize>(most: usize) -> usize {
+    if most > 1 { K + 1 } else { 1 }
 }
 
 /// Adds the gradients that are wanted, from the upstream gradients `bars` of `count` samples, in groups
@@ -73,7 +44,7 @@ pub(super) fn add_moves<T: Scalar, C: Chart<K>, const K: usize, const N: usize, 
     let lookup = &values.lookup;
     let is_bent = C::IS_CURVED && lookup.differentials.is_some() && lookup.filter.mixes_levels();
     let is_asked_for = wanted.differentials.is_some() || wanted.level.is_some();
-    let width = if lookup.filter.probes() > 1 { K + 1 } else { 1 };
+    let width = width::<K>(lookup.filter.probes());
     rows.resize(if is_asked_for || is_bent { count * width } else { 0 }, T::ZERO);
     let pull_back = |piece: usize, coordinates: &mut [T], rows: &mut [T]| {
         let start = piece * SAMPLES_PER_PIECE;
@@ -97,21 +68,21 @@ pub(super) fn add_moves<T: Scalar, C: Chart<K>, const K: usize, const N: usize, 
                 for_each_two_pieces_mut(own, rows, lengths, pull_back);
             }
             if is_bent {
-                add_bends(lookup, Footprints { rows, width }, own);
+                Footprints { lookup: values.lookup, rows }.add_to_coordinates(own);
             }
         }
     }
-    let footprints = Footprints { rows, width };
     if let Some(differentials_bar) = wanted.differentials.and_then(|input| gradients.get(input)) {
-        add_to_differentials(lookup, footprints, differentials_bar);
+        Footprints { lookup: values.lookup, rows }.add_to_differentials(differentials_bar);
     }
     if let Some(level_bar) = wanted.level.and_then(|input| gradients.get(input)) {
-        let entries = level_bar.entries();
-        if let [entry] = entries {
+        let of_level = |n: usize| rows[(n + 1) * width - 1];
+        match level_bar.entries() {
             // It may be the level of all samples.
-            *entry += T::narrow(sum::<T>(count, |n| footprints.level(n).widen()));
-        } else {
-            entries.iter_mut().enumerate().for_each(|(n, entry)| *entry += footprints.level(n));
+            [entry] => *entry += T::narrow(sum::<T>(count, |n| of_level(n).widen())),
+            entries => {
+                entries.iter_mut().enumerate().for_each(|(n, entry)| *entry += of_level(n));
+            }
         }
     }
 }
@@ -131,7 +102,7 @@ fn pull_back_probes<T: Scalar, C: Chart<K>, const K: usize, const N: usize, cons
             // Moved, so that the closure can run only once and is inlined here.
             let (coordinates, rows) = (coordinates.as_chunks_mut::<K>().0, rows);
             let chart = values.lookup.chart;
-            let width = if values.lookup.filter.probes() > 1 { K + 1 } else { 1 };
+            let width = width::<K>(values.lookup.filter.probes());
             let count = coordinates.len().max(rows.len() / width);
             values.pull_back::<N, L>(
                 start..start + count,
@@ -174,108 +145,134 @@ fn pull_back_probes<T: Scalar, C: Chart<K>, const K: usize, const N: usize, cons
     );
 }
 
-/// Adds to the gradients of coordinates what comes from their footprints.
-fn add_bends<T: Scalar, C: Chart<K>, const K: usize>(
-    lookup: &Lookup<'_, T, C, K>,
-    footprints: Footprints<'_, T>,
-    coordinates_bar: &mut [T],
-) {
-    for_each_piece_mut(coordinates_bar, K * SAMPLES_PER_PIECE, |piece, entries| {
-        let (start, all) = (piece * SAMPLES_PER_PIECE, entries.as_chunks_mut::<K>().0);
-        let samples = start..start + all.len();
-        let (lookup, footprints) =
-            (lookup.of_samples(samples.clone()), footprints.of_samples(samples));
-        let most = lookup.filter.probes();
-        for (n, own) in all.iter_mut().enumerate() {
-            let (bend, _) = pull_back_footprint(&lookup, n, most, footprints.of(n));
-            for k in 0..K {
-                own[k] += bend[k];
-            }
-        }
-    });
+/// Footprints, and their gradients.
+struct Footprints<'a, T, C, const K: usize> {
+    lookup: Lookup<'a, T, C, K>,
+    /// Of each sample a row: the gradient of the longer axis, unless all samples have a single probe;
+    /// then the gradient of the level.
+    rows: &'a [T],
 }
 
-/// Adds to the gradients of differentials.
-fn add_to_differentials<T: Scalar, C: Chart<K>, const K: usize>(
-    lookup: &Lookup<'_, T, C, K>,
-    footprints: Footprints<'_, T>,
-    differentials_bar: &mut Accumulator<T>,
-) {
-    let (entries, is_fresh) = differentials_bar.entries_or_fresh();
-    for_each_piece_mut(entries, 2 * K * SAMPLES_PER_PIECE, |piece, entries| {
+impl<T: Scalar, C: Chart<K>, const K: usize> Footprints<'_, T, C, K> {
+    /// Adds to the gradients of the coordinates.
+    fn add_to_coordinates(&self, bars: &mut [T]) {
+        for_each_piece_mut(bars, K * SAMPLES_PER_PIECE, |piece, bars| {
+            let all = bars.as_chunks_mut::<K>().0;
+            self.pull_back(
+                piece * SAMPLES_PER_PIECE,
+                all,
+                #[inline(always)]
+                |own, [bar, _, _]| {
+                    for k in 0..K {
+                        own[k] += bar[k];
+                    }
+                },
+            );
+        });
+    }
+
+    /// Adds to the gradients of the differentials.
+    fn add_to_differentials(&self, differentials_bar: &mut Accumulator<T>) {
+        let (bars, is_fresh) = differentials_bar.entries_or_fresh();
+        for_each_piece_mut(bars, 2 * K * SAMPLES_PER_PIECE, |piece, bars| {
+            if is_fresh {
+                bars.fill(T::ZERO);
+            }
+            let all = bars.as_chunks_mut::<2>().0.as_chunks_mut::<K>().0;
+            self.pull_back(
+                piece * SAMPLES_PER_PIECE,
+                all,
+                #[inline(always)]
+                |own, [_, along_x, along_y]| {
+                    for i in 0..K {
+                        own[i][0] += along_x[i];
+                        own[i][1] += along_y[i];
+                    }
+                },
+            );
+        });
+    }
+
+    /// Calls `add(bar, [u_bar, D_x_bar, D_y_bar])` for each sample from sample `start` on, with its
+    /// entry of `bars`.
+    #[inline(always)]
+    fn pull_back<B>(&self, start: usize, bars: &mut [B], add: impl Fn(&mut B, [[T; K]; 3])) {
+        let Lookup { differentials: Some(slopes), known: Some(levels), .. } = self.lookup else {
+            return;
+        };
         pulp::Arch::new().dispatch(
             #[inline(always)]
             || {
                 // Moved, so that the closure can run only once and is inlined here.
-                let (start, entries) = (piece * SAMPLES_PER_PIECE, entries);
-                if is_fresh {
-                    entries.fill(T::ZERO);
-                }
-                let all = entries.as_chunks_mut::<2>().0.as_chunks_mut::<K>().0;
-                let samples = start..start + all.len();
-                let (lookup, footprints) =
-                    (lookup.of_samples(samples.clone()), footprints.of_samples(samples));
-                match lookup.filter.probes() {
-                    // Known beforehand, it makes the loop one of vectors.
-                    1 => add_slopes(&lookup, footprints, 1, all),
-                    most => add_slopes(&lookup, footprints, most, all),
+                let bars = bars;
+                // Known beforehand, a single probe makes the loop one of vectors.
+                match self.lookup.filter.probes() {
+                    1 => self.pull_back_with(1, (slopes, levels), start, bars, add),
+                    most => self.pull_back_with(most, (slopes, levels), start, bars, add),
                 }
             },
         );
-    });
-}
+    }
 
-/// Adds to the gradients of the differentials of all samples, with at most `most` probes each.
-#[inline(always)]
-fn add_slopes<T: Scalar, C: Chart<K>, const K: usize>(
-    lookup: &Lookup<'_, T, C, K>,
-    footprints: Footprints<'_, T>,
-    most: usize,
-    all: &mut [[[T; 2]; K]],
-) {
-    for (n, own) in all.iter_mut().enumerate() {
-        let (_, slopes_bar) = pull_back_footprint(lookup, n, most, footprints.of(n));
-        for i in 0..K {
-            for k in 0..2 {
-                own[i][k] += slopes_bar[i][k];
+    /// [`Footprints::pull_back`] with at most `most` probes.
+    #[inline(always)]
+    fn pull_back_with<B>(
+        &self,
+        most: usize,
+        (slopes, levels): (&[[[T; 2]; K]], &[T]),
+        start: usize,
+        bars: &mut [B],
+        add: impl Fn(&mut B, [[T; K]; 3]),
+    ) {
+        let (count, width) = (bars.len(), width::<K>(most));
+        let (slopes, levels) = (&slopes[start..][..count], &levels[start..][..count]);
+        let coordinates = &self.lookup.coordinates[start..][..count];
+        let rows = &self.rows[start * width..][..count * width];
+        for n in 0..count {
+            let row = &rows[n * width..(n + 1) * width];
+            let mut axis_bar = [T::ZERO; K];
+            if width > 1 {
+                axis_bar.copy_from_slice(&row[..K]);
             }
+            let sample = (coordinates[n], slopes[n], self.lookup.is_free(levels[n]));
+            let change = pull_back_footprint(&self.lookup, most, sample, axis_bar, row[width - 1]);
+            add(&mut bars[n], change);
         }
     }
 }
 
-/// The gradients of the coordinates and of the differentials of sample `n`, which has at most `most`
-/// probes, from those of the longer axis of its footprint and of its level.
+/// The gradients of the coordinates and of their changes along x and y, from those of the longer axis
+/// of the footprint, which has at most `most` probes, and of the level.
 #[inline(always)]
 fn pull_back_footprint<T: Scalar, C: Chart<K>, const K: usize>(
     lookup: &Lookup<'_, T, C, K>,
-    n: usize,
     most: usize,
-    (axis_bar, level_bar): ([T; K], T),
-) -> ([T; K], [[T; 2]; K]) {
-    let mut slopes_bar = [[T::ZERO; 2]; K];
-    let Some(differentials) = lookup.differentials else { return ([T::ZERO; K], slopes_bar) };
-    let (coordinates, slopes) = (lookup.coordinates[n], differentials[n]);
+    (coordinates, slopes, is_free): ([T; K], [[T; 2]; K], bool),
+    axis_bar: [T; K],
+    level_bar: T,
+) -> [[T; K]; 3] {
     let j = lookup.slopes(coordinates, slopes);
     let footprint = Footprint::of(j, most);
-    if footprint.probes == 1 && !lookup.is_free(n) {
-        return ([T::ZERO; K], slopes_bar);
-    }
+    let several = footprint.probes > 1;
+    let direction = footprint.direction();
     let mut v_bar = [T::ZERO; 2];
-    if footprint.probes > 1 {
-        let direction = footprint.direction();
-        for i in 0..K {
-            for k in 0..2 {
-                v_bar[k] += slopes[i][k] * axis_bar[i];
-                slopes_bar[i][k] = axis_bar[i] * direction[k];
-            }
+    for i in 0..K {
+        for k in 0..2 {
+            v_bar[k] += slopes[i][k] * axis_bar[i];
         }
     }
     let j_bar = lookup.along_face(footprint.pull_back(j, level_bar, v_bar));
-    let (own, by_size) = lookup.chart.pull_back_slopes(coordinates, slopes, j_bar);
+    let (own, slopes_bar) = lookup.chart.pull_back_slopes(coordinates, slopes, j_bar);
+    let mut bars = [own, [T::ZERO; K], [T::ZERO; K]];
     for i in 0..K {
         for k in 0..2 {
-            slopes_bar[i][k] += by_size[i][k];
+            let by_axis = if several { axis_bar[i] * direction[k] } else { T::ZERO };
+            bars[1 + k][i] = slopes_bar[i][k] + by_axis;
         }
     }
-    (own, slopes_bar)
+    // Without a choice before, which no vector could make.
+    for bar in bars.as_flattened_mut() {
+        *bar = if several || is_free { *bar } else { T::ZERO };
+    }
+    bars
 }
