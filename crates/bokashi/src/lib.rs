@@ -90,7 +90,7 @@ pub mod prelude {
     };
     pub use bokashi_fit::{
         Fit, FitError, FitSettings, History, Mapping, Optimizer, Parameter, Parameters, Pipeline,
-        Schedule, Variables, from_fn, mean_squared_error, squared_error,
+        Schedule, Variables, View, Views, from_fn, mean_squared_error, squared_error, views,
     };
     // All operations, their types and their error; cameras, and glam itself.
     pub use bokashi_render_ops::camera::{look_at, perspective};

@@ -88,6 +88,14 @@ pub enum FitError {
     /// An operation of a user's own, or of another crate, refused its inputs.
     #[error(transparent)]
     Operation(OperationError),
+    /// The loss of a view was refused: of several, the first.
+    #[error("view {view}: {error}")]
+    View {
+        /// The index of the view.
+        view: usize,
+        /// What was wrong with it.
+        error: Box<FitError>,
+    },
     /// A number became infinite or NaN. Parameters and moments are as they were before the step.
     #[error(
         "{quantity} needs to be finite, got {value} at step {step}{}",

@@ -39,6 +39,7 @@ pub mod precompiled;
 #[cfg(feature = "save")]
 pub mod saved;
 mod schedule;
+mod views;
 
 pub use bokashi_core::{mean_squared_error, squared_error};
 pub use error::{FitError, OperationError, Origin, Quantity};
@@ -50,3 +51,4 @@ pub use pipeline::{FromFn, Pipeline, from_fn};
 #[cfg(feature = "save")]
 pub use saved::Stored;
 pub use schedule::Schedule;
+pub use views::{View, Views, views};

@@ -36,6 +36,7 @@ mod boundary;
 pub mod camera;
 mod composite;
 mod composite_layers;
+mod convolution;
 mod copy;
 mod corner_sums;
 mod corners;

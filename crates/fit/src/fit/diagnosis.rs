@@ -29,14 +29,7 @@ pub(super) fn record_loss<'t, T: Scalar, P: Pipeline<T>>(
     let value = loss.item();
     if !value.is_finite() {
         parameters.check_values()?;
-        let origin = tape.first_not_finite().map(|first| {
-            Box::new(match first.operation() {
-                Some(operation) => {
-                    Origin::Output { operation, parameters: variables.names_among(&first.inputs()) }
-                }
-                None => Origin::Input { shape: first.shape() },
-            })
-        });
+        let origin = variables.origin_on(tape);
         let (value, step) = (value.to_f64(), parameters.updates);
         return Err(FitError::NotFinite { quantity: Quantity::Loss, value, step, origin });
     }

@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use bokashi_core::{Scalar, Var};
+use bokashi_core::{Scalar, Tape, Var};
 use smallvec::SmallVec;
 
-use crate::error::FitError;
+use crate::error::{FitError, Origin};
 
 /// A parameter on a tape.
 #[derive(Debug, Clone, Copy)]
@@ -19,7 +19,7 @@ pub(crate) struct Variable<'t, T: Scalar> {
 pub struct Variables<'t, T: Scalar> {
     /// Up to eight need no allocation.
     pub(crate) list: SmallVec<[Variable<'t, T>; 8]>,
-    pub(super) names: Arc<[String]>,
+    pub(crate) names: Arc<[String]>,
 }
 
 impl<'t, T: Scalar> Variables<'t, T> {
@@ -36,8 +36,26 @@ impl<'t, T: Scalar> Variables<'t, T> {
         self.list.iter().map(|variable| variable.value)
     }
 
+    /// The parameters `names` with leaves of a tape for values.
+    pub(crate) fn of_leaves(names: &Arc<[String]>, leaves: &[Var<'t, T>]) -> Self {
+        let list = leaves.iter().map(|&leaf| Variable { raw: leaf, value: leaf }).collect();
+        Self { list, names: Arc::clone(names) }
+    }
+
+    /// Where `tape` holds what is not finite first.
+    pub(crate) fn origin_on(&self, tape: &'t Tape<T>) -> Option<Box<Origin>> {
+        tape.first_not_finite().map(|first| {
+            Box::new(match first.operation() {
+                Some(operation) => {
+                    Origin::Output { operation, parameters: self.names_among(&first.inputs()) }
+                }
+                None => Origin::Input { shape: first.shape() },
+            })
+        })
+    }
+
     /// The names of the parameters that are among `inputs`.
-    pub(crate) fn names_among(&self, inputs: &[Var<'t, T>]) -> Vec<String> {
+    fn names_among(&self, inputs: &[Var<'t, T>]) -> Vec<String> {
         let is_among = |variable: &Variable<'t, T>| {
             inputs.iter().any(|input| input.is(variable.raw) || input.is(variable.value))
         };

@@ -8,20 +8,26 @@
 //! `(d / 4)^2` per axis, so `K = A l / (4 (f - l) p)`.
 //!
 //! Each pixel gathers: `b_i = c_i + sum_j w_j(sigma_i) (c_j - c_i)` over the window of `taps`
-//! around it, with sampled weights, mirrored at the border. In this form a constant image comes out
-//! exactly, and so does every pixel in focus. Where all depths are equal, the result is that of
-//! [`gaussian_blur`](crate::gaussian_blur()) of the same radius.
+//! around it, with sampled weights, mirrored at the border. Where all depths are equal, that is
+//! [`gaussian_blur`](crate::gaussian_blur()).
 //!
 //! # Backward
 //! `c_bar_j += w_j b_bar_i`, `c_bar_i += b_bar_i - sum_j w_j b_bar_i`;
 //! `sigma_bar_i = sum_j dw_j/dsigma b_bar_i . (c_j - c_i)`, and with `s` the sign of `1 - f / z`:
 //! `dsigma/dz = K s f / z^2`, `dsigma/dK = |1 - f / z|`, `dsigma/df = -K s / z`; all three are 0
-//! where sigma is capped.
+//! where sigma is capped. The forward pass keeps `db/dsigma` where a gradient could ask for it.
+//!
+//! # Two ways
+//! `ladder` mixes a few blurs of the whole image, in between of which each pixel's sigma lies: for
+//! tolerances from 1e-5 up. Its cost hardly depends on how many pixels are out of focus, and grows with
+//! the largest sigma. `windows` gives each pixel a window of its own, for smaller tolerances and for
+//! fixed radii: it costs `(2 r + 1)^2` taps per pixel.
 //!
 //! # Where it is not smooth
-//! Where sigma reaches its cap, and where a radius that follows from a tolerance steps (see
-//! [`gaussian_blur`](crate::gaussian_blur())). In focus sigma has a kink, but the weights don't: all
-//! their derivatives vanish there. Below sigma 0.2 the gradients through sigma are close to 0.
+//! Where sigma reaches its cap. In focus sigma has a kink, but the weights don't: all their derivatives
+//! vanish there. Below sigma 0.2 the gradients through sigma are close to 0. The ladder has continuous
+//! first derivatives; second derivatives jump where a sigma passes a blur's. With windows a radius that
+//! follows from a tolerance steps (see [`gaussian_blur`](crate::gaussian_blur())).
 //!
 //! A gather does not know what hides what. A blurred foreground does not spread over a sharp
 //! background, and a blurred background takes colour from a sharp foreground.
@@ -30,19 +36,20 @@
 //! Potmesil and Chakravarty, *Synthetic image generation with a lens and aperture camera model*,
 //! ACM TOG 1(2), 1982: the circle of confusion, and blurring after the image is made.
 
+mod ladder;
 #[cfg(test)]
 mod tests;
+mod windows;
 
-use bokashi_core::parallel::for_each_piece_mut;
+use std::ops::Range;
+
+use bokashi_core::parallel::{for_each_piece_mut, for_each_two_pieces_mut, merge_ranges};
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, TensorError, Var};
 
-use crate::border::Border;
+use self::ladder::Ladder;
 use crate::depth_image::DepthImage;
 use crate::error::RenderError;
-use crate::taps::{Blur, Kernel, Radius, Taps, check_radius};
-
-/// Pixels in one piece of work.
-const PIXELS_PER_PIECE: usize = 1 << 8;
+use crate::taps::{Radius, check_radius};
 
 /// The lens of [`depth_of_field`], as variables.
 #[derive(Debug, Clone, Copy)]
@@ -56,7 +63,7 @@ pub struct Lens<'t, T: Scalar> {
 /// How exactly a lens blurs, and how much at most.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LensOptions {
-    /// How far each pixel's window reaches.
+    /// How exact each pixel's window is, or how far it reaches.
     pub radius: Radius,
     /// The cap on a pixel's standard deviation, in pixels: without it, sigma would be infinite at
     /// depth 0.
@@ -64,7 +71,7 @@ pub struct LensOptions {
 }
 
 impl Default for LensOptions {
-    /// Windows that miss at most 1e-3 of the weight, and at most 32 pixels of blur.
+    /// Windows with at most 1e-3 of the weight elsewhere, and at most 32 pixels of blur.
     fn default() -> Self {
         Self { radius: Radius::Tolerance(1e-3), largest_sigma: 32.0 }
     }
@@ -82,9 +89,11 @@ pub struct Focused<'t, T: Scalar> {
 /// `image: [H, W, C]` as a lens sees it: the farther a pixel's distance lies from the focus, the more the
 /// pixel is blurred.
 ///
-/// It costs a window for each pixel and channel, of (2 r + 1)^2 taps with r = 3.3 sigma at the default
-/// tolerance of 1e-3: some 80 taps at sigma 1, 3,000 at 8 and 45,000 at 32. A step back to the image runs
-/// on one thread. So keep the aperture small, or the image.
+/// Within the default tolerance of 1e-3 it costs 28 blurs at a largest sigma of 6 pixels, and 6 more each
+/// time that sigma doubles; within 1e-2 half as many. That is 15 and 6 times the widest of these blurs.
+/// A tolerance is the share of a pixel's weight that may lie elsewhere than formula says. Below a tolerance
+/// of 1e-5, and with a fixed radius r, it costs (2 r + 1)^2 taps for each entry of the image instead, and
+/// its step back to the image runs on one thread: for tests and small images.
 ///
 /// `depth` is an image of distances, `[H, W]`, from 0 to infinity, as [`eye_depth`](crate::eye_depth())
 /// makes it. The image, the distances and both numbers of the lens can have a gradient.
@@ -131,11 +140,18 @@ struct Circle<S> {
     by_focus: S,
 }
 
-/// The circles of all pixels, memory for their gradients, and how many are capped.
+/// What the backward pass reads, and memory.
 #[derive(Debug, Default)]
-struct Saved<S> {
-    circles: Vec<Circle<S>>,
-    sigma_bars: Vec<S>,
+struct Saved<T: Scalar> {
+    /// The standard deviation of each pixel.
+    sigmas: Vec<T>,
+    /// The derivative of each entry of the result with respect to its pixel's sigma; empty unless a
+    /// gradient could ask for it.
+    slopes: Vec<T>,
+    ladder: Ladder<T>,
+    /// Memory: capped pixels by piece, gradients with respect to sigmas.
+    counts: Vec<usize>,
+    sigma_bars: Vec<T::Wide>,
     capped: usize,
 }
 
@@ -204,52 +220,11 @@ impl DepthOfField {
     }
 }
 
-/// The windows of pixels, one at a time.
-struct Windows<T: Scalar> {
-    height: usize,
-    width: usize,
-    blur: Blur,
-    taps: [Taps<T>; 2],
-}
-
-impl<T: Scalar> Windows<T> {
-    fn new(shape: &[usize], radius: Radius) -> Self {
-        let blur = Blur { kernel: Kernel::Sampled, border: Border::Mirror, radius };
-        let taps = [Taps::default(), Taps::default()];
-        Self { height: shape[0], width: shape[1], blur, taps }
-    }
-
-    /// Calls `visit(j, w, dw/dsigma)` for each tap of the window with standard deviation `sigma`
-    /// around `pixel`, j the pixel that it sees; for none where the window is a single pixel.
-    fn for_each_tap(&mut self, pixel: usize, sigma: T::Wide, mut visit: impl FnMut(usize, T, T)) {
-        let sigma = T::narrow(sigma);
-        if sigma == T::ZERO {
-            return;
-        }
-        let filled = Taps::fill(&mut self.taps, sigma, &self.blur, [self.width, self.height]);
-        filled.expect("a finite sigma above 0 has a window");
-        let [along_rows, along_columns] = &self.taps;
-        let reach = |taps: &Taps<T>| taps.radius() as isize;
-        let (row, column) = ((pixel / self.width) as isize, (pixel % self.width) as isize);
-        let source = |at, extent| Border::Mirror.source(at, extent).expect("a mirror is endless");
-        for k in -reach(along_columns)..=reach(along_columns) {
-            let y = source(row + k, self.height);
-            let at = k.unsigned_abs();
-            let (wy, dwy) = (along_columns.weights[at], along_columns.slopes[at]);
-            for l in -reach(along_rows)..=reach(along_rows) {
-                let j = y * self.width + source(column + l, self.width);
-                if j != pixel {
-                    let at = l.unsigned_abs();
-                    let (wx, dwx) = (along_rows.weights[at], along_rows.slopes[at]);
-                    visit(j, wy * wx, dwy * wx + wy * dwx);
-                }
-            }
-        }
-    }
-}
+/// Pixels in one piece of work on numbers of pixels.
+const PIXELS_PER_PIECE: usize = 1 << 12;
 
 impl<T: Scalar> Op<T> for DepthOfField {
-    type Saved = Saved<T::Wide>;
+    type Saved = Saved<T>;
     type Error = RenderError;
 
     fn name(&self) -> &'static str {
@@ -262,47 +237,42 @@ impl<T: Scalar> Op<T> for DepthOfField {
         outputs: &mut Outputs<'_, T>,
         saved: &mut Self::Saved,
     ) -> Result<(), RenderError> {
-        let (shape, image) = (inputs.shape(0), inputs.data(0));
-        let channels = shape[2];
+        let (shape, image, depth) = (inputs.shape(0), inputs.data(0), inputs.data(1));
         let (aperture, focus) = (inputs.data(2)[0].widen(), inputs.data(3)[0].widen());
-        let Saved { circles, capped, .. } = saved;
-        circles.clear();
+        let Saved { sigmas, slopes, ladder, counts, capped, .. } = saved;
         *capped = 0;
         if inputs.data(2)[0] == T::ZERO {
             outputs.pass(0, "aperture is 0");
             return Ok(());
         }
-        for &z in inputs.data(1) {
-            let (circle, is_capped) = self.circle(z.widen(), aperture, focus);
-            circles.push(circle);
-            *capped += usize::from(is_capped);
-        }
-
-        let out = outputs.push(shape);
-        for_each_piece_mut(out, PIXELS_PER_PIECE * channels, |piece, out| {
-            let mut windows = Windows::<T>::new(shape, self.options.radius);
-            let mut sums = vec![T::Wide::ZERO; channels];
-            for (k, out) in out.chunks_exact_mut(channels).enumerate() {
-                let pixel = piece * PIXELS_PER_PIECE + k;
-                let own = &image[pixel * channels..][..channels];
-                sums.fill(T::Wide::ZERO);
-                windows.for_each_tap(pixel, circles[pixel].sigma, |j, w, _| {
-                    let other = &image[j * channels..][..channels];
-                    for c in 0..channels {
-                        sums[c] += w.widen() * (other[c].widen() - own[c].widen());
-                    }
-                });
-                for c in 0..channels {
-                    out[c] = T::narrow(own[c].widen() + sums[c]);
-                }
+        sigmas.resize(depth.len(), T::ZERO);
+        counts.resize(depth.len().div_ceil(PIXELS_PER_PIECE), 0);
+        for_each_two_pieces_mut(sigmas, counts, [PIXELS_PER_PIECE, 1], |piece, sigmas, count| {
+            count[0] = 0;
+            for (sigma, z) in sigmas.iter_mut().zip(&depth[piece * PIXELS_PER_PIECE..]) {
+                let (circle, is_capped) = self.circle(z.widen(), aperture, focus);
+                *sigma = T::narrow(circle.sigma);
+                count[0] += usize::from(is_capped);
             }
         });
+        *capped = counts.iter().sum();
+
+        let out = outputs.push(shape);
+        let moves = (1..4).any(|i| inputs.needs(i));
+        slopes.resize(if moves { image.len() } else { 0 }, T::ZERO);
+        let radius = self.options.radius;
+        match ladder::tolerance_of(radius) {
+            Some(tolerance) => ladder.blur(image, shape, sigmas, tolerance, out, slopes),
+            None => windows::blur(image, shape, sigmas, radius, out, slopes),
+        }
         Ok(())
     }
 
     fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
-        let moves = (1..4).any(|i| inputs.needs(i));
-        if moves { Keep::NOTHING.input(0) } else { Keep::NOTHING }
+        match (1..4).any(|i| inputs.needs(i)) {
+            true => Keep::NOTHING.input(1).input(2).input(3),
+            false => Keep::NOTHING,
+        }
     }
 
     fn backward(
@@ -312,62 +282,63 @@ impl<T: Scalar> Op<T> for DepthOfField {
         gradients: &mut Accumulators<'_, T>,
     ) {
         let shape = kept.input_shape(0);
-        let channels = shape[2];
         let b_bar = kept.only_upstream();
-        let Saved { circles, sigma_bars, .. } = saved;
+        let Saved { sigmas, slopes, ladder, sigma_bars, .. } = saved;
         if let Some(image_bar) = gradients.get(0) {
-            // One thread: many windows add to a pixel, and the order must be the same.
-            image_bar.add(b_bar);
-            let entries = image_bar.entries();
-            let mut windows = Windows::<T>::new(shape, self.options.radius);
-            for (pixel, circle) in circles.iter().enumerate() {
-                let b_bar = &b_bar[pixel * channels..][..channels];
-                windows.for_each_tap(pixel, circle.sigma, |j, w, _| {
-                    for c in 0..channels {
-                        let share = w * b_bar[c];
-                        entries[j * channels + c] += share;
-                        entries[pixel * channels + c] -= share;
-                    }
-                });
+            let (entries, radius) = (image_bar.entries(), self.options.radius);
+            match ladder::tolerance_of(radius) {
+                Some(_) => ladder.blur_adjoint(b_bar, shape, entries),
+                None => windows::blur_adjoint(b_bar, shape, sigmas, radius, entries),
             }
         }
         if !(1..4).any(|i| gradients.needs(i)) {
             return;
         }
-        let image = kept.input(0);
-        sigma_bars.clear();
-        sigma_bars.resize(circles.len(), T::Wide::ZERO);
+        let channels = shape[2];
+        sigma_bars.resize(sigmas.len(), T::Wide::ZERO);
         for_each_piece_mut(sigma_bars, PIXELS_PER_PIECE, |piece, sigma_bars| {
-            let mut windows = Windows::<T>::new(shape, self.options.radius);
-            for (k, sigma_bar) in sigma_bars.iter_mut().enumerate() {
-                let pixel = piece * PIXELS_PER_PIECE + k;
-                let own = &image[pixel * channels..][..channels];
-                let b_bar = &b_bar[pixel * channels..][..channels];
-                windows.for_each_tap(pixel, circles[pixel].sigma, |j, _, slope| {
-                    let other = &image[j * channels..][..channels];
-                    for c in 0..channels {
-                        let step = other[c].widen() - own[c].widen();
-                        *sigma_bar += slope.widen() * b_bar[c].widen() * step;
-                    }
-                });
+            let start = piece * PIXELS_PER_PIECE * channels;
+            let pairs = slopes[start..].chunks(channels).zip(b_bar[start..].chunks(channels));
+            for (sigma_bar, (slopes, b_bar)) in sigma_bars.iter_mut().zip(pairs) {
+                let products = slopes.iter().zip(b_bar).map(|(s, b)| s.widen() * b.widen());
+                *sigma_bar = products.sum();
             }
         });
+        let (depth, aperture, focus) = (kept.input(1), kept.input(2)[0], kept.input(3)[0]);
+        let circle =
+            |pixel: usize| self.circle(depth[pixel].widen(), aperture.widen(), focus.widen()).0;
         if let Some(depth_bar) = gradients.get(1) {
-            depth_bar.add_each(|k| T::narrow(sigma_bars[k] * circles[k].by_depth));
+            depth_bar.add_each(|k| T::narrow(sigma_bars[k] * circle(k).by_depth));
         }
-        let sum = |partial: fn(&Circle<T::Wide>) -> T::Wide| -> T {
-            let pairs = sigma_bars.iter().zip(circles.iter());
-            T::narrow(pairs.map(|(&bar, circle)| bar * partial(circle)).sum())
+        if !(2..4).any(|i| gradients.needs(i)) {
+            return;
+        }
+        let mut sums = [T::Wide::ZERO; 2];
+        let sum = |range: Range<usize>| {
+            let mut sums = [T::Wide::ZERO; 2];
+            for k in range {
+                let circle = circle(k);
+                sums[0] += sigma_bars[k] * circle.by_aperture;
+                sums[1] += sigma_bars[k] * circle.by_focus;
+            }
+            sums
         };
-        if let Some(aperture_bar) = gradients.get(2) {
-            aperture_bar.add_each(|_| sum(|circle| circle.by_aperture));
-        }
-        if let Some(focus_bar) = gradients.get(3) {
-            focus_bar.add_each(|_| sum(|circle| circle.by_focus));
+        merge_ranges(depth.len(), PIXELS_PER_PIECE, sum, |[by_aperture, by_focus]| {
+            sums[0] += by_aperture;
+            sums[1] += by_focus;
+        });
+        for i in 0..2 {
+            if let Some(bar) = gradients.get(2 + i) {
+                bar.add_each(|_| T::narrow(sums[i]));
+            }
         }
     }
 
     fn saved_bytes(&self, saved: &Self::Saved) -> usize {
-        size_of_val(&saved.circles[..]) + size_of_val(&saved.sigma_bars[..])
+        let Saved { sigmas, slopes, ladder, sigma_bars, .. } = saved;
+        size_of_val(&sigmas[..])
+            + size_of_val(&slopes[..])
+            + size_of_val(&sigma_bars[..])
+            + ladder.bytes()
     }
 }

@@ -33,7 +33,6 @@
 //! rendering, equations (1) to (5): the unnormalized kernel. Image libraries use the sampled
 //! kernel.
 
-mod convolution;
 mod rational;
 #[cfg(test)]
 mod tests;
@@ -41,9 +40,9 @@ mod tests;
 use bokashi_core::parallel::for_each_item_mut;
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 
-use self::convolution::{Band, Convolution};
 use self::rational::{Block, Line, Order, Rational};
 use crate::border::Border;
+use crate::convolution::{Band, Convolution};
 use crate::error::RenderError;
 use crate::scratch::Workbench;
 use crate::taps::{Blur, Kernel, LARGEST_RADIUS, Radius, Taps, check_radius};

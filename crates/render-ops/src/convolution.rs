@@ -21,6 +21,8 @@
 //! the rows. So an image is read and written once, and all that lies between stays in a core's own
 //! cache.
 
+use std::ops::Range;
+
 use bokashi_core::Scalar;
 use bokashi_core::parallel::{for_each_piece_mut, for_each_two_pieces_mut};
 
@@ -38,9 +40,14 @@ const STRIP: usize = 2 * BLOCK;
 /// second cache.
 const BAND: usize = 1 << 16;
 
+/// How many rows of `row` entries are blurred at a time.
+pub(crate) fn rows_per_band(row: usize) -> usize {
+    (BAND / row).max(1)
+}
+
 /// Memory for a band.
 #[derive(Debug, Default)]
-pub(super) struct Band<T> {
+pub(crate) struct Band<T> {
     /// A strip of columns.
     strip: Vec<T>,
     /// The rows after the blur along the columns, and after the slopes along the columns.
@@ -50,14 +57,14 @@ pub(super) struct Band<T> {
 
 impl<T> Band<T> {
     /// How many entries there is memory for.
-    pub(super) fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.strip.len() + self.rows.len() + self.slopes.len()
     }
 }
 
 /// A convolution of images of one shape.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Convolution<'a, T: Scalar> {
+pub(crate) struct Convolution<'a, T: Scalar> {
     height: usize,
     /// Pixels in a row.
     width: usize,
@@ -71,14 +78,14 @@ pub(super) struct Convolution<'a, T: Scalar> {
 
 impl<'a, T: Scalar> Convolution<'a, T> {
     /// The convolution with the windows `[along_rows, along_columns]` of images `[H, W, C]`.
-    pub(super) fn new(shape: &[usize], border: Border, taps: &'a [Taps<T>; 2]) -> Self {
+    pub(crate) fn new(shape: &[usize], border: Border, taps: &'a [Taps<T>; 2]) -> Self {
         let &[height, width, channels] = shape else { unreachable!("an image has three axes") };
         let [along_rows, along_columns] = taps;
         Self { height, width, channels, border, along_rows, along_columns, overhangs: None }
     }
 
     /// Its adjoint.
-    pub(super) fn adjoint(self) -> Self {
+    pub(crate) fn adjoint(self) -> Self {
         match self.border {
             Border::Clamp => {
                 let overhangs = Some([&self.along_rows.tails[..], &self.along_columns.tails]);
@@ -89,7 +96,7 @@ impl<'a, T: Scalar> Convolution<'a, T> {
     }
 
     /// `out = K image`, and `slope = dK/dsigma image`, unless it is empty.
-    pub(super) fn apply(
+    pub(crate) fn apply(
         &self,
         image: &[T],
         bench: &Workbench<Band<T>>,
@@ -107,18 +114,34 @@ impl<'a, T: Scalar> Convolution<'a, T> {
         });
     }
 
+    /// How many rows the window sees above and below its own.
+    pub(crate) fn reach(&self) -> usize {
+        self.border.reach(self.along_columns.radius(), self.height)
+    }
+
     /// Entries in a row of pixels.
     fn row(&self) -> usize {
         self.width * self.channels
     }
 
     fn rows_per_band(&self) -> usize {
-        (BAND / self.row()).max(1)
+        rows_per_band(self.row())
     }
 
     /// The rows `out` of a band, and, unless it is empty, their slopes.
     fn band(&self, image: &[T], band: usize, memory: &mut Band<T>, out: &mut [T], slope: &mut [T]) {
-        let first = band * self.rows_per_band();
+        self.rows(image, band * self.rows_per_band(), memory, out, slope);
+    }
+
+    /// The rows `out` from row `first` on, and, unless it is empty, their slopes.
+    pub(crate) fn rows(
+        &self,
+        image: &[T],
+        first: usize,
+        memory: &mut Band<T>,
+        out: &mut [T],
+        slope: &mut [T],
+    ) {
         pulp::Arch::new().dispatch(BandWork {
             convolution: self,
             image,
@@ -154,12 +177,14 @@ impl<'a, T: Scalar> Convolution<'a, T> {
     ) {
         let Band { strip, rows: blurred, slopes } = memory;
         let (row, stride, overlap) = (self.row(), self.stride(), self.overlap());
-        let reach = self.border.reach(self.along_columns.radius(), self.height);
+        let reach = self.reach();
         let weights = &self.along_columns.weights[..=reach];
         let window = self.along_columns.window(reach);
-        blurred.resize(rows * stride, T::ZERO);
+        // What is there is written over.
+        let enough = |memory: &mut Vec<T>| memory.resize(memory.len().max(rows * stride), T::ZERO);
+        enough(blurred);
         if with_slope {
-            slopes.resize(rows * stride, T::ZERO);
+            enough(slopes);
         }
         for start in (0..row).step_by(STRIP) {
             let end = row.min(start + STRIP);
@@ -188,7 +213,7 @@ impl<'a, T: Scalar> Convolution<'a, T> {
             }
         }
         if let Some([_, tails]) = self.overhangs {
-            self.add_overhang_of_columns(image, first, tails, memory);
+            self.add_overhang_of_columns(image, first..first + rows, tails, memory);
         }
         for k in 0..rows {
             self.extend(&mut memory.rows[k * stride..][..stride]);
@@ -279,17 +304,16 @@ impl<'a, T: Scalar> Convolution<'a, T> {
     fn add_overhang_of_columns(
         &self,
         image: &[T],
-        first: usize,
+        rows: Range<usize>,
         tails: &[T],
         memory: &mut Band<T>,
     ) {
         let (row, stride, overlap) = (self.row(), self.stride(), self.overlap());
-        let rows = memory.rows.len() / stride;
         for border in [0, self.height - 1] {
-            if !(first..first + rows).contains(&border) {
+            if !rows.contains(&border) {
                 continue;
             }
-            let to = &mut memory.rows[(border - first) * stride + overlap..][..row];
+            let to = &mut memory.rows[(border - rows.start) * stride + overlap..][..row];
             for (j, &tail) in tails.iter().enumerate().take(self.height) {
                 let from = &image[border.abs_diff(j) * row..][..row];
                 for (to, &from) in to.iter_mut().zip(from) {
