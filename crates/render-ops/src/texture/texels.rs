@@ -343,7 +343,8 @@ impl<T: Scalar> TexelSums<T> {
 
     /// The bytes that it holds, for reports.
     pub(super) fn bytes(&self) -> usize {
-        self.runs.bytes()
+        let sums = self.rows.iter().map(|row| &row.sums).chain(&self.sums_of_parts);
+        self.runs.bytes() + sums.map(|sums| size_of_val(sums.as_slice())).sum::<usize>()
     }
 }
 

@@ -167,6 +167,11 @@ impl<T: Scalar> Moves<T> {
     pub(super) fn new() -> Self {
         Self { at: [[T::ZERO; LANES]; 2], levels: [T::ZERO; LANES] }
     }
+
+    #[inline(always)]
+    fn clear(&mut self) {
+        *self = Self::new();
+    }
 }
 
 /// Samples of levels.
@@ -179,23 +184,99 @@ pub(super) struct Values<'a, T, C, const K: usize> {
 /// The cells of a block of probes on two neighbouring levels, the finer level first.
 type TwoCells<T> = [Cells<T>; 2];
 
-impl<T: Scalar, C: Chart<K>, const K: usize> Values<'_, T, C, K> {
-    /// Finds the cells of a segment, on the coarser level where it counts, and says which levels they
-    /// are on.
+/// A segment of a block of probes, with its cells; on the coarser level where it counts.
+struct Part<'a, T, C, const K: usize> {
+    chart: C,
+    probes: &'a Probes<T, K>,
+    segment: Segment,
+    levels: [Level<'a, T>; 2],
+    cells: &'a TwoCells<T>,
+}
+
+impl<T: Scalar, C: Chart<K>, const K: usize> Part<'_, T, C, K> {
+    /// The channels that begin groups of `N`.
     #[inline(always)]
-    fn find_cells(
+    fn groups<const N: usize>(&self) -> impl Iterator<Item = usize> + use<T, C, K, N> {
+        (0..self.levels[0].channels / N).map(|group| group * N)
+    }
+
+    /// The corners of the cell of probe `i`, and where it lies among them, on the finer level or the
+    /// coarser.
+    #[inline(always)]
+    fn corners<'a, const N: usize, const L: usize>(
+        &'a self,
+        coarser: usize,
+        i: usize,
+        channel: usize,
+        spare: &'a mut [[T; L]; 4],
+    ) -> (Corners<'a, T, L>, [T; 2]) {
+        let (level, cells) = (&self.levels[coarser], &self.cells[coarser]);
+        let cell = (self.probes.places.faces[i], cells, i);
+        (level.corners::<K, N, L>(self.chart, cell, channel, spare), cells.fractions_of(i))
+    }
+
+    /// Finds the samples of its probes, in a group of channels.
+    #[inline(always)]
+    fn mix<const N: usize, const L: usize>(&self, channel: usize, found: &mut Lanes<[T; L]>) {
+        let mut spare = [[[T::ZERO; L]; 4]; 2];
+        for i in self.segment.lanes.clone() {
+            let [of_fine, of_coarse] = &mut spare;
+            let (corners, at) = self.corners::<N, L>(0, i, channel, of_fine);
+            let mut value = sample(corners, at);
+            if self.segment.is_free {
+                let (corners, at) = self.corners::<N, L>(1, i, channel, of_coarse);
+                value = mix(value, sample(corners, at), self.probes.fractions[i]);
+            }
+            found[i] = value;
+        }
+    }
+
+    /// Finds how the samples of its probes change to the right, down and, `with_levels`, with the level.
+    #[inline(always)]
+    fn change<const N: usize, const L: usize>(
         &self,
-        probes: &Probes<T, K>,
-        segment: &Segment,
-        cells: &mut TwoCells<T>,
-    ) -> [Level<'_, T>; 2] {
-        let levels = [0, 1].map(|k| self.levels[segment.level + k * usize::from(segment.is_free)]);
-        for k in 0..1 + usize::from(segment.is_free) {
+        channel: usize,
+        with_levels: bool,
+        [right, down, coarser]: &mut [Lanes<[T; L]>; 3],
+    ) {
+        let mut spare = [[[T::ZERO; L]; 4]; 2];
+        for i in self.segment.lanes.clone() {
+            let [of_fine, of_coarse] = &mut spare;
+            let (fine, at) = self.corners::<N, L>(0, i, channel, of_fine);
+            let mut own = self.levels[0].along_face(slopes(fine, at));
+            if self.segment.is_free {
+                let (coarse, at_coarse) = self.corners::<N, L>(1, i, channel, of_coarse);
+                let others = self.levels[1].along_face(slopes(coarse, at_coarse));
+                for k in 0..2 {
+                    own[k] = mix(own[k], others[k], self.probes.fractions[i]);
+                }
+                if with_levels {
+                    coarser[i] = from_to(sample(fine, at), sample(coarse, at_coarse));
+                }
+            }
+            [right[i], down[i]] = own;
+        }
+    }
+}
+
+impl<T: Scalar, C: Chart<K>, const K: usize> Values<'_, T, C, K> {
+    /// The part of a block that begins with a lane.
+    #[inline(always)]
+    fn part<'a>(
+        &'a self,
+        probes: &'a Probes<T, K>,
+        lane: usize,
+        cells: &'a mut TwoCells<T>,
+    ) -> Part<'a, T, C, K> {
+        let segment = probes.segment(lane);
+        let count = 1 + usize::from(segment.is_free);
+        let levels = [0, count - 1].map(|k| self.levels[segment.level + k]);
+        for k in 0..count {
             let (lanes, extents) = (segment.lanes.clone(), &levels[k].extents);
             cells[k].find(&probes.places, lanes.clone(), extents, self.lookup.rounding());
             cells[k].find_texels(&probes.places, lanes, extents);
         }
-        levels
+        Part { chart: self.lookup.chart, probes, segment, levels, cells }
     }
 
     /// Writes some samples.
@@ -207,7 +288,7 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Values<'_, T, C, K> {
     ) {
         let (mut probes, mut cells) = (Probes::new(), [Cells::new(), Cells::new()]);
         let (mut next, start) = (Probe::first_of(samples.start), samples.start);
-        let (mut found, mut spare) = ([[T::ZERO; L]; LANES], [[[T::ZERO; L]; 4]; 2]);
+        let (mut found, channels) = ([[T::ZERO; L]; LANES], self.levels[0].channels);
         let are_sums = self.lookup.filter.probes() > 1;
         if are_sums {
             out.fill(T::ZERO);
@@ -216,34 +297,20 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Values<'_, T, C, K> {
             next = self.lookup.fill(&mut probes, next, samples.end);
             let mut lane = 0;
             while lane < probes.count {
-                let segment = probes.segment(lane);
-                let [finer, coarser] = self.find_cells(&probes, &segment, &mut cells);
-                lane = segment.lanes.end;
-                let channels = finer.channels;
-                for channel in (0..channels / N).map(|group| group * N) {
-                    for i in segment.lanes.clone() {
-                        let [of_fine, of_coarse] = &mut spare;
-                        let corners =
-                            self.corners::<N, L>(&finer, &probes, &cells[0], i, channel, of_fine);
-                        let mut value = sample(corners, cells[0].fractions_of(i));
-                        if segment.is_free {
-                            let corners = self.corners::<N, L>(
-                                &coarser, &probes, &cells[1], i, channel, of_coarse,
-                            );
-                            let other = sample(corners, cells[1].fractions_of(i));
-                            value = mix(value, other, probes.fractions[i]);
-                        }
-                        found[i] = value;
-                    }
+                let part = self.part(&probes, lane, &mut cells);
+                let lanes = part.segment.lanes.clone();
+                lane = lanes.end;
+                for channel in part.groups::<N>() {
+                    part.mix::<N, L>(channel, &mut found);
                     if !are_sums {
-                        let at = (probes.samples[segment.lanes.start] - start) * channels + channel;
+                        let at = (probes.samples[lanes.start] - start) * channels + channel;
                         let out = out[at..].chunks_mut(channels);
-                        for (out, value) in out.zip(&found[segment.lanes.clone()]) {
+                        for (out, value) in out.zip(&found[lanes.clone()]) {
                             out[..N].copy_from_slice(&value[..N]);
                         }
                         continue;
                     }
-                    for i in segment.lanes.clone() {
+                    for i in lanes.clone() {
                         let at = (probes.samples[i] - start) * channels + channel;
                         for (out, value) in out[at..at + N].iter_mut().zip(found[i]) {
                             *out += probes.shares[i] * value;
@@ -252,21 +319,6 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Values<'_, T, C, K> {
                 }
             }
         }
-    }
-
-    /// The corners of the cell of probe `i` on a level.
-    #[inline(always)]
-    fn corners<'a, const N: usize, const L: usize>(
-        &self,
-        level: &'a Level<'_, T>,
-        probes: &Probes<T, K>,
-        cells: &Cells<T>,
-        i: usize,
-        channel: usize,
-        spare: &'a mut [[T; L]; 4],
-    ) -> Corners<'a, T, L> {
-        let cell = (probes.places.faces[i], cells, i);
-        level.corners::<K, N, L>(self.lookup.chart, cell, channel, spare)
     }
 
     /// Calls `visit(probes, moves)` for all probes of some samples, block by block, with the gradients
@@ -281,52 +333,23 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Values<'_, T, C, K> {
     ) {
         let (mut probes, mut cells) = (Probes::new(), [Cells::new(), Cells::new()]);
         let (mut next, mut moves) = (Probe::first_of(samples.start), Moves::new());
-        let (mut changes, mut spare) = ([[[T::ZERO; L]; LANES]; 3], [[[T::ZERO; L]; 4]; 2]);
+        let (mut changes, channels) = ([[[T::ZERO; L]; LANES]; 3], self.levels[0].channels);
         while next.sample < samples.end {
             next = self.lookup.fill(&mut probes, next, samples.end);
+            moves.clear();
             let mut lane = 0;
             while lane < probes.count {
-                let segment = probes.segment(lane);
-                let [finer, coarser] = self.find_cells(&probes, &segment, &mut cells);
-                lane = segment.lanes.end;
-                let channels = finer.channels;
-                for i in segment.lanes.clone() {
-                    moves.at[0][i] = T::ZERO;
-                    moves.at[1][i] = T::ZERO;
-                    moves.levels[i] = T::ZERO;
-                }
-                for channel in (0..channels / N).map(|group| group * N) {
-                    for i in segment.lanes.clone() {
-                        let [of_fine, of_coarse] = &mut spare;
-                        let fractions = [cells[0].fractions_of(i), cells[1].fractions_of(i)];
-                        let fine =
-                            self.corners::<N, L>(&finer, &probes, &cells[0], i, channel, of_fine);
-                        let mut own = finer.along_face(slopes(fine, fractions[0]));
-                        if segment.is_free {
-                            let coarse = self.corners::<N, L>(
-                                &coarser, &probes, &cells[1], i, channel, of_coarse,
-                            );
-                            let others = coarser.along_face(slopes(coarse, fractions[1]));
-                            for k in 0..2 {
-                                own[k] = mix(own[k], others[k], probes.fractions[i]);
-                            }
-                            if with_levels {
-                                changes[2][i] = from_to(
-                                    sample(fine, fractions[0]),
-                                    sample(coarse, fractions[1]),
-                                );
-                            }
-                        }
-                        changes[0][i] = own[0];
-                        changes[1][i] = own[1];
-                    }
-                    for i in segment.lanes.clone() {
+                let part = self.part(&probes, lane, &mut cells);
+                lane = part.segment.lanes.end;
+                for channel in part.groups::<N>() {
+                    part.change::<N, L>(channel, with_levels, &mut changes);
+                    for i in part.segment.lanes.clone() {
                         let bars = &bars[probes.samples[i] * channels + channel..];
                         let bars: &[T; N] = bars.first_chunk().expect("whole groups");
                         let share = probes.shares[i];
                         moves.at[0][i] += share * dot(&changes[0][i], bars);
                         moves.at[1][i] += share * dot(&changes[1][i], bars);
-                        if with_levels && segment.is_free {
+                        if with_levels && part.segment.is_free {
                             moves.levels[i] += share * dot(&changes[2][i], bars);
                         }
                     }
