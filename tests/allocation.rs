@@ -10,11 +10,11 @@ use bokashi_core::{Padding, SparseMatrix, Tape, Tensor, TensorError, Var};
 use bokashi_fit::{Fit, FitError, FitSettings, Parameter, Parameters, from_fn, squared_error};
 use bokashi_paper::FACES;
 use bokashi_render_ops::{
-    Assembly, Background, Blur, Border, Coverage, Filter, Kernel, Mesh, Pose, RasterOptions,
-    Reference, RenderError, Sampling, Size, Weighting, affine_inverse, antialias, composite,
-    distort, downsample, eye_depth, face_normals, gaussian_blur, interpolate, perturbed_normals,
-    pinhole, project, project_instances, rasterize, rigid, se3, tangents, transform_normals,
-    transform_points, vertex_normals,
+    Assembly, Background, Blur, Border, Coverage, Detail, Filter, Kernel, Mesh, Pose,
+    RasterOptions, Reference, RenderError, Sampler, Sampling, Size, Texture, TextureFilter,
+    Weighting, affine_inverse, antialias, composite, distort, downsample, eye_depth, face_normals,
+    gaussian_blur, interpolate, perturbed_normals, pinhole, project, project_instances, rasterize,
+    rigid, sample_texture, se3, tangents, transform_normals, transform_points, vertex_normals,
 };
 use glam::DMat4;
 use glam::dcamera::rh::proj::opengl::perspective;
@@ -239,6 +239,41 @@ fn steady_steps_with_learnt_cameras_allocate_nothing() {
         tape.reset();
         sum
     });
+}
+
+/// A texture with mipmaps, looked up twice, with every gradient.
+fn texture_step(tape: &Tape<f32>, leaves: &[Tensor<f32>; 3]) -> Result<f32, RenderError> {
+    let leaves = leaves.each_ref().map(|leaf| tape.leaf(leaf));
+    let [texels, coordinates, differentials] = leaves;
+    let texture = Texture::with_mipmaps(texels)?;
+    let detail = Detail::Differentials { differentials, bias: None };
+    let probes = TextureFilter::Anisotropic { probes: 4 };
+    let [first, second] = [Sampler::new(), Sampler::new().filter(probes)];
+    let first = sample_texture(&texture, coordinates, detail, first)?;
+    let second = sample_texture(&texture, coordinates, detail, second)?;
+    let gradients = (first * second).sum().backward()?;
+    Ok(leaves.map(|leaf| gradients.get(leaf).expect("each is used").data()[0]).into_iter().sum())
+}
+
+#[test]
+fn a_steady_step_with_textures_allocates_the_lists_of_their_levels_alone() {
+    for [side, samples] in [[8, 10], [64, 20_000]] {
+        let leaves = [
+            Tensor::from_flat_fn([side, side, 3], |k| (k % 7) as f32 * 0.1),
+            Tensor::from_flat_fn([samples, 2], |k| (k % 101) as f32 / 101.0),
+            Tensor::from_flat_fn([samples, 2, 2], |k| (k % 11) as f32 / (3 * side) as f32),
+        ];
+        let mut tape = Tape::new();
+        let mut step = move || {
+            texture_step(&tape, &leaves).unwrap();
+            tape.reset();
+        };
+        ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(|| {
+            (0..3).for_each(|_| step());
+            let bytes = measure(&mut step).bytes_total;
+            assert!(bytes < 500, "{bytes} bytes with {samples} samples");
+        });
+    }
 }
 
 #[test]

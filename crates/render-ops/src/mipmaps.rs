@@ -41,7 +41,7 @@ fn taps<T: Scalar>(j: usize, extent: usize) -> (usize, [T; 3], usize) {
     if extent == 1 {
         return (0, [T::ONE, T::ZERO, T::ZERO], 1);
     }
-    if extent % 2 == 0 {
+    if extent.is_multiple_of(2) {
         return (2 * j, [T::from_f64(0.5), T::from_f64(0.5), T::ZERO], 2);
     }
     let middle = coarse as f64 / extent as f64;
@@ -79,26 +79,12 @@ impl<T: Scalar> Op<T> for Halve {
         let rank = axes.len();
         (axes[rank - 3], axes[rank - 2]) = (rows, columns);
         let coarse = outputs.push(&axes);
-        let length = columns * channels;
-        let rows_per_piece = (TEXELS_PER_PIECE / columns).max(1);
-        for_each_piece_mut(coarse, rows_per_piece * length, |piece, coarse| {
-            pulp::Arch::new().dispatch(
-                #[inline(always)]
-                || {
-                    let lines = (piece * rows_per_piece..).zip(coarse.chunks_exact_mut(length));
-                    for (line, coarse) in lines {
-                        let (face, row) = (line / rows, line % rows);
-                        let (first, weights, count) = taps::<T>(row, height);
-                        let at = |k: usize| {
-                            &fine[(face * height + first + k) * width * channels..]
-                                [..width * channels]
-                        };
-                        let fine = [at(0), at(1.min(count - 1)), at(count - 1)];
-                        halve_rows(fine, weights, count, channels, coarse);
-                    }
-                },
-            );
-        });
+        match channels {
+            1 => halve::<T, 1>(fine, [height, width, 1], coarse),
+            3 => halve::<T, 3>(fine, [height, width, 3], coarse),
+            4 => halve::<T, 4>(fine, [height, width, 4], coarse),
+            _ => halve::<T, 1>(fine, [height, width, channels], coarse),
+        }
         Ok(())
     }
 
@@ -109,62 +95,72 @@ impl<T: Scalar> Op<T> for Halve {
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
         let Some(fine_bar) = gradients.get(0) else { return };
         let [height, width, channels] = extents(kept.input_shape(0));
-        let (rows, columns) = (half(height), half(width));
         let coarse_bar = kept.only_upstream();
-        let length = width * channels;
-        let rows_per_piece = (TEXELS_PER_PIECE / width).max(1);
-        let (entries, is_fresh) = fine_bar.entries_or_fresh();
-        for_each_piece_mut(entries, rows_per_piece * length, |piece, fine_bar| {
-            if is_fresh {
-                fine_bar.fill(T::ZERO);
-            }
-            let lines = (piece * rows_per_piece..).zip(fine_bar.chunks_exact_mut(length));
-            for (line, fine_bar) in lines {
-                let (face, row) = (line / height, line % height);
-                // The coarser rows that this row is part of.
-                for coarse in (row / 2).saturating_sub(1)..=(row / 2).min(rows - 1) {
-                    let (first, weights, count) = taps::<T>(coarse, height);
-                    let Some(&weight) =
-                        row.checked_sub(first).and_then(|k| weights[..count].get(k))
-                    else {
-                        continue;
+        let fine_bar = fine_bar.entries_or_fresh();
+        match channels {
+            1 => spread::<T, 1>(coarse_bar, [height, width, 1], fine_bar),
+            3 => spread::<T, 3>(coarse_bar, [height, width, 3], fine_bar),
+            4 => spread::<T, 4>(coarse_bar, [height, width, 4], fine_bar),
+            _ => spread::<T, 1>(coarse_bar, [height, width, channels], fine_bar),
+        }
+    }
+}
+
+/// Writes a coarser level, in groups of `N` channels, where a texel has one or several groups.
+fn halve<T: Scalar, const N: usize>(
+    fine: &[T],
+    [height, width, channels]: [usize; 3],
+    coarse: &mut [T],
+) {
+    let (rows, columns) = (half(height), half(width));
+    let length = columns * channels;
+    let rows_per_piece = (TEXELS_PER_PIECE / columns).max(1);
+    for_each_piece_mut(coarse, rows_per_piece * length, |piece, coarse| {
+        pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                // Moved, so that the closure can run only once and is inlined here.
+                let coarse = coarse;
+                let lines = (piece * rows_per_piece..).zip(coarse.chunks_exact_mut(length));
+                for (line, coarse) in lines {
+                    let (face, row) = (line / rows, line % rows);
+                    let (first, weights, count) = taps::<T>(row, height);
+                    let at = |k: usize| {
+                        &fine[(face * height + first + k) * width * channels..][..width * channels]
                     };
-                    let bars = &coarse_bar[(face * rows + coarse) * columns * channels..]
-                        [..columns * channels];
-                    spread_row(bars, weight, width, channels, fine_bar);
+                    let fine = [at(0), at(1.min(count - 1)), at(count - 1)];
+                    if count == 2 && width % 2 == 0 && channels == N {
+                        halve_even_rows::<T, N>(fine, coarse);
+                    } else {
+                        halve_rows(fine, &weights[..count], channels, coarse);
+                    }
                 }
-            }
-        });
+            },
+        );
+    });
+}
+
+/// A coarser row from two finer rows of even length.
+#[inline(always)]
+fn halve_even_rows<T: Scalar, const N: usize>([upper, lower, _]: [&[T]; 3], coarse: &mut [T]) {
+    let quarter = T::from_f64(0.25);
+    let fine = upper.chunks_exact(2 * N).zip(lower.chunks_exact(2 * N));
+    for (coarse, (upper, lower)) in coarse.as_chunks_mut::<N>().0.iter_mut().zip(fine) {
+        for c in 0..N {
+            coarse[c] = quarter * ((upper[c] + upper[N + c]) + (lower[c] + lower[N + c]));
+        }
     }
 }
 
 /// A coarser row from up to three finer rows.
 #[inline(always)]
-fn halve_rows<T: Scalar>(
-    fine: [&[T]; 3],
-    weights: [T; 3],
-    count: usize,
-    channels: usize,
-    coarse: &mut [T],
-) {
+fn halve_rows<T: Scalar>(fine: [&[T]; 3], weights: &[T], channels: usize, coarse: &mut [T]) {
     let width = fine[0].len() / channels;
-    if count == 2 && width % 2 == 0 {
-        let quarter = T::from_f64(0.25);
-        for (j, coarse) in coarse.chunks_exact_mut(channels).enumerate() {
-            let [upper, lower] = [fine[0], fine[1]].map(|row| &row[2 * j * channels..]);
-            let [upper, lower] = [upper, lower].map(|row| &row[..2 * channels]);
-            for (c, coarse) in coarse.iter_mut().enumerate() {
-                let upper = upper[c] + upper[c + channels];
-                *coarse = quarter * (upper + (lower[c] + lower[c + channels]));
-            }
-        }
-        return;
-    }
     for (j, coarse) in coarse.chunks_exact_mut(channels).enumerate() {
         let (first, along, taken) = taps::<T>(j, width);
         for (c, coarse) in coarse.iter_mut().enumerate() {
             let mut sum = T::ZERO;
-            for (row, &weight) in fine.iter().zip(&weights[..count]) {
+            for (row, &weight) in fine.iter().zip(weights) {
                 for (k, &along) in along[..taken].iter().enumerate() {
                     sum += weight * along * row[(first + k) * channels + c];
                 }
@@ -174,9 +170,65 @@ fn halve_rows<T: Scalar>(
     }
 }
 
+/// Adds the gradients of a coarser level to those of a finer level; where they are fresh, writes them.
+fn spread<T: Scalar, const N: usize>(
+    coarse_bar: &[T],
+    [height, width, channels]: [usize; 3],
+    (fine_bar, is_fresh): (&mut [T], bool),
+) {
+    let (rows, columns) = (half(height), half(width));
+    let length = width * channels;
+    let rows_per_piece = (TEXELS_PER_PIECE / width).max(1);
+    for_each_piece_mut(fine_bar, rows_per_piece * length, |piece, fine_bar| {
+        pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                // Moved, so that the closure can run only once and is inlined here.
+                let fine_bar = fine_bar;
+                if is_fresh {
+                    fine_bar.fill(T::ZERO);
+                }
+                let lines = (piece * rows_per_piece..).zip(fine_bar.chunks_exact_mut(length));
+                for (line, fine_bar) in lines {
+                    let (face, row) = (line / height, line % height);
+                    // The coarser rows that this row is part of.
+                    for coarse in (row / 2).saturating_sub(1)..=(row / 2).min(rows - 1) {
+                        let (first, weights, count) = taps::<T>(coarse, height);
+                        let Some(&weight) =
+                            row.checked_sub(first).and_then(|k| weights[..count].get(k))
+                        else {
+                            continue;
+                        };
+                        let bars = &coarse_bar[(face * rows + coarse) * columns * channels..]
+                            [..columns * channels];
+                        if width % 2 == 0 && channels == N {
+                            spread_even_row::<T, N>(bars, weight, fine_bar);
+                        } else {
+                            spread_row(bars, weight, channels, fine_bar);
+                        }
+                    }
+                }
+            },
+        );
+    });
+}
+
+/// Adds the shares of a finer row of even length in a coarser row's gradients.
+#[inline(always)]
+fn spread_even_row<T: Scalar, const N: usize>(bars: &[T], weight: T, fine_bar: &mut [T]) {
+    let share = weight * T::from_f64(0.5);
+    for (fine_bar, bars) in fine_bar.chunks_exact_mut(2 * N).zip(bars.as_chunks::<N>().0) {
+        for c in 0..N {
+            fine_bar[c] += share * bars[c];
+            fine_bar[N + c] += share * bars[c];
+        }
+    }
+}
+
 /// Adds the shares of a finer row in a coarser row's gradients.
 #[inline(always)]
-fn spread_row<T: Scalar>(bars: &[T], weight: T, width: usize, channels: usize, fine_bar: &mut [T]) {
+fn spread_row<T: Scalar>(bars: &[T], weight: T, channels: usize, fine_bar: &mut [T]) {
+    let width = fine_bar.len() / channels;
     for (j, bars) in bars.chunks_exact(channels).enumerate() {
         let (first, along, taken) = taps::<T>(j, width);
         let fine_bar = fine_bar[first * channels..].chunks_exact_mut(channels);

@@ -88,7 +88,7 @@ fn a_ladder_is_within_its_tolerance_of_windows() {
     let shape = [47, 61, 1];
     let image = Tensor::from_flat_fn(shape, |k| {
         let bits = (k as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        if (bits ^ bits >> 31).count_ones() % 2 == 0 { 0.0 } else { 1.0 }
+        if (bits ^ bits >> 31).count_ones().is_multiple_of(2) { 0.0 } else { 1.0 }
     });
     for tolerance in [1e-2, 1e-3, 1e-4] {
         for aperture in [0.3, 0.7, 3.0] {

@@ -23,6 +23,7 @@
 
 use bokashi_core::Scalar;
 
+use super::lanes::{LANES, Lanes};
 use super::options::TextureBorder;
 
 /// A place on a face of a texture: (0, 0) is its upper left corner and (1, 1) its lower right corner.
@@ -30,6 +31,19 @@ use super::options::TextureBorder;
 pub(super) struct Place<T> {
     pub(super) face: usize,
     pub(super) at: [T; 2],
+}
+
+/// The places of a block of probes.
+#[derive(Debug)]
+pub(super) struct Places<T> {
+    pub(super) faces: Lanes<u8>,
+    pub(super) at: [Lanes<T>; 2],
+}
+
+impl<T: Scalar> Places<T> {
+    pub(super) fn new() -> Self {
+        Self { faces: [0; LANES], at: [[T::ZERO; LANES]; 2] }
+    }
 }
 
 /// The texels that stand for a texel beyond a face: each with the weight 1 over their number.
@@ -56,12 +70,51 @@ pub(super) trait Chart<const K: usize>: Copy + Send + Sync + 'static {
     const OPERATION: &'static str;
     /// The number of faces.
     const FACES: usize;
+    /// Whether a footprint depends on where its coordinates are.
+    const IS_CURVED: bool;
 
     /// The place of coordinates.
     fn place<T: Scalar>(self, coordinates: [T; K]) -> Place<T>;
 
+    /// The places of the first `count` coordinates.
+    #[inline(always)]
+    fn places<T: Scalar>(self, coordinates: &[Lanes<T>; K], count: usize, places: &mut Places<T>) {
+        let count = count.min(LANES);
+        for i in 0..count {
+            let mut own = [T::ZERO; K];
+            for k in 0..K {
+                own[k] = coordinates[k][i];
+            }
+            let Place { face, at } = self.place(own);
+            places.faces[i] = face as u8;
+            places.at[0][i] = at[0];
+            places.at[1][i] = at[1];
+        }
+    }
+
     /// The gradients of coordinates from the gradient of their place.
     fn pull_back<T: Scalar>(self, coordinates: [T; K], at_bar: [T; 2]) -> [T; K];
+
+    /// The gradients of the first `count` coordinates from the gradients of their places.
+    #[inline(always)]
+    fn pull_back_all<T: Scalar>(
+        self,
+        coordinates: &[Lanes<T>; K],
+        count: usize,
+        at_bars: &[Lanes<T>; 2],
+        bars: &mut [Lanes<T>; K],
+    ) {
+        for i in 0..count.min(LANES) {
+            let mut own = [T::ZERO; K];
+            for k in 0..K {
+                own[k] = coordinates[k][i];
+            }
+            let own = self.pull_back(own, [at_bars[0][i], at_bars[1][i]]);
+            for k in 0..K {
+                bars[k][i] = own[k];
+            }
+        }
+    }
 
     /// How the place changes from pixel to pixel, where the coordinates change by `slopes`.
     fn slopes<T: Scalar>(self, coordinates: [T; K], slopes: [[T; 2]; K]) -> [[T; 2]; 2];
@@ -82,30 +135,90 @@ pub(super) trait Chart<const K: usize>: Copy + Send + Sync + 'static {
     fn ends(self) -> bool;
 }
 
+#[inline(always)]
+fn floor<T: Scalar>(x: T) -> T {
+    T::from_f64(x.to_f64().floor())
+}
+
 /// A texture of the plane.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Plane {
     pub(super) border: TextureBorder,
 }
 
+/// A coordinate brought back into `[0, 1]`, and how that changes with it.
+type Reduced<T> = [T; 2];
+
+/// Whether a number has a fraction: not where it is too large, infinite or NaN.
+#[inline(always)]
+fn has_fraction<T: Scalar>(u: T) -> bool {
+    u.abs() < T::from_f64(1e15)
+}
+
+#[inline(always)]
+fn wrapped<T: Scalar>(u: T) -> Reduced<T> {
+    if has_fraction(u) { [u - floor(u), T::ONE] } else { [T::ZERO; 2] }
+}
+
+#[inline(always)]
+fn mirrored<T: Scalar>(u: T) -> Reduced<T> {
+    let two = T::from_f64(2.0);
+    let phase = u - two * floor(u / two);
+    let [phase, slope] = if phase > T::ONE { [two - phase, -T::ONE] } else { [phase, T::ONE] };
+    if has_fraction(u) { [phase, slope] } else { [T::ZERO; 2] }
+}
+
+#[inline(always)]
+fn clamped<T: Scalar>(u: T) -> Reduced<T> {
+    let end = if u > T::ZERO { T::ONE } else { T::ZERO };
+    if u > T::ZERO && u < T::ONE { [u, T::ONE] } else { [end, T::ZERO] }
+}
+
+/// As it is where there is something.
+#[inline(always)]
+fn beyond_is_nothing<T: Scalar>(u: T) -> Reduced<T> {
+    if u > -T::ONE && u < T::from_f64(2.0) { [u, T::ONE] } else { [-T::ONE, T::ZERO] }
+}
+
+/// Calls `visit(number, reduced)` for all of `numbers`.
+#[inline(always)]
+fn for_each_reduced<T: Scalar>(
+    coordinates: &[T],
+    numbers: &mut [T],
+    reduced: impl Fn(T) -> Reduced<T>,
+    visit: impl Fn(&mut T, Reduced<T>),
+) {
+    for (number, u) in numbers.iter_mut().zip(coordinates) {
+        visit(number, reduced(*u));
+    }
+}
+
 impl Plane {
-    /// A coordinate brought back into `[0, 1]`, and how that changes with it.
     #[inline(always)]
-    fn reduced<T: Scalar>(self, u: T) -> [T; 2] {
-        // Beyond, a number has no fraction left, or is infinite.
-        let has_fraction = u.abs() < T::from_f64(1e15);
-        let floor = |x: T| T::from_f64(x.to_f64().floor());
+    fn reduced<T: Scalar>(self, u: T) -> Reduced<T> {
         match self.border {
-            TextureBorder::Wrap if has_fraction => [u - floor(u), T::ONE],
-            TextureBorder::Mirror if has_fraction => {
-                let two = T::from_f64(2.0);
-                let phase = u - two * floor(u / two);
-                if phase > T::ONE { [two - phase, -T::ONE] } else { [phase, T::ONE] }
+            TextureBorder::Wrap => wrapped(u),
+            TextureBorder::Mirror => mirrored(u),
+            TextureBorder::Clamp => clamped(u),
+            TextureBorder::Zero => beyond_is_nothing(u),
+        }
+    }
+
+    /// Calls `visit(number, reduced)` for all of `numbers`. A loop without a choice in it is a vector's.
+    #[inline(always)]
+    fn for_each<T: Scalar>(
+        self,
+        coordinates: &[T],
+        numbers: &mut [T],
+        visit: impl Fn(&mut T, Reduced<T>),
+    ) {
+        match self.border {
+            TextureBorder::Wrap => for_each_reduced(coordinates, numbers, wrapped, visit),
+            TextureBorder::Mirror => for_each_reduced(coordinates, numbers, mirrored, visit),
+            TextureBorder::Clamp => for_each_reduced(coordinates, numbers, clamped, visit),
+            TextureBorder::Zero => {
+                for_each_reduced(coordinates, numbers, beyond_is_nothing, visit);
             }
-            TextureBorder::Wrap | TextureBorder::Mirror => [T::ZERO; 2],
-            TextureBorder::Clamp if u > T::ZERO && u < T::ONE => [u, T::ONE],
-            TextureBorder::Clamp => [if u > T::ZERO { T::ONE } else { T::ZERO }, T::ZERO],
-            TextureBorder::Zero => [u, T::ONE],
         }
     }
 }
@@ -113,15 +226,49 @@ impl Plane {
 impl Chart<2> for Plane {
     const OPERATION: &'static str = "sample_texture";
     const FACES: usize = 1;
+    const IS_CURVED: bool = false;
 
     #[inline(always)]
     fn place<T: Scalar>(self, coordinates: [T; 2]) -> Place<T> {
-        Place { face: 0, at: coordinates.map(|u| self.reduced(u)[0]) }
+        let [u, v] = coordinates;
+        Place { face: 0, at: [self.reduced(u)[0], self.reduced(v)[0]] }
+    }
+
+    #[inline(always)]
+    fn places<T: Scalar>(self, coordinates: &[Lanes<T>; 2], count: usize, places: &mut Places<T>) {
+        for k in 0..2 {
+            self.for_each(
+                &coordinates[k][..count],
+                &mut places.at[k][..count],
+                #[inline(always)]
+                |at, [u, _]| *at = u,
+            );
+        }
     }
 
     #[inline(always)]
     fn pull_back<T: Scalar>(self, coordinates: [T; 2], at_bar: [T; 2]) -> [T; 2] {
-        [0, 1].map(|k| self.reduced(coordinates[k])[1] * at_bar[k])
+        let [u, v] = coordinates;
+        [self.reduced(u)[1] * at_bar[0], self.reduced(v)[1] * at_bar[1]]
+    }
+
+    #[inline(always)]
+    fn pull_back_all<T: Scalar>(
+        self,
+        coordinates: &[Lanes<T>; 2],
+        count: usize,
+        at_bars: &[Lanes<T>; 2],
+        bars: &mut [Lanes<T>; 2],
+    ) {
+        *bars = *at_bars;
+        for k in 0..2 {
+            self.for_each(
+                &coordinates[k][..count],
+                &mut bars[k][..count],
+                #[inline(always)]
+                |bar, [_, slope]| *bar = slope * *bar,
+            );
+        }
     }
 
     // How large a footprint is does not depend on where the coordinates are.
@@ -145,7 +292,10 @@ impl Chart<2> for Plane {
         let source = |k: usize| {
             let (at, extent) = (at[k], extents[k] as isize);
             match self.border {
-                TextureBorder::Wrap => Some(at.rem_euclid(extent) as usize),
+                // Beyond by one, so that no division is needed.
+                TextureBorder::Wrap if at < 0 => Some((at + extent) as usize),
+                TextureBorder::Wrap if at >= extent => Some((at - extent) as usize),
+                TextureBorder::Wrap => Some(at as usize),
                 // One beyond the border its mirror image is the border itself.
                 TextureBorder::Mirror | TextureBorder::Clamp => {
                     Some(at.clamp(0, extent - 1) as usize)
@@ -203,6 +353,7 @@ impl Cube {
 impl Chart<3> for Cube {
     const OPERATION: &'static str = "sample_cube_map";
     const FACES: usize = 6;
+    const IS_CURVED: bool = true;
 
     #[inline(always)]
     fn place<T: Scalar>(self, direction: [T; 3]) -> Place<T> {
@@ -286,7 +437,7 @@ impl Chart<3> for Cube {
         // The texel of the face that the middle of this texel, in the plane of its own face, shows.
         let ratio = |at: isize| (2 * at + 1) as f64 / extent as f64 - 1.0;
         let mut direction = [0.0; 3];
-        direction[face / 2] = if face % 2 == 0 { 1.0 } else { -1.0 };
+        direction[face / 2] = if face.is_multiple_of(2) { 1.0 } else { -1.0 };
         let [(s_axis, s_sign), (t_axis, t_sign)] = AXES[face];
         direction[s_axis] = s_sign * ratio(column);
         direction[t_axis] = t_sign * ratio(row);

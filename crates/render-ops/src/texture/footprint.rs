@@ -29,6 +29,8 @@
 
 use bokashi_core::Scalar;
 
+use super::logarithm::log2;
+
 /// A pixel's footprint on a texture.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Footprint<T> {
@@ -69,8 +71,7 @@ impl<T: Scalar> Footprint<T> {
     /// lambda before it is bounded, without a bias.
     #[inline(always)]
     pub(super) fn level(&self) -> T {
-        let half_over_ln_2 = T::from_f64(0.5 * std::f64::consts::LOG2_E);
-        let level = half_over_ln_2 * self.square.ln();
+        let level = T::from_f64(0.5) * log2(self.square);
         if self.probes == 1 { level } else { level - T::from_f64((self.probes as f64).log2()) }
     }
 

@@ -26,6 +26,11 @@ fn refused<T>(operation: &'static str, rule: String, shape: Shape) -> Result<T, 
     Err(RenderError::Shape { operation, rule, shape })
 }
 
+/// Whether there is an entry, and texels have numbers of 32 bits.
+fn can_be_counted(texels: usize, channels: usize) -> bool {
+    texels * channels > 0 && i32::try_from(texels).is_ok()
+}
+
 /// All levels down to a single texel.
 ///
 /// # Errors
@@ -77,10 +82,10 @@ impl<'t, T: Scalar> Texture<'t, T> {
 
     fn check(texels: Var<'t, T>) -> Result<(), RenderError> {
         match *texels.shape() {
-            [height, width, channels] if height * width * channels > 0 => Ok(()),
+            [height, width, channels] if can_be_counted(height * width, channels) => Ok(()),
             _ => refused(
                 Self::OPERATION,
-                "texels of shape [H, W, C] and at least one entry".into(),
+                "texels of shape [H, W, C], at least one entry and less than 2^31 texels".into(),
                 texels.shape(),
             ),
         }
@@ -89,7 +94,8 @@ impl<'t, T: Scalar> Texture<'t, T> {
     /// The texture of `texels: [H, W, C]` without coarser levels.
     ///
     /// # Errors
-    /// [`RenderError::Shape`] unless the texels are `[H, W, C]` with at least one entry.
+    /// [`RenderError::Shape`] unless the texels are `[H, W, C]` with at least one entry and less
+    /// than 2^31 texels.
     pub fn new(texels: Var<'t, T>) -> Result<Self, RenderError> {
         Self::check(texels)?;
         Ok(Self { levels: vec![texels] })
@@ -130,10 +136,14 @@ impl<'t, T: Scalar> CubeMap<'t, T> {
 
     fn check(texels: Var<'t, T>) -> Result<(), RenderError> {
         match *texels.shape() {
-            [6, height, width, channels] if height == width && width * channels > 0 => Ok(()),
+            [6, height, width, channels]
+                if height == width && can_be_counted(6 * height * width, channels) =>
+            {
+                Ok(())
+            }
             _ => refused(
                 Self::OPERATION,
-                "texels of shape [6, S, S, C] and at least one entry".into(),
+                "texels of shape [6, S, S, C], at least one entry and less than 2^31 texels".into(),
                 texels.shape(),
             ),
         }
@@ -142,7 +152,8 @@ impl<'t, T: Scalar> CubeMap<'t, T> {
     /// The cube map of `texels: [6, S, S, C]` without coarser levels.
     ///
     /// # Errors
-    /// [`RenderError::Shape`] unless the texels are `[6, S, S, C]` with at least one entry.
+    /// [`RenderError::Shape`] unless the texels are `[6, S, S, C]` with at least one entry and less
+    /// than 2^31 texels.
     pub fn new(texels: Var<'t, T>) -> Result<Self, RenderError> {
         Self::check(texels)?;
         Ok(Self { levels: vec![texels] })

@@ -24,16 +24,20 @@
 //! Laine et al., *Modular primitives for high-performance differentiable rendering*, ACM TOG 39(6),
 //! 2020, section 3.3; Williams, *Pyramidal parametrics*, SIGGRAPH 1983.
 
-mod cell;
+mod cells;
 mod chart;
 mod footprint;
+mod lanes;
 mod levels;
+mod logarithm;
 mod lookup;
+mod moves;
 mod options;
 mod sample;
 #[cfg(test)]
 mod tests;
 mod texels;
+mod tiles;
 mod values;
 
 pub use self::levels::{CubeMap, Texture};

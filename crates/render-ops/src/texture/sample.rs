@@ -1,15 +1,16 @@
 //! The operation that looks textures up.
 
 use bokashi_core::parallel::for_each_piece_mut;
-use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Shape, Var, sum};
+use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Shape, Var};
 use smallvec::SmallVec;
 
-use super::cell::Extents;
+use super::cells::Extents;
 use super::chart::{Chart, Cube, Plane};
 use super::levels::{CubeMap, Texture};
 use super::lookup::Lookup;
+use super::moves::{Wanted, add_moves};
 use super::options::{Detail, MOST_PROBES, Sampler, TextureFilter};
-use super::texels::TexelSums;
+use super::texels::{Terms, TexelSums};
 use super::values::{Level, Values};
 use crate::error::RenderError;
 
@@ -19,8 +20,9 @@ use crate::error::RenderError;
 /// corner. Gradients go to the texels of all levels, to the coordinates, and to the level or to the
 /// differentials and the bias. A texture of one level needs no detail and looks at none.
 ///
-/// It costs some 10 ns per sample with mipmaps and three channels, and three times as much with all
-/// gradients; each probe of an anisotropic filter costs as much.
+/// It costs some 15 ns of one core per sample with mipmaps and three channels. The gradients of texels
+/// and coordinates cost three times as much, those of differentials half as much again. Each probe of
+/// an anisotropic filter costs as much as a sample.
 ///
 /// # Errors
 /// - [`RenderError::Shape`] unless the coordinates are `[N, 2]`, a level `[N]` or a single number, and
@@ -137,12 +139,6 @@ type AllExtents<T> = SmallVec<[Extents<T>; 16]>;
 
 /// Samples in one piece of work.
 const SAMPLES_PER_PIECE: usize = 1 << 11;
-
-/// Runs `work` for the widest vectors of the machine.
-#[inline(always)]
-fn dispatch(work: impl FnOnce()) {
-    pulp::Arch::new().dispatch(work);
-}
 
 /// # Errors
 /// [`RenderError::NotFinite`] unless all of `numbers` are finite.
@@ -269,6 +265,25 @@ impl<C: Chart<K>, const K: usize> Sample<C, K> {
         (extents, of(first).1)
     }
 
+    /// Which inputs before the levels get a gradient now.
+    fn wanted<T: Scalar>(&self, gradients: &Accumulators<'_, T>) -> Wanted {
+        let mixes = self.filter.mixes_levels();
+        let of = |is_there: bool, input: usize| {
+            (mixes && is_there && gradients.needs(input)).then_some(input)
+        };
+        let has_differentials =
+            matches!(self.kind, Kind::Differentials | Kind::BiasedDifferentials);
+        Wanted {
+            coordinates: gradients.needs(0).then_some(0),
+            differentials: of(has_differentials, 1),
+            level: match self.kind {
+                Kind::Level => of(true, 1),
+                Kind::BiasedDifferentials => of(true, 2),
+                _ => None,
+            },
+        }
+    }
+
     /// Whether something beside the texels gets a gradient, as `needs` says of inputs: not what
     /// samples are step functions of.
     fn moves(&self, needs: impl Fn(usize) -> bool) -> bool {
@@ -302,12 +317,12 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Op<T> for Sample<C, K> {
         if self.kind != Kind::Finest && inputs.any_needs() {
             saved.levels.resize(count, T::ZERO);
             for_each_piece_mut(&mut saved.levels, SAMPLES_PER_PIECE, |piece, levels| {
-                dispatch(
+                pulp::Arch::new().dispatch(
                     #[inline(always)]
                     || {
-                        for (n, level) in (piece * SAMPLES_PER_PIECE..).zip(levels) {
-                            *level = lookup.level(n);
-                        }
+                        // Moved, so that the closure can run only once and is inlined here.
+                        let (first, levels) = (piece * SAMPLES_PER_PIECE, levels);
+                        lookup.find_levels(first..first + levels.len(), levels);
                     },
                 );
             });
@@ -315,10 +330,12 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Op<T> for Sample<C, K> {
         }
         let out = outputs.push([count, channels]);
         let texels = |level: usize| inputs.data(self.kind.first_level() + level);
+        let levels = levels(&extents, texels, channels);
+        let values = Values { lookup, levels: &levels };
         match channels {
-            3 => write::<T, C, K, 3>(lookup, texels, channels, out),
-            4 => write::<T, C, K, 4>(lookup, texels, channels, out),
-            _ => write::<T, C, K, 1>(lookup, texels, channels, out),
+            3 => write::<T, C, K, 3, 4>(values, channels, out),
+            _ if channels % 4 == 0 => write::<T, C, K, 4, 4>(values, channels, out),
+            _ => write::<T, C, K, 1, 1>(values, channels, out),
         }
         Ok(())
     }
@@ -341,17 +358,19 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Op<T> for Sample<C, K> {
         let (first, count) = (self.kind.first_level(), kept.input_shape(0)[0]);
         let bars = kept.only_upstream();
         let moves = self.moves(|i| gradients.needs(i));
-        let Saved { texels, moves: rows, levels } = saved;
         let (extents, channels) = self.extents(kept.input_count(), |i| kept.input_shape(i));
         let mut lookup = self.lookup(|i| kept.input(i), &extents);
-        lookup.known = (!levels.is_empty()).then_some(levels);
+        lookup.known = (!saved.levels.is_empty()).then_some(&saved.levels);
         if moves {
-            let texels = |level: usize| kept.input(first + level);
-            let from = Upstream { count, bars, channels };
+            let levels = levels(&extents, |level| kept.input(first + level), channels);
+            let values = Values { lookup, levels: &levels };
+            let (wanted, from) = (self.wanted(gradients), (count, bars));
             match channels {
-                3 => self.pull_back::<T, 3>(lookup, texels, from, rows, gradients),
-                4 => self.pull_back::<T, 4>(lookup, texels, from, rows, gradients),
-                _ => self.pull_back::<T, 1>(lookup, texels, from, rows, gradients),
+                3 => add_moves::<T, C, K, 3, 4>(values, wanted, from, &mut saved.moves, gradients),
+                _ if channels % 4 == 0 => {
+                    add_moves::<T, C, K, 4, 4>(values, wanted, from, &mut saved.moves, gradients)
+                }
+                _ => add_moves::<T, C, K, 1, 1>(values, wanted, from, &mut saved.moves, gradients),
             }
         }
         let wanted: SmallVec<[bool; 16]> =
@@ -359,11 +378,10 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Op<T> for Sample<C, K> {
         if !wanted.contains(&true) {
             return;
         }
-        let counts = extents.iter().map(|extents| extents.counts);
-        texels.sort(&lookup, count, counts, [C::FACES, channels], |level| wanted[level]);
+        saved.texels.runs.find(&lookup, count, channels, |level| wanted[level]);
         for level in 0..wanted.len() {
             let Some(level_bar) = gradients.get(first + level) else { continue };
-            texels.add_level(self.chart, &lookup, level, bars, channels, level_bar.entries());
+            saved.texels.add_level(&Terms { lookup, level, bars, channels }, level_bar.entries());
         }
     }
 
@@ -390,130 +408,30 @@ impl<T: Scalar> Default for Saved<T> {
     }
 }
 
-/// The levels' texels, in groups of `N` channels.
-fn levels<'a, T: Scalar, const N: usize>(
+/// The texels of all levels.
+fn levels<'a, T: Scalar>(
     extents: &[Extents<T>],
     texels: impl Fn(usize) -> &'a [T],
     channels: usize,
-) -> SmallVec<[Level<'a, T, N>; 16]> {
-    let levels = extents.iter().enumerate().map(|(level, &extents)| Level {
-        texels: texels(level).as_chunks().0,
-        step: channels / N,
-        extents,
-    });
-    levels.collect()
+) -> SmallVec<[Level<'a, T>; 16]> {
+    let levels = extents.iter().enumerate();
+    levels.map(|(k, extents)| Level::new(texels(k), channels, *extents)).collect()
 }
 
-/// Writes all samples.
-fn write<'a, T: Scalar, C: Chart<K>, const K: usize, const N: usize>(
-    lookup: Lookup<'a, T, C, K>,
-    texels: impl Fn(usize) -> &'a [T],
+/// Writes all samples: groups of `N` channels, in `L` numbers each.
+fn write<T: Scalar, C: Chart<K>, const K: usize, const N: usize, const L: usize>(
+    values: Values<'_, T, C, K>,
     channels: usize,
     out: &mut [T],
 ) {
-    let levels = levels::<T, N>(lookup.extents, texels, channels);
-    let values = Values { lookup, levels: &levels };
     for_each_piece_mut(out, SAMPLES_PER_PIECE * channels, |piece, out| {
-        let samples = piece * SAMPLES_PER_PIECE..;
-        let rows = samples.zip(out.as_chunks_mut().0.chunks_exact_mut(channels / N));
-        dispatch(
+        pulp::Arch::new().dispatch(
             #[inline(always)]
             || {
-                for (n, out) in rows {
-                    values.write(n, out);
-                }
+                // Moved, so that the closure can run only once and is inlined here.
+                let (first, out) = (piece * SAMPLES_PER_PIECE, out);
+                values.write::<N, L>(first..first + out.len() / channels, out);
             },
         );
     });
-}
-
-/// The gradients of all samples.
-#[derive(Clone, Copy)]
-struct Upstream<'a, T> {
-    count: usize,
-    bars: &'a [T],
-    channels: usize,
-}
-
-impl<C: Chart<K>, const K: usize> Sample<C, K> {
-    /// Adds the gradients of coordinates, differentials, level and bias.
-    fn pull_back<'a, T: Scalar, const N: usize>(
-        &self,
-        lookup: Lookup<'a, T, C, K>,
-        texels: impl Fn(usize) -> &'a [T],
-        Upstream { count, bars, channels }: Upstream<'a, T>,
-        moves: &mut Vec<T>,
-        gradients: &mut Accumulators<'_, T>,
-    ) {
-        let levels = levels::<T, N>(lookup.extents, texels, channels);
-        let values = Values { lookup, levels: &levels };
-        let (bars, step) = (bars.as_chunks::<N>().0, channels / N);
-        let bias = if self.kind == Kind::Level { 1 } else { 2 };
-        let mixes = self.filter.mixes_levels();
-        let has_level = matches!(self.kind, Kind::Level | Kind::BiasedDifferentials);
-        let wants = [
-            gradients.needs(0),
-            mixes && bias == 2 && self.kind != Kind::Finest && gradients.needs(1),
-            mixes && has_level && gradients.needs(bias),
-        ];
-        if wants == [true, false, false] {
-            let coordinates_bar = gradients.get(0).expect("it is wanted");
-            let (entries, is_fresh) = coordinates_bar.entries_or_fresh();
-            return for_each_piece_mut(entries, K * SAMPLES_PER_PIECE, |piece, entries| {
-                let rows = (piece * SAMPLES_PER_PIECE..).zip(entries.as_chunks_mut::<K>().0);
-                dispatch(
-                    #[inline(always)]
-                    || {
-                        for (n, entries) in rows {
-                            let bars = &bars[n * step..][..step];
-                            let (bar, ..) = values.pull_back(n, bars, false);
-                            for (entry, bar) in entries.iter_mut().zip(bar) {
-                                *entry = if is_fresh { bar } else { *entry + bar };
-                            }
-                        }
-                    },
-                );
-            });
-        }
-        let widths = [K, 2 * K, 1];
-        let starts = [0, K, 3 * K];
-        let width = 3 * K + 1;
-        moves.clear();
-        moves.resize(count * width, T::ZERO);
-        for_each_piece_mut(moves, width * SAMPLES_PER_PIECE, |piece, moves| {
-            let rows = (piece * SAMPLES_PER_PIECE..).zip(moves.chunks_exact_mut(width));
-            dispatch(
-                #[inline(always)]
-                || {
-                    for (n, moves) in rows {
-                        let bars = &bars[n * step..][..step];
-                        let (bar, slopes, level) = values.pull_back(n, bars, wants[1]);
-                        moves[..K].copy_from_slice(&bar);
-                        moves[K..3 * K].copy_from_slice(slopes.as_flattened());
-                        moves[3 * K] = level;
-                    }
-                },
-            );
-        });
-        for part in (0..3).filter(|&part| wants[part]) {
-            let i = [0, 1, bias][part];
-            let Some(own_bar) = gradients.get(i) else { continue };
-            let (entries, is_fresh) = own_bar.entries_or_fresh();
-            let (start, own) = (starts[part], widths[part]);
-            if entries.len() != count * own {
-                // One number for all samples.
-                let total = T::narrow(sum::<T>(count, |n| moves[n * width + start].widen()));
-                entries[0] = if is_fresh { total } else { entries[0] + total };
-                continue;
-            }
-            for_each_piece_mut(entries, own * SAMPLES_PER_PIECE, |piece, entries| {
-                let moves = moves[piece * SAMPLES_PER_PIECE * width..].chunks_exact(width);
-                for (entries, moves) in entries.chunks_exact_mut(own).zip(moves) {
-                    for (entry, &bar) in entries.iter_mut().zip(&moves[start..]) {
-                        *entry = if is_fresh { bar } else { *entry + bar };
-                    }
-                }
-            });
-        }
-    }
 }

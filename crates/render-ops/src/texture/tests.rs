@@ -493,7 +493,8 @@ fn wrong_input_is_refused_with_rule_and_value() {
     );
     assert_eq!(
         Texture::new(zeros(&[4, 0, 2])).unwrap_err().to_string(),
-        "a texture needs texels of shape [H, W, C] and at least one entry, got shape [4, 0, 2]"
+        "a texture needs texels of shape [H, W, C], at least one entry and less than 2^31 texels, \
+         got shape [4, 0, 2]"
     );
     assert!(CubeMap::new(zeros(&[6, 2, 3, 1])).is_err());
     assert!(Texture::<f64>::of_levels(&[]).is_err());

@@ -1,57 +1,114 @@
 //! What samples are: the texels of cells, mixed, and how that changes.
+//!
+//! Channels are taken in groups of `N`, which are read as `L` numbers: three channels as four numbers,
+//! the last of which is another texel's. Nobody looks at it, but four numbers are one vector.
+
+use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::cell::{Cell, Extents};
-use super::chart::{Chart, Place};
-use super::lookup::{Lookup, Spot};
+use super::cells::{Cells, Extents};
+use super::chart::Chart;
+use super::lanes::{LANES, Lanes};
+use super::lookup::{Lookup, Probe, Probes, Segment};
 
-/// The texels of a level, in groups of `N` channels.
+/// The texels of a level.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Level<'a, T, const N: usize> {
-    /// `[faces, rows, columns, step]`.
-    pub(super) texels: &'a [[T; N]],
-    /// Groups of a texel.
-    pub(super) step: usize,
+pub(super) struct Level<'a, T> {
+    /// `[faces, rows, columns, channels]`.
+    pub(super) texels: &'a [T],
+    pub(super) channels: usize,
     pub(super) extents: Extents<T>,
+    /// The numbers of a row.
+    line: usize,
 }
 
-impl<T: Scalar, const N: usize> Level<'_, T, N> {
-    /// Group `group` of the four texels of a cell: the upper left and right, the lower left and right.
+impl<'a, T: Scalar> Level<'a, T> {
+    pub(super) fn new(texels: &'a [T], channels: usize, extents: Extents<T>) -> Self {
+        Self { texels, channels, extents, line: extents.counts[1] * channels }
+    }
+}
+
+/// `a + share (b - a)`, number by number: what is the same in both comes out exactly.
+#[inline(always)]
+fn mix<T: Scalar, const L: usize>(a: [T; L], b: [T; L], share: T) -> [T; L] {
+    let mut mixed = a;
+    for k in 0..L {
+        mixed[k] = a[k] + share * (b[k] - a[k]);
+    }
+    mixed
+}
+
+/// `b - a`, number by number.
+#[inline(always)]
+fn from_to<T: Scalar, const L: usize>(a: [T; L], b: [T; L]) -> [T; L] {
+    let mut change = b;
+    for k in 0..L {
+        change[k] = b[k] - a[k];
+    }
+    change
+}
+
+/// `L` numbers of a texel and of the next one, where there are as many, of textures of `channels`.
+#[inline(always)]
+fn pair<T: Scalar, const N: usize, const L: usize>(
+    texels: &[T],
+    channels: usize,
+) -> Option<[&[T; L]; 2]> {
+    if channels == N {
+        // Looked up once.
+        let both = texels.get(..N + L)?;
+        return Some([both.first_chunk()?, both[N..].first_chunk()?]);
+    }
+    Some([texels.first_chunk()?, texels.get(channels..)?.first_chunk()?])
+}
+
+/// The four texels of a cell, a group of channels: the upper left and right, the lower left and right.
+/// Where they lie side by side in memory, they are not moved.
+type Corners<'a, T, const L: usize> = [&'a [T; L]; 4];
+
+impl<'a, T: Scalar> Level<'a, T> {
+    /// The texels of cell `i` on a face, from channel `channel` on; in `spare` unless all four are on
+    /// the face.
     #[inline(always)]
-    fn corners<const K: usize>(
-        &self,
+    fn corners<const K: usize, const N: usize, const L: usize>(
+        &'a self,
         chart: impl Chart<K>,
-        cell: &Cell<T>,
-        group: usize,
-    ) -> [[T; N]; 4] {
-        let [rows, columns] = self.extents.counts;
-        let [row, column] = cell.at.map(|at| at as usize);
-        // -1 is a large number without a sign.
-        if row >= rows - 1 || column >= columns - 1 {
-            return self.corners_beyond(chart, cell, group);
+        (face, cells, i): (u8, &Cells<T>, usize),
+        channel: usize,
+        spare: &'a mut [[T; L]; 4],
+    ) -> Corners<'a, T, L> {
+        let start = cells.texels[i] as usize * self.channels + channel;
+        // The last texel of all may have no `L` numbers.
+        if let Some(upper) = self.texels.get(start..)
+            && let Some(lower) = upper.get(self.line..)
+            && let Some([c, d]) = pair::<T, N, L>(lower, self.channels)
+            && let Some([a, b]) = pair::<T, N, L>(upper, self.channels)
+        {
+            return [a, b, c, d];
         }
-        let upper = ((cell.face * rows + row) * columns + column) * self.step + group;
-        let lower = upper + columns * self.step;
-        let texels = self.texels;
-        [texels[upper], texels[upper + self.step], texels[lower], texels[lower + self.step]]
+        let at = [cells.at[0][i], cells.at[1][i]];
+        *spare = self.corners_beyond::<K, N, L>(chart, face as usize, at, channel);
+        spare.each_ref()
     }
 
     #[cold]
     #[inline(never)]
-    fn corners_beyond<const K: usize>(
+    fn corners_beyond<const K: usize, const N: usize, const L: usize>(
         &self,
         chart: impl Chart<K>,
-        cell: &Cell<T>,
-        group: usize,
-    ) -> [[T; N]; 4] {
-        let ([row, column], [rows, columns]) = (cell.at, self.extents.counts);
+        face: usize,
+        [row, column]: [i32; 2],
+        channel: usize,
+    ) -> [[T; L]; 4] {
+        let ([row, column], extents) = ([row as isize, column as isize], self.extents.counts);
         [[row, column], [row, column + 1], [row + 1, column], [row + 1, column + 1]].map(|at| {
-            let beyond = chart.beyond([rows, columns], cell.face, at);
-            let mut sum = [T::ZERO; N];
+            let beyond = chart.beyond(extents, face, at);
+            let mut sum = [T::ZERO; L];
             for &[face, row, column] in beyond.iter() {
-                let texel = ((face * rows + row) * columns + column) * self.step + group;
-                sum.iter_mut().zip(self.texels[texel]).for_each(|(sum, texel)| *sum += texel);
+                let texel = (face * extents[0] + row) * extents[1] + column;
+                let texel = &self.texels[texel * self.channels + channel..][..N];
+                sum.iter_mut().zip(texel).for_each(|(sum, &texel)| *sum += texel);
             }
             match beyond.count {
                 0 | 1 => sum,
@@ -59,187 +116,246 @@ impl<T: Scalar, const N: usize> Level<'_, T, N> {
             }
         })
     }
+}
 
-    /// The bilinear sample in a cell. In this form texels that are all the same come out exactly.
-    #[inline(always)]
-    fn sample<const K: usize>(&self, chart: impl Chart<K>, cell: &Cell<T>, group: usize) -> [T; N] {
-        let [a, b, c, d] = self.corners(chart, cell, group);
-        let [f, g] = cell.fractions;
-        std::array::from_fn(|k| {
-            let upper = a[k] + f * (b[k] - a[k]);
-            let lower = c[k] + f * (d[k] - c[k]);
-            upper + g * (lower - upper)
-        })
-    }
+/// The bilinear sample of corners.
+#[inline(always)]
+fn sample<T: Scalar, const L: usize>([a, b, c, d]: Corners<'_, T, L>, [f, g]: [T; 2]) -> [T; L] {
+    mix(mix(*a, *b, f), mix(*c, *d, f), g)
+}
 
-    /// The bilinear sample B in a cell, and the derivatives of B . `bars` along the face's two axes.
+/// How a bilinear sample changes to the right and down.
+#[inline(always)]
+fn slopes<T: Scalar, const L: usize>(
+    [a, b, c, d]: Corners<'_, T, L>,
+    [f, g]: [T; 2],
+) -> [[T; L]; 2] {
+    [mix(from_to(*a, *b), from_to(*c, *d), g), mix(from_to(*a, *c), from_to(*b, *d), f)]
+}
+
+impl<T: Scalar> Level<'_, T> {
+    /// Changes from texel to texel, as changes along the axes of a face.
     #[inline(always)]
-    fn sample_along<const K: usize>(
-        &self,
-        chart: impl Chart<K>,
-        cell: &Cell<T>,
-        group: usize,
-        bars: &[T; N],
-    ) -> ([T; N], [T; 2]) {
-        let [a, b, c, d] = self.corners(chart, cell, group);
-        let [f, g] = cell.fractions;
-        let (mut value, mut slopes) = ([T::ZERO; N], [T::ZERO; 2]);
-        for k in 0..N {
-            let (upper, lower) = (b[k] - a[k], d[k] - c[k]);
-            let down = (c[k] - a[k]) + f * (lower - upper);
-            value[k] = a[k] + f * upper + g * down;
-            slopes[0] += bars[k] * (upper + g * (lower - upper));
-            slopes[1] += bars[k] * down;
+    fn along_face<const L: usize>(self, mut changes: [[T; L]; 2]) -> [[T; L]; 2] {
+        for k in 0..2 {
+            for change in &mut changes[k] {
+                *change = self.extents.scale[k] * *change;
+            }
         }
-        (value, self.extents.along_face(slopes))
+        changes
     }
 }
 
-/// Samples of levels, by groups of `N` channels.
-pub(super) struct Values<'a, T, C, const K: usize, const N: usize> {
+/// `a . b` over the first `N` channels.
+#[inline(always)]
+fn dot<T: Scalar, const L: usize, const N: usize>(a: &[T; L], b: &[T; N]) -> T {
+    let mut sum = a[0] * b[0];
+    for k in 1..N {
+        sum += a[k] * b[k];
+    }
+    sum
+}
+
+/// The gradients that probes give to their places and to their levels.
+#[derive(Debug)]
+pub(super) struct Moves<T> {
+    pub(super) at: [Lanes<T>; 2],
+    pub(super) levels: Lanes<T>,
+}
+
+impl<T: Scalar> Moves<T> {
+    pub(super) fn new() -> Self {
+        Self { at: [[T::ZERO; LANES]; 2], levels: [T::ZERO; LANES] }
+    }
+
+    #[inline(always)]
+    fn clear(&mut self) {
+        *self = Self::new();
+    }
+}
+
+/// Samples of levels.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Values<'a, T, C, const K: usize> {
     pub(super) lookup: Lookup<'a, T, C, K>,
-    pub(super) levels: &'a [Level<'a, T, N>],
+    pub(super) levels: &'a [Level<'a, T>],
 }
 
-/// The gradients that a sample gives to its coordinates, to the changes of these from pixel to pixel,
-/// and to its level.
-pub(super) type Moves<T, const K: usize> = ([T; K], [[T; 2]; K], T);
+/// The cells of a block of probes on two neighbouring levels, the finer level first.
+type TwoCells<T> = [Cells<T>; 2];
 
-impl<T: Scalar, C: Chart<K>, const K: usize, const N: usize> Values<'_, T, C, K, N> {
-    /// Writes sample n, all its groups.
+/// A segment of a block of probes, with its cells; on the coarser level where it counts.
+struct Part<'a, T, C, const K: usize> {
+    chart: C,
+    probes: &'a Probes<T, K>,
+    segment: Segment,
+    levels: [Level<'a, T>; 2],
+    cells: &'a TwoCells<T>,
+}
+
+impl<T: Scalar, C: Chart<K>, const K: usize> Part<'_, T, C, K> {
+    /// The channels that begin groups of `N`.
     #[inline(always)]
-    pub(super) fn write(&self, n: usize, out: &mut [[T; N]]) {
-        let spot = self.lookup.spot(n, false);
-        if spot.probes == 1 {
-            let place = self.lookup.chart.place(spot.coordinates);
-            for (group, out) in out.iter_mut().enumerate() {
-                *out = self.probe(&spot, place, group);
+    fn groups<const N: usize>(&self) -> impl Iterator<Item = usize> + use<T, C, K, N> {
+        (0..self.levels[0].channels / N).map(|group| group * N)
+    }
+
+    /// The corners of the cell of probe `i`, and where it lies among them, on the finer level or the
+    /// coarser.
+    #[inline(always)]
+    fn corners<'a, const N: usize, const L: usize>(
+        &'a self,
+        coarser: usize,
+        i: usize,
+        channel: usize,
+        spare: &'a mut [[T; L]; 4],
+    ) -> (Corners<'a, T, L>, [T; 2]) {
+        let (level, cells) = (&self.levels[coarser], &self.cells[coarser]);
+        let cell = (self.probes.places.faces[i], cells, i);
+        (level.corners::<K, N, L>(self.chart, cell, channel, spare), cells.fractions_of(i))
+    }
+
+    /// Finds the samples of its probes, in a group of channels.
+    #[inline(always)]
+    fn mix<const N: usize, const L: usize>(&self, channel: usize, found: &mut Lanes<[T; L]>) {
+        let mut spare = [[[T::ZERO; L]; 4]; 2];
+        for i in self.segment.lanes.clone() {
+            let [of_fine, of_coarse] = &mut spare;
+            let (corners, at) = self.corners::<N, L>(0, i, channel, of_fine);
+            let mut value = sample(corners, at);
+            if self.segment.is_free {
+                let (corners, at) = self.corners::<N, L>(1, i, channel, of_coarse);
+                value = mix(value, sample(corners, at), self.probes.fractions[i]);
             }
-            return;
-        }
-        out.fill([T::ZERO; N]);
-        for k in 0..spot.probes {
-            let place = self.lookup.chart.place(spot.probe(k));
-            for (group, out) in out.iter_mut().enumerate() {
-                let probe = self.probe(&spot, place, group);
-                out.iter_mut().zip(probe).for_each(|(out, probe)| *out += probe);
-            }
-        }
-        let share = spot.share();
-        out.iter_mut().flatten().for_each(|out| *out = share * *out);
-    }
-
-    /// A probe of a spot.
-    #[inline(always)]
-    fn probe(&self, spot: &Spot<T, K>, place: Place<T>, group: usize) -> [T; N] {
-        let finer = self.of_level(spot.level, place, group);
-        if !spot.is_free {
-            return finer;
-        }
-        let coarser = self.of_level(spot.level + 1, place, group);
-        std::array::from_fn(|c| finer[c] + spot.fraction * (coarser[c] - finer[c]))
-    }
-
-    /// The sample of a level.
-    #[inline(always)]
-    fn of_level(&self, level: usize, place: Place<T>, group: usize) -> [T; N] {
-        match self.lookup.cell(place, level) {
-            Some(cell) => self.levels[level].sample(self.lookup.chart, &cell, group),
-            None => [T::ZERO; N],
+            found[i] = value;
         }
     }
 
-    /// The sample of a level, and its derivatives along the face's axes.
+    /// Finds how the samples of its probes change to the right, down and, `with_levels`, with the level.
     #[inline(always)]
-    fn along_level(
+    fn change<const N: usize, const L: usize>(
         &self,
-        level: usize,
-        place: Place<T>,
-        group: usize,
-        bars: &[T; N],
-    ) -> ([T; N], [T; 2]) {
-        match self.lookup.cell(place, level) {
-            Some(cell) => self.levels[level].sample_along(self.lookup.chart, &cell, group, bars),
-            None => ([T::ZERO; N], [T::ZERO; 2]),
+        channel: usize,
+        with_levels: bool,
+        [right, down, coarser]: &mut [Lanes<[T; L]>; 3],
+    ) {
+        let mut spare = [[[T::ZERO; L]; 4]; 2];
+        for i in self.segment.lanes.clone() {
+            let [of_fine, of_coarse] = &mut spare;
+            let (fine, at) = self.corners::<N, L>(0, i, channel, of_fine);
+            let mut own = self.levels[0].along_face(slopes(fine, at));
+            if self.segment.is_free {
+                let (coarse, at_coarse) = self.corners::<N, L>(1, i, channel, of_coarse);
+                let others = self.levels[1].along_face(slopes(coarse, at_coarse));
+                for k in 0..2 {
+                    own[k] = mix(own[k], others[k], self.probes.fractions[i]);
+                }
+                if with_levels {
+                    coarser[i] = from_to(sample(fine, at), sample(coarse, at_coarse));
+                }
+            }
+            [right[i], down[i]] = own;
         }
     }
+}
 
-    /// The gradients of a probe's place and of its level, from those of a group.
+impl<T: Scalar, C: Chart<K>, const K: usize> Values<'_, T, C, K> {
+    /// The part of a block that begins with a lane.
     #[inline(always)]
-    fn pull_back_probe(
+    fn part<'a>(
+        &'a self,
+        probes: &'a Probes<T, K>,
+        lane: usize,
+        cells: &'a mut TwoCells<T>,
+    ) -> Part<'a, T, C, K> {
+        let segment = probes.segment(lane);
+        let count = 1 + usize::from(segment.is_free);
+        let levels = [0, count - 1].map(|k| self.levels[segment.level + k]);
+        for k in 0..count {
+            let (lanes, extents) = (segment.lanes.clone(), &levels[k].extents);
+            cells[k].find(&probes.places, lanes.clone(), extents, self.lookup.rounding());
+            cells[k].find_texels(&probes.places, lanes, extents);
+        }
+        Part { chart: self.lookup.chart, probes, segment, levels, cells }
+    }
+
+    /// Writes some samples.
+    #[inline(always)]
+    pub(super) fn write<const N: usize, const L: usize>(
         &self,
-        spot: &Spot<T, K>,
-        place: Place<T>,
-        group: usize,
-        bars: &[T; N],
-    ) -> ([T; 2], T) {
-        let (finer, mut at_bar) = self.along_level(spot.level, place, group, bars);
-        let mut level_bar = T::ZERO;
-        if spot.is_free {
-            let (coarser, other) = self.along_level(spot.level + 1, place, group, bars);
-            for i in 0..2 {
-                at_bar[i] += spot.fraction * (other[i] - at_bar[i]);
-            }
-            for c in 0..N {
-                level_bar += bars[c] * (coarser[c] - finer[c]);
+        samples: Range<usize>,
+        out: &mut [T],
+    ) {
+        let (mut probes, mut cells) = (Probes::new(), [Cells::new(), Cells::new()]);
+        let (mut next, start) = (Probe::first_of(samples.start), samples.start);
+        let (mut found, channels) = ([[T::ZERO; L]; LANES], self.levels[0].channels);
+        let are_sums = self.lookup.filter.probes() > 1;
+        if are_sums {
+            out.fill(T::ZERO);
+        }
+        while next.sample < samples.end {
+            next = self.lookup.fill(&mut probes, next, samples.end);
+            let mut lane = 0;
+            while lane < probes.count {
+                let part = self.part(&probes, lane, &mut cells);
+                let lanes = part.segment.lanes.clone();
+                lane = lanes.end;
+                for channel in part.groups::<N>() {
+                    part.mix::<N, L>(channel, &mut found);
+                    if !are_sums {
+                        let at = (probes.samples[lanes.start] - start) * channels + channel;
+                        let out = out[at..].chunks_mut(channels);
+                        for (out, value) in out.zip(&found[lanes.clone()]) {
+                            out[..N].copy_from_slice(&value[..N]);
+                        }
+                        continue;
+                    }
+                    for i in lanes.clone() {
+                        let at = (probes.samples[i] - start) * channels + channel;
+                        for (out, value) in out[at..at + N].iter_mut().zip(found[i]) {
+                            *out += probes.shares[i] * value;
+                        }
+                    }
+                }
             }
         }
-        (at_bar, level_bar)
     }
 
-    /// The gradients that sample n gives, from the gradients of all its groups.
+    /// Calls `visit(probes, moves)` for all probes of some samples, block by block, with the gradients
+    /// that they give; without those of levels unless `with_levels`.
     #[inline(always)]
-    pub(super) fn pull_back(&self, n: usize, bars: &[[T; N]], with_slopes: bool) -> Moves<T, K> {
-        let (lookup, chart) = (&self.lookup, self.lookup.chart);
-        let spot = lookup.spot(n, with_slopes);
-        let share = spot.share();
-        let (mut bar, mut axis_bar, mut level_bar) = ([T::ZERO; K], [T::ZERO; K], T::ZERO);
-        for k in 0..spot.probes {
-            let coordinates = spot.probe(k);
-            let place = chart.place(coordinates);
-            let mut at_bar = [T::ZERO; 2];
-            for (group, bars) in bars.iter().enumerate() {
-                let (own, own_level) = self.pull_back_probe(&spot, place, group, bars);
-                at_bar[0] += share * own[0];
-                at_bar[1] += share * own[1];
-                level_bar += share * own_level;
-            }
-            let own = chart.pull_back(coordinates, at_bar);
-            for i in 0..K {
-                bar[i] += own[i];
-            }
-            if let Some(footprint) = spot.footprint.filter(|_| spot.probes > 1) {
-                let offset = footprint.offset(k);
-                for i in 0..K {
-                    axis_bar[i] += offset * own[i];
+    pub(super) fn pull_back<const N: usize, const L: usize>(
+        &self,
+        samples: Range<usize>,
+        bars: &[T],
+        with_levels: bool,
+        mut visit: impl FnMut(&Probes<T, K>, &Moves<T>),
+    ) {
+        let (mut probes, mut cells) = (Probes::new(), [Cells::new(), Cells::new()]);
+        let (mut next, mut moves) = (Probe::first_of(samples.start), Moves::new());
+        let (mut changes, channels) = ([[[T::ZERO; L]; LANES]; 3], self.levels[0].channels);
+        while next.sample < samples.end {
+            next = self.lookup.fill(&mut probes, next, samples.end);
+            moves.clear();
+            let mut lane = 0;
+            while lane < probes.count {
+                let part = self.part(&probes, lane, &mut cells);
+                lane = part.segment.lanes.end;
+                for channel in part.groups::<N>() {
+                    part.change::<N, L>(channel, with_levels, &mut changes);
+                    for i in part.segment.lanes.clone() {
+                        let bars = &bars[probes.samples[i] * channels + channel..];
+                        let bars: &[T; N] = bars.first_chunk().expect("whole groups");
+                        let share = probes.shares[i];
+                        moves.at[0][i] += share * dot(&changes[0][i], bars);
+                        moves.at[1][i] += share * dot(&changes[1][i], bars);
+                        if with_levels && part.segment.is_free {
+                            moves.levels[i] += share * dot(&changes[2][i], bars);
+                        }
+                    }
                 }
             }
+            visit(&probes, &moves);
         }
-        let mut slopes_bar = [[T::ZERO; 2]; K];
-        if let (Some(footprint), Some(differentials)) = (&spot.footprint, lookup.differentials)
-            && with_slopes
-            && (spot.is_free || spot.probes > 1)
-        {
-            let slopes = differentials[n];
-            let direction = footprint.direction();
-            // The axis is D v.
-            let mut v_bar = [T::ZERO; 2];
-            for i in 0..K {
-                for k in 0..2 {
-                    v_bar[k] += slopes[i][k] * axis_bar[i];
-                    slopes_bar[i][k] += axis_bar[i] * direction[k];
-                }
-            }
-            let j = lookup.slopes(spot.coordinates, slopes);
-            let j_bar = lookup.along_face(footprint.pull_back(j, level_bar, v_bar));
-            let (own, own_slopes) = chart.pull_back_slopes(spot.coordinates, slopes, j_bar);
-            for i in 0..K {
-                bar[i] += own[i];
-                for k in 0..2 {
-                    slopes_bar[i][k] += own_slopes[i][k];
-                }
-            }
-        }
-        (bar, slopes_bar, level_bar)
     }
 }
