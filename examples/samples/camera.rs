@@ -4,7 +4,7 @@
 
 use bokashi::glam::DMat4;
 use bokashi::prelude::*;
-use bokashi_examples::stage::{Random, Shape, at_vertices, globe, root_mean_square, sphere};
+use bokashi_examples::stage::{Random, Shape, motley, root_mean_square, sphere};
 use bokashi_examples::{Asked, Curve, Found, Goal, Sample, Silhouettes};
 
 /// This sample.
@@ -15,7 +15,7 @@ pub const SAMPLE: Sample = Sample {
 };
 
 const SIDE: usize = 256;
-const STEPS: u64 = 1500;
+const STEPS: u64 = 600;
 const CAMERAS: usize = 12;
 const INTRINSICS: [f32; 4] = [310.0, 305.0, 129.0, 126.0];
 const DISTORTION: [f32; 5] = [-0.12, 0.05, -0.01, 0.002, -0.003];
@@ -61,11 +61,11 @@ impl Scene {
 
 fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
     let mut random = Random::new(asked.seed, 0);
-    let (ball, coordinates) = sphere(40)?;
-    let colors = at_vertices(&globe([40, 80], &mut random), &coordinates);
+    let (ball, _) = sphere(40)?;
+    let colors = motley(&ball.vertices, &mut random);
     let scene = Scene { ball, colors, silhouettes: asked.silhouettes };
     let truth: Vec<_> = (0..CAMERAS).map(|_| random.view(2.6, 0.15)).collect();
-    let starts: Vec<_> = truth.iter().map(|view| random.nearby(0.03, 0.04) * *view).collect();
+    let starts: Vec<_> = truth.iter().map(|view| random.nearby(0.03, 0.03) * *view).collect();
     let noisy = INTRINSICS.map(|x| x * (1.0 + 0.02 * random.normal() as f32));
     let tape = Tape::new();
     let still = tape.constant(&Tensor::zeros([CAMERAS, 6]));

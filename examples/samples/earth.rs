@@ -14,7 +14,7 @@ pub const SAMPLE: Sample =
     Sample { name: "earth", about: "learns the texture of a sphere seen from near and far", run };
 
 const SIDE: usize = 512;
-const STEPS: u64 = 1500;
+const STEPS: u64 = 3000;
 const TEXELS: [usize; 2] = [128, 256];
 
 struct Scene {

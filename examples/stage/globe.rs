@@ -41,13 +41,14 @@ pub fn globe([height, width]: [usize; 2], random: &mut Random) -> Tensor<f32> {
     })
 }
 
-/// The texels `[H, W, 3]` that are nearest to the texture coordinates `[V, 2]` of vertices: `[V, 3]`.
-pub fn at_vertices(texels: &Tensor<f32>, coordinates: &Tensor<f32>) -> Tensor<f32> {
-    let (height, width) = (texels.shape()[0], texels.shape()[1]);
-    Tensor::from_fn([coordinates.shape()[0], 3], |[vertex, channel]| {
-        let [u, v] = [0, 1].map(|k| coordinates.data()[2 * vertex + k]);
-        let column = (u * width as f32) as usize % width;
-        let row = ((v * height as f32) as usize).min(height - 1);
-        texels.data()[(row * width + column) * 3 + channel]
+/// Smooth colours `[V, 3]` of our own for vertices `[V, 3]` around 0.
+pub fn motley(vertices: &Tensor<f32>, random: &mut Random) -> Tensor<f32> {
+    let mut wave = || (random.between(4.0, 9.0) * random.direction(), random.between(0.0, 6.3));
+    let waves: [[_; 4]; 3] = std::array::from_fn(|_| std::array::from_fn(|_| wave()));
+    Tensor::from_fn([vertices.shape()[0], 3], |[vertex, channel]| {
+        let place = DVec3::from_array([0, 1, 2].map(|k| vertices.data()[3 * vertex + k].into()));
+        let sum: f64 =
+            waves[channel].iter().map(|(wave, phase)| (wave.dot(place) + phase).sin()).sum();
+        (0.5 + 0.12 * sum) as f32
     })
 }

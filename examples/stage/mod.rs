@@ -5,7 +5,7 @@ mod measure;
 mod mesh;
 mod random;
 
-pub use globe::{at_vertices, globe};
+pub use globe::{globe, motley};
 pub use measure::{VertexDistance, psnr, root_mean_square, vertex_distance};
 pub use mesh::{Shape, cube, sphere};
 pub use random::Random;
