@@ -30,6 +30,7 @@
 mod error;
 mod fit;
 mod history;
+mod losses;
 mod optimizer;
 mod parameter;
 mod pipeline;
@@ -44,6 +45,10 @@ pub use bokashi_core::{mean_squared_error, squared_error};
 pub use error::{FitError, OperationError, Origin, Quantity};
 pub use fit::{Fit, FitSettings, StepState, Stepped};
 pub use history::{History, Step, Stop, Vanished};
+pub use losses::{
+    DepthAlignment, Penalty, depth_error, halved, iou, masked_error, mean_error,
+    multiscale_ssim_error, psnr, pyramid_error, silhouette_error, ssim, ssim_error, weighted_error,
+};
 pub use optimizer::Optimizer;
 pub use parameter::{Mapping, Parameter, Parameters, Variables};
 pub use pipeline::{FromFn, Pipeline, from_fn};
