@@ -27,6 +27,7 @@
 //! With the feature `render` a [`FitError`] can be made of an error of a rendering operation; with
 //! `save` a fit can be saved to a file and resumed from it, to the same bits.
 
+mod best_rotation;
 mod error;
 mod fit;
 mod history;
@@ -37,9 +38,11 @@ mod pipeline;
 #[cfg(feature = "precompiled")]
 #[doc(hidden)]
 pub mod precompiled;
+mod regularizers;
 #[cfg(feature = "save")]
 pub mod saved;
 mod schedule;
+mod topology;
 
 pub use bokashi_core::{mean_squared_error, squared_error};
 pub use error::{FitError, OperationError, Origin, Quantity};
@@ -52,6 +55,10 @@ pub use losses::{
 pub use optimizer::Optimizer;
 pub use parameter::{Mapping, Parameter, Parameters, Variables};
 pub use pipeline::{FromFn, Pipeline, from_fn};
+pub use regularizers::{
+    RigidWeights, Rigidity, edge_length_error, laplacian_error, normal_error, total_variation,
+};
 #[cfg(feature = "save")]
 pub use saved::Stored;
 pub use schedule::Schedule;
+pub use topology::Topology;
