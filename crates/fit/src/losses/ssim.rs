@@ -8,7 +8,8 @@
 //!     l = (2 mx my + c1) / (mx^2 + my^2 + c1)     cs = (2 vxy + c2) / (vx + vy + c2)
 //!
 //! The error is the mean of `1 - l cs`, or of `1 - cs` where the luminance is left out. Moments are
-//! summed in [`Scalar::Wide`], first along columns, then along rows.
+//! summed in [`Scalar::Wide`], first along columns, then along rows. Variances do not change with an
+//! offset, so those of x and of y are taken from each image's mean: they keep their digits.
 //!
 //! # Backward
 //! Of `s = l cs`: `ds/dvxy = C = 2 l / b2` and `ds/dvx = ds/dvy = B = -s / b2` with the denominator b2
@@ -28,7 +29,7 @@
 use std::array::from_fn;
 
 use bokashi_core::parallel::{ENTRIES_PER_PIECE, for_each_two_pieces_mut, merge_ranges_into};
-use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, TensorError, Var};
+use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, TensorError, Var, sum};
 
 /// The width of a window.
 pub(super) const WINDOW: usize = 11;
@@ -64,6 +65,8 @@ pub(super) struct Saved<T, S> {
     pieces: Vec<Piece<T, S>>,
     /// Per piece of image rows: a row of sums of A, B and C along columns.
     sums: Vec<[Vec<S>; 3]>,
+    /// What entries of either image are taken from: its mean, a constant.
+    offsets: [S; 2],
 }
 
 /// The extents of images `[H, W, C]`, and where windows fit.
@@ -115,12 +118,13 @@ fn along_columns<T: Scalar, const L: usize>(
     row: usize,
     k: usize,
     w: &[T::Wide; WINDOW],
+    offsets: [T::Wide; 2],
 ) -> [[T::Wide; L]; 5] {
     let mut sums = [[T::Wide::ZERO; L]; 5];
     for (t, &w) in w.iter().enumerate() {
         let (x, y) = (&x[t * row + k..][..L], &y[t * row + k..][..L]);
         for j in 0..L {
-            let (x, y) = (x[j].widen(), y[j].widen());
+            let (x, y) = (x[j].widen() - offsets[0], y[j].widen() - offsets[1]);
             let (wx, wy) = (w * x, w * y);
             sums[0][j] += wx;
             sums[1][j] += wy;
@@ -168,18 +172,25 @@ fn held<S: Scalar>(number: S, low: f64, high: f64) -> S {
 impl Ssim {
     /// `s` of moments, and A of x, A of y, B and C.
     #[inline(always)]
-    fn similarity<S: Scalar>(&self, [mx, my, xx, yy, xy]: [S; 5], [c1, c2]: [S; 2]) -> (S, [S; 4]) {
+    fn similarity<S: Scalar>(
+        &self,
+        [mx, my, xx, yy, xy]: [S; 5],
+        [c1, c2]: [S; 2],
+        offsets: [S; 2],
+    ) -> (S, [S; 4]) {
         let two = S::from_f64(2.0);
         let vx = held(xx - mx * mx, 0.0, f64::INFINITY);
         let vy = held(yy - my * my, 0.0, f64::INFINITY);
         let most = 0.5 * (vx.to_f64() + vy.to_f64());
         let vxy = held(xy - mx * my, -most, most);
-        let (b1, b2) = (mx * mx + my * my + c1, vx + vy + c2);
+        let b2 = vx + vy + c2;
         let cs = (two * vxy + c2) / b2;
         let (l, to_x, to_y) = if self.luminance {
-            let l = (two * mx * my + c1) / b1;
+            let (x, y) = (mx + offsets[0], my + offsets[1]);
+            let b1 = x * x + y * y + c1;
+            let l = (two * x * y + c1) / b1;
             let share = two * cs / b1;
-            (l, share * (my - mx * l), share * (mx - my * l))
+            (l, share * (y - x * l), share * (x - y * l))
         } else {
             (S::ONE, S::ZERO, S::ZERO)
         };
@@ -208,7 +219,8 @@ impl Ssim {
         let margin = BEYOND * channels;
         let per_piece = layout.image_rows_per_piece();
         let window_piece = layout.rows_per_piece();
-        let Saved { pieces, sums } = saved;
+        let Saved { pieces, sums, offsets } = saved;
+        let [own_offset, other_offset] = [offsets[own], offsets[1 - own]];
         let pieces = &*pieces;
         sums.resize_with(height.div_ceil(per_piece), Default::default);
         let [own_image, other] = [images[own], images[1 - own]];
@@ -236,7 +248,7 @@ impl Ssim {
                 let sums = &*sums;
                 let (own_row, other) = (&own_image[q * row..][..row], &other[q * row..][..row]);
                 let mut put = |k: usize, [a, b, c]: [T::Wide; 3]| {
-                    let (x, y) = (own_row[k].widen(), other[k].widen());
+                    let (x, y) = (own_row[k].widen() - own_offset, other[k].widen() - other_offset);
                     let term = T::narrow(-factor * (a + two * x * b + y * c));
                     bar[k] = if fresh { term } else { bar[k] + term };
                 };
@@ -288,6 +300,11 @@ impl<T: Scalar> Op<T> for Ssim {
         let [window_rows, window_row] = layout.windows;
         let images = [inputs.data(0), inputs.data(1)];
         let (w, constants) = (&weights::<T::Wide>(), self.constants());
+        let offsets = images.map(|image| {
+            let total = sum::<T>(image.len(), |k| image[k].widen());
+            T::Wide::from_f64(total.to_f64() / image.len() as f64)
+        });
+        saved.offsets = offsets;
         let needs = [inputs.needs(0), inputs.needs(1)];
         let keeps = [needs[0], needs[1], inputs.any_needs(), inputs.any_needs()];
         let piece = |rows: std::ops::Range<usize>, piece: &mut Piece<T, T::Wide>| {
@@ -301,18 +318,18 @@ impl<T: Scalar> Op<T> for Ssim {
                 let images = images.map(|image| &image[r * layout.row..]);
                 let mut k = 0;
                 while k + AT_ONCE <= layout.row {
-                    let found = along_columns::<T, AT_ONCE>(images, layout.row, k, w);
+                    let found = along_columns::<T, AT_ONCE>(images, layout.row, k, w, offsets);
                     for (moments, found) in moments.iter_mut().zip(found) {
                         moments[k..k + AT_ONCE].copy_from_slice(&found);
                     }
                     k += AT_ONCE;
                 }
                 for k in k..layout.row {
-                    let found = along_columns::<T, 1>(images, layout.row, k, w);
+                    let found = along_columns::<T, 1>(images, layout.row, k, w, offsets);
                     moments.iter_mut().zip(found).for_each(|(moments, [m])| moments[k] = m);
                 }
                 let mut put = |k: usize, moments: [T::Wide; 5]| {
-                    let (s, found) = self.similarity(moments, constants);
+                    let (s, found) = self.similarity(moments, constants, offsets);
                     *total += T::Wide::ONE - s;
                     for ((slopes, keeps), slope) in slopes.iter_mut().zip(keeps).zip(found) {
                         if keeps {
