@@ -127,7 +127,14 @@ fn structural_similarity() {
     );
     let flat = pair(&[11, 12, 1], (0.5..0.501).boxed());
     check(laws("ssim of flat images", Ssim, flat, large(&[&[50, 30, 2][..]; 2])));
-    check(laws("ms-ssim", Multiscale, pair(&[21, 22, 1], unit()), large(&[&[50, 70, 1][..]; 2])));
+    // Alike: where the mean of a level is near 0, a power of it bends too much for difference quotients.
+    let alike = pair(&[21, 22, 1], unit()).prop_map(|mut inputs| {
+        let [x, y] = [0, 1].map(|k| inputs[k].tensor.clone());
+        let mixed = Tensor::from_flat_fn(x.shape(), |k| 0.6 * x.data()[k] + 0.4 * y.data()[k]);
+        inputs[1].tensor = mixed;
+        inputs
+    });
+    check(laws("ms-ssim", Multiscale, alike.boxed(), large(&[&[50, 70, 1][..]; 2])));
 }
 
 #[test]

@@ -38,6 +38,7 @@ mod pipeline;
 #[cfg(feature = "precompiled")]
 #[doc(hidden)]
 pub mod precompiled;
+mod preconditioner;
 mod regularizers;
 #[cfg(feature = "save")]
 pub mod saved;
@@ -55,6 +56,7 @@ pub use losses::{
 pub use optimizer::Optimizer;
 pub use parameter::{Mapping, Parameter, Parameters, Variables};
 pub use pipeline::{FromFn, Pipeline, from_fn};
+pub use preconditioner::Preconditioner;
 pub use regularizers::{
     RigidWeights, Rigidity, edge_length_error, laplacian_error, normal_error, total_variation,
 };
