@@ -43,6 +43,7 @@ mod regularizers;
 #[cfg(feature = "save")]
 pub mod saved;
 mod schedule;
+mod sign;
 mod topology;
 
 pub use bokashi_core::{mean_squared_error, squared_error};

@@ -23,6 +23,8 @@ use bokashi_core::{
     Accumulators, Inputs, Keep, Kept, Mask, Op, Outputs, Scalar, TensorError, Var, sum,
 };
 
+use crate::sign::sign;
+
 /// What may differ between depths and their reference without being an error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
@@ -64,17 +66,6 @@ impl DepthError {
         let is_behind = d[k] <= T::ZERO;
         let is_beyond = d[k] > T::ZERO && !d[k].is_finite();
         is_shown && !is_behind && !is_beyond && r[k] > T::ZERO && r[k].is_finite()
-    }
-}
-
-/// 1, -1, or 0.
-fn sign<S: Scalar>(e: S) -> S {
-    if e > S::ZERO {
-        S::ONE
-    } else if e < S::ZERO {
-        -S::ONE
-    } else {
-        e - e
     }
 }
 

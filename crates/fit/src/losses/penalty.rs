@@ -24,6 +24,8 @@ use bokashi_core::{
     Var, sum,
 };
 
+use crate::sign::sign;
+
 /// What a difference `d = x - r` between an image's entry x and its reference r costs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
@@ -94,18 +96,6 @@ impl<S: Scalar> Rule<S> for Absolute {
     #[inline(always)]
     fn slope(self, _x: S, d: S) -> S {
         sign(d)
-    }
-}
-
-/// 1, -1, or 0; NaN for NaN.
-#[inline(always)]
-fn sign<S: Scalar>(d: S) -> S {
-    if d > S::ZERO {
-        S::ONE
-    } else if d < S::ZERO {
-        -S::ONE
-    } else {
-        d - d
     }
 }
 
@@ -300,7 +290,7 @@ impl<T: Scalar, R: Rule<T::Wide>> Op<T> for MeanError<R> {
     ) {
         let (x, r, rule) = (kept.input(0), kept.input(1), self.rule);
         let [mean, count] = *saved;
-        let nothing = !(count > T::Wide::ZERO);
+        let nothing = count == T::Wide::ZERO;
         let factor = if nothing { T::Wide::ZERO } else { kept.only_upstream()[0].widen() / count };
         let slope = |x: T, r: T| rule.slope(x.widen(), x.widen() - r.widen());
         let given = self.given(|| (kept.input(2), kept.input_shape(2).clone()));

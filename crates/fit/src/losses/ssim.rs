@@ -390,7 +390,8 @@ impl<T: Scalar> Op<T> for Ssim {
 /// the places of a window of 11 x 11 pixels and over channels, from 0 to 2; returns `[]`. `peak` is the
 /// largest value that images may have: 1, or 255.
 ///
-/// Both have gradients. It costs some ten times as much as a mean squared error.
+/// Both have gradients; where one needs none, its part is left out. It costs many times as much as a mean
+/// squared error.
 ///
 /// # Errors
 /// [`TensorError::Mismatch`] unless both have one shape; [`TensorError::Shape`] for images smaller than

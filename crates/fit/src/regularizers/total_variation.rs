@@ -19,6 +19,8 @@
 use bokashi_core::parallel::{ENTRIES_PER_PIECE, for_each_piece_mut, merge_ranges};
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, TensorError, Var};
 
+use crate::sign::sign;
+
 const NAME: &str = "total_variation";
 
 /// Input: a texture `[H, W, C]`.
@@ -41,13 +43,7 @@ fn value<S: Scalar>(d: S, s: S) -> S {
 #[inline(always)]
 fn slope<S: Scalar>(d: S, s: S) -> S {
     if s == S::ZERO {
-        return if d > S::ZERO {
-            S::ONE
-        } else if d < S::ZERO {
-            -S::ONE
-        } else {
-            d - d
-        };
+        return sign(d);
     }
     d / (d * d + s * s).sqrt()
 }
