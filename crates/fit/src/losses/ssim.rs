@@ -328,9 +328,11 @@ impl<T: Scalar> Op<T> for Ssim {
                     let found = along_columns::<T, 1>(images, layout.row, k, w, offsets);
                     moments.iter_mut().zip(found).for_each(|(moments, [m])| moments[k] = m);
                 }
+                // Row by row: a sum of few terms has a small error.
+                let mut of_row = T::Wide::ZERO;
                 let mut put = |k: usize, moments: [T::Wide; 5]| {
                     let (s, found) = self.similarity(moments, constants, offsets);
-                    *total += T::Wide::ONE - s;
+                    of_row += T::Wide::ONE - s;
                     for ((slopes, keeps), slope) in slopes.iter_mut().zip(keeps).zip(found) {
                         if keeps {
                             slopes[at * window_row + k] = T::narrow(slope);
@@ -347,6 +349,7 @@ impl<T: Scalar> Op<T> for Ssim {
                     let found = along_rows::<_, 5, 1>(moments, layout.channels, k, w);
                     put(k, found.map(|[found]| found));
                 }
+                *total += of_row;
             }
         };
         let mut total = T::Wide::ZERO;
