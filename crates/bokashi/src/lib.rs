@@ -89,8 +89,12 @@ pub mod prelude {
         SparseMatrix, Tape, Tensor, TensorError, Var,
     };
     pub use bokashi_fit::{
-        Fit, FitError, FitSettings, History, Mapping, Optimizer, Parameter, Parameters, Pipeline,
-        Schedule, Variables, View, Views, from_fn, mean_squared_error, squared_error, views,
+        DepthAlignment, Fit, FitError, FitSettings, History, Mapping, Optimizer, Parameter,
+        Parameters, Penalty, Pipeline, Preconditioner, RigidWeights, Rigidity, Schedule, Topology,
+        Variables, View, Views, depth_error, edge_length_error, from_fn, halved, iou,
+        laplacian_error, masked_error, mean_error, mean_squared_error, multiscale_ssim_error,
+        normal_error, psnr, pyramid_error, silhouette_error, squared_error, ssim, ssim_error,
+        total_variation, views, weighted_error,
     };
     // All operations, their types and their error; cameras, and glam itself.
     pub use bokashi_render_ops::camera::{look_at, perspective};

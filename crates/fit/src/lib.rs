@@ -27,28 +27,43 @@
 //! With the feature `render` a [`FitError`] can be made of an error of a rendering operation; with
 //! `save` a fit can be saved to a file and resumed from it, to the same bits.
 
+mod best_rotation;
 mod error;
 mod fit;
 mod history;
+mod losses;
 mod optimizer;
 mod parameter;
 mod pipeline;
 #[cfg(feature = "precompiled")]
 #[doc(hidden)]
 pub mod precompiled;
+mod preconditioner;
+mod regularizers;
 #[cfg(feature = "save")]
 pub mod saved;
 mod schedule;
+mod sign;
+mod topology;
 mod views;
 
 pub use bokashi_core::{mean_squared_error, squared_error};
 pub use error::{FitError, OperationError, Origin, Quantity};
 pub use fit::{Fit, FitSettings, StepState, Stepped};
 pub use history::{History, Step, Stop, Vanished};
+pub use losses::{
+    DepthAlignment, Penalty, depth_error, halved, iou, masked_error, mean_error,
+    multiscale_ssim_error, psnr, pyramid_error, silhouette_error, ssim, ssim_error, weighted_error,
+};
 pub use optimizer::Optimizer;
 pub use parameter::{Mapping, Parameter, Parameters, Variables};
 pub use pipeline::{FromFn, Pipeline, from_fn};
+pub use preconditioner::Preconditioner;
+pub use regularizers::{
+    RigidWeights, Rigidity, edge_length_error, laplacian_error, normal_error, total_variation,
+};
 #[cfg(feature = "save")]
 pub use saved::Stored;
 pub use schedule::Schedule;
+pub use topology::Topology;
 pub use views::{View, Views, views};

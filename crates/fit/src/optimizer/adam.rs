@@ -15,13 +15,18 @@
 //! rules out. Here the maximum is taken last, so denominators never fall, and the first step is
 //! `a`, as in Adam. In turn the first gradients keep their full weight for good.
 //!
+//! # Uniform parameters
+//! Every entry is divided by the same number, the largest of their `sqrt(v / (1 - b2^t))`, or of their
+//! `sqrt(u)`: the maximum norm, as UniformAdam has it.
+//!
 //! # Counts
 //! `t` is a `u64`. The powers are taken in `f64`: they are right to rounding for any count, and 0
 //! where they underflow.
 //!
 //! # Source
 //! Kingma and Ba, *Adam: a method for stochastic optimization*, ICLR 2015, algorithm 1. Reddi, Kale
-//! and Kumar, *On the convergence of Adam and beyond*, ICLR 2018, algorithm 2.
+//! and Kumar, *On the convergence of Adam and beyond*, ICLR 2018, algorithm 2. Uniform: Nicolet, Jacobson and Jakob, *Large
+//! steps in inverse rendering of geometry*, ACM Transactions on Graphics 40(6), 2021, section 3.5.
 
 use bokashi_core::Scalar;
 
@@ -64,14 +69,22 @@ impl<T: Scalar> Adam<T> {
         }
     }
 
-    /// The moments and the entry after an update along `g`.
+    /// The moments and the entry after an update along `g`; `least` is what its denominator is at least,
+    /// squared.
     #[inline(always)]
-    fn entry<const GREATEST: bool>(&self, x: T, [m, v, u]: Moments<T>, g: T) -> (T, Moments<T>) {
+    fn entry<const GREATEST: bool>(
+        &self,
+        x: T,
+        [m, v, u]: Moments<T>,
+        g: T,
+        least: T,
+    ) -> (T, Moments<T>) {
         let m = self.first[0] * m + self.first[1] * g;
         let v = self.second[0] * v + self.second[1] * (g * g);
         let unbiased = v * self.unbias;
         let u = if GREATEST { u.maximum_or_nan(unbiased) } else { unbiased };
-        (x + -self.rate * m / (u.sqrt() + self.epsilon), [m, v, u])
+        let square = u.maximum_or_nan(least);
+        (x + -self.rate * m / (square.sqrt() + self.epsilon), [m, v, u])
     }
 
     /// Updates `parameter`; without a gradient, as with one of zeros. Returns how many entries'
@@ -92,6 +105,7 @@ impl<T: Scalar> Adam<T> {
         gradient: impl Fn(usize) -> T,
     ) -> usize {
         let size = parameter.raw.size();
+        let least = self.least::<GREATEST>(parameter, &gradient);
         let Parameter { raw, first, second, greatest, .. } = parameter;
         let raw = raw.data_mut();
         let (first, second) = (&mut first[..size], &mut second[..size]);
@@ -100,7 +114,7 @@ impl<T: Scalar> Adam<T> {
         for k in 0..size {
             let u = if GREATEST { greatest[k] } else { T::ZERO };
             let (x, [m, v, u]) =
-                self.entry::<GREATEST>(raw[k], [first[k], second[k], u], gradient(k));
+                self.entry::<GREATEST>(raw[k], [first[k], second[k], u], gradient(k), least);
             vanished += usize::from(vanishes(raw[k], x, m, self.rate));
             (raw[k], first[k], second[k]) = (x, m, v);
             if GREATEST {
@@ -108,6 +122,24 @@ impl<T: Scalar> Adam<T> {
             }
         }
         vanished
+    }
+
+    /// For a uniform parameter, the largest square that any of its entries would divide by; otherwise 0.
+    fn least<const GREATEST: bool>(
+        &self,
+        parameter: &Parameter<T>,
+        gradient: &impl Fn(usize) -> T,
+    ) -> T {
+        if !parameter.is_uniform {
+            return T::ZERO;
+        }
+        let Parameter { second, greatest, .. } = parameter;
+        (0..parameter.raw.size()).fold(T::ZERO, |largest, k| {
+            let u = if GREATEST { greatest[k] } else { T::ZERO };
+            let moments = [T::ZERO, second[k], u];
+            let (_, [.., u]) = self.entry::<GREATEST>(T::ZERO, moments, gradient(k), T::ZERO);
+            largest.maximum_or_nan(u)
+        })
     }
 
     /// The first value that [`Adam::step`] would make infinite or NaN, or the first average square.
@@ -138,13 +170,14 @@ impl<T: Scalar> Adam<T> {
         gradient: impl Fn(usize) -> T,
     ) -> Option<T> {
         let size = parameter.raw.size();
+        let least = self.least::<GREATEST>(parameter, &gradient);
         let (raw, mapping) = (&parameter.raw.data()[..size], parameter.mapping);
         let (first, second) = (&parameter.first[..size], &parameter.second[..size]);
         let greatest = &parameter.greatest[..if GREATEST { size } else { 0 }];
         first_not_finite(size, |k| {
             let u = if GREATEST { greatest[k] } else { T::ZERO };
             let (x, [_, _, u]) =
-                self.entry::<GREATEST>(raw[k], [first[k], second[k], u], gradient(k));
+                self.entry::<GREATEST>(raw[k], [first[k], second[k], u], gradient(k), least);
             // An infinite average would freeze its entry: it has to show.
             if u.is_finite() { value_of(mapping, x) } else { u }
         })

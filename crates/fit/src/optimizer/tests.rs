@@ -391,3 +391,34 @@ fn a_spike_freezes_adam_until_it_is_forgotten_and_ams_grad_for_good_and_both_sho
     update_single(Optimizer::ams_grad(), &mut list, 1.0).unwrap();
     assert!((stuck_at - list.list[0].raw.item() - 1e-3).abs() < 1e-6);
 }
+
+#[test]
+fn a_uniform_parameter_steps_along_its_average_gradient() {
+    let gradient = [3.0, -1.0, 0.0, 0.5];
+    let run = |optimizer: Optimizer, steps: usize, is_uniform: bool| {
+        let x = Parameter::new("x", Tensor::zeros([4])).rate(0.1);
+        let x = if is_uniform { x.uniform() } else { x };
+        let mut list = Parameters::new().with(x).unwrap();
+        for step in 0..steps {
+            let tape = Tape::<f64>::new();
+            let variables = list.record(&tape);
+            let factor = 1.0 + step as f64;
+            let upstream = tape.constant(&Tensor::from(gradient.map(|g| factor * g)));
+            let gradients = (variables[0] * upstream).sum().backward().unwrap();
+            optimizer.update(&mut list, &variables, &gradients, 1.0).unwrap();
+        }
+        list.value("x").unwrap().data().to_vec()
+    };
+    for optimizer in [Optimizer::default(), Optimizer::ams_grad()] {
+        for steps in [1, 2, 7] {
+            let moved = run(optimizer, steps, true);
+            // The largest entry moves as it would without the others, and all in one direction.
+            let alone = run(optimizer, steps, false)[0];
+            approx::assert_relative_eq!(moved[0], alone, max_relative = 1e-14);
+            for (moved, g) in moved.iter().zip(gradient) {
+                approx::assert_relative_eq!(*moved, alone * g / 3.0, max_relative = 1e-7);
+            }
+        }
+        assert!((run(optimizer, 1, true)[0] + 0.1).abs() < 1e-8);
+    }
+}

@@ -23,6 +23,7 @@ impl<T: Scalar> Parameters<T> {
                 return Err(FitError::setting("a parameter", "a name of its own", name));
             }
             check_rate(&parameter.name, parameter.rate)?;
+            parameter.check_preconditioner()?;
         }
         let names = list.iter().map(|parameter| parameter.name.clone()).collect();
         let list = Self { list, names, updates };
@@ -57,13 +58,15 @@ impl<T: Scalar> Parameters<T> {
     ///
     /// # Errors
     /// [`FitError::Setting`] for a name that is taken, a rate that is negative or not finite, or
-    /// a value that is not finite or that its mapping does not reach.
+    /// a value that is not finite or that its mapping does not reach, or a mapping beside a
+    /// preconditioner; `TensorError::Shape` for a preconditioner of another number of vertices.
     pub fn with(mut self, mut parameter: Parameter<T>) -> Result<Self, FitError> {
         if self.names.contains(&parameter.name) {
             let name = format!("{:?} twice", parameter.name);
             return Err(FitError::setting("a parameter", "a name of its own", name));
         }
         check_rate(&parameter.name, parameter.rate)?;
+        parameter.check_preconditioner()?;
         let value = parameter.raw.clone();
         parameter.set(&value)?;
         self.names = self.names.iter().chain([&parameter.name]).cloned().collect();
@@ -84,7 +87,7 @@ impl<T: Scalar> Parameters<T> {
         Ok(&self.list[position(&self.names, name)?])
     }
 
-    /// The value of the parameter `name`: the mapping of its raw numbers.
+    /// The value of the parameter `name`: what its mapping or preconditioner makes of its raw numbers.
     ///
     /// # Errors
     /// [`FitError::UnknownParameter`].
@@ -148,7 +151,7 @@ impl<T: Scalar> Parameters<T> {
             } else {
                 tape.leaf_copied(&parameter.raw)
             };
-            Variable { raw, value: parameter.mapping.record(raw) }
+            Variable { raw, value: parameter.record(raw) }
         };
         let list = self.list.iter().map(record).collect();
         Variables { list, names: Arc::clone(&self.names) }
@@ -241,5 +244,47 @@ mod tests {
         assert_eq!(error.to_string(), message);
         assert!(list.set_value("sigma", &Tensor::scalar(-1.0)).is_err());
         assert_eq!(list.get("sigma").unwrap().item(), 4.0_f64.ln().exp());
+    }
+
+    #[cfg(feature = "precondition")]
+    #[test]
+    fn a_preconditioned_parameter_starts_at_its_value_and_steps_smoothly() {
+        use crate::optimizer::Optimizer;
+        use crate::preconditioner::Preconditioner;
+        use crate::topology::Topology;
+
+        // A strip of 40 faces.
+        let faces: Vec<_> = (0..40).map(|k| [k, k + 1, k + 2]).collect();
+        let topology = Topology::new(&faces, 42).unwrap();
+        let smooth = Preconditioner::new(&topology, 19.0).unwrap();
+        let start = Tensor::from_flat_fn([42, 3], |k| (k % 5) as f64);
+        let v = || Parameter::new("v", start.clone()).rate(0.5).preconditioned(&smooth);
+        let mut list = Parameters::new().with(v()).unwrap();
+        let off = |list: &Parameters<f64>, other: &Tensor<f64>| -> Vec<f64> {
+            let value = list.value("v").unwrap();
+            value.data().iter().zip(other.data()).map(|(v, other)| v - other).collect()
+        };
+        assert!(off(&list, &start).iter().all(|off| off.abs() < 1e-13));
+        let tape = Tape::new();
+        let variables = list.record(&tape);
+        assert_eq!(variables[0].value(), list.value("v").unwrap());
+        // The gradient of one vertex moves its neighbours along: no step is a third of another's.
+        let gradients = (variables[0].slice(0, 20..21).unwrap().sum()).backward().unwrap();
+        Optimizer::default().update(&mut list, &variables, &gradients, 1.0).unwrap();
+        let steps = off(&list, &start);
+        let neighbors = (15..25).map(|vertex| steps[3 * vertex]);
+        assert!(neighbors.clone().all(|step| step < 0.0));
+        let pairs = neighbors.clone().zip(neighbors.skip(1));
+        assert!(pairs.into_iter().all(|(a, b)| a / b < 3.0 && b / a < 3.0));
+        list.set_value("v", &start).unwrap();
+        assert!(off(&list, &start).iter().all(|off| off.abs() < 1e-13));
+        // What does not fit.
+        let said = |parameter| Parameters::new().with(parameter).unwrap_err().to_string();
+        let message = "a preconditioned parameter needs no mapping, got Exp for \"v\"";
+        assert_eq!(said(v().mapping(Mapping::Exp)), message);
+        let short = Parameter::new("v", Tensor::<f64>::zeros([41, 3])).preconditioned(&smooth);
+        let message = "precondition needs shape [42] or [42, C], got shape [41, 3]";
+        assert_eq!(said(short), message);
+        assert!(v().is_like(&v()) && !v().is_like(&Parameter::new("v", start.clone()).rate(0.5)));
     }
 }

@@ -1,9 +1,10 @@
 //! One named array, with its rate and its moments.
 
-use bokashi_core::{Scalar, Tensor};
+use bokashi_core::{Scalar, Tensor, Var};
 
 use super::mapping::Mapping;
 use crate::error::FitError;
+use crate::preconditioner::Preconditioner;
 
 /// A named array with what an optimizer needs to change it.
 #[derive(Debug, Clone)]
@@ -13,6 +14,9 @@ pub struct Parameter<T> {
     pub(crate) raw: Tensor<T>,
     pub(crate) rate: f64,
     pub(crate) mapping: Mapping,
+    pub(crate) preconditioner: Option<Preconditioner>,
+    /// Whether Adam divides all entries by one number.
+    pub(crate) is_uniform: bool,
     pub(crate) frozen: bool,
     /// Whether a loss may do without it.
     pub(crate) is_optional: bool,
@@ -28,6 +32,9 @@ pub struct Parameter<T> {
     pub(crate) vanished: usize,
 }
 
+/// What a list checks of a preconditioned parameter.
+const SHAPE: &str = "a preconditioned parameter has a row for each vertex";
+
 /// The rate of a parameter that was given none: Adam's usual one.
 const DEFAULT_RATE: f64 = 1e-3;
 
@@ -39,6 +46,8 @@ impl<T: Scalar> Parameter<T> {
             raw: value,
             rate: DEFAULT_RATE,
             mapping: Mapping::Identity,
+            preconditioner: None,
+            is_uniform: false,
             frozen: false,
             is_optional: false,
             first: Vec::new(),
@@ -61,16 +70,42 @@ impl<T: Scalar> Parameter<T> {
         Self { mapping, ..self }
     }
 
+    /// The parameter, of numbers at the vertices of a mesh (`[V]` or `[V, C]`), learnt as
+    /// `raw = (I + lambda L) value`; it starts at the same value. Steps in raw are smooth steps in value,
+    /// so rates can be large and vertices do not tangle. Also makes the parameter
+    /// [uniform](Parameter::uniform), as in the paper. It goes with no mapping.
+    ///
+    /// A fit that is saved has the raw numbers; to be resumed it needs the preconditioner again.
+    #[must_use]
+    pub fn preconditioned(self, preconditioner: &Preconditioner) -> Self {
+        let preconditioner = Some(preconditioner.clone());
+        Self { preconditioner, is_uniform: true, ..self }
+    }
+
+    /// The parameter, for which Adam and AMSGrad divide by one number for all entries: the largest of
+    /// their average squares. Steps then keep the direction of the average gradient; entries with small
+    /// gradients make small steps.
+    #[must_use]
+    pub fn uniform(self) -> Self {
+        Self { is_uniform: true, ..self }
+    }
+
+    /// The change of variables through which the parameter is learnt, if there is one.
+    pub fn preconditioner(&self) -> Option<&Preconditioner> {
+        self.preconditioner.as_ref()
+    }
+
     /// What leads from the raw numbers to the value.
     pub fn mapped_by(&self) -> Mapping {
         self.mapping
     }
 
-    /// Whether both have the same name, shape, learning rate and mapping, and neither or both are
-    /// frozen.
+    /// Whether both have the same name, shape, learning rate, mapping and preconditioner, and neither or
+    /// both are uniform, and frozen.
     pub fn is_like(&self, other: &Self) -> bool {
         (self.name(), self.raw.shape()) == (other.name(), other.raw.shape())
             && (self.rate, self.mapping, self.frozen) == (other.rate, other.mapping, other.frozen)
+            && (self.is_uniform, &self.preconditioner) == (other.is_uniform, &other.preconditioner)
     }
 
     /// The parameter held at its value: recorded as a constant, it costs no gradient.
@@ -109,8 +144,11 @@ impl<T: Scalar> Parameter<T> {
         &self.raw
     }
 
-    /// The value: the mapping of the raw numbers.
+    /// The value: what the mapping, or the preconditioner, makes of the raw numbers.
     pub fn value(&self) -> Tensor<T> {
+        if let Some(preconditioner) = &self.preconditioner {
+            return preconditioner.value(&self.raw).expect(SHAPE);
+        }
         match self.mapping {
             Mapping::Identity => self.raw.clone(),
             mapping => self.raw.map(|raw| mapping.value(raw)),
@@ -123,13 +161,38 @@ impl<T: Scalar> Parameter<T> {
     /// Where the parameter has any other number of entries.
     #[track_caller]
     pub fn item(&self) -> T {
-        self.mapping.value(self.raw.item())
+        match self.preconditioner {
+            // A vertex alone has no neighbour.
+            Some(_) => self.raw.item(),
+            None => self.mapping.value(self.raw.item()),
+        }
+    }
+
+    /// Records the value of the raw numbers `raw`.
+    pub(super) fn record<'t>(&self, raw: Var<'t, T>) -> Var<'t, T> {
+        match &self.preconditioner {
+            Some(preconditioner) => preconditioner.record(raw).expect(SHAPE),
+            None => self.mapping.record(raw),
+        }
+    }
+
+    /// Checks that the preconditioner, if there is one, fits.
+    pub(super) fn check_preconditioner(&self) -> Result<(), FitError> {
+        let Some(preconditioner) = &self.preconditioner else { return Ok(()) };
+        if self.mapping != Mapping::Identity {
+            let given = format!("{:?} for {:?}", self.mapping, self.name);
+            return Err(FitError::setting("a preconditioned parameter", "no mapping", given));
+        }
+        Ok(preconditioner.check(self.raw.shape())?)
     }
 
     /// Makes `value` the value.
     pub(super) fn set(&mut self, value: &Tensor<T>) -> Result<(), FitError> {
         let raw = match self.mapping {
-            Mapping::Identity => value.clone(),
+            Mapping::Identity => match &self.preconditioner {
+                Some(preconditioner) => preconditioner.raw(value)?,
+                None => value.clone(),
+            },
             mapping => value.map(|value| mapping.raw(value)),
         };
         if let Some(k) = raw.data().iter().position(|raw| !raw.is_finite()) {
@@ -140,7 +203,8 @@ impl<T: Scalar> Parameter<T> {
         Ok(())
     }
 
-    /// The first entry of the value that is not finite.
+    /// The first entry of the value that is not finite; of a preconditioned parameter, of the raw numbers:
+    /// finite ones have a finite value.
     pub(super) fn not_finite(&self) -> Option<f64> {
         let values = self.raw.data().iter().map(|&raw| self.mapping.value(raw));
         values.map(Scalar::to_f64).find(|value| !value.is_finite())

@@ -7,6 +7,7 @@ use crate::error::FitError;
 use crate::fit::{FitSettings, LoopState};
 use crate::optimizer::Optimizer;
 use crate::parameter::{Mapping, Parameter, Parameters};
+use crate::preconditioner::Preconditioner;
 use crate::schedule::Schedule;
 
 /// The version of what follows.
@@ -49,6 +50,12 @@ pub(super) struct Described {
     pub(super) mapping: Mapping,
     pub(super) frozen: bool,
     pub(super) updates: u64,
+    /// Only where it says something: files without it are what they were.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub(super) uniform: bool,
+    /// The fingerprint of the preconditioner.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) preconditioner: Option<String>,
 }
 
 /// [`FitSettings`]; limits, which may be infinite, as text.
@@ -77,6 +84,8 @@ impl Contents {
             mapping: parameter.mapping,
             frozen: parameter.frozen,
             updates: parameter.updates,
+            uniform: parameter.is_uniform,
+            preconditioner: parameter.preconditioner.as_ref().map(fingerprint),
         };
         let FitSettings { steps, optimizer, schedule, loss_below, patience, gradient_below } =
             loop_state.settings;
@@ -145,6 +154,18 @@ impl Contents {
         let best = (least, self.least_loss_step);
         Ok(LoopState { settings, step: self.step, best, pipeline })
     }
+}
+
+/// What tells a preconditioner from others: its lambda, and a checksum of the edges.
+pub(super) fn fingerprint(preconditioner: &Preconditioner) -> String {
+    let topology = preconditioner.topology();
+    let mut hasher = crc32fast::Hasher::new();
+    hasher.update(&(topology.vertex_count() as u64).to_le_bytes());
+    for edge in topology.edges() {
+        edge.iter().for_each(|vertex| hasher.update(&vertex.to_le_bytes()));
+    }
+    let (lambda, checksum) = (preconditioner.lambda(), hasher.finalize());
+    format!("lambda {lambda:?}, edges {checksum:08x}")
 }
 
 /// A limit from its text.

@@ -20,6 +20,10 @@
 //! text begins with a checksum: the CRC-32 of the rest of the text and of all tensors by name. A
 //! tensor counts with its name, its type and shape (as `F32[8, 3]`), and its bytes.
 //!
+//! A parameter that is preconditioned is saved as it is learnt, by its raw numbers. The factor is not
+//! saved: who resumes the fit gives the preconditioner again, and a fingerprint of its edges and lambda
+//! says whether it is the same.
+//!
 //! # Trust
 //! Nothing that a file says is believed before it is checked: whatever the bytes are, the answer is
 //! a fit or an error, and memory is taken in proportion to the bytes that the file has.
@@ -40,11 +44,12 @@ use bokashi_write::write_whole;
 use safetensors::tensor::{Metadata, TensorView};
 use safetensors::{Dtype, SafeTensors, View};
 
-use self::contents::{Contents, Described};
+use self::contents::{Contents, Described, fingerprint};
 pub use self::stored::Stored;
 use crate::error::FitError;
 use crate::fit::{Fit, LoopState, StepState};
 use crate::parameter::{Parameter, Parameters};
+use crate::preconditioner::Preconditioner;
 
 /// The text's key in the metadata.
 const KEY: &str = "bokashi_fit";
@@ -90,6 +95,17 @@ impl<T: Stored> Fit<T> {
         Self::from_bytes(&read(path.as_ref())?)
     }
 
+    /// [`Fit::resume`] of a fit with preconditioned parameters: `preconditioners` are theirs, by name.
+    ///
+    /// # Errors
+    /// As [`Fit::resume`] and [`Fit::from_bytes_with`].
+    pub fn resume_with(
+        path: impl AsRef<Path>,
+        preconditioners: &[(&str, &Preconditioner)],
+    ) -> Result<Self, FitError> {
+        Self::from_bytes_with(&read(path.as_ref())?, preconditioners)
+    }
+
     /// The fit that [`Fit::to_bytes`] gave `bytes` of.
     ///
     /// # Errors
@@ -97,12 +113,24 @@ impl<T: Stored> Fit<T> {
     /// few or changed; [`FitError::Setting`] and [`FitError::NotFinite`] for contents that no fit
     /// has.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, FitError> {
+        Self::from_bytes_with(bytes, &[])
+    }
+
+    /// [`Fit::from_bytes`] of a fit with preconditioned parameters: `preconditioners` are theirs, by name.
+    ///
+    /// # Errors
+    /// As [`Fit::from_bytes`]; [`FitError::Saved`] where a preconditioner is missing, differs from the
+    /// one that the fit was saved with, or is not used.
+    pub fn from_bytes_with(
+        bytes: &[u8],
+        preconditioners: &[(&str, &Preconditioner)],
+    ) -> Result<Self, FitError> {
         let file = Opened::new(bytes)?;
         if file.contents.precision != T::NAME {
             let rule = format!("numbers in {}, as the fit that resumes it", T::NAME);
             return Err(FitError::saved(rule, file.contents.precision));
         }
-        let (parameters, loop_state) = file.decoded()?;
+        let (parameters, loop_state) = file.decoded(Some(preconditioners))?;
         Self::restored(parameters, loop_state)
     }
 }
@@ -271,10 +299,26 @@ impl<'a> Opened<'a> {
     }
 
     /// What [`encode`] wrote.
-    fn decoded<T: Stored>(mut self) -> Result<(Parameters<T>, LoopState<'a>), FitError> {
+    ///
+    /// Without a list of preconditioners the parameters are not those of a fit, only checked.
+    fn decoded<T: Stored>(
+        mut self,
+        preconditioners: Option<&[(&str, &Preconditioner)]>,
+    ) -> Result<(Parameters<T>, LoopState<'a>), FitError> {
         let mut list = Vec::new();
         for described in std::mem::take(&mut self.contents.parameters) {
-            list.push(self.parameter(described)?);
+            let saved = described.preconditioner.clone();
+            let mut parameter = self.parameter(described)?;
+            if let Some(given) = preconditioners {
+                parameter.preconditioner = preconditioner(parameter.name(), saved, given)?;
+            }
+            list.push(parameter);
+        }
+        let names = |name: &str| list.iter().any(|p: &Parameter<T>| p.name() == name);
+        let mut unknown = preconditioners.unwrap_or_default().iter().map(|(name, _)| *name);
+        if let Some(name) = unknown.find(|name| !names(name)) {
+            let rule = "a parameter for each preconditioner";
+            return Err(FitError::saved(rule, format!("none for that of {name:?}")));
         }
         let pipeline = self.tensors.remove(PIPELINE);
         if let Some(other) = pipeline.as_ref().filter(|view| view.dtype() != Dtype::U8) {
@@ -294,7 +338,7 @@ impl<'a> Opened<'a> {
 
     /// A parameter with its numbers, which are its alone.
     fn parameter<T: Stored>(&mut self, described: Described) -> Result<Parameter<T>, FitError> {
-        let Described { name, rate, mapping, frozen, updates } = described;
+        let Described { name, rate, mapping, frozen, updates, uniform, .. } = described;
         let raw = format!("{RAW}/{name}");
         let Some(numbers) = self.tensor::<T>(&raw)? else {
             return Err(FitError::saved(format!("a tensor {raw:?}, and one alone"), "none"));
@@ -316,7 +360,7 @@ impl<'a> Opened<'a> {
         }
         let mut parameter = Parameter::new(name, numbers);
         (parameter.rate, parameter.mapping, parameter.frozen) = (rate, mapping, frozen);
-        parameter.updates = updates;
+        (parameter.updates, parameter.is_uniform) = (updates, uniform);
         (parameter.first, parameter.second, parameter.greatest) = (first, second, greatest);
         Ok(parameter)
     }
@@ -339,6 +383,24 @@ impl<'a> Opened<'a> {
     }
 }
 
+/// Of those given, the preconditioner that the parameter `name` was saved with.
+fn preconditioner(
+    name: &str,
+    saved: Option<String>,
+    given: &[(&str, &Preconditioner)],
+) -> Result<Option<Preconditioner>, FitError> {
+    let given = given.iter().find(|(of, _)| *of == name).map(|(_, given)| *given);
+    let found = given.map(fingerprint);
+    if saved == found {
+        return Ok(given.cloned());
+    }
+    let said = |print: Option<String>| match print {
+        Some(print) => format!("{name:?} with the preconditioner of {print}"),
+        None => format!("{name:?} without a preconditioner"),
+    };
+    Err(FitError::saved(said(saved), said(found)))
+}
+
 /// The precision that the fit in `file` computes with, and its pipeline's state.
 ///
 /// # Errors
@@ -346,7 +408,7 @@ impl<'a> Opened<'a> {
 pub fn precision_and_state(file: &[u8]) -> Result<(&'static str, Option<&[u8]>), FitError> {
     let file = Opened::new(file)?;
     Ok(match &*file.contents.precision {
-        "f32" => ("f32", file.decoded::<f32>()?.1.pipeline),
-        _ => ("f64", file.decoded::<f64>()?.1.pipeline),
+        "f32" => ("f32", file.decoded::<f32>(None)?.1.pipeline),
+        _ => ("f64", file.decoded::<f64>(None)?.1.pipeline),
     })
 }

@@ -494,3 +494,92 @@ fn a_file_is_saved_whole_and_read_back() {
     let error = Fit::<f32>::resume(&path).unwrap_err().to_string();
     assert!(error.ends_with("in its metadata, got one without"), "{error}");
 }
+
+#[test]
+fn a_uniform_parameter_comes_back_as_one_and_others_are_saved_as_before() {
+    let text = |file: &[u8]| {
+        let (_, header) = SafeTensors::read_metadata(file).unwrap();
+        text_of(&header).unwrap().to_owned()
+    };
+    assert!(!text(&file::<f64>()).contains("uniform"));
+    let x = Parameter::new("x", Tensor::<f64>::zeros([2])).uniform();
+    let list = Parameters::new().with(x).unwrap();
+    let saved = Fit::new(list, FitSettings::default()).unwrap().to_bytes().unwrap();
+    assert!(text(&saved).contains("\"uniform\":true"));
+    let back = Fit::<f64>::from_bytes(&saved).unwrap();
+    assert!(back.parameters().get("x").unwrap().is_uniform);
+}
+
+#[cfg(feature = "precondition")]
+mod preconditioned {
+    use super::*;
+    use crate::topology::Topology;
+
+    fn preconditioner(lambda: f64) -> Preconditioner {
+        let topology = Topology::new(&[[0, 1, 2], [0, 2, 3]], 4).unwrap();
+        Preconditioner::new(&topology, lambda).unwrap()
+    }
+
+    fn fit<T: Stored>(lambda: f64) -> Fit<T> {
+        let start = Tensor::from_flat_fn([4, 3], |k| T::from_f64((k * k % 7) as f64));
+        let v = Parameter::new("v", start).rate(0.1).preconditioned(&preconditioner(lambda));
+        let list = Parameters::new().with(v).unwrap();
+        Fit::new(list, FitSettings { steps: 20, ..FitSettings::default() }).unwrap()
+    }
+
+    /// A bowl around 1, 2, 3, ...
+    fn bowl<T: Scalar>() -> impl Pipeline<T, Measure = ()> {
+        from_fn(|tape: &Tape<T>, variables: &Variables<'_, T>| {
+            let v = variables.get("v")?;
+            let center = Tensor::from_flat_fn(v.shape(), |k| T::from_f64(1.0 + k as f64));
+            Ok((v - tape.constant(&center)).square().sum())
+        })
+    }
+
+    #[test]
+    fn a_fit_resumes_to_the_same_bits_with_its_preconditioner_alone() {
+        fn check<T: Stored>() {
+            let mut whole = fit::<T>(2.0);
+            for _ in 0..5 {
+                whole.step(&mut bowl()).unwrap();
+            }
+            let saved = whole.to_bytes().unwrap();
+            let given = preconditioner(2.0);
+            let mut back = Fit::<T>::from_bytes_with(&saved, &[("v", &given)]).unwrap();
+            assert_eq!(back.to_bytes().unwrap(), saved);
+            // What is saved is what is learnt.
+            let file = SafeTensors::deserialize(&saved).unwrap();
+            let raw = whole.parameters().get("v").unwrap().raw().data();
+            assert_eq!(file.tensor("raw/v").unwrap().data(), T::bytes(raw));
+            for _ in 0..5 {
+                let pair = [&mut whole, &mut back].map(|fit| fit.step(&mut bowl()).unwrap().loss);
+                assert_eq!(pair[0].to_bits(), pair[1].to_bits());
+            }
+            let values = [&whole, &back].map(|fit| fit.parameters().value("v").unwrap());
+            assert_eq!(values[0], values[1]);
+        }
+        check::<f32>();
+        check::<f64>();
+    }
+
+    #[test]
+    fn another_preconditioner_or_none_is_refused() {
+        let saved = fit::<f64>(2.0).to_bytes().unwrap();
+        let said = |given: &[(&str, &Preconditioner)]| {
+            Fit::<f64>::from_bytes_with(&saved, given).unwrap_err().to_string()
+        };
+        let is = "a saved fit needs \"v\" with the preconditioner of lambda 2.0, edges";
+        assert!(said(&[]).starts_with(is), "{}", said(&[]));
+        assert!(said(&[]).ends_with("got \"v\" without a preconditioner"), "{}", said(&[]));
+        let other = preconditioner(3.0);
+        assert!(said(&[("v", &other)]).contains("got \"v\" with the preconditioner of lambda 3.0"));
+        let right = preconditioner(2.0);
+        let message = "a saved fit needs a parameter for each preconditioner, \
+                       got none for that of \"w\"";
+        assert_eq!(said(&[("v", &right), ("w", &right)]), message);
+        let plain = file::<f64>();
+        let error = Fit::<f64>::from_bytes_with(&plain, &[("x", &right)]).unwrap_err().to_string();
+        assert!(error.starts_with("a saved fit needs \"x\" without a preconditioner"), "{error}");
+        assert_eq!(precision_and_state(&saved).unwrap().0, "f64");
+    }
+}

@@ -6,8 +6,8 @@ use super::exact::{
 };
 use super::row::Outcome;
 use super::{
-    blur, cameras, distances, downsampling, faces, focus, input, pictures, silhouettes, surfaces,
-    tensors, values, vertices,
+    blur, cameras, distances, downsampling, faces, focus, input, losses, pictures, silhouettes,
+    surfaces, tensors, values, vertices,
 };
 
 /// A case: what is put in, what has to come out, and a run in each precision.
@@ -158,4 +158,12 @@ pub(super) static CASES: &[Case] = cases! {
     151 "downsampling: constants", "kept, finite", downsampling::constants;
     152 "downsampling: 1, and one block", "the identity; the weighted mean", downsampling::ends;
     153 "downsampling: refused input", "an error", downsampling::refused;
+    181 "losses: images without a pixel", "an error; 0 under a mask", losses::without_a_pixel;
+    182 "losses: constant images", "0 and no slope; luminance", losses::constant_images;
+    183 "losses: nothing shown", "0, no gradient", losses::nothing_shown;
+    184 "losses: NaN where nothing is shown", "not read", losses::hidden_numbers;
+    185 "losses: images times 2^k", "scaled, finite gradients", losses::of_any_size;
+    186 "regularizers: degenerate faces", "finite", losses::degenerate_faces;
+    187 "regularizers: no face, no vertex", "0, no gradient", losses::meshes_of_nothing;
+    188 "losses: refused input", "an error", losses::refused;
 };

@@ -6,7 +6,10 @@
 use std::sync::Arc;
 
 use bokashi_core::{Mask, Padding, Scalar, SparseMatrix, Tape, Tensor, Var};
-use bokashi_fit::{FitError, squared_error};
+use bokashi_fit::{
+    FitError, Penalty, RigidWeights, Rigidity, Topology, edge_length_error, halved, mean_error,
+    normal_error, silhouette_error, squared_error, ssim_error, total_variation,
+};
 use bokashi_render_ops::{
     Background, Blur, Border, DepthImage, Filter, Fragments, Lens, LensOptions, RasterOptions,
     Reference, Weighting, affine_inverse, antialias, composite, depth, depth_of_field, distort,
@@ -53,6 +56,11 @@ fn fragments<'t, T: Scalar>(
     let found = rasterize(clip.detach(), &scene.mesh, options)?;
     let barycentrics = barycentrics.unwrap_or(found.barycentrics);
     Ok(Fragments { barycentrics, ..found })
+}
+
+/// Which vertices of the scene share an edge.
+fn topology(scene: &Scene) -> Result<Topology, FitError> {
+    Ok(Topology::new(scene.mesh.faces(), scene.mesh.vertex_count())?)
 }
 
 /// Every operation, with entries in numbers like those of a small image.
@@ -132,6 +140,22 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
         Ok(downsample(v[0], 4, &Filter::Lanczos(3), Border::Mirror)?)
     });
     add("squared_error", &[image, aliased], |_, v| Ok(squared_error(v[0], v[1])?));
+    add("mean_absolute_error", &[image, aliased], |_, v| {
+        Ok(mean_error(v[0], v[1], Penalty::Absolute)?)
+    });
+    add("ssim_error", &[image, aliased], |_, v| Ok(ssim_error(v[0], v[1], 1.0)?));
+    add("silhouette_error", &[image, aliased], |_, v| Ok(silhouette_error(v[0], v[1])?));
+    add("halved", &[image], |_, v| Ok(halved(v[0])?));
+    add("total_variation", &[image], |_, v| Ok(total_variation(v[0], 0.0)?));
+    add("edge_length_error", &[positions], |scene, v| {
+        Ok(edge_length_error(v[0], &topology(scene)?, 0.125)?)
+    });
+    add("normal_error", &[positions], |scene, v| Ok(normal_error(v[0], &topology(scene)?)?));
+    add("rigidity", &[positions], |scene, v| {
+        let rest = v[0].value().map(|x| x + T::from_f64(0.125) * x * x);
+        let rigidity = Rigidity::new(&topology(scene)?, &rest, RigidWeights::Cotangent)?;
+        Ok(rigidity.error(v[0])?)
+    });
     add("squared_error, a picture", &[surface, clip, aliased], |scene, v| {
         let picture = composite(v[0], &fragments(scene, v[1], None)?, Background::Zero)?;
         let reference = Reference::new(

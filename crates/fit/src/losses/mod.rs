@@ -1,0 +1,28 @@
+//! Losses of images, masks and depths, and what measures them without a gradient.
+//!
+//! | file | losses |
+//! |---|---|
+//! | `penalty` | means of squared, absolute, Huber and relative errors, over all entries, weights or a mask |
+//! | `ssim`, `multiscale_ssim` | structural similarity, at one scale or at several |
+//! | `silhouette` | intersection over union of soft masks |
+//! | `depth` | absolute errors of depths, up to scale and shift |
+//! | `halved`, `pyramid` | an image of half the size; a loss on an image and on its halves |
+//! | `metrics` | PSNR, SSIM and intersection over union of tensors and masks |
+
+mod depth;
+mod halved;
+mod metrics;
+mod multiscale_ssim;
+mod penalty;
+mod pyramid;
+mod silhouette;
+mod ssim;
+
+pub use self::depth::{DepthAlignment, depth_error};
+pub use self::halved::halved;
+pub use self::metrics::{iou, psnr, ssim};
+pub use self::multiscale_ssim::multiscale_ssim_error;
+pub use self::penalty::{Penalty, masked_error, mean_error, weighted_error};
+pub use self::pyramid::pyramid_error;
+pub use self::silhouette::silhouette_error;
+pub use self::ssim::ssim_error;
