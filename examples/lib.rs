@@ -15,12 +15,16 @@ pub mod stage;
 pub mod camera;
 #[path = "samples/cube.rs"]
 pub mod cube;
+#[path = "samples/depth_of_field.rs"]
+pub mod depth_of_field;
 #[path = "samples/earth.rs"]
 pub mod earth;
 #[path = "samples/far_start.rs"]
 pub mod far_start;
 #[path = "samples/pose.rs"]
 pub mod pose;
+#[path = "samples/silhouette.rs"]
+pub mod silhouette;
 #[path = "samples/triangle.rs"]
 pub mod triangle;
 
@@ -41,12 +45,14 @@ pub struct Sample {
 }
 
 /// All samples, the simplest first.
-pub const SAMPLES: [Sample; 6] = [
+pub const SAMPLES: [Sample; 8] = [
     triangle::SAMPLE,
     cube::SAMPLE,
     pose::SAMPLE,
     earth::SAMPLE,
+    depth_of_field::SAMPLE,
     far_start::SAMPLE,
+    silhouette::SAMPLE,
     camera::SAMPLE,
 ];
 

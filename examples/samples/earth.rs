@@ -6,7 +6,7 @@
 
 use bokashi::glam::{DMat4, DVec3};
 use bokashi::prelude::*;
-use bokashi_examples::stage::{Random, Shape, globe, psnr, sphere};
+use bokashi_examples::stage::{Random, Shape, globe, sphere};
 use bokashi_examples::{Asked, Curve, Found, Goal, Sample, Silhouettes};
 
 /// This sample.
@@ -66,7 +66,7 @@ fn learn(asked: &Asked, has_mipmaps: bool) -> Result<Found, FitError> {
     let settings = FitSettings { schedule, ..FitSettings::default() };
     let mut fit = Fit::new(Parameters::new().with(texels)?, settings)?;
     let mut curve = Curve::starting_now();
-    curve.add(psnr(&start, &truth));
+    curve.add(psnr(&start, &truth, 1.0)?);
     for step in 0..steps {
         let camera = camera(&mut Random::new(asked.seed, 1 + step));
         fit.step(&mut from_fn(|tape: &Tape<f32>, variables| {
@@ -79,7 +79,7 @@ fn learn(asked: &Asked, has_mipmaps: bool) -> Result<Found, FitError> {
             Ok(mean_squared_error(scene.image(&texture, &camera, SIDE)?, target)?)
         }))?;
         if (step + 1) % 100 == 0 || step + 1 == steps {
-            curve.add(psnr(&fit.parameters().value("texels")?, &truth));
+            curve.add(psnr(&fit.parameters().value("texels")?, &truth, 1.0)?);
         }
     }
     let metric =

@@ -1,7 +1,6 @@
 //! A triangle with a colour at each corner. Nothing is learnt: this is the shortest way to a picture.
 
 use bokashi::prelude::*;
-use bokashi_examples::stage::psnr;
 use bokashi_examples::{Asked, Curve, Found, Goal, Sample};
 
 /// This sample.
@@ -29,7 +28,7 @@ fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
         let weights = [1.0 - green - blue, green, blue];
         if weights.iter().all(|&weight| weight >= 0.0) { weights[channel] } else { 0.0 }
     });
-    curve.add(psnr(&image, &truth));
+    curve.add(psnr(&image, &truth, 1.0)?);
     let metric = "PSNR against the formula at pixel centres, in dB";
     Ok(vec![Found::last(metric, Goal::Above(25.0), 0, curve).picture("picture", &image)])
 }

@@ -1,19 +1,10 @@
 //! Figures of merit.
 
+use bokashi::glam::Vec3;
 use bokashi::prelude::*;
 use bokashi_paper::automorphisms;
 
-/// The peak signal-to-noise ratio, in decibels, of an image whose values reach 1.
-///
-/// # Panics
-/// Where the shapes differ.
-#[track_caller]
-pub fn psnr<T: Scalar>(image: &Tensor<T>, truth: &Tensor<T>) -> f64 {
-    assert_eq!(image.shape(), truth.shape());
-    let pairs = image.data().iter().zip(truth.data());
-    let sum: f64 = pairs.map(|(a, b)| (a.to_f64() - b.to_f64()).powi(2)).sum();
-    -10.0 * (sum / image.size() as f64).log10()
-}
+use super::mesh::Shape;
 
 /// The root of the mean square of differences.
 ///
@@ -52,4 +43,30 @@ impl VertexDistance {
         };
         self.ways.iter().map(mean).fold(f64::INFINITY, f64::min)
     }
+}
+
+/// The mean distance of the vertices `[V, 3]` from a surface: from the nearest point of the nearest face.
+pub fn surface_distance(vertices: &Tensor<f32>, surface: &Shape) -> f64 {
+    let corner = |vertex: u32| Vec3::from_slice(&surface.vertices.data()[3 * vertex as usize..]);
+    let faces: Vec<_> = surface.mesh.faces().iter().map(|face| face.map(corner)).collect();
+    let distance =
+        |p: Vec3| faces.iter().map(|face| to_face(p, face)).fold(f32::INFINITY, f32::min);
+    let vertices = vertices.data().chunks(3).map(Vec3::from_slice);
+    let count = vertices.len() as f64;
+    vertices.map(|p| f64::from(distance(p))).sum::<f64>() / count
+}
+
+/// The distance of a point from a face.
+fn to_face(p: Vec3, &[a, b, c]: &[Vec3; 3]) -> f32 {
+    let normal = (b - a).cross(c - a);
+    let is_beside = |from: Vec3, to: Vec3| normal.cross(to - from).dot(p - from) >= 0.0;
+    if is_beside(a, b) && is_beside(b, c) && is_beside(c, a) && normal != Vec3::ZERO {
+        return (p - a).dot(normal.normalize()).abs();
+    }
+    let to_edge = |from: Vec3, to: Vec3| {
+        let (way, off) = (to - from, p - from);
+        let at = (off.dot(way) / way.length_squared()).clamp(0.0, 1.0);
+        if at.is_nan() { off.length() } else { (off - at * way).length() }
+    };
+    to_edge(a, b).min(to_edge(b, c)).min(to_edge(c, a))
 }

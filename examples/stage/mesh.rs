@@ -1,8 +1,12 @@
 //! Meshes that samples draw.
 
+use std::collections::HashMap;
 use std::f64::consts::{PI, TAU};
 
+use bokashi::glam::Vec3;
 use bokashi::prelude::*;
+
+use super::random::Random;
 
 /// A mesh with a place for each vertex.
 #[derive(Debug, Clone)]
@@ -59,4 +63,85 @@ pub fn sphere(rings: usize) -> Result<(Shape, Tensor<f32>), RenderError> {
         }
     }
     Ok((Shape { mesh: Mesh::new(faces, count)?, vertices }, coordinates))
+}
+
+fn rows(vertices: &[Vec3]) -> Tensor<f32> {
+    Tensor::from(vertices.iter().map(|v| v.to_array()).collect::<Vec<_>>())
+}
+
+/// Balls of radius 1/4 in a cube of half-side 1, as one mesh.
+///
+/// # Errors
+/// None: that of [`Mesh::new`].
+pub fn cluster(count: usize, random: &mut Random) -> Result<Shape, RenderError> {
+    let (ball, _) = sphere(8)?;
+    let (mut faces, mut vertices) = (Vec::new(), Vec::new());
+    for _ in 0..count {
+        let first = vertices.len() as u32;
+        let place = random.vector(1.0).as_vec3();
+        faces.extend(ball.mesh.faces().iter().map(|face| face.map(|vertex| vertex + first)));
+        let of_ball = ball.vertices.data().chunks(3).map(|v| place + 0.25 * Vec3::from_slice(v));
+        vertices.extend(of_ball.map(|v| v.to_array()));
+    }
+    let mesh = Mesh::new(faces, vertices.len())?;
+    Ok(Shape { mesh, vertices: Tensor::from(vertices) })
+}
+
+/// A sphere of radius 1 around 0 whose faces are nearly alike: an octahedron, each face cut into four
+/// `cuts` times.
+///
+/// # Errors
+/// None: that of [`Mesh::new`].
+pub fn ball(cuts: usize) -> Result<Shape, RenderError> {
+    let mut vertices = vec![Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, -Vec3::Y, -Vec3::Z];
+    let mut faces: Vec<[u32; 3]> = vec![
+        [0, 1, 2],
+        [1, 3, 2],
+        [3, 4, 2],
+        [4, 0, 2],
+        [1, 0, 5],
+        [3, 1, 5],
+        [4, 3, 5],
+        [0, 4, 5],
+    ];
+    for _ in 0..cuts {
+        let mut middles = HashMap::new();
+        let mut middle = |a: u32, b: u32| {
+            *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
+                vertices.push((vertices[a as usize] + vertices[b as usize]).normalize());
+                vertices.len() as u32 - 1
+            })
+        };
+        let cut = |[a, b, c]: [u32; 3]| {
+            let [ab, bc, ca] = [middle(a, b), middle(b, c), middle(c, a)];
+            [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
+        };
+        faces = faces.into_iter().flat_map(cut).collect();
+    }
+    let mesh = Mesh::new(faces, vertices.len())?;
+    Ok(Shape { mesh, vertices: rows(&vertices) })
+}
+
+/// The Stanford bunny, 4,968 faces, moved and scaled into the sphere of radius 1 around 0.
+///
+/// # Errors
+/// None: that of [`Mesh::new`].
+pub fn bunny() -> Result<Shape, RenderError> {
+    let (mut vertices, mut faces) = (Vec::new(), Vec::new());
+    for line in include_str!("../data/bunny.obj").lines() {
+        let (kind, rest) = line.split_once(' ').unwrap_or_default();
+        let numbers = rest.split(' ').map_while(|word| word.parse::<f32>().ok());
+        match (kind, &numbers.collect::<Vec<_>>()[..]) {
+            ("v", &[x, y, z]) => vertices.push(Vec3::new(x, y, z)),
+            ("f", &[a, b, c]) => faces.push([a, b, c].map(|vertex| vertex as u32 - 1)),
+            _ => {}
+        }
+    }
+    let low = vertices.iter().fold(Vec3::INFINITY, |low, &v| low.min(v));
+    let high = vertices.iter().fold(Vec3::NEG_INFINITY, |high, &v| high.max(v));
+    let middle = 0.5 * (low + high);
+    let radius = vertices.iter().map(|v| v.distance(middle)).fold(0.0, f32::max);
+    vertices.iter_mut().for_each(|v| *v = (*v - middle) / radius);
+    let mesh = Mesh::new(faces, vertices.len())?;
+    Ok(Shape { mesh, vertices: rows(&vertices) })
 }

@@ -6,6 +6,6 @@ mod mesh;
 mod random;
 
 pub use globe::{globe, motley};
-pub use measure::{VertexDistance, psnr, root_mean_square, vertex_distance};
-pub use mesh::{Shape, cube, sphere};
+pub use measure::{VertexDistance, root_mean_square, surface_distance, vertex_distance};
+pub use mesh::{Shape, ball, bunny, cluster, cube, sphere};
 pub use random::Random;
