@@ -18,8 +18,9 @@ pub enum Material<'t, T: Scalar> {
         roughness: Var<'t, T>,
         /// 1 for a metal, 0 for a dielectric.
         metallic: Var<'t, T>,
-        /// Whether light that is reflected between microfacets more than once is added.
-        multiple_scattering: bool,
+        /// Whether a white surface reflects all light. Else light that microfacets reflect more than
+        /// once is lost, and smooth dielectrics gain some from the side.
+        conserves_energy: bool,
     },
     /// A matt surface.
     Lambert {

@@ -8,12 +8,18 @@
 //! `D = a^2 / (pi d^2)`, `d = q + a^2 (1 - q)`, `q = |n x m|^2 / m . m`, the squared sine between n and h,
 //! `G = (n . l) / (2 ((n . l) A + (n . v) B))`, `A^2 = a^2 + (1 - a^2) (n . v)^2`, B alike of l.
 //!
-//! By the sine, and not by `1 - (n . h)^2`, highlights of smooth surfaces keep their digits. K is 1, or
-//! with multiple scattering `1 + F0 (1 / E - 1)`, where E is the albedo of the lobe (`albedo`). `v . h` is
-//! `|m| / 2`.
+//! By the sine, and not by `1 - (n . h)^2`, highlights of smooth surfaces keep their digits; `v . h` is
+//! `|m| / 2`. `K = 1`.
 //!
-//! Of light from everywhere the share `s = (F0 (E - E1) + E1) K` is reflected at the surface, and
-//! `(1 - s) (1 - metallic) base` below it. That is an approximation of the integral over all directions.
+//! That is the usual BRDF, and obeys reciprocity. It loses light that is scattered between microfacets,
+//! up to 0.7 of it. A smooth dielectric seen from the side gains light: it reflects up to half of what
+//! it gets more than once. Where energy is to be conserved, `K = 1 + F0 (1 / E - 1)`, and the diffuse term
+//! has `1 - s` instead of `1 - F`, with `s = (F0 (E - E1) + E1) K` the share of light from everywhere that
+//! is reflected at the surface (`albedo` has E and E1). A white surface then reflects all light, from
+//! any side, but light and eye cannot be exchanged.
+//!
+//! Of light from everywhere s is reflected at the surface, and `(1 - s) (1 - metallic) base` below it, in
+//! either case.
 //!
 //! # Backward
 //! By the chain rule through the formulas above; `dG = (n . v) a^2 / (2 B den^2)` by `n . l`, with
@@ -28,6 +34,8 @@
 //! *Understanding the masking-shadowing function*, JCGT 3(2), 2014, eq. (99) (G); Schlick, *An
 //! inexpensive BRDF model*, 1994 (F); Turquin, *Practical multiple scattering compensation for microfacet
 //! models*, 2019, eq. (16) (K); glTF 2.0, appendix B (materials).
+
+use std::f64::consts::FRAC_1_PI;
 
 use bokashi_core::Scalar;
 
@@ -50,7 +58,7 @@ const LEAST_SQUARE: f64 = 1e-13;
 
 /// Materials are base colour, roughness and metallic.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct MetallicRoughness<const COMPENSATED: bool>;
+pub(super) struct MetallicRoughness<const CONSERVING: bool>;
 
 /// A number held within bounds, and 1 where it can move, else 0.
 #[inline(always)]
@@ -155,7 +163,7 @@ impl<T: Scalar> Terms<T> {
         let a2 = of.a2;
         let rest = one - a2;
         let d = q + a2 * (one - q);
-        let distribution = a2 * T::from_f64(std::f64::consts::FRAC_1_PI) / (d * d);
+        let distribution = a2 * T::from_f64(FRAC_1_PI) / (d * d);
         let a = (a2 + rest * nv * nv).sqrt();
         let b = (a2 + rest * nl * nl).sqrt();
         let v = half / (nl * a + nv * b);
@@ -194,35 +202,78 @@ fn facing<T: Scalar>(n: [T; 3], v: [T; 3]) -> (T, T) {
     if cosine > grazing { (cosine, T::ONE) } else { (grazing, T::ZERO) }
 }
 
-impl<const COMPENSATED: bool> MetallicRoughness<COMPENSATED> {
-    /// `1 / E - 1`, and how it changes with `n . v` and the roughness.
+/// What a lobe reflects of light from everywhere, per colour, and how it came about.
+struct Shares<T> {
+    /// s.
+    above: [T; 3],
+    /// K.
+    factor: [T; 3],
+    single: T,
+    edge: T,
+    excess: T,
+    single_slopes: [T; 2],
+    edge_slopes: [T; 2],
+}
+
+impl<T: Scalar> Shares<T> {
     #[inline(always)]
-    fn excess<T: Scalar>(nv: T, roughness: T) -> (T, [T; 2]) {
-        if !COMPENSATED {
-            return (T::ZERO, [T::ZERO; 2]);
+    fn new(f0: [T; 3], nv: T, roughness: T, compensated: bool) -> Self {
+        let (single, single_slopes) = albedo::single(nv, roughness);
+        let (edge, edge_slopes) = albedo::edge(nv, roughness);
+        let excess = if compensated { T::ONE / single - T::ONE } else { T::ZERO };
+        let factor = f0.map(|f0| T::ONE + f0 * excess);
+        let above = std::array::from_fn(|c| (f0[c] * (single - edge) + edge) * factor[c]);
+        Self { above, factor, single, edge, excess, single_slopes, edge_slopes }
+    }
+
+    /// The gradients of F0, of `n . v` and of the roughness, from those of s and of K.
+    #[inline(always)]
+    fn pull_back(
+        &self,
+        f0: [T; 3],
+        compensated: bool,
+        above_bar: [T; 3],
+        factor_bar: [T; 3],
+    ) -> ([T; 3], [T; 2]) {
+        let mut f0_bar = [T::ZERO; 3];
+        let (mut single_bar, mut edge_bar, mut excess_bar) = (T::ZERO, T::ZERO, T::ZERO);
+        for c in 0..3 {
+            let once = f0[c] * (self.single - self.edge) + self.edge;
+            let once_bar = above_bar[c] * self.factor[c];
+            let factor_bar = factor_bar[c] + above_bar[c] * once;
+            f0_bar[c] = once_bar * (self.single - self.edge) + factor_bar * self.excess;
+            single_bar += once_bar * f0[c];
+            edge_bar += once_bar * (T::ONE - f0[c]);
+            excess_bar += factor_bar * f0[c];
         }
-        let (single, slopes) = albedo::single(nv, roughness);
-        let inverse = T::ONE / single;
-        let factor = -(inverse * inverse);
-        (inverse - T::ONE, slopes.map(|slope| factor * slope))
+        if compensated {
+            single_bar += -(excess_bar / (self.single * self.single));
+        }
+        let along = |k: usize| single_bar * self.single_slopes[k] + edge_bar * self.edge_slopes[k];
+        (f0_bar, [along(0), along(1)])
     }
 }
 
-impl<const COMPENSATED: bool> Model<5> for MetallicRoughness<COMPENSATED> {
+impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
     const PARTS: &'static [(&'static str, usize)] =
         &[("base colours", 3), ("roughness", 1), ("metallic", 1)];
 
     #[inline(always)]
     fn reflect<T: Scalar>(self, n: [T; 3], v: [T; 3], l: [T; 3], material: [T; 5]) -> [T; 3] {
         let of = Substance::new(material);
-        let terms = Terms::new(n, v, l, &of);
-        let (excess, _) = Self::excess(terms.nv, of.roughness);
-        let specular = terms.distribution * terms.g;
-        let diffuse = terms.nl * T::from_f64(std::f64::consts::FRAC_1_PI);
+        let t = Terms::new(n, v, l, &of);
+        let specular = t.distribution * t.g;
+        let diffuse = t.nl * T::from_f64(FRAC_1_PI);
         let body = of.body();
+        if CONSERVING {
+            let shares = Shares::new(of.f0, t.nv, of.roughness, true);
+            return std::array::from_fn(|c| {
+                let below = body[c] * (T::ONE - shares.above[c]);
+                diffuse * below + specular * t.fresnel[c] * shares.factor[c]
+            });
+        }
         std::array::from_fn(|c| {
-            let f = terms.fresnel[c];
-            diffuse * body[c] * (T::ONE - f) + specular * f * (T::ONE + of.f0[c] * excess)
+            diffuse * (body[c] * (T::ONE - t.fresnel[c])) + specular * t.fresnel[c]
         })
     }
 
@@ -236,30 +287,42 @@ impl<const COMPENSATED: bool> Model<5> for MetallicRoughness<COMPENSATED> {
         bar: [T; 3],
     ) -> Reflected<T, 5> {
         let (one, two, half) = (T::ONE, T::from_f64(2.0), T::from_f64(0.5));
-        let inverse_pi = T::from_f64(std::f64::consts::FRAC_1_PI);
+        let inverse_pi = T::from_f64(FRAC_1_PI);
         let of = Substance::new(material);
         let t = Terms::new(n, v, l, &of);
-        let (excess, excess_slopes) = Self::excess(t.nv, of.roughness);
         let specular = t.distribution * t.g;
         let diffuse = t.nl * inverse_pi;
         let body = of.body();
 
-        let (mut value, mut f0_bar, mut body_bar) = ([T::ZERO; 3], [T::ZERO; 3], [T::ZERO; 3]);
+        // What the diffuse term loses, K, and their gradients.
+        let shares = CONSERVING.then(|| Shares::new(of.f0, t.nv, of.roughness, true));
+        let lost = shares.as_ref().map_or(t.fresnel, |shares| shares.above);
+        let factor = shares.as_ref().map_or([one; 3], |shares| shares.factor);
+        let (mut lost_bar, mut factor_bar) = ([T::ZERO; 3], [T::ZERO; 3]);
+        let (mut value, mut f_bar, mut body_bar) = ([T::ZERO; 3], [T::ZERO; 3], [T::ZERO; 3]);
         let (mut specular_bar, mut diffuse_bar) = (T::ZERO, T::ZERO);
-        let (mut p_bar, mut excess_bar) = (T::ZERO, T::ZERO);
         for c in 0..3 {
-            let (f, f0) = (t.fresnel[c], of.f0[c]);
-            let factor = one + f0 * excess;
-            let below = body[c] * (one - f);
-            value[c] = diffuse * below + specular * f * factor;
+            let f = t.fresnel[c];
+            let below = body[c] * (one - lost[c]);
+            value[c] = diffuse * below + specular * f * factor[c];
             diffuse_bar += bar[c] * below;
-            specular_bar += bar[c] * f * factor;
-            body_bar[c] = bar[c] * diffuse * (one - f);
-            let factor_bar = bar[c] * specular * f;
-            let f_bar = bar[c] * (specular * factor - diffuse * body[c]);
-            f0_bar[c] = factor_bar * excess + f_bar * (one - t.p);
-            excess_bar += factor_bar * f0;
-            p_bar += f_bar * (one - f0);
+            specular_bar += bar[c] * f * factor[c];
+            body_bar[c] = bar[c] * diffuse * (one - lost[c]);
+            lost_bar[c] = -(bar[c] * diffuse * body[c]);
+            f_bar[c] = bar[c] * specular * factor[c];
+            factor_bar[c] = bar[c] * specular * f;
+        }
+        let (mut f0_bar, [by_nv, roughness_bar]) = match &shares {
+            Some(shares) => shares.pull_back(of.f0, true, lost_bar, factor_bar),
+            None => {
+                f_bar = plus(f_bar, one, lost_bar);
+                ([T::ZERO; 3], [T::ZERO; 2])
+            }
+        };
+        let mut p_bar = T::ZERO;
+        for c in 0..3 {
+            f0_bar[c] += f_bar[c] * (one - t.p);
+            p_bar += f_bar[c] * (one - of.f0[c]);
         }
 
         let square = t.x * t.x;
@@ -274,22 +337,19 @@ impl<const COMPENSATED: bool> Model<5> for MetallicRoughness<COMPENSATED> {
         let g_by_den = g_bar * two * t.v * t.v;
         let (inverse_a, inverse_b) = (one / t.a, one / t.b);
         let nl_bar = diffuse_bar * inverse_pi + g_by_den * t.nv * of.a2 * inverse_b;
-        let nv_bar = excess_bar * excess_slopes[0]
-            - g_by_den * t.nl * (t.b + t.nl * rest * t.nv * inverse_a);
+        let nv_bar = by_nv - g_by_den * t.nl * (t.b + t.nl * rest * t.nv * inverse_a);
         a2_bar -= g_by_den
             * t.nl
             * half
             * (t.nl * (one - t.nv * t.nv) * inverse_a + t.nv * (one - t.nl * t.nl) * inverse_b);
 
         // x = 1 - sqrt(s) / 2, q = c . c / s.
-        let inverse_s = one / t.s;
-        let q_share = q_bar * inverse_s;
+        let q_share = q_bar / t.s;
         let s_bar = t.s_moves * -(t.q * q_share + T::from_f64(0.25) * x_bar / t.s.sqrt());
         let c_bar = t.c.map(|c| two * q_share * c);
         let m_bar = plus(cross(c_bar, n), two * s_bar, t.m);
         let (nl_bar, nv_bar) = (t.nl_moves * nl_bar, t.nv_moves * nv_bar);
         let normal_bar = plus(plus(cross(t.m, c_bar), nl_bar, l), nv_bar, v);
-        let roughness_bar = excess_bar * excess_slopes[1];
         Reflected {
             value,
             normal_bar,
@@ -301,8 +361,10 @@ impl<const COMPENSATED: bool> Model<5> for MetallicRoughness<COMPENSATED> {
 
     #[inline(always)]
     fn ambient<T: Scalar>(self, n: [T; 3], v: [T; 3], material: [T; 5]) -> [T; 3] {
-        let [below, above] = self.shares(n, v, material);
-        std::array::from_fn(|c| below[c] + above[c])
+        let of = Substance::new(material);
+        let shares = Shares::new(of.f0, facing(n, v).0, of.roughness, CONSERVING);
+        let (body, above) = (of.body(), shares.above);
+        std::array::from_fn(|c| (T::ONE - above[c]) * body[c] + above[c])
     }
 
     #[inline(always)]
@@ -313,72 +375,22 @@ impl<const COMPENSATED: bool> Model<5> for MetallicRoughness<COMPENSATED> {
         material: [T; 5],
         bar: [T; 3],
     ) -> Reflected<T, 5> {
-        let (value, normal_bar, view_bar, material_bar) =
-            self.pull_back_shares(n, v, material, [bar, bar]);
-        let value = std::array::from_fn(|c| value[0][c] + value[1][c]);
-        Reflected { value, normal_bar, view_bar, light_bar: [T::ZERO; 3], material_bar }
-    }
-}
-
-/// The two shares, and the gradients of normal, view and material.
-type Shares<T> = ([[T; 3]; 2], [T; 3], [T; 3], [T; 5]);
-
-impl<const COMPENSATED: bool> MetallicRoughness<COMPENSATED> {
-    /// The shares of light from everywhere that are reflected below the surface and at it.
-    #[inline(always)]
-    fn shares<T: Scalar>(self, n: [T; 3], v: [T; 3], material: [T; 5]) -> [[T; 3]; 2] {
-        let of = Substance::new(material);
-        let (nv, _) = facing(n, v);
-        let (single, _) = albedo::single(nv, of.roughness);
-        let (edge, _) = albedo::edge(nv, of.roughness);
-        let (excess, _) = Self::excess(nv, of.roughness);
-        let body = of.body();
-        let above: [T; 3] = std::array::from_fn(|c| {
-            (of.f0[c] * (single - edge) + edge) * (T::ONE + of.f0[c] * excess)
-        });
-        [std::array::from_fn(|c| (T::ONE - above[c]) * body[c]), above]
-    }
-
-    /// The same, with the gradients that those of the shares lead to.
-    #[inline(always)]
-    fn pull_back_shares<T: Scalar>(
-        self,
-        n: [T; 3],
-        v: [T; 3],
-        material: [T; 5],
-        bars: [[T; 3]; 2],
-    ) -> Shares<T> {
-        let one = T::ONE;
         let of = Substance::new(material);
         let (nv, nv_moves) = facing(n, v);
-        let (single, single_slopes) = albedo::single(nv, of.roughness);
-        let (edge, edge_slopes) = albedo::edge(nv, of.roughness);
-        let (excess, excess_slopes) = Self::excess(nv, of.roughness);
-        let body = of.body();
-        let mut value = [[T::ZERO; 3]; 2];
-        let (mut f0_bar, mut body_bar) = ([T::ZERO; 3], [T::ZERO; 3]);
-        let (mut single_bar, mut edge_bar, mut excess_bar) = (T::ZERO, T::ZERO, T::ZERO);
-        for c in 0..3 {
-            let f0 = of.f0[c];
-            let (once, factor) = (f0 * (single - edge) + edge, one + f0 * excess);
-            let above = once * factor;
-            value[0][c] = (one - above) * body[c];
-            value[1][c] = above;
-            body_bar[c] = bars[0][c] * (one - above);
-            let above_bar = bars[1][c] - bars[0][c] * body[c];
-            let (once_bar, factor_bar) = (above_bar * factor, above_bar * once);
-            f0_bar[c] = once_bar * (single - edge) + factor_bar * excess;
-            single_bar += once_bar * f0;
-            edge_bar += once_bar * (one - f0);
-            excess_bar += factor_bar * f0;
+        let shares = Shares::new(of.f0, nv, of.roughness, CONSERVING);
+        let (body, above) = (of.body(), shares.above);
+        let value = std::array::from_fn(|c| (T::ONE - above[c]) * body[c] + above[c]);
+        let body_bar = std::array::from_fn(|c| bar[c] * (T::ONE - above[c]));
+        let above_bar = std::array::from_fn(|c| bar[c] * (T::ONE - body[c]));
+        let (f0_bar, [nv_bar, roughness_bar]) =
+            shares.pull_back(of.f0, CONSERVING, above_bar, [T::ZERO; 3]);
+        let nv_bar = nv_moves * nv_bar;
+        Reflected {
+            value,
+            normal_bar: v.map(|v| nv_bar * v),
+            view_bar: n.map(|n| nv_bar * n),
+            light_bar: [T::ZERO; 3],
+            material_bar: of.pull_back(body_bar, f0_bar, T::ZERO, roughness_bar),
         }
-        let along = |k: usize| {
-            single_bar * single_slopes[k]
-                + edge_bar * edge_slopes[k]
-                + excess_bar * excess_slopes[k]
-        };
-        let nv_bar = nv_moves * along(0);
-        let material_bar = of.pull_back(body_bar, f0_bar, T::ZERO, along(1));
-        (value, v.map(|v| nv_bar * v), n.map(|n| nv_bar * n), material_bar)
     }
 }

@@ -44,9 +44,9 @@ pub fn shade<'t, T: Scalar>(
     lights: &[Light<'t, T>],
 ) -> Result<Var<'t, T>, RenderError> {
     match *material {
-        Material::MetallicRoughness { base_color, roughness, metallic, multiple_scattering } => {
+        Material::MetallicRoughness { base_color, roughness, metallic, conserves_energy } => {
             let parts = [base_color, roughness, metallic];
-            if multiple_scattering {
+            if conserves_energy {
                 record(MetallicRoughness::<true>, surface, &parts, lights)
             } else {
                 record(MetallicRoughness::<false>, surface, &parts, lights)
@@ -620,39 +620,52 @@ impl<T: Scalar, M> Pull<'_, '_, T, M> {
         let mut strength_bars: Lanes<T, 3> = [[T::ZERO; BLOCK]; 3];
         let (sums_width, sums) = &mut written.sums;
         for (light, lamp) in self.lamps.iter().enumerate() {
-            let strength = lamp.strength;
-            for k in 0..BLOCK {
-                let (n, v, material) = block.surface(k);
-                let bar = row(&bars, k);
-                let found = match lamp.kind {
-                    Kind::Ambient => {
-                        self.model.pull_back_ambient(n, v, material, times(bar, strength))
+            let (model, strength) = (self.model, lamp.strength);
+            // A loop for each kind: a choice inside would not become vectors.
+            match lamp.kind {
+                Kind::Ambient => {
+                    for k in 0..BLOCK {
+                        let (n, v, material) = block.surface(k);
+                        let bar = row(&bars, k);
+                        let found = model.pull_back_ambient(n, v, material, times(bar, strength));
+                        add_row(&mut normal_bars, k, found.normal_bar);
+                        add_row(&mut view_bars, k, found.view_bar);
+                        add_row(&mut material_bars, k, found.material_bar);
+                        set_row(&mut strength_bars, k, times(bar, found.value));
                     }
-                    Kind::Directional => {
-                        let l = lamp.place;
-                        self.model.pull_back(n, v, l, material, times(bar, strength))
+                }
+                Kind::Directional => {
+                    for k in 0..BLOCK {
+                        let (n, v, material) = block.surface(k);
+                        let bar = row(&bars, k);
+                        let found =
+                            model.pull_back(n, v, lamp.place, material, times(bar, strength));
+                        add_row(&mut normal_bars, k, found.normal_bar);
+                        add_row(&mut view_bars, k, found.view_bar);
+                        add_row(&mut material_bars, k, found.material_bar);
+                        set_row(&mut place_bars, k, found.light_bar);
+                        set_row(&mut strength_bars, k, times(bar, found.value));
                     }
-                    Kind::Point => {
+                }
+                Kind::Point => {
+                    for k in 0..BLOCK {
+                        let (n, v, material) = block.surface(k);
                         let (l, distance, inverse) = lamp.seen_from(row(&block.positions, k));
-                        let bar = bar.map(|bar| bar * inverse);
-                        let mut found =
-                            self.model.pull_back(n, v, l, material, times(bar, strength));
-                        // The strength falls as 1 / r^2: its slope is -2 / r.
-                        let fall = dot(times(bar, strength), found.value);
+                        let bar = row(&bars, k).map(|bar| bar * inverse);
+                        let strong = times(bar, strength);
+                        let found = model.pull_back(n, v, l, material, strong);
+                        // The light falls as 1 / r^2: its slope is -2 / r.
+                        let fall = T::from_f64(-2.0) * dot(strong, found.value) / distance;
                         let along = pull_back_unit(l, distance, found.light_bar);
-                        let two = T::from_f64(-2.0);
-                        found.light_bar = plus(along, two * fall / distance, l);
-                        found.value = found.value.map(|value| value * inverse);
-                        let away = found.light_bar.map(|bar| -bar);
-                        add_row(&mut position_bars, k, away);
-                        found
+                        let place_bar = plus(along, fall, l);
+                        add_row(&mut normal_bars, k, found.normal_bar);
+                        add_row(&mut view_bars, k, found.view_bar);
+                        add_row(&mut material_bars, k, found.material_bar);
+                        add_row(&mut position_bars, k, place_bar.map(|bar| -bar));
+                        set_row(&mut place_bars, k, place_bar);
+                        set_row(&mut strength_bars, k, times(bar, found.value));
                     }
-                };
-                add_row(&mut normal_bars, k, found.normal_bar);
-                add_row(&mut view_bars, k, found.view_bar);
-                add_row(&mut material_bars, k, found.material_bar);
-                set_row(&mut place_bars, k, found.light_bar);
-                set_row(&mut strength_bars, k, times(bar, found.value));
+                }
             }
             if *sums_width > 0 {
                 let first = SUMS_OF_GEOMETRY + K + SUMS_OF_LIGHT * light;
