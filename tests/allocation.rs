@@ -6,13 +6,17 @@ use std::thread;
 
 use allocation_counter::measure;
 use bokashi_core::parallel::ENTRIES_PER_PIECE;
-use bokashi_core::{Tape, Tensor, TensorError, Var};
+use bokashi_core::{Padding, SparseMatrix, Tape, Tensor, TensorError, Var};
 use bokashi_fit::{Fit, FitError, FitSettings, Parameter, Parameters, from_fn, squared_error};
 use bokashi_paper::FACES;
 use bokashi_render_ops::{
-    Background, Blur, Coverage, Kernel, Mesh, Pose, RasterOptions, Reference, Sampling, Size,
-    antialias, composite, gaussian_blur, interpolate, project, rasterize,
+    Assembly, Background, Blur, Border, Coverage, Filter, Kernel, Mesh, Pose, RasterOptions,
+    Reference, RenderError, Sampling, Size, Weighting, affine_inverse, antialias, composite,
+    distort, downsample, eye_depth, face_normals, gaussian_blur, interpolate, perturbed_normals,
+    pinhole, project, project_instances, rasterize, rigid, se3, tangents, transform_normals,
+    transform_points, vertex_normals,
 };
+use glam::DMat4;
 use glam::dcamera::rh::proj::opengl::perspective;
 use rayon::{ThreadBuilder, ThreadPoolBuilder};
 
@@ -21,7 +25,11 @@ struct Leaves {
     points: Tensor<f32>,
     weights: Tensor<f32>,
     image: Tensor<f32>,
+    row: Tensor<f32>,
     rows: Arc<[u32]>,
+    /// An index per pixel, below 7.
+    groups: Arc<[u32]>,
+    matrix: SparseMatrix<f32>,
 }
 
 impl Leaves {
@@ -30,7 +38,15 @@ impl Leaves {
             points: Tensor::from_flat_fn([9, 4], |k| 0.1 * k as f32 - 1.0),
             weights: Tensor::from_flat_fn([4, 3], |k| 0.3 - 0.1 * k as f32),
             image: Tensor::from_flat_fn([pixels, 3], |k| (k % 7) as f32 * 0.1),
+            row: Tensor::from([0.3, -0.2, 0.7]),
             rows: Arc::from([0, 8, 3, 3, 1]),
+            groups: (0..pixels).map(|k| (k * k % 7) as u32).collect(),
+            matrix: SparseMatrix::new(
+                pixels,
+                pixels,
+                (0..2 * pixels as u32).map(|k| (k / 2, k * 31 % pixels as u32, 0.5)),
+            )
+            .expect("entries lie within"),
         }
     }
 }
@@ -57,8 +73,19 @@ fn record(tape: &Tape<f32>, parameters: &Leaves) -> Result<f32, TensorError> {
     let rough = image.abs().minimum(image.cos())?.maximum(image.sin())?.clamp(-0.5, 0.5)?;
     let colour = (smooth / (rough.square() + 1.0) - 2.0 * rough.powi(3)) * offset * scale;
 
+    let (row, bound) = (tape.leaf(&parameters.row), tape.constant_scalar(0.3));
+    let chosen = image.is_less(bound)?.select(image, bound)?.relu();
+    let lengths = image.norm(1)? + image.dot(row, 1)? + image.dot(chosen, 1)?;
+    let unit = (image + 0.1).normalize(1)?.cross(row, 1)? * (row.square() + 1.0).pow(row)?;
+    let sums = unit.cumulative_sum(0)?.scatter_add_rows(&parameters.groups, 7)?.powf(3.0);
+    let other = parameters.matrix.product(Var::stack(&[lengths, lengths], 1)?)?;
+    let planes = image.transpose()?;
+    let other = other.pad(0, [2, 3], Padding::Mirror)?.keepdim(0)?.mean()?;
+    let vectors = other + planes.norm(0)?.sum() + planes.normalize(0)?.sum() + sums.mean()?;
+
     let first = shapes.mean()? + joined.sum() - shapes.detach().sum();
-    let second = colour.sum_axis(0)?.mean_axis(0)? + colour.mean()? + colour.square().sum();
+    let second =
+        colour.sum_axis(0)?.mean_axis(0)? + colour.mean()? + colour.square().sum() + vectors;
     let (first, second) = (first.backward()?, (second * scale).backward_to(&[image, scale])?);
     let [a, b] = [first.get(weights), second.get(image)].map(|g| g.expect("both are used"));
     Ok(a.data()[0] + b.data()[0] + first.get_or_zeros(scale).item())
@@ -171,6 +198,47 @@ fn tensor_steps(pixels: usize) -> impl FnMut() -> f32 + Send {
 fn rendering_steps(side: usize) -> impl FnMut() -> f32 + Send {
     let (mut tape, scene) = (Tape::new(), Scene::new(side, Sampling::Center));
     move || scene.step(&mut tape).unwrap()
+}
+
+/// Two cubes before a learnt camera, through a lens, by their distances, with every gradient of `leaves`:
+/// positions, intrinsics, an increment, a rotation, a translation and a lens.
+fn camera_step(
+    tape: &Tape<f32>,
+    scene: &Assembly,
+    leaves: &[Tensor<f32>; 6],
+) -> Result<f32, RenderError> {
+    let leaves = leaves.each_ref().map(|leaf| tape.leaf_copied(leaf));
+    let [positions, intrinsics, increment, rotation, translation, lens] = leaves;
+    let view = affine_inverse(affine_inverse(rigid(rotation, translation)?)?)?;
+    let view = se3(increment, &DMat4::IDENTITY)?.matmul(view)?;
+    let bent = distort(transform_points(positions, view)?, lens)?;
+    let camera = pinhole(intrinsics, Size::square(32), 0.1, 10.0)?;
+    let beside = project_instances(positions, view.reshape([1, 4, 4])?, camera)?;
+    let clip = Var::concat(&[project(bent, camera, None)?, beside], 0)?;
+    let fragments = rasterize(clip, scene.mesh(), Size::square(32))?;
+    let distances = eye_depth(&fragments)?.image(&fragments, 20.0)?.distances();
+    let gradients = distances.square().sum().backward()?;
+    let of = leaves.map(|leaf| gradients.get(leaf).expect("each is used").data()[0]);
+    Ok(of.into_iter().sum())
+}
+
+#[test]
+fn steady_steps_with_learnt_cameras_allocate_nothing() {
+    let scene = Assembly::new(&[(&Mesh::new(FACES.to_vec(), 8).unwrap(), 2)]).unwrap();
+    let leaves = [
+        Tensor::from_flat_fn([8, 3], |k| ((k / 3) >> (2 - k % 3) & 1) as f32 - 0.5),
+        Tensor::from([30.0, 30.0, 15.5, 15.5]),
+        Tensor::from([0.1, 0.0, 0.0, 0.0, 0.2, 0.0]),
+        Tensor::from([0.1, 0.3, 0.2, 0.9]),
+        Tensor::from([0.0, 0.0, 4.0]),
+        Tensor::from([-0.1, 0.01, 0.001, 0.0, 0.0]),
+    ];
+    let mut tape = Tape::new();
+    assert_steady_from_step_3(move || {
+        let sum = camera_step(&tape, &scene, &leaves).unwrap();
+        tape.reset();
+        sum
+    });
 }
 
 #[test]
@@ -300,6 +368,48 @@ fn a_steady_step_of_every_blur_allocates_nothing() {
                 let gradients = loss.backward().unwrap();
                 let of = [image, sigma].map(|leaf| gradients.get(leaf).unwrap().data()[0]);
                 loss.item() + of[0] + of[1]
+            };
+            tape.reset();
+            sum
+        });
+    }
+}
+
+#[test]
+fn a_steady_step_on_surfaces_allocates_nothing() {
+    // One piece of work and several.
+    for (side, filter) in [(3, Filter::Box), (60, Filter::Lanczos(3))] {
+        let count = (side + 1) * (side + 1);
+        let place = |k: usize| [k % (side + 1), k / (side + 1)].map(|at| at as f32 / side as f32);
+        let positions = Tensor::from_flat_fn([count, 3], |k| {
+            let [x, y] = place(k / 3);
+            [x, y, x.sin() * y][k % 3]
+        });
+        let coordinates = Tensor::from_flat_fn([count, 2], |k| place(k / 2)[k % 2]);
+        let corners = (0..side * side).map(|k| k / side * (side + 1) + k % side);
+        let faces = corners.flat_map(|k| {
+            let [a, b, c, d] = [k, k + 1, k + side + 2, k + side + 1].map(|k| k as u32);
+            [[a, b, c], [a, c, d]]
+        });
+        let mesh = Mesh::new(faces.collect(), count).unwrap();
+        let image = Tensor::from_flat_fn([60, 300, 3], |k| (k % 101) as f32);
+        let mut tape = Tape::new();
+        assert_steady_from_step_3(|| {
+            let sum = {
+                let leaves = [&positions, &coordinates, &image].map(|of| tape.leaf_copied(of));
+                let [positions, coordinates, image] = leaves;
+                let matrix = tape.constant_full([3, 3], 0.5) + positions.slice(0, 0..3).unwrap();
+                let flat = face_normals(positions, &mesh).unwrap();
+                let normals = vertex_normals(positions, &mesh, Weighting::Angle).unwrap()
+                    + vertex_normals(positions, &mesh, Weighting::Area).unwrap();
+                let turned = transform_normals(normals, matrix).unwrap();
+                let frames = tangents(positions, normals, coordinates, &mesh, &mesh).unwrap();
+                let bent = perturbed_normals(normals, frames, turned).unwrap();
+                let small = downsample(image, 4, &filter, Border::Mirror).unwrap();
+                let loss = flat.sum() + bent.sum() + turned.sum() + small.square().sum();
+                let gradients = loss.backward().unwrap();
+                let of = leaves.map(|leaf| gradients.get(leaf).unwrap().data()[0]);
+                loss.item() + of[0] + of[1] + of[2]
             };
             tape.reset();
             sum

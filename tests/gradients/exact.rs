@@ -7,7 +7,8 @@ use bokashi_check::strategy::{number, tensor};
 use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
-    Background, Coverage, RasterOptions, Sampling, Size, composite, depth, interpolate, rasterize,
+    Background, Coverage, RasterOptions, Sampling, Size, composite, depth, eye_depth, interpolate,
+    rasterize,
 };
 use glam::DVec3;
 use proptest::prelude::*;
@@ -176,7 +177,8 @@ impl Subject for Pieces {
         let output = match self.output {
             0 => fragments.barycentrics.slice(0, pieces)? * share,
             1 => weight,
-            _ => depth(&fragments)?.slice(0, pieces)? * weight,
+            2 => depth(&fragments)?.slice(0, pieces)? * weight,
+            _ => eye_depth(&fragments)?.values().slice(0, pieces)? * weight,
         };
         // Fragments are ordered by where faces are first seen.
         let order: Vec<_> = coverage.faces().collect();
@@ -189,8 +191,9 @@ impl Subject for Pieces {
 #[test]
 fn exact_coverage_to_barycentrics_weights_and_depths() {
     for (kind, scenes) in smooth_scenes() {
-        for (output, what) in ["barycentrics", "weights", "depths"].into_iter().enumerate() {
-            if what == "depths" && kind != "faces" {
+        let outputs = ["barycentrics", "weights", "depths", "distances"];
+        for (output, what) in outputs.into_iter().enumerate() {
+            if output > 1 && kind != "faces" {
                 // The rounding of depths near the eye is beyond what the laws know.
                 continue;
             }

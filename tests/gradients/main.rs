@@ -2,10 +2,14 @@
 //! adjoint made from it.
 
 mod blends;
+mod cameras;
+mod distances;
 mod exact;
+mod layers;
 mod partition;
 mod pictures;
 mod rendering;
 mod scenes;
+mod surfaces;
 mod tensors;
 mod textures;

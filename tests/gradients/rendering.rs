@@ -12,9 +12,9 @@ use bokashi_check::strategy::{
 use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
-    Background, Blur, Border, Composite, Fragments, Kernel, Lens, Mesh, Pose, Radius, RenderError,
-    Size, antialias, composite, depth, depth_of_field, gaussian_blur, interpolate,
-    interpolate_indexed, project, rasterize,
+    Background, Blur, Border, Composite, DepthImage, Fragments, Kernel, Lens, LensOptions, Mesh,
+    Pose, Radius, RenderError, Size, antialias, composite, depth, depth_of_field, gaussian_blur,
+    interpolate, interpolate_indexed, project, rasterize,
 };
 use glam::DMat4;
 use proptest::collection::vec;
@@ -148,7 +148,7 @@ fn rasterize_to_barycentrics_and_depth() {
 }
 
 /// Fragments of a fixed scene, whose barycentrics are a variable of their own.
-fn fixed_fragments<'t, T: Scalar>(
+pub(crate) fn fixed_fragments<'t, T: Scalar>(
     tape: &'t Tape<T>,
     barycentrics: Option<Var<'t, T>>,
 ) -> Result<Fragments<'t, T>, RenderError> {
@@ -166,7 +166,7 @@ fn fixed_fragments<'t, T: Scalar>(
 }
 
 /// How many fragments [`fixed_fragments`] has.
-fn fixed_count() -> usize {
+pub(crate) fn fixed_count() -> usize {
     fixed_fragments::<f64>(&Tape::new(), None).unwrap().coverage.count()
 }
 
@@ -416,7 +416,7 @@ fn large_blur(blur: Blur) -> Case {
 
 #[derive(Debug)]
 struct DepthOfField {
-    lens: Lens,
+    options: LensOptions,
 }
 
 impl Subject for DepthOfField {
@@ -426,9 +426,11 @@ impl Subject for DepthOfField {
         _tape: &'t Tape<T>,
         inputs: &[Var<'t, T>],
     ) -> Result<Outcome<'t, T>, Refusal> {
-        let focused = depth_of_field(inputs[0], inputs[1], inputs[2], inputs[3], &self.lens)?;
+        let lens = Lens { aperture: inputs[2], focus: inputs[3] };
+        let distances = DepthImage::of_distances(inputs[1]);
+        let focused = depth_of_field(inputs[0], distances, lens, &self.options)?;
         let (aperture, focus) = (wide(inputs[2]).item(), wide(inputs[3]).item());
-        let is_capped = |z: &f64| aperture * (1.0 - focus / z).abs() > self.lens.largest_sigma;
+        let is_capped = |z: &f64| aperture * (1.0 - focus / z).abs() > self.options.largest_sigma;
         let capped: Vec<_> = wide(inputs[1]).data().iter().map(is_capped).collect();
         Ok(Outcome::from(focused.image).with_state(capped))
     }
@@ -440,7 +442,7 @@ fn depth_of_field_of_an_image_by_its_depths_and_the_lens() {
     for (radius, largest_sigma) in
         [(Radius::Fixed(3), 32.0), (Radius::Fixed(12), 2.0), (Radius::Tolerance(1e-13), 1.5)]
     {
-        let lens = Lens { radius, largest_sigma };
+        let options = LensOptions { radius, largest_sigma };
         let sizes = (1..6_usize, 2..7_usize);
         let lenses = (0.5..3.0, 1.8..2.2);
         // Depths from far before the focus to far behind it, some of them near it.
@@ -453,16 +455,16 @@ fn depth_of_field_of_an_image_by_its_depths_and_the_lens() {
                     Tensor::scalar(aperture),
                     Tensor::scalar(focus),
                 ];
-                Case::new(DepthOfField { lens }, inputs.map(Input::leaf))
+                Case::new(DepthOfField { options }, inputs.map(Input::leaf))
             },
         );
         let by = |depth: Input, aperture: f64, focus: f64| {
             let inputs = [leaf([3, 3, 1], 0.5), depth, leaf([], aperture), leaf([], focus)];
-            Case::new(DepthOfField { lens }, inputs)
+            Case::new(DepthOfField { options }, inputs)
         };
         check(
             Check::of_cases(format!("depth_of_field, {radius:?}"), cases)
-                .large(1, Just(large_view(lens)))
+                .large(1, Just(large_view(options)))
                 .refuses("a negative depth", by(leaf([3, 3], -1.0), 1.0, 2.0))
                 .refuses("a negative aperture", by(leaf([3, 3], 1.0), -1.0, 2.0))
                 .refuses("a focus of 0", by(leaf([3, 3], 1.0), 1.0, 0.0))
@@ -472,14 +474,14 @@ fn depth_of_field_of_an_image_by_its_depths_and_the_lens() {
 }
 
 /// An image that is gathered in several pieces.
-fn large_view(lens: Lens) -> Case {
+fn large_view(options: LensOptions) -> Case {
     let inputs = [
         Tensor::from_flat_fn([31, 27, 2], motley),
         Tensor::from_flat_fn([31, 27], |k| 2.0 + 0.9 * motley(3 * k)),
         Tensor::scalar(1.1),
         Tensor::scalar(2.0),
     ];
-    Case::new(DepthOfField { lens }, inputs.map(Input::leaf))
+    Case::new(DepthOfField { options }, inputs.map(Input::leaf))
 }
 
 #[derive(Debug)]
@@ -592,6 +594,10 @@ fn no_operation_is_forgotten() {
         include_str!("pictures.rs"),
         include_str!("exact.rs"),
         include_str!("textures.rs"),
+        include_str!("layers.rs"),
+        include_str!("cameras.rs"),
+        include_str!("distances.rs"),
+        include_str!("surfaces.rs"),
     ]
     .concat();
     let subjects = blocks(&tests, "impl Subject for ").concat();

@@ -9,9 +9,9 @@ use bokashi_check::strategy::{
     around, broadcasting_shapes, non_zero, number, shape as any_shape, tensor,
 };
 use bokashi_check::{Case, Check, Input, Outcome, Subject, sides, subject};
-use bokashi_core::{Scalar, Tensor, Var};
+use bokashi_core::{Mask, Padding, Scalar, SparseMatrix, Tensor, Var};
 use proptest::prelude::*;
-use proptest::sample::select;
+use proptest::sample;
 
 const CASES: u32 = 64;
 
@@ -34,7 +34,7 @@ fn one(entries: BoxedStrategy<f64>) -> Inputs {
 
 /// Two inputs whose shapes broadcast, one of them perhaps a constant.
 fn pair(left: BoxedStrategy<f64>, right: BoxedStrategy<f64>) -> Inputs {
-    let masks = select(&[[true, true], [true, true], [true, false], [false, true]][..]);
+    let masks = sample::select(&[[true, true], [true, true], [true, false], [false, true]][..]);
     let inputs = (broadcasting_shapes(), masks).prop_flat_map(move |([x, y], [x_leaf, y_leaf])| {
         (tensor(x, left.clone()), tensor(y, right.clone()))
             .prop_map(move |(x, y)| vec![input(x, x_leaf), input(y, y_leaf)])
@@ -45,6 +45,11 @@ fn pair(left: BoxedStrategy<f64>, right: BoxedStrategy<f64>) -> Inputs {
 /// One leaf of one shape.
 fn of_shape(axes: &[usize]) -> Inputs {
     tensor(axes, number()).prop_map(|x| vec![Input::leaf(x)]).boxed()
+}
+
+/// One leaf of one shape with vectors along each axis that are far from 0.
+fn vectors(axes: &[usize]) -> Inputs {
+    tensor(axes, non_zero()).prop_map(|x| vec![Input::leaf(x)]).boxed()
 }
 
 /// Leaves of several shapes.
@@ -60,7 +65,7 @@ fn not_empty() -> Inputs {
 /// `[m, k]` and `[k, n]`, inner loops shorter and longer than a vector register.
 fn matrices() -> Inputs {
     let extent = || prop_oneof![Just(0_usize), 1..5_usize, Just(18)];
-    let masks = select(&[[true, true], [true, false], [false, true]][..]);
+    let masks = sample::select(&[[true, true], [true, false], [false, true]][..]);
     let inputs = ([extent(), extent(), extent()], masks).prop_flat_map(|([m, k, n], leaf)| {
         let matrices = (tensor([m, k], number()), tensor([k, n], number()));
         matrices.prop_map(move |(x, y)| vec![input(x, leaf[0]), input(y, leaf[1])])
@@ -142,6 +147,25 @@ law!(maximum, pair(around(&[0.5], -2.0..2.0), around(&[0.5], -2.0..2.0)),
     |x| kinked(x[0].maximum(x[1])?, x[0].try_sub(x[1])?, &[0.0]), large [MANY, MANY],
     refuses "extents that differ" [&[2][..], &[3]]);
 
+law!(pow, pair(within(0.1..3.0), number()), |x| x[0].pow(x[1])?, large [MANY, ROW],
+    refuses "extents that differ" [&[2][..], &[3]]);
+law!(select, pair(number(), number()), |x| {
+    Mask::from_flat_fn(x[0].shape(), |k| k % 3 > 0).select(x[0], x[1])?
+}, large [MANY, ROW], refuses "extents that differ" [&[2, 3][..], &[2, 4]]);
+law!(select_by_a_mask_of_another_shape, parts(&[&[2, 1], &[3]]), |x| {
+    Mask::from_fn([4, 1, 3], |[i, _, k]| (i + k) % 3 == 0).select(x[0], x[1])?
+}, large [&[9001, 1], &[3]]);
+law!(select_by_comparison, pair(around(&[0.5], -2.0..2.0), around(&[0.5], -2.0..2.0)), |x| {
+    let smaller = x[0].is_less(x[1])?.select(x[0], x[1])?;
+    kinked(smaller, x[0].try_sub(x[1])?, &[0.0])
+}, large [MANY, ROW]);
+law!(select_beside_a_nan, one(around(&[0.5], -2.0..2.0)), |x| {
+    let number = |number| x[0].tape().constant_scalar(T::from_f64(number));
+    let is_large = x[0].is_greater(number(0.5))?;
+    let chosen = is_large.select(is_large.select(x[0], number(1.0))?.ln(), x[0])?;
+    kinked(chosen, x[0], &[0.5])
+});
+
 law!(affine, one(number()), |x| x[0].affine(T::from_f64(-1.5), T::from_f64(0.25)), large[MANY]);
 law!(neg, one(number()), |x| -x[0]);
 law!(numbers, one(number()), |x| (x[0] * T::from_f64(0.5) + T::from_f64(2.0)) * T::from_f64(3.0)
@@ -158,6 +182,10 @@ law!(square, one(number()), |x| x[0].square());
 law!(powi_of_one, one(number()), |x| x[0].powi(1));
 law!(powi_of_five, one(number()), |x| x[0].powi(5), large[MANY]);
 law!(powi_of_minus_two, one(non_zero()), |x| x[0].powi(-2));
+law!(powf, one(within(0.05..9.0)), |x| x[0].powf(T::from_f64(2.2)), large[MANY]);
+law!(powf_of_three, one(number()), |x| x[0].powf(T::from_f64(3.0)));
+law!(powf_of_minus_a_half, one(within(0.1..9.0)), |x| x[0].powf(T::from_f64(-0.5)));
+law!(relu, one(around(&[0.0], -2.0..2.0)), |x| kinked(x[0].relu(), x[0], &[0.0]), large[MANY]);
 law!(abs, one(around(&[0.0], -2.0..2.0)), |x| kinked(x[0].abs(), x[0], &[0.0]), large[MANY]);
 law!(
     clamp,
@@ -178,12 +206,48 @@ law!(mean_axis_0, of_shape(&[3, 9]), |x| x[0].mean_axis(0)?, large [MANY],
 law!(mean_axis_1, of_shape(&[3, 9]), |x| x[0].mean_axis(1)?, large[MANY]);
 law!(mean_axis_of_extent_1, of_shape(&[3, 1, 2]), |x| x[0].mean_axis(1)?);
 
+law!(cumulative_sum, of_shape(&[3, 2, 4]), |x| x[0].cumulative_sum(1)?, large [MANY],
+    refuses "no such axis" [&[3][..]]);
+law!(cumulative_sum_of_rows, of_shape(&[7, 2]), |x| x[0].cumulative_sum(0)?, large[&[40_000, 3]]);
+law!(cumulative_sum_of_a_list, of_shape(&[9]), |x| x[0].cumulative_sum(0)?, large [&[50_000]],
+    refuses "a scalar" [&[][..]]);
+
+law!(dot, parts(&[&[4, 3], &[4, 3]]), |x| x[0].dot(x[1], 1)?, large [&[9001, 3], &[9001, 3]],
+    refuses "extents that differ" [&[2, 3][..], &[2, 4]],
+    refuses "no such axis" [&[3][..], &[3]]);
+law!(dot_with_a_row, parts(&[&[5, 3], &[3]]), |x| x[0].dot(x[1], 1)?, large [&[9001, 3], &[3]]);
+law!(dot_of_columns, parts(&[&[3, 4], &[3, 1]]), |x| x[0].dot(x[1], 0)?,
+    large [&[3, 20_000], &[3, 1]]);
+law!(dot_of_long_lists, parts(&[&[11], &[11]]), |x| x[0].dot(x[1], 0)?, large [&[50_000], &[50_000]]);
+law!(dot_of_shapes_that_broadcast, parts(&[&[2, 1, 3], &[4, 1]]), |x| x[0].dot(x[1], 2)?,
+    large [&[20, 1, 300], &[40, 1]]);
+law!(dot_along_a_repeated_axis, parts(&[&[2, 3, 2], &[1, 2]]), |x| x[0].dot(x[1], 1)?);
+law!(dot_with_itself, of_shape(&[4, 3]), |x| x[0].dot(x[0], 1)?);
+law!(cross, parts(&[&[4, 3], &[4, 3]]), |x| x[0].cross(x[1], 1)?, large [&[9001, 3], &[9001, 3]],
+    refuses "two components" [&[2, 2][..], &[2, 2]],
+    refuses "extents that differ" [&[2, 3][..], &[5, 3]]);
+law!(cross_with_a_row, parts(&[&[3], &[5, 3]]), |x| x[0].cross(x[1], 1)?, large [&[3], &[9001, 3]]);
+law!(cross_of_columns, parts(&[&[3, 4], &[3, 1]]), |x| x[0].cross(x[1], 0)?,
+    large [&[3, 9001], &[3, 1]]);
+law!(cross_of_shapes_that_broadcast, parts(&[&[2, 1, 3], &[4, 3]]), |x| x[0].cross(x[1], 2)?,
+    large [&[70, 1, 3], &[90, 3]]);
+law!(norm, vectors(&[4, 3]), |x| x[0].norm(1)?, large [&[9001, 3]],
+    refuses "no such axis" [&[3][..]]);
+law!(norm_of_columns, vectors(&[3, 4]), |x| x[0].norm(0)?, large[&[3, 20_000]]);
+law!(norm_of_a_long_list, vectors(&[11]), |x| x[0].norm(0)?, large[&[50_000]]);
+law!(norm_of_one, one(non_zero()), |x| x[0].keepdim(0)?.norm(0)?);
+law!(normalize, vectors(&[4, 3]), |x| x[0].normalize(1)?, large [&[9001, 3]],
+    refuses "no such axis" [&[3][..]]);
+law!(normalize_columns, vectors(&[3, 4]), |x| x[0].normalize(0)?, large[&[3, 20_000]]);
+law!(normalize_a_long_list, vectors(&[11]), |x| x[0].normalize(0)?, large[&[50_000]]);
+
 law!(matmul, matrices(), |x| x[0].matmul(x[1])?, large [&[150, 130], &[130, 140]],
     refuses "inner extents that differ" [&[2, 3][..], &[2, 3]],
     refuses "a vector" [&[3][..], &[3, 3]]);
 law!(matmul_with_itself, of_shape(&[3, 3]), |x| x[0].matmul(x[0])?);
 law!(reshape, of_shape(&[2, 3]), |x| x[0].reshape([3, 1, 2])?,
     refuses "another number of entries" [&[7][..]]);
+law!(keepdim, of_shape(&[2, 3]), |x| x[0].keepdim(1)?, refuses "beyond the rank" [&[][..]]);
 law!(transpose, of_shape(&[2, 3]), |x| x[0].transpose()?, refuses "a vector" [&[7][..]]);
 law!(permute, of_shape(&[2, 3, 4]), |x| x[0].permute(&[2, 0, 1])?, large [&[20, 30, 70]],
     refuses "another number of axes" [&[2, 3][..]]);
@@ -191,6 +255,21 @@ law!(slice_of_rows, of_shape(&[4, 3]), |x| x[0].slice(0, 1..3)?, large [MANY],
     refuses "beyond the extent" [&[2, 9][..]]);
 law!(slice_of_columns, of_shape(&[2, 4, 3]), |x| x[0].slice(1, 1..4)?,
     refuses "no such axis" [&[9][..]]);
+law!(pad, of_shape(&[2, 3, 2]), |x| x[0].pad(1, [4, 8], Padding::Mirror)?, large [&[7, 90, 60]],
+    refuses "nothing to repeat" [&[2, 0][..]]);
+law!(
+    pad_with_a_constant,
+    of_shape(&[3]),
+    |x| x[0].pad(0, [2, 1], Padding::Constant(T::ONE))?,
+    large[&[50_000]]
+);
+law!(pad_by_clamping, of_shape(&[3, 2]), |x| x[0].pad(0, [3, 2], Padding::Clamp)?, large[MANY]);
+law!(pad_by_wrapping, of_shape(&[2, 3]), |x| x[0].pad(1, [5, 4], Padding::Wrap)?, large[MANY]);
+law!(stack, parts(&[&[2, 3], &[2, 3], &[2, 3]]), |x| Var::stack(x, 2)?, large [MANY, MANY],
+    refuses "shapes that differ" [&[2, 3][..], &[3, 2]],
+    refuses "an axis beyond the rank" [&[2][..]]);
+law!(stack_of_rows, parts(&[&[2, 3], &[2, 3]]), |x| Var::stack(x, 0)?, large [MANY, MANY]);
+law!(stack_of_one_with_itself, of_shape(&[3]), |x| Var::stack(&[x[0], x[0]], 1)?);
 law!(concat_of_rows, parts(&[&[1, 3], &[0, 3], &[2, 3]]), |x| Var::concat(x, 0)?,
     refuses "other extents that differ" [&[2, 3][..], &[2, 4]]);
 law!(concat_of_columns, parts(&[&[2, 1, 2], &[2, 3, 2]]), |x| Var::concat(x, 1)?,
@@ -200,6 +279,32 @@ law!(gather_rows, of_shape(&[4, 2]), |x| x[0].gather_rows(&Arc::from([3, 0, 3, 3
     large [MANY], refuses "an index beyond the rows" [&[3, 2][..]]);
 law!(gather_entries, of_shape(&[3]), |x| x[0].gather_rows(&Arc::from([2, 2]))?,
     refuses "a scalar" [&[][..]]);
+
+law!(
+    scatter_add_rows,
+    of_shape(&[5, 2]),
+    |x| {
+        let rows: Arc<[u32]> = (0..x[0].shape()[0]).map(|r| (r * r % 4) as u32).collect();
+        x[0].scatter_add_rows(&rows, 4)?
+    },
+    large[&[20_000, 3]]
+);
+law!(scatter_add_entries, of_shape(&[3]), |x| x[0].scatter_add_rows(&Arc::from([1, 1, 0]), 3)?,
+    refuses "a row too many" [&[4][..]], refuses "a scalar" [&[][..]]);
+law!(
+    sparse_product,
+    of_shape(&[5, 3]),
+    |x| {
+        let (columns, entry) = (x[0].shape()[0] as u32, |k: u32| f64::from(k % 7) - 3.0);
+        let entries = (0..4 * columns).map(|k| (k * k % 6, k * 31 % columns, entry(k)));
+        SparseMatrix::new(6, columns as usize, entries)?.cast::<T>().product(x[0])?
+    },
+    large[&[9001, 3]]
+);
+law!(sparse_product_with_a_list, of_shape(&[3]), |x| {
+    let entries = [(0, 0, 2.0), (0, 2, -1.0), (3, 1, 0.5)];
+    SparseMatrix::new(4, 3, entries)?.cast::<T>().product(x[0])?
+}, refuses "another extent" [&[4][..]], refuses "three axes" [&[3, 1, 1][..]]);
 
 law!(squared_error, parts(&[&[5, 3], &[5, 3]]), |x| {
     [bokashi_core::squared_error(x[0], x[1])?, bokashi_core::mean_squared_error(x[0], x[1])?]
@@ -219,6 +324,8 @@ fn gradients_that_vanish() {
     subject!(Constant: |x| x[0].powi(0));
     subject!(NoRows: |x| x[0].gather_rows(&Arc::from([]))?);
     subject!(NoColumns: |x| x[0].slice(1, 2..2)?);
+    subject!(Unit: |x| x[0].powf(T::ZERO));
+    Check::new("powf of zero", Unit, one(number())).assert();
     Check::new("powi of zero", Constant, one(number())).assert();
     Check::new("gather of no rows", NoRows, of_shape(&[4, 2])).assert();
     Check::new("slice of no columns", NoColumns, of_shape(&[2, 4])).assert();

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use bokashi_core::parallel::ENTRIES_PER_PIECE;
-use bokashi_core::{Scalar, Tape, Tensor, TensorError, Var};
+use bokashi_core::{Padding, Scalar, SparseMatrix, Tape, Tensor, TensorError, Var};
 use rayon::ThreadPoolBuilder;
 
 const ROWS: usize = ENTRIES_PER_PIECE + 77;
@@ -26,7 +26,12 @@ fn everything<T: Scalar>() -> Result<Vec<Tensor<T>>, TensorError> {
     let right = tape.leaf(&numbers([190, 310], 5.0));
     let rows: Arc<[u32]> = (0..2 * ROWS).map(|k| (k * k % ROWS) as u32).collect();
 
-    let outputs: [Var<'_, T>; 12] = [
+    let columns = x.reshape([COLUMNS, ROWS])?;
+    let entry = |k: u32| (k * 31 % 400, k * 7919 % ROWS as u32, T::from_f64(f64::from(k).sin()));
+    let matrix = SparseMatrix::new(400, ROWS, (0..90_000).map(entry))?;
+    let (all, little) = (Arc::from(vec![0; ROWS]), T::from_f64(0.2));
+
+    let outputs: [Var<'_, T>; 25] = [
         (x * y + x / (y.square() + T::ONE)).sum(),
         (x * row).sigmoid().sum(),
         (x * column).tanh().mean()?,
@@ -39,6 +44,19 @@ fn everything<T: Scalar>() -> Result<Vec<Tensor<T>>, TensorError> {
         (x.gather_rows(&rows)? * T::from_f64(0.1)).sin().sum(),
         Var::concat(&[x.slice(0, 1..ROWS)?, y], 0)?.softplus().sum(),
         x.transpose()?.matmul(y)?.square().sum(),
+        (x.dot(y, 1)? + x.dot(row, 1)?).sin().sum(),
+        (x.dot(y, 0)? + columns.dot(one, 1)?).sin().sum(),
+        (x.cross(y, 1)? + x.cross(row, 1)?).sin().sum(),
+        (x.norm(1)? + columns.norm(0)?).sin().sum() + x.norm(0)?.sin().sum(),
+        x.normalize(1)?.sin().sum() + columns.normalize(0)?.sin().sum(),
+        (x.square() + little).pow(row)?.sum(),
+        x.is_less(y)?.select(x.powf(T::from_f64(3.0)), one)?.relu().sin().sum(),
+        Var::stack(&[x, y], 2)?.sin().sum() + row.keepdim(0)?.sum(),
+        x.pad(0, [ROWS, 3 * ROWS], Padding::Mirror)?.sin().sum(),
+        row.pad(0, [ROWS, 0], Padding::Clamp)?.sin().sum(),
+        x.cumulative_sum(0)?.sin().sum() + columns.cumulative_sum(1)?.sin().sum(),
+        x.scatter_add_rows(&all, 1)?.sin().sum() + y.gather_rows(&all)?.sin().sum(),
+        matrix.product(x)?.sin().sum() + matrix.transposed().product(y.slice(0, 0..400)?)?.sum(),
     ];
     let loss = outputs.into_iter().reduce(|sum, output| sum + output).expect("there are outputs");
     let gradients = loss.backward()?;
@@ -54,7 +72,9 @@ fn bits<T: Scalar>(tensors: &[Tensor<T>]) -> Vec<u64> {
 fn assert_same_bits<T: Scalar>() {
     let run = |threads| {
         let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        bits(&pool.install(everything::<T>).unwrap())
+        let found = pool.install(everything::<T>).unwrap();
+        assert!(found.iter().all(Tensor::is_finite), "a NaN hides what follows from it");
+        bits(&found)
     };
     let alone = run(1);
     for threads in [2, 4, 8] {

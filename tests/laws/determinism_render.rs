@@ -2,9 +2,9 @@
 
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
-    Background, Blur, Border, Kernel, Lens, Mesh, Pose, RasterOptions, Reference, RenderError,
-    Sampling, Size, antialias, composite, depth, depth_of_field, gaussian_blur, interpolate,
-    project, rasterize,
+    Background, Blur, Border, DepthImage, Kernel, Lens, LensOptions, Mesh, Pose, RasterOptions,
+    Reference, RenderError, Sampling, Size, antialias, composite, depth, depth_of_field,
+    gaussian_blur, interpolate, project, rasterize,
 };
 use glam::dcamera::rh::proj::opengl::perspective;
 use rayon::ThreadPoolBuilder;
@@ -232,8 +232,9 @@ fn depth_of_field_gives_the_same_bits_on_any_number_of_threads() {
             let image = tape.leaf(&Tensor::from_flat_fn([37, 53, 3], number));
             let depth = tape.leaf(&Tensor::from_flat_fn([37, 53], |k| 0.5 + 4.0 * number(3 * k)));
             let (aperture, focus) = (tape.leaf_scalar(1.3), tape.leaf_scalar(2.0));
-            let lens = Lens::default();
-            let out = depth_of_field(image, depth, aperture, focus, &lens).unwrap().image;
+            let (lens, distances) = (Lens { aperture, focus }, DepthImage::of_distances(depth));
+            let options = LensOptions::default();
+            let out = depth_of_field(image, distances, lens, &options).unwrap().image;
             let gradients = out.square().sum().backward().unwrap();
             let leaves = [image, depth, aperture, focus];
             (out.value(), leaves.map(|leaf| gradients.get(leaf).unwrap().clone()))

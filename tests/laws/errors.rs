@@ -15,9 +15,11 @@ use bokashi_fit::{
     mean_squared_error,
 };
 use bokashi_render_ops::{
-    Background, Blur, Fragments, Kernel, Lens, Mesh, Pose, Radius, RasterOptions, RenderError,
-    Sampling, Size, antialias, composite, depth_of_field, gaussian_blur, interpolate,
-    interpolate_indexed, project, rasterize,
+    Background, Blur, CubeMap, DepthImage, Detail, Fragments, Kernel, Layer, Lens, LensOptions,
+    Mesh, Pose, Radius, RasterOptions, RenderError, Sampler, Sampling, Size, Texture,
+    TextureFilter, antialias, composite, composite_layers, depth_layers, depth_of_field,
+    gaussian_blur, interpolate, interpolate_indexed, project, rasterize, rasterize_behind,
+    sample_cube_map, sample_texture,
 };
 use glam::DMat4;
 
@@ -121,6 +123,13 @@ fn every_tensor_error_says_the_rule_and_the_value() {
     assert_messages(&all, table.collect());
 }
 
+/// A grey layer.
+fn layer_of<'a, 't>(fragments: &'a Fragments<'t, f64>, tape: &'t Tape<f64>) -> Layer<'a, 't, f64> {
+    let count = fragments.coverage.count();
+    let premultiplied = tape.constant_full([count, 1], 0.5);
+    Layer { fragments, premultiplied, alpha: tape.constant_full([count], 0.5) }
+}
+
 #[test]
 fn every_render_error_says_the_rule_and_the_value() {
     let (tape, other) = (Tape::<f64>::new(), Tape::new());
@@ -144,12 +153,34 @@ fn every_render_error_says_the_rule_and_the_value() {
         corners[5] = f64::INFINITY;
         tape.leaf(&Tensor::new([3, 4], corners).unwrap())
     };
-    let (mut camera, blur, lens) = (DMat4::IDENTITY, Blur::default(), Lens::default());
+    let (mut camera, blur) = (DMat4::IDENTITY, Blur::default());
     camera.col_mut(3).z = f64::NAN;
     let pose = Pose { rotation: zeros(&[4]), translation: zeros(&[3]) };
     let seed = Blur { kernel: Kernel::Unnormalized, ..blur };
     let endless = Blur { radius: Radius::Tolerance(0.0), ..blur };
     let behind = tape.leaf(&Tensor::full([4, 4], -2.0));
+
+    let focused = |distances, focus| {
+        let lens = Lens { aperture: number(1.0), focus: number(focus) };
+        let distances = DepthImage::of_distances(distances);
+        depth_of_field(image, distances, lens, &LensOptions::default()).unwrap_err()
+    };
+
+    let sky = CubeMap::new(zeros(&[6, 1, 1, 1])).unwrap();
+    let eight_probes = TextureFilter::Anisotropic { probes: 8 };
+    let looked_up = |u: Var<'_, f64>, sampler| {
+        let texture = Texture::new(tape.constant_full([1, 1, 1], 0.5)).unwrap();
+        let coordinates = tape.constant(&Tensor::full([1, 2], u.item()));
+        sample_texture(&texture, coordinates, Detail::Finest, sampler).unwrap_err()
+    };
+    let larger = Tensor::from_flat_fn(
+        [3, 4],
+        |k| if k % 4 < 2 { 3.0 } else { 1.0 } * clip.value().data()[k],
+    );
+    let larger = rasterize(tape.leaf(&larger), &mesh, Size::square(4)).unwrap();
+    let mut covered = larger.coverage.pixels();
+    let uncovered = covered.find(|&pixel| fragments.coverage.fragment_at(pixel).is_none());
+    let layer = |fragments| layer_of(fragments, &tape);
 
     let table: Vec<(RenderError, &str)> = vec![
         (
@@ -195,7 +226,7 @@ fn every_render_error_says_the_rule_and_the_value() {
         ),
         (
             interpolate_indexed(points, &Mesh::new(vec![], 2).unwrap(), &fragments).unwrap_err(),
-            "attribute indices need one face per rasterized face, 1, got 0",
+            "indices need one face per face of the mesh, 1, got 0",
         ),
         (
             gaussian_blur(image, number(-1.0), &blur).unwrap_err(),
@@ -210,18 +241,43 @@ fn every_render_error_says_the_rule_and_the_value() {
             "gaussian_blur needs a tolerance between 0 and 1, got 0",
         ),
         (
-            depth_of_field(image, behind, number(1.0), number(2.0), &lens).unwrap_err(),
-            "depth_of_field needs depths from 0 up, got -2 at pixel 0",
+            looked_up(number(f64::NAN).reshape([1, 1]).unwrap(), Sampler::new()),
+            "sample_texture needs finite coordinates, got NaN in row 0",
         ),
         (
-            depth_of_field(image, depth, number(1.0), number(-2.0), &lens).unwrap_err(),
-            "depth_of_field needs a finite and positive focus, got -2",
+            looked_up(zeros(&[1, 1]), Sampler::new().filter(eight_probes)),
+            "sample_texture needs differentials for more than one probe, got 8",
         ),
+        (
+            sample_cube_map(&sky, zeros(&[2, 3]), Detail::Finest, Sampler::new()).unwrap_err(),
+            "sample_cube_map needs directions other than zero, got zero in row 0",
+        ),
+        (
+            depth_layers(clip, &mesh, options, None).unwrap_err(),
+            "depth_layers needs fragments at pixel centres, got exact coverage, \
+             whose pieces say nothing of what lies behind them",
+        ),
+        (
+            composite_layers::<f64>(&[], Background::Zero).unwrap_err(),
+            "composite_layers needs at least one layer, got none",
+        ),
+        (
+            composite_layers(&[layer(&fragments), layer(&larger)], Background::Zero).unwrap_err(),
+            "layers need to follow each other from the front, \
+             got layer 1 at pixel [uncovered], where layer 0 is not",
+        ),
+        (
+            rasterize_behind(&fragments, Size::square(8)).unwrap_err(),
+            "a layer needs the size of the layer in front, 4 x 4, got 8 x 8",
+        ),
+        (focused(behind, 2.0), "depth_of_field needs depths from 0 up, got -2 at pixel 0"),
+        (focused(depth, -2.0), "depth_of_field needs a finite and positive focus, got -2"),
     ];
     let all = variants("crates/render-ops/src/error.rs", "RenderError");
     let count = fragments.coverage.count();
     let told = |message: &str| {
         let message = message.replace("[6, C]", &format!("[{count}, C]"));
+        let message = message.replace("[uncovered]", &uncovered.unwrap().to_string());
         message.replace("[pieces]", &pieces.to_string()).replace("[pixels]", &pixels.to_string())
     };
     let table = table.into_iter().map(|(error, message)| (error, told(message)));

@@ -85,8 +85,8 @@ pub use glam;
 /// What nearly every pipeline names: `use bokashi::prelude::*;`.
 pub mod prelude {
     pub use bokashi_core::{
-        Accumulators, Gradients, Inputs, Keep, Kept, Op, Outputs, Scalar, Shape, Tape, Tensor,
-        TensorError, Var,
+        Accumulators, Gradients, Inputs, Keep, Kept, Mask, Op, Outputs, Padding, Scalar, Shape,
+        SparseMatrix, Tape, Tensor, TensorError, Var,
     };
     pub use bokashi_fit::{
         Fit, FitError, FitSettings, History, Mapping, Optimizer, Parameter, Parameters, Pipeline,

@@ -10,6 +10,8 @@ use crate::summation::sum;
 
 /// Sums that are formed side by side.
 const LANES: usize = 8;
+/// From so many columns on they are enough to share among threads.
+const MANY_COLUMNS: usize = 512;
 
 /// An array of `shape` seen as `[outer, extent of axis, inner]`.
 ///
@@ -23,7 +25,39 @@ pub(crate) fn blocks(
     let Some(&extent) = shape.get(axis) else {
         return Err(TensorError::Axis { operation, axis, shape: shape.clone() });
     };
-    Ok([shape[..axis].iter().product(), extent, shape[axis + 1..].iter().product()])
+    // Of an array without entries a product need not fit an index, and is not used.
+    let product = |axes: &[usize]| axes.iter().fold(1_usize, |n, &extent| n.saturating_mul(extent));
+    Ok([product(&shape[..axis]), extent, product(&shape[axis + 1..])])
+}
+
+/// `shape` without `axis`, one of its axes: the shape of what a reduction gives.
+///
+/// # Errors
+/// [`TensorError::Length`] where it has more entries than fit an index, which an axis of extent 0 can
+/// hide.
+pub(crate) fn reduced(shape: &Shape, axis: usize) -> Result<Shape, TensorError> {
+    let reduced = shape.without(axis);
+    match reduced.checked_size() {
+        Some(_) => Ok(reduced),
+        None => Err(TensorError::Length { shape: reduced, entries: 0 }),
+    }
+}
+
+/// `shape` with a new axis of `extent` before `axis`, or at the end.
+///
+/// # Errors
+/// [`TensorError::Value`] where `axis` is beyond the end.
+pub(crate) fn with_new_axis(
+    shape: &Shape,
+    axis: usize,
+    extent: usize,
+    operation: &'static str,
+) -> Result<Shape, TensorError> {
+    if axis <= shape.rank() {
+        return Ok(shape.with_new(axis, extent));
+    }
+    let rule = format!("a new axis up to the rank {}", shape.rank()).into();
+    Err(TensorError::Value { operation, rule, value: axis as f64 })
 }
 
 /// Sums `x: [outer, extent, inner]` over its middle axis into `sums: [outer, inner]`, each sum
@@ -55,7 +89,23 @@ pub(crate) fn sum_along<T: Scalar>(
         sum_rows::<T>(extent, inner, term, |column, total| sums[column] = round(total));
     };
     if size > ENTRIES_PER_PIECE {
-        sums.chunks_mut(inner).enumerate().for_each(|(block, sums)| sum_block(block, sums));
+        for (block, sums) in sums.chunks_mut(inner).enumerate() {
+            if inner < MANY_COLUMNS {
+                sum_block(block, sums);
+                continue;
+            }
+            // So many columns that threads share them rather than the rows.
+            let x = &x[block * size..][..size];
+            let columns = (ENTRIES_PER_PIECE / extent).max(1).next_multiple_of(LANES);
+            for_each_piece_mut(sums, columns, |k, sums| {
+                for (group, sums) in sums.chunks_mut(LANES).enumerate() {
+                    let first = k * columns + group * LANES;
+                    let term = |row: usize, c: usize| x[row * inner + first + c].widen();
+                    let totals = sum_lanes::<T>([extent, inner], sums.len(), term);
+                    sums.iter_mut().zip(totals).for_each(|(sum, total)| *sum = round(total));
+                }
+            });
+        }
         return;
     }
     let blocks = (ENTRIES_PER_PIECE / size.max(1)).max(1);
@@ -75,28 +125,51 @@ pub(crate) fn sum_rows<T: Scalar>(
 ) {
     for first in (0..columns).step_by(LANES) {
         let width = LANES.min(columns - first);
-        let mut totals = [T::Wide::ZERO; LANES];
-        // A loop of a known length where there are a few columns.
-        let piece = |range: Range<usize>| match width {
-            2 => lanes::<2, T>(range, |row, c| term(row, first + c)),
-            3 => lanes::<3, T>(range, |row, c| term(row, first + c)),
-            4 => lanes::<4, T>(range, |row, c| term(row, first + c)),
-            LANES => lanes::<LANES, T>(range, |row, c| term(row, first + c)),
-            _ => {
-                let mut sums = [T::Wide::ZERO; LANES];
-                for row in range {
-                    for (c, sum) in sums[..width].iter_mut().enumerate() {
-                        *sum += term(row, first + c);
-                    }
-                }
-                sums
-            }
-        };
-        merge_ranges(rows, (ENTRIES_PER_PIECE / columns).max(1), piece, |sums| {
-            totals.iter_mut().zip(sums).for_each(|(total, sum)| *total += sum);
-        });
+        let term = |row: usize, c: usize| term(row, first + c);
+        let totals = sum_lanes::<T>([rows, columns], width, term);
         totals[..width].iter().enumerate().for_each(|(c, &total)| put(first + c, total));
     }
+}
+
+/// Sums `term(row, c)` over all rows for each `c` below `width`, of an array of so many rows and columns.
+fn sum_lanes<T: Scalar>(
+    [rows, columns]: [usize; 2],
+    width: usize,
+    term: impl Fn(usize, usize) -> T::Wide + Send + Sync,
+) -> [T::Wide; LANES] {
+    let mut totals = [T::Wide::ZERO; LANES];
+    // A loop of a known length where there are a few columns.
+    let piece = |range: Range<usize>| match width {
+        1 => lanes::<1, T>(range, &term),
+        2 => lanes::<2, T>(range, &term),
+        3 => lanes::<3, T>(range, &term),
+        4 => lanes::<4, T>(range, &term),
+        LANES => lanes::<LANES, T>(range, &term),
+        _ => {
+            let mut sums = [T::Wide::ZERO; LANES];
+            for row in range {
+                for (c, sum) in sums[..width].iter_mut().enumerate() {
+                    *sum += term(row, c);
+                }
+            }
+            sums
+        }
+    };
+    let mut merge = |sums: [T::Wide; LANES]| {
+        totals.iter_mut().zip(sums).for_each(|(total, sum)| *total += sum);
+    };
+    let rows_per_piece = (ENTRIES_PER_PIECE / columns).max(1);
+    if rows_per_piece == 1 {
+        // Row after row is the same sum.
+        merge(piece(0..rows));
+    } else if rows * width > ENTRIES_PER_PIECE {
+        merge_ranges(rows, rows_per_piece, piece, merge);
+    } else {
+        // The same pieces, too little work to share.
+        let starts = (0..rows).step_by(rows_per_piece);
+        starts.map(|start| piece(start..(start + rows_per_piece).min(rows))).for_each(merge);
+    }
+    totals
 }
 
 /// The sums of `term(row, column)` over `rows`, for `W` columns; zeros beyond.
@@ -122,11 +195,68 @@ pub(crate) fn spread_along<T: Scalar>(
     if x_bar.is_empty() {
         return;
     }
+    if is_in_lines([0, extent, inner]) {
+        for_each_line_mut(x_bar, extent, [], |row, x_bar, []| {
+            let bar = entry(sums_bar[row]);
+            x_bar.iter_mut().for_each(|x_bar| *x_bar += bar);
+        });
+        return;
+    }
     let rows = (ENTRIES_PER_PIECE / inner).max(1);
     for_each_piece_mut(x_bar, rows * inner, |k, x_bar| {
         for (row, x_bar) in (k * rows..).zip(x_bar.chunks_mut(inner)) {
             let sums_bar = &sums_bar[row / extent * inner..][..inner];
             x_bar.iter_mut().zip(sums_bar).for_each(|(x_bar, &bar)| *x_bar += entry(bar));
+        }
+    });
+}
+
+/// Whether lines along the middle axis of `[outer, extent, inner]` lie in one piece, and are no longer than
+/// a piece of work.
+pub(crate) fn is_in_lines([_, extent, inner]: [usize; 3]) -> bool {
+    inner == 1 && extent <= ENTRIES_PER_PIECE
+}
+
+/// Calls `work(row, line, lines of from)` for each line of `extent` entries of `data`, and the lines
+/// beside it in `from`; lines may be worked on at the same time.
+#[inline(always)]
+pub(crate) fn for_each_line_mut<T: Scalar, const N: usize>(
+    data: &mut [T],
+    extent: usize,
+    from: [&[T]; N],
+    work: impl Fn(usize, &mut [T], [&[T]; N]) + Send + Sync,
+) {
+    match extent {
+        0 => {}
+        1 => for_each_short_line_mut::<T, 1, N>(data, from, work),
+        2 => for_each_short_line_mut::<T, 2, N>(data, from, work),
+        3 => for_each_short_line_mut::<T, 3, N>(data, from, work),
+        4 => for_each_short_line_mut::<T, 4, N>(data, from, work),
+        _ => {
+            let lines = (ENTRIES_PER_PIECE / extent).max(1);
+            for_each_piece_mut(data, lines * extent, |k, data| {
+                for (row, line) in (k * lines..).zip(data.chunks_mut(extent)) {
+                    work(row, line, from.map(|from| &from[row * extent..][..extent]));
+                }
+            });
+        }
+    }
+}
+
+/// [`for_each_line_mut`] for lines of `E` entries: loops of a known length, where `work` is inlined.
+#[inline(always)]
+pub(crate) fn for_each_short_line_mut<T: Scalar, const E: usize, const N: usize>(
+    data: &mut [T],
+    from: [&[T]; N],
+    work: impl Fn(usize, &mut [T], [&[T]; N]) + Send + Sync,
+) {
+    let lines = ENTRIES_PER_PIECE / E;
+    for_each_piece_mut(data, lines * E, |k, data| {
+        let (data, _) = data.as_chunks_mut::<E>();
+        let first = k * lines;
+        let from = from.map(|from| &from.as_chunks::<E>().0[first..][..data.len()]);
+        for (at, line) in data.iter_mut().enumerate() {
+            work(first + at, line, from.map(|from| &from[at][..]));
         }
     });
 }
@@ -144,10 +274,24 @@ mod tests {
     }
 
     #[test]
+    fn a_new_axis_stands_before_another_or_at_the_end() {
+        let shape = Shape::from([2, 3]);
+        let with = |axis| with_new_axis(&shape, axis, 1, "stack");
+        assert_eq!(
+            [with(0), with(1), with(2)],
+            [Ok([1, 2, 3].into()), Ok([2, 1, 3].into()), Ok([2, 3, 1].into())]
+        );
+        let message = "stack needs a new axis up to the rank 2, got 3";
+        assert_eq!(with(3).unwrap_err().to_string(), message);
+    }
+
+    #[test]
     fn sums_along_an_axis_are_exact_on_integers_at_every_extent() {
         let extents = [0, 1, 2, LANES, LANES + 1, 200];
-        for k in 0..extents.len().pow(3) {
-            let [outer, extent, inner] = [k / 36, k / 6 % 6, k % 6].map(|at| extents[at]);
+        let all = (0..216).map(|k| [k / 36, k / 6 % 6, k % 6].map(|at| extents[at]));
+        // Columns that threads share, in a group more or less, and rows that they share.
+        let wide = [[2, 40, 700], [3, 5, 6001], [1, 2, ENTRIES_PER_PIECE + 1], [2, 9000, 3]];
+        for [outer, extent, inner] in all.chain(wide) {
             let x: Vec<f32> = (0..outer * extent * inner).map(|k| (k % 101) as f32).collect();
             let mut sums = vec![f32::NAN; outer * inner];
             sum_along(&x, [outer, extent, inner], &mut sums, |total| total as f32);
@@ -155,6 +299,23 @@ mod tests {
                 let first = (k / inner) * extent * inner + k % inner;
                 let expected: f32 = (0..extent).map(|row| x[first + row * inner]).sum();
                 assert_eq!(total, expected, "[{outer}, {extent}, {inner}] at {k}");
+            }
+        }
+    }
+
+    #[test]
+    fn every_line_is_visited_once_beside_its_own() {
+        for extent in [0, 1, 2, 3, 4, 5, 20_000] {
+            let rows = 100_000_usize.div_ceil(extent.max(1)).min(10_000);
+            let numbers: Vec<f64> = (0..rows * extent).map(|k| k as f64).collect();
+            let mut seen = vec![0.5; numbers.len()];
+            for_each_line_mut(&mut seen, extent, [&numbers], |row, line, [numbers]| {
+                for (line, number) in line.iter_mut().zip(numbers) {
+                    *line += number + 0.25 * row as f64;
+                }
+            });
+            for (k, &seen) in seen.iter().enumerate() {
+                assert_eq!(seen, 0.5 + k as f64 + 0.25 * (k / extent) as f64);
             }
         }
     }

@@ -223,6 +223,10 @@ impl<T: Scalar> Inner<T> {
         let Self { values, links, nodes, places, pool, tally, gradients, wanted, .. } = self;
         for node in nodes.iter().rev() {
             let Range { start, end } = node.outputs();
+            if start == end {
+                // A comparison: there is nothing that a gradient could come from.
+                continue;
+            }
             let inputs = &links[node.links()];
             // Inputs were recorded before outputs.
             let (below, above) = gradients.split_at_mut(start);

@@ -4,6 +4,7 @@
 //! that was repeated collects the terms of all its copies, summed in row-major order.
 
 use crate::axis::sum_rows;
+use crate::copies::add_over_copies;
 use crate::error::TensorError;
 use crate::gradient::{Accumulator, Accumulators};
 use crate::op::{Inputs, Keep, Kept, Op, Outputs};
@@ -12,7 +13,7 @@ use crate::scalar::Scalar;
 use crate::shape::Shape;
 use crate::summation::sum;
 use crate::var::Var;
-use crate::walk::Walk;
+use crate::walk::{Walk, axes};
 
 /// A function of two numbers and its partial derivatives.
 pub(crate) trait Binary<T: Scalar>: Copy + Send + Sync + 'static {
@@ -136,8 +137,8 @@ fn add_terms<T: Scalar>(
     } else {
         let own_bar = own_bar.entries();
         match *Walk::new(axes([full, own_shape, other_shape])).axes() {
-            // A row beside each row.
-            [(columns, [1, 1, step]), (rows, [_, 0, stride])] => {
+            // A row beside each row, short enough for a piece.
+            [(columns, [1, 1, step]), (rows, [_, 0, stride])] if columns <= ENTRIES_PER_PIECE => {
                 let term = |row: usize, column: usize| {
                     let other = other[row * stride + column * step];
                     term(own[column], other, z_bar[row * columns + column]).widen()
@@ -161,37 +162,14 @@ fn add_terms<T: Scalar>(
                     (k * piece..).zip(sums).for_each(|(row, sum)| add(row, sum));
                 });
             }
-            _ => add_copies([full, own_shape, other_shape], [z_bar, own, other], own_bar, term),
+            _ => {
+                let all = axes([full, own_shape, other_shape]);
+                let all = all.map(|(extent, [k, i, j])| (extent, [i, j, k]));
+                let term = |[i, j, k]: [usize; 3]| term(own[i], other[j], z_bar[k]).widen();
+                add_over_copies(own_bar, all, term);
+            }
         }
     }
-}
-
-/// [`add_terms`] for entries that are repeated along any axes.
-fn add_copies<T: Scalar>(
-    shapes: [&Shape; 3],
-    [z_bar, own, other]: [&[T]; 3],
-    own_bar: &mut [T],
-    term: impl Fn(T, T, T) -> T,
-) {
-    let all = || axes(shapes);
-    let entries = Walk::new(all().filter(|(_, [_, own, _])| *own != 0));
-    let copies = Walk::new(all().filter(|(_, [_, own, _])| *own == 0));
-    entries.for_each(|[k, i, j]| {
-        let mut total = T::Wide::ZERO;
-        copies.for_each(|[dk, _, dj]| {
-            total += term(own[i], other[j + dj], z_bar[k + dk]).widen();
-        });
-        own_bar[i] += T::narrow(total);
-    });
-}
-
-/// The axes of the first shape, and how far one step along each moves in arrays of all of them.
-fn axes<const N: usize>(
-    shapes: [&Shape; N],
-) -> impl DoubleEndedIterator<Item = (usize, [usize; N])> {
-    let strides = shapes.map(|shape| shape.strides_in(shapes[0]));
-    let extents = shapes[0].iter().copied().enumerate();
-    extents.map(move |(axis, extent)| (extent, std::array::from_fn(|i| strides[i][axis])))
 }
 
 impl<T: Scalar> Var<'_, T> {

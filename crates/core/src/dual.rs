@@ -20,6 +20,7 @@ use std::fmt;
 use std::iter::Sum;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
+use crate::power::{slope_to_base, slope_to_exponent};
 use crate::scalar::Scalar;
 
 /// A number and its derivative along one direction.
@@ -161,6 +162,11 @@ impl<T: Scalar> Scalar for Dual<T> {
     fn cos(self) -> Self {
         self.chain(self.value.cos(), -self.value.sin())
     }
+    fn atan2(self, x: Self) -> Self {
+        let square = self.value * self.value + x.value * x.value;
+        let tangent = (x.value * self.tangent - self.value * x.tangent) / square;
+        Self { value: self.value.atan2(x.value), tangent }
+    }
     fn tanh(self) -> Self {
         // 1 / cosh^2 x = 4 e / (1 + e)^2 with e = exp(-2 |x|): 1 - tanh^2 has no digits in the tails.
         let size = self.value.abs();
@@ -174,6 +180,15 @@ impl<T: Scalar> Scalar for Dual<T> {
             n => T::from_f64(f64::from(n)) * self.value.powi(n.saturating_sub(1)),
         };
         self.chain(self.value.powi(exponent), slope)
+    }
+    fn powf(self, exponent: Self) -> Self {
+        let (x, y) = (self.value, exponent.value);
+        // A slope that is infinite or NaN says nothing of a number that stays.
+        let along = |tangent: T, slope: fn(T, T) -> T| {
+            if tangent.is_same(T::ZERO) { T::ZERO } else { slope(x, y) * tangent }
+        };
+        let of_base = along(self.tangent, slope_to_base);
+        Self { value: x.powf(y), tangent: of_base + along(exponent.tangent, slope_to_exponent) }
     }
     fn abs(self) -> Self {
         if self.value < T::ZERO { -self } else { Self { value: self.value.abs(), ..self } }
@@ -204,7 +219,7 @@ mod tests {
 
     #[test]
     fn every_function_carries_its_derivative() {
-        let functions: [fn(Dual<f64>) -> Dual<f64>; 18] = [
+        let functions: [fn(Dual<f64>) -> Dual<f64>; 22] = [
             |x| x + x,
             |x| Dual::ONE - x,
             |x| x * x * x,
@@ -217,10 +232,14 @@ mod tests {
             |x| (x * x).sqrt(),
             Dual::sin,
             Dual::cos,
+            |x| (x * x).atan2(Dual::ONE - x),
             Dual::tanh,
             |x| x.powi(5),
             |x| x.powi(-2),
             |x| x.powi(0),
+            |x| x.powf(Dual::from_f64(3.0)),
+            |x| (x * x).powf(x),
+            |x| Dual::from_f64(0.0).powf(x * x),
             Dual::abs,
             |x| [x, x * x, x].into_iter().sum(),
         ];
@@ -253,6 +272,19 @@ mod tests {
         let y = x.sin();
         assert_near(y.tangent.tangent, -(0.7_f64.sin()), 1e-15);
         assert_eq!(y.to_f64(), 0.7_f64.sin());
+    }
+
+    #[test]
+    fn a_number_that_stays_adds_nothing_to_the_derivative_of_a_power() {
+        let still = |x: f64| Dual::new(x, 0.0);
+        // The logarithm of -2 is none, and the root has no slope at 0.
+        assert_eq!(Dual::new(-2.0, 1.0).powf(still(3.0)).tangent, 12.0);
+        assert_eq!(still(0.0).powf(Dual::new(0.5, 1.0)).tangent, 0.0);
+        assert_eq!(Dual::new(0.0_f64, 1.0).powf(still(0.5)).tangent, f64::INFINITY);
+        assert!(still(-2.0).powf(Dual::new(3.0, 1.0)).tangent.is_nan());
+        let second = Dual::new(Dual::new(0.0, 1.0), Dual::new(1.0, 0.0));
+        let square = second.powf(Dual::from_f64(2.0));
+        assert_eq!((square.tangent.value, square.tangent.tangent), (0.0, 2.0));
     }
 
     #[test]

@@ -88,10 +88,10 @@ pub fn for_each_item_mut<T: Send>(items: &mut [T], work: impl Fn(usize, &mut T) 
 /// # Panics
 /// Where one of `from` is shorter than `data`.
 #[inline]
-pub fn for_each_zipped_mut<T: Copy + Send + Sync, const N: usize>(
-    data: &mut [T],
+pub fn for_each_zipped_mut<D: Send, T: Copy + Sync, const N: usize>(
+    data: &mut [D],
     from: [&[T]; N],
-    work: impl Fn(&mut T, [T; N]) + Send + Sync,
+    work: impl Fn(&mut D, [T; N]) + Send + Sync,
 ) {
     for_each_piece_mut(data, ENTRIES_PER_PIECE, |k, piece| {
         let from = from.map(|entries| &entries[k * ENTRIES_PER_PIECE..][..piece.len()]);

@@ -9,8 +9,9 @@
 use std::sync::Arc;
 
 use crate::error::TensorError;
-use crate::ops::{mean_squared_error, squared_error};
+use crate::ops::{Padding, mean_squared_error, squared_error};
 use crate::scalar::Scalar;
+use crate::sparse::SparseMatrix;
 use crate::tape::Tape;
 use crate::tensor::Tensor;
 use crate::var::Var;
@@ -29,21 +30,46 @@ for_each_precision!(f32_operations: f32, f64_operations: f64);
 
 #[expect(clippy::eq_op, reason = "each operation once, on whatever is at hand")]
 fn every_operation<T: Scalar>(x: Var<'_, T>) -> Result<(), TensorError> {
-    let pairs = [x + x, x - x, x * x, x / x, x.minimum(x)?, x.maximum(x)?];
-    let entries = [x.exp(), x.ln(), x.sqrt(), x.powi(2), x.sin(), x.cos(), x.tanh()];
-    let further = [x.sigmoid(), x.softplus(), x.abs(), x.clamp(T::ZERO, T::ONE)?, -x];
+    let mask = x.is_less(x)?.and(&x.is_greater(x)?)?.or(&x.is_at_most(x)?)?;
+    let mask = mask.and(&x.is_at_least(x)?)?.and(&x.is_finite())?;
+    let pairs = [
+        x + x,
+        x - x,
+        x * x,
+        x / x,
+        x.pow(x)?,
+        x.minimum(x)?,
+        x.maximum(x)?,
+        mask.select(x, x)?,
+        x.dot(x, 0)?,
+        x.cross(x, 0)?,
+    ];
+    let entries = [x.exp(), x.ln(), x.sqrt(), x.powi(2), x.powf(T::ONE), x.sin(), x.cos()];
+    let further = [x.tanh(), x.sigmoid(), x.softplus(), x.relu(), x.abs(), -x];
     let sums = [
         x.sum(),
         x.sum_axis(0)?,
         x.mean()?,
         x.mean_axis(0)?,
+        x.cumulative_sum(0)?,
+        x.norm(0)?,
+        x.normalize(0)?,
         x.matmul(x)?,
+        SparseMatrix::new(0, 0, [])?.product(x)?,
         squared_error(x, x)?,
         mean_squared_error(x, x)?,
     ];
-    let parts =
-        [x.reshape([])?, x.permute(&[])?, x.slice(0, 0..0)?, x.gather_rows(&Arc::from([]))?];
+    let parts = [
+        x.clamp(T::ZERO, T::ONE)?,
+        x.reshape([])?,
+        x.keepdim(0)?,
+        x.permute(&[])?,
+        x.slice(0, 0..0)?,
+        x.pad(0, [0, 0], Padding::Clamp)?,
+        x.gather_rows(&Arc::from([]))?,
+        x.scatter_add_rows(&Arc::from([]), 0)?,
+    ];
     let all = [&pairs[..], &entries, &further, &sums, &parts].concat();
-    Var::concat(&all, 0)?.backward()?;
+    Var::stack(&[Var::concat(&all, 0)?], 0)?.backward()?;
     Ok(())
 }

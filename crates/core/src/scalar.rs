@@ -57,10 +57,16 @@ pub trait Scalar:
     fn sin(self) -> Self;
     /// Cosine of an angle in radians.
     fn cos(self) -> Self;
+    /// The angle of the point `(x, self)` from the x axis, in radians from -pi to pi; `self` is y.
+    /// At the origin it has no derivative.
+    fn atan2(self, x: Self) -> Self;
     /// Hyperbolic tangent.
     fn tanh(self) -> Self;
     /// Integer power.
     fn powi(self, exponent: i32) -> Self;
+    /// Power with an exponent that need not be whole: NaN below 0 where it is not, and 1 for
+    /// exponent 0.
+    fn powf(self, exponent: Self) -> Self;
     /// Absolute value.
     fn abs(self) -> Self;
     /// Whether neither infinite nor NaN.
@@ -134,11 +140,17 @@ macro_rules! scalar {
             fn cos(self) -> Self {
                 $t::cos(self)
             }
+            fn atan2(self, x: Self) -> Self {
+                $t::atan2(self, x)
+            }
             fn tanh(self) -> Self {
                 $t::tanh(self)
             }
             fn powi(self, exponent: i32) -> Self {
                 $t::powi(self, exponent)
+            }
+            fn powf(self, exponent: Self) -> Self {
+                $t::powf(self, exponent)
             }
             fn abs(self) -> Self {
                 $t::abs(self)

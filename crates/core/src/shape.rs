@@ -54,6 +54,13 @@ impl Shape {
         Self(axes)
     }
 
+    /// The shape with a new axis of `extent` before `axis`, or at the end.
+    pub(crate) fn with_new(&self, axis: usize, extent: usize) -> Self {
+        let mut axes = self.0.clone();
+        axes.insert(axis, extent);
+        Self(axes)
+    }
+
     /// The common shape of two shapes, aligned at their last axes, where an extent of 1 repeats;
     /// `None` where two extents differ and neither is 1.
     pub(crate) fn broadcast(&self, other: &Self) -> Option<Self> {

@@ -7,6 +7,7 @@ use smallvec::SmallVec;
 
 use crate::parallel::{ENTRIES_PER_PIECE, for_each_piece_mut};
 use crate::scalar::Scalar;
+use crate::shape::Shape;
 
 /// Entries that are brought beside each other before they are worked on: whole rows of two to six.
 const BLOCK: usize = 240;
@@ -25,8 +26,11 @@ impl<const N: usize> Walk<N> {
         let mut merged: SmallVec<[(usize, [usize; N]); 4]> = SmallVec::new();
         for (extent, strides) in axes.rev().filter(|&(extent, _)| extent != 1) {
             match merged.last_mut() {
-                Some((inner, inner_strides)) if strides == inner_strides.map(|s| s * *inner) => {
-                    *inner *= extent;
+                Some((inner, inner_strides))
+                    if strides == inner_strides.map(|s| s.saturating_mul(*inner)) =>
+                {
+                    // Too large where another extent is 0 and nothing is visited.
+                    *inner = inner.saturating_mul(extent);
                 }
                 _ => merged.push((extent, strides)),
             }
@@ -36,14 +40,32 @@ impl<const N: usize> Walk<N> {
 
     /// Calls `work(entry, [one of each array])` for each entry of `data`, which the walk goes
     /// through from end to end; entries may be worked on at the same time.
-    pub(crate) fn zip_mut<T: Scalar>(
+    pub(crate) fn zip_mut<D: Send, T: Scalar>(
         &self,
-        data: &mut [T],
+        data: &mut [D],
         from: [&[T]; N],
-        work: impl Fn(&mut T, [T; N]) + Send + Sync,
+        work: impl Fn(&mut D, [T; N]) + Send + Sync,
     ) {
         let columns = self.columns().max(1);
-        let rows = (ENTRIES_PER_PIECE / columns).max(1);
+        let rows = ENTRIES_PER_PIECE / columns;
+        if rows == 0 {
+            // A row has several pieces.
+            let steps = self.steps();
+            return self.rows_mut(data, |row, starts| {
+                let mut buffers = [[T::ZERO; BLOCK]; N];
+                for (k, row) in row.chunks_mut(BLOCK).enumerate() {
+                    let mut buffers = buffers.iter_mut();
+                    let from: [&[T]; N] = array::from_fn(|i| {
+                        let buffer = buffers.next().expect("there is one for each array");
+                        let from = &from[i][starts[i] + k * BLOCK * steps[i]..];
+                        brought(from, steps[i], &mut buffer[..row.len()])
+                    });
+                    for (k, entry) in row.iter_mut().enumerate() {
+                        work(entry, from.map(|from| from[k]));
+                    }
+                }
+            });
+        }
         // Either a block has several rows, or a row several blocks.
         let block_rows = (BLOCK / columns).max(1);
         for_each_piece_mut(data, rows * columns, |piece, data| {
@@ -86,14 +108,35 @@ impl<const N: usize> Walk<N> {
         let is_tiled = !is_whole && self.axes[1..].iter().all(|axis| axis.1[i] == 0);
         if is_first || !is_tiled {
             for (row, buffer) in (row..).zip(buffer.chunks_mut(columns)) {
-                let from = &from[self.start(row, i) + column * step..];
-                match step {
-                    0 => buffer.fill(from[0]),
-                    _ => buffer.iter_mut().enumerate().for_each(|(k, to)| *to = from[k * step]),
-                }
+                bring(&from[self.start(row, i) + column * step..], step, buffer);
             }
         }
         buffer
+    }
+
+    /// Calls `work(row, starts)` for each row of `data` along the innermost axis, whole or in parts;
+    /// `starts` is where the row begins in each array, and [`Walk::steps`] how far its entries lie apart
+    /// there. The walk goes through `data` from end to end; rows may be worked on at the same time.
+    pub(crate) fn rows_mut<D: Send>(
+        &self,
+        data: &mut [D],
+        work: impl Fn(&mut [D], [usize; N]) + Send + Sync,
+    ) {
+        let (columns, steps) = (self.columns().max(1), self.steps());
+        // Either a piece has several rows, or a row several pieces.
+        let piece = match ENTRIES_PER_PIECE / columns {
+            0 => ENTRIES_PER_PIECE,
+            rows => rows * columns,
+        };
+        for_each_piece_mut(data, piece, |k, mut data| {
+            let (mut row, mut column) = (k * piece / columns, k * piece % columns);
+            while !data.is_empty() {
+                let (head, rest) = data.split_at_mut((columns - column).min(data.len()));
+                let start = self.row(row);
+                work(head, array::from_fn(|i| start[i] + column * steps[i]));
+                (row, column, data) = (row + 1, 0, rest);
+            }
+        });
     }
 
     /// Innermost first: the extent of an axis, and how far one step along it moves in each array.
@@ -104,6 +147,43 @@ impl<const N: usize> Walk<N> {
     /// The length of the innermost axis.
     fn columns(&self) -> usize {
         self.axes.first().map_or(1, |&(extent, _)| extent)
+    }
+
+    /// The number of positions.
+    pub(crate) fn size(&self) -> usize {
+        let extents = || self.axes.iter().map(|&(extent, _)| extent);
+        if extents().any(|extent| extent == 0) { 0 } else { extents().product() }
+    }
+
+    /// How far a step along the innermost axis moves in each array.
+    pub(crate) fn steps(&self) -> [usize; N] {
+        self.axes.first().map_or([0; N], |&(_, steps)| steps)
+    }
+
+    /// The k-th position in each array.
+    #[inline]
+    pub(crate) fn at(&self, k: usize) -> [usize; N] {
+        match *self.axes {
+            [] => [0; N],
+            [(_, steps)] => steps.map(|step| k * step),
+            [(columns, steps), ..] => {
+                let (start, column) = (self.row(k / columns), k % columns);
+                array::from_fn(|i| start[i] + column * steps[i])
+            }
+        }
+    }
+
+    /// Where row `row` starts in each array.
+    #[inline]
+    fn row(&self, mut row: usize) -> [usize; N] {
+        match self.axes.get(1..).unwrap_or_default() {
+            [(_, strides)] => strides.map(|stride| row * stride),
+            outer => outer.iter().fold([0; N], |start, &(extent, strides)| {
+                let index = row % extent;
+                row /= extent;
+                array::from_fn(|i| start[i] + index * strides[i])
+            }),
+        }
     }
 
     /// Where row `row` starts in array `i`.
@@ -154,6 +234,33 @@ impl<const N: usize> Walk<N> {
     }
 }
 
+/// Fills `buffer` with every `step`-th of `from`, or with its first entry where the step is 0.
+fn bring<T: Copy>(from: &[T], step: usize, buffer: &mut [T]) {
+    match step {
+        0 => buffer.fill(from[0]),
+        _ => buffer.iter_mut().enumerate().for_each(|(k, to)| *to = from[k * step]),
+    }
+}
+
+/// Every `step`-th of `from`: where they lie, if they are in one piece, otherwise in `buffer`, as many as
+/// it holds.
+fn brought<'a, T: Copy>(from: &'a [T], step: usize, buffer: &'a mut [T]) -> &'a [T] {
+    if step == 1 {
+        return &from[..buffer.len()];
+    }
+    bring(from, step, buffer);
+    buffer
+}
+
+/// The axes of the first shape, outermost first, and how far one step along each moves in arrays of all
+/// of the shapes.
+pub(crate) fn axes<const N: usize>(
+    shapes: [&Shape; N],
+) -> impl DoubleEndedIterator<Item = (usize, [usize; N])> + ExactSizeIterator + Clone {
+    let strides = shapes.map(|shape| shape.strides_in(shapes[0]));
+    (0..shapes[0].rank()).map(move |axis| (shapes[0][axis], array::from_fn(|i| strides[i][axis])))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -194,6 +301,29 @@ mod tests {
                 walk.zip_mut(&mut sums, [&numbers, &numbers], |sum, [k, at]| *sum += k + 0.25 * at);
                 walk.for_each(|[k, at]| {
                     assert_eq!(sums[k], 0.5 + (k as f64) + 0.25 * at as f64, "{strides:?} {k}");
+                });
+            }
+        }
+    }
+
+    #[test]
+    fn rows_and_positions_are_those_of_the_walk() {
+        for [a, b, c] in [[1, 1, 1], [7, 90, 2], [5, 3, 9000], [1, 1, 40_000], [3, 1, 20_000]] {
+            let full = [b * c, c, 1];
+            for strides in [full, [0, 0, 1], [1, a, a * b], [0, 1, 0], [b, 1, 0]] {
+                let walk = Walk::new((0..3).map(|k| ([a, b, c][k], [full[k], strides[k]])));
+                let mut seen = vec![usize::MAX; a * b * c];
+                let steps = walk.steps();
+                walk.rows_mut(&mut seen, |row, [k, at]| {
+                    for (column, seen) in row.iter_mut().enumerate() {
+                        // The position in the array itself is where the entry is.
+                        *seen = (at + column * steps[1]) + 1000 * (k + column * steps[0]);
+                    }
+                });
+                assert_eq!(walk.size(), seen.len());
+                walk.for_each(|[k, at]| {
+                    assert_eq!(seen[k], at + 1000 * k, "{strides:?} {k}");
+                    assert_eq!(walk.at(k), [k, at], "{strides:?} {k}");
                 });
             }
         }

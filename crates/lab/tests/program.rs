@@ -60,7 +60,7 @@ fn every_row_of_the_grid_passes_and_is_printed_kept_and_added_to_a_report() {
     });
     let said = text(&printed.stdout);
     assert_eq!((printed.status.code(), text(&printed.stderr)), (Some(0), String::new()), "{said}");
-    assert!(said.contains("ok    2 f64 empty image"), "{said}");
+    assert!(said.contains("ok     2 f64 empty image"), "{said}");
     assert!(said.contains("error 0.0e0, bound 0.0e0") && said.contains(" passed, 0 failed"));
     assert!(said.lines().all(|line| line.chars().count() <= 80), "{said}");
     assert_eq!(files(folder.path()), ["grid.json", "made/stability.html"]);

@@ -39,20 +39,32 @@ pub fn composite<'t, T: Scalar>(
     fragments: &Fragments<'t, T>,
     background: Background<'t, T>,
 ) -> Result<Composite<'t, T>, RenderError> {
-    let tape = values.tape();
-    let coverage = fragments.checked_coverage(NAME, tape)?;
-    let channels = checked_channels(NAME, values, coverage.count())?;
-    let backdrop = background.behind(NAME, tape, coverage.size(), channels)?;
-    let (mut values, mut rim) = (values, None);
-    if let Some(weight) = fragments.weight {
-        let op = MixPieces { coverage: Arc::clone(&coverage), kind: backdrop.kind };
-        values = tape.apply(op, &[values, weight, backdrop.values])?;
-        rim = Some(Arc::clone(&coverage.boundary.pixels));
-    }
-    Ok(Composite(Picture { values, backdrop, clip: fragments.clip, coverage, rim }))
+    Composite::of_values(values, fragments, background)
 }
 
 impl<'t, T: Scalar> Composite<'t, T> {
+    /// [`composite`], for other operations.
+    ///
+    /// # Errors
+    /// As [`composite`].
+    pub(crate) fn of_values(
+        values: Var<'t, T>,
+        fragments: &Fragments<'t, T>,
+        background: Background<'t, T>,
+    ) -> Result<Self, RenderError> {
+        let tape = values.tape();
+        let coverage = fragments.checked_coverage(NAME, tape)?;
+        let channels = checked_channels(NAME, values, coverage.count())?;
+        let backdrop = background.behind(NAME, tape, coverage.size(), channels)?;
+        let (mut values, mut rim) = (values, None);
+        if let Some(weight) = fragments.weight {
+            let op = MixPieces { coverage: Arc::clone(&coverage), kind: backdrop.kind };
+            values = tape.apply(op, &[values, weight, backdrop.values])?;
+            rim = Some(Arc::clone(&coverage.boundary.pixels));
+        }
+        Ok(Self(Picture { values, backdrop, clip: fragments.clip, coverage, rim }))
+    }
+
     /// The picture of a dense `image: [H, W, C]`, for whoever shades images before they are
     /// antialiased: its covered pixels are values, and all others an image in the background. It costs
     /// two copies of the image where [`composite`] costs nothing. The image must not have been
@@ -74,7 +86,7 @@ impl<'t, T: Scalar> Composite<'t, T> {
         }
         let pixels: Arc<[u32]> = coverage.pixels().map(|pixel| pixel as u32).collect();
         let values = image.reshape([size.pixels(), channels])?.gather_rows(&pixels)?;
-        composite(values, fragments, Background::Image(image))
+        Self::of_values(values, fragments, Background::Image(image))
     }
 }
 

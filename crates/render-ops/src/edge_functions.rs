@@ -101,12 +101,6 @@ impl<S: Scalar<Wide = S>> LocalFace<S> {
         (0..3).map(|i| self.vertices[i].w * self.coefficients[i][0]).sum()
     }
 
-    /// [`depth_and_w`] of the face.
-    #[inline(always)]
-    pub(crate) fn depth_and_w(&self, a: [S; 3]) -> [S; 2] {
-        depth_and_w(&self.vertices, a)
-    }
-
     /// Where the centre of pixel `pixel` lies from the origin.
     #[inline(always)]
     pub(crate) fn place(&self, pixel: usize, size: Size) -> [S; 2] {

@@ -1,5 +1,7 @@
 //! What a caller can get wrong with rendering operations.
 
+use std::borrow::Cow;
+
 use bokashi_core::{Shape, TensorError};
 
 use crate::size::Size;
@@ -147,10 +149,10 @@ pub enum RenderError {
         given: Size,
     },
 
-    /// An index buffer has another number of faces than the mesh that was rasterized.
-    #[error("attribute indices need one face per rasterized face, {expected}, got {given}")]
+    /// An index buffer has another number of faces than the mesh that it goes with.
+    #[error("indices need one face per face of the mesh, {expected}, got {given}")]
     FaceCount {
-        /// Faces of the mesh that was rasterized.
+        /// Faces of the mesh.
         expected: usize,
         /// Faces of the index buffer.
         given: usize,
@@ -224,6 +226,26 @@ pub enum RenderError {
         /// The value given.
         value: f64,
     },
+}
+
+impl RenderError {
+    /// A number that breaks an operation's rule.
+    pub(crate) fn of_value(
+        operation: &'static str,
+        rule: impl Into<Cow<'static, str>>,
+        value: f64,
+    ) -> Self {
+        TensorError::Value { operation, rule: rule.into(), value }.into()
+    }
+
+    /// A shape that breaks an operation's rule.
+    pub(crate) fn of_shape(
+        operation: &'static str,
+        rule: impl Into<String>,
+        shape: &Shape,
+    ) -> Self {
+        Self::Shape { operation, rule: rule.into(), shape: shape.clone() }
+    }
 }
 
 /// Here, and not with the rest of [`Size`]: an error holds one.

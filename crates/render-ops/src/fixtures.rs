@@ -38,3 +38,24 @@ pub(crate) fn many_faces() -> Arc<Coverage> {
     let fragments = rasterize(clip, &mesh.unwrap(), Size { width: 300, height: 200 }).unwrap();
     Arc::clone(&fragments.coverage)
 }
+
+/// Numbers in [-1/2, 1/2] of which no two are alike.
+pub(crate) fn number(k: usize) -> f64 {
+    ((k * 7919 + 13) % 1009) as f64 / 1009.0 - 0.5
+}
+
+/// The positions `[V, 3]` and the faces of a bent sheet of `columns` by `rows` quads.
+pub(crate) fn bent_sheet(columns: usize, rows: usize) -> (Vec<f64>, Vec<[u32; 3]>) {
+    let (mut positions, mut faces) = (Vec::new(), Vec::new());
+    for k in 0..(columns + 1) * (rows + 1) {
+        let [column, row] = [k % (columns + 1), k / (columns + 1)];
+        let [x, y] = [column as f64 / columns as f64, row as f64 / rows as f64];
+        let bump = 0.3 * (3.0 * x).sin() * (2.0 * y).cos();
+        positions.extend([x - 0.4, y + 0.2, bump].map(|at| at + 0.02 * number(k)));
+        if column < columns && row < rows {
+            let [below, above] = [k, k + columns + 1].map(|vertex| vertex as u32);
+            faces.extend([[below, below + 1, above + 1], [below, above + 1, above]]);
+        }
+    }
+    (positions, faces)
+}

@@ -6,7 +6,7 @@
 use std::fmt;
 use std::sync::Arc;
 
-use bokashi_core::{Scalar, Tape, TensorError, Var};
+use bokashi_core::{Scalar, Tape, Tensor, TensorError, Var};
 
 use crate::coverage::Coverage;
 use crate::error::RenderError;
@@ -79,13 +79,62 @@ impl<'t, T: Scalar> Fragments<'t, T> {
     }
 }
 
+impl<T: Scalar> Fragments<'_, T> {
+    /// The fragments without their tape, for other steps and other tapes: of geometry that does not
+    /// change, which need be rasterized once. It copies nothing.
+    pub fn still(&self) -> StillFragments<T> {
+        StillFragments {
+            barycentrics: self.barycentrics.value(),
+            weight: self.weight.map(Var::value),
+            clip: self.clip.value(),
+            coverage: Arc::clone(&self.coverage),
+        }
+    }
+}
+
+/// The fragments of geometry that does not change, which outlive a step: see [`Fragments::still`].
+#[derive(Clone)]
+pub struct StillFragments<T: Scalar> {
+    barycentrics: Tensor<T>,
+    weight: Option<Tensor<T>>,
+    clip: Tensor<T>,
+    coverage: Arc<Coverage>,
+}
+
+impl<T: Scalar> fmt::Debug for StillFragments<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("StillFragments").field("coverage", &self.coverage).finish_non_exhaustive()
+    }
+}
+
+impl<T: Scalar> StillFragments<T> {
+    /// The fragments on `tape`, as constants: every operation takes them, and none computes a gradient
+    /// of the geometry. It copies nothing.
+    pub fn on<'t>(&self, tape: &'t Tape<T>) -> Fragments<'t, T> {
+        Fragments {
+            barycentrics: tape.constant(&self.barycentrics),
+            weight: self.weight.as_ref().map(|weight| tape.constant(weight)),
+            clip: tape.constant(&self.clip),
+            coverage: Arc::clone(&self.coverage),
+        }
+    }
+
+    /// Which face each fragment lies on, and which pixel it belongs to.
+    pub fn coverage(&self) -> &Arc<Coverage> {
+        &self.coverage
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use bokashi_core::Tensor;
+    use std::thread;
 
     use super::*;
+    use crate::antialias::antialias;
     use crate::background::Background;
     use crate::composite::composite;
+    use crate::depth::depth;
+    use crate::eye_depth::eye_depth;
     use crate::interpolate::interpolate;
     use crate::mesh::Mesh;
     use crate::rasterize::{RasterOptions, Sampling, rasterize};
@@ -96,6 +145,54 @@ mod tests {
         let clip = tape.leaf(&Tensor::new([3, 4], clip.to_vec()).unwrap());
         let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
         (clip, rasterize(clip, &mesh, Size::square(6)).unwrap())
+    }
+
+    /// What every operation makes of fragments, and the gradient of the colours.
+    fn drawn(fragments: &Fragments<'_, f64>) -> Vec<Tensor<f64>> {
+        let tape = fragments.clip.tape();
+        let colors = tape.leaf(&Tensor::from([[0.1, 0.5], [0.9, 0.2], [0.4, 0.7]]));
+        let eye = eye_depth(fragments).unwrap();
+        let surface = interpolate(colors, fragments).unwrap();
+        let picture = composite(surface, fragments, Background::Zero).unwrap();
+        let image = match fragments.weight {
+            None => antialias(picture).unwrap().image().unwrap(),
+            Some(_) => picture.image().unwrap(),
+        };
+        let gradients = image.square().sum().backward().unwrap();
+        vec![
+            image.value(),
+            depth(fragments).unwrap().value(),
+            eye.values().value(),
+            eye.image(fragments, 5.0).unwrap().distances().value(),
+            gradients.get(colors).unwrap().clone(),
+        ]
+    }
+
+    #[test]
+    fn still_fragments_are_the_same_to_every_operation_on_later_steps_and_other_tapes() {
+        for sampling in [Sampling::Center, Sampling::Exact] {
+            let mut tape = Tape::new();
+            let (still, expected) = {
+                let (clip, whole) = fragments(&tape);
+                let options = RasterOptions::new(Size::square(6)).sampling(sampling);
+                let fragments = rasterize(clip, whole.coverage.mesh(), options).unwrap();
+                (fragments.still(), drawn(&fragments))
+            };
+            for _ in 0..2 {
+                tape.reset();
+                // What the step before has left is written over, but for what is still held.
+                let (clip, whole) = fragments(&tape);
+                let options = RasterOptions::new(Size::square(5)).sampling(sampling);
+                rasterize(clip * 0.7, whole.coverage.mesh(), options).unwrap();
+                let again = still.on(&tape);
+                assert!(!again.clip.needs_gradient() && !again.barycentrics.needs_gradient());
+                assert_eq!(drawn(&again), expected);
+            }
+            let elsewhere = still.clone();
+            let there = thread::spawn(move || drawn(&elsewhere.on(&Tape::new())));
+            assert_eq!(there.join().unwrap(), expected);
+            assert!(Arc::ptr_eq(still.coverage(), &still.on(&Tape::new()).coverage));
+        }
     }
 
     #[test]

@@ -475,9 +475,6 @@ mod tests {
         let single = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
         let attributes = tape.leaf(&Tensor::zeros([3, 1]));
         let error = interpolate_indexed(attributes, &single, &fragments).unwrap_err();
-        assert_eq!(
-            error.to_string(),
-            "attribute indices need one face per rasterized face, 2, got 1"
-        );
+        assert_eq!(error.to_string(), "indices need one face per face of the mesh, 2, got 1");
     }
 }

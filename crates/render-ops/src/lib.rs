@@ -28,6 +28,7 @@
 //! ```
 
 mod antialias;
+mod assembly;
 mod attributes;
 mod background;
 mod border;
@@ -35,14 +36,23 @@ mod boundary;
 pub mod camera;
 mod composite;
 mod composite_layers;
+mod copy;
+mod corner_sums;
+mod corners;
 mod coverage;
 mod depth;
+mod depth_image;
 mod depth_of_field;
 mod differentials;
-mod direction;
+mod downsample;
 mod edge_functions;
 mod error;
+mod eye_depth;
+mod face_normals;
+mod face_quotients;
 mod face_sums;
+mod facet;
+mod filter;
 #[cfg(test)]
 mod fixtures;
 mod fragments;
@@ -51,37 +61,56 @@ mod homogeneous;
 mod image;
 mod interpolate;
 mod interpolate_differentials;
+mod matrix;
 mod mesh;
 mod mipmaps;
+mod moments;
 mod over;
+mod perturbed_normals;
 mod picture;
 mod pixel_loss;
 #[cfg(feature = "precompiled")]
 #[doc(hidden)]
 pub mod precompiled;
 mod project;
+mod project_instances;
+mod projection;
 mod rasterize;
 mod reference;
 mod rotation;
+mod rows;
 mod runs;
+mod scratch;
 mod shading;
 mod size;
 mod squared_error;
+mod tangents;
 mod taps;
 mod texture;
+mod transform_normals;
+mod transform_points;
+mod vector;
+mod vertex_normals;
 
 pub use antialias::antialias;
+pub use assembly::{Assembly, Place};
 pub use background::Background;
 pub use border::Border;
 pub use boundary::BoundaryCounts;
+pub use camera::{affine_inverse, distort, orthographic, pinhole, rigid, se3};
 pub use composite::composite;
 pub use composite_layers::{Layer, composite_layers};
 pub use coverage::{Coverage, Culled};
 pub use depth::depth;
-pub use depth_of_field::{Focused, Lens, depth_of_field};
+pub use depth_image::DepthImage;
+pub use depth_of_field::{Focused, Lens, LensOptions, depth_of_field};
 pub use differentials::differentials;
+pub use downsample::downsample;
 pub use error::RenderError;
-pub use fragments::Fragments;
+pub use eye_depth::{EyeDepth, eye_depth};
+pub use face_normals::face_normals;
+pub use filter::{CustomFilter, Filter};
+pub use fragments::{Fragments, StillFragments};
 pub use gaussian_blur::gaussian_blur;
 /// The matrices, vectors and quaternions that cameras and poses are made of.
 pub use glam;
@@ -89,15 +118,22 @@ pub use interpolate::{interpolate, interpolate_indexed};
 pub use interpolate_differentials::{interpolate_differentials, interpolate_differentials_indexed};
 pub use mesh::{Adjacency, Mesh};
 pub use over::over;
+pub use perturbed_normals::perturbed_normals;
 pub use picture::{Composite, Picture};
 pub use pixel_loss::PixelLoss;
 pub use project::{Pose, project};
+pub use project_instances::project_instances;
+pub use projection::Camera;
 pub use rasterize::{Cull, RasterOptions, Sampling, depth_layers, rasterize, rasterize_behind};
 pub use reference::Reference;
 pub use shading::{LEAST_ROUGHNESS, Light, Material, Surface, shade};
 pub use size::Size;
+pub use tangents::tangents;
 pub use taps::{Blur, Kernel, Radius};
 pub use texture::{
     CubeMap, Detail, MOST_PROBES, Sampler, Texture, TextureBorder, TextureFilter, sample_cube_map,
     sample_texture,
 };
+pub use transform_normals::transform_normals;
+pub use transform_points::transform_points;
+pub use vertex_normals::{Weighting, vertex_normals};

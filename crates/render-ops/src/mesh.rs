@@ -2,12 +2,14 @@
 
 use std::sync::{Arc, OnceLock};
 
+use crate::corners::Corners;
 use crate::error::RenderError;
 
 /// The faces of a triangle mesh: for each face the indices of its three vertices.
 ///
 /// Serves as the index buffer of positions and, with its own vertex count, of attributes. Cheap to
-/// clone: clones share the faces and the adjacency, which is built once, when first asked for.
+/// clone: clones share the faces, the adjacency and the corners at each vertex. These are built once,
+/// when first asked for.
 #[derive(Debug, Clone)]
 pub struct Mesh(Arc<Inner>);
 
@@ -16,6 +18,7 @@ struct Inner {
     faces: Vec<[u32; 3]>,
     vertex_count: usize,
     adjacency: OnceLock<Adjacency>,
+    corners: OnceLock<Corners>,
     /// Per face: a bit for each corner whose edge is a seam; empty where there is none.
     seams: Vec<u8>,
 }
@@ -40,8 +43,37 @@ impl Mesh {
                 return Err(RenderError::FaceIndex { face, index, vertex_count });
             }
         }
-        let (adjacency, seams) = (OnceLock::new(), Vec::new());
-        Ok(Self(Arc::new(Inner { faces, vertex_count, adjacency, seams })))
+        let (adjacency, corners, seams) = (OnceLock::new(), OnceLock::new(), Vec::new());
+        Ok(Self(Arc::new(Inner { faces, vertex_count, adjacency, corners, seams })))
+    }
+
+    /// The faces of several meshes one after another, each with the index of its first vertex among
+    /// `vertex_count`, which has to be so large that its vertices fit. Their seams stay seams.
+    ///
+    /// # Errors
+    /// [`RenderError::MeshSize`] for 2^31 faces or vertices and more.
+    pub(crate) fn joined<'a>(
+        parts: impl Iterator<Item = (&'a Self, usize)> + Clone,
+        vertex_count: usize,
+    ) -> Result<Self, RenderError> {
+        let limit = 1_usize << 31;
+        let count = |sum: usize, (mesh, _): (&Self, usize)| sum.saturating_add(mesh.faces().len());
+        for given in [parts.clone().fold(0, count), vertex_count] {
+            if given >= limit {
+                return Err(RenderError::MeshSize { given });
+            }
+        }
+        let faces = parts.clone().flat_map(|(mesh, first)| {
+            mesh.faces().iter().map(move |face| face.map(|vertex| vertex + first as u32))
+        });
+        let faces = faces.collect();
+        let has_seams = parts.clone().any(|(mesh, _)| !mesh.0.seams.is_empty());
+        let seams_of = |(mesh, _): (&'a Self, usize)| {
+            (0..mesh.faces().len()).map(|face| mesh.0.seams.get(face).copied().unwrap_or_default())
+        };
+        let seams = if has_seams { parts.flat_map(seams_of).collect() } else { Vec::new() };
+        let (adjacency, corners) = (OnceLock::new(), OnceLock::new());
+        Ok(Self(Arc::new(Inner { faces, vertex_count, adjacency, corners, seams })))
     }
 
     /// The same mesh with seams. `is_seam(face, corner)` says whether the edge that faces a corner
@@ -65,10 +97,10 @@ impl Mesh {
                 })
         };
         let of_face = |face| (0..3).map(|corner| u8::from(is_seam(face, corner)) << corner).sum();
-        let Inner { faces, vertex_count, adjacency, .. } = &*self.0;
+        let Inner { faces, vertex_count, adjacency, corners, .. } = &*self.0;
         let (faces, vertex_count, adjacency) = (faces.clone(), *vertex_count, adjacency.clone());
-        let seams = (0..faces.len()).map(of_face).collect();
-        Self(Arc::new(Inner { faces, vertex_count, adjacency, seams }))
+        let (corners, seams) = (corners.clone(), (0..faces.len()).map(of_face).collect());
+        Self(Arc::new(Inner { faces, vertex_count, adjacency, corners, seams }))
     }
 
     /// Whether a face says that its edge facing a corner is a seam.
@@ -104,9 +136,19 @@ impl Mesh {
         self.0.vertex_count
     }
 
+    /// Whether both are clones of one mesh.
+    pub(crate) fn is(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+
     /// Which faces share an edge.
     pub fn adjacency(&self) -> &Adjacency {
         self.0.adjacency.get_or_init(|| Adjacency::of(&self.0.faces))
+    }
+
+    /// Which corners stand at each vertex.
+    pub(crate) fn corners(&self) -> &Corners {
+        self.0.corners.get_or_init(|| Corners::of(&self.0.faces, self.0.vertex_count))
     }
 }
 
@@ -240,10 +282,11 @@ mod tests {
     }
 
     #[test]
-    fn clones_share_the_adjacency() {
+    fn clones_share_the_adjacency_and_the_corners() {
         let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
         let clone = mesh.clone();
         assert!(std::ptr::eq(mesh.adjacency(), clone.adjacency()));
+        assert!(std::ptr::eq(mesh.corners(), clone.corners()));
     }
 
     #[test]

@@ -6,19 +6,36 @@ use glam::DMat4;
 
 use crate::antialias::antialias;
 use crate::background::Background;
+use crate::border::Border;
+use crate::camera::{affine_inverse, distort, orthographic, pinhole, rigid, se3};
 use crate::composite::composite;
+use crate::composite_layers::{Layer, composite_layers};
 use crate::depth::depth;
-use crate::depth_of_field::{Lens, depth_of_field};
+use crate::depth_of_field::{Lens, LensOptions, depth_of_field};
+use crate::differentials::differentials;
+use crate::downsample::downsample;
 use crate::error::RenderError;
+use crate::eye_depth::eye_depth;
+use crate::face_normals::face_normals;
+use crate::filter::Filter;
 use crate::gaussian_blur::gaussian_blur;
 use crate::interpolate::interpolate;
+use crate::interpolate_differentials::interpolate_differentials;
 use crate::mesh::Mesh;
+use crate::over::over;
+use crate::perturbed_normals::perturbed_normals;
 use crate::pixel_loss::PixelLoss;
 use crate::project::{Pose, project};
+use crate::project_instances::project_instances;
 use crate::rasterize::rasterize;
 use crate::reference::Reference;
 use crate::size::Size;
+use crate::tangents::tangents;
 use crate::taps::Blur;
+use crate::texture::{CubeMap, Detail, Sampler, Texture, sample_cube_map, sample_texture};
+use crate::transform_normals::transform_normals;
+use crate::transform_points::transform_points;
+use crate::vertex_normals::{Weighting, vertex_normals};
 
 macro_rules! for_each_precision {
     ($($name:ident: $t:ty),*) => {
@@ -32,13 +49,38 @@ for_each_precision!(f32_operations: f32, f64_operations: f64);
 
 fn every_operation<T: Scalar>(x: Var<'_, T>) -> Result<(), RenderError> {
     let mesh = Mesh::new(Vec::new(), 0)?;
-    let clip = project(x, &DMat4::IDENTITY, Some(Pose { rotation: x, translation: x }))?;
+    let intrinsics =
+        pinhole(x, Size::square(1), 0.1, 1.0)? + orthographic(x, Size::square(1), 0.1, 1.0)?;
+    let view = affine_inverse(rigid(x, x)?.matmul(se3(x, &DMat4::IDENTITY)?)?)?;
+    let points = distort(transform_points(x, view)?, x)?;
+    let pose = Some(Pose { rotation: x, translation: x });
+    let clip = project(points, intrinsics, pose)? + project(points, &DMat4::IDENTITY, pose)?;
+    let clip = clip + project_instances(points, x, intrinsics)?;
     let fragments = rasterize(clip, &mesh, Size::square(1))?;
+    let slopes = differentials(&fragments)?;
     let values = interpolate(x, &fragments)? + depth(&fragments)?;
+    let detail = Detail::Differentials {
+        differentials: interpolate_differentials(x, &fragments, slopes)?,
+        bias: Some(x),
+    };
+    let samples = [
+        sample_texture(&Texture::with_mipmaps(x)?, x, detail, Sampler::new())?,
+        sample_cube_map(&CubeMap::with_mipmaps(x)?, x, detail, Sampler::new())?,
+    ];
+    let layer = Layer { fragments: &fragments, premultiplied: values, alpha: samples[0] };
+    composite_layers(&[layer], Background::Zero)?;
+    over(samples[0], samples[1])?;
     let picture = antialias(composite(values, &fragments, Background::Color(x))?)?;
     picture.squared_error(&Reference::new(&x.value(), &x.value())?)?;
     picture.loss(&PixelLoss::new(&x.value(), &x.value(), |x, _| Ok(x))?)?;
     let image = gaussian_blur(picture.image()?, x, &Blur::default())?;
-    depth_of_field(image, x, x, x, &Lens::default())?;
+    let distances = eye_depth(&fragments)?.image(&fragments, 1.0)?;
+    let lens = Lens { aperture: x, focus: x };
+    depth_of_field(image, distances, lens, &LensOptions::default())?;
+    downsample(image, 1, &Filter::Mitchell, Border::Mirror)?;
+    face_normals(x, &mesh)?;
+    let normals = vertex_normals(x, &mesh, Weighting::Area)?;
+    let tangents = tangents(x, transform_normals(normals, x)?, x, &mesh, &mesh)?;
+    perturbed_normals(normals, tangents, x)?;
     Ok(())
 }

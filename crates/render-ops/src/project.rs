@@ -7,8 +7,9 @@
 //! `A = N R`, `b = N t + m`.
 //!
 //! # Backward
-//! `p_bar_i = A^T clip_bar_i`; `A_bar = sum_i clip_bar_i p_i^T`, `R_bar = N^T A_bar`;
-//! `t_bar = N^T sum_i clip_bar_i`. It is smooth everywhere.
+//! `p_bar_i = A^T clip_bar_i`; `A_bar = sum_i clip_bar_i p_i^T`, `b_bar = sum_i clip_bar_i`;
+//! `R_bar = N^T A_bar`; `t_bar = N^T b_bar`; `N_bar = A_bar R^T + b_bar t^T`, `m_bar = b_bar`. It is
+//! smooth everywhere.
 //!
 //! # Source
 //! Laine et al., *Modular primitives for high-performance differentiable rendering*, ACM TOG 39(6),
@@ -16,9 +17,12 @@
 
 use bokashi_core::parallel::for_each_piece_mut;
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
-use glam::DMat4;
+use smallvec::SmallVec;
 
 use crate::error::RenderError;
+use crate::matrix::{self, Matrix4};
+use crate::moments::{POINTS_PER_PIECE, moments, sum};
+use crate::projection::{self, CAMERA_RULE, Camera};
 use crate::rotation::{self, Matrix3};
 
 /// Where an object is: turned about its origin, then moved.
@@ -32,64 +36,71 @@ pub struct Pose<'t, T: Scalar> {
 
 /// Positions `[V, 3]` in clip space `[V, 4]`: `camera` times the posed positions.
 ///
-/// The camera matrix maps to OpenGL clip space: visible where `w > 0` and `-w <= x, y, z <= w`
-/// (`glam::dcamera::rh::proj::opengl::perspective` times a view matrix).
+/// The camera is a fixed `&DMat4`, or a variable `[4, 4]`, which then has a gradient. It maps to OpenGL
+/// clip space, visible where `w > 0` and `-w <= x, y, z <= w`:
+/// [`camera::perspective`](crate::camera::perspective) times a view matrix, or
+/// [`pinhole`](crate::pinhole()) times an OpenCV view matrix.
 ///
 /// # Errors
-/// [`RenderError::Shape`] unless positions are `[V, 3]`, the rotation `[4]` and the translation
-/// `[3]`; [`RenderError::Camera`] for a matrix entry that is not finite;
-/// [`RenderError::Rotation`] for a quaternion that is zero or not finite.
-#[inline(never)]
+/// - [`RenderError::Shape`] unless positions are `[V, 3]`, the rotation `[4]`, the translation `[3]`, and
+///   a variable camera `[4, 4]`.
+/// - [`RenderError::Camera`] for a matrix entry that is not finite.
+/// - [`RenderError::Rotation`] for a quaternion that is zero or not finite.
 pub fn project<'t, T: Scalar>(
     positions: Var<'t, T>,
-    camera: &DMat4,
+    camera: impl Into<Camera<'t, T>>,
     pose: Option<Pose<'t, T>>,
 ) -> Result<Var<'t, T>, RenderError> {
-    let columns = camera.to_cols_array_2d();
-    for (column, entries) in columns.iter().enumerate() {
-        if let Some(row) = entries.iter().position(|entry| !entry.is_finite()) {
-            return Err(RenderError::Camera { row, column, value: entries[row] });
-        }
-    }
-    let camera =
-        std::array::from_fn(|row| std::array::from_fn(|k| T::Wide::from_f64(columns[k][row])));
-    let op = Project { camera };
-    match pose {
-        None => positions.tape().apply(op, &[positions]),
-        Some(Pose { rotation, translation }) => {
-            positions.tape().apply(op, &[positions, rotation, translation])
-        }
-    }
+    record(positions, camera.into(), pose)
 }
 
-/// Vertices in one piece of work.
-const ROWS_PER_PIECE: usize = 1 << 13;
+/// [`project()`], compiled once.
+#[inline(never)]
+fn record<'t, T: Scalar>(
+    positions: Var<'t, T>,
+    camera: Camera<'t, T>,
+    pose: Option<Pose<'t, T>>,
+) -> Result<Var<'t, T>, RenderError> {
+    let (fixed, variable) = match camera {
+        Camera::Fixed(matrix) => (Some(projection::rows(&matrix)?), None),
+        Camera::Variable(matrix) => (None, Some(matrix)),
+    };
+    let pose = pose.map(|Pose { rotation, translation }| [rotation, translation]);
+    let op = Project { fixed, is_posed: pose.is_some() };
+    let inputs = std::iter::once(positions).chain(pose.into_iter().flatten()).chain(variable);
+    positions.tape().apply(op, &inputs.collect::<SmallVec<[_; 4]>>())
+}
 
-/// Inputs: positions `[V, 3]`, and with a pose rotation `[4]` and translation `[3]`.
+/// Inputs: positions `[V, 3]`, with a pose rotation `[4]` and translation `[3]`, and a variable camera
+/// `[4, 4]`.
 struct Project<S> {
-    /// By rows.
-    camera: [[S; 4]; 4],
+    fixed: Option<Matrix4<S>>,
+    is_posed: bool,
 }
 
-impl<S: Scalar<Wide = S>> Project<S> {
-    /// A, by rows.
-    fn linear(&self, rotation: Option<&[impl Scalar<Wide = S>]>) -> [[S; 3]; 4] {
-        let rotation = rotation.map(|q| rotation::matrix(widened(q)));
-        self.camera.map(|[x, y, z, _]| match rotation {
-            None => [x, y, z],
-            Some(r) => std::array::from_fn(|k| x * r[0][k] + y * r[1][k] + z * r[2][k]),
-        })
-    }
+/// A, by rows.
+fn linear<S: Scalar>(camera: &Matrix4<S>, rotation: Option<&Matrix3<S>>) -> [[S; 3]; 4] {
+    camera.map(|[x, y, z, _]| match rotation {
+        None => [x, y, z],
+        Some(r) => std::array::from_fn(|k| x * r[0][k] + y * r[1][k] + z * r[2][k]),
+    })
+}
 
-    /// N^T v for a vector of clip space.
-    fn transposed(&self, v: [S; 4]) -> [S; 3] {
-        std::array::from_fn(|k| (0..4).map(|row| self.camera[row][k] * v[row]).sum())
-    }
+/// N^T v for a vector of clip space.
+fn transposed<S: Scalar>(camera: &Matrix4<S>, v: [S; 4]) -> [S; 3] {
+    std::array::from_fn(|k| (0..4).map(|row| camera[row][k] * v[row]).sum())
 }
 
 /// The entries of a short vector with more digits.
 fn widened<T: Scalar, const N: usize>(entries: &[T]) -> [T::Wide; N] {
     std::array::from_fn(|k| entries[k].widen())
+}
+
+impl<S> Project<S> {
+    /// The input that is the camera, if it is a variable.
+    fn camera_input(&self) -> Option<usize> {
+        self.fixed.is_none().then_some(if self.is_posed { 3 } else { 1 })
+    }
 }
 
 impl<T: Scalar> Op<T> for Project<T::Wide> {
@@ -106,37 +117,36 @@ impl<T: Scalar> Op<T> for Project<T::Wide> {
         outputs: &mut Outputs<'_, T>,
         _saved: &mut (),
     ) -> Result<(), RenderError> {
-        let rules: [(&str, &[usize]); 3] = [
-            ("positions of shape [V, 3]", &[3]),
-            ("a rotation of shape [4]", &[4]),
-            ("a translation of shape [3]", &[3]),
-        ];
-        for (i, (rule, trailing)) in rules.into_iter().enumerate().take(inputs.len()) {
-            let shape = inputs.shape(i);
-            let leading = if i == 0 { shape.rank() == 2 } else { shape.rank() == 1 };
-            if !leading || !shape.ends_with(trailing) {
-                return Err(RenderError::Shape {
-                    operation: "project",
-                    rule: rule.to_owned(),
-                    shape: shape.clone(),
-                });
+        let pose = ["a rotation of shape [4]", "a translation of shape [3]"];
+        let is_points = matches!(**inputs.shape(0), [_, 3]);
+        if !is_points {
+            return Err(refused("positions of shape [V, 3]", inputs, 0));
+        }
+        for (k, rule) in pose.into_iter().enumerate().filter(|_| self.is_posed) {
+            if **inputs.shape(1 + k) != [4 - k] {
+                return Err(refused(rule, inputs, 1 + k));
             }
         }
-        let posed = inputs.len() == 3;
-        if posed {
-            let q = inputs.data(1);
-            let length = rotation::length(widened::<T, 4>(q)).to_f64();
-            if !(length > 0.0 && length.is_finite()) {
-                let [x, y, z, w] = std::array::from_fn(|k| q[k].to_f64());
-                return Err(RenderError::Rotation { x, y, z, w });
+        let camera = match (self.fixed, self.camera_input()) {
+            (Some(fixed), _) => fixed,
+            (None, at) => {
+                let at = at.expect("a camera is fixed or an input");
+                if **inputs.shape(at) != [4, 4] {
+                    return Err(refused(CAMERA_RULE, inputs, at));
+                }
+                matrix::check_finite(inputs.data(at))?;
+                matrix::of_entries(inputs.data(at))
             }
-        }
-        let a = self.linear(posed.then(|| inputs.data(1)));
-        let t: [T::Wide; 3] = if posed { widened(inputs.data(2)) } else { Default::default() };
-        let b = self.camera.map(|[x, y, z, last]| x * t[0] + y * t[1] + z * t[2] + last);
+        };
+        let rotation =
+            if self.is_posed { Some(rotation::checked_matrix(inputs.data(1))?) } else { None };
+        let a = linear(&camera, rotation.as_ref());
+        let t: [T::Wide; 3] =
+            if self.is_posed { widened(inputs.data(2)) } else { Default::default() };
+        let b = camera.map(|[x, y, z, last]| x * t[0] + y * t[1] + z * t[2] + last);
         let (positions, clip) = (inputs.data(0), outputs.push([inputs.shape(0)[0], 4]));
-        for_each_piece_mut(clip, 4 * ROWS_PER_PIECE, |piece, clip| {
-            let positions = &positions.as_chunks::<3>().0[piece * ROWS_PER_PIECE..];
+        for_each_piece_mut(clip, 4 * POINTS_PER_PIECE, |piece, clip| {
+            let positions = &positions.as_chunks::<3>().0[piece * POINTS_PER_PIECE..];
             pulp::Arch::new().dispatch(
                 #[inline(always)]
                 || {
@@ -154,26 +164,37 @@ impl<T: Scalar> Op<T> for Project<T::Wide> {
     }
 
     fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
+        let needs_camera = self.camera_input().is_some_and(|at| inputs.needs(at));
+        let needs_rotation = self.is_posed && inputs.needs(1);
+        let needs_translation = self.is_posed && inputs.needs(2);
         let mut keep = Keep::NOTHING;
-        if inputs.len() == 3 {
-            if inputs.needs(0) || inputs.needs(1) {
-                keep = keep.input(1);
-            }
-            if inputs.needs(1) {
-                keep = keep.input(0);
-            }
+        if needs_rotation || needs_camera {
+            keep = keep.input(0);
         }
-        keep
+        if self.is_posed && (inputs.needs(0) || needs_rotation || needs_camera) {
+            keep = keep.input(1);
+        }
+        if self.is_posed && needs_camera {
+            keep = keep.input(2);
+        }
+        match self.camera_input() {
+            Some(at) if inputs.needs(0) || needs_rotation || needs_translation => keep.input(at),
+            _ => keep,
+        }
     }
 
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
         let clip_bar = kept.only_upstream();
-        let posed = kept.input_count() == 3;
+        let camera = || match (self.fixed, self.camera_input()) {
+            (Some(fixed), _) => fixed,
+            (None, at) => matrix::of_entries(kept.input(at.expect("an input"))),
+        };
+        let rotation = || self.is_posed.then(|| rotation::matrix(widened(kept.input(1))));
         if let Some(positions_bar) = gradients.get(0) {
-            let a = self.linear(posed.then(|| kept.input(1)));
+            let a = linear(&camera(), rotation().as_ref());
             let entries = positions_bar.entries();
-            for_each_piece_mut(entries, 3 * ROWS_PER_PIECE, |piece, entries| {
-                let rows = &clip_bar.as_chunks::<4>().0[piece * ROWS_PER_PIECE..];
+            for_each_piece_mut(entries, 3 * POINTS_PER_PIECE, |piece, entries| {
+                let rows = &clip_bar.as_chunks::<4>().0[piece * POINTS_PER_PIECE..];
                 pulp::Arch::new().dispatch(
                     #[inline(always)]
                     || {
@@ -189,42 +210,67 @@ impl<T: Scalar> Op<T> for Project<T::Wide> {
                 );
             });
         }
-        if !posed {
+        let needs_rotation = self.is_posed && gradients.needs(1);
+        let needs_camera = self.camera_input().is_some_and(|at| gradients.needs(at));
+        if !needs_rotation && !needs_camera {
+            if self.is_posed && gradients.needs(2) {
+                add_translation_bar(gradients, &camera(), sum(clip_bar));
+            }
             return;
         }
-        if let Some(rotation_bar) = gradients.get(1) {
-            let mut a_bar = [[T::Wide::ZERO; 3]; 4];
-            let positions = kept.input(0).chunks_exact(3);
-            for (p, clip_bar) in positions.zip(clip_bar.chunks_exact(4)) {
-                for (row, &clip_bar) in a_bar.iter_mut().zip(clip_bar) {
-                    row.iter_mut().zip(p).for_each(|(a, &p)| *a += clip_bar.widen() * p.widen());
-                }
-            }
+        let sums = moments::<T, 4>(kept.input(0), clip_bar);
+        let b_bar = sums.map(|[.., b_bar]| b_bar);
+        if needs_rotation && let Some(rotation_bar) = gradients.get(1) {
             let r_bar: Matrix3<T::Wide> = {
+                let camera = camera();
                 let columns: [[T::Wide; 3]; 3] =
-                    std::array::from_fn(|k| self.transposed(a_bar.map(|row| row[k])));
+                    std::array::from_fn(|k| transposed(&camera, sums.map(|row| row[k])));
                 std::array::from_fn(|i| std::array::from_fn(|k| columns[k][i]))
             };
             let q_bar = rotation::pull_back(widened(kept.input(1)), r_bar);
             rotation_bar.add_each(|k| T::narrow(q_bar[k]));
         }
-        if let Some(translation_bar) = gradients.get(2) {
-            let mut b_bar = [T::Wide::ZERO; 4];
-            for clip_bar in clip_bar.chunks_exact(4) {
-                b_bar.iter_mut().zip(clip_bar).for_each(|(b, &clip)| *b += clip.widen());
-            }
-            let t_bar = self.transposed(b_bar);
-            translation_bar.add_each(|k| T::narrow(t_bar[k]));
+        if self.is_posed && gradients.needs(2) {
+            add_translation_bar(gradients, &camera(), b_bar);
         }
+        let Some(camera_bar) = self.camera_input().and_then(|at| gradients.get(at)) else { return };
+        let rows = match rotation() {
+            None => sums,
+            Some(r) => {
+                let t: [T::Wide; 3] = widened(kept.input(2));
+                sums.map(|[x, y, z, b]| {
+                    let [x, y, z] =
+                        std::array::from_fn(|k| x * r[k][0] + y * r[k][1] + z * r[k][2] + b * t[k]);
+                    [x, y, z, b]
+                })
+            }
+        };
+        camera_bar.add_each(|k| T::narrow(rows[k / 4][k % 4]));
     }
+}
+
+/// Adds `N^T b_bar` to the gradient of the translation.
+fn add_translation_bar<T: Scalar>(
+    gradients: &mut Accumulators<'_, T>,
+    camera: &Matrix4<T::Wide>,
+    b_bar: [T::Wide; 4],
+) {
+    let Some(translation_bar) = gradients.get(2) else { return };
+    let t_bar = transposed(camera, b_bar);
+    translation_bar.add_each(|k| T::narrow(t_bar[k]));
+}
+
+fn refused<T: Scalar>(rule: &'static str, inputs: &Inputs<'_, T>, at: usize) -> RenderError {
+    RenderError::of_shape("project", rule, inputs.shape(at))
 }
 
 #[cfg(test)]
 mod tests {
     use bokashi_core::{Tape, Tensor};
-    use glam::DVec3;
     use glam::dcamera::rh::proj::opengl::perspective;
     use glam::dcamera::rh::view::look_at_mat4;
+    use glam::{DMat4, DVec3};
+    use rayon::ThreadPoolBuilder;
 
     use super::*;
 
@@ -283,53 +329,120 @@ mod tests {
         }
     }
 
+    /// Positions, a rotation, a translation and a camera, of two or four inputs.
+    fn projected<'t>(inputs: &[Var<'t, f64>], pose: bool) -> Var<'t, f64> {
+        let (positions, camera) = (inputs[0], inputs[inputs.len() - 1]);
+        let pose = pose.then(|| Pose { rotation: inputs[1], translation: inputs[2] });
+        project(positions, camera, pose).unwrap()
+    }
+
+    /// The camera, row-major.
+    fn entries(camera: DMat4) -> Vec<f64> {
+        camera.transpose().to_cols_array().to_vec()
+    }
+
     #[test]
     fn the_gradients_are_difference_quotients_whichever_are_asked_for() {
-        let inputs = [POSITIONS.to_vec(), vec![0.1, 0.7, -0.5, 0.3], vec![0.4, -0.6, 1.5]];
-        let shapes: [&[usize]; 3] = [&[3, 3], &[4], &[3]];
+        let posed = [
+            (vec![3, 3], POSITIONS.to_vec()),
+            (vec![4], vec![0.1, 0.7, -0.5, 0.3]),
+            (vec![3], vec![0.4, -0.6, 1.5]),
+            (vec![4, 4], entries(any_camera())),
+        ];
+        let bare = [posed[0].clone(), posed[3].clone()];
         let upstream = Tensor::from_flat_fn([3, 4], |k| (k as f64 + 1.0) / (2.0 * k as f64 - 5.0));
-        let value = |inputs: &[Vec<f64>; 3]| -> f64 {
-            let tape = Tape::<f64>::new();
-            let [positions, rotation, translation] = std::array::from_fn(|i| {
-                tape.leaf(&Tensor::new(shapes[i], inputs[i].clone()).unwrap())
-            });
-            let clip =
-                project(positions, &any_camera(), Some(Pose { rotation, translation })).unwrap();
-            clip.value().data().iter().zip(upstream.data()).map(|(c, u)| c * u).sum()
-        };
-        // Every choice of inputs that have a gradient.
-        for mask in 1..8 {
-            let tape = Tape::<f64>::new();
-            let needs = |i: usize| mask >> i & 1 == 1;
-            let variables: [Var<'_, f64>; 3] = std::array::from_fn(|i| {
-                let tensor = Tensor::new(shapes[i], inputs[i].clone()).unwrap();
-                if needs(i) { tape.leaf(&tensor) } else { tape.constant(&tensor) }
-            });
-            let [positions, rotation, translation] = variables;
-            let clip =
-                project(positions, &any_camera(), Some(Pose { rotation, translation })).unwrap();
-            let gradients = tape.vjp(&[(clip, &upstream)]).unwrap();
-            for i in 0..3 {
-                let Some(gradient) = gradients.get(variables[i]) else {
-                    assert!(!needs(i));
-                    continue;
-                };
-                for (k, &entry) in gradient.data().iter().enumerate() {
-                    let moved = |h: f64| {
-                        let mut inputs = inputs.clone();
-                        inputs[i][k] += h;
-                        value(&inputs)
+        for inputs in [&posed[..], &bare] {
+            let is_posed = inputs.len() == 4;
+            let tensor = |(shape, entries): &(Vec<usize>, Vec<f64>)| {
+                Tensor::new(&shape[..], entries.clone()).unwrap()
+            };
+            let value = |inputs: &[(Vec<usize>, Vec<f64>)]| -> f64 {
+                let tape = Tape::<f64>::new();
+                let inputs: Vec<_> = inputs.iter().map(|input| tape.leaf(&tensor(input))).collect();
+                let clip = projected(&inputs, is_posed).value();
+                clip.data().iter().zip(upstream.data()).map(|(c, u)| c * u).sum()
+            };
+            // Every choice of inputs that have a gradient.
+            for mask in 1..1 << inputs.len() {
+                let tape = Tape::<f64>::new();
+                let needs = |i: usize| mask >> i & 1 == 1;
+                let variables = inputs.iter().map(tensor).enumerate().map(|(i, tensor)| {
+                    if needs(i) { tape.leaf(&tensor) } else { tape.constant(&tensor) }
+                });
+                let variables: Vec<_> = variables.collect();
+                let clip = projected(&variables, is_posed);
+                let gradients = tape.vjp(&[(clip, &upstream)]).unwrap();
+                for i in 0..inputs.len() {
+                    let Some(gradient) = gradients.get(variables[i]) else {
+                        assert!(!needs(i));
+                        continue;
                     };
-                    let quotient = (moved(1e-5) - moved(-1e-5)) / 2e-5;
-                    approx::assert_relative_eq!(
-                        entry,
-                        quotient,
-                        max_relative = 1e-8,
-                        epsilon = 1e-8
-                    );
+                    for (k, &entry) in gradient.data().iter().enumerate() {
+                        let moved = |h: f64| {
+                            let mut inputs = inputs.to_vec();
+                            inputs[i].1[k] += h;
+                            value(&inputs)
+                        };
+                        let quotient = (moved(1e-5) - moved(-1e-5)) / 2e-5;
+                        approx::assert_relative_eq!(
+                            entry,
+                            quotient,
+                            max_relative = 1e-8,
+                            epsilon = 1e-8
+                        );
+                    }
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_variable_camera_gives_the_bits_of_a_fixed_one() {
+        let tape = Tape::<f64>::new();
+        let leaf = |shape: &[usize], entries: &[f64]| {
+            tape.leaf(&Tensor::new(shape, entries.to_vec()).unwrap())
+        };
+        let positions = leaf(&[3, 3], &POSITIONS);
+        let camera = leaf(&[4, 4], &entries(any_camera()));
+        let pose = Pose {
+            rotation: leaf(&[4], &[0.1, 0.7, -0.5, 0.3]),
+            translation: leaf(&[3], &[0.4, -0.6, 1.5]),
+        };
+        let upstream = Tensor::from_flat_fn([3, 4], |k| (k as f64).sin());
+        for pose in [None, Some(pose)] {
+            let clip = [
+                project(positions, &any_camera(), pose).unwrap(),
+                project(positions, camera, pose).unwrap(),
+            ];
+            assert_eq!(clip[0].value(), clip[1].value());
+            let bars = clip.map(|clip| tape.vjp(&[(clip, &upstream)]).unwrap());
+            assert_eq!(bars[0].get(positions), bars[1].get(positions));
+            if let Some(Pose { rotation, translation }) = pose {
+                assert_eq!(bars[0].get(rotation), bars[1].get(rotation));
+                assert_eq!(bars[0].get(translation), bars[1].get(translation));
+            }
+        }
+    }
+
+    #[test]
+    fn sums_over_many_vertices_have_the_same_bits_on_any_number_of_threads() {
+        let count = 3 * POINTS_PER_PIECE + 17;
+        let gradients = |threads: usize| {
+            let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let tape = Tape::<f32>::new();
+                let number = |k: usize| ((k * 7919) % 1009) as f32 / 1009.0 - 0.3;
+                let leaf = |shape: &[usize]| tape.leaf(&Tensor::from_flat_fn(shape, number));
+                let (positions, camera) = (leaf(&[count, 3]), leaf(&[4, 4]));
+                let pose = Pose { rotation: leaf(&[4]), translation: leaf(&[3]) };
+                let clip = project(positions, camera, Some(pose)).unwrap();
+                let gradients = clip.square().sum().backward().unwrap();
+                [positions, camera, pose.rotation, pose.translation]
+                    .map(|leaf| gradients.get(leaf).unwrap().clone())
+            })
+        };
+        let alone = gradients(1);
+        assert!([2, 3].iter().all(|&threads| gradients(threads) == alone));
     }
 
     #[test]
@@ -371,5 +484,11 @@ mod tests {
         camera.col_mut(2).y = f64::NAN;
         let error = project(p, &camera, None).unwrap_err();
         assert!(matches!(error, RenderError::Camera { row: 1, column: 2, .. }));
+        let learnt = tape.leaf(&Tensor::from_flat_fn([4, 4], |k| [0.0, f32::NAN][k / 9 % 2]));
+        let error = project(p, learnt, None).unwrap_err();
+        assert!(matches!(error, RenderError::Camera { row: 2, column: 1, .. }));
+        let error = project(p, tape.leaf(&Tensor::zeros([3, 4])), None).unwrap_err();
+        let message = "project needs a camera matrix of shape [4, 4], got shape [3, 4]";
+        assert_eq!(error.to_string(), message);
     }
 }

@@ -10,6 +10,8 @@
 
 use bokashi_core::Scalar;
 
+use crate::error::RenderError;
+
 /// A 3x3 matrix, by rows.
 pub(crate) type Matrix3<S> = [[S; 3]; 3];
 
@@ -33,6 +35,20 @@ pub(crate) fn matrix<S: Scalar>(q: [S; 4]) -> Matrix3<S> {
         [two * (x * y + w * z), one - two * (x * x + z * z), two * (y * z - w * x)],
         [two * (x * z - w * y), two * (y * z + w * x), one - two * (x * x + y * y)],
     ]
+}
+
+/// The rotation matrix of the four entries of a quaternion, with more digits.
+///
+/// # Errors
+/// [`RenderError::Rotation`] for a quaternion that is zero or not finite.
+pub(crate) fn checked_matrix<T: Scalar>(q: &[T]) -> Result<Matrix3<T::Wide>, RenderError> {
+    let wide: [T::Wide; 4] = std::array::from_fn(|k| q[k].widen());
+    let length = length(wide).to_f64();
+    if length > 0.0 && length.is_finite() {
+        return Ok(matrix(wide));
+    }
+    let [x, y, z, w] = std::array::from_fn(|k| q[k].to_f64());
+    Err(RenderError::Rotation { x, y, z, w })
 }
 
 /// The gradient with respect to `q` from the gradient `r_bar` with respect to its matrix.

@@ -3,6 +3,7 @@
 use crate::axis::blocks;
 use crate::error::TensorError;
 use crate::gradient::Accumulators;
+use crate::joining::{add_part, join};
 use crate::op::{Inputs, Keep, Kept, Op, Outputs};
 use crate::scalar::Scalar;
 use crate::var::Var;
@@ -30,7 +31,7 @@ impl<T: Scalar> Op<T> for Concat {
         _saved: &mut (),
     ) -> Result<(), TensorError> {
         let shape = inputs.shape(0);
-        let [outer, mut extent, inner] = blocks(shape, self.axis, Self::NAME)?;
+        let [_, mut extent, inner] = blocks(shape, self.axis, Self::NAME)?;
         for other in (1..inputs.len()).map(|i| inputs.shape(i)) {
             let joined = other.get(self.axis).copied().unwrap_or_default();
             if other.rank() != shape.rank() || other.with(self.axis, shape[self.axis]) != *shape {
@@ -46,15 +47,8 @@ impl<T: Scalar> Op<T> for Concat {
             outputs.pass(0, "a single part");
             return Ok(());
         }
-        let mut z = outputs.push(shape.with(self.axis, extent));
-        for block in 0..outer {
-            for i in 0..inputs.len() {
-                let length = inputs.shape(i)[self.axis] * inner;
-                let (head, rest) = z.split_at_mut(length);
-                head.copy_from_slice(&inputs.data(i)[block * length..][..length]);
-                z = rest;
-            }
-        }
+        let length = |i: usize| inputs.shape(i)[self.axis] * inner;
+        join(inputs, length, outputs.push(shape.with(self.axis, extent)));
         Ok(())
     }
 
@@ -64,20 +58,16 @@ impl<T: Scalar> Op<T> for Concat {
 
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
         let z_bar = kept.only_upstream();
-        let [outer, extent, inner] = blocks(kept.output_shape(0), self.axis, Self::NAME)
+        let [_, extent, inner] = blocks(kept.output_shape(0), self.axis, Self::NAME)
             .expect("the forward pass found the axis");
         let mut start = 0;
         for i in 0..kept.input_count() {
-            let length = kept.input_shape(i)[self.axis] * inner;
+            let length = kept.input_shape(i)[self.axis].saturating_mul(inner);
+            let end = length.saturating_add(start);
             if let Some(x_bar) = gradients.get(i) {
-                let x_bar = x_bar.entries();
-                for block in 0..outer {
-                    let z_bar = &z_bar[block * extent * inner + start..][..length];
-                    let x_bar = &mut x_bar[block * length..][..length];
-                    x_bar.iter_mut().zip(z_bar).for_each(|(x_bar, &z_bar)| *x_bar += z_bar);
-                }
+                add_part(x_bar, z_bar, start..end, extent.saturating_mul(inner));
             }
-            start += length;
+            start = end;
         }
     }
 }

@@ -1,11 +1,16 @@
 //! Rows of the first axis, by index: `y_r = x_(i_r)`; `x_bar_(i_r) += y_bar_r`, in the order of
 //! `r`. The indices have no gradient.
+//!
+//! In the backward pass each row of `x_bar` gathers its own: they are grouped by index once, and as long
+//! as the list is the same one.
 
 use std::sync::Arc;
 
-use crate::axis::blocks;
+use crate::axis::{blocks, for_each_line_mut};
 use crate::error::TensorError;
 use crate::gradient::Accumulators;
+use crate::grouping::{Grouping, check};
+use crate::listed_rows::sum_listed_rows;
 use crate::op::{Inputs, Keep, Kept, Op, Outputs};
 use crate::scalar::Scalar;
 use crate::var::Var;
@@ -19,7 +24,8 @@ impl GatherRows {
 }
 
 impl<T: Scalar> Op<T> for GatherRows {
-    type Saved = ();
+    /// Filled by the first backward pass.
+    type Saved = Grouping;
     type Error = TensorError;
 
     fn name(&self) -> &'static str {
@@ -30,18 +36,15 @@ impl<T: Scalar> Op<T> for GatherRows {
         &self,
         inputs: &Inputs<'_, T>,
         outputs: &mut Outputs<'_, T>,
-        _saved: &mut (),
+        _saved: &mut Grouping,
     ) -> Result<(), TensorError> {
         let (x, shape) = (inputs.data(0), inputs.shape(0));
         let [_, extent, inner] = blocks(shape, 0, Self::NAME)?;
-        if let Some(&row) = self.rows.iter().find(|&&row| row as usize >= extent) {
-            let (operation, index) = (Self::NAME, row as usize);
-            return Err(TensorError::Index { operation, index, extent });
-        }
+        check(&self.rows, extent, Self::NAME)?;
         let y = outputs.push(shape.with(0, self.rows.len()));
-        for (&row, y) in self.rows.iter().zip(y.chunks_mut(inner.max(1))) {
-            y.copy_from_slice(&x[row as usize * inner..][..inner]);
-        }
+        for_each_line_mut(y, inner, [], |r, y, []| {
+            y.copy_from_slice(&x[self.rows[r] as usize * inner..][..inner]);
+        });
         Ok(())
     }
 
@@ -49,14 +52,25 @@ impl<T: Scalar> Op<T> for GatherRows {
         Keep::NOTHING
     }
 
-    fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
+    fn backward(
+        &self,
+        kept: &Kept<'_, T>,
+        saved: &mut Grouping,
+        gradients: &mut Accumulators<'_, T>,
+    ) {
         let Some(x_bar) = gradients.get(0) else { return };
-        let (x_bar, y_bar) = (x_bar.entries(), kept.only_upstream());
-        let inner = kept.input_shape(0)[1..].iter().product::<usize>();
-        for (&row, y_bar) in self.rows.iter().zip(y_bar.chunks(inner.max(1))) {
-            let x_bar = &mut x_bar[row as usize * inner..][..inner];
-            x_bar.iter_mut().zip(y_bar).for_each(|(x_bar, &y_bar)| *x_bar += y_bar);
+        let shape = kept.input_shape(0);
+        let (x_bar, fresh) = x_bar.entries_or_fresh();
+        if x_bar.is_empty() {
+            return;
         }
+        let (y_bar, inner) = (kept.only_upstream(), x_bar.len() / shape[0]);
+        let lists = saved.of(&self.rows, shape[0]);
+        let put = |x_bar: &mut T, sum: T::Wide| {
+            let sum = T::narrow(sum);
+            *x_bar = if fresh { sum } else { *x_bar + sum };
+        };
+        sum_listed_rows(lists, None, y_bar, inner, x_bar, put);
     }
 }
 
@@ -65,7 +79,8 @@ impl<T: Scalar> Var<'_, T> {
     /// shared, so that a step that gathers again copies nothing.
     ///
     /// # Errors
-    /// [`TensorError::Axis`] for a scalar; [`TensorError::Index`] unless each of `rows` is below n.
+    /// [`TensorError::Axis`] for a scalar; [`TensorError::Index`] unless each of `rows` is below n;
+    /// [`TensorError::Value`] for 2^32 rows or more.
     pub fn gather_rows(self, rows: &Arc<[u32]>) -> Result<Self, TensorError> {
         self.tape.apply(GatherRows { rows: Arc::clone(rows) }, &[self])
     }

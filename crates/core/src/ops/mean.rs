@@ -2,7 +2,7 @@
 //!
 //! Summed and divided in [`Scalar::Wide`]. A mean of nothing is an error.
 
-use crate::axis::{blocks, spread_along, sum_along};
+use crate::axis::{blocks, reduced, spread_along, sum_along};
 use crate::error::TensorError;
 use crate::gradient::Accumulators;
 use crate::op::{Inputs, Keep, Kept, Op, Outputs};
@@ -53,7 +53,7 @@ impl<T: Scalar> Op<T> for Mean {
                 outputs.push(Shape::default())[0] = T::narrow(total / count);
             }
             Some(axis) => {
-                let means = outputs.push(shape.without(axis));
+                let means = outputs.push(reduced(shape, axis)?);
                 sum_along(x, blocks, means, |total| T::narrow(total / count));
             }
         }

@@ -2,7 +2,7 @@
 //!
 //! Summed in [`Scalar::Wide`], so in `f32` a sum is rounded once. A sum of nothing is 0.
 
-use crate::axis::{blocks, spread_along, sum_along};
+use crate::axis::{blocks, reduced, spread_along, sum_along};
 use crate::error::TensorError;
 use crate::gradient::Accumulators;
 use crate::op::{Inputs, Keep, Kept, Op, Outputs};
@@ -40,7 +40,7 @@ impl<T: Scalar> Op<T> for Sum {
             return Ok(());
         };
         let blocks = blocks(shape, axis, Self::NAME)?;
-        sum_along(x, blocks, outputs.push(shape.without(axis)), T::narrow);
+        sum_along(x, blocks, outputs.push(reduced(shape, axis)?), T::narrow);
         Ok(())
     }
 

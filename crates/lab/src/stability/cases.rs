@@ -5,7 +5,10 @@ use super::exact::{
     shapes as exact_shapes,
 };
 use super::row::Outcome;
-use super::{blur, faces, focus, input, pictures, silhouettes, values, vertices};
+use super::{
+    blur, cameras, distances, downsampling, faces, focus, input, pictures, silhouettes, surfaces,
+    tensors, values, vertices,
+};
 
 /// A case: what is put in, what has to come out, and a run in each precision.
 #[derive(Debug, Clone, Copy)]
@@ -120,4 +123,39 @@ pub(super) static CASES: &[Case] = cases! {
     85 "exact: -0.0, 2^k, threads, NaN", "the same bits, nothing masked", exact_inputs::upstream_and_bits;
     86 "exact: back faces, loose edges", "by flag; nothing hidden", exact_shapes::sides_and_edges;
     87 "exact: sides on pixel borders", "the mean slope of both sides", exact_borders::sides_on_borders;
+    101 "vectors of 0: norm, normalize", "0, gradient 0", tensors::vectors_of_zero;
+    102 "vectors of every size", "length and direction", tensors::vectors_of_every_size;
+    103 "powers at 0, below, of 1e30", "the limits, or an error", tensors::powers_at_zero;
+    104 "select beside NaN and infinity", "nothing of what is masked", tensors::masked_numbers;
+    105 "empty axes", "empty, or sums of 0", tensors::empty_axes;
+    106 "sums that cancel", "every digit of the rest", tensors::sums_that_cancel;
+    107 "nearly parallel vectors: cross", "their small product", tensors::nearly_parallel_vectors;
+    108 "padding far beyond the axis", "again and again", tensors::far_beyond_an_axis;
+    109 "tensors: refused input", "an error", tensors::refused_tensors;
+    121 "impossible intrinsics or planes", "an error", cameras::impossible_intrinsics;
+    122 "pinholes of any focal length", "points at their pixels", cameras::known_pixels;
+    123 "bad motions and matrices", "an error", cameras::impossible_matrices;
+    124 "motions of any angle", "the rotation, finite gradients", cameras::motions_of_any_angle;
+    125 "inverses from 1e-12 to 1e12", "times the matrix the identity", cameras::inverses_of_any_size;
+    126 "lens: far outside, at and behind the eye", "outside stays outside", cameras::beyond_the_lens;
+    127 "lens: coefficients of any size", "finite, or an error", cameras::extreme_lenses;
+    128 "no instances, no vertices", "nothing drawn, zero gradients", cameras::instances_of_nothing;
+    129 "too many instances", "an error", cameras::too_many_instances;
+    130 "distances: w from 1e-6 to 1e6", "where the ray meets the face", distances::wide_range_of_w;
+    131 "distances: w = 1 everywhere", "1", distances::flat_w;
+    132 "distances: background far away", "infinite, or an error", distances::backgrounds_far_away;
+    133 "fragments of an earlier step", "the same bits", distances::fragments_of_an_earlier_step;
+    141 "normals: faces without an area", "zero, no gradient, no part", surfaces::without_an_area;
+    142 "normals: a mesh times 2^k", "the same bits, gradients / 2^k", surfaces::of_any_size;
+    143 "normals: none, or they cancel", "zero, no gradient", surfaces::no_normal;
+    144 "normals: needles and caps", "the plane's normal", surfaces::needles;
+    145 "surfaces: refused input", "an error", surfaces::refused;
+    146 "normals: singular, mirrored", "the faces' normals, or zero", surfaces::transformed;
+    147 "tangents: without a direction", "(0, 0, 0, 1), no gradient", surfaces::no_tangent;
+    148 "tangents: times 2^k, u sheared", "the same bits, no gradient of u", surfaces::tangents_of_any_size;
+    149 "perturbed: no tangent, zeros", "the normal, or zero", surfaces::perturbed;
+    150 "downsampling: wide windows", "each tap by the border", downsampling::wide_windows;
+    151 "downsampling: constants", "kept, finite", downsampling::constants;
+    152 "downsampling: 1, and one block", "the identity; the weighted mean", downsampling::ends;
+    153 "downsampling: refused input", "an error", downsampling::refused;
 };

@@ -1,7 +1,10 @@
 //! What a lens makes of depths at its focus, at the eye, at infinity.
 
 use bokashi_core::{Scalar, Tape, Tensor, Var};
-use bokashi_render_ops::{Blur, Lens, Radius, depth_of_field, gaussian_blur};
+use bokashi_render_ops::{
+    Blur, DepthImage, Focused, Lens, LensOptions, Radius, RenderError, depth_of_field,
+    gaussian_blur,
+};
 
 use super::row::{Failure, Found, Outcome, told};
 use super::scene::{difference, largest, motley, numbers, rounding};
@@ -17,6 +20,11 @@ struct LensView<'t, T: Scalar> {
 }
 
 impl<'t, T: Scalar> LensView<'t, T> {
+    fn focused(&self, options: &LensOptions) -> Result<Focused<'t, T>, RenderError> {
+        let lens = Lens { aperture: self.aperture, focus: self.focus };
+        depth_of_field(self.image, DepthImage::of_distances(self.depth), lens, options)
+    }
+
     fn new(tape: &'t Tape<T>, depth: impl Fn(usize) -> f64) -> Self {
         Self {
             image: tape.leaf(&Tensor::from_flat_fn(SHAPE, |k| T::from_f64(motley(k)))),
@@ -38,8 +46,7 @@ impl<'t, T: Scalar> LensView<'t, T> {
 pub(super) fn in_focus<T: Scalar>() -> Outcome {
     let tape = Tape::<T>::new();
     let view = LensView::new(&tape, |_| 2.0);
-    let found =
-        depth_of_field(view.image, view.depth, view.aperture, view.focus, &Lens::default())?;
+    let found = view.focused(&LensOptions::default())?;
     let error = difference(&numbers(&found.image.value()), &numbers(&view.image.value()));
     let bar = view.largest_bar(found.image)?;
     Ok(Found::within(
@@ -84,13 +91,12 @@ fn gathered(image: &[f64], sigma: impl Fn(usize) -> f64) -> Vec<f64> {
 }
 
 pub(super) fn depth_to_zero<T: Scalar>() -> Outcome {
-    let lens = Lens { largest_sigma: 4.0, ..Lens::default() };
+    let options = LensOptions { largest_sigma: 4.0, ..LensOptions::default() };
     // At the eye, at denormal distances, near, and with some pixels at infinity: sigma there is 1.5.
     let depths = [0.0, -0.0, 1e-40, 1e-6, 3.0, f64::INFINITY, 2.0];
     let tape = Tape::<T>::new();
     let some = LensView::new(&tape, |k| depths[k % 7]);
-    let short = Lens { radius: Radius::Fixed(RADIUS as usize), ..lens };
-    let mixed = depth_of_field(some.image, some.depth, some.aperture, some.focus, &short)?;
+    let mixed = some.focused(&LensOptions { radius: Radius::Fixed(RADIUS as usize), ..options })?;
     let finite = mixed.image.value().is_finite() && some.largest_bar(mixed.image)?.is_finite();
     // |1 - 2 / z| times the aperture, and no more than the cap.
     let sigmas = [4.0, 4.0, 4.0, 4.0, 0.5, 1.5, 0.0];
@@ -100,9 +106,10 @@ pub(super) fn depth_to_zero<T: Scalar>() -> Outcome {
     for (depth, sigma, capped) in [(0.0, 4.0, 35), (1e-40, 4.0, 35), (f64::INFINITY, 1.5, 0)] {
         let tape = Tape::<T>::new();
         let view = LensView::new(&tape, |_| depth);
-        let found = depth_of_field(view.image, view.depth, view.aperture, view.focus, &lens)?;
+        let found = view.focused(&options)?;
         let sigma = tape.leaf_scalar(T::from_f64(sigma));
-        let blurred = gaussian_blur(view.image, sigma, &Blur::default())?;
+        let blur = Blur { radius: options.radius, ..Blur::default() };
+        let blurred = gaussian_blur(view.image, sigma, &blur)?;
         error = error
             .maximum_or_nan(difference(&numbers(&found.image.value()), &numbers(&blurred.value())))
             .maximum_or_nan(found.capped.abs_diff(capped) as f64);
@@ -118,10 +125,10 @@ pub(super) fn depth_to_zero<T: Scalar>() -> Outcome {
 
 pub(super) fn aperture_zero<T: Scalar>() -> Outcome {
     let tape = Tape::<T>::new();
-    let view = LensView::new(&tape, |k| 0.3 * k as f64);
-    let zero = tape.leaf_scalar(T::ZERO);
+    let mut view = LensView::new(&tape, |k| 0.3 * k as f64);
+    view.aperture = tape.leaf_scalar(T::ZERO);
     let before = tape.len();
-    let found = depth_of_field(view.image, view.depth, zero, view.focus, &Lens::default())?;
+    let found = view.focused(&LensOptions::default())?;
     let error = difference(&numbers(&found.image.value()), &numbers(&view.image.value()));
     let left_out = format!("{:?}", tape.take_report()).contains("aperture is 0");
     Ok(Found::within("the image itself, nothing recorded, and the report says so", error, 0.0)
@@ -134,17 +141,11 @@ pub(super) fn bad_depth_or_lens<T: Scalar>() -> Outcome {
     let mut results = Vec::new();
     for bad in [-1.0, f64::NAN, f64::NEG_INFINITY] {
         let view = LensView::new(&tape, |k| if k == 9 { bad } else { 1.0 });
-        let said = told(depth_of_field(
-            view.image,
-            view.depth,
-            view.aperture,
-            view.focus,
-            &Lens::default(),
-        ));
+        let said = told(view.focused(&LensOptions::default()));
         let rule = "depth_of_field needs depths from 0 up";
         results.push((said, format!("{rule}, got {bad} at pixel 9")));
     }
-    let view = LensView::new(&tape, |_| 1.0);
+    let mut view = LensView::new(&tape, |_| 1.0);
     let number = |number| tape.leaf_scalar(T::from_f64(number));
     for (aperture, focus, rule, value) in [
         (-1.0, 2.0, "a finite aperture of at least 0", -1.0),
@@ -152,9 +153,8 @@ pub(super) fn bad_depth_or_lens<T: Scalar>() -> Outcome {
         (1.0, 0.0, "a finite and positive focus", 0.0),
         (1.0, f64::INFINITY, "a finite and positive focus", f64::INFINITY),
     ] {
-        let lens = Lens::default();
-        let (aperture, focus) = (number(aperture), number(focus));
-        let said = told(depth_of_field(view.image, view.depth, aperture, focus, &lens));
+        (view.aperture, view.focus) = (number(aperture), number(focus));
+        let said = told(view.focused(&LensOptions::default()));
         results.push((said, format!("depth_of_field needs {rule}, got {value}")));
     }
     Ok(Found::refused(results))

@@ -12,7 +12,10 @@
 //! ```
 
 mod blur;
+mod cameras;
 mod cases;
+mod distances;
+mod downsampling;
 mod exact;
 mod faces;
 mod focus;
@@ -24,7 +27,9 @@ mod row;
 mod run;
 mod scene;
 mod silhouettes;
+mod surfaces;
 mod table;
+mod tensors;
 mod values;
 mod vertices;
 

@@ -4,7 +4,7 @@ use super::row::Row;
 
 /// A row: whether it passed, and below it, where it did not, why.
 ///
-/// `ok   21 f32 fan of 512 faces                     error 0.0e0, bound 0.0e0`
+/// `ok    21 f32 fan of 512 faces                     error 0.0e0, bound 0.0e0`
 pub fn line(row: &Row) -> String {
     let verdict = if row.pass { "ok  " } else { "FAIL" };
     let numbers = match (row.error, row.bound) {
@@ -14,7 +14,7 @@ pub fn line(row: &Row) -> String {
         _ => String::new(),
     };
     let Row { case, name, precision, .. } = row;
-    let mut text = format!("{verdict} {case:>2} {precision} {name:<37}{numbers}");
+    let mut text = format!("{verdict} {case:>3} {precision} {name:<37}{numbers}");
     text.truncate(text.trim_end().len());
     if !row.pass {
         text.push_str(&format!("\n     expected: {}\n     got: {}", row.expected, row.outcome));
@@ -42,11 +42,14 @@ mod tests {
     #[test]
     fn a_row_is_one_line_and_a_failed_one_says_why() {
         let ok = line(&row(true, Some(0.0), Some(0.0)));
-        assert_eq!(ok, "ok   21 f32 fan of 512 faces                     error 0.0e0, bound 0.0e0");
+        assert_eq!(
+            ok,
+            "ok    21 f32 fan of 512 faces                     error 0.0e0, bound 0.0e0"
+        );
         let failed = line(&row(false, None, Some(1e-7)));
-        assert!(failed.starts_with("FAIL 21 f32") && failed.contains("error not finite"));
+        assert!(failed.starts_with("FAIL  21 f32") && failed.contains("error not finite"));
         assert!(failed.ends_with("got: each pixel once") && failed.lines().count() == 3);
-        assert_eq!(line(&row(true, None, None)), "ok   21 f32 fan of 512 faces");
+        assert_eq!(line(&row(true, None, None)), "ok    21 f32 fan of 512 faces");
         let rows = [row(true, None, None), row(false, None, None)];
         assert_eq!(summary(&rows), "2 rows: 1 passed, 1 failed");
     }

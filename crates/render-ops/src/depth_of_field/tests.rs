@@ -24,15 +24,27 @@ fn focused(
     image: &Tensor<f64>,
     depth: &Tensor<f64>,
     [aperture, focus]: [f64; 2],
-    lens: &Lens,
+    options: &LensOptions,
 ) -> (Tensor<f64>, f64, usize) {
     let tape = Tape::new();
     let (image, depth) = (tape.leaf(image), tape.leaf(depth));
     let (aperture, focus) = (tape.leaf_scalar(aperture), tape.leaf_scalar(focus));
-    let found = depth_of_field(image, depth, aperture, focus, lens).unwrap();
+    let lens = Lens { aperture, focus };
+    let found = depth_of_field(image, DepthImage::of_distances(depth), lens, options).unwrap();
     let value = found.image.value();
     let product = value.data().iter().zip(upstream().data()).map(|(b, u)| b * u).sum();
     (value, product, found.capped)
+}
+
+/// [`depth_of_field`], by its four variables.
+fn of<'t>(
+    image: Var<'t, f64>,
+    depth: Var<'t, f64>,
+    aperture: Var<'t, f64>,
+    focus: Var<'t, f64>,
+    options: &LensOptions,
+) -> Result<Focused<'t, f64>, RenderError> {
+    depth_of_field(image, DepthImage::of_distances(depth), Lens { aperture, focus }, options)
 }
 
 fn upstream() -> Tensor<f64> {
@@ -48,13 +60,13 @@ fn assert_close(found: &Tensor<f64>, expected: &Tensor<f64>, tolerance: f64) {
 
 #[test]
 fn at_one_depth_it_is_the_gaussian_blur() {
+    let blur = Blur { radius: LensOptions::default().radius, ..Blur::default() };
     for (depth, sigma) in [(6.0, 1.0), (1.5, 2.0), (f64::INFINITY, 2.0), (3.1, 2.0 / 31.0)] {
         let tape = Tape::new();
-        let blurred =
-            gaussian_blur(tape.leaf(&image(1)), tape.leaf_scalar(sigma), &Blur::default());
+        let blurred = gaussian_blur(tape.leaf(&image(1)), tape.leaf_scalar(sigma), &blur);
         let expected = blurred.unwrap().value();
         let (found, ..) =
-            focused(&image(1), &Tensor::full([6, 9], depth), [2.0, 3.0], &Lens::default());
+            focused(&image(1), &Tensor::full([6, 9], depth), [2.0, 3.0], &LensOptions::default());
         assert_close(&found, &expected, 1e-14);
     }
 }
@@ -65,7 +77,7 @@ fn what_is_in_focus_stays_as_it_is_to_the_bit() {
     for k in (0..54).step_by(3) {
         depth.data_mut()[k] = 3.0;
     }
-    let (found, ..) = focused(&image(1), &depth, [2.0, 3.0], &Lens::default());
+    let (found, ..) = focused(&image(1), &depth, [2.0, 3.0], &LensOptions::default());
     let pairs = found.data().iter().zip(image(1).data().to_vec()).enumerate();
     for (k, (&found, sharp)) in pairs {
         let sigma = 2.0 * (1.0 - 3.0 / depth.data()[k / 2]).abs();
@@ -83,7 +95,7 @@ fn a_constant_image_is_kept_to_the_bit_and_moves_with_nothing() {
     let image = tape.leaf(&Tensor::full(SHAPE, 0.7));
     let (depth, aperture, focus) =
         (tape.leaf(&depths()), tape.leaf_scalar(2.0), tape.leaf_scalar(3.0));
-    let out = depth_of_field(image, depth, aperture, focus, &Lens::default()).unwrap().image;
+    let out = of(image, depth, aperture, focus, &LensOptions::default()).unwrap().image;
     assert_eq!(out.value(), image.value());
     let gradients = tape.vjp(&[(out, &upstream())]).unwrap();
     for leaf in [depth, aperture, focus] {
@@ -97,7 +109,7 @@ fn an_aperture_of_zero_is_the_image_itself_and_leaves_no_trace() {
     let (image, depth) = (tape.leaf(&image(1)), tape.leaf(&depths()));
     let (aperture, focus) = (tape.leaf_scalar(0.0), tape.leaf_scalar(3.0));
     let before = tape.len();
-    let out = depth_of_field(image, depth, aperture, focus, &Lens::default()).unwrap().image;
+    let out = of(image, depth, aperture, focus, &LensOptions::default()).unwrap().image;
     assert_eq!(tape.len(), before);
     assert_eq!(out.value().data().as_ptr(), image.value().data().as_ptr());
     assert!(format!("{:?}", tape.take_report()).contains("aperture is 0"));
@@ -105,18 +117,18 @@ fn an_aperture_of_zero_is_the_image_itself_and_leaves_no_trace() {
 
 #[test]
 fn near_the_eye_the_blur_is_capped_and_counted() {
-    let lens = Lens { largest_sigma: 4.0, ..Lens::default() };
+    let options = LensOptions { largest_sigma: 4.0, ..LensOptions::default() };
     for (depth, capped) in [(0.0, 54), (1e-300, 54), (1.0, 0), (0.999, 54), (2.0, 0)] {
         // sigma = 2 |1 - 3 / z| is 4 at z = 1.
         let depth = Tensor::full([6, 9], depth);
-        let (found, _, count) = focused(&image(1), &depth, [2.0, 3.0], &lens);
+        let (found, _, count) = focused(&image(1), &depth, [2.0, 3.0], &options);
         assert_eq!(count, capped);
         assert!(found.is_finite());
     }
     let tape = Tape::new();
     let (image, depth) = (tape.leaf(&image(1)), tape.leaf(&Tensor::zeros([6, 9])));
     let (aperture, focus) = (tape.leaf_scalar(2.0), tape.leaf_scalar(3.0));
-    let out = depth_of_field(image, depth, aperture, focus, &lens).unwrap().image;
+    let out = of(image, depth, aperture, focus, &options).unwrap().image;
     let gradients = tape.vjp(&[(out, &upstream())]).unwrap();
     for leaf in [depth, aperture, focus] {
         assert!(gradients.get_or_zeros(leaf).data().iter().all(|&bar| bar == 0.0));
@@ -126,12 +138,12 @@ fn near_the_eye_the_blur_is_capped_and_counted() {
 #[test]
 fn every_gradient_is_the_difference_quotient() {
     for radius in [Radius::Fixed(5), Radius::Tolerance(1e-14)] {
-        let lens = Lens { radius, largest_sigma: 5.0 };
+        let options = LensOptions { radius, largest_sigma: 5.0 };
         let numbers = [2.0, 3.0];
         let tape = Tape::new();
         let (picture, depth) = (tape.leaf(&image(1)), tape.leaf(&depths()));
         let [aperture, focus] = numbers.map(|number| tape.leaf_scalar(number));
-        let found = depth_of_field(picture, depth, aperture, focus, &lens).unwrap();
+        let found = of(picture, depth, aperture, focus, &options).unwrap();
         assert_eq!(found.capped, (0..54).filter(|&k| depths().data()[k] < 6.0 / 7.0).count());
         assert!(found.capped > 0);
         let gradients = tape.vjp(&[(found.image, &upstream())]).unwrap();
@@ -148,19 +160,23 @@ fn every_gradient_is_the_difference_quotient() {
                 let moved = |h: f64| {
                     let mut depth = depths();
                     depth.data_mut()[k] += h;
-                    focused(&image(1), &depth, numbers, &lens).1
+                    focused(&image(1), &depth, numbers, &options).1
                 };
                 check(depth, k, quotient(&moved));
             }
             let moved = |h: f64| {
                 let mut image = image(1);
                 image.data_mut()[2 * k] += h;
-                focused(&image, &depths(), numbers, &lens).1
+                focused(&image, &depths(), numbers, &options).1
             };
             check(picture, 2 * k, quotient(&moved));
         }
-        check(aperture, 0, quotient(&|h| focused(&image(1), &depths(), [2.0 + h, 3.0], &lens).1));
-        check(focus, 0, quotient(&|h| focused(&image(1), &depths(), [2.0, 3.0 + h], &lens).1));
+        check(
+            aperture,
+            0,
+            quotient(&|h| focused(&image(1), &depths(), [2.0 + h, 3.0], &options).1),
+        );
+        check(focus, 0, quotient(&|h| focused(&image(1), &depths(), [2.0, 3.0 + h], &options).1));
         assert_eq!(gradients.get(depth).unwrap().data()[20], 0.0);
     }
 }
@@ -170,9 +186,9 @@ fn what_cannot_be_is_refused_with_rule_and_value() {
     let (tape, other) = (Tape::<f64>::new(), Tape::new());
     let (picture, z) = (tape.leaf(&image(1)), tape.leaf(&depths()));
     let (one, three) = (tape.leaf_scalar(1.0), tape.leaf_scalar(3.0));
-    let lens = Lens::default();
-    let message = |image, depth, aperture, focus, lens: &Lens| {
-        depth_of_field(image, depth, aperture, focus, lens).unwrap_err().to_string()
+    let options = LensOptions::default();
+    let message = |image, depth, aperture, focus, options: &LensOptions| {
+        of(image, depth, aperture, focus, options).unwrap_err().to_string()
     };
     let number = |number| tape.leaf_scalar(number);
     let bad_depth = |at: f64| {
@@ -182,43 +198,49 @@ fn what_cannot_be_is_refused_with_rule_and_value() {
     };
     let table = [
         (
-            message(z, z, one, three, &lens),
+            message(z, z, one, three, &options),
             "an image of shape [H, W, C] with at least one entry, got shape [6, 9]",
         ),
         (
-            message(picture, picture, one, three, &lens),
+            message(picture, picture, one, three, &options),
             "a depth image of shape [6, 9], got shape [6, 9, 2]",
         ),
         (
-            message(picture, z, z, three, &lens),
+            message(picture, z, z, three, &options),
             "a single number for the aperture, got shape [6, 9]",
         ),
-        (message(picture, z, one, z, &lens), "a single number for the focus, got shape [6, 9]"),
+        (message(picture, z, one, z, &options), "a single number for the focus, got shape [6, 9]"),
         (
-            message(picture, z, number(-1.0), three, &lens),
+            message(picture, z, number(-1.0), three, &options),
             "a finite aperture of at least 0, got -1",
         ),
-        (message(picture, z, one, number(0.0), &lens), "a finite and positive focus, got 0"),
+        (message(picture, z, one, number(0.0), &options), "a finite and positive focus, got 0"),
         (
-            message(picture, bad_depth(-0.5), one, three, &lens),
+            message(picture, bad_depth(-0.5), one, three, &options),
             "depths from 0 up, got -0.5 at pixel 7",
         ),
         (
-            message(picture, bad_depth(f64::NAN), one, three, &lens),
+            message(picture, bad_depth(f64::NAN), one, three, &options),
             "depths from 0 up, got NaN at pixel 7",
         ),
         (
-            message(picture, z, one, three, &Lens { largest_sigma: f64::INFINITY, ..lens }),
+            message(
+                picture,
+                z,
+                one,
+                three,
+                &LensOptions { largest_sigma: f64::INFINITY, ..options },
+            ),
             "a finite largest sigma of at least 0, got inf",
         ),
         (
-            message(picture, z, other.leaf_scalar(1.0), three, &lens),
+            message(picture, z, other.leaf_scalar(1.0), three, &options),
             "variables of one tape, got one of another",
         ),
     ];
     for (said, rule) in table {
         assert_eq!(said, format!("depth_of_field needs {rule}"));
     }
-    let wide = Lens { radius: Radius::Fixed(20_000), ..lens };
+    let wide = LensOptions { radius: Radius::Fixed(20_000), ..options };
     assert!(message(picture, z, one, three, &wide).contains("a window radius of at most 16384"));
 }

@@ -24,9 +24,9 @@
 use bokashi_core::Scalar;
 use bokashi_core::parallel::{for_each_piece_mut, for_each_two_pieces_mut};
 
-use super::copy::copy;
-use super::scratch::Workbench;
 use crate::border::Border;
+use crate::copy::copy;
+use crate::scratch::Workbench;
 use crate::taps::{Taps, Window};
 
 /// Entries summed at a time: their sums stay in registers through all taps.

@@ -34,9 +34,7 @@
 //! kernel.
 
 mod convolution;
-mod copy;
 mod rational;
-mod scratch;
 #[cfg(test)]
 mod tests;
 
@@ -45,9 +43,9 @@ use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 
 use self::convolution::{Band, Convolution};
 use self::rational::{Block, Line, Order, Rational};
-use self::scratch::Workbench;
 use crate::border::Border;
 use crate::error::RenderError;
+use crate::scratch::Workbench;
 use crate::taps::{Blur, Kernel, LARGEST_RADIUS, Radius, Taps, check_radius};
 
 /// `image: [H, W, C]` blurred with standard deviation `sigma: []`, in pixels; returns `[H, W, C]`.

@@ -30,7 +30,7 @@ use std::f64::consts::FRAC_1_PI;
 use bokashi_core::Scalar;
 
 use super::model::{Model, Reflected};
-use crate::direction::{dot, plus};
+use crate::vector::{dot, plus, scaled};
 
 /// Materials are a colour.
 #[derive(Debug, Clone, Copy)]
@@ -52,11 +52,6 @@ const LEAST_LENGTH: f64 = 1e-6;
 fn incident<T: Scalar>(n: [T; 3], l: [T; 3]) -> (T, T) {
     let cosine = dot(n, l);
     if cosine > T::ZERO { (cosine, T::ONE) } else { (T::ZERO, T::ZERO) }
-}
-
-#[inline(always)]
-fn scaled<T: Scalar>(by: T, a: [T; 3]) -> [T; 3] {
-    [by * a[0], by * a[1], by * a[2]]
 }
 
 impl Lambert {

@@ -41,7 +41,7 @@ use bokashi_core::Scalar;
 
 use super::albedo;
 use super::model::{Model, Reflected};
-use crate::direction::{cross, dot, plus};
+use crate::vector::{cross, dot, plus};
 
 /// The least roughness that is told from a smaller one: of a narrower lobe the rounding errors of f32
 /// normals would be seen, since they move a half vector by 1e-7 and the lobe's width is the square, 1e-3.

@@ -5,12 +5,13 @@
 //! some of them need, and `rows` the blocks of rows that vectors are made of.
 
 mod albedo;
+mod blocks;
+mod direction;
 mod light;
 mod material;
 mod matt;
 mod metallic_roughness;
 mod model;
-mod rows;
 mod shade;
 #[cfg(test)]
 mod tests;

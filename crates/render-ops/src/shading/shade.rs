@@ -9,16 +9,17 @@ use bokashi_core::{
 };
 use smallvec::SmallVec;
 
+use super::blocks::{
+    BLOCK, Column, Lanes, MOST_PARTS, PIECE, Written, add_row, for_each_piece, row, set_row, store,
+};
+use super::direction::{pull_back_unit, unit};
 use super::light::{Kind, Light, Surface};
 use super::material::Material;
 use super::matt::{BlinnPhong, Lambert, Phong};
 use super::metallic_roughness::MetallicRoughness;
 use super::model::Model;
-use super::rows::{
-    BLOCK, Column, Lanes, MOST_PARTS, PIECE, Written, add_row, for_each_piece, row, set_row, store,
-};
-use crate::direction::{dot, plus, pull_back_unit, unit};
 use crate::error::RenderError;
+use crate::vector::{dot, plus};
 
 const NAME: &str = "shade";
 

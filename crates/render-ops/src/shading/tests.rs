@@ -3,9 +3,10 @@
 
 use bokashi_core::{Tape, Tensor, Var};
 
+use super::direction::unit;
 use super::*;
-use crate::direction::{cross, dot, unit};
 use crate::error::RenderError;
+use crate::vector::{cross, dot};
 
 const ONE: [f64; 3] = [1.0; 3];
 

@@ -24,6 +24,7 @@
 //! Laine et al., *Modular primitives for high-performance differentiable rendering*, ACM TOG 39(6),
 //! 2020, section 3.3; Williams, *Pyramidal parametrics*, SIGGRAPH 1983.
 
+mod cell;
 mod chart;
 mod footprint;
 mod levels;

@@ -4,9 +4,10 @@ use bokashi_core::parallel::for_each_piece_mut;
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Shape, Var, sum};
 use smallvec::SmallVec;
 
+use super::cell::Extents;
 use super::chart::{Chart, Cube, Plane};
 use super::levels::{CubeMap, Texture};
-use super::lookup::{Extents, Lookup};
+use super::lookup::Lookup;
 use super::options::{Detail, MOST_PROBES, Sampler, TextureFilter};
 use super::texels::TexelSums;
 use super::values::{Level, Values};

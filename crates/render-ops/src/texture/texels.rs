@@ -12,8 +12,8 @@
 use bokashi_core::Scalar;
 use bokashi_core::parallel::{for_each_item_mut, is_shared, merge_ranges_into};
 
+use super::cell::Cell;
 use super::chart::Chart;
-use super::lookup::Cell;
 
 /// Samples whose touches are sorted together: as many as leave three bits of 16 for a probe.
 const SAMPLES_PER_PIECE: usize = 1 << 13;

@@ -2,8 +2,9 @@
 
 use bokashi_core::Scalar;
 
+use super::cell::{Cell, Extents};
 use super::chart::{Chart, Place};
-use super::lookup::{Cell, Extents, Lookup, Spot};
+use super::lookup::{Lookup, Spot};
 
 /// The texels of a level, in groups of `N` channels.
 #[derive(Debug, Clone, Copy)]

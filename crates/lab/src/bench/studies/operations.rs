@@ -5,11 +5,14 @@
 
 use std::sync::Arc;
 
-use bokashi_core::{Scalar, Tape, Tensor, Var};
+use bokashi_core::{Mask, Padding, Scalar, SparseMatrix, Tape, Tensor, Var};
 use bokashi_fit::{FitError, squared_error};
 use bokashi_render_ops::{
-    Background, Blur, Fragments, Lens, RasterOptions, Reference, antialias, composite, depth,
-    depth_of_field, gaussian_blur, interpolate, project, rasterize,
+    Background, Blur, Border, DepthImage, Filter, Fragments, Lens, LensOptions, RasterOptions,
+    Reference, Weighting, affine_inverse, antialias, composite, depth, depth_of_field, distort,
+    downsample, eye_depth, face_normals, gaussian_blur, interpolate, orthographic,
+    perturbed_normals, pinhole, project, project_instances, rasterize, rigid, se3, tangents,
+    transform_normals, transform_points, vertex_normals,
 };
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -62,6 +65,37 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
     };
     let Inputs { positions, clip, barycentrics, colors, surface, aliased, image, .. } = inputs;
     add("project", &[positions], |scene, v| Ok(project(v[0], &scene.camera, None)?));
+    let motion = [Tensor::from([0.125, -0.25, 0.5, 1.0]), Tensor::from([0.25, -0.5, 1.0])];
+    let intrinsics = Tensor::from([300.0, 280.0, 127.5, 120.25]);
+    add("pinhole", &[&intrinsics], |scene, v| Ok(pinhole(v[0], scene.size, 0.1, 100.0)?));
+    add("orthographic", &[&intrinsics], |scene, v| Ok(orthographic(v[0], scene.size, 0.1, 100.0)?));
+    add("rigid", &[&motion[0], &motion[1]], |_, v| Ok(rigid(v[0], v[1])?));
+    let increment = Tensor::from([0.25, -0.5, 1.0, 0.125, -0.25, 0.5]);
+    add("se3", &[&increment], |scene, v| Ok(se3(v[0], &scene.camera)?));
+    add("affine_inverse", &[&inputs.affine], |_, v| Ok(affine_inverse(v[0])?));
+    add("transform_points", &[positions, &inputs.affine], |_, v| Ok(transform_points(v[0], v[1])?));
+    let lens = Tensor::from([-0.25, 0.0625, 0.001953125, -0.00390625, 0.0078125]);
+    add("distort", &[positions, &lens], |_, v| Ok(distort(v[0], v[1])?));
+    add("project_instances", &[positions, &inputs.instances], |scene, v| {
+        Ok(project_instances(v[0], v[1], &scene.camera)?)
+    });
+    add("face_normals", &[positions], |scene, v| Ok(face_normals(v[0], &scene.mesh)?));
+    add("vertex_normals, by area", &[positions], |scene, v| {
+        Ok(vertex_normals(v[0], &scene.mesh, Weighting::Area)?)
+    });
+    add("vertex_normals, by angle", &[positions], |scene, v| {
+        Ok(vertex_normals(v[0], &scene.mesh, Weighting::Angle)?)
+    });
+    let turn =
+        Tensor::from_flat_fn([3, 3], |k| [0.5, -0.75, 1.0, 1.5, 0.25, -0.5, 0.0, 1.0, 2.0][k]);
+    add("transform_normals", &[positions, &turn], |_, v| Ok(transform_normals(v[0], v[1])?));
+    add("tangents", &[positions, &inputs.normals, &inputs.coordinates], |scene, v| {
+        Ok(tangents(v[0], v[1], v[2], &scene.mesh, &scene.mesh)?)
+    });
+    let [normals, tangents, values] = &inputs.frames;
+    add("perturbed_normals", &[normals, tangents, values], |_, v| {
+        Ok(perturbed_normals(v[0], v[1], v[2])?)
+    });
     add("rasterize", &[clip], |scene, v| {
         let options = RasterOptions::from(scene.size);
         Ok(rasterize(v[0], &scene.mesh, options)?.barycentrics)
@@ -80,12 +114,22 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
         let options = RasterOptions::from(scene.size);
         Ok(depth(&rasterize(v[0], &scene.mesh, options)?)?)
     });
+    add("eye_depth", &[clip], |scene, v| {
+        let options = RasterOptions::from(scene.size);
+        Ok(eye_depth(&rasterize(v[0], &scene.mesh, options)?)?.values())
+    });
     let lens = [Tensor::scalar(2.0), Tensor::scalar(1.25)];
     add("depth_of_field", &[image, &inputs.distances, &lens[0], &lens[1]], |_, v| {
-        Ok(depth_of_field(v[0], v[1], v[2], v[3], &Lens::default())?.image)
+        let (lens, distances) =
+            (Lens { aperture: v[2], focus: v[3] }, DepthImage::of_distances(v[1]));
+        Ok(depth_of_field(v[0], distances, lens, &LensOptions::default())?.image)
     });
     add("gaussian_blur", &[image, &Tensor::scalar(2.0)], |_, v| {
         Ok(gaussian_blur(v[0], v[1], &Blur::default())?)
+    });
+    add("downsample, box", &[image], |_, v| Ok(downsample(v[0], 4, &Filter::Box, Border::Mirror)?));
+    add("downsample, Lanczos", &[image], |_, v| {
+        Ok(downsample(v[0], 4, &Filter::Lanczos(3), Border::Mirror)?)
     });
     add("squared_error", &[image, aliased], |_, v| Ok(squared_error(v[0], v[1])?));
     add("squared_error, a picture", &[surface, clip, aliased], |scene, v| {
@@ -100,6 +144,10 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
     add("sub", &[signed, positive], |_, v| Ok(v[0].try_sub(v[1])?));
     add("mul", &[signed, positive], |_, v| Ok(v[0].try_mul(v[1])?));
     add("div", &[signed, positive], |_, v| Ok(v[0].try_div(v[1])?));
+    add("pow", &[positive, signed], |_, v| Ok(v[0].pow(v[1])?));
+    add("select", &[signed, positive], |_, v| {
+        Ok(Mask::from_flat_fn(v[0].shape(), |k| k % 3 > 0).select(v[0], v[1])?)
+    });
     add("minimum", &[signed, positive], |_, v| Ok(v[0].minimum(v[1])?));
     add("maximum", &[signed, positive], |_, v| Ok(v[0].maximum(v[1])?));
     add("affine", &[signed], |_, v| Ok(v[0].affine(T::from_f64(0.7), T::from_f64(0.1))));
@@ -107,24 +155,48 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
     add("ln", &[positive], |_, v| Ok(v[0].ln()));
     add("sqrt", &[positive], |_, v| Ok(v[0].sqrt()));
     add("powi", &[signed], |_, v| Ok(v[0].powi(3)));
+    add("powf", &[positive], |_, v| Ok(v[0].powf(T::from_f64(2.25))));
     add("sin", &[signed], |_, v| Ok(v[0].sin()));
     add("cos", &[signed], |_, v| Ok(v[0].cos()));
     add("tanh", &[signed], |_, v| Ok(v[0].tanh()));
     add("sigmoid", &[signed], |_, v| Ok(v[0].sigmoid()));
     add("softplus", &[signed], |_, v| Ok(v[0].softplus()));
+    add("relu", &[signed], |_, v| Ok(v[0].relu()));
     add("abs", &[signed], |_, v| Ok(v[0].abs()));
     add("clamp", &[signed], |_, v| Ok(v[0].clamp(-T::ONE, T::ONE)?));
     add("sum", &[positive], |_, v| Ok(v[0].sum()));
     add("mean", &[positive], |_, v| Ok(v[0].mean()?));
+    add("cumulative_sum", &[positive], |_, v| Ok(v[0].cumulative_sum(0)?));
+    add("dot", &[signed, positive], |_, v| Ok(v[0].dot(v[1], 1)?));
+    let [left, right] = &inputs.vectors;
+    add("dot, three and a row", &[left, &inputs.row], |_, v| Ok(v[0].dot(v[1], 1)?));
+    add("cross", &[left, right], |_, v| Ok(v[0].cross(v[1], 1)?));
+    add("norm", &[left], |_, v| Ok(v[0].norm(1)?));
+    add("normalize", &[left], |_, v| Ok(v[0].normalize(1)?));
+    add("sparse_product", &[left], |_, v| {
+        // Each row beside the next five of a ring.
+        let rows = v[0].shape()[0];
+        let entry = |k: usize| ((k / 5) as u32, ((k / 5 + k % 5) % rows) as u32, T::ONE);
+        Ok(SparseMatrix::new(rows, rows, (0..5 * rows).map(entry))?.product(v[0])?)
+    });
     add("matmul", &[signed, &inputs.square], |_, v| Ok(v[0].matmul(v[1])?));
     add("permute", &[signed], |_, v| Ok(v[0].permute(&[1, 0])?));
     add("reshape", &[signed], |_, v| Ok(v[0].reshape([v[0].shape().size()])?));
+    add("keepdim", &[signed], |_, v| Ok(v[0].keepdim(1)?));
     add("slice", &[signed], |_, v| Ok(v[0].slice(1, 1..WIDTH - 1)?));
+    add("pad", &[signed], |_, v| Ok(v[0].pad(1, [2, 2], Padding::Mirror)?));
+    add("stack", &[signed, positive], |_, v| Ok(Var::stack(&[v[0], v[1]], 1)?));
     add("concat", &[signed, positive], |_, v| Ok(Var::concat(&[v[0], v[1]], 0)?));
     add("gather_rows", &[signed], |_, v| {
         let rows = v[0].shape()[0] as u32;
         let reversed: Arc<[u32]> = (0..rows).rev().collect();
         Ok(v[0].gather_rows(&reversed)?)
+    });
+    add("scatter_add_rows", &[signed], |_, v| {
+        // Six rows to a sum, as faces meet in a vertex.
+        let (rows, count) = (v[0].shape()[0], v[0].shape()[0] / 6 + 1);
+        let spread: Arc<[u32]> = (0..rows).map(|row| (row * 7919 % count) as u32).collect();
+        Ok(v[0].scatter_add_rows(&spread, count)?)
     });
     all
 }
@@ -133,6 +205,11 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
 struct Inputs {
     scene: Scene,
     positions: Tensor<f64>,
+    /// `[V, 3]` and `[V, 2]`.
+    normals: Tensor<f64>,
+    coordinates: Tensor<f64>,
+    /// Normals, tangents and map values, one for each pixel.
+    frames: [Tensor<f64>; 3],
     clip: Tensor<f64>,
     barycentrics: Tensor<f64>,
     colors: Tensor<f64>,
@@ -147,7 +224,19 @@ struct Inputs {
     positive: Tensor<f64>,
     /// `[WIDTH, WIDTH]`.
     square: Tensor<f64>,
+    /// `[n, 3]`, with at least as many entries, in [-2, 2].
+    vectors: [Tensor<f64>; 2],
+    /// `[3]`.
+    row: Tensor<f64>,
+    /// `[4, 4]`, a motion and a scale.
+    affine: Tensor<f64>,
+    /// `[8, 4, 4]`, the same with other translations.
+    instances: Tensor<f64>,
 }
+
+/// An affine matrix.
+const AFFINE: [f64; 16] =
+    [0.5, -0.25, 0.125, 1.0, 0.25, 0.75, 0.5, -2.0, -0.5, 0.25, 1.0, 0.5, 0.0, 0.0, 0.0, 1.0];
 
 /// The second extent of the tensors.
 const WIDTH: usize = 16;
@@ -167,7 +256,16 @@ impl Inputs {
         let drawn = drawn(&scene, scene.size.into(), at, tinted)?;
         let image = antialias(drawn.composite.clone())?.image()?;
         let rows = pixels * pixels / WIDTH;
+        let normals = vertex_normals(at, &scene.mesh, Weighting::Angle)?;
+        let vertices = scene.mesh.vertex_count();
+        let coordinate = |k: usize| positions.data()[k / 2 * 3 + k % 2];
+        let coordinates = Tensor::from_flat_fn([vertices, 2], coordinate);
+        let mut vectors =
+            |width| Tensor::from_flat_fn([pixels * pixels, width], |_| uniform(-1.0, 1.0));
         Ok(Self {
+            normals: single(normals.value()),
+            coordinates: single(coordinates),
+            frames: [vectors(3), vectors(4), vectors(3)],
             positions: single(positions),
             clip: single(drawn.clip.value()),
             barycentrics: single(drawn.fragments.barycentrics.value()),
@@ -179,6 +277,16 @@ impl Inputs {
             signed: Tensor::from_flat_fn([rows, WIDTH], |_| uniform(-2.0, 2.0)),
             positive: Tensor::from_flat_fn([rows, WIDTH], |_| uniform(0.5, 2.0)),
             square: Tensor::from_flat_fn([WIDTH, WIDTH], |_| uniform(-1.0, 1.0)),
+            vectors: [(); 2].map(|()| {
+                let rows = (pixels * pixels).div_ceil(3);
+                Tensor::from_flat_fn([rows, 3], |_| uniform(-2.0, 2.0))
+            }),
+            row: Tensor::from_flat_fn([3], |_| uniform(-1.0, 1.0)),
+            affine: Tensor::from_flat_fn([4, 4], |k| AFFINE[k]),
+            instances: Tensor::from_flat_fn([8, 4, 4], |k| match k % 16 {
+                3 => (k / 16) as f64,
+                entry => AFFINE[entry],
+            }),
             scene,
         })
     }
@@ -301,8 +409,14 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
 }
 
 /// The operations whose times are per pixel.
-const RENDERING: [&str; 9] = [
+const RENDERING: [&str; 15] = [
+    "downsample",
+    "tangents",
+    "perturbed_normals",
+    "transform_normals",
     "project",
+    "face_normals",
+    "vertex_normals",
     "rasterize",
     "interpolate",
     "image",

@@ -46,8 +46,8 @@ use bokashi_core::Scalar;
 use bokashi_core::parallel::{for_each_piece_mut, for_each_two_pieces_mut};
 
 use self::line::{LANES, Lanes, Task};
-use super::copy::copy;
-use super::scratch::Workbench;
+use crate::copy::copy;
+use crate::scratch::Workbench;
 
 pub(super) use self::line::{Block, Line};
 pub(super) use self::poles::Order;

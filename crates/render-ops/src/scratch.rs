@@ -5,11 +5,11 @@ use std::sync::{Mutex, PoisonError};
 /// Memory for as many pieces of work as run at the same time: at most one `M` for each thread. It
 /// is kept from step to step, so a step like the last one allocates nothing.
 #[derive(Debug, Default)]
-pub(super) struct Workbench<M>(Mutex<Vec<M>>);
+pub(crate) struct Workbench<M>(Mutex<Vec<M>>);
 
 impl<M: Default> Workbench<M> {
     /// Does a piece of work with memory of its own, which holds what some earlier piece left.
-    pub(super) fn with<R>(&self, work: impl FnOnce(&mut M) -> R) -> R {
+    pub(crate) fn with<R>(&self, work: impl FnOnce(&mut M) -> R) -> R {
         let mut memory = self.lock().pop().unwrap_or_default();
         let result = work(&mut memory);
         self.lock().push(memory);
@@ -17,7 +17,7 @@ impl<M: Default> Workbench<M> {
     }
 
     /// The sum of `size` over all memory that is kept.
-    pub(super) fn total(&self, size: impl Fn(&M) -> usize) -> usize {
+    pub(crate) fn total(&self, size: impl Fn(&M) -> usize) -> usize {
         self.lock().iter().map(size).sum()
     }
 

@@ -1,0 +1,192 @@
+//! Rows added to those of another array, by index: `y_(i_r) += x_r`, in the order of `r`;
+//! `x_bar_r += y_bar_(i_r)`. The adjoint of `gather_rows`. The indices have no gradient.
+//!
+//! Each row of `y` gathers its own: they are grouped by index once, and as long as the list is the same
+//! one.
+
+use std::sync::Arc;
+
+use crate::axis::{blocks, for_each_line_mut};
+use crate::error::TensorError;
+use crate::gradient::Accumulators;
+use crate::grouping::{Grouping, check};
+use crate::listed_rows::sum_listed_rows;
+use crate::op::{Inputs, Keep, Kept, Op, Outputs};
+use crate::scalar::Scalar;
+use crate::var::Var;
+
+struct ScatterAddRows {
+    rows: Arc<[u32]>,
+    count: usize,
+}
+
+impl ScatterAddRows {
+    const NAME: &'static str = "scatter_add_rows";
+}
+
+impl<T: Scalar> Op<T> for ScatterAddRows {
+    type Saved = Grouping;
+    type Error = TensorError;
+
+    fn name(&self) -> &'static str {
+        Self::NAME
+    }
+
+    fn forward(
+        &self,
+        inputs: &Inputs<'_, T>,
+        outputs: &mut Outputs<'_, T>,
+        saved: &mut Grouping,
+    ) -> Result<(), TensorError> {
+        let (x, shape) = (inputs.data(0), inputs.shape(0));
+        let (operation, count) = (Self::NAME, self.count);
+        let [_, extent, inner] = blocks(shape, 0, operation)?;
+        if extent != self.rows.len() {
+            let rule = format!("{} rows, one per index", self.rows.len()).into();
+            return Err(TensorError::Shape { operation, rule, shape: shape.clone() });
+        }
+        check(&self.rows, count, operation)?;
+        let summed = shape.with(0, count);
+        let Some(size) = summed.checked_size() else {
+            return Err(TensorError::Length { shape: summed, entries: x.len() });
+        };
+        if size == 0 {
+            outputs.push(summed);
+            return Ok(());
+        }
+        let lists = saved.of(&self.rows, count);
+        let y = outputs.push(summed);
+        sum_listed_rows(lists, None, x, inner, y, |y, sum| *y = T::narrow(sum));
+        Ok(())
+    }
+
+    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
+        Keep::NOTHING
+    }
+
+    fn backward(
+        &self,
+        kept: &Kept<'_, T>,
+        _saved: &mut Grouping,
+        gradients: &mut Accumulators<'_, T>,
+    ) {
+        let Some(x_bar) = gradients.get(0) else { return };
+        let y_bar = kept.only_upstream();
+        let (x_bar, fresh) = x_bar.entries_or_fresh();
+        let inner = x_bar.len() / self.rows.len().max(1);
+        for_each_line_mut(x_bar, inner, [], |r, x_bar, []| {
+            let y_bar = &y_bar[self.rows[r] as usize * inner..][..inner];
+            for (x_bar, &y_bar) in x_bar.iter_mut().zip(y_bar) {
+                *x_bar = if fresh { y_bar } else { *x_bar + y_bar };
+            }
+        });
+    }
+
+    fn saved_bytes(&self, saved: &Grouping) -> usize {
+        saved.bytes()
+    }
+}
+
+impl<T: Scalar> Var<'_, T> {
+    /// The sums `y: [count, ...]` of the rows of `self: [rows.len(), ...]`: row `r` is added to
+    /// `y_(rows[r])`. What no index names is 0. The list is shared; as long as it is the same one, rows
+    /// are not sorted by index again.
+    ///
+    /// # Errors
+    /// [`TensorError::Axis`] for a scalar; [`TensorError::Shape`] unless there is a row per index;
+    /// [`TensorError::Index`] unless each of `rows` is below `count`; [`TensorError::Length`] for sums
+    /// of more entries than fit an index; [`TensorError::Value`] for 2^32 rows or more.
+    pub fn scatter_add_rows(self, rows: &Arc<[u32]>, count: usize) -> Result<Self, TensorError> {
+        self.tape.apply(ScatterAddRows { rows: Arc::clone(rows), count }, &[self])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tape::Tape;
+    use crate::tensor::Tensor;
+
+    #[test]
+    fn rows_of_one_index_are_added_and_each_gets_the_gradient_of_its_sum() {
+        let tape = Tape::new();
+        let x = tape.leaf(&Tensor::from([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]));
+        let y = x.scatter_add_rows(&Arc::from([2, 0, 2]), 4).unwrap();
+        assert_eq!(y.value(), Tensor::from([[3.0, 4.0], [0.0, 0.0], [6.0, 8.0], [0.0, 0.0]]));
+        let upstream = Tensor::from_flat_fn([4, 2], |k| k as f64);
+        let gradients = tape.vjp(&[(y, &upstream)]).unwrap();
+        assert_eq!(gradients.get(x), Some(&Tensor::from([[4.0, 5.0], [0.0, 1.0], [4.0, 5.0]])));
+    }
+
+    #[test]
+    fn scattering_is_the_adjoint_of_gathering() {
+        for (count, length, inner) in [(5, 9, 3), (1, 40_000, 2), (30_000, 20_000, 1), (3, 7, 19)] {
+            let rows: Arc<[u32]> = (0..length).map(|r| (r * 7919 % count) as u32).collect();
+            let number = |k: usize| (k * 31 % 11) as f64 - 5.0;
+            let tape = Tape::new();
+            let x = tape.leaf(&Tensor::from_flat_fn([length, inner], number));
+            let y = tape.leaf(&Tensor::from_flat_fn([count, inner], number));
+            let (scattered, gathered) =
+                (x.scatter_add_rows(&rows, count).unwrap(), y.gather_rows(&rows).unwrap());
+            let of_gather = tape.vjp(&[(gathered, &x.value())]).unwrap().get_or_zeros(y);
+            let of_scatter = tape.vjp(&[(scattered, &y.value())]).unwrap().get_or_zeros(x);
+            assert_eq!((scattered.value(), gathered.value()), (of_gather, of_scatter));
+        }
+    }
+
+    #[test]
+    fn many_rows_of_an_index_keep_their_digits_in_f32() {
+        let tape = Tape::<f32>::new();
+        let n = 1 << 17;
+        let x = tape.leaf(&Tensor::full([n], 0.1));
+        let all: Arc<[u32]> = vec![0; n].into();
+        let sum = x.scatter_add_rows(&all, 1).unwrap();
+        assert_eq!(sum.item(), (f64::from(0.1_f32) * n as f64) as f32);
+    }
+
+    #[test]
+    fn the_list_is_let_go_with_the_step() {
+        let mut tape = Tape::new();
+        let rows = Arc::from([0]);
+        let _ = tape.leaf(&Tensor::full([1, 1], 1.0)).scatter_add_rows(&rows, 2).unwrap();
+        assert_eq!(Arc::strong_count(&rows), 2);
+        tape.reset();
+        assert_eq!(Arc::strong_count(&rows), 1);
+    }
+
+    #[test]
+    fn another_list_of_a_later_step_is_sorted_anew() {
+        let mut tape = Tape::new();
+        for k in 0..4 {
+            let rows: Arc<[u32]> = Arc::from([k % 2, 1, k % 2]);
+            let x = tape.leaf(&Tensor::from([1.0, 10.0, 100.0]));
+            let sums = x.scatter_add_rows(&rows, 2).unwrap().value();
+            let expected = if k % 2 == 0 { [101.0, 10.0] } else { [0.0, 111.0] };
+            assert_eq!(sums, Tensor::from(expected));
+            tape.reset();
+        }
+    }
+
+    #[test]
+    fn there_is_a_row_per_index_and_each_index_has_its_place() {
+        let tape = Tape::<f64>::new();
+        let x = tape.leaf(&Tensor::zeros([3, 2]));
+        let of = |rows: &[u32], count| x.scatter_add_rows(&Arc::from(rows), count).map(Var::value);
+        let message = "scatter_add_rows needs 2 rows, one per index, got shape [3, 2]";
+        assert_eq!(of(&[0, 1], 2).unwrap_err().to_string(), message);
+        let message = "scatter_add_rows needs indices within an axis of extent 3, got 3";
+        assert_eq!(of(&[0, 3, 9], 3).unwrap_err().to_string(), message);
+        assert!(tape.leaf_scalar(0.0).scatter_add_rows(&Arc::from([]), 1).is_err());
+        let message = "shape [9223372036854775808, 2] needs more entries than fit an index, got 6";
+        assert_eq!(of(&[0, 0, 0], 1 << 63).unwrap_err().to_string(), message);
+
+        let none = tape.leaf(&Tensor::zeros([0, 2]));
+        let sums = none.scatter_add_rows(&Arc::from([]), 2).unwrap();
+        assert_eq!(sums.value(), Tensor::zeros([2, 2]));
+        assert_eq!(none.scatter_add_rows(&Arc::from([]), 0).unwrap().shape().size(), 0);
+        let empty = tape.leaf(&Tensor::zeros([2, 0]));
+        let sums = empty.scatter_add_rows(&Arc::from([1, 1]), usize::MAX).unwrap();
+        assert_eq!(*sums.shape(), [usize::MAX, 0]);
+        assert_eq!(sums.sum().backward().unwrap().get_or_zeros(empty).size(), 0);
+    }
+}

@@ -1,0 +1,131 @@
+//! Arrays of one shape side by side along a new axis; each gets its own part of the upstream gradient.
+
+use crate::axis::{blocks, with_new_axis};
+use crate::error::TensorError;
+use crate::gradient::Accumulators;
+use crate::joining::{add_part, join};
+use crate::op::{Inputs, Keep, Kept, Op, Outputs};
+use crate::scalar::Scalar;
+use crate::var::Var;
+
+struct Stack {
+    axis: usize,
+}
+
+impl Stack {
+    const NAME: &'static str = "stack";
+}
+
+impl<T: Scalar> Op<T> for Stack {
+    type Saved = ();
+    type Error = TensorError;
+
+    fn name(&self) -> &'static str {
+        Self::NAME
+    }
+
+    fn forward(
+        &self,
+        inputs: &Inputs<'_, T>,
+        outputs: &mut Outputs<'_, T>,
+        _saved: &mut (),
+    ) -> Result<(), TensorError> {
+        let (shape, count) = (inputs.shape(0), inputs.len());
+        if let Some(other) = (1..count).map(|i| inputs.shape(i)).find(|other| *other != shape) {
+            return Err(TensorError::Mismatch {
+                operation: Self::NAME,
+                rule: "parts of one shape".into(),
+                shapes: Box::new([shape.clone(), other.clone()]),
+            });
+        }
+        let stacked = with_new_axis(shape, self.axis, count, Self::NAME)?;
+        if count == 1 {
+            outputs.push_renamed(stacked, 0);
+            return Ok(());
+        }
+        let [_, _, inner] = blocks(&stacked, self.axis, Self::NAME)?;
+        join(inputs, |_| inner, outputs.push(stacked));
+        Ok(())
+    }
+
+    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
+        Keep::NOTHING
+    }
+
+    fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
+        let [_, count, inner] = blocks(kept.output_shape(0), self.axis, Self::NAME)
+            .expect("the forward pass made the axis");
+        for i in 0..kept.input_count() {
+            if let Some(x_bar) = gradients.get(i) {
+                let [start, end, size] = [i, i + 1, count].map(|n| inner.saturating_mul(n));
+                add_part(x_bar, kept.only_upstream(), start..end, size);
+            }
+        }
+    }
+}
+
+impl<T: Scalar> Var<'_, T> {
+    /// `parts` of one shape side by side along a new axis, which stands before `axis`, or at the end:
+    /// three of `[n]` along axis 1 are `[n, 3]`.
+    ///
+    /// # Errors
+    /// [`TensorError::Inputs`] without any part; [`TensorError::Mismatch`] unless all have one shape;
+    /// [`TensorError::Value`] where `axis` is beyond their rank.
+    pub fn stack(parts: &[Self], axis: usize) -> Result<Self, TensorError> {
+        let Some(first) = parts.first() else {
+            let (operation, rule) = (Stack::NAME, "at least one part".into());
+            return Err(TensorError::Inputs { operation, rule, given: 0 });
+        };
+        first.tape.apply(Stack { axis }, parts)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tape::Tape;
+    use crate::tensor::Tensor;
+
+    #[test]
+    fn slices_of_a_stack_are_its_parts_along_every_axis() {
+        for shape in [&[2, 3][..], &[], &[4], &[0, 2], &[1, 1], &[20_000], &[3, 9_000]] {
+            for axis in 0..=shape.len() {
+                let tape = Tape::new();
+                let parts: Vec<_> = (0..3)
+                    .map(|i| tape.leaf(&Tensor::from_flat_fn(shape, |k| (10 * k + i) as f64)))
+                    .collect();
+                let stacked = Var::stack(&parts, axis).unwrap();
+                let upstream = stacked.value().map(|z| 0.5 * z);
+                let gradients = tape.vjp(&[(stacked, &upstream)]).unwrap();
+                for (i, &part) in parts.iter().enumerate() {
+                    let slice = stacked.slice(axis, i..i + 1).unwrap();
+                    assert_eq!(slice.reshape(shape).unwrap().value(), part.value());
+                    assert_eq!(gradients.get_or_zeros(part), part.value().map(|x| 0.5 * x));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_single_part_shares_its_buffer() {
+        let tape = Tape::new();
+        let x = tape.leaf_full([2, 3], 1.0);
+        let y = Var::stack(&[x], 1).unwrap();
+        assert_eq!(*y.shape(), [2, 1, 3]);
+        assert_eq!(x.value().data().as_ptr(), y.value().data().as_ptr());
+        let gradients = (y * 3.0).sum().backward().unwrap();
+        assert_eq!(gradients.get(x), Some(&Tensor::full([2, 3], 3.0)));
+    }
+
+    #[test]
+    fn parts_have_one_shape_and_the_axis_is_at_hand() {
+        let tape = Tape::<f64>::new();
+        let [x, y] = [[2, 3], [3, 2]].map(|shape| tape.constant_full(shape, 0.0));
+        let message = "stack needs parts of one shape, got shapes [2, 3] and [3, 2]";
+        assert_eq!(Var::stack(&[x, y], 0).unwrap_err().to_string(), message);
+        let message = "stack needs a new axis up to the rank 2, got 3";
+        assert_eq!(Var::stack(&[x, x], 3).unwrap_err().to_string(), message);
+        let message = "stack needs at least one part, got 0 inputs";
+        assert_eq!(Var::<f64>::stack(&[], 0).unwrap_err().to_string(), message);
+    }
+}

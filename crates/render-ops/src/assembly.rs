@@ -1,0 +1,308 @@
+//! Several meshes drawn as one, some of them several times.
+//!
+//! The faces of all instances stand one after another, part by part and within a part instance by
+//! instance, and so do their vertices. So one visibility decides what is in front, and seams and
+//! adjacency are those of the parts: instances share no vertex.
+
+use std::ops::Range;
+
+use bokashi_core::TensorError;
+
+use crate::error::RenderError;
+use crate::mesh::Mesh;
+
+/// Several meshes as one, some of them several times.
+///
+/// ```
+/// use bokashi_render_ops::{Assembly, Mesh};
+///
+/// let triangle = Mesh::new(vec![[0, 1, 2]], 3)?;
+/// let square = Mesh::new(vec![[0, 1, 2], [2, 1, 3]], 4)?;
+/// // One triangle, and three squares.
+/// let scene = Assembly::new(&[(&triangle, 1), (&square, 3)])?;
+/// assert_eq!(scene.mesh().faces().len(), 7);
+/// // The fourth face is the first of the second square.
+/// let place = scene.place(3).unwrap();
+/// assert_eq!((place.part, place.instance, place.face), (1, 1, 0));
+/// assert_eq!(scene.vertices(1, 1), Some(7..11));
+/// # Ok::<(), bokashi_render_ops::RenderError>(())
+/// ```
+///
+/// Clip positions are the parts' own, one after another:
+/// [`project_instances`](crate::project_instances()) gives a part's, and `Var::concat` joins them. Attributes of
+/// vertices are not repeated: [`Assembly::attributes`] is the index buffer for
+/// [`interpolate_indexed`](crate::interpolate_indexed()).
+#[derive(Debug, Clone)]
+pub struct Assembly {
+    mesh: Mesh,
+    parts: Vec<Part>,
+}
+
+#[derive(Debug, Clone)]
+struct Part {
+    mesh: Mesh,
+    instances: usize,
+    first_face: usize,
+    first_vertex: usize,
+}
+
+/// Where a face of an [`Assembly`] comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Place {
+    /// The part.
+    pub part: usize,
+    /// Which of the part's instances.
+    pub instance: usize,
+    /// The face of the part's mesh.
+    pub face: usize,
+}
+
+impl Assembly {
+    /// The mesh of `parts`: each with its mesh, and how many times it is there.
+    ///
+    /// # Errors
+    /// [`RenderError::MeshSize`] for 2^31 faces, vertices or instances and more.
+    pub fn new(parts: &[(&Mesh, usize)]) -> Result<Self, RenderError> {
+        let (mut first_face, mut first_vertex, mut first_instance) = (0_usize, 0_usize, 0_usize);
+        let mut all = Vec::with_capacity(parts.len());
+        for &(mesh, instances) in parts {
+            all.push(Part { mesh: mesh.clone(), instances, first_face, first_vertex });
+            let more = |each: usize| each.saturating_mul(instances);
+            first_face = first_face.saturating_add(more(mesh.faces().len()));
+            first_vertex = first_vertex.saturating_add(more(mesh.vertex_count()));
+            first_instance = first_instance.saturating_add(instances);
+            for given in [first_face, first_vertex, first_instance] {
+                if given >= 1 << 31 {
+                    return Err(RenderError::MeshSize { given });
+                }
+            }
+        }
+        // Without faces, any number of instances is nothing.
+        let drawn = all.iter().filter(|part| !part.mesh.faces().is_empty());
+        let instances = drawn.flat_map(|part| {
+            let vertices = part.mesh.vertex_count();
+            (0..part.instances).map(move |k| (&part.mesh, part.first_vertex + k * vertices))
+        });
+        let mesh = Mesh::joined(instances, first_vertex)?;
+        Ok(Self { mesh, parts: all })
+    }
+
+    /// The mesh of all instances, to be rasterized.
+    pub fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+
+    /// Where a face comes from, an index that [`Coverage::face_at`](crate::Coverage::face_at) or
+    /// [`Coverage::faces`](crate::Coverage::faces) gives; `None` beyond the last face.
+    pub fn place(&self, face: usize) -> Option<Place> {
+        if face >= self.mesh.faces().len() {
+            return None;
+        }
+        // Of parts that start at one face, all but the last have none.
+        let part = self.parts.partition_point(|part| part.first_face <= face) - 1;
+        let Part { mesh, first_face, .. } = &self.parts[part];
+        let (faces, at) = (mesh.faces().len(), face - first_face);
+        Some(Place { part, instance: at / faces, face: at % faces })
+    }
+
+    /// The vertices of an instance, rows of the clip positions; `None` where there is no such instance.
+    pub fn vertices(&self, part: usize, instance: usize) -> Option<Range<usize>> {
+        let Part { mesh, instances, first_vertex, .. } = self.parts.get(part)?;
+        let first = first_vertex + instance.checked_mul(mesh.vertex_count())?;
+        (instance < *instances).then(|| first..first + mesh.vertex_count())
+    }
+
+    /// The index buffer of attributes that the instances of a part share, for
+    /// [`interpolate_indexed`](crate::interpolate_indexed()).
+    ///
+    /// `indices` has an index buffer for each part: its own mesh for attributes of its vertices, or another
+    /// with as many faces. The attributes `[A, C]` are those of the parts one after another, each part's once.
+    ///
+    /// # Errors
+    /// `TensorError::Inputs` unless there is an index buffer for each part; [`RenderError::FaceCount`] unless
+    /// it has as many faces as its part; [`RenderError::MeshSize`] for 2^31 attributes and more.
+    pub fn attributes(&self, indices: &[&Mesh]) -> Result<Mesh, RenderError> {
+        if indices.len() != self.parts.len() {
+            let rule = format!("an index buffer for each of {} parts", self.parts.len()).into();
+            let given = indices.len();
+            return Err(TensorError::Inputs { operation: "attributes", rule, given }.into());
+        }
+        let mut firsts = Vec::with_capacity(indices.len());
+        let mut count = 0_usize;
+        for (part, indices) in self.parts.iter().zip(indices) {
+            let (expected, given) = (part.mesh.faces().len(), indices.faces().len());
+            if given != expected {
+                return Err(RenderError::FaceCount { expected, given });
+            }
+            firsts.push(count);
+            count = count.saturating_add(indices.vertex_count());
+        }
+        let parts = self.parts.iter().zip(indices).zip(firsts);
+        let instances = parts.flat_map(|((part, indices), first)| {
+            std::iter::repeat_n((*indices, first), part.instances)
+        });
+        Mesh::joined(instances, count)
+    }
+
+    /// The index buffer of attributes of instances, for
+    /// [`interpolate_indexed`](crate::interpolate_indexed()): a colour of its own for each, say. The
+    /// attributes are `[I, C]`, I the number of all parts' instances.
+    pub fn instances(&self) -> Mesh {
+        let mut count = 0;
+        let mut faces = Vec::with_capacity(self.mesh.faces().len());
+        for part in &self.parts {
+            let of_each = part.mesh.faces().len();
+            let all = 0..part.instances * of_each;
+            faces.extend(all.map(|at| [(count + at / of_each) as u32; 3]));
+            count += part.instances;
+        }
+        Mesh::new(faces, count).expect("there are fewer than 2^31 instances")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bokashi_core::{Tape, Tensor, Var};
+
+    use super::*;
+    use crate::fragments::Fragments;
+    use crate::interpolate::interpolate_indexed;
+    use crate::rasterize::rasterize;
+    use crate::size::Size;
+
+    fn triangle() -> Mesh {
+        Mesh::new(vec![[0, 1, 2]], 3).unwrap()
+    }
+
+    fn square() -> Mesh {
+        Mesh::new(vec![[0, 1, 2], [2, 1, 3]], 4).unwrap()
+    }
+
+    #[test]
+    fn every_face_and_every_vertex_is_of_one_instance() {
+        let empty = Mesh::new(vec![], 2).unwrap();
+        let parts = [(&empty, 2), (&triangle(), 2), (&square(), 0), (&empty, 1), (&square(), 3)];
+        let assembly = Assembly::new(&parts).unwrap();
+        assert_eq!((assembly.mesh().faces().len(), assembly.mesh().vertex_count()), (8, 24));
+        let (mut face, mut vertex) = (0, 0);
+        for (part, &(mesh, instances)) in parts.iter().enumerate() {
+            for instance in 0..instances {
+                let vertices = assembly.vertices(part, instance).unwrap();
+                assert_eq!(vertices, vertex..vertex + mesh.vertex_count());
+                for (k, own) in mesh.faces().iter().enumerate() {
+                    assert_eq!(assembly.place(face), Some(Place { part, instance, face: k }));
+                    let expected = own.map(|index| index + vertex as u32);
+                    assert_eq!(assembly.mesh().faces()[face], expected);
+                    face += 1;
+                }
+                vertex = vertices.end;
+            }
+            assert_eq!(assembly.vertices(part, instances), None);
+        }
+        assert_eq!((assembly.place(8), assembly.place(usize::MAX)), (None, None));
+        assert_eq!((assembly.vertices(5, 0), assembly.vertices(4, usize::MAX)), (None, None));
+        assert!(Assembly::new(&[]).unwrap().mesh().faces().is_empty());
+    }
+
+    #[test]
+    fn seams_and_neighbours_are_those_of_the_parts() {
+        let marked = square().with_seams(|face, corner| (face, corner) == (0, 0));
+        let assembly = Assembly::new(&[(&triangle(), 1), (&marked, 2), (&square(), 1)]).unwrap();
+        let mesh = assembly.mesh();
+        for face in 0..mesh.faces().len() {
+            let Place { part, instance, face: own } = assembly.place(face).unwrap();
+            let first = assembly.vertices(part, instance).unwrap().start as u32;
+            let alone = &[triangle(), marked.clone(), square()][part];
+            for corner in 0..3 {
+                let across = alone.adjacency().across(own, corner).map(|vertex| vertex + first);
+                assert_eq!(mesh.adjacency().across(face, corner), across);
+                assert_eq!(mesh.is_seam(face, corner), alone.is_seam(own, corner));
+            }
+        }
+        assert_eq!(mesh.adjacency().boundary_edges(), 3 + 3 * 4);
+    }
+
+    /// Two squares side by side, the second before a triangle that fills the image.
+    fn fragments<'t>(tape: &'t Tape<f64>, assembly: &Assembly) -> Fragments<'t, f64> {
+        let back = [[-3.0, -1.0, 0.5, 1.0], [3.0, -1.0, 0.5, 1.0], [0.0, 9.0, 0.5, 1.0]];
+        let square = |x: f64| {
+            [[x, -0.5], [x + 0.6, -0.5], [x, 0.5], [x + 0.6, 0.5]].map(|[x, y]| [x, y, 0.0, 1.0])
+        };
+        let clip: Vec<_> = back.into_iter().chain(square(-0.8)).chain(square(0.2)).collect();
+        rasterize(tape.leaf(&Tensor::from(clip)), assembly.mesh(), Size::square(12)).unwrap()
+    }
+
+    #[test]
+    fn instances_share_the_attributes_of_their_part_and_have_attributes_of_their_own() {
+        let tape = Tape::new();
+        let assembly = Assembly::new(&[(&triangle(), 1), (&square(), 2)]).unwrap();
+        let fragments = fragments(&tape, &assembly);
+        let places: Vec<_> =
+            fragments.coverage.faces().map(|face| assembly.place(face).unwrap()).collect();
+        let count = |part, instance| {
+            places.iter().filter(|place| (place.part, place.instance) == (part, instance)).count()
+        };
+        assert!(count(0, 0) > 50 && count(1, 0) == 24 && count(1, 1) == 24, "{places:?}");
+
+        // Three attributes of the triangle, then one for all corners of the square.
+        let one = Mesh::new(vec![[0; 3], [0; 3]], 1).unwrap();
+        let indices = assembly.attributes(&[&triangle(), &one]).unwrap();
+        let shared = tape.leaf(&Tensor::new([4, 1], vec![2.0, 2.0, 2.0, 7.0]).unwrap());
+        let values = interpolate_indexed(shared, &indices, &fragments).unwrap();
+        let expected: Vec<_> = places.iter().map(|place| [2.0, 7.0][place.part]).collect();
+        assert_eq!(values.value().data(), expected);
+        let gradients = values.sum().backward().unwrap();
+        approx::assert_relative_eq!(
+            gradients.get(shared).unwrap().data()[3],
+            48.0,
+            epsilon = 1e-12
+        );
+
+        let own = tape.leaf(&Tensor::new([3, 1], vec![1.0, 3.0, 4.0]).unwrap());
+        let values = interpolate_indexed(own, &assembly.instances(), &fragments).unwrap();
+        let expected: Vec<_> =
+            places.iter().map(|place| [1.0, 3.0, 4.0][place.part + place.instance]).collect();
+        assert_eq!(values.value().data(), expected);
+    }
+
+    #[test]
+    fn one_visibility_decides_between_parts_as_between_faces() {
+        let tape = Tape::new();
+        let assembly = Assembly::new(&[(&triangle(), 1), (&square(), 2)]).unwrap();
+        let found = fragments(&tape, &assembly);
+        let faces: Vec<_> = assembly.mesh().faces().to_vec();
+        let by_hand = Mesh::new(faces, 11).unwrap();
+        let expected = rasterize(found.clip, &by_hand, Size::square(12)).unwrap();
+        assert_eq!(found.coverage.triangle_ids(), expected.coverage.triangle_ids());
+        let (found, expected): (Vec<_>, Vec<_>) =
+            [found, expected].map(|f| Var::value(f.barycentrics).data().to_vec()).into();
+        assert_eq!(found, expected);
+    }
+
+    #[test]
+    fn what_cannot_be_is_refused_with_rule_and_value() {
+        let said = |error: RenderError| error.to_string();
+        let rule = "a mesh needs fewer than 2^31 faces and vertices, got";
+        for (mesh, times) in [
+            (square(), 1 << 30),
+            (square(), usize::MAX),
+            (Mesh::new(vec![], 0).unwrap(), usize::MAX),
+        ] {
+            let error = said(Assembly::new(&[(&mesh, times)]).unwrap_err());
+            assert!(error.starts_with(rule), "{error}");
+        }
+        let assembly = Assembly::new(&[(&triangle(), 1), (&square(), 2)]).unwrap();
+        assert_eq!(
+            said(assembly.attributes(&[&triangle()]).unwrap_err()),
+            "attributes needs an index buffer for each of 2 parts, got 1 inputs"
+        );
+        assert_eq!(
+            said(assembly.attributes(&[&triangle(), &triangle()]).unwrap_err()),
+            "indices need one face per face of the mesh, 2, got 1"
+        );
+        let wide = Mesh::new(vec![[0; 3]], (1 << 31) - 1).unwrap();
+        let pair = Assembly::new(&[(&triangle(), 1), (&triangle(), 1)]).unwrap();
+        let error = said(pair.attributes(&[&wide, &wide]).unwrap_err());
+        assert!(error.starts_with(rule), "{error}");
+    }
+}

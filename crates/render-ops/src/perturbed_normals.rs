@@ -1,0 +1,388 @@
+//! Normals perturbed by a map: a normal map in tangent space.
+//!
+//! # Forward
+//! `m = n / |n|`, `d = q / |q|` with `q = t - m (m . t)`, `b = w (m x d)` with the sign w of the
+//! tangent's fourth number, `r = x d + y b + z m`, and `y = r / |r|`. As d, b and m are orthonormal, a
+//! map value turns with the surface and keeps its length.
+//!
+//! # Backward
+//! From `y_bar` to `r_bar` as for any direction (`vector`);
+//! `(x, y, z)_bar = (d . r_bar, b . r_bar, m . r_bar)`, `b_bar = y r_bar`,
+//! `d_bar = x r_bar + w (b_bar x m)`, `q_bar` as for any direction, `t_bar = q_bar - m (m . q_bar)`,
+//! `m_bar = z r_bar + w (d x b_bar) - (m . t) q_bar - (m . q_bar) t`. The sign has no gradient.
+//!
+//! # Where it is not smooth
+//! Where there is no tangent across the normal, to within rounding, the result is m whatever the map
+//! says. Where the normal or the map value is zero, the result is zero, without a gradient.
+//!
+//! # Source
+//! Blinn, *Simulation of wrinkled surfaces*, SIGGRAPH 1978; the conventions are those of glTF 2.0,
+//! section 3.9.3.
+
+use bokashi_core::parallel::for_each_piece_mut;
+use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
+
+use crate::error::RenderError;
+use crate::vector::{
+    Direction, ROUNDING, Vector3, across, cross, difference, dot, largest, power_of_two_to_1,
+    scaled, sum,
+};
+
+/// Normals in one piece of work.
+const ROWS_PER_PIECE: usize = 1 << 11;
+
+/// The unit vectors that `values: [N, 3]` of a normal map stand for on a surface with `normals: [N, 3]`
+/// and `tangents: [N, 4]`: `x t + y b + z n`, normalized, in the orthonormal frame of tangent, bitangent
+/// and normal. The axes before the last one can be any.
+///
+/// Map values are already in `[-1, 1]`, x along the tangent, y along the bitangent, upwards in the
+/// texture, z along the normal: `2 c - 1` of a colour c of a normal map of glTF. Tangents are those of
+/// [`tangents`](crate::tangents()), interpolated: the vector need be neither long nor exactly across the
+/// normal, and of the fourth number the sign counts, from 0 up as +1.
+///
+/// Where there is no tangent, the result is the unit normal. Where the normal or the map value is zero,
+/// it is zero, without a gradient. Lengths do not matter, and the tangent's fourth number has no
+/// gradient.
+///
+/// # Errors
+/// [`RenderError::Shape`] unless the shapes are `[.., 3]`, `[.., 4]` and `[.., 3]` with the same axes
+/// before the last.
+#[inline(never)]
+pub fn perturbed_normals<'t, T: Scalar>(
+    normals: Var<'t, T>,
+    tangents: Var<'t, T>,
+    values: Var<'t, T>,
+) -> Result<Var<'t, T>, RenderError> {
+    normals.tape().apply(PerturbedNormals, &[normals, tangents, values])
+}
+
+const NAME: &str = "perturbed_normals";
+
+/// Inputs: normals `[.., 3]`, tangents `[.., 4]`, map values `[.., 3]`.
+struct PerturbedNormals;
+
+/// A row of the inputs.
+type Row<'a, T> = (&'a [T; 3], &'a [T; 4], &'a [T; 3]);
+
+/// A row's frame, and its map value in it.
+struct Frame<S> {
+    normal: Direction<S>,
+    tangent: Option<Tangent<S>>,
+}
+
+struct Tangent<S> {
+    /// The tangent times a power of two, and that power.
+    t: Vector3<S>,
+    factor: S,
+    /// Across the normal.
+    direction: Direction<S>,
+    bitangent: Vector3<S>,
+    /// The fourth number.
+    sign: S,
+    /// The map value times a power of two, and that power.
+    value: Vector3<S>,
+    value_factor: S,
+    /// Of the perturbed normal; `None` where the map value is zero.
+    perturbed: Option<Direction<S>>,
+}
+
+/// Gradients of a row's normal, tangent and map value.
+type Bars<S> = [Vector3<S>; 3];
+
+impl<S: Scalar<Wide = S>> Frame<S> {
+    /// `None` where the normal is zero.
+    #[inline(always)]
+    fn of<T: Scalar<Wide = S>>((normal, tangent, value): Row<'_, T>) -> Option<Self> {
+        let normal = Direction::of(normal.map(T::widen))?;
+        let m = normal.unit;
+        let [x, y, z, w] = tangent.map(T::widen);
+        let factor = power_of_two_to_1(largest([x, y, z]));
+        let t = scaled(factor, [x, y, z]);
+        let error = S::from_f64(ROUNDING) * (t[0].abs() + t[1].abs() + t[2].abs());
+        let tangent = Direction::beyond(across(m, t), error).map(|direction| {
+            let d = direction.unit;
+            let sign = if w < S::ZERO { -S::ONE } else { S::ONE };
+            let bitangent = scaled(sign, cross(m, d));
+            let value = value.map(T::widen);
+            let value_factor = power_of_two_to_1(largest(value));
+            let value = scaled(value_factor, value);
+            let in_plane = sum(scaled(value[0], d), scaled(value[1], bitangent));
+            let perturbed = Direction::of(sum(in_plane, scaled(value[2], m)));
+            Tangent { t, factor, direction, bitangent, sign, value, value_factor, perturbed }
+        });
+        Some(Self { normal, tangent })
+    }
+
+    /// The perturbed normal; `None` where it is zero.
+    #[inline(always)]
+    fn result(&self) -> Option<Vector3<S>> {
+        match &self.tangent {
+            Some(tangent) => tangent.perturbed.map(|direction| direction.unit),
+            None => Some(self.normal.unit),
+        }
+    }
+
+    #[inline(always)]
+    fn pull_back(&self, result_bar: Vector3<S>) -> Option<Bars<S>> {
+        let none = [S::ZERO; 3];
+        let Some(tangent) = &self.tangent else {
+            return Some([self.normal.pull_back(result_bar), none, none]);
+        };
+        let Tangent { t, direction, bitangent, sign, value: [x, y, z], .. } = *tangent;
+        let (m, d) = (self.normal.unit, direction.unit);
+        let r_bar = tangent.perturbed?.pull_back(result_bar);
+        let value_bar = [dot(d, r_bar), dot(bitangent, r_bar), dot(m, r_bar)];
+        let b_bar = scaled(sign * y, r_bar);
+        let q_bar = direction.pull_back(sum(scaled(x, r_bar), cross(b_bar, m)));
+        let m_bar = difference(
+            sum(scaled(z, r_bar), cross(d, b_bar)),
+            sum(scaled(dot(m, t), q_bar), scaled(dot(m, q_bar), t)),
+        );
+        Some([
+            self.normal.pull_back(m_bar),
+            scaled(tangent.factor, across(m, q_bar)),
+            scaled(tangent.value_factor, value_bar),
+        ])
+    }
+}
+
+impl<T: Scalar> Op<T> for PerturbedNormals {
+    /// Memory: the gradients of each row's inputs.
+    type Saved = Vec<Bars<T>>;
+    type Error = RenderError;
+
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn forward(
+        &self,
+        inputs: &Inputs<'_, T>,
+        outputs: &mut Outputs<'_, T>,
+        _saved: &mut Self::Saved,
+    ) -> Result<(), RenderError> {
+        let shape = inputs.shape(0);
+        let refused = |rule: String, input: usize| {
+            let shape = inputs.shape(input).clone();
+            Err(RenderError::Shape { operation: NAME, rule, shape })
+        };
+        let Some((3, leading)) = shape.split_last() else {
+            return refused("normals of shape [.., 3]".to_owned(), 0);
+        };
+        for (input, name, width) in [(1, "tangents", 4), (2, "map values", 3)] {
+            let Some((last, other)) = inputs.shape(input).split_last() else {
+                return refused(format!("{name} of shape [.., {width}]"), input);
+            };
+            if (*last, other) != (width, leading) {
+                let mut expected = leading.to_vec();
+                expected.push(width);
+                return refused(format!("{name} of shape {expected:?}"), input);
+            }
+        }
+        let rows = rows([0, 1, 2].map(|i| inputs.data(i)));
+        let out = outputs.push(shape).as_chunks_mut::<3>().0;
+        for_each_piece_mut(out, ROWS_PER_PIECE, |piece, out| {
+            for (k, out) in out.iter_mut().enumerate() {
+                let frame = Frame::of(rows(piece * ROWS_PER_PIECE + k));
+                let result = frame.and_then(|frame| frame.result());
+                *out = result.map_or([T::ZERO; 3], |result| result.map(T::narrow));
+            }
+        });
+        Ok(())
+    }
+
+    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
+        Keep::NOTHING.input(0).input(1).input(2)
+    }
+
+    fn backward(
+        &self,
+        kept: &Kept<'_, T>,
+        bars: &mut Self::Saved,
+        gradients: &mut Accumulators<'_, T>,
+    ) {
+        let rows = rows([0, 1, 2].map(|i| kept.input(i)));
+        let result_bars = kept.only_upstream().as_chunks::<3>().0;
+        bars.resize(result_bars.len(), [[T::ZERO; 3]; 3]);
+        for_each_piece_mut(bars, ROWS_PER_PIECE, |piece, bars| {
+            let first = piece * ROWS_PER_PIECE;
+            for (k, bars) in bars.iter_mut().enumerate() {
+                let result_bar = result_bars[first + k].map(T::widen);
+                let all = Frame::of(rows(first + k)).and_then(|frame| frame.pull_back(result_bar));
+                *bars = all.map_or([[T::ZERO; 3]; 3], |all| all.map(|bar| bar.map(T::narrow)));
+            }
+        });
+        for (input, width) in [(0, 3), (1, 4), (2, 3)] {
+            let Some(gradient) = gradients.get(input) else { continue };
+            for_each_piece_mut(gradient.entries(), width * ROWS_PER_PIECE, |piece, entries| {
+                let bars = &bars[piece * ROWS_PER_PIECE..];
+                for (entries, bars) in entries.chunks_exact_mut(width).zip(bars) {
+                    entries.iter_mut().zip(bars[input]).for_each(|(entry, term)| *entry += term);
+                }
+            });
+        }
+    }
+
+    fn saved_bytes(&self, bars: &Self::Saved) -> usize {
+        size_of_val(&bars[..])
+    }
+}
+
+/// The rows of the inputs by their index.
+fn rows<'a, T>(data: [&'a [T]; 3]) -> impl Fn(usize) -> Row<'a, T> {
+    let [normals, tangents, values] = data;
+    let normals = normals.as_chunks::<3>().0;
+    let (tangents, values) = (tangents.as_chunks::<4>().0, values.as_chunks::<3>().0);
+    move |at| (&normals[at], &tangents[at], &values[at])
+}
+
+#[cfg(test)]
+mod tests {
+    use approx::assert_relative_eq;
+    use bokashi_core::{Tape, Tensor};
+    use glam::DVec3;
+
+    use super::*;
+    use crate::fixtures::number;
+
+    const NORMALS: [f64; 9] = [0.3, -0.2, 0.9, 1.4, 0.1, -0.6, -0.5, 0.8, 0.2];
+    const TANGENTS: [f64; 12] = [1.0, 0.2, -0.1, 1.0, 0.3, -0.7, 0.5, -0.4, 0.9, 0.8, 2.0, -1.0];
+    const VALUES: [f64; 9] = [0.4, -0.3, 0.8, -0.6, 0.5, 0.2, 0.1, 0.9, -0.4];
+
+    /// Perturbed normals, and the gradients of all inputs for motley upstream.
+    fn run<T: Scalar>(inputs: [&[f64]; 3]) -> [Vec<f64>; 4] {
+        let tape = Tape::<T>::new();
+        let leaf = |of: &[f64], width: usize| {
+            tape.leaf(&Tensor::from_flat_fn([of.len() / width, width], |k| T::from_f64(of[k])))
+        };
+        let [n, t, v] = [(0, 3), (1, 4), (2, 3)].map(|(i, width)| leaf(inputs[i], width));
+        let out = perturbed_normals(n, t, v).unwrap();
+        let upstream = Tensor::from_flat_fn(out.shape(), |k| T::from_f64(number(k)));
+        let gradients = tape.vjp(&[(out, &upstream)]).unwrap();
+        let [n, t, v] = [n, t, v].map(|leaf| gradients.get_or_zeros(leaf));
+        [out.value(), n, t, v].map(|all| all.data().iter().map(|x| x.to_f64()).collect())
+    }
+
+    #[test]
+    fn a_map_value_is_a_vector_in_the_frame_of_tangent_bitangent_and_normal() {
+        let [out, ..] = run::<f64>([&NORMALS, &TANGENTS, &VALUES]);
+        for (k, out) in out.chunks(3).enumerate() {
+            let m = DVec3::from_slice(&NORMALS[3 * k..]).normalize();
+            let d = DVec3::from_slice(&TANGENTS[4 * k..]).reject_from(m).normalize();
+            let b = TANGENTS[4 * k + 3].signum() * m.cross(d);
+            let [x, y, z] = [0, 1, 2].map(|i| VALUES[3 * k + i]);
+            let expected = (x * d + y * b + z * m).normalize();
+            assert!((DVec3::from_slice(out) - expected).length() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn x_y_and_z_of_the_map_are_tangent_bitangent_and_normal() {
+        let (n, t) = ([0.0, 0.0, 2.0], [3.0, 0.0, 5.0, 1.0]);
+        for (value, expected) in [
+            ([0.5, 0.0, 0.0], [1.0, 0.0, 0.0]),
+            ([0.0, 0.5, 0.0], [0.0, 1.0, 0.0]),
+            ([0.0, 0.0, 0.5], [0.0, 0.0, 1.0]),
+        ] {
+            assert_eq!(run::<f64>([&n, &t, &value])[0], expected);
+            let mirrored = [t[0], t[1], t[2], -0.3];
+            let expected = [expected[0], -expected[1], expected[2]];
+            assert_eq!(run::<f64>([&n, &mirrored, &value])[0], expected);
+        }
+    }
+
+    #[test]
+    fn lengths_do_not_matter() {
+        let [out, bars @ ..] = run::<f64>([&NORMALS, &TANGENTS, &VALUES]);
+        for powers in [[900, -900, 600], [-900, 900, -900], [3, 1, -2]] {
+            let scales = powers.map(|power| f64::powi(2.0, power));
+            let scaled = |input: usize, numbers: &[f64]| -> Vec<f64> {
+                numbers.iter().map(|x| scales[input] * x).collect()
+            };
+            let inputs = [scaled(0, &NORMALS), scaled(1, &TANGENTS), scaled(2, &VALUES)];
+            let [there, there_bars @ ..] = run::<f64>([&inputs[0], &inputs[1], &inputs[2]]);
+            assert_eq!(there, out);
+            for input in 0..3 {
+                assert_eq!(scaled(input, &there_bars[input]), bars[input]);
+            }
+        }
+    }
+
+    #[test]
+    fn the_gradients_are_difference_quotients_and_the_sign_has_none() {
+        let inputs = [NORMALS.to_vec(), TANGENTS.to_vec(), VALUES.to_vec()];
+        let value = |inputs: &[Vec<f64>; 3]| -> f64 {
+            let [out, ..] = run::<f64>([&inputs[0], &inputs[1], &inputs[2]]);
+            out.iter().enumerate().map(|(k, entry)| number(k) * entry).sum()
+        };
+        let [_, bars @ ..] = run::<f64>([&inputs[0], &inputs[1], &inputs[2]]);
+        for (input, bars) in bars.iter().enumerate() {
+            for (k, bar) in bars.iter().enumerate() {
+                let moved = |h: f64| {
+                    let mut inputs = inputs.clone();
+                    inputs[input][k] += h;
+                    value(&inputs)
+                };
+                let quotient = (moved(1e-6) - moved(-1e-6)) / 2e-6;
+                assert_relative_eq!(*bar, quotient, max_relative = 1e-8, epsilon = 1e-9);
+            }
+        }
+        assert!(bars[1].iter().skip(3).step_by(4).all(|&bar| bar == 0.0));
+    }
+
+    #[test]
+    fn without_a_tangent_the_normal_stays_and_its_gradient_is_that_of_its_direction() {
+        for t in [[0.0, 0.0, 0.0, 1.0], [0.6, -0.4, 1.8, 1.0], [-0.1, 0.2 / 3.0, -0.3, -1.0]] {
+            let [out, n_bar, t_bar, v_bar] = run::<f64>([&NORMALS[..3], &t, &VALUES[..3]]);
+            let direction = Direction::of([NORMALS[0], NORMALS[1], NORMALS[2]]).unwrap();
+            assert_eq!(out, direction.unit);
+            assert_eq!(n_bar, direction.pull_back([0, 1, 2].map(number)));
+            assert!(t_bar.iter().chain(&v_bar).all(|&bar| bar == 0.0));
+        }
+    }
+
+    #[test]
+    fn a_normal_or_a_map_value_of_zero_gives_zero_and_no_gradient() {
+        let zero = [0.0; 3];
+        for (n, v) in [(&zero, &VALUES[..3]), (&zero, &zero[..])] {
+            let all = run::<f64>([n, &TANGENTS[..4], v]);
+            assert!(all.iter().flatten().all(|&entry| entry == 0.0));
+        }
+        let all = run::<f64>([&NORMALS[..3], &TANGENTS[..4], &zero]);
+        assert!(all.iter().flatten().all(|&entry| entry == 0.0));
+        assert!(run::<f64>([&[], &[], &[]]).iter().all(Vec::is_empty));
+    }
+
+    #[test]
+    fn what_is_not_finite_is_not_masked() {
+        for bad in [f64::NAN, f64::INFINITY] {
+            for input in 0..3 {
+                let mut inputs = [NORMALS.to_vec(), TANGENTS.to_vec(), VALUES.to_vec()];
+                inputs[input][1] = bad;
+                let [out, ..] = run::<f64>([&inputs[0], &inputs[1], &inputs[2]]);
+                assert!(out[..3].iter().any(|entry| entry.is_nan()), "{input}");
+                assert!(out[3..].iter().all(|entry| entry.is_finite()));
+            }
+        }
+    }
+
+    #[test]
+    fn wrong_shapes_are_refused_with_rule_and_value() {
+        let tape = Tape::<f64>::new();
+        let zeros = |shape: &[usize]| tape.leaf(&Tensor::zeros(shape));
+        let said = |n: &[usize], t: &[usize], v: &[usize]| {
+            perturbed_normals(zeros(n), zeros(t), zeros(v)).unwrap_err().to_string()
+        };
+        let rule = "perturbed_normals needs";
+        let normals = format!("{rule} normals of shape [.., 3], got shape");
+        assert_eq!(said(&[2, 4], &[2, 4], &[2, 3]), format!("{normals} [2, 4]"));
+        assert_eq!(said(&[], &[4], &[3]), format!("{normals} []"));
+        let tangents = format!("{rule} tangents of shape [2, 4], got shape");
+        assert_eq!(said(&[2, 3], &[2, 3], &[2, 3]), format!("{tangents} [2, 3]"));
+        assert_eq!(said(&[2, 3], &[3, 4], &[2, 3]), format!("{tangents} [3, 4]"));
+        let values = format!("{rule} map values of shape [5, 2, 3], got shape");
+        assert_eq!(said(&[5, 2, 3], &[5, 2, 4], &[10, 3]), format!("{values} [10, 3]"));
+        let all = perturbed_normals(zeros(&[5, 2, 3]), zeros(&[5, 2, 4]), zeros(&[5, 2, 3]));
+        assert_eq!(all.unwrap().shape(), [5, 2, 3].into());
+    }
+}

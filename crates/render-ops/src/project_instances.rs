@@ -1,0 +1,413 @@
+//! Projection of a mesh that is there several times.
+//!
+//! # Forward
+//! `clip_ki = C M_k (p_i, 1)`, with the camera `C: [4, 4]` and a model matrix M_k for each instance.
+//!
+//! # Backward
+//! With `A_k = C M_k` and the moments `S_k = sum_i clip_bar_ki (p_i, 1)^T`: `M_bar_k = C^T S_k`,
+//! `C_bar = sum_k S_k M_k^T`; `p_bar_i` is the first three entries of `sum_k A_k^T clip_bar_ki`. It is
+//! smooth everywhere.
+//!
+//! # Source
+//! As [`project`](crate::project()).
+
+use std::ops::Range;
+
+use bokashi_core::parallel::for_each_piece_mut;
+use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
+use smallvec::SmallVec;
+
+use crate::error::RenderError;
+use crate::matrix::{self, Matrix4};
+use crate::moments::{POINTS_PER_PIECE, piece_moments};
+use crate::projection::{self, CAMERA_RULE, Camera};
+
+const NAME: &str = "project_instances";
+
+/// Positions `[V, 3]` of one mesh in the clip space of each of I instances, one instance after another:
+/// `[I V, 4]`. `matrices: [I, 4, 4]` take an instance from its own space to the world, and `camera` from
+/// there to clip space, as in [`project`](crate::project()). No vertex is copied before that.
+///
+/// The positions have the sum of all instances' gradients; the matrices have a gradient, and so has a
+/// camera that is a variable. The faces are those of an [`Assembly`](crate::Assembly).
+///
+/// # Errors
+/// - [`RenderError::Shape`] unless positions are `[V, 3]`, matrices `[I, 4, 4]`, and a variable camera
+///   `[4, 4]`.
+/// - [`RenderError::Camera`] for an entry of the camera that is not finite, `TensorError::Value` for such an
+///   entry of the other matrices.
+/// - [`RenderError::MeshSize`] for 2^31 vertices and more.
+/// - `TensorError::ForeignVariable` for variables of several tapes.
+pub fn project_instances<'t, T: Scalar>(
+    positions: Var<'t, T>,
+    matrices: Var<'t, T>,
+    camera: impl Into<Camera<'t, T>>,
+) -> Result<Var<'t, T>, RenderError> {
+    record(positions, matrices, camera.into())
+}
+
+/// [`project_instances()`], compiled once.
+#[inline(never)]
+fn record<'t, T: Scalar>(
+    positions: Var<'t, T>,
+    matrices: Var<'t, T>,
+    camera: Camera<'t, T>,
+) -> Result<Var<'t, T>, RenderError> {
+    let (fixed, variable) = match camera {
+        Camera::Fixed(matrix) => (Some(projection::rows(&matrix)?), None),
+        Camera::Variable(matrix) => (None, Some(matrix)),
+    };
+    let inputs: SmallVec<[_; 3]> = [positions, matrices].into_iter().chain(variable).collect();
+    positions.tape().apply(ProjectInstances { fixed }, &inputs)
+}
+
+/// Inputs: positions `[V, 3]`, matrices `[I, 4, 4]`, and a variable camera `[4, 4]`. Output: clip
+/// `[I V, 4]`.
+struct ProjectInstances<S> {
+    fixed: Option<Matrix4<S>>,
+}
+
+/// Memory.
+#[derive(Debug)]
+struct Saved<S> {
+    /// `C M_k`.
+    products: Vec<Matrix4<S>>,
+    /// Of each piece of each instance.
+    moments: Vec<Matrix4<S>>,
+}
+
+impl<S> Default for Saved<S> {
+    fn default() -> Self {
+        Self { products: Vec::new(), moments: Vec::new() }
+    }
+}
+
+/// Points that are summed over the instances at once: their sums stay in the cache.
+const POINTS_PER_BLOCK: usize = 1 << 8;
+
+/// Calls `visit(k, points, place)` for the points of each instance k among `rows`, with their place
+/// within `rows`.
+fn for_each_instance(
+    rows: Range<usize>,
+    vertices: usize,
+    mut visit: impl FnMut(usize, Range<usize>, Range<usize>),
+) {
+    let mut row = rows.start;
+    while row < rows.end {
+        let (instance, first) = (row / vertices, row % vertices);
+        let count = (vertices - first).min(rows.end - row);
+        let place = row - rows.start;
+        visit(instance, first..first + count, place..place + count);
+        row += count;
+    }
+}
+
+impl<T: Scalar> Op<T> for ProjectInstances<T::Wide> {
+    type Saved = Saved<T::Wide>;
+    type Error = RenderError;
+
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn forward(
+        &self,
+        inputs: &Inputs<'_, T>,
+        outputs: &mut Outputs<'_, T>,
+        saved: &mut Self::Saved,
+    ) -> Result<(), RenderError> {
+        let &[vertices, 3] = &**inputs.shape(0) else {
+            let rule = "positions of shape [V, 3]";
+            return Err(RenderError::of_shape(NAME, rule, inputs.shape(0)));
+        };
+        let &[instances, 4, 4] = &**inputs.shape(1) else {
+            let rule = "matrices of shape [I, 4, 4]";
+            return Err(RenderError::of_shape(NAME, rule, inputs.shape(1)));
+        };
+        let camera = match self.fixed {
+            Some(fixed) => fixed,
+            None if **inputs.shape(2) != [4, 4] => {
+                return Err(RenderError::of_shape(NAME, CAMERA_RULE, inputs.shape(2)));
+            }
+            None => {
+                matrix::check_finite(inputs.data(2))?;
+                matrix::of_entries(inputs.data(2))
+            }
+        };
+        let (positions, matrices) = (inputs.data(0), inputs.data(1));
+        if let Some(at) = matrices.iter().position(|entry| !entry.is_finite()) {
+            let rule = format!("finite entries of matrix {}", at / 16);
+            return Err(RenderError::of_value(NAME, rule, matrices[at].to_f64()));
+        }
+        let rows = instances.saturating_mul(vertices);
+        if rows >= 1 << 31 {
+            return Err(RenderError::MeshSize { given: rows });
+        }
+
+        let Saved { products, .. } = saved;
+        products.clear();
+        let models = matrices.chunks_exact(16).map(matrix::of_entries);
+        products.extend(models.map(|model| matrix::product(&camera, &model)));
+        let (products, points) = (&products[..], positions.as_chunks::<3>().0);
+        let clip = outputs.push([rows, 4]);
+        for_each_piece_mut(clip, 4 * POINTS_PER_PIECE, |piece, clip| {
+            let clip = clip.as_chunks_mut::<4>().0;
+            let first = piece * POINTS_PER_PIECE;
+            for_each_instance(first..first + clip.len(), vertices, |instance, own, place| {
+                let a = products[instance];
+                pulp::Arch::new().dispatch(
+                    #[inline(always)]
+                    || {
+                        for (p, clip) in points[own].iter().zip(&mut clip[place]) {
+                            let p = p.map(T::widen);
+                            *clip = [0, 1, 2, 3].map(|row| {
+                                let a = a[row];
+                                T::narrow(a[0] * p[0] + a[1] * p[1] + a[2] * p[2] + a[3])
+                            });
+                        }
+                    },
+                );
+            });
+        });
+        Ok(())
+    }
+
+    fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
+        let needs_camera = self.fixed.is_none() && inputs.needs(2);
+        let mut keep = Keep::NOTHING;
+        if inputs.needs(1) || needs_camera {
+            keep = keep.input(0);
+        }
+        if needs_camera {
+            keep = keep.input(1);
+        }
+        match self.fixed {
+            None if inputs.needs(1) => keep.input(2),
+            _ => keep,
+        }
+    }
+
+    fn backward(
+        &self,
+        kept: &Kept<'_, T>,
+        saved: &mut Self::Saved,
+        gradients: &mut Accumulators<'_, T>,
+    ) {
+        let (vertices, instances) = (kept.input_shape(0)[0], kept.input_shape(1)[0]);
+        let bars = kept.only_upstream().as_chunks::<4>().0;
+        let Saved { products, moments } = saved;
+        if let Some(positions_bar) = gradients.get(0) {
+            for_each_piece_mut(positions_bar.entries(), 3 * POINTS_PER_PIECE, |piece, entries| {
+                let blocks = entries.as_chunks_mut::<3>().0.chunks_mut(POINTS_PER_BLOCK);
+                let firsts = (piece * POINTS_PER_PIECE..).step_by(POINTS_PER_BLOCK);
+                for (first, block) in firsts.zip(blocks) {
+                    add_positions_bar(products, vertices, first, bars, block);
+                }
+            });
+        }
+        let needs_camera = self.fixed.is_none() && gradients.needs(2);
+        if !gradients.needs(1) && !needs_camera {
+            return;
+        }
+        let points = kept.input(0).as_chunks::<3>().0;
+        let pieces = vertices.div_ceil(POINTS_PER_PIECE);
+        moments.clear();
+        moments.resize(instances * pieces, [[T::Wide::ZERO; 4]; 4]);
+        // Of small meshes a thread takes several at once.
+        let together = (POINTS_PER_PIECE / vertices.max(1)).max(1);
+        for_each_piece_mut(moments, together, |group, moments| {
+            for (at, moments) in (group * together..).zip(moments) {
+                let (instance, piece) = (at / pieces, at % pieces);
+                let first = piece * POINTS_PER_PIECE;
+                let own = first..(first + POINTS_PER_PIECE).min(vertices);
+                let rows = instance * vertices + own.start..instance * vertices + own.end;
+                *moments = piece_moments(&points[own], &bars[rows]);
+            }
+        });
+        // The sum of an instance's pieces, in the place of its first.
+        for moments in moments.chunks_exact_mut(pieces.max(1)) {
+            let (total, others) = moments.split_first_mut().expect("a piece at least");
+            for other in others {
+                let terms = other.iter().flatten();
+                total.iter_mut().flatten().zip(terms).for_each(|(total, term)| *total += *term);
+            }
+        }
+        let of_instances = moments.iter().step_by(pieces.max(1));
+        if let Some(matrices_bar) = gradients.get(1) {
+            let camera = self.fixed.unwrap_or_else(|| matrix::of_entries(kept.input(2)));
+            let entries = matrices_bar.entries().chunks_exact_mut(16);
+            for (moments, entries) in of_instances.clone().zip(entries) {
+                let bar = matrix::transposed_product(&camera, moments);
+                let terms = bar.iter().flatten();
+                entries.iter_mut().zip(terms).for_each(|(entry, &term)| *entry += T::narrow(term));
+            }
+        }
+        if needs_camera && let Some(camera_bar) = gradients.get(2) {
+            let mut total = [[T::Wide::ZERO; 4]; 4];
+            let models = kept.input(1).chunks_exact(16).map(matrix::of_entries);
+            for (moments, model) in of_instances.zip(models) {
+                let term = matrix::product_transposed(moments, &model);
+                let terms = term.iter().flatten();
+                total.iter_mut().flatten().zip(terms).for_each(|(total, term)| *total += *term);
+            }
+            camera_bar.add_each(|k| T::narrow(total[k / 4][k % 4]));
+        }
+    }
+
+    fn saved_bytes(&self, saved: &Self::Saved) -> usize {
+        size_of_val(&saved.products[..])
+    }
+}
+
+/// Adds the gradients of a block of positions, the first of them `first`.
+fn add_positions_bar<T: Scalar>(
+    products: &[Matrix4<T::Wide>],
+    vertices: usize,
+    first: usize,
+    bars: &[[T; 4]],
+    block: &mut [[T; 3]],
+) {
+    let mut sums = [[T::Wide::ZERO; 3]; POINTS_PER_BLOCK];
+    pulp::Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for (instance, a) in products.iter().enumerate() {
+                let bars = &bars[instance * vertices + first..][..block.len()];
+                for (sums, bar) in sums.iter_mut().zip(bars) {
+                    let [x, y, z, w] = bar.map(T::widen);
+                    for k in 0..3 {
+                        sums[k] += a[0][k] * x + a[1][k] * y + a[2][k] * z + a[3][k] * w;
+                    }
+                }
+            }
+        },
+    );
+    for (entries, sums) in block.iter_mut().zip(sums) {
+        entries.iter_mut().zip(sums).for_each(|(entry, sum)| *entry += T::narrow(sum));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bokashi_core::{Tape, Tensor};
+    use glam::DMat4;
+    use rayon::ThreadPoolBuilder;
+
+    use super::*;
+    use crate::project::project;
+
+    fn number(k: usize) -> f64 {
+        ((k * 7919 + 13) % 1009) as f64 / 1009.0 - 0.4
+    }
+
+    fn leaf<'t, T: Scalar>(tape: &'t Tape<T>, shape: &[usize], seed: usize) -> Var<'t, T> {
+        tape.leaf(&Tensor::from_flat_fn(shape, |k| T::from_f64(number(k + seed))))
+    }
+
+    /// Each instance as it is projected alone, one after another.
+    fn one_by_one<'t>(
+        positions: Var<'t, f64>,
+        matrices: Var<'t, f64>,
+        camera: Var<'t, f64>,
+    ) -> Var<'t, f64> {
+        let alone = |k: usize| {
+            let model = matrices.slice(0, k..k + 1).unwrap().reshape([4, 4]).unwrap();
+            project(positions, camera.matmul(model).unwrap(), None).unwrap()
+        };
+        let all: Vec<_> = (0..matrices.shape()[0]).map(alone).collect();
+        Var::concat(&all, 0).unwrap()
+    }
+
+    #[test]
+    fn instances_are_projected_as_each_would_be_alone() {
+        // Blocks and pieces of more than a mesh, and of less.
+        for (instances, vertices) in [(1, 1), (3, 5), (40, 300), (2, POINTS_PER_PIECE + 70)] {
+            let tape = Tape::<f64>::new();
+            let positions = leaf(&tape, &[vertices, 3], 0);
+            let matrices = leaf(&tape, &[instances, 4, 4], 100);
+            let camera = leaf(&tape, &[4, 4], 200);
+            let upstream = Tensor::from_flat_fn([instances * vertices, 4], |k| number(3 * k));
+            let results = [
+                project_instances(positions, matrices, camera).unwrap(),
+                one_by_one(positions, matrices, camera),
+            ]
+            .map(|clip| {
+                let gradients = tape.vjp(&[(clip, &upstream)]).unwrap();
+                let leaves = [positions, matrices, camera];
+                (clip.value(), leaves.map(|leaf| gradients.get(leaf).unwrap().clone()))
+            });
+            let [(found, bars), (expected, expected_bars)] = &results;
+            let pairs = bars.iter().zip(expected_bars).chain([(found, expected)]);
+            for (found, expected) in pairs {
+                assert_eq!(found.shape(), expected.shape());
+                for (found, expected) in found.data().iter().zip(expected.data()) {
+                    approx::assert_relative_eq!(found, expected, epsilon = 1e-10);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn no_instances_and_no_vertices_are_an_empty_clip_space() {
+        let tape = Tape::<f32>::new();
+        for (instances, vertices) in [(0, 3), (3, 0), (0, 0)] {
+            let positions = leaf(&tape, &[vertices, 3], 0);
+            let matrices = leaf(&tape, &[instances, 4, 4], 1);
+            let camera = leaf(&tape, &[4, 4], 2);
+            let clip = project_instances(positions, matrices, camera).unwrap();
+            assert_eq!(clip.shape(), [0, 4].into());
+            let gradients = clip.sum().backward().unwrap();
+            for of in [positions, matrices, camera] {
+                assert!(gradients.get_or_zeros(of).data().iter().all(|&bar| bar == 0.0));
+            }
+        }
+    }
+
+    #[test]
+    fn the_same_bits_on_any_number_of_threads() {
+        let run = |threads: usize| {
+            let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let shapes = [(7, 3000), (500, 40), (2, 2 * POINTS_PER_PIECE + 5)];
+                shapes.map(|(instances, vertices)| {
+                    let tape = Tape::<f32>::new();
+                    let positions = leaf(&tape, &[vertices, 3], 0);
+                    let matrices = leaf(&tape, &[instances, 4, 4], 100);
+                    let camera = leaf(&tape, &[4, 4], 200);
+                    let clip = project_instances(positions, matrices, camera).unwrap();
+                    let gradients = clip.square().sum().backward().unwrap();
+                    let bars = [positions, matrices, camera]
+                        .map(|leaf| gradients.get(leaf).unwrap().clone());
+                    (clip.value(), bars)
+                })
+            })
+        };
+        let alone = run(1);
+        assert!([2, 3].iter().all(|&threads| run(threads) == alone));
+    }
+
+    #[test]
+    fn wrong_input_is_refused_with_rule_and_value() {
+        let tape = Tape::<f64>::new();
+        let said = |positions: &[usize], matrices: &[usize], camera: &[usize]| {
+            let [p, m, c] = [positions, matrices, camera].map(|shape| leaf(&tape, shape, 0));
+            project_instances(p, m, c).unwrap_err().to_string()
+        };
+        let rule = "project_instances needs positions of shape [V, 3], got shape [6]";
+        assert_eq!(said(&[6], &[1, 4, 4], &[4, 4]), rule);
+        let rule = "project_instances needs matrices of shape [I, 4, 4], got shape [4, 4]";
+        assert_eq!(said(&[2, 3], &[4, 4], &[4, 4]), rule);
+        let rule = "project_instances needs a camera matrix of shape [4, 4], got shape [4]";
+        assert_eq!(said(&[2, 3], &[1, 4, 4], &[4]), rule);
+        let positions = leaf(&tape, &[2, 3], 0);
+        let lost = Tensor::from_flat_fn([3, 4, 4], |k| if k == 37 { f64::NAN } else { 1.0 });
+        let error = project_instances(positions, tape.leaf(&lost), &DMat4::IDENTITY).unwrap_err();
+        let rule = "project_instances needs finite entries of matrix 2, got NaN";
+        assert_eq!(error.to_string(), rule);
+        let mut camera = DMat4::IDENTITY;
+        camera.x_axis.z = f64::INFINITY;
+        let models = leaf(&tape, &[1, 4, 4], 0);
+        let error = project_instances(positions, models, &camera).unwrap_err();
+        assert!(matches!(error, RenderError::Camera { row: 2, column: 0, .. }));
+    }
+}

@@ -1,0 +1,160 @@
+//! Points by an affine matrix: from world to camera, say.
+//!
+//! # Forward
+//! `y_i = A p_i + b`, with the matrix `[A b; 0 1]`.
+//!
+//! # Backward
+//! `p_bar_i = A^T y_bar_i`; `A_bar = sum_i y_bar_i p_i^T`, `b_bar = sum_i y_bar_i`. The last row is no
+//! variable: its gradient is 0. It is smooth everywhere.
+
+use bokashi_core::parallel::for_each_piece_mut;
+use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
+
+use crate::error::RenderError;
+use crate::matrix;
+use crate::moments::{POINTS_PER_PIECE, moments};
+
+const NAME: &str = "transform_points";
+
+/// `points: [V, 3]` by `matrix: [4, 4]`, an affine map whose last row is (0, 0, 0, 1): `[V, 3]`. A view takes
+/// points from world to camera coordinates. Both inputs have a gradient.
+///
+/// # Errors
+/// - [`RenderError::Shape`] unless the points are `[V, 3]` and the matrix `[4, 4]`.
+/// - [`RenderError::Camera`] for an entry of the matrix that is not finite.
+/// - `TensorError::Value` for another last row: [`project`](crate::project()) takes such matrices.
+/// - `TensorError::ForeignVariable` for variables of two tapes.
+#[inline(never)]
+pub fn transform_points<'t, T: Scalar>(
+    points: Var<'t, T>,
+    matrix: Var<'t, T>,
+) -> Result<Var<'t, T>, RenderError> {
+    points.tape().apply(TransformPoints, &[points, matrix])
+}
+
+/// Inputs: points `[V, 3]`, a matrix `[4, 4]`. Output: points `[V, 3]`.
+struct TransformPoints;
+
+impl<T: Scalar> Op<T> for TransformPoints {
+    type Saved = ();
+    type Error = RenderError;
+
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn forward(
+        &self,
+        inputs: &Inputs<'_, T>,
+        outputs: &mut Outputs<'_, T>,
+        _saved: &mut (),
+    ) -> Result<(), RenderError> {
+        if !matches!(**inputs.shape(0), [_, 3]) {
+            return Err(RenderError::of_shape(NAME, "points of shape [V, 3]", inputs.shape(0)));
+        }
+        if **inputs.shape(1) != [4, 4] {
+            return Err(RenderError::of_shape(NAME, "a matrix of shape [4, 4]", inputs.shape(1)));
+        }
+        matrix::check_finite(inputs.data(1))?;
+        matrix::check_affine(NAME, inputs.data(1))?;
+        let (points, m) = (inputs.data(0), matrix::of_entries(inputs.data(1)));
+        let out = outputs.push(inputs.shape(0));
+        for_each_piece_mut(out, 3 * POINTS_PER_PIECE, |piece, out| {
+            let points = &points.as_chunks::<3>().0[piece * POINTS_PER_PIECE..];
+            pulp::Arch::new().dispatch(
+                #[inline(always)]
+                || {
+                    for (p, out) in points.iter().zip(out.as_chunks_mut::<3>().0) {
+                        let p = p.map(T::widen);
+                        *out = [0, 1, 2].map(|row| {
+                            let m = m[row];
+                            T::narrow(m[0] * p[0] + m[1] * p[1] + m[2] * p[2] + m[3])
+                        });
+                    }
+                },
+            );
+        });
+        Ok(())
+    }
+
+    fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
+        match (inputs.needs(0), inputs.needs(1)) {
+            (true, true) => Keep::NOTHING.input(0).input(1),
+            (true, false) => Keep::NOTHING.input(1),
+            (false, true) => Keep::NOTHING.input(0),
+            (false, false) => Keep::NOTHING,
+        }
+    }
+
+    fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
+        let bars = kept.only_upstream();
+        if let Some(points_bar) = gradients.get(0) {
+            let m = matrix::of_entries(kept.input(1));
+            for_each_piece_mut(points_bar.entries(), 3 * POINTS_PER_PIECE, |piece, entries| {
+                let bars = &bars.as_chunks::<3>().0[piece * POINTS_PER_PIECE..];
+                pulp::Arch::new().dispatch(
+                    #[inline(always)]
+                    || {
+                        for (p_bar, bar) in entries.as_chunks_mut::<3>().0.iter_mut().zip(bars) {
+                            let [x, y, z] = bar.map(T::widen);
+                            for k in 0..3 {
+                                p_bar[k] += T::narrow(m[0][k] * x + m[1][k] * y + m[2][k] * z);
+                            }
+                        }
+                    },
+                );
+            });
+        }
+        if let Some(matrix_bar) = gradients.get(1) {
+            let sums = moments::<T, 3>(kept.input(0), bars);
+            matrix_bar.add_each(|k| sums.get(k / 4).map_or(T::ZERO, |row| T::narrow(row[k % 4])));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bokashi_core::{Tape, Tensor};
+    use glam::{DMat4, DQuat, DVec3};
+
+    use super::*;
+
+    #[test]
+    fn it_is_glams_transformation_of_each_point() {
+        let turn = DQuat::from_xyzw(0.1, 0.7, -0.5, 0.3).normalize();
+        let matrix = DMat4::from_rotation_translation(turn, DVec3::new(0.4, -0.6, 1.5));
+        let tape = Tape::<f64>::new();
+        let points = Tensor::from_flat_fn([5, 3], |k| (3.0 * k as f64).sin());
+        let rows = tape.leaf(&Tensor::from(matrix.transpose().to_cols_array_2d()));
+        let found = transform_points(tape.leaf(&points), rows).unwrap().value();
+        for (p, found) in points.data().chunks(3).zip(found.data().chunks(3)) {
+            let expected = matrix.transform_point3(DVec3::from_slice(p)).to_array();
+            for k in 0..3 {
+                approx::assert_relative_eq!(found[k], expected[k], epsilon = 1e-15);
+            }
+        }
+    }
+
+    #[test]
+    fn a_matrix_that_would_need_a_division_is_refused() {
+        let tape = Tape::<f32>::new();
+        let points = tape.leaf(&Tensor::zeros([2, 3]));
+        let by = |matrix: Tensor<f32>| {
+            transform_points(points, tape.leaf(&matrix))
+                .map(drop)
+                .map_err(|error| error.to_string())
+        };
+        let unit = |k: usize| f32::from(u8::from([0, 5, 10, 15].contains(&k)));
+        assert_eq!(by(Tensor::from_flat_fn([4, 4], unit)), Ok(()));
+        for (at, entry) in [(12, 0.5), (15, 2.0)] {
+            let matrix = Tensor::from_flat_fn([4, 4], |k| if k == at { entry } else { unit(k) });
+            let rule = "transform_points needs a matrix with the last row (0, 0, 0, 1)";
+            assert_eq!(by(matrix), Err(format!("{rule}, got {entry}")));
+        }
+        let rule = "transform_points needs a matrix of shape [4, 4], got shape [3, 4]";
+        assert_eq!(by(Tensor::zeros([3, 4])), Err(rule.to_owned()));
+        let flat = tape.leaf(&Tensor::zeros([6]));
+        let error = transform_points(flat, flat).unwrap_err().to_string();
+        assert_eq!(error, "transform_points needs points of shape [V, 3], got shape [6]");
+    }
+}
