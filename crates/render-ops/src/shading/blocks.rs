@@ -1,15 +1,25 @@
 //! Rows of numbers in blocks: number by number on the stack, for vectors, and back.
+//!
+//! A row is a normal, a view, a position and the `M` numbers of a material, in this order.
 
 use std::ops::Range;
 
 use bokashi_core::Scalar;
 use bokashi_core::parallel::join;
+use smallvec::SmallVec;
+
+use super::direction::{pull_back_unit, unit};
+use super::model::{Bars, Seen};
+use crate::vector::{Vector3, dot};
 
 /// Rows of a block.
 pub(super) const BLOCK: usize = 64;
 
 /// Rows in one piece of work.
 pub(super) const PIECE: usize = 32 * BLOCK;
+
+/// The most inputs that have rows: normals, views, positions, and three of a material.
+pub(super) const MOST_PARTS: usize = 6;
 
 /// `K` numbers of each row of a block.
 pub(super) type Lanes<T, const K: usize> = [[T; BLOCK]; K];
@@ -40,6 +50,8 @@ pub(super) fn add_row<T: Scalar, const K: usize>(lanes: &mut Lanes<T, K>, k: usi
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Column<'a, T> {
     pub(super) entries: &'a [T],
+    /// The first of the numbers among those of a row.
+    pub(super) first: usize,
     pub(super) width: usize,
     pub(super) is_uniform: bool,
 }
@@ -107,31 +119,156 @@ pub(super) fn store<T: Scalar>(lanes: &[[T; BLOCK]], entries: &mut [T], is_fresh
     }
 }
 
-/// The most gradients of rows that are written at the same time.
-pub(super) const MOST_PARTS: usize = 6;
-
-/// What is written for some rows: per part its numbers, `width` a row; and the sums of each piece,
-/// `width` of them as well.
-#[derive(Debug)]
-pub(super) struct Written<'a, T: Scalar> {
-    pub(super) parts: [(usize, &'a mut [T]); MOST_PARTS],
-    pub(super) sums: (usize, &'a mut [T::Wide]),
+/// Numbers of a block's rows, or their gradients.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Numbers<T, const M: usize> {
+    pub(super) normals: Lanes<T, 3>,
+    pub(super) views: Lanes<T, 3>,
+    pub(super) positions: Lanes<T, 3>,
+    pub(super) material: Lanes<T, M>,
 }
 
-impl<'a, T: Scalar> Written<'a, T> {
+impl<T: Scalar, const M: usize> Numbers<T, M> {
+    #[inline(always)]
+    pub(super) fn zeros() -> Self {
+        let zeros = [[T::ZERO; BLOCK]; 3];
+        let material = [[T::ZERO; BLOCK]; M];
+        Self { normals: zeros, views: zeros, positions: zeros, material }
+    }
+
+    /// `width` numbers of the rows, from `first` on, which are a part of theirs.
+    #[inline(always)]
+    pub(super) fn part(&self, first: usize, width: usize) -> &[[T; BLOCK]] {
+        match first {
+            0 => &self.normals,
+            3 => &self.views,
+            6 => &self.positions,
+            _ => &self.material[first - 9..first - 9 + width],
+        }
+    }
+
+    #[inline(always)]
+    fn part_mut(&mut self, first: usize, width: usize) -> &mut [[T; BLOCK]] {
+        match first {
+            0 => &mut self.normals,
+            3 => &mut self.views,
+            6 => &mut self.positions,
+            _ => &mut self.material[first - 9..first - 9 + width],
+        }
+    }
+
+    /// Adds the gradients of a row's material, and with `GEOMETRY` those of its normal and view.
+    #[inline(always)]
+    pub(super) fn add<const GEOMETRY: bool>(&mut self, k: usize, bars: &Bars<T, M>) {
+        add_row(&mut self.material, k, bars.material);
+        if GEOMETRY {
+            add_row(&mut self.normals, k, bars.normal);
+            add_row(&mut self.views, k, bars.view);
+        }
+    }
+}
+
+/// A block's rows, with unit vectors for their directions.
+pub(super) struct Block<T, const M: usize> {
+    numbers: Numbers<T, M>,
+    /// How long normals and views were.
+    lengths: [[T; BLOCK]; 2],
+}
+
+impl<T: Scalar, const M: usize> Block<T, M> {
+    #[inline(always)]
+    pub(super) fn seen(&self, k: usize) -> Seen<T, M> {
+        let Numbers { normals, views, material, .. } = &self.numbers;
+        Seen { n: row(normals, k), v: row(views, k), material: row(material, k) }
+    }
+
+    #[inline(always)]
+    pub(super) fn position(&self, k: usize) -> Vector3<T> {
+        row(&self.numbers.positions, k)
+    }
+
+    /// Gradients of normals and views from those of their unit vectors.
+    #[inline(always)]
+    pub(super) fn pull_back_units(&self, bars: &mut Numbers<T, M>) {
+        let [of_normals, of_views] = &self.lengths;
+        let both = [
+            (&self.numbers.normals, of_normals, &mut bars.normals),
+            (&self.numbers.views, of_views, &mut bars.views),
+        ];
+        for (units, lengths, bars) in both {
+            for k in 0..BLOCK {
+                set_row(bars, k, pull_back_unit(row(units, k), lengths[k], row(bars, k)));
+            }
+        }
+    }
+}
+
+/// All inputs that have rows.
+#[derive(Debug)]
+pub(super) struct Rows<'a, T> {
+    pub(super) columns: SmallVec<[Column<'a, T>; MOST_PARTS]>,
+}
+
+impl<T: Scalar> Rows<'_, T> {
+    /// The numbers of `rows`; and whether all are finite, and all directions have a length.
+    #[inline(always)]
+    pub(super) fn load<const M: usize>(&self, rows: &Range<usize>) -> (Block<T, M>, bool) {
+        let mut numbers = Numbers::zeros();
+        for column in &self.columns {
+            column.load(rows, numbers.part_mut(column.first, column.width));
+        }
+        let mut is_good = true;
+        let mut lengths = [[T::ZERO; BLOCK]; 2];
+        let both = [&mut numbers.normals, &mut numbers.views];
+        for (directions, lengths) in both.into_iter().zip(&mut lengths) {
+            for k in 0..BLOCK {
+                let (direction, length) = unit(row(directions, k));
+                set_row(directions, k, direction);
+                lengths[k] = length;
+                // The length may be beyond the range of the numbers: the unit vector is not.
+                is_good &= dot(direction, direction).is_finite();
+            }
+        }
+        for lane in numbers.material.iter().chain(&numbers.positions) {
+            is_good = lane.iter().fold(is_good, |all, entry| all & entry.is_finite());
+        }
+        (Block { numbers, lengths }, is_good)
+    }
+}
+
+/// Gradients of a part of rows that are written.
+#[derive(Debug)]
+pub(super) struct Target<'a, T> {
+    /// The first of its numbers among those of a row, and how many there are.
+    pub(super) first: usize,
+    pub(super) width: usize,
+    pub(super) entries: &'a mut [T],
+    /// Whether nothing has been added yet.
+    pub(super) is_fresh: bool,
+}
+
+/// What is written for some rows.
+#[derive(Debug)]
+pub(super) struct Written<'a, T: Scalar> {
+    pub(super) targets: SmallVec<[Target<'a, T>; MOST_PARTS]>,
+    /// The sums of each piece, `width` of them.
+    pub(super) sums: &'a mut [T::Wide],
+    pub(super) width: usize,
+}
+
+impl<T: Scalar> Written<'_, T> {
     /// The first `pieces` pieces, and all others.
     fn split(self, pieces: usize) -> (Self, Self) {
-        let mut later: [(usize, &mut [T]); MOST_PARTS] = Default::default();
-        let mut at = 0;
-        let parts = self.parts.map(|(width, entries)| {
-            let (first, second) = entries.split_at_mut((pieces * PIECE * width).min(entries.len()));
-            later[at] = (width, second);
-            at += 1;
-            (width, first)
-        });
-        let (width, sums) = self.sums;
-        let (first, second) = sums.split_at_mut(pieces * width);
-        (Self { parts, sums: (width, first) }, Self { parts: later, sums: (width, second) })
+        let Self { targets, sums, width } = self;
+        let (sums, later_sums) = sums.split_at_mut(pieces * width);
+        let mut first = Self { targets: SmallVec::new(), sums, width };
+        let mut later = Self { targets: SmallVec::new(), sums: later_sums, width };
+        for target in targets {
+            let (own, others) = target.entries.split_at_mut(pieces * PIECE * target.width);
+            first.targets.push(Target { entries: own, ..target });
+            later.targets.push(Target { entries: others, ..target });
+        }
+        (first, later)
     }
 }
 

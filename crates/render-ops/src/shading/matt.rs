@@ -29,8 +29,8 @@ use std::f64::consts::FRAC_1_PI;
 
 use bokashi_core::Scalar;
 
-use super::model::{Model, Reflected};
-use crate::vector::{dot, plus, scaled};
+use super::model::{Bars, Layers, Model, Seen};
+use crate::vector::{Vector3, dot, plus, scaled};
 
 /// Materials are a colour.
 #[derive(Debug, Clone, Copy)]
@@ -54,65 +54,59 @@ fn incident<T: Scalar>(n: [T; 3], l: [T; 3]) -> (T, T) {
     if cosine > T::ZERO { (cosine, T::ONE) } else { (T::ZERO, T::ZERO) }
 }
 
-impl Lambert {
-    #[inline(always)]
-    fn of_everywhere<T: Scalar, const M: usize>(color: [T; 3], bar: [T; 3]) -> Reflected<T, M> {
-        let zeros = [T::ZERO; 3];
-        let mut material_bar = [T::ZERO; M];
-        material_bar[..3].copy_from_slice(&bar);
-        Reflected {
-            value: color,
-            normal_bar: zeros,
-            view_bar: zeros,
-            light_bar: zeros,
-            material_bar,
-        }
-    }
+/// A colour below a surface that mirrors nothing, seen in light from everywhere; and where gradients of
+/// that lead.
+#[inline(always)]
+fn of_everywhere<T: Scalar, const M: usize>(
+    color: [T; 3],
+    bars: Layers<T>,
+) -> (Layers<T>, Bars<T, M>) {
+    let zeros = [T::ZERO; 3];
+    let mut material = [T::ZERO; M];
+    material[..3].copy_from_slice(&bars.below);
+    let bars = Bars { normal: zeros, view: zeros, light: zeros, material };
+    (Layers { below: color, above: zeros }, bars)
 }
 
 impl Model<3> for Lambert {
     const PARTS: &'static [(&'static str, usize)] = &[("colours", 3)];
 
     #[inline(always)]
-    fn reflect<T: Scalar>(self, n: [T; 3], _: [T; 3], l: [T; 3], color: [T; 3]) -> [T; 3] {
-        scaled(incident(n, l).0 * T::from_f64(FRAC_1_PI), color)
+    fn reflect<T: Scalar>(self, Seen { n, material, .. }: Seen<T, 3>, l: Vector3<T>) -> [T; 3] {
+        scaled(incident(n, l).0 * T::from_f64(FRAC_1_PI), material)
     }
 
     #[inline(always)]
     fn pull_back<T: Scalar>(
         self,
-        n: [T; 3],
-        _: [T; 3],
-        l: [T; 3],
-        color: [T; 3],
+        Seen { n, material: color, .. }: Seen<T, 3>,
+        l: Vector3<T>,
         bar: [T; 3],
-    ) -> Reflected<T, 3> {
+    ) -> ([T; 3], Bars<T, 3>) {
         let (cosine, moves) = incident(n, l);
         let share = cosine * T::from_f64(FRAC_1_PI);
         let cosine_bar = moves * T::from_f64(FRAC_1_PI) * dot(color, bar);
-        Reflected {
-            value: scaled(share, color),
-            normal_bar: scaled(cosine_bar, l),
-            view_bar: [T::ZERO; 3],
-            light_bar: scaled(cosine_bar, n),
-            material_bar: scaled(share, bar),
-        }
+        let bars = Bars {
+            normal: scaled(cosine_bar, l),
+            view: [T::ZERO; 3],
+            light: scaled(cosine_bar, n),
+            material: scaled(share, bar),
+        };
+        (scaled(share, color), bars)
     }
 
     #[inline(always)]
-    fn ambient<T: Scalar>(self, _: [T; 3], _: [T; 3], color: [T; 3]) -> [T; 3] {
-        color
+    fn everywhere<T: Scalar>(self, seen: Seen<T, 3>) -> Layers<T> {
+        Layers { below: seen.material, above: [T::ZERO; 3] }
     }
 
     #[inline(always)]
-    fn pull_back_ambient<T: Scalar>(
+    fn pull_back_everywhere<T: Scalar>(
         self,
-        _: [T; 3],
-        _: [T; 3],
-        color: [T; 3],
-        bar: [T; 3],
-    ) -> Reflected<T, 3> {
-        Self::of_everywhere(color, bar)
+        seen: Seen<T, 3>,
+        bars: Layers<T>,
+    ) -> (Layers<T>, Bars<T, 3>) {
+        of_everywhere(seen.material, bars)
     }
 }
 
@@ -211,7 +205,7 @@ impl<H: Highlight> Model<7> for H {
         &[("colours", 3), ("specular colours", 3), ("exponents", 1)];
 
     #[inline(always)]
-    fn reflect<T: Scalar>(self, n: [T; 3], v: [T; 3], l: [T; 3], material: [T; 7]) -> [T; 3] {
+    fn reflect<T: Scalar>(self, Seen { n, v, material }: Seen<T, 7>, l: Vector3<T>) -> [T; 3] {
         let (color, specular, e) = split(material);
         let (e, _) = exponent(e);
         let (nl, _) = incident(n, l);
@@ -223,12 +217,10 @@ impl<H: Highlight> Model<7> for H {
     #[inline(always)]
     fn pull_back<T: Scalar>(
         self,
-        n: [T; 3],
-        v: [T; 3],
-        l: [T; 3],
-        material: [T; 7],
+        Seen { n, v, material }: Seen<T, 7>,
+        l: Vector3<T>,
         bar: [T; 3],
-    ) -> Reflected<T, 7> {
+    ) -> ([T; 3], Bars<T, 7>) {
         let (color, specular, e) = split(material);
         let (e, e_moves) = exponent(e);
         let (nl, nl_moves) = incident(n, l);
@@ -247,28 +239,26 @@ impl<H: Highlight> Model<7> for H {
         let [by_n, by_v, by_l] = H::slopes(n, v, l, cosine);
         let [r, g, b] = scaled(matt, bar);
         let [sr, sg, sb] = scaled(glossy, bar);
-        Reflected {
-            value: plus(scaled(matt, color), glossy, specular),
-            normal_bar: plus(scaled(nl_bar, l), cosine_bar, by_n),
-            view_bar: scaled(cosine_bar, by_v),
-            light_bar: plus(scaled(nl_bar, n), cosine_bar, by_l),
-            material_bar: [r, g, b, sr, sg, sb, e_bar],
-        }
+        let bars = Bars {
+            normal: plus(scaled(nl_bar, l), cosine_bar, by_n),
+            view: scaled(cosine_bar, by_v),
+            light: plus(scaled(nl_bar, n), cosine_bar, by_l),
+            material: [r, g, b, sr, sg, sb, e_bar],
+        };
+        (plus(scaled(matt, color), glossy, specular), bars)
     }
 
     #[inline(always)]
-    fn ambient<T: Scalar>(self, _: [T; 3], _: [T; 3], material: [T; 7]) -> [T; 3] {
-        split(material).0
+    fn everywhere<T: Scalar>(self, seen: Seen<T, 7>) -> Layers<T> {
+        Layers { below: split(seen.material).0, above: [T::ZERO; 3] }
     }
 
     #[inline(always)]
-    fn pull_back_ambient<T: Scalar>(
+    fn pull_back_everywhere<T: Scalar>(
         self,
-        _: [T; 3],
-        _: [T; 3],
-        material: [T; 7],
-        bar: [T; 3],
-    ) -> Reflected<T, 7> {
-        Lambert::of_everywhere(split(material).0, bar)
+        seen: Seen<T, 7>,
+        bars: Layers<T>,
+    ) -> (Layers<T>, Bars<T, 7>) {
+        of_everywhere(split(seen.material).0, bars)
     }
 }

@@ -40,8 +40,8 @@ use std::f64::consts::FRAC_1_PI;
 use bokashi_core::Scalar;
 
 use super::albedo;
-use super::model::{Model, Reflected};
-use crate::vector::{cross, dot, plus};
+use super::model::{Bars, Layers, Model, Seen};
+use crate::vector::{Vector3, cross, dot, plus, scaled};
 
 /// The least roughness that is told from a smaller one: of a narrower lobe the rounding errors of f32
 /// normals would be seen, since they move a half vector by 1e-7 and the lobe's width is the square, 1e-3.
@@ -62,7 +62,7 @@ pub(super) struct MetallicRoughness<const CONSERVING: bool>;
 
 /// A number held within bounds, and 1 where it can move, else 0.
 #[inline(always)]
-pub(super) fn held<T: Scalar>(x: T, low: T, high: T) -> (T, T) {
+fn held<T: Scalar>(x: T, low: T, high: T) -> (T, T) {
     let free = if x < low || x > high { T::ZERO } else { T::ONE };
     (x.maximum_or_nan(low).minimum_or_nan(high), free)
 }
@@ -259,7 +259,7 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
         &[("base colours", 3), ("roughness", 1), ("metallic", 1)];
 
     #[inline(always)]
-    fn reflect<T: Scalar>(self, n: [T; 3], v: [T; 3], l: [T; 3], material: [T; 5]) -> [T; 3] {
+    fn reflect<T: Scalar>(self, Seen { n, v, material }: Seen<T, 5>, l: Vector3<T>) -> [T; 3] {
         let of = Substance::new(material);
         let t = Terms::new(n, v, l, &of);
         let specular = t.distribution * t.g;
@@ -280,12 +280,10 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
     #[inline(always)]
     fn pull_back<T: Scalar>(
         self,
-        n: [T; 3],
-        v: [T; 3],
-        l: [T; 3],
-        material: [T; 5],
+        Seen { n, v, material }: Seen<T, 5>,
+        l: Vector3<T>,
         bar: [T; 3],
-    ) -> Reflected<T, 5> {
+    ) -> ([T; 3], Bars<T, 5>) {
         let (one, two, half) = (T::ONE, T::from_f64(2.0), T::from_f64(0.5));
         let inverse_pi = T::from_f64(FRAC_1_PI);
         let of = Substance::new(material);
@@ -350,47 +348,52 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
         let m_bar = plus(cross(c_bar, n), two * s_bar, t.m);
         let (nl_bar, nv_bar) = (t.nl_moves * nl_bar, t.nv_moves * nv_bar);
         let normal_bar = plus(plus(cross(t.m, c_bar), nl_bar, l), nv_bar, v);
-        Reflected {
-            value,
-            normal_bar,
-            view_bar: plus(m_bar, nv_bar, n),
-            light_bar: plus(m_bar, nl_bar, n),
-            material_bar: of.pull_back(body_bar, f0_bar, a2_bar, roughness_bar),
-        }
+        let bars = Bars {
+            normal: normal_bar,
+            view: plus(m_bar, nv_bar, n),
+            light: plus(m_bar, nl_bar, n),
+            material: of.pull_back(body_bar, f0_bar, a2_bar, roughness_bar),
+        };
+        (value, bars)
     }
 
     #[inline(always)]
-    fn ambient<T: Scalar>(self, n: [T; 3], v: [T; 3], material: [T; 5]) -> [T; 3] {
+    fn everywhere<T: Scalar>(self, Seen { n, v, material }: Seen<T, 5>) -> Layers<T> {
         let of = Substance::new(material);
         let shares = Shares::new(of.f0, facing(n, v).0, of.roughness, CONSERVING);
-        let (body, above) = (of.body(), shares.above);
-        std::array::from_fn(|c| (T::ONE - above[c]) * body[c] + above[c])
+        Self::layers(&of, &shares)
     }
 
     #[inline(always)]
-    fn pull_back_ambient<T: Scalar>(
+    fn pull_back_everywhere<T: Scalar>(
         self,
-        n: [T; 3],
-        v: [T; 3],
-        material: [T; 5],
-        bar: [T; 3],
-    ) -> Reflected<T, 5> {
+        Seen { n, v, material }: Seen<T, 5>,
+        bars: Layers<T>,
+    ) -> (Layers<T>, Bars<T, 5>) {
         let of = Substance::new(material);
         let (nv, nv_moves) = facing(n, v);
         let shares = Shares::new(of.f0, nv, of.roughness, CONSERVING);
         let (body, above) = (of.body(), shares.above);
-        let value = std::array::from_fn(|c| (T::ONE - above[c]) * body[c] + above[c]);
-        let body_bar = std::array::from_fn(|c| bar[c] * (T::ONE - above[c]));
-        let above_bar = std::array::from_fn(|c| bar[c] * (T::ONE - body[c]));
+        let body_bar = std::array::from_fn(|c| bars.below[c] * (T::ONE - above[c]));
+        let above_bar = std::array::from_fn(|c| bars.above[c] - bars.below[c] * body[c]);
         let (f0_bar, [nv_bar, roughness_bar]) =
             shares.pull_back(of.f0, CONSERVING, above_bar, [T::ZERO; 3]);
         let nv_bar = nv_moves * nv_bar;
-        Reflected {
-            value,
-            normal_bar: v.map(|v| nv_bar * v),
-            view_bar: n.map(|n| nv_bar * n),
-            light_bar: [T::ZERO; 3],
-            material_bar: of.pull_back(body_bar, f0_bar, T::ZERO, roughness_bar),
-        }
+        let bars = Bars {
+            normal: scaled(nv_bar, v),
+            view: scaled(nv_bar, n),
+            light: [T::ZERO; 3],
+            material: of.pull_back(body_bar, f0_bar, T::ZERO, roughness_bar),
+        };
+        (Self::layers(&of, &shares), bars)
+    }
+}
+
+impl<const CONSERVING: bool> MetallicRoughness<CONSERVING> {
+    /// What is left for the surface's body to reflect, and s.
+    #[inline(always)]
+    fn layers<T: Scalar>(of: &Substance<T>, shares: &Shares<T>) -> Layers<T> {
+        let (body, above) = (of.body(), shares.above);
+        Layers { below: std::array::from_fn(|c| (T::ONE - above[c]) * body[c]), above }
     }
 }

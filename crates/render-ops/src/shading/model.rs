@@ -2,45 +2,59 @@
 
 use bokashi_core::Scalar;
 
-/// What reaches the eye of light from one direction, and what a gradient leads to.
+use crate::vector::Vector3;
+
+/// A place of a surface, as it is seen. Directions are unit vectors that point away from the surface.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Reflected<T, const M: usize> {
-    /// The BRDF times the cosine of the light's angle: radiance per irradiance that faces the light.
-    pub(super) value: [T; 3],
-    pub(super) normal_bar: [T; 3],
-    pub(super) view_bar: [T; 3],
-    pub(super) light_bar: [T; 3],
-    pub(super) material_bar: [T; M],
+pub(super) struct Seen<T, const M: usize> {
+    /// The normal.
+    pub(super) n: Vector3<T>,
+    /// The direction to the eye.
+    pub(super) v: Vector3<T>,
+    pub(super) material: [T; M],
 }
 
-/// A model of reflection, whose materials have `M` numbers. All directions are unit vectors that point
-/// away from the surface.
+/// What a gradient leads to, at a place of a surface.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Bars<T, const M: usize> {
+    pub(super) normal: Vector3<T>,
+    pub(super) view: Vector3<T>,
+    pub(super) light: Vector3<T>,
+    pub(super) material: [T; M],
+}
+
+/// What reaches the eye in two ways, colour by colour.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Layers<T> {
+    /// From below the surface, where light loses its direction.
+    pub(super) below: [T; 3],
+    /// From the surface itself, which mirrors it more or less.
+    pub(super) above: [T; 3],
+}
+
+/// A model of reflection, whose materials have `M` numbers.
 pub(super) trait Model<const M: usize>: Copy + Send + Sync + 'static {
     /// What the numbers of a material are, in the plural, and how many of the `M` each takes.
     const PARTS: &'static [(&'static str, usize)];
 
-    /// The BRDF times `max(n . l, 0)`.
-    fn reflect<T: Scalar>(self, n: [T; 3], v: [T; 3], l: [T; 3], material: [T; M]) -> [T; 3];
+    /// The BRDF times `max(n . l, 0)`: radiance per irradiance that faces the light in direction `l`.
+    fn reflect<T: Scalar>(self, seen: Seen<T, M>, l: Vector3<T>) -> [T; 3];
 
-    /// The same, with the gradients that `bar` leads to.
+    /// The same, and the gradients that its gradient `bar` leads to.
     fn pull_back<T: Scalar>(
         self,
-        n: [T; 3],
-        v: [T; 3],
-        l: [T; 3],
-        material: [T; M],
+        seen: Seen<T, M>,
+        l: Vector3<T>,
         bar: [T; 3],
-    ) -> Reflected<T, M>;
+    ) -> ([T; 3], Bars<T, M>);
 
     /// What reaches the eye of light that has the radiance 1 from everywhere.
-    fn ambient<T: Scalar>(self, n: [T; 3], v: [T; 3], material: [T; M]) -> [T; 3];
+    fn everywhere<T: Scalar>(self, seen: Seen<T, M>) -> Layers<T>;
 
-    /// The same, with the gradients that `bar` leads to, none of them to a light.
-    fn pull_back_ambient<T: Scalar>(
+    /// The same, and the gradients that its gradients `bars` lead to, none of them to a light.
+    fn pull_back_everywhere<T: Scalar>(
         self,
-        n: [T; 3],
-        v: [T; 3],
-        material: [T; M],
-        bar: [T; 3],
-    ) -> Reflected<T, M>;
+        seen: Seen<T, M>,
+        bars: Layers<T>,
+    ) -> (Layers<T>, Bars<T, M>);
 }
