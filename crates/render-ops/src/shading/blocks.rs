@@ -21,6 +21,12 @@ pub(super) const PIECE: usize = 32 * BLOCK;
 /// The most inputs that have rows: normals, views, positions, and three of a material.
 pub(super) const MOST_PARTS: usize = 6;
 
+/// Where the numbers of each part begin in a row.
+pub(super) const NORMAL: usize = 0;
+pub(super) const VIEW: usize = 3;
+pub(super) const POSITION: usize = 6;
+pub(super) const MATERIAL: usize = 9;
+
 /// `K` numbers of each row of a block.
 pub(super) type Lanes<T, const K: usize> = [[T; BLOCK]; K];
 
@@ -140,20 +146,20 @@ impl<T: Scalar, const M: usize> Numbers<T, M> {
     #[inline(always)]
     pub(super) fn part(&self, first: usize, width: usize) -> &[[T; BLOCK]] {
         match first {
-            0 => &self.normals,
-            3 => &self.views,
-            6 => &self.positions,
-            _ => &self.material[first - 9..first - 9 + width],
+            NORMAL => &self.normals,
+            VIEW => &self.views,
+            POSITION => &self.positions,
+            _ => &self.material[first - MATERIAL..][..width],
         }
     }
 
     #[inline(always)]
     fn part_mut(&mut self, first: usize, width: usize) -> &mut [[T; BLOCK]] {
         match first {
-            0 => &mut self.normals,
-            3 => &mut self.views,
-            6 => &mut self.positions,
-            _ => &mut self.material[first - 9..first - 9 + width],
+            NORMAL => &mut self.normals,
+            VIEW => &mut self.views,
+            POSITION => &mut self.positions,
+            _ => &mut self.material[first - MATERIAL..][..width],
         }
     }
 

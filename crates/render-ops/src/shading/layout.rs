@@ -3,15 +3,12 @@
 use bokashi_core::{Inputs, Scalar, Shape, TensorError};
 use smallvec::SmallVec;
 
-use super::blocks::{Column, MOST_PARTS, Rows};
+use super::blocks::{Column, MATERIAL, MOST_PARTS, NORMAL, POSITION, Rows, VIEW};
 use super::lamp::{Kind, Lamp};
 use crate::error::RenderError;
 
 /// The operation's name.
 pub(super) const NAME: &str = "shade";
-
-/// Numbers of a row before those of its material: normal, view and position.
-pub(super) const GEOMETRY: usize = 9;
 
 /// An input that has rows, or one row for all.
 #[derive(Debug, Clone, Copy)]
@@ -65,12 +62,12 @@ impl Layout {
             let input = parts.len();
             parts.push(Part { input, what, first, width });
         };
-        add("normals", 0, 3);
-        add("views", 3, 3);
+        add("normals", NORMAL, 3);
+        add("views", VIEW, 3);
         if self.has_points() {
-            add("positions", 6, 3);
+            add("positions", POSITION, 3);
         }
-        let mut first = GEOMETRY;
+        let mut first = MATERIAL;
         for &(what, width) in self.material {
             add(what, first, width);
             first += width;
@@ -130,7 +127,7 @@ impl Layout {
         };
         for Part { input, what, first, width } in self.parts() {
             // Where each fragment has a place, each has a position and a normal of its own.
-            let may_be_uniform = !matches!(first, 0 | 6);
+            let may_be_uniform = !matches!(first, NORMAL | POSITION);
             match is_uniform(inputs.shape(input), width, count) {
                 Some(is_uniform) if may_be_uniform || !is_uniform => {}
                 _ => {
@@ -170,14 +167,14 @@ impl Layout {
             }
             let mut entries = column.entries.chunks(*width);
             let is_zero = |row: &[T]| row.iter().all(|&entry| entry == T::ZERO);
-            if matches!(first, 0 | 3)
+            if matches!(*first, NORMAL | VIEW)
                 && let Some(row) = entries.position(is_zero)
             {
                 return RenderError::Direction { operation: NAME, row };
             }
         }
         // What is left is a light that is too close.
-        let positions = rows.columns.iter().find(|column| column.first == 6);
+        let positions = rows.columns.iter().find(|column| column.first == POSITION);
         let positions = positions.map_or(&[][..], |column| column.entries.as_chunks().0);
         let is_far = |&position: &[T; 3]| {
             let mut points = lamps.iter().filter(|lamp| lamp.kind == Kind::Point);

@@ -6,11 +6,10 @@ use bokashi_core::Scalar;
 use smallvec::SmallVec;
 
 use super::blocks::{
-    BLOCK, Column, Lanes, Numbers, Rows, Target, Written, add_row, row, set_row, store,
+    BLOCK, Column, Lanes, MATERIAL, Numbers, Rows, Target, Written, add_row, row, set_row, store,
 };
 use super::direction::pull_back_unit;
 use super::lamp::{Kind, Lamp};
-use super::layout::GEOMETRY;
 use super::model::{Layers, Model};
 use crate::vector::{dot, plus, scaled};
 
@@ -174,7 +173,7 @@ impl<T: Scalar, M> Lighting<'_, T, M> {
                 }
             }
             if has_sums {
-                let first = GEOMETRY + K + SUMS_OF_LIGHT * light;
+                let first = MATERIAL + K + SUMS_OF_LIGHT * light;
                 add_totals(&place_bars, count, &mut written.sums[first..]);
                 add_totals(&strength_bars, count, &mut written.sums[first + 3..]);
             }

@@ -8,9 +8,11 @@ use bokashi_core::{
 };
 use smallvec::SmallVec;
 
-use super::blocks::{BLOCK, Column, MOST_PARTS, PIECE, Rows, Target, Written, for_each_piece};
+use super::blocks::{
+    BLOCK, Column, MATERIAL, MOST_PARTS, PIECE, Rows, Target, Written, for_each_piece,
+};
 use super::lamp::Kind;
-use super::layout::{GEOMETRY, Layout, NAME};
+use super::layout::{Layout, NAME};
 use super::light::{Light, Surface};
 use super::lighting::{Lighting, SUMS_OF_LIGHT};
 use super::material::Material;
@@ -214,7 +216,7 @@ impl<T: Scalar, M: Model<K>, const K: usize> Op<T> for Shade<M, K> {
         let lighting = &self.lighting(count, |i| kept.input_shape(i), |i| kept.input(i));
         let rows = &lighting.rows;
         let has_sums = self.has_sums(rows, gradients);
-        let width = if has_sums { GEOMETRY + K + SUMS_OF_LIGHT * lighting.lamps.len() } else { 0 };
+        let width = if has_sums { MATERIAL + K + SUMS_OF_LIGHT * lighting.lamps.len() } else { 0 };
         sums.clear();
         // Without rows there is a piece without any, whose sums are zeros.
         sums.resize(count.div_ceil(PIECE).max(1) * width, T::Wide::ZERO);
@@ -272,7 +274,7 @@ impl<M: Model<K>, const K: usize> Shade<M, K> {
 
     /// Whether a gradient of a direction or a position is wanted.
     fn has_geometry<T: Scalar>(&self, gradients: &Accumulators<'_, T>) -> bool {
-        let of_rows = self.layout.parts().into_iter().filter(|part| part.first < GEOMETRY);
+        let of_rows = self.layout.parts().into_iter().filter(|part| part.first < MATERIAL);
         let of_lights = self.layout.lights().filter_map(|light| light.place);
         of_rows.map(|part| part.input).chain(of_lights).any(|input| gradients.needs(input))
     }
@@ -295,7 +297,7 @@ impl<M: Model<K>, const K: usize> Shade<M, K> {
         sums: &mut [T::Wide],
         gradients: &mut Accumulators<'_, T>,
     ) {
-        let (totals, pieces) = sums.split_at_mut(GEOMETRY + K + SUMS_OF_LIGHT * lamps.len());
+        let (totals, pieces) = sums.split_at_mut(MATERIAL + K + SUMS_OF_LIGHT * lamps.len());
         for piece in pieces.chunks_exact(totals.len()) {
             totals.iter_mut().zip(piece).for_each(|(total, &sum)| *total += sum);
         }
@@ -304,7 +306,7 @@ impl<M: Model<K>, const K: usize> Shade<M, K> {
                 bar.add_each(|k| T::narrow(totals[column.first + k]));
             }
         }
-        let (of_lights, _) = totals[GEOMETRY + K..].as_chunks::<SUMS_OF_LIGHT>();
+        let (of_lights, _) = totals[MATERIAL + K..].as_chunks::<SUMS_OF_LIGHT>();
         for ((light, lamp), &[x, y, z, strength @ ..]) in
             self.layout.lights().zip(lamps).zip(of_lights)
         {
