@@ -119,6 +119,10 @@ impl Subject for Shade {
 
 const ROWS: usize = 4;
 
+fn leaves(tensors: impl IntoIterator<Item = Tensor<f64>>) -> Vec<Input> {
+    tensors.into_iter().map(Input::leaf).collect()
+}
+
 /// Vectors that are neither short nor long.
 fn vectors(count: usize) -> BoxedStrategy<Tensor<f64>> {
     let vector = vec(-1.0..1.0_f64, 3)
@@ -182,7 +186,7 @@ fn shade_in_all_lights_of_all_materials() {
                 // The point is outside of all positions.
                 let at = flat(at.map(|x| 4.0 * x));
                 let inputs = [n, v, p.map(|x| 0.2 * x), flat(l), e, at, i, a];
-                Case::new(Shade { model }, inputs.into_iter().chain(material).map(Input::leaf))
+                Case::new(Shade { model }, leaves(inputs.into_iter().chain(material)))
             })
         });
         let of = |change: usize, with: Input| {
@@ -245,7 +249,7 @@ fn many(model: Model) -> Case {
             _ => Tensor::from_flat_fn([count, width], entry),
         });
     }
-    Case::new(Shade { model }, inputs.into_iter().map(Input::leaf))
+    Case::new(Shade { model }, leaves(inputs))
 }
 
 #[derive(Debug)]
@@ -330,7 +334,7 @@ fn shading_in_an_environment() {
         let cases = (tensor([6, 8, 8, 3], number()), facing(ROWS), model.inputs(Some(ROWS)));
         let cases = cases.prop_map(move |(texels, both, material)| {
             let prefilter = Prefilter::new(8, 3).unwrap();
-            let inputs = [texels].into_iter().chain(both).chain(material).map(Input::leaf);
+            let inputs = leaves([texels].into_iter().chain(both).chain(material));
             Case::new(InEnvironment { prefilter, model }, inputs)
         });
         check(Check::of_cases(format!("environment, {name}"), cases));

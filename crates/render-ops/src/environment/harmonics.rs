@@ -110,8 +110,8 @@ fn weights<T: Scalar>(normal: &[T; 3]) -> Option<(Direction<T::Wide>, [T::Wide; 
 }
 
 impl<T: Scalar> Op<T> for Irradiance {
-    /// Sums of each piece, for a coefficient's gradient.
-    type Saved = Vec<Vec<T::Wide>>;
+    /// Gradients of coefficients: sums of each piece, and of all.
+    type Saved = [Vec<Vec<T::Wide>>; 2];
     type Error = RenderError;
 
     fn name(&self) -> &'static str {
@@ -160,7 +160,7 @@ impl<T: Scalar> Op<T> for Irradiance {
     fn backward(
         &self,
         kept: &Kept<'_, T>,
-        saved: &mut Self::Saved,
+        [pieces, all]: &mut Self::Saved,
         gradients: &mut Accumulators<'_, T>,
     ) {
         let channels = kept.input_shape(0)[1];
@@ -169,7 +169,10 @@ impl<T: Scalar> Op<T> for Irradiance {
             return;
         }
         if let Some(coefficients_bar) = gradients.get(0) {
-            let mut totals = vec![T::Wide::ZERO; HARMONICS * channels];
+            all.resize_with(1, Vec::new);
+            let totals = &mut all[0];
+            totals.clear();
+            totals.resize(HARMONICS * channels, T::Wide::ZERO);
             let work = |rows: std::ops::Range<usize>, sums: &mut Vec<T::Wide>| {
                 sums.clear();
                 sums.resize(HARMONICS * channels, T::Wide::ZERO);
@@ -183,7 +186,7 @@ impl<T: Scalar> Op<T> for Irradiance {
                     }
                 }
             };
-            merge_ranges_into(saved, normals.len(), ROWS_PER_PIECE, work, |sums| {
+            merge_ranges_into(pieces, normals.len(), ROWS_PER_PIECE, work, |sums| {
                 totals.iter_mut().zip(sums).for_each(|(total, sum)| *total += *sum);
             });
             coefficients_bar.add_each(|k| T::narrow(totals[k]));
