@@ -124,7 +124,7 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
         shaded(v, metal(v, true), light)
     });
     add("shade, a point light", &lit, |_, v| {
-        let light = Light::Point { position: T::from_f64(4.0) * v[5], intensity: v[6] };
+        let light = Light::Point { position: v[5] * T::from_f64(4.0), intensity: v[6] };
         shaded(v, metal(v, false), light)
     });
     add("shade, ambient", &lit, |_, v| {
@@ -136,7 +136,7 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
     });
     add("shade, Blinn-Phong", &lit, |_, v| {
         let (exponent, light) =
-            (T::from_f64(20.0) * v[3], Light::Directional { direction: v[5], irradiance: v[6] });
+            (v[3] * T::from_f64(20.0), Light::Directional { direction: v[5], irradiance: v[6] });
         shaded(v, Material::BlinnPhong { color: v[2], specular: v[6], exponent }, light)
     });
     let coefficients = Tensor::from_flat_fn([9, 3], |k| 1.0 / (1.0 + k as f64 / 4.0).floor());
