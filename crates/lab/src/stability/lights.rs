@@ -1,5 +1,7 @@
 //! Light on surfaces: from any side, on any material, and from all sides.
 
+use std::f64::consts::{FRAC_PI_2, PI};
+
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
     Environment, LEAST_ROUGHNESS, Light, Material, Prefilter, Surface, irradiance, reflect, shade,
@@ -10,7 +12,8 @@ use super::row::{Failure, Found, Outcome, told};
 use super::scene::{difference, largest, motley, numbers, rounding};
 
 /// Angles from the normal: along it, grazing, just behind, and from behind.
-const ANGLES: [f64; 9] = [0.0, 1e-7, 1e-4, 0.7, 1.57, 1.570_796_3, 1.5708, 2.0, 3.141_592_6];
+const ANGLES: [f64; 9] =
+    [0.0, 1e-7, 1e-4, 0.7, 1.57, FRAC_PI_2 - 3e-8, FRAC_PI_2 + 4e-6, 2.0, PI - 5e-8];
 
 fn towards(angle: f64, turn: f64) -> [f64; 3] {
     [angle.sin() * turn.cos(), angle.sin() * turn.sin(), angle.cos()]
@@ -62,7 +65,7 @@ fn shaded_from_all_sides<T: Scalar>(of: Numbers) -> Result<(f64, usize), Failure
     let (mut most, mut negative) = (0.0_f64, 0);
     let views: Vec<_> = ANGLES
         .iter()
-        .flat_map(|&angle| [0.0, 1.0, 3.1415926].map(|turn| towards(angle, turn)))
+        .flat_map(|&angle| [0.0, 1.0, PI - 5e-8].map(|turn| towards(angle, turn)))
         .collect();
     let up = vec![[0.0, 0.0, 1.0]; views.len()];
     for l in ANGLES.map(|angle| towards(angle, 0.0)) {

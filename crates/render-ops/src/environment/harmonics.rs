@@ -100,9 +100,12 @@ pub fn irradiance<'t, T: Scalar>(
 /// Inputs: coefficients `[9, C]`, normals `[N, 3]`. Output: `[N, C]`.
 struct Irradiance;
 
-/// The unit normal, and the functions there times what the cosine makes of them.
+/// A unit normal, and the functions there times what the cosine makes of them.
+type Weights<S> = (Direction<S>, [S; HARMONICS]);
+
+/// `None` where the normal is zero.
 #[inline(always)]
-fn weights<T: Scalar>(normal: &[T; 3]) -> Option<(Direction<T::Wide>, [T::Wide; HARMONICS])> {
+fn weights<T: Scalar>(normal: &[T; 3]) -> Option<Weights<T::Wide>> {
     let direction = Direction::of(normal.map(T::widen))?;
     let functions = harmonics(direction.unit);
     let weights = std::array::from_fn(|i| T::Wide::from_f64(COSINE[i]) * functions[i]);
