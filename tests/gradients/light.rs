@@ -300,7 +300,7 @@ impl Subject for InEnvironment {
         inputs: &[Var<'t, T>],
     ) -> Result<Outcome<'t, T>, Refusal> {
         let prefilter = self.prefilter.cast();
-        let environment = Environment::new(inputs[0], &prefilter)?;
+        let environment = Environment::of_texels(inputs[0], &prefilter)?;
         let surface = Surface { normals: inputs[1], views: inputs[2], positions: None };
         let material = self.model.material(&inputs[3..]);
         let out = environment.shade(&surface, &material)?;

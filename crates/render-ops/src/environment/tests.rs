@@ -49,7 +49,7 @@ fn an_environment_that_is_the_same_everywhere_is_an_ambient_light() {
     let radiance = [0.5, 1.0, 2.0];
     let texels = Tensor::from_flat_fn([6, SIZE, SIZE, 3], |k| radiance[k % 3]);
     let prefilter = Prefilter::new(SIZE, 3).unwrap();
-    let environment = Environment::new(tape.leaf(&texels), &prefilter).unwrap();
+    let environment = Environment::of_texels(tape.leaf(&texels), &prefilter).unwrap();
     for level in environment.reflections.levels() {
         for (k, found) in level.value().data().iter().enumerate() {
             assert_relative_eq!(*found, radiance[k % 3], max_relative = 1e-13);
@@ -195,7 +195,7 @@ fn what_nothing_can_be_made_of_is_refused() {
     let texels = |shape: &[usize]| tape.leaf(&Tensor::zeros(shape));
     let rule = "prefilter needs texels of shape [6, 4, 4, C], with a channel, got shape";
     for shape in [&[6, 8, 8, 3][..], &[6, 4, 4, 0], &[4, 4, 3]] {
-        let found = Environment::new(texels(shape), &prefilter).unwrap_err().to_string();
+        let found = Environment::of_texels(texels(shape), &prefilter).unwrap_err().to_string();
         assert_eq!(found, format!("{rule} {}", texels(shape).shape()));
         assert_eq!(prefilter.cube_map(texels(shape)).unwrap_err().to_string(), found);
     }
