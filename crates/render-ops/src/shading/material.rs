@@ -18,7 +18,7 @@ pub enum Material<'t, T: Scalar> {
         roughness: Var<'t, T>,
         /// 1 for a metal, 0 for a dielectric.
         metallic: Var<'t, T>,
-        /// Whether a white surface reflects all light. Else light that microfacets reflect more than
+        /// Whether a white metal or dielectric reflects all light. Else light that microfacets reflect more than
         /// once is lost, and smooth dielectrics gain some from the side.
         conserves_energy: bool,
     },

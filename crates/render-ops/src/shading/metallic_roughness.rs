@@ -15,8 +15,8 @@
 //! up to 0.7 of it. A smooth dielectric seen from the side gains light: it reflects up to half of what
 //! it gets more than once. Where energy is to be conserved, `K = 1 + F0 (1 / E - 1)`, and the diffuse term
 //! has `1 - s` instead of `1 - F`, with `s = (F0 (E - E1) + E1) K` the share of light from everywhere that
-//! is reflected at the surface (`albedo` has E and E1). A white surface then reflects all light, from
-//! any side, but light and eye cannot be exchanged.
+//! is reflected at the surface (`albedo` has E and E1). A white metal or dielectric then reflects all
+//! light, from any side; between the two, `1 - metallic` takes some. Light and eye cannot be exchanged.
 //!
 //! Of light from everywhere s is reflected at the surface, and `(1 - s) (1 - metallic) base` below it, in
 //! either case.
