@@ -10,11 +10,12 @@ use bokashi_core::{Padding, SparseMatrix, Tape, Tensor, TensorError, Var};
 use bokashi_fit::{Fit, FitError, FitSettings, Parameter, Parameters, from_fn, squared_error};
 use bokashi_paper::FACES;
 use bokashi_render_ops::{
-    Assembly, Background, Blur, Border, Coverage, Detail, Filter, Kernel, Mesh, Pose,
-    RasterOptions, Reference, RenderError, Sampler, Sampling, Size, Texture, TextureFilter,
-    Weighting, affine_inverse, antialias, composite, distort, downsample, eye_depth, face_normals,
-    gaussian_blur, interpolate, perturbed_normals, pinhole, project, project_instances, rasterize,
-    rigid, sample_texture, se3, tangents, transform_normals, transform_points, vertex_normals,
+    Assembly, Background, Blur, Border, Coverage, Detail, Filter, Kernel, Light, Material, Mesh,
+    Pose, RasterOptions, Reference, RenderError, Sampler, Sampling, Size, Surface, Texture,
+    TextureFilter, Weighting, affine_inverse, antialias, composite, distort, downsample, eye_depth,
+    face_normals, gaussian_blur, interpolate, irradiance, perturbed_normals, pinhole, project,
+    project_instances, rasterize, reflect, rigid, sample_texture, se3, shade, srgb_encode,
+    tangents, transform_normals, transform_points, vertex_normals,
 };
 use glam::DMat4;
 use glam::dcamera::rh::proj::opengl::perspective;
@@ -441,7 +442,24 @@ fn a_steady_step_on_surfaces_allocates_nothing() {
                 let frames = tangents(positions, normals, coordinates, &mesh, &mesh).unwrap();
                 let bent = perturbed_normals(normals, frames, turned).unwrap();
                 let small = downsample(image, 4, &filter, Border::Mirror).unwrap();
+                let five = tape.constant_full([3], 5.0);
+                let surface = Surface { normals, views: five, positions: Some(positions) };
+                let material = Material::MetallicRoughness {
+                    base_color: positions,
+                    roughness: tape.constant_scalar(0.5),
+                    metallic: tape.constant_scalar(0.25),
+                    conserves_energy: true,
+                };
+                let lights = [
+                    Light::Directional { direction: five, irradiance: five },
+                    Light::Point { position: five, intensity: five },
+                    Light::Ambient { radiance: five },
+                ];
+                let lit = srgb_encode(shade(&surface, &material, &lights).unwrap()).unwrap();
+                let sky = irradiance(positions.slice(0, 0..9).unwrap(), normals).unwrap();
+                let mirrored = reflect(positions, normals).unwrap();
                 let loss = flat.sum() + bent.sum() + turned.sum() + small.square().sum();
+                let loss = loss + lit.sum() + sky.sum() + mirrored.square().sum();
                 let gradients = loss.backward().unwrap();
                 let of = leaves.map(|leaf| gradients.get(leaf).unwrap().data()[0]);
                 loss.item() + of[0] + of[1] + of[2]

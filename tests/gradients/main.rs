@@ -6,6 +6,7 @@ mod cameras;
 mod distances;
 mod exact;
 mod layers;
+mod light;
 mod losses;
 mod partition;
 mod pictures;

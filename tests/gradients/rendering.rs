@@ -595,6 +595,7 @@ fn no_operation_is_forgotten() {
         include_str!("exact.rs"),
         include_str!("textures.rs"),
         include_str!("layers.rs"),
+        include_str!("light.rs"),
         include_str!("cameras.rs"),
         include_str!("distances.rs"),
         include_str!("surfaces.rs"),

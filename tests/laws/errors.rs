@@ -16,10 +16,10 @@ use bokashi_fit::{
 };
 use bokashi_render_ops::{
     Background, Blur, CubeMap, DepthImage, Detail, Fragments, Kernel, Layer, Lens, LensOptions,
-    Mesh, Pose, Radius, RasterOptions, RenderError, Sampler, Sampling, Size, Texture,
-    TextureFilter, antialias, composite, composite_layers, depth_layers, depth_of_field,
-    gaussian_blur, interpolate, interpolate_indexed, project, rasterize, rasterize_behind,
-    sample_cube_map, sample_texture,
+    Light, Material, Mesh, Pose, Prefilter, Radius, RasterOptions, RenderError, Sampler, Sampling,
+    Size, Surface, Texture, TextureFilter, antialias, composite, composite_layers, depth_layers,
+    depth_of_field, gaussian_blur, interpolate, interpolate_indexed, irradiance, project,
+    rasterize, rasterize_behind, reflect, sample_cube_map, sample_texture, shade,
 };
 use glam::DMat4;
 
@@ -173,6 +173,14 @@ fn every_render_error_says_the_rule_and_the_value() {
         let coordinates = tape.constant(&Tensor::full([1, 2], u.item()));
         sample_texture(&texture, coordinates, Detail::Finest, sampler).unwrap_err()
     };
+    let lit = |normal: [f64; 3], strength: [f64; 3]| {
+        let vector = |entries: [f64; 3]| tape.constant(&Tensor::from(entries));
+        let normals = vector(normal).reshape([1, 3]).unwrap();
+        let surface = Surface { normals, views: vector([1.0; 3]), positions: None };
+        let light =
+            Light::Directional { direction: vector([1.0; 3]), irradiance: vector(strength) };
+        shade(&surface, &Material::Lambert { color: vector([0.5; 3]) }, &[light]).unwrap_err()
+    };
     let larger = Tensor::from_flat_fn(
         [3, 4],
         |k| if k % 4 < 2 { 3.0 } else { 1.0 } * clip.value().data()[k],
@@ -251,6 +259,21 @@ fn every_render_error_says_the_rule_and_the_value() {
         (
             sample_cube_map(&sky, zeros(&[2, 3]), Detail::Finest, Sampler::new()).unwrap_err(),
             "sample_cube_map needs directions other than zero, got zero in row 0",
+        ),
+        (lit([0.0; 3], [1.0; 3]), "shade needs directions other than zero, got zero in row 0"),
+        (lit([f64::NAN, 0.0, 1.0], [1.0; 3]), "shade needs finite normals, got NaN in row 0"),
+        (lit([1.0; 3], [0.5, -0.25, 1.0]), "shade needs an irradiance of 0 or more, got -0.25"),
+        (
+            irradiance(zeros(&[4, 3]), zeros(&[2, 3])).unwrap_err(),
+            "irradiance needs coefficients of shape [9, C], got shape [4, 3]",
+        ),
+        (
+            reflect(zeros(&[2, 3]), zeros(&[3])).unwrap_err(),
+            "reflect needs normals of shape [2, 3], one for each direction, got shape [3]",
+        ),
+        (
+            Prefilter::<f64>::new(24, 3).map(drop).unwrap_err(),
+            "prefilter needs an extent that is a power of two up to 256, got 24",
         ),
         (
             depth_layers(clip, &mesh, options, None).unwrap_err(),

@@ -3,7 +3,7 @@
 use bokashi_lab::bench::{Effort, Row, elision};
 
 /// The rows, and what their reports name as left out.
-const ROWS: [(&str, &[&str]); 9] = [
+const ROWS: [(&str, &[&str]); 11] = [
     (
         "frozen positions",
         &[
@@ -19,6 +19,11 @@ const ROWS: [(&str, &[&str]); 9] = [
     ("empty background", &["image: gradient of input 1"]),
     ("no face near the near plane", &["rasterize: whole rows"]),
     ("depth not asked for", &["depth: not recorded"]),
+    (
+        "frozen positions of a lit surface",
+        &["vertex_normals: recording", "shade: gradient of input 0"],
+    ),
+    ("frozen light", &["shade: gradient of input 6"]),
     (
         "inference without gradients",
         &[

@@ -202,6 +202,26 @@ impl<T: Scalar> Accumulators<'_, T> {
         gradient.prepare(self.values[index].data().len(), self.pool);
         Some(gradient)
     }
+
+    /// The gradient of input `i`, where it is wanted, taken out: for an operation that adds to several
+    /// gradients at the same time. [`Accumulators::put_back`] ends that; a gradient that is not put
+    /// back is lost. Of a variable that is several inputs each has a sum of its own until then.
+    pub fn take(&mut self, i: usize) -> Option<Accumulator<T>> {
+        self.get(i).map(|gradient| std::mem::replace(gradient, Accumulator::vacant()))
+    }
+
+    /// Puts back what [`Accumulators::take`] took out for input `i`.
+    pub fn put_back(&mut self, i: usize, mut taken: Accumulator<T>) {
+        let gradient = &mut self.gradients[self.indices[i] as usize];
+        if gradient.state == State::Vacant {
+            *gradient = taken;
+            return;
+        }
+        if let Some(entries) = taken.sum() {
+            gradient.add(entries);
+        }
+        taken.release(self.pool);
+    }
 }
 
 #[cfg(test)]

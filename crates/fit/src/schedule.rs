@@ -149,7 +149,7 @@ mod tests {
         assert_eq!(steps, Err("schedule needs a period of at least 1 step, got 0".into()));
         assert!(Schedule::Step { steps: 0, factor: 0.5 }.factor(3).is_nan());
         assert!(Schedule::Exponential { steps: 0, factor: 0.5, floor: 0.0 }.factor(3).is_nan());
-        let factor = message(Schedule::Exponential { steps: 1, factor: f64::NAN });
+        let factor = message(Schedule::Exponential { steps: 1, factor: f64::NAN, floor: 0.0 });
         assert_eq!(factor, Err("schedule needs a factor above 0 and up to 1, got NaN".into()));
     }
 }

@@ -14,6 +14,7 @@ use crate::depth::depth;
 use crate::depth_of_field::{Lens, LensOptions, depth_of_field};
 use crate::differentials::differentials;
 use crate::downsample::downsample;
+use crate::environment::{Environment, Prefilter};
 use crate::error::RenderError;
 use crate::eye_depth::eye_depth;
 use crate::face_normals::face_normals;
@@ -29,7 +30,10 @@ use crate::project::{Pose, project};
 use crate::project_instances::project_instances;
 use crate::rasterize::rasterize;
 use crate::reference::Reference;
+use crate::reflect::reflect;
+use crate::shading::{Light, Material, Surface, shade};
 use crate::size::Size;
+use crate::srgb::{exposure, srgb_decode, srgb_encode};
 use crate::tangents::tangents;
 use crate::taps::Blur;
 use crate::texture::{CubeMap, Detail, Sampler, Texture, sample_cube_map, sample_texture};
@@ -81,6 +85,27 @@ fn every_operation<T: Scalar>(x: Var<'_, T>) -> Result<(), RenderError> {
     face_normals(x, &mesh)?;
     let normals = vertex_normals(x, &mesh, Weighting::Area)?;
     let tangents = tangents(x, transform_normals(normals, x)?, x, &mesh, &mesh)?;
-    perturbed_normals(normals, tangents, x)?;
+    let normals = perturbed_normals(normals, tangents, x)?;
+    let surface = Surface { normals, views: reflect(x, normals)?, positions: Some(x) };
+    let metal = |conserves_energy| Material::MetallicRoughness {
+        base_color: x,
+        roughness: x,
+        metallic: x,
+        conserves_energy,
+    };
+    let (color, specular, exponent) = (x, x, x);
+    let materials = [
+        metal(false),
+        metal(true),
+        Material::Lambert { color },
+        Material::Phong { color, specular, exponent },
+        Material::BlinnPhong { color, specular, exponent },
+    ];
+    let environment = Environment::of_texels(x, &Prefilter::new(1, 1)?)?;
+    for material in materials {
+        let light = shade(&surface, &material, &[Light::Ambient { radiance: x }])?;
+        let light = light + environment.shade(&surface, &material)?;
+        srgb_encode(exposure(srgb_decode(light)?, x)?)?;
+    }
     Ok(())
 }

@@ -32,6 +32,12 @@ pub(crate) fn scaled<S: Scalar>(s: S, a: Vector3<S>) -> Vector3<S> {
     a.map(|entry| s * entry)
 }
 
+/// `a + s b`.
+#[inline(always)]
+pub(crate) fn plus<S: Scalar>(a: Vector3<S>, s: S, b: Vector3<S>) -> Vector3<S> {
+    [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]]
+}
+
 /// `a . b`.
 #[inline(always)]
 pub(crate) fn dot<S: Scalar>(a: Vector3<S>, b: Vector3<S>) -> S {
@@ -126,6 +132,7 @@ mod tests {
         assert_eq!(cross(A, B), a.cross(b).to_array());
         assert_eq!(sum(A, B), (a + b).to_array());
         assert_eq!(scaled(2.5, difference(A, B)), ((a - b) * 2.5).to_array());
+        assert_eq!(plus(A, 2.5, B), (a + 2.5 * b).to_array());
         let unit = b.normalize();
         assert_relative_eq!(dot(across(unit.to_array(), A), B), 0.0, epsilon = 1e-15);
     }

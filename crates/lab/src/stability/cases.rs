@@ -6,8 +6,8 @@ use super::exact::{
 };
 use super::row::Outcome;
 use super::{
-    blur, cameras, distances, downsampling, faces, focus, input, losses, pictures, silhouettes,
-    surfaces, tensors, values, vertices,
+    blur, cameras, distances, downsampling, faces, focus, input, lights, losses, pictures,
+    silhouettes, surfaces, tensors, values, vertices,
 };
 
 /// A case: what is put in, what has to come out, and a run in each precision.
@@ -158,6 +158,16 @@ pub(super) static CASES: &[Case] = cases! {
     151 "downsampling: constants", "kept, finite", downsampling::constants;
     152 "downsampling: 1, and one block", "the identity; the weighted mean", downsampling::ends;
     153 "downsampling: refused input", "an error", downsampling::refused;
+    161 "shading: grazing, from behind", "finite values and gradients", lights::from_any_side;
+    162 "shading: roughness, metallic beyond", "the nearest, no gradient", lights::beyond_the_range;
+    163 "shading: directions times 2^k", "the same bits, gradients / 2^k", lights::any_length;
+    164 "shading: white, energy conserved", "all light", lights::white;
+    165 "shading: no rows, no lights", "nothing, or black", lights::without_rows_or_lights;
+    166 "shading: refused input", "an error", lights::refused;
+    167 "mirrored: any normal, or none", "mirrored, or as it was", lights::mirrored;
+    168 "tone curves: below 0, above 1", "decoded, what was encoded", lights::tone_curves;
+    169 "environments: constant, 1 texel", "the ambient light", lights::environments;
+    170 "environments: refused input", "an error", lights::refused_environments;
     181 "losses: images without a pixel", "an error; 0 under a mask", losses::without_a_pixel;
     182 "losses: constant images", "0 and no slope; luminance", losses::constant_images;
     183 "losses: nothing shown", "0, no gradient", losses::nothing_shown;

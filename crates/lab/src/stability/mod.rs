@@ -20,6 +20,7 @@ mod exact;
 mod faces;
 mod focus;
 mod input;
+mod lights;
 mod losses;
 mod oracle;
 mod page;

@@ -25,6 +25,7 @@ use bokashi_core::Scalar;
 
 use super::lanes::{LANES, Lanes};
 use super::options::TextureBorder;
+use crate::cube_faces::{AXES, direction};
 
 /// A place on a face of a texture: (0, 0) is its upper left corner and (1, 1) its lower right corner.
 #[derive(Debug, Clone, Copy)]
@@ -319,16 +320,6 @@ impl Chart<2> for Plane {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cube;
 
-/// Per face the axes along which s and t grow: an axis and its sign.
-const AXES: [[(usize, f64); 2]; 6] = [
-    [(2, -1.0), (1, -1.0)],
-    [(2, 1.0), (1, -1.0)],
-    [(0, 1.0), (2, 1.0)],
-    [(0, 1.0), (2, -1.0)],
-    [(0, 1.0), (1, -1.0)],
-    [(0, -1.0), (1, -1.0)],
-];
-
 impl Cube {
     /// The face that a direction meets, and its component along the face's normal.
     #[inline(always)]
@@ -436,12 +427,7 @@ impl Chart<3> for Cube {
         }
         // The texel of the face that the middle of this texel, in the plane of its own face, shows.
         let ratio = |at: isize| (2 * at + 1) as f64 / extent as f64 - 1.0;
-        let mut direction = [0.0; 3];
-        direction[face / 2] = if face.is_multiple_of(2) { 1.0 } else { -1.0 };
-        let [(s_axis, s_sign), (t_axis, t_sign)] = AXES[face];
-        direction[s_axis] = s_sign * ratio(column);
-        direction[t_axis] = t_sign * ratio(row);
-        let Place { face, at } = self.place(direction);
+        let Place { face, at } = self.place(direction(face, [ratio(column), ratio(row)]));
         let index = |at: f64| ((at * extent as f64) as usize).min(extent - 1);
         Texels::one([face, index(at[1]), index(at[0])])
     }

@@ -62,7 +62,8 @@ const NOTE: &str = "Each step is taken with one thing computed and without it, o
     learnt. A scene without discontinuities is a wall that fills the image; beside it stands the \
     same wall with all faces apart. Beside a scene without a face near the near plane stands the \
     scene with such a face, which reaches through the plane beside the image. Beside a depth that \
-    nobody asks for stands a depth with an upstream gradient of zeros. Beside inference stands a \
+    nobody asks for stands a depth with an upstream gradient of zeros. A lit surface has a directional \
+    light that is learnt, and no blur. Beside inference stands a \
     step with all gradients. The picture, the loss, and each gradient that both steps have are \
     compared. Samples of both are taken in turns. Times are equal where the ranges between their \
     quartiles meet; the wider range is given as a share of its median.";

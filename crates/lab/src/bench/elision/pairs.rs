@@ -12,6 +12,7 @@ use crate::bench::scenes::Scene;
 pub(super) fn pairs(pixels: usize) -> Result<Vec<(&'static str, Step, Step)>, FitError> {
     let scene = Scene::sphere("sphere1k", 32, 17, pixels)?;
     let (all, sharp) = (Step::new(&scene), Step::sharp(&scene));
+    let lit = Step::lit(&scene);
     let (crossing, apart) = beside_the_near_plane(&scene)?;
     let [torn, whole] = walls(pixels)?;
     Ok(vec![
@@ -28,6 +29,12 @@ pub(super) fn pairs(pixels: usize) -> Result<Vec<(&'static str, Step, Step)>, Fi
         ("empty background", Step { has_background: true, ..sharp.clone() }, sharp.clone()),
         ("no face near the near plane", Step::sharp(&crossing), Step::sharp(&apart)),
         ("depth not asked for", Step { has_depth: true, ..sharp.clone() }, sharp.clone()),
+        (
+            "frozen positions of a lit surface",
+            lit.clone(),
+            Step { learns_positions: false, ..lit.clone() },
+        ),
+        ("frozen light", lit.clone(), Step { learns_light: false, ..lit }),
         (
             "inference without gradients",
             all.clone(),

@@ -3,8 +3,8 @@
 use bokashi_core::{Tape, Tensor};
 use bokashi_fit::{FitError, squared_error};
 use bokashi_render_ops::{
-    Background, Blur, RasterOptions, antialias, composite, depth, gaussian_blur, interpolate,
-    project, rasterize,
+    Background, Blur, Light, Material, RasterOptions, Surface, Weighting, antialias, composite,
+    depth, gaussian_blur, interpolate, project, rasterize, shade, vertex_normals,
 };
 
 use crate::bench::scenes::Scene;
@@ -18,6 +18,9 @@ pub(super) struct Step {
     /// The blur; `None`: there is none.
     pub(super) sigma: Option<f32>,
     pub(super) learns_sigma: bool,
+    /// The colours are those of a surface in the light of a lamp.
+    pub(super) is_lit: bool,
+    pub(super) learns_light: bool,
     /// A background of zeros with a gradient of its own, not the empty one.
     pub(super) has_background: bool,
     /// The depth has an upstream gradient, of zeros.
@@ -36,6 +39,8 @@ impl Step {
             learns_colors: true,
             sigma: Some(1.0),
             learns_sigma: true,
+            is_lit: false,
+            learns_light: false,
             has_background: false,
             has_depth: false,
         }
@@ -46,8 +51,13 @@ impl Step {
         Self { sigma: None, learns_sigma: false, ..Self::new(scene) }
     }
 
+    /// The same without a blur, in the light of a lamp that is learnt.
+    pub(super) fn lit(scene: &Scene) -> Self {
+        Self { is_lit: true, learns_light: true, ..Self::sharp(scene) }
+    }
+
     fn learns(&self) -> bool {
-        self.learns_positions || self.learns_colors || self.learns_sigma
+        self.learns_positions || self.learns_colors || self.learns_sigma || self.learns_light
     }
 
     /// The tensors that the step starts from.
@@ -59,6 +69,7 @@ impl Step {
             sigma: Tensor::scalar(self.sigma.unwrap_or_default()),
             background: Tensor::zeros([height, width, 3]),
             target: Tensor::full([height, width, 3], 0.25),
+            light: Tensor::from([1.0, 2.0, 3.0]),
             one: Tensor::scalar(1.0),
             depth_upstream: None,
         }
@@ -81,7 +92,25 @@ impl Step {
         let clip = project(positions, &self.scene.camera, None)?;
         let options = RasterOptions::from(self.scene.size);
         let fragments = rasterize(clip, &self.scene.mesh, options)?;
-        let surface = interpolate(colors, &fragments)?;
+        let light = leaf(self.learns_light, &start.light);
+        let mut surface = interpolate(colors, &fragments)?;
+        if self.is_lit {
+            let normals = vertex_normals(positions, &self.scene.mesh, Weighting::Area)?;
+            let place = Surface {
+                normals: interpolate(normals, &fragments)?,
+                views: tape.constant(&Tensor::from([0.5, 0.25, 1.0])),
+                positions: None,
+            };
+            let material = Material::MetallicRoughness {
+                base_color: surface,
+                roughness: tape.constant_scalar(0.5),
+                metallic: tape.constant_scalar(0.25),
+                conserves_energy: false,
+            };
+            let direction = tape.constant(&Tensor::from([0.25, 1.0, 0.5]));
+            let lamp = Light::Directional { direction, irradiance: light };
+            surface = shade(&place, &material, &[lamp])?;
+        }
         let background = match self.has_background {
             true => Background::Image(tape.leaf(&start.background)),
             false => Background::Zero,
@@ -112,6 +141,7 @@ impl Step {
             ("gradient of positions", self.learns_positions, positions),
             ("gradient of colours", self.learns_colors, colors),
             ("gradient of sigma", self.learns_sigma, sigma),
+            ("gradient of the light", self.learns_light, light),
         ];
         for (name, _, variable) in learnt.into_iter().filter(|(_, learnt, _)| look && *learnt) {
             results.push((name, gradients.get_or_zeros(variable)));
@@ -127,6 +157,8 @@ pub(super) struct Start {
     sigma: Tensor<f32>,
     background: Tensor<f32>,
     target: Tensor<f32>,
+    /// Its irradiance.
+    light: Tensor<f32>,
     one: Tensor<f32>,
     /// Zeros, once their number is known.
     depth_upstream: Option<Tensor<f32>>,

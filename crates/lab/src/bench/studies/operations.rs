@@ -11,11 +11,12 @@ use bokashi_fit::{
     normal_error, silhouette_error, squared_error, ssim_error, total_variation,
 };
 use bokashi_render_ops::{
-    Background, Blur, Border, DepthImage, Filter, Fragments, Lens, LensOptions, RasterOptions,
-    Reference, Weighting, affine_inverse, antialias, composite, depth, depth_of_field, distort,
-    downsample, eye_depth, face_normals, gaussian_blur, interpolate, orthographic,
-    perturbed_normals, pinhole, project, project_instances, rasterize, rigid, se3, tangents,
-    transform_normals, transform_points, vertex_normals,
+    Background, Blur, Border, DepthImage, Filter, Fragments, Lens, LensOptions, Light, Material,
+    RasterOptions, Reference, Surface, Weighting, affine_inverse, antialias, composite, depth,
+    depth_of_field, distort, downsample, eye_depth, face_normals, gaussian_blur, interpolate,
+    irradiance, orthographic, perturbed_normals, pinhole, project, project_instances, rasterize,
+    reflect, rigid, se3, shade, srgb_decode, srgb_encode, tangents, transform_normals,
+    transform_points, vertex_normals,
 };
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -63,6 +64,22 @@ fn topology(scene: &Scene) -> Result<Topology, FitError> {
     Ok(Topology::new(scene.mesh.faces(), scene.mesh.vertex_count())?)
 }
 
+/// A metal or dielectric of the inputs 2 to 4.
+fn metal<'t, T: Scalar>(v: &[Var<'t, T>], conserves_energy: bool) -> Material<'t, T> {
+    let (base_color, roughness, metallic) = (v[2], v[3], v[4]);
+    Material::MetallicRoughness { base_color, roughness, metallic, conserves_energy }
+}
+
+/// A surface with the normals and views of the inputs 0 and 1; its positions are the views.
+fn shaded<'t, T: Scalar>(
+    v: &[Var<'t, T>],
+    material: Material<'t, T>,
+    light: Light<'t, T>,
+) -> Result<Var<'t, T>, FitError> {
+    let surface = Surface { normals: v[0], views: v[1], positions: Some(v[1]) };
+    Ok(shade(&surface, &material, &[light])?)
+}
+
 /// Every operation, with entries in numbers like those of a small image.
 fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
     let Inputs { signed, positive, .. } = inputs;
@@ -104,6 +121,37 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
     add("perturbed_normals", &[normals, tangents, values], |_, v| {
         Ok(perturbed_normals(v[0], v[1], v[2])?)
     });
+    let [base, roughness, metallic, strength] = &inputs.material;
+    let lit = [normals, values, base, roughness, metallic, &inputs.row, strength];
+    add("shade, metallic-roughness", &lit, |_, v| {
+        let light = Light::Directional { direction: v[5], irradiance: v[6] };
+        shaded(v, metal(v, false), light)
+    });
+    add("shade, energy conserved", &lit, |_, v| {
+        let light = Light::Directional { direction: v[5], irradiance: v[6] };
+        shaded(v, metal(v, true), light)
+    });
+    add("shade, a point light", &lit, |_, v| {
+        let light = Light::Point { position: v[5] * T::from_f64(4.0), intensity: v[6] };
+        shaded(v, metal(v, false), light)
+    });
+    add("shade, ambient", &lit, |_, v| {
+        shaded(v, metal(v, true), Light::Ambient { radiance: v[6] })
+    });
+    add("shade, Lambert", &[normals, values, base, &inputs.row, strength], |_, v| {
+        let light = Light::Directional { direction: v[3], irradiance: v[4] };
+        shaded(v, Material::Lambert { color: v[2] }, light)
+    });
+    add("shade, Blinn-Phong", &lit, |_, v| {
+        let (exponent, light) =
+            (v[3] * T::from_f64(20.0), Light::Directional { direction: v[5], irradiance: v[6] });
+        shaded(v, Material::BlinnPhong { color: v[2], specular: v[6], exponent }, light)
+    });
+    let coefficients = Tensor::from_flat_fn([9, 3], |k| 1.0 / (1.0 + k as f64 / 4.0).floor());
+    add("irradiance", &[&coefficients, normals], |_, v| Ok(irradiance(v[0], v[1])?));
+    add("reflect", &[values, normals], |_, v| Ok(reflect(v[0], v[1])?));
+    add("srgb_encode", &[base], |_, v| Ok(srgb_encode(v[0])?));
+    add("srgb_decode", &[base], |_, v| Ok(srgb_decode(v[0])?));
     add("rasterize", &[clip], |scene, v| {
         let options = RasterOptions::from(scene.size);
         Ok(rasterize(v[0], &scene.mesh, options)?.barycentrics)
@@ -234,6 +282,8 @@ struct Inputs {
     coordinates: Tensor<f64>,
     /// Normals, tangents and map values, one for each pixel.
     frames: [Tensor<f64>; 3],
+    /// Base colours, roughness and metallic, one for each pixel; and the strength of a light.
+    material: [Tensor<f64>; 4],
     clip: Tensor<f64>,
     barycentrics: Tensor<f64>,
     colors: Tensor<f64>,
@@ -290,6 +340,12 @@ impl Inputs {
             normals: single(normals.value()),
             coordinates: single(coordinates),
             frames: [vectors(3), vectors(4), vectors(3)],
+            material: [
+                Tensor::from_flat_fn([pixels * pixels, 3], |_| uniform(0.0, 1.0)),
+                Tensor::from_flat_fn([pixels * pixels], |_| uniform(0.05, 1.0)),
+                Tensor::from_flat_fn([pixels * pixels], |_| uniform(0.0, 1.0)),
+                Tensor::from([1.0, 2.0, 3.0]),
+            ],
             positions: single(positions),
             clip: single(drawn.clip.value()),
             barycentrics: single(drawn.fragments.barycentrics.value()),
@@ -433,7 +489,10 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
 }
 
 /// The operations whose times are per pixel.
-const RENDERING: [&str; 15] = [
+const RENDERING: [&str; 18] = [
+    "shade",
+    "irradiance",
+    "reflect",
     "downsample",
     "tangents",
     "perturbed_normals",
@@ -468,10 +527,11 @@ mod tests {
             names.trim_matches(|c| "{};".contains(c)).split(", ").map(str::to_owned)
         });
         // `interpolate_indexed` records what `interpolate` does, `composite` nothing at pixel
-        // centres.
+        // centres, `exposure` an exponential and a product.
         let is_operation = |name: &String| {
             name.starts_with(|c: char| c.is_ascii_lowercase())
-                && !["interpolate_indexed", "composite", "glam"].contains(&name.as_str())
+                && !["interpolate_indexed", "composite", "exposure", "glam"]
+                    .contains(&name.as_str())
         };
         let of_core = fs::read_dir(crates.join("core/src/ops")).unwrap();
         let of_core = of_core

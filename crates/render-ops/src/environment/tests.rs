@@ -1,0 +1,231 @@
+//! Laws of light from all sides: constants are kept, and integrals are integrals.
+
+use approx::{assert_abs_diff_eq, assert_relative_eq};
+use bokashi_core::{Scalar, Tape, Tensor, Var};
+
+use super::*;
+use crate::cube_faces::{direction, solid_angle};
+use crate::shading::{Light, shade};
+use crate::vector::{Direction, Vector3, dot};
+
+const SIZE: usize = 16;
+
+/// The unit vector to the middle of a texel, and its solid angle.
+fn texel(k: usize, size: usize) -> (Vector3<f64>, f64) {
+    let ratio = |at: f64| 2.0 * at / size as f64 - 1.0;
+    let (face, row, column) = (k / size / size, k / size % size, k % size);
+    let middle = direction(face, [ratio(column as f64 + 0.5), ratio(row as f64 + 0.5)]);
+    let side = |k: usize| [ratio(k as f64), ratio((k + 1) as f64)];
+    (Direction::of(middle).unwrap().unit, solid_angle(side(column), side(row)))
+}
+
+/// A cube map of one channel.
+fn map<T: Scalar>(size: usize, radiance: impl Fn(Vector3<f64>) -> f64) -> Tensor<T> {
+    Tensor::from_flat_fn([6, size, size, 1], |k| T::from_f64(radiance(texel(k, size).0)))
+}
+
+/// The means of a map's texels in `lobe`, by all of them.
+fn mean(radiance: &[f64], size: usize, lobe: impl Fn(Vector3<f64>) -> f64) -> f64 {
+    let (mut sum, mut total) = (0.0, 0.0);
+    for (k, radiance) in radiance.iter().enumerate() {
+        let (l, angle) = texel(k, size);
+        let weight = angle * lobe(l);
+        sum += weight * radiance;
+        total += weight;
+    }
+    sum / total
+}
+
+fn rows<'t>(tape: &'t Tape<f64>, rows: &[[f64; 3]]) -> Var<'t, f64> {
+    tape.leaf(&Tensor::new([rows.len(), 3], rows.as_flattened().to_vec()).unwrap())
+}
+
+const NORMALS: [[f64; 3]; 4] =
+    [[0.0, 0.0, 2.0], [0.3, -0.8, 0.1], [-5.0, 1.0, 0.5], [1.0, 1.0, 1.0]];
+
+#[test]
+fn an_environment_that_is_the_same_everywhere_is_an_ambient_light() {
+    let tape = Tape::<f64>::new();
+    let radiance = [0.5, 1.0, 2.0];
+    let texels = Tensor::from_flat_fn([6, SIZE, SIZE, 3], |k| radiance[k % 3]);
+    let prefilter = Prefilter::new(SIZE, 3).unwrap();
+    let environment = Environment::of_texels(tape.leaf(&texels), &prefilter).unwrap();
+    for level in environment.reflections.levels() {
+        for (k, found) in level.value().data().iter().enumerate() {
+            assert_relative_eq!(*found, radiance[k % 3], max_relative = 1e-13);
+        }
+    }
+    let colour = tape.leaf(&Tensor::from([0.9, 0.5, 0.2]));
+    let number = |x: f64| tape.leaf_scalar(x);
+    let ambient = Light::Ambient { radiance: tape.leaf(&Tensor::from(radiance)) };
+    for views in [
+        rows(&tape, &NORMALS.map(|[x, y, z]| [y, z, x])),
+        tape.leaf(&Tensor::from([0.3, 0.4, 0.9])),
+    ] {
+        let surface = Surface { normals: rows(&tape, &NORMALS), views, positions: None };
+        for conserves_energy in [false, true] {
+            let all = [
+                Material::MetallicRoughness {
+                    base_color: colour,
+                    roughness: number(0.4),
+                    metallic: number(0.7),
+                    conserves_energy,
+                },
+                Material::Lambert { color: colour },
+                Material::Phong { color: colour, specular: colour, exponent: number(9.0) },
+            ];
+            for material in all {
+                let found = environment.shade(&surface, &material).unwrap().value();
+                let expected = shade(&surface, &material, &[ambient]).unwrap().value();
+                for (found, expected) in found.data().iter().zip(expected.data()) {
+                    // Harmonics are taken at places of texels.
+                    assert_relative_eq!(found, expected, max_relative = 1e-5);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn irradiance_of_the_first_bands_is_the_integral() {
+    // Radiance of the bands up to 2, and of band 3, which a cosine does not see.
+    let radiance = |[x, y, z]: Vector3<f64>| {
+        2.0 + 0.3 * x - 0.7 * y + 0.5 * z + 0.4 * x * y - 0.2 * z * x
+            + 0.6 * z * z
+            + 0.9 * x * y * z
+    };
+    let (size, tape) = (64, Tape::<f64>::new());
+    let texels = map::<f64>(size, radiance);
+    let prefilter = Prefilter::new(size, 1).unwrap();
+    let harmonics = prefilter.harmonics(tape.leaf(&texels)).unwrap();
+    let found = irradiance(harmonics, rows(&tape, &NORMALS)).unwrap().value();
+    for (found, normal) in found.data().iter().zip(NORMALS) {
+        let n = Direction::of(normal).unwrap().unit;
+        let cosines = (0..texels.size()).map(|k| {
+            let (l, angle) = texel(k, size);
+            angle * dot(n, l).max(0.0) * texels.data()[k]
+        });
+        assert_relative_eq!(*found, cosines.sum::<f64>(), max_relative = 1e-3);
+    }
+    // By hand: light of radiance 1 + z has the irradiance pi + 2 pi / 3 n_z.
+    let harmonics = prefilter.harmonics(tape.leaf(&map(size, |l| 1.0 + l[2]))).unwrap();
+    let found = irradiance(harmonics, rows(&tape, &NORMALS[..1])).unwrap().item();
+    assert_relative_eq!(found, 5.0 * std::f64::consts::PI / 3.0, max_relative = 1e-4);
+}
+
+#[test]
+fn mirror_images_are_means_over_the_lobe() {
+    // A bright spot of a few texels, the sky above, and a pattern.
+    let radiance = |[x, y, z]: Vector3<f64>| {
+        let spot = if 0.48 * x + 0.6 * y + 0.64 * z > 0.97 { 20.0 } else { 0.0 };
+        spot + f64::from(u8::from(y > 0.0)) + 0.3 * (9.0 * x + 4.0 * z).sin()
+    };
+    let (size, levels) = (32, 4);
+    let tape = Tape::<f64>::new();
+    let texels = map::<f64>(size, radiance);
+    let prefilter = Prefilter::new(size, levels).unwrap();
+    let found = prefilter.cube_map(tape.leaf(&texels)).unwrap();
+    assert_eq!(found.levels()[0].value(), texels);
+    // Each texel as 16, so that narrow lobes are integrals as well.
+    let fine = 4 * size;
+    let spread: Vec<_> = (0..6 * fine * fine)
+        .map(|k| {
+            let (face, row, column) = (k / fine / fine, k / fine % fine / 4, k % fine / 4);
+            texels.data()[(face * size + row) * size + column]
+        })
+        .collect();
+    for (k, level) in (1..).zip(&found.levels()[1..]) {
+        let alpha = (f64::from(k) / (levels - 1) as f64).powi(2);
+        let own = size >> k;
+        let mut most = 0.0_f64;
+        for index in (0..6 * own * own).step_by(7) {
+            let (r, _) = texel(index, own);
+            let lobe = |l: Vector3<f64>| {
+                let h = Direction::of([0, 1, 2].map(|k| r[k] + l[k])).map_or(r, |h| h.unit);
+                let d = dot(r, h).powi(2) * (alpha * alpha - 1.0) + 1.0;
+                dot(r, l).max(0.0) / (d * d)
+            };
+            let expected = mean(&spread, fine, lobe);
+            most = most.max((level.value().data()[index] - expected).abs());
+        }
+        assert!(most < 0.004 * 21.0, "level {k} is off by {most}");
+    }
+}
+
+#[test]
+fn a_mean_has_few_blocks_whatever_the_size_of_the_map() {
+    for (size, levels) in [(16, 2), (32, 4), (64, 4), (64, 7)] {
+        let counts = Prefilter::<f32>::new(size, levels).unwrap().blocks_of_means();
+        assert!(counts.iter().all(|&count| count <= 500), "{counts:?}");
+    }
+}
+
+#[test]
+fn gradients_of_texels_are_the_adjoint_of_what_surfaces_see() {
+    let tape = Tape::<f64>::new();
+    let prefilter = Prefilter::new(8, 3).unwrap();
+    let of = |k: usize| Tensor::from_flat_fn([6, 8, 8, 2], |i| ((3 * i + k) as f64).sin());
+    let [x, y] = [of(0), of(5)].map(|texels| tape.leaf(&texels));
+    let seen = |texels| {
+        let map = prefilter.cube_map(texels).unwrap();
+        [map.levels()[1], map.levels()[2], prefilter.harmonics(texels).unwrap()]
+    };
+    for (of_x, of_y) in seen(x).into_iter().zip(seen(y)) {
+        // <A x, A y> = <x, A^T A y>
+        let bars = tape.vjp(&[(of_x, &of_y.value())]).unwrap().get_or_zeros(x);
+        let product = |a: &Tensor<f64>, b: &Tensor<f64>| {
+            a.data().iter().zip(b.data()).map(|(a, b)| a * b).sum::<f64>()
+        };
+        let (found, expected) = (product(&bars, &x.value()), product(&of_x.value(), &of_y.value()));
+        assert_abs_diff_eq!(found, expected, epsilon = 1e-10 * expected.abs().max(1.0));
+    }
+}
+
+#[test]
+fn what_nothing_can_be_made_of_is_refused() {
+    let tape = Tape::<f64>::new();
+    let made = |extent, levels| Prefilter::<f64>::new(extent, levels).unwrap_err().to_string();
+    let rule = "prefilter needs an extent that is a power of two up to 256, got";
+    assert_eq!(made(0, 1), format!("{rule} 0"));
+    assert_eq!(made(24, 1), format!("{rule} 24"));
+    assert_eq!(made(512, 1), format!("{rule} 512"));
+    assert_eq!(made(16, 0), "prefilter needs from 1 to 5 levels for an extent of 16, got 0");
+    assert_eq!(made(16, 6), "prefilter needs from 1 to 5 levels for an extent of 16, got 6");
+    let prefilter = Prefilter::new(4, 2).unwrap();
+    let texels = |shape: &[usize]| tape.leaf(&Tensor::zeros(shape));
+    let rule = "prefilter needs texels of shape [6, 4, 4, C], with a channel, got shape";
+    for shape in [&[6, 8, 8, 3][..], &[6, 4, 4, 0], &[4, 4, 3]] {
+        let found = Environment::of_texels(texels(shape), &prefilter).unwrap_err().to_string();
+        assert_eq!(found, format!("{rule} {}", texels(shape).shape()));
+        assert_eq!(prefilter.cube_map(texels(shape)).unwrap_err().to_string(), found);
+    }
+    let said = |coefficients: &[usize], normals: &[[f64; 3]]| {
+        irradiance(texels(coefficients), rows(&tape, normals)).unwrap_err().to_string()
+    };
+    assert_eq!(
+        said(&[4, 3], &NORMALS),
+        "irradiance needs coefficients of shape [9, C], got shape [4, 3]"
+    );
+    assert_eq!(
+        said(&[9, 3], &[NORMALS[0], [0.0; 3]]),
+        "irradiance needs directions other than zero, got zero in row 1"
+    );
+    assert_eq!(
+        said(&[9, 3], &[[1.0, f64::NAN, 0.0]]),
+        "irradiance needs finite normals, got NaN in row 0"
+    );
+    let flat = irradiance(texels(&[9, 3]), texels(&[3])).unwrap_err().to_string();
+    assert_eq!(flat, "irradiance needs normals of shape [N, 3], got shape [3]");
+}
+
+#[test]
+fn no_rows_and_no_channels_are_none() {
+    let tape = Tape::<f64>::new();
+    let coefficients = tape.leaf(&Tensor::full([9, 3], 0.5));
+    let out = irradiance(coefficients, rows(&tape, &[])).unwrap();
+    assert_eq!(*out.shape(), [0, 3]);
+    assert_eq!(out.sum().backward().unwrap().get_or_zeros(coefficients), Tensor::zeros([9, 3]));
+    let none = irradiance(tape.leaf(&Tensor::zeros([9, 0])), rows(&tape, &NORMALS)).unwrap();
+    assert_eq!(*none.shape(), [4, 0]);
+    assert!(none.sum().backward().is_ok());
+}

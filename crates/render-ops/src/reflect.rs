@@ -1,0 +1,199 @@
+//! Directions mirrored at a surface.
+//!
+//! # Forward
+//! `y = d - 2 (d . m) m`, with the unit normal `m = n / |n|`. Lengths are kept, and twice mirrored is not
+//! mirrored at all.
+//!
+//! # Backward
+//! The map is symmetric: `d_bar = y_bar - 2 (y_bar . m) m`;
+//! `m_bar = -2 ((d . m) y_bar + (y_bar . m) d)`, and from there to n as for any direction (`vector`).
+//!
+//! # Where it is not smooth
+//! Where a normal is zero: there is no surface, and the direction goes on.
+
+use bokashi_core::parallel::for_each_piece_mut;
+use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
+
+use crate::error::RenderError;
+use crate::vector::{Direction, Vector3, difference, dot, plus, scaled, sum};
+
+const NAME: &str = "reflect";
+
+/// Rows in one piece of work.
+const ROWS_PER_PIECE: usize = 1 << 11;
+
+/// `directions: [.., 3]`, mirrored at surfaces with `normals` of the same shape: `d - 2 (d . n) n`, with n
+/// normalized. A direction to a surface becomes one away from it, of the same length. Of a direction to the
+/// eye, take the opposite of the result: there lies what the eye sees mirrored.
+///
+/// Where a normal is zero the direction stays as it is, and the normal gets no gradient.
+///
+/// # Errors
+/// [`RenderError::Shape`] unless both shapes are `[.., 3]` and the same;
+/// `TensorError::ForeignVariable` for variables of two tapes.
+#[inline(never)]
+pub fn reflect<'t, T: Scalar>(
+    directions: Var<'t, T>,
+    normals: Var<'t, T>,
+) -> Result<Var<'t, T>, RenderError> {
+    directions.tape().apply(Reflect, &[directions, normals])
+}
+
+/// Inputs: directions `[.., 3]`, normals `[.., 3]`. Output: directions.
+struct Reflect;
+
+/// `a` mirrored at the plane across the unit vector `m`.
+#[inline(always)]
+fn mirrored<S: Scalar>(a: Vector3<S>, m: Vector3<S>) -> Vector3<S> {
+    let along = dot(a, m);
+    plus(a, -(along + along), m)
+}
+
+impl<T: Scalar> Op<T> for Reflect {
+    type Saved = ();
+    type Error = RenderError;
+
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn forward(
+        &self,
+        inputs: &Inputs<'_, T>,
+        outputs: &mut Outputs<'_, T>,
+        _saved: &mut (),
+    ) -> Result<(), RenderError> {
+        let shape = inputs.shape(0);
+        if shape.last() != Some(&3) {
+            return Err(RenderError::of_shape(NAME, "directions of shape [.., 3]", shape));
+        }
+        if inputs.shape(1) != shape {
+            let rule = format!("normals of shape {shape}, one for each direction");
+            return Err(RenderError::of_shape(NAME, rule, inputs.shape(1)));
+        }
+        let (directions, _) = inputs.data(0).as_chunks::<3>();
+        let (normals, _) = inputs.data(1).as_chunks::<3>();
+        for_each_piece_mut(outputs.push(shape), 3 * ROWS_PER_PIECE, |piece, out| {
+            let first = piece * ROWS_PER_PIECE;
+            let rows = directions[first..].iter().zip(&normals[first..]);
+            for (out, (d, n)) in out.as_chunks_mut().0.iter_mut().zip(rows) {
+                *out = match Direction::of(n.map(T::widen)) {
+                    None => *d,
+                    Some(normal) => mirrored(d.map(T::widen), normal.unit).map(T::narrow),
+                };
+            }
+        });
+        Ok(())
+    }
+
+    fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
+        let keep = Keep::NOTHING.input(1);
+        if inputs.needs(1) { keep.input(0) } else { keep }
+    }
+
+    fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
+        let (bars, _) = kept.only_upstream().as_chunks::<3>();
+        let (normals, _) = kept.input(1).as_chunks::<3>();
+        if let Some(directions_bar) = gradients.get(0) {
+            for_each_piece_mut(directions_bar.entries(), 3 * ROWS_PER_PIECE, |piece, entries| {
+                let first = piece * ROWS_PER_PIECE;
+                let rows = bars[first..].iter().zip(&normals[first..]);
+                for (entry, (bar, n)) in entries.as_chunks_mut().0.iter_mut().zip(rows) {
+                    let bar = bar.map(T::widen);
+                    let own = Direction::of(n.map(T::widen))
+                        .map_or(bar, |normal| mirrored(bar, normal.unit));
+                    *entry = sum(*entry, own.map(T::narrow));
+                }
+            });
+        }
+        if let Some(normals_bar) = gradients.get(1) {
+            let (directions, _) = kept.input(0).as_chunks::<3>();
+            for_each_piece_mut(normals_bar.entries(), 3 * ROWS_PER_PIECE, |piece, entries| {
+                let first = piece * ROWS_PER_PIECE;
+                let rows = bars[first..].iter().zip(&directions[first..]).zip(&normals[first..]);
+                for (entry, ((bar, d), n)) in entries.as_chunks_mut().0.iter_mut().zip(rows) {
+                    let Some(normal) = Direction::of(n.map(T::widen)) else { continue };
+                    let (bar, d, m) = (bar.map(T::widen), d.map(T::widen), normal.unit);
+                    let half = plus(scaled(dot(d, m), bar), dot(bar, m), d);
+                    let own = normal.pull_back(half).map(|bar| T::narrow(bar + bar));
+                    *entry = difference(*entry, own);
+                }
+            });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bokashi_core::{Tape, Tensor};
+
+    use super::*;
+
+    fn rows<'t>(tape: &'t Tape<f64>, rows: &[[f64; 3]]) -> Var<'t, f64> {
+        tape.leaf(&Tensor::new([rows.len(), 3], rows.as_flattened().to_vec()).unwrap())
+    }
+
+    const DIRECTIONS: [[f64; 3]; 3] =
+        [[1.0, -2.0, 3.0], [0.5, 0.25, -0.125], [1e-300, 0.0, 2e-300]];
+    const NORMALS: [[f64; 3]; 3] = [[0.0, 3.0, 0.0], [1.0, 2.0, -0.5], [-1e300, 1e300, 3e299]];
+
+    #[test]
+    fn the_part_along_the_normal_turns_round_and_the_rest_stays() {
+        let tape = Tape::new();
+        let found = reflect(rows(&tape, &DIRECTIONS), rows(&tape, &NORMALS)).unwrap();
+        assert_eq!(found.value().data()[..3], [1.0, 2.0, 3.0]);
+        for ((d, n), y) in DIRECTIONS.iter().zip(&NORMALS).zip(found.value().data().chunks(3)) {
+            let (y, m) = ([y[0], y[1], y[2]], Direction::of(*n).unwrap().unit);
+            let size = dot(*d, *d).sqrt().max(1e-300);
+            approx::assert_abs_diff_eq!(dot(y, m) / size, -dot(*d, m) / size, epsilon = 1e-15);
+            let (rest, before) = (plus(y, -dot(y, m), m), plus(*d, -dot(*d, m), m));
+            for k in 0..3 {
+                approx::assert_abs_diff_eq!(rest[k] / size, before[k] / size, epsilon = 1e-15);
+            }
+        }
+    }
+
+    #[test]
+    fn twice_mirrored_is_not_mirrored() {
+        let tape = Tape::new();
+        let normals = rows(&tape, &NORMALS);
+        let twice = reflect(reflect(rows(&tape, &DIRECTIONS), normals).unwrap(), normals).unwrap();
+        for (found, expected) in twice.value().data().iter().zip(DIRECTIONS.as_flattened()) {
+            approx::assert_relative_eq!(found, expected, max_relative = 1e-14);
+        }
+    }
+
+    #[test]
+    fn without_a_normal_a_direction_goes_on_and_lengths_of_normals_do_not_matter() {
+        let tape = Tape::new();
+        let directions = rows(&tape, &DIRECTIONS);
+        let normals = rows(&tape, &[[0.0; 3], NORMALS[1], NORMALS[2].map(|x| 1e-290 * x)]);
+        let out = reflect(directions, normals).unwrap();
+        assert_eq!(out.value().data()[..3], DIRECTIONS[0]);
+        let same = reflect(directions, rows(&tape, &NORMALS)).unwrap().value();
+        for k in 3..9 {
+            let (found, expected) = (out.value().data()[k], same.data()[k]);
+            approx::assert_relative_eq!(found, expected, max_relative = 1e-14);
+        }
+        let gradients = out.sum().backward().unwrap();
+        assert_eq!(gradients.get_or_zeros(directions).data()[..3], [1.0; 3]);
+        let bars = gradients.get_or_zeros(normals);
+        assert_eq!(bars.data()[..3], [0.0; 3]);
+        // Along a normal nothing changes.
+        let of_normal = bars.data()[3..6].iter().zip(NORMALS[1]);
+        let along: f64 = of_normal.map(|(bar, entry)| bar * entry).sum();
+        approx::assert_abs_diff_eq!(along, 0.0, epsilon = 1e-15);
+    }
+
+    #[test]
+    fn other_shapes_are_refused() {
+        let tape = Tape::<f32>::new();
+        let of = |shape: &[usize]| tape.leaf(&Tensor::zeros(shape));
+        let said = |d, n| reflect(of(d), of(n)).unwrap_err().to_string();
+        assert_eq!(said(&[2], &[2]), "reflect needs directions of shape [.., 3], got shape [2]");
+        assert_eq!(
+            said(&[2, 3], &[3]),
+            "reflect needs normals of shape [2, 3], one for each direction, got shape [3]"
+        );
+    }
+}
