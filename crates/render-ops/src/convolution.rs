@@ -40,11 +40,6 @@ const STRIP: usize = 2 * BLOCK;
 /// second cache.
 const BAND: usize = 1 << 16;
 
-/// How many rows of `row` entries are blurred at a time.
-pub(crate) fn rows_per_band(row: usize) -> usize {
-    (BAND / row).max(1)
-}
-
 /// Memory for a band.
 #[derive(Debug, Default)]
 pub(crate) struct Band<T> {
@@ -125,18 +120,20 @@ impl<'a, T: Scalar> Convolution<'a, T> {
     }
 
     fn rows_per_band(&self) -> usize {
-        rows_per_band(self.row())
+        (BAND / self.row()).max(1)
     }
 
     /// The rows `out` of a band, and, unless it is empty, their slopes.
     fn band(&self, image: &[T], band: usize, memory: &mut Band<T>, out: &mut [T], slope: &mut [T]) {
-        self.rows(image, band * self.rows_per_band(), memory, out, slope);
+        self.rows(image, 0, band * self.rows_per_band(), memory, out, slope);
     }
 
-    /// The rows `out` from row `first` on, and, unless it is empty, their slopes.
+    /// The rows `out` from row `first` on, and, unless it is empty, their slopes. `image` has the rows that
+    /// the window sees, from row `from` on.
     pub(crate) fn rows(
         &self,
         image: &[T],
+        from: usize,
         first: usize,
         memory: &mut Band<T>,
         out: &mut [T],
@@ -145,6 +142,7 @@ impl<'a, T: Scalar> Convolution<'a, T> {
         pulp::Arch::new().dispatch(BandWork {
             convolution: self,
             image,
+            from,
             first,
             memory,
             out,
@@ -165,11 +163,11 @@ impl<'a, T: Scalar> Convolution<'a, T> {
         self.border.reach(self.along_rows.radius(), self.width) * self.channels
     }
 
-    /// Blurs `rows` rows of the image from row `first` on along its columns.
+    /// Blurs `rows` rows of the image from row `first` on along its columns; `image` begins with row `from`.
     #[inline(always)]
     fn blur_columns(
         &self,
-        image: &[T],
+        (image, from): (&[T], usize),
         first: usize,
         rows: usize,
         memory: &mut Band<T>,
@@ -193,7 +191,9 @@ impl<'a, T: Scalar> Convolution<'a, T> {
             for (k, to) in strip.chunks_exact_mut(width).enumerate() {
                 let position = (first + k) as isize - reach as isize;
                 match self.border.source(position, self.height) {
-                    Some(y) => to[..end - start].copy_from_slice(&image[y * row..][start..end]),
+                    Some(y) => {
+                        to[..end - start].copy_from_slice(&image[(y - from) * row..][start..end])
+                    }
                     None => to.fill(T::ZERO),
                 }
             }
@@ -408,6 +408,7 @@ fn window_sums<T: Scalar>(
 struct BandWork<'a, T: Scalar> {
     convolution: &'a Convolution<'a, T>,
     image: &'a [T],
+    from: usize,
     first: usize,
     memory: &'a mut Band<T>,
     out: &'a mut [T],
@@ -419,9 +420,9 @@ impl<T: Scalar> pulp::WithSimd for BandWork<'_, T> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
-        let Self { convolution, image, first, memory, out, slope } = self;
+        let Self { convolution, image, from, first, memory, out, slope } = self;
         convolution.blur_columns(
-            image,
+            (image, from),
             first,
             out.len() / convolution.row(),
             memory,
