@@ -102,7 +102,7 @@ impl<S: Scalar> Direction<S> {
         let v = scaled(factor, v);
         let length = dot(v, v).sqrt();
         // What is not finite is let through.
-        if length <= factor * error {
+        if length <= factor * error && length.is_finite() {
             return None;
         }
         Some(Self { unit: v.map(|entry| entry / length), length, factor })
