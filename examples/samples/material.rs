@@ -1,0 +1,176 @@
+//! What an object is made of, from sixteen pictures: maps of base colour, roughness and metallic, under a
+//! known environment and a known lamp. Shape and views are known, so fragments are made once for all steps.
+//!
+//! Where a surface is rough, a dark metal looks much like a dark dielectric. So what counts is how well
+//! the maps predict eight views that were held out and never learnt.
+
+use bokashi::glam::DVec3;
+use bokashi::prelude::*;
+use bokashi_examples::stage::{Random, globe, planet, sky};
+use bokashi_examples::{Asked, Curve, Found, Goal, Sample, Silhouettes};
+
+/// This sample.
+pub const SAMPLE: Sample =
+    Sample { name: "material", about: "learns what an object is made of, from 16 pictures", run };
+
+const SIDE: usize = 256;
+const STEPS: u64 = 500;
+const TEXELS: usize = 128;
+const LEARNT: usize = 16;
+const HELD_OUT: usize = 8;
+
+/// The surface that a camera sees, as numbers that don't change.
+struct Seen {
+    fragments: StillFragments<f32>,
+    normals: Tensor<f32>,
+    views: Tensor<f32>,
+    places: Tensor<f32>,
+    silhouettes: Silhouettes,
+}
+
+/// The light, as numbers that don't change.
+struct Lights {
+    harmonics: Tensor<f32>,
+    reflections: Vec<Tensor<f32>>,
+    direction: Tensor<f32>,
+}
+
+/// The object before a camera on a sphere around it.
+fn seen(silhouettes: Silhouettes, random: &mut Random) -> Result<Seen, FitError> {
+    let tape = Tape::new();
+    let (shape, normals, places) = planet()?;
+    let eye = 3.2 * random.direction();
+    let up = eye.any_orthogonal_vector();
+    let camera = perspective(0.7, 1.0, 0.1, 10.0) * look_at(eye, DVec3::ZERO, up);
+    let vertices = tape.constant(&shape.vertices);
+    let options = silhouettes.options(Size::square(SIDE)).cull(Cull::Back);
+    let fragments = rasterize(project(vertices, &camera, None)?, &shape.mesh, options)?;
+    let eye = tape.constant(&Tensor::from(eye.as_vec3().to_array()));
+    Ok(Seen {
+        normals: interpolate(tape.constant(&normals), &fragments)?.value(),
+        views: (eye - interpolate(vertices, &fragments)?).value(),
+        places: interpolate(tape.constant(&places), &fragments)?.value(),
+        fragments: fragments.still(),
+        silhouettes,
+    })
+}
+
+fn lights(random: &mut Random) -> Result<Lights, FitError> {
+    let tape = Tape::new();
+    let texels = tape.constant(&sky(64, random));
+    let Environment { harmonics, reflections } =
+        Environment::of_texels(texels, &Prefilter::new(64, 4)?)?;
+    let reflections = reflections.levels().iter().map(|level| level.value()).collect();
+    let direction = Tensor::from(random.direction().as_vec3().to_array());
+    Ok(Lights { harmonics: harmonics.value(), reflections, direction })
+}
+
+impl Seen {
+    /// The picture with `maps: [S, S, 5]`: base colour, roughness and metallic.
+    fn image<'t>(&self, maps: Var<'t, f32>, lights: &Lights) -> Result<Var<'t, f32>, FitError> {
+        let tape = maps.tape();
+        let maps = Texture::new(maps)?;
+        let places = tape.constant(&self.places);
+        let numbers = sample_texture(&maps, places, Detail::Finest, Sampler::new())?;
+        let count = numbers.shape()[0];
+        let material = Material::MetallicRoughness {
+            base_color: numbers.slice(1, 0..3)?,
+            roughness: numbers.slice(1, 3..4)?.reshape([count])?,
+            metallic: numbers.slice(1, 4..5)?.reshape([count])?,
+            conserves_energy: false,
+        };
+        let [normals, views] = [&self.normals, &self.views].map(|numbers| tape.constant(numbers));
+        let surface = Surface { normals, views, positions: None };
+        let levels: Vec<_> = lights.reflections.iter().map(|level| tape.constant(level)).collect();
+        let reflections = CubeMap::of_levels(&levels)?;
+        let environment = Environment { harmonics: tape.constant(&lights.harmonics), reflections };
+        let direction = tape.constant(&lights.direction);
+        let lamp = Light::Directional { direction, irradiance: tape.constant_full([3], std::env::var("LAMP").map_or(1.0, |x| x.parse().unwrap())) };
+        let light = environment.shade(&surface, &material)? + shade(&surface, &material, &[lamp])?;
+        let fragments = self.fragments.on(tape);
+        let image = self.silhouettes.picture(light, &fragments, Background::Zero)?.image()?;
+        Ok(if std::env::var("CLAMP").is_ok() { srgb_encode(image.clamp(0.0, 1.0)?)? } else { image })
+    }
+
+    fn still_image(&self, maps: &Tensor<f32>, lights: &Lights) -> Result<Tensor<f32>, FitError> {
+        Ok(self.image(Tape::new().constant(maps), lights)?.value())
+    }
+}
+
+/// Base colours of a globe, roughness in waves, and metal in some places.
+fn truth(random: &mut Random) -> Tensor<f32> {
+    let colors = globe([TEXELS, TEXELS], random);
+    let mut wave = || [(); 3].map(|()| random.between(1.0, 6.0).floor());
+    let waves = [(); 2].map(|()| wave());
+    Tensor::from_fn([TEXELS, TEXELS, 5], |[row, column, channel]| {
+        if channel < 3 {
+            return colors.data()[3 * (row * TEXELS + column) + channel];
+        }
+        let [u, v] = [column, row].map(|k| std::f64::consts::TAU * k as f64 / TEXELS as f64);
+        let [across, down, phase] = waves[channel - 3];
+        let wave = (across * u + phase).sin() * (down * v + phase).cos();
+        (if channel == 3 { 0.5 + 0.35 * wave } else { 0.5 + 0.5 * (4.0 * wave).tanh() }) as f32
+    })
+}
+
+fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
+    let random = &mut Random::new(asked.seed, 0);
+    let (truth, lights) = (truth(random), lights(random)?);
+    let all = (0..LEARNT + HELD_OUT).map(|_| seen(asked.silhouettes, random));
+    let all = all.collect::<Result<Vec<_>, _>>()?;
+    let targets = all.iter().map(|seen| seen.still_image(&truth, &lights));
+    let targets = targets.collect::<Result<Vec<_>, _>>()?;
+
+    // Sigmoids of these: grey, half rough, half metal.
+    let maps = Parameter::new("maps", Tensor::zeros([TEXELS, TEXELS, 5])).rate(std::env::var("RATE").map_or(0.1, |x| x.parse().unwrap()));
+    let steps = asked.steps(STEPS);
+    let schedule = Schedule::Cosine { steps, floor: 0.0 };
+    let settings = FitSettings { schedule, ..FitSettings::default() };
+    let mut fit = Fit::new(Parameters::new().with(maps)?, settings)?;
+    let mut pipeline = views(LEARNT, |view, tape: &Tape<f32>, variables| {
+        let image = all[view.index].image(variables[0].sigmoid(), &lights)?;
+        Ok(mean_squared_error(image, tape.constant(&targets[view.index]))?)
+    })
+    .per_step(4)
+    .seed(asked.seed);
+    let colors = |maps: &Tensor<f32>| -> Result<Tensor<f32>, FitError> {
+        Ok(Tape::new().constant(maps).slice(2, 0..3)?.value())
+    };
+    let mut curves = [(); 2].map(|()| Curve::starting_now());
+    let mut last = Vec::new();
+    for step in 0..=steps {
+        if step % 50 == 0 || step == steps {
+            let maps = Tape::new().constant(&fit.parameters().value("maps")?).sigmoid().value();
+            let held_out = all[LEARNT..].iter().map(|seen| seen.still_image(&maps, &lights));
+            last = held_out.collect::<Result<Vec<_>, _>>()?;
+            let pairs = last.iter().zip(&targets[LEARNT..]);
+            let ratios = pairs.map(|(image, target)| psnr(image, target, 1.0));
+            let sum = ratios.sum::<Result<f64, _>>()?;
+            curves[0].add(sum / HELD_OUT as f64);
+            let tr: f64 = (0..LEARNT).map(|k| psnr(&all[k].still_image(&maps, &lights).unwrap(), &targets[k], 1.0).unwrap()).sum();
+            eprintln!("train {:.2}", tr / LEARNT as f64);
+            curves[1].add(psnr(&colors(&maps)?, &colors(&truth)?, 1.0)?);
+        }
+        if step < steps {
+            fit.step(&mut pipeline)?;
+        }
+    }
+    for c in &curves {
+        for p in &c.points {
+            eprint!("{:.1}:{:.2} ", p.0, p.1);
+        }
+        eprintln!();
+    }
+    let [views, base_color] = curves;
+    let views = Found::last("PSNR of held-out views, in dB", Goal::Above(30.0), steps, views);
+    let base_color = Found::last("PSNR of the base colour, in dB", Goal::None, steps, base_color);
+    Ok(vec![
+        views.picture("held-out view", &last[0]).picture("truth", &targets[LEARNT]),
+        base_color,
+    ])
+}
+
+/// Runs it as a program.
+pub fn main() -> Result<(), FitError> {
+    bokashi_examples::main(&SAMPLE)
+}
