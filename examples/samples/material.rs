@@ -6,7 +6,7 @@
 
 use bokashi::glam::DVec3;
 use bokashi::prelude::*;
-use bokashi_examples::stage::{Random, globe, planet, sky};
+use bokashi_examples::stage::{Random, planet, sky, substance};
 use bokashi_examples::{Asked, Curve, Found, Goal, Sample, Silhouettes};
 
 /// This sample.
@@ -14,7 +14,7 @@ pub const SAMPLE: Sample =
     Sample { name: "material", about: "learns what an object is made of, from 16 pictures", run };
 
 const SIDE: usize = 256;
-const STEPS: u64 = 500;
+const STEPS: u64 = 300;
 const TEXELS: usize = 128;
 const LEARNT: usize = 16;
 const HELD_OUT: usize = 8;
@@ -66,7 +66,7 @@ fn lights(random: &mut Random) -> Result<Lights, FitError> {
 }
 
 impl Seen {
-    /// The picture with `maps: [S, S, 5]`: base colour, roughness and metallic.
+    /// The picture, from 0 to 1, with `maps: [S, S, 5]`: base colour, roughness and metallic.
     fn image<'t>(&self, maps: Var<'t, f32>, lights: &Lights) -> Result<Var<'t, f32>, FitError> {
         let tape = maps.tape();
         let maps = Texture::new(maps)?;
@@ -85,11 +85,11 @@ impl Seen {
         let reflections = CubeMap::of_levels(&levels)?;
         let environment = Environment { harmonics: tape.constant(&lights.harmonics), reflections };
         let direction = tape.constant(&lights.direction);
-        let lamp = Light::Directional { direction, irradiance: tape.constant_full([3], std::env::var("LAMP").map_or(1.0, |x| x.parse().unwrap())) };
+        let lamp = Light::Directional { direction, irradiance: tape.constant_full([3], 1.0) };
         let light = environment.shade(&surface, &material)? + shade(&surface, &material, &[lamp])?;
         let fragments = self.fragments.on(tape);
         let image = self.silhouettes.picture(light, &fragments, Background::Zero)?.image()?;
-        Ok(if std::env::var("CLAMP").is_ok() { srgb_encode(image.clamp(0.0, 1.0)?)? } else { image })
+        Ok(srgb_encode(image.clamp(0.0, 1.0)?)?)
     }
 
     fn still_image(&self, maps: &Tensor<f32>, lights: &Lights) -> Result<Tensor<f32>, FitError> {
@@ -97,32 +97,16 @@ impl Seen {
     }
 }
 
-/// Base colours of a globe, roughness in waves, and metal in some places.
-fn truth(random: &mut Random) -> Tensor<f32> {
-    let colors = globe([TEXELS, TEXELS], random);
-    let mut wave = || [(); 3].map(|()| random.between(1.0, 6.0).floor());
-    let waves = [(); 2].map(|()| wave());
-    Tensor::from_fn([TEXELS, TEXELS, 5], |[row, column, channel]| {
-        if channel < 3 {
-            return colors.data()[3 * (row * TEXELS + column) + channel];
-        }
-        let [u, v] = [column, row].map(|k| std::f64::consts::TAU * k as f64 / TEXELS as f64);
-        let [across, down, phase] = waves[channel - 3];
-        let wave = (across * u + phase).sin() * (down * v + phase).cos();
-        (if channel == 3 { 0.5 + 0.35 * wave } else { 0.5 + 0.5 * (4.0 * wave).tanh() }) as f32
-    })
-}
-
 fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
     let random = &mut Random::new(asked.seed, 0);
-    let (truth, lights) = (truth(random), lights(random)?);
+    let (truth, lights) = (substance(TEXELS, random), lights(random)?);
     let all = (0..LEARNT + HELD_OUT).map(|_| seen(asked.silhouettes, random));
     let all = all.collect::<Result<Vec<_>, _>>()?;
     let targets = all.iter().map(|seen| seen.still_image(&truth, &lights));
     let targets = targets.collect::<Result<Vec<_>, _>>()?;
 
     // Sigmoids of these: grey, half rough, half metal.
-    let maps = Parameter::new("maps", Tensor::zeros([TEXELS, TEXELS, 5])).rate(std::env::var("RATE").map_or(0.1, |x| x.parse().unwrap()));
+    let maps = Parameter::new("maps", Tensor::zeros([TEXELS, TEXELS, 5])).rate(0.1);
     let steps = asked.steps(STEPS);
     let schedule = Schedule::Cosine { steps, floor: 0.0 };
     let settings = FitSettings { schedule, ..FitSettings::default() };
@@ -147,19 +131,11 @@ fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
             let ratios = pairs.map(|(image, target)| psnr(image, target, 1.0));
             let sum = ratios.sum::<Result<f64, _>>()?;
             curves[0].add(sum / HELD_OUT as f64);
-            let tr: f64 = (0..LEARNT).map(|k| psnr(&all[k].still_image(&maps, &lights).unwrap(), &targets[k], 1.0).unwrap()).sum();
-            eprintln!("train {:.2}", tr / LEARNT as f64);
             curves[1].add(psnr(&colors(&maps)?, &colors(&truth)?, 1.0)?);
         }
         if step < steps {
             fit.step(&mut pipeline)?;
         }
-    }
-    for c in &curves {
-        for p in &c.points {
-            eprint!("{:.1}:{:.2} ", p.0, p.1);
-        }
-        eprintln!();
     }
     let [views, base_color] = curves;
     let views = Found::last("PSNR of held-out views, in dB", Goal::Above(30.0), steps, views);

@@ -6,7 +6,7 @@ mod mesh;
 mod random;
 mod sky;
 
-pub use globe::{globe, motley};
+pub use globe::{globe, motley, substance};
 pub use measure::{VertexDistance, root_mean_square, surface_distance, vertex_distance};
 pub use mesh::{Shape, ball, bunny, cluster, cube, planet, sphere};
 pub use random::Random;
