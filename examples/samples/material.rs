@@ -1,5 +1,7 @@
 //! What an object is made of, from sixteen pictures: maps of base colour, roughness and metallic, under a
 //! known environment and a known lamp. Shape and views are known, so fragments are made once for all steps.
+//! Pictures are cut off at 1 and encoded, as a camera does: in linear light a few highlights of the lamp,
+//! a hundred times brighter, would outweigh all else.
 //!
 //! What counts is how well the maps predict eight views that were held out and never learnt. The maps
 //! themselves are less well known: a rough metal looks much like a dielectric of another colour, and no view
