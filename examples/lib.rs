@@ -19,8 +19,12 @@ pub mod cube;
 pub mod depth_of_field;
 #[path = "samples/earth.rs"]
 pub mod earth;
+#[path = "samples/envphong.rs"]
+pub mod envphong;
 #[path = "samples/far_start.rs"]
 pub mod far_start;
+#[path = "samples/material.rs"]
+pub mod material;
 #[path = "samples/pose.rs"]
 pub mod pose;
 #[path = "samples/silhouette.rs"]
@@ -45,11 +49,13 @@ pub struct Sample {
 }
 
 /// All samples, the simplest first.
-pub const SAMPLES: [Sample; 8] = [
+pub const SAMPLES: [Sample; 10] = [
     triangle::SAMPLE,
     cube::SAMPLE,
     pose::SAMPLE,
     earth::SAMPLE,
+    envphong::SAMPLE,
+    material::SAMPLE,
     depth_of_field::SAMPLE,
     far_start::SAMPLE,
     silhouette::SAMPLE,

@@ -87,6 +87,43 @@ pub fn cluster(count: usize, random: &mut Random) -> Result<Shape, RenderError> 
     Ok(Shape { mesh, vertices: Tensor::from(vertices) })
 }
 
+/// A ball of radius 0.6 within a ring; normals `[V, 3]`; and texture coordinates `[V, 2]`, the ball in the
+/// upper half of the texture and the ring in the lower one.
+///
+/// # Errors
+/// None: that of [`Mesh::new`].
+pub fn planet() -> Result<(Shape, Tensor<f32>, Tensor<f32>), RenderError> {
+    const AROUND: usize = 96;
+    const ACROSS: usize = 24;
+    let (ball, of_ball) = sphere(24)?;
+    let mut normals: Vec<_> = ball.vertices.data().chunks(3).map(Vec3::from_slice).collect();
+    let mut vertices: Vec<_> = normals.iter().map(|&normal| 0.6 * normal).collect();
+    // Off the border of a half, over which samples would mix.
+    let within = |half: f32, v: f32| 0.5 * (half + 0.04 + 0.92 * v);
+    let mut places: Vec<_> =
+        of_ball.data().chunks(2).map(|uv| [uv[0], within(0.0, uv[1])]).collect();
+    let mut faces = ball.mesh.faces().to_vec();
+    let first = vertices.len();
+    for vertex in 0..(AROUND + 1) * (ACROSS + 1) {
+        let (segment, slice) = (vertex / (ACROSS + 1), vertex % (ACROSS + 1));
+        let [u, v] = [segment as f32 / AROUND as f32, slice as f32 / ACROSS as f32];
+        let (sin, cos) = (std::f32::consts::TAU * u).sin_cos();
+        let (up, out) = (std::f32::consts::TAU * v).sin_cos();
+        let outward = Vec3::new(cos, 0.0, -sin);
+        normals.push(out * outward + up * Vec3::Y);
+        vertices.push(0.9 * outward + 0.15 * normals[first + vertex]);
+        places.push([u, within(1.0, v)]);
+        if segment < AROUND && slice < ACROSS {
+            let a = (first + vertex) as u32;
+            let [b, c, d] = [a + 1, a + ACROSS as u32 + 1, a + ACROSS as u32 + 2];
+            faces.extend([[a, c, b], [b, c, d]]);
+        }
+    }
+    let mesh = Mesh::new(faces, vertices.len())?;
+    let shape = Shape { mesh, vertices: rows(&vertices) };
+    Ok((shape, rows(&normals), Tensor::from(places)))
+}
+
 /// A sphere of radius 1 around 0 whose faces are nearly alike: an octahedron, each face cut into four
 /// `cuts` times.
 ///

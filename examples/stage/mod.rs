@@ -4,8 +4,10 @@ mod globe;
 mod measure;
 mod mesh;
 mod random;
+mod sky;
 
-pub use globe::{globe, motley};
+pub use globe::{globe, motley, substance};
 pub use measure::{VertexDistance, root_mean_square, surface_distance, vertex_distance};
-pub use mesh::{Shape, ball, bunny, cluster, cube, sphere};
+pub use mesh::{Shape, ball, bunny, cluster, cube, planet, sphere};
 pub use random::Random;
+pub use sky::sky;
