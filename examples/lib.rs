@@ -7,8 +7,6 @@
 // Each sample names this library as any program would.
 extern crate self as bokashi_examples;
 
-mod asked;
-mod found;
 pub mod stage;
 
 #[path = "samples/camera.rs"]
@@ -32,8 +30,7 @@ pub mod silhouette;
 #[path = "samples/triangle.rs"]
 pub mod triangle;
 
-pub use asked::{Asked, Silhouettes};
-pub use found::{Curve, Found, Goal};
+pub use stage::{Asked, Curve, Found, Goal, Silhouettes};
 
 use bokashi::prelude::FitError;
 

@@ -90,7 +90,7 @@ fn learn(asked: &Asked, with_corners: bool) -> Result<Vec<Found>, FitError> {
         .with(positive("aperture", APERTURE * random.between(0.6, 1.4)))?
         .with(positive("focus", FOCUS * random.between(0.8, 1.2)))?
         .with(if with_corners { moves } else { moves.frozen() })?;
-    let steps = asked.steps(if with_corners { 3 * STEPS } else { STEPS });
+    let steps = asked.steps(if with_corners { 4 * STEPS } else { STEPS });
     let schedule = Schedule::Cosine { steps, floor: 0.0 };
     let mut fit = Fit::new(parameters, FitSettings { schedule, ..FitSettings::default() })?;
     let free = Tensor::from_fn([4 * BOARDS, 3], |[corner, _]| if corner < 4 { 0.0 } else { 1.0 });

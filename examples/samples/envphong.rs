@@ -16,7 +16,7 @@ pub const SAMPLE: Sample =
     Sample { name: "envphong", about: "learns what a sphere mirrors, and its highlight", run };
 
 const SIDE: usize = 1024;
-const STEPS: u64 = 300;
+const STEPS: u64 = 600;
 const TEXELS: usize = 64;
 const COLOR: [f32; 3] = [1.0, 0.8, 0.6];
 const EXPONENT: f32 = 25.0;

@@ -1,11 +1,16 @@
-//! What samples share and what is no part of a pipeline.
+//! What samples share and what is no part of a pipeline: what they are asked for and what they find, meshes,
+//! textures, random numbers, figures of merit.
 
+mod asked;
+mod found;
 mod globe;
 mod measure;
 mod mesh;
 mod random;
 mod sky;
 
+pub use asked::{Asked, Silhouettes};
+pub use found::{Curve, Found, Goal};
 pub use globe::{globe, motley, substance};
 pub use measure::{VertexDistance, root_mean_square, surface_distance, vertex_distance};
 pub use mesh::{Shape, ball, bunny, cluster, cube, planet, sphere};
