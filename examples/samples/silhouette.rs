@@ -14,13 +14,13 @@ pub const SAMPLE: Sample =
     Sample { name: "silhouette", about: "makes a bunny of a sphere by twenty silhouettes", run };
 
 const SIDE: usize = 128;
-const STEPS: u64 = 500;
+const STEPS: u64 = 1500;
 const LEARNT: usize = 20;
 const HELD_OUT: usize = 10;
 /// The smoothing of large steps.
-const LAMBDA: f64 = 19.0;
+const LAMBDA: f64 = 10.0;
 /// What the energy of the plain Laplacian weighs.
-const WEIGHT: f32 = 30.0;
+const WEIGHT: f32 = 3.0;
 
 /// What hides the background.
 fn mask<'t>(
@@ -63,8 +63,8 @@ fn learn(asked: &Asked, has_large_steps: bool) -> Result<Vec<Found>, FitError> {
 
     let vertices = Parameter::new("vertices", shape.vertices.clone());
     let vertices = match has_large_steps {
-        true => vertices.preconditioned(&Preconditioner::new(&topology, LAMBDA)?).rate(2e-2),
-        false => vertices.rate(5e-3),
+        true => vertices.preconditioned(&Preconditioner::new(&topology, LAMBDA)?).rate(6e-2),
+        false => vertices.rate(1e-2),
     };
     let steps = asked.steps(STEPS);
     let schedule = Schedule::Cosine { steps, floor: 0.05 };

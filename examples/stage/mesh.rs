@@ -159,7 +159,7 @@ pub fn ball(cuts: usize) -> Result<Shape, RenderError> {
     Ok(Shape { mesh, vertices: rows(&vertices) })
 }
 
-/// The Stanford bunny, 4,968 faces, moved and scaled into the sphere of radius 1 around 0.
+/// The Stanford bunny, 3,674 faces, moved and scaled into the sphere of radius 1 around 0.
 ///
 /// # Errors
 /// None: that of [`Mesh::new`].
