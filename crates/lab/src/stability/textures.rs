@@ -146,7 +146,11 @@ pub(super) fn far_coordinates<T: Scalar>() -> Outcome {
                 let sampler = Sampler::new().border(border);
                 pulled(sample_texture(&texture, uv, detail, sampler)?, &[texels, uv])
             };
-            let (found, expected) = (run(far + part)?, run(near)?);
+            let (found, mut expected) = (run(far + part)?, run(near)?);
+            if part == 0.0 {
+                // Where numbers are whole, nothing is left of a texture's slope.
+                [0, 3, 4, 5].map(|k| expected[2][k] = 0.0);
+            }
             wrong += usize::from(found != expected || !is_finite(&found));
             let is_outside = border == TextureBorder::Zero;
             wrong += usize::from(is_outside && found[0].iter().any(|&entry| entry != 0.0));
