@@ -149,7 +149,7 @@ pub(super) fn far_coordinates<T: Scalar>() -> Outcome {
             let (found, mut expected) = (run(far + part)?, run(near)?);
             if part == 0.0 {
                 // Where numbers are whole, nothing is left of a texture's slope.
-                [0, 3, 4, 5].map(|k| expected[2][k] = 0.0);
+                [0, 3, 4, 5].into_iter().for_each(|k| expected[2][k] = 0.0);
             }
             wrong += usize::from(found != expected || !is_finite(&found));
             let is_outside = border == TextureBorder::Zero;
