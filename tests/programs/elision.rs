@@ -3,7 +3,7 @@
 use bokashi_lab::bench::{Effort, Row, elision};
 
 /// The rows, and what their reports name as left out.
-const ROWS: [(&str, &[&str]); 11] = [
+const ROWS: [(&str, &[&str]); 17] = [
     (
         "frozen positions",
         &[
@@ -24,6 +24,26 @@ const ROWS: [(&str, &[&str]); 11] = [
         &["vertex_normals: recording", "shade: gradient of input 0"],
     ),
     ("frozen light", &["shade: gradient of input 6"]),
+    (
+        "texture without mipmaps",
+        &["mipmaps: not recorded", "sample_texture: detail: there is a single level"],
+    ),
+    (
+        "differentials not asked for",
+        &["differentials: not recorded", "interpolate_differentials: not recorded"],
+    ),
+    ("frozen texels", &["mipmaps: recording", "sample_texture: gradient of input 3"]),
+    (
+        "fixed coordinates",
+        &[
+            "interpolate: recording",
+            "interpolate_differentials: recording",
+            "sample_texture: gradient of input 0",
+            "sample_texture: gradient of input 1",
+        ],
+    ),
+    ("a single layer", &["composite_layers: not recorded"]),
+    ("hidden layers", &["composite_layers: not recorded"]),
     (
         "inference without gradients",
         &[
@@ -53,6 +73,8 @@ fn results_are_those_of_everything_computed_to_the_bit() {
         let gradients = match row.row {
             "sigma 0" => 3,
             "antialias without discontinuities" | "inference without gradients" => 0,
+            "fixed coordinates" => 1,
+            "texture without mipmaps" | "differentials not asked for" => 3,
             _ => 2,
         };
         assert_eq!(compared[..2], ["picture", "loss"], "{}", row.row);

@@ -173,6 +173,14 @@ fn what_is_left_out_is_a_list_of_rows_with_four_keys() {
         "empty background",
         "no face near the near plane",
         "depth not asked for",
+        "frozen positions of a lit surface",
+        "frozen light",
+        "texture without mipmaps",
+        "differentials not asked for",
+        "frozen texels",
+        "fixed coordinates",
+        "a single layer",
+        "hidden layers",
         "inference without gradients",
     ];
     assert_eq!(names, expected);

@@ -6,8 +6,8 @@ use super::exact::{
 };
 use super::row::Outcome;
 use super::{
-    blur, cameras, distances, downsampling, faces, focus, input, lights, losses, pictures,
-    silhouettes, surfaces, tensors, values, vertices,
+    blur, cameras, distances, downsampling, faces, focus, input, layers, lights, losses, pictures,
+    silhouettes, surfaces, tensors, textures, values, vertices,
 };
 
 /// A case: what is put in, what has to come out, and a run in each precision.
@@ -32,8 +32,8 @@ macro_rules! cases {
     };
 }
 
-/// Every case: a static, so that no crate that asks for the grid compiles them once more. Numbers 1 to 50 are those of the list that the project set out with; from 51 on
-/// those that were found on the way.
+/// Every case: a static, so that no crate that asks for the grid compiles them once more. Numbers 1 to 50
+/// are those of the list that the project set out with; from 51 on those that were found on the way.
 #[rustfmt::skip]
 pub(super) static CASES: &[Case] = cases! {
     1 "no faces", "the background, zero gradients", input::no_faces;
@@ -137,7 +137,7 @@ pub(super) static CASES: &[Case] = cases! {
     123 "bad motions and matrices", "an error", cameras::impossible_matrices;
     124 "motions of any angle", "the rotation, finite gradients", cameras::motions_of_any_angle;
     125 "inverses from 1e-12 to 1e12", "times the matrix the identity", cameras::inverses_of_any_size;
-    126 "lens: far outside, at and behind the eye", "outside stays outside", cameras::beyond_the_lens;
+    126 "lens: far outside, behind the eye", "outside stays outside", cameras::beyond_the_lens;
     127 "lens: coefficients of any size", "finite, or an error", cameras::extreme_lenses;
     128 "no instances, no vertices", "nothing drawn, zero gradients", cameras::instances_of_nothing;
     129 "too many instances", "an error", cameras::too_many_instances;
@@ -168,6 +168,16 @@ pub(super) static CASES: &[Case] = cases! {
     168 "tone curves: below 0, above 1", "decoded, what was encoded", lights::tone_curves;
     169 "environments: constant, 1 texel", "the ambient light", lights::environments;
     170 "environments: refused input", "an error", lights::refused_environments;
+    171 "textures: one texel", "its texel, no slope", textures::one_texel;
+    172 "textures: odd sizes", "linear at every level", textures::odd_sizes;
+    173 "textures: coordinates of 1e6, 1e30", "as the border says", textures::far_coordinates;
+    174 "textures: level or footprint beyond", "the nearest, no gradient", textures::any_detail;
+    175 "cube maps: any length, corners", "the same bits, constants kept", textures::cube_maps;
+    176 "textures: refused input", "an error", textures::refused;
+    177 "layers: none, more than there are", "nothing; all of them", layers::none_or_too_many;
+    178 "layers: faces in one plane", "the lower index first, each once", layers::in_one_plane;
+    179 "layers: alpha 0 and 1", "the background; the nearest alone", layers::opaque_and_clear;
+    180 "layers: refused input", "an error", layers::refused;
     181 "losses: images without a pixel", "an error; 0 under a mask", losses::without_a_pixel;
     182 "losses: constant images", "0 and no slope; luminance", losses::constant_images;
     183 "losses: nothing shown", "0, no gradient", losses::nothing_shown;

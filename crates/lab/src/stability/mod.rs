@@ -20,6 +20,7 @@ mod exact;
 mod faces;
 mod focus;
 mod input;
+mod layers;
 mod lights;
 mod losses;
 mod oracle;
@@ -32,6 +33,7 @@ mod silhouettes;
 mod surfaces;
 mod table;
 mod tensors;
+mod textures;
 mod values;
 mod vertices;
 

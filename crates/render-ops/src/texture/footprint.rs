@@ -104,7 +104,9 @@ impl<T: Scalar> Footprint<T> {
         let (first, second) = (along(v1), along(v2));
         let by_level = level_bar * T::from_f64(std::f64::consts::LOG2_E) / self.square;
         let turn = v_bar[0] * v2[0] + v_bar[1] * v2[1];
-        let by_turn = if self.probes > 1 { turn / self.gap } else { T::ZERO };
+        // The gap of a footprint whose squares overflow is 0.
+        let has_turn = self.probes > 1 && self.gap > T::ZERO;
+        let by_turn = if has_turn { turn / self.gap } else { T::ZERO };
         [0, 1].map(|i| {
             [0, 1].map(|k| {
                 by_level * first[i] * v1[k] + by_turn * (first[i] * v2[k] + second[i] * v1[k])

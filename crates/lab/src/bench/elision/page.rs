@@ -63,7 +63,9 @@ const NOTE: &str = "Each step is taken with one thing computed and without it, o
     same wall with all faces apart. Beside a scene without a face near the near plane stands the \
     scene with such a face, which reaches through the plane beside the image. Beside a depth that \
     nobody asks for stands a depth with an upstream gradient of zeros. A lit surface has a directional \
-    light that is learnt, and no blur. Beside inference stands a \
+    light that is learnt, and no blur. A texture is learnt with its coordinates, and a bias \
+    keeps all samples at its finest level; beside fixed coordinates stands a step with frozen \
+    positions, too. Layers are opaque. Beside inference stands a \
     step with all gradients. The picture, the loss, and each gradient that both steps have are \
     compared. Samples of both are taken in turns. Times are equal where the ranges between their \
     quartiles meet; the wider range is given as a share of its median.";

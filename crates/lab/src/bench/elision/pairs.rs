@@ -13,6 +13,9 @@ pub(super) fn pairs(pixels: usize) -> Result<Vec<(&'static str, Step, Step)>, Fi
     let scene = Scene::sphere("sphere1k", 32, 17, pixels)?;
     let (all, sharp) = (Step::new(&scene), Step::sharp(&scene));
     let lit = Step::lit(&scene);
+    let textured = Step::textured(&scene);
+    let single = textured.with_texture(|texture| texture.has_mipmaps = false);
+    let still = Step { learns_positions: false, ..textured.clone() };
     let (crossing, apart) = beside_the_near_plane(&scene)?;
     let [torn, whole] = walls(pixels)?;
     Ok(vec![
@@ -35,6 +38,24 @@ pub(super) fn pairs(pixels: usize) -> Result<Vec<(&'static str, Step, Step)>, Fi
             Step { learns_positions: false, ..lit.clone() },
         ),
         ("frozen light", lit.clone(), Step { learns_light: false, ..lit }),
+        ("texture without mipmaps", textured.clone(), single.clone()),
+        (
+            "differentials not asked for",
+            single.clone(),
+            single.with_texture(|texture| texture.has_differentials = false),
+        ),
+        (
+            "frozen texels",
+            textured.clone(),
+            textured.with_texture(|texture| texture.learns_texels = false),
+        ),
+        (
+            "fixed coordinates",
+            still.clone(),
+            still.with_texture(|texture| texture.learns_coordinates = false),
+        ),
+        ("a single layer", Step { layers: Some(Some(1)), ..sharp.clone() }, sharp.clone()),
+        ("hidden layers", Step { layers: Some(None), ..sharp.clone() }, sharp.clone()),
         (
             "inference without gradients",
             all.clone(),

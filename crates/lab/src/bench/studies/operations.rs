@@ -7,16 +7,19 @@ use std::sync::Arc;
 
 use bokashi_core::{Mask, Padding, Scalar, SparseMatrix, Tape, Tensor, Var};
 use bokashi_fit::{
-    FitError, Penalty, RigidWeights, Rigidity, Topology, edge_length_error, halved, mean_error,
-    normal_error, silhouette_error, squared_error, ssim_error, total_variation,
+    DepthAlignment, FitError, Penalty, RigidWeights, Rigidity, Topology, depth_error,
+    edge_length_error, halved, mean_error, normal_error, silhouette_error, squared_error,
+    ssim_error, total_variation,
 };
 use bokashi_render_ops::{
-    Background, Blur, Border, DepthImage, Filter, Fragments, Lens, LensOptions, Light, Material,
-    RasterOptions, Reference, Surface, Weighting, affine_inverse, antialias, composite, depth,
-    depth_of_field, distort, downsample, eye_depth, face_normals, gaussian_blur, interpolate,
-    irradiance, orthographic, perturbed_normals, pinhole, project, project_instances, rasterize,
-    reflect, rigid, se3, shade, srgb_decode, srgb_encode, tangents, transform_normals,
-    transform_points, vertex_normals,
+    Background, Blur, Border, CubeMap, DepthImage, Detail, Filter, Fragments, Layer, Lens,
+    LensOptions, Light, Material, RasterOptions, Reference, Sampler, Surface, Texture,
+    TextureFilter, Weighting, affine_inverse, antialias, composite, composite_layers, depth,
+    depth_layers, depth_of_field, differentials, distort, downsample, eye_depth, face_normals,
+    gaussian_blur, interpolate, interpolate_differentials, irradiance, orthographic, over,
+    perturbed_normals, pinhole, project, project_instances, rasterize, rasterize_behind, reflect,
+    rigid, sample_cube_map, sample_texture, se3, shade, srgb_decode, srgb_encode, tangents,
+    transform_normals, transform_points, vertex_normals,
 };
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -80,6 +83,16 @@ fn shaded<'t, T: Scalar>(
     Ok(shade(&surface, &material, &[light])?)
 }
 
+/// Samples of a texture that was made mipmaps of, by the inputs texels, coordinates and differentials.
+fn textured<'t, T: Scalar>(
+    v: &[Var<'t, T>],
+    filter: TextureFilter,
+) -> Result<Var<'t, T>, FitError> {
+    let detail = Detail::Differentials { differentials: v[2], bias: None };
+    let texture = Texture::with_mipmaps(v[0])?;
+    Ok(sample_texture(&texture, v[1], detail, Sampler::new().filter(filter))?)
+}
+
 /// Every operation, with entries in numbers like those of a small image.
 fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
     let Inputs { signed, positive, .. } = inputs;
@@ -88,7 +101,8 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
         let inputs = given.iter().map(|&tensor| tensor.clone()).collect();
         all.push(Case { label, inputs, record });
     };
-    let Inputs { positions, clip, barycentrics, colors, surface, aliased, image, .. } = inputs;
+    let Inputs { positions, clip, barycentrics, colors, surface, aliased, image, slopes, .. } =
+        inputs;
     add("project", &[positions], |scene, v| Ok(project(v[0], &scene.camera, None)?));
     let motion = [Tensor::from([0.125, -0.25, 0.5, 1.0]), Tensor::from([0.25, -0.5, 1.0])];
     let intrinsics = Tensor::from([300.0, 280.0, 127.5, 120.25]);
@@ -156,12 +170,58 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
         let options = RasterOptions::from(scene.size);
         Ok(rasterize(v[0], &scene.mesh, options)?.barycentrics)
     });
+    add("rasterize, the layer behind", &[clip], |scene, v| {
+        let options = RasterOptions::from(scene.size);
+        let front = rasterize(v[0].detach(), &scene.mesh, options)?;
+        let front = Fragments { clip: v[0], ..front };
+        Ok(rasterize_behind(&front, options)?.barycentrics)
+    });
+    add("differentials", &[clip], |scene, v| {
+        let options = RasterOptions::from(scene.size);
+        Ok(differentials(&rasterize(v[0], &scene.mesh, options)?)?)
+    });
+    add("interpolate_differentials", &[colors, slopes, clip], |scene, v| {
+        Ok(interpolate_differentials(v[0], &fragments(scene, v[2], None)?, v[1])?)
+    });
+    let [texels, places, footprints] = &inputs.texture;
+    let texture = [texels, places, footprints];
+    add("mipmaps", &[texels], |_, v| {
+        let texture = Texture::with_mipmaps(v[0])?;
+        Ok(texture.levels()[texture.levels().len() - 1])
+    });
+    add("sample_texture, a single level", &[texels, places], |_, v| {
+        let texture = Texture::new(v[0])?;
+        Ok(sample_texture(&texture, v[1], Detail::Finest, Sampler::new())?)
+    });
+    add("sample_texture, nearest", &texture, |_, v| textured(v, TextureFilter::Nearest));
+    add("sample_texture, bilinear", &texture, |_, v| textured(v, TextureFilter::Bilinear));
+    add("sample_texture, trilinear", &texture, |_, v| textured(v, TextureFilter::Trilinear));
+    add("sample_texture, 4 probes", &texture, |_, v| {
+        textured(v, TextureFilter::Anisotropic { probes: 4 })
+    });
+    let [sides, directions, levels] = &inputs.cube;
+    add("sample_cube_map", &[sides, directions, levels], |_, v| {
+        let map = CubeMap::with_mipmaps(v[0])?;
+        Ok(sample_cube_map(&map, v[1], Detail::Level(v[2]), Sampler::new())?)
+    });
     add("interpolate", &[colors, barycentrics, clip], |scene, v| {
         Ok(interpolate(v[0], &fragments(scene, v[2], Some(v[1]))?)?)
     });
     add("image", &[surface, clip], |scene, v| {
         Ok(composite(v[0], &fragments(scene, v[1], None)?, Background::Zero)?.image()?)
     });
+    add("composite_layers", &[surface, &inputs.alphas, clip], |scene, v| {
+        let all = depth_layers(v[2].detach(), &scene.mesh, scene.size, Some(2))?;
+        let mut layers = Vec::with_capacity(all.len());
+        for fragments in &all {
+            // The layer behind has no more fragments.
+            let rows = 0..fragments.coverage.count();
+            let premultiplied = v[0].slice(0, rows.clone())?;
+            layers.push(Layer { fragments, premultiplied, alpha: v[1].slice(0, rows)? });
+        }
+        Ok(composite_layers(&layers, Background::Zero)?.values())
+    });
+    add("over", &[image, aliased], |_, v| Ok(over(v[0], v[1])?));
     add("antialias", &[surface, clip], |scene, v| {
         let picture = composite(v[0], &fragments(scene, v[1], None)?, Background::Zero)?;
         Ok(antialias(picture)?.values())
@@ -193,6 +253,9 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
     });
     add("ssim_error", &[image, aliased], |_, v| Ok(ssim_error(v[0], v[1], 1.0)?));
     add("silhouette_error", &[image, aliased], |_, v| Ok(silhouette_error(v[0], v[1])?));
+    add("depth_error", &[&inputs.distances, &inputs.other_distances], |_, v| {
+        Ok(depth_error(v[0], v[1], None, DepthAlignment::ScaleAndShift)?)
+    });
     add("halved", &[image], |_, v| Ok(halved(v[0])?));
     add("total_variation", &[image], |_, v| Ok(total_variation(v[0], 0.0)?));
     add("edge_length_error", &[positions], |scene, v| {
@@ -238,6 +301,12 @@ fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T>> {
     add("clamp", &[signed], |_, v| Ok(v[0].clamp(-T::ONE, T::ONE)?));
     add("sum", &[positive], |_, v| Ok(v[0].sum()));
     add("mean", &[positive], |_, v| Ok(v[0].mean()?));
+    add("sum_over", &[positive], |_, v| {
+        let tape = v[0].tape();
+        tape.sum_over(4, &v[..1], |k, _, part| {
+            Ok::<_, FitError>(part[0].slice(1, 4 * k..4 * (k + 1))?.square().sum())
+        })
+    });
     add("cumulative_sum", &[positive], |_, v| Ok(v[0].cumulative_sum(0)?));
     add("dot", &[signed, positive], |_, v| Ok(v[0].dot(v[1], 1)?));
     let [left, right] = &inputs.vectors;
@@ -288,10 +357,19 @@ struct Inputs {
     barycentrics: Tensor<f64>,
     colors: Tensor<f64>,
     surface: Tensor<f64>,
+    /// `[N, 2, 2]`, the differentials of the barycentrics.
+    slopes: Tensor<f64>,
+    /// `[N]`, one for each fragment.
+    alphas: Tensor<f64>,
+    /// Texels, coordinates of pixels on a wall that leans back, and their differentials.
+    texture: [Tensor<f64>; 3],
+    /// The texels of a cube map; a direction and a level for each pixel.
+    cube: [Tensor<f64>; 3],
     aliased: Tensor<f64>,
     image: Tensor<f64>,
     /// `[H, W]`, entries in [1/2, 2].
     distances: Tensor<f64>,
+    other_distances: Tensor<f64>,
     /// `[H W, WIDTH]`, entries in [-2, 2].
     signed: Tensor<f64>,
     /// The same in [1/2, 2].
@@ -336,10 +414,21 @@ impl Inputs {
         let coordinates = Tensor::from_flat_fn([vertices, 2], coordinate);
         let mut vectors =
             |width| Tensor::from_flat_fn([pixels * pixels, width], |_| uniform(-1.0, 1.0));
+        let frames = [vectors(3), vectors(4), vectors(3)];
+        let directions = vectors(3);
+        let count = drawn.fragments.coverage.count();
         Ok(Self {
+            slopes: single(differentials(&drawn.fragments)?.value()),
+            alphas: Tensor::from_flat_fn([count], |_| uniform(0.0, 1.0)),
+            texture: wall(pixels, &mut uniform),
+            cube: [
+                Tensor::from_flat_fn([6, pixels / 4, pixels / 4, 3], |_| uniform(0.0, 1.0)),
+                directions,
+                Tensor::from_flat_fn([pixels * pixels], |_| uniform(0.0, 2.0)),
+            ],
             normals: single(normals.value()),
             coordinates: single(coordinates),
-            frames: [vectors(3), vectors(4), vectors(3)],
+            frames,
             material: [
                 Tensor::from_flat_fn([pixels * pixels, 3], |_| uniform(0.0, 1.0)),
                 Tensor::from_flat_fn([pixels * pixels], |_| uniform(0.05, 1.0)),
@@ -354,6 +443,7 @@ impl Inputs {
             aliased: single(drawn.composite.image()?.value()),
             image: single(image.value()),
             distances: Tensor::from_flat_fn([pixels, pixels], |_| uniform(0.5, 2.0)),
+            other_distances: Tensor::from_flat_fn([pixels, pixels], |_| uniform(0.5, 2.0)),
             signed: Tensor::from_flat_fn([rows, WIDTH], |_| uniform(-2.0, 2.0)),
             positive: Tensor::from_flat_fn([rows, WIDTH], |_| uniform(0.5, 2.0)),
             square: Tensor::from_flat_fn([WIDTH, WIDTH], |_| uniform(-1.0, 1.0)),
@@ -370,6 +460,26 @@ impl Inputs {
             scene,
         })
     }
+}
+
+/// Texels `[S, S, 3]` for as many pixels, and what each pixel of a wall sees of them: coordinates, and
+/// how they change from pixel to pixel. Footprints are one to four texels wide, and two to three times
+/// as long.
+fn wall(pixels: usize, mut uniform: impl FnMut(f64, f64) -> f64) -> [Tensor<f64>; 3] {
+    let single = |x: f64| f64::from(x as f32);
+    let extent = pixels as f64;
+    let at = |k: usize| [(k % pixels) as f64 / extent, (k / pixels) as f64 / extent];
+    let texels = Tensor::from_flat_fn([pixels, pixels, 3], |_| uniform(0.0, 1.0));
+    let places = Tensor::from_fn([pixels * pixels, 2], |[k, c]| {
+        let [x, y] = at(k);
+        single([(0.8 + y) * (x - 0.3), 2.0 * y * (1.0 + y) + 0.3 * x][c])
+    });
+    let footprints = Tensor::from_fn([pixels * pixels, 2, 2], |[k, c, axis]| {
+        let [x, y] = at(k);
+        let slope = [[0.8 + y, x - 0.3], [0.3, 2.0 + 4.0 * y]][c][axis];
+        single(slope / extent)
+    });
+    [texels, places, footprints]
 }
 
 /// A case in one precision, with its memory.
@@ -489,7 +599,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
 }
 
 /// The operations whose times are per pixel.
-const RENDERING: [&str; 18] = [
+const RENDERING: [&str; 26] = [
     "shade",
     "irradiance",
     "reflect",
@@ -508,6 +618,14 @@ const RENDERING: [&str; 18] = [
     "depth_of_field",
     "gaussian_blur",
     "squared_error",
+    "composite_layers",
+    "over",
+    "differentials",
+    "interpolate_differentials",
+    "mipmaps",
+    "sample_texture",
+    "sample_cube_map",
+    "depth_error",
 ];
 
 #[cfg(test)]
@@ -521,24 +639,38 @@ mod tests {
     fn no_operation_is_missing() {
         let crates = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
         let exports = fs::read_to_string(crates.join("render-ops/src/lib.rs")).unwrap();
-        let exports = exports.lines().filter_map(|line| line.strip_prefix("pub use "));
-        let exported = exports.flat_map(|line| {
-            let names = line.split("::").last().unwrap_or_default();
-            names.trim_matches(|c| "{};".contains(c)).split(", ").map(str::to_owned)
+        // Lists of names go over several lines.
+        let exports = exports.split("pub use ").skip(1).filter_map(|rest| rest.split(';').next());
+        let exported = exports.flat_map(|path| {
+            let names = path.split("::").last().unwrap_or_default();
+            names
+                .split(',')
+                .map(|name| name.trim_matches(|c: char| "{}".contains(c) || c.is_whitespace()))
         });
-        // `interpolate_indexed` records what `interpolate` does, `composite` nothing at pixel
-        // centres, `exposure` an exponential and a product.
-        let is_operation = |name: &String| {
-            name.starts_with(|c: char| c.is_ascii_lowercase())
-                && !["interpolate_indexed", "composite", "exposure", "glam"]
-                    .contains(&name.as_str())
+        // `interpolate_indexed` and `interpolate_differentials_indexed` record what those without an
+        // index buffer do, `rasterize_behind` and `depth_layers` what `rasterize` does, `composite`
+        // nothing at pixel centres, `exposure` an exponential and a product.
+        let others = [
+            "interpolate_indexed",
+            "interpolate_differentials_indexed",
+            "rasterize_behind",
+            "depth_layers",
+            "composite",
+            "exposure",
+            "glam",
+        ];
+        let is_operation = |name: &&str| {
+            name.starts_with(|c: char| c.is_ascii_lowercase()) && !others.contains(name)
         };
         let of_core = fs::read_dir(crates.join("core/src/ops")).unwrap();
         let of_core = of_core
             .map(|file| file.unwrap().path().file_stem().unwrap().to_string_lossy().into_owned());
-        let mut expected: Vec<_> = exported.filter(is_operation).collect();
+        let mut expected: Vec<_> = exported.filter(is_operation).map(str::to_owned).collect();
         expected.extend(of_core.filter(|name| name != "mod"));
-        assert!(expected.len() > 30, "{expected:?}");
+        // What is no function of its own.
+        expected.extend(["mipmaps", "sum_over", "image", "squared_error"].map(str::to_owned));
+        assert!(expected.len() > 70, "{expected:?}");
+        assert!(expected.iter().any(|name| name == "sample_texture"), "{expected:?}");
         let cases = cases::<f32>(&Inputs::new(32).unwrap());
         for name in expected {
             assert!(cases.iter().any(|case| case.name() == name), "{name} is missing");
