@@ -1,14 +1,15 @@
 //! The samples that people in this field know, with their figures, as a table, JSON and a page.
 
+mod figures;
 mod page;
 
-use std::fmt::Write as _;
 use std::sync::PoisonError;
 
-use bokashi_examples::{Asked, Found, Goal, SAMPLES, Sample};
+use bokashi_examples::{Asked, SAMPLES, Sample};
 use bokashi_report::ReportError;
-use serde_json::{Value, json};
+use serde_json::Value;
 
+use self::figures::Run;
 use crate::arguments::SamplesArguments;
 use crate::failure::{Failure, one_line};
 use crate::interrupt::{Writing, end_when_interrupted};
@@ -18,13 +19,6 @@ use crate::threads::start_threads;
 
 /// The file that the report has; pictures stand in it.
 const REPORT: [&str; 1] = [page::PAGE];
-
-/// What a sample came to with one seed: figures, or an error.
-pub(crate) struct Run {
-    sample: Sample,
-    seed: u64,
-    result: Result<Vec<Found>, String>,
-}
 
 /// Runs the samples that `arguments` ask for.
 ///
@@ -75,40 +69,5 @@ pub(crate) fn run(arguments: &SamplesArguments) -> Result<(), Failure> {
             let (count, all) = (failures.len(), runs.len());
             Err(Failure::Work(format!("{count} of {all} runs failed, the first: {first}")))
         }
-    }
-}
-
-impl Run {
-    /// The figures as lines of a table.
-    fn lines(&self) -> String {
-        let name = format!("{} (seed {})", self.sample.name, self.seed);
-        match &self.result {
-            Err(error) => format!("{name:22} {error}\n"),
-            Ok(found) => found.iter().fold(String::new(), |mut lines, found| {
-                // Writing to a string cannot fail.
-                let _ = writeln!(lines, "{name:22} {found}");
-                lines
-            }),
-        }
-    }
-
-    /// The figures as JSON objects; a run that failed has none.
-    fn json(&self) -> impl Iterator<Item = Value> + '_ {
-        self.result.iter().flatten().map(|found| {
-            let goal = match found.goal {
-                Goal::None => Value::Null,
-                goal => goal.to_string().into(),
-            };
-            json!({
-                "sample": self.sample.name,
-                "seed": self.seed,
-                "metric": found.metric,
-                "value": found.value,
-                "goal": goal,
-                "pass": found.passes(),
-                "steps": found.steps,
-                "seconds": found.seconds,
-            })
-        })
     }
 }

@@ -8,7 +8,7 @@ use bokashi_report::{
     escaped, picture_of, png, row,
 };
 
-use super::Run;
+use super::figures::Run;
 use crate::about::about;
 
 /// The name of the page.
@@ -70,7 +70,7 @@ fn panels(runs: &[Run]) -> Vec<Panel> {
                 .map(|&(seconds, value)| [seconds, value, value, value])
                 .collect(),
         });
-        let positive = of_metric().flat_map(|found| &found.curve).all(|&(_, value)| value > 0.0);
+        let positive = of_metric().flat_map(|found| &found.curve).all(|&(_, value)| value >= 0.0);
         let figure = Figure {
             x: Scale::Seconds,
             y: if positive && !metric.contains("PSNR") {
