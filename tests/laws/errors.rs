@@ -12,7 +12,7 @@ use std::sync::Arc;
 use bokashi_core::{Tape, Tensor, TensorError, Var, value_errors};
 use bokashi_fit::{
     Fit, FitError, FitSettings, Mapping, Optimizer, Parameter, Parameters, Schedule, from_fn,
-    mean_squared_error,
+    mean_squared_error, views,
 };
 use bokashi_render_ops::{
     Background, Blur, CubeMap, DepthImage, Detail, Fragments, Kernel, Layer, Lens, LensOptions,
@@ -356,6 +356,21 @@ fn every_fit_error_says_the_rule_and_the_value() {
         (
             step(x(1.0), settings, |x| Ok(x * 1e30)),
             "the squared gradient of \"x\" needs to be finite, got inf at step 0",
+        ),
+        (
+            Fit::new(Parameters::new().with(x(2.0)).unwrap(), settings)
+                .unwrap()
+                .step(&mut views(3, |view, tape, variables| {
+                    // The view at index 1 has another size.
+                    let size = [1 + view.index % 2];
+                    Ok(mean_squared_error(
+                        variables[0].reshape([1])?,
+                        tape.constant(&Tensor::zeros(size)),
+                    )?)
+                }))
+                .map(drop)
+                .unwrap_err(),
+            "view 1: mean_squared_error needs an image and a reference of one shape, got shapes [1] and [2]",
         ),
         (
             // Its logarithm rounds up, and e to the power of that overflows.
