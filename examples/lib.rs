@@ -59,19 +59,21 @@ pub const SAMPLES: [Sample; 10] = [
     camera::SAMPLE,
 ];
 
-/// Runs one sample as a program: `[SEED [STEPS]]`, the seed 0 and as many steps as the sample needs by
-/// default.
+/// Runs one sample as a program: `[SEED [STEPS [SILHOUETTES]]]`. By default that is seed 0, as many steps
+/// as the sample needs, and antialias.
 ///
 /// # Errors
-/// Whatever the sample runs into; [`FitError::Setting`] for an argument that is no number.
+/// Whatever the sample runs into; [`FitError::Setting`] for an argument that is none.
 pub fn main(sample: &Sample) -> Result<(), FitError> {
-    let mut arguments = std::env::args().skip(1).map(|word| {
+    let mut words = std::env::args().skip(1);
+    let mut number = || {
         let rule = "a seed and a number of steps, both whole";
-        word.parse::<u64>().map_err(|_| FitError::setting("the command line", rule, word))
-    });
-    let seed = arguments.next().transpose()?.unwrap_or(0);
-    let asked = Asked { seed, most_steps: arguments.next().transpose()?, ..Asked::default() };
-    for found in (sample.run)(&asked)? {
+        let refused = |word: &String| FitError::setting("the command line", rule, word);
+        words.next().map(|word| word.parse::<u64>().map_err(|_| refused(&word))).transpose()
+    };
+    let (seed, most_steps) = (number()?.unwrap_or(0), number()?);
+    let silhouettes = words.next().map(|word| word.parse()).transpose()?.unwrap_or_default();
+    for found in (sample.run)(&Asked { seed, silhouettes, most_steps })? {
         println!("{found}");
     }
     Ok(())
