@@ -35,8 +35,8 @@ use crate::filter::Filter;
 use crate::scratch::Workbench;
 
 /// `image: [H, W, C]` with a k-th of the rows and columns: `[H / k, W / k, C]`, with the gradient of the
-/// image. A pixel of the result has its centre in the middle of a block of `k` by `k` pixels and is the
-/// weighted mean of the pixels around it by `filter`, which is as much wider as its pixels are.
+/// image. A pixel of the result has its centre in the middle of a block of `k` by `k` pixels. It is the mean
+/// of the pixels around it, weighted by `filter`, which is stretched by `k`.
 ///
 /// A constant image stays as it is, but for a zero border under a filter that reaches beyond it. A
 /// factor of 1 with a filter that interpolates is the identity: the image itself is returned. The box is
