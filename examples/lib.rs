@@ -41,8 +41,33 @@ pub struct Sample {
     pub name: &'static str,
     /// What it learns, in a sentence.
     pub about: &'static str,
+    /// How silhouettes look where nobody asks for a look.
+    pub silhouettes: Silhouettes,
     /// Runs it.
     pub run: fn(&Asked) -> Result<Vec<Found>, FitError>,
+}
+
+/// Names the sample that a file's `run` is: its `SAMPLE`, and the `main` that runs it as a program.
+/// Silhouettes are antialiased, unless a third word names another look.
+#[macro_export]
+macro_rules! sample {
+    ($name:literal, $about:literal) => {
+        $crate::sample!($name, $about, Antialias);
+    };
+    ($name:literal, $about:literal, $silhouettes:ident) => {
+        /// This sample.
+        pub const SAMPLE: $crate::Sample = $crate::Sample {
+            name: $name,
+            about: $about,
+            silhouettes: $crate::Silhouettes::$silhouettes,
+            run,
+        };
+
+        /// Runs it as a program.
+        pub fn main() -> Result<(), bokashi::prelude::FitError> {
+            $crate::main(&SAMPLE)
+        }
+    };
 }
 
 /// All samples, the simplest first.
@@ -60,7 +85,7 @@ pub const SAMPLES: [Sample; 10] = [
 ];
 
 /// Runs one sample as a program: `[SEED [STEPS [SILHOUETTES]]]`. By default that is seed 0, as many steps
-/// as the sample needs, and antialias.
+/// as the sample needs, and silhouettes as it wants them.
 ///
 /// # Errors
 /// Whatever the sample runs into; [`FitError::Setting`] for an argument that is none.
@@ -72,7 +97,8 @@ pub fn main(sample: &Sample) -> Result<(), FitError> {
         words.next().map(|word| word.parse::<u64>().map_err(|_| refused(&word))).transpose()
     };
     let (seed, most_steps) = (number()?.unwrap_or(0), number()?);
-    let silhouettes = words.next().map(|word| word.parse()).transpose()?.unwrap_or_default();
+    let silhouettes = words.next().map(|word| word.parse()).transpose()?;
+    let silhouettes = silhouettes.unwrap_or(sample.silhouettes);
     for found in (sample.run)(&Asked { seed, silhouettes, most_steps })? {
         println!("{found}");
     }

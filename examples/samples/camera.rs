@@ -5,18 +5,12 @@
 
 use bokashi::glam::DMat4;
 use bokashi::prelude::*;
-use bokashi_examples::stage::{Random, Shape, cluster, motley, root_mean_square};
-use bokashi_examples::{Asked, Curve, Found, Goal, Sample, Silhouettes};
+use bokashi_examples::stage::{Random, Shape, cluster, learn, motley, root_mean_square};
+use bokashi_examples::{Asked, Found, Goal, Silhouettes};
 
-/// This sample.
-pub const SAMPLE: Sample = Sample {
-    name: "camera",
-    about: "calibrates twelve cameras by pictures of a known object",
-    run,
-};
+bokashi_examples::sample!("camera", "calibrates twelve cameras by pictures of a known object");
 
 const SIDE: usize = 256;
-const STEPS: u64 = 1000;
 const CAMERAS: usize = 12;
 const INTRINSICS: [f32; 4] = [170.0, 166.0, 129.0, 126.0];
 const DISTORTION: [f32; 5] = [-0.12, 0.05, -0.002, 0.003, -0.01];
@@ -67,49 +61,39 @@ fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
     let scene = Scene { balls, colors, silhouettes: asked.silhouettes };
     let truth: Vec<_> = (0..CAMERAS).map(|_| random.view(2.6, 0.1)).collect();
     let starts: Vec<_> = truth.iter().map(|view| random.nearby(0.03, 0.02) * *view).collect();
-    let noisy = INTRINSICS.map(|x| x * (1.0 + 0.02 * random.normal() as f32));
     let tape = Tape::new();
     let still = tape.constant(&Tensor::zeros([CAMERAS, 6]));
     let [intrinsics, distortion] =
         [&INTRINSICS[..], &DISTORTION].map(|numbers| tape.constant(&Tensor::from(numbers)));
     let known = Cameras(&truth, [still, intrinsics, distortion]);
-    let images = (0..CAMERAS).map(|k| Ok::<_, FitError>(scene.image(&known, k)?.value()));
-    let (targets, places) = (images.collect::<Result<Vec<_>, _>>()?, scene.pixels(&known)?);
+    let images = (0..CAMERAS).map(|k| Ok(scene.image(&known, k)?.value()));
+    let (targets, places) = (images.collect::<Result<Vec<_>, FitError>>()?, scene.pixels(&known)?);
 
+    let noisy = Tensor::from(INTRINSICS).map(|x| x * (1.0 + 0.02 * random.normal() as f32));
     let parameters = Parameters::new()
         .with(Parameter::new("increments", Tensor::zeros([CAMERAS, 6])).rate(3e-3))?
-        .with(Parameter::new("intrinsics", Tensor::from(noisy)).rate(1.0))?
+        .with(Parameter::new("intrinsics", noisy).rate(1.0))?
         .with(Parameter::new("distortion", Tensor::zeros([5])).rate(5e-3))?;
-    let steps = asked.steps(STEPS);
+    let steps = asked.steps(1000);
     let schedule = Schedule::Cosine { steps, floor: 0.0 };
-    let mut fit = Fit::new(parameters, FitSettings { schedule, ..FitSettings::default() })?;
+    let settings = FitSettings { steps, schedule, ..FitSettings::default() };
     let mut pipeline = views(CAMERAS, |view, tape: &Tape<f32>, variables| {
         let found = Cameras(&starts, [variables[0], variables[1], variables[2]]);
-        let image = scene.image(&found, view.index)?;
         // 6 pixels at first, and none in the last three quarters.
         let sigma = 6.0 * (1.0 - 4.0 * view.step as f64 / steps as f64).max(0.0);
         let sigma = tape.constant_scalar(sigma as f32);
         let blur = |image| gaussian_blur(image, sigma, &Blur::default());
-        Ok(mean_squared_error(blur(image)?, blur(tape.constant(&targets[view.index]))?)?)
+        let target = blur(tape.constant(&targets[view.index]))?;
+        Ok(mean_squared_error(blur(scene.image(&found, view.index)?)?, target)?)
     });
-    let mut curve = Curve::starting_now();
-    for step in 0..=steps {
-        if step % 20 == 0 || step == steps {
-            let tape = Tape::new();
-            let list = fit.parameters().record(&tape);
-            let found = scene.pixels(&Cameras(&starts, [list[0], list[1], list[2]]))?;
-            // Of a distance, not of one of its two parts.
-            curve.add(2_f64.sqrt() * root_mean_square(&found, &places));
-        }
-        if step < steps {
-            fit.step(&mut pipeline)?;
-        }
-    }
+    let error = |found: &Parameters<f32>| {
+        let tape = Tape::new();
+        let list = found.record(&tape);
+        let found = scene.pixels(&Cameras(&starts, [list[0], list[1], list[2]]))?;
+        // Of a distance, not of one of its two parts.
+        Ok([2_f64.sqrt() * root_mean_square(&found, &places)])
+    };
+    let (_, [curve]) = learn(parameters, settings, &mut pipeline, 20, error)?;
     let found = Found::last("reprojection error, in pixels", Goal::Below(0.05), steps, curve);
     Ok(vec![found.picture("first camera", &targets[0]).picture("second camera", &targets[1])])
-}
-
-/// Runs it as a program.
-pub fn main() -> Result<(), FitError> {
-    bokashi_examples::main(&SAMPLE)
 }

@@ -6,12 +6,10 @@
 
 use bokashi::glam::{DMat4, DVec3};
 use bokashi::prelude::*;
-use bokashi_examples::stage::{Random, Shape, globe, sphere};
-use bokashi_examples::{Asked, Curve, Found, Goal, Sample, Silhouettes};
+use bokashi_examples::stage::{Random, Shape, globe, learn, sphere};
+use bokashi_examples::{Asked, Found, Goal, Silhouettes};
 
-/// This sample.
-pub const SAMPLE: Sample =
-    Sample { name: "earth", about: "learns the texture of a sphere seen from near and far", run };
+bokashi_examples::sample!("earth", "learns the texture of a sphere seen from near and far");
 
 const SIDE: usize = 512;
 const STEPS: u64 = 3000;
@@ -55,50 +53,40 @@ fn camera(random: &mut Random) -> DMat4 {
     projection * DMat4::from_scale_rotation_translation(DVec3::splat(0.5), random.rotation(), place)
 }
 
-fn learn(asked: &Asked, has_mipmaps: bool) -> Result<Found, FitError> {
+fn found(asked: &Asked, has_mipmaps: bool) -> Result<Found, FitError> {
     let (sphere, coordinates) = sphere(24)?;
     let scene = Scene { sphere, coordinates, silhouettes: asked.silhouettes };
     let truth = globe(TEXELS, &mut Random::new(asked.seed, 0));
-    let start = Tensor::full([TEXELS[0], TEXELS[1], 3], 0.3);
-    let texels = Parameter::new("texels", start.clone()).rate(1e-2);
+    let texels = Tensor::full([TEXELS[0], TEXELS[1], 3], 0.3);
+    let texels = Parameter::new("texels", texels).rate(1e-2);
     let steps = asked.steps(STEPS);
     let schedule = Schedule::Exponential { steps, factor: 0.1, floor: 0.0 };
-    let settings = FitSettings { schedule, ..FitSettings::default() };
-    let mut fit = Fit::new(Parameters::new().with(texels)?, settings)?;
-    let mut curve = Curve::starting_now();
-    curve.add(psnr(&start, &truth, 1.0)?);
-    for step in 0..steps {
-        let camera = camera(&mut Random::new(asked.seed, 1 + step));
-        fit.step(&mut from_fn(|tape: &Tape<f32>, variables| {
-            let texture = Texture::with_mipmaps(tape.constant(&truth))?;
-            let fine = scene.image(&texture, &camera, 4 * SIDE)?;
-            let target = downsample(fine, 4, &Filter::Box, Border::Mirror)?;
-            let texels = variables.get("texels")?;
-            let texture =
-                if has_mipmaps { Texture::with_mipmaps(texels)? } else { Texture::new(texels)? };
-            Ok(mean_squared_error(scene.image(&texture, &camera, SIDE)?, target)?)
-        }))?;
-        if (step + 1) % 100 == 0 || step + 1 == steps {
-            curve.add(psnr(&fit.parameters().value("texels")?, &truth, 1.0)?);
-        }
-    }
-    let metric =
-        format!("texture PSNR in dB, {} mipmaps", if has_mipmaps { "with" } else { "without" });
-    let found = Found::last(metric, Goal::None, steps, curve).picture("true texture", &truth);
-    Ok(found.picture("learnt", &fit.parameters().value("texels")?))
+    let settings = FitSettings { steps, schedule, ..FitSettings::default() };
+    let mut pipeline = views(1, |view, tape: &Tape<f32>, variables| {
+        let camera = camera(&mut Random::new(asked.seed, 1 + view.step));
+        let texture = Texture::with_mipmaps(tape.constant(&truth))?;
+        let fine = scene.image(&texture, &camera, 4 * SIDE)?;
+        let target = downsample(fine, 4, &Filter::Box, Border::Mirror)?;
+        let texels = variables.get("texels")?;
+        let texture =
+            if has_mipmaps { Texture::with_mipmaps(texels)? } else { Texture::new(texels)? };
+        Ok(mean_squared_error(scene.image(&texture, &camera, SIDE)?, target)?)
+    });
+    let ratio = |found: &Parameters<f32>| Ok([psnr(&found.value("texels")?, &truth, 1.0)?]);
+    let texels = Parameters::new().with(texels)?;
+    let (found, [curve]) = learn(texels, settings, &mut pipeline, 100, ratio)?;
+    let word = if has_mipmaps { "with" } else { "without" };
+    let metric = format!("texture PSNR in dB, {word} mipmaps");
+    let pictures = Found::last(metric, Goal::None, steps, curve).picture("true texture", &truth);
+    Ok(pictures.picture("learnt", &found.value("texels")?))
 }
 
 fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
-    let [with, without] = [learn(asked, true)?, learn(asked, false)?];
+    let [with, without] = [found(asked, true)?, found(asked, false)?];
     let (ahead, seconds) = (with.value - without.value, with.seconds + without.seconds);
     let curve = vec![(seconds, ahead)];
     let (metric, goal) = ("mipmaps ahead by, in dB".to_owned(), Goal::Above(3.0));
     let steps = with.steps;
     let ahead = Found { metric, value: ahead, goal, steps, seconds, curve, pictures: Vec::new() };
     Ok(vec![with, without, ahead])
-}
-
-/// Runs it as a program.
-pub fn main() -> Result<(), FitError> {
-    bokashi_examples::main(&SAMPLE)
 }

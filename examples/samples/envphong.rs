@@ -8,12 +8,10 @@
 
 use bokashi::glam::{DMat4, DVec3};
 use bokashi::prelude::*;
-use bokashi_examples::stage::{Random, Shape, root_mean_square, sky, sphere};
-use bokashi_examples::{Asked, Curve, Found, Goal, Sample, Silhouettes};
+use bokashi_examples::stage::{Random, Shape, column, learn, relative_error, sky, sphere};
+use bokashi_examples::{Asked, Found, Goal, Silhouettes};
 
-/// This sample.
-pub const SAMPLE: Sample =
-    Sample { name: "envphong", about: "learns what a sphere mirrors, and its highlight", run };
+bokashi_examples::sample!("envphong", "learns what a sphere mirrors, and its highlight");
 
 const SIDE: usize = 1024;
 const STEPS: u64 = 600;
@@ -33,10 +31,10 @@ impl Scene {
     /// random.
     fn error<'t>(
         &self,
-        found: [Var<'t, f32>; 3],
+        found: &Variables<'t, f32>,
         random: &mut Random,
     ) -> Result<Var<'t, f32>, FitError> {
-        let tape = found[0].tape();
+        let (tape, found) = (found[0].tape(), [found[0], found[1], found[2]]);
         let vector = |v: DVec3| tape.constant(&Tensor::from(v.as_vec3().to_array()));
         let place = random.vector(0.25) - DVec3::new(0.0, 0.0, 3.5);
         let view = DMat4::from_rotation_translation(random.rotation(), place);
@@ -63,10 +61,6 @@ impl Scene {
     }
 }
 
-fn length(numbers: &[f32]) -> f64 {
-    root_mean_square(numbers, &vec![0.0; numbers.len()])
-}
-
 fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
     let map = sky(TEXELS, &mut Random::new(asked.seed, 0));
     let truth = [map, Tensor::from(COLOR), Tensor::scalar(EXPONENT)];
@@ -79,46 +73,25 @@ fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
     let schedule = Schedule::Cosine { steps, floor: 0.0 };
     // Gradients of the highlight fall a hundredfold as the map is found: their squares are soon forgotten.
     let optimizer = Optimizer::Adam { beta1: 0.9, beta2: 0.99, epsilon: 1e-8 };
-    let mut fit =
-        Fit::new(parameters, FitSettings { optimizer, schedule, ..FitSettings::default() })?;
-    let mut curves = [(); 3].map(|()| Curve::starting_now());
-    for step in 0..=steps {
-        if step % 20 == 0 || step == steps {
-            for (k, name) in ["color", "exponent"].into_iter().enumerate() {
-                let (found, truth) = (fit.parameters().value(name)?, &scene.truth[k + 1]);
-                curves[k].add(root_mean_square(found.data(), truth.data()) / length(truth.data()));
-            }
-            // A view and a light that no step has.
-            let tape = Tape::new();
-            let list = fit.parameters().record(&tape);
-            let random = &mut Random::new(asked.seed, u64::MAX);
-            let error = scene.error([0, 1, 2].map(|k| list[k]), random)?.item();
-            curves[2].add(f64::from(error).sqrt());
-        }
-        if step < steps {
-            fit.step(&mut from_fn(|_: &Tape<f32>, variables| {
-                let random = &mut Random::new(asked.seed, 1 + step);
-                scene.error([0, 1, 2].map(|k| variables[k]), random)
-            }))?;
-        }
-    }
-    // The faces, one below the other.
-    let strip = |map: &Tensor<f32>| {
-        Tensor::from_flat_fn([6 * TEXELS, TEXELS, 3], |entry| map.data()[entry])
+    let settings = FitSettings { steps, optimizer, schedule, ..FitSettings::default() };
+    let mut pipeline = views(1, |view, _: &Tape<f32>, variables| {
+        scene.error(variables, &mut Random::new(asked.seed, 1 + view.step))
+    });
+    let errors = |found: &Parameters<f32>| {
+        let off = |name, truth| Ok::<_, FitError>(relative_error(found.value(name)?.data(), truth));
+        // A view and a light that no step has.
+        let random = &mut Random::new(asked.seed, u64::MAX);
+        let error = scene.error(&found.record(&Tape::new()), random)?.item();
+        Ok([off("color", &COLOR)?, off("exponent", &[EXPONENT])?, f64::from(error).sqrt()])
     };
-    let [color, exponent, image] = curves;
+    let (found, [color, exponent, image]) = learn(parameters, settings, &mut pipeline, 20, errors)?;
     let goal = Goal::Below(0.01);
     let image = Found::last("image RMSE, in a view not learnt", Goal::None, steps, image)
-        .picture("true map", &strip(&scene.truth[0]))
-        .picture("learnt map", &strip(&fit.parameters().value("map")?));
+        .picture("true map", &column(&scene.truth[0]))
+        .picture("learnt map", &column(&found.value("map")?));
     Ok(vec![
         Found::last("relative error of the highlight's colour", goal, steps, color),
         Found::last("relative error of the highlight's exponent", goal, steps, exponent),
         image,
     ])
-}
-
-/// Runs it as a program.
-pub fn main() -> Result<(), FitError> {
-    bokashi_examples::main(&SAMPLE)
 }

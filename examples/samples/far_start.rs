@@ -4,17 +4,15 @@
 
 use bokashi::glam::DVec3;
 use bokashi::prelude::*;
-use bokashi_examples::stage::{Random, Shape, cube};
-use bokashi_examples::{Asked, Curve, Found, Goal, Sample, Silhouettes};
+use bokashi_examples::stage::{Random, Shape, cube, learn};
+use bokashi_examples::{Asked, Found, Goal, Silhouettes};
 
-/// This sample.
-pub const SAMPLE: Sample =
-    Sample { name: "far-start", about: "finds an object that starts far from its picture", run };
+bokashi_examples::sample!("far-start", "finds an object that starts far from its picture");
 
 const SIDE: usize = 64;
-const STEPS: u64 = 400;
+const STEPS: u64 = 800;
 /// The standard deviation of the blur at the start, in pixels.
-const WIDEST: f64 = 12.0;
+const WIDEST: f64 = 16.0;
 
 struct Scene {
     cube: Shape,
@@ -40,7 +38,7 @@ fn tensor(v: DVec3) -> Tensor<f32> {
     Tensor::from(v.to_array().map(|x| x as f32))
 }
 
-fn learn(
+fn found(
     scene: &Scene,
     asked: &Asked,
     truth: DVec3,
@@ -50,29 +48,24 @@ fn learn(
     let tape = Tape::new();
     let target = scene.image(tape.constant(&tensor(truth)))?.value();
     let steps = asked.steps(STEPS);
-    let place = Parameter::new("place", tensor(start)).rate(0.05);
+    let place = Parameter::new("place", tensor(start)).rate(0.03);
     let schedule = Schedule::Cosine { steps, floor: 0.0 };
-    let settings = FitSettings { schedule, ..FitSettings::default() };
-    let mut fit = Fit::new(Parameters::new().with(place)?, settings)?;
-    let mut curve = Curve::starting_now();
-    let off = |place: &Tensor<f32>| {
-        DVec3::from_array([0, 1, 2].map(|k| place.data()[k].into())).distance(truth)
-    };
-    curve.add(off(&fit.parameters().value("place")?));
-    let mut image = target.clone();
-    for step in 0..steps {
+    let settings = FitSettings { steps, schedule, ..FitSettings::default() };
+    let mut pipeline = views(1, |view, tape: &Tape<f32>, variables| {
         // From wide to none in the first two thirds.
-        let left = 1.0 - 1.5 * step as f64 / steps as f64;
+        let left = 1.0 - 1.5 * view.step as f64 / steps as f64;
         let sigma = if blurs { (WIDEST * left).max(0.0) } else { 0.0 };
-        fit.step(&mut from_fn(|tape: &Tape<f32>, variables| {
-            let found = scene.image(variables.get("place")?)?;
-            image = found.value();
-            let sigma = tape.constant_scalar(sigma as f32);
-            let blur = |image| gaussian_blur(image, sigma, &Blur::default());
-            Ok(squared_error(blur(found)?, blur(tape.constant(&target))?)?)
-        }))?;
-        curve.add(off(&fit.parameters().value("place")?));
-    }
+        let sigma = tape.constant_scalar(sigma as f32);
+        let blur = |image| gaussian_blur(image, sigma, &Blur::default());
+        let found = scene.image(variables.get("place")?)?;
+        Ok(squared_error(blur(found)?, blur(tape.constant(&target))?)?)
+    });
+    let off = |found: &Parameters<f32>| {
+        let place = found.value("place")?;
+        Ok([DVec3::from_array([0, 1, 2].map(|k| place.data()[k].into())).distance(truth)])
+    };
+    let (found, [curve]) = learn(Parameters::new().with(place)?, settings, &mut pipeline, 1, off)?;
+    let image = scene.image(tape.constant(&found.value("place")?))?.value();
     // The cube's side is 1, and the way was longer.
     let (word, goal) =
         if blurs { ("with", Goal::Below(0.01)) } else { ("without", Goal::Above(0.5)) };
@@ -83,16 +76,11 @@ fn learn(
 fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
     let scene = Scene { cube: cube()?, silhouettes: asked.silhouettes };
     let mut random = Random::new(asked.seed, 0);
-    let truth = DVec3::new(random.between(0.8, 1.2), random.between(-1.2, 1.2), -6.0);
-    // Across the picture: 1.9 to 2.4 sides away, and more or less as far from the eye.
-    let away = DVec3::new(-random.between(1.9, 2.4), 0.0, random.between(-0.3, 0.3));
+    let truth = DVec3::new(random.between(0.8, 1.2), random.between(-0.8, 0.8), -6.0);
+    // Across the picture: 2.2 to 2.4 sides away, and more or less as far from the eye.
+    let away = DVec3::new(-random.between(2.2, 2.4), 0.0, random.between(-0.3, 0.3));
     [true, false]
         .into_iter()
-        .map(|blurs| learn(&scene, asked, truth, truth + away, blurs))
+        .map(|blurs| found(&scene, asked, truth, truth + away, blurs))
         .collect()
-}
-
-/// Runs it as a program.
-pub fn main() -> Result<(), FitError> {
-    bokashi_examples::main(&SAMPLE)
 }

@@ -7,11 +7,9 @@
 use bokashi::glam::{DQuat, DVec3};
 use bokashi::prelude::*;
 use bokashi_examples::stage::{Random, Shape, cube};
-use bokashi_examples::{Asked, Curve, Found, Goal, Sample, Silhouettes};
+use bokashi_examples::{Asked, Curve, Found, Goal, Silhouettes};
 
-/// This sample.
-pub const SAMPLE: Sample =
-    Sample { name: "pose", about: "finds how a cube with flat sides is turned", run };
+bokashi_examples::sample!("pose", "finds how a cube with flat sides is turned");
 
 const SIDE: usize = 256;
 const STEPS: u64 = 10_000;
@@ -96,9 +94,4 @@ fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
     )?;
     let found = Found::last("angle to the truth, in degrees", Goal::Below(0.5), steps, curve);
     Ok(vec![found.picture("target", &target).picture("found", &image)])
-}
-
-/// Runs it as a program.
-pub fn main() -> Result<(), FitError> {
-    bokashi_examples::main(&SAMPLE)
 }

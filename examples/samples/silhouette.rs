@@ -6,12 +6,10 @@
 
 use bokashi::glam::{DMat4, DVec3};
 use bokashi::prelude::*;
-use bokashi_examples::stage::{Random, Shape, ball, bunny, surface_distance};
-use bokashi_examples::{Asked, Curve, Found, Goal, Sample, Silhouettes};
+use bokashi_examples::stage::{Random, Shape, ball, bunny, learn, surface_distance};
+use bokashi_examples::{Asked, Found, Goal, Silhouettes};
 
-/// This sample.
-pub const SAMPLE: Sample =
-    Sample { name: "silhouette", about: "makes a bunny of a sphere by twenty silhouettes", run };
+bokashi_examples::sample!("silhouette", "makes a bunny of a sphere by twenty silhouettes");
 
 const SIDE: usize = 128;
 const STEPS: u64 = 1500;
@@ -31,19 +29,9 @@ fn mask<'t>(
 ) -> Result<Var<'t, f32>, RenderError> {
     let clip = project(vertices, camera, None)?;
     let fragments = rasterize(clip, mesh, silhouettes.options(Size::square(SIDE)))?;
-    let white =
-        vertices.tape().constant(&Tensor::full([fragments.barycentrics.shape()[0], 1], 1.0));
+    let white = Tensor::full([fragments.barycentrics.shape()[0], 1], 1.0);
+    let white = vertices.tape().constant(&white);
     silhouettes.picture(white, &fragments, Background::Zero)?.image()
-}
-
-/// The mask of a shape that is not learnt.
-fn still(shape: &Shape, camera: &DMat4, silhouettes: Silhouettes) -> Result<Tensor<f32>, FitError> {
-    let tape = Tape::new();
-    Ok(mask(tape.constant(&shape.vertices), &shape.mesh, camera, silhouettes)?.value())
-}
-
-fn hard(mask: &Tensor<f32>) -> Mask {
-    Mask::from_flat_fn(mask.shape().clone(), |k| mask.data()[k] > 0.5)
 }
 
 fn camera(random: &mut Random) -> DMat4 {
@@ -51,26 +39,26 @@ fn camera(random: &mut Random) -> DMat4 {
     perspective(0.7, 1.0, 0.1, 10.0) * look_at(eye, DVec3::ZERO, eye.any_orthogonal_vector())
 }
 
-fn learn(asked: &Asked, has_large_steps: bool) -> Result<Vec<Found>, FitError> {
+fn found(asked: &Asked, has_large_steps: bool) -> Result<Vec<Found>, FitError> {
     let mut random = Random::new(asked.seed, 0);
     let cameras: Vec<_> = (0..LEARNT + HELD_OUT).map(|_| camera(&mut random)).collect();
-    let (bunny, mut shape) = (bunny()?, ball(4)?);
-    shape.vertices = shape.vertices.map(|x| 0.6 * x);
-    let targets = cameras.iter().map(|camera| still(&bunny, camera, asked.silhouettes));
+    let (bunny, Shape { mesh, vertices: start }) = (bunny()?, ball(4)?);
+    let still = |vertices: &Tensor<f32>, mesh: &Mesh, camera: &DMat4| -> Result<_, FitError> {
+        Ok(mask(Tape::new().constant(vertices), mesh, camera, asked.silhouettes)?.value())
+    };
+    let targets = cameras.iter().map(|camera| still(&bunny.vertices, &bunny.mesh, camera));
     let targets = targets.collect::<Result<Vec<_>, _>>()?;
-    let topology = Topology::new(shape.mesh.faces(), shape.mesh.vertex_count())?;
+    let topology = Topology::new(mesh.faces(), mesh.vertex_count())?;
     let laplacian = topology.uniform_laplacian();
 
-    let vertices = Parameter::new("vertices", shape.vertices.clone());
+    let vertices = Parameter::new("vertices", start.map(|x| 0.6 * x));
     let vertices = match has_large_steps {
         true => vertices.preconditioned(&Preconditioner::new(&topology, LAMBDA)?).rate(6e-2),
         false => vertices.rate(1e-2),
     };
     let steps = asked.steps(STEPS);
     let schedule = Schedule::Cosine { steps, floor: 0.05 };
-    let settings = FitSettings { schedule, ..FitSettings::default() };
-    let mut fit = Fit::new(Parameters::new().with(vertices)?, settings)?;
-    let mesh = shape.mesh.clone();
+    let settings = FitSettings { steps, schedule, ..FitSettings::default() };
     let mut pipeline = views(LEARNT, |view, tape: &Tape<f32>, variables| {
         let seen = mask(variables[0], &mesh, &cameras[view.index], asked.silhouettes)?;
         let loss = mean_squared_error(seen, tape.constant(&targets[view.index]))?;
@@ -79,43 +67,31 @@ fn learn(asked: &Asked, has_large_steps: bool) -> Result<Vec<Found>, FitError> {
         }
         Ok(loss + laplacian_error(variables[0], &laplacian)? * WEIGHT)
     });
-    let mut curve = Curve::starting_now();
-    for step in 0..=steps {
-        if step % 25 == 0 || step == steps {
-            shape.vertices = fit.parameters().value("vertices")?;
-            let mut sum = 0.0;
-            for (camera, target) in cameras.iter().zip(&targets).skip(LEARNT) {
-                let found = still(&shape, camera, asked.silhouettes)?;
-                let [found, target] = [&found, target].map(hard);
-                sum += iou(&found, &target)?;
-            }
-            curve.add(sum / HELD_OUT as f64);
-        }
-        if step < steps {
-            fit.step(&mut pipeline)?;
-        }
-    }
+    let hard =
+        |mask: &Tensor<f32>| Mask::from_flat_fn(mask.shape().clone(), |k| mask.data()[k] > 0.5);
+    let overlap = |found: &Parameters<f32>| {
+        let vertices = found.value("vertices")?;
+        let held_out = cameras.iter().zip(&targets).skip(LEARNT);
+        let overlaps = held_out.map(|(camera, target)| {
+            Ok::<_, FitError>(iou(&hard(&still(&vertices, &mesh, camera)?), &hard(target))?)
+        });
+        Ok([overlaps.sum::<Result<f64, _>>()? / HELD_OUT as f64])
+    };
+    let vertices = Parameters::new().with(vertices)?;
+    let (found, [curve]) = learn(vertices, settings, &mut pipeline, 25, overlap)?;
+    let vertices = found.value("vertices")?;
     let word = if has_large_steps { "large steps" } else { "a plain Laplacian" };
     let goal = if has_large_steps { Goal::Above(0.97) } else { Goal::None };
-    let white = |image: &Tensor<f32>| {
-        Tensor::from_fn([SIDE, SIDE, 3], |[i, j, _]| image.data()[i * SIDE + j])
-    };
-    let found = still(&shape, &cameras[LEARNT], asked.silhouettes)?;
     let found = Found::last(format!("IoU of held-out views, {word}"), goal, steps, curve)
-        .picture(&format!("held out, {word}"), &white(&found))
-        .picture("held out, target", &white(&targets[LEARNT]));
+        .picture(&format!("held out, {word}"), &still(&vertices, &mesh, &cameras[LEARNT])?)
+        .picture("held out, target", &targets[LEARNT]);
     let metric = format!("mean surface distance, radius 1, {word}");
-    let value = surface_distance(&shape.vertices, &bunny);
+    let value = surface_distance(&vertices, &bunny);
     let distance =
         Found { metric, value, goal: Goal::None, curve: Vec::new(), pictures: Vec::new(), ..found };
     Ok(vec![found, distance])
 }
 
 fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
-    Ok([learn(asked, true)?, learn(asked, false)?].concat())
-}
-
-/// Runs it as a program.
-pub fn main() -> Result<(), FitError> {
-    bokashi_examples::main(&SAMPLE)
+    Ok([found(asked, true)?, found(asked, false)?].concat())
 }

@@ -1,11 +1,9 @@
 //! A triangle with a colour at each corner. Nothing is learnt: this is the shortest way to a picture.
 
 use bokashi::prelude::*;
-use bokashi_examples::{Asked, Curve, Found, Goal, Sample};
+use bokashi_examples::{Asked, Curve, Found, Goal};
 
-/// This sample.
-pub const SAMPLE: Sample =
-    Sample { name: "triangle", about: "draws a triangle with a colour at each corner", run };
+bokashi_examples::sample!("triangle", "draws a triangle with a colour at each corner");
 
 const SIDE: usize = 256;
 
@@ -31,9 +29,4 @@ fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
     curve.add(psnr(&image, &truth, 1.0)?);
     let metric = "PSNR against the formula at pixel centres, in dB";
     Ok(vec![Found::last(metric, Goal::Above(25.0), 0, curve).picture("picture", &image)])
-}
-
-/// Runs it as a program.
-pub fn main() -> Result<(), FitError> {
-    bokashi_examples::main(&SAMPLE)
 }

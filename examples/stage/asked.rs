@@ -6,11 +6,11 @@ use std::str::FromStr;
 use bokashi::prelude::*;
 
 /// What a sample is asked for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Asked {
     /// All that is random follows from it.
     pub seed: u64,
-    /// How silhouettes look, where a sample leaves it open.
+    /// How silhouettes look.
     pub silhouettes: Silhouettes,
     /// The most steps that a fit may take, where that is less than a sample needs: to see that it runs.
     pub most_steps: Option<u64>,
@@ -24,12 +24,11 @@ impl Asked {
 }
 
 /// How silhouettes look.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Silhouettes {
     /// A pixel shows what lies at its centre.
     Aliased,
     /// The same, with the pixels at silhouettes blended.
-    #[default]
     Antialias,
     /// A pixel shows all that lies in it.
     Exact,

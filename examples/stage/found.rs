@@ -88,10 +88,14 @@ impl Found {
         Self { metric, value, goal, steps, seconds, curve, pictures: Vec::new() }
     }
 
-    /// The same with a picture more.
+    /// The same with a picture more: `[H, W, 3]`, or `[H, W, 1]` in grey.
     #[must_use]
     pub fn picture<T: Scalar>(mut self, name: &str, image: &Tensor<T>) -> Self {
-        self.pictures.push((name.to_owned(), image.cast()));
+        let (shape, image) = (image.shape().clone(), image.cast());
+        let color = Tensor::from_fn([shape[0], shape[1], 3], |[row, column, channel]| {
+            image.data()[(row * shape[1] + column) * shape[2] + channel % shape[2]]
+        });
+        self.pictures.push((name.to_owned(), color));
         self
     }
 

@@ -53,19 +53,17 @@ pub fn motley(vertices: &Tensor<f32>, random: &mut Random) -> Tensor<f32> {
     })
 }
 
-/// Maps of a material, `[side, side, 5]`: base colours of a globe, roughness from 0.15 to 0.85 in waves, and
+/// Maps of a material, `[side, side, C]`: base colours of a globe, roughness from 0.15 to 0.85 in waves, and
 /// metallic, nearly 0 or 1, in patches.
-pub fn substance(side: usize, random: &mut Random) -> Tensor<f32> {
+pub fn substance(side: usize, random: &mut Random) -> [Tensor<f32>; 3] {
     let colors = globe([side, side], random);
-    let mut wave = || [(); 3].map(|()| random.between(1.0, 6.0).floor());
-    let waves = [(); 2].map(|()| wave());
-    Tensor::from_fn([side, side, 5], |[row, column, channel]| {
-        if channel < 3 {
-            return colors.data()[3 * (row * side + column) + channel];
-        }
-        let [u, v] = [column, row].map(|k| std::f64::consts::TAU * k as f64 / side as f64);
-        let [across, down, phase] = waves[channel - 3];
-        let wave = (across * u + phase).sin() * (down * v + phase).cos();
-        (if channel == 3 { 0.5 + 0.35 * wave } else { 0.5 + 0.5 * (4.0 * wave).tanh() }) as f32
-    })
+    let mut waves = || {
+        let [across, down, phase] = [(); 3].map(|()| random.between(1.0, 6.0).floor());
+        Tensor::from_fn([side, side, 1], |[row, column, _]| {
+            let [u, v] = [column, row].map(|k| std::f64::consts::TAU * k as f64 / side as f64);
+            ((across * u + phase).sin() * (down * v + phase).cos()) as f32
+        })
+    };
+    let [roughness, metallic] = [waves(), waves()];
+    [colors, roughness.map(|x| 0.5 + 0.35 * x), metallic.map(|x| 0.5 + 0.5 * (4.0 * x).tanh())]
 }

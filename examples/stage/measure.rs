@@ -17,6 +17,15 @@ pub fn root_mean_square(a: &[f32], b: &[f32]) -> f64 {
     (sum / a.len() as f64).sqrt()
 }
 
+/// How far numbers are off, relative to the truth: a quotient of roots of sums of squares.
+///
+/// # Panics
+/// Where the lengths differ.
+#[track_caller]
+pub fn relative_error(found: &[f32], truth: &[f32]) -> f64 {
+    root_mean_square(found, truth) / root_mean_square(truth, &vec![0.0; truth.len()])
+}
+
 /// The mean distance of vertices `[V, 3]` from their true places. A mesh that looks the same with its
 /// vertices permuted may be learnt in any of these ways: the least distance counts.
 #[derive(Debug, Clone)]

@@ -87,12 +87,59 @@ pub fn cluster(count: usize, random: &mut Random) -> Result<Shape, RenderError> 
     Ok(Shape { mesh, vertices: Tensor::from(vertices) })
 }
 
-/// A ball of radius 0.6 within a ring; normals `[V, 3]`; and texture coordinates `[V, 2]`, the ball in the
-/// upper half of the texture and the ring in the lower one.
+/// Squares side by side before a camera at 0 that looks along -z, each slanted and as wide in the picture
+/// as the others.
+#[derive(Debug, Clone)]
+pub struct Boards {
+    /// Corners and faces.
+    pub shape: Shape,
+    /// The place of each corner on its square, `[V, 2]`.
+    pub places: Tensor<f32>,
+    /// How far away a corner is, `[V, 1]`; 0 for the first board, which shall not move.
+    pub depths: Tensor<f32>,
+}
+
+impl Boards {
+    /// Boards at these distances.
+    ///
+    /// # Errors
+    /// None: that of [`Mesh::new`].
+    pub fn new(distances: &[f64; 3], random: &mut Random) -> Result<Self, RenderError> {
+        let square = Mesh::new(vec![[0, 1, 2], [2, 1, 3]], 4)?;
+        let mesh = Assembly::new(&[(&square, distances.len())])?.mesh().clone();
+        let mut vertices = Vec::new();
+        for (k, distance) in distances.iter().enumerate() {
+            let slant = random.between(0.2, 0.35) * [1.0, -1.0, 1.0][k];
+            for (x, y) in [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)] {
+                let depth = distance * (1.0 + slant * x);
+                let across = [-0.31, 0.0, 0.31][k] + 0.14 * x;
+                vertices.push([across * depth, 0.27 * y * depth, -depth].map(|x| x as f32));
+            }
+        }
+        let count = vertices.len();
+        let places = Tensor::from_fn([count, 2], |[corner, axis]| (corner >> axis & 1) as f32);
+        let depth = |[corner, _]: [usize; 2]| if corner < 4 { 0.0 } else { -vertices[corner][2] };
+        let depths = Tensor::from_fn([count, 1], depth);
+        Ok(Self { shape: Shape { mesh, vertices: Tensor::from(vertices) }, places, depths })
+    }
+}
+
+/// A shape with normals and texture coordinates.
+#[derive(Debug, Clone)]
+pub struct Object {
+    /// Vertices and faces.
+    pub shape: Shape,
+    /// `[V, 3]`.
+    pub normals: Tensor<f32>,
+    /// `[V, 2]`.
+    pub places: Tensor<f32>,
+}
+
+/// A ball of radius 0.6 within a ring: the ball has the upper half of the texture, and the ring the lower.
 ///
 /// # Errors
 /// None: that of [`Mesh::new`].
-pub fn planet() -> Result<(Shape, Tensor<f32>, Tensor<f32>), RenderError> {
+pub fn planet() -> Result<Object, RenderError> {
     const AROUND: usize = 96;
     const ACROSS: usize = 24;
     let (ball, of_ball) = sphere(24)?;
@@ -121,7 +168,7 @@ pub fn planet() -> Result<(Shape, Tensor<f32>, Tensor<f32>), RenderError> {
     }
     let mesh = Mesh::new(faces, vertices.len())?;
     let shape = Shape { mesh, vertices: rows(&vertices) };
-    Ok((shape, rows(&normals), Tensor::from(places)))
+    Ok(Object { shape, normals: rows(&normals), places: Tensor::from(places) })
 }
 
 /// A sphere of radius 1 around 0 whose faces are nearly alike: an octahedron, each face cut into four

@@ -45,3 +45,49 @@ pub fn sky(side: usize, random: &mut Random) -> Tensor<f32> {
         (0.5 * (0.5 * sum).exp() + spots.sum::<f64>()) as f32
     })
 }
+
+/// An environment and a lamp far away, as numbers that don't change.
+#[derive(Debug, Clone)]
+pub struct StillLights {
+    harmonics: Tensor<f32>,
+    reflections: Vec<Tensor<f32>>,
+    direction: Tensor<f32>,
+}
+
+impl StillLights {
+    /// The light of `sky` and of a white lamp in this direction.
+    ///
+    /// # Errors
+    /// None: those of [`Environment::of_texels`].
+    pub fn new(sky: &Tensor<f32>, direction: DVec3) -> Result<Self, RenderError> {
+        let (tape, prefilter) = (Tape::new(), Prefilter::new(sky.shape()[1], 4)?);
+        let Environment { harmonics, reflections } =
+            Environment::of_texels(tape.constant(sky), &prefilter)?;
+        let reflections = reflections.levels().iter().map(|level| level.value()).collect();
+        let direction = Tensor::from(direction.as_vec3().to_array());
+        Ok(Self { harmonics: harmonics.value(), reflections, direction })
+    }
+
+    /// The light on `tape`.
+    ///
+    /// # Errors
+    /// None: those of [`CubeMap::of_levels`].
+    pub fn on<'t>(
+        &self,
+        tape: &'t Tape<f32>,
+    ) -> Result<(Environment<'t, f32>, Light<'t, f32>), RenderError> {
+        let levels: Vec<_> = self.reflections.iter().map(|level| tape.constant(level)).collect();
+        let reflections = CubeMap::of_levels(&levels)?;
+        let harmonics = tape.constant(&self.harmonics);
+        let (direction, irradiance) =
+            (tape.constant(&self.direction), tape.constant_full([3], 1.0));
+        let lamp = Light::Directional { direction, irradiance };
+        Ok((Environment { harmonics, reflections }, lamp))
+    }
+}
+
+/// The faces of a cube map, one below the other: a picture `[6 side, side, 3]`.
+pub fn column(map: &Tensor<f32>) -> Tensor<f32> {
+    let side = map.shape()[1];
+    Tensor::from_flat_fn([6 * side, side, 3], |entry| map.data()[entry])
+}

@@ -127,9 +127,9 @@ pub(crate) struct SamplesArguments {
     /// The first seed
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = seed)]
     pub(crate) first_seed: u64,
-    /// Silhouettes, where a sample leaves them open
-    #[arg(long, value_name = "WORD", default_value = "antialias", value_parser = words::<Shown>(&["aliased", "antialias", "exact"]))]
-    pub(crate) silhouettes: Shown,
+    /// Silhouettes [default: exact for cube and depth-of-field, antialias for the others]
+    #[arg(long, value_name = "WORD", value_parser = words::<Shown>(&["aliased", "antialias", "exact"]))]
+    pub(crate) silhouettes: Option<Shown>,
     /// Most updates per fit, to see that all of it runs [default: what each sample needs]
     #[arg(long, value_name = "N", value_parser = steps)]
     pub(crate) steps: Option<u64>,

@@ -189,6 +189,8 @@ mod tests {
             (Mapping::Softplus, -1.0),
             (Mapping::Exp, 0.0),
             (Mapping::Exp, -1.0),
+            (Mapping::Sigmoid, 0.0),
+            (Mapping::Sigmoid, 1.0),
             (Mapping::Identity, f64::NAN),
             (Mapping::Softplus, f64::INFINITY),
         ] {

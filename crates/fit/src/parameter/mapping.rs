@@ -16,6 +16,8 @@ pub enum Mapping {
     Softplus,
     /// Positive numbers: `value = e^raw`. Steps in raw are relative steps in value.
     Exp,
+    /// Numbers between 0 and 1, as colours are: `value = 1 / (1 + e^-raw)`.
+    Sigmoid,
 }
 
 impl Mapping {
@@ -25,6 +27,11 @@ impl Mapping {
             Self::Identity => raw,
             Self::Softplus => raw.maximum_or_nan(T::ZERO) + (-raw.abs()).exp().ln_1p(),
             Self::Exp => raw.exp(),
+            // As the tape's: no exponential overflows.
+            Self::Sigmoid => {
+                let e = (-raw.abs()).exp();
+                (if raw < T::ZERO { e } else { T::ONE }) / (T::ONE + e)
+            }
         }
     }
 
@@ -37,6 +44,7 @@ impl Mapping {
             // ln(e^y - 1), which overflows for large y.
             Self::Softplus => y + (-(-y).exp_m1()).ln(),
             Self::Exp => y.ln(),
+            Self::Sigmoid => y.ln() - (-y).ln_1p(),
         })
     }
 
@@ -46,6 +54,7 @@ impl Mapping {
             Self::Identity => raw,
             Self::Softplus => raw.softplus(),
             Self::Exp => raw.exp(),
+            Self::Sigmoid => raw.sigmoid(),
         }
     }
 
@@ -54,6 +63,7 @@ impl Mapping {
         match self {
             Self::Identity => "finite entries",
             Self::Softplus | Self::Exp => "finite entries above 0 under its mapping",
+            Self::Sigmoid => "entries above 0 and below 1 under its mapping",
         }
     }
 }
@@ -64,17 +74,20 @@ mod tests {
 
     use super::*;
 
-    const MAPPINGS: [Mapping; 3] = [Mapping::Identity, Mapping::Softplus, Mapping::Exp];
+    const MAPPINGS: [Mapping; 4] =
+        [Mapping::Identity, Mapping::Softplus, Mapping::Exp, Mapping::Sigmoid];
 
     #[test]
     fn raw_undoes_value_and_value_undoes_raw() {
         for mapping in MAPPINGS {
-            for y in [1e-300, 1e-9, 0.3, 1.0, 2.0, 40.0, 1e3, 1e8] {
+            let is_reached = |y: &f64| mapping != Mapping::Sigmoid || *y < 1.0;
+            let values = [1e-300, 1e-9, 0.3, 1.0 - 1e-9, 1.0, 2.0, 40.0, 1e3, 1e8];
+            for y in values.into_iter().filter(is_reached) {
                 // e^x loses |x| units of the last place.
                 let back = mapping.value(mapping.raw(y));
                 assert!((back - y).abs() <= 1e-15 * y * 700.0, "{mapping:?} {y} {back}");
             }
-            for y in [2.0_f32, 0.5, 4.0] {
+            for y in [0.5_f32, 0.99, 2.0, 4.0].into_iter().filter(|y| is_reached(&f64::from(*y))) {
                 let back = mapping.value(mapping.raw(y));
                 assert!((back - y).abs() <= 3e-7 * y, "{mapping:?} {y} {back}");
             }
