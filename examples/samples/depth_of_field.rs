@@ -1,8 +1,8 @@
 //! A lens from one defocused picture: its focus and its aperture; then the vertices of what it sees, too.
 //!
-//! Where vertices are learnt, the nearest board is known: a picture of a scene twice as large, with twice
-//! the focus, is the same. How blurred the other boards are then tells how far they are. Coverage is exact:
-//! with antialias some 0.5 % of error is left, since it has no gradient of what lies between pixel centres.
+//! Where vertices are learnt, the nearest board is known: a scene twice as large, with twice the focus,
+//! looks the same. How blurred the others are tells how far they are. Coverage is exact: the gradient of
+//! antialias sees no distance change between pixel centres, and leaves an error of some 0.5 %.
 
 use bokashi::glam::Vec3;
 use bokashi::prelude::*;
@@ -57,18 +57,16 @@ fn found(asked: &Asked, learns_vertices: bool) -> Result<Vec<Found>, FitError> {
     let positive = |name, start: f32| {
         Parameter::new(name, Tensor::scalar(start)).mapping(Mapping::Softplus).rate(0.03)
     };
-    let moves = if learns_vertices {
-        Parameter::new("moves", still.map(|_| random.between(-0.01, 0.01) as f32)).rate(5e-4)
-    } else {
-        Parameter::new("moves", still).frozen()
-    };
+    let off = still.map(|_| if learns_vertices { random.between(-0.01, 0.01) as f32 } else { 0.0 });
+    let moves = Parameter::new("moves", off).rate(1e-3);
     let parameters = Parameters::new()
         .with(positive("aperture", APERTURE * random.between(0.6, 1.4) as f32))?
         .with(positive("focus", FOCUS * random.between(0.8, 1.2) as f32))?
-        .with(moves)?;
+        .with(if learns_vertices { moves } else { moves.frozen() })?;
     let steps = asked.steps(if learns_vertices { 2000 } else { 500 });
     let schedule = Schedule::Cosine { steps, floor: 0.0 };
-    let settings = FitSettings { steps, schedule, ..FitSettings::default() };
+    let optimizer = Optimizer::Adam { beta1: 0.9, beta2: 0.99, epsilon: 1e-8 };
+    let settings = FitSettings { steps, optimizer, schedule, ..FitSettings::default() };
     let mut pipeline = from_fn(|tape: &Tape<f32>, list| {
         Ok(squared_error(scene.photo(list[0], list[1], list[2])?, tape.constant(&target))?)
     });

@@ -16,9 +16,9 @@ const STEPS: u64 = 1500;
 const LEARNT: usize = 20;
 const HELD_OUT: usize = 10;
 /// The smoothing of large steps.
-const LAMBDA: f64 = 10.0;
+const LAMBDA: f64 = 5.0;
 /// What the energy of the plain Laplacian weighs.
-const WEIGHT: f32 = 3.0;
+const WEIGHT: f32 = 1.0;
 
 /// What hides the background.
 fn mask<'t>(
@@ -58,7 +58,8 @@ fn found(asked: &Asked, has_large_steps: bool) -> Result<Vec<Found>, FitError> {
     };
     let steps = asked.steps(STEPS);
     let schedule = Schedule::Cosine { steps, floor: 0.05 };
-    let settings = FitSettings { steps, schedule, ..FitSettings::default() };
+    let optimizer = Optimizer::Adam { beta1: 0.9, beta2: 0.99, epsilon: 1e-8 };
+    let settings = FitSettings { steps, optimizer, schedule, ..FitSettings::default() };
     let mut pipeline = views(LEARNT, |view, tape: &Tape<f32>, variables| {
         let seen = mask(variables[0], &mesh, &cameras[view.index], asked.silhouettes)?;
         let loss = mean_squared_error(seen, tape.constant(&targets[view.index]))?;

@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
+use bokashi_examples::{SAMPLES, Sample, Silhouettes};
 use serde_json::Value;
 
 /// Runs the program in `folder`.
@@ -298,6 +299,63 @@ fn a_full_disk_is_status_1_and_one_line() {
     let output = command.current_dir(folder.path()).stdout(full).output().expect("it starts");
     assert_eq!(output.status.code(), Some(1));
     assert_eq!(text(&output.stderr).lines().count(), 1);
+}
+
+/// The figures of samples, without their seconds.
+fn figures(value: &Value) -> Vec<Value> {
+    let mut figures = value.as_array().expect("a list").clone();
+    for figure in &mut figures {
+        assert!(figure["seconds"].take().is_number());
+    }
+    figures
+}
+
+#[test]
+fn samples_are_a_list_of_figures_and_the_same_bits_for_any_number_of_threads() {
+    let folder = folder();
+    let line = "samples --only pose --only triangle --steps 20 --seeds 2 --first-seed 5 --json -";
+    let run = |options: &str| object(&bokashi(folder.path(), &format!("{line} {options}")));
+    let value = run("--threads 1");
+    let keys = ["sample", "seed", "metric", "value", "goal", "pass", "steps", "seconds"];
+    for figure in value.as_array().expect("a list") {
+        assert_eq!(figure.as_object().expect("an object").len(), keys.len());
+        assert!(keys.iter().all(|key| figure.get(key).is_some()), "{figure}");
+    }
+    let found = figures(&value);
+    let pose = |seed: u64| {
+        let is_it = |figure: &&Value| figure["sample"] == "pose" && figure["seed"] == seed;
+        found.iter().find(is_it).expect("a figure")
+    };
+    assert_eq!((&pose(5)["goal"], &pose(5)["steps"]), (&"below 0.5".into(), &20.into()));
+    assert_ne!(pose(5)["value"], pose(6)["value"]);
+    assert_eq!(figures(&run("--threads 3 --silhouettes antialias")), found);
+    assert_ne!(figures(&run("--silhouettes exact")), found);
+    assert!(files(folder.path()).is_empty());
+}
+
+#[test]
+fn the_page_of_the_samples_needs_nothing_else() {
+    let folder = folder();
+    let line = "samples --only triangle --only cube --steps 3 --out report --json figures.json";
+    let output = bokashi(folder.path(), line);
+    assert_eq!(output.status.code(), Some(0));
+    // A figure of the triangle, and six of the cube.
+    assert_eq!(text(&output.stdout).lines().filter(|line| line.contains("(seed 0)")).count(), 7);
+    assert_eq!(files(folder.path()), ["figures.json", "report/samples.html"]);
+    let page = fs::read_to_string(folder.path().join("report/samples.html")).expect("a page");
+    loads_nothing(&page);
+    let words = ["<svg", "data:image/png;base64,", "vertex distance, 4 px, 24 colours", "above 25"];
+    for word in words {
+        assert!(page.contains(word), "{word}");
+    }
+}
+
+#[test]
+fn the_help_of_samples_says_which_have_exact_silhouettes() {
+    let help = text(&bokashi(folder().path(), "samples --help").stdout);
+    let is_exact = |sample: &&Sample| sample.silhouettes == Silhouettes::Exact;
+    let names: Vec<_> = SAMPLES.iter().filter(is_exact).map(|sample| sample.name).collect();
+    assert!(help.contains(&format!("exact for {}, antialias", names.join(" and "))), "{help}");
 }
 
 /// The object without what depends on the clock, and its history from `step` on.

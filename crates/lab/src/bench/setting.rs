@@ -14,11 +14,11 @@ use crate::bench::machine::Machine;
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Peer {
-    /// Which study it belongs to: `scenes`, `multiply` or `blur`.
+    /// Which study it belongs to: `scenes`, `multiply`, `blur` or `surfaces`.
     pub study: String,
     /// Whose code.
     pub name: String,
-    /// The scene, for `scenes`.
+    /// The scene, for `scenes`; which passes, for `surfaces`.
     pub scene: Option<String>,
     /// The number of entries, for `multiply`.
     pub length: Option<usize>,

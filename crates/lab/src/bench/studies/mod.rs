@@ -9,6 +9,7 @@ mod nodes;
 mod operations;
 mod scenes;
 mod silhouettes;
+mod surfaces;
 
 use bokashi_fit::FitError;
 
@@ -20,13 +21,14 @@ type Do = fn(&Bench) -> Result<Study, FitError>;
 
 /// Every study with its name, in the order of the report. The one about memory comes first in a
 /// process, while its peak is still low; see there.
-pub(super) const ALL: [(&str, Do); 9] = [
+pub(super) const ALL: [(&str, Do); 10] = [
     ("memory", memory::study),
     ("scenes", scenes::study),
     ("silhouettes", silhouettes::study),
     ("fits", fits::study),
     ("blur", blur::study),
     ("operations", operations::study),
+    ("surfaces", surfaces::study),
     ("nodes", nodes::study),
     ("multiply", multiply::study),
     ("growth", growth::study),

@@ -34,19 +34,24 @@ use crate::bench::study::Study;
 use crate::bench::table::{Cell, Table};
 
 /// Records an operation on variables of its inputs.
-type Record<T> = for<'t> fn(&Scene, &[Var<'t, T>]) -> Result<Var<'t, T>, FitError>;
+pub(super) type Record<T> = for<'t> fn(&Scene, &[Var<'t, T>]) -> Result<Var<'t, T>, FitError>;
 
 /// An operation and what it is run on.
-struct Case<T: Scalar> {
+pub(super) struct Case<T: Scalar> {
     /// The name it has on the tape, and after a comma what it works on.
-    label: &'static str,
-    inputs: Vec<Tensor<f64>>,
-    record: Record<T>,
+    pub(super) label: &'static str,
+    pub(super) inputs: Vec<Tensor<f64>>,
+    pub(super) record: Record<T>,
 }
 
 impl<T: Scalar> Case<T> {
     fn name(&self) -> &'static str {
         self.label.split(',').next().unwrap_or(self.label)
+    }
+
+    /// The operations that it stands for: its name is one, or several between "and".
+    fn has(&self, operation: &str) -> bool {
+        self.name().split(" and ").any(|name| name == operation)
     }
 }
 
@@ -68,13 +73,13 @@ fn topology(scene: &Scene) -> Result<Topology, FitError> {
 }
 
 /// A metal or dielectric of the inputs 2 to 4.
-fn metal<'t, T: Scalar>(v: &[Var<'t, T>], conserves_energy: bool) -> Material<'t, T> {
+pub(super) fn metal<'t, T: Scalar>(v: &[Var<'t, T>], conserves_energy: bool) -> Material<'t, T> {
     let (base_color, roughness, metallic) = (v[2], v[3], v[4]);
     Material::MetallicRoughness { base_color, roughness, metallic, conserves_energy }
 }
 
 /// A surface with the normals and views of the inputs 0 and 1; its positions are the views.
-fn shaded<'t, T: Scalar>(
+pub(super) fn shaded<'t, T: Scalar>(
     v: &[Var<'t, T>],
     material: Material<'t, T>,
     light: Light<'t, T>,
@@ -84,7 +89,7 @@ fn shaded<'t, T: Scalar>(
 }
 
 /// Samples of a texture that was made mipmaps of, by the inputs texels, coordinates and differentials.
-fn textured<'t, T: Scalar>(
+pub(super) fn textured<'t, T: Scalar>(
     v: &[Var<'t, T>],
     filter: TextureFilter,
 ) -> Result<Var<'t, T>, FitError> {
@@ -465,7 +470,7 @@ impl Inputs {
 /// Texels `[S, S, 3]` for as many pixels, and what each pixel of a wall sees of them: coordinates, and
 /// how they change from pixel to pixel. Footprints are one to four texels wide, and two to three times
 /// as long.
-fn wall(pixels: usize, mut uniform: impl FnMut(f64, f64) -> f64) -> [Tensor<f64>; 3] {
+pub(super) fn wall(pixels: usize, mut uniform: impl FnMut(f64, f64) -> f64) -> [Tensor<f64>; 3] {
     let single = |x: f64| f64::from(x as f32);
     let extent = pixels as f64;
     let at = |k: usize| [(k % pixels) as f64 / extent, (k / pixels) as f64 / extent];
@@ -483,7 +488,7 @@ fn wall(pixels: usize, mut uniform: impl FnMut(f64, f64) -> f64) -> [Tensor<f64>
 }
 
 /// A case in one precision, with its memory.
-struct Runner<T: Scalar> {
+pub(super) struct Runner<T: Scalar> {
     case: Case<T>,
     inputs: Vec<Tensor<T>>,
     /// Starts as ones; set once the shape of the output is known.
@@ -492,15 +497,15 @@ struct Runner<T: Scalar> {
 }
 
 impl<T: Scalar> Runner<T> {
-    fn new(case: Case<T>) -> Self {
+    pub(super) fn new(case: Case<T>) -> Self {
         let inputs = case.inputs.iter().map(Tensor::cast).collect();
         let tape = Tape::new();
         tape.set_timed(true);
         Self { case, inputs, upstream: None, tape }
     }
 
-    /// Records and walks back once: the output and the gradients, and the seconds of both passes.
-    fn run(&mut self, scene: &Scene) -> Result<(Vec<Tensor<T>>, f64), FitError> {
+    /// Records and walks back once: the output and the gradients, and the seconds of either pass.
+    pub(super) fn run(&mut self, scene: &Scene) -> Result<(Vec<Tensor<T>>, [f64; 2]), FitError> {
         let results = {
             let inputs: Vec<Var<'_, T>> =
                 self.inputs.iter().map(|input| self.tape.leaf(input)).collect();
@@ -514,8 +519,9 @@ impl<T: Scalar> Runner<T> {
             std::iter::once(output.value()).chain(all).collect()
         };
         let report = self.tape.take_report();
-        let own = report.operations.iter().filter(|entry| entry.name == self.case.name());
-        let seconds = own.map(|entry| (entry.forward + entry.backward).as_secs_f64()).sum();
+        let own = || report.operations.iter().filter(|entry| self.case.has(entry.name));
+        let forward = own().map(|entry| entry.forward.as_secs_f64()).sum();
+        let seconds = [forward, own().map(|entry| entry.backward.as_secs_f64()).sum()];
         self.tape.reset();
         Ok((results, seconds))
     }
@@ -571,8 +577,8 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
                     }
                     continue;
                 }
-                seconds[0].push(of_single);
-                seconds[1].push(of_double);
+                seconds[0].push(of_single.iter().sum());
+                seconds[1].push(of_double.iter().sum());
             }
             Ok((errors, seconds, entries))
         };

@@ -1,0 +1,240 @@
+//! What does it cost to make a million fragments look like something?
+//!
+//! Textures, light and a lens on as many fragments as an image of 1024 x 1024 pixels has, and views side
+//! by side. Inputs are smooth across the image, as those of a real surface are.
+
+use bokashi_core::{Scalar, Tape, Tensor, Var};
+use bokashi_fit::{Fit, FitError, FitSettings, Parameter, Parameters, mean_squared_error, views};
+use bokashi_render_ops::{
+    Blur, Cull, DepthImage, Detail, Lens, LensOptions, Light, Radius, Sampler, Texture,
+    TextureFilter, depth_of_field, gaussian_blur, sample_texture,
+};
+use glam::{DMat4, DVec3};
+
+use super::operations::{Case, Record, Runner, metal, shaded, textured, wall};
+use crate::bench::difference::relative_error;
+use crate::bench::effort::USUAL;
+use crate::bench::pipeline::render;
+use crate::bench::sampling::{Contestant, Timing, interleaved};
+use crate::bench::scenes::Scene;
+use crate::bench::setting::Bench;
+use crate::bench::study::Study;
+use crate::bench::table::{Cell, Table};
+
+/// The largest standard deviation of the lens, in pixels, and that of the blur beside it.
+const APERTURE: f64 = 6.0;
+
+/// A lens within `tolerance` of an image, distances, aperture and focus.
+fn through_lens<'t, T: Scalar>(v: &[Var<'t, T>], tolerance: f64) -> Result<Var<'t, T>, FitError> {
+    let lens = Lens { aperture: v[2], focus: v[3] };
+    let options = LensOptions { radius: Radius::Tolerance(tolerance), ..LensOptions::default() };
+    Ok(depth_of_field(v[0], DepthImage::of_distances(v[1]), lens, &options)?.image)
+}
+
+fn cases<T: Scalar>(pixels: usize) -> Vec<Case<T>> {
+    let mut all: Vec<Case<T>> = Vec::new();
+    let mut add = |label, inputs: &[&Tensor<f64>], record: Record<T>| {
+        let inputs = inputs.iter().map(|&tensor| tensor.clone()).collect();
+        all.push(Case { label, inputs, record });
+    };
+    let count = pixels * pixels;
+    // As far across the image as down, from 0 to 1, and exact in f32.
+    let at = |k: usize| [k % pixels, k / pixels].map(|k| k as f64 / pixels as f64);
+    let rows = |entry: fn([f64; 2]) -> [f64; 3]| {
+        Tensor::from_fn([count, 3], |[k, c]| f64::from(entry(at(k))[c] as f32))
+    };
+    let numbers = |entry: fn([f64; 2]) -> f64| {
+        Tensor::from_flat_fn([count], |k| f64::from(entry(at(k)) as f32))
+    };
+    let mut state = 1_u64;
+    let mut uniform = |low: f64, high: f64| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        low + (high - low) * (state >> 40) as f64 / 16_777_216.0
+    };
+    let [texels, places, footprints] = &wall(pixels, &mut uniform);
+    // In f32 a coordinate beyond the border wraps to another one than in f64, by a rounding.
+    let places = &places.map(|x| f64::from((x - x.floor()) as f32));
+    add("sample_texture, bilinear", &[texels, places], |_, v| {
+        let sampler = Sampler::new().filter(TextureFilter::Bilinear);
+        Ok(sample_texture(&Texture::new(v[0])?, v[1], Detail::Finest, sampler)?)
+    });
+    let texture = [texels, places, footprints];
+    add("mipmaps and sample_texture, trilinear", &texture, |_, v| {
+        textured(&[v[0], v[1], v[2].detach()], TextureFilter::Trilinear)
+    });
+    add("mipmaps and sample_texture, trilinear, and to the differentials", &texture, |_, v| {
+        textured(v, TextureFilter::Trilinear)
+    });
+    add("mipmaps and sample_texture, 8 probes", &texture, |_, v| {
+        textured(v, TextureFilter::Anisotropic { probes: 8 })
+    });
+    let normals = rows(|[x, y]| [x - 0.5, y - 0.5, 1.0]);
+    let eyes = rows(|[x, y]| [0.5 - x, 0.25 - y, 2.0]);
+    let base = rows(|[x, y]| [x, y, 0.5]);
+    let (roughness, metallic) = (numbers(|[x, _]| 0.1 + 0.8 * x), numbers(|[_, y]| y));
+    let light = [Tensor::from([0.25, 0.5, 1.0]), Tensor::from([1.0, 2.0, 3.0])];
+    let lit = [&normals, &eyes, &base, &roughness, &metallic, &light[0], &light[1]];
+    add("shade, metallic-roughness", &lit, |_, v| {
+        let light = Light::Directional { direction: v[5], irradiance: v[6] };
+        shaded(v, metal(v, false), light)
+    });
+    let image = Tensor::from_flat_fn([pixels, pixels, 3], |_| uniform(0.0, 1.0));
+    let distances = Tensor::from_flat_fn([pixels, pixels], |k| 1.0 + 4.0 * at(k)[1]);
+    add("gaussian_blur, sigma 6", &[&image, &Tensor::scalar(APERTURE)], |_, v| {
+        let options = Blur { radius: Radius::Tolerance(1e-2), ..Blur::default() };
+        Ok(gaussian_blur(v[0], v[1], &options)?)
+    });
+    let lens = [Tensor::scalar(APERTURE), Tensor::scalar(2.0)];
+    let seen = [&image, &distances, &lens[0], &lens[1]];
+    add("depth_of_field, aperture 6, tolerance 1e-2", &seen, |_, v| through_lens(v, 1e-2));
+    add("depth_of_field, aperture 6, tolerance 1e-3", &seen, |_, v| through_lens(v, 1e-3));
+    all
+}
+
+pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
+    let pixels = bench.effort.choose(32, 1024);
+    let mut study = Study::new(
+        "surfaces",
+        "A million fragments with textures, light and a lens",
+        format!(
+            "As many fragments as {pixels} x {pixels} pixels, 3 channels, f32, by the tape's own clock: \
+             forward, and with the gradients of every input, but for the differentials where they \
+             are not named. Errors are f32's against f64 on the same inputs, as a share of the \
+             largest entry: of the output, and of the worst gradient. A lens stays within its \
+             tolerance besides."
+        ),
+    );
+    let mut table = Table::new(
+        "surfaces",
+        "Time and error",
+        &[
+            ("operation", "operation"),
+            ("threads", "threads"),
+            ("forward, ms", "forward_minimum_milliseconds"),
+            ("and backward, ms", "both_minimum_milliseconds"),
+            ("median, ms", "both_median_milliseconds"),
+            ("error of the output", "output_error"),
+            ("of a gradient", "gradient_error"),
+        ],
+    );
+    // No operation of this study looks at a scene.
+    let scene = Scene::cube(8)?;
+    let samples = bench.effort.samples(0.03, USUAL);
+    for (single, double) in cases::<f32>(pixels).into_iter().zip(cases::<f64>(pixels)) {
+        let label = single.label;
+        let (mut single, mut double) = (Runner::new(single), Runner::new(double));
+        let exact = bench.widest().install(|| double.run(&scene));
+        drop(double);
+        let found = exact.and_then(|(exact, _)| {
+            let (found, _) = single.run(&scene)?;
+            let mut errors = [0.0_f64; 2];
+            for (at, (found, exact)) in found.iter().zip(&exact).enumerate() {
+                let error = &mut errors[at.min(1)];
+                *error = error.max(relative_error(found, exact));
+            }
+            let mut seconds = vec![[Vec::new(), Vec::new()]; bench.pools.len()];
+            for _ in 0..samples {
+                for (pool, [forward, both]) in bench.pools.iter().zip(&mut seconds) {
+                    let (_, of_passes) = pool.install(|| single.run(&scene))?;
+                    forward.push(of_passes[0]);
+                    both.push(of_passes.iter().sum());
+                }
+            }
+            Ok((errors, seconds))
+        });
+        let Some((errors, seconds)) = study.noted(label, found) else { continue };
+        for (pool, seconds) in bench.pools.iter().zip(seconds) {
+            let [forward, both] = seconds.map(Timing::of);
+            table.push(vec![
+                Cell::text(label),
+                Cell::Count(pool.current_num_threads()),
+                Cell::timed(&forward, 1e3 * forward.minimum),
+                Cell::timed(&both, 1e3 * both.minimum),
+                Cell::timed(&both, 1e3 * both.median),
+                Cell::number(errors[0]),
+                Cell::number(errors[1]),
+            ]);
+        }
+    }
+    for name in bench.peer_names("surfaces") {
+        let mut own = bench.peers_of("surfaces").filter(|peer| peer.name == name);
+        let mut of = |passes: &str| own.find(|peer| peer.scene.as_deref() == Some(passes));
+        let (forward, both) = (of("forward"), of("forward and backward"));
+        let milliseconds = |microseconds: Option<f64>| Cell::maybe(microseconds.map(|t| 1e-3 * t));
+        table.push(vec![
+            Cell::text(name),
+            Cell::Count(2),
+            milliseconds(forward.map(|peer| peer.minimum_microseconds)),
+            milliseconds(both.map(|peer| peer.minimum_microseconds)),
+            milliseconds(both.map(|peer| peer.median_microseconds)),
+            Cell::maybe(forward.and_then(|peer| peer.error)),
+            Cell::maybe(both.and_then(|peer| peer.error)),
+        ]);
+    }
+    study.tables.push(table);
+    let table = side_by_side(bench, &mut study)?;
+    study.tables.push(table);
+    Ok(study)
+}
+
+/// How many views there are.
+const VIEWS: usize = 8;
+
+/// Steps of a fit of colours and places to eight views of a sphere.
+fn steps_of_views(scene: &Scene) -> Result<impl FnMut() -> Result<f64, FitError> + Send, FitError> {
+    let cameras: Vec<_> = (0..VIEWS)
+        .map(|k| {
+            let turn = DMat4::from_axis_angle(DVec3::Y, k as f64 * std::f64::consts::TAU / 8.0);
+            Scene { camera: scene.camera * turn, ..scene.clone() }
+        })
+        .collect();
+    let pixels = [scene.size.height, scene.size.width, 3];
+    let target = Tensor::from_flat_fn(pixels, |k| (k % 7) as f32 / 7.0);
+    let parameters = Parameters::new()
+        .with(Parameter::new("positions", scene.positions.cast::<f32>()).rate(1e-6))?
+        .with(Parameter::new("colors", scene.colors.cast()).rate(1e-6))?;
+    let mut fit = Fit::new(parameters, FitSettings::default())?;
+    let mut pipeline = views(VIEWS, move |view, tape: &Tape<f32>, list| {
+        let image = render(&cameras[view.index], Cull::Back, list[0], list[1])?;
+        Ok(mean_squared_error(image, tape.constant(&target))?)
+    });
+    Ok(move || Ok(fit.step(&mut pipeline)?.loss))
+}
+
+/// Eight views on one thread and on two.
+fn side_by_side(bench: &Bench, study: &mut Study) -> Result<Table, FitError> {
+    let scene = match bench.effort.choose(true, false) {
+        true => Scene::sphere("sphere1k", 32, 17, 32)?,
+        false => Scene::sphere("sphere20k", 144, 70, 256)?,
+    };
+    let mut table = Table::new(
+        "views",
+        "A step over eight views of a sphere, each on a tape of its own; the loss has the same bits",
+        &[
+            ("scene", "scene"),
+            ("threads", "threads"),
+            ("time, ms", "minimum_milliseconds"),
+            ("median, ms", "median_milliseconds"),
+            ("loss", "loss"),
+        ],
+    );
+    let mut losses = Vec::new();
+    let mut contestants = Vec::new();
+    for pool in &bench.pools {
+        losses.push(pool.install(|| steps_of_views(&scene)?())?);
+        let mut step = steps_of_views(&scene)?;
+        contestants.push(Contestant::new(pool, move || step().map(drop)));
+    }
+    let timings = interleaved(&mut contestants, bench.effort, USUAL);
+    for ((pool, timing), loss) in bench.pools.iter().zip(timings).zip(losses) {
+        let Some(timing) = study.noted(&scene.name, timing) else { continue };
+        table.push(vec![
+            Cell::text(&scene.name),
+            Cell::Count(pool.current_num_threads()),
+            Cell::timed(&timing, 1e3 * timing.minimum),
+            Cell::timed(&timing, 1e3 * timing.median),
+            Cell::number(loss),
+        ]);
+    }
+    Ok(table)
+}
