@@ -61,7 +61,9 @@ fn found(asked: &Asked, has_mipmaps: bool) -> Result<Found, FitError> {
     let texels = Parameter::new("texels", texels).rate(1e-2);
     let steps = asked.steps(STEPS);
     let schedule = Schedule::Exponential { steps, factor: 0.1, floor: 0.0 };
-    let settings = FitSettings { steps, schedule, ..FitSettings::default() };
+    // Gradients of near and far views differ a hundredfold: their squares are soon forgotten.
+    let optimizer = Optimizer::Adam { beta1: 0.9, beta2: 0.99, epsilon: 1e-8 };
+    let settings = FitSettings { steps, optimizer, schedule, ..FitSettings::default() };
     let mut pipeline = views(1, |view, tape: &Tape<f32>, variables| {
         let camera = camera(&mut Random::new(asked.seed, 1 + view.step));
         let texture = Texture::with_mipmaps(tape.constant(&truth))?;

@@ -139,21 +139,24 @@ fn sum_lanes<T: Scalar>(
 ) -> [T::Wide; LANES] {
     let mut totals = [T::Wide::ZERO; LANES];
     // A loop of a known length where there are a few columns.
-    let piece = |range: Range<usize>| match width {
-        1 => lanes::<1, T>(range, &term),
-        2 => lanes::<2, T>(range, &term),
-        3 => lanes::<3, T>(range, &term),
-        4 => lanes::<4, T>(range, &term),
-        LANES => lanes::<LANES, T>(range, &term),
+    let add_rows = |range: Range<usize>, sums: &mut [T::Wide; LANES]| match width {
+        1 => lanes::<1, T>(range, &term, sums),
+        2 => lanes::<2, T>(range, &term, sums),
+        3 => lanes::<3, T>(range, &term, sums),
+        4 => lanes::<4, T>(range, &term, sums),
+        LANES => lanes::<LANES, T>(range, &term, sums),
         _ => {
-            let mut sums = [T::Wide::ZERO; LANES];
             for row in range {
                 for (c, sum) in sums[..width].iter_mut().enumerate() {
                     *sum += term(row, c);
                 }
             }
-            sums
         }
+    };
+    let piece = |range: Range<usize>| {
+        let mut sums = [T::Wide::ZERO; LANES];
+        add_rows(range, &mut sums);
+        sums
     };
     let mut merge = |sums: [T::Wide; LANES]| {
         totals.iter_mut().zip(sums).for_each(|(total, sum)| *total += sum);
@@ -172,16 +175,20 @@ fn sum_lanes<T: Scalar>(
     totals
 }
 
-/// The sums of `term(row, column)` over `rows`, for `W` columns; zeros beyond.
+/// Writes the sums of `term(row, column)` over `rows`, for `W` columns.
 fn lanes<const W: usize, T: Scalar>(
     rows: Range<usize>,
     term: impl Fn(usize, usize) -> T::Wide,
-) -> [T::Wide; LANES] {
-    let mut sums = [T::Wide::ZERO; W];
+    sums: &mut [T::Wide; LANES],
+) {
+    // Of their own: they stay in registers.
+    let mut own = [T::Wide::ZERO; W];
     for row in rows {
-        sums.iter_mut().enumerate().for_each(|(c, sum)| *sum += term(row, c));
+        for (c, sum) in own.iter_mut().enumerate() {
+            *sum += term(row, c);
+        }
     }
-    std::array::from_fn(|c| sums.get(c).copied().unwrap_or(T::Wide::ZERO))
+    sums[..W].copy_from_slice(&own);
 }
 
 /// The adjoint of [`sum_along`]: adds `entry(sums_bar)`, with `sums_bar: [outer, inner]`, to

@@ -9,7 +9,7 @@ use std::time::Instant;
 use smallvec::SmallVec;
 
 use crate::error::TensorError;
-use crate::node::{Node, slot_in, spare_place};
+use crate::node::{Node, Place, slot_in, spare_place};
 use crate::op::{Inputs, Keep, Op, Outputs, Renamed};
 use crate::scalar::Scalar;
 use crate::tape::{Inner, Tape};
@@ -71,7 +71,8 @@ impl<T: Scalar> Tape<T> {
     /// Records `op` on `inputs`, one with a single output where `is_single` says so; returns the
     /// indices of its outputs.
     ///
-    /// What the operation or the caller gets wrong panics before anything is recorded.
+    /// What the operation or the caller gets wrong panics before anything is recorded. Only what names
+    /// the operation's type stands here: it is compiled for every operation.
     #[inline(never)]
     fn record_node<'t, O: Op<T>>(
         &'t self,
@@ -81,90 +82,153 @@ impl<T: Scalar> Tape<T> {
         look: &mut dyn FnMut(&O::Saved),
     ) -> Result<Range<u32>, O::Error> {
         let name = op.name();
-        if inputs.iter().any(|input| !std::ptr::eq(input.tape, self)) {
-            return Err(TensorError::ForeignVariable { operation: name }.into());
-        }
+        self.check_own(name, inputs)?;
         let inner = &mut *self.inner.borrow_mut();
-        inner.begin_call();
-        let Inner { values, live, links, nodes, places, used, pool, tally, .. } = inner;
-        let (further, renamed) = (&mut inner.further, &mut inner.renamed);
-        let start = inner.timed.then(Instant::now);
+        let (first_input, start) = inner.begin_record(inputs);
+        let (view, mut outputs, places, used) = inner.parts(first_input);
 
         // From here until `used` and `live` grow, the places are spare: they may hold anything.
-        let place = spare_place::<T, O>(places, *used);
-        let slot = slot_in::<T, O>(&mut *place.recorded);
-        if values.len() == *live {
-            values.push(Value::vacant());
-        }
-        let (recorded, spare) = values.split_at_mut(*live);
-        let first_input = links.len();
-        links.extend(inputs.iter().map(|input| input.index));
-        let view = Inputs { values: recorded, indices: &links[first_input..] };
-        let mut outputs = Outputs { pool, places: spare, further, count: 0, renamed, passed: None };
+        let slot = slot_in::<T, O>(&mut *spare_place::<T, O>(places, used).recorded);
         if let Err(error) = op.forward(&view, &mut outputs, &mut slot.saved) {
-            links.truncate(first_input);
-            values.append(further);
-            renamed.clear();
-            inner.is_call_under_way = false;
+            inner.abandon(first_input);
             return Err(error);
         }
-        let Outputs { count: output_count, passed, .. } = outputs;
-        if let Some((input, _)) = passed {
-            assert!(output_count == 0, "{name} passes an input on and has outputs as well");
-            assert!(input < inputs.len(), "{name} passes input {input} on and has no such input");
-        } else if is_single {
-            assert_eq!(output_count, 1, "`apply` is for operations of one output");
+        let (output_count, passed) = outputs.check(name, &view, is_single);
+        look(&slot.saved);
+        let saved_bytes = op.saved_bytes(&slot.saved) as u64;
+        let needs = passed.is_none() && view.any_needs();
+        let keep = if needs { op.keeps(&view) } else { Keep::NOTHING };
+        if needs {
+            slot.op = Some(op);
         }
-        for Renamed { shape, input, .. } in renamed.iter() {
-            let of = view.indices.get(*input).map(|&index| &recorded[index as usize].shape);
+        let done =
+            Done { name, first_input, output_count, passed, saved_bytes, needs, keep, start };
+        Ok(inner.finish_record(done))
+    }
+
+    /// Checks that all of `inputs` are variables of this tape.
+    fn check_own(&self, name: &'static str, inputs: &[Var<'_, T>]) -> Result<(), TensorError> {
+        match inputs.iter().all(|input| std::ptr::eq(input.tape, self)) {
+            true => Ok(()),
+            false => Err(TensorError::ForeignVariable { operation: name }),
+        }
+    }
+}
+
+/// An operation that ran, and what is known of it.
+struct Done {
+    name: &'static str,
+    /// Where its inputs start among the links.
+    first_input: usize,
+    output_count: usize,
+    /// The input that is its output, and why.
+    passed: Option<(usize, &'static str)>,
+    saved_bytes: u64,
+    needs: bool,
+    keep: Keep,
+    /// When it began, where that is asked for.
+    start: Option<Instant>,
+}
+
+impl<T: Scalar> Outputs<'_, T> {
+    /// How many outputs the operation `name` gave, and which input it passed on instead.
+    ///
+    /// # Panics
+    /// Where that is no whole: several outputs and an input, or views of other sizes.
+    fn check(
+        &self,
+        name: &'static str,
+        view: &Inputs<'_, T>,
+        is_single: bool,
+    ) -> (usize, Option<(usize, &'static str)>) {
+        let Self { count, passed, .. } = *self;
+        if let Some((input, _)) = passed {
+            let inputs = view.indices.len();
+            assert!(count == 0, "{name} passes an input on and has outputs as well");
+            assert!(input < inputs, "{name} passes input {input} on and has no such input");
+        } else if is_single {
+            assert_eq!(count, 1, "`apply` is for operations of one output");
+        }
+        for Renamed { shape, input, .. } in self.renamed.iter() {
+            let of = view.indices.get(*input).map(|&index| &view.values[index as usize].shape);
             let is_fit = of.is_some_and(|of| of.size() == shape.size());
             assert!(is_fit, "{name} renames input {input} to {shape}, and that input is {of:?}");
         }
-        look(&slot.saved);
-        let bytes = op.saved_bytes(&slot.saved) as u64;
-        let needs = passed.is_none() && view.any_needs();
-        let keep = if needs { op.keeps(&view) } else { Keep::NOTHING };
+        (count, passed)
+    }
+}
 
-        // The operation has said what it has to say: no panic can come from here on.
+/// What an operation reads, what it writes, the places of operations, and how many of them are used.
+type Parts<'a, T> = (Inputs<'a, T>, Outputs<'a, T>, &'a mut Vec<Place<T>>, usize);
+
+impl<T: Scalar> Inner<T> {
+    /// Begins to record an operation on `inputs`: where they start among the links, and the time.
+    fn begin_record(&mut self, inputs: &[Var<'_, T>]) -> (usize, Option<Instant>) {
+        self.begin_call();
+        let start = self.timed.then(Instant::now);
+        if self.values.len() == self.live {
+            self.values.push(Value::vacant());
+        }
+        let first_input = self.links.len();
+        self.links.extend(inputs.iter().map(|input| input.index));
+        (first_input, start)
+    }
+
+    /// What an operation is given.
+    fn parts(&mut self, first_input: usize) -> Parts<'_, T> {
+        let (recorded, spare) = self.values.split_at_mut(self.live);
+        let view = Inputs { values: recorded, indices: &self.links[first_input..] };
+        let outputs = Outputs {
+            pool: &mut self.pool,
+            places: spare,
+            further: &mut self.further,
+            count: 0,
+            renamed: &mut self.renamed,
+            passed: None,
+        };
+        (view, outputs, &mut self.places, self.used)
+    }
+
+    /// Leaves the tape as it was before an operation that ended in an error.
+    #[cold]
+    fn abandon(&mut self, first_input: usize) {
+        self.links.truncate(first_input);
+        self.values.append(&mut self.further);
+        self.renamed.clear();
+        self.is_call_under_way = false;
+    }
+
+    /// Records what the operation has given. The operation has said what it has to say: no panic can
+    /// come from here.
+    fn finish_record(&mut self, done: Done) -> Range<u32> {
+        let Done { name, first_input, output_count, passed, saved_bytes, needs, keep, start } =
+            done;
+        let Self { values, live, links, nodes, places, used, pool, tally, further, .. } = self;
+        let place = &mut places[*used];
         place.entry = tally.entry(name, place.entry);
         let count = tally.count(place.entry);
         count.operation.calls += 1;
-        count.operation.bytes += bytes;
+        count.operation.bytes += saved_bytes;
         if let Some(start) = start {
             count.operation.forward += start.elapsed();
         }
         let place_index = *used as u32;
         *used += 1;
-        inner.is_call_under_way = false;
+        self.is_call_under_way = false;
         if let Some((input, reason)) = passed {
-            let index = view.indices[input];
+            let index = links[first_input + input];
             for &other in links[first_input..].iter().filter(|&&other| other != index) {
                 values[other as usize].parting = Parting::Idle(place.entry);
             }
             links.truncate(first_input);
             tally.leave_out(name, reason);
-            return Ok(index..index + 1);
+            return index..index + 1;
         }
 
-        if needs {
-            nodes.push(Node {
-                place: place_index,
-                entry: place.entry,
-                keep,
-                first_input: first_input as u32,
-                input_count: inputs.len() as u32,
-                first_output: *live as u32,
-                output_count: output_count as u32,
-            });
-            slot.op = Some(op);
-        } else {
-            count.unrecorded += 1;
-            links.truncate(first_input);
-        }
+        let first_output = *live;
         if !further.is_empty() {
             values.append(further);
         }
-        let first_output = *live;
         *live += output_count;
         for value in &mut values[first_output..*live] {
             value.needs = needs;
@@ -172,11 +236,25 @@ impl<T: Scalar> Tape<T> {
             value.parting = Parting::None;
             count.operation.bytes += size_of_val(value.data()) as u64;
         }
-        while let Some(Renamed { output, shape, input }) = renamed.pop() {
-            let data = values[inputs[input].index as usize].share(pool);
+        while let Some(Renamed { output, shape, input }) = self.renamed.pop() {
+            let data = values[links[first_input + input] as usize].share(pool);
             values[first_output + output].rename(shape, data, pool);
         }
-        Ok(first_output as u32..*live as u32)
+        if needs {
+            nodes.push(Node {
+                place: place_index,
+                entry: place.entry,
+                keep,
+                first_input: first_input as u32,
+                input_count: (links.len() - first_input) as u32,
+                first_output: first_output as u32,
+                output_count: output_count as u32,
+            });
+        } else {
+            count.unrecorded += 1;
+            links.truncate(first_input);
+        }
+        first_output as u32..*live as u32
     }
 }
 
