@@ -9,19 +9,6 @@ use super::random::Random;
 const WAVES: usize = 12;
 const SPOTS: usize = 8;
 
-/// The direction to the place (s, t) of a cube's face, from -1 to 1 to the right and down.
-fn direction(face: usize, s: f64, t: f64) -> DVec3 {
-    let towards = match face {
-        0 => [1.0, -t, -s],
-        1 => [-1.0, -t, s],
-        2 => [s, 1.0, t],
-        3 => [s, -1.0, -t],
-        4 => [s, -t, 1.0],
-        _ => [-s, -t, -1.0],
-    };
-    DVec3::from_array(towards).normalize()
-}
-
 /// A cube map of radiance, `[6, side, side, 3]`: positive, without seams, about 0.5, and some bright spots
 /// as of lamps, up to 2 brighter.
 pub fn sky(side: usize, random: &mut Random) -> Tensor<f32> {
@@ -34,9 +21,10 @@ pub fn sky(side: usize, random: &mut Random) -> Tensor<f32> {
         let color = [(); 3].map(|()| random.between(0.5, 2.0));
         (random.direction(), random.between(0.1, 0.25), color)
     });
-    Tensor::from_fn([6, side, side, 3], |[face, row, column, channel]| {
-        let [s, t] = [column, row].map(|k| (2 * k + 1) as f64 / side as f64 - 1.0);
-        let towards = direction(face, s, t);
+    let directions = CubeMap::<f64>::directions(side);
+    Tensor::from_flat_fn([6, side, side, 3], |entry| {
+        let (texel, channel) = (entry / 3, entry % 3);
+        let towards = DVec3::from_slice(&directions.data()[3 * texel..]);
         let waves = waves[channel].iter();
         let sum: f64 = waves.map(|(wave, phase, f)| (wave.dot(towards) + phase).sin() / f).sum();
         let spots = spots.iter().map(|(place, radius, color)| {

@@ -520,7 +520,8 @@ fn a_file_that_never_ends_is_left_at_the_second_signal() {
 fn a_reader_that_goes_away_ends_the_program_without_a_word() {
     let folder = folder();
     let mut command = Command::new(env!("CARGO_BIN_EXE_bokashi"));
-    command.args(["fit", "--resolution", "8", "--steps", "2", "--json", "-"]);
+    // Long enough: until it has started, a program of another test holds the pipe's other end, too.
+    command.args(["fit", "--resolution", "8", "--steps", "5000", "--json", "-"]);
     command.current_dir(folder.path()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().expect("it starts");
     drop(child.stdout.take());

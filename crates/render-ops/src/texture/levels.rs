@@ -1,7 +1,9 @@
 //! Textures and cube maps: levels of detail, from the finest on.
 
-use bokashi_core::{Scalar, Shape, TensorError, Var};
+use bokashi_core::{Scalar, Shape, Tensor, TensorError, Var};
+use glam::DVec3;
 
+use crate::cube_faces::direction;
 use crate::error::RenderError;
 use crate::mipmaps::{half, halved};
 
@@ -179,6 +181,23 @@ impl<'t, T: Scalar> CubeMap<'t, T> {
             Self::check(first)?;
         }
         Ok(Self { levels: checked(Self::OPERATION, levels)? })
+    }
+
+    /// The direction to the centre of each texel of cube maps with this side, `[6, S, S, 3]`, of length 1:
+    /// for filling a map with what a function says of directions.
+    ///
+    /// ```
+    /// use bokashi_render_ops::CubeMap;
+    ///
+    /// // The texel in the middle of +x.
+    /// let directions = CubeMap::<f64>::directions(3);
+    /// assert_eq!(directions.data()[12..15], [1.0, 0.0, 0.0]);
+    /// ```
+    pub fn directions(side: usize) -> Tensor<T> {
+        Tensor::from_fn([6, side, side, 3], |[face, row, column, axis]| {
+            let place = [column, row].map(|k| (2 * k + 1) as f64 / side as f64 - 1.0);
+            T::from_f64(DVec3::from_array(direction(face, place)).normalize()[axis])
+        })
     }
 
     /// The levels, the finest first.
