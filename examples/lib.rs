@@ -1,8 +1,8 @@
 //! The samples that people in this field know, from the public interface alone: one file each in
 //! `samples/`, under 100 lines. Each is an example of its own, and `bokashi samples` runs them all.
 //!
-//! `stage/` has what they share and what is no part of a pipeline: meshes, textures of our own, random
-//! numbers, figures of merit.
+//! `stage/` has what they share: meshes, textures of our own, random numbers, figures of merit, a fit that is
+//! watched; and, for `material`, what of the pipeline does not change: fragments and lights.
 
 // Each sample names this library as any program would.
 extern crate self as bokashi_examples;

@@ -1,8 +1,8 @@
 //! A cube from pictures of a few pixels: 8 positions, with 8 colours or with 24, one per corner of a
 //! side. Each step sees the cube in another pose.
 //!
-//! Set-up and metric are those of Laine et al. 2020, *Modular primitives for high-performance
-//! differentiable rendering*, section 4.
+//! Poses, rates and metric are those of Laine et al. 2020, *Modular primitives for high-performance
+//! differentiable rendering*, section 4; beta2 and exact coverage are our own.
 
 use bokashi::glam::{DMat4, DVec3};
 use bokashi::prelude::*;
@@ -67,8 +67,8 @@ fn found(asked: &Asked, side: usize, color_count: usize) -> Result<Found, FitErr
     // At 16 pixels 1500 steps are enough.
     let steps = asked.steps(if side == 16 { 1500 } else { 5000 });
     let schedule = Schedule::Exponential { steps: 2000, factor: 0.1, floor: 0.01 };
-    // Gradients fall as fast as the rate does. With beta2 = 0.999 their squares are remembered for so long
-    // that steps become too small: at 4 pixels 2e-4 is left, and with 0.99 they are too rash.
+    // Gradients shrink as fast as the rate. With 0.999 the second moment lags behind and steps become too
+    // small: at 4 pixels a median of 2e-4 is left. With 0.99 steps are too noisy.
     let optimizer = Optimizer::Adam { beta1: 0.9, beta2: 0.998, epsilon: 1e-8 };
     let settings = FitSettings { steps, schedule, optimizer, ..FitSettings::default() };
     let mut pipeline = views(1, |view, tape: &Tape<f32>, variables| {

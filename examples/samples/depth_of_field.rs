@@ -57,7 +57,7 @@ fn found(asked: &Asked, learns_vertices: bool) -> Result<Vec<Found>, FitError> {
     let positive = |name, start: f32| {
         Parameter::new(name, Tensor::scalar(start)).mapping(Mapping::Softplus).rate(0.03)
     };
-    let off = still.map(|_| if learns_vertices { random.between(-0.01, 0.01) as f32 } else { 0.0 });
+    let off = still.map(|_| if learns_vertices { random.between(-0.03, 0.03) as f32 } else { 0.0 });
     let moves = Parameter::new("moves", off).rate(1e-3);
     let parameters = Parameters::new()
         .with(positive("aperture", APERTURE * random.between(0.6, 1.4) as f32))?

@@ -4,7 +4,8 @@ use bokashi::prelude::*;
 
 use super::found::Curve;
 
-/// Fits `parameters` and takes figures of them: before the first step, each `every` steps, and at the end.
+/// Fits `parameters` and takes figures of them: before the first step, each `every` steps (1 or more), and at
+/// the end. The seconds of a curve include those that its figures take.
 ///
 /// # Errors
 /// Whatever the pipeline and the figures run into.

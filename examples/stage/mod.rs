@@ -1,5 +1,5 @@
-//! What samples share and what is no part of a pipeline: what they are asked for and what they find, meshes,
-//! textures, random numbers, figures of merit.
+//! What samples share: what they are asked for and what they find, meshes, textures, random numbers, figures
+//! of merit, a fit that is watched, and surfaces and lights that don't change.
 
 mod asked;
 mod found;

@@ -344,7 +344,13 @@ fn the_page_of_the_samples_needs_nothing_else() {
     assert_eq!(files(folder.path()), ["figures.json", "report/samples.html"]);
     let page = fs::read_to_string(folder.path().join("report/samples.html")).expect("a page");
     loads_nothing(&page);
-    let words = ["<svg", "data:image/png;base64,", "vertex distance, 4 px, 24 colours", "above 25"];
+    let words = [
+        "<svg",
+        "data:image/png;base64,",
+        "vertex distance, 4 px, 24 colours",
+        "above 25",
+        "Silhouettes: exact.",
+    ];
     for word in words {
         assert!(page.contains(word), "{word}");
     }

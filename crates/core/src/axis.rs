@@ -138,8 +138,8 @@ fn sum_lanes<T: Scalar>(
     term: impl Fn(usize, usize) -> T::Wide + Send + Sync,
 ) -> [T::Wide; LANES] {
     let mut totals = [T::Wide::ZERO; LANES];
-    // A loop of a known length where there are a few columns.
-    let add_rows = |range: Range<usize>, sums: &mut [T::Wide; LANES]| match width {
+    // Sums into zeros; a loop of a known length where there are a few columns.
+    let write_sums = |range: Range<usize>, sums: &mut [T::Wide; LANES]| match width {
         1 => lanes::<1, T>(range, &term, sums),
         2 => lanes::<2, T>(range, &term, sums),
         3 => lanes::<3, T>(range, &term, sums),
@@ -155,7 +155,7 @@ fn sum_lanes<T: Scalar>(
     };
     let piece = |range: Range<usize>| {
         let mut sums = [T::Wide::ZERO; LANES];
-        add_rows(range, &mut sums);
+        write_sums(range, &mut sums);
         sums
     };
     let mut merge = |sums: [T::Wide; LANES]| {
@@ -181,7 +181,7 @@ fn lanes<const W: usize, T: Scalar>(
     term: impl Fn(usize, usize) -> T::Wide,
     sums: &mut [T::Wide; LANES],
 ) {
-    // Of their own: they stay in registers.
+    // A local array of known length stays in registers.
     let mut own = [T::Wide::ZERO; W];
     for row in rows {
         for (c, sum) in own.iter_mut().enumerate() {

@@ -134,7 +134,9 @@ impl<T: Scalar> Outputs<'_, T> {
     /// How many outputs the operation `name` gave, and which input it passed on instead.
     ///
     /// # Panics
-    /// Where that is no whole: several outputs and an input, or views of other sizes.
+    /// Where the operation passes an input on and has outputs as well, or passes on an input that it lacks;
+    /// where `apply` gets another number of outputs than one; where an output under another shape has
+    /// another size than its input.
     fn check(
         &self,
         name: &'static str,

@@ -2,13 +2,14 @@
 
 use std::fmt::Write as _;
 
-use bokashi_examples::{Found, Goal, Sample};
+use bokashi_examples::{Found, Goal, Sample, Silhouettes};
 use serde_json::{Value, json};
 
 /// What a sample came to with one seed: figures, or an error.
 pub(super) struct Run {
     pub(super) sample: Sample,
     pub(super) seed: u64,
+    pub(super) silhouettes: Silhouettes,
     pub(super) result: Result<Vec<Found>, String>,
 }
 

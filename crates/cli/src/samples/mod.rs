@@ -43,7 +43,7 @@ pub(crate) fn run(arguments: &SamplesArguments) -> Result<(), Failure> {
             let silhouettes = arguments.silhouettes.unwrap_or(sample.silhouettes);
             let asked = Asked { seed, silhouettes, most_steps: arguments.steps };
             let result = (sample.run)(&asked).map_err(|error| one_line(&error.to_string()));
-            let run = Run { sample: *sample, seed, result };
+            let run = Run { sample: *sample, seed, silhouettes, result };
             if speaks {
                 say(&run.lines())?;
             }

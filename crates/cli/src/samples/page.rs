@@ -22,7 +22,9 @@ pub(super) fn render(runs: &[Run]) -> Result<String, ReportError> {
     let mut sections = Vec::new();
     for group in runs.chunk_by(|a, b| a.sample.name == b.sample.name) {
         let sample = group[0].sample;
-        let mut body = format!("<p>It {}.</p>", escaped(sample.about));
+        let silhouettes = group[0].silhouettes;
+        let about = escaped(sample.about);
+        let mut body = format!("<p>It {about}. Silhouettes: {silhouettes}.</p>");
         body.push_str(&row(&panels(group))?);
         body.push_str(&table(group));
         body.push_str(&pictures(group)?);

@@ -16,7 +16,8 @@ pub enum Mapping {
     Softplus,
     /// Positive numbers: `value = e^raw`. Steps in raw are relative steps in value.
     Exp,
-    /// Numbers between 0 and 1, as colours are: `value = 1 / (1 + e^-raw)`.
+    /// Numbers between 0 and 1, as colours are: `value = 1 / (1 + e^-raw)`. In `f32` values round to 1
+    /// from a raw number of about 17 on.
     Sigmoid,
 }
 

@@ -26,6 +26,8 @@ pub struct Peer {
     pub pixels: Option<usize>,
     /// The standard deviation in pixels, for `blur`.
     pub sigma: Option<f64>,
+    /// How many threads, for `surfaces`.
+    pub threads: Option<usize>,
     /// The least time of its samples.
     pub minimum_microseconds: f64,
     /// Their median.

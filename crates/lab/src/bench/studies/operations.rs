@@ -3,7 +3,9 @@
 //! Each operation is recorded on the same inputs, which are exact in f32, and walked back from the
 //! same upstream gradient. Times are the tape's own, of the operation alone.
 
+use std::hint::black_box;
 use std::sync::Arc;
+use std::time::Instant;
 
 use bokashi_core::{Mask, Padding, Scalar, SparseMatrix, Tape, Tensor, Var};
 use bokashi_fit::{
@@ -504,6 +506,29 @@ impl<T: Scalar> Runner<T> {
         Self { case, inputs, upstream: None, tape }
     }
 
+    /// Records and walks back once: the seconds of either pass, and of all that a step does.
+    pub(super) fn step(&mut self, scene: &Scene) -> Result<([f64; 2], f64), FitError> {
+        let start = Instant::now();
+        {
+            let inputs: Vec<Var<'_, T>> =
+                self.inputs.iter().map(|input| self.tape.leaf(input)).collect();
+            let output = (self.case.record)(scene, &inputs)?;
+            let upstream = self.upstream.as_ref().expect("it ran before");
+            black_box(self.tape.vjp(&[(output, upstream)])?);
+        }
+        self.tape.reset();
+        let seconds = start.elapsed().as_secs_f64();
+        Ok((self.passes(), seconds))
+    }
+
+    /// The seconds of forward and of backward passes since the last report.
+    fn passes(&mut self) -> [f64; 2] {
+        let report = self.tape.take_report();
+        let own = || report.operations.iter().filter(|entry| self.case.has(entry.name));
+        let forward = own().map(|entry| entry.forward.as_secs_f64()).sum();
+        [forward, own().map(|entry| entry.backward.as_secs_f64()).sum()]
+    }
+
     /// Records and walks back once: the output and the gradients, and the seconds of either pass.
     pub(super) fn run(&mut self, scene: &Scene) -> Result<(Vec<Tensor<T>>, [f64; 2]), FitError> {
         let results = {
@@ -518,10 +543,7 @@ impl<T: Scalar> Runner<T> {
             let all = inputs.iter().map(|&input| gradients.get_or_zeros(input));
             std::iter::once(output.value()).chain(all).collect()
         };
-        let report = self.tape.take_report();
-        let own = || report.operations.iter().filter(|entry| self.case.has(entry.name));
-        let forward = own().map(|entry| entry.forward.as_secs_f64()).sum();
-        let seconds = [forward, own().map(|entry| entry.backward.as_secs_f64()).sum()];
+        let seconds = self.passes();
         self.tape.reset();
         Ok((results, seconds))
     }
