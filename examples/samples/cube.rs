@@ -68,7 +68,7 @@ fn found(asked: &Asked, side: usize, color_count: usize) -> Result<Found, FitErr
     let steps = asked.steps(if side == 16 { 1500 } else { 5000 });
     let schedule = Schedule::Exponential { steps: 2000, factor: 0.1, floor: 0.01 };
     // Gradients shrink as fast as the rate. With 0.999 the second moment lags behind and steps become too
-    // small: at 4 pixels a median of 2e-4 is left. With 0.99 steps are too noisy.
+    // small: at 4 pixels, with 8 colours, a median of 2e-4 is left. With 0.99 steps are too noisy.
     let optimizer = Optimizer::Adam { beta1: 0.9, beta2: 0.998, epsilon: 1e-8 };
     let settings = FitSettings { steps, schedule, optimizer, ..FitSettings::default() };
     let mut pipeline = views(1, |view, tape: &Tape<f32>, variables| {

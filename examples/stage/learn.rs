@@ -5,7 +5,8 @@ use bokashi::prelude::*;
 use super::found::Curve;
 
 /// Fits `parameters` and takes figures of them: before the first step, each `every` steps (1 or more), and at
-/// the end. The seconds of a curve include those that its figures take.
+/// the end. The seconds of a curve include those that its figures take. All of `settings.steps` are taken: a
+/// watched fit stops for no loss and for no lack of patience.
 ///
 /// # Errors
 /// Whatever the pipeline and the figures run into.

@@ -43,10 +43,10 @@ pub struct StillLights {
 }
 
 impl StillLights {
-    /// The light of `sky` and of a white lamp in this direction.
+    /// The light of `sky`, `[6, S, S, 3]`, and of a white lamp in this direction.
     ///
     /// # Errors
-    /// None: those of [`Environment::of_texels`].
+    /// As [`Prefilter::new`] with 4 levels, and [`Environment::of_texels`].
     pub fn new(sky: &Tensor<f32>, direction: DVec3) -> Result<Self, RenderError> {
         let (tape, prefilter) = (Tape::new(), Prefilter::new(sky.shape()[1], 4)?);
         let Environment { harmonics, reflections } =

@@ -138,24 +138,23 @@ fn sum_lanes<T: Scalar>(
     term: impl Fn(usize, usize) -> T::Wide + Send + Sync,
 ) -> [T::Wide; LANES] {
     let mut totals = [T::Wide::ZERO; LANES];
-    // Sums into zeros; a loop of a known length where there are a few columns.
-    let write_sums = |range: Range<usize>, sums: &mut [T::Wide; LANES]| match width {
-        1 => lanes::<1, T>(range, &term, sums),
-        2 => lanes::<2, T>(range, &term, sums),
-        3 => lanes::<3, T>(range, &term, sums),
-        4 => lanes::<4, T>(range, &term, sums),
-        LANES => lanes::<LANES, T>(range, &term, sums),
-        _ => {
-            for row in range {
-                for (c, sum) in sums[..width].iter_mut().enumerate() {
-                    *sum += term(row, c);
+    // A loop of a known length where there are a few columns.
+    let piece = |range: Range<usize>| {
+        let mut sums = [T::Wide::ZERO; LANES];
+        match width {
+            1 => lanes::<1, T>(range, &term, &mut sums),
+            2 => lanes::<2, T>(range, &term, &mut sums),
+            3 => lanes::<3, T>(range, &term, &mut sums),
+            4 => lanes::<4, T>(range, &term, &mut sums),
+            LANES => lanes::<LANES, T>(range, &term, &mut sums),
+            _ => {
+                for row in range {
+                    for (c, sum) in sums[..width].iter_mut().enumerate() {
+                        *sum += term(row, c);
+                    }
                 }
             }
         }
-    };
-    let piece = |range: Range<usize>| {
-        let mut sums = [T::Wide::ZERO; LANES];
-        write_sums(range, &mut sums);
         sums
     };
     let mut merge = |sums: [T::Wide; LANES]| {

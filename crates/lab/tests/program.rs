@@ -142,18 +142,29 @@ fn a_bench_sets_the_times_of_others_beside_ours() {
         {"study": "multiply", "name": "theirs", "length": 256,
         "minimum_microseconds": 2.5, "median_microseconds": 3.0},
         {"study": "scenes", "name": "DEODR", "scene": "cube@32",
-        "minimum_microseconds": 70000.0, "median_microseconds": 80000.0}]"#;
+        "minimum_microseconds": 70000.0, "median_microseconds": 80000.0},
+        {"study": "surfaces", "name": "PyTorch", "scene": "forward", "threads": 2,
+        "minimum_microseconds": 6000.0, "median_microseconds": 7000.0, "error": 0.25},
+        {"study": "surfaces", "name": "PyTorch", "scene": "forward and backward", "threads": 2,
+        "minimum_microseconds": 28000.0, "median_microseconds": 29000.0, "error": 0.5}]"#;
     fs::write(folder.path().join("peers.json"), peers).expect("a file");
     let value = object(&lab(
         folder.path(),
-        "bench --quick --only scenes --only multiply --peers peers.json --json -",
+        "bench --quick --only scenes --only multiply --only surfaces --peers peers.json --json -",
     ));
     let table = |study: usize, name: &str| value["studies"][study]["tables"][name].clone();
-    let row = &table(1, "multiply")[2];
+    let row = &table(2, "multiply")[2];
     assert_eq!((&row["name"], &row["length_16_nanoseconds"]), (&"theirs".into(), &1500.0.into()));
     assert!(row["length_1_nanoseconds"].is_null() && row["length_256_nanoseconds"] == 2500.0);
-    assert_eq!(table(1, "multiply").as_array().map(Vec::len), Some(4));
+    assert_eq!(table(2, "multiply").as_array().map(Vec::len), Some(4));
     assert_eq!(table(0, "scenes")[0]["deodr_milliseconds"], 70.0);
+    let surfaces = table(1, "surfaces");
+    let theirs = surfaces.as_array().and_then(|rows| rows.last()).expect("rows");
+    assert_eq!((&theirs["operation"], &theirs["threads"]), (&"PyTorch".into(), &2.into()));
+    assert_eq!(theirs["forward_minimum_milliseconds"], 6.0);
+    assert_eq!(theirs["step_minimum_milliseconds"], 28.0);
+    assert_eq!(theirs["step_median_milliseconds"], 29.0);
+    assert_eq!((&theirs["output_error"], &theirs["gradient_error"]), (&0.25.into(), &0.5.into()));
 }
 
 #[test]

@@ -28,6 +28,16 @@ pub(crate) fn direction(face: usize, [s, t]: [f64; 2]) -> [f64; 3] {
     direction
 }
 
+/// s or t of a line, in texels from the border of a face with so many of them along a side.
+pub(crate) fn ratio(at: f64, extent: usize) -> f64 {
+    2.0 * at / extent as f64 - 1.0
+}
+
+/// The direction to the middle of a texel.
+pub(crate) fn towards_texel(face: usize, [row, column]: [isize; 2], extent: usize) -> [f64; 3] {
+    direction(face, [column, row].map(|at| ratio(at as f64 + 0.5, extent)))
+}
+
 /// The solid angle of a rectangle on a face, between these s and t.
 pub(crate) fn solid_angle([s0, s1]: [f64; 2], [t0, t1]: [f64; 2]) -> f64 {
     let corner = |s: f64, t: f64| (s * t).atan2((s * s + t * t + 1.0).sqrt());
@@ -41,7 +51,7 @@ mod tests {
     #[test]
     fn solid_angles_of_all_texels_are_the_sphere() {
         for extent in [1, 2, 7, 64] {
-            let side = |k: usize| [k, k + 1].map(|k| 2.0 * k as f64 / extent as f64 - 1.0);
+            let side = |k: usize| [k, k + 1].map(|k| ratio(k as f64, extent));
             let texels = (0..extent * extent).map(|k| (side(k % extent), side(k / extent)));
             let face: f64 = texels.map(|(s, t)| solid_angle(s, t)).sum();
             approx::assert_relative_eq!(6.0 * face, 4.0 * std::f64::consts::PI, epsilon = 1e-12);

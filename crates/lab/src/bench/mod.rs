@@ -9,6 +9,7 @@ mod difference;
 mod effort;
 mod elision;
 mod machine;
+mod operation;
 mod page;
 mod pipeline;
 mod questions;

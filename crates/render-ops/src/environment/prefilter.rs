@@ -24,7 +24,7 @@ use bokashi_core::parallel::for_each_item_mut;
 use bokashi_core::{Scalar, SparseMatrix, Tensor, TensorError, Var};
 
 use super::harmonics::{HARMONICS, harmonics};
-use crate::cube_faces::{direction, solid_angle};
+use crate::cube_faces::{direction, ratio, solid_angle};
 use crate::error::RenderError;
 use crate::mipmaps::halved;
 use crate::texture::CubeMap;
@@ -87,20 +87,15 @@ impl Block {
         })
     }
 
-    /// s or t of a line, in blocks from the border.
-    fn ratio(self, at: f64) -> f64 {
-        2.0 * at / self.extent as f64 - 1.0
-    }
-
     fn solid_angle(self) -> f64 {
-        let side = |k: usize| [self.ratio(k as f64), self.ratio((k + 1) as f64)];
+        let side = |k: usize| [k, k + 1].map(|k| ratio(k as f64, self.extent));
         solid_angle(side(self.column), side(self.row))
     }
 
     /// The unit vector to a place, in shares of the block's sides.
     fn unit(self, [x, y]: [f64; 2]) -> Vector3<f64> {
-        let (column, row) = (self.column as f64 + x, self.row as f64 + y);
-        let towards = direction(self.face, [self.ratio(column), self.ratio(row)]);
+        let place = [self.column as f64 + x, self.row as f64 + y];
+        let towards = direction(self.face, place.map(|at| ratio(at, self.extent)));
         Direction::of(towards).map_or(towards, |found| found.unit)
     }
 

@@ -4,7 +4,7 @@ use approx::{assert_abs_diff_eq, assert_relative_eq};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 
 use super::*;
-use crate::cube_faces::{direction, solid_angle};
+use crate::cube_faces::{ratio, solid_angle, towards_texel};
 use crate::shading::{Light, shade};
 use crate::vector::{Direction, Vector3, dot};
 
@@ -12,10 +12,9 @@ const SIZE: usize = 16;
 
 /// The unit vector to the middle of a texel, and its solid angle.
 fn texel(k: usize, size: usize) -> (Vector3<f64>, f64) {
-    let ratio = |at: f64| 2.0 * at / size as f64 - 1.0;
     let (face, row, column) = (k / size / size, k / size % size, k % size);
-    let middle = direction(face, [ratio(column as f64 + 0.5), ratio(row as f64 + 0.5)]);
-    let side = |k: usize| [ratio(k as f64), ratio((k + 1) as f64)];
+    let middle = towards_texel(face, [row as isize, column as isize], size);
+    let side = |k: usize| [k, k + 1].map(|k| ratio(k as f64, size));
     (Direction::of(middle).unwrap().unit, solid_angle(side(column), side(row)))
 }
 

@@ -25,7 +25,7 @@ use bokashi_core::Scalar;
 
 use super::lanes::{LANES, Lanes};
 use super::options::TextureBorder;
-use crate::cube_faces::{AXES, direction};
+use crate::cube_faces::{AXES, towards_texel};
 
 /// A place on a face of a texture: (0, 0) is its upper left corner and (1, 1) its lower right corner.
 #[derive(Debug, Clone, Copy)]
@@ -426,8 +426,7 @@ impl Chart<3> for Cube {
             return Texels::one([face, row as usize, column as usize]);
         }
         // The texel of the face that the middle of this texel, in the plane of its own face, shows.
-        let ratio = |at: isize| (2 * at + 1) as f64 / extent as f64 - 1.0;
-        let Place { face, at } = self.place(direction(face, [ratio(column), ratio(row)]));
+        let Place { face, at } = self.place(towards_texel(face, [row, column], extent));
         let index = |at: f64| ((at * extent as f64) as usize).min(extent - 1);
         Texels::one([face, index(at[1]), index(at[0])])
     }

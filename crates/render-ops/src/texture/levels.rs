@@ -3,7 +3,7 @@
 use bokashi_core::{Scalar, Shape, Tensor, TensorError, Var};
 use glam::DVec3;
 
-use crate::cube_faces::direction;
+use crate::cube_faces::towards_texel;
 use crate::error::RenderError;
 use crate::mipmaps::{half, halved};
 
@@ -194,9 +194,13 @@ impl<'t, T: Scalar> CubeMap<'t, T> {
     /// assert_eq!(directions.data()[12..15], [1.0, 0.0, 0.0]);
     /// ```
     pub fn directions(side: usize) -> Tensor<T> {
+        let mut unit = DVec3::X;
         Tensor::from_fn([6, side, side, 3], |[face, row, column, axis]| {
-            let place = [column, row].map(|k| (2 * k + 1) as f64 / side as f64 - 1.0);
-            T::from_f64(DVec3::from_array(direction(face, place)).normalize()[axis])
+            if axis == 0 {
+                let towards = towards_texel(face, [row as isize, column as isize], side);
+                unit = DVec3::from_array(towards).normalize();
+            }
+            T::from_f64(unit[axis])
         })
     }
 

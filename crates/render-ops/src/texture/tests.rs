@@ -1,6 +1,7 @@
 //! Laws of samples: against the definition, texel by texel.
 
 use bokashi_core::{Scalar, Tape, Tensor, Var};
+use glam::DVec3;
 use rayon::ThreadPoolBuilder;
 
 use super::*;
@@ -380,6 +381,10 @@ fn a_direction_through_the_middle_of_a_texel_shows_that_texel() {
         .collect();
     let found = sample_cube_map(&map, directions(&tape, &all), Detail::Finest, Sampler::new());
     assert_close(found.unwrap().value().data(), texels.data(), 1e-14);
+
+    let units = all.iter().flat_map(|&towards| DVec3::from_array(towards).normalize().to_array());
+    let units: Vec<_> = units.collect();
+    assert_close(CubeMap::<f64>::directions(4).data(), &units, 1e-15);
 }
 
 #[test]

@@ -4,16 +4,18 @@
 //! by side. Inputs are smooth across the image, as those of a real surface are.
 
 use bokashi_core::{Scalar, Tape, Tensor, Var};
-use bokashi_fit::{Fit, FitError, FitSettings, Parameter, Parameters, mean_squared_error, views};
+use bokashi_fit::{
+    Fit, FitError, FitSettings, Parameter, Parameters, Pipeline, mean_squared_error, views,
+};
 use bokashi_render_ops::{
     Blur, Cull, DepthImage, Detail, Lens, LensOptions, Light, Radius, Sampler, Texture,
     TextureFilter, depth_of_field, gaussian_blur, sample_texture,
 };
 use glam::{DMat4, DVec3};
 
-use super::operations::{Case, Record, Runner, metal, shaded, textured, wall};
-use crate::bench::difference::relative_error;
+use super::operations::{metal, shaded, textured, wall};
 use crate::bench::effort::USUAL;
+use crate::bench::operation::{Case, Record, Runner, errors};
 use crate::bench::pipeline::render;
 use crate::bench::sampling::{Contestant, Timing, interleaved};
 use crate::bench::scenes::Scene;
@@ -31,9 +33,9 @@ fn through_lens<'t, T: Scalar>(v: &[Var<'t, T>], tolerance: f64) -> Result<Var<'
     Ok(depth_of_field(v[0], DepthImage::of_distances(v[1]), lens, &options)?.image)
 }
 
-fn cases<T: Scalar>(pixels: usize) -> Vec<Case<T>> {
-    let mut all: Vec<Case<T>> = Vec::new();
-    let mut add = |label, inputs: &[&Tensor<f64>], record: Record<T>| {
+fn cases<T: Scalar>(pixels: usize) -> Vec<Case<T, ()>> {
+    let mut all: Vec<Case<T, ()>> = Vec::new();
+    let mut add = |label, inputs: &[&Tensor<f64>], record: Record<T, ()>| {
         let inputs = inputs.iter().map(|&tensor| tensor.clone()).collect();
         all.push(Case { label, inputs, record });
     };
@@ -99,8 +101,8 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         format!(
             "As many fragments as {pixels} x {pixels} pixels have, 3 channels, f32. Forward and backward \
              by the tape's own clock, with the gradients of every input; those of the differentials \
-             only where they are named. A whole step is by the clock on the wall: inputs are copied \
-             to the tape, the operation runs forward and backward, and the tape is reset. Errors \
+             only where they are named. A whole step is by the clock on the wall: the operation \
+             runs forward and backward on inputs that are not copied, and the tape is reset. Errors \
              are f32's against f64 on the same inputs, as a share of the largest entry: of the \
              output, and of the worst gradient. They are errors of rounding; a lens adds at most \
              its tolerance. With 8 probes a rounding can move a probe to the next texel, across \
@@ -121,29 +123,21 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
             ("of a gradient", "gradient_error"),
         ],
     );
-    // No operation of this study looks at a scene.
-    let scene = Scene::cube(8)?;
     let samples = bench.effort.samples(0.03, USUAL);
     for (single, double) in cases::<f32>(pixels).into_iter().zip(cases::<f64>(pixels)) {
         let label = single.label;
         let (mut single, mut double) = (Runner::new(single), Runner::new(double));
-        let exact = bench.widest().install(|| double.run(&scene));
+        let exact = bench.widest().install(|| double.results(&()));
         drop(double);
-        let found = exact.and_then(|(exact, _)| {
-            let (found, _) = single.run(&scene)?;
-            let mut errors = [0.0_f64; 2];
-            for (at, (found, exact)) in found.iter().zip(&exact).enumerate() {
-                let error = &mut errors[at.min(1)];
-                *error = error.max(relative_error(found, exact));
-            }
+        let found = exact.and_then(|exact| {
+            let errors = errors(&single.results(&())?, &exact);
             let mut seconds = vec![[const { Vec::new() }; 3]; bench.pools.len()];
             for _ in 0..samples {
                 for (pool, [forward, both, step]) in bench.pools.iter().zip(&mut seconds) {
-                    let ([of_forward, of_backward], of_step) =
-                        pool.install(|| single.step(&scene))?;
-                    forward.push(of_forward);
-                    both.push(of_forward + of_backward);
-                    step.push(of_step);
+                    let seconds = pool.install(|| single.step(&()))?;
+                    forward.push(seconds.forward);
+                    both.push(seconds.both());
+                    step.push(seconds.step);
                 }
             }
             Ok((errors, seconds))
@@ -182,16 +176,17 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         ]);
     }
     study.tables.push(table);
-    let table = side_by_side(bench, &mut study)?;
-    study.tables.push(table);
+    let views = side_by_side(bench, &mut study);
+    let views = study.noted("views", views);
+    study.tables.extend(views);
     Ok(study)
 }
 
 /// How many views there are.
 const VIEWS: usize = 8;
 
-/// Steps of a fit of colours and places to eight views of a sphere.
-fn steps_of_views(scene: &Scene) -> Result<impl FnMut() -> Result<f64, FitError> + Send, FitError> {
+/// A fit of colours and places to eight views of a sphere, and its pipeline.
+fn fit_of_views(scene: &Scene) -> Result<(Fit<f32>, impl Pipeline<f32> + Send), FitError> {
     let cameras: Vec<_> = (0..VIEWS)
         .map(|k| {
             let turn =
@@ -204,12 +199,11 @@ fn steps_of_views(scene: &Scene) -> Result<impl FnMut() -> Result<f64, FitError>
     let parameters = Parameters::new()
         .with(Parameter::new("positions", scene.positions.cast::<f32>()).rate(1e-6))?
         .with(Parameter::new("colors", scene.colors.cast()).rate(1e-6))?;
-    let mut fit = Fit::new(parameters, FitSettings::default())?;
-    let mut pipeline = views(VIEWS, move |view, tape: &Tape<f32>, list| {
+    let pipeline = views(VIEWS, move |view, tape: &Tape<f32>, list| {
         let image = render(&cameras[view.index], Cull::Back, list[0], list[1])?;
         Ok(mean_squared_error(image, tape.constant(&target))?)
     });
-    Ok(move || Ok(fit.step(&mut pipeline)?.loss))
+    Ok((Fit::new(parameters, FitSettings::default())?, pipeline))
 }
 
 /// Eight views on each number of threads.
@@ -226,28 +220,30 @@ fn side_by_side(bench: &Bench, study: &mut Study) -> Result<Table, FitError> {
             ("threads", "threads"),
             ("time, ms", "minimum_milliseconds"),
             ("median, ms", "median_milliseconds"),
-            ("loss", "loss"),
             ("same bits", "same_bits"),
         ],
     );
-    let mut losses = Vec::new();
+    let mut learnt = Vec::new();
     let mut contestants = Vec::new();
     for pool in &bench.pools {
-        losses.push(pool.install(|| steps_of_views(&scene)?())?);
-        let mut step = steps_of_views(&scene)?;
-        contestants.push(Contestant::new(pool, move || step().map(drop)));
+        let (mut fit, mut pipeline) = fit_of_views(&scene)?;
+        // All that a fit saves, its means of gradients among it.
+        learnt.push(pool.install(|| {
+            fit.step(&mut pipeline)?;
+            fit.step(&mut pipeline)?;
+            fit.to_bytes()
+        })?);
+        contestants.push(Contestant::new(pool, move || fit.step(&mut pipeline).map(drop)));
     }
     let timings = interleaved(&mut contestants, bench.effort, USUAL);
-    let first = losses[0];
-    for ((pool, timing), loss) in bench.pools.iter().zip(timings).zip(losses) {
+    for ((pool, timing), own) in bench.pools.iter().zip(timings).zip(&learnt) {
         let Some(timing) = study.noted(&scene.name, timing) else { continue };
         table.push(vec![
             Cell::text(&scene.name),
             Cell::Count(pool.current_num_threads()),
             Cell::timed(&timing, 1e3 * timing.minimum),
             Cell::timed(&timing, 1e3 * timing.median),
-            Cell::number(loss),
-            Cell::text(if loss.to_bits() == first.to_bits() { "yes" } else { "NO" }),
+            Cell::text(if *own == learnt[0] { "yes" } else { "NO" }),
         ]);
     }
     Ok(table)
