@@ -90,11 +90,11 @@ pub struct Focused<'t, T: Scalar> {
 /// pixel is blurred.
 ///
 /// Within the default tolerance of 1e-3 it costs 28 blurs at a largest sigma of 6 pixels, and 6 more each
-/// time that sigma doubles; within 1e-2 half as many. That takes 4.6 and 3.8 times as long as one
-/// [`gaussian_blur`](crate::gaussian_blur()) of that sigma within 1e-2, and 5.8 and 4.5 times with all
-/// gradients. A tolerance is the share of a pixel's weight that may lie elsewhere than the
-/// formula says. Below 1e-5, and with a fixed radius r, it costs (2 r + 1)^2 taps per entry instead, and
-/// its step back to the image runs on one thread: for tests and small images.
+/// time that sigma doubles; within 1e-2 half as many. That takes some 4 times as long as one
+/// [`gaussian_blur`](crate::gaussian_blur()) of that sigma within 1e-2, and 5 times with all gradients.
+/// A tolerance is the share of a pixel's weight that may lie elsewhere than the formula says. Below 1e-5, and
+/// with a fixed radius r, it costs (2 r + 1)^2 taps per entry instead, and its step back to the image runs on
+/// one thread: for tests and small images.
 ///
 /// `depth` is an image of distances, `[H, W]`, from 0 to infinity, as [`eye_depth`](crate::eye_depth())
 /// makes it. The image, the distances and both numbers of the lens can have a gradient.
