@@ -1,0 +1,296 @@
+//! `transforms.json`, as NeRF's synthetic scenes, instant-ngp and nerfstudio have it.
+//!
+//! # What is read
+//! - Of all frames, or of a frame by itself: `fl_x`, `fl_y`, `cx`, `cy`, `w`, `h`, `k1`, `k2`,
+//!   `k3`, `p1`, `p2`, and `camera_angle_x`, `camera_angle_y`, the whole angles of view in radians.
+//!   A focal length goes before an angle, what a frame says before what is said of all. Without
+//!   `fl_y` and its angle pixels are square. Without `cx` and `cy` the principal point is the
+//!   middle.
+//! - `camera_model`: PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL or OPENCV, OPENCV by default.
+//!   Any of them has the coefficients that are given.
+//! - `frames`, each with `file_path`, from the folder of this file, and `transform_matrix`, camera
+//!   to world, of 3 or 4 rows. A path may lack its ending: `.png`, `.jpg`, `.jpeg` and `.exr` are
+//!   tried. Where `w` or `h` is missing, both are those of the image.
+//!
+//! Camera coordinates are OpenGL's, and the corner of the first pixel is (0, 0).
+//!
+//! # What is left out
+//! Lenses of other kinds, which are refused: fisheyes, `k4`. All other keys, which are ignored, as
+//! `aabb_scale` and `applied_transform`: the world is the one in which the poses are given.
+//!
+//! # Source
+//! The code of Mildenhall et al., *NeRF*, 2020; the documentation of instant-ngp and of nerfstudio.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use bokashi_render_ops::Size;
+use serde::{Deserialize, Serialize};
+
+use super::camera::{Camera, NamedView, from_corner, to_corner};
+use super::rotation::pose;
+use crate::error::{Place, SceneError};
+use crate::folder::Folder;
+use crate::picture::Picture;
+
+/// Models whose lens is that of OpenCV, with some coefficients 0.
+const MODELS: [&str; 5] = ["PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"];
+/// What a path may lack.
+const ENDINGS: [&str; 5] = ["", ".png", ".jpg", ".jpeg", ".exr"];
+/// The most columns or rows of an image.
+const LONGEST: f64 = 65535.0;
+
+/// What is said of a camera, of all frames or of one.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+struct Lens {
+    camera_model: Option<String>,
+    #[serde(skip_serializing)]
+    is_fisheye: Option<bool>,
+    #[serde(skip_serializing)]
+    camera_angle_x: Option<f64>,
+    #[serde(skip_serializing)]
+    camera_angle_y: Option<f64>,
+    w: Option<f64>,
+    h: Option<f64>,
+    fl_x: Option<f64>,
+    fl_y: Option<f64>,
+    cx: Option<f64>,
+    cy: Option<f64>,
+    k1: Option<f64>,
+    k2: Option<f64>,
+    p1: Option<f64>,
+    p2: Option<f64>,
+    k3: Option<f64>,
+    #[serde(skip_serializing)]
+    k4: Option<f64>,
+}
+
+/// What else is said of a frame.
+#[derive(Debug, Deserialize)]
+struct Frame {
+    file_path: String,
+    transform_matrix: Vec<Vec<f64>>,
+}
+
+/// A file, of whose frames only `F` is read.
+#[derive(Debug, Deserialize)]
+struct Frames<F> {
+    frames: Vec<F>,
+}
+
+#[derive(Debug, Serialize)]
+struct WrittenFrame {
+    file_path: String,
+    #[serde(flatten)]
+    lens: Option<Lens>,
+    transform_matrix: [[f64; 4]; 4],
+}
+
+#[derive(Debug, Serialize)]
+struct Written {
+    #[serde(flatten)]
+    lens: Option<Lens>,
+    frames: Vec<WrittenFrame>,
+}
+
+/// The views of the file `path` in `folder`, in the file's order. A view's name is its `file_path`.
+///
+/// A pose that is a rotation only to 0.001 becomes the nearest rotation.
+///
+/// # Errors
+/// - [`SceneError::Read`] and [`SceneError::Outside`] where the file can't be read, or an image
+///   lies outside the folder.
+/// - [`SceneError::Content`] for what is no such file, with its line and column; for a frame
+///   without an image in the folder, with another frame's image, with a camera that is not a
+///   pinhole with OpenCV's lens, or with a pose that is further from a rotation.
+pub fn read_transforms(
+    folder: &Folder,
+    path: impl AsRef<Path>,
+) -> Result<Vec<NamedView>, SceneError> {
+    let path = path.as_ref();
+    let text = folder.read_text(path)?;
+    let place = Place::of(folder.join(path));
+    // Thrice, since what serde flattens has no line.
+    let common: Lens = parsed(&text, &place)?;
+    let lenses: Frames<Lens> = parsed(&text, &place)?;
+    let frames: Frames<Frame> = parsed(&text, &place)?;
+    let mut names = BTreeSet::new();
+    let views = lenses.frames.into_iter().zip(frames.frames).map(|(lens, frame)| {
+        let file_path = frame.file_path.replace('\\', "/");
+        let name = file_path.strip_prefix("./").unwrap_or(&file_path).to_owned();
+        let content = |message: String| {
+            SceneError::content(place.clone(), format!("frame {name:?}: {message}"))
+        };
+        if !names.insert(name.clone()) {
+            return Err(content(
+                "a frame has an image of its own, and this is repeated".to_owned(),
+            ));
+        }
+        let image = image_of(folder, path, &name, &place)?;
+        let lens = lens.or(&common);
+        let size = match (lens.w, lens.h) {
+            (Some(width), Some(height)) => size_of([width, height]).map_err(content)?,
+            _ => {
+                let [width, height] =
+                    Picture::size_of(&folder.read(&image)?, &Place::of(folder.join(&image)))?;
+                Size { width, height }
+            }
+        };
+        let camera = lens.camera(size).map_err(content)?;
+        let camera = camera.with_opengl_pose(pose(&frame.transform_matrix).map_err(content)?);
+        Ok(NamedView { name, image, camera })
+    });
+    views.collect()
+}
+
+/// The text of a `transforms.json` with these views, in the order given. Reading it again answers
+/// the same, to rounding; the views' names become the paths of their images.
+///
+/// What all cameras share is said once. Numbers that are not finite are written as `null`.
+pub fn transforms_json(views: &[NamedView]) -> String {
+    let mut lenses = views.iter().map(|view| Lens::of(&view.camera));
+    let first = lenses.next();
+    let is_shared = lenses.all(|lens| Some(&lens) == first.as_ref());
+    let frames = views.iter().map(|view| WrittenFrame {
+        file_path: view.image.to_string_lossy().replace('\\', "/"),
+        lens: (!is_shared).then(|| Lens::of(&view.camera)),
+        transform_matrix: view.camera.opengl_pose().transpose().to_cols_array_2d(),
+    });
+    let written = Written { frames: frames.collect(), lens: first.filter(|_| is_shared) };
+    // Strings and numbers always have a text.
+    serde_json::to_string_pretty(&written).unwrap_or_default()
+}
+
+fn parsed<'t, F: Deserialize<'t>>(text: &'t str, place: &Place) -> Result<F, SceneError> {
+    serde_json::from_str(text).map_err(|error| {
+        let [line, column] = [error.line(), error.column()].map(|at| Some(at).filter(|at| *at > 0));
+        let place = Place { line, column, ..place.clone() };
+        // The text of the error ends with the place, too.
+        let said = error.to_string();
+        let said = said.rsplit_once(" at line ").map_or(said.as_str(), |(said, _)| said);
+        SceneError::content(place, format!("a file of cameras is JSON with frames: {said}"))
+    })
+}
+
+/// The file of an image, whose path is given from the folder of the file of cameras.
+fn image_of(
+    folder: &Folder,
+    path: &Path,
+    name: &str,
+    place: &Place,
+) -> Result<PathBuf, SceneError> {
+    let beside = path.parent().unwrap_or(Path::new(""));
+    // Relative to the folder, also where the file of cameras was not.
+    let beside = beside.strip_prefix(folder.path()).unwrap_or(beside);
+    for ending in ENDINGS {
+        let image = beside.join(format!("{name}{ending}"));
+        match folder.find(&image) {
+            Ok(found) if found.is_file() => return Ok(image),
+            Err(error @ SceneError::Outside { .. }) => return Err(error),
+            _ => {}
+        }
+    }
+    let rule = "a frame has an image, with or without the ending .png, .jpg, .jpeg or .exr";
+    let found =
+        format!("{rule}, and there is none at {}", folder.join(beside).join(name).display());
+    Err(SceneError::content(place.clone(), found))
+}
+
+/// A size of whole pixels.
+fn size_of(size: [f64; 2]) -> Result<Size, String> {
+    let is_whole = |extent: f64| extent.fract() == 0.0 && (1.0..=LONGEST).contains(&extent);
+    match size {
+        [width, height] if is_whole(width) && is_whole(height) => {
+            Ok(Size { width: width as usize, height: height as usize })
+        }
+        [width, height] => {
+            let rule = format!("w and h are whole numbers from 1 to {LONGEST}");
+            Err(format!("{rule}, and these are {width} and {height}"))
+        }
+    }
+}
+
+impl Lens {
+    fn of(camera: &Camera) -> Self {
+        let [fx, fy, cx, cy] = to_corner(camera.intrinsics).map(Some);
+        let [k1, k2, p1, p2, k3] = camera.distortion.map(Some);
+        let [w, h] = [camera.size.width, camera.size.height].map(|extent| Some(extent as f64));
+        let camera_model = Some("OPENCV".to_owned());
+        let lens = Self { camera_model, w, h, k1, k2, p1, p2, k3, ..Self::default() };
+        Self { fl_x: fx, fl_y: fy, cx, cy, ..lens }
+    }
+
+    /// What is said here, and where nothing is, what is said of all frames.
+    fn or(self, all: &Self) -> Self {
+        // A focal length of all frames does not go before an angle of this one.
+        let has_own_x = self.fl_x.is_some() || self.camera_angle_x.is_some();
+        let has_own_y = self.fl_y.is_some() || self.camera_angle_y.is_some();
+        let [all_x, all_y] = [!has_own_x, !has_own_y];
+        Self {
+            camera_model: self.camera_model.or_else(|| all.camera_model.clone()),
+            is_fisheye: self.is_fisheye.or(all.is_fisheye),
+            camera_angle_x: self.camera_angle_x.or(all.camera_angle_x.filter(|_| all_x)),
+            camera_angle_y: self.camera_angle_y.or(all.camera_angle_y.filter(|_| all_y)),
+            w: self.w.or(all.w),
+            h: self.h.or(all.h),
+            fl_x: self.fl_x.or(all.fl_x.filter(|_| all_x)),
+            fl_y: self.fl_y.or(all.fl_y.filter(|_| all_y)),
+            cx: self.cx.or(all.cx),
+            cy: self.cy.or(all.cy),
+            k1: self.k1.or(all.k1),
+            k2: self.k2.or(all.k2),
+            p1: self.p1.or(all.p1),
+            p2: self.p2.or(all.p2),
+            k3: self.k3.or(all.k3),
+            k4: self.k4.or(all.k4),
+        }
+    }
+
+    /// The camera at the origin.
+    fn camera(&self, size: Size) -> Result<Camera, String> {
+        if let Some(model) = &self.camera_model
+            && !MODELS.contains(&model.as_str())
+        {
+            let rule = format!("a camera_model is {}", MODELS.join(", "));
+            return Err(format!("{rule}, and this is {model}"));
+        }
+        if self.is_fisheye == Some(true) {
+            return Err(
+                "a camera is a pinhole with OpenCV's lens, and is_fisheye is true".to_owned()
+            );
+        }
+        if let Some(k4) = self.k4.filter(|k4| *k4 != 0.0) {
+            return Err(format!("a lens has k1, k2, k3, p1 and p2, and k4 is {k4}"));
+        }
+        let extents = [size.width as f64, size.height as f64];
+        let of_angle = |angle: Option<f64>, extent: f64| match angle {
+            Some(angle) if 0.0 < angle && angle < std::f64::consts::PI => {
+                Ok(Some(0.5 * extent / (0.5 * angle).tan()))
+            }
+            Some(angle) => {
+                Err(format!("an angle of view lies between 0 and pi, and this is {angle}"))
+            }
+            None => Ok(None),
+        };
+        let found_x =
+            self.fl_x.map_or_else(|| of_angle(self.camera_angle_x, extents[0]), |f| Ok(Some(f)));
+        let found_y =
+            self.fl_y.map_or_else(|| of_angle(self.camera_angle_y, extents[1]), |f| Ok(Some(f)));
+        let (fx, fy) = match (found_x?, found_y?) {
+            (Some(fx), Some(fy)) => (fx, fy),
+            (Some(f), None) | (None, Some(f)) => (f, f),
+            (None, None) => {
+                return Err("a camera has fl_x or camera_angle_x, and this has neither".to_owned());
+            }
+        };
+        if !(fx > 0.0 && fy > 0.0) {
+            return Err(format!("focal lengths are above 0, and these are {fx} and {fy}"));
+        }
+        let cx = self.cx.unwrap_or(extents[0] / 2.0);
+        let cy = self.cy.unwrap_or(extents[1] / 2.0);
+        let coefficients = [self.k1, self.k2, self.p1, self.p2, self.k3];
+        let distortion = coefficients.map(Option::unwrap_or_default);
+        Ok(Camera { distortion, ..Camera::new(size, from_corner([fx, fy, cx, cy])) })
+    }
+}

@@ -1,0 +1,140 @@
+//! What is learnt, how, and when it ends.
+
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::numbers::{Count, NotNegative, Positive, Share};
+
+/// What is learnt. What is absent stays as it is and costs no gradient.
+#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Learn {
+    /// The places of vertices. Their rate is a share of the scene's radius.
+    pub vertices: Option<LearnVertices>,
+    /// Colours at vertices.
+    pub colors: Option<LearnMaps>,
+    /// Textures of base colours.
+    pub texture: Option<LearnMaps>,
+    /// Roughness of surfaces.
+    pub roughness: Option<LearnMaps>,
+    /// How metallic surfaces are.
+    pub metallic: Option<LearnMaps>,
+    /// Where meshes stand. The rate of rotations is in radians, and of translations a share of the scene's
+    /// radius.
+    pub pose: Option<LearnNumbers>,
+    /// Where cameras stand, as `pose`.
+    pub cameras: Option<LearnNumbers>,
+    /// Focal lengths and principal points, one set for all views of a size. Rates are shares of the focal
+    /// length and of the image's width.
+    pub intrinsics: Option<LearnNumbers>,
+    /// Coefficients of lenses, one set for all views of a size.
+    pub distortion: Option<LearnNumbers>,
+    /// Colours of lights.
+    pub lights: Option<LearnNumbers>,
+    /// Light from all sides.
+    pub environment: Option<LearnMaps>,
+    /// How much light is multiplied.
+    pub exposure: Option<LearnNumbers>,
+    /// The standard deviation of the blur.
+    pub blur: Option<LearnNumbers>,
+    /// The lens's aperture and focus. Rates are shares.
+    pub lens: Option<LearnNumbers>,
+}
+
+/// How numbers are learnt.
+#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LearnNumbers {
+    /// The learning rate.
+    pub rate: Option<Positive>,
+    /// The meshes that this is about; by default all.
+    pub meshes: Option<Vec<String>>,
+}
+
+/// How maps and colours are learnt.
+#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LearnMaps {
+    /// The learning rate.
+    pub rate: Option<Positive>,
+    /// The meshes that this is about; by default all.
+    pub meshes: Option<Vec<String>>,
+    /// The weight of the total variation in the loss.
+    pub total_variation: Option<Positive>,
+}
+
+/// How places of vertices are learnt.
+#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LearnVertices {
+    /// The learning rate, as a share of the scene's radius.
+    pub rate: Option<Positive>,
+    /// The meshes that this is about; by default all.
+    pub meshes: Option<Vec<String>>,
+    /// How smooth steps are: lambda of large steps. Absent, each vertex steps alone.
+    pub smoothing: Option<Positive>,
+    /// The weight of the Laplacian in the loss.
+    pub laplacian: Option<Positive>,
+    /// The weight of edge lengths in the loss.
+    pub edge_length: Option<Positive>,
+    /// The weight of angles between neighbouring faces in the loss.
+    pub normals: Option<Positive>,
+}
+
+/// What a fit makes small.
+#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LossEntry {
+    /// What counts of the difference of two pixels.
+    #[serde(default)]
+    pub kind: LossKind,
+    /// The weight of masks beside colours. It needs opacity or masks of the views.
+    pub silhouette: Option<NotNegative>,
+    /// The weight of structure (1 - SSIM) beside the difference of pixels.
+    pub ssim: Option<Share>,
+}
+
+/// What counts of the difference of two pixels.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum LossKind {
+    /// Its square.
+    #[default]
+    Squared,
+    /// Its absolute value.
+    Absolute,
+    /// Its square near 0, its absolute value beyond 0.1.
+    Huber,
+}
+
+/// A part of a fit. What it does not say is as in the whole.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Stage {
+    /// How many steps.
+    pub steps: Count,
+    /// What is learnt, names from `learn`; by default all of it.
+    pub learn: Option<Vec<String>>,
+    /// Images are made smaller so many times along each axis.
+    pub reduce: Option<Count>,
+    /// How many views each step sees; by default 1.
+    pub views_per_step: Option<Count>,
+    /// What all rates are multiplied by.
+    pub rates: Option<Positive>,
+}
+
+/// When a fit ends.
+#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StopEntry {
+    /// After so many steps, where there are no stages; by default 1000.
+    pub steps: Option<Count>,
+    /// How many views each step sees, where there are no stages; by default 1.
+    pub views_per_step: Option<Count>,
+    /// After so many seconds.
+    pub seconds: Option<Positive>,
+    /// Below this loss.
+    pub loss_below: Option<Positive>,
+    /// After so many steps without a smaller loss.
+    pub patience: Option<Count>,
+}

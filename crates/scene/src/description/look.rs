@@ -1,0 +1,163 @@
+//! From surfaces to pixels: which operations there are, and their numbers.
+
+use std::path::PathBuf;
+
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::numbers::{Finite, NotNegative, Positive};
+
+/// Which operations make a picture. What is absent costs nothing.
+#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PipelineEntry {
+    /// How pixels at silhouettes are made.
+    #[serde(default)]
+    pub silhouettes: Silhouettes,
+    /// How surfaces answer light; by default `unlit` in a scene without lights, else
+    /// `metallic-roughness`.
+    pub surface: Option<SurfaceModel>,
+    /// Whether faces are drawn that turn their back to the camera.
+    #[serde(default)]
+    pub cull: CullName,
+    /// How textures are looked up.
+    #[serde(default)]
+    pub texture_filter: FilterName,
+    /// The linear colour behind everything; by default black.
+    pub background: Option<[NotNegative; 3]>,
+    /// The nearest distance that is seen; by default a thousandth of the scene's extent.
+    pub near: Option<Positive>,
+    /// The farthest distance that is seen; by default there is none.
+    pub far: Option<Positive>,
+    /// What pixels stand for when they are compared with images, and in pictures.
+    #[serde(default)]
+    pub tone: Tone,
+    /// How much light is multiplied, in stops: 1 is twice as much.
+    pub exposure: Option<Finite>,
+    /// The standard deviation of a blur of the whole picture, in pixels.
+    pub blur: Option<Positive>,
+    /// A lens that blurs what is out of focus.
+    pub lens: Option<LensEntry>,
+}
+
+/// How pixels at silhouettes are made.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Silhouettes {
+    /// Pixels show what lies at their centres; edges move nothing.
+    Aliased,
+    /// Pairs of pixels at silhouettes are blended: fast, and blind to edges of faces that lie between pixel
+    /// centres, as those of fine meshes do.
+    Antialias,
+    /// Pixels at silhouettes are means over what is visible in them, with the true gradient.
+    #[default]
+    Exact,
+}
+
+/// How surfaces answer light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum SurfaceModel {
+    /// They show their base colour.
+    Unlit,
+    /// They are matt.
+    Lambert,
+    /// As glTF has it.
+    MetallicRoughness,
+}
+
+/// Which faces are drawn.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum CullName {
+    /// All.
+    #[default]
+    None,
+    /// Those that turn their front to the camera.
+    Back,
+}
+
+/// How textures are looked up.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum FilterName {
+    /// The nearest texel.
+    Nearest,
+    /// Between four texels.
+    Bilinear,
+    /// Between eight texels of two levels, as large as the pixel sees them.
+    #[default]
+    Trilinear,
+    /// Trilinear, up to eight times along the longer side of what the pixel sees.
+    Anisotropic,
+}
+
+/// What pixels stand for.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Tone {
+    /// Light, cut off at 1 and encoded by the curve of sRGB, as in photographs.
+    #[default]
+    Srgb,
+    /// Light.
+    Linear,
+}
+
+/// A lens that blurs what is out of focus.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LensEntry {
+    /// The standard deviation of the blur at infinite distance, in pixels.
+    pub aperture: NotNegative,
+    /// The distance that is sharp, in units of the scene.
+    pub focus: Positive,
+    /// How far off the blur may be; by default 1e-3.
+    pub tolerance: Option<Positive>,
+}
+
+/// A light. Colours are linear.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum LightEntry {
+    /// From all sides alike.
+    Ambient {
+        /// Its radiance.
+        color: [NotNegative; 3],
+    },
+    /// From far away.
+    Directional {
+        /// Towards the light, in the world.
+        direction: [Finite; 3],
+        /// Its irradiance.
+        color: [NotNegative; 3],
+    },
+    /// From a place.
+    Point {
+        /// Where it is, in the world.
+        position: [Finite; 3],
+        /// Its intensity.
+        color: [NotNegative; 3],
+    },
+}
+
+impl LightEntry {
+    /// Its colour.
+    pub fn color(&self) -> [f64; 3] {
+        let (Self::Ambient { color } | Self::Directional { color, .. } | Self::Point { color, .. }) =
+            self;
+        color.map(|x| x.0)
+    }
+}
+
+/// Light from all sides.
+#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct EnvironmentEntry {
+    /// The six faces of a cube map, +x, -x, +y, -y, +z, -z, one below the other in one image. Its side is a
+    /// power of two from 8 to 256.
+    pub image: Option<PathBuf>,
+    /// The same light from everywhere, in place of an image.
+    pub color: Option<[NotNegative; 3]>,
+    /// Texels along a side of the cube map for `color`; by default 16.
+    pub size: Option<super::numbers::Count>,
+}

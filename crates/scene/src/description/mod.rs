@@ -1,0 +1,124 @@
+//! What `scene.toml` says, checked key by key.
+//!
+//! Every number has its rule in its type, so that the parser knows where it stands. `docs/scene.md` has a
+//! complete example, and [`schema`] lets editors complete one.
+
+mod learn;
+mod look;
+mod meshes;
+mod numbers;
+mod views;
+
+use std::path::Path;
+
+use schemars::JsonSchema;
+use serde::Deserialize;
+use toml::Spanned;
+
+pub use learn::{
+    Learn, LearnMaps, LearnNumbers, LearnVertices, LossEntry, LossKind, Stage, StopEntry,
+};
+pub use look::{
+    CullName, EnvironmentEntry, FilterName, LensEntry, LightEntry, PipelineEntry, Silhouettes,
+    SurfaceModel, Tone,
+};
+pub use meshes::{MaterialEntry, MeshEntry, Placement, Rotation, Shape};
+pub use numbers::{Count, Finite, NotNegative, Positive, Share};
+pub use views::{CameraEntry, CamerasEntry, ColorSpaceName, Convention, Focal, ViewEntry};
+
+use crate::error::{Place, SceneError};
+
+/// A scene, and what is learnt of it.
+#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Description {
+    /// Meshes.
+    #[serde(default)]
+    #[schemars(with = "Vec<MeshEntry>")]
+    pub meshes: Vec<Spanned<MeshEntry>>,
+    /// Views, one by one.
+    #[serde(default)]
+    #[schemars(with = "Vec<ViewEntry>")]
+    pub views: Vec<Spanned<ViewEntry>>,
+    /// Views from a file of cameras.
+    #[schemars(with = "Option<CamerasEntry>")]
+    pub cameras: Option<Spanned<CamerasEntry>>,
+    /// Lights.
+    #[serde(default)]
+    pub lights: Vec<LightEntry>,
+    /// Light from all sides.
+    #[schemars(with = "Option<EnvironmentEntry>")]
+    pub environment: Option<Spanned<EnvironmentEntry>>,
+    /// Which operations make a picture.
+    #[serde(default)]
+    pub pipeline: PipelineEntry,
+    /// What is learnt.
+    #[serde(default)]
+    pub learn: Learn,
+    /// What a fit makes small.
+    #[serde(default)]
+    pub loss: LossEntry,
+    /// The parts of a fit, one after another.
+    #[serde(default)]
+    pub stages: Vec<Stage>,
+    /// When a fit ends.
+    #[serde(default)]
+    pub stop: StopEntry,
+    /// What views are drawn from; by default 0.
+    #[serde(default)]
+    pub seed: u64,
+}
+
+/// The schema of `scene.toml`, as JSON.
+pub fn schema() -> String {
+    let schema = schemars::schema_for!(Description);
+    serde_json::to_string_pretty(&schema).unwrap_or_default()
+}
+
+impl Description {
+    /// What `text` says; `path` is the file's, for errors.
+    ///
+    /// # Errors
+    /// [`SceneError::Content`] with line and column, for text that is no TOML, an unknown key, and a value
+    /// against its rule.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, SceneError> {
+        toml::from_str(text).map_err(|error| {
+            let place = match error.span() {
+                Some(span) => place(text, path, span.start),
+                None => Place::of(path),
+            };
+            SceneError::content(place, said(error.message()))
+        })
+    }
+}
+
+/// Where a byte of the text stands.
+pub(crate) fn place(text: &str, path: &Path, byte: usize) -> Place {
+    let before = &text.as_bytes()[..byte.min(text.len())];
+    let line = before.iter().filter(|&&letter| letter == b'\n').count() + 1;
+    let start = before.iter().rposition(|&letter| letter == b'\n').map_or(0, |at| at + 1);
+    let column = String::from_utf8_lossy(&before[start..]).chars().count() + 1;
+    Place { path: path.to_owned(), line: Some(line), column: Some(column) }
+}
+
+/// What the parser says, and where it refuses a name, the nearest that it knows.
+///
+/// It says "unknown field `a`, expected `b` or `c`", or "unknown variant".
+fn said(message: &str) -> String {
+    let message = message.replace("unknown field", "unknown key");
+    let mut names = message.split('`').skip(1).step_by(2);
+    let is_unknown = message.starts_with("unknown key") || message.starts_with("unknown variant");
+    let nearest = names.next().filter(|_| is_unknown).and_then(|given| {
+        let distance = |name: &str| strsim::damerau_levenshtein(given, name);
+        let near = names.map(|name| (distance(name), name)).min()?;
+        // Farther away it is another word.
+        (near.0 <= given.chars().count().max(3) / 2).then_some(near.1)
+    });
+    match nearest {
+        Some(name) => format!("{message}; is {name:?} meant?"),
+        None => message,
+    }
+}
+
+#[cfg(test)]
+mod tests;

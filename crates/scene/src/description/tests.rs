@@ -1,0 +1,68 @@
+//! Laws of what `scene.toml` may say.
+
+use super::*;
+
+fn said_of(text: &str) -> String {
+    match Description::parse(text, Path::new("scene.toml")) {
+        Ok(_) => "fine".to_owned(),
+        Err(error) => error.to_string(),
+    }
+}
+
+#[test]
+fn an_unknown_key_is_refused_with_the_nearest_name() {
+    let said = said_of("[pipeline]\nsilhouetes = \"exact\"\n");
+    assert!(said.starts_with("scene.toml:2:1: unknown key `silhouetes`"), "{said}");
+    assert!(said.ends_with("is \"silhouettes\" meant?"), "{said}");
+    let said = said_of("[pipeline]\nsilhouettes = \"exakt\"\n");
+    assert!(said.starts_with("scene.toml:2:15: unknown variant `exakt`"), "{said}");
+    assert!(said.ends_with("is \"exact\" meant?"), "{said}");
+    let said = said_of("zzzzzzzz = 1\n");
+    assert!(said.contains("unknown key") && !said.contains("meant"), "{said}");
+}
+
+#[test]
+fn numbers_against_their_rule_are_refused_where_they_stand() {
+    let rows = [
+        ("[stop]\nsteps = 0\n", "2:9: a whole number, 1 or above, is needed here, and this is 0"),
+        ("[stop]\nsteps = 1.5\n", "2:9: "),
+        ("[pipeline]\nblur = -1\n", "2:8: a finite number above 0 is needed here, and this is -1"),
+        ("[pipeline]\nblur = nan\n", "2:8: "),
+        ("[loss]\nssim = 1.5\n", "2:8: a number from 0 to 1 is needed here, and this is 1.5"),
+        ("[[meshes]]\nplace = { rotation = [0, 0, 0, 0] }\n", "2:"),
+        ("[[lights]]\nkind = \"ambient\"\ncolor = [1, 1]\n", "1:"),
+        ("seed = -1\n", "1:8: "),
+        ("a = \n", "1:5: "),
+    ];
+    for (text, expected) in rows {
+        let said = said_of(text);
+        assert!(said.starts_with(&format!("scene.toml:{expected}")), "{text:?}: {said}");
+    }
+}
+
+#[test]
+fn columns_count_characters() {
+    let text = "# ä\nseed = \"ä\"\n";
+    assert_eq!(place(text, Path::new("a"), text.find("seed").unwrap()).to_string(), "a:2:1");
+    assert_eq!(place("ää b", Path::new("a"), 5).to_string(), "a:1:4");
+}
+
+#[test]
+fn nesting_without_end_is_an_error() {
+    let deep = format!("seed = {}", "[".repeat(1_000_000));
+    assert!(said_of(&deep).starts_with("scene.toml:1:"));
+    let dotted = format!("{}a = 1", "a.".repeat(1_000_000));
+    assert!(said_of(&dotted).starts_with("scene.toml"));
+}
+
+#[test]
+fn the_schema_knows_every_key() {
+    let schema: serde_json::Value = serde_json::from_str(&schema()).unwrap();
+    let keys = schema["properties"].as_object().unwrap();
+    for key in ["meshes", "views", "cameras", "pipeline", "learn", "stages", "stop"] {
+        assert!(keys.contains_key(key), "{key}");
+    }
+    assert_eq!(schema["additionalProperties"], false);
+    let count = &schema["$defs"]["Count"];
+    assert_eq!(count["minimum"], 1, "{count}");
+}

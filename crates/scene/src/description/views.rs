@@ -1,0 +1,116 @@
+//! Views of a scene: an image each, and the camera that took it.
+
+use std::path::PathBuf;
+
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::numbers::{Count, Finite, Positive};
+
+/// A view: an image, and the camera that took it.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ViewEntry {
+    /// What the results call it; by default the image's name without its ending.
+    pub name: Option<String>,
+    /// PNG, JPEG or EXR. A view without an image can be rendered and not learnt from.
+    pub image: Option<PathBuf>,
+    /// An image that is white where the objects are, in place of the image's own opacity.
+    pub mask: Option<PathBuf>,
+    /// How numbers of the image stand for light; by default linear for EXR and sRGB for others.
+    pub color_space: Option<ColorSpaceName>,
+    /// Whether it is measured and never learnt from.
+    #[serde(default)]
+    pub held_out: bool,
+    /// The camera.
+    pub camera: CameraEntry,
+}
+
+/// How numbers of a file stand for light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum ColorSpaceName {
+    /// By the curve of sRGB.
+    Srgb,
+    /// In proportion to light.
+    Linear,
+}
+
+/// A pinhole camera with a lens.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CameraEntry {
+    /// Columns and rows; by default those of the image.
+    pub size: Option<[Count; 2]>,
+    /// Focal lengths along x and y, in pixels: one number stands for both.
+    pub focal: Option<Focal>,
+    /// The horizontal angle of view in degrees, in place of `focal`.
+    pub angle: Option<Positive>,
+    /// The principal point, in pixels, with the *centre* of the first pixel at (0, 0), as OpenCV has it; by
+    /// default the middle of the image.
+    pub center: Option<[Finite; 2]>,
+    /// Coefficients of the lens, k1, k2, p1, p2, k3, as OpenCV has them.
+    pub distortion: Option<[Finite; 5]>,
+    /// Four rows of the matrix from the camera's coordinates to the world's.
+    pub pose: Option<[[Finite; 4]; 4]>,
+    /// The camera's coordinates.
+    #[serde(default)]
+    pub convention: Convention,
+    /// Where the camera stands, in place of `pose`.
+    pub position: Option<[Finite; 3]>,
+    /// What it looks at, with `position`; by default the origin.
+    pub target: Option<[Finite; 3]>,
+    /// Which direction is up in the image, with `position`; by default y.
+    pub up: Option<[Finite; 3]>,
+}
+
+/// One focal length, or two.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(from = "FocalNumbers")]
+#[schemars(with = "FocalNumbers")]
+pub struct Focal(pub [f64; 2]);
+
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(untagged)]
+enum FocalNumbers {
+    Same(Positive),
+    Both([Positive; 2]),
+}
+
+impl From<FocalNumbers> for Focal {
+    fn from(numbers: FocalNumbers) -> Self {
+        match numbers {
+            FocalNumbers::Same(both) => Self([both.0; 2]),
+            FocalNumbers::Both(numbers) => Self(numbers.map(|number| number.0)),
+        }
+    }
+}
+
+/// Which way a camera's axes point.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Convention {
+    /// x right, y down, z forward.
+    #[default]
+    Opencv,
+    /// x right, y up, z backward.
+    Opengl,
+}
+
+/// Views from a file of cameras that another tool wrote.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CamerasEntry {
+    /// A `transforms.json`, as tools for radiance fields write it.
+    pub transforms: Option<PathBuf>,
+    /// A folder with COLMAP's `cameras` and `images`, as text or binary.
+    pub colmap: Option<PathBuf>,
+    /// The folder of COLMAP's images; by default `images`.
+    pub images: Option<PathBuf>,
+    /// A folder of masks, each with the name of its image.
+    pub masks: Option<PathBuf>,
+    /// How numbers of the images stand for light; by default linear for EXR and sRGB for others.
+    pub color_space: Option<ColorSpaceName>,
+    /// Each so many-th view is measured and never learnt from, the first among them.
+    pub held_out_every: Option<Count>,
+}

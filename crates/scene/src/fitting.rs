@@ -1,0 +1,407 @@
+//! Fits of scenes: stages, steps, and what came out.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use bokashi_core::{Mask, Tape, Tensor, Var};
+use bokashi_fit::{
+    Fit, FitError, FitSettings, Parameters, Penalty, Pipeline, Preconditioner, Schedule, Stepped,
+    Variables, View, Views, iou, mean_error, psnr, saved, ssim, ssim_error, views,
+};
+
+use crate::description::{Count, LossKind, Stage};
+use crate::error::{Place, SceneError};
+use crate::learning::{Learnt, Regularizer, is_dense};
+use crate::renderer::Renderer;
+use crate::scene::Scene;
+use crate::targets::{HUBER, Targets, fit_error};
+use crate::values::Values;
+
+/// The loss of a view.
+type Loss = Box<
+    dyn for<'t> Fn(View, &'t Tape<f32>, &Variables<'t, f32>) -> Result<Var<'t, f32>, FitError>
+        + Send
+        + Sync,
+>;
+
+/// Steps of a fit that does not say.
+const STEPS: usize = 1000;
+
+/// A fit of a scene, under way.
+pub struct SceneFit {
+    renderer: Arc<Renderer>,
+    targets: Arc<Targets>,
+    /// The views that are learnt from.
+    learnt_from: Arc<[usize]>,
+    stages: Vec<Stage>,
+    stage: usize,
+    fit: Fit<f32>,
+    pipeline: StagePipeline,
+    regularizers: Arc<[Regularizer]>,
+    /// The rate of each parameter, before stages.
+    rates: Vec<(String, f64)>,
+}
+
+/// How well a view is matched.
+#[derive(Debug, Clone)]
+pub struct ViewScore {
+    /// The view.
+    pub view: usize,
+    /// The picture, `[H, W, 3]`, as pixels stand for it.
+    pub image: Tensor<f32>,
+    /// What it was compared with.
+    pub target: Option<Tensor<f32>>,
+    /// Peak signal-to-noise ratio, in decibels.
+    pub psnr: Option<f64>,
+    /// Structural similarity.
+    pub ssim: Option<f64>,
+    /// Intersection over union of the silhouettes, where the view has a mask.
+    pub silhouette_iou: Option<f64>,
+}
+
+/// One stage's steps.
+struct StagePipeline {
+    stage: u64,
+    views: Views<f32, Loss>,
+    regularizers: Arc<[Regularizer]>,
+}
+
+impl Pipeline<f32> for StagePipeline {
+    type Measure = ();
+
+    fn prepare(&mut self, step: u64) -> Result<(), FitError> {
+        self.views.prepare(step)
+    }
+
+    fn save_state(&self, state: &mut Vec<u8>) {
+        state.extend(self.stage.to_le_bytes());
+        self.views.save_state(state);
+    }
+
+    fn restore_state(&mut self, state: &[u8]) -> Result<(), FitError> {
+        match state.split_first_chunk() {
+            Some((stage, rest)) if u64::from_le_bytes(*stage) == self.stage => {
+                self.views.restore_state(rest)
+            }
+            _ => Err(FitError::saved("the stage that it was saved in", "another")),
+        }
+    }
+
+    fn loss<'t>(
+        &mut self,
+        tape: &'t Tape<f32>,
+        variables: &Variables<'t, f32>,
+    ) -> Result<Var<'t, f32>, FitError> {
+        let mut loss = self.views.loss(tape, variables)?;
+        for regularizer in self.regularizers.iter() {
+            loss = loss.try_add(regularizer.loss(variables)?)?;
+        }
+        Ok(loss)
+    }
+}
+
+impl SceneFit {
+    /// A fit of `scene` from its start.
+    ///
+    /// # Errors
+    /// Whatever is wrong with what is to be learnt; [`SceneError::Content`] where no view can be learnt from.
+    pub fn new(scene: Scene) -> Result<Self, SceneError> {
+        Self::of(scene, None)
+    }
+
+    /// The fit that was saved to the file `path`. It goes on to the same bits as if it had not been
+    /// interrupted, where the scene is the same.
+    ///
+    /// # Errors
+    /// As [`SceneFit::new`]; [`SceneError::Fit`] for a file that is no saved fit, or of another scene.
+    pub fn resume(scene: Scene, path: impl AsRef<Path>) -> Result<Self, SceneError> {
+        let bytes = saved::read(path.as_ref())?;
+        Self::of(scene, Some(&bytes))
+    }
+
+    fn of(scene: Scene, saved_fit: Option<&[u8]>) -> Result<Self, SceneError> {
+        let learnt_from = scene.views.iter().enumerate();
+        let learnt_from = learnt_from.filter(|(_, view)| view.image.is_some() && !view.held_out);
+        let learnt_from: Arc<[usize]> = learnt_from.map(|(at, _)| at).collect();
+        if learnt_from.is_empty() {
+            let rule = "a fit has a view with an image that is not held out";
+            let message = format!("{rule}, and none of {} views is one", scene.views.len());
+            return Err(SceneError::content(Place::of(&scene.path), message));
+        }
+        let renderer = Arc::new(Renderer::new(Arc::new(scene))?);
+        let Learnt { parameters, rates, regularizers, preconditioners } = Learnt::of(&renderer)?;
+        let targets = Arc::new(Targets::new(Arc::clone(&renderer), is_dense(&renderer)));
+        let description = &renderer.scene().description;
+        let stages = match description.stages.as_slice() {
+            [] => vec![Stage {
+                steps: description.stop.steps.unwrap_or(Count(STEPS)),
+                learn: None,
+                reduce: None,
+                views_per_step: description.stop.views_per_step,
+                rates: None,
+            }],
+            stages => stages.to_vec(),
+        };
+        let regularizers: Arc<[Regularizer]> = regularizers.into();
+        let stage = match saved_fit {
+            Some(bytes) => stage_of(bytes)?,
+            None => 0,
+        };
+        let Some(own) = stages.get(stage) else {
+            let rule = format!("one of the scene's {} stages", stages.len());
+            return Err(FitError::saved(rule, format!("number {}", stage + 1)).into());
+        };
+        let (own, seed) = (own.clone(), description.seed);
+        let fit = match saved_fit {
+            Some(bytes) => resumed(bytes, &preconditioners, &parameters)?,
+            None => {
+                let parameters = at_rates(parameters, &rates, &own)?;
+                Fit::new(parameters, settings(&renderer, &own))?
+            }
+        };
+        let pipeline = StagePipeline {
+            stage: stage as u64,
+            views: views_of(&renderer, &targets, &learnt_from, &own, seed),
+            regularizers: Arc::clone(&regularizers),
+        };
+        Ok(Self {
+            renderer,
+            targets,
+            learnt_from,
+            stages,
+            stage,
+            fit,
+            pipeline,
+            regularizers,
+            rates,
+        })
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &Scene {
+        self.renderer.scene()
+    }
+
+    /// What is learnt.
+    pub fn parameters(&self) -> &Parameters<f32> {
+        self.fit.parameters()
+    }
+
+    /// The scene with what was learnt in the place of its own numbers.
+    ///
+    /// # Errors
+    /// None: those of a parameter that is no number of the scene.
+    pub fn learnt(&self) -> Result<Scene, SceneError> {
+        self.renderer.with_values(self.fit.parameters())
+    }
+
+    /// How many steps are done, of all stages.
+    pub fn steps_done(&self) -> u64 {
+        let before = self.stages[..self.stage].iter().map(|stage| stage.steps.0 as u64);
+        before.sum::<u64>() + self.fit.steps_done()
+    }
+
+    /// How many steps there are, of all stages.
+    pub fn steps(&self) -> u64 {
+        self.stages.iter().map(|stage| stage.steps.0 as u64).sum()
+    }
+
+    /// The stage of the next step, from 0.
+    pub fn stage(&self) -> usize {
+        self.stage
+    }
+
+    /// Does a step; `None` where all are done.
+    ///
+    /// # Errors
+    /// As [`Fit::step`], and what is wrong with an image. Parameters are then as they were.
+    pub fn step(&mut self) -> Result<Option<Stepped>, SceneError> {
+        if self.fit.steps_done() >= self.stages[self.stage].steps.0 as u64 {
+            if self.stage + 1 == self.stages.len() {
+                return Ok(None);
+            }
+            self.next_stage()?;
+        }
+        Ok(Some(self.fit.step(&mut self.pipeline)?))
+    }
+
+    fn next_stage(&mut self) -> Result<(), SceneError> {
+        self.stage += 1;
+        let own = &self.stages[self.stage];
+        let mut parameters = self.fit.parameters().clone();
+        parameters.forget_moments();
+        let parameters = at_rates(parameters, &self.rates, own)?;
+        self.fit = Fit::new(parameters, settings(&self.renderer, own))?;
+        self.targets.forget();
+        let seed = self.scene().description.seed;
+        self.pipeline = StagePipeline {
+            stage: self.stage as u64,
+            views: views_of(&self.renderer, &self.targets, &self.learnt_from, own, seed),
+            regularizers: Arc::clone(&self.regularizers),
+        };
+        Ok(())
+    }
+
+    /// Saves the fit to the file `path`, whole or not at all.
+    ///
+    /// # Errors
+    /// As [`Fit::save`].
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<(), SceneError> {
+        Ok(self.fit.save(path)?)
+    }
+
+    /// Draws a view and compares it with its image, if it has one.
+    ///
+    /// # Errors
+    /// What the operations refuse, and what is wrong with the image.
+    pub fn score(&self, view: usize) -> Result<ViewScore, SceneError> {
+        let tape = Tape::new();
+        let mut still = self.fit.parameters().clone();
+        for (name, _) in &self.rates {
+            still.set_rate(name, 0.0)?;
+        }
+        let variables = still.record(&tape);
+        let values = Values { tape: &tape, learnt: Some(&variables) };
+        let drawn = self.renderer.draw(&values, view, 1, true)?;
+        let all = self.renderer.image(&values, &drawn, 1)?;
+        let image = all.slice(2, 0..3).map_err(FitError::from)?.value();
+        let mut score =
+            ViewScore { view, image, target: None, psnr: None, ssim: None, silhouette_iou: None };
+        if self.scene().views[view].image.is_none() {
+            return Ok(score);
+        }
+        let target = self.targets.get(view, 1)?;
+        let colors = tape.constant(&target.image).slice(2, 0..3).map_err(FitError::from)?.value();
+        score.psnr = Some(psnr(&score.image, &colors, 1.0).map_err(FitError::from)?);
+        // Images smaller than a window have none.
+        score.ssim = ssim(&score.image, &colors, 1.0).ok();
+        if let Some(mask) = self.targets.mask(view)? {
+            let shape = mask.shape().clone();
+            let (seen, all) = (mask.data(), all.value());
+            let own = Mask::from_flat_fn(&shape, |k| all.data()[4 * k + 3] > 0.5);
+            let other = Mask::from_flat_fn(&shape, |k| seen[k] > 0.5);
+            score.silhouette_iou = Some(iou(&own, &other).map_err(FitError::from)?);
+        }
+        score.target = Some(colors);
+        Ok(score)
+    }
+}
+
+/// The stage that a fit was saved in.
+fn stage_of(bytes: &[u8]) -> Result<usize, SceneError> {
+    let (_, state) = saved::precision_and_state(bytes)?;
+    match state.map(<[u8]>::split_first_chunk) {
+        None => Ok(0),
+        Some(Some((stage, _))) => {
+            Ok(usize::try_from(u64::from_le_bytes(*stage)).unwrap_or(usize::MAX))
+        }
+        Some(None) => Err(FitError::saved("a fit of a scene", "another").into()),
+    }
+}
+
+fn resumed(
+    bytes: &[u8],
+    preconditioners: &[(String, Preconditioner)],
+    fresh: &Parameters<f32>,
+) -> Result<Fit<f32>, SceneError> {
+    let by_name: Vec<_> = preconditioners.iter().map(|(name, own)| (name.as_str(), own)).collect();
+    let fit = Fit::from_bytes_with(bytes, &by_name)?;
+    let of = |list: &Parameters<f32>| {
+        let all = list.iter().map(|own| format!("{} {}", own.name(), own.raw().shape()));
+        all.collect::<Vec<_>>().join(", ")
+    };
+    let (expected, found) = (of(fresh), of(fit.parameters()));
+    match expected == found {
+        true => Ok(fit),
+        false => Err(FitError::saved(format!("the scene's parameters, {expected}"), found).into()),
+    }
+}
+
+/// The parameters with the rates of a stage.
+fn at_rates(
+    mut parameters: Parameters<f32>,
+    rates: &[(String, f64)],
+    stage: &Stage,
+) -> Result<Parameters<f32>, SceneError> {
+    let factor = stage.rates.map_or(1.0, |factor| factor.0);
+    for (name, rate) in rates {
+        let kind = name.split('/').next().unwrap_or(name);
+        let kind = match kind {
+            "light" => "lights",
+            "aperture" | "focus" => "lens",
+            kind => kind,
+        };
+        let is_learnt = stage.learn.as_ref().is_none_or(|own| own.iter().any(|own| own == kind));
+        parameters.set_rate(name, if is_learnt { rate * factor } else { 0.0 })?;
+    }
+    Ok(parameters)
+}
+
+fn settings(renderer: &Renderer, stage: &Stage) -> FitSettings {
+    let stop = &renderer.scene().description.stop;
+    let steps = stage.steps.0 as u64;
+    FitSettings {
+        steps,
+        schedule: Schedule::Cosine { steps, floor: 0.01 },
+        loss_below: stop.loss_below.map(|loss| loss.0),
+        patience: stop.patience.map(|patience| patience.0 as u64),
+        ..FitSettings::default()
+    }
+}
+
+/// The views of a stage.
+fn views_of(
+    renderer: &Arc<Renderer>,
+    targets: &Arc<Targets>,
+    learnt_from: &Arc<[usize]>,
+    stage: &Stage,
+    seed: u64,
+) -> Views<f32, Loss> {
+    let (renderer, targets, all) =
+        (Arc::clone(renderer), Arc::clone(targets), Arc::clone(learnt_from));
+    let reduce = stage.reduce.map_or(1, |reduce| reduce.0);
+    let per_step = stage.views_per_step.map_or(1, |count| count.0).min(all.len());
+    let count = all.len();
+    let loss: Loss = Box::new(move |view, tape, variables| {
+        let values = Values { tape, learnt: Some(variables) };
+        loss_of_view(&renderer, &targets, &values, all[view.index], reduce)
+    });
+    views(count, loss).per_step(per_step).seed(seed)
+}
+
+/// How far a view is from its image.
+fn loss_of_view<'t>(
+    renderer: &Renderer,
+    targets: &Targets,
+    values: &Values<'t, '_>,
+    view: usize,
+    reduce: usize,
+) -> Result<Var<'t, f32>, FitError> {
+    let target = targets.get(view, reduce).map_err(fit_error)?;
+    let drawn = renderer.draw(values, view, reduce, targets.has_mask(view))?;
+    if let Some(loss) = &target.loss {
+        return Ok(drawn.light.map(|light| renderer.toned(light))?.loss(loss)?);
+    }
+    let image = renderer.image(values, &drawn, reduce)?;
+    let target = values.tape.constant(&target.image);
+    let description = &renderer.scene().description.loss;
+    let penalty = match description.kind {
+        LossKind::Squared => Penalty::Squared,
+        LossKind::Absolute => Penalty::Absolute,
+        LossKind::Huber => Penalty::Huber { delta: HUBER },
+    };
+    let colors = |all: Var<'t, f32>| all.slice(2, 0..3);
+    let (seen, expected) = (colors(image)?, colors(target)?);
+    let mut loss = mean_error(seen, expected, penalty)?;
+    if let Some(share) = description.ssim.filter(|share| share.0 > 0.0) {
+        let structure = ssim_error(seen, expected, 1.0)?;
+        loss = (loss * (1.0 - share.0) as f32).try_add(structure * share.0 as f32)?;
+    }
+    if image.shape()[2] == 4 {
+        let mask = |all: Var<'t, f32>| all.slice(2, 3..4);
+        let weight = description.silhouette.map_or(0.0, |weight| weight.0) as f32;
+        let error = mean_error(mask(image)?, mask(target)?, penalty)?;
+        loss = loss.try_add(error * weight)?;
+    }
+    Ok(loss)
+}

@@ -1,0 +1,81 @@
+//! The files that a mesh file names: they lie beside it, and in the scene's folder.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use crate::error::{Place, SceneError};
+use crate::folder::Folder;
+use crate::mesh::notes::{self, Notes};
+use crate::picture::Picture;
+
+/// A mesh file's surroundings: other files, the images that were read, and notes.
+#[derive(Debug)]
+pub(super) struct Beside<'a> {
+    folder: &'a Folder,
+    /// The mesh file, as it was given.
+    path: PathBuf,
+    /// The images of files, each once.
+    pub(super) images: Vec<Picture>,
+    /// By the path without links, the number of the image.
+    numbers: HashMap<PathBuf, usize>,
+    pub(super) notes: Notes,
+}
+
+impl<'a> Beside<'a> {
+    pub(super) fn new(folder: &'a Folder, path: &Path) -> Self {
+        let (images, numbers) = (Vec::new(), HashMap::new());
+        Self { folder, path: path.to_owned(), images, numbers, notes: Notes::default() }
+    }
+
+    /// All of the mesh file.
+    pub(super) fn place(&self) -> Place {
+        Place::of(self.folder.join(&self.path))
+    }
+
+    /// A line of the mesh file.
+    pub(super) fn line(&self, line: usize) -> Place {
+        Place::line(self.folder.join(&self.path), line)
+    }
+
+    /// The path of the file that the mesh file calls `name`, for messages and for reading. A backslash
+    /// is a slash.
+    pub(super) fn path_of(&self, name: &str) -> PathBuf {
+        let parent = self.path.parent().unwrap_or(Path::new(""));
+        parent.join(name.replace('\\', "/"))
+    }
+
+    /// Where the file called `name` lies, for messages.
+    pub(super) fn place_of(&self, name: &str) -> Place {
+        Place::of(self.folder.join(self.path_of(name)))
+    }
+
+    /// The path without links of the file called `name`, or nothing where there is no such file.
+    pub(super) fn find(&self, name: &str) -> Result<Option<PathBuf>, SceneError> {
+        match self.folder.find(self.path_of(name)) {
+            Ok(path) => Ok(Some(path)),
+            Err(SceneError::Read { .. }) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// The bytes of the file called `name`.
+    pub(super) fn read(&self, name: &str) -> Result<Vec<u8>, SceneError> {
+        self.folder.read(self.path_of(name))
+    }
+
+    /// The number of the image in the file called `name`. A missing file is noted and has none.
+    pub(super) fn image(&mut self, name: &str) -> Result<Option<usize>, SceneError> {
+        let Some(path) = self.find(name)? else {
+            let name = notes::name(name);
+            self.notes.add(format!("the image {name:?} is missing and was left out"));
+            return Ok(None);
+        };
+        if let Some(&number) = self.numbers.get(&path) {
+            return Ok(Some(number));
+        }
+        let picture = Picture::decode(&self.read(name)?, &self.place_of(name))?;
+        self.numbers.insert(path, self.images.len());
+        self.images.push(picture);
+        Ok(Some(self.images.len() - 1))
+    }
+}

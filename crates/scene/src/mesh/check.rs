@@ -1,0 +1,57 @@
+//! Whether a model in memory can be written.
+
+use crate::error::{Place, SceneError};
+use crate::model::{Geometry, Indexed};
+
+/// What stands in errors for the file, where a model comes from memory.
+pub(super) fn place() -> Place {
+    Place::of("the model to be written")
+}
+
+/// Refuses a geometry whose index buffers or numbers break a rule.
+pub(super) fn check(geometry: &Geometry) -> Result<(), SceneError> {
+    let Geometry { name, positions, faces, colors, coordinates, normals, .. } = geometry;
+    if faces.is_empty() {
+        return Err(refused(name, "has a face or more, and this has none"));
+    }
+    rows(name, "positions", positions, faces)?;
+    attribute(name, "colours", colors.as_ref(), faces.len())?;
+    attribute(name, "coordinates", coordinates.as_ref(), faces.len())?;
+    attribute(name, "normals", normals.as_ref(), faces.len())
+}
+
+fn attribute<const N: usize>(
+    name: &str,
+    what: &str,
+    indexed: Option<&Indexed<N>>,
+    faces: usize,
+) -> Result<(), SceneError> {
+    let Some(indexed) = indexed else { return Ok(()) };
+    if indexed.faces.len() != faces {
+        let found = indexed.faces.len();
+        let rule = format!("has {what} for each of its {faces} faces, and these are for {found}");
+        return Err(refused(name, rule));
+    }
+    rows(name, what, &indexed.rows, &indexed.faces)
+}
+
+fn rows<const N: usize>(
+    name: &str,
+    what: &str,
+    rows: &[[f32; N]],
+    faces: &[[u32; 3]],
+) -> Result<(), SceneError> {
+    let beyond = |face: &[u32; 3]| face.iter().any(|&row| row as usize >= rows.len());
+    if let Some(face) = faces.iter().position(beyond) {
+        let found = format!("face {face} names {:?}", faces[face]);
+        return Err(refused(name, format!("has {} {what}, and {found}", rows.len())));
+    }
+    if let Some(k) = rows.iter().position(|row| !row.iter().all(|number| number.is_finite())) {
+        return Err(refused(name, format!("has finite {what}, and number {k} is {:?}", rows[k])));
+    }
+    Ok(())
+}
+
+fn refused(name: &str, rule: impl std::fmt::Display) -> SceneError {
+    SceneError::content(place(), format!("the mesh {name:?} {rule}"))
+}

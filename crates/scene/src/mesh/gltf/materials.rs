@@ -1,0 +1,171 @@
+//! Materials of metallic-roughness, and which texture coordinates their images use.
+//!
+//! A geometry here has one set of coordinates. So the images of a material share a set and a transform: those
+//! of the base colour, or of the first image that there is. An image with others is left out with a note.
+//! A texture transform is applied to the coordinates, so a material has none.
+//!
+//! The opacity of an opaque material is 1, whatever the file says.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use ::gltf::json::extensions::texture::{Info, TextureTransform};
+use ::gltf::json::material::{AlphaMode, Material};
+use ::gltf::json::texture::{Texture, WrappingMode};
+use ::gltf::json::validation::Checked;
+use ::gltf::json::{Index, Root};
+
+use super::buffers::Buffers;
+use crate::error::SceneError;
+use crate::mesh::beside::Beside;
+use crate::mesh::notes::{Notes, name};
+use crate::model::{MaterialFile, Model};
+
+/// From the coordinates of a file to those of an image: u' = a u + b v + c, v' = d u + e v + f, as rows.
+pub(super) type Transform = [[f32; 3]; 2];
+
+/// Which coordinates a material's images use.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Mapping {
+    /// The number of `TEXCOORD`.
+    pub(super) set: u32,
+    pub(super) transform: Option<Transform>,
+}
+
+impl Mapping {
+    fn of(set: u32, transform: Option<&TextureTransform>) -> Self {
+        let set = transform.and_then(|transform| transform.tex_coord).unwrap_or(set);
+        let transform = transform.map(|transform| {
+            let (sin, cos) = transform.rotation.0.sin_cos();
+            let ([x, y], [u, v]) = (transform.scale.0, transform.offset.0);
+            // Counter-clockwise as the image is seen, and v runs down.
+            [[cos * x, sin * y, u], [-sin * x, cos * y, v]]
+        });
+        Self { set, transform }
+    }
+}
+
+/// A texture that a material uses.
+#[derive(Debug, Clone, Copy)]
+struct Used {
+    texture: Index<Texture>,
+    mapping: Mapping,
+}
+
+impl Used {
+    fn of(info: &::gltf::json::texture::Info) -> Self {
+        let transform = |extensions: &Info| extensions.texture_transform.clone();
+        let transform = info.extensions.as_ref().and_then(transform);
+        Self { texture: info.index, mapping: Mapping::of(info.tex_coord, transform.as_ref()) }
+    }
+}
+
+/// Reads the materials and their images into the model. Of each material, the coordinates that it uses.
+pub(super) fn read(
+    root: &Root,
+    buffers: &mut Buffers<'_>,
+    model: &mut Model,
+    beside: &mut Beside<'_>,
+) -> Result<Vec<Mapping>, SceneError> {
+    let mut mapped = Vec::with_capacity(root.materials.len());
+    let mut used = Vec::with_capacity(root.materials.len());
+    for material in &root.materials {
+        let textures = textures(material);
+        let mapping = textures.iter().flatten().map(|used| used.mapping).next().unwrap_or_default();
+        let mut images = [None; 3];
+        for (texture, image) in textures.into_iter().zip(&mut images) {
+            let Some(texture) = texture else { continue };
+            match texture.mapping == mapping {
+                true => *image = image_of(root, texture.texture, beside)?,
+                false => beside.notes.add(
+                    "an image was left out: its coordinates are others than those of the base colour",
+                ),
+            }
+        }
+        mapped.push(mapping);
+        used.push(images);
+    }
+    let numbers: BTreeSet<usize> = used.iter().flatten().flatten().copied().collect();
+    let mut found = BTreeMap::new();
+    for number in numbers {
+        found.insert(number, buffers.image(number, beside)?);
+    }
+    for (material, images) in root.materials.iter().zip(used) {
+        let images = images.map(|number| number.and_then(|number| found[&number]));
+        model.materials.push(material_of(material, images, &mut beside.notes));
+    }
+    Ok(mapped)
+}
+
+/// The textures of base colour, of metallic and roughness, and of normals.
+fn textures(material: &Material) -> [Option<Used>; 3] {
+    let surface = &material.pbr_metallic_roughness;
+    // The library knows the extension only at other textures.
+    let normal = material.normal_texture.as_ref().map(|info| {
+        let value =
+            info.extensions.as_ref().and_then(|all| all.others.get("KHR_texture_transform"));
+        let transform = value.and_then(|value| serde_json::from_value(value.clone()).ok());
+        Used { texture: info.index, mapping: Mapping::of(info.tex_coord, transform.as_ref()) }
+    });
+    [
+        surface.base_color_texture.as_ref().map(Used::of),
+        surface.metallic_roughness_texture.as_ref().map(Used::of),
+        normal,
+    ]
+}
+
+/// The number of a texture's image in the file, where it has one.
+fn image_of(
+    root: &Root,
+    index: Index<Texture>,
+    beside: &mut Beside<'_>,
+) -> Result<Option<usize>, SceneError> {
+    let refused = |rule: String| Err(SceneError::content(beside.place(), rule));
+    let (number, count) = (index.value(), root.textures.len());
+    let Some(texture) = root.textures.get(number) else {
+        return refused(format!("the file has {count} textures, and a material names {number}"));
+    };
+    // So the library has a texture without an image.
+    let (number, count) = (texture.source.value(), root.images.len());
+    if number == u32::MAX as usize {
+        beside.notes.add("a texture has no image that is read, and was left out");
+        return Ok(None);
+    }
+    if number >= count {
+        return refused(format!("the file has {count} images, and a texture names {number}"));
+    }
+    let sampler = texture.sampler.and_then(|sampler| root.samplers.get(sampler.value()));
+    let repeats = |mode| matches!(mode, Checked::Valid(WrappingMode::Repeat));
+    if sampler.is_some_and(|sampler| !repeats(sampler.wrap_s) || !repeats(sampler.wrap_t)) {
+        beside.notes.add("how a texture goes on beyond its edges was left out");
+    }
+    Ok(Some(number))
+}
+
+fn material_of(material: &Material, images: [Option<usize>; 3], notes: &mut Notes) -> MaterialFile {
+    let surface = &material.pbr_metallic_roughness;
+    let [base_color_image, metallic_roughness_image, normal_image] = images;
+    let mut base_color = surface.base_color_factor.0;
+    match material.alpha_mode {
+        Checked::Valid(AlphaMode::Opaque) => base_color[3] = 1.0,
+        Checked::Valid(AlphaMode::Mask) => {
+            notes.add("the opacity below which a material is invisible was left out");
+        }
+        _ => {}
+    }
+    if material.emissive_texture.is_some() || material.emissive_factor.0 != [0.0; 3] {
+        notes.add("light that a material emits was left out");
+    }
+    if material.occlusion_texture.is_some() {
+        notes.add("an image of occlusion was left out");
+    }
+    MaterialFile {
+        name: name(material.name.as_deref().unwrap_or_default()),
+        base_color,
+        base_color_image,
+        metallic: surface.metallic_factor.0,
+        roughness: surface.roughness_factor.0,
+        metallic_roughness_image,
+        normal_image,
+        normal_scale: material.normal_texture.as_ref().map_or(1.0, |texture| texture.scale),
+    }
+}

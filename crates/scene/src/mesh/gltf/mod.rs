@@ -1,0 +1,163 @@
+//! glTF 2.0, as text (`.gltf`) or as one binary file (`.glb`).
+//!
+//! # What is read
+//! - Buffers and images: the chunk of a GLB, `data:` URIs, and files beside the mesh file.
+//! - Primitives of triangles, strips and fans: `POSITION`, `NORMAL`, `COLOR_0`, and the set of texture
+//!   coordinates that the material's images use. Accessors may be sparse, or have integers. See
+//!   [`primitives`].
+//! - Materials of metallic-roughness: see [`materials`]. `KHR_texture_transform` is applied to coordinates.
+//! - Nodes of the default scene, or of all where there is none: see [`nodes`].
+//!
+//! Left out with a note: skins, morph targets, animations, cameras, lights, points, lines, opacities of
+//! vertices, emission, occlusion, how textures repeat, and what extensions say otherwise. A required
+//! extension that is not known is an error.
+//!
+//! The library reads the JSON text. Its checks are not used: they panic where a primitive names an accessor
+//! that is not there, and refuse files without bounds of positions, which nothing here needs. So every
+//! number that stands for a part of the file is checked where it is used.
+//!
+//! # Source
+//! Khronos Group, glTF 2.0 Specification.
+
+mod accessors;
+mod budget;
+mod buffers;
+mod materials;
+mod nodes;
+mod primitives;
+mod uri;
+
+use ::gltf::json;
+use serde::Deserialize;
+use serde_json::Value;
+use serde_json::error::Category;
+
+use self::buffers::Buffers;
+use self::nodes::Nodes;
+use crate::error::{Place, SceneError};
+use crate::mesh::beside::Beside;
+use crate::mesh::notes::name;
+use crate::model::Model;
+
+/// The first bytes of a GLB.
+const MAGIC: &[u8] = b"glTF";
+/// The bytes before the chunks of a GLB.
+const GLB_HEADER: u32 = 12;
+
+/// The extensions that a file may require: those that are read, and those about looks, of which the rest of
+/// the file has a simpler version.
+const KNOWN: [&str; 4] =
+    ["KHR_texture_transform", "KHR_mesh_quantization", "KHR_lights_punctual", "KHR_materials_"];
+/// The extensions that are read.
+const READ: [&str; 2] = ["KHR_texture_transform", "KHR_mesh_quantization"];
+
+/// The model of a glTF file with these bytes.
+pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Model, SceneError> {
+    let place = beside.place();
+    let refused = |found: String| SceneError::content(place.clone(), found);
+    let is_binary = bytes.starts_with(MAGIC);
+    let (text, chunk) = match is_binary {
+        true => {
+            let word = |begin: usize| bytes.get(begin..).and_then(<[u8]>::first_chunk);
+            let [version, length] =
+                [4, 8].map(|begin| word(begin).map(|word| u32::from_le_bytes(*word)));
+            if version.is_some_and(|version| version != 2) {
+                return Err(refused(wrong_version(version.unwrap_or(0))));
+            }
+            // The library subtracts the header's length.
+            if length.unwrap_or(0) < GLB_HEADER {
+                let found = length.map_or("none".to_owned(), |length| length.to_string());
+                let rule = format!("a GLB has a length of {GLB_HEADER} bytes or more");
+                return Err(refused(format!("{rule}, and this has {found}")));
+            }
+            let file = ::gltf::Glb::from_slice(bytes);
+            let rule = "a GLB has a chunk of JSON and perhaps one of bytes";
+            let file = file.map_err(|error| refused(format!("{rule}: {error}")))?;
+            (file.json, file.bin)
+        }
+        false => (bytes.into(), None),
+    };
+    let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&text);
+    let root: json::Root = serde_json::from_slice(text).map_err(|error| {
+        // A file of version 1 has other parts altogether.
+        if let Some(version) = version(text).filter(|version| !is_read(version)) {
+            return refused(wrong_version(name(&version)));
+        }
+        let rule = match error.classify() {
+            Category::Data => "a glTF file has the parts of the specification",
+            _ => "a glTF file has a JSON text",
+        };
+        let [line, column] =
+            [error.line(), error.column()].map(|number| (!is_binary).then_some(number));
+        // It repeats texts of the file.
+        let error = name(&error.to_string());
+        SceneError::content(Place { line, column, ..place.clone() }, format!("{rule}: {error}"))
+    })?;
+    let version = root.asset.min_version.as_ref().unwrap_or(&root.asset.version);
+    if !is_read(version) {
+        return Err(refused(wrong_version(name(version))));
+    }
+    check_extensions(&root, beside)?;
+    note_left_out(&root, beside);
+    let mut buffers = Buffers::new(&root, chunk.as_deref(), bytes.len());
+    let nodes = Nodes::new(&root).map_err(&refused)?;
+    let mut model = Model::default();
+    let mapped = materials::read(&root, &mut buffers, &mut model, beside)?;
+    let meshes = primitives::read(&root, &mut buffers, &mapped, &mut model, beside)?;
+    nodes.place(&meshes, &mut buffers.budget, &mut model, beside)?;
+    model.images = std::mem::take(&mut beside.images);
+    model.notes = std::mem::take(&mut beside.notes).finish();
+    Ok(model)
+}
+
+/// The version that a text says, whatever else it has: a text or, before version 2, a number.
+fn version(text: &[u8]) -> Option<String> {
+    #[derive(Deserialize)]
+    struct Head {
+        asset: Asset,
+    }
+    #[derive(Deserialize)]
+    struct Asset {
+        version: Value,
+    }
+    let Head { asset: Asset { version } } = serde_json::from_slice(text).ok()?;
+    Some(version.as_str().map_or_else(|| version.to_string(), str::to_owned))
+}
+
+/// Whether a file of this version is read.
+fn is_read(version: &str) -> bool {
+    version.split('.').next() == Some("2")
+}
+
+fn wrong_version(found: impl std::fmt::Display) -> String {
+    format!("glTF of version 2 is read, and this is of version {found}")
+}
+
+fn check_extensions(root: &json::Root, beside: &mut Beside<'_>) -> Result<(), SceneError> {
+    let is_known = |extension: &&String| KNOWN.iter().any(|known| extension.starts_with(known));
+    let mut unknown = root.extensions_required.iter().filter(|extension| !is_known(extension));
+    if let Some(extension) = unknown.next() {
+        let found = format!("the file requires {:?}", name(extension));
+        let found = format!("a required extension is one that is read, and {found}");
+        return Err(SceneError::content(beside.place(), found));
+    }
+    for extension in &root.extensions_used {
+        if !READ.contains(&extension.as_str()) {
+            beside.notes.add(format!("the extension {:?} was left out", name(extension)));
+        }
+    }
+    Ok(())
+}
+
+fn note_left_out(root: &json::Root, beside: &mut Beside<'_>) {
+    let parts = [
+        (root.animations.len(), "animations"),
+        (root.cameras.len(), "cameras"),
+        (root.skins.len(), "skins"),
+    ];
+    for (count, what) in parts {
+        if count > 0 {
+            beside.notes.add(format!("{what} were left out"));
+        }
+    }
+}

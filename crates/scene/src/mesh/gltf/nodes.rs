@@ -1,0 +1,163 @@
+//! Nodes: where meshes stand.
+//!
+//! The nodes below the default scene are read; where no scene is the default one, all nodes. A file without
+//! nodes has each mesh once, as it is. A node has one parent at most and is not its own ancestor: so nodes
+//! are trees, which are walked without recursion.
+
+use ::gltf::json::Root;
+use ::gltf::json::scene::Node;
+use glam::{DMat4, DQuat, DVec3};
+
+use super::budget::Budget;
+use crate::error::SceneError;
+use crate::mesh::beside::Beside;
+use crate::mesh::notes::name;
+use crate::model::{Model, Placed};
+
+/// The nodes of a file, which are trees.
+#[derive(Debug)]
+pub(super) struct Nodes<'r> {
+    root: &'r Root,
+    /// The nodes without a parent that are read.
+    tops: Vec<usize>,
+}
+
+impl<'r> Nodes<'r> {
+    /// The nodes of a file, or the rule that they break.
+    pub(super) fn new(root: &'r Root) -> Result<Self, String> {
+        let count = root.nodes.len();
+        let mut has_parent = vec![false; count];
+        for (number, node) in root.nodes.iter().enumerate() {
+            for child in children(node) {
+                let Some(has_parent) = has_parent.get_mut(child) else {
+                    let found = format!("node {number} names child {child}");
+                    return Err(format!("the file has {count} nodes, and {found}"));
+                };
+                if std::mem::replace(has_parent, true) {
+                    let rule = "a node is the child of one node at most";
+                    return Err(format!("{rule}, and node {child} is the child of more"));
+                }
+            }
+        }
+        let all: Vec<usize> = (0..count).filter(|&node| !has_parent[node]).collect();
+        let nodes = Self { root, tops: all };
+        // With one parent each, nodes that no node without a parent leads to are in a circle.
+        let mut is_reached = vec![false; count];
+        nodes.walk(|node, _| {
+            is_reached[node] = true;
+            Ok(())
+        })?;
+        if let Some(node) = is_reached.iter().position(|is_reached| !is_reached) {
+            let rule = "a node is not below itself";
+            return Err(format!("{rule}, and node {node} is in a circle of children"));
+        }
+        let Some(scene) = root.scene else { return Ok(nodes) };
+        let Some(scene) = root.scenes.get(scene.value()) else {
+            let (count, number) = (root.scenes.len(), scene.value());
+            return Err(format!("the file has {count} scenes, and the default one is {number}"));
+        };
+        let tops: Vec<usize> = scene.nodes.iter().map(|node| node.value()).collect();
+        let mut is_top = vec![false; count];
+        for &top in &tops {
+            let Some(is_top) = is_top.get_mut(top) else {
+                return Err(format!("the file has {count} nodes, and a scene names {top}"));
+            };
+            if has_parent[top] || std::mem::replace(is_top, true) {
+                let rule = "a scene names nodes without a parent, each once";
+                return Err(format!("{rule}, and node {top} has one or is there again"));
+            }
+        }
+        Ok(Self { root, tops })
+    }
+
+    /// Gives each node and its matrix to the world to `visit`: parents first, siblings in their order.
+    fn walk(
+        &self,
+        mut visit: impl FnMut(usize, DMat4) -> Result<(), String>,
+    ) -> Result<(), String> {
+        let mut stack: Vec<(usize, DMat4)> = Vec::new();
+        stack.extend(self.tops.iter().rev().map(|&top| (top, DMat4::IDENTITY)));
+        while let Some((number, parent)) = stack.pop() {
+            let node = &self.root.nodes[number];
+            let matrix = parent * local(node);
+            visit(number, matrix)?;
+            let below = stack.len();
+            stack.extend(children(node).map(|child| (child, matrix)));
+            stack[below..].reverse();
+        }
+        Ok(())
+    }
+
+    /// Places the geometries of the meshes, by mesh, where the nodes have them.
+    pub(super) fn place(
+        &self,
+        meshes: &[Vec<usize>],
+        budget: &mut Budget,
+        model: &mut Model,
+        beside: &mut Beside<'_>,
+    ) -> Result<(), SceneError> {
+        let refused = |rule: String| SceneError::content(beside.place(), rule);
+        if self.root.nodes.is_empty() {
+            for (geometry, found) in model.geometries.iter().enumerate() {
+                let (name, transform) = (found.name.clone(), DMat4::IDENTITY);
+                model.placed.push(Placed { name, geometry, transform });
+            }
+            return Ok(());
+        }
+        let mut found = Vec::new();
+        self.walk(|number, matrix| {
+            let node = &self.root.nodes[number];
+            if let Some(mesh) = node.mesh.map(|mesh| mesh.value()) {
+                if mesh >= meshes.len() {
+                    let count = meshes.len();
+                    return Err(format!(
+                        "the file has {count} meshes, and node {number} has {mesh}"
+                    ));
+                }
+                found.push((number, mesh, matrix));
+            }
+            Ok(())
+        })
+        .map_err(refused)?;
+        for (number, mesh, transform) in found {
+            if !transform.is_finite() {
+                let rule = "a node's matrix is finite";
+                let found = format!("{rule}, and that of node {number} is not");
+                return Err(SceneError::content(beside.place(), found));
+            }
+            let name = name(self.root.nodes[number].name.as_deref().unwrap_or_default());
+            let bytes = size_of::<Placed>() + name.len();
+            budget.spend(meshes[mesh].len() as u64, bytes, &beside.place())?;
+            for &geometry in &meshes[mesh] {
+                model.placed.push(Placed { name: name.clone(), geometry, transform });
+            }
+        }
+        if model.placed.is_empty() {
+            beside.notes.add("no node places a mesh");
+        }
+        Ok(())
+    }
+}
+
+fn children(node: &Node) -> impl Iterator<Item = usize> {
+    node.children.iter().flatten().map(|child| child.value())
+}
+
+/// From a node's coordinates to its parent's.
+fn local(node: &Node) -> DMat4 {
+    if let Some(matrix) = node.matrix {
+        return DMat4::from_cols_array(&matrix.map(f64::from));
+    }
+    let vector = |numbers: [f32; 3]| DVec3::from_array(numbers.map(f64::from));
+    let rotation = node.rotation.map_or(DQuat::IDENTITY, |rotation| {
+        let rotation = DQuat::from_array(rotation.0.map(f64::from));
+        // Its length is 1 to within the rounding of `f32`. One of length 0 turns nothing.
+        match rotation.length_squared() {
+            0.0 => DQuat::IDENTITY,
+            _ => rotation.normalize(),
+        }
+    });
+    let scale = node.scale.map_or(DVec3::ONE, vector);
+    let translation = node.translation.map_or(DVec3::ZERO, vector);
+    DMat4::from_scale_rotation_translation(scale, rotation, translation)
+}

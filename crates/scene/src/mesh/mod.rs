@@ -1,0 +1,110 @@
+//! Meshes of files: what is read, by the file's extension, and what is written.
+//!
+//! | format | read | written |
+//! |---|---|---|
+//! | Wavefront OBJ with MTL | [`read_model`] | |
+//! | PLY, ascii and binary | [`read_model`] | [`ply()`] |
+//! | glTF 2.0, as text or GLB | [`read_model`] | [`glb()`] |
+//!
+//! Whatever the format, a [`Model`] holds triangles, vertices that lie in one place are one vertex, and
+//! attributes have index buffers of their own. What was left out or mended stands in [`Model::notes`].
+
+mod beside;
+mod check;
+mod gltf;
+mod notes;
+mod obj;
+mod ply;
+#[cfg(test)]
+mod tests;
+mod unweld;
+mod weld;
+mod write_glb;
+mod write_ply;
+
+use std::path::Path;
+
+pub use self::write_glb::glb;
+pub use self::write_ply::ply;
+use crate::error::{Place, SceneError};
+use crate::folder::Folder;
+use crate::mesh::beside::Beside;
+use crate::model::Model;
+
+/// The formats of meshes that are read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MeshKind {
+    /// Wavefront OBJ, `.obj`.
+    Obj,
+    /// PLY, `.ply`.
+    Ply,
+    /// glTF 2.0, `.gltf` or `.glb`. The first bytes tell which of the two a file is.
+    Gltf,
+}
+
+impl MeshKind {
+    /// The format of the file at `path`, by its extension in any case.
+    ///
+    /// # Errors
+    /// [`SceneError::Content`] for another extension.
+    pub fn of(path: impl AsRef<Path>) -> Result<Self, SceneError> {
+        let path = path.as_ref();
+        let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        match &*extension {
+            "obj" => Ok(Self::Obj),
+            "ply" => Ok(Self::Ply),
+            "gltf" | "glb" => Ok(Self::Gltf),
+            _ => {
+                let rule = "a mesh file is an .obj, .ply, .gltf or .glb file";
+                let found = format!("{rule}, and the extension is {extension:?}");
+                Err(SceneError::content(Place::of(path), found))
+            }
+        }
+    }
+}
+
+/// The mesh file at `path` in `folder`, and the materials and images that it names.
+///
+/// # Errors
+/// [`SceneError::Content`] for an extension that is none of the four, and for what breaks a rule of the
+/// format; [`SceneError::Read`] where a file can't be read; [`SceneError::Outside`] where the file names
+/// another one outside the folder; [`SceneError::TooLarge`] where a file asks for more memory than its
+/// length allows.
+pub fn read_model(folder: &Folder, path: impl AsRef<Path>) -> Result<Model, SceneError> {
+    let path = path.as_ref();
+    let kind = MeshKind::of(path).map_err(|error| match error {
+        SceneError::Content { message, .. } => {
+            SceneError::content(Place::of(folder.join(path)), message)
+        }
+        other => other,
+    })?;
+    read_model_bytes(&folder.read(path)?, kind, folder, path)
+}
+
+/// The mesh file with these `bytes`. `path` is where the file would lie in `folder`: in errors, and for
+/// the files that it names.
+///
+/// # Errors
+/// As [`read_model`].
+pub fn read_model_bytes(
+    bytes: &[u8],
+    kind: MeshKind,
+    folder: &Folder,
+    path: impl AsRef<Path>,
+) -> Result<Model, SceneError> {
+    let mut beside = Beside::new(folder, path.as_ref());
+    let model = match kind {
+        MeshKind::Obj => obj::read(bytes, &mut beside),
+        MeshKind::Ply => ply::read(bytes, &mut beside),
+        MeshKind::Gltf => gltf::read(bytes, &mut beside),
+    }?;
+    if model.geometries.is_empty() {
+        let mut found = "a mesh file has a face with three vertices, and this has none".to_owned();
+        for note in &model.notes {
+            found.push_str("; ");
+            found.push_str(note);
+        }
+        return Err(SceneError::content(beside.place(), found));
+    }
+    Ok(model)
+}

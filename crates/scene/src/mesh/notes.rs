@@ -1,0 +1,57 @@
+//! What a reader left out or mended, in words.
+
+use std::collections::HashMap;
+
+/// So many different notes are kept: a file could give each of its materials a note.
+const MOST_NOTES: usize = 100;
+/// Names of a file are cut to so many characters: a name is repeated for each part of a mesh.
+const LONGEST_NAME: usize = 256;
+
+/// Notes, each once with how often it was made.
+#[derive(Debug, Default)]
+pub(super) struct Notes {
+    texts: Vec<(String, usize)>,
+    numbers: HashMap<String, usize>,
+    further: usize,
+}
+
+impl Notes {
+    /// Adds a note.
+    pub(super) fn add(&mut self, text: impl Into<String>) {
+        self.count(text, 1);
+    }
+
+    /// Adds a note for each of `times` occasions.
+    pub(super) fn count(&mut self, text: impl Into<String>, times: usize) {
+        let text = text.into();
+        if times == 0 {
+            return;
+        }
+        if let Some(&number) = self.numbers.get(&text) {
+            self.texts[number].1 += times;
+        } else if self.texts.len() < MOST_NOTES {
+            self.numbers.insert(text.clone(), self.texts.len());
+            self.texts.push((text, times));
+        } else {
+            self.further += 1;
+        }
+    }
+
+    /// The notes, in the order in which each was made first.
+    pub(super) fn finish(self) -> Vec<String> {
+        let text = |(text, times): (String, usize)| match times {
+            1 => text,
+            _ => format!("{text} ({times} times)"),
+        };
+        let mut notes: Vec<String> = self.texts.into_iter().map(text).collect();
+        if self.further > 0 {
+            notes.push(format!("there are {} further notes", self.further));
+        }
+        notes
+    }
+}
+
+/// A name of a file, without space around it, and cut where it is very long.
+pub(super) fn name(text: &str) -> String {
+    text.trim().chars().take(LONGEST_NAME).collect()
+}

@@ -1,0 +1,203 @@
+//! Materials of MTL files.
+//!
+//! # What is read
+//! - `Kd` and `map_Kd`: base colour and its image. `Kd` is a linear colour, as converters to glTF take it.
+//! - `d` or `Tr`: opacity, and 1 minus it.
+//! - `Pr`, `Pm`, `map_Pr`, `map_Pm`: roughness and metallic, by the extension of Clara.io. The two images
+//!   become one with roughness in green and metallic in blue. Without them a material is a dielectric of
+//!   roughness 1.
+//! - `norm`: a normal map, with the factor of its option `-bm`.
+//!
+//! Left out with a note: height maps (`map_Bump`, `bump`), an opacity map, and images that are missing or
+//! whose options shift or scale them. Left out without: what is older than physically based materials, such
+//! as `Ka`, `Ks`, `Ns` and `illum`.
+//!
+//! A material that no file has is noted, and a mesh with it has none.
+//!
+//! # Sources
+//! Wavefront Technologies, Advanced Visualizer, MTL material format; the PBR extension of Clara.io.
+
+use std::collections::{HashMap, HashSet};
+use std::path::Path;
+
+use super::maps::{Map, Packed};
+use super::statements::{Statements, numbers};
+use super::{rest, text};
+use crate::error::{Place, SceneError};
+use crate::mesh::beside::Beside;
+use crate::mesh::notes::name;
+use crate::model::MaterialFile;
+
+/// A material as a file describes it.
+#[derive(Debug, Default)]
+struct Described {
+    color: Option<[f32; 3]>,
+    opacity: Option<f32>,
+    metallic: Option<f32>,
+    roughness: Option<f32>,
+    color_map: Option<Map>,
+    metallic_map: Option<Map>,
+    roughness_map: Option<Map>,
+    normal_map: Option<Map>,
+    /// The keywords that were left out.
+    left_out: Vec<&'static str>,
+}
+
+/// The materials `used` of the files `libraries`, and for each used name the number of its material.
+pub(super) fn read(
+    libraries: &[String],
+    used: &[String],
+    beside: &mut Beside<'_>,
+) -> Result<(Vec<MaterialFile>, Vec<Option<usize>>), SceneError> {
+    let mut described = HashMap::new();
+    let mut seen = HashSet::new();
+    for library in libraries {
+        // A path may have spaces, and a line several paths.
+        let mut names = vec![library.as_str()];
+        if beside.find(library)?.is_none() && library.contains(char::is_whitespace) {
+            names = library.split_whitespace().collect();
+        }
+        for file in names {
+            let Some(path) = beside.find(file)? else {
+                let file = name(file);
+                beside.notes.add(format!("the material file {file:?} is missing and was left out"));
+                continue;
+            };
+            if seen.insert(path) {
+                read_file(file, &mut described, beside)?;
+            }
+        }
+    }
+    let (mut materials, mut numbers, mut packed) = (Vec::new(), Vec::new(), Packed::default());
+    for name in used {
+        numbers.push(described.get(name).map(|_| materials.len()));
+        match described.get(name) {
+            Some((folder, described)) => {
+                materials.push(material(name, folder, described, &mut packed, beside)?);
+            }
+            None => beside.notes.add(format!("the material {name:?} is missing and was left out")),
+        }
+    }
+    Ok((materials, numbers))
+}
+
+/// Adds the materials of a file, each with the folder that the file lies in.
+fn read_file(
+    file: &str,
+    described: &mut HashMap<String, (String, Described)>,
+    beside: &Beside<'_>,
+) -> Result<(), SceneError> {
+    let (bytes, path) = (beside.read(file)?, beside.place_of(file).path);
+    let slashes = file.replace('\\', "/");
+    let folder = Path::new(&slashes).parent().unwrap_or(Path::new(""));
+    let folder = folder.to_string_lossy().into_owned();
+    let mut current = None;
+    for (number, line) in Statements::of(&text(&bytes, &Place::of(&path))?) {
+        let mut words = line.split_whitespace();
+        match (words.next(), &mut current) {
+            (None, _) => {}
+            (Some("newmtl"), current) => {
+                if let Some((name, finished)) = current.take() {
+                    described.insert(name, (folder.clone(), finished));
+                }
+                *current = Some((name(rest(&line, "newmtl")), Described::default()));
+            }
+            (Some(keyword), Some((_, material))) => {
+                material.set(keyword, rest(&line, keyword), || Place::line(&path, number))?;
+            }
+            // What comes before the first name belongs to no material.
+            (Some(_), None) => {}
+        }
+    }
+    if let Some((name, finished)) = current {
+        described.insert(name, (folder, finished));
+    }
+    Ok(())
+}
+
+impl Described {
+    /// Takes the statement `keyword` with these arguments.
+    fn set(
+        &mut self,
+        keyword: &str,
+        arguments: &str,
+        place: impl Fn() -> Place,
+    ) -> Result<(), SceneError> {
+        let number = || -> Result<Option<f32>, SceneError> {
+            let ([number], count) = numbers(arguments.split_whitespace(), keyword, &place)?;
+            Ok((count == 1).then_some(number))
+        };
+        match keyword {
+            "Kd" => match arguments.starts_with("spectral") || arguments.starts_with("xyz") {
+                true => self.left_out.push("Kd of another colour space"),
+                false => {
+                    let words = arguments.split_whitespace();
+                    let ([r, g, b], count) = numbers(words, keyword, &place)?;
+                    self.color = match count {
+                        // The format lets green and blue be left out.
+                        1 => Some([r; 3]),
+                        3 => Some([r, g, b]),
+                        _ => {
+                            let found = format!("Kd has three numbers, and this has {count}");
+                            return Err(SceneError::content(place(), found));
+                        }
+                    };
+                }
+            },
+            "d" if arguments.starts_with('-') => self.left_out.push("d -halo"),
+            "d" => self.opacity = number()?.or(self.opacity),
+            "Tr" => self.opacity = number()?.map(|number| 1.0 - number).or(self.opacity),
+            "Pm" => self.metallic = number()?.or(self.metallic),
+            "Pr" => self.roughness = number()?.or(self.roughness),
+            "map_Kd" => self.color_map = Map::of(arguments),
+            "map_Pm" => self.metallic_map = Map::of(arguments),
+            "map_Pr" => self.roughness_map = Map::of(arguments),
+            "norm" => self.normal_map = Map::of(arguments),
+            "map_Bump" | "map_bump" | "bump" => self.left_out.push("a height map"),
+            "map_d" => self.left_out.push("an opacity map"),
+            "map_Ke" => self.left_out.push("an image of emitted light"),
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+/// A material with its images.
+fn material(
+    name: &str,
+    folder: &str,
+    described: &Described,
+    packed: &mut Packed,
+    beside: &mut Beside<'_>,
+) -> Result<MaterialFile, SceneError> {
+    for what in &described.left_out {
+        beside.notes.add(format!("{what} of a material was left out"));
+    }
+    let mut image = |map: &Option<Map>| -> Result<Option<usize>, SceneError> {
+        let Some(map) = map else { return Ok(None) };
+        if map.is_moved {
+            beside.notes.add("shift and scale of an image were left out");
+        }
+        beside.image(&match folder {
+            "" => map.file.clone(),
+            _ => format!("{folder}/{}", map.file),
+        })
+    };
+    let base_color_image = image(&described.color_map)?;
+    let normal_image = image(&described.normal_map)?;
+    let (roughness, metallic) = (image(&described.roughness_map)?, image(&described.metallic_map)?);
+    let metallic_roughness_image = packed.of([roughness, metallic], beside);
+    // Where an image says it, the factor is 1.
+    let factor = |image: Option<usize>| image.map(|_| 1.0);
+    let [r, g, b] = described.color.unwrap_or([1.0; 3]);
+    Ok(MaterialFile {
+        name: name.to_owned(),
+        base_color: [r, g, b, described.opacity.unwrap_or(1.0)],
+        base_color_image,
+        metallic: described.metallic.or(factor(metallic)).unwrap_or(0.0),
+        roughness: described.roughness.or(factor(roughness)).unwrap_or(1.0),
+        metallic_roughness_image,
+        normal_image,
+        normal_scale: described.normal_map.as_ref().map_or(1.0, |map| map.factor),
+    })
+}

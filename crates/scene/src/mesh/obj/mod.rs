@@ -1,0 +1,102 @@
+//! Wavefront OBJ.
+//!
+//! # What is read
+//! - `v` with three numbers, with a fourth that divides them, or with a linear colour: `v x y z r g b`. An
+//!   opacity after the colour is left out.
+//! - `vt u v`. v is **up** in OBJ: 1 - v is the coordinate here.
+//! - `vn`, and `f` with `v`, `v/t`, `v//n` or `v/t/n` at each corner. Numbers count from 1, and negative
+//!   ones back from the latest. A polygon becomes a fan of triangles around its first corner, which covers
+//!   it where it is convex.
+//! - `o`, `usemtl` and `mtllib`. The faces of an object with one material are a mesh. Groups (`g`) are not
+//!   told apart: they would tear a surface into parts that move by themselves.
+//! - A backslash at the end of a line continues it.
+//!
+//! Colours, coordinates or normals that some corners of a mesh lack are left out, and so are points, lines,
+//! curves and surfaces: a note says so. Smoothing groups are ignored. Materials are those of
+//! [`materials`].
+//!
+//! # Why no library reads it
+//! tobj 4.0 has no line numbers in errors, gives a corner without a coordinate its neighbour's, shifts
+//! colours where only some vertices have one, and panics for some numbers of corners. All of that would have
+//! to be read once more before. The tests compare with it.
+//!
+//! # Source
+//! Wavefront Technologies, Advanced Visualizer, appendix B1, Object files.
+
+mod maps;
+mod materials;
+mod parts;
+mod statements;
+
+use std::borrow::Cow;
+
+use glam::DMat4;
+
+use self::parts::Parts;
+use crate::error::{Place, SceneError};
+use crate::mesh::beside::Beside;
+use crate::mesh::weld::Welder;
+use crate::model::{MaterialFile, Model, Placed};
+use crate::picture::Picture;
+
+/// The model of an OBJ file with these bytes.
+pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Model, SceneError> {
+    let parts = Parts::read(&text(bytes, &beside.place())?, beside)?;
+    let (materials, numbers) = materials::read(&parts.libraries, &parts.materials, beside)?;
+    let (mut welder, mut model) = (Welder::default(), Model { materials, ..Model::default() });
+    let place = beside.place();
+    for part in &parts.list {
+        let material = part.material.and_then(|material| numbers[material]);
+        let raw = parts.raw(part, material, &mut beside.notes);
+        if let Some(geometry) = welder.weld(raw, &place, &mut beside.notes)? {
+            let (name, transform) = (geometry.name.clone(), DMat4::IDENTITY);
+            model.placed.push(Placed { name, geometry: model.geometries.len(), transform });
+            model.geometries.push(geometry);
+        }
+    }
+    keep_used_images(&mut model, std::mem::take(&mut beside.images));
+    model.notes = std::mem::take(&mut beside.notes).finish();
+    Ok(model)
+}
+
+/// Gives the model those of these images that its materials use: of images that became a part of another
+/// one nothing is left.
+fn keep_used_images(model: &mut Model, images: Vec<Picture>) {
+    let mut numbers = vec![None; images.len()];
+    for material in &mut model.materials {
+        let MaterialFile { base_color_image, metallic_roughness_image, normal_image, .. } =
+            material;
+        let used = [base_color_image, metallic_roughness_image, normal_image];
+        for &mut number in used.into_iter().flatten() {
+            numbers[number] = Some(0);
+        }
+    }
+    for (number, image) in images.into_iter().enumerate() {
+        if numbers[number].is_some() {
+            numbers[number] = Some(model.images.len());
+            model.images.push(image);
+        }
+    }
+    for material in &mut model.materials {
+        let MaterialFile { base_color_image, metallic_roughness_image, normal_image, .. } =
+            material;
+        for number in [base_color_image, metallic_roughness_image, normal_image] {
+            *number = number.and_then(|number| numbers[number]);
+        }
+    }
+}
+
+/// The text of a file. Old files have names in other encodings than UTF-8: those letters are lost, and
+/// the mesh is not.
+fn text<'b>(bytes: &'b [u8], place: &Place) -> Result<Cow<'b, str>, SceneError> {
+    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
+        let found = "text is UTF-8, and this is UTF-16";
+        return Err(SceneError::content(place.clone(), found));
+    }
+    Ok(String::from_utf8_lossy(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)))
+}
+
+/// What follows the keyword of a line. A name or a path may have spaces.
+fn rest<'l>(line: &'l str, keyword: &str) -> &'l str {
+    line.trim_start().strip_prefix(keyword).unwrap_or_default().trim()
+}

@@ -1,0 +1,267 @@
+//! The parts of an OBJ file: the faces of each object with each material.
+
+use std::borrow::Cow;
+use std::collections::HashMap;
+use std::str::SplitWhitespace;
+
+use super::rest;
+use super::statements::{Statements, numbers};
+use crate::error::SceneError;
+use crate::mesh::beside::Beside;
+use crate::mesh::notes::{Notes, name};
+use crate::mesh::weld::{Corners, Raw};
+
+/// Stands for a row that a corner does not name.
+const MISSING: u32 = u32::MAX;
+/// Stands for a colour that a vertex does not have.
+const NO_COLOR: [f32; 3] = [f32::NAN; 3];
+/// What a corner names, in the order of the slashes.
+const NAMED: [&str; 3] = ["vertex", "texture coordinate", "normal"];
+
+/// Faces with one material of one object.
+#[derive(Debug)]
+pub(super) struct Part {
+    name: String,
+    /// Its number among the names of materials.
+    pub(super) material: Option<usize>,
+    /// For each face the positions, the coordinates and the normals at its corners.
+    faces: [Vec<[u32; 3]>; 3],
+    /// How many corners have no coordinate, and no normal.
+    missing: [usize; 2],
+}
+
+/// All of an OBJ file.
+#[derive(Debug, Default)]
+pub(super) struct Parts {
+    positions: Vec<[f32; 3]>,
+    /// As many as positions, or none.
+    colors: Vec<[f32; 3]>,
+    coordinates: Vec<[f32; 2]>,
+    normals: Vec<[f32; 3]>,
+    pub(super) list: Vec<Part>,
+    /// The names of the materials that are used, and those of the files that have them.
+    pub(super) materials: Vec<String>,
+    pub(super) libraries: Vec<String>,
+    /// The largest number of each kind that a corner names, and its line.
+    largest: [(u32, usize); 3],
+}
+
+impl Parts {
+    pub(super) fn read(text: &str, beside: &mut Beside<'_>) -> Result<Self, SceneError> {
+        let mut parts = Self::default();
+        let (mut object, mut objects, mut material) = (String::new(), 0_usize, None);
+        let (mut by_name, mut by_object) = (HashMap::new(), HashMap::new());
+        let mut corners = Vec::new();
+        for (number, line) in Statements::of(text) {
+            let mut words = line.split_whitespace();
+            match words.next() {
+                Some("v") => parts.vertex(words, number, beside)?,
+                Some("vt") => {
+                    let place = || beside.line(number);
+                    let ([u, v, _], count) = numbers::<3>(words, "a texture coordinate", place)?;
+                    check_count(count, 1, "a texture coordinate", number, beside)?;
+                    parts.coordinates.push([u, 1.0 - v]);
+                }
+                Some("vn") => {
+                    let (normal, count) = numbers(words, "a normal", || beside.line(number))?;
+                    check_count(count, 3, "a normal", number, beside)?;
+                    parts.normals.push(normal);
+                }
+                Some("f" | "fo") => {
+                    corners.clear();
+                    parts.corners(words, &mut corners, number, beside)?;
+                    if corners.len() < 3 {
+                        beside.notes.add("a face with fewer than three corners was left out");
+                        continue;
+                    }
+                    let next = parts.list.len();
+                    let part = *by_object.entry((objects, material)).or_insert(next);
+                    if part == next {
+                        let (name, faces) = (object.clone(), Default::default());
+                        parts.list.push(Part { name, material, faces, missing: [0; 2] });
+                    }
+                    parts.list[part].add(&corners);
+                }
+                Some("o") => {
+                    object = name(rest(&line, "o"));
+                    objects += 1;
+                }
+                Some("usemtl") => {
+                    let name = name(rest(&line, "usemtl"));
+                    let next = parts.materials.len();
+                    let found = *by_name.entry(name.clone()).or_insert(next);
+                    if found == next {
+                        parts.materials.push(name);
+                    }
+                    material = Some(found);
+                }
+                Some("mtllib") => parts.libraries.push(rest(&line, "mtllib").to_owned()),
+                Some("p") => beside.notes.add("points were left out"),
+                Some("l") => beside.notes.add("lines were left out"),
+                Some("curv" | "curv2" | "surf") => {
+                    beside.notes.add("free-form curves and surfaces were left out");
+                }
+                _ => {}
+            }
+        }
+        parts.check(beside)?;
+        Ok(parts)
+    }
+
+    fn vertex(
+        &mut self,
+        words: SplitWhitespace<'_>,
+        number: usize,
+        beside: &Beside<'_>,
+    ) -> Result<(), SceneError> {
+        let ([x, y, z, rest @ ..], count) =
+            numbers::<7>(words, "a vertex", || beside.line(number))?;
+        check_count(count, 3, "a vertex", number, beside)?;
+        let mut position = [x, y, z];
+        if count == 4 {
+            position = position.map(|x| x / rest[0]);
+        }
+        if !position.iter().all(|x| x.is_finite()) {
+            let found = format!("a position is finite, and this is {position:?}");
+            return Err(SceneError::content(beside.line(number), found));
+        }
+        // With the first colour the vertices before it turn out to have none.
+        if count >= 6 {
+            self.colors.resize(self.positions.len(), NO_COLOR);
+            self.colors.push([rest[0], rest[1], rest[2]]);
+        } else if !self.colors.is_empty() {
+            self.colors.push(NO_COLOR);
+        }
+        self.positions.push(position);
+        Ok(())
+    }
+
+    /// Adds the rows at the corners of a face to `corners`.
+    fn corners(
+        &mut self,
+        words: SplitWhitespace<'_>,
+        corners: &mut Vec<[u32; 3]>,
+        line: usize,
+        beside: &Beside<'_>,
+    ) -> Result<(), SceneError> {
+        let counts = [self.positions.len(), self.coordinates.len(), self.normals.len()];
+        for word in words.take_while(|word| !word.starts_with('#')) {
+            let refused = |found: String| SceneError::content(beside.line(line), found);
+            let mut corner = [MISSING; 3];
+            for (k, part) in word.split('/').enumerate() {
+                let Some(slot) = corner.get_mut(k) else {
+                    let rule = "a corner names a vertex, a texture coordinate and a normal at most";
+                    return Err(refused(format!("{rule}, and this is {:?}", name(word))));
+                };
+                if part.is_empty() && k > 0 {
+                    continue;
+                }
+                let (what, count) = (NAMED[k], counts[k]);
+                let row = match part.parse::<i64>() {
+                    Ok(number) if number < 0 => count as i64 + number,
+                    // With 0 it is -1.
+                    Ok(number) => number - 1,
+                    Err(_) => {
+                        let found =
+                            format!("a corner has whole numbers, and this is {:?}", name(word));
+                        return Err(refused(found));
+                    }
+                };
+                *slot = match u32::try_from(row) {
+                    Ok(row) if row != MISSING => row,
+                    _ => {
+                        let rule = format!("a {what} has a number from 1 on or back to -{count}");
+                        return Err(refused(format!("{rule}, and this is {}", name(part))));
+                    }
+                };
+                if *slot >= self.largest[k].0 {
+                    self.largest[k] = (*slot, line);
+                }
+            }
+            corners.push(corner);
+        }
+        Ok(())
+    }
+
+    /// Refuses corners that name what the file does not have.
+    fn check(&self, beside: &Beside<'_>) -> Result<(), SceneError> {
+        let counts = [self.positions.len(), self.coordinates.len(), self.normals.len()];
+        for (k, (row, line)) in self.largest.into_iter().enumerate() {
+            // No line has named any where it is 0.
+            if line > 0 && row as usize >= counts[k] {
+                let (what, count) = (NAMED[k], counts[k]);
+                let found = format!("a face names number {}", u64::from(row) + 1);
+                let found = format!("the file has {count} of the kind {what:?}, and {found}");
+                return Err(SceneError::content(beside.line(line), found));
+            }
+        }
+        Ok(())
+    }
+
+    /// A part with its rows.
+    pub(super) fn raw<'a>(
+        &'a self,
+        part: &'a Part,
+        material: Option<usize>,
+        notes: &mut Notes,
+    ) -> Raw<'a> {
+        let [positions, coordinates, normals] = &part.faces;
+        let corners = positions.len() * 3;
+        let mut is_whole = |k: usize, what: &str| {
+            let missing = part.missing[k];
+            if missing > 0 && missing < corners {
+                notes.add(format!("{what} of a mesh were left out: not all corners have one"));
+            }
+            missing == 0
+        };
+        let coordinates = is_whole(0, "coordinates")
+            .then(|| Corners { rows: &self.coordinates, faces: Cow::Borrowed(coordinates) });
+        let normals = is_whole(1, "normals")
+            .then(|| Corners { rows: &self.normals, faces: Cow::Borrowed(normals) });
+        let faces = Cow::Borrowed(positions.as_slice());
+        let colored = positions.iter().flatten();
+        let colored = colored.filter(|&&vertex| self.color(vertex).is_some()).count();
+        if colored > 0 && colored < corners {
+            notes.add("colours of a mesh were left out: not all vertices have one");
+        }
+        let colors = (colored == corners)
+            .then(|| Corners { rows: &self.colors, faces: Cow::Borrowed(positions) });
+        let positions = Corners { rows: &self.positions, faces };
+        Raw { name: part.name.clone(), material, positions, colors, coordinates, normals }
+    }
+
+    fn color(&self, vertex: u32) -> Option<[f32; 3]> {
+        self.colors.get(vertex as usize).copied().filter(|color| !color[0].is_nan())
+    }
+}
+
+impl Part {
+    /// Adds a face with these corners, as a fan of triangles.
+    fn add(&mut self, corners: &[[u32; 3]]) {
+        for pair in corners[1..].windows(2) {
+            let triangle = [corners[0], pair[0], pair[1]];
+            for (k, faces) in self.faces.iter_mut().enumerate() {
+                faces.push(triangle.map(|corner| corner[k]));
+            }
+            for (k, missing) in self.missing.iter_mut().enumerate() {
+                *missing += triangle.iter().filter(|corner| corner[k + 1] == MISSING).count();
+            }
+        }
+    }
+}
+
+fn check_count(
+    count: usize,
+    least: usize,
+    what: &str,
+    line: usize,
+    beside: &Beside<'_>,
+) -> Result<(), SceneError> {
+    match count < least {
+        true => {
+            let found = format!("{what} has {least} numbers or more, and this has {count}");
+            Err(SceneError::content(beside.line(line), found))
+        }
+        false => Ok(()),
+    }
+}

@@ -1,0 +1,73 @@
+//! The statements of OBJ and MTL files: lines, joined where a backslash continues them.
+
+use std::borrow::Cow;
+use std::str::{Lines, SplitWhitespace};
+
+use crate::error::{Place, SceneError};
+use crate::mesh::notes::name;
+
+/// The statements of a text, each with the number of its first line, from 1 on.
+#[derive(Debug)]
+pub(super) struct Statements<'t> {
+    lines: Lines<'t>,
+    number: usize,
+}
+
+impl<'t> Statements<'t> {
+    pub(super) fn of(text: &'t str) -> Self {
+        Self { lines: text.lines(), number: 0 }
+    }
+}
+
+impl<'t> Iterator for Statements<'t> {
+    type Item = (usize, Cow<'t, str>);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let line = self.lines.next()?;
+        self.number += 1;
+        let first = self.number;
+        let Some(begin) = line.trim_end().strip_suffix('\\') else {
+            return Some((first, Cow::Borrowed(line)));
+        };
+        let mut joined = begin.to_owned();
+        for line in self.lines.by_ref() {
+            self.number += 1;
+            joined.push(' ');
+            match line.trim_end().strip_suffix('\\') {
+                Some(more) => joined.push_str(more),
+                None => {
+                    joined.push_str(line);
+                    break;
+                }
+            }
+        }
+        Some((first, Cow::Owned(joined)))
+    }
+}
+
+/// The numbers among `words`, which are all numbers, at most `N` of them; and how many there are.
+pub(super) fn numbers<const N: usize>(
+    words: SplitWhitespace<'_>,
+    what: &str,
+    place: impl Fn() -> Place,
+) -> Result<([f32; N], usize), SceneError> {
+    let mut numbers = [0.0; N];
+    let mut count = 0;
+    // A comment may follow what a line says.
+    for word in words.take_while(|word| !word.starts_with('#')) {
+        let found = match word.parse::<f32>() {
+            Ok(number) if number.is_finite() => number,
+            _ => {
+                let found = format!("{what} has finite numbers, and {:?} is none", name(word));
+                return Err(SceneError::content(place(), found));
+            }
+        };
+        let Some(number) = numbers.get_mut(count) else {
+            let found = format!("{what} has at most {N} numbers, and there are more");
+            return Err(SceneError::content(place(), found));
+        };
+        *number = found;
+        count += 1;
+    }
+    Ok((numbers, count))
+}

@@ -1,0 +1,213 @@
+//! What is read of OBJ and MTL files.
+
+use std::io::BufReader;
+
+use super::{at_corners, of_corners, only, read, read_with, said};
+use crate::error::{Place, SceneError};
+use crate::mesh::MeshKind::Obj;
+use crate::picture::{Picture, Samples};
+
+const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+
+/// A PNG of one row, whose pixels have three channels.
+fn png(samples: &[u8]) -> Vec<u8> {
+    let width = samples.len() / 3;
+    let picture = Picture { width, height: 1, channels: 3, samples: Samples::U8(samples.to_vec()) };
+    picture.encode_png(&Place::of("image")).unwrap()
+}
+
+#[test]
+fn a_face_of_five_corners_is_three_triangles() {
+    let text = "v 0 0 0\nv 2 0 0\nv 3 1 0\nv 1 2 0\nv -1 1 0\nf 1 2 3 4 5\n";
+    let model = read(Obj, text).unwrap();
+    assert_eq!(only(&model).faces, [[0, 1, 2], [0, 2, 3], [0, 3, 4]]);
+    assert_eq!(model.placed.len(), 1);
+}
+
+#[test]
+fn corners_name_positions_coordinates_and_normals_from_either_end() {
+    let text = format!(
+        "{TRIANGLE}vt 0 0\nvt 0.5 0.25\nvn 0 0 1\nvn 0 0 -1\n\
+         f 1/1/1 2/2/2 3/1/1\nf -3/-2/-2 -2/-1/-1 -1/-2/-2\n"
+    );
+    let model = read(Obj, text).unwrap();
+    let mesh = only(&model);
+    assert_eq!(mesh.faces, [[0, 1, 2]; 2]);
+    // v is up in the file and down here.
+    let corners = [[0.0, 1.0], [0.5, 0.75], [0.0, 1.0]];
+    assert_eq!(of_corners(&mesh.coordinates), [corners, corners].concat());
+    assert_eq!(of_corners(&mesh.normals)[1], [0.0, 0.0, -1.0]);
+    assert!(mesh.colors.is_none() && mesh.material.is_none());
+}
+
+#[test]
+fn faces_may_come_before_their_vertices_and_lines_go_on() {
+    let text = format!("f 1 2 \\\n 3 # a corner each\n{TRIANGLE}v 1 1 0 # the last\nf 2 4 3");
+    assert_eq!(only(&read(Obj, text).unwrap()).faces, [[0, 1, 2], [1, 3, 2]]);
+}
+
+#[test]
+fn colours_follow_positions_and_a_fourth_number_divides() {
+    let text = "v 0 0 0 0.5 0.25 1\nv 1 0 0 0 0 0 1\nv 0 1 0 1 1 1\nf 1 2 3\n";
+    let model = read(Obj, text).unwrap();
+    let expected = [[0.5, 0.25, 1.0], [0.0; 3], [1.0; 3]];
+    assert_eq!(of_corners(&only(&model).colors), expected);
+    let text = "v 0 0 0\nv 2 0 0 2\nv 0 1 0\nf 1 2 3\n";
+    assert_eq!(only(&read(Obj, text).unwrap()).positions[1], [1.0, 0.0, 0.0]);
+}
+
+#[test]
+fn attributes_that_some_corners_lack_are_left_out_of_that_mesh_alone() {
+    // Of the two objects the second one has colours, coordinates and normals at all of its corners.
+    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0 1 1 1\nv 0 0 1 .5 .5 .5\nv 1 0 1 0 0 0\nvt 0 0\n\
+                vn 0 0 1\no a\nf 1/1/1 2//1 3/1\no b\nf 3/1/1 4/1/1 5/1/1\n";
+    let model = read(Obj, text).unwrap();
+    let [a, b] = &model.geometries[..] else { panic!("{}", model.geometries.len()) };
+    assert!(a.colors.is_none() && a.coordinates.is_none() && a.normals.is_none());
+    assert_eq!(of_corners(&b.colors), [[1.0; 3], [0.5; 3], [0.0; 3]]);
+    assert_eq!([&*a.name, &*b.name], ["a", "b"]);
+    assert_eq!(model.notes.len(), 3, "{:?}", model.notes);
+}
+
+#[test]
+fn an_objects_faces_of_one_material_are_a_mesh_and_groups_are_not_told_apart() {
+    let text = format!(
+        "{TRIANGLE}v 1 1 0\nmtllib m.mtl\no a\nusemtl x\nf 1 2 3\nusemtl y\nf 1 2 4\n\
+         usemtl x\ng part\nf 2 4 3\no a\nf 1 3 4\nusemtl z\nf 1 4 3\n"
+    );
+    let folder = tempfile::tempdir().unwrap();
+    let mtl = b"newmtl y\nKd 1 0 0\nnewmtl unused\nnewmtl x\nKd 0 1 0\nd 0.5\n";
+    let model = read_with(Obj, text, &[("m.mtl", mtl)], folder.path()).unwrap();
+    let found: Vec<_> = model.geometries.iter().map(|g| (g.faces.len(), g.material)).collect();
+    assert_eq!(found, [(2, Some(0)), (1, Some(1)), (1, Some(0)), (1, None)]);
+    let names: Vec<&str> = model.materials.iter().map(|material| &*material.name).collect();
+    assert_eq!(names, ["x", "y"]);
+    assert_eq!(model.materials[0].base_color, [0.0, 1.0, 0.0, 0.5]);
+    assert_eq!(model.notes, ["the material \"z\" is missing and was left out"]);
+}
+
+#[test]
+fn materials_have_images_and_factors() {
+    let mtl = b"newmtl a b\nKd 0.5 0.25 1\nTr 0.25\nPr 0.5\nPm 0.75\n\
+                map_Kd -o 0 0 0 -clamp on images\\the color.png\n\
+                norm -bm 2 images/normal.png\nmap_Bump height.png\n\
+                newmtl packed\nmap_Pr images/rough.png\nmap_Pm images/normal.png\n\
+                newmtl same\nmap_Kd images/rough.png\n";
+    let text = format!(
+        "mtllib sub/the material.mtl\n{TRIANGLE}usemtl a b\nf 1 2 3\nusemtl packed\nf 1 3 2\n\
+         usemtl same\nf 1 2 3\n"
+    );
+    let images = [png(&[1, 2, 3]), png(&[4, 5, 6]), png(&[7, 8, 9])];
+    let files: [(&str, &[u8]); 4] = [
+        ("sub/the material.mtl", mtl),
+        ("sub/images/the color.png", &images[0]),
+        ("sub/images/normal.png", &images[1]),
+        ("sub/images/rough.png", &images[2]),
+    ];
+    let folder = tempfile::tempdir().unwrap();
+    let model = read_with(Obj, text, &files, folder.path()).unwrap();
+    let image = |number: Option<usize>| match &model.images[number.unwrap()].samples {
+        Samples::U8(samples) => samples.clone(),
+        other => panic!("{other:?}"),
+    };
+    let [a, packed, same] = &model.materials[..] else { panic!("{:?}", model.materials) };
+    assert_eq!(a.base_color, [0.5, 0.25, 1.0, 0.75]);
+    assert_eq!([a.roughness, a.metallic, a.normal_scale], [0.5, 0.75, 2.0]);
+    assert_eq!(image(a.base_color_image), [1, 2, 3]);
+    assert_eq!(image(a.normal_image), [4, 5, 6]);
+    // Roughness in green, metallic in blue: the first channels of both.
+    assert_eq!(image(packed.metallic_roughness_image), [255, 7, 4]);
+    assert_eq!([packed.roughness, packed.metallic], [1.0, 1.0]);
+    assert_eq!(image(same.base_color_image), [7, 8, 9]);
+    assert_eq!([same.roughness, same.metallic], [1.0, 0.0]);
+    assert_eq!(model.images.len(), 4);
+    let notes = model.notes.join("; ");
+    assert!(notes.contains("height map") && notes.contains("shift and scale"), "{notes}");
+}
+
+#[test]
+fn missing_files_are_notes_and_broken_ones_are_errors() {
+    let text = format!("mtllib m.mtl\n{TRIANGLE}usemtl m\nf 1 2 3\n");
+    let folder = tempfile::tempdir().unwrap();
+    let model = read_with(Obj, &text, &[], folder.path()).unwrap();
+    assert_eq!(model.notes.len(), 2, "{:?}", model.notes);
+    let mtl: (&str, &[u8]) = ("m.mtl", b"newmtl m\nmap_Kd a.png\n");
+    let model = read_with(Obj, &text, &[mtl], folder.path()).unwrap();
+    assert_eq!(model.notes, ["the image \"a.png\" is missing and was left out"]);
+    assert_eq!(model.materials[0].base_color_image, None);
+    let error = said(read_with(Obj, &text, &[mtl, ("a.png", b"no image")], folder.path()));
+    assert!(error.contains("a.png"), "{error}");
+    let leaves: (&str, &[u8]) = ("m.mtl", b"newmtl m\nmap_Kd ../../../../../../etc/passwd\n");
+    let found = read_with(Obj, &text, &[leaves], folder.path());
+    assert!(matches!(found, Err(SceneError::Outside { .. })), "{found:?}");
+}
+
+#[test]
+fn errors_have_the_line_and_the_rule() {
+    let cases = [
+        ("v 1 2\n", "mesh:1: a vertex has 3 numbers or more, and this has 2"),
+        ("v 1 2 x\n", "mesh:1: a vertex has finite numbers, and \"x\" is none"),
+        ("v 1 2 nan\n", "mesh:1: a vertex has finite numbers, and \"nan\" is none"),
+        ("\nv 1 2 3e50\n", "mesh:2: a vertex has finite numbers, and \"3e50\" is none"),
+        ("v 1 2 3 0\n", "mesh:1: a position is finite, and this is [inf, inf, inf]"),
+        ("v 1 2 3 4 5 6 7 8\n", "mesh:1: a vertex has at most 7 numbers, and there are more"),
+        ("vt\n", "mesh:1: a texture coordinate has 1 numbers or more, and this has 0"),
+        ("v 0 0 0\n\\\n\nf 1 1 2\n", "mesh:4: the file has 1 of the kind \"vertex\", and a face"),
+        ("v 0 0 0\nf 1/1 1 1\n", "mesh:2: the file has 0 of the kind \"texture coordinate\""),
+        ("v 0 0 0\nf 1//-1 1 1\n", "mesh:2: a normal has a number from 1 on or back to -0"),
+        ("v 0 0 0\nf 0 1 1\n", "mesh:2: a vertex has a number from 1 on or back to -1"),
+        ("v 0 0 0\nf -2 1 1\n", "mesh:2: a vertex has a number from 1 on or back to -1"),
+        ("f 9223372036854775807 1 1\n", "mesh:1: a vertex has a number from 1 on"),
+        ("f -9223372036854775808 1 1\n", "mesh:1: a vertex has a number from 1 on"),
+        ("f 4294967296 1 1\n", "mesh:1: a vertex has a number from 1 on"),
+        ("f 99999999999999999999 1 1\n", "mesh:1: a corner has whole numbers"),
+        ("f 1/2/3/4 1 1\n", "mesh:1: a corner names a vertex, a texture coordinate and a normal"),
+        ("f 1 2 a\n", "mesh:1: a corner has whole numbers, and this is \"a\""),
+        ("f /1 1 1\n", "mesh:1: a corner has whole numbers, and this is \"/1\""),
+        ("", "has a face with three vertices, and this has none"),
+        ("v 0 0 0\nl 1 1\np 1\n", "this has none; lines were left out; points were left out"),
+    ];
+    for (text, expected) in cases {
+        let error = said(read(Obj, text));
+        assert!(error.contains(expected), "{text:?}: {error}");
+    }
+    let text = format!("{TRIANGLE}f 1 2 3\nmtllib m.mtl\nusemtl m\n");
+    let folder = tempfile::tempdir().unwrap();
+    let mtl: (&str, &[u8]) = ("m.mtl", b"newmtl m\nKd 1 x 0\n");
+    let error = said(read_with(Obj, text, &[mtl], folder.path()));
+    assert!(error.contains("m.mtl:2: Kd has finite numbers"), "{error}");
+}
+
+/// tobj reads well-formed files as we do.
+#[test]
+fn triangles_are_those_of_tobj() {
+    let mut text = String::new();
+    for k in 0..60 {
+        let [x, y, z] = [k * 7 % 11, k * 5 % 13, k];
+        text.push_str(&format!("v {x} {y}.5 {z}e-1\nvt 0.{k} 0.5\nvn 0.6 0 -0.8\n"));
+    }
+    for k in 1..50 {
+        let corner = |k: usize| format!(" {k}/{}/{}", k + 1, k + 2);
+        text.push('f');
+        (0..3 + k % 4).for_each(|j| text.push_str(&corner(k + j)));
+        text.push('\n');
+    }
+    let options = tobj::LoadOptions { triangulate: true, ..Default::default() };
+    let loaded = tobj::load_obj_buf(&mut BufReader::new(text.as_bytes()), &options, |_| {
+        Ok((Vec::new(), Default::default()))
+    });
+    let theirs = loaded.unwrap().0.remove(0).mesh;
+    let of_three = |numbers: &[f32], indices: &[u32]| {
+        let row = |&k: &u32| std::array::from_fn(|j| numbers[3 * k as usize + j]);
+        indices.iter().map(row).collect::<Vec<[f32; 3]>>()
+    };
+    let model = read(Obj, &text).unwrap();
+    let ours = only(&model);
+    assert!(ours.faces.len() > 100);
+    let corners = at_corners(&ours.positions, &ours.faces);
+    assert_eq!(corners, of_three(&theirs.positions, &theirs.indices));
+    let coordinate =
+        |&k: &u32| [theirs.texcoords[2 * k as usize], 1.0 - theirs.texcoords[2 * k as usize + 1]];
+    let expected: Vec<[f32; 2]> = theirs.texcoord_indices.iter().map(coordinate).collect();
+    assert_eq!(of_corners(&ours.coordinates), expected);
+}

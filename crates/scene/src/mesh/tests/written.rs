@@ -1,0 +1,184 @@
+//! What is written comes back, and is what other readers expect.
+
+use glam::{DMat4, DVec3};
+
+use super::{read, said};
+use crate::error::SceneError;
+use crate::mesh::MeshKind::{Gltf, Obj, Ply};
+use crate::mesh::{glb, ply};
+use crate::model::{Geometry, Indexed, MaterialFile, Model, Placed};
+use crate::picture::{Picture, Samples};
+
+/// A pyramid with a seam: attributes are indexed each in its own way, as welding numbers them.
+fn pyramid() -> Geometry {
+    let coordinates = vec![[0.5, 0.25], [1.0, 0.5], [0.0, 1.0], [0.25, 0.125], [2.0, -1.0]];
+    let normals = vec![[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.0, -1.0, 0.0]];
+    Geometry {
+        name: "pyramid".to_owned(),
+        positions: vec![[0.0, 1.0, 0.1], [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1e-20]],
+        faces: vec![[2, 1, 0], [0, 1, 3], [3, 2, 0]],
+        colors: Some(Indexed {
+            rows: vec![[0.0, 0.5, 1.0], [0.1, 0.2, 0.3]],
+            faces: vec![[0, 0, 1], [1, 0, 0], [0, 1, 1]],
+        }),
+        coordinates: Some(Indexed {
+            rows: coordinates,
+            faces: vec![[0, 1, 2], [3, 1, 4], [4, 0, 2]],
+        }),
+        normals: Some(Indexed { rows: normals, faces: vec![[0; 3], [1; 3], [2; 3]] }),
+        material: Some(1),
+    }
+}
+
+fn model() -> Model {
+    let bare = Geometry {
+        name: String::new(),
+        positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+        faces: vec![[0, 1, 2]],
+        colors: None,
+        coordinates: None,
+        normals: None,
+        material: None,
+    };
+    let painted = MaterialFile {
+        name: "painted".to_owned(),
+        base_color: [0.1, 0.2, 0.3, 0.4],
+        base_color_image: Some(1),
+        metallic: 0.25,
+        roughness: 0.75,
+        metallic_roughness_image: Some(0),
+        normal_image: Some(0),
+        normal_scale: 0.5,
+    };
+    let images = vec![
+        Picture { width: 2, height: 1, channels: 3, samples: Samples::U8(vec![1, 2, 3, 4, 5, 6]) },
+        Picture { width: 1, height: 2, channels: 4, samples: Samples::U16(vec![9; 8]) },
+    ];
+    let moved = DMat4::from_scale_rotation_translation(
+        DVec3::new(1.0, 2.0, 0.5),
+        glam::DQuat::from_rotation_y(0.5),
+        DVec3::new(3.0, 4.0, 5.0),
+    );
+    // What a file holds: its matrices have numbers of 32 bits.
+    let moved = DMat4::from_cols_array(&moved.to_cols_array().map(|x| f64::from(x as f32)));
+    let placed =
+        |name: &str, geometry, transform| Placed { name: name.to_owned(), geometry, transform };
+    Model {
+        geometries: vec![bare, pyramid()],
+        materials: vec![MaterialFile::default(), painted],
+        images,
+        placed: vec![
+            placed("b", 1, moved),
+            placed("", 0, DMat4::IDENTITY),
+            placed("c", 1, DMat4::IDENTITY),
+        ],
+        notes: Vec::new(),
+    }
+}
+
+#[test]
+fn a_model_comes_back_from_glb() {
+    let model = model();
+    assert_eq!(read(Gltf, glb(&model).unwrap()).unwrap(), model);
+}
+
+#[test]
+fn a_glb_keeps_the_rules_of_the_specification() {
+    let bytes = glb(&model()).unwrap();
+    assert_eq!(bytes.len() % 4, 0);
+    assert_eq!(bytes[8..12], (bytes.len() as u32).to_le_bytes());
+    // The library checks numbers of parts and what must be there.
+    let file = gltf::Gltf::from_slice(&bytes).unwrap();
+    let buffer = file.blob.as_ref().unwrap();
+    // A chunk is filled up to a multiple of four.
+    let length = file.document.buffers().next().unwrap().length();
+    assert_eq!(length.next_multiple_of(4), buffer.len());
+    for accessor in file.document.accessors() {
+        let view = accessor.view().unwrap();
+        assert_eq!(view.offset() % accessor.data_type().size(), 0);
+        assert!(accessor.size() * accessor.count() <= view.length());
+        assert!(view.target().is_some() && view.stride().is_none());
+    }
+    for mesh in file.document.meshes() {
+        for primitive in mesh.primitives() {
+            let reader = primitive.reader(|_| Some(buffer));
+            let positions: Vec<[f32; 3]> = reader.read_positions().unwrap().collect();
+            let bounds = primitive.bounding_box();
+            for k in 0..3 {
+                let along = || positions.iter().map(|row| row[k]);
+                assert_eq!(bounds.min[k], along().fold(f32::INFINITY, f32::min));
+                assert_eq!(bounds.max[k], along().fold(f32::NEG_INFINITY, f32::max));
+            }
+            let indices = reader.read_indices().unwrap().into_u32();
+            assert!(indices.into_iter().all(|index| (index as usize) < positions.len()));
+        }
+    }
+}
+
+#[test]
+fn an_empty_model_is_a_valid_file_without_a_mesh() {
+    let bytes = glb(&Model::default()).unwrap();
+    gltf::Gltf::from_slice(&bytes).unwrap();
+    assert!(said(read(Gltf, bytes)).contains("has a face with three vertices"));
+}
+
+#[test]
+fn a_geometry_comes_back_from_ply() {
+    let mut geometry = pyramid();
+    let bytes = ply(&geometry).unwrap();
+    let back = read(Ply, bytes).unwrap();
+    (geometry.name, geometry.material) = (String::new(), None);
+    let colors = std::mem::take(&mut geometry.colors).unwrap();
+    let mut found = back.geometries[0].clone();
+    let rounded = std::mem::take(&mut found.colors).unwrap();
+    assert_eq!(found, geometry);
+    // Colours have 8 bits there, which come back from then on.
+    assert_eq!(rounded.faces, colors.faces);
+    for (rounded, exact) in rounded.rows.iter().flatten().zip(colors.rows.iter().flatten()) {
+        assert!((rounded - exact).abs() < 0.005, "{rounded} {exact}");
+    }
+    let again = read(Ply, ply(&back.geometries[0]).unwrap()).unwrap();
+    assert_eq!(again, back);
+    let bare = model().geometries.swap_remove(0);
+    assert_eq!(read(Ply, ply(&bare).unwrap()).unwrap().geometries, [bare]);
+}
+
+#[test]
+fn an_obj_file_comes_back_from_glb() {
+    let text = "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 1 1 0 0 0 1\nv 0 1 0 1 1 1\nvt 0 0\nvt 1 0\n\
+                vt .5 .5\no a\nf 4/1 3/2 2/3\nf 1/3 2/2 3/1\no b\nf 2/1 1/2 4/1\n";
+    let model = read(Obj, text).unwrap();
+    assert_eq!(model.geometries.len(), 2);
+    assert_eq!(read(Gltf, glb(&model).unwrap()).unwrap(), model);
+}
+
+#[test]
+fn models_that_break_a_rule_are_not_written() {
+    type Change = fn(&mut Model);
+    let cases: [(Change, &str); 11] = [
+        (|model| model.geometries[0].faces = Vec::new(), "has a face or more"),
+        (|model| model.geometries[0].faces[0] = [0, 1, 3], "has 3 positions, and face 0 names"),
+        (|model| model.geometries[0].positions[1][0] = f32::NAN, "has finite positions"),
+        (|model| model.geometries[1].material = Some(2), "has 2 of the kind \"material\""),
+        (|model| model.placed[0].geometry = 2, "has 2 of the kind \"geometry\""),
+        (|model| model.placed[0].transform.x_axis.x = 1e300, "a matrix is finite"),
+        (|model| model.materials[0].roughness = f32::NAN, "the numbers of the material"),
+        (|model| model.materials[0].normal_image = Some(2), "has 2 of the kind \"image\""),
+        (|model| model.images[0].samples = Samples::F32(vec![0.0; 6]), "8 or 16 bits"),
+        (|model| model.images[0].width = 3, "an image of 3 x 1"),
+        (
+            |model| model.geometries[1].colors.as_mut().unwrap().faces.truncate(1),
+            "colours for each of its 3 faces",
+        ),
+    ];
+    for (change, expected) in cases {
+        let mut model = model();
+        change(&mut model);
+        let error = glb(&model).unwrap_err();
+        assert!(matches!(error, SceneError::Content { .. }), "{error:?}");
+        assert!(error.to_string().contains(expected), "{expected}: {error}");
+    }
+    let mut geometry = pyramid();
+    geometry.normals.as_mut().unwrap().faces[0] = [7; 3];
+    assert!(ply(&geometry).unwrap_err().to_string().contains("has 3 normals"));
+}

@@ -1,0 +1,42 @@
+//! Vertices with one index for all of their attributes, as the formats that are written have them.
+
+use crate::mesh::weld::same_keys;
+use crate::model::{Geometry, Indexed};
+
+/// The faces of a geometry, and for each of their vertices the numbers of its position, its colour, its
+/// coordinates and its normal; 0 for what the geometry lacks.
+///
+/// Vertices come in the order of their positions, and those with one position in the order of the corners:
+/// welding gives the geometry back.
+#[derive(Debug)]
+pub(super) struct Unwelded {
+    pub(super) vertices: Vec<[u32; 4]>,
+    pub(super) faces: Vec<[u32; 3]>,
+}
+
+impl Unwelded {
+    /// Of a geometry that was checked.
+    pub(super) fn of(geometry: &Geometry) -> Self {
+        let Geometry { faces, colors, coordinates, normals, .. } = geometry;
+        let key = |corner: usize| {
+            let (face, k) = (corner / 3, corner % 3);
+            [faces[face][k], row(colors, face, k), row(coordinates, face, k), row(normals, face, k)]
+        };
+        let same = same_keys(3 * faces.len(), key);
+        let is_first = |corner: &u32| same[*corner as usize] == *corner;
+        let mut corners: Vec<u32> = (0..same.len() as u32).filter(is_first).collect();
+        corners.sort_unstable_by_key(|&corner| (key(corner as usize)[0], corner));
+        let mut numbers = vec![0; same.len()];
+        for (number, &corner) in corners.iter().enumerate() {
+            numbers[corner as usize] = number as u32;
+        }
+        let vertices = corners.into_iter().map(|corner| key(corner as usize)).collect();
+        let (triples, _) = same.as_chunks::<3>();
+        let number = |corner: u32| numbers[corner as usize];
+        Self { vertices, faces: triples.iter().map(|triple| triple.map(number)).collect() }
+    }
+}
+
+fn row<const N: usize>(indexed: &Option<Indexed<N>>, face: usize, k: usize) -> u32 {
+    indexed.as_ref().map_or(0, |indexed| indexed.faces[face][k])
+}

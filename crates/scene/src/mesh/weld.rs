@@ -1,0 +1,225 @@
+//! Vertices that lie in one place become one vertex, so that no seam of a texture tears when they move.
+//!
+//! Two rows of numbers are one where their bits are the same, with -0 as 0. Positions keep the order of
+//! the file, and so their numbers where none is left out. Rows of attributes come in the order in which
+//! the corners of the faces first name them. So what comes out depends only on what stands at the corners
+//! and on the order of the vertices, not on how a format indexes its attributes.
+//!
+//! Left out are faces that name a vertex twice, vertices that no face names, and attributes with a number
+//! that is not finite, or with a normal of length 0. A position that is not finite is an error.
+
+use std::borrow::Cow;
+use std::collections::hash_map::RandomState;
+use std::hash::BuildHasher;
+
+use crate::error::{Place, SceneError};
+use crate::mesh::notes::Notes;
+use crate::model::{Geometry, Indexed};
+
+/// The number of no row.
+const NONE: u32 = u32::MAX;
+/// A squared length that differs from 1 by less is that of a unit vector of `f32`, which stays as it is.
+const UNIT_TOLERANCE: f64 = 1e-6;
+
+/// Rows of numbers, and for each face the rows at its corners.
+#[derive(Debug, Clone)]
+pub(super) struct Corners<'a, const N: usize> {
+    pub(super) rows: &'a [[f32; N]],
+    pub(super) faces: Cow<'a, [[u32; 3]]>,
+}
+
+/// A mesh as a file has it. The rows may be those of other meshes too; faces name none beyond them.
+#[derive(Debug, Clone)]
+pub(super) struct Raw<'a> {
+    pub(super) name: String,
+    pub(super) material: Option<usize>,
+    pub(super) positions: Corners<'a, 3>,
+    pub(super) colors: Option<Corners<'a, 3>>,
+    pub(super) coordinates: Option<Corners<'a, 2>>,
+    pub(super) normals: Option<Corners<'a, 3>>,
+}
+
+/// Welds meshes, one after the other.
+#[derive(Debug, Default)]
+pub(super) struct Welder {
+    /// For each row of the file its number among those of a mesh, and when that was set.
+    numbers: Vec<(u64, u32)>,
+    /// How often rows were picked.
+    round: u64,
+}
+
+impl Welder {
+    /// The welded mesh, or nothing where no face is left.
+    pub(super) fn weld(
+        &mut self,
+        raw: Raw<'_>,
+        place: &Place,
+        notes: &mut Notes,
+    ) -> Result<Option<Geometry>, SceneError> {
+        let Raw { name, material, positions: Corners { rows, faces }, .. } = raw;
+        let (mut named, mut local) = self.pick(rows.len(), &faces);
+        // In the order of the file, where the corners had them in theirs.
+        let mut order: Vec<u32> = (0..named.len() as u32).collect();
+        order.sort_unstable_by_key(|&number| named[number as usize]);
+        let mut places = vec![0; named.len()];
+        for (place, &number) in order.iter().enumerate() {
+            places[number as usize] = place as u32;
+        }
+        named.sort_unstable();
+        local.iter_mut().flatten().for_each(|number| *number = places[*number as usize]);
+
+        let positions: Vec<[f32; 3]> = named.iter().map(|&row| plain(rows[row as usize])).collect();
+        if let Some(k) = positions.iter().position(|row| !row.iter().all(|x| x.is_finite())) {
+            let rule = "positions are finite";
+            let found = format!("{rule}, and vertex {} is at {:?}", named[k], positions[k]);
+            return Err(SceneError::content(place.clone(), found));
+        }
+        let same = same_rows(&positions);
+        local.iter_mut().flatten().for_each(|number| *number = same[*number as usize]);
+        let kept: Vec<bool> = local.iter().map(|[a, b, c]| a != b && b != c && c != a).collect();
+        let left_out = kept.iter().filter(|&&kept| !kept).count();
+        notes.count("a face that names a vertex twice was left out", left_out);
+        if left_out == kept.len() {
+            return Ok(None);
+        }
+        let mut local = of_kept(&local, &kept);
+        let positions = named_only(positions, &mut local);
+
+        let colors = self.attribute(raw.colors, &kept, plain, "colours", notes);
+        let coordinates = self.attribute(raw.coordinates, &kept, plain, "coordinates", notes);
+        let normals = self.attribute(raw.normals, &kept, unit, "normals", notes);
+        let faces = local;
+        Ok(Some(Geometry { name, positions, faces, colors, coordinates, normals, material }))
+    }
+
+    /// The welded attribute of the faces that are kept.
+    fn attribute<const N: usize>(
+        &mut self,
+        corners: Option<Corners<'_, N>>,
+        kept: &[bool],
+        mended: impl Fn([f32; N]) -> [f32; N],
+        what: &str,
+        notes: &mut Notes,
+    ) -> Option<Indexed<N>> {
+        let Corners { rows, faces } = corners?;
+        let (named, mut local) = self.pick(rows.len(), &of_kept(&faces, kept));
+        let mut picked: Vec<[f32; N]> =
+            named.iter().map(|&row| mended(rows[row as usize])).collect();
+        if !picked.iter().flatten().all(|number| number.is_finite()) {
+            let why = "a mesh's {} were left out: some are missing, not finite or of length 0";
+            notes.add(why.replace("{}", what));
+            return None;
+        }
+        let same = same_rows(&picked);
+        let mut numbers = vec![NONE; picked.len()];
+        let mut count = 0;
+        for row in 0..picked.len() {
+            if same[row] as usize == row {
+                (numbers[row], picked[count]) = (count as u32, picked[row]);
+                count += 1;
+            }
+        }
+        picked.truncate(count);
+        let number = |row: u32| numbers[same[row as usize] as usize];
+        local.iter_mut().flatten().for_each(|row| *row = number(*row));
+        Some(Indexed { rows: picked, faces: local })
+    }
+
+    /// The rows that faces name, each once in the order of the corners, and the faces with the numbers
+    /// that the rows have there.
+    fn pick(&mut self, rows: usize, faces: &[[u32; 3]]) -> (Vec<u32>, Vec<[u32; 3]>) {
+        if self.numbers.len() < rows {
+            self.numbers.resize(rows, (0, NONE));
+        }
+        self.round += 1;
+        let mut named = Vec::new();
+        let mut number = |row: u32| {
+            let (round, number) = &mut self.numbers[row as usize];
+            if *round != self.round {
+                (*round, *number) = (self.round, named.len() as u32);
+                named.push(row);
+            }
+            *number
+        };
+        let faces = faces.iter().map(|face| face.map(&mut number)).collect();
+        (named, faces)
+    }
+}
+
+/// The faces that are kept.
+fn of_kept(faces: &[[u32; 3]], kept: &[bool]) -> Vec<[u32; 3]> {
+    let faces = faces.iter().zip(kept).filter(|(_, kept)| **kept);
+    faces.map(|(face, _)| *face).collect()
+}
+
+/// The positions that faces name, in their order; the faces get their new numbers.
+fn named_only(mut positions: Vec<[f32; 3]>, faces: &mut [[u32; 3]]) -> Vec<[f32; 3]> {
+    let mut numbers = vec![NONE; positions.len()];
+    faces.iter().flatten().for_each(|&vertex| numbers[vertex as usize] = 0);
+    let mut count = 0;
+    for vertex in 0..positions.len() {
+        if numbers[vertex] == 0 {
+            (numbers[vertex], positions[count]) = (count as u32, positions[vertex]);
+            count += 1;
+        }
+    }
+    positions.truncate(count);
+    faces.iter_mut().flatten().for_each(|vertex| *vertex = numbers[*vertex as usize]);
+    positions
+}
+
+/// Numbers with -0 as 0.
+fn plain<const N: usize>(row: [f32; N]) -> [f32; N] {
+    row.map(|number| number + 0.0)
+}
+
+/// The unit vector in a direction; NaN where there is no direction.
+fn unit(row: [f32; 3]) -> [f32; 3] {
+    let wide = row.map(f64::from);
+    let square: f64 = wide.iter().map(|number| number * number).sum();
+    match (square - 1.0).abs() < UNIT_TOLERANCE {
+        true => plain(row),
+        false => plain(wide.map(|number| (number / square.sqrt()) as f32)),
+    }
+}
+
+/// For each row the first one with the same bits.
+pub(super) fn same_rows<const N: usize>(rows: &[[f32; N]]) -> Vec<u32> {
+    same_keys(rows.len(), |row| rows[row].map(f32::to_bits))
+}
+
+/// For each of `count` keys the number of the first one that is equal.
+///
+/// A hash table by hand: twice as fast as the standard library's. Its seed is drawn at random, so that
+/// nobody can write a file whose keys all collide; the result does not depend on it.
+pub(super) fn same_keys<const N: usize>(count: usize, key: impl Fn(usize) -> [u32; N]) -> Vec<u32> {
+    let random = RandomState::new();
+    let (seed, factor) = (random.hash_one(0), random.hash_one(1) | 1);
+    let mask = (2 * count).next_power_of_two() - 1;
+    let mut slots = vec![NONE; mask + 1];
+    let mut first = Vec::with_capacity(count);
+    for number in 0..count {
+        let sought = key(number);
+        let mut slot = hash(sought, seed, factor) as usize & mask;
+        let found = loop {
+            match slots[slot] {
+                NONE => {
+                    slots[slot] = number as u32;
+                    break number as u32;
+                }
+                found if key(found as usize) == sought => break found,
+                _ => slot = (slot + 1) & mask,
+            }
+        };
+        first.push(found);
+    }
+    first
+}
+
+/// Folds the 128 bits of a product to 64, once for each number.
+fn hash<const N: usize>(key: [u32; N], seed: u64, factor: u64) -> u64 {
+    key.into_iter().fold(seed, |hash, number| {
+        let product = u128::from(hash ^ u64::from(number)) * u128::from(factor);
+        product as u64 ^ (product >> 64) as u64
+    })
+}

@@ -1,0 +1,261 @@
+//! GLB: a glTF 2.0 file with its buffer and its images inside.
+//!
+//! A geometry is a mesh with one primitive, and a placed one a node with its matrix. glTF indexes all
+//! attributes alike, so a vertex is written once for each combination of attributes that corners give it.
+//! Images are PNG. A material is opaque where its opacity is 1, and else blended. The format has factors of
+//! materials from 0 to 1: those beyond are cut. It has no matrices that shear, which some readers refuse.
+//!
+//! # Source
+//! Khronos Group, glTF 2.0 Specification.
+
+use std::mem;
+
+use serde_json::{Value, json};
+
+use super::check::{check, place};
+use super::unweld::Unwelded;
+use crate::error::SceneError;
+use crate::model::{Geometry, MaterialFile, Model, Placed};
+
+/// Targets of buffer views and types of components, as the specification numbers them.
+const ARRAY_BUFFER: u32 = 34962;
+const ELEMENT_ARRAY_BUFFER: u32 = 34963;
+const FLOAT: u32 = 5126;
+const UNSIGNED_INT: u32 = 5125;
+/// What a chunk's length is a multiple of, and where accessors begin.
+const ALIGNMENT: usize = 4;
+
+/// A GLB file with the model. Its notes are not in there.
+///
+/// # Errors
+/// [`SceneError::Content`] where something names what is not there, a number is not finite, a geometry has no
+/// face, or an image has samples of 32 bits, which PNG does not have; [`SceneError::TooLarge`] where the file
+/// would have 4 GiB or more.
+pub fn glb(model: &Model) -> Result<Vec<u8>, SceneError> {
+    let mut file = File::default();
+    let meshes: Vec<Value> = model
+        .geometries
+        .iter()
+        .map(|geometry| file.mesh(geometry, model.materials.len()))
+        .collect::<Result<_, _>>()?;
+    let mut images = Vec::new();
+    for image in &model.images {
+        let view = file.view(&image.encode_png(&place())?, None);
+        images.push(json!({"bufferView": view, "mimeType": "image/png"}));
+    }
+    let textures: Vec<Value> =
+        (0..images.len()).map(|image| json!({"sampler": 0, "source": image})).collect();
+    let samplers: &[Value] = if images.is_empty() { &[] } else { &[json!({})] };
+    let materials: Vec<Value> = model
+        .materials
+        .iter()
+        .map(|material| material_of(material, images.len()))
+        .collect::<Result<_, _>>()?;
+    let nodes: Vec<Value> =
+        model.placed.iter().map(|placed| node(placed, meshes.len())).collect::<Result<_, _>>()?;
+    let scenes: Vec<Value> = match nodes.is_empty() {
+        true => Vec::new(),
+        false => vec![json!({"nodes": (0..nodes.len()).collect::<Vec<_>>()})],
+    };
+    let mut root = json!({"asset": {"version": "2.0", "generator": "Bokashi"}});
+    let lists = [
+        ("accessors", mem::take(&mut file.accessors)),
+        ("bufferViews", mem::take(&mut file.views)),
+        ("images", images),
+        ("materials", materials),
+        ("meshes", meshes),
+        ("nodes", nodes),
+        ("samplers", samplers.to_vec()),
+        ("scenes", scenes),
+        ("textures", textures),
+    ];
+    // The specification has no empty lists.
+    for (name, list) in lists.into_iter().filter(|(_, list)| !list.is_empty()) {
+        root[name] = Value::Array(list);
+    }
+    if root.get("scenes").is_some() {
+        root["scene"] = json!(0);
+    }
+    if !file.bytes.is_empty() {
+        root["buffers"] = json!([{"byteLength": file.bytes.len()}]);
+    }
+    packed(root.to_string().into_bytes(), file.bytes)
+}
+
+/// The parts of a file that are being written.
+#[derive(Debug, Default)]
+struct File {
+    bytes: Vec<u8>,
+    views: Vec<Value>,
+    accessors: Vec<Value>,
+}
+
+impl File {
+    /// Adds bytes to the buffer: the number of their view.
+    fn view(&mut self, bytes: &[u8], target: Option<u32>) -> usize {
+        pad(&mut self.bytes, 0);
+        let mut view =
+            json!({"buffer": 0, "byteOffset": self.bytes.len(), "byteLength": bytes.len()});
+        if let Some(target) = target {
+            view["target"] = json!(target);
+        }
+        self.bytes.extend_from_slice(bytes);
+        self.views.push(view);
+        self.views.len() - 1
+    }
+
+    /// Adds rows: the number of their accessor. `has_bounds` writes the least and largest of each number.
+    fn rows<const N: usize>(
+        &mut self,
+        rows: impl Iterator<Item = [f32; N]> + Clone,
+        has_bounds: bool,
+    ) -> usize {
+        let bytes: Vec<u8> = rows.clone().flatten().flat_map(f32::to_le_bytes).collect();
+        let view = self.view(&bytes, Some(ARRAY_BUFFER));
+        let count = bytes.len() / (N * size_of::<f32>());
+        let kind = format!("VEC{N}");
+        let mut accessor =
+            json!({"bufferView": view, "componentType": FLOAT, "count": count, "type": kind});
+        if has_bounds {
+            let bound = |start: f32, of: fn(f32, f32) -> f32| {
+                let both = |bound: [f32; N], row: [f32; N]| {
+                    std::array::from_fn::<f32, N, _>(|k| of(bound[k], row[k]))
+                };
+                json!(rows.clone().fold([start; N], both).as_slice())
+            };
+            accessor["min"] = bound(f32::INFINITY, f32::min);
+            accessor["max"] = bound(f32::NEG_INFINITY, f32::max);
+        }
+        self.accessors.push(accessor);
+        self.accessors.len() - 1
+    }
+
+    fn mesh(&mut self, geometry: &Geometry, materials: usize) -> Result<Value, SceneError> {
+        check(geometry)?;
+        let Geometry { name, positions, colors, coordinates, normals, material, .. } = geometry;
+        let Unwelded { vertices, faces } = Unwelded::of(geometry);
+        let named = |k: usize| vertices.iter().map(move |vertex| vertex[k] as usize);
+        let rows = named(0).map(|row| positions[row]);
+        let mut attributes = json!({"POSITION": self.rows(rows, true)});
+        if let Some(colors) = colors {
+            attributes["COLOR_0"] = json!(self.rows(named(1).map(|row| colors.rows[row]), false));
+        }
+        if let Some(coordinates) = coordinates {
+            let rows = named(2).map(|row| coordinates.rows[row]);
+            attributes["TEXCOORD_0"] = json!(self.rows(rows, false));
+        }
+        if let Some(normals) = normals {
+            attributes["NORMAL"] = json!(self.rows(named(3).map(|row| normals.rows[row]), false));
+        }
+        let bytes: Vec<u8> = faces.iter().flatten().flat_map(|index| index.to_le_bytes()).collect();
+        let view = self.view(&bytes, Some(ELEMENT_ARRAY_BUFFER));
+        let count = 3 * faces.len();
+        self.accessors.push(json!(
+            {"bufferView": view, "componentType": UNSIGNED_INT, "count": count, "type": "SCALAR"}
+        ));
+        let mut primitive = json!({"attributes": attributes, "indices": self.accessors.len() - 1});
+        if let Some(material) = *material {
+            check_number("material", material, materials)?;
+            primitive["material"] = json!(material);
+        }
+        Ok(named_value(json!({"primitives": [primitive]}), name))
+    }
+}
+
+fn node(placed: &Placed, meshes: usize) -> Result<Value, SceneError> {
+    check_number("geometry", placed.geometry, meshes)?;
+    let matrix = placed.transform.to_cols_array().map(|number| number as f32);
+    if !matrix.iter().all(|number| number.is_finite()) {
+        let found = format!("a matrix is finite, and that of {:?} is {matrix:?}", placed.name);
+        return Err(SceneError::content(place(), found));
+    }
+    let mut node = json!({"mesh": placed.geometry});
+    if placed.transform != glam::DMat4::IDENTITY {
+        node["matrix"] = json!(matrix);
+    }
+    Ok(named_value(node, &placed.name))
+}
+
+fn material_of(material: &MaterialFile, images: usize) -> Result<Value, SceneError> {
+    let MaterialFile { name, base_color, metallic, roughness, normal_scale, .. } = material;
+    let numbers = base_color.iter().chain([metallic, roughness, normal_scale]);
+    if !numbers.clone().all(|number| number.is_finite()) {
+        let found: Vec<f32> = numbers.copied().collect();
+        let found =
+            format!("the numbers of the material {name:?} are finite, and these are {found:?}");
+        return Err(SceneError::content(place(), found));
+    }
+    let texture = |number: Option<usize>| -> Result<Option<Value>, SceneError> {
+        let Some(number) = number else { return Ok(None) };
+        check_number("image", number, images)?;
+        Ok(Some(json!({"index": number})))
+    };
+    let base_color = base_color.map(|number| number.clamp(0.0, 1.0));
+    let [metallic, roughness] = [metallic, roughness].map(|number| number.clamp(0.0, 1.0));
+    let mut surface = json!({
+        "baseColorFactor": base_color, "metallicFactor": metallic, "roughnessFactor": roughness
+    });
+    if let Some(texture) = texture(material.base_color_image)? {
+        surface["baseColorTexture"] = texture;
+    }
+    if let Some(texture) = texture(material.metallic_roughness_image)? {
+        surface["metallicRoughnessTexture"] = texture;
+    }
+    let mut value = json!({"pbrMetallicRoughness": surface});
+    if let Some(mut texture) = texture(material.normal_image)? {
+        texture["scale"] = json!(normal_scale);
+        value["normalTexture"] = texture;
+    }
+    if base_color[3] != 1.0 {
+        value["alphaMode"] = json!("BLEND");
+    }
+    Ok(named_value(value, name))
+}
+
+fn named_value(mut value: Value, name: &str) -> Value {
+    if !name.is_empty() {
+        value["name"] = json!(name);
+    }
+    value
+}
+
+fn check_number(what: &str, number: usize, count: usize) -> Result<(), SceneError> {
+    match number < count {
+        true => Ok(()),
+        false => {
+            let found =
+                format!("the model has {count} of the kind {what:?}, and number {number} is named");
+            Err(SceneError::content(place(), found))
+        }
+    }
+}
+
+/// Fills up to a multiple of [`ALIGNMENT`].
+fn pad(bytes: &mut Vec<u8>, with: u8) {
+    bytes.resize(bytes.len().next_multiple_of(ALIGNMENT), with);
+}
+
+/// A GLB of a text and a buffer.
+fn packed(mut text: Vec<u8>, mut buffer: Vec<u8>) -> Result<Vec<u8>, SceneError> {
+    pad(&mut text, b' ');
+    pad(&mut buffer, 0);
+    let chunk = if buffer.is_empty() { 0 } else { 8 + buffer.len() };
+    let length = 12 + 8 + text.len() + chunk;
+    let Ok(total) = u32::try_from(length) else {
+        let (what, most) = ("bytes of a GLB", u64::from(u32::MAX));
+        return Err(SceneError::TooLarge { place: place(), what, most, found: length as u64 });
+    };
+    let mut bytes = Vec::with_capacity(length);
+    bytes.extend_from_slice(b"glTF");
+    bytes.extend(2_u32.to_le_bytes());
+    bytes.extend(total.to_le_bytes());
+    for (kind, chunk) in [(b"JSON", text), (b"BIN\0", buffer)] {
+        if !chunk.is_empty() {
+            // Less than the whole, which was checked.
+            bytes.extend((chunk.len() as u32).to_le_bytes());
+            bytes.extend_from_slice(kind);
+            bytes.extend(chunk);
+        }
+    }
+    Ok(bytes)
+}

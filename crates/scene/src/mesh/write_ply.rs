@@ -1,0 +1,59 @@
+//! PLY, binary and little endian: what [`super::read_model`] reads of it.
+//!
+//! A PLY file indexes all attributes alike. So a vertex is written once for each combination of attributes that
+//! corners give it. Colours are 8 bits, encoded by sRGB's curve, as viewers expect it; v is up.
+
+use super::check::check;
+use super::ply::encoded;
+use super::unweld::Unwelded;
+use crate::error::SceneError;
+use crate::model::Geometry;
+
+/// A PLY file with the geometry. Its name and its material are not in there.
+///
+/// # Errors
+/// [`SceneError::Content`] where a face names what is not there, a number is not finite, or no face is there.
+pub fn ply(geometry: &Geometry) -> Result<Vec<u8>, SceneError> {
+    check(geometry)?;
+    let unwelded = Unwelded::of(geometry);
+    let Geometry { positions, colors, coordinates, normals, .. } = geometry;
+    let mut header = format!(
+        "ply\nformat binary_little_endian 1.0\nelement vertex {}\n",
+        unwelded.vertices.len()
+    );
+    header.push_str("property float x\nproperty float y\nproperty float z\n");
+    if normals.is_some() {
+        header.push_str("property float nx\nproperty float ny\nproperty float nz\n");
+    }
+    if colors.is_some() {
+        header.push_str("property uchar red\nproperty uchar green\nproperty uchar blue\n");
+    }
+    if coordinates.is_some() {
+        header.push_str("property float s\nproperty float t\n");
+    }
+    header.push_str(&format!("element face {}\n", unwelded.faces.len()));
+    header.push_str("property list uchar int vertex_indices\nend_header\n");
+    let mut bytes = header.into_bytes();
+    for &[position, color, coordinate, normal] in &unwelded.vertices {
+        push(&mut bytes, &positions[position as usize]);
+        if let Some(normals) = normals {
+            push(&mut bytes, &normals.rows[normal as usize]);
+        }
+        if let Some(colors) = colors {
+            bytes.extend(colors.rows[color as usize].map(encoded));
+        }
+        if let Some(coordinates) = coordinates {
+            let [u, v] = coordinates.rows[coordinate as usize];
+            push(&mut bytes, &[u, 1.0 - v]);
+        }
+    }
+    for face in &unwelded.faces {
+        bytes.push(3);
+        bytes.extend(face.iter().flat_map(|vertex| vertex.to_le_bytes()));
+    }
+    Ok(bytes)
+}
+
+fn push(bytes: &mut Vec<u8>, numbers: &[f32]) {
+    bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
+}

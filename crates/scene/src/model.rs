@@ -1,0 +1,97 @@
+//! What a mesh file holds, whatever its format.
+
+use glam::DMat4;
+
+use crate::picture::Picture;
+
+/// Numbers at the corners of faces, with an index buffer of their own: where a texture has a seam, a
+/// vertex has several.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Indexed<const N: usize> {
+    /// The numbers, each once.
+    pub rows: Vec<[f32; N]>,
+    /// For each face the rows at its corners.
+    pub faces: Vec<[u32; 3]>,
+}
+
+/// A mesh of one material. Vertices that lie in one place are one vertex.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Geometry {
+    /// Its name in the file; may be empty.
+    pub name: String,
+    /// Positions, in its own coordinates.
+    pub positions: Vec<[f32; 3]>,
+    /// Vertices of each face, counter-clockwise seen from outside.
+    pub faces: Vec<[u32; 3]>,
+    /// Linear colours.
+    pub colors: Option<Indexed<3>>,
+    /// Texture coordinates, v **down** from row 0 of the texture, as in glTF.
+    pub coordinates: Option<Indexed<2>>,
+    /// Unit normals.
+    pub normals: Option<Indexed<3>>,
+    /// Its number among the materials of the model.
+    pub material: Option<usize>,
+}
+
+/// How a surface looks, as in glTF.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MaterialFile {
+    /// Its name in the file; may be empty.
+    pub name: String,
+    /// Linear colour and opacity, times the image.
+    pub base_color: [f32; 4],
+    /// An image of sRGB colours, by its number.
+    pub base_color_image: Option<usize>,
+    /// 0 for dielectrics, 1 for metals.
+    pub metallic: f32,
+    /// Perceptual roughness from 0 to 1.
+    pub roughness: f32,
+    /// An image with roughness in green and metallic in blue, by its number.
+    pub metallic_roughness_image: Option<usize>,
+    /// A normal map, by its number.
+    pub normal_image: Option<usize>,
+    /// What x and y of the normal map are multiplied by.
+    pub normal_scale: f32,
+}
+
+impl Default for MaterialFile {
+    fn default() -> Self {
+        Self {
+            name: String::new(),
+            base_color: [1.0; 4],
+            base_color_image: None,
+            metallic: 1.0,
+            roughness: 1.0,
+            metallic_roughness_image: None,
+            normal_image: None,
+            normal_scale: 1.0,
+        }
+    }
+}
+
+/// A geometry in the world. Several may share the geometry.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Placed {
+    /// Its name in the file; may be empty.
+    pub name: String,
+    /// The geometry's number.
+    pub geometry: usize,
+    /// From its own coordinates to the world's. Where its determinant is negative it mirrors, and faces are
+    /// clockwise seen from outside.
+    pub transform: DMat4,
+}
+
+/// All that a mesh file holds and a scene can use.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Model {
+    /// Meshes, each once.
+    pub geometries: Vec<Geometry>,
+    /// Materials.
+    pub materials: Vec<MaterialFile>,
+    /// The materials' images, each once, as their files have them: nothing is decoded.
+    pub images: Vec<Picture>,
+    /// Where the meshes stand.
+    pub placed: Vec<Placed>,
+    /// What the file holds that was left out or mended, in words.
+    pub notes: Vec<String>,
+}

@@ -1,0 +1,152 @@
+//! Images to tensors of light, and back.
+//!
+//! The curve of sRGB is that of IEC 61966-2-1: `x = y / 12.92` up to `y = 0.04045`, and
+//! `x = ((y + 0.055) / 1.055)^2.4` from there on; with the sign below 0.
+
+use bokashi_core::Tensor;
+use bokashi_render_ops::RenderError;
+
+use super::{Picture, Samples};
+use crate::error::SceneError;
+
+/// How numbers of a file stand for light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ColorSpace {
+    /// Encoded by the curve of sRGB, as in photographs.
+    Srgb,
+    /// In proportion to light, as in EXR files and normal maps.
+    Linear,
+}
+
+impl ColorSpace {
+    /// The usual space of a picture's colours: linear for samples of 32 bits, sRGB for others.
+    pub const fn of(picture: &Picture) -> Self {
+        match picture.samples {
+            Samples::F32(_) => Self::Linear,
+            Samples::U8(_) | Samples::U16(_) => Self::Srgb,
+        }
+    }
+
+    /// The light that a file's number stands for.
+    fn decode(self, y: f64) -> f64 {
+        let size = y.abs();
+        match self {
+            Self::Linear => y,
+            Self::Srgb if size <= 0.04045 => y / 12.92,
+            Self::Srgb => ((size + 0.055) / 1.055).powf(2.4).copysign(y),
+        }
+    }
+
+    /// The number of a file that stands for light.
+    fn encode(self, x: f64) -> f64 {
+        let size = x.abs();
+        match self {
+            Self::Linear => x,
+            Self::Srgb if size <= 0.0031308 => x * 12.92,
+            Self::Srgb => (1.055 * size.powf(1.0 / 2.4) - 0.055).copysign(x),
+        }
+    }
+}
+
+impl Picture {
+    /// The colours as linear light: `[H, W, 3]`, red, green, blue. Gray is repeated.
+    ///
+    /// # Panics
+    /// Where there are fewer samples than the size says.
+    pub fn color(&self, space: ColorSpace) -> Tensor<f32> {
+        let from =
+            |pixel: usize, k: usize| pixel * self.channels + if self.channels < 3 { 0 } else { k };
+        let shape = [self.height, self.width, 3];
+        match &self.samples {
+            Samples::U8(samples) => {
+                let table: [f32; 256] =
+                    std::array::from_fn(|byte| space.decode(byte as f64 / 255.0) as f32);
+                let light = |at: usize| table[usize::from(samples[at])];
+                Tensor::from_flat_fn(shape, |at| light(from(at / 3, at % 3)))
+            }
+            Samples::U16(samples) => {
+                let light = |at: usize| space.decode(f64::from(samples[at]) / 65535.0) as f32;
+                Tensor::from_flat_fn(shape, |at| light(from(at / 3, at % 3)))
+            }
+            Samples::F32(samples) if space == ColorSpace::Linear => {
+                Tensor::from_flat_fn(shape, |at| samples[from(at / 3, at % 3)])
+            }
+            Samples::F32(samples) => {
+                let light = |at: usize| space.decode(f64::from(samples[at])) as f32;
+                Tensor::from_flat_fn(shape, |at| light(from(at / 3, at % 3)))
+            }
+        }
+    }
+
+    /// The opacity, from 0 to 1: `[H, W]`. None where the image has two or four channels less.
+    ///
+    /// # Panics
+    /// As [`Picture::color`].
+    pub fn opacity(&self) -> Option<Tensor<f32>> {
+        self.channel(self.opacity_channel()?)
+    }
+
+    /// The numbers of channel `k` as they are, whole ones divided by the largest: `[H, W]`. None
+    /// where the image has fewer channels.
+    ///
+    /// # Panics
+    /// As [`Picture::color`].
+    pub fn channel(&self, k: usize) -> Option<Tensor<f32>> {
+        if k >= self.channels {
+            return None;
+        }
+        let shape = [self.height, self.width];
+        let at = |pixel: usize| pixel * self.channels + k;
+        Some(match &self.samples {
+            Samples::U8(samples) => {
+                Tensor::from_flat_fn(shape, |pixel| f32::from(samples[at(pixel)]) / 255.0)
+            }
+            Samples::U16(samples) => {
+                Tensor::from_flat_fn(shape, |pixel| f32::from(samples[at(pixel)]) / 65535.0)
+            }
+            Samples::F32(samples) => Tensor::from_flat_fn(shape, |pixel| samples[at(pixel)]),
+        })
+    }
+
+    /// The image of 8 bits of linear light `color: [H, W, C]`, clamped to 0 .. 1 and rounded; a NaN
+    /// is 0. With two or four channels the last is opacity, which no curve changes.
+    ///
+    /// # Errors
+    /// [`RenderError::Shape`] unless there are rows, columns, and one to four channels.
+    pub fn of_color(color: &Tensor<f32>, space: ColorSpace) -> Result<Self, SceneError> {
+        let [height, width, channels] = extents("an image of colours", color)?;
+        let encoded = |(at, light): (usize, &f32)| {
+            let is_opacity = matches!(channels, 2 | 4) && at % channels == channels - 1;
+            let space = if is_opacity { ColorSpace::Linear } else { space };
+            // A NaN becomes 0.
+            (space.encode(f64::from(light.clamp(0.0, 1.0))) * 255.0).round() as u8
+        };
+        let samples = Samples::U8(color.data().iter().enumerate().map(encoded).collect());
+        Ok(Self { width, height, channels, samples })
+    }
+
+    /// The image of 32 bits with the entries of `numbers: [H, W]` or `[H, W, C]`.
+    ///
+    /// # Errors
+    /// As [`Picture::of_color`].
+    pub fn of_numbers(numbers: &Tensor<f32>) -> Result<Self, SceneError> {
+        let [height, width, channels] = extents("an image of numbers", numbers)?;
+        let samples = Samples::F32(numbers.data().to_vec());
+        Ok(Self { width, height, channels, samples })
+    }
+}
+
+/// Rows, columns and channels.
+fn extents(operation: &'static str, tensor: &Tensor<f32>) -> Result<[usize; 3], SceneError> {
+    let found = match **tensor.shape() {
+        [height, width] => [height, width, 1],
+        [height, width, channels] => [height, width, channels],
+        _ => [0; 3],
+    };
+    if found.contains(&0) || found[2] > 4 {
+        let rule = "shape [H, W] or [H, W, C], with pixels and one to four channels".to_owned();
+        let shape = tensor.shape().clone();
+        return Err(RenderError::Shape { operation, rule, shape }.into());
+    }
+    Ok(found)
+}

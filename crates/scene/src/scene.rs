@@ -1,0 +1,437 @@
+//! A scene in memory: objects, views and their cameras, as `scene.toml` names them.
+//!
+//! Images stay where they are until their turn comes: see `targets`.
+
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+
+use bokashi_core::Tensor;
+use bokashi_render_ops::Size;
+use bokashi_render_ops::camera::{look_at, opengl_to_opencv_pose, opengl_to_opencv_view};
+use glam::{DMat3, DMat4, DVec3, DVec4};
+use toml::Spanned;
+
+use crate::cameras::{Camera, NamedView, read_colmap, read_transforms};
+use crate::description::{
+    self, CameraEntry, ColorSpaceName, Convention, Description, MaterialEntry, MeshEntry, Shape,
+    ViewEntry,
+};
+use crate::error::{Place, SceneError};
+use crate::folder::Folder;
+use crate::mesh::read_model;
+use crate::model::{Model, Placed};
+use crate::object::{Object, SurfaceLook};
+use crate::picture::{ColorSpace, Picture};
+use crate::shapes;
+
+/// An image, and the camera that took it.
+#[derive(Debug, Clone)]
+pub struct SceneView {
+    /// What results call it.
+    pub name: String,
+    /// The image, in the scene's folder.
+    pub image: Option<PathBuf>,
+    /// An image that is white where the objects are.
+    pub mask: Option<PathBuf>,
+    /// How numbers of the image stand for light, where the format does not tell.
+    pub color_space: Option<ColorSpace>,
+    /// Whether it is measured and never learnt from.
+    pub held_out: bool,
+    /// The camera.
+    pub camera: Camera,
+}
+
+/// A scene: what its file says, with the meshes and cameras that the file names.
+///
+/// All of it can be changed before a fit.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    /// Its file, for messages.
+    pub path: PathBuf,
+    /// Where its files are.
+    pub folder: Folder,
+    /// What its file says.
+    pub description: Description,
+    /// The meshes.
+    pub objects: Vec<Object>,
+    /// The views.
+    pub views: Vec<SceneView>,
+    /// The texels of its environment, a cube map `[6, S, S, 3]`.
+    pub environment: Option<Tensor<f32>>,
+    /// What files hold that was left out or mended, in words.
+    pub notes: Vec<String>,
+}
+
+/// Faces of a shape, where a scene does not say.
+const FACES: usize = 1280;
+
+/// What a scene's file says, and where it says it.
+struct Source {
+    folder: Folder,
+    path: PathBuf,
+    text: String,
+}
+
+impl Source {
+    fn place<T>(&self, entry: &Spanned<T>) -> Place {
+        description::place(&self.text, &self.path, entry.span().start)
+    }
+
+    fn wrong<T>(&self, entry: &Spanned<T>, message: impl std::fmt::Display) -> SceneError {
+        SceneError::content(self.place(entry), message)
+    }
+}
+
+impl Scene {
+    /// The scene of the file at `path`; all its files lie in that file's folder.
+    ///
+    /// # Errors
+    /// Whatever is wrong with the file, or with a mesh or a file of cameras that it names.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, SceneError> {
+        let path = path.as_ref();
+        let folder = Folder::new(path.parent().unwrap_or(Path::new(".")))?;
+        let name = path.file_name().map(PathBuf::from).unwrap_or_default();
+        let source = Source { text: folder.read_text(&name)?, path: path.to_owned(), folder };
+        let description = Description::parse(&source.text, path)?;
+        let mut notes = Vec::new();
+        let mut objects = Vec::new();
+        for entry in &description.meshes {
+            objects.extend(source.objects(entry, &mut notes)?);
+        }
+        let views = source.views(&description)?;
+        check_names("a mesh", objects.iter().map(|object| &object.name), path)?;
+        check_names("a view", views.iter().map(|view| &view.name), path)?;
+        let environment = source.environment(&description)?;
+        let Source { path, folder, .. } = source;
+        Ok(Self { path, folder, description, objects, views, environment, notes })
+    }
+
+    /// The middle of the objects, and the radius of a ball around them; of nothing, the origin and 1.
+    pub fn ball(&self) -> (DVec3, f64) {
+        let extents = self.objects.iter().filter_map(Object::extent);
+        match extents.reduce(|[a, b], [c, d]| [a.min(c), b.max(d)]) {
+            Some([least, largest]) => {
+                let radius = 0.5 * least.distance(largest);
+                (0.5 * (least + largest), if radius > 0.0 { radius } else { 1.0 })
+            }
+            None => (DVec3::ZERO, 1.0),
+        }
+    }
+
+    /// The view `name`.
+    pub fn view(&self, name: &str) -> Option<usize> {
+        self.views.iter().position(|view| view.name == name)
+    }
+}
+
+/// Names are those of parameters and files: there is each of them once.
+fn check_names<'a>(
+    what: &str,
+    names: impl Iterator<Item = &'a String>,
+    path: &Path,
+) -> Result<(), SceneError> {
+    let mut seen = HashSet::new();
+    for name in names {
+        let wrong = |rule: &str| {
+            let message = format!("the name of {what} {rule}, and there is {name:?}");
+            Err(SceneError::content(Place::of(path), message))
+        };
+        if name.is_empty() || name.contains(['/', '\\', '\0']) || name == "." || name == ".." {
+            return wrong("is that of a file");
+        }
+        if !seen.insert(name) {
+            return wrong("is its own");
+        }
+    }
+    Ok(())
+}
+
+/// A path's last part without its ending.
+fn stem(path: &Path) -> String {
+    path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+impl Source {
+    /// The objects of a mesh entry: a file may hold several.
+    fn objects(
+        &self,
+        entry: &Spanned<MeshEntry>,
+        notes: &mut Vec<String>,
+    ) -> Result<Vec<Object>, SceneError> {
+        let own = entry.get_ref();
+        let (model, default) = match (&own.file, own.shape) {
+            (Some(file), None) if own.faces.is_none() => {
+                let model = read_model(&self.folder, file)?;
+                let said = |note: &String| format!("{}: {note}", file.display());
+                notes.extend(model.notes.iter().map(said));
+                (model, stem(file))
+            }
+            (None, Some(shape)) => {
+                let faces = own.faces.map_or(FACES, |faces| faces.0);
+                let geometry = match shape {
+                    Shape::Sphere => shapes::sphere(faces),
+                    Shape::Cube => shapes::cube(own.faces.map_or(12, |faces| faces.0)),
+                    Shape::Plane => shapes::plane(own.faces.map_or(2, |faces| faces.0)),
+                };
+                let name = geometry.name.clone();
+                let placed = Placed { name: name.clone(), geometry: 0, transform: DMat4::IDENTITY };
+                let model =
+                    Model { geometries: vec![geometry], placed: vec![placed], ..Model::default() };
+                (model, name)
+            }
+            _ => {
+                let rule = "a mesh has either `file`, or `shape` and perhaps `faces`";
+                return Err(self.wrong(entry, rule));
+            }
+        };
+        let name = own.name.clone().unwrap_or(default);
+        let first = own.place.matrix();
+        let mut instances = vec![first];
+        instances.extend(own.instances.iter().map(|instance| first * instance.matrix()));
+        let drawn = (0..model.geometries.len()).filter_map(|k| {
+            let standing = model.placed.iter().filter(|placed| placed.geometry == k);
+            let places: Vec<_> = standing.map(|placed| placed.transform).collect();
+            (!places.is_empty()).then_some((k, places))
+        });
+        let drawn: Vec<_> = drawn.collect();
+        let mut objects = Vec::with_capacity(drawn.len());
+        for (at, (k, places)) in drawn.iter().enumerate() {
+            // Several meshes of a file: bunny-1, bunny-2.
+            let name = if drawn.len() == 1 { name.clone() } else { format!("{name}-{}", at + 1) };
+            let places = instances.iter().flat_map(|&m| places.iter().map(move |&own| m * own));
+            let geometry = &model.geometries[*k];
+            let mut object = Object::of_geometry(name, geometry, &model, places.collect())?;
+            self.dress(&mut object, &own.material, entry)?;
+            objects.push(object);
+        }
+        Ok(objects)
+    }
+
+    /// What the scene says of an object's material, in place of what its file says.
+    fn dress(
+        &self,
+        object: &mut Object,
+        material: &MaterialEntry,
+        entry: &Spanned<MeshEntry>,
+    ) -> Result<(), SceneError> {
+        let look: &mut SurfaceLook = &mut object.look;
+        if let Some(color) = material.base_color {
+            look.base_color = color.map(|x| x.0 as f32);
+            look.texture = None;
+        }
+        if let Some(roughness) = material.roughness {
+            (look.roughness, look.roughness_metallic) = (roughness.0 as f32, None);
+        }
+        if let Some(metallic) = material.metallic {
+            (look.metallic, look.roughness_metallic) = (metallic.0 as f32, None);
+        }
+        look.texture = match (&material.texture, material.texture_size) {
+            (None, None) => look.texture.take(),
+            (Some(file), None) => {
+                let image = self.image(file)?;
+                Some(image.color(ColorSpace::of(&image)))
+            }
+            (None, Some(size)) => {
+                let color = look.base_color;
+                Some(Tensor::from_flat_fn([size.0, size.0, 3], |k| color[k % 3]))
+            }
+            _ => {
+                let rule = "a material has either `texture` or `texture_size`";
+                return Err(self.wrong(entry, rule));
+            }
+        };
+        let maps = [&look.texture, &look.roughness_metallic, &look.normal_map];
+        if object.coordinates.is_none() && maps.iter().any(|map| map.is_some()) {
+            let rule = "a mesh with a texture has texture coordinates";
+            return Err(self.wrong(entry, format!("{rule}, and {:?} has none", object.name)));
+        }
+        Ok(())
+    }
+
+    fn image(&self, file: &Path) -> Result<Picture, SceneError> {
+        Picture::decode(&self.folder.read(file)?, &Place::of(self.folder.join(file)))
+    }
+
+    /// All views: those of the scene's file, then those of files of cameras.
+    fn views(&self, description: &Description) -> Result<Vec<SceneView>, SceneError> {
+        let own = description.views.iter().map(|entry| self.view(entry));
+        let mut views = own.collect::<Result<Vec<_>, _>>()?;
+        let Some(entry) = &description.cameras else { return Ok(views) };
+        let cameras = entry.get_ref();
+        let named = match (&cameras.transforms, &cameras.colmap) {
+            (Some(file), None) => read_transforms(&self.folder, file)?,
+            (None, Some(model)) => {
+                let images = cameras.images.as_deref().unwrap_or(Path::new("images"));
+                read_colmap(&self.folder, model, images)?
+            }
+            _ => {
+                let rule = "cameras are in either `transforms` or `colmap`";
+                return Err(self.wrong(entry, rule));
+            }
+        };
+        let every = cameras.held_out_every.map(|every| every.0);
+        let taken: HashSet<_> = views.iter().map(|view| view.name.clone()).collect();
+        let unnamed = names(&named, &taken);
+        for (at, (own, name)) in named.into_iter().zip(unnamed).enumerate() {
+            let mask = cameras.masks.as_ref().and_then(|folder| {
+                let file = own.image.file_name()?;
+                let png = folder.join(Path::new(file).with_extension("png"));
+                Some(if self.folder.find(folder.join(file)).is_ok() {
+                    folder.join(file)
+                } else {
+                    png
+                })
+            });
+            views.push(SceneView {
+                name,
+                image: Some(own.image),
+                mask,
+                color_space: cameras.color_space.map(color_space),
+                held_out: every.is_some_and(|every| at.is_multiple_of(every)),
+                camera: own.camera,
+            });
+        }
+        Ok(views)
+    }
+
+    fn view(&self, entry: &Spanned<ViewEntry>) -> Result<SceneView, SceneError> {
+        let own = entry.get_ref();
+        let Some(name) = own.name.clone().or_else(|| own.image.as_deref().map(stem)) else {
+            return Err(self.wrong(entry, "a view without an image has a `name`"));
+        };
+        let size = match (own.camera.size, &own.image) {
+            (Some(size), _) => size.map(|extent| extent.0),
+            (None, Some(file)) => {
+                let bytes = self.folder.read(file)?;
+                Picture::size_of(&bytes, &Place::of(self.folder.join(file)))?
+            }
+            (None, None) => {
+                let rule = "the camera of a view without an image has a `size`";
+                return Err(self.wrong(entry, rule));
+            }
+        };
+        Ok(SceneView {
+            camera: self.camera(entry, &own.camera, size)?,
+            name,
+            image: own.image.clone(),
+            mask: own.mask.clone(),
+            color_space: own.color_space.map(color_space),
+            held_out: own.held_out,
+        })
+    }
+
+    fn camera(
+        &self,
+        entry: &Spanned<ViewEntry>,
+        own: &CameraEntry,
+        [width, height]: [usize; 2],
+    ) -> Result<Camera, SceneError> {
+        let extent = [width, height].map(|extent| extent as f64);
+        let focal = match (own.focal, own.angle) {
+            (Some(focal), None) => focal.0,
+            (None, Some(angle)) if angle.0 < 180.0 => {
+                [0.5 * extent[0] / (0.5 * angle.0.to_radians()).tan(); 2]
+            }
+            _ => {
+                let rule = "a camera has either `focal`, or an `angle` below 180 degrees";
+                return Err(self.wrong(entry, rule));
+            }
+        };
+        let middle = extent.map(|extent| 0.5 * (extent - 1.0));
+        let center = own.center.map_or(middle, |center| center.map(|x| x.0));
+        let distortion = own.distortion.map_or([0.0; 5], |lens| lens.map(|x| x.0));
+        let view = match (own.pose, own.position) {
+            (Some(rows), None) if own.target.is_none() && own.up.is_none() => {
+                let rows = rows.map(|row| DVec4::from_array(row.map(|x| x.0)));
+                let pose = DMat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose();
+                let pose = match own.convention {
+                    Convention::Opencv => pose,
+                    Convention::Opengl => opengl_to_opencv_pose(pose),
+                };
+                let view = pose.inverse();
+                let turn = DMat3::from_mat4(pose);
+                let off = turn.transpose() * turn - DMat3::IDENTITY;
+                let is_rigid = off.to_cols_array().iter().all(|x| x.abs() < 1e-3);
+                if !is_rigid || turn.determinant() < 0.0 || rows[3] != DVec4::W {
+                    let rule = "a pose is a rotation and a translation, above the row 0 0 0 1";
+                    return Err(self.wrong(entry, rule));
+                }
+                view
+            }
+            (None, Some(position)) => {
+                let vector = |given: Option<[description::Finite; 3]>, default| {
+                    given.map_or(default, |v| DVec3::from_array(v.map(|x| x.0)))
+                };
+                let position = DVec3::from_array(position.map(|x| x.0));
+                let (target, up) = (vector(own.target, DVec3::ZERO), vector(own.up, DVec3::Y));
+                let along = (target - position).normalize_or_zero();
+                if along.cross(up.normalize_or_zero()).length() < 1e-9 {
+                    let rule = "a camera looks at another place than its own, and not along `up`";
+                    return Err(self.wrong(entry, rule));
+                }
+                opengl_to_opencv_view(look_at(position, target, up))
+            }
+            _ => {
+                let rule =
+                    "a camera has either `pose`, or `position` and perhaps `target` and `up`";
+                return Err(self.wrong(entry, rule));
+            }
+        };
+        let size = Size { width, height };
+        let intrinsics = [focal[0], focal[1], center[0], center[1]];
+        Ok(Camera { size, intrinsics, distortion, view })
+    }
+
+    fn environment(&self, description: &Description) -> Result<Option<Tensor<f32>>, SceneError> {
+        let Some(entry) = &description.environment else { return Ok(None) };
+        let own = entry.get_ref();
+        match (&own.image, own.color) {
+            (Some(file), None) if own.size.is_none() => {
+                let image = self.image(file)?;
+                let texels = image.color(ColorSpace::of(&image));
+                let side = image.width;
+                if image.height != 6 * side {
+                    let rule = "a cube map has its six faces one below the other";
+                    let found =
+                        format!("{rule}, and {} is {side} x {}", file.display(), image.height);
+                    return Err(self.wrong(entry, found));
+                }
+                Ok(Some(Tensor::from_flat_fn([6, side, side, 3], |k| texels.data()[k])))
+            }
+            (None, Some(color)) => {
+                let side = own.size.map_or(16, |size| size.0);
+                Ok(Some(Tensor::from_flat_fn([6, side, side, 3], |k| color[k % 3].0 as f32)))
+            }
+            _ => {
+                let rule = "an environment has either `image`, or `color` and perhaps `size`";
+                Err(self.wrong(entry, rule))
+            }
+        }
+    }
+}
+
+fn color_space(name: ColorSpaceName) -> ColorSpace {
+    match name {
+        ColorSpaceName::Srgb => ColorSpace::Srgb,
+        ColorSpaceName::Linear => ColorSpace::Linear,
+    }
+}
+
+/// A name for each view of a file of cameras: its image's, with the folders above it where images of
+/// several folders have the same name.
+fn names(views: &[NamedView], taken: &HashSet<String>) -> Vec<String> {
+    let stems: Vec<_> = views.iter().map(|view| stem(&view.image)).collect();
+    let (mut seen, mut is_alike) = (taken.clone(), false);
+    for stem in &stems {
+        is_alike |= !seen.insert(stem.clone());
+    }
+    if !is_alike {
+        return stems;
+    }
+    let whole = |view: &NamedView| {
+        let path = view.image.with_extension("");
+        let parts = path.components().map(|part| part.as_os_str().to_string_lossy().into_owned());
+        parts.collect::<Vec<_>>().join("-")
+    };
+    views.iter().map(whole).collect()
+}
