@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use bokashi_core::{Mask, Tape, Tensor, Var};
 use bokashi_fit::{
-    Fit, FitError, FitSettings, Parameters, Penalty, Pipeline, Preconditioner, Schedule, Stepped,
-    Variables, View, Views, iou, mean_error, psnr, saved, ssim, ssim_error, views,
+    Fit, FitError, FitSettings, Optimizer, Parameters, Penalty, Pipeline, Preconditioner, Schedule,
+    Stepped, Variables, View, Views, iou, mean_error, psnr, saved, ssim, ssim_error, views,
 };
 
 use crate::description::{Count, LossKind, Stage};
@@ -343,6 +343,8 @@ fn settings(renderer: &Renderer, stage: &Stage) -> FitSettings {
     FitSettings {
         steps,
         schedule: Schedule::Cosine { steps, floor: 0.01 },
+        // With 0.999, gradients of the first steps would keep steps small to the end of a short stage.
+        optimizer: Optimizer::Adam { beta1: 0.9, beta2: 0.99, epsilon: 1e-8 },
         loss_below: stop.loss_below.map(|loss| loss.0),
         patience: stop.patience.map(|patience| patience.0 as u64),
         ..FitSettings::default()

@@ -234,7 +234,7 @@ impl Learnt {
                 return Err(wrong(scene, "a blur that is learnt is in the pipeline"));
             };
             let parameter = Parameter::new("blur", Tensor::scalar(sigma.0 as f32));
-            self.add(parameter.mapping(Mapping::Softplus), rate(own.rate, 0.03))?;
+            self.add(parameter.mapping(Mapping::Softplus), rate(own.rate, 0.05))?;
         }
         if let Some(own) = &learn.lens {
             let Some(lens) = pipeline.lens else {

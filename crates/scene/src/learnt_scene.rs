@@ -77,7 +77,8 @@ impl Renderer {
             let camera = &mut view.camera;
             if let Some(increments) = &cameras {
                 let own = &increments.data()[6 * at..][..6];
-                camera.view *= motion(own, radius, self.center())?;
+                let about = camera.view.transform_point3(self.center());
+                camera.view = motion(own, radius, about)? * camera.view;
             }
             if let Some(learnt) = &intrinsics {
                 let by = |k: usize| f64::from(learnt.data()[k]);

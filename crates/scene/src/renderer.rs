@@ -183,10 +183,10 @@ impl Renderer {
             return Ok(Projection::Fixed(camera.view));
         };
         let own = increments.slice(0, view..view + 1)?.reshape([6])?;
-        // The scene moves against the camera.
-        let moved = self.moved(own, self.center, &DMat4::IDENTITY)?;
-        let fixed = values.tape.constant(&to_tensor(&camera.view));
-        Ok(Projection::Variable(fixed.matmul(moved)?))
+        // About the middle of the scene, along the camera's axes: what moves the picture and what changes its
+        // size are then different numbers.
+        let about = camera.view.transform_point3(self.center);
+        Ok(Projection::Variable(self.moved(own, about, &camera.view)?))
     }
 
     /// The matrix from the camera's coordinates to clip space.

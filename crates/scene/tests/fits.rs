@@ -7,10 +7,10 @@ use std::fs;
 use std::path::Path;
 
 use bokashi_core::Tensor;
-use bokashi_scene::{Attribute, Scene, SceneFit, SceneView};
+use bokashi_scene::{Attribute, Camera, ColorSpace, Picture, Place, Scene, SceneFit, SceneView};
 use glam::{DMat4, DQuat, DVec3};
 
-use crate::rays::{Ball, Eye, photograph};
+use crate::rays::{Ball, Eye, blurred, distances, light, photograph};
 
 /// Degrees of view of all cameras.
 const ANGLE: f64 = 38.0;
@@ -69,15 +69,17 @@ fn held_out(fit: &SceneFit) -> [f64; 2] {
     [psnr, iou]
 }
 
-/// Colours of `ball` at the vertices of the scene's only object.
-fn paint(scene: &mut Scene, ball: &Ball) {
-    let object = &mut scene.objects[0];
-    let places = object.positions.data().chunks(3);
-    let colors = places.flat_map(|p| ball.color(DVec3::new(p[0].into(), p[1].into(), p[2].into())));
-    let colors: Vec<_> = colors.map(|x| x as f32).collect();
-    let rows = Tensor::from_flat_fn([colors.len() / 3, 3], |k| colors[k]);
-    object.colors = Some(Attribute { rows, indices: object.mesh.clone() });
-    object.look.base_color = [1.0; 3];
+/// Colours of each object's ball at its vertices.
+fn paint(scene: &mut Scene, balls: &[Ball]) {
+    for (object, ball) in scene.objects.iter_mut().zip(balls) {
+        let places = object.positions.data().chunks(3);
+        let places = places.map(|p| DVec3::new(p[0].into(), p[1].into(), p[2].into()));
+        let colors = places.flat_map(|p| ball.color(object.places[0].transform_point3(p)));
+        let colors: Vec<_> = colors.map(|x| x as f32).collect();
+        let rows = Tensor::from_flat_fn([colors.len() / 3, 3], |k| colors[k]);
+        object.colors = Some(Attribute { rows, indices: object.mesh.clone() });
+        object.look.base_color = [1.0; 3];
+    }
 }
 
 /// A turn of so many degrees about an axis, and a move, of a camera that stands before the origin.
@@ -155,7 +157,7 @@ fn a_cameras_pose_is_learnt_from_one_image() {
     let text = views(folder.path(), std::slice::from_ref(&ball), 1, 2, 128)
         + "[[meshes]]\nshape = \"sphere\"\nfaces = 20000\n[learn.cameras]\n[stop]\nsteps = 300\n";
     let mut scene = load(folder.path(), &text);
-    paint(&mut scene, &ball);
+    paint(&mut scene, &[ball]);
     let truth = scene.views[0].camera.view;
     nudged(&mut scene.views[0], DVec3::new(1.0, -2.0, 0.5), 3.0, DVec3::new(0.1, 0.05, -0.15));
     println!("start: {:?}", off(&scene.views[0].camera.view, &truth));
@@ -164,4 +166,163 @@ fn a_cameras_pose_is_learnt_from_one_image() {
     println!("{degrees} degrees, {share} of the distance");
     assert!(degrees < 0.2, "{degrees}");
     assert!(share < 0.005, "{share}");
+}
+
+/// A reconstruction as COLMAP writes it: each camera's pose turned and moved at random.
+fn colmap(folder: &Path, cameras: &[(String, Camera)]) {
+    let model = folder.join("sparse/0");
+    fs::create_dir_all(&model).unwrap();
+    let (mut lenses, mut images) = (String::new(), String::new());
+    for (k, (name, camera)) in cameras.iter().enumerate() {
+        let [width, height] = [camera.size.width, camera.size.height];
+        let [fx, fy, cx, cy] = camera.intrinsics;
+        // COLMAP has the corner of the image at (0, 0).
+        let [cx, cy] = [cx + 0.5, cy + 0.5];
+        writeln!(lenses, "{} PINHOLE {width} {height} {fx} {fy} {cx} {cy}", k + 1).unwrap();
+        let q = DQuat::from_mat4(&camera.view);
+        let [x, y, z] = camera.view.w_axis.truncate().to_array();
+        let [a, b, c, d] = [q.w, q.x, q.y, q.z];
+        writeln!(images, "{0} {a} {b} {c} {d} {x} {y} {z} {0} {name}\n", k + 1).unwrap();
+    }
+    fs::write(model.join("cameras.txt"), lenses).unwrap();
+    fs::write(model.join("images.txt"), images).unwrap();
+    fs::write(model.join("points3D.txt"), "").unwrap();
+}
+
+#[test]
+fn cameras_of_a_colmap_model_are_learnt_from_a_degree_off() {
+    let folder = tempfile::tempdir().unwrap();
+    // A ball alone can turn behind its texture; three of them can't.
+    let balls = [
+        Ball::motley(DVec3::new(-0.5, 0.1, 0.0), 0.5),
+        Ball::motley(DVec3::new(0.55, -0.15, 0.1), 0.45),
+        Ball::motley(DVec3::new(0.1, 0.5, 0.6), 0.3),
+    ];
+    let text = views(folder.path(), &balls, 8, 100, 128);
+    let truth = load(folder.path(), &text).views;
+    let mut noisy = truth.clone();
+    for (k, view) in noisy.iter_mut().enumerate() {
+        let at = k as f64;
+        let axis = DVec3::new((2.0 * at).sin(), (3.0 * at + 1.0).cos(), (5.0 * at).cos());
+        // A degree about the eye moves the picture by five pixels; the shift moves it again.
+        nudged(view, axis, 1.0, 0.02 * DVec3::new(at.cos(), at.sin(), (4.0 * at).sin()));
+    }
+    let named = noisy.iter().map(|view| (format!("{}.png", view.name), view.camera));
+    colmap(folder.path(), &named.collect::<Vec<_>>());
+    let mut scene = load(
+        folder.path(),
+        r#"
+[cameras]
+colmap = "sparse/0"
+[[meshes]]
+shape = "sphere"
+faces = 6000
+place = { translation = [-0.5, 0.1, 0], scale = 0.5 }
+name = "large"
+[[meshes]]
+shape = "sphere"
+faces = 6000
+place = { translation = [0.55, -0.15, 0.1], scale = 0.45 }
+name = "middle"
+[[meshes]]
+shape = "sphere"
+faces = 3000
+place = { translation = [0.1, 0.5, 0.6], scale = 0.3 }
+name = "small"
+[learn.cameras]
+[[stages]]
+steps = 120
+reduce = 2
+views_per_step = 8
+[[stages]]
+steps = 80
+views_per_step = 8
+rates = 0.3
+"#,
+    );
+    paint(&mut scene, &balls);
+    let found = fitted(scene).learnt().unwrap();
+    for (view, truth) in found.views.iter().zip(&truth) {
+        assert_eq!(view.name, truth.name);
+        let [degrees, share] = off(&view.camera.view, &truth.camera.view);
+        println!("{}: {degrees:.4} degrees, {share:.5} of the distance", view.name);
+        assert!(degrees < 0.05, "{}: {degrees}", view.name);
+    }
+}
+
+/// Two balls, one behind the other, known but for what `learn` names, and one photograph of them.
+fn two_balls(folder: &Path, photo: &Tensor<f32>, pipeline: &str) -> Scene {
+    // Light before black.
+    let seen = Tensor::from_flat_fn([photo.shape()[0], photo.shape()[1], 3], |k| photo.data()[k]);
+    let picture = Picture::of_color(&seen, ColorSpace::Srgb).unwrap();
+    fs::write(folder.join("photo.png"), picture.encode_png(&Place::of("photo.png")).unwrap())
+        .unwrap();
+    let text = format!(
+        r#"
+[[views]]
+image = "photo.png"
+camera = {{ position = [0, 0.3, 4], angle = {ANGLE:?} }}
+[[meshes]]
+shape = "sphere"
+faces = 8000
+place = {{ translation = [-0.4, 0, 1.2], scale = 0.45 }}
+name = "near"
+[[meshes]]
+shape = "sphere"
+faces = 8000
+place = {{ translation = [0.6, 0.1, -1.5], scale = 0.9 }}
+name = "far"
+{pipeline}
+"#
+    );
+    load(folder, &text)
+}
+
+/// The balls of `two_balls`, and its camera.
+fn balls_and_eye() -> ([Ball; 2], Eye) {
+    let balls = [
+        Ball::motley(DVec3::new(-0.4, 0.0, 1.2), 0.45),
+        Ball::motley(DVec3::new(0.6, 0.1, -1.5), 0.9),
+    ];
+    (balls, Eye { position: DVec3::new(0.0, 0.3, 4.0), angle: ANGLE, pixels: 96 })
+}
+
+/// Light before black, `[pixels, pixels, 3]`.
+fn before_black(balls: &[Ball], eye: &Eye) -> Tensor<f32> {
+    let light = light(balls, eye);
+    let own = |k: usize| light.data()[k / 3 * 4 + k % 3] * light.data()[k / 3 * 4 + 3];
+    Tensor::from_flat_fn([eye.pixels, eye.pixels, 3], own)
+}
+
+#[test]
+fn the_sigma_of_a_blurred_photograph_is_learnt() {
+    let folder = tempfile::tempdir().unwrap();
+    let (balls, eye) = balls_and_eye();
+    let photo = blurred(&before_black(&balls, &eye), &vec![2.5; eye.pixels * eye.pixels]);
+    let pipeline = "[pipeline]\nblur = 1.0\n[learn.blur]\n[stop]\nsteps = 300\n";
+    let mut scene = two_balls(folder.path(), &photo, pipeline);
+    paint(&mut scene, &balls);
+    let found = fitted(scene).learnt().unwrap();
+    let sigma = found.description.pipeline.blur.unwrap().0;
+    println!("sigma {sigma}");
+    assert!((sigma - 2.5).abs() < 0.02, "{sigma}");
+}
+
+#[test]
+fn focus_and_aperture_of_a_photograph_are_learnt() {
+    let folder = tempfile::tempdir().unwrap();
+    let (balls, eye) = balls_and_eye();
+    let (aperture, focus) = (3.0, 3.2);
+    let far = distances(&balls, &eye, 1e4);
+    let sigmas: Vec<_> = far.iter().map(|z| aperture * (1.0 - focus / z).abs()).collect();
+    let photo = blurred(&before_black(&balls, &eye), &sigmas);
+    let pipeline =
+        "[pipeline]\nlens = { aperture = 2.0, focus = 4.0 }\n[learn.lens]\n[stop]\nsteps = 300\n";
+    let mut scene = two_balls(folder.path(), &photo, pipeline);
+    paint(&mut scene, &balls);
+    let found = fitted(scene).learnt().unwrap();
+    let lens = found.description.pipeline.lens.unwrap();
+    println!("aperture {}, focus {}", lens.aperture.0, lens.focus.0);
+    assert!((lens.focus.0 / focus - 1.0).abs() < 0.02, "{}", lens.focus.0);
+    assert!((lens.aperture.0 / aperture - 1.0).abs() < 0.03, "{}", lens.aperture.0);
 }

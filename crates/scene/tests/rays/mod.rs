@@ -30,7 +30,7 @@ impl Ball {
             std::array::from_fn(|k| {
                 let at = (3 * c + k) as f64;
                 let along = DVec3::new((1.0 + at).sin(), (2.0 + 3.0 * at).cos(), (5.0 * at).sin());
-                ((3.0 + k as f64) * along, at)
+                ((6.0 + 2.0 * k as f64) * along, at)
             })
         });
         Self { center, radius, waves }
@@ -54,6 +54,17 @@ impl Ball {
     }
 }
 
+impl Eye {
+    /// The direction of a ray through a place in the image, in pixels.
+    fn along(&self, at: [f64; 2]) -> DVec3 {
+        let forward = (-self.position).normalize();
+        let right = forward.cross(DVec3::Y).normalize();
+        let half = (0.5 * self.angle.to_radians()).tan();
+        let [x, y] = at.map(|at| half * (2.0 * at / self.pixels as f64 - 1.0));
+        (forward + x * right + y * forward.cross(right)).normalize()
+    }
+}
+
 /// The photograph, as a PNG with opacity.
 pub(crate) fn photograph(balls: &[Ball], eye: &Eye) -> Vec<u8> {
     let light = light(balls, eye);
@@ -63,22 +74,14 @@ pub(crate) fn photograph(balls: &[Ball], eye: &Eye) -> Vec<u8> {
 
 /// Light and opacity, `[pixels, pixels, 4]`; colours are not multiplied by opacity.
 pub(crate) fn light(balls: &[Ball], eye: &Eye) -> Tensor<f32> {
-    let Eye { position, angle, pixels } = *eye;
-    let forward = (-position).normalize();
-    let right = forward.cross(DVec3::Y).normalize();
-    let down = forward.cross(right);
-    let half = (0.5 * angle.to_radians()).tan();
-    let share = |at: usize, ray: usize| {
-        let at = at as f64 + (ray as f64 + 0.5) / RAYS as f64;
-        half * (2.0 * at / pixels as f64 - 1.0)
-    };
+    let Eye { position, pixels, .. } = *eye;
     let mut light = vec![0.0_f32; pixels * pixels * 4];
     for (pixel, sum) in light.chunks_exact_mut(4).enumerate() {
         let (row, column) = (pixel / pixels, pixel % pixels);
         let mut total = [0.0; 4];
         for k in 0..RAYS * RAYS {
-            let [x, y] = [share(column, k % RAYS), share(row, k / RAYS)];
-            let along = (forward + x * right + y * down).normalize();
+            let at = [(column, k % RAYS), (row, k / RAYS)];
+            let along = eye.along(at.map(|(at, ray)| at as f64 + (ray as f64 + 0.5) / RAYS as f64));
             let met = balls.iter().filter_map(|ball| Some((ball.met(position, along)?, ball)));
             let far = |(place, _): &(DVec3, &Ball)| place.distance(position);
             if let Some((place, ball)) = met.min_by(|a, b| far(a).total_cmp(&far(b))) {
@@ -97,4 +100,46 @@ pub(crate) fn light(balls: &[Ball], eye: &Eye) -> Tensor<f32> {
         }
     }
     Tensor::from_flat_fn([pixels, pixels, 4], |k| light[k])
+}
+
+/// Distances along the view axis at the pixels' centres; `far` where there is nothing.
+pub(crate) fn distances(balls: &[Ball], eye: &Eye, far: f64) -> Vec<f64> {
+    let forward = (-eye.position).normalize();
+    let rays = (0..eye.pixels * eye.pixels).map(|pixel| {
+        let at = [pixel % eye.pixels, pixel / eye.pixels].map(|at| at as f64 + 0.5);
+        let along = eye.along(at);
+        let met = balls.iter().filter_map(|ball| ball.met(eye.position, along));
+        met.map(|place| (place - eye.position).dot(forward)).fold(far, f64::min)
+    });
+    rays.collect()
+}
+
+/// Each pixel a mean of its neighbours, weighted by a Gaussian of its own standard deviation; mirrored at the
+/// border. `light` is `[pixels, pixels, C]`.
+pub(crate) fn blurred(light: &Tensor<f32>, sigmas: &[f64]) -> Tensor<f32> {
+    let (pixels, channels) = (light.shape()[0] as isize, light.shape()[2]);
+    let mirrored = |at: isize| {
+        let at = at.rem_euclid(2 * pixels);
+        if at < pixels { at } else { 2 * pixels - 1 - at }
+    };
+    let mut all = vec![0.0_f32; light.size()];
+    for (pixel, sum) in all.chunks_exact_mut(channels).enumerate() {
+        let (sigma, [row, column]) =
+            (sigmas[pixel].max(1e-3), [pixel as isize / pixels, pixel as isize % pixels]);
+        let reach = (5.0 * sigma).ceil() as isize;
+        let weight = |k: isize| (-0.5 * (k as f64 / sigma).powi(2)).exp();
+        let mut total = vec![0.0; channels + 1];
+        for (down, right) in (-reach..=reach).flat_map(|y| (-reach..=reach).map(move |x| (y, x))) {
+            let weight = weight(down) * weight(right);
+            let at = mirrored(row + down) * pixels + mirrored(column + right);
+            total[channels] += weight;
+            for (channel, total) in total[..channels].iter_mut().enumerate() {
+                *total += weight * f64::from(light.data()[at as usize * channels + channel]);
+            }
+        }
+        for (sum, part) in sum.iter_mut().zip(&total) {
+            *sum = (part / total[channels]) as f32;
+        }
+    }
+    Tensor::from_flat_fn(light.shape(), |k| all[k])
 }
