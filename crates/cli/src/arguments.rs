@@ -30,7 +30,8 @@ pub struct Request {
 /// What to do other than the default.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// One fit; writes files only where --out, --json or --save asks for them.
+    /// One fit: of a scene of your own (docs/scene.md), or without one of the paper's cube, which then
+    /// writes files only where --out, --json or --save asks for them.
     Fit(FitArguments),
     /// All of the paper's experiments 5.1, 5.2 and 5.3, with a report in out/.
     ///
@@ -41,6 +42,13 @@ pub(crate) enum Command {
     /// The samples that people know, with what each has to reach: a cube of a few pixels, poses,
     /// textures, light, lenses, silhouettes, cameras.
     Samples(SamplesArguments),
+    /// Pictures, depth, normals and ids of a scene's views, as PNG and EXR.
+    Render(RenderArguments),
+    /// What is in a mesh, an image, a scene, a file of cameras or a saved fit, and what is wrong
+    /// with it: then the exit status is 1.
+    Inspect(InspectArguments),
+    /// A folder with a scene to begin with: a mesh, images, cameras, and scene.toml.
+    New(NewArguments),
 }
 
 /// The options of every command.
@@ -66,6 +74,15 @@ pub(crate) struct Common {
 /// The options of `fit`.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct FitArguments {
+    /// Your own scene: meshes, images, cameras, and what is learnt; results go to --out, by default out/
+    #[arg(value_name = "SCENE.TOML", conflicts_with_all = ["experiment", "preset", "resolution", "sigma", "seed", "silhouettes", "precision", "save", "save_every"])]
+    pub(crate) scene: Option<PathBuf>,
+    /// Of a scene: stop after so many seconds
+    #[arg(long, value_name = "SECONDS", requires = "scene", value_parser = seconds)]
+    pub(crate) time: Option<f64>,
+    /// Of a scene: a page on this port of 127.0.0.1 that shows the fit as it goes [default: any free port]
+    #[arg(long, value_name = "PORT", requires = "scene", num_args = 0..=1, default_missing_value = "0")]
+    pub(crate) live: Option<u16>,
     /// What is learnt: vertices and colours (5.1), sigma (5.2), or all of them (5.3)
     #[arg(long, value_name = "WORD", default_value = "joint", value_parser = words::<Experiment>(&["vertices", "sigma", "joint"]))]
     pub(crate) experiment: Experiment,
@@ -95,14 +112,35 @@ pub(crate) struct FitArguments {
     /// Save after every N updates, too
     #[arg(long, value_name = "N", requires = "save", value_parser = steps)]
     pub(crate) save_every: Option<u64>,
-    /// Saved fit to go on with, to the same bits as if it had not ended; settings are the file's
-    #[arg(long, value_name = "FILE")]
-    pub(crate) resume: Option<PathBuf>,
+    /// Saved fit to go on with, to the same bits as if it had not ended; settings are the file's. Of a scene:
+    /// by default the checkpoint in --out
+    #[arg(long, value_name = "FILE", num_args = 0..=1)]
+    pub(crate) resume: Option<Option<PathBuf>>,
     /// The names of the options that the command line has.
     #[arg(skip)]
     pub(crate) given: Vec<String>,
     #[command(flatten)]
     pub(crate) common: Common,
+}
+
+/// The options of `render`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct RenderArguments {
+    /// The scene
+    #[arg(value_name = "SCENE.TOML")]
+    pub(crate) scene: PathBuf,
+    /// Only this view [default: all]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) view: Option<String>,
+    /// Folder for the files
+    #[arg(long, value_name = "DIR", default_value = "out")]
+    pub(crate) out: PathBuf,
+    /// Threads [default: one per core]; files are the same bits for any number
+    #[arg(long, value_name = "N", value_parser = threads)]
+    pub(crate) threads: Option<usize>,
+    /// No summary
+    #[arg(long)]
+    pub(crate) quiet: bool,
 }
 
 /// The options of `reproduce`.
@@ -147,11 +185,39 @@ pub(crate) struct SamplesArguments {
     pub(crate) quiet: bool,
 }
 
+/// The options of `inspect`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct InspectArguments {
+    /// .obj .ply .gltf .glb, .png .jpg .jpeg .exr, scene.toml, transforms.json, .safetensors
+    #[arg(value_name = "FILE")]
+    pub(crate) file: PathBuf,
+    /// File for the facts as a JSON object; - for standard output, and then nothing else there
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
+}
+
+/// The options of `new`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct NewArguments {
+    /// Folder that is made; one that is there must have no scene.toml
+    #[arg(value_name = "DIR")]
+    pub(crate) folder: PathBuf,
+    /// Mesh to copy, with the files that it names [default: a sphere to start from]
+    #[arg(long, value_name = "MESH")]
+    pub(crate) from: Option<PathBuf>,
+    /// Folder of images to copy, with transforms.json or sparse/0 and masks if it has them
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) images: Option<PathBuf>,
+}
+
 impl Request {
     /// The options that every command of fits has.
     pub(crate) fn common(&self) -> &Common {
         match &self.command {
-            None | Some(Command::Samples(_)) => &self.common,
+            None
+            | Some(
+                Command::Samples(_) | Command::Render(_) | Command::Inspect(_) | Command::New(_),
+            ) => &self.common,
             Some(Command::Fit(fit)) => &fit.common,
             Some(Command::Reproduce(reproduce)) => &reproduce.common,
         }
@@ -185,7 +251,7 @@ impl Request {
     /// The saved fit to go on with.
     pub(crate) fn resume(&self) -> Option<&PathBuf> {
         match &self.command {
-            Some(Command::Fit(fit)) => fit.resume.as_ref(),
+            Some(Command::Fit(fit)) => fit.resume.as_ref().and_then(Option::as_ref),
             _ => None,
         }
     }
@@ -194,7 +260,8 @@ impl Request {
     pub(crate) fn saving(&self) -> Saving {
         match &self.command {
             Some(Command::Fit(fit)) => {
-                Saving { resume: fit.resume.clone(), save: fit.save.clone(), every: fit.save_every }
+                let resume = fit.resume.clone().flatten();
+                Saving { resume, save: fit.save.clone(), every: fit.save_every }
             }
             _ => Saving::default(),
         }
@@ -237,6 +304,10 @@ pub fn parse(
                 "--sigma needs --experiment sigma or joint: vertices are learnt without blur";
             Err(Stopped::Wrong(Failure::Use(rule.to_owned())))
         }
+        Some(Command::Fit(fit)) if fit.scene.is_none() && fit.resume == Some(None) => {
+            let rule = "--resume needs the file of a saved fit, but for a fit of a scene";
+            Err(Stopped::Wrong(Failure::Use(rule.to_owned())))
+        }
         _ => Ok(request),
     }
 }
@@ -275,6 +346,12 @@ fn whole(text: &str, least: u64, most: u64) -> Result<u64, String> {
 /// A history takes about 100 bytes per step: at most 1 GB.
 fn steps(text: &str) -> Result<u64, String> {
     whole(text, 1, 10_000_000)
+}
+
+/// A time that a fit may take.
+fn seconds(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|&number: &f64| number > 0.0 && number.is_finite());
+    number.ok_or_else(|| "needs a number of seconds above 0".to_owned())
 }
 
 /// A number of threads.
@@ -359,7 +436,7 @@ mod tests {
         assert_eq!(fit.json, Some("-".into()));
         assert!(fit.silhouettes == Silhouettes::Exact && fit.common.quiet);
         assert_eq!((fit.save, fit.save_every), (Some("b".into()), Some(4)));
-        assert_eq!(fit.resume, Some("c".into()));
+        assert_eq!(fit.resume, Some(Some("c".into())));
     }
 
     #[test]

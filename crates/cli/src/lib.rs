@@ -3,13 +3,18 @@
 
 pub mod about;
 pub mod arguments;
+mod digits;
 pub mod failure;
+mod inspect;
 pub mod interrupt;
+pub mod live;
+mod new;
 pub mod output;
 pub mod places;
 mod plan;
 mod progress;
 pub mod run;
 mod samples;
+mod scene;
 mod summary;
 pub mod threads;

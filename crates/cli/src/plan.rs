@@ -45,7 +45,7 @@ pub(crate) fn plan(request: &Request) -> Result<Vec<Planned>, Failure> {
 /// Makes `settings`, those of the command line, the ones of the saved fit that goes on: what the
 /// command line gives has to agree, but for the number of steps.
 fn resume(fit: &FitArguments, settings: &mut CubeSettings) -> Result<(), Failure> {
-    let Some(path) = &fit.resume else { return Ok(()) };
+    let Some(path) = fit.resume.iter().flatten().next() else { return Ok(()) };
     let refused = |error: FitError| Failure::Use(format!("--resume {}: {error}", path.display()));
     let mut saved = CubeSettings::saved_in(path).map_err(refused)?;
     let agrees = |option: &str, saved: String, given: String| {
@@ -91,7 +91,9 @@ fn experiments(request: &Request) -> Vec<CubeSettings> {
     };
     match &request.command {
         None => sigmas(Experiment::Joint, Preset::Paper).to_vec(),
-        Some(Command::Samples(_)) => Vec::new(),
+        Some(Command::Samples(_) | Command::Render(_) | Command::Inspect(_) | Command::New(_)) => {
+            Vec::new()
+        }
         Some(Command::Fit(fit)) => {
             let settings = new(fit.experiment, fit.preset);
             vec![CubeSettings {

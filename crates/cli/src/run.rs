@@ -10,12 +10,15 @@ use bokashi_report::ReportError;
 use crate::about::about;
 use crate::arguments::{Command, Request};
 use crate::failure::Failure;
+use crate::inspect;
 use crate::interrupt::{Interrupt, Writing, end_when_interrupted};
+use crate::new;
 use crate::output::{is_standard_output, say, say_json};
 use crate::places::Places;
 use crate::plan::{Planned, plan};
 use crate::progress::{Bar, name};
 use crate::samples;
+use crate::scene;
 use crate::summary::Summary;
 use crate::threads::start_threads;
 
@@ -24,8 +27,31 @@ const REPORT: [&str; 3] = ["index.html", "fits.csv", "histories.csv"];
 
 /// Does all that `request` asks for.
 pub fn run(request: &Request) -> Result<(), Failure> {
-    if let Some(Command::Samples(arguments)) = &request.command {
-        return samples::run(arguments);
+    match &request.command {
+        Some(Command::Samples(arguments)) => return samples::run(arguments),
+        Some(Command::Render(own)) => {
+            let (view, threads) = (own.view.as_deref(), own.threads);
+            return scene::render(&own.scene, view, &own.out, threads, own.quiet);
+        }
+        Some(Command::Fit(own)) => {
+            if let Some(scene) = &own.scene {
+                let is_given = |name: &str| own.given.iter().any(|given| given == name);
+                return scene::run(&scene::Asked {
+                    scene: scene.clone(),
+                    out: own.common.out.clone().unwrap_or_else(|| "out".into()),
+                    steps: is_given("steps").then_some(own.common.steps),
+                    seconds: own.time,
+                    resume: own.resume.clone(),
+                    json: own.json.clone(),
+                    threads: own.common.threads,
+                    live: own.live,
+                    quiet: own.common.quiet,
+                });
+            }
+        }
+        Some(Command::Inspect(arguments)) => return inspect::run(arguments),
+        Some(Command::New(arguments)) => return new::run(arguments),
+        _ => {}
     }
     let out = request.out();
     let json = request.json().map(|file| ("--json", file.as_path()));

@@ -1,32 +1,21 @@
 //! Pages of a report's folder: HTML files that need nothing beside them.
 //!
-//! Figures are inline SVG, pictures are inline PNG; there is no script, no font and no address
-//! to load. Light and dark follow the reader's setting. Each page names the others that lie
+//! Figures are inline SVG, pictures are inline PNG; there is no font and no address to load, and
+//! no script but that of meshes to turn. Light and dark follow the reader's setting. Each page names the others that lie
 //! beside it: [`add_page`] brings those lines up to date whenever a page is added.
 
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use base64::Engine as _;
-use base64::engine::general_purpose::STANDARD;
-
 use crate::error::ReportError;
 use crate::figure::{GRID, INK, PALETTE, PALETTE_DARK};
+use crate::markup::escaped;
+use crate::viewer::{VIEWER_SCRIPT, holds_viewer};
 use bokashi_write::write_whole;
 
 /// The style sheet, without the colours of the figures.
 const STYLE: &str = include_str!("page.css");
-
-/// Text as HTML.
-pub fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
-}
-
-/// A PNG file as an address.
-pub fn data_uri(png: &[u8]) -> String {
-    format!("data:image/png;base64,{}", STANDARD.encode(png))
-}
 
 /// Exchanges the colours that figures are drawn in for those of a dark page.
 fn dark_figures() -> String {
@@ -41,6 +30,12 @@ fn dark_figures() -> String {
     }
     style.push('}');
     style
+}
+
+/// The style sheet of a page, for pages that are put together elsewhere.
+#[must_use]
+pub fn style() -> String {
+    format!("{STYLE}{}", dark_figures())
 }
 
 /// One page.
@@ -74,6 +69,9 @@ impl Document {
     #[must_use]
     pub fn html(&self) -> String {
         let (mut contents, mut body) = (String::new(), String::new());
+        let views = self.sections.iter().any(|section| holds_viewer(&section.body));
+        let script =
+            if views { format!("<script>{VIEWER_SCRIPT}</script>") } else { String::new() };
         for Section { id, title, body: section } in &self.sections {
             if section.is_empty() {
                 continue;
@@ -85,11 +83,11 @@ impl Document {
         format!(
             "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\">\
              <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\
-             <title>{}</title><style>{STYLE}{}</style></head><body>\
+             <title>{}</title><style>{}</style></head><body>\
              <header><h1>{}</h1><p>{}</p>{BESIDE}{END}<nav><ul>{contents}</ul></nav></header>\
-             <main>{body}</main><footer>{}</footer></body></html>\n",
+             <main>{body}</main><footer>{}</footer>{script}</body></html>\n",
             escaped(&self.title),
-            dark_figures(),
+            style(),
             escaped(&self.heading),
             self.introduction,
             self.footer,

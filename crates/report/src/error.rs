@@ -14,6 +14,9 @@ pub enum ReportError {
     /// A figure could not be drawn.
     #[error("a figure could not be drawn: {0}")]
     Figure(String),
+    /// The parts of a mesh do not fit each other.
+    #[error("{0}")]
+    Mesh(String),
     /// A picture is none, or could not be encoded.
     #[error("{0}")]
     Picture(String),

@@ -2,9 +2,9 @@
 
 use std::fmt::Write as _;
 
-use crate::document::escaped;
 use crate::error::ReportError;
 use crate::figure::{Figure, Stroke};
+use crate::markup::escaped;
 
 /// A figure with its heading.
 #[derive(Debug, Clone)]

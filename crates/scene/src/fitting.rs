@@ -9,7 +9,7 @@ use bokashi_fit::{
     Stepped, Variables, View, Views, iou, mean_error, psnr, saved, ssim, ssim_error, views,
 };
 
-use crate::description::{Count, LossKind, Stage};
+use crate::description::{Count, LossKind, Stage, StopEntry};
 use crate::error::{Place, SceneError};
 use crate::learning::{Learnt, Regularizer, is_dense};
 use crate::renderer::Renderer;
@@ -211,6 +211,11 @@ impl SceneFit {
         self.stage
     }
 
+    /// When the fit ends.
+    pub fn stop(&self) -> &StopEntry {
+        &self.scene().description.stop
+    }
+
     /// Does a step; `None` where all are done.
     ///
     /// # Errors
@@ -248,6 +253,21 @@ impl SceneFit {
     /// As [`Fit::save`].
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), SceneError> {
         Ok(self.fit.save(path)?)
+    }
+
+    /// What drawing a view leaves out, and why, by operation.
+    ///
+    /// # Errors
+    /// What the operations refuse.
+    pub fn left_out(&self, view: usize) -> Result<Vec<(&'static str, String)>, SceneError> {
+        let tape = Tape::new();
+        let variables = self.fit.parameters().record(&tape);
+        let values = Values { tape: &tape, learnt: Some(&variables) };
+        let drawn = self.renderer.draw(&values, view, 1, false)?;
+        self.renderer.image(&values, &drawn, 1)?;
+        let report = tape.take_report();
+        let all = report.left_out.into_iter();
+        Ok(all.map(|entry| (entry.name, entry.reason.into_owned())).collect())
     }
 
     /// Draws a view and compares it with its image, if it has one.

@@ -16,12 +16,16 @@ mod model;
 mod object;
 mod outline;
 mod picture;
+mod rendered;
 mod renderer;
+mod results;
 mod scene;
 mod shapes;
 mod targets;
 mod values;
 
+/// What images, positions and parameters are.
+pub use bokashi_core::Tensor;
 pub use cameras::{
     Camera, ColmapPoint, NamedView, read_colmap, read_colmap_points, read_transforms,
     transforms_json,
@@ -34,6 +38,8 @@ pub use model::{Geometry, Indexed, MaterialFile, Model, Placed};
 pub use object::{Attribute, Object, SurfaceLook};
 pub use outline::{Outline, gaze, named_files, share_seen};
 pub use picture::{ColorSpace, MOST_SAMPLES, Picture, Samples};
+pub use rendered::Rendered;
 pub use renderer::{Drawn, Renderer};
+pub use results::write_file;
 pub use scene::{Scene, SceneView};
 pub use values::Values;

@@ -64,6 +64,8 @@ pub struct Drawn<'t> {
     pub fragments: Fragments<'t, f32>,
     /// Light, before lens, blur and tone. A fourth channel is 1 where the objects are.
     pub light: Picture<'t, f32>,
+    /// The vertices in the world.
+    pub(crate) world: Var<'t, f32>,
 }
 
 impl Renderer {
@@ -327,7 +329,7 @@ impl Renderer {
             Silhouettes::Antialias => antialias(composite)?,
             _ => composite.into(),
         };
-        Ok(Drawn { fragments, light })
+        Ok(Drawn { fragments, light, world })
     }
 
     /// Whether a picture goes through operations that see its neighbours: it is then an image.
@@ -402,12 +404,7 @@ impl Renderer {
         if self.model == SurfaceModel::Unlit {
             return Ok(looks.base_color);
         }
-        let corners = match &self.smoothing.vertices {
-            Some(vertices) => world.gather_rows(vertices)?,
-            None => world,
-        };
-        let normals = vertex_normals(corners, &self.smoothing.mesh, Weighting::Angle)?;
-        let normals = interpolate_indexed(normals, &self.smoothing.mesh, fragments)?;
+        let normals = self.normals(world, fragments)?;
         let positions = interpolate(world, fragments)?;
         let views = eye.try_sub(positions)?;
         let surface = Surface { normals, views, positions: Some(positions) };
@@ -433,6 +430,27 @@ impl Renderer {
         }
         // Without light it is dark.
         Ok(light.unwrap_or(looks.base_color * 0.0))
+    }
+
+    /// Normals at the fragments in the world, `[N, 3]`, of any length.
+    pub(crate) fn normals<'t>(
+        &self,
+        world: Var<'t, f32>,
+        fragments: &Fragments<'t, f32>,
+    ) -> Recorded<'t> {
+        let corners = match &self.smoothing.vertices {
+            Some(vertices) => world.gather_rows(vertices)?,
+            None => world,
+        };
+        let normals = vertex_normals(corners, &self.smoothing.mesh, Weighting::Angle)?;
+        Ok(interpolate_indexed(normals, &self.smoothing.mesh, fragments)?)
+    }
+
+    /// Which object a face belongs to, and which of its instances, counted over all objects.
+    pub(crate) fn instance(&self, face: usize) -> Option<usize> {
+        let place = self.assembly.place(face)?;
+        let before = self.scene.objects[..place.part].iter().map(|object| object.places.len());
+        Some(before.sum::<usize>() + place.instance)
     }
 
     fn lights<'t>(&self, values: &Values<'t, '_>) -> Vec<Light<'t, f32>> {

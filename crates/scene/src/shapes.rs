@@ -42,7 +42,12 @@ pub(crate) fn sphere(faces: usize) -> Geometry {
 /// A cube from -1 to 1 with about so many faces.
 pub(crate) fn cube(faces: usize) -> Geometry {
     let cells = cells(faces, 6);
-    grids("cube", cells, |share| share, |at| at)
+    let mut cube = grids("cube", cells, |share| share, |at| at);
+    // Sides are flat to their edges.
+    let normals = SIDES.map(|[out, ..]| out).to_vec();
+    let faces = (0..cube.faces.len()).map(|face| [(face / (2 * cells * cells)) as u32; 3]);
+    cube.normals = Some(Indexed { rows: normals, faces: faces.collect() });
+    cube
 }
 
 /// A square from -1 to 1 in x and y with about so many faces, seen from +z.

@@ -1,0 +1,140 @@
+//! Files of cameras, and cameras of scenes.
+
+use std::path::Path;
+
+use bokashi_scene::{Camera, Picture, Place, SceneError, gaze, read_transforms};
+use glam::DVec3;
+use serde_json::json;
+
+use super::beside;
+use super::findings::{Findings, Section};
+use crate::digits::{count, number, numbers};
+
+/// Distances that differ by less are one place, as a share of the cameras' distances from the origin.
+const SAME_PLACE: f64 = 1e-9;
+/// What is less is rounding, as a share of what cameras see.
+const ROUNDING: f64 = 1e-9;
+
+/// What is in the `transforms.json` called `file`.
+pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
+    let (folder, name) = beside(file)?;
+    let views = read_transforms(&folder, name)?;
+    let mut findings = Findings::new("a file of cameras");
+    let mut whole = Section::default();
+    whole.plain("views", views.len());
+    findings.whole(whole);
+    if views.is_empty() {
+        findings.problem("a file of cameras has frames, and this has none");
+    }
+    let cameras: Vec<_> = views.iter().map(|view| view.camera).collect();
+    add_cameras(&mut findings, &cameras);
+    let mut wrong = Vec::new();
+    for view in &views {
+        let image = &view.image;
+        let found = folder
+            .read(image)
+            .and_then(|bytes| Picture::size_of(&bytes, &Place::of(folder.join(image))));
+        match found {
+            Ok([width, height]) => {
+                let size = view.camera.size;
+                if [width, height] != [size.width, size.height] {
+                    let rule = format!("w and h are {} x {}", size.width, size.height);
+                    wrong.push(format!(
+                        "{:?}: {rule}, and its image is {width} x {height}",
+                        view.name
+                    ));
+                }
+            }
+            Err(error) => wrong.push(error.to_string()),
+        }
+    }
+    findings.all_of_a_kind(wrong);
+    let names: Vec<_> = views.iter().map(|view| view.name.as_str()).collect();
+    findings.all_of_a_kind(same_places(&names, &cameras));
+    Ok(findings)
+}
+
+/// Adds what is said of cameras: their sizes and focal lengths, where they stand, and what they look at.
+pub(super) fn add_cameras(findings: &mut Findings, cameras: &[Camera]) {
+    let mut lenses: Vec<(Camera, usize)> = Vec::new();
+    for camera in cameras {
+        let is_same = |(other, _): &&mut (Camera, usize)| {
+            (other.size, other.intrinsics, other.distortion)
+                == (camera.size, camera.intrinsics, camera.distortion)
+        };
+        match lenses.iter_mut().find(is_same) {
+            Some((_, count)) => *count += 1,
+            None => lenses.push((*camera, 1)),
+        }
+    }
+    for (camera, own) in lenses {
+        let mut section = Section::new(count(own, "camera"));
+        let (size, [fx, fy, cx, cy]) = (camera.size, camera.intrinsics);
+        section.silent("count", own);
+        let sides = [size.width, size.height];
+        section.fact("size", format!("{} x {} pixels", size.width, size.height), json!(sides));
+        let text = match fx == fy {
+            true => number(fx),
+            false => format!("{} across, {} down", number(fx), number(fy)),
+        };
+        section.fact("focal", text, json!([fx, fy]));
+        let angle = 2.0 * (0.5 * size.width as f64 / fx).atan().to_degrees();
+        section.fact("angle", format!("{} degrees across", number(angle)), angle);
+        section.fact("center", numbers([cx, cy]), json!([cx, cy]));
+        if camera.distortion != [0.0; 5] {
+            section.fact("distortion", numbers(camera.distortion), json!(camera.distortion));
+        }
+        findings.part("cameras", section);
+    }
+    // A single one looks along a line.
+    if cameras.len() < 2 {
+        return;
+    }
+    let mut section = Section::new("where cameras stand");
+    let eyes: Vec<DVec3> = cameras.iter().map(eye).collect();
+    let least = eyes.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+    let most = eyes.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+    section.fact("least eye", numbers(least.to_array()), json!(least.to_array()));
+    section.fact("largest eye", numbers(most.to_array()), json!(most.to_array()));
+    match gaze(cameras) {
+        Some((center, radius)) => {
+            // What is 0 but for rounding is 0.
+            let rounded =
+                center.to_array().map(|x| if x.abs() < ROUNDING * radius { 0.0 } else { x });
+            section.fact("look at", numbers(rounded), json!(rounded));
+            let text = format!("a ball of radius {} there", number(radius));
+            section.fact("all see", text, radius);
+        }
+        None => {
+            section.fact("look at", "no place in common", json!(null));
+        }
+    }
+    findings.whole(section);
+}
+
+fn eye(camera: &Camera) -> DVec3 {
+    camera.opencv_pose().w_axis.truncate()
+}
+
+/// Views whose cameras stand in one place and look in one direction: as a rule nobody filled them in.
+pub(super) fn same_places(names: &[&str], cameras: &[Camera]) -> Option<String> {
+    let scale = cameras.iter().map(|camera| eye(camera).length()).fold(0.0, f64::max);
+    let is_same = |a: &Camera, b: &Camera| {
+        let turn = a.view.to_cols_array().into_iter().zip(b.view.to_cols_array()).take(12);
+        let alike = turn.fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
+        alike <= SAME_PLACE && eye(a).distance(eye(b)) <= SAME_PLACE * scale
+    };
+    let twin = |at: &usize| {
+        let others = cameras.iter().enumerate();
+        others.filter(|(other, _)| other != at).any(|(_, other)| is_same(other, &cameras[*at]))
+    };
+    let twins: Vec<_> = (0..cameras.len()).filter(twin).collect();
+    let (first, second) = (twins.first()?, twins.get(1)?);
+    let rule = "cameras of different images stand in different places";
+    let (first, second) = (names[*first], names[*second]);
+    let found = match twins.len() {
+        2 => format!("{first:?} and {second:?} stand in one"),
+        all => format!("{first:?}, {second:?} and {} more stand in one", all - 2),
+    };
+    Some(format!("{rule}, and {found}"))
+}

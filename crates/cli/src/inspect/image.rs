@@ -1,0 +1,69 @@
+//! Images.
+
+use std::path::Path;
+
+use bokashi_scene::{Picture, Place, Samples, SceneError};
+use serde_json::{Value, json};
+
+use super::beside;
+use super::findings::{Findings, Section};
+use crate::digits::{number, percent};
+
+/// What is in the image `file`.
+pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
+    let (folder, name) = beside(file)?;
+    let picture = Picture::decode(&folder.read(name)?, &Place::of(file))?;
+    let mut findings = Findings::new("an image");
+    let mut section = Section::default();
+    let [width, height] = [picture.width, picture.height];
+    section.fact("size", format!("{width} x {height} pixels"), json!([width, height]));
+    let names: &[&'static str] = match picture.channels {
+        1 => &["gray"],
+        2 => &["gray", "opacity"],
+        3 => &["red", "green", "blue"],
+        _ => &["red", "green", "blue", "opacity"],
+    };
+    let text = format!("{}: {}", picture.channels, names.join(", "));
+    section.fact("channels", text, json!(names));
+    let bits = match picture.samples {
+        Samples::U8(_) => 8,
+        Samples::U16(_) => 16,
+        Samples::F32(_) => 32,
+    };
+    section.plain("bits", bits);
+    let bounds: Vec<_> = (0..picture.channels).map(|channel| bounds(&picture, channel)).collect();
+    for (name, [least, most]) in names.iter().zip(&bounds) {
+        let text = format!("from {} to {}", number(*least), number(*most));
+        section.fact(*name, text, json!([least, most]));
+    }
+    match picture.opacity() {
+        None => {
+            section.fact("masks", "none: it has no opacity", Value::Null);
+        }
+        Some(opacity) => {
+            let opaque = opacity.data().iter().filter(|&&share| share > 0.5).count();
+            let share = opaque as f64 / picture.pixels() as f64;
+            let text = format!("{} of the pixels are more opaque than not", percent(share));
+            section.fact("masks", text, json!({ "share": share }));
+            if bounds.last().is_some_and(|[_, most]| *most == 0.0) {
+                findings
+                    .problem("an image shows something, and the opacity of this is 0 everywhere");
+            }
+        }
+    }
+    findings.whole(section);
+    Ok(findings)
+}
+
+/// The least and the largest sample of a channel, as the file has them.
+fn bounds(picture: &Picture, channel: usize) -> [f64; 2] {
+    fn of<S: Copy + Into<f64>>(samples: &[S], first: usize, step: usize) -> [f64; 2] {
+        let samples = samples.iter().skip(first).step_by(step).map(|&sample| sample.into());
+        samples.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| [a.min(x), b.max(x)])
+    }
+    match &picture.samples {
+        Samples::U8(samples) => of(samples, channel, picture.channels),
+        Samples::U16(samples) => of(samples, channel, picture.channels),
+        Samples::F32(samples) => of(samples, channel, picture.channels),
+    }
+}

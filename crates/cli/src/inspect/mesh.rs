@@ -1,0 +1,156 @@
+//! Mesh files.
+
+use std::path::Path;
+
+use bokashi_scene::{Geometry, MaterialFile, Model, Outline, Picture, SceneError, read_model};
+use serde_json::json;
+
+use super::beside;
+use super::findings::{Findings, Section};
+use crate::digits::{count, number, numbers};
+
+/// What notes about files that are missing say.
+pub(super) const MISSING: &str = "is missing";
+
+/// What is in the mesh file `file`.
+pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
+    let (folder, name) = beside(file)?;
+    let model = read_model(&folder, name)?;
+    let mut findings = Findings::new("a mesh");
+    let mut whole = Section::default();
+    let faces: usize = model.geometries.iter().map(|geometry| geometry.faces.len()).sum();
+    // JSON has them all under these names.
+    whole.fact("geometries", model.geometries.len(), json!([]));
+    whole.fact("materials", model.materials.len(), json!([]));
+    whole.plain("images", model.images.len());
+    whole.plain("faces", faces);
+    findings.whole(whole);
+    for (k, geometry) in model.geometries.iter().enumerate() {
+        inspect_geometry(&mut findings, &model, k, geometry);
+    }
+    for (k, material) in model.materials.iter().enumerate() {
+        findings.part("materials", inspect_material(&model, k, material));
+    }
+    for note in &model.notes {
+        match note.contains(MISSING) {
+            true => findings.problem(note),
+            false => findings.note(note),
+        }
+    }
+    Ok(findings)
+}
+
+/// A number from 1 on, and the name if there is one.
+fn title(what: &str, k: usize, name: &str) -> String {
+    match name {
+        "" => format!("{what} {}", k + 1),
+        _ => format!("{what} {} {name:?}", k + 1),
+    }
+}
+
+fn inspect_geometry(findings: &mut Findings, model: &Model, k: usize, geometry: &Geometry) {
+    let title = title("geometry", k, &geometry.name);
+    let outline = Outline::of(geometry);
+    let mut section = Section::new(&title);
+    section.silent("name", geometry.name.as_str());
+    section.plain("vertices", geometry.positions.len());
+    section.plain("faces", geometry.faces.len());
+    if let Some([least, most]) = outline.extent {
+        let text = |row: [f32; 3]| numbers(row.map(f64::from));
+        section.fact("least", text(least), json!(least));
+        section.fact("largest", text(most), json!(most));
+    }
+    let closed = match (outline.is_closed(), outline.boundary_edges) {
+        (true, _) => "closed: each edge has two faces".to_owned(),
+        (false, 0) => "not closed".to_owned(),
+        (false, edges) => format!("open: {} of one face", count(edges, "edge")),
+    };
+    section.fact(
+        "surface",
+        closed,
+        json!({
+            "closed": outline.is_closed(),
+            "boundary_edges": outline.boundary_edges,
+            "crowded_edges": outline.crowded_edges,
+            "turned_edges": outline.turned_edges,
+            "degenerate_faces": outline.degenerate_faces,
+            "repeated_faces": outline.repeated_faces,
+        }),
+    );
+    if let Some(volume) = outline.volume {
+        section.fact("volume", number(volume), volume);
+    }
+    let carried = [
+        geometry.colors.as_ref().map(|own| ("colours", own.rows.len())),
+        geometry.coordinates.as_ref().map(|own| ("texture coordinates", own.rows.len())),
+        geometry.normals.as_ref().map(|own| ("normals", own.rows.len())),
+    ];
+    for (what, rows) in carried.into_iter().flatten() {
+        section.fact(what_label(what), format!("{rows} {what}"), rows);
+    }
+    let places = model.placed.iter().filter(|placed| placed.geometry == k).count();
+    section.fact("stands", count(places, "time"), places);
+    if let Some(material) = geometry.material {
+        let name = model.materials.get(material).map_or("", |material| &material.name);
+        section.fact("material", self::title("number", material, name), material + 1);
+    }
+    findings.part("geometries", section);
+
+    let Outline { crowded_edges, turned_edges, degenerate_faces, repeated_faces, .. } = outline;
+    let rules = [
+        (crowded_edges, "edge", "three faces or more: a surface has two there at most"),
+        (turned_edges, "edge", "two faces that turn opposite sides outwards"),
+        (degenerate_faces, "face", "no area"),
+        (repeated_faces, "face", "the same vertices as another face"),
+    ];
+    for (found, what, rule) in rules.into_iter().filter(|(found, ..)| *found > 0) {
+        let verb = if found == 1 { "has" } else { "have" };
+        findings.problem(format!("{title}: {} {verb} {rule}", count(found, what)));
+    }
+    if outline.volume.is_some_and(|volume| volume < 0.0) {
+        findings.problem(format!("{title}: the surface is inside out: its faces turn inwards"));
+    }
+    if places == 0 {
+        findings.problem(format!("{title}: no node of the file shows it"));
+    }
+    let material = geometry.material.and_then(|material| model.materials.get(material));
+    let has_maps = material.is_some_and(|own| maps(own).iter().any(|(_, map)| map.is_some()));
+    if has_maps && geometry.coordinates.is_none() {
+        let rule = "its material has an image, and it has no texture coordinates";
+        findings.problem(format!("{title}: {rule}"));
+    }
+}
+
+/// The label of what corners carry, short enough for its column.
+fn what_label(what: &str) -> &'static str {
+    match what {
+        "colours" => "colours",
+        "normals" => "normals",
+        _ => "coordinates",
+    }
+}
+
+fn maps(material: &MaterialFile) -> [(&'static str, Option<usize>); 3] {
+    [
+        ("colour map", material.base_color_image),
+        ("metal map", material.metallic_roughness_image),
+        ("normal map", material.normal_image),
+    ]
+}
+
+fn inspect_material(model: &Model, k: usize, material: &MaterialFile) -> Section {
+    let mut section = Section::new(title("material", k, &material.name));
+    section.silent("name", material.name.as_str());
+    let color = material.base_color;
+    section.fact("base colour", numbers(color.map(f64::from)), json!(color));
+    section.fact("metallic", number(material.metallic.into()), f64::from(material.metallic));
+    section.fact("roughness", number(material.roughness.into()), f64::from(material.roughness));
+    for (label, map) in maps(material) {
+        if let Some(picture) = map.and_then(|map| model.images.get(map)) {
+            let Picture { width, height, channels, .. } = picture;
+            let text = format!("{width} x {height} texels, {}", count(*channels, "channel"));
+            section.fact(label, text, json!({ "size": [width, height], "channels": channels }));
+        }
+    }
+    section
+}

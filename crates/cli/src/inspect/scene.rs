@@ -1,0 +1,214 @@
+//! Scenes.
+
+use std::path::Path;
+
+use bokashi_scene::description::{Learn, LearnMaps, LearnNumbers, LearnVertices, Stage};
+use bokashi_scene::{Object, Scene, SceneError, SceneFit};
+use glam::DVec3;
+use serde_json::json;
+
+use super::cameras::add_cameras;
+use super::findings::{Findings, Section};
+use super::views::inspect_views;
+use crate::digits::{count, number, numbers};
+
+/// Steps of a fit that does not say.
+const STEPS: usize = 1000;
+
+/// What is in the scene `file`.
+pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
+    let scene = Scene::load(file)?;
+    let mut findings = Findings::new("a scene");
+    let mut whole = Section::default();
+    // JSON has them all under these names.
+    whole.fact("objects", scene.objects.len(), json!([]));
+    let held_out = scene.views.iter().filter(|view| view.held_out).count();
+    let without = scene.views.iter().filter(|view| view.image.is_none()).count();
+    let mut text = scene.views.len().to_string();
+    for (number, what) in [(held_out, "held out"), (without, "without an image")] {
+        if number > 0 {
+            text += &format!(", of these {number} {what}");
+        }
+    }
+    whole.fact("views", text, json!([]));
+    let description = &scene.description;
+    whole.plain("lights", description.lights.len());
+    if let Some(texels) = &scene.environment {
+        let side = texels.shape()[1];
+        whole.fact("environment", format!("6 x {side} x {side} texels"), side);
+    }
+    whole.plain("seed", description.seed);
+    let (center, radius) = scene.ball();
+    let text = format!("around {}, radius {}", numbers(center.to_array()), number(radius));
+    let value = json!({ "center": center.to_array(), "radius": radius });
+    whole.fact("extent", text, value);
+    findings.whole(whole);
+    for object in &scene.objects {
+        findings.part("objects", inspect_object(object));
+    }
+    let cameras: Vec<_> = scene.views.iter().map(|view| view.camera).collect();
+    add_cameras(&mut findings, &cameras);
+    for note in &scene.notes {
+        match note.contains(super::mesh::MISSING) {
+            true => findings.problem(note),
+            false => findings.note(note),
+        }
+    }
+    if scene.objects.is_empty() {
+        findings.problem("a scene has a mesh, and this has none");
+    }
+    if scene.views.is_empty() {
+        findings.problem("a scene has a view, and this has none");
+    }
+    inspect_views(&mut findings, &scene);
+    inspect_fit(&mut findings, scene);
+    Ok(findings)
+}
+
+fn inspect_object(object: &Object) -> Section {
+    let mut section = Section::new(format!("object {:?}", object.name));
+    section.silent("name", object.name.as_str());
+    section.plain("vertices", object.mesh.vertex_count());
+    section.plain("faces", object.mesh.faces().len());
+    section.fact("stands", count(object.places.len(), "time"), object.places.len());
+    let points = object.positions.data().chunks_exact(3);
+    let points = points.map(|p| DVec3::new(p[0].into(), p[1].into(), p[2].into()));
+    let places = object.places.iter();
+    let all = places.flat_map(|place| points.clone().map(|p| place.transform_point3(p)));
+    let extent = all.map(|p| [p, p]).reduce(|[a, b], [c, d]| [a.min(c), b.max(d)]);
+    for (label, at) in ["least", "largest"].into_iter().zip(extent.into_iter().flatten()) {
+        section.fact(label, numbers(at.to_array()), json!(at.to_array()));
+    }
+    let look = &object.look;
+    let maps = [
+        ("texture", &look.texture),
+        ("rough map", &look.roughness_metallic),
+        ("normal map", &look.normal_map),
+    ];
+    if look.texture.is_none() {
+        let color = look.base_color;
+        section.fact("base colour", numbers(color.map(f64::from)), json!(color));
+    }
+    for (label, map) in maps {
+        if let Some(map) = map {
+            let [height, width] = [map.shape()[0], map.shape()[1]];
+            section.fact(label, format!("{width} x {height} texels"), json!([width, height]));
+        }
+    }
+    if let Some(colors) = &object.colors {
+        section.fact("colours", "at vertices", colors.rows.shape()[0]);
+    }
+    section
+}
+
+/// What is learnt, by its key and with the rate that the scene gives.
+fn learnt(learn: &Learn) -> Vec<(&'static str, Option<f64>)> {
+    fn numbers(own: &Option<LearnNumbers>) -> Option<Option<f64>> {
+        own.as_ref().map(|own| own.rate.map(|rate| rate.0))
+    }
+    fn maps(own: &Option<LearnMaps>) -> Option<Option<f64>> {
+        own.as_ref().map(|own| own.rate.map(|rate| rate.0))
+    }
+    fn vertices(own: &Option<LearnVertices>) -> Option<Option<f64>> {
+        own.as_ref().map(|own| own.rate.map(|rate| rate.0))
+    }
+    // A key that is new is missing here until it is named.
+    let Learn {
+        vertices: places,
+        colors,
+        texture,
+        roughness,
+        metallic,
+        pose,
+        cameras,
+        intrinsics,
+        distortion,
+        lights,
+        environment,
+        exposure,
+        blur,
+        lens,
+    } = learn;
+    let all = [
+        ("vertices", vertices(places)),
+        ("colors", maps(colors)),
+        ("texture", maps(texture)),
+        ("roughness", maps(roughness)),
+        ("metallic", maps(metallic)),
+        ("pose", numbers(pose)),
+        ("cameras", numbers(cameras)),
+        ("intrinsics", numbers(intrinsics)),
+        ("distortion", numbers(distortion)),
+        ("lights", numbers(lights)),
+        ("environment", maps(environment)),
+        ("exposure", numbers(exposure)),
+        ("blur", numbers(blur)),
+        ("lens", numbers(lens)),
+    ];
+    all.into_iter().filter_map(|(key, own)| own.map(|rate| (key, rate))).collect()
+}
+
+/// Adds what a fit would learn, and its stages.
+fn inspect_fit(findings: &mut Findings, scene: Scene) {
+    let description = &scene.description;
+    let keys = learnt(&description.learn);
+    if keys.is_empty() {
+        findings.note("`learn` names nothing: the scene can be rendered, and not fitted");
+        return;
+    }
+    let mut section = Section::new("what is learnt");
+    for (key, rate) in &keys {
+        let text =
+            rate.map_or("at the usual rate".to_owned(), |rate| format!("rate {}", number(rate)));
+        section.fact(*key, text, json!(rate));
+    }
+    findings.named("learnt", section);
+    let stages = description.stages.as_slice();
+    if stages.is_empty() {
+        let steps = description.stop.steps.map_or(STEPS, |steps| steps.0);
+        let mut section = Section::new("the only stage");
+        section.plain("steps", steps);
+        let views = description.stop.views_per_step.map_or(1, |views| views.0);
+        section.plain("views a step", views);
+        findings.part("stages", section);
+    }
+    let mut unknown = Vec::new();
+    for (k, stage) in stages.iter().enumerate() {
+        findings.part("stages", inspect_stage(k, stage));
+        for name in stage.learn.iter().flatten() {
+            if !keys.iter().any(|(key, _)| key == name) {
+                let known = keys.iter().map(|(key, _)| *key).collect::<Vec<_>>().join(", ");
+                let rule = format!("a stage learns some of {known}");
+                unknown.push(format!("stage {}: {rule}, and {name:?} is not among these", k + 1));
+            }
+        }
+    }
+    findings.all_of_a_kind(unknown);
+    match SceneFit::new(scene) {
+        Ok(fit) => {
+            let mut section = Section::new("parameters of a fit");
+            for parameter in fit.parameters().iter() {
+                let shape = parameter.raw().shape();
+                section.fact(parameter.name(), shape, json!(shape.to_vec()));
+            }
+            findings.named("parameters", section);
+        }
+        Err(error) => findings.problem(error),
+    }
+}
+
+fn inspect_stage(k: usize, stage: &Stage) -> Section {
+    let mut section = Section::new(format!("stage {}", k + 1));
+    section.plain("steps", stage.steps.0);
+    if let Some(learn) = &stage.learn {
+        section.fact("learns", learn.join(", "), json!(learn));
+    }
+    if let Some(reduce) = stage.reduce {
+        section.fact("images", format!("{} times smaller", reduce.0), reduce.0);
+    }
+    section.plain("views a step", stage.views_per_step.map_or(1, |views| views.0));
+    if let Some(rates) = stage.rates {
+        section.fact("rates", format!("times {}", number(rates.0)), rates.0);
+    }
+    section
+}

@@ -1,0 +1,123 @@
+//! Files that are copied into the folder of a new scene.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Component, Path, PathBuf};
+
+use bokashi_scene::{Folder, Place, SceneError};
+use bokashi_write::{resolved, write_whole};
+
+use crate::failure::Failure;
+
+/// What is to be copied, and where to.
+#[derive(Debug)]
+pub(super) struct Copies<'d> {
+    folder: &'d Path,
+    /// By the place in the folder, where a file comes from.
+    all: BTreeMap<PathBuf, PathBuf>,
+}
+
+impl<'d> Copies<'d> {
+    pub(super) fn new(folder: &'d Path) -> Self {
+        Self { folder, all: BTreeMap::new() }
+    }
+
+    /// Where the files of `source` are in the scene's folder: where they lie, if that is in it already, or
+    /// else `usual`.
+    pub(super) fn home(&self, source: &Folder, usual: &str) -> PathBuf {
+        let inside = || {
+            let (own, root) = (resolved(source.path()).ok()?, resolved(self.folder).ok()?);
+            own.strip_prefix(root).ok().map(Path::to_owned)
+        };
+        inside().unwrap_or_else(|| PathBuf::from(usual))
+    }
+
+    /// Adds the file at `path` in `source`; it keeps that path below `home`. Returns where it will be.
+    ///
+    /// # Errors
+    /// As [`Folder::find`]; [`SceneError::Content`] for a name that a scene's file can't have.
+    pub(super) fn add(
+        &mut self,
+        source: &Folder,
+        path: &Path,
+        home: &Path,
+    ) -> Result<PathBuf, SceneError> {
+        let from = source.find(path)?;
+        // Relative, also where a file of cameras has it absolute.
+        let root = resolved(source.path()).unwrap_or_default();
+        let inside = path.strip_prefix(source.path()).or_else(|_| path.strip_prefix(root));
+        let path = match path.is_absolute() {
+            true => inside.unwrap_or(path),
+            false => path,
+        };
+        let to = plain(&home.join(path));
+        if to.to_str().is_none() {
+            let message = "names in a scene are UTF-8, and this is not".to_owned();
+            return Err(SceneError::Content { place: Place::of(from), message });
+        }
+        self.all.insert(to.clone(), from);
+        Ok(to)
+    }
+
+    /// How many files are copied.
+    pub(super) fn count(&self) -> usize {
+        self.all.len()
+    }
+
+    /// Leaves out what is there already.
+    ///
+    /// # Errors
+    /// [`Failure::Use`] where another file is in the place of a copy.
+    pub(super) fn check(&mut self) -> Result<(), Failure> {
+        let mut taken = None;
+        self.all.retain(|to, from| {
+            let place = self.folder.join(to);
+            if fs::symlink_metadata(&place).is_err() {
+                return true;
+            }
+            let is_same = fs::canonicalize(&place).is_ok_and(|place| place == *from)
+                || fs::read(&place).is_ok_and(|there| fs::read(from).is_ok_and(|own| own == there));
+            if !is_same {
+                taken.get_or_insert(place);
+            }
+            !is_same
+        });
+        match taken {
+            None => Ok(()),
+            Some(place) => {
+                let rule = "new needs a folder without other files where copies go";
+                Err(Failure::Use(format!("{rule}, and {} is there", place.display())))
+            }
+        }
+    }
+
+    /// Copies all, each file whole or not at all.
+    ///
+    /// # Errors
+    /// [`Failure::Work`] where a file can't be read or written.
+    pub(super) fn write(&self) -> Result<(), Failure> {
+        for (to, from) in &self.all {
+            let place = self.folder.join(to);
+            let failed = |path: &Path, error| Failure::Work(format!("{}: {error}", path.display()));
+            let bytes = fs::read(from).map_err(|error| failed(from, error))?;
+            if let Some(parent) = place.parent() {
+                fs::create_dir_all(parent).map_err(|error| failed(parent, error))?;
+            }
+            write_whole(&place, &bytes).map_err(|error| failed(&place, error))?;
+        }
+        Ok(())
+    }
+}
+
+/// A path without `.` and `..`.
+fn plain(path: &Path) -> PathBuf {
+    let mut plain = PathBuf::new();
+    for part in path.components() {
+        match part {
+            Component::Normal(part) => plain.push(part),
+            Component::ParentDir => drop(plain.pop()),
+            _ => {}
+        }
+    }
+    plain
+}

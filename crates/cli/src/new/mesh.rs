@@ -1,0 +1,78 @@
+//! The mesh of a new scene.
+
+use std::path::{Path, PathBuf};
+
+use bokashi_scene::{Folder, SceneError, named_files, read_model};
+use glam::DVec3;
+
+use super::copies::Copies;
+
+/// Where the mesh and its files go.
+const HOME: &str = "mesh";
+
+/// What of a mesh a fit can learn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Paint {
+    /// The textures that it has.
+    Textures,
+    /// The colours at its vertices.
+    Colors,
+    /// A texture that it gets: it has coordinates.
+    Coordinates,
+    /// One colour.
+    Bare,
+}
+
+/// A mesh that the scene starts from.
+#[derive(Debug)]
+pub(super) struct Start {
+    /// Its file, in the scene's folder.
+    pub(super) file: PathBuf,
+    /// How many files it names.
+    pub(super) named: usize,
+    pub(super) paint: Paint,
+    /// The middle and the radius of a ball around it.
+    pub(super) ball: (DVec3, f64),
+}
+
+impl Start {
+    /// The mesh of the file `mesh`, with all that it names among the `copies`.
+    ///
+    /// # Errors
+    /// What is wrong with its files.
+    pub(super) fn of(mesh: &Path, copies: &mut Copies<'_>) -> Result<Self, SceneError> {
+        let folder = Folder::new(mesh.parent().unwrap_or(Path::new("")))?;
+        let name = mesh.file_name().map_or(mesh, Path::new);
+        let model = read_model(&folder, name)?;
+        let named = named_files(&folder, name)?;
+        let home = copies.home(&folder, HOME);
+        for file in &named {
+            copies.add(&folder, file, &home)?;
+        }
+        let file = copies.add(&folder, name, &home)?;
+
+        let shown = |k: usize| model.placed.iter().filter(move |placed| placed.geometry == k);
+        let all = model.geometries.iter().enumerate();
+        let drawn: Vec<_> = all.filter(|(k, _)| shown(*k).next().is_some()).collect();
+        let material = |own: Option<usize>| own.and_then(|own| model.materials.get(own));
+        let has_image = |own| material(own).is_some_and(|own| own.base_color_image.is_some());
+        let paint = if drawn.iter().any(|(_, own)| has_image(own.material)) {
+            Paint::Textures
+        } else if drawn.iter().all(|(_, own)| own.colors.is_some()) {
+            Paint::Colors
+        } else if drawn.iter().all(|(_, own)| own.coordinates.is_some()) {
+            Paint::Coordinates
+        } else {
+            Paint::Bare
+        };
+        let places = drawn.iter().flat_map(|(k, own)| {
+            shown(*k).flat_map(|placed| {
+                let rows = own.positions.iter().map(|row| DVec3::from(row.map(f64::from)));
+                rows.map(|row| placed.transform.transform_point3(row))
+            })
+        });
+        let extent = places.map(|p| [p, p]).reduce(|[a, b], [c, d]| [a.min(c), b.max(d)]);
+        let ball = extent.map_or((DVec3::ZERO, 1.0), |[a, b]| (0.5 * (a + b), 0.5 * a.distance(b)));
+        Ok(Self { file, named: named.len(), paint, ball })
+    }
+}

@@ -1,0 +1,101 @@
+//! A folder with a scene to begin with.
+
+mod copies;
+mod mesh;
+mod photographs;
+mod template;
+
+use std::fs;
+use std::path::Path;
+
+use bokashi_scene::{Scene, SceneError};
+use bokashi_write::{check_folder, write_whole};
+
+use self::copies::Copies;
+use self::mesh::Start;
+use self::photographs::Photographs;
+use self::template::Template;
+use crate::arguments::NewArguments;
+use crate::digits::count;
+use crate::failure::Failure;
+use crate::output::say;
+
+/// The scene's file.
+const SCENE: &str = "scene.toml";
+
+/// Makes the folder that `arguments` name: files are copied first, and the scene's file is written last.
+///
+/// # Errors
+/// [`Failure::Use`] for a folder that has a scene, can't be written, or has other files where copies would
+/// go; [`Failure::Work`] for a mesh, an image or a file of cameras that can't be read or copied.
+pub(crate) fn run(arguments: &NewArguments) -> Result<(), Failure> {
+    let folder = arguments.folder.as_path();
+    let file = folder.join(SCENE);
+    if fs::symlink_metadata(&file).is_ok() {
+        let rule = "new needs a folder without a scene.toml";
+        return Err(Failure::Use(format!("{rule}, and {} is there", file.display())));
+    }
+    let said = |error| Failure::Use(format!("new needs a folder to write to: {error}"));
+    check_folder(folder).map_err(said)?;
+    let failed = |error: SceneError| Failure::Work(error.to_string());
+    let mut copies = Copies::new(folder);
+    let start = arguments.from.as_deref().map(|mesh| Start::of(mesh, &mut copies));
+    let start = start.transpose().map_err(failed)?;
+    let photographs = arguments.images.as_deref();
+    let photographs = photographs.map(|images| Photographs::of(images, &mut copies));
+    let photographs = photographs.transpose().map_err(failed)?;
+    copies.check()?;
+    copies.write()?;
+    let template = Template { start: start.as_ref(), photographs: photographs.as_ref() };
+    let unwritten = |error| Failure::Work(format!("{}: {error}", file.display()));
+    fs::create_dir_all(folder).map_err(unwritten)?;
+    write_whole(&file, template.text().as_bytes()).map_err(unwritten)?;
+    let scene = Scene::load(&file).map_err(|error| {
+        // So that the same command can be given again.
+        let _ = fs::remove_file(&file);
+        failed(error)
+    })?;
+    say(&last_words(&file, &copies, &template, &scene))
+}
+
+/// What was made, and what to do next.
+fn last_words(file: &Path, copies: &Copies<'_>, template: &Template<'_>, scene: &Scene) -> String {
+    let mut text = format!("Made {}:\n", file.display());
+    if let Some(start) = template.start {
+        text += &format!("  mesh     {}", start.file.display());
+        if start.named > 0 {
+            text += &format!(" and {} that it names", count(start.named, "file"));
+        }
+        text.push('\n');
+    } else {
+        text += "  mesh     a sphere to start from\n";
+    }
+    text += &format!("  views    {}\n", template.views());
+    text += &format!("  masks    {}\n", template.masks());
+    text += &format!("  learnt   {}\n", template.learnt());
+    text += &format!("  copied   {}\n", count(copies.count(), "file"));
+    for note in scene.notes.iter().chain(template.photographs.into_iter().flat_map(|p| &p.notes)) {
+        text += &format!("note: {note}\n");
+    }
+    let path = shell(file);
+    text += match template.needs_cameras() {
+        true => "\nFill in the camera of each view in it: all stand in one place so far. Then:\n",
+        false => "\nNext:\n",
+    };
+    text += &format!("  bokashi inspect {path}\n");
+    text += &match template.photographs {
+        Some(_) => format!("  bokashi fit {path}\n"),
+        None => format!("  bokashi render {path}\n"),
+    };
+    text
+}
+
+/// A path as a shell takes it.
+fn shell(path: &Path) -> String {
+    let text = path.display().to_string();
+    let is_plain = |c: char| c.is_alphanumeric() || "/._-+,:@%=".contains(c);
+    match text.chars().all(is_plain) && !text.starts_with('-') {
+        true => text,
+        false => format!("'{}'", text.replace('\'', "'\\''")),
+    }
+}

@@ -1,0 +1,324 @@
+//! The text of a new scene.
+
+use std::path::Path;
+
+use bokashi_scene::gaze;
+use glam::DVec3;
+
+use super::mesh::{Paint, Start};
+use super::photographs::{Photographs, Source};
+use crate::digits::{count, number};
+
+/// The horizontal angle of view of cameras that nobody knows, in degrees.
+const ANGLE: f64 = 40.0;
+/// How far such cameras stand from the middle of what they see, in its radii.
+const DISTANCE: f64 = 3.5;
+/// The share of what all cameras see that a sphere takes to start from.
+const SPHERE: f64 = 0.5;
+/// So many views are worth holding out each of so many.
+const HELD_OUT: usize = 8;
+/// The views of a step.
+const VIEWS: usize = 4;
+/// Images are made smaller at first, where they are longer.
+const LONGEST: usize = 600;
+
+/// What is there to begin with.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Template<'a> {
+    pub(super) start: Option<&'a Start>,
+    pub(super) photographs: Option<&'a Photographs>,
+}
+
+impl Template<'_> {
+    /// Where the views come from, for the last words.
+    pub(super) fn views(&self) -> String {
+        let Some(own) = self.photographs else {
+            return "one to look at, without an image".to_owned();
+        };
+        let images = count(own.images.len(), "image");
+        match &own.source {
+            Source::Transforms(file) => format!("{images}, cameras of {}", file.display()),
+            Source::Colmap(model, _) => format!("{images}, cameras of {}", model.display()),
+            Source::Nowhere => format!("{images} without cameras"),
+        }
+    }
+
+    /// Where the masks come from, for the last words.
+    pub(super) fn masks(&self) -> &'static str {
+        match self.photographs {
+            Some(own) if own.masks.is_some() => "a file for each image",
+            Some(own) if own.has_opacity => "the opacity of the images",
+            Some(_) if self.learns_shape() => "none: without them a shape is hard to learn",
+            _ => "none",
+        }
+    }
+
+    /// What is learnt, for the last words.
+    pub(super) fn learnt(&self) -> &'static str {
+        if self.photographs.is_none() {
+            return "nothing: there are no images";
+        }
+        match self.start.map(|start| start.paint) {
+            None => "the vertices and the texture of the sphere",
+            Some(Paint::Textures) => "the mesh's texture",
+            Some(Paint::Coordinates) => "a texture of the mesh",
+            Some(Paint::Colors) => "colours at the mesh's vertices",
+            Some(Paint::Bare) => "the vertices and the colour of the mesh",
+        }
+    }
+
+    /// Whether somebody has to fill in cameras.
+    pub(super) fn needs_cameras(&self) -> bool {
+        self.photographs.is_some_and(|own| matches!(own.source, Source::Nowhere))
+    }
+
+    fn learns_shape(&self) -> bool {
+        self.start.is_none_or(|start| start.paint == Paint::Bare)
+    }
+
+    /// Whether silhouettes are a part of the loss.
+    fn compares_masks(&self) -> bool {
+        self.learns_shape() && self.photographs.is_some_and(Photographs::has_masks)
+    }
+
+    /// The middle and the radius of the mesh.
+    fn ball(&self) -> (DVec3, f64) {
+        match (self.start, self.photographs) {
+            (Some(start), _) if start.ball.1 > 0.0 => start.ball,
+            (None, Some(own)) => match gaze(&own.cameras) {
+                Some((center, radius)) => (rounded(center, radius), SPHERE * radius),
+                None => (DVec3::ZERO, 1.0),
+            },
+            _ => (DVec3::ZERO, 1.0),
+        }
+    }
+
+    /// All of `scene.toml`.
+    pub(super) fn text(&self) -> String {
+        let parts = [
+            "# A scene for bokashi: what is in it, and what is learnt of it.\n\
+             # The page docs/scene.md explains every key. Paths start at the folder of this file.\n\n\
+             # Which views the steps see follows from it.\nseed = 0\n"
+                .to_owned(),
+            self.mesh(),
+            self.camera_entries(),
+            self.pipeline(),
+            self.learn(),
+            self.loss(),
+            self.steps(),
+        ];
+        parts.join("\n")
+    }
+
+    fn mesh(&self) -> String {
+        let Some(start) = self.start else {
+            let (center, radius) = self.ball();
+            let is_placed = (center, radius) != (DVec3::ZERO, 1.0);
+            let place = match is_placed {
+                true => format!(
+                    "# Where the cameras look, half as large as what all of them see.\n\
+                     place = {{ scale = {}, translation = {} }}\n",
+                    number(radius),
+                    vector(center)
+                ),
+                false => "# place = { scale = 1.0, translation = [0, 0, 0] }\n".to_owned(),
+            };
+            return format!(
+                "# The mesh to start from. With a file: file = \"mesh.obj\" in place of shape and faces.\n\
+                 [[meshes]]\nname = \"object\"\nshape = \"sphere\"  # or \"cube\", \"plane\"\n\
+                 faces = 1280\n{place}# A texture of one colour to start from, in texels along a side.\n\
+                 material = {{ texture_size = 256 }}\n"
+            );
+        };
+        let material = match start.paint {
+            Paint::Coordinates => {
+                "# A texture of one colour to start from, in texels along a side.\n\
+                 material = { texture_size = 512 }\n"
+            }
+            _ => "",
+        };
+        format!(
+            "[[meshes]]\nfile = {}\n{material}\
+             # A motion and a scale, where the cameras see the mesh elsewhere:\n\
+             # place = {{ scale = 1.0, rotation = [0, 0, 0, 1], translation = [0, 0, 0] }}\n",
+            text(&start.file)
+        )
+    }
+
+    /// Cameras, and the views that have them.
+    fn camera_entries(&self) -> String {
+        let (center, radius) = self.ball();
+        let Some(own) = self.photographs else {
+            let position = center + DISTANCE * radius * DVec3::new(0.4, 0.3, 0.87).normalize();
+            return format!(
+                "# A view without an image can be rendered. With one: image = \"images/front.png\".\n\
+                 [[views]]\nname = \"front\"\n[views.camera]\nsize = [512, 512]\n\
+                 angle = {}  # of view, across, in degrees; or focal = 700.0, in pixels\n\
+                 position = {}\ntarget = {}\n",
+                number(ANGLE),
+                vector(position),
+                vector(center)
+            );
+        };
+        let mut said = match &own.source {
+            Source::Transforms(file) => format!("[cameras]\ntransforms = {}\n", text(file)),
+            Source::Colmap(model, images) => {
+                format!("[cameras]\ncolmap = {}\nimages = {}\n", text(model), text(images))
+            }
+            Source::Nowhere => return self.views_to_fill_in(own, center, radius),
+        };
+        if own.masks.is_some() {
+            said += &format!("masks = {}\n", text(&own.mask_folder));
+        }
+        said += "# Each so many-th view is measured and never learnt from.\n";
+        said += match own.images.len() >= HELD_OUT {
+            true => "held_out_every = 8\n",
+            false => "# held_out_every = 8\n",
+        };
+        said
+    }
+
+    fn views_to_fill_in(&self, own: &Photographs, center: DVec3, radius: f64) -> String {
+        let mut said = "# FILL IN the camera of each view: where it stood, what it looked at, and its angle\n\
+             # of view across, in degrees. In place of these, a camera can have `pose`, four rows\n\
+             # of a matrix, and `focal`, in pixels. Views that are held out are measured and never\n\
+             # learnt from.\n"
+            .to_owned();
+        let position = center + DVec3::new(0.0, 0.0, DISTANCE * radius);
+        for (k, image) in own.images.iter().enumerate() {
+            said += &format!("[[views]]\nimage = {}\n", text(image));
+            if let Some(mask) = own.masks.as_ref().and_then(|masks| masks.get(k)) {
+                said += &format!("mask = {}\n", text(mask));
+            }
+            said += &format!(
+                "held_out = false\ncamera = {{ position = {}, target = {}, angle = {} }}\n\n",
+                vector(position),
+                vector(center),
+                number(ANGLE)
+            );
+        }
+        said.truncate(said.trim_end().len());
+        said.push('\n');
+        said
+    }
+
+    fn pipeline(&self) -> String {
+        let mut said = "[pipeline]\n\
+             # \"exact\": the true gradient of edges. \"antialias\" is faster, for meshes whose faces are\n\
+             # larger than pixels. \"aliased\" moves no edge.\nsilhouettes = \"exact\"\n\
+             # The linear colour behind the objects.\nbackground = [0, 0, 0]\n\
+             # \"srgb\" for photographs, \"linear\" for images of light.\ntone = \"srgb\"\n"
+            .to_owned();
+        said += "\n# With a light or an environment, surfaces answer light. Without, they show their colour.\n\
+             # [[lights]]\n# kind = \"directional\"\n# direction = [1, 2, 3]  # towards the light\n\
+             # color = [3, 3, 3]\n";
+        said
+    }
+
+    fn learn(&self) -> String {
+        let vertices = "# Places of vertices. Smoothing makes steps large and smooth: more of it, smoother.\n\
+             [learn.vertices]\nsmoothing = 20.0\n\n";
+        let texture = "[learn.texture]\n\
+             # Neighbouring texels are alike, where no view says otherwise.\ntotal_variation = 1e-3\n";
+        let said = match self.start.map(|start| start.paint) {
+            None => format!("{vertices}{texture}"),
+            Some(Paint::Textures | Paint::Coordinates) => texture.to_owned(),
+            Some(Paint::Colors) => "[learn.colors]\nrate = 0.05\n".to_owned(),
+            Some(Paint::Bare) => format!(
+                "{vertices}# One colour: the mesh has no texture coordinates.\n[learn.texture]\n"
+            ),
+        };
+        match self.photographs {
+            Some(_) => said,
+            None => {
+                format!("# To be learnt from images, once there are some:\n{}", commented(&said))
+            }
+        }
+    }
+
+    fn loss(&self) -> String {
+        let mut said = "[loss]\nkind = \"squared\"  # or \"absolute\", \"huber\"\n".to_owned();
+        if self.compares_masks() {
+            said += "# The weight of silhouettes beside colours.\nsilhouette = 1.0\n";
+        } else if self.learns_shape() {
+            said += "# The weight of silhouettes beside colours: it needs masks, or images with opacity.\n\
+                 # silhouette = 1.0\n";
+        }
+        said
+    }
+
+    fn steps(&self) -> String {
+        let steps = if self.learns_shape() { 1000 } else { 500 };
+        let images = self.photographs.map_or(1, |own| own.images.len());
+        let views = images.min(VIEWS);
+        let reduce = self.photographs.map_or(1, |own| reduce(&own.sizes));
+        if reduce == 1 {
+            return format!("[stop]\nsteps = {steps}\nviews_per_step = {views}\n");
+        }
+        format!(
+            "# First with smaller images, which take less time.\n\
+             [[stages]]\nsteps = {steps}\nreduce = {reduce}\nviews_per_step = {views}\n\n\
+             [[stages]]\nsteps = {}\nviews_per_step = {views}\nrates = 0.3\n",
+            steps / 5
+        )
+    }
+}
+
+/// How many times smaller images of these sizes become at first: a power of two that divides all of them.
+fn reduce(sizes: &[[usize; 2]]) -> usize {
+    let longest = sizes.iter().flatten().copied().max().unwrap_or(1);
+    let mut reduce = 1;
+    while longest / reduce > LONGEST
+        && sizes.iter().flatten().all(|extent| extent.is_multiple_of(2 * reduce))
+    {
+        reduce *= 2;
+    }
+    reduce
+}
+
+/// A path as a string of TOML, with slashes.
+fn text(path: &Path) -> String {
+    let parts = path.components().map(|part| part.as_os_str().to_string_lossy().into_owned());
+    let path = parts.collect::<Vec<_>>().join("/");
+    let path = if path.is_empty() { ".".to_owned() } else { path };
+    // Strings of JSON are strings of TOML, but for one letter that TOML wants escaped.
+    serde_json::Value::from(path).to_string().replace('\u{7f}', "\\u007f")
+}
+
+fn vector(v: DVec3) -> String {
+    format!("[{}]", v.to_array().map(number).join(", "))
+}
+
+/// A place, to a millionth of what is seen around it.
+fn rounded(place: DVec3, radius: f64) -> DVec3 {
+    let unit = 1e-6 * radius;
+    let rounded = (place / unit).round() * unit;
+    if rounded.is_finite() { rounded } else { place }
+}
+
+/// The lines as comments.
+fn commented(text: &str) -> String {
+    let line = |line: &str| if line.is_empty() { "#\n".to_owned() } else { format!("# {line}\n") };
+    text.lines().map(line).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn images_are_made_smaller_as_far_as_their_sizes_divide() {
+        assert_eq!(reduce(&[[128, 128]]), 1);
+        assert_eq!(reduce(&[[800, 800]]), 2);
+        assert_eq!(reduce(&[[4032, 3024]]), 8);
+        assert_eq!(reduce(&[[4032, 3025]]), 1);
+        assert_eq!(reduce(&[]), 1);
+    }
+
+    #[test]
+    fn paths_are_strings_of_toml() {
+        assert_eq!(text(Path::new("a b/ü\".png")), "\"a b/ü\\\".png\"");
+        assert_eq!(text(Path::new("")), "\".\"");
+        assert_eq!(text(Path::new("a\u{7f}\n")), "\"a\\u007f\\n\"");
+    }
+}

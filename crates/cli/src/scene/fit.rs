@@ -1,0 +1,373 @@
+//! A fit of a scene: steps, saving, what is shown meanwhile, what is written at the end.
+
+use std::io::IsTerminal as _;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, PoisonError};
+use std::time::{Duration, Instant};
+
+use bokashi_report::{ReportError, add_page};
+use bokashi_scene::{Scene, SceneError, SceneFit, ViewScore, write_file};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use super::outcome::{Outcome, mean_held_out, values};
+use super::page::{self, Curves, PAGE};
+use super::pictures::{Pictures, block, data};
+use crate::failure::Failure;
+use crate::interrupt::{Interrupt, Writing, end_when_interrupted};
+use crate::live::{Ended, Live, Snapshot, View};
+use crate::output::{is_standard_output, say, say_json};
+use crate::places::Places;
+use crate::threads::start_threads;
+
+/// The file in the folder of results that a fit goes on from.
+const CHECKPOINT: &str = "checkpoint.safetensors";
+/// Between two checkpoints.
+const BETWEEN_CHECKPOINTS: Duration = Duration::from_secs(60);
+/// How long the live page's server waits at the end: a page asks each second.
+const LAST_LOOK: Duration = Duration::from_millis(1500);
+/// Between two updates of the live page's pictures.
+const BETWEEN_PICTURES: Duration = Duration::from_secs(2);
+/// How often held-out views are measured over a fit.
+const MEASUREMENTS: u64 = 20;
+/// Views on the live page.
+const LIVE_VIEWS: usize = 4;
+/// Points of a curve at most: of more, every second is kept.
+const MOST_POINTS: usize = 4000;
+
+/// What a fit of a scene is asked to do.
+#[derive(Debug, Clone)]
+pub(crate) struct Asked {
+    pub(crate) scene: PathBuf,
+    pub(crate) out: PathBuf,
+    /// At most so many steps, those before included.
+    pub(crate) steps: Option<u64>,
+    pub(crate) seconds: Option<f64>,
+    /// The file to go on from; by default the checkpoint among the results.
+    pub(crate) resume: Option<Option<PathBuf>>,
+    pub(crate) json: Option<PathBuf>,
+    pub(crate) threads: Option<usize>,
+    /// The port of the live page.
+    pub(crate) live: Option<u16>,
+    pub(crate) quiet: bool,
+}
+
+fn failed(error: SceneError) -> Failure {
+    Failure::Work(error.to_string())
+}
+
+fn not_reported(error: ReportError) -> Failure {
+    Failure::Work(error.to_string())
+}
+
+/// Fits the scene that is asked for.
+///
+/// # Errors
+/// [`Failure::Use`] for places that can't be written to; [`Failure::Work`] for what is wrong with the scene;
+/// [`Failure::Interrupted`] by a signal, with how to go on.
+pub(crate) fn run(asked: &Asked) -> Result<(), Failure> {
+    let json = asked.json.as_deref().map(|file| ("--json", file));
+    let files = json.into_iter().collect();
+    Places { out: Some(&asked.out), report: &[PAGE], files, read: Vec::new() }.check()?;
+    start_threads(asked.threads)?;
+    let (writing, interrupt) = (Writing::default(), Interrupt::default());
+    end_when_interrupted(&writing, Some(&interrupt))?;
+    let checkpoint = asked.out.join(CHECKPOINT);
+    let scene = Scene::load(&asked.scene).map_err(failed)?;
+    let notes = scene.notes.clone();
+    let fit = match &asked.resume {
+        Some(file) => SceneFit::resume(scene, file.as_ref().unwrap_or(&checkpoint)),
+        None => SceneFit::new(scene),
+    };
+    let fit = fit.map_err(failed)?;
+    std::fs::create_dir_all(&asked.out).map_err(|error| {
+        Failure::Work(format!("{} could not be made: {error}", asked.out.display()))
+    })?;
+    let speaks = !asked.quiet && !asked.json.as_deref().is_some_and(is_standard_output);
+    if speaks {
+        notes.iter().try_for_each(|note| say(&format!("note: {note}\n")))?;
+    }
+    let live = asked.live.map(Live::start).transpose();
+    let live = live.map_err(|error| Failure::Use(format!("--live needs a free port: {error}")))?;
+    if let (Some(live), true) = (&live, speaks) {
+        say(&format!("Live: {}\n", live.url()))?;
+    }
+    let mut running = Running {
+        first: values(&fit),
+        asked,
+        checkpoint,
+        live,
+        bar: bar(asked.quiet, asked.steps.map_or(fit.steps(), |most| most.min(fit.steps()))),
+        started: Instant::now(),
+        curves: Curves::default(),
+        step_ms: Vec::new(),
+        losses: None,
+        first_step: fit.steps_done(),
+        fit,
+    };
+    let ended = running.steps(&interrupt);
+    if let (Err(failure), Some(live)) = (&ended, &running.live) {
+        let ended = Some(Ended::Failed(failure.to_string()));
+        live.publish(Snapshot { ended, ..running.snapshot(&[]) });
+    }
+    ended?;
+    let _held = writing.lock().unwrap_or_else(PoisonError::into_inner);
+    running.finish(speaks)
+}
+
+/// A bar on a terminal.
+fn bar(quiet: bool, steps: u64) -> Option<ProgressBar> {
+    (!quiet && std::io::stderr().is_terminal()).then(|| {
+        let bar =
+            ProgressBar::with_draw_target(Some(steps), ProgressDrawTarget::stderr_with_hz(12));
+        let style =
+            ProgressStyle::with_template("{pos}/{len}  {wide_bar:.blue/8}  {eta} left\n{msg}");
+        let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
+        bar.set_style(style.progress_chars("━━─"));
+        bar
+    })
+}
+
+/// A fit of a scene under way, and what is known of it.
+struct Running<'a> {
+    asked: &'a Asked,
+    checkpoint: PathBuf,
+    live: Option<Live>,
+    bar: Option<ProgressBar>,
+    started: Instant,
+    curves: Curves,
+    step_ms: Vec<f64>,
+    /// The first and the last.
+    losses: Option<[f64; 2]>,
+    first: Vec<(String, bokashi_scene::Tensor<f32>)>,
+    first_step: u64,
+    fit: SceneFit,
+}
+
+impl Running<'_> {
+    fn seconds(&self) -> f64 {
+        self.started.elapsed().as_secs_f64()
+    }
+
+    /// Steps until a rule says stop.
+    fn steps(&mut self, interrupt: &Interrupt) -> Result<(), Failure> {
+        let last = self.asked.steps.map_or(self.fit.steps(), |most| most.min(self.fit.steps()));
+        let stop = self.fit.stop();
+        let (loss_below, patience) =
+            (stop.loss_below.map(|loss| loss.0), stop.patience.map(|count| count.0 as u64));
+        let budget = [self.asked.seconds, stop.seconds.map(|seconds| seconds.0)];
+        let budget = budget.into_iter().flatten().fold(f64::INFINITY, f64::min);
+        let every = (last / MEASUREMENTS).max(1);
+        let (mut saved, mut shown) = (Instant::now(), None::<Instant>);
+        let mut best = (f64::INFINITY, 0);
+        while self.fit.steps_done() < last && self.seconds() < budget {
+            if let Some(signal) = interrupt.signal() {
+                return Err(self.interrupted(signal));
+            }
+            if self.fit.steps_done().is_multiple_of(every) {
+                self.measure()?;
+            }
+            let Some(stepped) = self.fit.step().map_err(failed)? else { break };
+            let loss = stepped.loss;
+            self.step_ms.push(stepped.ms);
+            self.losses = Some([self.losses.map_or(loss, |[first, _]| first), loss]);
+            keep(&mut self.curves.losses, (self.started.elapsed().as_secs_f64(), loss));
+            if let Some(bar) = &self.bar {
+                let held_out = self.curves.held_out.last();
+                let held_out =
+                    held_out.map_or(String::new(), |(_, psnr)| format!("  held out {psnr:.1} dB"));
+                bar.set_message(format!("loss {loss:.2e}{held_out}  {:.1} ms/step", stepped.ms));
+                bar.set_position(self.fit.steps_done());
+            }
+            if saved.elapsed() > BETWEEN_CHECKPOINTS {
+                self.fit.save(&self.checkpoint).map_err(failed)?;
+                saved = Instant::now();
+            }
+            if self.live.is_some() && shown.is_none_or(|shown| shown.elapsed() > BETWEEN_PICTURES) {
+                let scores = self.live_scores()?;
+                if let Some(live) = &self.live {
+                    live.publish(self.snapshot(&scores));
+                }
+                shown = Some(Instant::now());
+            }
+            if loss < best.0 {
+                best = (loss, self.fit.steps_done());
+            }
+            let is_low = loss_below.is_some_and(|least| loss < least);
+            let waits = self.fit.steps_done() - best.1;
+            if is_low || patience.is_some_and(|patience| waits >= patience) {
+                break;
+            }
+        }
+        self.measure()
+    }
+
+    /// Saves the fit, and says how to go on.
+    fn interrupted(&self, signal: i32) -> Failure {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+        let said = match self.fit.save(&self.checkpoint) {
+            Ok(()) => format!(
+                "interrupted after {} steps; go on with: bokashi fit {} --out {} --resume",
+                self.fit.steps_done(),
+                self.asked.scene.display(),
+                self.asked.out.display()
+            ),
+            Err(error) => format!("interrupted, and not saved: {error}"),
+        };
+        Failure::Interrupted { signal, said }
+    }
+
+    /// Adds a point to the curve of held-out views.
+    fn measure(&mut self) -> Result<(), Failure> {
+        let held_out = self.scores(|view| view.held_out, usize::MAX)?;
+        if let Some(psnr) = mean_held_out(&self.fit, &held_out) {
+            let seconds = self.seconds();
+            self.curves.held_out.push((seconds, psnr));
+        }
+        Ok(())
+    }
+
+    fn scores(
+        &self,
+        is_asked: impl Fn(&bokashi_scene::SceneView) -> bool,
+        most: usize,
+    ) -> Result<Vec<ViewScore>, Failure> {
+        let views = self.fit.scene().views.iter().enumerate();
+        let asked = views.filter(|(_, view)| is_asked(view)).take(most);
+        asked.map(|(at, _)| self.fit.score(at).map_err(failed)).collect()
+    }
+
+    fn live_scores(&self) -> Result<Vec<ViewScore>, Failure> {
+        let mut scores = self.scores(|view| view.held_out, LIVE_VIEWS / 2)?;
+        let more = LIVE_VIEWS - scores.len();
+        scores.extend(self.scores(|view| !view.held_out && view.image.is_some(), more)?);
+        Ok(scores)
+    }
+
+    fn snapshot(&self, scores: &[ViewScore]) -> Snapshot {
+        let scene = self.fit.scene();
+        let views = scores.iter().filter_map(|score| {
+            let own = &scene.views[score.view];
+            let Pictures { picture, target, difference } = Pictures::of(scene, score).ok()?;
+            let (target, difference) = (target?, difference?);
+            let (name, held_out, psnr) = (own.name.clone(), own.held_out, score.psnr);
+            Some(View { name, held_out, psnr, picture, target, difference })
+        });
+        let model = self.fit.learnt().and_then(|learnt| learnt.model()).ok();
+        let mesh = model.and_then(|model| data(&model).ok());
+        Snapshot {
+            title: scene.path.display().to_string(),
+            step: self.fit.steps_done(),
+            first_step: self.first_step,
+            steps: self.asked.steps.map_or(self.fit.steps(), |most| most.min(self.fit.steps())),
+            seconds: self.seconds(),
+            loss: self.losses.map_or(f64::NAN, |[_, last]| last),
+            losses: self.curves.losses.clone(),
+            held_out: self.curves.held_out.clone(),
+            views: views.collect(),
+            mesh: mesh.map(|mesh| Arc::from(mesh.into_bytes())),
+            ended: None,
+        }
+    }
+
+    /// Writes all that came out.
+    fn finish(self, speaks: bool) -> Result<(), Failure> {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+        self.fit.save(&self.checkpoint).map_err(failed)?;
+        let time = self.started.elapsed();
+        let scores = self.scores(|_| true, usize::MAX)?;
+        let scene = self.fit.scene();
+        let pictures = scores.iter().map(|score| Pictures::of(scene, score));
+        let pictures = pictures.collect::<Result<Vec<_>, _>>().map_err(failed)?;
+        let [loss_initial, loss_final] = self.losses.unwrap_or([f64::NAN; 2]);
+        let left_out = match scores.first() {
+            Some(score) => self.fit.left_out(score.view).map_err(failed)?,
+            None => Vec::new(),
+        };
+        if let Some(live) = &self.live {
+            let said = format!("{} steps in {:.1} s", self.fit.steps_done(), time.as_secs_f64());
+            live.publish(Snapshot { ended: Some(Ended::Done(said)), ..self.snapshot(&scores) });
+        }
+        let outcome = Outcome {
+            loss_initial,
+            loss_final,
+            steps: self.fit.steps_done(),
+            time,
+            step_ms: self.step_ms,
+            first: self.first,
+            scores,
+            left_out,
+        };
+        let learnt = self.fit.learnt().map_err(failed)?;
+        learnt.save_results(&self.asked.out).map_err(failed)?;
+        save_pictures(scene, &outcome, &pictures, &self.asked.out).map_err(failed)?;
+        let model = learnt.model().map_err(failed)?;
+        let viewer = match model.geometries.is_empty() {
+            true => None,
+            false => Some(block(&model, "Drag to turn, roll to zoom.").map_err(not_reported)?),
+        };
+        let html = page::render(&self.fit, &outcome, &self.curves, &pictures, viewer);
+        let page = add_page(&self.asked.out, PAGE, &html.map_err(not_reported)?);
+        let page = page.map_err(not_reported)?;
+        if let Some(file) = &self.asked.json {
+            say_json(file, &outcome.json(&self.fit).to_string())?;
+        }
+        if speaks {
+            let held_out = outcome
+                .psnr_held_out(&self.fit)
+                .map_or(String::new(), |psnr| format!(", held-out views {psnr:.1} dB"));
+            say(&format!(
+                "{} steps in {:.1} s ({:.2} ms each): loss {loss_initial:.2e} to {loss_final:.2e}{held_out}\n\
+                 Report: {}\n",
+                outcome.steps,
+                time.as_secs_f64(),
+                outcome.ms_per_step().unwrap_or(0.0),
+                page.display()
+            ))?;
+        }
+        if self.live.is_some() {
+            std::thread::sleep(LAST_LOOK);
+        }
+        Ok(())
+    }
+}
+
+/// Adds a point to a curve, which stays short.
+fn keep(curve: &mut Vec<(f64, f64)>, point: (f64, f64)) {
+    if curve.len() >= MOST_POINTS {
+        let mut at = 0;
+        curve.retain(|_| {
+            at += 1;
+            at % 2 == 1
+        });
+    }
+    curve.push(point);
+}
+
+fn save_pictures(
+    scene: &Scene,
+    outcome: &Outcome,
+    pictures: &[Pictures],
+    out: &Path,
+) -> Result<(), SceneError> {
+    let folder = out.join("views");
+    std::fs::create_dir_all(&folder)
+        .map_err(|error| SceneError::Write { path: folder.clone(), error })?;
+    for (score, own) in outcome.scores.iter().zip(pictures) {
+        let name = &scene.views[score.view].name;
+        let files = [
+            ("result", Some(&own.picture)),
+            ("target", own.target.as_ref()),
+            ("difference", own.difference.as_ref()),
+        ];
+        for (what, png) in files {
+            if let Some(png) = png {
+                write_file(&folder.join(format!("{name}-{what}.png")), png)?;
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,51 @@
+//! Pictures, depth, normals and ids of a scene's views, without a fit.
+
+use std::path::Path;
+
+use bokashi_scene::{Scene, SceneError, write_file};
+
+use crate::failure::Failure;
+use crate::output::say;
+use crate::places::Places;
+use crate::threads::start_threads;
+
+/// Renders the views of the scene at `path`, or one of them, to the folder `out`.
+///
+/// # Errors
+/// [`Failure::Use`] for a view that is not there, and places that can't be written to; [`Failure::Work`] for
+/// what is wrong with the scene.
+pub(crate) fn render(
+    path: &Path,
+    view: Option<&str>,
+    out: &Path,
+    threads: Option<usize>,
+    quiet: bool,
+) -> Result<(), Failure> {
+    Places { out: Some(out), report: &[], files: Vec::new(), read: Vec::new() }.check()?;
+    start_threads(threads)?;
+    let failed = |error: SceneError| Failure::Work(error.to_string());
+    let scene = Scene::load(path).map_err(failed)?;
+    let all = match view {
+        None => (0..scene.views.len()).collect(),
+        Some(name) => match scene.view(name) {
+            Some(view) => vec![view],
+            None => {
+                let names: Vec<_> = scene.views.iter().map(|view| view.name.as_str()).collect();
+                let rule = format!("--view needs one of {}", names.join(", "));
+                return Err(Failure::Use(format!("{rule}, and this is {name}")));
+            }
+        },
+    };
+    std::fs::create_dir_all(out)
+        .map_err(|error| Failure::Work(format!("{} could not be made: {error}", out.display())))?;
+    for rendered in scene.rendered(&all).map_err(failed)? {
+        let rendered = rendered.map_err(failed)?;
+        for (name, bytes) in &rendered.files {
+            write_file(&out.join(name), bytes).map_err(failed)?;
+        }
+        if !quiet {
+            say(&format!("{}: {} files\n", rendered.view, rendered.files.len()))?;
+        }
+    }
+    Ok(())
+}

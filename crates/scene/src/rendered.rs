@@ -1,0 +1,110 @@
+//! Views of a scene as files: pictures, depth, normals and ids.
+
+use std::sync::Arc;
+
+use bokashi_core::{Tape, Tensor};
+use bokashi_fit::FitError;
+use bokashi_render_ops::{Coverage, eye_depth};
+
+use crate::error::{Place, SceneError};
+use crate::picture::{Picture, Samples};
+use crate::renderer::Renderer;
+use crate::scene::Scene;
+use crate::values::Values;
+
+/// The files of a view.
+#[derive(Debug, Clone)]
+pub struct Rendered {
+    /// The view's name.
+    pub view: String,
+    /// Names, and what stands in the files:
+    ///
+    /// - `NAME.png`, the picture; `NAME.exr`, its light, with opacity.
+    /// - `NAME-depth.exr`, distances along the view axis in units of the scene, 0 where nothing is seen;
+    ///   `NAME-depth.png`, the same from black, the farthest, to white, the nearest.
+    /// - `NAME-normals.exr`, unit normals in the world, 0 where nothing is seen; `NAME-normals.png`, a half
+    ///   added to half of them.
+    /// - `NAME-ids.exr`, the face that is seen, from 1 on; `NAME-ids.png`, 16 bits, the instance, from 1 on.
+    pub files: Vec<(String, Vec<u8>)>,
+}
+
+impl Scene {
+    /// Renders these views, by their numbers, one after the other.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`]; of a view, what the operations refuse.
+    pub fn rendered<'a>(
+        &self,
+        views: &'a [usize],
+    ) -> Result<impl Iterator<Item = Result<Rendered, SceneError>> + use<'a>, SceneError> {
+        let renderer = Renderer::new(Arc::new(self.clone()))?;
+        Ok(views.iter().map(move |&view| rendered(&renderer, view)))
+    }
+}
+
+fn rendered(renderer: &Renderer, view: usize) -> Result<Rendered, SceneError> {
+    let scene = renderer.scene();
+    let name = &scene.views[view].name;
+    let tape = Tape::new();
+    let values = Values { tape: &tape, learnt: None };
+    let drawn = renderer.draw(&values, view, 1, true)?;
+    let coverage = &drawn.fragments.coverage;
+    let mut files = Vec::new();
+    let mut add = |what: &str, kind: &str, picture: &Picture| {
+        let file = format!("{name}{what}.{kind}");
+        let place = Place::of(&file);
+        let bytes = match kind {
+            "png" => picture.encode_png(&place)?,
+            _ => picture.encode_exr(&place)?,
+        };
+        files.push((file, bytes));
+        Ok::<_, SceneError>(())
+    };
+    let image = renderer.image(&values, &drawn, 1)?;
+    let colors = image.slice(2, 0..3).map_err(FitError::from)?.value();
+    add("", "png", &Picture::decode(&scene.png_of(&colors)?, &Place::of(name))?)?;
+    add("", "exr", &Picture::of_numbers(&drawn.light.image()?.value())?)?;
+
+    let depth = dense(coverage, &eye_depth(&drawn.fragments)?.values().value(), 1);
+    let seen = || depth.data().iter().filter(|&&depth| depth > 0.0);
+    let least = seen().fold(f32::INFINITY, |least, &depth| least.min(depth));
+    let range =
+        (seen().fold(0.0_f32, |most, &depth| most.max(depth)) - least).max(f32::MIN_POSITIVE);
+    let nearness = depth.data().iter().map(|&depth| match depth > 0.0 {
+        true => ((1.0 - (depth - least) / range) * 254.0) as u8 + 1,
+        false => 0,
+    });
+    let [height, width] = [depth.shape()[0], depth.shape()[1]];
+    let gray = |samples: Samples| Picture { width, height, channels: 1, samples };
+    let nearness = gray(Samples::U8(nearness.collect()));
+    add("-depth", "exr", &Picture::of_numbers(&depth)?)?;
+    add("-depth", "png", &nearness)?;
+
+    let normals = renderer.normals(drawn.world, &drawn.fragments)?;
+    let normals = dense(coverage, &normals.normalize(1).map_err(FitError::from)?.value(), 3);
+    add("-normals", "exr", &Picture::of_numbers(&normals)?)?;
+    let shown = normals.data().iter().map(|x| (127.5 * (x + 1.0)).round() as u8);
+    let shown = Picture { width, height, channels: 3, samples: Samples::U8(shown.collect()) };
+    add("-normals", "png", &shown)?;
+
+    let ids = coverage.triangle_ids();
+    let instances = ids.iter().map(|&id| match id.checked_sub(1) {
+        Some(face) => renderer.instance(face as usize).map_or(0, |k| (k + 1).min(65_535)) as u16,
+        None => 0,
+    });
+    let instances = gray(Samples::U16(instances.collect()));
+    let faces = Tensor::from_flat_fn([height, width, 1], |pixel| ids[pixel] as f32);
+    add("-ids", "exr", &Picture::of_numbers(&faces)?)?;
+    add("-ids", "png", &instances)?;
+    Ok(Rendered { view: name.clone(), files })
+}
+
+/// Numbers of fragments `[N]` or `[N, C]` as an image `[H, W, C]`, 0 where nothing is seen.
+fn dense(coverage: &Coverage, values: &Tensor<f32>, channels: usize) -> Tensor<f32> {
+    let size = coverage.size();
+    let at: Vec<_> =
+        (0..size.width * size.height).map(|pixel| coverage.fragment_at(pixel)).collect();
+    Tensor::from_flat_fn([size.height, size.width, channels], |k| {
+        at[k / channels].map_or(0.0, |fragment| values.data()[fragment * channels + k % channels])
+    })
+}

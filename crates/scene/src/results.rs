@@ -1,0 +1,109 @@
+//! What a scene leaves behind: its objects, cameras and numbers as files that other programs read.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use bokashi_core::Tensor;
+use bokashi_write::write_whole;
+use glam::DMat4;
+use serde_json::{Map, Value, json};
+
+use crate::cameras::transforms_json;
+use crate::description::Tone;
+use crate::error::{Place, SceneError};
+use crate::mesh::{glb, ply};
+use crate::picture::{ColorSpace, Picture};
+use crate::scene::Scene;
+
+impl Scene {
+    /// Writes the scene's objects to `mesh.glb` and to a PLY file each, its cameras to `transforms.json`, and
+    /// its numbers to `numbers.json`, all in the folder `out`, which is made where it is missing. Each file is
+    /// written whole or not at all.
+    ///
+    /// # Errors
+    /// [`SceneError::Write`] where the file system refuses; [`SceneError::Content`] for what a format can't
+    /// hold.
+    pub fn save_results(&self, out: impl AsRef<Path>) -> Result<Vec<PathBuf>, SceneError> {
+        let out = out.as_ref();
+        fs::create_dir_all(out)
+            .map_err(|error| SceneError::Write { path: out.to_owned(), error })?;
+        let mut written = Vec::new();
+        let mut write = |name: &str, bytes: &[u8]| {
+            let path = out.join(name);
+            write_file(&path, bytes)?;
+            written.push(path);
+            Ok::<_, SceneError>(())
+        };
+        let model = self.model()?;
+        if !model.geometries.is_empty() {
+            write("mesh.glb", &glb(&model)?)?;
+            for geometry in &model.geometries {
+                write(&format!("{}.ply", geometry.name), &ply(geometry)?)?;
+            }
+        }
+        let cameras = self.cameras();
+        if !cameras.is_empty() {
+            write("transforms.json", transforms_json(&cameras).as_bytes())?;
+        }
+        let numbers = serde_json::to_string_pretty(&self.numbers()).unwrap_or_default();
+        write("numbers.json", format!("{numbers}\n").as_bytes())?;
+        Ok(written)
+    }
+
+    /// The numbers that no mesh or camera holds, by name.
+    fn numbers(&self) -> Value {
+        let pipeline = &self.description.pipeline;
+        let mut numbers = Map::new();
+        let mut add = |name: &str, number: Option<f64>| {
+            if let Some(number) = number {
+                numbers.insert(name.to_owned(), json!(number));
+            }
+        };
+        add("exposure", pipeline.exposure.map(|stops| stops.0));
+        add("blur", pipeline.blur.map(|sigma| sigma.0));
+        add("aperture", pipeline.lens.map(|lens| lens.aperture.0));
+        add("focus", pipeline.lens.map(|lens| lens.focus.0));
+        let lights = self.description.lights.iter().map(|light| json!(light.color()));
+        numbers.insert("lights".to_owned(), lights.collect());
+        let objects = self.objects.iter().map(|object| {
+            let look = &object.look;
+            let places = object.places.iter().map(rows);
+            let own = json!({
+                "base_color": look.base_color,
+                "roughness": look.roughness,
+                "metallic": look.metallic,
+                "places": places.collect::<Value>(),
+            });
+            (object.name.clone(), own)
+        });
+        numbers.insert("objects".to_owned(), Value::Object(objects.collect()));
+        Value::Object(numbers)
+    }
+
+    /// A picture of the renderer, `[H, W, 3]` as pixels stand for it, as a PNG.
+    ///
+    /// # Errors
+    /// [`SceneError::Render`] for a tensor of another shape.
+    pub fn png_of(&self, image: &Tensor<f32>) -> Result<Vec<u8>, SceneError> {
+        let space = match self.description.pipeline.tone {
+            // Encoded already.
+            Tone::Srgb => ColorSpace::Linear,
+            Tone::Linear => ColorSpace::Srgb,
+        };
+        Picture::of_color(image, space)?.encode_png(&Place::of("a picture"))
+    }
+}
+
+/// The rows of a matrix.
+fn rows(matrix: &DMat4) -> Value {
+    let rows = matrix.transpose().to_cols_array_2d();
+    rows.iter().map(|row| json!(row)).collect()
+}
+
+/// Writes a file whole or not at all.
+///
+/// # Errors
+/// [`SceneError::Write`] where the file system refuses.
+pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), SceneError> {
+    write_whole(path, bytes).map_err(|error| SceneError::Write { path: path.to_owned(), error })
+}
