@@ -490,7 +490,10 @@ mod tests {
             ("fit --steps", "a value is required", "--steps <N>"),
             ("fit --stepz 3", "'--stepz'", "'--steps'"),
             ("fitt", "'fitt'", "fit"),
-            ("fit extra", "'extra'", "--help"),
+            ("fit scene.toml extra", "'extra'", "--help"),
+            ("fit scene.toml --seed 3", "'--seed <N>'", "[SCENE.TOML]"),
+            ("fit --time 3", "<SCENE.TOML>", "required"),
+            ("fit --resume", "the file of a saved fit", "of a scene"),
             ("--seed 3", "'--seed'", "--help"),
         ];
         for (line, what, allowed) in table {
@@ -504,7 +507,7 @@ mod tests {
         let usage = "Usage: bokashi [OPTIONS]\n       bokashi <COMMAND>\n";
         for (line, tip) in [
             ("fitt", "tip: a similar subcommand exists: 'fit'"),
-            ("reprodce", "tip: a similar subcommand exists: 'reproduce'"),
+            ("sampels", "tip: a similar subcommand exists: 'samples'"),
             ("fooo", "tip: the commands are fit, reproduce, samples"),
         ] {
             let text = wrong(line);

@@ -132,6 +132,7 @@ impl SceneFit {
         let Learnt { parameters, rates, regularizers, preconditioners } = Learnt::of(&renderer)?;
         let targets = Arc::new(Targets::new(Arc::clone(&renderer), is_dense(&renderer)));
         let description = &renderer.scene().description;
+        check_stages(renderer.scene(), &rates)?;
         let stages = match description.stages.as_slice() {
             [] => vec![Stage {
                 steps: description.stop.steps.unwrap_or(Count(STEPS)),
@@ -337,6 +338,29 @@ fn resumed(
     }
 }
 
+/// The part of `learn` that a parameter belongs to.
+fn kind_of(name: &str) -> &str {
+    match name.split('/').next().unwrap_or(name) {
+        "light" => "lights",
+        "aperture" | "focus" => "lens",
+        kind => kind,
+    }
+}
+
+/// Stages name what is learnt, and nothing else.
+fn check_stages(scene: &Scene, rates: &[(String, f64)]) -> Result<(), SceneError> {
+    let mut known: Vec<_> = rates.iter().map(|(name, _)| kind_of(name)).collect();
+    known.dedup();
+    let named = scene.description.stages.iter().filter_map(|stage| stage.learn.as_ref()).flatten();
+    match named.into_iter().find(|name| !known.contains(&name.as_str())) {
+        None => Ok(()),
+        Some(name) => {
+            let rule = format!("a stage learns some of {}", known.join(", "));
+            Err(SceneError::content(Place::of(&scene.path), format!("{rule}, and not {name:?}")))
+        }
+    }
+}
+
 /// The parameters with the rates of a stage.
 fn at_rates(
     mut parameters: Parameters<f32>,
@@ -345,12 +369,7 @@ fn at_rates(
 ) -> Result<Parameters<f32>, SceneError> {
     let factor = stage.rates.map_or(1.0, |factor| factor.0);
     for (name, rate) in rates {
-        let kind = name.split('/').next().unwrap_or(name);
-        let kind = match kind {
-            "light" => "lights",
-            "aperture" | "focus" => "lens",
-            kind => kind,
-        };
+        let kind = kind_of(name);
         let is_learnt = stage.learn.as_ref().is_none_or(|own| own.iter().any(|own| own == kind));
         parameters.set_rate(name, if is_learnt { rate * factor } else { 0.0 })?;
     }

@@ -6,7 +6,7 @@ use bokashi_scene::{Camera, Picture, Place, SceneError, gaze, read_transforms};
 use glam::DVec3;
 use serde_json::json;
 
-use super::beside;
+use super::beside::beside;
 use super::findings::{Findings, Section};
 use crate::digits::{count, number, numbers};
 

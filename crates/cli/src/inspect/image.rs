@@ -5,7 +5,7 @@ use std::path::Path;
 use bokashi_scene::{Picture, Place, Samples, SceneError};
 use serde_json::{Value, json};
 
-use super::beside;
+use super::beside::beside;
 use super::findings::{Findings, Section};
 use crate::digits::{number, percent};
 

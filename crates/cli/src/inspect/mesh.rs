@@ -5,7 +5,7 @@ use std::path::Path;
 use bokashi_scene::{Geometry, MaterialFile, Model, Outline, Picture, SceneError, read_model};
 use serde_json::json;
 
-use super::beside;
+use super::beside::beside;
 use super::findings::{Findings, Section};
 use crate::digits::{count, number, numbers};
 

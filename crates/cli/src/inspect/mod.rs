@@ -1,5 +1,6 @@
 //! What is in a file, and what is wrong with it, as text and JSON.
 
+mod beside;
 mod cameras;
 mod findings;
 mod image;
@@ -10,7 +11,7 @@ mod views;
 
 use std::path::Path;
 
-use bokashi_scene::{Folder, SceneError};
+use bokashi_scene::SceneError;
 
 use self::findings::Findings;
 use crate::arguments::InspectArguments;
@@ -64,10 +65,4 @@ pub(crate) fn run(arguments: &InspectArguments) -> Result<(), Failure> {
         1 => Err(Failure::Work(format!("{}: 1 problem", file.display()))),
         count => Err(Failure::Work(format!("{}: {count} problems", file.display()))),
     }
-}
-
-/// The folder of a file, and the file's name there.
-fn beside(file: &Path) -> Result<(Folder, &Path), SceneError> {
-    let folder = Folder::new(file.parent().unwrap_or(Path::new("")))?;
-    Ok((folder, file.file_name().map_or(file, Path::new)))
 }

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use bokashi_fit::saved;
-use bokashi_scene::SceneError;
+use bokashi_fit::{FitError, saved};
+use bokashi_scene::{Place, SceneError};
 use serde_json::{Value, json};
 
 use super::findings::{Findings, Section};
@@ -15,8 +15,13 @@ const RAW: &str = "raw/";
 /// What is in the saved fit `file`. All of it is checked by who reads fits; what is told stands in the header,
 /// which is then known to be that of a fit.
 pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
-    let bytes = saved::read(file)?;
-    let (precision, state) = saved::precision_and_state(&bytes)?;
+    let refused = |error: FitError| match error {
+        // It says which file it is.
+        error @ FitError::File { .. } => SceneError::Fit(error),
+        error => SceneError::Content { place: Place::of(file), message: error.to_string() },
+    };
+    let bytes = saved::read(file).map_err(refused)?;
+    let (precision, state) = saved::precision_and_state(&bytes).map_err(refused)?;
     let header = header(&bytes).unwrap_or_default();
     let text = header["__metadata__"]["bokashi_fit"].as_str().unwrap_or_default();
     let contents: Value = serde_json::from_str(text).unwrap_or_default();

@@ -9,7 +9,7 @@ use super::numbers::{Count, NotNegative, Positive, Share};
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Learn {
-    /// The places of vertices. Their rate is a share of the scene's radius.
+    /// The places of vertices. Their rate is a share of the mesh's radius.
     pub vertices: Option<LearnVertices>,
     /// Colours at vertices.
     pub colors: Option<LearnMaps>,
@@ -24,10 +24,10 @@ pub struct Learn {
     pub pose: Option<LearnNumbers>,
     /// Where cameras stand, as `pose`.
     pub cameras: Option<LearnNumbers>,
-    /// Focal lengths and principal points, one set for all views of a size. Rates are shares of the focal
-    /// length and of the image's width.
+    /// Focal lengths and principal points: all views change alike, by shares of their focal lengths and of
+    /// their widths.
     pub intrinsics: Option<LearnNumbers>,
-    /// Coefficients of lenses, one set for all views of a size.
+    /// Coefficients of the lens, one set for all views; it starts from the first view's.
     pub distortion: Option<LearnNumbers>,
     /// Colours of lights.
     pub lights: Option<LearnNumbers>,
@@ -67,7 +67,7 @@ pub struct LearnMaps {
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LearnVertices {
-    /// The learning rate, as a share of the scene's radius.
+    /// The learning rate, as a share of the mesh's radius.
     pub rate: Option<Positive>,
     /// The meshes that this is about; by default all.
     pub meshes: Option<Vec<String>>,

@@ -91,7 +91,7 @@ impl Placement {
 pub struct MaterialEntry {
     /// A linear colour.
     pub base_color: Option<[Share; 3]>,
-    /// An image of base colours. Of `size`, it is a start to learn from.
+    /// An image of base colours.
     pub texture: Option<PathBuf>,
     /// A texture to start from, of so many texels along a side, all of the base colour. The mesh needs
     /// texture coordinates.

@@ -6,7 +6,7 @@
 use bokashi_core::Tensor;
 use bokashi_render_ops::RenderError;
 
-use super::{Picture, Samples};
+use super::samples::{Picture, Samples};
 use crate::error::SceneError;
 
 /// How numbers of a file stand for light.

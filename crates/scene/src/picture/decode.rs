@@ -9,7 +9,8 @@ use std::ops::Range;
 use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
-use super::{MOST_SAMPLES, Picture, Samples, check_size, guarded, open_exr};
+use super::open_exr;
+use super::samples::{MOST_SAMPLES, Picture, Samples, check_size, guarded};
 use crate::error::{Place, SceneError};
 
 /// The largest sample that the decoders of PNG and JPEG give, in bytes.

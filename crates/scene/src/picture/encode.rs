@@ -3,7 +3,8 @@
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 
-use super::{Picture, Samples, open_exr};
+use super::open_exr;
+use super::samples::{Picture, Samples};
 use crate::error::{Place, SceneError};
 
 impl Picture {

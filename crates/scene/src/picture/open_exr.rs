@@ -11,7 +11,7 @@ use exr::prelude::{
     ReadLayers as _, Vec2, WritableImage as _, read,
 };
 
-use super::{Picture, Samples, check_size};
+use super::samples::{Picture, Samples, check_size};
 use crate::error::{Place, SceneError};
 
 /// A file whose header has been read.

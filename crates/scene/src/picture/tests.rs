@@ -12,6 +12,7 @@ use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder as _};
 
 use super::*;
+use crate::error::{Place, SceneError};
 
 fn place() -> Place {
     Place::of("scene/image")

@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
-use super::{ColmapPoint, Lens, MODELS, Numbered, Shot, camera, parameters_of};
+use super::records::{ColmapPoint, Lens, MODELS, Numbered, Shot, camera, parameters_of};
 use crate::error::{Place, SceneError};
 
 /// The least bytes of a record of each file.

@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use super::*;
 use crate::cameras::tests::{assert_seen, scene, write};
-use crate::cameras::{read_transforms, transforms_json};
+use crate::cameras::{Camera, read_transforms, transforms_json};
 
 const CAMERAS: &str = "# Camera list with one line of data per camera:\n\
     #   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n\

@@ -4,7 +4,7 @@ use std::str::{FromStr, SplitWhitespace};
 
 use glam::{DQuat, DVec3};
 
-use super::{ColmapPoint, Lens, Numbered, Shot, camera};
+use super::records::{ColmapPoint, Lens, Numbered, Shot, camera};
 use crate::error::{Place, SceneError};
 
 /// A record, and where it is for errors.

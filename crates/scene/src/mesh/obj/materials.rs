@@ -21,8 +21,7 @@ use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
 use super::maps::{Map, Packed};
-use super::statements::{Statements, numbers};
-use super::{rest, text};
+use super::statements::{Statements, numbers, rest, text};
 use crate::error::{Place, SceneError};
 use crate::mesh::beside::Beside;
 use crate::mesh::notes::name;

@@ -28,12 +28,11 @@ mod materials;
 mod parts;
 mod statements;
 
-use std::borrow::Cow;
-
 use glam::DMat4;
 
 use self::parts::Parts;
-use crate::error::{Place, SceneError};
+use self::statements::text;
+use crate::error::SceneError;
 use crate::mesh::beside::Beside;
 use crate::mesh::weld::Welder;
 use crate::model::{MaterialFile, Model, Placed};
@@ -84,19 +83,4 @@ fn keep_used_images(model: &mut Model, images: Vec<Picture>) {
             *number = number.and_then(|number| numbers[number]);
         }
     }
-}
-
-/// The text of a file. Old files have names in other encodings than UTF-8: those letters are lost, and
-/// the mesh is not.
-fn text<'b>(bytes: &'b [u8], place: &Place) -> Result<Cow<'b, str>, SceneError> {
-    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
-        let found = "text is UTF-8, and this is UTF-16";
-        return Err(SceneError::content(place.clone(), found));
-    }
-    Ok(String::from_utf8_lossy(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)))
-}
-
-/// What follows the keyword of a line. A name or a path may have spaces.
-fn rest<'l>(line: &'l str, keyword: &str) -> &'l str {
-    line.trim_start().strip_prefix(keyword).unwrap_or_default().trim()
 }

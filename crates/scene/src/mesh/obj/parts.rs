@@ -4,8 +4,7 @@ use std::borrow::Cow;
 use std::collections::HashMap;
 use std::str::SplitWhitespace;
 
-use super::rest;
-use super::statements::{Statements, numbers};
+use super::statements::{Statements, numbers, rest};
 use crate::error::SceneError;
 use crate::mesh::beside::Beside;
 use crate::mesh::notes::{Notes, name};

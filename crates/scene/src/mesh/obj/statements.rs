@@ -71,3 +71,18 @@ pub(super) fn numbers<const N: usize>(
     }
     Ok((numbers, count))
 }
+
+/// The text of a file. Old files have names in other encodings than UTF-8: those letters are lost, and
+/// the mesh is not.
+pub(super) fn text<'b>(bytes: &'b [u8], place: &Place) -> Result<Cow<'b, str>, SceneError> {
+    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
+        let found = "text is UTF-8, and this is UTF-16";
+        return Err(SceneError::content(place.clone(), found));
+    }
+    Ok(String::from_utf8_lossy(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)))
+}
+
+/// What follows the keyword of a line. A name or a path may have spaces.
+pub(super) fn rest<'l>(line: &'l str, keyword: &str) -> &'l str {
+    line.trim_start().strip_prefix(keyword).unwrap_or_default().trim()
+}

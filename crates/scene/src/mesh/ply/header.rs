@@ -1,11 +1,13 @@
 //! The header of a PLY file, checked against what follows it before memory is taken.
 
-use ply_rs_bw::parser::{Parser, Reader};
+use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{DefaultElement, ElementDef, Encoding, Header, PropertyType, ScalarType};
 
-use super::message;
 use crate::error::SceneError;
 use crate::mesh::beside::Beside;
+
+/// So many characters of a library's message are kept: it has names that are as long as a file likes.
+const LONGEST_MESSAGE: usize = 200;
 
 /// The longest header that is read, in bytes.
 const LONGEST_HEADER: usize = 1 << 20;
@@ -122,4 +124,15 @@ fn least_bytes(property: &PropertyType) -> u64 {
         ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
         ScalarType::Double => 8,
     }
+}
+
+/// What the library says, without the line's number, which the place has, and the line itself.
+pub(super) fn message(error: &ParseError) -> String {
+    let text = error.to_string();
+    let text = text.lines().next().unwrap_or_default();
+    let text = match error.line().and_then(|line| text.strip_prefix(&format!("Line {line}: "))) {
+        Some(rest) => rest,
+        None => text,
+    };
+    text.chars().take(LONGEST_MESSAGE).collect()
 }

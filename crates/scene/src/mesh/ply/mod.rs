@@ -25,10 +25,10 @@ mod srgb;
 use std::borrow::Cow;
 
 use glam::DMat4;
-use ply_rs_bw::parser::{ParseError, Parser};
+use ply_rs_bw::parser::Parser;
 use ply_rs_bw::ply::{ElementDef, Encoding, PropertyAccess};
 
-use self::header::Opened;
+use self::header::{Opened, message};
 use self::rows::{Face, Skipped, Vertex};
 pub(super) use self::srgb::encoded;
 use crate::error::SceneError;
@@ -36,9 +36,6 @@ use crate::mesh::beside::Beside;
 use crate::mesh::notes::name;
 use crate::mesh::weld::{Corners, Raw, Welder};
 use crate::model::{MaterialFile, Model, Placed};
-
-/// So many characters of a library's message are kept: it has names that are as long as a file likes.
-const LONGEST_MESSAGE: usize = 200;
 
 /// The vertices and faces of a file.
 #[derive(Debug, Default)]
@@ -256,15 +253,4 @@ impl Opened<'_> {
         }
         Ok(())
     }
-}
-
-/// What the library says, without the line's number, which the place has, and the line itself.
-fn message(error: &ParseError) -> String {
-    let text = error.to_string();
-    let text = text.lines().next().unwrap_or_default();
-    let text = match error.line().and_then(|line| text.strip_prefix(&format!("Line {line}: "))) {
-        Some(rest) => rest,
-        None => text,
-    };
-    text.chars().take(LONGEST_MESSAGE).collect()
 }

@@ -1,0 +1,117 @@
+//! An image in memory, and how large it may be.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use crate::error::{Place, SceneError};
+
+/// The most samples of an image that is read, over all its channels: 16384 pixels squared in one
+/// channel.
+pub const MOST_SAMPLES: u64 = 1 << 28;
+
+/// The most samples of an image for each byte of its file.
+///
+/// The densest that a format can pack is a row of one colour of a palette in a PNG, 33000 samples a
+/// byte: a file that claims more is broken, and takes no memory.
+const MOST_SAMPLES_OF_A_BYTE: u64 = 1 << 16;
+
+/// The samples of an image, as few bytes each as the file had.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Samples {
+    /// 0 to 255 stand for 0 to 1.
+    U8(Vec<u8>),
+    /// 0 to 65535 stand for 0 to 1.
+    U16(Vec<u16>),
+    /// As they are.
+    F32(Vec<f32>),
+}
+
+impl Samples {
+    /// How many there are.
+    pub fn count(&self) -> usize {
+        match self {
+            Self::U8(samples) => samples.len(),
+            Self::U16(samples) => samples.len(),
+            Self::F32(samples) => samples.len(),
+        }
+    }
+}
+
+/// An image in memory, row by row from the top.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Picture {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Samples of a pixel: 1 to 4. The second of two and the fourth of four are opacity.
+    pub channels: usize,
+    /// The samples.
+    pub samples: Samples,
+}
+
+impl Picture {
+    /// The number of pixels.
+    pub const fn pixels(&self) -> usize {
+        self.width * self.height
+    }
+
+    /// The channel of the opacity.
+    pub(super) fn opacity_channel(&self) -> Option<usize> {
+        matches!(self.channels, 2 | 4).then(|| self.channels - 1)
+    }
+
+    /// Whether there are as many samples as the size says.
+    pub(super) fn checked(&self, place: &Place) -> Result<&Self, SceneError> {
+        let Self { width, height, channels, .. } = self;
+        let expected = width.checked_mul(*height).and_then(|pixels| pixels.checked_mul(*channels));
+        if !(1..=4).contains(channels) || expected == Some(0) {
+            let rule = "an image has pixels, of one to four channels";
+            let found = format!("{rule}, and this is {width} x {height} of {channels}");
+            return Err(SceneError::content(place.clone(), found));
+        }
+        if expected != Some(self.samples.count()) {
+            let rule =
+                format!("an image of {width} x {height} has {channels} samples for each pixel");
+            let found = format!("{rule}, and this has {} altogether", self.samples.count());
+            return Err(SceneError::content(place.clone(), found));
+        }
+        Ok(self)
+    }
+}
+
+/// Refuses an image that takes too much memory: one of `width` x `height` pixels in a file of
+/// `bytes`.
+pub(super) fn check_size(
+    [width, height]: [u64; 2],
+    channels: u64,
+    bytes: usize,
+    place: &Place,
+) -> Result<(), SceneError> {
+    if width == 0 || height == 0 {
+        let found = format!("an image has pixels, and this is {width} x {height}");
+        return Err(SceneError::content(place.clone(), found));
+    }
+    let found = width.saturating_mul(height).saturating_mul(channels);
+    let place = place.clone();
+    if found > MOST_SAMPLES {
+        let (what, most) = ("samples of an image", MOST_SAMPLES);
+        return Err(SceneError::TooLarge { place, what, most, found });
+    }
+    if found / MOST_SAMPLES_OF_A_BYTE > bytes as u64 {
+        let rule = format!("an image of {width} x {height} needs more bytes than its file has");
+        return Err(SceneError::content(place, format!("{rule}, {bytes}")));
+    }
+    Ok(())
+}
+
+/// What `decode` answers. A decoder that panics is one that met a broken file: its libraries check
+/// much of what they read by assertions.
+pub(super) fn guarded<R>(
+    place: &Place,
+    decode: impl FnOnce() -> Result<R, SceneError>,
+) -> Result<R, SceneError> {
+    catch_unwind(AssertUnwindSafe(decode)).unwrap_or_else(|_| {
+        let found = "an image has a header and pixels that fit each other, and these don't";
+        Err(SceneError::content(place.clone(), found))
+    })
+}
