@@ -172,18 +172,9 @@ fn inspect_fit(findings: &mut Findings, scene: Scene) {
         section.plain("views a step", views);
         findings.part("stages", section);
     }
-    let mut unknown = Vec::new();
     for (k, stage) in stages.iter().enumerate() {
         findings.part("stages", inspect_stage(k, stage));
-        for name in stage.learn.iter().flatten() {
-            if !keys.iter().any(|(key, _)| key == name) {
-                let known = keys.iter().map(|(key, _)| *key).collect::<Vec<_>>().join(", ");
-                let rule = format!("a stage learns some of {known}");
-                unknown.push(format!("stage {}: {rule}, and {name:?} is not among these", k + 1));
-            }
-        }
     }
-    findings.all_of_a_kind(unknown);
     match SceneFit::new(scene) {
         Ok(fit) => {
             let mut section = Section::new("parameters of a fit");
