@@ -1,4 +1,4 @@
-//! `bokashi new` and `bokashi inspect` as their users meet them.
+//! Scenes of one's own as the users of `new`, `inspect`, `fit` and `render` meet them.
 
 use std::fs;
 use std::path::Path;
@@ -440,4 +440,120 @@ fn files_that_can_t_be_read_are_one_sentence_with_their_name() {
     let [_, error] = ended(folder, &["inspect", "a.obj", "--json", "a.obj"], 2);
     assert!(error.contains("--json needs another file than FILE, got a.obj"), "{error}");
     assert_eq!(fs::read(folder.join("a.obj")).unwrap(), b"v 0 0 x\n");
+}
+
+/// A scene of photographs in two stages.
+fn staged(folder: &Path) {
+    photographs(folder, 5, 4);
+    let text = "[cameras]\ntransforms = \"transforms.json\"\nheld_out_every = 4\n\
+        [[meshes]]\nshape = \"sphere\"\nfaces = 200\nplace = { translation = [2, 1, 0] }\n\
+        material = { texture_size = 8 }\n[loss]\nsilhouette = 0.5\n\
+        [learn.vertices]\nsmoothing = 5.0\nnormals = 1e-2\n[learn.texture]\ntotal_variation = 1e-3\n\
+        [learn.cameras]\n\
+        [[stages]]\nsteps = 4\nreduce = 2\nlearn = [\"vertices\", \"texture\"]\n\
+        [[stages]]\nsteps = 5\nviews_per_step = 2\n";
+    write(folder, "photos/scene.toml", text);
+}
+
+fn outcome(folder: &Path, words: &str) -> Value {
+    let words: Vec<_> = words.split(' ').collect();
+    let [told, _] =
+        ended(folder, &[&["fit", "photos/scene.toml", "--json", "-"], &*words].concat(), 0);
+    serde_json::from_str(&told).expect("one JSON object")
+}
+
+#[test]
+fn a_fit_of_a_scene_ends_in_the_same_bits_however_it_is_run() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    staged(folder);
+    let whole = outcome(folder, "--out whole --threads 1");
+    let hash = whole["parameters_hash"].as_str().unwrap();
+    assert_eq!(whole["steps"], 9);
+    assert_eq!(outcome(folder, "--out two --threads 2")["parameters_hash"], hash);
+    // Interrupted in either stage, and between them.
+    for steps in [2, 4, 6] {
+        let part = outcome(folder, &format!("--out part --steps {steps}"));
+        assert_eq!(part["steps"], steps);
+        assert_ne!(part["parameters_hash"], hash);
+        let rest = outcome(folder, "--out part --resume");
+        assert_eq!((&rest["parameters_hash"], &rest["steps"]), (&hash.into(), &9.into()));
+    }
+    // The checkpoint is of this scene alone.
+    let text = fs::read_to_string(folder.join("photos/scene.toml")).unwrap();
+    write(folder, "photos/scene.toml", text.replace("texture_size = 8", "texture_size = 9"));
+    let words = ["fit", "photos/scene.toml", "--out", "part", "--resume"];
+    let [_, said] = ended(folder, &words, 1);
+    assert!(said.contains("a saved fit needs the scene's parameters"), "{said}");
+}
+
+#[test]
+fn a_fit_of_a_scene_leaves_what_other_programs_read() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    staged(folder);
+    let found = outcome(folder, "--out out");
+    let keys: Vec<_> = found.as_object().unwrap().keys().map(String::as_str).collect();
+    let expected = [
+        "left_out",
+        "loss_final",
+        "loss_initial",
+        "ms_per_step_median",
+        "parameters",
+        "parameters_hash",
+        "psnr_held_out",
+        "seconds",
+        "steps",
+        "threads",
+        "views",
+    ];
+    assert_eq!(keys, expected);
+    let view = &found["views"][0];
+    assert_eq!((&view["name"], &view["held_out"]), (&"00".into(), &true.into()));
+    assert!(view["psnr"].as_f64().unwrap() > 3.0 && view["silhouette_iou"].as_f64().unwrap() > 0.1);
+    assert_eq!(found["parameters"]["cameras"]["shape"], json!([5, 6]));
+
+    let out = Folder::new(folder.join("out")).unwrap();
+    let model = read_model(&out, "mesh.glb").unwrap();
+    assert_eq!(model.geometries[0].faces.len(), 192);
+    assert_eq!(model.images[0].width, 8);
+    assert_eq!(read_model(&out, "sphere.ply").unwrap().geometries[0].faces.len(), 192);
+    let numbers: Value = serde_json::from_str(&out.read_text("numbers.json").unwrap()).unwrap();
+    assert!(numbers["objects"]["sphere"]["places"][0][3][3] == 1.0);
+    for what in ["result", "target", "difference"] {
+        let file = format!("views/00-{what}.png");
+        let size = Picture::size_of(&out.read(&file).unwrap(), &Place::of(&file)).unwrap();
+        assert_eq!(size, [32, 32], "{what}");
+    }
+    let page = out.read_text("index.html").unwrap();
+    for section in ["Error against run time", "The learnt mesh", "00, held out"] {
+        assert!(page.contains(section), "{section}");
+    }
+}
+
+#[test]
+fn a_scene_is_rendered_as_pictures_depth_normals_and_ids() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    let text = "[[meshes]]\nshape = \"plane\"\nmaterial = { base_color = [0.25, 0.5, 1] }\n\
+        [[views]]\nname = \"front\"\ncamera = { position = [0, 0, 5], angle = 40, size = [16, 12] }\n";
+    write(folder, "scene.toml", text);
+    let told = said(folder, &["render", "scene.toml", "--view", "front"]);
+    assert_eq!(told, "front: 8 files\n");
+    let read = |name: &str| {
+        let file = folder.join("out").join(name);
+        Picture::decode(&fs::read(&file).unwrap(), &Place::of(&file)).unwrap()
+    };
+    let middle = 6 * 16 + 8;
+    let at = |picture: &Picture, channel: usize| picture.channel(channel).unwrap().data()[middle];
+    let light = read("front.exr");
+    assert_eq!([0, 1, 2, 3].map(|k| at(&light, k)), [0.25, 0.5, 1.0, 1.0]);
+    assert!((at(&read("front.png"), 1) - 188.0 / 255.0).abs() < 1e-6);
+    assert!((at(&read("front-depth.exr"), 0) - 5.0).abs() < 1e-5);
+    assert_eq!(read("front-depth.exr").channel(0).unwrap().data()[0], 0.0);
+    assert_eq!(at(&read("front-normals.exr"), 2), 1.0);
+    assert!([1.0, 2.0].contains(&at(&read("front-ids.exr"), 0)));
+    assert_eq!(at(&read("front-ids.png"), 0), 1.0 / 65_535.0);
+    let [_, said] = ended(folder, &["render", "scene.toml", "--view", "back"], 2);
+    assert!(said.contains("--view needs one of front, and this is back"), "{said}");
 }
