@@ -171,11 +171,11 @@ impl<T: Scalar> Canvas<T> {
         let blocks = left as usize / LANES..right as usize / LANES + 1;
         if setup.has_plane() && blocks.len() * LANES * ys.len() <= PIXELS_PER_BLOCK {
             let centers = &view.centers.as_chunks().0[blocks.clone()];
+            let (first, end) = (blocks.start * LANES, (blocks.end * LANES).min(view.size.width));
             if setup.cover_blocks(rows_of(ys, depths, faces, per_row, &blocks), centers, at) {
                 let rows = rows_of(ys, depths, faces, per_row, &blocks);
-                setup.cover_uncertain(rows, centers, at);
+                setup.cover_uncertain(rows, centers, end - first, at);
             }
-            let (first, end) = (blocks.start * LANES, (blocks.end * LANES).min(view.size.width));
             for reached in reached {
                 *reached = [reached[0].min(first), reached[1].max(end)];
             }

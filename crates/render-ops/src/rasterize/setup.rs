@@ -273,16 +273,18 @@ impl<S: Scalar<Wide = S>> Setup<S> {
         closest.iter().any(|&distance| distance <= error_bound)
     }
 
-    /// Draws the pixels that [`Setup::cover_blocks`] leaves uncertain.
+    /// Draws the pixels of the first `columns` that [`Setup::cover_blocks`] leaves uncertain. Beyond
+    /// the image's width lies what earlier steps drew, and nothing may be decided by that.
     #[cold]
     #[inline(never)]
     pub(super) fn cover_uncertain<'a>(
         &mut self,
         rows: impl Iterator<Item = (S, &'a mut [[S; LANES]], &'a mut [[u64; LANES]])>,
         centers: &[[S; LANES]],
+        columns: usize,
         face: u64,
     ) {
-        let centers = centers.as_flattened();
+        let centers = &centers.as_flattened()[..columns];
         for (y, depths, faces) in rows {
             let row = self.row(y);
             let pixels = depths.as_flattened_mut().iter_mut().zip(faces.as_flattened_mut());

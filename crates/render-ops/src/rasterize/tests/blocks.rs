@@ -57,7 +57,7 @@ proptest! {
         let setups = faces.iter().filter_map(|face| setup(face, size));
         for (face, mut setup) in (0..).zip(setups.filter(Setup::has_plane)) {
             if setup.cover_blocks(rows_of(&ys, &mut blocks), in_blocks, face) {
-                setup.cover_uncertain(rows_of(&ys, &mut blocks), in_blocks, face);
+                setup.cover_uncertain(rows_of(&ys, &mut blocks), in_blocks, width, face);
             }
             for (y, depths, faces) in rows_of(&ys, &mut spans) {
                 let (depths, faces) = (depths.as_flattened_mut(), faces.as_flattened_mut());
@@ -169,6 +169,38 @@ fn an_image_of_another_width_shows_nothing_of_the_one_before() {
                 }
             });
         }
+    }
+}
+
+/// Faces whose corners lie on pixel centres, those beyond the right border among them.
+fn on_centers(size: Size) -> impl Strategy<Value = Clip> {
+    let column = 0..size.width.next_multiple_of(LANES) + 2;
+    let corner = (column, 0..size.height, 1..9_u8).prop_map(move |(column, row, depth)| {
+        let [x, y, _, w] = at_px(size, column as f64 + 0.5, row as f64 + 0.5);
+        [x, y, 0.1 * f64::from(depth), w]
+    });
+    prop::collection::vec(corner, 9)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(2000) })]
+
+    #[test]
+    fn what_was_drawn_before_beyond_the_border_changes_no_bit(
+        (size, before, clip) in (1..14_usize, 1..10_usize).prop_flat_map(|(width, height)| {
+            let size = Size { width, height };
+            (Just(size), on_centers(size), on_centers(size))
+        }),
+    ) {
+        let mesh = Mesh::new(vec![[0, 1, 2], [3, 4, 5], [6, 7, 8]], 9).unwrap();
+        let bits = |tape: &Tape<f64>, clip: &Clip| {
+            let barycentrics = rasterize(tape.leaf(&tensor(clip)), &mesh, size).unwrap().barycentrics;
+            barycentrics.value().data().iter().map(|value| value.to_bits()).collect::<Vec<_>>()
+        };
+        let mut tape = Tape::new();
+        bits(&tape, &before);
+        tape.reset();
+        prop_assert_eq!(bits(&tape, &clip), bits(&Tape::new(), &clip));
     }
 }
 
