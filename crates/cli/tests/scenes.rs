@@ -492,7 +492,7 @@ fn a_fit_of_a_scene_leaves_what_other_programs_read() {
     let place = tempfile::tempdir().unwrap();
     let folder = place.path();
     staged(folder);
-    let found = outcome(folder, "--out out");
+    let found = outcome(folder, "--out photos/out");
     let keys: Vec<_> = found.as_object().unwrap().keys().map(String::as_str).collect();
     let expected = [
         "left_out",
@@ -513,7 +513,7 @@ fn a_fit_of_a_scene_leaves_what_other_programs_read() {
     assert!(view["psnr"].as_f64().unwrap() > 3.0 && view["silhouette_iou"].as_f64().unwrap() > 0.1);
     assert_eq!(found["parameters"]["cameras"]["shape"], json!([5, 6]));
 
-    let out = Folder::new(folder.join("out")).unwrap();
+    let out = Folder::new(folder.join("photos/out")).unwrap();
     let model = read_model(&out, "mesh.glb").unwrap();
     assert_eq!(model.geometries[0].faces.len(), 192);
     assert_eq!(model.images[0].width, 8);
@@ -525,6 +525,12 @@ fn a_fit_of_a_scene_leaves_what_other_programs_read() {
         let size = Picture::size_of(&out.read(&file).unwrap(), &Place::of(&file)).unwrap();
         assert_eq!(size, [32, 32], "{what}");
     }
+    // Its images are found from where it lies.
+    let told = said(folder, &["inspect", "photos/out/transforms.json"]);
+    assert!(
+        told.starts_with("photos/out/transforms.json: a file of cameras\n  views         5\n"),
+        "{told}"
+    );
     let page = out.read_text("index.html").unwrap();
     for section in ["Error against run time", "The learnt mesh", "00, held out"] {
         assert!(page.contains(section), "{section}");

@@ -4,6 +4,8 @@ use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
+use pathdiff::diff_paths;
+
 use crate::error::{Place, SceneError};
 
 /// The largest file that is read, in bytes.
@@ -43,6 +45,16 @@ impl Folder {
     /// The folder's path, as it was given.
     pub fn path(&self) -> &Path {
         &self.given
+    }
+
+    /// The way here from another folder, or the whole path where there is none.
+    ///
+    /// # Errors
+    /// [`SceneError::Read`] where the other folder can't be found.
+    pub(crate) fn seen_from(&self, other: &Path) -> Result<PathBuf, SceneError> {
+        let failed = |error| SceneError::Read { path: other.to_owned(), error };
+        let way = diff_paths(&self.root, fs::canonicalize(other).map_err(failed)?);
+        Ok(way.unwrap_or_else(|| self.root.clone()))
     }
 
     /// Where a file of this folder lies, for messages and for [`Folder::read`].
@@ -121,6 +133,20 @@ mod tests {
         assert!(matches!(absolute, Err(SceneError::Outside { .. })));
         assert!(matches!(folder.read("missing"), Err(SceneError::Read { .. })));
         assert!(matches!(folder.read("images"), Err(SceneError::Read { .. })));
+    }
+
+    #[test]
+    fn there_is_a_way_from_one_folder_to_another() {
+        let place = tempfile::tempdir().unwrap();
+        let (scene, out) = (place.path().join("scene"), place.path().join("results/out"));
+        for folder in [&scene.join("out"), &out] {
+            fs::create_dir_all(folder).unwrap();
+        }
+        let folder = Folder::new(&scene).unwrap();
+        assert_eq!(folder.seen_from(&scene.join("out")).unwrap(), Path::new(".."));
+        assert_eq!(folder.seen_from(&out).unwrap(), Path::new("../../scene"));
+        assert_eq!(folder.seen_from(&scene).unwrap(), Path::new(""));
+        assert!(folder.seen_from(&place.path().join("missing")).is_err());
     }
 
     #[cfg(unix)]

@@ -141,7 +141,7 @@ impl Learnt {
                     return Err(wrong(scene, format!("{rule}, and {:?} has none", object.name)));
                 };
                 let name = of_object("colors", &object.name);
-                self.add_share(name, &colors.rows, own, None)?;
+                self.add_share(name, &colors.rows, own.rate)?;
             }
         }
         type Start = fn(&Object) -> Tensor<f32>;
@@ -155,12 +155,21 @@ impl Learnt {
         ];
         for (kind, own, start) in kinds {
             let Some(own) = own else { continue };
+            let mut maps = 0;
             for object in chosen(scene, own.meshes.as_deref(), kind)? {
                 let start = start(object);
                 let name = of_object(kind, &object.name);
-                let is_map = start.shape().len() == 3;
-                let smooth = own.total_variation.filter(|_| is_map);
-                self.add_share(name, &start, own, smooth)?;
+                if start.shape().len() == 3 {
+                    maps += 1;
+                    if let Some(weight) = own.total_variation {
+                        self.regularize(&name, weight, Rule::TotalVariation);
+                    }
+                }
+                self.add_share(name, &start, own.rate)?;
+            }
+            if let (0, Some(weight)) = (maps, own.total_variation) {
+                let rule = format!("`learn.{kind}` has a total variation where a mesh has a map");
+                return Err(wrong(scene, format!("{rule}: none has, and it is {}", weight.0)));
             }
         }
         Ok(())
@@ -171,15 +180,11 @@ impl Learnt {
         &mut self,
         name: String,
         start: &Tensor<f32>,
-        own: &LearnMaps,
-        total_variation: Option<Positive>,
+        own: Option<Positive>,
     ) -> Result<(), SceneError> {
-        if let Some(weight) = total_variation {
-            self.regularize(&name, weight, Rule::TotalVariation);
-        }
         let start = start.map(|x| x.clamp(MARGIN, 1.0 - MARGIN));
         let parameter = Parameter::new(name, start).mapping(Mapping::Sigmoid);
-        self.add(parameter, rate(own.rate, 0.05))
+        self.add(parameter, rate(own, 0.05))
     }
 
     /// Poses, cameras, lights, and numbers of the whole picture.
@@ -219,10 +224,6 @@ impl Learnt {
             let start = texels.map(|x| x.max(MARGIN));
             let parameter = Parameter::new("environment", start).mapping(Mapping::Softplus);
             self.add(parameter, rate(own.rate, 0.03))?;
-            if let Some(weight) = own.total_variation {
-                let rule = "the total variation of an environment is no part of the loss";
-                return Err(wrong(scene, format!("{rule}, and its weight is {}", weight.0)));
-            }
         }
         if let Some(own) = &learn.exposure {
             let stops = pipeline.exposure.map_or(0.0, |stops| stops.0);
@@ -290,13 +291,8 @@ fn own_radius(object: &Object) -> f64 {
 /// Roughness or metallic of an object: its map, or its number.
 fn numbers(object: &Object, channel: usize) -> Tensor<f32> {
     let look = &object.look;
-    match &look.roughness_metallic {
-        Some(maps) => {
-            let [height, width] = [maps.shape()[0], maps.shape()[1]];
-            Tensor::from_flat_fn([height, width, 1], |k| maps.data()[2 * k + channel])
-        }
-        None => Tensor::scalar([look.roughness, look.metallic][channel]),
-    }
+    let map = look.roughness_metallic_map(channel);
+    map.unwrap_or_else(|| Tensor::scalar([look.roughness, look.metallic][channel]))
 }
 
 /// Whether pictures become images before they are compared, judged without a tape of a step.

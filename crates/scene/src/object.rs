@@ -72,6 +72,14 @@ impl Object {
         let coordinates = geometry.coordinates.as_ref();
         let coordinates = coordinates.map(|own| of_vertices(own, &geometry.faces));
         let material = geometry.material.and_then(|k| model.materials.get(k));
+        let look = match material {
+            Some(material) => SurfaceLook::of_file(material, &model.images),
+            // Colours stand for themselves.
+            None if geometry.colors.is_some() => {
+                SurfaceLook { base_color: [1.0; 3], ..SurfaceLook::plain() }
+            }
+            None => SurfaceLook::plain(),
+        };
         Ok(Self {
             name,
             positions: rows(&geometry.positions),
@@ -80,14 +88,8 @@ impl Object {
             normals: geometry.normals.as_ref().map(attribute).transpose()?,
             mesh,
             places,
-            look: match material {
-                Some(material) => SurfaceLook::of_file(material, &model.images),
-                // Colours stand for themselves.
-                None if geometry.colors.is_some() => {
-                    SurfaceLook { base_color: [1.0; 3], ..SurfaceLook::plain() }
-                }
-                None => SurfaceLook::plain(),
-            },
+            // Maps are looked up by texture coordinates.
+            look: if geometry.coordinates.is_some() { look } else { look.without_maps() },
         })
     }
 
@@ -113,6 +115,23 @@ impl SurfaceLook {
         }
     }
 
+    /// The numbers without the maps.
+    fn without_maps(self) -> Self {
+        Self { texture: None, roughness_metallic: None, normal_map: None, ..self }
+    }
+
+    /// Whether anything is looked up by texture coordinates.
+    pub(crate) fn has_maps(&self) -> bool {
+        self.texture.is_some() || self.roughness_metallic.is_some() || self.normal_map.is_some()
+    }
+
+    /// The map of roughness, channel 0, or metallic, channel 1: `[H, W, 1]`.
+    pub(crate) fn roughness_metallic_map(&self, channel: usize) -> Option<Tensor<f32>> {
+        let maps = self.roughness_metallic.as_ref()?;
+        let [height, width] = [maps.shape()[0], maps.shape()[1]];
+        Some(Tensor::from_flat_fn([height, width, 1], |k| maps.data()[2 * k + channel]))
+    }
+
     fn of_file(material: &MaterialFile, images: &[Picture]) -> Self {
         let image = |k: Option<usize>| k.and_then(|k| images.get(k));
         let [red, green, blue, _] = material.base_color;
@@ -130,13 +149,8 @@ impl SurfaceLook {
                 maps[k % 2].data()[k / 2] * factors[k % 2]
             }))
         });
-        let normal_map = image(material.normal_image).map(|image| {
-            let texels = image.color(ColorSpace::Linear);
-            let factors = [material.normal_scale, material.normal_scale, 1.0];
-            Tensor::from_flat_fn(texels.shape(), |k| {
-                (2.0 * texels.data()[k] - 1.0) * factors[k % 3]
-            })
-        });
+        let normal_map = image(material.normal_image);
+        let normal_map = normal_map.map(|image| vectors(image, material.normal_scale));
         Self {
             base_color,
             texture: color,
@@ -146,6 +160,13 @@ impl SurfaceLook {
             normal_map,
         }
     }
+}
+
+/// The vectors of a normal map `[H, W, 3]`, x and y times `scale`.
+pub(crate) fn vectors(image: &Picture, scale: f32) -> Tensor<f32> {
+    let texels = image.color(ColorSpace::Linear);
+    let factors = [scale, scale, 1.0];
+    Tensor::from_flat_fn(texels.shape(), |k| (2.0 * texels.data()[k] - 1.0) * factors[k % 3])
 }
 
 fn rows<const N: usize>(rows: &[[f32; N]]) -> Tensor<f32> {

@@ -16,9 +16,9 @@ use crate::picture::{ColorSpace, Picture};
 use crate::scene::Scene;
 
 impl Scene {
-    /// Writes the scene's objects to `mesh.glb` and to a PLY file each, its cameras to `transforms.json`, and
-    /// its numbers to `numbers.json`, all in the folder `out`, which is made where it is missing. Each file is
-    /// written whole or not at all.
+    /// Writes the scene's objects to `mesh.glb` and to a PLY file each, its cameras to `transforms.json`, its
+    /// environment to `environment.exr`, and its numbers to `numbers.json`, all in the folder `out`, which is
+    /// made where it is missing. Paths of images start at `out`. Each file is written whole or not at all.
     ///
     /// # Errors
     /// [`SceneError::Write`] where the file system refuses; [`SceneError::Content`] for what a format can't
@@ -41,9 +41,17 @@ impl Scene {
                 write(&format!("{}.ply", geometry.name), &ply(geometry)?)?;
             }
         }
-        let cameras = self.cameras();
+        let mut cameras = self.cameras();
+        let way = self.folder.seen_from(out)?;
+        cameras.iter_mut().for_each(|view| view.image = way.join(&view.image));
         if !cameras.is_empty() {
             write("transforms.json", transforms_json(&cameras).as_bytes())?;
+        }
+        if let Some(texels) = &self.environment {
+            let [side, all] = [texels.shape()[1], texels.data().len()];
+            let faces = Tensor::from_flat_fn([all / (3 * side), side, 3], |k| texels.data()[k]);
+            let place = Place::of("environment.exr");
+            write("environment.exr", &Picture::of_numbers(&faces)?.encode_exr(&place)?)?;
         }
         let numbers = serde_json::to_string_pretty(&self.numbers()).unwrap_or_default();
         write("numbers.json", format!("{numbers}\n").as_bytes())?;
@@ -106,4 +114,23 @@ fn rows(matrix: &DMat4) -> Value {
 /// [`SceneError::Write`] where the file system refuses.
 pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), SceneError> {
     write_whole(path, bytes).map_err(|error| SceneError::Write { path: path.to_owned(), error })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_environment_is_read_again_as_it_was_written() {
+        let place = tempfile::tempdir().unwrap();
+        let file = place.path().join("scene.toml");
+        fs::write(&file, "[environment]\ncolor = [1, 0.5, 3]\nsize = 8\n").unwrap();
+        let mut scene = Scene::load(&file).unwrap();
+        let texels = Tensor::from_flat_fn([6, 8, 8, 3], |k| 0.01 * k as f32);
+        scene.environment = Some(texels.clone());
+        let written = scene.save_results(place.path()).unwrap();
+        assert!(written.contains(&place.path().join("environment.exr")));
+        fs::write(&file, "[environment]\nimage = \"environment.exr\"\n").unwrap();
+        assert_eq!(Scene::load(&file).unwrap().environment, Some(texels));
+    }
 }

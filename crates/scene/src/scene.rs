@@ -20,7 +20,7 @@ use crate::error::{Place, SceneError};
 use crate::folder::Folder;
 use crate::mesh::read_model;
 use crate::model::{Model, Placed};
-use crate::object::{Object, SurfaceLook};
+use crate::object::{Object, SurfaceLook, vectors};
 use crate::picture::{ColorSpace, Picture};
 use crate::shapes;
 
@@ -240,6 +240,9 @@ impl Source {
                 return Err(self.wrong(entry, rule));
             }
         };
+        if let Some(file) = &material.normals {
+            look.normal_map = Some(vectors(&self.image(file)?, 1.0));
+        }
         let maps = [&look.texture, &look.roughness_metallic, &look.normal_map];
         if object.coordinates.is_none() && maps.iter().any(|map| map.is_some()) {
             let rule = "a mesh with a texture has texture coordinates";

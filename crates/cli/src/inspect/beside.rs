@@ -9,3 +9,11 @@ pub(super) fn beside(file: &Path) -> Result<(Folder, &Path), SceneError> {
     let folder = Folder::new(file.parent().unwrap_or(Path::new("")))?;
     Ok((folder, file.file_name().map_or(file, Path::new)))
 }
+
+/// The folder of the scene in which a file lies, the nearest above it with a `scene.toml`, or else its own
+/// folder; and where the file lies in there.
+pub(super) fn in_scene(file: &Path) -> Result<(Folder, &Path), SceneError> {
+    let above = file.ancestors().skip(1).find(|folder| folder.join("scene.toml").is_file());
+    let Some(above) = above else { return beside(file) };
+    Ok((Folder::new(above)?, file.strip_prefix(above).unwrap_or(file)))
+}

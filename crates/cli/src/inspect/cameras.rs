@@ -6,7 +6,7 @@ use bokashi_scene::{Camera, Picture, Place, SceneError, gaze, read_transforms};
 use glam::DVec3;
 use serde_json::json;
 
-use super::beside::beside;
+use super::beside::in_scene;
 use super::findings::{Findings, Section};
 use crate::digits::{count, number, numbers};
 
@@ -17,7 +17,7 @@ const ROUNDING: f64 = 1e-9;
 
 /// What is in the `transforms.json` called `file`.
 pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
-    let (folder, name) = beside(file)?;
+    let (folder, name) = in_scene(file)?;
     let views = read_transforms(&folder, name)?;
     let mut findings = Findings::new("a file of cameras");
     let mut whole = Section::default();

@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use bokashi_scene::description::{Learn, LearnMaps, LearnNumbers, LearnVertices, Stage};
+use bokashi_scene::description::{
+    Learn, LearnMaps, LearnNumbers, LearnObjects, LearnVertices, Stage,
+};
 use bokashi_scene::{Object, Scene, SceneError, SceneFit};
 use glam::DVec3;
 use serde_json::json;
@@ -106,6 +108,9 @@ fn learnt(learn: &Learn) -> Vec<(&'static str, Option<f64>)> {
     fn numbers(own: &Option<LearnNumbers>) -> Option<Option<f64>> {
         own.as_ref().map(|own| own.rate.map(|rate| rate.0))
     }
+    fn objects(own: &Option<LearnObjects>) -> Option<Option<f64>> {
+        own.as_ref().map(|own| own.rate.map(|rate| rate.0))
+    }
     fn maps(own: &Option<LearnMaps>) -> Option<Option<f64>> {
         own.as_ref().map(|own| own.rate.map(|rate| rate.0))
     }
@@ -131,16 +136,16 @@ fn learnt(learn: &Learn) -> Vec<(&'static str, Option<f64>)> {
     } = learn;
     let all = [
         ("vertices", vertices(places)),
-        ("colors", maps(colors)),
+        ("colors", objects(colors)),
         ("texture", maps(texture)),
         ("roughness", maps(roughness)),
         ("metallic", maps(metallic)),
-        ("pose", numbers(pose)),
+        ("pose", objects(pose)),
         ("cameras", numbers(cameras)),
         ("intrinsics", numbers(intrinsics)),
         ("distortion", numbers(distortion)),
         ("lights", numbers(lights)),
-        ("environment", maps(environment)),
+        ("environment", numbers(environment)),
         ("exposure", numbers(exposure)),
         ("blur", numbers(blur)),
         ("lens", numbers(lens)),

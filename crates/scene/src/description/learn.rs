@@ -12,7 +12,7 @@ pub struct Learn {
     /// The places of vertices. Their rate is a share of the mesh's radius.
     pub vertices: Option<LearnVertices>,
     /// Colours at vertices.
-    pub colors: Option<LearnMaps>,
+    pub colors: Option<LearnObjects>,
     /// Textures of base colours.
     pub texture: Option<LearnMaps>,
     /// Roughness of surfaces.
@@ -21,7 +21,7 @@ pub struct Learn {
     pub metallic: Option<LearnMaps>,
     /// Where meshes stand. The rate of rotations is in radians, and of translations a share of the scene's
     /// radius.
-    pub pose: Option<LearnNumbers>,
+    pub pose: Option<LearnObjects>,
     /// Where cameras stand, as `pose`.
     pub cameras: Option<LearnNumbers>,
     /// Focal lengths and principal points: all views change alike, by shares of their focal lengths and of
@@ -32,7 +32,7 @@ pub struct Learn {
     /// Colours of lights.
     pub lights: Option<LearnNumbers>,
     /// Light from all sides.
-    pub environment: Option<LearnMaps>,
+    pub environment: Option<LearnNumbers>,
     /// How much light is multiplied.
     pub exposure: Option<LearnNumbers>,
     /// The standard deviation of the blur.
@@ -41,17 +41,25 @@ pub struct Learn {
     pub lens: Option<LearnNumbers>,
 }
 
-/// How numbers are learnt.
+/// How numbers of the whole scene are learnt.
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LearnNumbers {
+    /// The learning rate.
+    pub rate: Option<Positive>,
+}
+
+/// How numbers of meshes are learnt.
+#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LearnObjects {
     /// The learning rate.
     pub rate: Option<Positive>,
     /// The meshes that this is about; by default all.
     pub meshes: Option<Vec<String>>,
 }
 
-/// How maps and colours are learnt.
+/// How maps are learnt.
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LearnMaps {
@@ -59,7 +67,7 @@ pub struct LearnMaps {
     pub rate: Option<Positive>,
     /// The meshes that this is about; by default all.
     pub meshes: Option<Vec<String>>,
-    /// The weight of the total variation in the loss.
+    /// The weight of the total variation in the loss, of meshes with a map.
     pub total_variation: Option<Positive>,
 }
 

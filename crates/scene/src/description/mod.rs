@@ -16,7 +16,8 @@ use serde::Deserialize;
 use toml::Spanned;
 
 pub use learn::{
-    Learn, LearnMaps, LearnNumbers, LearnVertices, LossEntry, LossKind, Stage, StopEntry,
+    Learn, LearnMaps, LearnNumbers, LearnObjects, LearnVertices, LossEntry, LossKind, Stage,
+    StopEntry,
 };
 pub use look::{
     CullName, EnvironmentEntry, FilterName, LensEntry, LightEntry, PipelineEntry, Silhouettes,

@@ -1,0 +1,256 @@
+//! A view of a scene, drawn: from numbers to an image.
+
+use std::sync::Arc;
+
+use bokashi_core::{Tape, Tensor, Var};
+use bokashi_fit::FitError;
+use bokashi_render_ops::{
+    Background, Blur, Cull, Fragments, Lens, LensOptions, Picture, Radius, RasterOptions,
+    RenderError, Sampling, Size, Surface, antialias, composite, depth_of_field, exposure,
+    eye_depth, gaussian_blur, interpolate, rasterize, srgb_encode,
+};
+use glam::DVec3;
+
+use super::frame::Frame;
+use super::lighting::Lighting;
+use super::looks::{Asked, LookUp};
+use super::normals::Normals;
+use super::parts::Parts;
+use super::sight::Sight;
+use crate::description::{CullName, Silhouettes, SurfaceModel, Tone};
+use crate::error::SceneError;
+use crate::scene::Scene;
+use crate::values::{Recorded, Values};
+
+/// A scene, ready to be drawn: what no step changes is worked out once.
+pub struct Renderer {
+    scene: Arc<Scene>,
+    frame: Frame,
+    parts: Parts,
+    looks: LookUp,
+    normals: Normals,
+    lighting: Lighting,
+}
+
+/// A view, drawn.
+pub struct Drawn<'t> {
+    /// Its fragments.
+    pub fragments: Fragments<'t, f32>,
+    /// Light, before lens, blur and tone. A fourth channel is 1 where the objects are.
+    pub light: Picture<'t, f32>,
+    /// The vertices in the world.
+    pub(crate) world: Var<'t, f32>,
+}
+
+impl Renderer {
+    /// What draws `scene`.
+    ///
+    /// # Errors
+    /// [`SceneError::Render`] for meshes or an environment of a size that the engine refuses.
+    pub fn new(scene: Arc<Scene>) -> Result<Self, SceneError> {
+        let parts = Parts::of(&scene.objects)?;
+        let filter = scene.description.pipeline.texture_filter;
+        Ok(Self {
+            frame: Frame::of(&scene),
+            looks: LookUp::of(&parts, &scene.objects, filter)?,
+            normals: Normals::of(&parts, &scene.objects)?,
+            lighting: Lighting::of(&scene)?,
+            parts,
+            scene,
+        })
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// The radius of the scene.
+    pub fn radius(&self) -> f64 {
+        self.frame.radius
+    }
+
+    /// The middle of the scene.
+    pub(crate) fn center(&self) -> DVec3 {
+        self.frame.center
+    }
+
+    /// The middles of objects in the world.
+    pub(crate) fn middles(&self) -> &[DVec3] {
+        &self.frame.middles
+    }
+
+    /// The size of a view whose image is made smaller `reduce` times along each axis.
+    pub fn size(&self, view: usize, reduce: usize) -> Size {
+        self.scene.views[view].camera.scaled(reduce).size
+    }
+
+    /// The background as pixels stand for it, with 0 in a fourth channel.
+    ///
+    /// # Errors
+    /// None: those of tone curves.
+    pub fn background(&self, channels: usize) -> Result<Tensor<f32>, SceneError> {
+        let tape = Tape::new();
+        let own = self.behind(channels);
+        Ok(self
+            .toned(tape.constant(&Tensor::new([1, channels], own).map_err(RenderError::from)?))?
+            .reshape([channels])
+            .map_err(RenderError::from)?
+            .value())
+    }
+
+    /// The light of the background, with 0 in a fourth channel.
+    fn behind(&self, channels: usize) -> Vec<f32> {
+        let own = self.scene.description.pipeline.background;
+        let mut behind = own.map_or([0.0; 3], |color| color.map(|x| x.0 as f32)).to_vec();
+        behind.resize(channels, 0.0);
+        behind
+    }
+
+    /// How a view is rasterized.
+    fn options(&self, size: Size) -> RasterOptions {
+        let pipeline = &self.scene.description.pipeline;
+        let cull = match pipeline.cull {
+            CullName::None => Cull::None,
+            CullName::Back => Cull::Back,
+        };
+        let sampling = match pipeline.silhouettes {
+            Silhouettes::Exact => Sampling::Exact,
+            _ => Sampling::Center,
+        };
+        RasterOptions::new(size).cull(cull).sampling(sampling)
+    }
+
+    /// Draws a view whose image is made smaller `reduce` times along each axis; `with_mask` adds a fourth
+    /// channel that is 1 where the objects are.
+    ///
+    /// # Errors
+    /// What the operations refuse.
+    pub fn draw<'t>(
+        &self,
+        values: &Values<'t, '_>,
+        view: usize,
+        reduce: usize,
+        with_mask: bool,
+    ) -> Result<Drawn<'t>, FitError> {
+        let world = self.parts.world(&self.scene.objects, &self.frame, values)?;
+        let camera = self.scene.views[view].camera.scaled(reduce);
+        let (clip, eye) = Sight { frame: &self.frame, view, camera }.clip(values, world)?;
+        let options = self.options(self.size(view, reduce));
+        let fragments = rasterize(clip, self.parts.assembly.mesh(), options)?;
+        let light = self.light(values, world, eye, &fragments)?;
+        let tape = values.tape;
+        let mut surface = match self.scene.description.pipeline.exposure {
+            None if values.learnt("exposure").is_none() => light,
+            own => exposure(light, values.number("exposure", own.map_or(0.0, |x| x.0)))?,
+        };
+        if with_mask {
+            let ones = tape.constant_full([fragments.coverage.count(), 1], 1.0);
+            surface = Var::concat(&[surface, ones], 1)?;
+        }
+        let behind = self.behind(if with_mask { 4 } else { 3 });
+        let background = Background::Color(tape.constant(&Tensor::from(behind.as_slice())));
+        let composite = composite(surface, &fragments, background)?;
+        let light = match self.scene.description.pipeline.silhouettes {
+            Silhouettes::Antialias => antialias(composite)?,
+            _ => composite.into(),
+        };
+        Ok(Drawn { fragments, light, world })
+    }
+
+    /// Whether a picture goes through operations that see its neighbours: it is then an image.
+    pub fn is_dense(&self, values: &Values<'_, '_>) -> bool {
+        let pipeline = &self.scene.description.pipeline;
+        let is_learnt =
+            ["blur", "aperture", "focus"].iter().any(|name| values.learnt(name).is_some());
+        pipeline.blur.is_some() || pipeline.lens.is_some() || is_learnt
+    }
+
+    /// The picture's light as pixels stand for it; the fourth channel stays as it is.
+    pub fn toned<'t>(&self, light: Var<'t, f32>) -> Result<Var<'t, f32>, RenderError> {
+        if self.scene.description.pipeline.tone == Tone::Linear {
+            return Ok(light);
+        }
+        let axis = light.shape().len() - 1;
+        let channels = light.shape()[axis];
+        let colors = if channels == 3 { light } else { light.slice(axis, 0..3)? };
+        let encoded = srgb_encode(colors.clamp(0.0, 1.0)?)?;
+        match channels {
+            3 => Ok(encoded),
+            _ => Ok(Var::concat(&[encoded, light.slice(axis, 3..channels)?], axis)?),
+        }
+    }
+
+    /// The image of a drawn view, `[H, W, 3]` or with a fourth channel, through lens, blur and tone.
+    ///
+    /// # Errors
+    /// What the operations refuse.
+    pub fn image<'t>(
+        &self,
+        values: &Values<'t, '_>,
+        drawn: &Drawn<'t>,
+        reduce: usize,
+    ) -> Recorded<'t> {
+        let pipeline = &self.scene.description.pipeline;
+        if !self.is_dense(values) {
+            return Ok(drawn.light.map(|light| self.toned(light))?.image()?);
+        }
+        let mut image = drawn.light.image()?;
+        // Lengths in pixels shrink with the image.
+        let share = 1.0 / reduce as f32;
+        if let Some(lens) = pipeline.lens {
+            let far = 1e3 * self.frame.radius;
+            let distances = eye_depth(&drawn.fragments)?.image(&drawn.fragments, far)?;
+            let options = LensOptions {
+                radius: Radius::Tolerance(lens.tolerance.map_or(1e-3, |tolerance| tolerance.0)),
+                ..LensOptions::default()
+            };
+            let lens = Lens {
+                aperture: values.number("aperture", lens.aperture.0) * share,
+                focus: values.number("focus", lens.focus.0),
+            };
+            image = depth_of_field(image, distances, lens, &options)?.image;
+        }
+        if let Some(blur) = pipeline.blur {
+            let sigma = values.number("blur", blur.0) * share;
+            image = gaussian_blur(image, sigma, &Blur::default())?;
+        }
+        Ok(self.toned(image)?)
+    }
+
+    /// What the fragments send to the eye, `[N, 3]`.
+    fn light<'t>(
+        &self,
+        values: &Values<'t, '_>,
+        world: Var<'t, f32>,
+        eye: Var<'t, f32>,
+        fragments: &Fragments<'t, f32>,
+    ) -> Recorded<'t> {
+        let objects = &self.scene.objects;
+        let reflection = self.lighting.model == SurfaceModel::MetallicRoughness;
+        let asked = Asked { reflection, normals: self.lighting.is_lit() };
+        let looks = self.looks.at(&self.parts, objects, values, fragments, asked)?;
+        if !self.lighting.is_lit() {
+            return Ok(looks.base_color);
+        }
+        let normals = self.normals.at(world, fragments, looks.normals)?;
+        let positions = interpolate(world, fragments)?;
+        let views = eye.try_sub(positions)?;
+        let surface = Surface { normals, views, positions: Some(positions) };
+        self.lighting.of_surface(&self.scene, values, &surface, &looks)
+    }
+
+    /// Normals of the surface at the fragments in the world, `[N, 3]`, of any length, without normal maps.
+    pub(crate) fn normals<'t>(
+        &self,
+        world: Var<'t, f32>,
+        fragments: &Fragments<'t, f32>,
+    ) -> Recorded<'t> {
+        self.normals.at(world, fragments, None)
+    }
+
+    /// Which of the instances of all objects a face belongs to.
+    pub(crate) fn instance(&self, face: usize) -> Option<usize> {
+        self.parts.instance(face)
+    }
+}

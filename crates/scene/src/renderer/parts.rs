@@ -1,0 +1,130 @@
+//! The objects of a scene as one mesh.
+
+use bokashi_core::{Tensor, Var};
+use bokashi_fit::FitError;
+use bokashi_render_ops::camera::to_tensor;
+use bokashi_render_ops::{Assembly, Mesh, transform_points};
+use glam::DMat4;
+
+use super::frame::Frame;
+use crate::error::SceneError;
+use crate::object::{Attribute, Object};
+use crate::values::{Recorded, Values, of_object};
+
+/// Instances of an object: those that are mirrored, whose faces are turned around, or those that are not.
+pub(super) struct Part {
+    /// Its number in the scene.
+    pub(super) object: usize,
+    pub(super) is_mirrored: bool,
+    pub(super) mesh: Mesh,
+    pub(super) places: Vec<DMat4>,
+}
+
+/// All instances of all objects, one mesh.
+pub(super) struct Parts {
+    pub(super) all: Vec<Part>,
+    pub(super) assembly: Assembly,
+}
+
+impl Part {
+    /// This index buffer of the part's object, wound as the part's faces are.
+    pub(super) fn wound(&self, indices: &Mesh) -> Result<Mesh, SceneError> {
+        wound(indices, self.is_mirrored)
+    }
+}
+
+impl Parts {
+    pub(super) fn of(objects: &[Object]) -> Result<Self, SceneError> {
+        let mut all = Vec::new();
+        for (object, own) in objects.iter().enumerate() {
+            for is_mirrored in [false, true] {
+                let places = own.places.iter().copied();
+                let places: Vec<_> =
+                    places.filter(|place| (place.determinant() < 0.0) == is_mirrored).collect();
+                if !places.is_empty() {
+                    let mesh = wound(&own.mesh, is_mirrored)?;
+                    all.push(Part { object, is_mirrored, mesh, places });
+                }
+            }
+        }
+        let parts: Vec<_> = all.iter().map(|part| (&part.mesh, part.places.len())).collect();
+        Ok(Self { assembly: Assembly::new(&parts)?, all })
+    }
+
+    /// The index buffer of attributes of all parts, one part's after another's; a part whose object has none
+    /// has a row of its own. `None` where no object has them.
+    pub(super) fn indices(
+        &self,
+        objects: &[Object],
+        pick: impl Fn(&Object) -> Option<&Attribute>,
+    ) -> Result<Option<Mesh>, SceneError> {
+        if objects.iter().all(|object| pick(object).is_none()) {
+            return Ok(None);
+        }
+        let own = self.all.iter().map(|part| match pick(&objects[part.object]) {
+            Some(attribute) => part.wound(&attribute.indices),
+            // One row for all corners.
+            None => Ok(Mesh::new(vec![[0; 3]; part.mesh.faces().len()], 1)?),
+        });
+        let own = own.collect::<Result<Vec<_>, _>>()?;
+        Ok(Some(self.assembly.attributes(&own.iter().collect::<Vec<_>>())?))
+    }
+
+    /// The attributes that [`Parts::indices`] names: for each part those of its object.
+    pub(super) fn rows<'t>(&self, own: impl Fn(usize) -> Var<'t, f32>) -> Recorded<'t> {
+        let all: Vec<_> = self.all.iter().map(|part| own(part.object)).collect();
+        Ok(match all.as_slice() {
+            [only] => *only,
+            _ => Var::concat(&all, 0)?,
+        })
+    }
+
+    /// The number of the object that a face belongs to.
+    pub(super) fn object(&self, face: usize) -> usize {
+        self.assembly.place(face).map_or(0, |place| self.all[place.part].object)
+    }
+
+    /// Which of all instances a face belongs to.
+    pub(super) fn instance(&self, face: usize) -> Option<usize> {
+        let place = self.assembly.place(face)?;
+        let before = self.all[..place.part].iter().map(|part| part.places.len());
+        Some(before.sum::<usize>() + place.instance)
+    }
+
+    /// The vertices of all instances in the world, `[V, 3]`.
+    pub(super) fn world<'t>(
+        &self,
+        objects: &[Object],
+        frame: &Frame,
+        values: &Values<'t, '_>,
+    ) -> Recorded<'t> {
+        let tape = values.tape;
+        let mut all = Vec::new();
+        for part in &self.all {
+            let (object, middle) = (&objects[part.object], frame.middles[part.object]);
+            let own = values.tensor(&of_object("vertices", &object.name), &object.positions);
+            let pose = values.learnt(&of_object("pose", &object.name));
+            for place in &part.places {
+                all.push(match pose {
+                    Some(pose) => transform_points(own, frame.moved(pose, middle, place)?)?,
+                    None if *place == DMat4::IDENTITY => own,
+                    None => transform_points(own, tape.constant(&to_tensor(place)))?,
+                });
+            }
+        }
+        match all.as_slice() {
+            [] => Ok(tape.constant(&Tensor::zeros([0, 3]))),
+            [only] => Ok(*only),
+            _ => Ok(Var::concat(&all, 0).map_err(FitError::from)?),
+        }
+    }
+}
+
+/// Faces as they are seen from outside: a mirror turns them around.
+fn wound(mesh: &Mesh, is_mirrored: bool) -> Result<Mesh, SceneError> {
+    if !is_mirrored {
+        return Ok(mesh.clone());
+    }
+    let faces = mesh.faces().iter().map(|&[a, b, c]| [a, c, b]).collect();
+    Ok(Mesh::new(faces, mesh.vertex_count())?)
+}

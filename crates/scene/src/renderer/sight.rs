@@ -1,0 +1,102 @@
+//! Cameras, fixed or learnt: from the world to clip space.
+
+use bokashi_core::{Tape, Tensor, Var};
+use bokashi_fit::FitError;
+use bokashi_render_ops::camera::{from_tensor, to_tensor};
+use bokashi_render_ops::{
+    Camera as Projection, Size, affine_inverse, distort, pinhole, project, transform_points,
+};
+use glam::DVec3;
+
+use super::frame::Frame;
+use crate::cameras::Camera;
+use crate::values::Values;
+
+/// A view's camera at one size of its image.
+pub(super) struct Sight<'a> {
+    pub(super) frame: &'a Frame,
+    /// The view's number.
+    pub(super) view: usize,
+    /// At the size that is drawn.
+    pub(super) camera: Camera,
+}
+
+impl Sight<'_> {
+    /// Vertices `world: [V, 3]` in clip space, and the eye in the world, `[3]`.
+    pub(super) fn clip<'t>(
+        &self,
+        values: &Values<'t, '_>,
+        world: Var<'t, f32>,
+    ) -> Result<(Var<'t, f32>, Var<'t, f32>), FitError> {
+        let tape = values.tape;
+        let view = self.view_matrix(values)?;
+        let lens = self.lens_matrix(values, self.camera.size)?;
+        let on_tape = |matrix: Projection<'t, f32>| match matrix {
+            Projection::Fixed(matrix) => tape.constant(&to_tensor(&matrix)),
+            Projection::Variable(matrix) => matrix,
+        };
+        let eye = match view {
+            Projection::Fixed(view) => {
+                let eye = view.inverse().transform_point3(DVec3::ZERO).as_vec3();
+                tape.constant(&Tensor::from(eye.to_array()))
+            }
+            Projection::Variable(view) => {
+                affine_inverse(view)?.slice(1, 3..4)?.slice(0, 0..3)?.reshape([3])?
+            }
+        };
+        let is_straight = self.camera.distortion == [0.0; 5];
+        let distortion = match values.learnt("distortion") {
+            None if is_straight => None,
+            learnt => Some(learnt.unwrap_or_else(|| {
+                tape.constant(&Tensor::from(self.camera.distortion.map(|x| x as f32)))
+            })),
+        };
+        let clip = match (distortion, view, lens) {
+            (Some(distortion), ..) => {
+                let seen = distort(transform_points(world, on_tape(view))?, distortion)?;
+                project(seen, lens, None)?
+            }
+            (None, Projection::Fixed(view), Projection::Fixed(lens)) => {
+                project(world, &(lens * view), None)?
+            }
+            (None, ..) => project(world, on_tape(lens).matmul(on_tape(view))?, None)?,
+        };
+        Ok((clip, eye))
+    }
+
+    /// The view matrix: fixed, or a variable where cameras are learnt.
+    fn view_matrix<'t>(&self, values: &Values<'t, '_>) -> Result<Projection<'t, f32>, FitError> {
+        let own = &self.camera.view;
+        let Some(increments) = values.learnt("cameras") else {
+            return Ok(Projection::Fixed(*own));
+        };
+        let increment = increments.slice(0, self.view..self.view + 1)?.reshape([6])?;
+        // About the middle of the scene, along the camera's axes: what moves the picture and what changes its
+        // size are then different numbers.
+        let about = own.transform_point3(self.frame.center);
+        Ok(Projection::Variable(self.frame.moved(increment, about, own)?))
+    }
+
+    /// The matrix from the camera's coordinates to clip space.
+    fn lens_matrix<'t>(
+        &self,
+        values: &Values<'t, '_>,
+        size: Size,
+    ) -> Result<Projection<'t, f32>, FitError> {
+        let [near, far] = [self.frame.near, self.frame.far];
+        let own = self.camera.intrinsics;
+        let Some(learnt) = values.learnt("intrinsics") else {
+            let tape = Tape::new();
+            let matrix = pinhole(tape.constant(&Tensor::from(own)), size, near, far)?.value();
+            return Ok(Projection::Fixed(from_tensor(&matrix)?));
+        };
+        // Focal lengths by factors, the principal point by shares of the image's width.
+        let tape = values.tape;
+        let [fx, fy, cx, cy] = own.map(|x| x as f32);
+        let focal = learnt.slice(0, 0..2)?.exp().try_mul(tape.constant(&Tensor::from([fx, fy])))?;
+        let shift = learnt.slice(0, 2..4)? * size.width as f32;
+        let center = shift.try_add(tape.constant(&Tensor::from([cx, cy])))?;
+        let intrinsics = Var::concat(&[focal, center], 0)?;
+        Ok(Projection::Variable(pinhole(intrinsics, size, near, far)?))
+    }
+}
