@@ -342,6 +342,7 @@ fn resumed(
 fn kind_of(name: &str) -> &str {
     match name.split('/').next().unwrap_or(name) {
         "light" => "lights",
+        "light_place" => "light_places",
         "aperture" | "focus" => "lens",
         kind => kind,
     }

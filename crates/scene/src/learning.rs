@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use bokashi_core::{SparseMatrix, Tape, Tensor, Var};
 use bokashi_fit::{
-    FitError, Mapping, Parameter, Parameters, Preconditioner, Topology, Variables,
-    edge_length_error, laplacian_error, normal_error, total_variation,
+    FitError, Mapping, Parameter, Parameters, Preconditioner, RigidWeights, Rigidity, Topology,
+    Variables, edge_length_error, laplacian_error, normal_error, total_variation,
 };
 
-use crate::description::{LearnMaps, Positive};
+use crate::description::{LearnMaps, LightPlace, Positive};
 use crate::error::{Place, SceneError};
 use crate::object::Object;
 use crate::renderer::Renderer;
@@ -27,6 +27,7 @@ pub(crate) struct Regularizer {
 
 enum Rule {
     /// Of positions as shares of this radius.
+    Rigid(Rigidity, f32),
     Laplacian(Arc<SparseMatrix<f32>>, f32),
     EdgeLength(Topology, f32),
     Normals(Topology),
@@ -41,6 +42,7 @@ impl Regularizer {
     ) -> Result<Var<'t, f32>, FitError> {
         let value = variables.get(&self.parameter)?;
         let error = match &self.rule {
+            Rule::Rigid(rest, radius) => rest.error(value * (1.0 / radius))?,
             Rule::Laplacian(matrix, radius) => laplacian_error(value * (1.0 / radius), matrix)?,
             Rule::EdgeLength(topology, radius) => {
                 edge_length_error(value * (1.0 / radius), topology, 0.0)?
@@ -110,7 +112,13 @@ impl Learnt {
                 self.preconditioners.push((name.clone(), smooth));
             }
             let radius = radius as f32;
+            let rigidity = || {
+                let rest = object.positions.map(|x| x * (1.0 / radius));
+                Rigidity::new(&topology, &rest, RigidWeights::Cotangent).map_err(FitError::from)
+            };
+            let rigid = own.rigid.map(|weight| Ok::<_, FitError>((weight, rigidity()?)));
             let rules = [
+                rigid.transpose()?.map(|(weight, rest)| (weight, Rule::Rigid(rest, radius))),
                 own.laplacian.map(|weight| {
                     let matrix = Arc::new(topology.uniform_laplacian());
                     (weight, Rule::Laplacian(matrix, radius))
@@ -215,6 +223,19 @@ impl Learnt {
                 let start = light.color().map(|x| (x as f32).max(MARGIN));
                 let parameter = Parameter::new(name, Tensor::from(start));
                 self.add(parameter.mapping(Mapping::Softplus), rate(own.rate, 0.03))?;
+            }
+        }
+        if let Some(own) = &learn.light_places {
+            for (at, light) in scene.description.lights.iter().enumerate() {
+                let Some((place, unit)) = light.place().map(|own| match own {
+                    LightPlace::Direction(own) => (own.normalize(), 1.0),
+                    LightPlace::Position(own) => (own, scene.ball().1),
+                }) else {
+                    continue;
+                };
+                let name = of_object("light_place", &at.to_string());
+                let start = Tensor::from(place.as_vec3().to_array());
+                self.add(Parameter::new(name, start), rate(own.rate, 0.02) * unit)?;
             }
         }
         if let Some(own) = &learn.environment {

@@ -100,6 +100,15 @@ impl Renderer {
                 *color = own;
             }
         }
+        for (at, light) in scene.description.lights.iter_mut().enumerate() {
+            let Some(learnt) = value(&of_object("light_place", &at.to_string())) else { continue };
+            let own = std::array::from_fn(|k| Finite(learnt.data()[k].into()));
+            match light {
+                LightEntry::Directional { direction: place, .. }
+                | LightEntry::Point { position: place, .. } => *place = own,
+                LightEntry::Ambient { .. } => (),
+            }
+        }
         if let Some(texels) = value("environment") {
             scene.environment = Some(texels);
         }

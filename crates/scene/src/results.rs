@@ -9,7 +9,7 @@ use glam::DMat4;
 use serde_json::{Map, Value, json};
 
 use crate::cameras::transforms_json;
-use crate::description::Tone;
+use crate::description::{LightPlace, Tone};
 use crate::error::{Place, SceneError};
 use crate::mesh::{glb, ply};
 use crate::picture::{ColorSpace, Picture};
@@ -71,7 +71,15 @@ impl Scene {
         add("blur", pipeline.blur.map(|sigma| sigma.0));
         add("aperture", pipeline.lens.map(|lens| lens.aperture.0));
         add("focus", pipeline.lens.map(|lens| lens.focus.0));
-        let lights = self.description.lights.iter().map(|light| json!(light.color()));
+        let lights = self.description.lights.iter().map(|light| match light.place() {
+            None => json!({ "color": light.color() }),
+            Some(LightPlace::Direction(own)) => {
+                json!({ "color": light.color(), "direction": own.to_array() })
+            }
+            Some(LightPlace::Position(own)) => {
+                json!({ "color": light.color(), "position": own.to_array() })
+            }
+        });
         numbers.insert("lights".to_owned(), lights.collect());
         let objects = self.objects.iter().map(|object| {
             let look = &object.look;

@@ -20,7 +20,7 @@ use crate::error::{Place, SceneError};
 use crate::folder::Folder;
 use crate::mesh::read_model;
 use crate::model::{Model, Placed};
-use crate::object::{Object, SurfaceLook, vectors};
+use crate::object::{Attribute, Object, SurfaceLook, vectors};
 use crate::picture::{ColorSpace, Picture};
 use crate::shapes;
 
@@ -240,6 +240,12 @@ impl Source {
                 return Err(self.wrong(entry, rule));
             }
         };
+        if material.vertex_colors && object.colors.is_none() {
+            let color = if look.texture.is_some() { [1.0; 3] } else { look.base_color };
+            let rows = Tensor::from_flat_fn([object.mesh.vertex_count(), 3], |k| color[k % 3]);
+            object.colors = Some(Attribute { rows, indices: object.mesh.clone() });
+            look.base_color = [1.0; 3];
+        }
         if let Some(file) = &material.normals {
             look.normal_map = Some(vectors(&self.image(file)?, 1.0));
         }

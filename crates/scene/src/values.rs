@@ -28,8 +28,8 @@ impl<'t> Values<'t, '_> {
         self.learnt(name).unwrap_or_else(|| self.tape.constant_scalar(own as f32))
     }
 
-    /// What is learnt under this name, or else a colour.
-    pub fn color(&self, name: &str, own: [f32; 3]) -> Var<'t, f32> {
+    /// What is learnt under this name, or else three numbers.
+    pub fn triple(&self, name: &str, own: [f32; 3]) -> Var<'t, f32> {
         self.learnt(name).unwrap_or_else(|| self.tape.constant(&Tensor::from(own)))
     }
 }

@@ -31,6 +31,8 @@ pub struct Learn {
     pub distortion: Option<LearnNumbers>,
     /// Colours of lights.
     pub lights: Option<LearnNumbers>,
+    /// Directions of lights, and places of points: the rate of these is a share of the scene's radius.
+    pub light_places: Option<LearnNumbers>,
     /// Light from all sides.
     pub environment: Option<LearnNumbers>,
     /// How much light is multiplied.
@@ -81,6 +83,8 @@ pub struct LearnVertices {
     pub meshes: Option<Vec<String>>,
     /// How smooth steps are: lambda of large steps. Absent, each vertex steps alone.
     pub smoothing: Option<Positive>,
+    /// The weight in the loss of what is not rigid in how the mesh changes.
+    pub rigid: Option<Positive>,
     /// The weight of the Laplacian in the loss.
     pub laplacian: Option<Positive>,
     /// The weight of edge lengths in the loss.

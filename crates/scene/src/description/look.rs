@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use glam::DVec3;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -140,7 +141,26 @@ pub enum LightEntry {
     },
 }
 
+/// What a light's place is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum LightPlace {
+    /// Towards the light, in the world, of any length.
+    Direction(DVec3),
+    /// In the world.
+    Position(DVec3),
+}
+
 impl LightEntry {
+    /// Where it is; `None` of light from all sides.
+    pub fn place(&self) -> Option<LightPlace> {
+        let of = |own: [Finite; 3]| DVec3::from(own.map(|x| x.0));
+        match *self {
+            Self::Ambient { .. } => None,
+            Self::Directional { direction, .. } => Some(LightPlace::Direction(of(direction))),
+            Self::Point { position, .. } => Some(LightPlace::Position(of(position))),
+        }
+    }
+
     /// Its colour.
     pub fn color(&self) -> [f64; 3] {
         let (Self::Ambient { color } | Self::Directional { color, .. } | Self::Point { color, .. }) =

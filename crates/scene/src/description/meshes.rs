@@ -96,6 +96,9 @@ pub struct MaterialEntry {
     /// A texture to start from, of so many texels along a side, all of the base colour. The mesh needs
     /// texture coordinates.
     pub texture_size: Option<Count>,
+    /// Colours at vertices to start from, all of the base colour, where the mesh has none.
+    #[serde(default)]
+    pub vertex_colors: bool,
     /// An image of normals in tangent space, as glTF has them: x along u, y upwards in the image. The mesh
     /// needs texture coordinates.
     pub normals: Option<PathBuf>,

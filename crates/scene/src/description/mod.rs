@@ -20,8 +20,8 @@ pub use learn::{
     StopEntry,
 };
 pub use look::{
-    CullName, EnvironmentEntry, FilterName, LensEntry, LightEntry, PipelineEntry, Silhouettes,
-    SurfaceModel, Tone,
+    CullName, EnvironmentEntry, FilterName, LensEntry, LightEntry, LightPlace, PipelineEntry,
+    Silhouettes, SurfaceModel, Tone,
 };
 pub use meshes::{MaterialEntry, MeshEntry, Placement, Rotation, Shape};
 pub use numbers::{Count, Finite, NotNegative, Positive, Share};

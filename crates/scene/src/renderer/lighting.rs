@@ -1,10 +1,9 @@
 //! From surfaces to light.
 
-use bokashi_core::Tensor;
 use bokashi_render_ops::{Environment, Light, Material, Prefilter, Surface, shade};
 
 use super::looks::Looks;
-use crate::description::{LightEntry, NotNegative, SurfaceModel};
+use crate::description::{Finite, LightEntry, NotNegative, SurfaceModel};
 use crate::error::SceneError;
 use crate::scene::Scene;
 use crate::values::{Recorded, Values, of_object};
@@ -68,19 +67,20 @@ impl Lighting {
 }
 
 fn lights<'t>(scene: &Scene, values: &Values<'t, '_>) -> Vec<Light<'t, f32>> {
-    let vector = |numbers: [f64; 3]| values.tape.constant(&Tensor::from(numbers.map(|x| x as f32)));
     let lights = scene.description.lights.iter().enumerate().map(|(at, light)| {
         let color = |own: [NotNegative; 3]| {
-            values.color(&of_object("light", &at.to_string()), own.map(|x| x.0 as f32))
+            values.triple(&of_object("light", &at.to_string()), own.map(|x| x.0 as f32))
+        };
+        let place = |own: [Finite; 3]| {
+            values.triple(&of_object("light_place", &at.to_string()), own.map(|x| x.0 as f32))
         };
         match *light {
             LightEntry::Ambient { color: own } => Light::Ambient { radiance: color(own) },
-            LightEntry::Directional { direction, color: own } => Light::Directional {
-                direction: vector(direction.map(|x| x.0)),
-                irradiance: color(own),
-            },
+            LightEntry::Directional { direction, color: own } => {
+                Light::Directional { direction: place(direction), irradiance: color(own) }
+            }
             LightEntry::Point { position, color: own } => {
-                Light::Point { position: vector(position.map(|x| x.0)), intensity: color(own) }
+                Light::Point { position: place(position), intensity: color(own) }
             }
         }
     });

@@ -202,7 +202,8 @@ impl<'t> Material<'t, '_> {
     fn base_color(&self) -> Recorded<'t> {
         let look = &self.object.look;
         let texture = self.map("texture", look.texture.as_ref())?;
-        let color = || self.values.color(&of_object("texture", &self.object.name), look.base_color);
+        let color =
+            || self.values.triple(&of_object("texture", &self.object.name), look.base_color);
         Ok(match (texture, self.own.colors) {
             (Some(texture), Some(colors)) => texture.try_mul(colors)?,
             (Some(texture), None) => texture,

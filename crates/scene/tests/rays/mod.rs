@@ -13,6 +13,8 @@ pub(crate) struct Ball {
     pub(crate) radius: f64,
     /// For each channel: waves along a direction, with a phase.
     waves: [[(DVec3, f64); 3]; 3],
+    /// Where light comes from, of an irradiance of pi; without one, the ball shows its colours.
+    light: Option<DVec3>,
 }
 
 /// A camera that looks at the origin, y up.
@@ -33,15 +35,21 @@ impl Ball {
                 ((6.0 + 2.0 * k as f64) * along, at)
             })
         });
-        Self { center, radius, waves }
+        Self { center, radius, waves, light: None }
+    }
+
+    /// The ball under light from a direction, and nothing else.
+    pub(crate) fn lit(self, direction: DVec3) -> Self {
+        Self { light: Some(direction.normalize()), ..self }
     }
 
     /// Linear light of a place on the ball.
     pub(crate) fn color(&self, place: DVec3) -> [f64; 3] {
         let own = (place - self.center) / self.radius;
+        let share = self.light.map_or(1.0, |light| light.dot(own).max(0.0));
         self.waves.map(|waves| {
             let sum: f64 = waves.iter().map(|(along, phase)| (along.dot(own) + phase).sin()).sum();
-            0.5 + 0.14 * sum
+            share * (0.5 + 0.14 * sum)
         })
     }
 
