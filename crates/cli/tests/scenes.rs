@@ -535,6 +535,10 @@ fn a_fit_of_a_scene_leaves_what_other_programs_read() {
     for section in ["Error against run time", "The learnt mesh", "00, held out"] {
         assert!(page.contains(section), "{section}");
     }
+    for address in page.split("src=\"").skip(1).filter_map(|rest| rest.split_once('"')) {
+        assert!(out.read(address.0).is_ok(), "{}", address.0);
+    }
+    assert_eq!(page.matches("<img ").count(), 15);
 }
 
 #[test]

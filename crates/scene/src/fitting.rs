@@ -43,20 +43,27 @@ pub struct SceneFit {
 }
 
 /// How well a view is matched.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Copy)]
 pub struct ViewScore {
     /// The view.
     pub view: usize,
-    /// The picture, `[H, W, 3]`, as pixels stand for it.
-    pub image: Tensor<f32>,
-    /// What it was compared with.
-    pub target: Option<Tensor<f32>>,
     /// Peak signal-to-noise ratio, in decibels.
     pub psnr: Option<f64>,
     /// Structural similarity.
     pub ssim: Option<f64>,
     /// Intersection over union of the silhouettes, where the view has a mask.
     pub silhouette_iou: Option<f64>,
+}
+
+/// A view as it is seen, and how well it is matched.
+#[derive(Debug, Clone)]
+pub struct SeenView {
+    /// How well.
+    pub score: ViewScore,
+    /// The picture, `[H, W, 3]`, as pixels stand for it.
+    pub image: Tensor<f32>,
+    /// What it was compared with, if the view has an image.
+    pub target: Option<Tensor<f32>>,
 }
 
 /// One stage's steps.
@@ -276,6 +283,14 @@ impl SceneFit {
     /// # Errors
     /// What the operations refuse, and what is wrong with the image.
     pub fn score(&self, view: usize) -> Result<ViewScore, SceneError> {
+        Ok(self.seen(view)?.score)
+    }
+
+    /// As [`SceneFit::score`], with the picture: 24 bytes for each pixel.
+    ///
+    /// # Errors
+    /// As [`SceneFit::score`].
+    pub fn seen(&self, view: usize) -> Result<SeenView, SceneError> {
         let tape = Tape::new();
         let mut still = self.fit.parameters().clone();
         for (name, _) in &self.rates {
@@ -286,16 +301,15 @@ impl SceneFit {
         let drawn = self.renderer.draw(&values, view, 1, true)?;
         let all = self.renderer.image(&values, &drawn, 1)?;
         let image = all.slice(2, 0..3).map_err(FitError::from)?.value();
-        let mut score =
-            ViewScore { view, image, target: None, psnr: None, ssim: None, silhouette_iou: None };
+        let mut score = ViewScore { view, psnr: None, ssim: None, silhouette_iou: None };
         if self.scene().views[view].image.is_none() {
-            return Ok(score);
+            return Ok(SeenView { score, image, target: None });
         }
         let target = self.targets.get(view, 1)?;
         let colors = tape.constant(&target.image).slice(2, 0..3).map_err(FitError::from)?.value();
-        score.psnr = Some(psnr(&score.image, &colors, 1.0).map_err(FitError::from)?);
+        score.psnr = Some(psnr(&image, &colors, 1.0).map_err(FitError::from)?);
         // Images smaller than a window have none.
-        score.ssim = ssim(&score.image, &colors, 1.0).ok();
+        score.ssim = ssim(&image, &colors, 1.0).ok();
         if let Some(mask) = self.targets.mask(view)? {
             let shape = mask.shape().clone();
             let (seen, all) = (mask.data(), all.value());
@@ -303,8 +317,7 @@ impl SceneFit {
             let other = Mask::from_flat_fn(&shape, |k| seen[k] > 0.5);
             score.silhouette_iou = Some(iou(&own, &other).map_err(FitError::from)?);
         }
-        score.target = Some(colors);
-        Ok(score)
+        Ok(SeenView { score, image, target: Some(colors) })
     }
 }
 

@@ -31,7 +31,7 @@ pub use cameras::{
     transforms_json,
 };
 pub use error::{Place, SceneError};
-pub use fitting::{SceneFit, ViewScore};
+pub use fitting::{SceneFit, SeenView, ViewScore};
 pub use folder::{Folder, MOST_BYTES};
 pub use mesh::{MeshKind, glb, ply, read_model, read_model_bytes};
 pub use model::{Geometry, Indexed, MaterialFile, Model, Placed};

@@ -1,12 +1,12 @@
 //! A fit of a scene: steps, saving, what is shown meanwhile, what is written at the end.
 
 use std::io::IsTerminal as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
 use bokashi_report::{ReportError, add_page};
-use bokashi_scene::{Scene, SceneError, SceneFit, ViewScore, write_file};
+use bokashi_scene::{Scene, SceneError, SceneFit, SceneView, SeenView, ViewScore};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::outcome::{Outcome, mean_held_out, values};
@@ -183,9 +183,9 @@ impl Running<'_> {
                 saved = Instant::now();
             }
             if self.live.is_some() && shown.is_none_or(|shown| shown.elapsed() > BETWEEN_PICTURES) {
-                let scores = self.live_scores()?;
+                let seen = self.live_views()?;
                 if let Some(live) = &self.live {
-                    live.publish(self.snapshot(&scores));
+                    live.publish(self.snapshot(&seen));
                 }
                 shown = Some(Instant::now());
             }
@@ -220,7 +220,8 @@ impl Running<'_> {
 
     /// Adds a point to the curve of held-out views.
     fn measure(&mut self) -> Result<(), Failure> {
-        let held_out = self.scores(|view| view.held_out, usize::MAX)?;
+        let held_out = self.views(true, usize::MAX).map(|view| self.fit.score(view));
+        let held_out = held_out.collect::<Result<Vec<_>, _>>().map_err(failed)?;
         if let Some(psnr) = mean_held_out(&self.fit, &held_out) {
             let seconds = self.seconds();
             self.curves.held_out.push((seconds, psnr));
@@ -228,30 +229,41 @@ impl Running<'_> {
         Ok(())
     }
 
-    fn scores(
-        &self,
-        is_asked: impl Fn(&bokashi_scene::SceneView) -> bool,
-        most: usize,
-    ) -> Result<Vec<ViewScore>, Failure> {
+    /// The first views of a kind that have an image, by their numbers.
+    fn views(&self, is_held_out: bool, most: usize) -> impl Iterator<Item = usize> {
         let views = self.fit.scene().views.iter().enumerate();
-        let asked = views.filter(|(_, view)| is_asked(view)).take(most);
-        asked.map(|(at, _)| self.fit.score(at).map_err(failed)).collect()
+        let asked = views.filter(move |(_, view)| view.held_out == is_held_out);
+        asked.filter(|(_, view)| view.image.is_some()).map(|(at, _)| at).take(most)
     }
 
-    fn live_scores(&self) -> Result<Vec<ViewScore>, Failure> {
-        let mut scores = self.scores(|view| view.held_out, LIVE_VIEWS / 2)?;
-        let more = LIVE_VIEWS - scores.len();
-        scores.extend(self.scores(|view| !view.held_out && view.image.is_some(), more)?);
-        Ok(scores)
+    fn live_views(&self) -> Result<Vec<SeenView>, Failure> {
+        let held_out: Vec<_> = self.views(true, LIVE_VIEWS / 2).collect();
+        let more = LIVE_VIEWS - held_out.len();
+        let all = held_out.into_iter().chain(self.views(false, more));
+        all.map(|view| self.fit.seen(view).map_err(failed)).collect()
     }
 
-    fn snapshot(&self, scores: &[ViewScore]) -> Snapshot {
+    /// Writes the pictures of all views, of which one at a time is in memory.
+    fn save_views(&self) -> Result<Vec<ViewScore>, SceneError> {
+        let folder = self.asked.out.join(page::VIEWS);
+        std::fs::create_dir_all(&folder)
+            .map_err(|error| SceneError::Write { path: folder.clone(), error })?;
         let scene = self.fit.scene();
-        let views = scores.iter().filter_map(|score| {
-            let own = &scene.views[score.view];
-            let Pictures { picture, target, difference } = Pictures::of(scene, score).ok()?;
+        let save = |(at, view): (usize, &SceneView)| {
+            let seen = self.fit.seen(at)?;
+            Pictures::of(scene, &seen)?.save(&view.name, &folder)?;
+            Ok(seen.score)
+        };
+        scene.views.iter().enumerate().map(save).collect()
+    }
+
+    fn snapshot(&self, seen: &[SeenView]) -> Snapshot {
+        let scene = self.fit.scene();
+        let views = seen.iter().filter_map(|seen| {
+            let own = &scene.views[seen.score.view];
+            let Pictures { picture, target, difference } = Pictures::of(scene, seen).ok()?;
             let (target, difference) = (target?, difference?);
-            let (name, held_out, psnr) = (own.name.clone(), own.held_out, score.psnr);
+            let (name, held_out, psnr) = (own.name.clone(), own.held_out, seen.score.psnr);
             Some(View { name, held_out, psnr, picture, target, difference })
         });
         let model = self.fit.learnt().and_then(|learnt| learnt.model()).ok();
@@ -278,10 +290,7 @@ impl Running<'_> {
         }
         self.fit.save(&self.checkpoint).map_err(failed)?;
         let time = self.started.elapsed();
-        let scores = self.scores(|_| true, usize::MAX)?;
-        let scene = self.fit.scene();
-        let pictures = scores.iter().map(|score| Pictures::of(scene, score));
-        let pictures = pictures.collect::<Result<Vec<_>, _>>().map_err(failed)?;
+        let scores = self.save_views().map_err(failed)?;
         let [loss_initial, loss_final] = self.losses.unwrap_or([f64::NAN; 2]);
         let left_out = match scores.first() {
             Some(score) => self.fit.left_out(score.view).map_err(failed)?,
@@ -289,7 +298,10 @@ impl Running<'_> {
         };
         if let Some(live) = &self.live {
             let said = format!("{} steps in {:.1} s", self.fit.steps_done(), time.as_secs_f64());
-            live.publish(Snapshot { ended: Some(Ended::Done(said)), ..self.snapshot(&scores) });
+            live.publish(Snapshot {
+                ended: Some(Ended::Done(said)),
+                ..self.snapshot(&self.live_views()?)
+            });
         }
         let outcome = Outcome {
             loss_initial,
@@ -303,13 +315,12 @@ impl Running<'_> {
         };
         let learnt = self.fit.learnt().map_err(failed)?;
         learnt.save_results(&self.asked.out).map_err(failed)?;
-        save_pictures(scene, &outcome, &pictures, &self.asked.out).map_err(failed)?;
         let model = learnt.model().map_err(failed)?;
         let viewer = match model.geometries.is_empty() {
             true => None,
             false => Some(block(&model, "Drag to turn, roll to zoom.").map_err(not_reported)?),
         };
-        let html = page::render(&self.fit, &outcome, &self.curves, &pictures, viewer);
+        let html = page::render(&self.fit, &outcome, &self.curves, viewer);
         let page = add_page(&self.asked.out, PAGE, &html.map_err(not_reported)?);
         let page = page.map_err(not_reported)?;
         if let Some(file) = &self.asked.json {
@@ -345,29 +356,4 @@ fn keep(curve: &mut Vec<(f64, f64)>, point: (f64, f64)) {
         });
     }
     curve.push(point);
-}
-
-fn save_pictures(
-    scene: &Scene,
-    outcome: &Outcome,
-    pictures: &[Pictures],
-    out: &Path,
-) -> Result<(), SceneError> {
-    let folder = out.join("views");
-    std::fs::create_dir_all(&folder)
-        .map_err(|error| SceneError::Write { path: folder.clone(), error })?;
-    for (score, own) in outcome.scores.iter().zip(pictures) {
-        let name = &scene.views[score.view].name;
-        let files = [
-            ("result", Some(&own.picture)),
-            ("target", own.target.as_ref()),
-            ("difference", own.difference.as_ref()),
-        ];
-        for (what, png) in files {
-            if let Some(png) = png {
-                write_file(&folder.join(format!("{name}-{what}.png")), png)?;
-            }
-        }
-    }
-    Ok(())
 }

@@ -3,17 +3,18 @@
 use std::fmt::Write as _;
 
 use bokashi_report::{
-    Curve, Document, Figure, Panel, ReportError, SIZES, Scale, Section, Stroke, data_uri, escaped,
-    row,
+    Curve, Document, Figure, Panel, ReportError, SIZES, Scale, Section, Stroke, escaped, row,
 };
 use bokashi_scene::SceneFit;
 
 use super::outcome::Outcome;
-use super::pictures::{GAIN, Pictures};
+use super::pictures::{GAIN, KINDS, file_name};
 use crate::about::about;
 
 /// The name of the page.
 pub(super) const PAGE: &str = "index.html";
+/// The folder of the views' pictures, beside the page.
+pub(super) const VIEWS: &str = "views";
 
 /// Curves over the seconds of a fit.
 #[derive(Debug, Default)]
@@ -27,12 +28,11 @@ pub(super) fn render(
     fit: &SceneFit,
     outcome: &Outcome,
     curves: &Curves,
-    pictures: &[Pictures],
     viewer: Option<String>,
 ) -> Result<String, ReportError> {
     let mut sections =
         vec![Section { id: "error", title: "Error against run time", body: row(&panels(curves))? }];
-    sections.push(Section { id: "views", title: "Views", body: views(fit, outcome, pictures) });
+    sections.push(Section { id: "views", title: "Views", body: views(fit, outcome) });
     if let Some(body) = viewer {
         sections.push(Section { id: "mesh", title: "The learnt mesh", body });
     }
@@ -89,15 +89,15 @@ fn panels(curves: &Curves) -> Vec<Panel> {
 }
 
 /// Held-out views first, each with its figures and pictures.
-fn views(fit: &SceneFit, outcome: &Outcome, pictures: &[Pictures]) -> String {
+fn views(fit: &SceneFit, outcome: &Outcome) -> String {
     let mut html = format!(
-        "<p>Pictures, targets, and differences {GAIN} times as large: grey where both agree. Views that are \
+        "<p>Results, targets, and differences {GAIN} times as large: grey where both agree. Views that are \
          held out come first.</p>"
     );
     let scene = fit.scene();
-    let mut all: Vec<_> = outcome.scores.iter().zip(pictures).collect();
-    all.sort_by_key(|(score, _)| !scene.views[score.view].held_out);
-    for (score, pictures) in all {
+    let mut all: Vec<_> = outcome.scores.iter().collect();
+    all.sort_by_key(|score| !scene.views[score.view].held_out);
+    for score in all {
         let view = &scene.views[score.view];
         let name = escaped(&view.name);
         let mut said = format!("{name}{}", if view.held_out { ", held out" } else { "" });
@@ -112,23 +112,29 @@ fn views(fit: &SceneFit, outcome: &Outcome, pictures: &[Pictures]) -> String {
             let _ = write!(said, ", IoU {iou:.4}");
         }
         let _ = write!(html, "<h3>{said}</h3><div class=\"film\">");
-        let shown = [
-            ("picture", Some(&pictures.picture)),
-            ("target", pictures.target.as_ref()),
-            ("difference", pictures.difference.as_ref()),
-        ];
-        for (what, png) in shown {
-            let Some(png) = png else { continue };
-            let address = data_uri(png);
+        let count = if view.image.is_some() { KINDS.len() } else { 1 };
+        for what in &KINDS[..count] {
+            let address = format!("{VIEWS}/{}", address(&file_name(&view.name, what)));
             let _ = write!(
                 html,
-                "<figure><img class=\"seen\" height=\"192\" src=\"{address}\" alt=\"{what} of {name}\">\
-                 <figcaption>{what}</figcaption></figure>"
+                "<figure><a href=\"{address}\"><img class=\"seen\" height=\"192\" loading=\"lazy\" \
+                 src=\"{address}\" alt=\"{what} of {name}\"></a><figcaption>{what}</figcaption></figure>"
             );
         }
         html.push_str("</div>");
     }
     html
+}
+
+/// A file's name in an address.
+fn address(name: &str) -> String {
+    let bytes = name.bytes().map(|byte| match byte {
+        b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'-' | b'.' | b'_' | b'~' => {
+            char::from(byte).to_string()
+        }
+        other => format!("%{other:02X}"),
+    });
+    bytes.collect()
 }
 
 fn learnt(fit: &SceneFit, outcome: &Outcome) -> String {
@@ -167,4 +173,14 @@ fn left_out(outcome: &Outcome) -> String {
         format!("<li><code>{operation}</code>: {}</li>", escaped(reason))
     });
     format!("<ul>{}</ul>", rows.collect::<String>())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_files_are_addresses() {
+        assert_eq!(address("IMG 1#ü?.png"), "IMG%201%23%C3%BC%3F.png");
+    }
 }

@@ -1,13 +1,24 @@
 //! Pictures of a scene as files: what is seen, what was to be seen, how the two differ.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use bokashi_report::{ReportError, ViewerMesh, ViewerTexture, viewer, viewer_data};
 use bokashi_scene::Tensor;
-use bokashi_scene::{ColorSpace, Geometry, Model, Picture, Place, Scene, SceneError, ViewScore};
+use bokashi_scene::{
+    ColorSpace, Geometry, Model, Picture, Place, Scene, SceneError, SeenView, write_file,
+};
 
 /// Differences are shown so many times as large.
 pub(super) const GAIN: f32 = 4.0;
+
+/// What the files of a view show. A view without an image has the first alone.
+pub(super) const KINDS: [&str; 3] = ["result", "target", "difference"];
+
+/// What a file of a view is called.
+pub(super) fn file_name(view: &str, what: &str) -> String {
+    format!("{view}-{what}.png")
+}
 
 /// The PNGs of a view.
 #[derive(Debug, Clone)]
@@ -18,22 +29,33 @@ pub(super) struct Pictures {
 }
 
 impl Pictures {
-    pub(super) fn of(scene: &Scene, score: &ViewScore) -> Result<Self, SceneError> {
+    pub(super) fn of(scene: &Scene, seen: &SeenView) -> Result<Self, SceneError> {
         let png = |image: &Tensor<f32>| Ok::<_, SceneError>(Arc::from(scene.png_of(image)?));
-        let target = score.target.as_ref();
+        let target = seen.target.as_ref();
         let difference = target.map(|target| {
-            let (own, other) = (score.image.data(), target.data());
+            let (own, other) = (seen.image.data(), target.data());
             // Grey where they agree.
             let off = |k: usize| 0.5 + 0.5 * GAIN * (own[k] - other[k]);
-            let image = Tensor::from_flat_fn(score.image.shape(), off);
+            let image = Tensor::from_flat_fn(seen.image.shape(), off);
             let picture = Picture::of_color(&image, ColorSpace::Linear)?;
             Ok::<_, SceneError>(Arc::from(picture.encode_png(&Place::of("a difference"))?))
         });
         Ok(Self {
-            picture: png(&score.image)?,
+            picture: png(&seen.image)?,
             target: target.map(png).transpose()?,
             difference: difference.transpose()?,
         })
+    }
+
+    /// Writes the files of a view into a folder: [`file_name`] says what they are called.
+    pub(super) fn save(&self, view: &str, folder: &Path) -> Result<(), SceneError> {
+        let all = [Some(&self.picture), self.target.as_ref(), self.difference.as_ref()];
+        for (what, png) in KINDS.into_iter().zip(all) {
+            if let Some(png) = png {
+                write_file(&folder.join(file_name(view, what)), png)?;
+            }
+        }
+        Ok(())
     }
 }
 
