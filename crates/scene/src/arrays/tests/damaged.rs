@@ -108,6 +108,8 @@ fn files_that_grew_have_an_answer() {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
     #[test]
     fn any_bytes_have_an_answer(noise in vec(bytes(), 0..300), which: prop::sample::Index, at: prop::sample::Index) {
         let files = files();

@@ -48,6 +48,8 @@ fn what_ndarray_does_not_take_is_an_error() {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
     #[test]
     fn every_tensor_comes_back_with_every_bit(shape in shapes(), seed: u64, is_fortran: bool) {
         let number = |k: usize| f64::from_bits(seed.wrapping_mul(2 * k as u64 + 1));

@@ -250,6 +250,8 @@ fn a_file_holds_a_tensor_or_rows_of_indices() {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
     #[test]
     fn every_array_comes_back(array in arrays()) {
         prop_assume!(array.number_type() != NumberType::Bf16);

@@ -180,6 +180,8 @@ fn what_is_no_archive_is_refused() {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
     #[test]
     fn every_array_comes_back(
         list in vec(("[a-z .é江/]{0,6}", arrays()), 0..5),

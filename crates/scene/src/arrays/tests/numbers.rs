@@ -30,6 +30,8 @@ fn array(kind: NumberType, number: i128) -> RawArray {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
     #[test]
     fn whole_numbers_are_read_where_a_float_has_them(
         (kind, least, largest) in proptest::sample::select(WHOLE.to_vec()),

@@ -156,6 +156,8 @@ fn types_with_more_bytes_come_first_and_all_else_in_order() {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
     #[test]
     fn every_array_comes_back(
         list in vec((".{0,8}", arrays()), 0..6),
