@@ -56,3 +56,8 @@ pub use renderer::{Drawn, Renderer};
 pub use running::StopRules;
 pub use scene::{Scene, SceneView};
 pub use values::Values;
+
+/// The programs in docs/arrays.md are compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../../../docs/arrays.md")]
+struct Arrays;
