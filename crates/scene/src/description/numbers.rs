@@ -9,7 +9,8 @@ macro_rules! numbers {
         $(#[$doc])*
         #[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
         #[serde(try_from = "f64")]
-        #[schemars(extend($($schema)*))]
+        // In its place: an editor shows what the key is, not what the number is.
+        #[schemars(inline, extend($($schema)*))]
         pub struct $name(pub $kind);
 
         impl TryFrom<f64> for $name {
