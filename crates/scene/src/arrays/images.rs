@@ -6,15 +6,18 @@ use image::DynamicImage;
 use crate::error::SceneError;
 use crate::picture::{ColorSpace, Depth, Picture};
 
-/// The light of an image: `[H, W, C]`, with its channels, from one to four. `space` says how its numbers stand
-/// for light. Opacity, the second channel of two and the fourth of four, has no curve.
+/// The light of an image, an `ImageBuffer` or a `DynamicImage`: `[H, W, C]`, with its channels, one to four.
 ///
-/// An `ImageBuffer` becomes a `DynamicImage` by `from`.
+/// `space` says how its numbers stand for light. Opacity, the second channel of two and the fourth of four, has
+/// no curve.
 ///
 /// # Errors
 /// [`SceneError::Content`] without a pixel.
-pub fn tensor_of_image(image: &DynamicImage, space: ColorSpace) -> Result<Tensor<f32>, SceneError> {
-    Ok(Picture::of_image(image.clone())?.light(space))
+pub fn tensor_of_image(
+    image: impl Into<DynamicImage>,
+    space: ColorSpace,
+) -> Result<Tensor<f32>, SceneError> {
+    Ok(Picture::of_image(image.into())?.light(space))
 }
 
 /// The image of linear light `[H, W, C]` with one to four channels, or `[H, W]`: [`tensor_of_image`] the other

@@ -7,8 +7,8 @@
 //! | `.npz` of NumPy | `read_npz`, `write_npz`, with the feature `npz` |
 //! | `.safetensors` | [`read_safetensors`], [`write_safetensors`] |
 //! | crate `ndarray` | `tensor_of_ndarray`, `ndarray_view`, `ndarray_of`, with the feature `ndarray` |
-//! | vectors and matrices of [glam](crate::glam) | [`tensor_of_rows`], [`rows_of`] |
-//! | images of the crate [image](crate::image) | [`tensor_of_image`], [`image_of`] |
+//! | vectors and matrices of [glam] | [`tensor_of_rows`], [`rows_of`] |
+//! | images of the crate [image] | [`tensor_of_image`], [`image_of`] |
 //!
 //! A file's array is a [`RawArray`], with numbers of any type; an [`ArrayFile`] has several by name.
 //! [`RawArray::tensor`] makes a tensor of it, and never rounds.

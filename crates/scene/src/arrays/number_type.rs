@@ -140,6 +140,13 @@ impl NumberType {
     }
 }
 
+/// What numbers are, and what was found in their place.
+pub(super) fn foreign(found: impl fmt::Display) -> String {
+    let rule =
+        "numbers are truth values, whole numbers of up to 64 bits, or floats of 16 to 64 bits";
+    format!("{rule}, and these are {found}")
+}
+
 /// What `number` makes of each `N` bytes.
 fn each<const N: usize, R>(bytes: &[u8], number: impl Fn([u8; N]) -> R) -> Vec<R> {
     bytes.as_chunks().0.iter().map(|&own| number(own)).collect()

@@ -101,14 +101,15 @@ impl RawArray {
     /// # Errors
     /// [`SceneError::Content`] for `f64` read as `f32`, and for a whole number that would be rounded.
     pub fn tensor<T: Stored>(&self) -> Result<Tensor<T>, SceneError> {
-        let numbers = self.kind.numbers(&self.bytes).map_err(|refused| match refused {
-            Refused::All => self.wrong(format!(
-                    "numbers are read without rounding: {} as {0}, which `cast` then rounds, and not as {}",
-                    self.kind,
-                    T::NAME
-                )),
+        let kind = self.kind;
+        let numbers = kind.numbers(&self.bytes).map_err(|refused| match refused {
+            Refused::All => {
+                let rule = format!("numbers are read as {} without rounding", T::NAME);
+                self.wrong(format!("{rule}, and these are {kind}: read {kind}, and `cast` rounds"))
+            }
             Refused::One(at, number) => {
-                self.refused(format!("{} are read without rounding as {}", self.kind, T::NAME), at, number)
+                let rule = format!("{kind} are read as {} without rounding", T::NAME);
+                self.refused(&rule, at, number)
             }
         })?;
         Ok(Tensor::new(&self.shape, numbers).map_err(bokashi_fit::FitError::from)?)
@@ -130,14 +131,14 @@ impl RawArray {
         let flat = self.kind.whole_numbers(&self.bytes, read).map_err(|refused| match refused {
             Refused::All => wrong("indices are whole numbers".to_owned(), self.kind.to_string()),
             Refused::One(at, number) => {
-                self.refused(format!("indices are from 0 to {}", u32::MAX), at, number)
+                self.refused(&format!("indices are from 0 to {}", u32::MAX), at, number)
             }
         })?;
         Ok(flat.as_chunks().0.to_vec())
     }
 
     /// An entry that breaks a rule.
-    fn refused(&self, rule: String, at: usize, number: i128) -> SceneError {
+    fn refused(&self, rule: &str, at: usize, number: i128) -> SceneError {
         let mut rest = at;
         let mut index: Vec<_> = self
             .shape

@@ -25,7 +25,7 @@ use safetensors::tensor::{Metadata, SafeTensors, TensorInfo};
 use serde::ser::{Serialize, SerializeMap as _, Serializer};
 
 use super::array_file::{ArrayFile, Entry, place_of};
-use super::number_type::NumberType;
+use super::number_type::{NumberType, foreign};
 use super::raw_array::RawArray;
 use crate::error::{Place, SceneError};
 use crate::file::{read_file, write_file};
@@ -66,10 +66,7 @@ pub fn read_safetensors_bytes(bytes: &[u8], place: &Place) -> Result<ArrayFile, 
                 let shape = Shape::from(info.shape.as_slice());
                 Entry::Array(RawArray::of_file(own, kind, shape, numbers[from..to].to_vec())?)
             }
-            None => Entry::Foreign(format!(
-                "numbers are truth values, whole numbers of up to 64 bits, or floats of 16 to 64 bits, and these are {}",
-                info.dtype
-            )),
+            None => Entry::Foreign(foreign(info.dtype)),
         };
         file.add_new(name, entry)?;
     }

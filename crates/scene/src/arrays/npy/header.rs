@@ -3,7 +3,7 @@
 //! `{'descr': '<f8', 'fortran_order': False, 'shape': (3, 4), }`. It has these three keys, in any order,
 //! each of them once. Of Python's literals no others are read than those.
 
-use crate::arrays::number_type::NumberType;
+use crate::arrays::number_type::{NumberType, foreign};
 use crate::arrays::raw_array::MOST_AXES;
 
 /// What a header says.
@@ -161,14 +161,8 @@ impl<'a> Rest<'a> {
                 None => return Err(self.wrong("the end of a list")),
             }
         }
-        Ok(foreign("records"))
+        Ok(Element::Foreign(foreign("records")))
     }
-}
-
-fn foreign(what: &str) -> Element {
-    Element::Foreign(format!(
-        "numbers are truth values, whole numbers of up to 64 bits, or floats of 16 to 64 bits, and these are {what}"
-    ))
 }
 
 /// What NumPy calls `code`: the order of bytes, a letter for the kind, and the number of bytes.
@@ -198,13 +192,13 @@ fn element(code: &str) -> Element {
                 Some('V') => "raw bytes",
                 _ => "none that is known",
             };
-            return foreign(&format!("{what}, {code:?}"));
+            return Element::Foreign(foreign(format!("{what}, {code:?}")));
         }
     };
     match order {
         Some('<' | '>') => Element::Number { kind, is_big_endian },
         Some('|') if kind.bytes() == 1 => Element::Number { kind, is_big_endian },
-        _ => foreign(&format!("of no order of bytes, {code:?}")),
+        _ => Element::Foreign(foreign(format!("of no order of bytes, {code:?}"))),
     }
 }
 

@@ -111,7 +111,11 @@ proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn any_bytes_have_an_answer(noise in vec(bytes(), 0..300), which: prop::sample::Index, at: prop::sample::Index) {
+    fn any_bytes_have_an_answer(
+        noise in vec(bytes(), 0..300),
+        which: prop::sample::Index,
+        at: prop::sample::Index,
+    ) {
         let files = files();
         let own = &files[which.index(files.len())];
         check(own, &noise);

@@ -73,7 +73,7 @@ fn the_extremes_of_whole_numbers_are_read_where_they_are_exact() {
     for (name, largest) in [("u8", "18446744073709551615"), ("i8", "9223372036854775807")] {
         let array = read(&format!("extreme_{name}"));
         let said = array.tensor::<f64>().unwrap_err().to_string();
-        let rule = "are read without rounding as f64, and the entry at [1] is";
+        let rule = "are read as f64 without rounding, and the entry at [1] is";
         assert!(said.ends_with(&format!("{rule} {largest}")), "{said}");
         assert_eq!(npy(&array).unwrap(), file(&format!("extreme_{name}.npy")));
     }

@@ -108,18 +108,18 @@ fn a_number_that_is_refused_is_named_with_its_place() {
         [0_i32, 1, 2, 3, 4, 16_777_217].iter().flat_map(|x| x.to_le_bytes()).collect();
     let array = RawArray::new(NumberType::I32, [3, 2], numbers).unwrap();
     let said = array.tensor::<f32>().unwrap_err().to_string();
-    let rule = "an array: i32 are read without rounding as f32";
+    let rule = "an array: i32 are read as f32 without rounding";
     assert_eq!(said, format!("{rule}, and the entry at [2, 1] is 16777217"));
     assert_eq!(array.tensor::<f64>().unwrap().data()[5], 16_777_217.0);
 
     let array = RawArray::new(NumberType::F64, [1], vec![0; 8]).unwrap();
     let said = array.tensor::<f32>().unwrap_err().to_string();
-    let rule = "an array: numbers are read without rounding";
-    assert_eq!(said, format!("{rule}: f64 as f64, which `cast` then rounds, and not as f32"));
+    let rule = "an array: numbers are read as f32 without rounding";
+    assert_eq!(said, format!("{rule}, and these are f64: read f64, and `cast` rounds"));
 
     let array = RawArray::new(NumberType::Bool, [3], vec![0, 1, 2]).unwrap();
     let said = array.tensor::<f32>().unwrap_err().to_string();
-    assert_eq!(said, "an array: bool are read without rounding as f32, and the entry at [2] is 2");
+    assert_eq!(said, "an array: bool are read as f32 without rounding, and the entry at [2] is 2");
 }
 
 #[test]
