@@ -39,6 +39,8 @@ plain = {
     "no_columns": counted("<f8", (3, 0, 2)),
     "long": np.zeros((12345678901, 0), "<f4"),
     "many_axes": counted("<f4", (1,) * 31 + (2,)),
+    # Its header would end at a multiple of 64, and NumPy adds 64 spaces.
+    "aligned": np.zeros((1,) * 35 + (0,), "<f4"),
     # The largest and the smallest of each type.
     "extreme_u1": np.array([0, 255], "u1"),
     "extreme_u2": np.array([0, 2**16 - 1], "<u2"),

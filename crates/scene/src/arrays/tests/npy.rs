@@ -26,7 +26,7 @@ fn with_header(header: &str, numbers: &[u8]) -> Vec<u8> {
 #[test]
 fn numpys_files_are_read_and_come_back_byte_for_byte() {
     use NumberType::{F16, F32, F64, I8, I16, I32, I64};
-    let rows: [(&str, NumberType, &[usize]); 14] = [
+    let rows: [(&str, NumberType, &[usize]); 15] = [
         ("f2", F16, &[2, 3]),
         ("f4", F32, &[2, 3]),
         ("f8", F64, &[2, 3]),
@@ -43,6 +43,12 @@ fn numpys_files_are_read_and_come_back_byte_for_byte() {
         ("many_axes", F32, &{
             let mut shape = [1; 32];
             shape[31] = 2;
+            shape
+        }),
+        // A header that needs no padding has a block of it.
+        ("aligned", F32, &{
+            let mut shape = [1; 36];
+            shape[35] = 0;
             shape
         }),
     ];
