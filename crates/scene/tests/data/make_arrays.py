@@ -41,6 +41,8 @@ plain = {
     "many_axes": counted("<f4", (1,) * 31 + (2,)),
     # Its header would end at a multiple of 64, and NumPy adds 64 spaces.
     "aligned": np.zeros((1,) * 35 + (0,), "<f4"),
+    # One letter before that.
+    "nearly_aligned": np.zeros((1,) * 12 + (10, 0), "<f4"),
     # The largest and the smallest of each type.
     "extreme_u1": np.array([0, 255], "u1"),
     "extreme_u2": np.array([0, 2**16 - 1], "<u2"),

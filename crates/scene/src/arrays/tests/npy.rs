@@ -26,7 +26,7 @@ fn with_header(header: &str, numbers: &[u8]) -> Vec<u8> {
 #[test]
 fn numpys_files_are_read_and_come_back_byte_for_byte() {
     use NumberType::{F16, F32, F64, I8, I16, I32, I64};
-    let rows: [(&str, NumberType, &[usize]); 15] = [
+    let rows: [(&str, NumberType, &[usize]); 16] = [
         ("f2", F16, &[2, 3]),
         ("f4", F32, &[2, 3]),
         ("f8", F64, &[2, 3]),
@@ -49,6 +49,11 @@ fn numpys_files_are_read_and_come_back_byte_for_byte() {
         ("aligned", F32, &{
             let mut shape = [1; 36];
             shape[35] = 0;
+            shape
+        }),
+        ("nearly_aligned", F32, &{
+            let mut shape = [1; 14];
+            (shape[12], shape[13]) = (10, 0);
             shape
         }),
     ];

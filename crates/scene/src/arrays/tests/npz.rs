@@ -166,6 +166,13 @@ fn no_more_is_unpacked_than_may_be() {
             format!("file: at most {least} bytes of unpacked arrays are read, and there are");
         assert!(said.starts_with(&expected), "{said}");
     }
+    // Nor is memory taken for what would be too much.
+    arrays.insert("a", Tensor::<f32>::zeros([10_000_000]));
+    let bytes = npz(&arrays, Packing::Deflated).unwrap();
+    let counted = allocation_counter::measure(|| {
+        assert!(super::super::npz::unpacked(&bytes, &place(), 1000).is_err());
+    });
+    assert!(counted.bytes_max < 200_000, "{}", counted.bytes_max);
 }
 
 #[test]

@@ -59,6 +59,7 @@ proptest! {
         prop_assert_eq!(array.tensor::<f32>().unwrap().item().to_bits(), four.to_bits());
         let wide = array.tensor::<f64>().unwrap().item();
         prop_assert!(wide == f64::from(four) || wide.is_nan() && four.is_nan());
+        prop_assert_eq!(wide.is_sign_negative(), four.is_sign_negative());
         let eight = RawArray::new(NumberType::F64, [], bits.clone()).unwrap();
         prop_assert_eq!(eight.tensor::<f64>().unwrap().item().to_le_bytes().to_vec(), bits.clone());
         prop_assert!(eight.tensor::<f32>().is_err());
