@@ -241,6 +241,28 @@ fn without_images_there_is_a_view_to_render() {
 }
 
 #[test]
+fn an_editor_is_told_of_the_schema() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    said(folder, &["new", "a"]);
+    let text = fs::read_to_string(folder.join("a/scene.toml")).unwrap();
+    assert!(text.starts_with("#:schema ./scene.schema.json\n"), "{text}");
+    let schema = fs::read_to_string(folder.join("a/scene.schema.json")).unwrap();
+    assert_eq!(schema, bokashi_scene::description::schema());
+    // That of an earlier build is replaced, and nothing else.
+    let earlier = "{ \"title\": \"A scene for bokashi\" }";
+    write(folder, "b/scene.schema.json", earlier);
+    said(folder, &["new", "b"]);
+    assert_eq!(fs::read_to_string(folder.join("b/scene.schema.json")).unwrap(), schema);
+    write(folder, "c/scene.schema.json", "mine");
+    let [_, error] = ended(folder, &["new", "c"], 2);
+    let rule = "new needs a folder without another file where the scene's schema goes";
+    assert_eq!(error, format!("bokashi: {rule}, and c/scene.schema.json is there\n"));
+    assert_eq!(fs::read(folder.join("c/scene.schema.json")).unwrap(), b"mine");
+    assert!(!folder.join("c/scene.toml").exists());
+}
+
+#[test]
 fn what_is_there_is_not_written_over() {
     let place = tempfile::tempdir().unwrap();
     let folder = place.path();

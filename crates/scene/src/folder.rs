@@ -1,15 +1,13 @@
 //! The folder of a scene: its files are read from nowhere else.
 
-use std::fs::{self, File};
-use std::io::{self, Read};
+use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use pathdiff::diff_paths;
 
 use crate::error::{Place, SceneError};
-
-/// The largest file that is read, in bytes.
-pub const MOST_BYTES: u64 = 4 << 30;
+use crate::file::read_found;
 
 /// A folder, and all that is read of it.
 ///
@@ -80,24 +78,11 @@ impl Folder {
     ///
     /// # Errors
     /// As [`Folder::find`]; [`SceneError::Read`] for what is no regular file; [`SceneError::TooLarge`]
-    /// beyond [`MOST_BYTES`].
+    /// beyond [`MOST_BYTES`](crate::MOST_BYTES).
     pub fn read(&self, path: impl AsRef<Path>) -> Result<Vec<u8>, SceneError> {
         let given = self.join(path.as_ref());
         let found = self.find(path)?;
-        let failed = |error| SceneError::Read { path: given.clone(), error };
-        // A FIFO would wait for its writer for ever, and a device has no end.
-        if !fs::metadata(&found).map_err(failed)?.is_file() {
-            return Err(failed(io::Error::other("it is no regular file")));
-        }
-        let mut bytes = Vec::new();
-        let file = File::open(&found).map_err(failed)?;
-        file.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(failed)?;
-        let length = bytes.len() as u64;
-        if length > MOST_BYTES {
-            let (place, what) = (Place::of(given), "bytes");
-            return Err(SceneError::TooLarge { place, what, most: MOST_BYTES, found: length });
-        }
-        Ok(bytes)
+        read_found(&given, &found)
     }
 
     /// The text of the file at `path`.

@@ -4,9 +4,11 @@
 //! somebody else wrote is checked: it is refused with the rule that it breaks, and takes memory in
 //! proportion to its length.
 
+pub mod arrays;
 mod cameras;
 pub mod description;
 mod error;
+mod file;
 mod fitting;
 mod folder;
 mod learning;
@@ -19,6 +21,7 @@ mod picture;
 mod rendered;
 mod renderer;
 mod results;
+mod running;
 mod scene;
 mod shapes;
 mod targets;
@@ -26,20 +29,35 @@ mod values;
 
 /// What images, positions and parameters are.
 pub use bokashi_core::Tensor;
+/// What a fit learns, a step of it, and the numbers that files have.
+pub use bokashi_fit::{Parameters, Stepped, Stored};
 pub use cameras::{
     Camera, ColmapPoint, NamedView, read_colmap, read_colmap_points, read_transforms,
     transforms_json,
 };
 pub use error::{Place, SceneError};
+pub use file::{MOST_BYTES, write_file};
 pub use fitting::{SceneFit, SeenView, ViewScore};
-pub use folder::{Folder, MOST_BYTES};
+pub use folder::Folder;
+/// Matrices and vectors of cameras and places.
+pub use glam;
+/// What images in memory can be made of and into.
+pub use image;
 pub use mesh::{MeshKind, glb, ply, read_model, read_model_bytes};
 pub use model::{Geometry, Indexed, MaterialFile, Model, Placed};
+/// The arrays of [`arrays::tensor_of_ndarray`].
+#[cfg(feature = "ndarray")]
+pub use ndarray;
 pub use object::{Attribute, Object, SurfaceLook};
 pub use outline::{Outline, gaze, named_files, share_seen};
-pub use picture::{ColorSpace, MOST_SAMPLES, Picture, Samples};
+pub use picture::{ColorSpace, Depth, MOST_SAMPLES, Picture, Samples};
 pub use rendered::Rendered;
 pub use renderer::{Drawn, Renderer};
-pub use results::write_file;
+pub use running::StopRules;
 pub use scene::{Scene, SceneView};
 pub use values::Values;
+
+/// The programs in docs/arrays.md are compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../../../docs/arrays.md")]
+struct Arrays;

@@ -4,13 +4,13 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use bokashi_core::Tensor;
-use bokashi_write::write_whole;
 use glam::DMat4;
 use serde_json::{Map, Value, json};
 
 use crate::cameras::transforms_json;
 use crate::description::{LightPlace, Tone};
 use crate::error::{Place, SceneError};
+use crate::file::write_file;
 use crate::mesh::{glb, ply};
 use crate::picture::{ColorSpace, Picture};
 use crate::scene::Scene;
@@ -114,14 +114,6 @@ impl Scene {
 fn rows(matrix: &DMat4) -> Value {
     let rows = matrix.transpose().to_cols_array_2d();
     rows.iter().map(|row| json!(row)).collect()
-}
-
-/// Writes a file whole or not at all.
-///
-/// # Errors
-/// [`SceneError::Write`] where the file system refuses.
-pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), SceneError> {
-    write_whole(path, bytes).map_err(|error| SceneError::Write { path: path.to_owned(), error })
 }
 
 #[cfg(test)]

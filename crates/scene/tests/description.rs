@@ -134,3 +134,126 @@ fn a_key_that_a_page_lacks_is_found() {
         assert_eq!(missing(&schema, &blocks), [key]);
     }
 }
+
+/// What is wrong with `value` by a schema. All words that the schema has are understood.
+fn faults(root: &Value, node: &Value, value: &Value, at: &str) -> Vec<String> {
+    let wrong = |rule: &dyn std::fmt::Display| vec![format!("{at}: {value} against {rule}")];
+    let all = |key: &str| node[key].as_array().cloned().unwrap_or_default();
+    let mut found = Vec::new();
+    for (word, rule) in node.as_object().unwrap() {
+        found.extend(match word.as_str() {
+            "$schema" | "title" | "description" | "default" | "format" | "$defs" => vec![],
+            "$ref" => {
+                let name = rule.as_str().unwrap().strip_prefix("#/$defs/").unwrap();
+                faults(root, &root["$defs"][name], value, at)
+            }
+            "type" => {
+                let is_whole = value.as_f64().is_some_and(|x| x.fract() == 0.0);
+                let is_kind = match rule.as_str().unwrap() {
+                    "object" => value.is_object(),
+                    "array" => value.is_array(),
+                    "string" => value.is_string(),
+                    "boolean" => value.is_boolean(),
+                    "number" => value.is_number(),
+                    "integer" => is_whole,
+                    kind => panic!("{at} has a {kind}"),
+                };
+                if is_kind { vec![] } else { wrong(rule) }
+            }
+            "const" if value != rule => wrong(rule),
+            "enum" if !rule.as_array().unwrap().contains(value) => wrong(rule),
+            "const" | "enum" => vec![],
+            "minimum" | "maximum" | "exclusiveMinimum" => match (value.as_f64(), rule.as_f64()) {
+                (Some(x), Some(least)) if word == "minimum" && x < least => wrong(rule),
+                (Some(x), Some(most)) if word == "maximum" && x > most => wrong(rule),
+                (Some(x), Some(low)) if word == "exclusiveMinimum" && x <= low => wrong(rule),
+                _ => vec![],
+            },
+            "minItems" | "maxItems" => {
+                let count = value.as_array().map(|list| list.len() as u64);
+                let is_broken = count.is_some_and(|count| match word.as_str() {
+                    "minItems" => count < rule.as_u64().unwrap(),
+                    _ => count > rule.as_u64().unwrap(),
+                });
+                if is_broken { wrong(&format!("{word} {rule}")) } else { vec![] }
+            }
+            "items" => {
+                let list = value.as_array().into_iter().flatten().enumerate();
+                list.flat_map(|(k, own)| faults(root, rule, own, &format!("{at}[{k}]"))).collect()
+            }
+            "properties" | "additionalProperties" => {
+                let own = value.as_object().into_iter().flatten();
+                own.flat_map(|(key, own)| match (&node["properties"][key], word.as_str()) {
+                    (Value::Null, "additionalProperties") => wrong(&format!("the key {key}")),
+                    (Value::Null, _) | (_, "additionalProperties") => vec![],
+                    (below, _) => faults(root, below, own, &format!("{at}.{key}")),
+                })
+                .collect()
+            }
+            "required" => {
+                let keys = all("required");
+                let lacks =
+                    |key: &&Value| value.is_object() && value[key.as_str().unwrap()].is_null();
+                keys.iter().filter(lacks).flat_map(|key| wrong(&format!("without {key}"))).collect()
+            }
+            "allOf" => all(word).iter().flat_map(|own| faults(root, own, value, at)).collect(),
+            "anyOf" | "oneOf" => {
+                let fits = |own: &&Value| faults(root, own, value, at).is_empty();
+                match all(word).iter().filter(fits).count() {
+                    1 => vec![],
+                    2.. if word == "anyOf" => vec![],
+                    count => wrong(&format!("{count} of {word}")),
+                }
+            }
+            _ => panic!("{at} has the word {word}"),
+        });
+    }
+    found
+}
+
+/// What is wrong with a text of TOML by the schema.
+fn faults_of(text: &str) -> Vec<String> {
+    let schema: Value = serde_json::from_str(&schema()).unwrap();
+    let value = serde_json::to_value(toml::from_str::<Shown>(text).unwrap()).unwrap();
+    faults(&schema, &schema, &value, "scene")
+}
+
+#[test]
+fn an_editor_finds_nothing_wrong_with_the_page() {
+    for block in blocks(&page()) {
+        assert_eq!(faults_of(block), Vec::<String>::new(), "in\n{block}");
+    }
+}
+
+/// An editor marks what the program would refuse, as far as a single value is at fault.
+#[test]
+fn an_editor_refuses_what_the_program_refuses() {
+    let rows = [
+        ("sead = 1", "scene: {\"sead\":1} against the key sead"),
+        ("seed = -1", "scene.seed: -1 against 0"),
+        ("[pipeline]\nblur = 0", "scene.pipeline.blur: 0 against 0"),
+        ("[pipeline]\nsilhouettes = \"exakt\"", "scene.pipeline.silhouettes: \"exakt\" against"),
+        ("[pipeline]\nbackground = [0, 0]", "scene.pipeline.background: [0,0] against minItems 3"),
+        ("[stop]\nsteps = 1.5", "scene.stop.steps: 1.5 against \"integer\""),
+        ("[stop]\nsteps = 0", "scene.stop.steps: 0 against 1"),
+        ("[stop]\nsteps = 2000000000", "scene.stop.steps: 2000000000 against 1000000000"),
+        ("[loss]\nssim = -0.5", "scene.loss.ssim: -0.5 against 0"),
+        ("[loss]\nssim = 1.5", "scene.loss.ssim: 1.5 against 1"),
+        ("[[meshes]]\nname = 1", "scene.meshes[0].name: 1 against \"string\""),
+        (
+            "[[lights]]\nkind = \"ambient\"",
+            "scene.lights[0]: {\"kind\":\"ambient\"} against 0 of oneOf",
+        ),
+        ("[[views]]\nname = \"a\"", "scene.views[0]: {\"name\":\"a\"} against without \"camera\""),
+    ];
+    for (text, expected) in rows {
+        let found = faults_of(text);
+        assert!(found.len() == 1 && found[0].starts_with(expected), "{text}: {found:?}");
+        assert!(Description::parse(text, Path::new("scene.toml")).is_err(), "{text}");
+    }
+    // Whole numbers may be written with a point.
+    for text in ["[stop]\nsteps = 10.0", "[[views]]\ncamera = { focal = 7 }"] {
+        assert_eq!(faults_of(text), Vec::<String>::new());
+        Description::parse(text, Path::new("scene.toml")).unwrap();
+    }
+}

@@ -8,7 +8,7 @@ mod template;
 use std::fs;
 use std::path::Path;
 
-use bokashi_scene::{Scene, SceneError};
+use bokashi_scene::{Scene, SceneError, description};
 use bokashi_write::{check_folder, write_whole};
 
 use self::copies::Copies;
@@ -22,8 +22,13 @@ use crate::output::say;
 
 /// The scene's file.
 const SCENE: &str = "scene.toml";
+/// The file that lets editors complete the scene's, which names it in its first line.
+const SCHEMA: &str = "scene.schema.json";
+/// What every such file has, of an earlier build too.
+const MARK: &str = "\"title\": \"A scene for bokashi\"";
 
-/// Makes the folder that `arguments` name: files are copied first, and the scene's file is written last.
+/// Makes the folder that `arguments` name: files are copied first, then the schema is written, and the scene's
+/// file last.
 ///
 /// # Errors
 /// [`Failure::Use`] for a folder that has a scene, can't be written, or has other files where copies would
@@ -45,17 +50,35 @@ pub(crate) fn run(arguments: &NewArguments) -> Result<(), Failure> {
     let photographs = photographs.map(|images| Photographs::of(images, &mut copies));
     let photographs = photographs.transpose().map_err(failed)?;
     copies.check()?;
+    let schema = folder.join(SCHEMA);
+    check_schema(&schema)?;
     copies.write()?;
     let template = Template { start: start.as_ref(), photographs: photographs.as_ref() };
-    let unwritten = |error| Failure::Work(format!("{}: {error}", file.display()));
+    let unwritten = |error| Failure::Work(format!("{}: {error}", folder.display()));
     fs::create_dir_all(folder).map_err(unwritten)?;
-    write_whole(&file, template.text().as_bytes()).map_err(unwritten)?;
+    write_whole(&schema, description::schema().as_bytes()).map_err(unwritten)?;
+    let text = format!("#:schema ./{SCHEMA}\n{}", template.text());
+    write_whole(&file, text.as_bytes()).map_err(unwritten)?;
     let scene = Scene::load(&file).map_err(|error| {
         // So that the same command can be given again.
         let _ = fs::remove_file(&file);
         failed(error)
     })?;
     say(&last_words(&file, &copies, &template, &scene))
+}
+
+/// Whether a schema can be written to `file`: there is none, or one that another build wrote.
+///
+/// # Errors
+/// [`Failure::Use`] where something else has the name.
+fn check_schema(file: &Path) -> Result<(), Failure> {
+    let is_ours =
+        || file.is_file() && fs::read_to_string(file).is_ok_and(|text| text.contains(MARK));
+    if fs::symlink_metadata(file).is_err() || is_ours() {
+        return Ok(());
+    }
+    let rule = "new needs a folder without another file where the scene's schema goes";
+    Err(Failure::Use(format!("{rule}, and {} is there", file.display())))
 }
 
 /// What was made, and what to do next.

@@ -6,7 +6,7 @@ use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
 use bokashi_report::{ReportError, add_page};
-use bokashi_scene::{Scene, SceneError, SceneFit, SceneView, SeenView, ViewScore};
+use bokashi_scene::{Scene, SceneError, SceneFit, SceneView, SeenView, StopRules, ViewScore};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::outcome::{Outcome, mean_held_out, values};
@@ -151,14 +151,10 @@ impl Running<'_> {
     /// Steps until a rule says stop.
     fn steps(&mut self, interrupt: &Interrupt) -> Result<(), Failure> {
         let last = self.asked.steps.map_or(self.fit.steps(), |most| most.min(self.fit.steps()));
-        let stop = self.fit.stop();
-        let (loss_below, patience) =
-            (stop.loss_below.map(|loss| loss.0), stop.patience.map(|count| count.0 as u64));
-        let budget = [self.asked.seconds, stop.seconds.map(|seconds| seconds.0)];
-        let budget = budget.into_iter().flatten().fold(f64::INFINITY, f64::min);
+        let mut rules = StopRules::new(self.fit.stop());
+        let budget = self.asked.seconds.unwrap_or(f64::INFINITY);
         let every = (last / MEASUREMENTS).max(1);
         let (mut saved, mut shown) = (Instant::now(), None::<Instant>);
-        let mut best = (f64::INFINITY, 0);
         while self.fit.steps_done() < last && self.seconds() < budget {
             if let Some(signal) = interrupt.signal() {
                 return Err(self.interrupted(signal));
@@ -189,12 +185,7 @@ impl Running<'_> {
                 }
                 shown = Some(Instant::now());
             }
-            if loss < best.0 {
-                best = (loss, self.fit.steps_done());
-            }
-            let is_low = loss_below.is_some_and(|least| loss < least);
-            let waits = self.fit.steps_done() - best.1;
-            if is_low || patience.is_some_and(|patience| waits >= patience) {
+            if rules.end_with(&stepped) {
                 break;
             }
         }

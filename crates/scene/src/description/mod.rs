@@ -7,6 +7,7 @@ mod learn;
 mod look;
 mod meshes;
 mod numbers;
+mod schema;
 mod views;
 
 use std::path::Path;
@@ -32,6 +33,7 @@ use crate::error::{Place, SceneError};
 /// A scene, and what is learnt of it.
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(title = "A scene for bokashi")]
 pub struct Description {
     /// Meshes.
     #[serde(default)]
@@ -70,10 +72,11 @@ pub struct Description {
     pub seed: u64,
 }
 
-/// The schema of `scene.toml`, as JSON.
+/// The schema of `scene.toml`, as JSON: an editor that is told of it completes such a file.
+///
+/// `#:schema ./scene.schema.json` in its first line tells it, where that file holds the schema.
 pub fn schema() -> String {
-    let schema = schemars::schema_for!(Description);
-    serde_json::to_string_pretty(&schema).unwrap_or_default()
+    schema::schema_of::<Description>()
 }
 
 impl Description {

@@ -63,6 +63,13 @@ fn the_schema_knows_every_key() {
         assert!(keys.contains_key(key), "{key}");
     }
     assert_eq!(schema["additionalProperties"], false);
-    let count = &schema["$defs"]["Count"];
-    assert_eq!(count["minimum"], 1, "{count}");
+    let steps = &schema["$defs"]["StopEntry"]["properties"]["steps"];
+    assert_eq!((&steps["type"], &steps["minimum"]), (&"integer".into(), &1.into()), "{steps}");
+    let about = steps["description"].as_str().unwrap();
+    assert!(about.starts_with("After so many steps"), "{about}");
+    // Editors offer no null, and offer keys behind a reference alone.
+    let all = schema.to_string();
+    assert!(!all.contains("null") && !all.contains("allOf"));
+    let pipeline = &schema["properties"]["pipeline"];
+    assert_eq!(pipeline["$ref"], "#/$defs/PipelineEntry");
 }

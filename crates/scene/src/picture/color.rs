@@ -37,6 +37,11 @@ impl ColorSpace {
         }
     }
 
+    /// The light that each byte stands for.
+    fn of_bytes(self) -> [f32; 256] {
+        std::array::from_fn(|byte| self.decode(byte as f64 / 255.0) as f32)
+    }
+
     /// The number of a file that stands for light.
     fn encode(self, x: f64) -> f64 {
         let size = x.abs();
@@ -48,7 +53,46 @@ impl ColorSpace {
     }
 }
 
+/// How many bits the samples of an image are given.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Depth {
+    /// 0 to 255 stand for 0 to 1.
+    Eight,
+    /// 0 to 65535 stand for 0 to 1.
+    Sixteen,
+    /// Any number, as `f32`.
+    ThirtyTwo,
+}
+
 impl Picture {
+    /// All channels as linear light: `[H, W, C]`. No curve changes opacity.
+    ///
+    /// # Panics
+    /// Where there are fewer samples than the size says.
+    pub fn light(&self, space: ColorSpace) -> Tensor<f32> {
+        let (channels, opacity) = (self.channels, self.opacity_channel());
+        let space = |at: usize| match opacity {
+            Some(k) if at % channels == k => ColorSpace::Linear,
+            _ => space,
+        };
+        let shape = [self.height, self.width, channels];
+        match &self.samples {
+            Samples::U8(samples) => {
+                let table = [ColorSpace::Srgb, ColorSpace::Linear].map(ColorSpace::of_bytes);
+                Tensor::from_flat_fn(shape, |at| {
+                    table[usize::from(space(at) == ColorSpace::Linear)][usize::from(samples[at])]
+                })
+            }
+            Samples::U16(samples) => Tensor::from_flat_fn(shape, |at| {
+                space(at).decode(f64::from(samples[at]) / 65535.0) as f32
+            }),
+            Samples::F32(samples) => Tensor::from_flat_fn(shape, |at| match space(at) {
+                ColorSpace::Linear => samples[at],
+                space => space.decode(f64::from(samples[at])) as f32,
+            }),
+        }
+    }
+
     /// The colours as linear light: `[H, W, 3]`, red, green, blue. Gray is repeated.
     ///
     /// # Panics
@@ -59,8 +103,7 @@ impl Picture {
         let shape = [self.height, self.width, 3];
         match &self.samples {
             Samples::U8(samples) => {
-                let table: [f32; 256] =
-                    std::array::from_fn(|byte| space.decode(byte as f64 / 255.0) as f32);
+                let table = space.of_bytes();
                 let light = |at: usize| table[usize::from(samples[at])];
                 Tensor::from_flat_fn(shape, |at| light(from(at / 3, at % 3)))
             }
@@ -114,14 +157,38 @@ impl Picture {
     /// # Errors
     /// [`RenderError::Shape`] unless there are rows, columns, and one to four channels.
     pub fn of_color(color: &Tensor<f32>, space: ColorSpace) -> Result<Self, SceneError> {
-        let [height, width, channels] = extents("an image of colours", color)?;
-        let encoded = |(at, light): (usize, &f32)| {
+        Self::of_light(color, space, Depth::Eight)
+    }
+
+    /// The image of linear light `light: [H, W, C]`. Numbers of 8 and 16 bits are clamped to 0 .. 1 and
+    /// rounded, and a NaN is 0 there. With two or four channels the last is opacity, which no curve changes.
+    ///
+    /// # Errors
+    /// As [`Picture::of_color`].
+    pub fn of_light(
+        light: &Tensor<f32>,
+        space: ColorSpace,
+        depth: Depth,
+    ) -> Result<Self, SceneError> {
+        let [height, width, channels] = extents("an image of colours", light)?;
+        let spaces = |at: usize| {
             let is_opacity = matches!(channels, 2 | 4) && at % channels == channels - 1;
-            let space = if is_opacity { ColorSpace::Linear } else { space };
-            // A NaN becomes 0.
-            (space.encode(f64::from(light.clamp(0.0, 1.0))) * 255.0).round() as u8
+            if is_opacity { ColorSpace::Linear } else { space }
         };
-        let samples = Samples::U8(color.data().iter().enumerate().map(encoded).collect());
+        let all = light.data().iter().copied().enumerate();
+        let whole = all.clone().map(|(at, light)| spaces(at).encode(light.clamp(0.0, 1.0).into()));
+        let samples = match depth {
+            // A NaN becomes 0.
+            Depth::Eight => Samples::U8(whole.map(|y| (y * 255.0).round() as u8).collect()),
+            Depth::Sixteen => Samples::U16(whole.map(|y| (y * 65535.0).round() as u16).collect()),
+            Depth::ThirtyTwo => {
+                let sample = |(at, light): (usize, f32)| match spaces(at) {
+                    ColorSpace::Linear => light,
+                    space => space.encode(light.into()) as f32,
+                };
+                Samples::F32(all.map(sample).collect())
+            }
+        };
         Ok(Self { width, height, channels, samples })
     }
 

@@ -124,25 +124,11 @@ fn decoded(bytes: &[u8], format: ImageFormat, place: &Place) -> Result<Picture, 
     let image = DynamicImage::from_decoder(decoder).map_err(|error| broken(&error, place));
     let mut image = image?;
     image.apply_orientation(orientation);
-    let [width, height] = [image.width() as usize, image.height() as usize];
-    let channels = usize::from(image.color().channel_count());
-    let samples = match image {
-        DynamicImage::ImageLuma8(image) => Samples::U8(image.into_raw()),
-        DynamicImage::ImageLumaA8(image) => Samples::U8(image.into_raw()),
-        DynamicImage::ImageRgb8(image) => Samples::U8(image.into_raw()),
-        DynamicImage::ImageRgba8(image) => Samples::U8(image.into_raw()),
-        DynamicImage::ImageLuma16(image) => Samples::U16(image.into_raw()),
-        DynamicImage::ImageLumaA16(image) => Samples::U16(image.into_raw()),
-        DynamicImage::ImageRgb16(image) => Samples::U16(image.into_raw()),
-        DynamicImage::ImageRgba16(image) => Samples::U16(image.into_raw()),
-        other => {
-            let rule = "samples of PNG and JPEG have 8 or 16 bits";
-            let found = format!("{rule}, and these are {:?}", other.color());
-            return Err(SceneError::content(place.clone(), found));
-        }
-    };
-    let picture = Picture { width, height, channels, samples };
-    picture.checked(place)?;
+    let picture = Picture::of_image(image)?;
+    if let Samples::F32(_) = picture.samples {
+        let found = "samples of PNG and JPEG have 8 or 16 bits, and these have 32";
+        return Err(SceneError::content(place.clone(), found));
+    }
     Ok(picture)
 }
 

@@ -19,6 +19,7 @@
 //! # Sources
 //! PNG, W3C Recommendation, third edition; ITU-T T.81; the OpenEXR file layout of openexr.com.
 
+mod buffers;
 mod color;
 mod decode;
 mod encode;
@@ -27,5 +28,5 @@ mod samples;
 #[cfg(test)]
 mod tests;
 
-pub use self::color::ColorSpace;
+pub use self::color::{ColorSpace, Depth};
 pub use self::samples::{MOST_SAMPLES, Picture, Samples};
