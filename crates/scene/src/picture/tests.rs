@@ -400,16 +400,17 @@ fn a_header_that_claims_too_much_takes_no_memory() {
     }
 }
 
-#[test]
-fn files_that_are_cut_short_are_refused_at_each_length() {
+/// A small file of each format.
+fn small_files() -> [Vec<u8>; 3] {
     let samples = (0..18).map(|k| k as f32).collect();
     let exr = Picture { width: 3, height: 2, channels: 3, samples: Samples::F32(samples) };
-    let files = [
-        numbered(3).encode_png(&place()).unwrap(),
-        jpeg(16, 16),
-        exr.encode_exr(&place()).unwrap(),
-    ];
-    for file in &files {
+    let png = numbered(3).encode_png(&place()).unwrap();
+    [png, jpeg(16, 16), exr.encode_exr(&place()).unwrap()]
+}
+
+#[test]
+fn files_that_are_cut_short_are_refused_at_each_length() {
+    for file in &small_files() {
         let whole = Picture::decode(file, &place()).unwrap();
         for length in 0..file.len() {
             // What a PNG has after its pixels is not needed.
@@ -424,14 +425,7 @@ fn files_that_are_cut_short_are_refused_at_each_length() {
 
 #[test]
 fn files_with_a_wrong_byte_have_an_answer() {
-    let samples = (0..18).map(|k| k as f32).collect();
-    let exr = Picture { width: 3, height: 2, channels: 3, samples: Samples::F32(samples) };
-    let files = [
-        numbered(3).encode_png(&place()).unwrap(),
-        jpeg(16, 16),
-        exr.encode_exr(&place()).unwrap(),
-    ];
-    for file in &files {
+    for file in &small_files() {
         for at in 0..file.len() {
             for value in [0, 1, 127, 128, 255] {
                 let mut bytes = file.clone();
