@@ -45,9 +45,18 @@ impl Folder {
         &self.given
     }
 
-    /// Where a file of this folder lies, for messages and for [`Folder::read`].
+    /// Where a file of this folder lies, for messages and for [`Folder::read`]. In the folder where the
+    /// program runs that is the plain `path`.
     pub fn join(&self, path: impl AsRef<Path>) -> PathBuf {
-        self.given.join(path)
+        match self.is_here() {
+            true => path.as_ref().to_owned(),
+            false => self.given.join(path),
+        }
+    }
+
+    /// Whether it is the folder where the program runs: in messages its name says nothing.
+    fn is_here(&self) -> bool {
+        self.given == Path::new(".")
     }
 
     /// The file at `path` without links.
@@ -60,7 +69,10 @@ impl Folder {
         let found = found.map_err(|error| SceneError::Read { path: given.clone(), error })?;
         match found.starts_with(&self.root) {
             true => Ok(found),
-            false => Err(SceneError::Outside { path: given, folder: self.given.clone() }),
+            false => {
+                let folder = if self.is_here() { &self.root } else { &self.given };
+                Err(SceneError::Outside { path: given, folder: folder.clone() })
+            }
         }
     }
 
@@ -121,6 +133,17 @@ mod tests {
         assert!(matches!(absolute, Err(SceneError::Outside { .. })));
         assert!(matches!(folder.read("missing"), Err(SceneError::Read { .. })));
         assert!(matches!(folder.read("images"), Err(SceneError::Read { .. })));
+    }
+
+    #[test]
+    fn a_bare_name_stays_one() {
+        for given in ["", ".", "./"] {
+            let folder = Folder::new(given).unwrap();
+            assert_eq!(folder.join("Cargo.toml"), Path::new("Cargo.toml"), "{given:?}");
+            assert!(folder.read("Cargo.toml").unwrap().starts_with(b"[package]"), "{given:?}");
+            let said = folder.read("missing").unwrap_err().to_string();
+            assert!(said.starts_with("missing could not be read"), "{said}");
+        }
     }
 
     #[cfg(unix)]

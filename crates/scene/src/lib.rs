@@ -23,6 +23,7 @@ mod scene;
 mod shapes;
 mod targets;
 mod values;
+mod words;
 
 /// What images, positions and parameters are.
 pub use bokashi_core::Tensor;

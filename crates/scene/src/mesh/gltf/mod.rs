@@ -38,6 +38,7 @@ use crate::error::{Place, SceneError};
 use crate::mesh::beside::Beside;
 use crate::mesh::notes::name;
 use crate::model::Model;
+use crate::words;
 
 /// The first bytes of a GLB.
 const MAGIC: &[u8] = b"glTF";
@@ -89,9 +90,8 @@ pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Model, Scene
         };
         let [line, column] =
             [error.line(), error.column()].map(|number| (!is_binary).then_some(number));
-        // It repeats texts of the file.
-        let error = name(&error.to_string());
-        SceneError::content(Place { line, column, ..place.clone() }, format!("{rule}: {error}"))
+        let place = Place { line, column, ..place.clone() };
+        SceneError::content(place, format!("{rule}: {}", words::of_json(&error)))
     })?;
     let version = root.asset.min_version.as_ref().unwrap_or(&root.asset.version);
     if !is_read(version) {
