@@ -2,6 +2,7 @@
 
 mod arguments;
 mod bench;
+mod models;
 mod run;
 mod stability;
 mod stiff;
