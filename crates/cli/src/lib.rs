@@ -11,6 +11,7 @@ pub mod live;
 mod new;
 pub mod output;
 pub mod places;
+pub mod panics;
 mod plan;
 mod progress;
 pub mod run;

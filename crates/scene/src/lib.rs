@@ -23,6 +23,7 @@ mod scene;
 mod shapes;
 mod targets;
 mod values;
+mod viewpoint;
 mod words;
 
 /// What images, positions and parameters are.
@@ -38,7 +39,7 @@ pub use mesh::{MeshKind, glb, ply, read_model, read_model_bytes};
 pub use model::{Geometry, Indexed, MaterialFile, Model, Placed};
 pub use object::{Attribute, Object, SurfaceLook};
 pub use outline::{Outline, gaze, named_files, share_seen};
-pub use picture::{ColorSpace, MOST_SAMPLES, Picture, Samples};
+pub use picture::{ColorSpace, MOST_SAMPLES, Picture, Samples, is_guarded};
 pub use rendered::Rendered;
 pub use renderer::{Drawn, Renderer};
 pub use results::write_file;

@@ -140,6 +140,10 @@ pub fn read_transforms(
         };
         let camera = lens.camera(size).map_err(content)?;
         let camera = camera.with_opengl_pose(pose(&frame.transform_matrix).map_err(content)?);
+        if !camera.is_finite() {
+            let rule = "a camera's angles and pose give finite numbers, and these are too extreme";
+            return Err(content(rule.to_owned()));
+        }
         Ok(NamedView { name, image, camera })
     });
     views.collect()

@@ -28,4 +28,4 @@ mod samples;
 mod tests;
 
 pub use self::color::ColorSpace;
-pub use self::samples::{MOST_SAMPLES, Picture, Samples};
+pub use self::samples::{MOST_SAMPLES, Picture, Samples, is_guarded};

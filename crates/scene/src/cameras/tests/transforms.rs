@@ -120,6 +120,7 @@ fn what_is_no_camera_is_refused_with_the_rule() {
     assert_said(one("", ""), "a camera has fl_x or camera_angle_x, and this has neither");
     assert_said(one("", r#", "fl_x": -3"#), "focal lengths are above 0, and these are -3 and -3");
     assert_said(one("", r#", "camera_angle_x": 3.2"#), "between 0 and pi, and this is 3.2");
+    assert_said(one("", r#", "camera_angle_x": 1e-320"#), "and these are too extreme");
     for size in
         [r#""w": 0, "h": 1"#, r#""w": 1.5, "h": 1"#, r#""w": 1, "h": 1e300"#, r#""w": -1, "h": 1"#]
     {
