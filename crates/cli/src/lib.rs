@@ -10,6 +10,7 @@ pub mod interrupt;
 pub mod live;
 mod new;
 pub mod output;
+pub mod panics;
 pub mod places;
 mod plan;
 mod progress;

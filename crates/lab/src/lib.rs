@@ -1,8 +1,9 @@
-//! What examines Bokashi: extreme cases, stiff problems with known minima, and how fast it is, at
-//! what error. Nobody who uses Bokashi needs it; the program `bokashi-lab` runs it.
+//! What examines Bokashi: extreme cases, stiff problems with known minima, mesh files of other people, and
+//! how fast it is, at what error. Nobody who uses Bokashi needs it; the program `bokashi-lab` runs it.
 
 mod areas;
 pub mod bench;
+pub mod models;
 pub mod stability;
 pub mod stiff;
 

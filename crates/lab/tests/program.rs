@@ -114,7 +114,7 @@ fn a_bench_has_every_study_as_markdown_json_csv_and_a_page() {
     assert_eq!(found["quick"], true);
     let studies = found["studies"].as_array().expect("a list");
     let names: Vec<&str> = studies.iter().filter_map(|study| study["study"].as_str()).collect();
-    let all = "scenes silhouettes fits blur operations surfaces nodes multiply growth memory";
+    let all = "scenes silhouettes fits blur operations surfaces nodes multiply growth files memory";
     assert_eq!(names.join(" "), all);
     let page = fs::read_to_string(folder.path().join("made/bench.html")).expect("a page");
     loads_nothing(&page);
@@ -275,4 +275,39 @@ fn help_and_version_are_status_0() {
         assert!(text(&output.stdout).contains("bokashi-lab"), "{line}");
         assert!(output.stderr.is_empty(), "{line}");
     }
+}
+
+#[test]
+fn models_of_others_are_counted_and_refusals_say_why() {
+    let folder = folder();
+    let write = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        fs::create_dir_all(path.parent().expect("a folder")).expect("a folder");
+        fs::write(path, text).expect("a file");
+    };
+    write("m/a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    write("m/below/B.OBJ", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n");
+    write("m/below/c.ply", "plx");
+    write("m/d.stl", "no mesh that is read");
+    let output = lab(folder.path(), "models m --expect obj=1/2 --expect ply=0/1 --json m.json");
+    let said = text(&output.stdout);
+    assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), String::new()), "{said}");
+    assert!(said.contains("| obj    | 2     | 1      | 1       | 0      |"), "{said}");
+    let why = "- refused: below/B.OBJ:4: the file has 3 of the kind \"vertex\", and a face names number 9";
+    assert!(said.contains(why), "{said}");
+    let json = fs::read(folder.path().join("m.json")).expect("a file");
+    let found: Value = serde_json::from_slice(&json).expect("a list");
+    assert_eq!(found.as_array().map(Vec::len), Some(3));
+    assert_eq!(
+        (&found[0]["path"], &found[0]["outcome"]["loaded"]["faces"]),
+        (&"a.obj".into(), &1.into())
+    );
+
+    let output = lab(folder.path(), "models m --expect obj=2/2 --json -");
+    let error = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{error}");
+    assert!(error.contains("2 of 2 files of the format obj load, and these are 1 of 2"), "{error}");
+    assert_eq!(text(&output.stdout), text(&json));
+    let output = lab(folder.path(), "models missing");
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output.stderr));
 }

@@ -55,9 +55,18 @@ impl Folder {
         Ok(way.unwrap_or_else(|| self.root.clone()))
     }
 
-    /// Where a file of this folder lies, for messages and for [`Folder::read`].
+    /// Where a file of this folder lies, for messages and for [`Folder::read`]. In the folder where the
+    /// program runs that is the plain `path`.
     pub fn join(&self, path: impl AsRef<Path>) -> PathBuf {
-        self.given.join(path)
+        match self.is_here() {
+            true => path.as_ref().to_owned(),
+            false => self.given.join(path),
+        }
+    }
+
+    /// Whether it is the folder where the program runs: in messages its name says nothing.
+    fn is_here(&self) -> bool {
+        self.given == Path::new(".")
     }
 
     /// The file at `path` without links.
@@ -70,7 +79,10 @@ impl Folder {
         let found = found.map_err(|error| SceneError::Read { path: given.clone(), error })?;
         match found.starts_with(&self.root) {
             true => Ok(found),
-            false => Err(SceneError::Outside { path: given, folder: self.given.clone() }),
+            false => {
+                let folder = if self.is_here() { &self.root } else { &self.given };
+                Err(SceneError::Outside { path: given, folder: folder.clone() })
+            }
         }
     }
 
@@ -132,6 +144,17 @@ mod tests {
         assert_eq!(folder.seen_from(&out).unwrap(), Path::new("../../scene"));
         assert_eq!(folder.seen_from(&scene).unwrap(), Path::new(""));
         assert!(folder.seen_from(&place.path().join("missing")).is_err());
+    }
+
+    #[test]
+    fn a_bare_name_stays_one() {
+        for given in ["", ".", "./"] {
+            let folder = Folder::new(given).unwrap();
+            assert_eq!(folder.join("Cargo.toml"), Path::new("Cargo.toml"), "{given:?}");
+            assert!(folder.read("Cargo.toml").unwrap().starts_with(b"[package]"), "{given:?}");
+            let said = folder.read("missing").unwrap_err().to_string();
+            assert!(said.starts_with("missing could not be read"), "{said}");
+        }
     }
 
     #[cfg(unix)]

@@ -26,6 +26,8 @@ mod scene;
 mod shapes;
 mod targets;
 mod values;
+mod viewpoint;
+mod words;
 
 /// What images, positions and parameters are.
 pub use bokashi_core::Tensor;
@@ -50,7 +52,7 @@ pub use model::{Geometry, Indexed, MaterialFile, Model, Placed};
 pub use ndarray;
 pub use object::{Attribute, Object, SurfaceLook};
 pub use outline::{Outline, gaze, named_files, share_seen};
-pub use picture::{ColorSpace, Depth, MOST_SAMPLES, Picture, Samples};
+pub use picture::{ColorSpace, Depth, MOST_SAMPLES, Picture, Samples, is_guarded};
 pub use rendered::Rendered;
 pub use renderer::{Drawn, Renderer};
 pub use running::StopRules;

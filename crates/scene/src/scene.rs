@@ -3,26 +3,25 @@
 //! Images stay where they are until their turn comes: see `targets`.
 
 use std::collections::HashSet;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use bokashi_core::Tensor;
-use bokashi_render_ops::Size;
-use bokashi_render_ops::camera::{look_at, opengl_to_opencv_pose, opengl_to_opencv_view};
-use glam::{DMat3, DMat4, DVec3, DVec4};
+use glam::{DMat4, DVec3};
 use toml::Spanned;
 
 use crate::cameras::{Camera, NamedView, read_colmap, read_transforms};
 use crate::description::{
-    self, CameraEntry, ColorSpaceName, Convention, Description, MaterialEntry, MeshEntry, Shape,
-    ViewEntry,
+    self, ColorSpaceName, Description, MaterialEntry, MeshEntry, Shape, ViewEntry,
 };
 use crate::error::{Place, SceneError};
 use crate::folder::Folder;
 use crate::mesh::read_model;
 use crate::model::{Model, Placed};
 use crate::object::{Attribute, Object, SurfaceLook, vectors};
-use crate::picture::{ColorSpace, Picture};
+use crate::picture::{ColorSpace, MOST_SAMPLES, Picture};
 use crate::shapes;
+use crate::viewpoint::camera;
 
 /// An image, and the camera that took it.
 #[derive(Debug, Clone)]
@@ -64,6 +63,11 @@ pub struct Scene {
 
 /// Faces of a shape, where a scene does not say.
 const FACES: usize = 1280;
+/// The most faces of a shape.
+const MOST_FACES: u64 = 10_000_000;
+/// Texels along a side of an environment; and where a scene does not say.
+const SIDES: RangeInclusive<usize> = 8..=256;
+const SIDE: usize = 16;
 
 /// What a scene's file says, and where it says it.
 struct Source {
@@ -79,6 +83,20 @@ impl Source {
 
     fn wrong<T>(&self, entry: &Spanned<T>, message: impl std::fmt::Display) -> SceneError {
         SceneError::content(self.place(entry), message)
+    }
+
+    /// Refuses an entry that takes more memory than a scene may.
+    fn at_most<T>(
+        &self,
+        entry: &Spanned<T>,
+        what: &'static str,
+        most: u64,
+        found: u64,
+    ) -> Result<(), SceneError> {
+        match found > most {
+            true => Err(SceneError::TooLarge { place: self.place(entry), what, most, found }),
+            false => Ok(()),
+        }
     }
 }
 
@@ -99,6 +117,13 @@ impl Scene {
             objects.extend(source.objects(entry, &mut notes)?);
         }
         let views = source.views(&description)?;
+        for SceneView { camera: Camera { size, .. }, .. } in &views {
+            let (what, found) = ("pixels of a view", size.width as u64 * size.height as u64);
+            if found > MOST_SAMPLES {
+                let place = Place::of(path);
+                return Err(SceneError::TooLarge { place, what, most: MOST_SAMPLES, found });
+            }
+        }
         check_names("a mesh", objects.iter().map(|object| &object.name), path)?;
         check_names("a view", views.iter().map(|view| &view.name), path)?;
         let environment = source.environment(&description)?;
@@ -168,6 +193,7 @@ impl Source {
             }
             (None, Some(shape)) => {
                 let faces = own.faces.map_or(FACES, |faces| faces.0);
+                self.at_most(entry, "faces of a shape", MOST_FACES, faces as u64)?;
                 let geometry = match shape {
                     Shape::Sphere => shapes::sphere(faces),
                     Shape::Cube => shapes::cube(own.faces.map_or(12, |faces| faces.0)),
@@ -232,6 +258,8 @@ impl Source {
                 Some(image.color(ColorSpace::of(&image)))
             }
             (None, Some(size)) => {
+                let samples = (3 * size.0 as u64).saturating_mul(size.0 as u64);
+                self.at_most(entry, "samples of an image", MOST_SAMPLES, samples)?;
                 let color = look.base_color;
                 Some(Tensor::from_flat_fn([size.0, size.0, 3], |k| color[k % 3]))
             }
@@ -320,7 +348,7 @@ impl Source {
             }
         };
         Ok(SceneView {
-            camera: self.camera(entry, &own.camera, size)?,
+            camera: camera(&own.camera, size).map_err(|rule| self.wrong(entry, rule))?,
             name,
             image: own.image.clone(),
             mask: own.mask.clone(),
@@ -329,75 +357,19 @@ impl Source {
         })
     }
 
-    fn camera(
-        &self,
-        entry: &Spanned<ViewEntry>,
-        own: &CameraEntry,
-        [width, height]: [usize; 2],
-    ) -> Result<Camera, SceneError> {
-        let extent = [width, height].map(|extent| extent as f64);
-        let focal = match (own.focal, own.angle) {
-            (Some(focal), None) => focal.0,
-            (None, Some(angle)) if angle.0 < 180.0 => {
-                [0.5 * extent[0] / (0.5 * angle.0.to_radians()).tan(); 2]
-            }
-            _ => {
-                let rule = "a camera has either `focal`, or an `angle` below 180 degrees";
-                return Err(self.wrong(entry, rule));
-            }
-        };
-        let middle = extent.map(|extent| 0.5 * (extent - 1.0));
-        let center = own.center.map_or(middle, |center| center.map(|x| x.0));
-        let distortion = own.distortion.map_or([0.0; 5], |lens| lens.map(|x| x.0));
-        let view = match (own.pose, own.position) {
-            (Some(rows), None) if own.target.is_none() && own.up.is_none() => {
-                let rows = rows.map(|row| DVec4::from_array(row.map(|x| x.0)));
-                let pose = DMat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose();
-                let pose = match own.convention {
-                    Convention::Opencv => pose,
-                    Convention::Opengl => opengl_to_opencv_pose(pose),
-                };
-                let view = pose.inverse();
-                let turn = DMat3::from_mat4(pose);
-                let off = turn.transpose() * turn - DMat3::IDENTITY;
-                let is_rigid = off.to_cols_array().iter().all(|x| x.abs() < 1e-3);
-                if !is_rigid || turn.determinant() < 0.0 || rows[3] != DVec4::W {
-                    let rule = "a pose is a rotation and a translation, above the row 0 0 0 1";
-                    return Err(self.wrong(entry, rule));
-                }
-                view
-            }
-            (None, Some(position)) => {
-                let vector = |given: Option<[description::Finite; 3]>, default| {
-                    given.map_or(default, |v| DVec3::from_array(v.map(|x| x.0)))
-                };
-                let position = DVec3::from_array(position.map(|x| x.0));
-                let (target, up) = (vector(own.target, DVec3::ZERO), vector(own.up, DVec3::Y));
-                let along = (target - position).normalize_or_zero();
-                if along.cross(up.normalize_or_zero()).length() < 1e-9 {
-                    let rule = "a camera looks at another place than its own, and not along `up`";
-                    return Err(self.wrong(entry, rule));
-                }
-                opengl_to_opencv_view(look_at(position, target, up))
-            }
-            _ => {
-                let rule =
-                    "a camera has either `pose`, or `position` and perhaps `target` and `up`";
-                return Err(self.wrong(entry, rule));
-            }
-        };
-        let size = Size { width, height };
-        let intrinsics = [focal[0], focal[1], center[0], center[1]];
-        Ok(Camera { size, intrinsics, distortion, view })
-    }
-
     fn environment(&self, description: &Description) -> Result<Option<Tensor<f32>>, SceneError> {
         let Some(entry) = &description.environment else { return Ok(None) };
         let own = entry.get_ref();
+        let check = |side: usize| match SIDES.contains(&side) && side.is_power_of_two() {
+            true => Ok(side),
+            false => {
+                let rule = "the side of a cube map is a power of two from 8 to 256";
+                Err(self.wrong(entry, format!("{rule}, and this is {side}")))
+            }
+        };
         match (&own.image, own.color) {
             (Some(file), None) if own.size.is_none() => {
                 let image = self.image(file)?;
-                let texels = image.color(ColorSpace::of(&image));
                 let side = image.width;
                 if image.height != 6 * side {
                     let rule = "a cube map has its six faces one below the other";
@@ -405,10 +377,12 @@ impl Source {
                         format!("{rule}, and {} is {side} x {}", file.display(), image.height);
                     return Err(self.wrong(entry, found));
                 }
-                Ok(Some(Tensor::from_flat_fn([6, side, side, 3], |k| texels.data()[k])))
+                let texels = image.color(ColorSpace::of(&image));
+                let shape = [6, check(side)?, side, 3];
+                Ok(Some(Tensor::from_flat_fn(shape, |k| texels.data()[k])))
             }
             (None, Some(color)) => {
-                let side = own.size.map_or(16, |size| size.0);
+                let side = check(own.size.map_or(SIDE, |size| size.0))?;
                 Ok(Some(Tensor::from_flat_fn([6, side, side, 3], |k| color[k % 3].0 as f32)))
             }
             _ => {

@@ -9,7 +9,7 @@ use bokashi_report::{
 };
 
 use super::figures::Run;
-use crate::about::about;
+use crate::about::footer;
 
 /// The name of the page.
 pub(super) const PAGE: &str = "samples.html";
@@ -30,7 +30,6 @@ pub(super) fn render(runs: &[Run]) -> Result<String, ReportError> {
         body.push_str(&pictures(group)?);
         sections.push(Section { id: sample.name, title: sample.name, body });
     }
-    let about = about("bokashi");
     let seeds = runs.iter().map(|run| run.seed);
     let (first, last) = (seeds.clone().min().unwrap_or(0), seeds.max().unwrap_or(0));
     let document = Document {
@@ -41,12 +40,7 @@ pub(super) fn render(runs: &[Run]) -> Result<String, ReportError> {
              Each line of a figure is a run.</p>"
         ),
         sections,
-        footer: format!(
-            "<p>{}, {} threads: <code>{}</code></p>",
-            escaped(&about.program),
-            about.threads,
-            escaped(&about.command)
-        ),
+        footer: footer(),
     };
     Ok(document.html())
 }

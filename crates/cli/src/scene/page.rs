@@ -9,7 +9,7 @@ use bokashi_scene::SceneFit;
 
 use super::outcome::Outcome;
 use super::pictures::{GAIN, KINDS, file_name};
-use crate::about::about;
+use crate::about::footer;
 
 /// The name of the page.
 pub(super) const PAGE: &str = "index.html";
@@ -38,7 +38,6 @@ pub(super) fn render(
     }
     sections.push(Section { id: "learnt", title: "What was learnt", body: learnt(fit, outcome) });
     sections.push(Section { id: "left-out", title: "What was left out", body: left_out(outcome) });
-    let about = about("bokashi");
     let name = fit.scene().path.display().to_string();
     let held_out = outcome.psnr_held_out(fit).map_or(String::new(), |psnr| {
         format!(" Views that were never learnt from are matched to {psnr:.1} dB.")
@@ -53,12 +52,7 @@ pub(super) fn render(
             outcome.ms_per_step().unwrap_or(0.0),
         ),
         sections,
-        footer: format!(
-            "<p>{}, {} threads: <code>{}</code></p>",
-            escaped(&about.program),
-            about.threads,
-            escaped(&about.command)
-        ),
+        footer: footer(),
     };
     Ok(document.html())
 }

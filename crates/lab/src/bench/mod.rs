@@ -2,7 +2,7 @@
 //!
 //! [`bench()`] answers one question after the other. They ask for steps beside other renderers, the
 //! gradient of silhouettes, fits to an error, blurs and operations by time and error. They also ask
-//! for a pipeline node by node, the tape's own cost, growth, and memory. [`elision()`] sets steps
+//! for a pipeline node by node, the tape's own cost, growth, memory, and files. [`elision()`] sets steps
 //! that compute something beside steps that have no need of it.
 
 mod difference;
@@ -28,3 +28,4 @@ pub use questions::{STUDIES, bench, json, markdown};
 pub use scenes::{Scene, scenes};
 pub use setting::{Peer, read_peers};
 pub use study::Study;
+pub(crate) use table::{Cell, Table};

@@ -6,10 +6,11 @@ use std::path::{Path, PathBuf};
 use bokashi_cli::arguments::{Stopped, seeds, stopped, threads};
 use bokashi_cli::failure::EXIT_STATUSES;
 use bokashi_lab::bench::STUDIES;
+use bokashi_lab::models::Expected;
 use clap::builder::PossibleValuesParser;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
 
-/// Examines Bokashi: extreme cases, stiff problems, times beside errors.
+/// Examines Bokashi: extreme cases, stiff problems, times beside errors, files of other people.
 #[derive(Debug, Parser)]
 #[command(name = "bokashi-lab", version, arg_required_else_help = false)]
 #[command(after_help = EXIT_STATUSES)]
@@ -38,6 +39,11 @@ pub(crate) enum Command {
     /// machine that does nothing else, from a build with --release. Writes files only where --out or
     /// --json asks for them.
     Bench(BenchArguments),
+    /// Mesh files of other people: how many of each format load, and why the others don't.
+    ///
+    /// Loads each .obj, .ply, .gltf and .glb file below a folder, and reads again what is written of it;
+    /// ends with status 1 if anything panics or comes back as something else.
+    Models(ModelsArguments),
 }
 
 /// The options of `stability`.
@@ -115,6 +121,21 @@ pub(crate) struct BenchFiles {
     pub(crate) quick: bool,
 }
 
+/// The options of `models`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct ModelsArguments {
+    /// Folder to look in, and in all folders below
+    #[arg(value_name = "DIR")]
+    pub(crate) folder: PathBuf,
+    /// How many files of a format load, and how many there are: status 1 where that is not so; may be
+    /// given again
+    #[arg(long, value_name = "FORMAT=LOADED/FILES")]
+    pub(crate) expect: Vec<Expected>,
+    /// File for every outcome as a JSON list; - for standard output, and then nothing else there
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
+}
+
 impl BenchArguments {
     /// The files of whatever is asked for.
     fn files(&self) -> &BenchFiles {
@@ -132,6 +153,7 @@ impl Request {
             Command::Stability(stability) => stability.out.as_deref(),
             Command::Stiff(stiff) => stiff.out.as_deref(),
             Command::Bench(bench) => bench.files().out.as_deref(),
+            Command::Models(_) => None,
         }
     }
 
@@ -141,6 +163,7 @@ impl Request {
             Command::Stability(stability) => stability.json.as_deref(),
             Command::Stiff(stiff) => stiff.json.as_deref(),
             Command::Bench(bench) => bench.files().json.as_deref(),
+            Command::Models(models) => models.json.as_deref(),
         }
     }
 
@@ -148,7 +171,7 @@ impl Request {
     pub(crate) fn peers(&self) -> &[PathBuf] {
         match &self.command {
             Command::Bench(bench) => &bench.peers,
-            Command::Stability(_) | Command::Stiff(_) => &[],
+            Command::Stability(_) | Command::Stiff(_) | Command::Models(_) => &[],
         }
     }
 
@@ -157,7 +180,7 @@ impl Request {
         match &self.command {
             Command::Stability(stability) => stability.threads,
             Command::Stiff(stiff) => stiff.threads,
-            Command::Bench(_) => None,
+            Command::Bench(_) | Command::Models(_) => None,
         }
     }
 }
@@ -225,16 +248,32 @@ mod tests {
     }
 
     #[test]
+    fn models_may_be_expected() {
+        let request = read("models a --expect obj=18/25 --expect ply=4/9").expect("all of them");
+        assert_eq!((request.out(), request.json(), request.threads()), (None, None, None));
+        let Command::Models(models) = request.command else { panic!("models") };
+        let formats: Vec<_> = models.expect.iter().map(|expected| expected.format).collect();
+        assert_eq!((models.folder.as_path(), formats), ("a".as_ref(), vec!["obj", "ply"]));
+    }
+
+    #[test]
     fn bad_use_says_what_is_allowed() {
         let table = [
-            ("", "subcommand", "stability, stiff, bench"),
+            ("", "subcommand", "stability, stiff, bench, models"),
             ("stability --threads 0", "'0'", "needs a whole number from 1 to 1024"),
             ("stability --steps 3", "'--steps'", "--help"),
             ("bench --only all", "'all'", "memory, scenes, silhouettes"),
             ("bench --threads 2", "'--threads'", "--help"),
             ("stiff --seeds 0", "'0'", "needs a whole number from 1 to 1000"),
             ("stiff --steps 5", "'--steps'", "--help"),
-            ("fit", "'fit'", "the commands are stability, stiff, bench"),
+            ("models", "DIR", "--help"),
+            (
+                "models a --expect stl=1/2",
+                "'stl=1/2'",
+                "needs a format and two counts, as obj=18/25",
+            ),
+            ("models a --expect obj=1", "'obj=1'", "the formats are obj, ply, gltf, glb"),
+            ("fit", "'fit'", "the commands are stability, stiff, bench, models"),
         ];
         for (line, what, allowed) in table {
             let text = wrong(line);
@@ -252,6 +291,7 @@ mod tests {
             "stability --help",
             "bench --help",
             "bench elision --help",
+            "models --help",
         ] {
             let Err(Stopped::Shown(text)) = read(line) else { panic!("{line}") };
             assert!(text.contains("bokashi-lab"), "{line}: {text}");

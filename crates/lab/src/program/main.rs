@@ -2,6 +2,7 @@
 
 mod arguments;
 mod bench;
+mod models;
 mod run;
 mod stability;
 mod stiff;
@@ -11,8 +12,10 @@ use std::process::ExitCode;
 use bokashi_cli::arguments::Stopped;
 use bokashi_cli::failure::ended;
 use bokashi_cli::output::say;
+use bokashi_cli::panics;
 
 fn main() -> ExitCode {
+    panics::leave_guarded_out();
     let result = match arguments::parse(std::env::args_os()) {
         Ok(request) => run::run(&request),
         Err(Stopped::Shown(text)) => say(&text),

@@ -6,7 +6,7 @@ use bokashi_cli::places::Places;
 use bokashi_cli::threads::{start_threads, start_threads_apart};
 
 use crate::arguments::{Command, Request};
-use crate::{bench, stability, stiff};
+use crate::{bench, models, stability, stiff};
 
 /// Does all that `request` asks for.
 pub(crate) fn run(request: &Request) -> Result<(), Failure> {
@@ -15,6 +15,7 @@ pub(crate) fn run(request: &Request) -> Result<(), Failure> {
         Command::Stiff(_) => &["stiff.html", "stiff.csv"],
         Command::Bench(bench) if bench.command.is_none() => &["bench.html"],
         Command::Bench(_) => &["elision.html", "elision-rows.csv"],
+        Command::Models(_) => &[],
     };
     Places {
         out: request.out(),
@@ -39,5 +40,6 @@ pub(crate) fn run(request: &Request) -> Result<(), Failure> {
             start_threads(request.threads())?;
             bench::run(arguments, &writing)
         }
+        Command::Models(arguments) => models::run(arguments, &writing),
     }
 }

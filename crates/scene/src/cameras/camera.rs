@@ -70,6 +70,14 @@ impl Camera {
         opencv_to_opengl_pose(self.opencv_pose())
     }
 
+    /// Whether all of its numbers are finite, those of its pose too.
+    pub fn is_finite(&self) -> bool {
+        let numbers = self.intrinsics.iter().chain(&self.distortion);
+        numbers.into_iter().all(|number| number.is_finite())
+            && self.view.is_finite()
+            && self.opencv_pose().is_finite()
+    }
+
     /// Where a point of the world is seen, in OpenCV's pixels: 1/2 less than the pixels of this
     /// project. None in the camera's plane and behind it.
     ///

@@ -32,6 +32,7 @@ use super::rotation::pose;
 use crate::error::{Place, SceneError};
 use crate::folder::Folder;
 use crate::picture::Picture;
+use crate::words;
 
 /// Models whose lens is that of OpenCV, with some coefficients 0.
 const MODELS: [&str; 5] = ["PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"];
@@ -139,6 +140,10 @@ pub fn read_transforms(
         };
         let camera = lens.camera(size).map_err(content)?;
         let camera = camera.with_opengl_pose(pose(&frame.transform_matrix).map_err(content)?);
+        if !camera.is_finite() {
+            let rule = "a camera's angles and pose give finite numbers, and these are too extreme";
+            return Err(content(rule.to_owned()));
+        }
         Ok(NamedView { name, image, camera })
     });
     views.collect()
@@ -166,9 +171,7 @@ fn parsed<'t, F: Deserialize<'t>>(text: &'t str, place: &Place) -> Result<F, Sce
     serde_json::from_str(text).map_err(|error| {
         let [line, column] = [error.line(), error.column()].map(|at| Some(at).filter(|at| *at > 0));
         let place = Place { line, column, ..place.clone() };
-        // The text of the error ends with the place, too.
-        let said = error.to_string();
-        let said = said.rsplit_once(" at line ").map_or(said.as_str(), |(said, _)| said);
+        let said = words::of_json(&error);
         SceneError::content(place, format!("a file of cameras is JSON with frames: {said}"))
     })
 }

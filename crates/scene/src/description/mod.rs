@@ -29,6 +29,7 @@ pub use numbers::{Count, Finite, NotNegative, Positive, Share};
 pub use views::{CameraEntry, CamerasEntry, ColorSpaceName, Convention, Focal, ViewEntry};
 
 use crate::error::{Place, SceneError};
+use crate::words::{self, Keyed};
 
 /// A scene, and what is learnt of it.
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
@@ -109,7 +110,7 @@ pub(crate) fn place(text: &str, path: &Path, byte: usize) -> Place {
 ///
 /// It says "unknown field `a`, expected `b` or `c`", or "unknown variant".
 fn said(message: &str) -> String {
-    let message = message.replace("unknown field", "unknown key");
+    let message = words::said(message, Keyed::Table).replace("unknown field", "unknown key");
     let mut names = message.split('`').skip(1).step_by(2);
     let is_unknown = message.starts_with("unknown key") || message.starts_with("unknown variant");
     let nearest = names.next().filter(|_| is_unknown).and_then(|given| {

@@ -31,7 +31,12 @@ fn numbers_against_their_rule_are_refused_where_they_stand() {
         ("[loss]\nssim = 1.5\n", "2:8: a number from 0 to 1 is needed here, and this is 1.5"),
         ("[[meshes]]\nplace = { rotation = [0, 0, 0, 0] }\n", "2:"),
         ("[[lights]]\nkind = \"ambient\"\ncolor = [1, 1]\n", "1:"),
-        ("seed = -1\n", "1:8: "),
+        ("seed = -1\n", "1:8: a whole number, 0 or above, is needed here, and this is -1"),
+        ("meshes = [3]\n", "1:11: a table is needed here, and this is 3"),
+        (
+            "[[views]]\ncamera = { focal = [1, 0] }\n",
+            "2:20: a finite number above 0 is needed here, or a list of two of them",
+        ),
         ("a = \n", "1:5: "),
     ];
     for (text, expected) in rows {

@@ -71,7 +71,7 @@ pub struct CameraEntry {
 pub struct Focal(pub [f64; 2]);
 
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "a finite number above 0 is needed here, or a list of two of them")]
 enum FocalNumbers {
     Same(Positive),
     Both([Positive; 2]),

@@ -10,7 +10,7 @@ use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
 use super::open_exr;
-use super::samples::{MOST_SAMPLES, Picture, Samples, check_size, guarded};
+use super::samples::{DENSEST, MOST_SAMPLES, Picture, Samples, check_size, guarded};
 use crate::error::{Place, SceneError};
 
 /// The largest sample that the decoders of PNG and JPEG give, in bytes.
@@ -89,7 +89,7 @@ fn opened<'b>(
     {
         // Its decoder takes memory for a row at once.
         let size = [[a, b, c, d], [e, f, g, h]].map(|bytes| u32::from_be_bytes(bytes).into());
-        check_size(size, 1, bytes.len(), place)?;
+        check_size(size, 1, (bytes.len(), DENSEST), place)?;
     }
     let mut limits = Limits::no_limits();
     limits.max_alloc = Some(MOST_SAMPLES * WIDEST_SAMPLE);
@@ -98,7 +98,8 @@ fn opened<'b>(
     let decoder = reader.into_decoder().map_err(|error| broken(&error, place))?;
     let (width, height) = decoder.dimensions();
     let channels = decoder.color_type().channel_count();
-    check_size([width.into(), height.into()], channels.into(), bytes.len(), place)?;
+    let size = [width.into(), height.into()];
+    check_size(size, channels.into(), (bytes.len(), DENSEST), place)?;
     Ok(decoder)
 }
 

@@ -29,4 +29,4 @@ mod samples;
 mod tests;
 
 pub use self::color::{ColorSpace, Depth};
-pub use self::samples::{MOST_SAMPLES, Picture, Samples};
+pub use self::samples::{MOST_SAMPLES, Picture, Samples, is_guarded};

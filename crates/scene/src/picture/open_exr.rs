@@ -11,11 +11,15 @@ use exr::prelude::{
     ReadLayers as _, Vec2, WritableImage as _, read,
 };
 
-use super::samples::{Picture, Samples, check_size};
+use super::samples::{DENSEST, Picture, Samples, check_size};
 use crate::error::{Place, SceneError};
 
 /// A file whose header has been read.
 type File<'b> = Reader<Cursor<&'b [u8]>>;
+
+/// The most samples that a byte of a file stands for: deflate makes 1032 bytes of one, and a sample has two. A
+/// display window has no bytes.
+const DENSEST_DATA: u64 = 516;
 
 /// Names of the channels, for one to four of them.
 const NAMES: [&[&str]; 4] = [&["Y"], &["Y", "A"], &["R", "G", "B"], &["R", "G", "B", "A"]];
@@ -84,10 +88,11 @@ fn opened<'b>(bytes: &'b [u8], place: &Place) -> Result<(File<'b>, usize), Scene
     }
     // All channels of the data window are decompressed, and the display window is what is answered.
     let display = header.shared_attributes.display_window.size;
-    let counts = [list.len(), list.len().min(4)];
-    for (size, count) in [header.layer_size, display].into_iter().zip(counts) {
+    let rules =
+        [(header.layer_size, list.len(), DENSEST_DATA), (display, list.len().min(4), DENSEST)];
+    for (size, count, densest) in rules {
         let size = [size.width() as u64, size.height() as u64];
-        check_size(size, count as u64, bytes.len(), place)?;
+        check_size(size, count as u64, (bytes.len(), densest), place)?;
     }
     Ok((reader, layer))
 }

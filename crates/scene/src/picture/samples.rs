@@ -1,5 +1,6 @@
 //! An image in memory, and how large it may be.
 
+use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use crate::error::{Place, SceneError};
@@ -8,11 +9,11 @@ use crate::error::{Place, SceneError};
 /// channel.
 pub const MOST_SAMPLES: u64 = 1 << 28;
 
-/// The most samples of an image for each byte of its file.
+/// The most samples of an image for each byte of its file, whatever the format.
 ///
 /// The densest that a format can pack is a row of one colour of a palette in a PNG, 33000 samples a
 /// byte: a file that claims more is broken, and takes no memory.
-const MOST_SAMPLES_OF_A_BYTE: u64 = 1 << 16;
+pub(super) const DENSEST: u64 = 1 << 16;
 
 /// The samples of an image, as few bytes each as the file had.
 #[derive(Debug, Clone, PartialEq)]
@@ -80,11 +81,11 @@ impl Picture {
 }
 
 /// Refuses an image that takes too much memory: one of `width` x `height` pixels in a file of
-/// `bytes`.
+/// `bytes`, each of which has `densest` samples at most.
 pub(super) fn check_size(
     [width, height]: [u64; 2],
     channels: u64,
-    bytes: usize,
+    (bytes, densest): (usize, u64),
     place: &Place,
 ) -> Result<(), SceneError> {
     if width == 0 || height == 0 {
@@ -97,11 +98,22 @@ pub(super) fn check_size(
         let (what, most) = ("samples of an image", MOST_SAMPLES);
         return Err(SceneError::TooLarge { place, what, most, found });
     }
-    if found / MOST_SAMPLES_OF_A_BYTE > bytes as u64 {
+    if found / densest > bytes as u64 {
         let rule = format!("an image of {width} x {height} needs more bytes than its file has");
         return Err(SceneError::content(place, format!("{rule}, {bytes}")));
     }
     Ok(())
+}
+
+thread_local! {
+    /// Whether this thread runs a decoder.
+    static IS_GUARDED: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Whether this thread decodes an image: a panic becomes an error there, so that a hook for panics has nothing
+/// to say.
+pub fn is_guarded() -> bool {
+    IS_GUARDED.get()
 }
 
 /// What `decode` answers. A decoder that panics is one that met a broken file: its libraries check
@@ -110,7 +122,10 @@ pub(super) fn guarded<R>(
     place: &Place,
     decode: impl FnOnce() -> Result<R, SceneError>,
 ) -> Result<R, SceneError> {
-    catch_unwind(AssertUnwindSafe(decode)).unwrap_or_else(|_| {
+    let before = IS_GUARDED.replace(true);
+    let decoded = catch_unwind(AssertUnwindSafe(decode));
+    IS_GUARDED.set(before);
+    decoded.unwrap_or_else(|_| {
         let found = "an image has a header and pixels that fit each other, and these don't";
         Err(SceneError::content(place.clone(), found))
     })

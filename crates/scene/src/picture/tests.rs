@@ -384,7 +384,7 @@ fn a_header_that_claims_too_much_takes_no_memory() {
     large[frame + 5..frame + 9].copy_from_slice(&[0xff; 4]);
     assert!(matches!(Picture::decode(&large, &place()), Err(SceneError::TooLarge { .. })));
 
-    for size in [(1 << 20, 1 << 20), (1 << 14, 1 << 12)] {
+    for size in [(1 << 20, 1 << 20), (1 << 14, 1 << 12), (1 << 18, 1 << 4)] {
         // The header claims more columns and rows than there are.
         let mut bytes = plain_exr(vec![("Y", FlatSamples::F32(vec![1.0]))], (1, 1));
         for name in ["dataWindow\0box2i\0", "displayWindow\0box2i\0"] {
@@ -395,21 +395,47 @@ fn a_header_that_claims_too_much_takes_no_memory() {
             let ends: Vec<u8> = ends.iter().flat_map(|end| end.to_le_bytes()).collect();
             bytes[from..from + 16].copy_from_slice(&ends);
         }
-        assert!(Picture::decode(&bytes, &place()).is_err());
+        let error = Picture::decode(&bytes, &place()).unwrap_err();
+        let said = error.to_string();
+        let is_too_large = matches!(error, SceneError::TooLarge { .. });
+        // The library counts blocks of 16 rows, and one is there.
+        let is_too_large = is_too_large || said.contains("chunk count not matching");
+        assert!(
+            is_too_large && size.1 > 16 || said.contains("needs more bytes than its file has"),
+            "{said}"
+        );
         assert!(Picture::size_of(&bytes, &place()).is_err());
     }
 }
 
 #[test]
-fn files_that_are_cut_short_are_refused_at_each_length() {
+fn the_densest_files_are_read() {
+    let black = FlatSamples::F16(vec![f16::ZERO; 4096 * 512]);
+    let bytes = plain_exr(vec![("Y", black)], (4096, 512));
+    assert!(bytes.len() < 3 * 4096, "{}", bytes.len());
+    assert_eq!(Picture::decode(&bytes, &place()).unwrap().pixels(), 4096 * 512);
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, 16384, 512);
+    encoder.set_color(png::ColorType::Indexed);
+    encoder.set_depth(png::BitDepth::One);
+    encoder.set_palette(vec![1, 2, 3]);
+    encoder.set_trns(vec![9]);
+    encoder.write_header().unwrap().write_image_data(&vec![0; 2048 * 512]).unwrap();
+    assert!(bytes.len() < 4096, "{}", bytes.len());
+    assert_eq!(Picture::decode(&bytes, &place()).unwrap().pixels(), 16384 * 512);
+}
+
+/// A small file of each format.
+fn small_files() -> [Vec<u8>; 3] {
     let samples = (0..18).map(|k| k as f32).collect();
     let exr = Picture { width: 3, height: 2, channels: 3, samples: Samples::F32(samples) };
-    let files = [
-        numbered(3).encode_png(&place()).unwrap(),
-        jpeg(16, 16),
-        exr.encode_exr(&place()).unwrap(),
-    ];
-    for file in &files {
+    let png = numbered(3).encode_png(&place()).unwrap();
+    [png, jpeg(16, 16), exr.encode_exr(&place()).unwrap()]
+}
+
+#[test]
+fn files_that_are_cut_short_are_refused_at_each_length() {
+    for file in &small_files() {
         let whole = Picture::decode(file, &place()).unwrap();
         for length in 0..file.len() {
             // What a PNG has after its pixels is not needed.
@@ -424,14 +450,7 @@ fn files_that_are_cut_short_are_refused_at_each_length() {
 
 #[test]
 fn files_with_a_wrong_byte_have_an_answer() {
-    let samples = (0..18).map(|k| k as f32).collect();
-    let exr = Picture { width: 3, height: 2, channels: 3, samples: Samples::F32(samples) };
-    let files = [
-        numbered(3).encode_png(&place()).unwrap(),
-        jpeg(16, 16),
-        exr.encode_exr(&place()).unwrap(),
-    ];
-    for file in &files {
+    for file in &small_files() {
         for at in 0..file.len() {
             for value in [0, 1, 127, 128, 255] {
                 let mut bytes = file.clone();

@@ -1,6 +1,7 @@
 //! One file per question.
 
 mod blur;
+mod files;
 mod fits;
 mod growth;
 mod memory;
@@ -21,7 +22,7 @@ type Do = fn(&Bench) -> Result<Study, FitError>;
 
 /// Every study with its name, in the order of the report. The one about memory comes first in a
 /// process, while its peak is still low; see there.
-pub(super) const ALL: [(&str, Do); 10] = [
+pub(super) const ALL: [(&str, Do); 11] = [
     ("memory", memory::study),
     ("scenes", scenes::study),
     ("silhouettes", silhouettes::study),
@@ -32,4 +33,5 @@ pub(super) const ALL: [(&str, Do); 10] = [
     ("nodes", nodes::study),
     ("multiply", multiply::study),
     ("growth", growth::study),
+    ("files", files::study),
 ];

@@ -85,6 +85,10 @@ pub fn read_colmap(
         let image = images.as_ref().join(&name);
         folder.find(&image)?;
         let camera = found.with_rotation_and_translation(rotation / length, translation);
+        if !camera.is_finite() {
+            let rule = "a pose leads to finite places, and this is too extreme";
+            return Err(content(format!("{rule}: {rotation} and {translation}")));
+        }
         let view = NamedView { name: name.clone(), image, camera };
         if views.insert(name.clone(), view).is_some() {
             return Err(content("images have names of their own, and this is repeated".to_owned()));

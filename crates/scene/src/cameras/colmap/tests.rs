@@ -196,6 +196,7 @@ fn text_files_that_are_broken_are_refused_with_their_line() {
         ("1 0 0 0 0 0 0 2 1 a.png", "a pose is a finite quaternion other than 0"),
         ("1 1 0 0 inf 0 0 2 1 a.png", "a pose is a finite quaternion other than 0"),
         ("1 1 0 0 0 0 nan 2 1 a.png", "a pose is a finite quaternion other than 0"),
+        ("1 1 0 0 .5 1.7e308 1.7e308 0 1 a.png", "a pose leads to finite places"),
         ("1 1 0 0 0 0 0 2 1 a.png\n\n2 1 0 0 0 0 0 2 1 a.png", "and this is repeated"),
         ("1 1 0 0 0 0 0 2 1 f.png", "f.png could not be read"),
         ("x", "an image's number is a number in its range"),

@@ -120,6 +120,7 @@ fn what_is_no_camera_is_refused_with_the_rule() {
     assert_said(one("", ""), "a camera has fl_x or camera_angle_x, and this has neither");
     assert_said(one("", r#", "fl_x": -3"#), "focal lengths are above 0, and these are -3 and -3");
     assert_said(one("", r#", "camera_angle_x": 3.2"#), "between 0 and pi, and this is 3.2");
+    assert_said(one("", r#", "camera_angle_x": 1e-320"#), "and these are too extreme");
     for size in
         [r#""w": 0, "h": 1"#, r#""w": 1.5, "h": 1"#, r#""w": 1, "h": 1e300"#, r#""w": -1, "h": 1"#]
     {
@@ -151,16 +152,20 @@ fn broken_json_is_refused_with_its_line_and_column() {
         ("{\n \"frames\": 7}", "t.json:2:12: "),
         (
             "{\n \"fl_x\": \"7\",\n \"frames\": []}",
-            "t.json:2:12: a file of cameras is JSON with frames: invalid type: string \"7\", expected f64",
+            "t.json:2:12: a file of cameras is JSON with frames: a number is needed here, and this is the text \"7\"",
         ),
         (
             "{\n \"fl_x\": NaN}",
             "t.json:2:10: a file of cameras is JSON with frames: expected value",
         ),
         ("{\"fl_x\": 1e999}", "t.json:1:14: "),
-        ("{}", "missing field `frames`"),
-        ("{\"frames\": [{}]}", "missing field `file_path`"),
-        ("", "t.json:1: a file of cameras is JSON with frames: EOF"),
+        ("{}", "the key `frames` is missing"),
+        ("{\"frames\": [{}]}", "the key `file_path` is missing"),
+        (
+            "{\"frames\": [7]}",
+            "t.json:1:13: a file of cameras is JSON with frames: an object is needed here",
+        ),
+        ("", "t.json:1: a file of cameras is JSON with frames: the text ends"),
         ("[1, 2", "t.json:1:"),
     ] {
         let said = read(text).unwrap_err().to_string();

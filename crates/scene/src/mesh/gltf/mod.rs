@@ -38,6 +38,7 @@ use crate::error::{Place, SceneError};
 use crate::mesh::beside::Beside;
 use crate::mesh::notes::name;
 use crate::model::Model;
+use crate::words;
 
 /// The first bytes of a GLB.
 const MAGIC: &[u8] = b"glTF";
@@ -78,7 +79,7 @@ pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Model, Scene
         false => (bytes.into(), None),
     };
     let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&text);
-    let root: json::Root = serde_json::from_slice(text).map_err(|error| {
+    let root = parsed(text).map_err(|error| {
         // A file of version 1 has other parts altogether.
         if let Some(version) = version(text).filter(|version| !is_read(version)) {
             return refused(wrong_version(name(&version)));
@@ -87,11 +88,10 @@ pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Model, Scene
             Category::Data => "a glTF file has the parts of the specification",
             _ => "a glTF file has a JSON text",
         };
-        let [line, column] =
-            [error.line(), error.column()].map(|number| (!is_binary).then_some(number));
-        // It repeats texts of the file.
-        let error = name(&error.to_string());
-        SceneError::content(Place { line, column, ..place.clone() }, format!("{rule}: {error}"))
+        let [line, column] = [error.line(), error.column()]
+            .map(|number| Some(number).filter(|&number| !is_binary && number > 0));
+        let place = Place { line, column, ..place.clone() };
+        SceneError::content(place, format!("{rule}: {}", words::of_json(&error)))
     })?;
     let version = root.asset.min_version.as_ref().unwrap_or(&root.asset.version);
     if !is_read(version) {
@@ -108,6 +108,20 @@ pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Model, Scene
     model.images = std::mem::take(&mut beside.images);
     model.notes = std::mem::take(&mut beside.notes).finish();
     Ok(model)
+}
+
+/// The parts that a text has. The library asks each scene for a list of nodes, which may be missing.
+fn parsed(text: &[u8]) -> serde_json::Result<json::Root> {
+    let error = match serde_json::from_slice(text) {
+        Err(error) if error.to_string().starts_with("missing field `nodes`") => error,
+        found => return found,
+    };
+    let mut whole: Value = serde_json::from_slice(text)?;
+    let scenes = whole.get_mut("scenes").and_then(Value::as_array_mut).ok_or(error)?;
+    for scene in scenes.iter_mut().filter_map(Value::as_object_mut) {
+        scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
+    }
+    serde_json::from_value(whole)
 }
 
 /// The version that a text says, whatever else it has: a text or, before version 2, a number.

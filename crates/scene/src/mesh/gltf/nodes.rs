@@ -132,7 +132,7 @@ impl<'r> Nodes<'r> {
                 model.placed.push(Placed { name: name.clone(), geometry, transform });
             }
         }
-        if model.placed.is_empty() {
+        if model.placed.is_empty() && !model.geometries.is_empty() {
             beside.notes.add("no node places a mesh");
         }
         Ok(())

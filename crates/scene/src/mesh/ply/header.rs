@@ -5,6 +5,7 @@ use ply_rs_bw::ply::{DefaultElement, ElementDef, Encoding, Header, PropertyType,
 
 use crate::error::SceneError;
 use crate::mesh::beside::Beside;
+use crate::mesh::notes::name;
 
 /// So many characters of a library's message are kept: it has names that are as long as a file likes.
 const LONGEST_MESSAGE: usize = 200;
@@ -53,7 +54,9 @@ impl<'b> Opened<'b> {
         let header = Parser::<DefaultElement>::new().read_header(&mut Reader::new(text.as_bytes()));
         let header = header.map_err(|error| match error.line() {
             Some(line) => {
-                let found = format!("a header has the lines of the format: {}", message(&error));
+                let found = unknown(&text, line).unwrap_or_else(|| {
+                    format!("a header has the lines of the format: {}", message(&error))
+                });
                 SceneError::content(beside.line(line), found)
             }
             None => refused(message(&error)),
@@ -113,6 +116,16 @@ impl<'b> Opened<'b> {
             }
         }
     }
+}
+
+/// What is wrong with a line of a header that begins with none of the format's words.
+fn unknown(header: &str, line: usize) -> Option<String> {
+    const KEYWORDS: [&str; 7] =
+        ["ply", "format", "comment", "obj_info", "element", "property", "end_header"];
+    let first = header.lines().nth(line.checked_sub(1)?)?.split_whitespace().next()?;
+    let rule = format!("a line of a header begins with {}", KEYWORDS.join(", "));
+    let is_unknown = !KEYWORDS.contains(&first);
+    is_unknown.then(|| format!("{rule}, and this begins with {:?}", name(first)))
 }
 
 /// The least bytes that a property has in a row of a binary file: a list may be empty.

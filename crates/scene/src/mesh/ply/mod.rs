@@ -56,8 +56,12 @@ struct Contents {
 pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Model, SceneError> {
     let mut opened = Opened::new(bytes, beside)?;
     let definitions: Vec<ElementDef> = opened.header.elements.values().cloned().collect();
-    if definitions.iter().all(|element| element.name != "face" || element.count == 0) {
-        let found = "a mesh has faces, and this file has none: it is a cloud of points";
+    let found = match definitions.iter().find(|element| element.name == "face") {
+        None => Some("a mesh has the element face, and this has none: it is a cloud of points"),
+        Some(faces) if faces.count == 0 => Some("a mesh has faces, and this has 0"),
+        Some(_) => None,
+    };
+    if let Some(found) = found {
         return Err(SceneError::content(beside.place(), found));
     }
     let mut contents = Contents::default();

@@ -261,6 +261,23 @@ fn nodes_place_meshes_and_shared_accessors_are_one_geometry() {
 }
 
 #[test]
+fn a_scene_without_a_list_of_nodes_places_nothing() {
+    let mut file = File::square();
+    file.root["scenes"] = json!([{"name": "empty"}, {"nodes": [0]}]);
+    let model = file.read().unwrap();
+    assert_eq!((model.geometries.len(), model.placed.len()), (1, 0));
+    assert_eq!(model.notes, ["no node places a mesh"]);
+    file.root["scene"] = json!(1);
+    assert_eq!(file.read().unwrap().placed.len(), 1);
+    // What else is wrong is still said.
+    file.root["nodes"] = json!([{"mesh": "a"}]);
+    let error = said(file.read());
+    let rule = "a glTF file has the parts of the specification";
+    let found = "a whole number, 0 or above, is needed here, and this is the text \"a\"";
+    assert!(error.ends_with(&format!("{rule}: {found}")), "{error}");
+}
+
+#[test]
 fn a_chain_of_many_nodes_is_walked() {
     let mut file = File::square();
     let count = 200_000;

@@ -5,7 +5,6 @@ mod gltf_materials;
 mod hostile;
 mod obj;
 mod ply;
-mod real;
 mod weld;
 mod written;
 

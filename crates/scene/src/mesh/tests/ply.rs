@@ -147,7 +147,13 @@ fn errors_have_the_place_and_the_rule() {
         ("ply\nformat ascii 1.0\n".to_owned(), "a header ends with the line end_header"),
         ("ply\nformat ascii 9\nend_header\n".to_owned(), "mesh:2: a header has the lines"),
         ("ply\nend_header\n".to_owned(), "No format line found"),
-        (ascii(vertex, "0 0 0\n"), "it is a cloud of points"),
+        (
+            ascii(&format!("Made by hand\n{vertex}{face}"), ""),
+            "mesh:3: a line of a header begins with ply, format, comment, obj_info, element, \
+             property, end_header, and this begins with \"Made\"",
+        ),
+        (ascii(vertex, "0 0 0\n"), "a mesh has the element face, and this has none"),
+        (ascii(&format!("{vertex}{}", face.replace('1', "0")), "0 0 0\n"), "faces, and this has 0"),
         (ascii(&format!("{vertex}{vertex}{face}"), ""), "elements have different names"),
         (ascii(&format!("{vertex}property int x\n{face}"), ""), "elements have different names"),
         (ascii(&format!("{vertex}element a 7\n{face}"), "0 0 0\n3 0 0 0\n"), "7 rows of none"),

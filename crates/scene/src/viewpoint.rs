@@ -1,0 +1,116 @@
+//! The camera that an entry of a scene describes.
+
+use bokashi_render_ops::Size;
+use bokashi_render_ops::camera::{look_at, opengl_to_opencv_pose, opengl_to_opencv_view};
+use glam::{DMat3, DMat4, DVec3, DVec4};
+
+use crate::cameras::Camera;
+use crate::description::{CameraEntry, Convention, Finite};
+
+/// How far from a rotation a pose may be, entry by entry.
+const RIGID_TOLERANCE: f64 = 1e-3;
+/// The least sine between where a camera looks and its up direction.
+const LEAST_SINE: f64 = 1e-9;
+
+/// The camera of `own` whose images have `width` and `height`.
+///
+/// # Errors
+/// The rule that it breaks.
+pub(crate) fn camera(
+    own: &CameraEntry,
+    [width, height]: [usize; 2],
+) -> Result<Camera, &'static str> {
+    let extent = [width, height].map(|extent| extent as f64);
+    let focal = match (own.focal, own.angle) {
+        (Some(focal), None) => focal.0,
+        (None, Some(angle)) if angle.0 < 180.0 => {
+            [0.5 * extent[0] / (0.5 * angle.0.to_radians()).tan(); 2]
+        }
+        _ => return Err("a camera has either `focal`, or an `angle` below 180 degrees"),
+    };
+    let middle = extent.map(|extent| 0.5 * (extent - 1.0));
+    let center = own.center.map_or(middle, |center| center.map(|x| x.0));
+    let distortion = own.distortion.map_or([0.0; 5], |lens| lens.map(|x| x.0));
+    let size = Size { width, height };
+    let intrinsics = [focal[0], focal[1], center[0], center[1]];
+    let camera = Camera { size, intrinsics, distortion, view: view(own)? };
+    match camera.is_finite() {
+        true => Ok(camera),
+        false => Err("a camera's angle and place give finite numbers, and these are too extreme"),
+    }
+}
+
+/// World to camera, in OpenCV's convention.
+fn view(own: &CameraEntry) -> Result<DMat4, &'static str> {
+    match (own.pose, own.position) {
+        (Some(rows), None) if own.target.is_none() && own.up.is_none() => {
+            let rows = rows.map(|row| DVec4::from_array(row.map(|x| x.0)));
+            let pose = DMat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose();
+            let pose = match own.convention {
+                Convention::Opencv => pose,
+                Convention::Opengl => opengl_to_opencv_pose(pose),
+            };
+            let turn = DMat3::from_mat4(pose);
+            let off = turn.transpose() * turn - DMat3::IDENTITY;
+            let is_rigid = off.to_cols_array().iter().all(|x| x.abs() < RIGID_TOLERANCE);
+            match is_rigid && turn.determinant() > 0.0 && rows[3] == DVec4::W {
+                true => Ok(pose.inverse()),
+                false => Err("a pose is a rotation and a translation, above the row 0 0 0 1"),
+            }
+        }
+        (None, Some(position)) => {
+            let vector = |given: Option<[Finite; 3]>, default| {
+                given.map_or(default, |v| DVec3::from_array(v.map(|x| x.0)))
+            };
+            let position = DVec3::from_array(position.map(|x| x.0));
+            let (target, up) = (vector(own.target, DVec3::ZERO), vector(own.up, DVec3::Y));
+            let along = (target - position).normalize_or_zero();
+            match along.cross(up.normalize_or_zero()).length() >= LEAST_SINE {
+                true => Ok(opengl_to_opencv_view(look_at(position, target, up))),
+                false => Err("a camera looks at another place than its own, and not along `up`"),
+            }
+        }
+        _ => Err("a camera has either `pose`, or `position` and perhaps `target` and `up`"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_that_leave_their_range_are_refused() {
+        let place = "position = [0, 0, 3]";
+        let rows = |x: &str| {
+            format!(
+                "focal = 3\npose = [[1, 0, 0, {x}], [0, 1, 0, {x}], [0, 0, 1, {x}], [0, 0, 0, 1]]"
+            )
+        };
+        let cases = [
+            (format!("angle = 40\n{place}"), ""),
+            (format!("angle = 1e-320\n{place}"), "these are too extreme"),
+            (format!("angle = 180\n{place}"), "an `angle` below 180 degrees"),
+            (
+                "focal = 3\nposition = [1e308, 1e308, 1e308]".to_owned(),
+                "another place than its own",
+            ),
+            (format!("focal = 3\n{place}\nup = [0, 0, 1]"), "not along `up`"),
+            (rows("1e300"), ""),
+            (
+                rows("1.7e308")
+                    .replace("[[1, 0, 0", "[[0.8, 0.6, 0")
+                    .replace("[0, 1, 0", "[-0.6, 0.8, 0"),
+                "these are too extreme",
+            ),
+            (rows("1").replace("[[1,", "[[-1,"), "a pose is a rotation"),
+        ];
+        for (text, expected) in cases {
+            let own: CameraEntry = toml::from_str(&text).unwrap();
+            let said = camera(&own, [4, 3]).err().unwrap_or_default();
+            assert!(
+                said.contains(expected) && said.is_empty() == expected.is_empty(),
+                "{text}: {said}"
+            );
+        }
+    }
+}

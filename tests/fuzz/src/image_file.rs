@@ -1,0 +1,42 @@
+//! Arbitrary files as images.
+
+use bokashi_scene::{ColorSpace, Picture, Place, Samples};
+
+use super::files::in_short;
+
+/// The largest image that is decoded here: others are as good, and take longer.
+const MOST_PIXELS: usize = 1 << 20;
+
+/// Decodes the image that `bytes` are; returns the number of its pixels.
+pub fn image_file(bytes: &[u8]) -> usize {
+    let place = Place::of("image");
+    let size = match Picture::size_of(bytes, &place) {
+        Ok([width, height]) if width * height > MOST_PIXELS => return 0,
+        Ok(size) => size,
+        Err(error) => {
+            assert!(Picture::decode(bytes, &place).is_err(), "an image without a size");
+            return in_short(&error);
+        }
+    };
+    let picture = match Picture::decode(bytes, &place) {
+        Ok(picture) => picture,
+        Err(error) => return in_short(&error),
+    };
+    assert_eq!(size, [picture.width, picture.height]);
+    assert_eq!(picture.samples.count(), picture.pixels() * picture.channels);
+    if let Samples::F32(samples) = &picture.samples {
+        assert!(samples.iter().all(|sample| sample.is_finite()));
+    }
+    let written = match &picture.samples {
+        Samples::F32(_) => picture.encode_exr(&place),
+        _ => picture.encode_png(&place),
+    };
+    let written = written.expect("what was read can be written");
+    let back = Picture::decode(&written, &place).expect("what was written can be read");
+    assert_eq!(back, picture);
+    for space in [ColorSpace::Srgb, ColorSpace::Linear] {
+        let light = picture.color(space);
+        assert_eq!(light.shape().to_vec(), [picture.height, picture.width, 3]);
+    }
+    picture.pixels()
+}

@@ -1,0 +1,74 @@
+//! Arbitrary files as meshes.
+
+use bokashi_scene::{Folder, Geometry, Indexed, MeshKind, Model, glb, ply, read_model_bytes};
+
+use super::files::{beside, in_short, small_image};
+
+/// Reads the mesh file that `bytes` are: the first byte says in which format. In text a byte 0 ends the file,
+/// and what follows is the file beside it, `m.mtl` or `b.bin`; beside it there is an image, too, `a.png`.
+/// Returns the number of faces that were read.
+pub fn mesh_file(bytes: &[u8]) -> usize {
+    let Some((&how, bytes)) = bytes.split_first() else { return 0 };
+    let kind = [MeshKind::Obj, MeshKind::Ply, MeshKind::Gltf][usize::from(how % 3)];
+    let (bytes, other) = match kind {
+        MeshKind::Ply => (bytes, None),
+        MeshKind::Gltf if bytes.starts_with(b"glTF") => (bytes, None),
+        _ => match bytes.iter().position(|&byte| byte == 0) {
+            Some(end) => (&bytes[..end], Some(&bytes[end + 1..])),
+            None => (bytes, None),
+        },
+    };
+    let name = if kind == MeshKind::Obj { "m.mtl" } else { "b.bin" };
+    let image = small_image();
+    let files = other.map(|bytes| (name, bytes)).into_iter().chain([("a.png", &*image)]);
+    beside(files, |folder| match read_model_bytes(bytes, kind, folder, "mesh") {
+        Ok(model) => {
+            check(&model, folder);
+            model.geometries.iter().map(|geometry| geometry.faces.len()).sum()
+        }
+        Err(error) => in_short(&error),
+    })
+}
+
+/// Panics unless the numbers of a model name its parts, and its meshes come back from files.
+fn check(model: &Model, folder: &Folder) {
+    for geometry in &model.geometries {
+        let Geometry { positions, faces, colors, coordinates, normals, material, .. } = geometry;
+        assert!(!faces.is_empty());
+        check_rows(positions, faces);
+        check_indexed(colors, faces.len());
+        check_indexed(coordinates, faces.len());
+        check_indexed(normals, faces.len());
+        assert!(faces.iter().all(|[a, b, c]| a != b && b != c && c != a));
+        assert!(material.is_none_or(|material| material < model.materials.len()));
+    }
+    for material in &model.materials {
+        let images =
+            [material.base_color_image, material.metallic_roughness_image, material.normal_image];
+        assert!(images.into_iter().flatten().all(|image| image < model.images.len()));
+    }
+    for placed in &model.placed {
+        assert!(placed.geometry < model.geometries.len() && placed.transform.is_finite());
+    }
+    assert!(model.notes.iter().map(String::len).sum::<usize>() < 1 << 16);
+    let written = glb(model).expect("what was read can be written");
+    let back = read_model_bytes(&written, MeshKind::Gltf, folder, "mesh");
+    assert_eq!(back.expect("what was written can be read").geometries, model.geometries);
+    for geometry in &model.geometries {
+        let written = ply(geometry).expect("what was read can be written");
+        let back = read_model_bytes(&written, MeshKind::Ply, folder, "mesh");
+        let back = back.expect("what was written can be read");
+        assert_eq!(back.geometries[0].faces, geometry.faces);
+    }
+}
+
+fn check_indexed<const N: usize>(indexed: &Option<Indexed<N>>, count: usize) {
+    let Some(indexed) = indexed else { return };
+    assert_eq!(indexed.faces.len(), count);
+    check_rows(&indexed.rows, &indexed.faces);
+}
+
+fn check_rows<const N: usize>(rows: &[[f32; N]], faces: &[[u32; 3]]) {
+    assert!(faces.iter().flatten().all(|&row| (row as usize) < rows.len()));
+    assert!(rows.iter().flatten().all(|number| number.is_finite()));
+}

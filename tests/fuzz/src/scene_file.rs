@@ -1,0 +1,71 @@
+//! Arbitrary descriptions of scenes.
+
+use std::path::Path;
+
+use bokashi_scene::description::Description;
+use bokashi_scene::{Scene, SceneFit};
+
+use super::files::{beside, in_short, small_image};
+
+const OBJ: &[u8] = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n";
+const TRANSFORMS: &[u8] = br#"{"fl_x": 3, "w": 3, "h": 2, "frames": [{"file_path": "a.png",
+    "transform_matrix": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 2]]}]}"#;
+/// Loads the scene that `bytes` describe, beside a mesh, an image and a file of cameras, and begins to fit it
+/// where that is short work. Returns the number of its objects and views.
+pub fn scene_file(bytes: &[u8]) -> usize {
+    let Ok(text) = std::str::from_utf8(bytes) else { return 0 };
+    let description = match Description::parse(text, Path::new("scene.toml")) {
+        Ok(description) => description,
+        Err(error) => return in_short(&error),
+    };
+    if !is_short_work(&description) {
+        return 0;
+    }
+    let files =
+        [("scene.toml", bytes), ("a.obj", OBJ), ("a.png", &*small_image()), ("t.json", TRANSFORMS)];
+    beside(files, |folder| {
+        let scene = match Scene::load(folder.join("scene.toml")) {
+            Ok(scene) => scene,
+            Err(error) => return in_short(&error),
+        };
+        for view in &scene.views {
+            let camera = &view.camera;
+            let numbers = camera.intrinsics.into_iter().chain(camera.distortion);
+            assert!(numbers.into_iter().all(f64::is_finite), "{camera:?}");
+            assert!(camera.view.is_finite(), "{camera:?}");
+        }
+        for object in &scene.objects {
+            assert!(object.positions.is_finite() && !object.places.is_empty());
+        }
+        let reached = scene.objects.len() + scene.views.len();
+        match SceneFit::new(scene).map(|mut fit| fit.step()) {
+            Ok(Ok(_)) => {}
+            Ok(Err(error)) | Err(error) => drop(in_short(&error)),
+        }
+        reached
+    })
+}
+
+/// Whether a fit of the scene begins within milliseconds.
+fn is_short_work(description: &Description) -> bool {
+    let meshes = description.meshes.iter().all(|mesh| {
+        let mesh = mesh.get_ref();
+        let faces = mesh.faces.is_none_or(|faces| faces.0 <= 100);
+        let texels = mesh.material.texture_size.is_none_or(|size| size.0 <= 16);
+        faces && texels && mesh.instances.len() <= 3
+    });
+    let views = description.views.iter().all(|view| {
+        let size = view.get_ref().camera.size;
+        size.is_none_or(|size| size.iter().all(|extent| extent.0 <= 16))
+    });
+    let environment = description.environment.iter();
+    let sides = environment.filter_map(|own| own.get_ref().size);
+    let views_per_step = description.stages.iter().filter_map(|stage| stage.views_per_step);
+    let views_per_step = views_per_step.chain(description.stop.views_per_step);
+    meshes
+        && views
+        && sides.into_iter().all(|side| side.0 <= 16)
+        && views_per_step.into_iter().all(|count| count.0 <= 4)
+        && description.meshes.len() <= 4
+        && description.views.len() <= 4
+}
