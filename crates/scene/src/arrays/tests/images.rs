@@ -15,7 +15,7 @@ fn every_byte_and_every_sixteen_bits_survive_the_way_to_light_and_back() {
         let image = DynamicImage::from(bytes.clone());
         let light = tensor_of_image(image.clone(), space).unwrap();
         assert_eq!(**light.shape(), [16, 16, 1]);
-        assert_eq!(image_of(&light, space, Depth::Eight).unwrap(), image.into());
+        assert_eq!(image_of(&light, space, Depth::Eight).unwrap(), image);
         let image = DynamicImage::from(wide.clone());
         let light = tensor_of_image(image.clone(), space).unwrap();
         assert_eq!(image_of(&light, space, Depth::Sixteen).unwrap(), image);
