@@ -433,7 +433,7 @@ fn loss_of_view<'t>(
     reduce: usize,
 ) -> Result<Var<'t, f32>, FitError> {
     let target = targets.get(view, reduce).map_err(fit_error)?;
-    let drawn = renderer.draw(values, view, reduce, targets.has_mask(view))?;
+    let drawn = renderer.draw_again(values, view, reduce, targets.has_mask(view))?;
     if let Some(loss) = &target.loss {
         return Ok(drawn.light.map(|light| renderer.toned(light))?.loss(loss)?);
     }

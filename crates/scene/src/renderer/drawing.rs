@@ -12,15 +12,17 @@ use bokashi_render_ops::{
 use glam::DVec3;
 
 use super::frame::Frame;
+use super::kept::Kept;
 use super::lighting::Lighting;
 use super::looks::{Asked, LookUp};
 use super::normals::Normals;
 use super::parts::Parts;
-use super::sight::Sight;
+use super::sight::{Seen, Sight};
 use crate::description::{CullName, Silhouettes, SurfaceModel, Tone};
 use crate::error::SceneError;
+use crate::object::Object;
 use crate::scene::Scene;
-use crate::values::{Recorded, Values};
+use crate::values::{Recorded, Values, of_object};
 
 /// A scene, ready to be drawn: what no step changes is worked out once.
 pub struct Renderer {
@@ -30,6 +32,7 @@ pub struct Renderer {
     looks: LookUp,
     normals: Normals,
     lighting: Lighting,
+    kept: Kept,
 }
 
 /// A view, drawn.
@@ -55,6 +58,7 @@ impl Renderer {
             looks: LookUp::of(&parts, &scene.objects, filter)?,
             normals: Normals::of(&parts, &scene.objects)?,
             lighting: Lighting::of(&scene)?,
+            kept: Kept::default(),
             parts,
             scene,
         })
@@ -135,9 +139,69 @@ impl Renderer {
     ) -> Result<Drawn<'t>, FitError> {
         let world = self.parts.world(&self.scene.objects, &self.frame, values)?;
         let camera = self.scene.views[view].camera.scaled(reduce);
-        let (clip, eye) = Sight { frame: &self.frame, view, camera }.clip(values, world)?;
-        let options = self.options(self.size(view, reduce));
-        let fragments = rasterize(clip, self.parts.assembly.mesh(), options)?;
+        let seen = Sight { frame: &self.frame, view, camera }.seen(values)?;
+        let fragments = self.fragments(&seen, world, camera.size)?;
+        self.shown(values, world, seen.eye()?, fragments, with_mask)
+    }
+
+    /// As [`Renderer::draw`], for a step of many: where neither geometry nor cameras are learnt, a view's
+    /// fragments are kept, as far as a budget of memory goes. That changes no bit.
+    ///
+    /// # Errors
+    /// As [`Renderer::draw`].
+    pub(crate) fn draw_again<'t>(
+        &self,
+        values: &Values<'t, '_>,
+        view: usize,
+        reduce: usize,
+        with_mask: bool,
+    ) -> Result<Drawn<'t>, FitError> {
+        if !self.is_still(values) {
+            return self.draw(values, view, reduce, with_mask);
+        }
+        let world = self.parts.world(&self.scene.objects, &self.frame, values)?;
+        let camera = self.scene.views[view].camera.scaled(reduce);
+        let seen = Sight { frame: &self.frame, view, camera }.seen(values)?;
+        let fragments = match self.kept.get((view, reduce)) {
+            Some(kept) => kept.on(values.tape),
+            None => {
+                let fragments = self.fragments(&seen, world, camera.size)?;
+                self.kept.keep((view, reduce), fragments.still());
+                fragments
+            }
+        };
+        self.shown(values, world, seen.eye()?, fragments, with_mask)
+    }
+
+    /// Whether neither geometry nor cameras are learnt.
+    fn is_still(&self, values: &Values<'_, '_>) -> bool {
+        let moves = |name: &str| values.learnt(name).is_some();
+        let is_moved = |object: &Object| {
+            ["vertices", "pose"].iter().any(|kind| moves(&of_object(kind, &object.name)))
+        };
+        !["cameras", "intrinsics", "distortion"].into_iter().any(moves)
+            && !self.scene.objects.iter().any(is_moved)
+    }
+
+    fn fragments<'t>(
+        &self,
+        seen: &Seen<'t>,
+        world: Var<'t, f32>,
+        size: Size,
+    ) -> Result<Fragments<'t, f32>, FitError> {
+        let clip = seen.clip(world)?;
+        Ok(rasterize(clip, self.parts.assembly.mesh(), self.options(size))?)
+    }
+
+    /// The light of fragments.
+    fn shown<'t>(
+        &self,
+        values: &Values<'t, '_>,
+        world: Var<'t, f32>,
+        eye: Var<'t, f32>,
+        fragments: Fragments<'t, f32>,
+        with_mask: bool,
+    ) -> Result<Drawn<'t>, FitError> {
         let light = self.light(values, world, eye, &fragments)?;
         let tape = values.tape;
         let mut surface = match self.scene.description.pipeline.exposure {

@@ -5,6 +5,7 @@
 
 mod drawing;
 mod frame;
+mod kept;
 mod lighting;
 mod looks;
 mod normals;

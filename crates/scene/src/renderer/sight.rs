@@ -21,37 +21,39 @@ pub(super) struct Sight<'a> {
     pub(super) camera: Camera,
 }
 
-impl Sight<'_> {
-    /// Vertices `world: [V, 3]` in clip space, and the eye in the world, `[3]`.
-    pub(super) fn clip<'t>(
-        &self,
-        values: &Values<'t, '_>,
-        world: Var<'t, f32>,
-    ) -> Result<(Var<'t, f32>, Var<'t, f32>), FitError> {
-        let tape = values.tape;
-        let view = self.view_matrix(values)?;
-        let lens = self.lens_matrix(values, self.camera.size)?;
-        let on_tape = |matrix: Projection<'t, f32>| match matrix {
-            Projection::Fixed(matrix) => tape.constant(&to_tensor(&matrix)),
-            Projection::Variable(matrix) => matrix,
-        };
-        let eye = match view {
+/// A camera's matrices in a step.
+pub(super) struct Seen<'t> {
+    tape: &'t Tape<f32>,
+    /// From the world to the camera.
+    view: Projection<'t, f32>,
+    /// From the camera to clip space.
+    lens: Projection<'t, f32>,
+    /// `[5]`; `None` without.
+    distortion: Option<Var<'t, f32>>,
+}
+
+impl<'t> Seen<'t> {
+    /// The eye in the world, `[3]`.
+    pub(super) fn eye(&self) -> Result<Var<'t, f32>, FitError> {
+        Ok(match self.view {
             Projection::Fixed(view) => {
                 let eye = view.inverse().transform_point3(DVec3::ZERO).as_vec3();
-                tape.constant(&Tensor::from(eye.to_array()))
+                self.tape.constant(&Tensor::from(eye.to_array()))
             }
             Projection::Variable(view) => {
                 affine_inverse(view)?.slice(1, 3..4)?.slice(0, 0..3)?.reshape([3])?
             }
+        })
+    }
+
+    /// Vertices `world: [V, 3]` in clip space, `[V, 4]`.
+    pub(super) fn clip(&self, world: Var<'t, f32>) -> Result<Var<'t, f32>, FitError> {
+        let on_tape = |matrix: Projection<'t, f32>| match matrix {
+            Projection::Fixed(matrix) => self.tape.constant(&to_tensor(&matrix)),
+            Projection::Variable(matrix) => matrix,
         };
-        let is_straight = self.camera.distortion == [0.0; 5];
-        let distortion = match values.learnt("distortion") {
-            None if is_straight => None,
-            learnt => Some(learnt.unwrap_or_else(|| {
-                tape.constant(&Tensor::from(self.camera.distortion.map(|x| x as f32)))
-            })),
-        };
-        let clip = match (distortion, view, lens) {
+        let (view, lens) = (self.view, self.lens);
+        Ok(match (self.distortion, view, lens) {
             (Some(distortion), ..) => {
                 let seen = distort(transform_points(world, on_tape(view))?, distortion)?;
                 project(seen, lens, None)?
@@ -60,8 +62,23 @@ impl Sight<'_> {
                 project(world, &(lens * view), None)?
             }
             (None, ..) => project(world, on_tape(lens).matmul(on_tape(view))?, None)?,
+        })
+    }
+}
+
+impl Sight<'_> {
+    /// The matrices in a step.
+    pub(super) fn seen<'t>(&self, values: &Values<'t, '_>) -> Result<Seen<'t>, FitError> {
+        let tape = values.tape;
+        let is_straight = self.camera.distortion == [0.0; 5];
+        let distortion = match values.learnt("distortion") {
+            None if is_straight => None,
+            learnt => Some(learnt.unwrap_or_else(|| {
+                tape.constant(&Tensor::from(self.camera.distortion.map(|x| x as f32)))
+            })),
         };
-        Ok((clip, eye))
+        let (view, lens) = (self.view_matrix(values)?, self.lens_matrix(values, self.camera.size)?);
+        Ok(Seen { tape, view, lens, distortion })
     }
 
     /// The view matrix: fixed, or a variable where cameras are learnt.

@@ -1,0 +1,46 @@
+//! Fragments of views that stay as they are from step to step.
+
+use std::collections::HashMap;
+use std::sync::{Mutex, PoisonError};
+
+use bokashi_render_ops::StillFragments;
+
+/// The memory of fragments, in bytes.
+const BUDGET: usize = 256 << 20;
+/// Of a fragment: barycentrics, a weight, its face and pixel; at most, to the next power of two.
+const PER_FRAGMENT: usize = 32;
+/// Of a vertex in clip space.
+const PER_VERTEX: usize = 16;
+/// Of a pixel, seen or not.
+const PER_PIXEL: usize = 8;
+
+/// A view, and how many times smaller it is.
+type Key = (usize, usize);
+
+/// Fragments by view, those of the first views that are drawn. Which of them are kept changes no bit.
+#[derive(Default)]
+pub(super) struct Kept(Mutex<Inner>);
+
+#[derive(Default)]
+struct Inner {
+    bytes: usize,
+    views: HashMap<Key, StillFragments<f32>>,
+}
+
+impl Kept {
+    pub(super) fn get(&self, key: Key) -> Option<StillFragments<f32>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).views.get(&key).cloned()
+    }
+
+    pub(super) fn keep(&self, key: Key, still: StillFragments<f32>) {
+        let coverage = still.coverage();
+        let bytes = PER_FRAGMENT * coverage.count()
+            + PER_VERTEX * coverage.mesh().vertex_count()
+            + PER_PIXEL * coverage.size().pixels();
+        let mut inner = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if inner.bytes + bytes <= BUDGET && !inner.views.contains_key(&key) {
+            inner.bytes += bytes;
+            inner.views.insert(key, still);
+        }
+    }
+}
