@@ -4,7 +4,7 @@
 use std::fs;
 use std::path::Path;
 
-#[allow(unreachable_pub, reason = "public in the package of the fuzz targets")]
+#[allow(unreachable_pub, unused_imports, reason = "for the package of the fuzz targets")]
 #[path = "../fuzz/src/lib.rs"]
 mod fuzz;
 
@@ -63,4 +63,28 @@ fn blurs_by_the_discrete_kernel_keep_their_promises() {
 fn saved_fits_keep_their_promises() {
     let all = replayed("saved", fuzz::saved);
     assert!(reaching(&all) > 10, "{all:?}");
+}
+
+#[test]
+fn files_of_meshes_keep_their_promises() {
+    let all = replayed("mesh_file", fuzz::mesh_file);
+    assert!(reaching(&all) > 10, "{all:?}");
+}
+
+#[test]
+fn files_of_images_keep_their_promises() {
+    let all = replayed("image_file", fuzz::image_file);
+    assert!(reaching(&all) > 10, "{all:?}");
+}
+
+#[test]
+fn files_of_cameras_keep_their_promises() {
+    let all = replayed("camera_file", fuzz::camera_file);
+    assert!(reaching(&all) > 5, "{all:?}");
+}
+
+#[test]
+fn files_of_scenes_keep_their_promises() {
+    let all = replayed("scene_file", fuzz::scene_file);
+    assert!(reaching(&all) > 5, "{all:?}");
 }
