@@ -27,8 +27,13 @@ fn image(model: &Model, rest: &str) -> Tensor<f32> {
     let renderer = Renderer::new(Arc::new(Scene::load(&file).unwrap())).unwrap();
     let tape = Tape::new();
     let values = Values { tape: &tape, learnt: None };
-    let drawn = renderer.draw(&values, 0, 1, false).unwrap();
-    renderer.image(&values, &drawn, 1).unwrap().value()
+    let image = |drawn| renderer.image(&values, &drawn, 1).unwrap().value();
+    let first = image(renderer.draw(&values, 0, 1, false).unwrap());
+    // Drawn once more to be kept, and then of what was kept.
+    for step in 0..2 {
+        assert_eq!(image(renderer.draw_again(&values, 0, 1, false).unwrap()), first, "{step}");
+    }
+    first
 }
 
 /// The red of the pixel that sees a point of the plane z = 0.
