@@ -6,7 +6,7 @@ use std::sync::{Mutex, PoisonError};
 use bokashi_render_ops::StillFragments;
 
 /// The memory of fragments, in bytes.
-const BUDGET: usize = 256 << 20;
+const BUDGET: usize = 128 << 20;
 /// Of a fragment: barycentrics, a weight, its face and pixel; at most, to the next power of two.
 const PER_FRAGMENT: usize = 32;
 /// Of a vertex in clip space.
