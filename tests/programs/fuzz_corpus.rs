@@ -64,3 +64,27 @@ fn saved_fits_keep_their_promises() {
     let all = replayed("saved", fuzz::saved);
     assert!(reaching(&all) > 10, "{all:?}");
 }
+
+#[test]
+fn meshes_of_files_keep_their_promises() {
+    let all = replayed("mesh_file", fuzz::mesh_file);
+    assert!(reaching(&all) > 10, "{all:?}");
+}
+
+#[test]
+fn images_of_files_keep_their_promises() {
+    let all = replayed("image_file", fuzz::image_file);
+    assert!(reaching(&all) > 15, "{all:?}");
+}
+
+#[test]
+fn cameras_of_files_keep_their_promises() {
+    let all = replayed("camera_file", fuzz::camera_file);
+    assert!(reaching(&all) > 5, "{all:?}");
+}
+
+#[test]
+fn scenes_of_files_keep_their_promises() {
+    let all = replayed("scene_file", fuzz::scene_file);
+    assert!(reaching(&all) > 10, "{all:?}");
+}

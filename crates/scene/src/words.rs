@@ -48,10 +48,17 @@ pub(crate) fn said(message: &str, keyed: Keyed) -> String {
         return format!("{} is needed here, and the length is {found}", plain(expected, keyed));
     }
     match message {
+        "recursion limit exceeded" => deep(128),
+        "recursion limit" | "cannot recurse further; max recursion depth met" => deep(80),
         "trailing characters" => "a list or the text ends here, and more follows".to_owned(),
         "wanted string or table" => "a text is needed here".to_owned(),
         _ => cut(message, LONGEST_MESSAGE),
     }
+}
+
+/// The rule about values in values, which is the parser's.
+fn deep(most: usize) -> String {
+    format!("a value lies in at most {most} others, and this in more")
 }
 
 /// A value or a type, as a parser names it.
@@ -148,6 +155,9 @@ mod tests {
             let error = serde_json::from_str::<Values>(text).unwrap_err();
             assert_eq!(of_json(&error), expected, "{text}: {error}");
         }
+        let deep = "[".repeat(1000);
+        let error = serde_json::from_str::<serde_json::Value>(&deep).unwrap_err();
+        assert_eq!(of_json(&error), "a value lies in at most 128 others, and this in more");
     }
 
     #[test]
@@ -164,6 +174,12 @@ mod tests {
         for (text, expected) in rows {
             let error = toml::from_str::<Values>(text).unwrap_err();
             assert_eq!(said(error.message(), Keyed::Table), expected, "{text}: {error}");
+        }
+        for deep in [format!("flag = {}", "[".repeat(1000)), format!("{}a = 1", "a.".repeat(1000))]
+        {
+            let error = toml::from_str::<Values>(&deep).unwrap_err();
+            let said = said(error.message(), Keyed::Table);
+            assert_eq!(said, "a value lies in at most 80 others, and this in more");
         }
     }
 

@@ -1,24 +1,52 @@
 //! Folders with a few files, and what refusals have to be.
 
-use std::fs;
-use std::panic;
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::{fs, panic};
 
 use bokashi_scene::{Folder, Picture, Place, Samples, SceneError};
+use tempfile::TempDir;
 
-/// What `read` answers of a new folder with these files, which is gone afterwards.
+/// A folder, and what its files hold.
+struct Written {
+    place: TempDir,
+    files: BTreeMap<String, Vec<u8>>,
+}
+
+thread_local! {
+    /// Folders that nobody uses: to make one takes longer than to read a small file.
+    static WRITTEN: RefCell<Vec<Written>> = const { RefCell::new(Vec::new()) };
+}
+
+/// What `read` answers of a folder with these files and no others.
 pub fn beside<'f>(
     files: impl IntoIterator<Item = (&'f str, &'f [u8])>,
     read: impl FnOnce(&Folder) -> usize,
 ) -> usize {
-    let place = tempfile::tempdir().expect("a temporary folder");
-    for (name, bytes) in files {
-        let path = place.path().join(name);
-        if let Some(parent) = path.parent() {
-            fs::create_dir_all(parent).expect("a folder");
+    let files: BTreeMap<&str, &[u8]> = files.into_iter().collect();
+    let mut written = WRITTEN.with_borrow_mut(Vec::pop).unwrap_or_else(|| Written {
+        place: tempfile::tempdir().expect("a temporary folder"),
+        files: BTreeMap::new(),
+    });
+    let root = written.place.path();
+    written.files.retain(|name, _| {
+        let is_kept = files.contains_key(name.as_str());
+        if !is_kept {
+            fs::remove_file(root.join(name)).expect("a file of ours");
         }
-        fs::write(path, bytes).expect("a small file");
+        is_kept
+    });
+    for (name, bytes) in files {
+        if written.files.get(name).is_none_or(|kept| kept != bytes) {
+            let path = root.join(name);
+            fs::create_dir_all(path.parent().unwrap_or(root)).expect("a folder");
+            fs::write(path, bytes).expect("a small file");
+            written.files.insert(name.to_owned(), bytes.to_vec());
+        }
     }
-    read(&Folder::new(place.path()).expect("a folder"))
+    let reached = read(&Folder::new(root).expect("a folder"));
+    WRITTEN.with_borrow_mut(|all| all.push(written));
+    reached
 }
 
 /// A PNG of 3 x 2 pixels, gray and opacity.

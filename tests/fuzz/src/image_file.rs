@@ -5,7 +5,7 @@ use bokashi_scene::{ColorSpace, Picture, Place, Samples};
 use super::files::in_short;
 
 /// The largest image that is decoded here: others are as good, and take longer.
-const MOST_PIXELS: usize = 1 << 20;
+const MOST_PIXELS: usize = 1 << 16;
 
 /// Decodes the image that `bytes` are; returns the number of its pixels.
 pub fn image_file(bytes: &[u8]) -> usize {

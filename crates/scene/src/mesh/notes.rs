@@ -53,5 +53,30 @@ impl Notes {
 
 /// A name of a file, without space around it, and cut where it is very long.
 pub(super) fn name(text: &str) -> String {
-    text.trim().chars().take(LONGEST_NAME).collect()
+    let text = text.trim();
+    let end = text.char_indices().nth(LONGEST_NAME).map_or(text.len(), |(end, _)| end);
+    // A cut may leave space at the end.
+    text[..end].trim_end().to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_name_of_a_name_is_itself() {
+        let long = "ä".repeat(LONGEST_NAME);
+        let spaced = format!(" {} b", "a".repeat(LONGEST_NAME - 1));
+        let names = [
+            ("", ""),
+            (" a b\n", "a b"),
+            (&long, &*long),
+            (&spaced, spaced[1..LONGEST_NAME].trim()),
+        ];
+        for (text, expected) in names {
+            assert_eq!(name(text), expected);
+            assert_eq!(name(&name(text)), expected);
+        }
+        assert_eq!(name(&format!("{long}c")), long);
+    }
 }
