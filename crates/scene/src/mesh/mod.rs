@@ -31,6 +31,9 @@ use crate::folder::Folder;
 use crate::mesh::beside::Beside;
 use crate::model::Model;
 
+/// The most notes that an error has.
+const MOST_NOTES: usize = 3;
+
 /// The formats of meshes that are read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MeshKind {
@@ -100,9 +103,12 @@ pub fn read_model_bytes(
     }?;
     if model.geometries.is_empty() {
         let mut found = "a mesh file has a face with three vertices, and this has none".to_owned();
-        for note in &model.notes {
+        for note in model.notes.iter().take(MOST_NOTES) {
             found.push_str("; ");
             found.push_str(note);
+        }
+        if model.notes.len() > MOST_NOTES {
+            found.push_str("; and more was left out");
         }
         return Err(SceneError::content(beside.place(), found));
     }

@@ -16,6 +16,12 @@ use crate::error::{Place, SceneError};
 /// The largest sample that the decoders of PNG and JPEG give, in bytes.
 const WIDEST_SAMPLE: u64 = 2;
 
+/// The most channels of a PNG.
+const MOST_CHANNELS: u64 = 4;
+
+/// The bytes that a PNG may take beside its pixels, for texts and a colour profile, which are left out.
+const BESIDE_PIXELS: u64 = 64 << 20;
+
 /// Where a PNG has its columns and rows.
 const PNG_SIZE: Range<usize> = 16..24;
 
@@ -84,15 +90,17 @@ fn opened<'b>(
     format: ImageFormat,
     place: &Place,
 ) -> Result<impl ImageDecoder + 'b, SceneError> {
+    let mut limits = Limits::no_limits();
+    limits.max_alloc = Some(MOST_SAMPLES * WIDEST_SAMPLE);
     if format == ImageFormat::Png
         && let Some(&[a, b, c, d, e, f, g, h]) = bytes.get(PNG_SIZE)
     {
-        // Its decoder takes memory for a row at once.
+        // Its decoder takes memory for a row at once, and as much as it may for a colour profile.
         let size = [[a, b, c, d], [e, f, g, h]].map(|bytes| u32::from_be_bytes(bytes).into());
         check_size(size, 1, (bytes.len(), DENSEST), place)?;
+        let [width, height] = size;
+        limits.max_alloc = Some(width * height * MOST_CHANNELS * WIDEST_SAMPLE + BESIDE_PIXELS);
     }
-    let mut limits = Limits::no_limits();
-    limits.max_alloc = Some(MOST_SAMPLES * WIDEST_SAMPLE);
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
     reader.limits(limits);
     let decoder = reader.into_decoder().map_err(|error| broken(&error, place))?;

@@ -211,3 +211,16 @@ fn triangles_are_those_of_tobj() {
     let expected: Vec<[f32; 2]> = theirs.texcoord_indices.iter().map(coordinate).collect();
     assert_eq!(of_corners(&ours.coordinates), expected);
 }
+
+#[test]
+fn a_file_without_faces_says_what_else_it_has_in_short() {
+    let points = said(read(Obj, "v 0 0 0\np 1\nl 1 1\n"));
+    let rule = "a mesh file has a face with three vertices, and this has none";
+    assert!(
+        points.ends_with(&format!("{rule}; points were left out; lines were left out")),
+        "{points}"
+    );
+    let many: String = (0..50).map(|k| format!("usemtl {k}\n")).collect();
+    let many = said(read(Obj, many));
+    assert!(many.ends_with("\"2\" is missing and was left out; and more was left out"), "{many}");
+}
