@@ -581,7 +581,7 @@ fn a_fit_refuses_what_its_images_are_not() {
                     continue;
                 }
                 let [said, _] = refused(folder, &[command, "scene.toml"]);
-                assert!(said.contains(&"a.png: ") && said.contains(rule), "{command}: {said}");
+                assert!(said.contains("a.png: ") && said.contains(rule), "{command}: {said}");
             }
         }
     }
