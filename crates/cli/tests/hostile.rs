@@ -4,6 +4,7 @@
 //! The units of `bokashi-scene` have more cases of each kind. Here a limit of the system stands behind each.
 
 use std::fs;
+use std::io::{Read, Seek};
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -27,16 +28,28 @@ fn bokashi(folder: &Path, words: &[&str]) -> Output {
     // Each thread takes addresses that it does not use.
     command.env("MALLOC_ARENA_MAX", "1").env("RAYON_NUM_THREADS", "2");
     command.args(words).current_dir(folder).stdin(Stdio::null());
-    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    // Files, since a pipe that nobody reads holds up who writes more than it takes.
+    let mut ends = [tempfile::tempfile().unwrap(), tempfile::tempfile().unwrap()];
+    let [stdout, stderr] = ends.each_ref().map(|end| Stdio::from(end.try_clone().unwrap()));
+    let mut child = command.stdout(stdout).stderr(stderr).spawn().unwrap();
     let start = Instant::now();
-    while child.try_wait().unwrap().is_none() {
+    let status = loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            break status;
+        }
         if start.elapsed() > LONG {
             child.kill().unwrap();
             panic!("{words:?} takes longer than {LONG:?}");
         }
         std::thread::sleep(Duration::from_millis(2));
-    }
-    child.wait_with_output().unwrap()
+    };
+    let [stdout, stderr] = ends.each_mut().map(|end| {
+        let mut bytes = Vec::new();
+        end.rewind().unwrap();
+        end.read_to_end(&mut bytes).unwrap();
+        bytes
+    });
+    Output { status, stdout, stderr }
 }
 
 fn text(bytes: &[u8]) -> String {
@@ -316,6 +329,23 @@ fn what_is_packed_into_little_takes_little() {
         assert_eq!(output.status.code(), Some(0), "{k}: {said:?}");
         assert!(said[0].contains("3 x 2 pixels"), "{k}: {said:?}");
     }
+    // A geometry for each few letters: time and memory in proportion.
+    let objects = "o\nf 1 2 3\n";
+    let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+    write(folder, "a.obj", format!("{corners}{}", objects.repeat(60_000)));
+    let output = bokashi(folder, &["inspect", "a.obj"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let (place, rule) = (format!("a.obj:{}", 3 + 2 * 100_001), "at most 100000 meshes of a file");
+    let all = format!("{corners}{}", objects.repeat(500_000));
+    inspect_refuses(folder, "a.obj", all, &place, rule);
+    let nodes = vec!["{}"; 2_000_000].join(",");
+    let all = format!("{{\"asset\": {{\"version\": \"2.0\"}}, \"nodes\": [{nodes}]}}");
+    let rule = "bytes of meshes in a file of this length are read";
+    inspect_refuses(folder, "a.gltf", all, "a.gltf", rule);
+    let all = format!("{{\"frames\": [{}]}}", vec!["{}"; 2_000_000].join(","));
+    inspect_refuses(folder, "a.json", all, "a.json:1:14", "the key `file_path` is missing");
+    let all = format!("meshes = [{}]", "{},".repeat(2_000_000));
+    inspect_refuses(folder, "a.toml", all, "a.toml", "at most 1048576 tables and lists");
     // A block of an EXR that says how long it is, and is longer.
     let samples = Samples::F32(vec![0.0; 64 * 16]);
     let picture = Picture { width: 64, height: 16, channels: 1, samples };
@@ -511,7 +541,12 @@ fn cameras_are_refused() {
             "",
             "from 1 to 65535",
         ),
-        (format!("{{\"frames\": {}", "[".repeat(1_000_000)), ":1:", "the text ends within a list"),
+        (
+            format!("{{\"frames\": {}", "[".repeat(1_000_000)),
+            ":1:13",
+            "needed here, and this is a list",
+        ),
+        (format!("{{\"other\": {}", "[".repeat(1_000_000)), ":1:", "the text ends within a list"),
     ];
     let toml =
         "[[meshes]]\nfile = \"a.ply\"\n[cameras]\ntransforms = \"t.json\"\n[learn.vertices]\n";

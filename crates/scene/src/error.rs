@@ -1,11 +1,31 @@
 //! What can go wrong with files of a scene.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use bokashi_fit::FitError;
 use bokashi_render_ops::RenderError;
+
+/// The most characters of a path or a message: both may have names that are as long as a file likes.
+const LONGEST: usize = 1000;
+
+/// A text without its middle where it is long: messages begin with what they are about, and end with a rule.
+fn short(text: &str) -> Cow<'_, str> {
+    let count = text.chars().count();
+    if count <= LONGEST {
+        return Cow::Borrowed(text);
+    }
+    let end = |at: usize| text.char_indices().nth(at).map_or(text.len(), |(end, _)| end);
+    let (begin, rest) = (&text[..end(LONGEST / 2)], &text[end(count - LONGEST / 2)..]);
+    Cow::Owned(format!("{begin} ... {rest}"))
+}
+
+/// A path in a message.
+fn shown(path: &Path) -> String {
+    short(&path.display().to_string()).into_owned()
+}
 
 /// A place in a file: the file, and where that is known a line and a column, both from 1 on.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -32,7 +52,7 @@ impl Place {
 
 impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", self.path.display())?;
+        write!(f, "{}", shown(&self.path))?;
         let numbers = [self.line, self.column].into_iter().map_while(|number| number);
         numbers.into_iter().try_for_each(|number| write!(f, ":{number}"))
     }
@@ -43,7 +63,7 @@ impl fmt::Display for Place {
 #[non_exhaustive]
 pub enum SceneError {
     /// A file could not be read.
-    #[error("{path} could not be read: {error}", path = path.display())]
+    #[error("{path} could not be read: {error}", path = shown(path))]
     Read {
         /// The file.
         path: PathBuf,
@@ -51,7 +71,7 @@ pub enum SceneError {
         error: io::Error,
     },
     /// A file could not be written.
-    #[error("{path} could not be written: {error}", path = path.display())]
+    #[error("{path} could not be written: {error}", path = shown(path))]
     Write {
         /// The file or folder.
         path: PathBuf,
@@ -59,7 +79,7 @@ pub enum SceneError {
         error: io::Error,
     },
     /// A file that the scene names does not lie in the scene's folder.
-    #[error("files lie in the scene's folder {folder}; {path} does not", path = path.display(), folder = folder.display())]
+    #[error("files lie in the scene's folder {folder}; {path} does not", path = shown(path), folder = shown(folder))]
     Outside {
         /// The file.
         path: PathBuf,
@@ -97,6 +117,24 @@ pub enum SceneError {
 impl SceneError {
     /// A file that does not hold what it should.
     pub(crate) fn content(place: Place, message: impl fmt::Display) -> Self {
-        Self::Content { place, message: message.to_string() }
+        Self::Content { place, message: short(&message.to_string()).into_owned() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_messages_and_paths_lose_their_middle() {
+        let long = "ä".repeat(5000);
+        let error = SceneError::content(Place::line(&long, 7), format!("a {long} z"));
+        let said = error.to_string();
+        assert!(said.starts_with("ää") && said.contains("ä:7: a ä") && said.ends_with("ä z"));
+        assert_eq!(said.chars().count(), 2 * (LONGEST + 5) + 4);
+        let whole = "ä".repeat(LONGEST);
+        assert_eq!(short(&whole), whole);
+        let error = SceneError::Read { path: long.into(), error: io::ErrorKind::NotFound.into() };
+        assert!(error.to_string().chars().count() < LONGEST + 100);
     }
 }

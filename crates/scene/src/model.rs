@@ -95,3 +95,17 @@ pub struct Model {
     /// What the file holds that was left out or mended, in words.
     pub notes: Vec<String>,
 }
+
+impl Model {
+    /// For each geometry the matrices that lead from its coordinates to the world's, in the order of
+    /// [`Model::placed`].
+    pub fn places(&self) -> Vec<Vec<DMat4>> {
+        let mut places = vec![Vec::new(); self.geometries.len()];
+        for placed in &self.placed {
+            if let Some(own) = places.get_mut(placed.geometry) {
+                own.push(placed.transform);
+            }
+        }
+        places
+    }
+}

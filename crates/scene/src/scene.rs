@@ -214,12 +214,8 @@ impl Source {
         let first = own.place.matrix();
         let mut instances = vec![first];
         instances.extend(own.instances.iter().map(|instance| first * instance.matrix()));
-        let drawn = (0..model.geometries.len()).filter_map(|k| {
-            let standing = model.placed.iter().filter(|placed| placed.geometry == k);
-            let places: Vec<_> = standing.map(|placed| placed.transform).collect();
-            (!places.is_empty()).then_some((k, places))
-        });
-        let drawn: Vec<_> = drawn.collect();
+        let places = model.places().into_iter().enumerate();
+        let drawn: Vec<_> = places.filter(|(_, places)| !places.is_empty()).collect();
         let mut objects = Vec::with_capacity(drawn.len());
         for (at, (k, places)) in drawn.iter().enumerate() {
             // Several meshes of a file: bunny-1, bunny-2.

@@ -1,9 +1,10 @@
 //! Files of cameras, and cameras of scenes.
 
+use std::collections::HashMap;
 use std::path::Path;
 
 use bokashi_scene::{Camera, Picture, Place, SceneError, gaze, read_transforms};
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use serde_json::json;
 
 use super::beside::in_scene;
@@ -57,15 +58,16 @@ pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
 /// Adds what is said of cameras: their sizes and focal lengths, where they stand, and what they look at.
 pub(super) fn add_cameras(findings: &mut Findings, cameras: &[Camera]) {
     let mut lenses: Vec<(Camera, usize)> = Vec::new();
+    let mut seen = HashMap::new();
     for camera in cameras {
-        let is_same = |(other, _): &&mut (Camera, usize)| {
-            (other.size, other.intrinsics, other.distortion)
-                == (camera.size, camera.intrinsics, camera.distortion)
-        };
-        match lenses.iter_mut().find(is_same) {
-            Some((_, count)) => *count += 1,
-            None => lenses.push((*camera, 1)),
+        let numbers = camera.intrinsics.into_iter().chain(camera.distortion);
+        let bits: Vec<u64> = numbers.map(|number| (number + 0.0).to_bits()).collect();
+        let next = lenses.len();
+        let at = *seen.entry((camera.size.width, camera.size.height, bits)).or_insert(next);
+        if at == next {
+            lenses.push((*camera, 0));
         }
+        lenses[at].1 += 1;
     }
     for (camera, own) in lenses {
         let mut section = Section::new(count(own, "camera"));
@@ -119,16 +121,17 @@ fn eye(camera: &Camera) -> DVec3 {
 /// Views whose cameras stand in one place and look in one direction: as a rule nobody filled them in.
 pub(super) fn same_places(names: &[&str], cameras: &[Camera]) -> Option<String> {
     let scale = cameras.iter().map(|camera| eye(camera).length()).fold(0.0, f64::max);
-    let is_same = |a: &Camera, b: &Camera| {
-        let turn = a.view.to_cols_array().into_iter().zip(b.view.to_cols_array()).take(12);
-        let alike = turn.fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
-        alike <= SAME_PLACE && eye(a).distance(eye(b)) <= SAME_PLACE * scale
+    let unit = if scale > 0.0 { SAME_PLACE * scale } else { 1.0 };
+    // Where a camera stands and how it is turned, in whole units of what counts as one place.
+    let key = |camera: &Camera| {
+        let place = eye(camera).to_array().map(|x| x / unit);
+        let turn = DMat3::from_mat4(camera.view).to_cols_array().map(|x| x / SAME_PLACE);
+        (place.map(|x| x.round() as i64), turn.map(|x| x.round() as i64))
     };
-    let twin = |at: &usize| {
-        let others = cameras.iter().enumerate();
-        others.filter(|(other, _)| other != at).any(|(_, other)| is_same(other, &cameras[*at]))
-    };
-    let twins: Vec<_> = (0..cameras.len()).filter(twin).collect();
+    let keys: Vec<_> = cameras.iter().map(key).collect();
+    let mut counts = HashMap::new();
+    keys.iter().for_each(|key| *counts.entry(key).or_insert(0_usize) += 1);
+    let twins: Vec<_> = (0..keys.len()).filter(|&at| counts[&keys[at]] > 1).collect();
     let (first, second) = (twins.first()?, twins.get(1)?);
     let rule = "cameras of different images stand in different places";
     let (first, second) = (names[*first], names[*second]);

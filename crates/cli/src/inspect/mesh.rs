@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use bokashi_scene::{Geometry, MaterialFile, Model, Outline, Picture, SceneError, read_model};
+use bokashi_scene::{MaterialFile, Model, Outline, Picture, SceneError, read_model};
 use serde_json::json;
 
 use super::beside::beside;
@@ -25,8 +25,8 @@ pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
     whole.plain("images", model.images.len());
     whole.plain("faces", faces);
     findings.whole(whole);
-    for (k, geometry) in model.geometries.iter().enumerate() {
-        inspect_geometry(&mut findings, &model, k, geometry);
+    for (k, places) in model.places().iter().enumerate() {
+        inspect_geometry(&mut findings, &model, k, places.len());
     }
     for (k, material) in model.materials.iter().enumerate() {
         findings.part("materials", inspect_material(&model, k, material));
@@ -48,7 +48,8 @@ fn title(what: &str, k: usize, name: &str) -> String {
     }
 }
 
-fn inspect_geometry(findings: &mut Findings, model: &Model, k: usize, geometry: &Geometry) {
+fn inspect_geometry(findings: &mut Findings, model: &Model, k: usize, places: usize) {
+    let geometry = &model.geometries[k];
     let title = title("geometry", k, &geometry.name);
     let outline = Outline::of(geometry);
     let mut section = Section::new(&title);
@@ -88,7 +89,6 @@ fn inspect_geometry(findings: &mut Findings, model: &Model, k: usize, geometry: 
     for (what, rows) in carried.into_iter().flatten() {
         section.fact(what_label(what), format!("{rows} {what}"), rows);
     }
-    let places = model.placed.iter().filter(|placed| placed.geometry == k).count();
     section.fact("stands", count(places, "time"), places);
     if let Some(material) = geometry.material {
         let name = model.materials.get(material).map_or("", |material| &material.name);

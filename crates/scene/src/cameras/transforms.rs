@@ -112,10 +112,11 @@ pub fn read_transforms(
     let path = path.as_ref();
     let text = folder.read_text(path)?;
     let place = Place::of(folder.join(path));
-    // Thrice, since what serde flattens has no line.
+    // Thrice, since what serde flattens has no line. A frame has a path and a matrix, so that there are not
+    // many more than the text has lines.
+    let frames: Frames<Frame> = parsed(&text, &place)?;
     let common: Lens = parsed(&text, &place)?;
     let lenses: Frames<Lens> = parsed(&text, &place)?;
-    let frames: Frames<Frame> = parsed(&text, &place)?;
     let mut names = BTreeSet::new();
     let views = lenses.frames.into_iter().zip(frames.frames).map(|(lens, frame)| {
         let file_path = frame.file_path.replace('\\', "/");

@@ -31,6 +31,11 @@ pub use views::{CameraEntry, CamerasEntry, ColorSpaceName, Convention, Focal, Vi
 use crate::error::{Place, SceneError};
 use crate::words::{self, Keyed};
 
+/// The most bytes of a description, and the most tables and lists in it: a view has a handful, and each takes
+/// some hundred bytes of memory.
+const MOST_BYTES: u64 = 64 << 20;
+const MOST_TABLES: u64 = 1 << 20;
+
 /// A scene, and what is learnt of it.
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -85,8 +90,17 @@ impl Description {
     ///
     /// # Errors
     /// [`SceneError::Content`] with line and column, for text that is no TOML, an unknown key, and a value
-    /// against its rule.
+    /// against its rule; [`SceneError::TooLarge`] for a text that would take a gigabyte.
     pub fn parse(text: &str, path: &Path) -> Result<Self, SceneError> {
+        let opened = text.bytes().filter(|byte| b"[{".contains(byte)).count() as u64;
+        for (what, most, found) in [
+            ("bytes of a description", MOST_BYTES, text.len() as u64),
+            ("tables and lists of a description", MOST_TABLES, opened),
+        ] {
+            if found > most {
+                return Err(SceneError::TooLarge { place: Place::of(path), what, most, found });
+            }
+        }
         toml::from_str(text).map_err(|error| {
             let place = match error.span() {
                 Some(span) => place(text, path, span.start),

@@ -61,6 +61,13 @@ fn nesting_without_end_is_an_error() {
 }
 
 #[test]
+fn tables_and_lists_without_number_are_an_error() {
+    let found = "at most 1048576 tables and lists of a description are read, and there are 1050001";
+    let said = said_of(&format!("meshes = [{}]", "{},".repeat(1_050_000)));
+    assert_eq!(said, format!("scene.toml: {found}"));
+}
+
+#[test]
 fn the_schema_knows_every_key() {
     let schema: serde_json::Value = serde_json::from_str(&schema()).unwrap();
     let keys = schema["properties"].as_object().unwrap();

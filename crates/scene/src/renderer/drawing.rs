@@ -137,11 +137,7 @@ impl Renderer {
         reduce: usize,
         with_mask: bool,
     ) -> Result<Drawn<'t>, FitError> {
-        let world = self.parts.world(&self.scene.objects, &self.frame, values)?;
-        let camera = self.scene.views[view].camera.scaled(reduce);
-        let seen = Sight { frame: &self.frame, view, camera }.seen(values)?;
-        let fragments = self.fragments(&seen, world, camera.size)?;
-        self.shown(values, world, seen.eye()?, fragments, with_mask)
+        self.drawn(values, (view, reduce), with_mask, None)
     }
 
     /// As [`Renderer::draw`], for a step of many: where neither geometry nor cameras are learnt, a view's
@@ -156,17 +152,28 @@ impl Renderer {
         reduce: usize,
         with_mask: bool,
     ) -> Result<Drawn<'t>, FitError> {
-        if !self.is_still(values) {
-            return self.draw(values, view, reduce, with_mask);
-        }
+        let kept = self.is_still(values).then_some(&self.kept);
+        self.drawn(values, (view, reduce), with_mask, kept)
+    }
+
+    /// Draws a view, with its fragments from what is kept where there is that.
+    fn drawn<'t>(
+        &self,
+        values: &Values<'t, '_>,
+        key @ (view, reduce): (usize, usize),
+        with_mask: bool,
+        kept: Option<&Kept>,
+    ) -> Result<Drawn<'t>, FitError> {
         let world = self.parts.world(&self.scene.objects, &self.frame, values)?;
         let camera = self.scene.views[view].camera.scaled(reduce);
         let seen = Sight { frame: &self.frame, view, camera }.seen(values)?;
-        let fragments = match self.kept.get((view, reduce)) {
-            Some(kept) => kept.on(values.tape),
+        let fragments = match kept.and_then(|kept| kept.get(key)) {
+            Some(still) => still.on(values.tape),
             None => {
                 let fragments = self.fragments(&seen, world, camera.size)?;
-                self.kept.keep((view, reduce), fragments.still());
+                if let Some(kept) = kept {
+                    kept.keep(key, fragments.still());
+                }
                 fragments
             }
         };

@@ -158,7 +158,7 @@ fn broken_json_is_refused_with_its_line_and_column() {
             "{\n \"fl_x\": NaN}",
             "t.json:2:10: a file of cameras is JSON with frames: expected value",
         ),
-        ("{\"fl_x\": 1e999}", "t.json:1:14: "),
+        ("{\"fl_x\": 1e999, \"frames\": []}", "t.json:1:14: "),
         ("{}", "the key `frames` is missing"),
         ("{\"frames\": [{}]}", "the key `file_path` is missing"),
         (

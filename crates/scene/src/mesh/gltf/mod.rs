@@ -32,6 +32,7 @@ use serde::Deserialize;
 use serde_json::Value;
 use serde_json::error::Category;
 
+use self::budget::Budget;
 use self::buffers::Buffers;
 use self::nodes::Nodes;
 use crate::error::{Place, SceneError};
@@ -44,6 +45,9 @@ use crate::words;
 const MAGIC: &[u8] = b"glTF";
 /// The bytes before the chunks of a GLB.
 const GLB_HEADER: u32 = 12;
+
+/// What an object of the text takes in memory: it may be as short as two letters.
+const BYTES_OF_AN_OBJECT: usize = 640;
 
 /// The extensions that a file may require: those that are read, and those about looks, of which the rest of
 /// the file has a simpler version.
@@ -79,6 +83,8 @@ pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Model, Scene
         false => (bytes.into(), None),
     };
     let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&text);
+    let objects = text.iter().filter(|&&byte| byte == b'{').count();
+    Budget::of(bytes.len()).spend(objects as u64, BYTES_OF_AN_OBJECT, &place)?;
     let root = parsed(text).map_err(|error| {
         // A file of version 1 has other parts altogether.
         if let Some(version) = version(text).filter(|version| !is_read(version)) {

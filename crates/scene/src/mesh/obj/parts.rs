@@ -10,6 +10,8 @@ use crate::mesh::beside::Beside;
 use crate::mesh::notes::{Notes, name};
 use crate::mesh::weld::{Corners, Raw};
 
+/// The most meshes of a file: one takes kilobytes, and a few letters make it.
+const MOST_PARTS: usize = 100_000;
 /// Stands for a row that a corner does not name.
 const MISSING: u32 = u32::MAX;
 /// Stands for a colour that a vertex does not have.
@@ -76,6 +78,11 @@ impl Parts {
                     let next = parts.list.len();
                     let part = *by_object.entry((objects, material)).or_insert(next);
                     if part == next {
+                        if next == MOST_PARTS {
+                            let (place, what) = (beside.line(number), "meshes of a file");
+                            let (most, found) = (MOST_PARTS as u64, next as u64 + 1);
+                            return Err(SceneError::TooLarge { place, what, most, found });
+                        }
                         let (name, faces) = (object.clone(), Default::default());
                         parts.list.push(Part { name, material, faces, missing: [0; 2] });
                     }

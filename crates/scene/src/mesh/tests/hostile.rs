@@ -152,6 +152,21 @@ fn a_short_file_that_names_one_part_often_is_refused() {
 }
 
 #[test]
+fn files_of_nothing_but_parts_are_refused() {
+    let too_large = |kind: MeshKind, text: String| {
+        let found = read(kind, text);
+        assert!(matches!(found, Err(SceneError::TooLarge { .. })), "{found:?}");
+    };
+    for list in ["nodes", "materials", "meshes"] {
+        let parts = vec!["{}"; 200_000].join(",");
+        too_large(Gltf, format!("{{\"asset\": {{\"version\": \"2.0\"}}, \"{list}\": [{parts}]}}"));
+    }
+    let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+    let objects = "o\nf 1 2 3\n".repeat(100_001);
+    too_large(Obj, format!("{corners}{objects}"));
+}
+
+#[test]
 fn many_small_parts_take_time_in_proportion() {
     let start = Instant::now();
     // Objects that name the same few vertices, materials that are not there, and a file for each line.
