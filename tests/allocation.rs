@@ -147,7 +147,7 @@ impl Scene {
         let picture = composite(surface, &fragments, Background::Color(background))?;
         let picture = match self.sampling {
             Sampling::Center => antialias(picture)?,
-            Sampling::Exact => picture.into(),
+            _ => picture.into(),
         };
         let image = gaussian_blur(picture.image()?, sigma, &Blur::default())?;
         Ok(squared_error(image, tape.constant(&self.target))?)
@@ -540,7 +540,7 @@ impl Sheets {
         let picture = composite(surface, &fragments, Background::Zero)?;
         let picture = match self.options.sampling {
             Sampling::Center => antialias(picture)?,
-            Sampling::Exact => picture.into(),
+            _ => picture.into(),
         };
         let loss = picture.squared_error(&self.reference)?;
         let gradients = loss.backward()?;

@@ -226,7 +226,7 @@ mod tests {
         let tape = Tape::<f64>::new();
         let image_bar =
             Tensor::from_flat_fn([SIZE.height, SIZE.width, 2], |k| (k % 7) as f64 - 2.5);
-        for sampling in [Sampling::Center, Sampling::Exact] {
+        for sampling in [Sampling::Center, Sampling::Exact, Sampling::Outline] {
             let fragments = fragments(&tape, sampling);
             let values = leaf(&tape, [fragments.coverage.count(), 2]);
             let color = leaf(&tape, [2]);
@@ -237,7 +237,7 @@ mod tests {
                     let picture = composite(values, &fragments, background).unwrap();
                     let picture = match sampling {
                         Sampling::Center => antialias(picture).unwrap(),
-                        Sampling::Exact => picture.into(),
+                        Sampling::Exact | Sampling::Outline => picture.into(),
                     };
                     assert!(!picture.rim().is_empty());
                     picture.image().unwrap()
@@ -281,7 +281,7 @@ mod tests {
         let zero = Tensor::zeros([2]);
         let own = Background::Color(tape.constant(&constant));
         let learnt = Background::Color(tape.leaf(&constant));
-        for sampling in [Sampling::Center, Sampling::Exact] {
+        for sampling in [Sampling::Center, Sampling::Exact, Sampling::Outline] {
             let fragments = fragments(&tape, sampling);
             let values = leaf(&tape, [fragments.coverage.count(), 2]);
             for (background, color) in backgrounds(&tape)
@@ -294,7 +294,7 @@ mod tests {
                 let picture = composite(values, &fragments, background).unwrap();
                 let picture = match sampling {
                     Sampling::Center => antialias(picture).unwrap(),
-                    Sampling::Exact => picture.into(),
+                    Sampling::Exact | Sampling::Outline => picture.into(),
                 };
                 let found = picture.squared_error(&reference).unwrap();
                 let difference = picture.image().unwrap() - tape.constant(&goal);
@@ -375,7 +375,7 @@ mod tests {
         let picture = composite(values, &fragments, Background::Color(sky)).unwrap();
         let picture = match sampling {
             Sampling::Center => antialias(picture).unwrap(),
-            Sampling::Exact => picture.into(),
+            Sampling::Exact | Sampling::Outline => picture.into(),
         };
         let image = picture.image().unwrap();
         let sums = image.reshape([SIZE.pixels(), 2]).unwrap().sum_axis(0).unwrap();
@@ -386,7 +386,7 @@ mod tests {
 
     #[test]
     fn derivatives_along_a_grey_background_are_told_apart_by_channel_and_never_lost() {
-        for sampling in [Sampling::Center, Sampling::Exact] {
+        for sampling in [Sampling::Center, Sampling::Exact, Sampling::Outline] {
             let (grey, red) = (Tensor::full([2], 0.5), Tensor::new([2], vec![1.0, 0.0]).unwrap());
             let tape = Tape::<f64>::new();
             let sky = tape.leaf(&grey);
@@ -411,7 +411,7 @@ mod tests {
 
     #[test]
     fn at_a_perfect_fit_silhouettes_have_their_curvature() {
-        for sampling in [Sampling::Center, Sampling::Exact] {
+        for sampling in [Sampling::Center, Sampling::Exact, Sampling::Outline] {
             let corners = [-0.8, -0.9, 0.0, 1.0, 0.9, -0.7, 0.0, 1.0, 0.1, 0.8, 0.0, 1.0];
             let corners = Tensor::new([3, 4], corners.to_vec()).unwrap();
             let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
@@ -427,7 +427,7 @@ mod tests {
                 let picture = composite(white, &fragments, Background::Zero).unwrap();
                 let picture = match options.sampling {
                     Sampling::Center => antialias(picture).unwrap(),
-                    Sampling::Exact => picture.into(),
+                    Sampling::Exact | Sampling::Outline => picture.into(),
                 };
                 picture.image().unwrap()
             }

@@ -64,7 +64,7 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> arbitrary::Result<usize> {
                 let picture = composite(surface, &fragments, background)?;
                 match sampling {
                     Sampling::Center => antialias(picture),
-                    Sampling::Exact => Ok(picture.into()),
+                    _ => Ok(picture.into()),
                 }
             };
             let picture = before(background)?;

@@ -1,7 +1,7 @@
 //! How fast Bokashi is, at what error, and what it leaves out.
 //!
 //! [`bench()`] answers one question after the other. They ask for steps beside other renderers, the
-//! gradient of silhouettes, fits to an error, blurs and operations by time and error. They also ask
+//! gradient of silhouettes, masks, fits to an error, blurs and operations by time and error. They also ask
 //! for a pipeline node by node, the tape's own cost, growth, memory, and files. [`elision()`] sets steps
 //! that compute something beside steps that have no need of it.
 

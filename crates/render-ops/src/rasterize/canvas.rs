@@ -7,7 +7,6 @@ use bokashi_core::Scalar;
 use super::behind::{Found, Peeling};
 use super::culling::{Fate, Verdict};
 use super::exact::{BandFaces, BoundarySearch, PieceFragments, Pieces};
-use super::options::Sampling;
 use super::prepared::{NO_SLOT, Prepared, sum_up};
 use super::setup::{LANES, Setup, Weights, beyond};
 use crate::coverage::Coverage;
@@ -134,7 +133,7 @@ impl<T: Scalar> Canvas<T> {
                 }
                 Some(front) => self.draw_behind(view, front, rows.clone(), &faces[band]),
             }
-            if view.sampling == Sampling::Exact {
+            if view.sampling.has_pieces() {
                 self.resolve(view, at, rows.clone(), &faces[band]);
             }
             self.bands[at].row_starts.clear();

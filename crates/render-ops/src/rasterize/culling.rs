@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::options::{Cull, RasterOptions, Sampling};
+use super::options::{Cull, RasterOptions};
 use crate::homogeneous::{Vertex, determinant, edge, edge_error_bound};
 use crate::size::Size;
 
@@ -146,7 +146,7 @@ impl Verdict {
             let Size { width, height } = options.size;
             Fate::Drawn { columns: [0, width as u32 - 1], rows: [0, height as u32 - 1] }
         } else {
-            let margin = if options.sampling == Sampling::Exact { HALF_A_PIXEL } else { 0.0 };
+            let margin = if options.sampling.has_pieces() { HALF_A_PIXEL } else { 0.0 };
             let touched =
                 |axis, extent| touched(corners.map(|corner| corner.pixel[axis]), extent, margin);
             let Size { width, height } = options.size;

@@ -92,7 +92,7 @@ pub fn rasterize_behind<'t, T: Scalar>(
 ) -> Result<Fragments<'t, T>, RenderError> {
     let options = options.into();
     let coverage = front.checked_coverage(BEHIND, front.clip.tape())?;
-    if coverage.is_exact() || options.sampling == Sampling::Exact {
+    if coverage.is_exact() || options.sampling.has_pieces() {
         return Err(RenderError::ExactLayers { operation: BEHIND });
     }
     if options.size != coverage.size() {
@@ -114,7 +114,7 @@ pub fn depth_layers<'t, T: Scalar>(
     most: Option<usize>,
 ) -> Result<Vec<Fragments<'t, T>>, RenderError> {
     let options = options.into();
-    if options.sampling == Sampling::Exact {
+    if options.sampling.has_pieces() {
         return Err(RenderError::ExactLayers { operation: "depth_layers" });
     }
     let mut layers = Vec::new();
@@ -159,7 +159,7 @@ fn record<'t, T: Scalar>(
             clip.tape().leave_out("rasterize", reason);
         }
     }
-    let weight = (options.sampling == Sampling::Exact).then(|| outputs[1]);
+    let weight = (options.sampling.has_pieces()).then(|| outputs[1]);
     Ok(Fragments { barycentrics: outputs[0], weight, clip, coverage })
 }
 
@@ -290,7 +290,7 @@ impl<T: Scalar> Op<T> for Rasterize {
         let barycentrics = [coverage.count(), 2].into();
         let (barycentrics, weights) = match self.options.sampling {
             Sampling::Center => (outputs.push(barycentrics), None),
-            Sampling::Exact => {
+            Sampling::Exact | Sampling::Outline => {
                 let [barycentrics, weights] = outputs.push_all([barycentrics, [pieces].into()]);
                 (barycentrics, Some(weights))
             }
@@ -316,7 +316,7 @@ impl<T: Scalar> Op<T> for Rasterize {
         let Some(clip_bar) = gradients.get(0) else { return };
         let Saved { coverage, visibility, adjoints } = saved;
         let coverage = coverage.as_deref().expect("forward has filled in the coverage");
-        if self.options.sampling == Sampling::Exact {
+        if self.options.sampling.has_pieces() {
             self.pull_back_pieces(kept, coverage, visibility, adjoints, clip_bar);
         }
         let Some(uv_bar) = kept.upstream(0) else { return };

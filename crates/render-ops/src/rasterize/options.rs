@@ -27,6 +27,18 @@ pub enum Sampling {
     /// move with the vertices, so silhouettes have their true gradient and need no antialiasing.
     /// `docs/exact-coverage.md` has the derivation.
     Exact,
+    /// As [`Sampling::Exact`] where a surface ends before the background, else as
+    /// [`Sampling::Center`]: for silhouette masks. How much of a pixel is covered is exact, and so is its
+    /// gradient. Folds, seams and intersections in front of a surface that fills the pixel are left
+    /// alone, which on fine meshes are most of the cost.
+    Outline,
+}
+
+impl Sampling {
+    /// Whether pixels fall into pieces.
+    pub(crate) const fn has_pieces(self) -> bool {
+        !matches!(self, Self::Center)
+    }
 }
 
 /// How to rasterize.

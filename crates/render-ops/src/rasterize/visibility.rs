@@ -16,7 +16,7 @@ use bokashi_core::parallel::{for_each_item_mut, for_each_piece_mut, threads};
 
 use super::canvas::{Band, Canvas, Draw, resize};
 use super::culling::{Corner, Fate, Verdict, give_one_factor, most_rounding};
-use super::options::{RasterOptions, Sampling};
+use super::options::RasterOptions;
 use super::prepared::Prepared;
 use super::setup::LANES;
 use crate::coverage::{Coverage, Culled};
@@ -72,7 +72,7 @@ impl<T: Scalar> Visibility<T> {
         self.draw_bands(mesh, options, rows, needs, front);
         join(self.bands(), coverage);
         coverage.boundary.clear();
-        if options.sampling == Sampling::Exact {
+        if options.sampling.has_pieces() {
             join_pieces(self.bands(), coverage);
         }
     }

@@ -4,6 +4,7 @@ mod blur;
 mod files;
 mod fits;
 mod growth;
+mod masks;
 mod memory;
 mod multiply;
 mod nodes;
@@ -22,10 +23,11 @@ type Do = fn(&Bench) -> Result<Study, FitError>;
 
 /// Every study with its name, in the order of the report. The one about memory comes first in a
 /// process, while its peak is still low; see there.
-pub(super) const ALL: [(&str, Do); 11] = [
+pub(super) const ALL: [(&str, Do); 12] = [
     ("memory", memory::study),
     ("scenes", scenes::study),
     ("silhouettes", silhouettes::study),
+    ("masks", masks::study),
     ("fits", fits::study),
     ("blur", blur::study),
     ("operations", operations::study),

@@ -15,7 +15,9 @@ use super::pixel_mask::PixelMask;
 use super::polygon::{Line, Moments};
 use super::regions::Regions;
 use super::samples::Samples;
+use super::sheets::Sheets;
 use super::visible::{Candidate, SMALLEST, Side, Visible};
+use crate::rasterize::options::Sampling;
 
 /// Where more faces may be seen in a pixel, it is resolved by samples.
 const MOST_FACES: usize = 2048;
@@ -37,6 +39,7 @@ pub(in crate::rasterize) struct BoundarySearch<S> {
     planes: Vec<Plane<S>>,
     intervals: Vec<DepthInterval<S>>,
     faces_by_pixel: FacesByPixel,
+    sheets: Sheets,
     candidates: Vec<Candidate<S>>,
     visible: Visible<S>,
     /// What is visible in a pixel a little wider, where sides lie on its border.
@@ -62,7 +65,9 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
     ) {
         pieces.clear();
         self.mark(band);
-        self.mark_crossings(band);
+        if band.view.sampling == Sampling::Exact {
+            self.mark_crossings(band);
+        }
         if self.marks.count() == 0 {
             return;
         }
@@ -79,13 +84,14 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
     fn mark<T: Scalar<Wide = S>>(&mut self, band: &BandFaces<'_, '_, T>) {
         let view = band.view;
         let Self { marks, outlines, planes, .. } = self;
+        let has_seams = view.sampling == Sampling::Exact;
         marks.clear(band.rows.len(), view.size.width);
         outlines.clear();
         planes.clear();
         planes.extend((0..band.faces.len() as u32).map(|at| band.plane(at)));
         for (at, (&face, weights)) in (0..).zip(band.faces.iter().zip(band.weights)) {
-            let is_outline =
-                |k| view.is_silhouette(face as usize, k) || view.mesh.is_seam(face as usize, k);
+            let is_seam = |k| has_seams && view.mesh.is_seam(face as usize, k);
+            let is_outline = |k| view.is_silhouette(face as usize, k) || is_seam(k);
             let outline: u8 = (0..3).map(|k| u8::from(is_outline(k)) << k).sum();
             let along_axis: u8 =
                 (0..3).map(|k| u8::from(is_along_axis(weights.edges[k])) << k).sum();
@@ -172,14 +178,16 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         pieces: &mut Pieces<S>,
     ) {
         let Self { candidates, visible, wide, border_sides, samples, .. } = self;
-        let Self { moments, extents, order, planes, outlines, intervals, .. } = self;
+        let Self { moments, extents, order, planes, outlines, intervals, sheets, .. } = self;
         let row = band.rows.start + row;
         intervals.clear();
         intervals.extend(faces.iter().map(|&face| {
             let outline = outlines[face as usize];
             band.interval(planes, face, outline, [x, y], 1)
         }));
-        if front_layers(intervals) == Some(1) {
+        let is_of_outline = band.view.sampling == Sampling::Outline;
+        let is_filled = is_of_outline && sheets.fill(band, outlines, faces, intervals);
+        if is_filled || front_layers(intervals) == Some(1) {
             return;
         }
         candidates.clear();

@@ -25,6 +25,11 @@ impl<S: Scalar> DepthInterval<S> {
     pub(super) fn is_out(&self) -> bool {
         self.farthest < -S::ONE || self.nearest > S::ONE
     }
+
+    /// Whether all of it does.
+    pub(super) fn is_within(&self) -> bool {
+        self.nearest >= -S::ONE && self.farthest <= S::ONE
+    }
 }
 
 /// How many surface layers the first group of these faces makes up in a block of pixels. Sorts the
@@ -41,7 +46,7 @@ pub(super) fn front_layers<S: Scalar>(intervals: &mut [DepthInterval<S>]) -> Opt
         if interval.nearest > farthest && layers > 0 {
             break;
         }
-        if interval.ends || interval.nearest < -S::ONE || interval.farthest > S::ONE {
+        if interval.ends || !interval.is_within() {
             return None;
         }
         farthest = farthest.maximum_or_nan(interval.farthest);

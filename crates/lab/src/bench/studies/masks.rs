@@ -1,0 +1,183 @@
+//! What does a silhouette mask cost, and how much of its gradient is found?
+
+use bokashi_core::{Scalar, Tape, Tensor, Var};
+use bokashi_fit::FitError;
+use bokashi_render_ops::{
+    Background, Cull, Picture, RasterOptions, Reference, Sampling, antialias, composite,
+    interpolate, project, rasterize,
+};
+use glam::DMat4;
+
+use crate::bench::effort::USUAL;
+use crate::bench::sampling::{Contestant, interleaved};
+use crate::bench::scenes::Scene;
+use crate::bench::setting::Bench;
+use crate::bench::study::Study;
+use crate::bench::table::{Cell, Table};
+
+/// The ways to make a mask.
+const WAYS: [Sampling; 3] = [Sampling::Center, Sampling::Outline, Sampling::Exact];
+
+/// Views of the mesh, all around it.
+const VIEWS: usize = 8;
+const PIXELS: usize = 128;
+const FACES: usize = 1_024;
+/// How far vertices are off, in pixels: the surface folds.
+const SHIFT: f64 = 1.0;
+
+/// Of the sphere whose radius is asked for.
+const SMOOTH_FACES: usize = 20_000;
+const SMOOTH_PIXELS: [usize; 3] = [16, 64, 512];
+/// Of the central difference.
+const STEP: f64 = 1e-4;
+
+/// The mask `[H, W, 1]` of a scene: 1 where it is. Pixel centres are antialiased.
+fn mask<'t, T: Scalar>(
+    scene: &Scene,
+    options: RasterOptions,
+    camera: &DMat4,
+    positions: Var<'t, T>,
+) -> Result<Picture<'t, T>, FitError> {
+    let fragments = rasterize(project(positions, camera, None)?, &scene.mesh, options)?;
+    let ones = Tensor::full([positions.shape()[0], 1], T::ONE);
+    let surface = interpolate(positions.tape().constant(&ones), &fragments)?;
+    let surface = composite(surface, &fragments, Background::Zero)?;
+    Ok(match options.sampling {
+        Sampling::Center => antialias(surface)?,
+        _ => surface.into(),
+    })
+}
+
+/// A fit to masks.
+struct Masks {
+    scene: Scene,
+    options: RasterOptions,
+    cameras: Vec<DMat4>,
+    positions: Tensor<f32>,
+    references: Vec<Reference<f32>>,
+    tape: Tape<f32>,
+}
+
+impl Masks {
+    /// From positions that are off to the masks of `scene`, as a camera sees them: means over pixels.
+    fn new(scene: &Scene, cull: Cull, sampling: Sampling) -> Result<Self, FitError> {
+        let turn = |view: usize| std::f64::consts::TAU * view as f64 / VIEWS as f64;
+        let cameras: Vec<_> =
+            (0..VIEWS).map(|view| scene.camera * DMat4::from_rotation_y(turn(view))).collect();
+        let options = RasterOptions::new(scene.size).cull(cull).sampling(Sampling::Outline);
+        let reference = |camera: &DMat4| {
+            let tape = Tape::new();
+            let positions = tape.constant(&scene.positions.cast());
+            let image = mask::<f32>(scene, options, camera, positions)?.image()?.value();
+            Ok::<_, FitError>(Reference::new(&image, &Tensor::zeros([1]))?)
+        };
+        let references = cameras.iter().map(reference).collect::<Result<_, _>>()?;
+        let (positions, tape) = (scene.jittered(SHIFT, 0).cast(), Tape::new());
+        let options = options.sampling(sampling);
+        Ok(Self { scene: scene.clone(), options, cameras, positions, references, tape })
+    }
+
+    /// The gradient of the squared error of all masks.
+    fn step(&mut self) -> Result<Tensor<f32>, FitError> {
+        let Self { scene, options, cameras, positions, references, tape } = self;
+        let gradient = {
+            let positions = tape.leaf(positions);
+            let mut loss: Option<Var<'_, f32>> = None;
+            for (camera, reference) in cameras.iter().zip(references) {
+                let own = mask(scene, *options, camera, positions)?.squared_error(reference)?;
+                loss = Some(loss.map_or(own, |sum| sum + own));
+            }
+            loss.expect("there is a view").backward()?.get_or_zeros(positions)
+        };
+        tape.reset();
+        Ok(gradient)
+    }
+}
+
+/// The length of a gradient less another, as a share of the other's.
+fn error(found: &Tensor<f32>, truth: &Tensor<f32>) -> f64 {
+    let length =
+        |entries: &mut dyn Iterator<Item = f64>| entries.map(|x| x * x).sum::<f64>().sqrt();
+    let pairs = found.data().iter().zip(truth.data());
+    length(&mut pairs.map(|(&found, &truth)| f64::from(found - truth)))
+        / length(&mut truth.data().iter().map(|&x| f64::from(x)))
+}
+
+/// The area of a scene's mask whose radius is multiplied, and its derivative by that.
+fn area(scene: &Scene, sampling: Sampling, radius: f64) -> Result<[f64; 2], FitError> {
+    let tape = Tape::<f64>::new();
+    let factor = tape.leaf(&Tensor::scalar(radius));
+    let positions = tape.constant(&scene.positions) * factor;
+    let options = RasterOptions::new(scene.size).cull(Cull::Back).sampling(sampling);
+    let area = mask(scene, options, &scene.camera, positions)?.image()?.sum();
+    Ok([area.item(), area.backward()?.get_or_zeros(factor).data()[0]])
+}
+
+pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
+    let pixels = bench.effort.choose(32, PIXELS);
+    let mut study = Study::new(
+        "masks",
+        "Silhouette masks",
+        format!(
+            "A sphere of about {FACES} faces whose vertices are off by {SHIFT} px (standard deviation), so that it \
+             folds. {VIEWS} views of {pixels} x {pixels} pixels on one tape, one channel, f32, one thread: \
+             masks, squared error against the masks of the sphere itself, gradient. The error is the \
+             length of the difference from the gradient with exact coverage, as a share of that; \
+             what exact coverage itself is off by is in the tables above. The radius: the derivative \
+             of the area of a sphere of about {SMOOTH_FACES} faces by its radius, f64, as a share of the \
+             true one. The truth is a central difference of areas with exact coverage."
+        ),
+    );
+    let columns = [
+        ("back faces", "cull"),
+        ("antialias, ms", "antialias_milliseconds"),
+        ("outline, ms", "outline_milliseconds"),
+        ("exact, ms", "exact_milliseconds"),
+        ("outline / antialias", "outline_ratio"),
+        ("exact / antialias", "exact_ratio"),
+        ("error, antialias, %", "antialias_error"),
+        ("error, outline, %", "outline_error"),
+    ];
+    let mut costs = Table::new("masks", "Cost of a step, and error of its gradient", &columns);
+    let scene = Scene::sphere_of(FACES, pixels)?;
+    for (name, cull) in [("culled", Cull::Back), ("drawn", Cull::None)] {
+        let (mut gradients, mut contestants) = (Vec::new(), Vec::new());
+        for sampling in WAYS {
+            let mut masks = Masks::new(&scene, cull, sampling)?;
+            gradients.push(masks.step()?);
+            contestants.push(Contestant::new(bench.one(), move || masks.step().map(drop)));
+        }
+        let timings = interleaved(&mut contestants, bench.effort, USUAL);
+        let Some(timings) = study.noted(name, timings.into_iter().collect::<Result<Vec<_>, _>>())
+        else {
+            continue;
+        };
+        let times = timings.iter().map(|timing| Cell::timed(timing, 1e3 * timing.minimum));
+        let ratio = |way: usize| Cell::number(timings[way].minimum / timings[0].minimum);
+        let errors =
+            gradients[..2].iter().map(|found| Cell::number(100.0 * error(found, &gradients[2])));
+        let mut cells = vec![Cell::text(name)];
+        cells.extend(times.chain([ratio(1), ratio(2)]).chain(errors));
+        costs.push(cells);
+    }
+    let columns = [
+        ("pixels", "pixels"),
+        ("antialias, %", "antialias_percent"),
+        ("outline, %", "outline_percent"),
+        ("exact, %", "exact_percent"),
+    ];
+    let mut radius =
+        Table::new("masks_radius", "How much of the radius' gradient is found", &columns);
+    for pixels in &SMOOTH_PIXELS[..bench.effort.choose(1, SMOOTH_PIXELS.len())] {
+        let scene = Scene::sphere_of(SMOOTH_FACES, *pixels)?;
+        let at = |radius: f64| Ok::<_, FitError>(area(&scene, Sampling::Exact, radius)?[0]);
+        let truth = (at(1.0 + STEP)? - at(1.0 - STEP)?) / (2.0 * STEP);
+        let mut cells = vec![Cell::Count(*pixels)];
+        for sampling in WAYS {
+            cells.push(Cell::number(100.0 * area(&scene, sampling, 1.0)?[1] / truth));
+        }
+        radius.push(cells);
+    }
+    study.tables.extend([costs, radius]);
+    Ok(study)
+}
