@@ -18,15 +18,13 @@ use crate::bench::table::{Cell, Table};
 /// The ways to make a mask.
 const WAYS: [Sampling; 3] = [Sampling::Center, Sampling::Outline, Sampling::Exact];
 
-/// Views of the mesh, all around it.
-const VIEWS: usize = 8;
-const PIXELS: usize = 128;
-const FACES: usize = 1_024;
+/// Faces, pixels along a side, and views all around.
+const MESHES: [[usize; 3]; 2] = [[1_024, 128, 8], [80_000, 1024, 1]];
 /// How far vertices are off, in pixels: the surface folds.
 const SHIFT: f64 = 1.0;
 
-/// Of the sphere whose radius is asked for.
-const SMOOTH_FACES: usize = 20_000;
+/// Of the spheres whose radius is asked for.
+const SMOOTH_FACES: [usize; 2] = [1_000, 20_000];
 const SMOOTH_PIXELS: [usize; 3] = [16, 64, 512];
 /// Of the central difference.
 const STEP: f64 = 1e-4;
@@ -60,10 +58,10 @@ struct Masks {
 
 impl Masks {
     /// From positions that are off to the masks of `scene`, as a camera sees them: means over pixels.
-    fn new(scene: &Scene, cull: Cull, sampling: Sampling) -> Result<Self, FitError> {
-        let turn = |view: usize| std::f64::consts::TAU * view as f64 / VIEWS as f64;
+    fn new(scene: &Scene, views: usize, cull: Cull, sampling: Sampling) -> Result<Self, FitError> {
+        let turn = |view: usize| std::f64::consts::TAU * view as f64 / views as f64;
         let cameras: Vec<_> =
-            (0..VIEWS).map(|view| scene.camera * DMat4::from_rotation_y(turn(view))).collect();
+            (0..views).map(|view| scene.camera * DMat4::from_rotation_y(turn(view))).collect();
         let options = RasterOptions::new(scene.size).cull(cull).sampling(Sampling::Outline);
         let reference = |camera: &DMat4| {
             let tape = Tape::new();
@@ -114,53 +112,55 @@ fn area(scene: &Scene, sampling: Sampling, radius: f64) -> Result<[f64; 2], FitE
 }
 
 pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
-    let pixels = bench.effort.choose(32, PIXELS);
     let mut study = Study::new(
         "masks",
         "Silhouette masks",
         format!(
-            "A sphere of about {FACES} faces whose vertices are off by {SHIFT} px (standard deviation), so that it \
-             folds. {VIEWS} views of {pixels} x {pixels} pixels on one tape, one channel, f32, one thread: \
-             masks, squared error against the masks of the sphere itself, gradient. The error is the \
-             length of the difference from the gradient with exact coverage, as a share of that; \
-             what exact coverage itself is off by is in the tables above. The radius: the derivative \
-             of the area of a sphere of about {SMOOTH_FACES} faces by its radius, f64, as a share of the \
-             true one. The truth is a central difference of areas with exact coverage."
+            "Spheres whose vertices are off by {SHIFT} px (standard deviation), so that they fold. Masks of \
+             one channel, squared error against the masks of the sphere itself, gradient; all views on \
+             one tape, f32, one thread. The error is the length of the difference from the gradient \
+             with exact coverage, as a share of that; what exact coverage itself is off by is in the \
+             tables above. The radius: the derivative of the area of a sphere by its radius, f64, as a \
+             share of the true one. The truth is a central difference of areas with exact coverage."
         ),
     );
     let columns = [
+        ("faces", "faces"),
+        ("pixels", "pixels"),
+        ("views", "views"),
         ("back faces", "cull"),
         ("antialias, ms", "antialias_milliseconds"),
         ("outline, ms", "outline_milliseconds"),
         ("exact, ms", "exact_milliseconds"),
-        ("outline / antialias", "outline_ratio"),
-        ("exact / antialias", "exact_ratio"),
         ("error, antialias, %", "antialias_error"),
         ("error, outline, %", "outline_error"),
     ];
     let mut costs = Table::new("masks", "Cost of a step, and error of its gradient", &columns);
-    let scene = Scene::sphere_of(FACES, pixels)?;
-    for (name, cull) in [("culled", Cull::Back), ("drawn", Cull::None)] {
-        let (mut gradients, mut contestants) = (Vec::new(), Vec::new());
-        for sampling in WAYS {
-            let mut masks = Masks::new(&scene, cull, sampling)?;
-            gradients.push(masks.step()?);
-            contestants.push(Contestant::new(bench.one(), move || masks.step().map(drop)));
+    for [faces, pixels, views] in MESHES.into_iter().take(bench.effort.choose(1, MESHES.len())) {
+        let scene = Scene::sphere_of(faces, bench.effort.choose(32, pixels))?;
+        for (name, cull) in [("culled", Cull::Back), ("drawn", Cull::None)] {
+            let (mut gradients, mut contestants) = (Vec::new(), Vec::new());
+            for sampling in WAYS {
+                let mut masks = Masks::new(&scene, views, cull, sampling)?;
+                gradients.push(masks.step()?);
+                contestants.push(Contestant::new(bench.one(), move || masks.step().map(drop)));
+            }
+            let timings = interleaved(&mut contestants, bench.effort, USUAL);
+            let timings = timings.into_iter().collect::<Result<Vec<_>, _>>();
+            let Some(timings) = study.noted(name, timings) else { continue };
+            let times = timings.iter().map(|timing| Cell::timed(timing, 1e3 * timing.minimum));
+            let [antialias, outline, exact] = &gradients[..] else { unreachable!("three ways") };
+            let errors =
+                [antialias, outline].map(|found| Cell::number(100.0 * error(found, exact)));
+            let mut cells =
+                [scene.mesh.faces().len(), scene.size.width, views].map(Cell::Count).to_vec();
+            cells.push(Cell::text(name));
+            cells.extend(times.chain(errors));
+            costs.push(cells);
         }
-        let timings = interleaved(&mut contestants, bench.effort, USUAL);
-        let Some(timings) = study.noted(name, timings.into_iter().collect::<Result<Vec<_>, _>>())
-        else {
-            continue;
-        };
-        let times = timings.iter().map(|timing| Cell::timed(timing, 1e3 * timing.minimum));
-        let ratio = |way: usize| Cell::number(timings[way].minimum / timings[0].minimum);
-        let errors =
-            gradients[..2].iter().map(|found| Cell::number(100.0 * error(found, &gradients[2])));
-        let mut cells = vec![Cell::text(name)];
-        cells.extend(times.chain([ratio(1), ratio(2)]).chain(errors));
-        costs.push(cells);
     }
     let columns = [
+        ("faces", "faces"),
         ("pixels", "pixels"),
         ("antialias, %", "antialias_percent"),
         ("outline, %", "outline_percent"),
@@ -168,15 +168,17 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
     ];
     let mut radius =
         Table::new("masks_radius", "How much of the radius' gradient is found", &columns);
-    for pixels in &SMOOTH_PIXELS[..bench.effort.choose(1, SMOOTH_PIXELS.len())] {
-        let scene = Scene::sphere_of(SMOOTH_FACES, *pixels)?;
-        let at = |radius: f64| Ok::<_, FitError>(area(&scene, Sampling::Exact, radius)?[0]);
-        let truth = (at(1.0 + STEP)? - at(1.0 - STEP)?) / (2.0 * STEP);
-        let mut cells = vec![Cell::Count(*pixels)];
-        for sampling in WAYS {
-            cells.push(Cell::number(100.0 * area(&scene, sampling, 1.0)?[1] / truth));
+    for faces in SMOOTH_FACES {
+        for pixels in &SMOOTH_PIXELS[..bench.effort.choose(1, SMOOTH_PIXELS.len())] {
+            let scene = Scene::sphere_of(faces, *pixels)?;
+            let at = |radius: f64| Ok::<_, FitError>(area(&scene, Sampling::Exact, radius)?[0]);
+            let truth = (at(1.0 + STEP)? - at(1.0 - STEP)?) / (2.0 * STEP);
+            let mut cells = vec![Cell::Count(scene.mesh.faces().len()), Cell::Count(*pixels)];
+            for sampling in WAYS {
+                cells.push(Cell::number(100.0 * area(&scene, sampling, 1.0)?[1] / truth));
+            }
+            radius.push(cells);
         }
-        radius.push(cells);
     }
     study.tables.extend([costs, radius]);
     Ok(study)
