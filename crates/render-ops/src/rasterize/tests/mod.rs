@@ -10,6 +10,7 @@ mod nearest;
 mod oracle;
 mod outline;
 mod pixel_borders;
+mod ties;
 mod watertight;
 
 use bokashi_core::{Tape, Tensor};
