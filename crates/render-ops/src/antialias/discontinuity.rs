@@ -34,7 +34,13 @@ pub(super) struct Blend<S> {
     pub(super) clamped: bool,
 }
 
-impl<S> Blend<S> {
+impl<S: Scalar> Blend<S> {
+    /// Which of the two pixels is blended.
+    #[inline(always)]
+    pub(super) fn target(&self) -> usize {
+        usize::from(self.alpha <= S::ZERO)
+    }
+
     /// Both pixels.
     pub(super) fn pixels(&self, size: Size) -> [u32; 2] {
         let step = if self.below { size.width as u32 } else { 1 };

@@ -12,16 +12,19 @@
 //! Let d be the distance of the crossing from the covered centre, and `s = 1` where the triangle
 //! covers the first pixel, -1 where it covers the second. Then `alpha = s (1/2 - d)`: where positive
 //! `out_0 += alpha (c_1 - c_0)`, else `out_1 += alpha (c_1 - c_0)`. All reads are from the aliased
-//! picture, so up to four blends add at a pixel, each with a share of at most 1/2.
+//! picture, so up to four blends add at a pixel, each with a share `a_k = |alpha_k|` of at most 1/2.
+//! Where `s = sum a_k` is above 1, at specks around a centre, the shares are divided by s. So a pixel
+//! is always a mean of its neighbours and itself, and never leaves their range.
 //!
 //! # Backward
 //! `alpha_bar = out_bar . (c_1 - c_0)` at the blended pixel; `c_bar_0 -= alpha out_bar`,
 //! `c_bar_1 += alpha out_bar`, beside `c_bar = out_bar`; from alpha to the edge's vertices as in
-//! `discontinuity`.
+//! `discontinuity`. Where shares were divided, `out = c + m` with `m = sum a_k d_k / s`, `d_k` the steps
+//! to the neighbours: then `(d_k - m) / s` stands in the place of `d_k`.
 //!
 //! # Where it is not smooth
-//! Where a crossing reaches a pixel centre, an edge passes through 45 degrees, or an edge starts or
-//! stops being a silhouette. An intersection of two faces is no edge of either: it gets no
+//! Where a crossing reaches a pixel centre, an edge passes through 45 degrees, shares begin to add up to
+//! more than 1, or an edge starts or stops being a silhouette. An intersection of two faces is no edge of either: it gets no
 //! gradient. The gradient is that of this image; from that of the true area coverage it differs
 //! in first order of the pixel size.
 //!
@@ -85,8 +88,12 @@ struct Found<T: Scalar> {
     blends: Vec<Blend<T::Wide>>,
     /// Per blend: the rows of its two pixels in the output.
     rows: Vec<[u32; 2]>,
-    /// Per blend and channel: `c_1 - c_0`.
+    /// Per blend and channel: `c_1 - c_0`, or where shares were divided, what stands in its place.
     steps: Vec<T>,
+    /// The blends whose shares were divided, pixel by pixel.
+    divided: Vec<Divided<T::Wide>>,
+    /// Memory: per row of the output that is blended, the sum of the shares.
+    sums: Vec<T::Wide>,
     /// The uncovered pixels of all blends, in order.
     rim: Option<Arc<Vec<u32>>>,
     /// Memory: per 64 pixels a bit for each pixel of the rim, and how many of them come before.
@@ -96,6 +103,15 @@ struct Found<T: Scalar> {
     pieces_of_outlines: Vec<Outlines<T::Wide>>,
     /// Of pieces of the image; where the image is not cut, the first search is of all of it.
     searches: Vec<Search<T::Wide>>,
+}
+
+/// A blend whose share was divided by the sum of all shares at its pixel.
+#[derive(Debug, Clone, Copy)]
+struct Divided<S> {
+    /// The row of the pixel in the output.
+    row: u32,
+    blend: u32,
+    sum: S,
 }
 
 /// What is found in some rows of the image, and memory.
@@ -183,6 +199,34 @@ impl<T: Scalar> Found<T> {
         });
     }
 
+    /// Divides shares at one pixel by their sum where that is above 1.
+    fn divide(&mut self) {
+        let Self { blends, rows, divided, sums, .. } = self;
+        let target = |blend: &Blend<T::Wide>, rows: &[u32; 2]| rows[blend.target()];
+        let most = rows.iter().flatten().max().map_or(0, |&row| row as usize + 1);
+        if sums.len() < most {
+            sums.resize(most, T::Wide::ZERO);
+        }
+        let placed = || blends.iter().zip(&*rows);
+        placed().for_each(|(blend, rows)| sums[target(blend, rows) as usize] = T::Wide::ZERO);
+        for (blend, rows) in placed() {
+            sums[target(blend, rows) as usize] += blend.alpha.abs();
+        }
+        divided.clear();
+        for (at, (blend, rows)) in (0..).zip(placed()) {
+            let row = target(blend, rows);
+            let sum = sums[row as usize];
+            if sum > T::Wide::ONE {
+                divided.push(Divided { row, blend: at, sum });
+            }
+        }
+        divided.sort_unstable_by_key(|divided| (divided.row, divided.blend));
+        for &Divided { blend, sum, .. } in &*divided {
+            let alpha = &mut blends[blend as usize].alpha;
+            *alpha = *alpha / sum;
+        }
+    }
+
     /// Each blend, the first entries of its two pixels, and which of the two is blended.
     fn placed(
         &self,
@@ -190,7 +234,7 @@ impl<T: Scalar> Found<T> {
     ) -> impl Iterator<Item = (&Blend<T::Wide>, [usize; 2], usize)> {
         self.blends.iter().zip(&self.rows).map(move |(blend, rows)| {
             let entries = rows.map(|row| row as usize * channels);
-            (blend, entries, entries[usize::from(blend.alpha <= T::Wide::ZERO)])
+            (blend, entries, entries[blend.target()])
         })
     }
 
@@ -205,6 +249,18 @@ impl<T: Scalar> Found<T> {
             let alpha = T::narrow(blend.alpha);
             let out = &mut out[target..target + channels];
             out.iter_mut().zip(steps).for_each(|(out, &step)| *out += alpha * step);
+        }
+        for same in self.divided.chunk_by(|one, other| one.row == other.row) {
+            let own = |divided: &Divided<_>| &self.blends[divided.blend as usize];
+            for c in 0..channels {
+                let at = |divided: &Divided<_>| divided.blend as usize * channels + c;
+                let moved = same.iter().map(|k| own(k).alpha * steps[at(k)].widen());
+                let moved: T::Wide = moved.sum();
+                for k in same {
+                    let moved = if own(k).target() == 0 { moved } else { -moved };
+                    steps[at(k)] = T::narrow((steps[at(k)].widen() - moved) / k.sum);
+                }
+            }
         }
         self.steps = steps;
     }
@@ -351,6 +407,7 @@ impl<T: Scalar> Op<T> for Antialias {
             return Ok(());
         }
         found.place(coverage);
+        found.divide();
         let (input, background) = (inputs.data(1), inputs.data(2));
         let channels = inputs.shape(1)[1];
         let rim = found.rim.as_deref().expect("it was just found");
@@ -434,6 +491,7 @@ impl<T: Scalar> Op<T> for Antialias {
         size_of_val(found.blends.as_slice())
             + size_of_val(found.rows.as_slice())
             + size_of_val(found.steps.as_slice())
+            + size_of_val(found.divided.as_slice())
             + size_of_val(found.outlines.outlines.as_slice())
             + size_of_val(found.outlines.of_slot.as_slice())
             + found.rim.as_ref().map_or(0, |rim| size_of_val(rim.as_slice()))

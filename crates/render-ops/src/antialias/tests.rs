@@ -226,6 +226,41 @@ fn the_image_gradient_is_the_adjoint_of_the_linear_map() {
     approx::assert_relative_eq!(dot(&out, &out_bar), dot(&image, &image_bar), max_relative = 1e-13);
 }
 
+/// A speck around a pixel's centre, blended on all four sides: the shares would add up to more than 1.
+#[test]
+fn a_speck_does_not_leave_the_range_of_its_neighbours() {
+    let speck = |shift: f64| {
+        let at = |x: f64, y: f64| [4.5 + shift + 0.02 * x, 2.5 + 0.02 * y, 0.0];
+        Scene::of_points(&[at(-1.0, -1.2), at(2.0, -0.9), at(-1.0, 2.1)], &[[0, 1, 2]], SIZE)
+    };
+    for (inside, outside) in [(1.0, 0.0), (0.0, 1.0)] {
+        let color = |_: usize, id: u32| if id > 0 { inside } else { outside };
+        let image = speck(0.0).picture::<f64>(color);
+        assert!(image.iter().all(|value| (-1e-15..=1.0 + 1e-15).contains(value)), "{image:?}");
+        // All of it has gone to the neighbours.
+        assert!((image[2 * 9 + 4] - outside).abs() < 1e-15);
+    }
+    // Neighbours of colours of their own, and the difference quotient.
+    let image: Vec<_> = (0..54).map(motley).collect();
+    let out_bar: Vec<_> = (0..54).map(|k| motley(3 * k + 1) - 0.5).collect();
+    let [_, clip_bar] = speck(0.0).gradients(&image, &out_bar);
+    let loss = |scene: &Scene| -> f64 {
+        let out = scene.picture::<f64>(|k, _| image[k]);
+        out.iter().zip(&out_bar).map(|(out, bar)| out * bar).sum()
+    };
+    let scene = speck(0.0);
+    for k in (0..12).filter(|k| k % 4 != 2) {
+        let by = |step: f64| {
+            let mut moved = scene.clone();
+            moved.clip[k / 4][k % 4] += step;
+            loss(&moved)
+        };
+        let quotient = (by(1e-6) - by(-1e-6)) / 2e-6;
+        let size = 1.0 + quotient.abs();
+        assert!((clip_bar[k] - quotient).abs() < 1e-7 * size, "{k}: {} {quotient}", clip_bar[k]);
+    }
+}
+
 #[test]
 fn an_inner_edge_is_no_silhouette_and_leaves_the_image_itself() {
     // Two faces that cover the image, whichever way they are cut and wound.
