@@ -64,9 +64,11 @@ proptest! {
         for (at, (found, expected)) in found.iter().zip(&expected).enumerate() {
             prop_assert!((found - expected).abs() < 1e-12, "{at}: {found} {expected}");
         }
+        // Where pieces meet in two planes that are nearly one, what exact coverage adds up there cancels
+        // but for roundings.
         let size = expected_bar.iter().fold(1.0, |most: f64, bar| most.max(bar.abs()));
         for (at, (found, expected)) in found_bar.iter().zip(&expected_bar).enumerate() {
-            prop_assert!((found - expected).abs() < 1e-9 * size, "{at}: {found} {expected}");
+            prop_assert!((found - expected).abs() < 1e-7 * size, "{at}: {found} {expected}");
         }
         prop_assert!(counts.pixels <= most.pixels);
     }
