@@ -91,3 +91,9 @@ fn scenes_of_files_keep_their_promises() {
     let all = replayed("scene_file", fuzz::scene_file);
     assert!(reaching(&all) > 10, "{all:?}");
 }
+
+#[test]
+fn arrays_of_files_keep_their_promises() {
+    let all = replayed("array_file", fuzz::array_file);
+    assert!(reaching(&all) > 8, "{all:?}");
+}

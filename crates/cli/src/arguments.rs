@@ -74,7 +74,8 @@ pub(crate) struct Common {
 /// The options of `fit`.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct FitArguments {
-    /// Your own scene: meshes, images, cameras, and what is learnt; results go to --out, by default out/
+    /// Your own scene: meshes, images, cameras, and what is learnt. Results go to --out, by default out/;
+    /// it ends as the scene says, and --steps can end it earlier
     #[arg(value_name = "SCENE.TOML", conflicts_with_all = ["experiment", "preset", "resolution", "sigma", "seed", "silhouettes", "precision", "save", "save_every"])]
     pub(crate) scene: Option<PathBuf>,
     /// Of a scene: stop after so many seconds

@@ -367,7 +367,8 @@ fn what_is_wrong_with_a_scene_is_said() {
          [[views]]\nname = \"away\"\nimage = \"masked.png\"\nmask = \"black.png\"\n{}\
          [[views]]\nname = \"large\"\nimage = \"masked.png\"\n{sized}\
          [[views]]\nname = \"gone\"\nimage = \"gone.png\"\n{}\
-         [learn.texture]\n[loss]\nsilhouette = 1\n[[stages]]\nsteps = 1\nlearn = [\"texture\", \"verts\"]\n",
+         [learn.texture]\n[loss]\nsilhouette = 1\n[[stages]]\nsteps = 1\nlearn = [\"texture\", \"verts\"]\n\
+         [stop]\nsteps = 3\n",
         look(0.0),
         look(0.1),
         look(0.2),
@@ -392,6 +393,10 @@ fn what_is_wrong_with_a_scene_is_said() {
             .count();
         assert_eq!(count, 1, "{rule}: {told}");
     }
+    assert!(
+        told.contains("note: `stop.steps` is left out: each of the stages says its own\n"),
+        "{told}"
+    );
     let output = bokashi(folder, &["inspect", "scene.toml", "--json", "-"]);
     let json: Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
     assert_eq!(json["views"].as_array().unwrap().len(), 6);
@@ -500,12 +505,38 @@ fn a_fit_of_a_scene_ends_in_the_same_bits_however_it_is_run() {
         let rest = outcome(folder, "--out part --resume");
         assert_eq!((&rest["parameters_hash"], &rest["steps"]), (&hash.into(), &9.into()));
     }
+    // Where all is done, it says so.
+    let [told, _] = ended(folder, &["fit", "photos/scene.toml", "--out", "part", "--resume"], 0);
+    assert!(told.starts_with("9 steps, done before, held-out views "), "{told}");
     // The checkpoint is of this scene alone.
     let text = fs::read_to_string(folder.join("photos/scene.toml")).unwrap();
     write(folder, "photos/scene.toml", text.replace("texture_size = 8", "texture_size = 9"));
     let words = ["fit", "photos/scene.toml", "--out", "part", "--resume"];
     let [_, said] = ended(folder, &words, 1);
     assert!(said.contains("a saved fit needs the scene's parameters"), "{said}");
+}
+
+#[test]
+fn a_fit_that_can_t_go_on_is_saved() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    staged(folder);
+    let whole = outcome(folder, "--out whole");
+    // Results without a place, and an image that is broken when its turn comes.
+    let how = "; the fit is saved, go on with: bokashi fit photos/scene.toml --out part --resume";
+    write(folder, "part/views", "");
+    let [_, said] = ended(folder, &["fit", "photos/scene.toml", "--out", "part"], 1);
+    assert!(said.contains("part/views could not be written: ") && said.contains(how), "{said}");
+    fs::remove_file(folder.join("part/views")).unwrap();
+    let rest = outcome(folder, "--out part --resume");
+    assert_eq!(rest["parameters_hash"], whole["parameters_hash"]);
+    let image = fs::read(folder.join("photos/images/02.png")).unwrap();
+    write(folder, "photos/images/02.png", &image[..image.len() - 30]);
+    let [_, said] = ended(folder, &["fit", "photos/scene.toml", "--out", "part"], 1);
+    assert!(said.contains("images/02.png: ") && said.contains(how), "{said}");
+    write(folder, "photos/images/02.png", image);
+    let rest = outcome(folder, "--out part --resume");
+    assert_eq!(rest["parameters_hash"], whole["parameters_hash"]);
 }
 
 #[test]

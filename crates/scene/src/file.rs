@@ -25,20 +25,34 @@ pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, SceneError> {
 /// # Errors
 /// As [`read_file`].
 pub(crate) fn read_found(given: &Path, found: &Path) -> Result<Vec<u8>, SceneError> {
-    let failed = |error| SceneError::Read { path: given.to_owned(), error };
-    // A FIFO would wait for its writer for ever, and a device has no end.
-    if !found.metadata().map_err(failed)?.is_file() {
-        return Err(failed(io::Error::other("it is no regular file")));
-    }
-    let mut bytes = Vec::new();
-    let file = File::open(found).map_err(failed)?;
-    file.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(failed)?;
+    let (bytes, _) = read_start(given, found, MOST_BYTES + 1)?;
     let length = bytes.len() as u64;
     if length > MOST_BYTES {
         let (place, what) = (Place::of(given), "bytes");
         return Err(SceneError::TooLarge { place, what, most: MOST_BYTES, found: length });
     }
     Ok(bytes)
+}
+
+/// The first `most` bytes of the file at `found`, which errors call `given`; and how long it is.
+///
+/// # Errors
+/// [`SceneError::Read`], as [`read_file`].
+pub(crate) fn read_start(
+    given: &Path,
+    found: &Path,
+    most: u64,
+) -> Result<(Vec<u8>, u64), SceneError> {
+    let failed = |error| SceneError::Read { path: given.to_owned(), error };
+    let known = found.metadata().map_err(failed)?;
+    // A FIFO would wait for its writer for ever, and a device has no end.
+    if !known.is_file() {
+        return Err(failed(io::Error::other("it is no regular file")));
+    }
+    let mut bytes = Vec::new();
+    let file = File::open(found).map_err(failed)?;
+    file.take(most).read_to_end(&mut bytes).map_err(failed)?;
+    Ok((bytes, known.len()))
 }
 
 /// Writes a file whole or not at all.

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use pathdiff::diff_paths;
 
 use crate::error::{Place, SceneError};
-use crate::file::read_found;
+use crate::file::{read_found, read_start};
 
 /// A folder, and all that is read of it.
 ///
@@ -97,6 +97,20 @@ impl Folder {
         read_found(&given, &found)
     }
 
+    /// The first `most` bytes of the file at `path`, and how long it is.
+    ///
+    /// # Errors
+    /// As [`Folder::find`]; [`SceneError::Read`] for what is no regular file.
+    pub fn read_start(
+        &self,
+        path: impl AsRef<Path>,
+        most: u64,
+    ) -> Result<(Vec<u8>, u64), SceneError> {
+        let given = self.join(path.as_ref());
+        let found = self.find(path)?;
+        read_start(&given, &found, most)
+    }
+
     /// The text of the file at `path`.
     ///
     /// # Errors
@@ -122,9 +136,13 @@ mod tests {
         let folder = Folder::new(&inside).unwrap();
         assert_eq!(folder.read("images/a").unwrap(), b"a");
         assert_eq!(folder.read("images/../images/a").unwrap(), b"a");
+        fs::write(inside.join("long"), "abcdef").unwrap();
+        assert_eq!(folder.read_start("long", 4).unwrap(), (b"abcd".to_vec(), 6));
         assert_eq!(folder.read(inside.join("images/a")).unwrap(), b"a");
         for path in ["../secret", "images/../../secret"] {
             assert!(matches!(folder.read(path), Err(SceneError::Outside { .. })), "{path}");
+            let start = folder.read_start(path, 1);
+            assert!(matches!(start, Err(SceneError::Outside { .. })), "{path}");
         }
         let absolute = folder.read(place.path().join("secret"));
         assert!(matches!(absolute, Err(SceneError::Outside { .. })));

@@ -334,10 +334,7 @@ impl Source {
         };
         let size = match (own.camera.size, &own.image) {
             (Some(size), _) => size.map(|extent| extent.0),
-            (None, Some(file)) => {
-                let bytes = self.folder.read(file)?;
-                Picture::size_of(&bytes, &Place::of(self.folder.join(file)))?
-            }
+            (None, Some(file)) => Picture::size_in(&self.folder, file)?,
             (None, None) => {
                 let rule = "the camera of a view without an image has a `size`";
                 return Err(self.wrong(entry, rule));

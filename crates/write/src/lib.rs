@@ -213,8 +213,9 @@ fn replace(file: &Path, found: Option<&Metadata>, bytes: &[u8]) -> io::Result<()
     }
     let prefix = prefix(file);
     remove_strays(folder_of(file), &prefix);
-    let mut temporary = temporary(folder_of(file), &prefix, found)?;
-    temporary.write_all(bytes)?;
+    let temporary = temporary(folder_of(file), &prefix, found)?;
+    // By the file itself: its errors name no temporary path.
+    temporary.as_file().write_all(bytes)?;
     if let Some(found) = found {
         keep_owner_and_mode(temporary.as_file(), found)?;
     }

@@ -5,11 +5,12 @@
 //! - finite input within the stated range gives finite values and finite gradients;
 //! - what was read from a file is written to the same bytes, however often;
 //! - what was read of a mesh, an image or cameras of others is finite, names no part that is not there, and
-//!   comes back from the file that is written of it;
+//!   comes back from the file that is written of it; so do arrays, to the bit;
 //! - a file is refused in a few words;
 //! - a picture before a colour is that before an image of the colour, with the same squared error;
 //! - the same step on the same tape gives the same bits, though its buffers were used before.
 
+mod array_file;
 mod camera_file;
 mod discrete;
 mod files;
@@ -24,6 +25,7 @@ mod saved;
 mod scene_file;
 mod step;
 
+pub use array_file::array_file;
 pub use camera_file::camera_file;
 pub use discrete::discrete;
 pub use files::let_guarded_panics_pass;

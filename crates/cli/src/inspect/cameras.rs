@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use bokashi_scene::{Camera, Picture, Place, SceneError, gaze, read_transforms};
+use bokashi_scene::{Camera, Picture, SceneError, gaze, read_transforms};
 use glam::{DMat3, DVec3};
 use serde_json::json;
 
@@ -31,11 +31,7 @@ pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
     add_cameras(&mut findings, &cameras);
     let mut wrong = Vec::new();
     for view in &views {
-        let image = &view.image;
-        let found = folder
-            .read(image)
-            .and_then(|bytes| Picture::size_of(&bytes, &Place::of(folder.join(image))));
-        match found {
+        match Picture::size_in(&folder, &view.image) {
             Ok([width, height]) => {
                 let size = view.camera.size;
                 if [width, height] != [size.width, size.height] {

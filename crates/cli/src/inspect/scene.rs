@@ -179,6 +179,14 @@ fn inspect_fit(findings: &mut Findings, scene: Scene) {
         section.plain("views a step", views);
         findings.part("stages", section);
     }
+    let stop = &description.stop;
+    for (key, is_there) in
+        [("steps", stop.steps.is_some()), ("views_per_step", stop.views_per_step.is_some())]
+    {
+        if is_there && !stages.is_empty() {
+            findings.note(format!("`stop.{key}` is left out: each of the stages says its own"));
+        }
+    }
     for (k, stage) in stages.iter().enumerate() {
         findings.part("stages", inspect_stage(k, stage));
     }

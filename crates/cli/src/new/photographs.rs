@@ -183,9 +183,7 @@ fn sizes(
         let sizes = views.iter().map(|view| view.camera.size);
         return Ok(sizes.map(|size| [size.width, size.height]).collect());
     }
-    let size =
-        |file: &PathBuf| Picture::size_of(&folder.read(file)?, &Place::of(folder.join(file)));
-    files.par_iter().map(size).collect()
+    files.par_iter().map(|file| Picture::size_in(folder, file)).collect()
 }
 
 /// Whether all images have opacity. The first that has none ends the search.

@@ -1,7 +1,7 @@
 //! A fit of a scene: steps, saving, what is shown meanwhile, what is written at the end.
 
 use std::io::IsTerminal as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -12,7 +12,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use super::outcome::{Outcome, mean_held_out, values};
 use super::page::{self, Curves, PAGE};
 use super::pictures::{Pictures, block, data};
-use crate::failure::Failure;
+use crate::failure::{Failure, one_line};
 use crate::interrupt::{Interrupt, Writing, end_when_interrupted};
 use crate::live::{Ended, Live, Snapshot, View};
 use crate::output::{is_standard_output, say, say_json};
@@ -79,9 +79,7 @@ pub(crate) fn run(asked: &Asked) -> Result<(), Failure> {
         None => SceneFit::new(scene),
     };
     let fit = fit.map_err(failed)?;
-    std::fs::create_dir_all(&asked.out).map_err(|error| {
-        Failure::Work(format!("{} could not be made: {error}", asked.out.display()))
-    })?;
+    make_folder(&asked.out).map_err(failed)?;
     let speaks = !asked.quiet && !asked.json.as_deref().is_some_and(is_standard_output);
     if speaks {
         notes.iter().try_for_each(|note| say(&format!("note: {note}\n")))?;
@@ -109,7 +107,11 @@ pub(crate) fn run(asked: &Asked) -> Result<(), Failure> {
         let ended = Some(Ended::Failed(failure.to_string()));
         live.publish(Snapshot { ended, ..running.snapshot(&[]) });
     }
-    ended?;
+    ended.map_err(|failure| match failure {
+        // It is saved already.
+        Failure::Interrupted { .. } => failure,
+        other => running.saved_after(other),
+    })?;
     let _held = writing.lock().unwrap_or_else(PoisonError::into_inner);
     running.finish(speaks)
 }
@@ -175,7 +177,10 @@ impl Running<'_> {
                 bar.set_position(self.fit.steps_done());
             }
             if saved.elapsed() > BETWEEN_CHECKPOINTS {
-                self.fit.save(&self.checkpoint).map_err(failed)?;
+                // Steps are worth more than a checkpoint: there may be room again before the end.
+                if let Err(error) = self.save() {
+                    self.warn(&format!("the fit goes on, and was not saved: {error}"));
+                }
                 saved = Instant::now();
             }
             if self.live.is_some() && shown.is_none_or(|shown| shown.elapsed() > BETWEEN_PICTURES) {
@@ -192,18 +197,58 @@ impl Running<'_> {
         self.measure()
     }
 
+    /// Saves the fit; the folder may be gone meanwhile.
+    fn save(&self) -> Result<(), SceneError> {
+        make_folder(&self.asked.out)?;
+        self.fit.save(&self.checkpoint)
+    }
+
+    /// Says on standard error what is wrong, above the bar.
+    fn warn(&self, said: &str) {
+        let said = format!("bokashi: {}", one_line(said));
+        match &self.bar {
+            Some(bar) => bar.suspend(|| eprintln!("{said}")),
+            None => eprintln!("{said}"),
+        }
+    }
+
+    /// The command that goes on from the checkpoint.
+    fn how_to_go_on(&self) -> String {
+        let (scene, out) = (self.asked.scene.display(), self.asked.out.display());
+        format!("go on with: bokashi fit {scene} --out {out} --resume")
+    }
+
+    /// Saves the fit after something went wrong: what was learnt till then is kept.
+    fn saved_after(&self, failure: Failure) -> Failure {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+        match self.fit.steps_done() > 0 && self.save().is_ok() {
+            true => self.with_how_to_go_on(failure),
+            false => failure,
+        }
+    }
+
+    /// What went wrong after the fit was saved.
+    fn with_how_to_go_on(&self, failure: Failure) -> Failure {
+        match failure {
+            Failure::Work(said) => {
+                Failure::Work(format!("{said}; the fit is saved, {}", self.how_to_go_on()))
+            }
+            other => other,
+        }
+    }
+
     /// Saves the fit, and says how to go on.
     fn interrupted(&self, signal: i32) -> Failure {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
-        let said = match self.fit.save(&self.checkpoint) {
-            Ok(()) => format!(
-                "interrupted after {} steps; go on with: bokashi fit {} --out {} --resume",
-                self.fit.steps_done(),
-                self.asked.scene.display(),
-                self.asked.out.display()
-            ),
+        let said = match self.save() {
+            Ok(()) => {
+                let steps = self.fit.steps_done();
+                format!("interrupted after {steps} steps; {}", self.how_to_go_on())
+            }
             Err(error) => format!("interrupted, and not saved: {error}"),
         };
         Failure::Interrupted { signal, said }
@@ -237,8 +282,7 @@ impl Running<'_> {
     /// Writes the pictures of all views, of which one at a time is in memory.
     fn save_views(&self) -> Result<Vec<ViewScore>, SceneError> {
         let folder = self.asked.out.join(page::VIEWS);
-        std::fs::create_dir_all(&folder)
-            .map_err(|error| SceneError::Write { path: folder.clone(), error })?;
+        make_folder(&folder)?;
         let scene = self.fit.scene();
         let save = |(at, view): (usize, &SceneView)| {
             let seen = self.fit.seen(at)?;
@@ -274,12 +318,16 @@ impl Running<'_> {
         }
     }
 
-    /// Writes all that came out.
-    fn finish(self, speaks: bool) -> Result<(), Failure> {
+    /// Saves the fit, then writes all that came out.
+    fn finish(&self, speaks: bool) -> Result<(), Failure> {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
-        self.fit.save(&self.checkpoint).map_err(failed)?;
+        self.save().map_err(failed)?;
+        self.write(speaks).map_err(|failure| self.with_how_to_go_on(failure))
+    }
+
+    fn write(&self, speaks: bool) -> Result<(), Failure> {
         let time = self.started.elapsed();
         let scores = self.save_views().map_err(failed)?;
         let [loss_initial, loss_final] = self.losses.unwrap_or([f64::NAN; 2]);
@@ -287,23 +335,24 @@ impl Running<'_> {
             Some(score) => self.fit.left_out(score.view).map_err(failed)?,
             None => Vec::new(),
         };
+        let outcome = Outcome {
+            loss_initial,
+            loss_final,
+            steps: self.fit.steps_done(),
+            steps_before: self.first_step,
+            time,
+            step_ms: self.step_ms.clone(),
+            first: self.first.clone(),
+            scores,
+            left_out,
+        };
         if let Some(live) = &self.live {
-            let said = format!("{} steps in {:.1} s", self.fit.steps_done(), time.as_secs_f64());
+            let said = outcome.said();
             live.publish(Snapshot {
                 ended: Some(Ended::Done(said)),
                 ..self.snapshot(&self.live_views()?)
             });
         }
-        let outcome = Outcome {
-            loss_initial,
-            loss_final,
-            steps: self.fit.steps_done(),
-            time,
-            step_ms: self.step_ms,
-            first: self.first,
-            scores,
-            left_out,
-        };
         let learnt = self.fit.learnt().map_err(failed)?;
         learnt.save_results(&self.asked.out).map_err(failed)?;
         let model = learnt.model().map_err(failed)?;
@@ -318,23 +367,24 @@ impl Running<'_> {
             say_json(file, &outcome.json(&self.fit).to_string())?;
         }
         if speaks {
+            let loss = self.losses.map_or(String::new(), |[initial, last]| {
+                format!(": loss {initial:.2e} to {last:.2e}")
+            });
             let held_out = outcome
                 .psnr_held_out(&self.fit)
                 .map_or(String::new(), |psnr| format!(", held-out views {psnr:.1} dB"));
-            say(&format!(
-                "{} steps in {:.1} s ({:.2} ms each): loss {loss_initial:.2e} to {loss_final:.2e}{held_out}\n\
-                 Report: {}\n",
-                outcome.steps,
-                time.as_secs_f64(),
-                outcome.ms_per_step().unwrap_or(0.0),
-                page.display()
-            ))?;
+            say(&format!("{}{loss}{held_out}\nReport: {}\n", outcome.said(), page.display()))?;
         }
         if self.live.is_some() {
             std::thread::sleep(LAST_LOOK);
         }
         Ok(())
     }
+}
+
+fn make_folder(path: &Path) -> Result<(), SceneError> {
+    let failed = |error| SceneError::Write { path: path.to_owned(), error };
+    std::fs::create_dir_all(path).map_err(failed)
 }
 
 /// Adds a point to a curve, which stays short.

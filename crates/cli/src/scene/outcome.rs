@@ -15,6 +15,8 @@ pub(super) struct Outcome {
     pub(super) loss_initial: f64,
     pub(super) loss_final: f64,
     pub(super) steps: u64,
+    /// Of these, those that were done before the fit was resumed.
+    pub(super) steps_before: u64,
     pub(super) time: Duration,
     /// Of each step, in milliseconds.
     pub(super) step_ms: Vec<f64>,
@@ -40,6 +42,17 @@ impl Outcome {
         let mut sorted = self.step_ms.clone();
         sorted.sort_by(f64::total_cmp);
         sorted.get(sorted.len() / 2).copied()
+    }
+
+    /// How many steps there were, and how long they took, in words.
+    pub(super) fn said(&self) -> String {
+        let Self { steps, steps_before, .. } = self;
+        let Some(ms) = self.ms_per_step() else { return format!("{steps} steps, done before") };
+        let now = match steps_before {
+            0 => String::new(),
+            before => format!(", {} of them now,", steps - before),
+        };
+        format!("{steps} steps{now} in {:.1} s, {ms:.2} ms each", self.time.as_secs_f64())
     }
 
     pub(super) fn json(&self, fit: &SceneFit) -> Value {

@@ -45,12 +45,7 @@ pub(super) fn render(
     let document = Document {
         title: format!("Bokashi: {}", escaped(&name)),
         heading: escaped(&name),
-        introduction: format!(
-            "<p>{} steps in {:.1} s, {:.2} ms each.{held_out}</p>",
-            outcome.steps,
-            outcome.time.as_secs_f64(),
-            outcome.ms_per_step().unwrap_or(0.0),
-        ),
+        introduction: format!("<p>{}.{held_out}</p>", outcome.said()),
         sections,
         footer: footer(),
     };

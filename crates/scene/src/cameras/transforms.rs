@@ -134,8 +134,7 @@ pub fn read_transforms(
         let size = match (lens.w, lens.h) {
             (Some(width), Some(height)) => size_of([width, height]).map_err(content)?,
             _ => {
-                let [width, height] =
-                    Picture::size_of(&folder.read(&image)?, &Place::of(folder.join(&image)))?;
+                let [width, height] = Picture::size_in(folder, &image)?;
                 Size { width, height }
             }
         };

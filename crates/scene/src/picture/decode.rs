@@ -5,6 +5,7 @@
 
 use std::io::Cursor;
 use std::ops::Range;
+use std::path::Path;
 
 use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
@@ -12,6 +13,7 @@ use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use super::open_exr;
 use super::samples::{DENSEST, MOST_SAMPLES, Picture, Samples, check_size, guarded};
 use crate::error::{Place, SceneError};
+use crate::folder::Folder;
 
 /// The largest sample that the decoders of PNG and JPEG give, in bytes.
 const WIDEST_SAMPLE: u64 = 2;
@@ -21,6 +23,9 @@ const MOST_CHANNELS: u64 = 4;
 
 /// The bytes that a PNG may take beside its pixels, for texts and a colour profile, which are left out.
 const BESIDE_PIXELS: u64 = 64 << 20;
+
+/// The bytes of a file in which its size is looked for first; few have it later.
+const START: u64 = 64 << 10;
 
 /// Where a PNG has its columns and rows.
 const PNG_SIZE: Range<usize> = 16..24;
@@ -76,17 +81,43 @@ impl Picture {
     /// [`SceneError::Content`] for another format and for a broken header; [`SceneError::TooLarge`]
     /// beyond [`MOST_SAMPLES`].
     pub fn size_of(bytes: &[u8], place: &Place) -> Result<[usize; 2], SceneError> {
-        match Format::of(bytes, place)? {
-            Format::Png => guarded(place, || size(bytes, ImageFormat::Png, place)),
-            Format::Jpeg => guarded(place, || size(bytes, ImageFormat::Jpeg, place)),
-            Format::Exr => guarded(place, || open_exr::size_of(bytes, place)),
+        size_of_start(bytes, bytes.len(), place)
+    }
+
+    /// As [`Picture::size_of`], of the file at `path`, of which no more is read than is needed.
+    ///
+    /// # Errors
+    /// As [`Folder::read`] and [`Picture::size_of`].
+    pub fn size_in(folder: &Folder, path: impl AsRef<Path>) -> Result<[usize; 2], SceneError> {
+        let path = path.as_ref();
+        let place = Place::of(folder.join(path));
+        let (bytes, length) = folder.read_start(path, START)?;
+        let length = usize::try_from(length).unwrap_or(usize::MAX);
+        match size_of_start(&bytes, length, &place) {
+            // A header may be longer.
+            Err(_) if length > bytes.len() => Self::size_of(&folder.read(path)?, &place),
+            found => found,
         }
     }
 }
 
-/// A decoder that has read the header of an image that is not too large.
+/// The columns and rows of the image of a file of `length` bytes that begins with `bytes`.
+pub(super) fn size_of_start(
+    bytes: &[u8],
+    length: usize,
+    place: &Place,
+) -> Result<[usize; 2], SceneError> {
+    match Format::of(bytes, place)? {
+        Format::Png => guarded(place, || size(bytes, length, ImageFormat::Png, place)),
+        Format::Jpeg => guarded(place, || size(bytes, length, ImageFormat::Jpeg, place)),
+        Format::Exr => guarded(place, || open_exr::size_of(bytes, length, place)),
+    }
+}
+
+/// A decoder that has read the header of an image that is not too large for a file of `length` bytes.
 fn opened<'b>(
     bytes: &'b [u8],
+    length: usize,
     format: ImageFormat,
     place: &Place,
 ) -> Result<impl ImageDecoder + 'b, SceneError> {
@@ -97,7 +128,7 @@ fn opened<'b>(
     {
         // Its decoder takes memory for a row at once, and as much as it may for a colour profile.
         let size = [[a, b, c, d], [e, f, g, h]].map(|bytes| u32::from_be_bytes(bytes).into());
-        check_size(size, 1, (bytes.len(), DENSEST), place)?;
+        check_size(size, 1, (length, DENSEST), place)?;
         let [width, height] = size;
         limits.max_alloc = Some(width * height * MOST_CHANNELS * WIDEST_SAMPLE + BESIDE_PIXELS);
     }
@@ -107,12 +138,17 @@ fn opened<'b>(
     let (width, height) = decoder.dimensions();
     let channels = decoder.color_type().channel_count();
     let size = [width.into(), height.into()];
-    check_size(size, channels.into(), (bytes.len(), DENSEST), place)?;
+    check_size(size, channels.into(), (length, DENSEST), place)?;
     Ok(decoder)
 }
 
-fn size(bytes: &[u8], format: ImageFormat, place: &Place) -> Result<[usize; 2], SceneError> {
-    let mut decoder = opened(bytes, format, place)?;
+fn size(
+    bytes: &[u8],
+    length: usize,
+    format: ImageFormat,
+    place: &Place,
+) -> Result<[usize; 2], SceneError> {
+    let mut decoder = opened(bytes, length, format, place)?;
     let (width, height) = decoder.dimensions();
     let size = [width as usize, height as usize];
     // The five others leave an image as wide as it is.
@@ -128,7 +164,7 @@ fn decoded(bytes: &[u8], format: ImageFormat, place: &Place) -> Result<Picture, 
         let found = "a JPEG has a marker at the end of its pixels, and this is cut short";
         return Err(SceneError::content(place.clone(), found));
     }
-    let mut decoder = opened(bytes, format, place)?;
+    let mut decoder = opened(bytes, bytes.len(), format, place)?;
     let orientation = orientation(&mut decoder);
     let image = DynamicImage::from_decoder(decoder).map_err(|error| broken(&error, place));
     let mut image = image?;

@@ -55,8 +55,12 @@ fn has(header: &Header, name: &str) -> bool {
     header.channels.list.iter().any(|channel| channel.name == *name)
 }
 
-/// A file whose header has been read and is not too large, and the number of its layer.
-fn opened<'b>(bytes: &'b [u8], place: &Place) -> Result<(File<'b>, usize), SceneError> {
+/// A file whose header has been read and is not too large for its `length`, and the number of its layer.
+fn opened<'b>(
+    bytes: &'b [u8],
+    length: usize,
+    place: &Place,
+) -> Result<(File<'b>, usize), SceneError> {
     let content = |found: String| SceneError::content(place.clone(), found);
     let reader =
         exr::block::read(Cursor::new(bytes), false).map_err(|error| broken(&error, place))?;
@@ -92,20 +96,24 @@ fn opened<'b>(bytes: &'b [u8], place: &Place) -> Result<(File<'b>, usize), Scene
         [(header.layer_size, list.len(), DENSEST_DATA), (display, list.len().min(4), DENSEST)];
     for (size, count, densest) in rules {
         let size = [size.width() as u64, size.height() as u64];
-        check_size(size, count as u64, (bytes.len(), densest), place)?;
+        check_size(size, count as u64, (length, densest), place)?;
     }
     Ok((reader, layer))
 }
 
-/// The columns and rows of the display window.
-pub(super) fn size_of(bytes: &[u8], place: &Place) -> Result<[usize; 2], SceneError> {
-    let (reader, layer) = opened(bytes, place)?;
+/// The columns and rows of the display window, of a file of `length` bytes that begins with `bytes`.
+pub(super) fn size_of(
+    bytes: &[u8],
+    length: usize,
+    place: &Place,
+) -> Result<[usize; 2], SceneError> {
+    let (reader, layer) = opened(bytes, length, place)?;
     let size = reader.headers()[layer].shared_attributes.display_window.size;
     Ok([size.width(), size.height()])
 }
 
 pub(super) fn decode(bytes: &[u8], place: &Place) -> Result<Picture, SceneError> {
-    let (reader, layer) = opened(bytes, place)?;
+    let (reader, layer) = opened(bytes, bytes.len(), place)?;
     let header = &reader.headers()[layer];
     let has_alpha = has(header, "A");
     let display = header.shared_attributes.display_window;

@@ -11,8 +11,10 @@ use exr::prelude::{
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder as _};
 
+use super::decode::size_of_start;
 use super::*;
 use crate::error::{Place, SceneError};
+use crate::folder::Folder;
 
 fn place() -> Place {
     Place::of("scene/image")
@@ -446,6 +448,46 @@ fn files_that_are_cut_short_are_refused_at_each_length() {
             let _ = Picture::size_of(&file[..length], &place());
         }
     }
+}
+
+/// A JPEG as it is, with its Exif data behind `before`.
+fn late_exif(before: &[u8]) -> Vec<u8> {
+    let turned = turned_jpeg(6);
+    [&turned[..2], before, &turned[2..]].concat()
+}
+
+#[test]
+fn the_start_of_a_file_has_the_size_of_the_whole_or_none() {
+    let [png, _, exr] = small_files();
+    for file in [png, turned_jpeg(6), late_exif(&[0xff, 0xfe, 0, 4, 1, 2]), exr] {
+        let whole = Picture::size_of(&file, &place()).unwrap();
+        let sizes = (0..file.len())
+            .filter_map(|length| size_of_start(&file[..length], file.len(), &place()).ok());
+        let sizes: Vec<_> = sizes.collect();
+        assert!(
+            !sizes.is_empty() && sizes.iter().all(|size| *size == whole),
+            "{whole:?}: {sizes:?}"
+        );
+    }
+}
+
+#[test]
+fn the_size_of_a_file_is_found_however_long_its_header() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = Folder::new(place.path()).unwrap();
+    // Comments of 60,000 bytes: the third lies beyond what is read at first.
+    let comment = [&[0xff, 0xfe, 0xea, 0x62][..], &[7; 60_000]].concat();
+    for count in 0..4 {
+        let file = late_exif(&comment.repeat(count));
+        std::fs::write(place.path().join("a.jpg"), &file).unwrap();
+        assert_eq!(Picture::size_in(&folder, "a.jpg").unwrap(), [16, 32], "{count}");
+    }
+    // A header is enough: what follows is read when its turn comes.
+    let long = [&small_files()[0][..], &vec![0; 1 << 20]].concat();
+    std::fs::write(place.path().join("a.png"), &long).unwrap();
+    assert_eq!(Picture::size_in(&folder, "a.png").unwrap(), [3, 2]);
+    let error = Picture::size_in(&folder, "b.png").unwrap_err();
+    assert!(error.to_string().contains("b.png could not be read"), "{error}");
 }
 
 #[test]

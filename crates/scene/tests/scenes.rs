@@ -1,0 +1,293 @@
+//! Scenes as programs use them: what a fit learns from, what it compares, and what it leaves.
+
+use std::fs;
+use std::path::Path;
+
+use bokashi_core::Tensor;
+use bokashi_scene::glam::{DMat4, DVec3};
+use bokashi_scene::{Picture, Place, Samples, Scene, SceneFit};
+
+/// Columns and rows of all images here.
+const SIZE: [usize; 2] = [24, 16];
+
+fn load(folder: &Path, text: &str) -> Scene {
+    let file = folder.join("scene.toml");
+    fs::write(&file, text).unwrap();
+    Scene::load(&file).unwrap()
+}
+
+/// An image of light and opacity that differ from pixel to pixel; as a file of floats the light is multiplied by
+/// the opacity.
+fn picture(is_float: bool) -> Picture {
+    let [width, height] = SIZE;
+    let sample = |k: usize| (7 * k + k / 96 * 5) % 256;
+    let count = 4 * width * height;
+    let opacity = |k: usize| sample(k / 4 * 4 + 3) as f32 / 255.0;
+    let samples = match is_float {
+        false => Samples::U8((0..count).map(|k| sample(k) as u8).collect()),
+        true => Samples::F32(
+            (0..count)
+                .map(|k| match k % 4 {
+                    3 => opacity(k),
+                    _ => sample(k) as f32 / 255.0 * opacity(k),
+                })
+                .collect(),
+        ),
+    };
+    Picture { width, height, channels: 4, samples }
+}
+
+fn png(folder: &Path) {
+    let place = Place::of("a.png");
+    fs::write(folder.join("a.png"), picture(false).encode_png(&place).unwrap()).unwrap();
+}
+
+fn furthest(a: &Tensor<f32>, b: &Tensor<f32>) -> f32 {
+    assert_eq!(a.shape(), b.shape());
+    a.data().iter().zip(b.data()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+}
+
+#[test]
+fn what_was_learnt_is_drawn_as_the_fit_drew_it() {
+    let folder = tempfile::tempdir().unwrap();
+    png(folder.path());
+    let head = r#"
+[[meshes]]
+shape = "sphere"
+faces = 200
+material = { texture_size = 8, roughness = 0.5, metallic = 0.3 }
+place = { translation = [0.4, 0.1, -0.3], rotation = [0, 0.6, 0, 0.8], scale = 0.9 }
+instances = [{ translation = [1, 0, 0], scale = 0.4 }]
+[[views]]
+image = "a.png"
+camera = { position = [0.5, 0.4, 4], target = [0.2, 0, 0], angle = 40, distortion = [0.01, 0, 0, 0, 0] }
+[[lights]]
+kind = "directional"
+direction = [1, 2, 3]
+color = [3, 2, 3]
+[[lights]]
+kind = "point"
+position = [-2, 2, 3]
+color = [9, 10, 9]
+[pipeline]
+exposure = 0.1
+blur = 0.7
+background = [0.1, 0.2, 0.3]
+[stop]
+steps = 6
+"#;
+    let keys = [
+        "vertices",
+        "texture",
+        "roughness",
+        "metallic",
+        "pose",
+        "cameras",
+        "intrinsics",
+        "distortion",
+        "lights",
+        "light_places",
+        "exposure",
+        "blur",
+    ];
+    for key in keys {
+        let scene = load(folder.path(), &format!("{head}[learn.{key}]\nrate = 0.1\n"));
+        let mut fit = SceneFit::new(scene).unwrap();
+        let first = fit.seen(0).unwrap().image;
+        while fit.step().unwrap().is_some() {}
+        let last = fit.seen(0).unwrap().image;
+        let again = SceneFit::new(fit.learnt().unwrap()).unwrap().seen(0).unwrap().image;
+        let [moved, off] = [furthest(&first, &last), furthest(&again, &last)];
+        println!("{key}: moved {moved}, off {off}");
+        assert!(moved > 5e-3 && off < 1e-4, "{key}: moved {moved}, off {off}");
+    }
+}
+
+#[test]
+fn images_with_opacity_stand_before_the_background() {
+    let folder = tempfile::tempdir().unwrap();
+    png(folder.path());
+    let exr = picture(true).encode_exr(&Place::of("b.exr")).unwrap();
+    fs::write(folder.path().join("b.exr"), exr).unwrap();
+    let camera = "camera = { position = [0, 0, 4], angle = 40 }";
+    let text = format!(
+        "[[meshes]]\nshape = \"sphere\"\nfaces = 80\n\
+         [[views]]\nimage = \"a.png\"\ncolor_space = \"linear\"\n{camera}\n\
+         [[views]]\nimage = \"b.exr\"\n{camera}\n\
+         [pipeline]\ntone = \"linear\"\nbackground = [0.5, 0.25, 1]\n[learn.texture]\n"
+    );
+    let fit = SceneFit::new(load(folder.path(), &text)).unwrap();
+    let light = picture(true);
+    let Samples::F32(light) = &light.samples else { panic!("floats") };
+    let expected = Tensor::from_flat_fn([SIZE[1], SIZE[0], 3], |k| {
+        let (pixel, channel) = (k / 3, k % 3);
+        light[4 * pixel + channel] + (1.0 - light[4 * pixel + 3]) * [0.5, 0.25, 1.0][channel]
+    });
+    for view in 0..2 {
+        let target = fit.seen(view).unwrap().target.unwrap();
+        assert!(furthest(&target, &expected) < 1e-5, "{view}");
+    }
+}
+
+#[test]
+fn an_instance_stands_where_the_place_of_its_mesh_leads_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "[[meshes]]\nshape = \"cube\"\n\
+        place = { scale = 2, rotation = [0, 0, 1, 1], translation = [5, 0, 0] }\n\
+        instances = [{ translation = [1, 0, 0] }]\n";
+    let scene = load(folder.path(), text);
+    let [first, second] = scene.objects[0].places[..] else { panic!("two places") };
+    // A quarter of a turn about z brings x to y.
+    let expected = |x: f64, y: f64| DVec3::new(x, y, 0.0);
+    let origin = |place: DMat4| place.transform_point3(DVec3::ZERO);
+    assert!(origin(first).distance(expected(5.0, 0.0)) < 1e-12);
+    assert!(origin(second).distance(expected(5.0, 2.0)) < 1e-12);
+    assert!(second.transform_point3(DVec3::X).distance(expected(5.0, 4.0)) < 1e-12);
+}
+
+#[test]
+fn a_mask_of_its_own_goes_before_the_opacity_of_the_image() {
+    let folder = tempfile::tempdir().unwrap();
+    png(folder.path());
+    let [width, height] = SIZE;
+    let white =
+        Picture { width, height, channels: 1, samples: Samples::U8(vec![255; width * height]) };
+    let bytes = white.encode_png(&Place::of("m.png")).unwrap();
+    fs::write(folder.path().join("m.png"), bytes).unwrap();
+    let text = "[[meshes]]\nshape = \"sphere\"\nmaterial = { base_color = [1, 1, 1] }\n\
+        [[views]]\nimage = \"a.png\"\nmask = \"m.png\"\ncamera = { position = [0, 0, 6], angle = 40 }\n\
+        [pipeline]\ntone = \"linear\"\n[learn.texture]\n";
+    let seen = SceneFit::new(load(folder.path(), text)).unwrap().seen(0).unwrap();
+    // The mask is everywhere: of it the ball covers its share.
+    let covered = seen.image.data().iter().step_by(3).filter(|&&red| red > 0.5).count();
+    assert!(covered > 50 && covered < width * height / 2, "{covered}");
+    let expected = covered as f64 / (width * height) as f64;
+    assert!((seen.score.silhouette_iou.unwrap() - expected).abs() < 1e-12);
+}
+
+#[test]
+fn masks_have_the_names_of_their_images_or_end_in_png() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, bytes).unwrap();
+    };
+    write("images/b.exr", &picture(true).encode_exr(&Place::of("b.exr")).unwrap());
+    let pose = "[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]";
+    let frame = format!("{{\"file_path\": \"images/b.exr\", \"transform_matrix\": {pose}}}");
+    write("transforms.json", format!("{{\"fl_x\": 30, \"frames\": [{frame}]}}").as_bytes());
+    let text = "[cameras]\ntransforms = \"transforms.json\"\nmasks = \"masks\"\n";
+    let mask = || load(folder.path(), text).views[0].mask.clone();
+    assert_eq!(mask(), Some("masks/b.png".into()));
+    write("masks/b.png", b"");
+    write("masks/b.exr", b"");
+    assert_eq!(mask(), Some("masks/b.exr".into()));
+}
+
+/// The loss of the first step of a scene of one view, whose loss has these keys.
+fn first_loss(folder: &Path, keys: &str) -> (f64, f64) {
+    let text = format!(
+        "[[meshes]]\nshape = \"sphere\"\nfaces = 80\nmaterial = {{ base_color = [0.5, 0.4, 0.3] }}\n\
+         [[views]]\nimage = \"a.png\"\ncamera = {{ position = [0, 0, 4], angle = 40 }}\n\
+         [learn.texture]\n[loss]\n{keys}"
+    );
+    let mut fit = SceneFit::new(load(folder, &text)).unwrap();
+    let ssim = fit.score(0).unwrap().ssim.unwrap();
+    (fit.step().unwrap().unwrap().loss, ssim)
+}
+
+#[test]
+fn a_loss_over_pixels_is_that_over_images() {
+    let folder = tempfile::tempdir().unwrap();
+    png(folder.path());
+    let mut all = Vec::new();
+    for kind in ["squared", "absolute", "huber"] {
+        for silhouette in [0.0, 0.7] {
+            let keys = format!("kind = \"{kind}\"\nsilhouette = {silhouette}\n");
+            let (over_pixels, _) = first_loss(folder.path(), &keys);
+            // Structure is of neighbouring pixels; of this little a share is no number.
+            let (over_images, _) = first_loss(folder.path(), &format!("{keys}ssim = 1e-12\n"));
+            let off = (over_pixels / over_images - 1.0).abs();
+            assert!(off < 1e-5, "{keys}: {over_pixels} and {over_images}");
+            all.push(over_pixels);
+        }
+    }
+    assert!(all.chunks(2).all(|pair| pair[1] > 1.1 * pair[0]), "{all:?}");
+}
+
+#[test]
+fn structure_takes_its_share_of_the_loss() {
+    let folder = tempfile::tempdir().unwrap();
+    png(folder.path());
+    let (pixels, ssim) = first_loss(folder.path(), "");
+    for share in [0.25, 1.0] {
+        let (loss, _) = first_loss(folder.path(), &format!("ssim = {share:?}\n"));
+        let expected = (1.0 - share) * pixels + share * (1.0 - ssim);
+        assert!((loss / expected - 1.0).abs() < 1e-4, "{share}: {loss} and {expected}");
+    }
+}
+
+/// A ball before three cameras whose images are one.
+fn three_views(folder: &Path, rest: &str) -> Scene {
+    png(folder);
+    let views = [1.0, 2.0, 3.0].map(|x| {
+        format!(
+            "[[views]]\nname = \"{x}\"\nimage = \"a.png\"\n\
+             camera = {{ position = [{x}, 0, 4], angle = 40 }}\n"
+        )
+    });
+    let mesh = "[[meshes]]\nshape = \"sphere\"\nfaces = 80\n";
+    load(folder, &format!("{rest}{mesh}{}[pipeline]\nexposure = 0.0\n", views.concat()))
+}
+
+fn value(fit: &SceneFit, name: &str) -> Vec<f32> {
+    fit.parameters().value(name).unwrap().data().to_vec()
+}
+
+#[test]
+fn a_stage_learns_what_it_names_and_begins_anew() {
+    let folder = tempfile::tempdir().unwrap();
+    let stages = "[learn.exposure]\n[learn.texture]\n\
+        [[stages]]\nsteps = 3\nviews_per_step = 3\nlearn = [\"exposure\"]\n";
+    let second = "[[stages]]\nsteps = 3\nviews_per_step = 3\nlearn = [\"texture\"]\n";
+    let third = "[[stages]]\nsteps = 3\nviews_per_step = 3\nlearn = [\"exposure\"]\n";
+    let scene = three_views(folder.path(), &format!("{stages}{second}{third}"));
+    let mut fit = SceneFit::new(scene).unwrap();
+    let both = |fit: &SceneFit| [value(fit, "exposure"), value(fit, "texture/sphere")];
+    let mut all = vec![both(&fit)];
+    let mut learnt = Vec::new();
+    while fit.step().unwrap().is_some() {
+        if fit.steps_done().is_multiple_of(3) {
+            all.push(both(&fit));
+            learnt.push(fit.learnt().unwrap());
+        }
+    }
+    let changed = |stage: usize, which: usize| all[stage][which] != all[stage + 1][which];
+    assert_eq!([changed(0, 0), changed(0, 1)], [true, false]);
+    assert_eq!([changed(1, 0), changed(1, 1)], [false, true]);
+    // Its third stage is a fit of its own of what the second has left.
+    let mut scene = learnt.swap_remove(1);
+    scene.description.stages.drain(..2);
+    let mut alone = SceneFit::new(scene).unwrap();
+    while alone.step().unwrap().is_some() {}
+    let [found, expected] = [value(&alone, "exposure")[0], all[3][0][0]];
+    assert!((found - expected).abs() < 1e-5, "{found} and {expected}");
+}
+
+#[test]
+fn the_views_of_steps_follow_from_the_seed() {
+    let folder = tempfile::tempdir().unwrap();
+    let losses = |seed: u64| {
+        let rest = format!("seed = {seed}\n[learn.exposure]\nrate = 1e-6\n[stop]\nsteps = 8\n");
+        let mut fit = SceneFit::new(three_views(folder.path(), &rest)).unwrap();
+        let mut losses = Vec::new();
+        while let Some(step) = fit.step().unwrap() {
+            losses.push(step.loss);
+        }
+        losses
+    };
+    let all: Vec<_> = (1..4).map(losses).collect();
+    assert_eq!(all[0], losses(1));
+    assert!(all[0] != all[1] || all[0] != all[2], "{all:?}");
+}

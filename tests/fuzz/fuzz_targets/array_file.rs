@@ -1,0 +1,5 @@
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(init: bokashi_fuzz::let_guarded_panics_pass(), |bytes: &[u8]| {
+    bokashi_fuzz::array_file(bytes);
+});
