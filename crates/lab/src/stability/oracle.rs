@@ -124,7 +124,8 @@ pub(super) fn antialiased(
     size: Size,
 ) -> Vec<f64> {
     let Size { width, height } = size;
-    let mut out = image.to_vec();
+    // Of each pixel the shares of its neighbours, and what they add to it.
+    let mut moved = vec![[0.0_f64; 2]; image.len()];
     for pixel in 0..width * height {
         let (column, row) = (pixel % width, pixel / width);
         for (below, neighbour, is_inside) in
@@ -157,10 +158,12 @@ pub(super) fn antialiased(
             }
             let alpha = sign * (0.5 - d.clamp(0.0, 1.0));
             let target = if alpha > 0.0 { pixel } else { neighbour };
-            out[target] += alpha * (image[neighbour] - image[pixel]);
+            moved[target][0] += alpha.abs();
+            moved[target][1] += alpha * (image[neighbour] - image[pixel]);
         }
     }
-    out
+    let out = |(value, [share, sum]): (&f64, [f64; 2])| value + sum / share.max(1.0);
+    image.iter().zip(moved).map(out).collect()
 }
 
 #[cfg(test)]
