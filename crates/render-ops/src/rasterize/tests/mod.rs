@@ -8,6 +8,7 @@ mod extremes;
 mod layers;
 mod nearest;
 mod oracle;
+mod perspective;
 mod pixel_borders;
 mod watertight;
 
