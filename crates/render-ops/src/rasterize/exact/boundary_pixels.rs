@@ -69,14 +69,9 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         }
         let (mut marks, mut faces_by_pixel) =
             (std::mem::take(&mut self.marks), std::mem::take(&mut self.faces_by_pixel));
-        // A closure would be compiled without the vectors of where this is called.
-        faces_by_pixel.start(band, &mut marks);
-        while let Some(some) = faces_by_pixel.next(band, &marks, 1) {
-            for at in some.clone() {
-                let (place, center, faces) = faces_by_pixel.block(band, 1, at, some.start);
-                self.resolve(band, place, center, faces, pieces);
-            }
-        }
+        faces_by_pixel.for_each(band, &mut marks, 1, |place, center, faces| {
+            self.resolve(band, place, center, faces, pieces);
+        });
         (self.marks, self.faces_by_pixel) = (marks, faces_by_pixel);
     }
 

@@ -75,59 +75,26 @@ impl FacesByPixel {
         block: usize,
         mut visit: impl FnMut([usize; 2], [T::Wide; 2], &[u32]),
     ) {
-        self.start(band, marks);
-        while let Some(some) = self.next(band, marks, block) {
-            for at in some.clone() {
-                let (place, center, faces) = self.block(band, block, at, some.start);
-                visit(place, center, faces);
-            }
-        }
-    }
-
-    /// Begins a walk over the marked blocks.
-    #[inline(always)]
-    pub(super) fn start<T: Scalar>(&mut self, band: &BandFaces<'_, '_, T>, marks: &mut PixelMask) {
-        self.blocks.clear();
         if marks.count() == 0 {
             return;
         }
+        self.blocks.clear();
         for row in 0..band.rows.len() {
             marks.for_each(row, |column| self.blocks.push([row, column]));
         }
         self.open.push(0..self.blocks.len());
-    }
-
-    /// Finds the faces of the next blocks.
-    #[inline(always)]
-    pub(super) fn next<T: Scalar>(
-        &mut self,
-        band: &BandFaces<'_, '_, T>,
-        marks: &PixelMask,
-        block: usize,
-    ) -> Option<Range<usize>> {
         while let Some(some) = self.open.pop() {
-            if self.find(band, marks, block, some.clone()) {
-                return Some(some);
+            if !self.find(band, marks, block, some.clone()) {
+                let middle = some.start + some.len() / 2;
+                self.open.extend([middle..some.end, some.start..middle]);
+                continue;
             }
-            let middle = some.start + some.len() / 2;
-            self.open.extend([middle..some.end, some.start..middle]);
+            for at in some.clone() {
+                let [row, column] = self.blocks[at];
+                let center = [band.center(column, block), band.view.ys[band.rows.start + row]];
+                visit([row, column], center, self.faces_of(at - some.start));
+            }
         }
-        None
-    }
-
-    /// The row and the column of block `at`, its centre, and the faces that may reach into it, of the
-    /// blocks from `first` that were found.
-    #[inline(always)]
-    pub(super) fn block<T: Scalar>(
-        &self,
-        band: &BandFaces<'_, '_, T>,
-        block: usize,
-        at: usize,
-        first: usize,
-    ) -> ([usize; 2], [T::Wide; 2], &[u32]) {
-        let [row, column] = self.blocks[at];
-        let center = [band.center(column, block), band.view.ys[band.rows.start + row]];
-        ([row, column], center, self.faces_of(at - first))
     }
 
     /// The faces of block `at` of those that were found, in their order.
