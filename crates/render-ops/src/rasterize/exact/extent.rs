@@ -111,7 +111,7 @@ impl<S: Scalar> Sums<S> {
             let (mut square, mut uv) = ([S::from_f64(OF_SECOND[0]); 2], S::from_f64(OF_SECOND[0]));
             let mut power = largest;
             for (&of_first, &of_second) in OF_FIRST[1..].iter().zip(&OF_SECOND[1..]) {
-                b_n = b_n * b;
+                b_n *= b;
                 h = b_n + a * h;
                 h_first = [0, 1].map(|k| h + ab[k] * h_first[k]);
                 let of_first = S::from_f64(of_first);
