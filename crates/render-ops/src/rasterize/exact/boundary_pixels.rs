@@ -7,12 +7,13 @@ use bokashi_core::Scalar;
 
 use super::band_faces::{ALONG_AXIS, BandFaces, Plane, REACH};
 use super::depth_intervals::{DepthInterval, depth_groups, front_layers, may_cross};
+use super::extent::Extent;
 use super::faces_by_pixel::FacesByPixel;
-use super::mean::{Extent, barycentrics};
+use super::mean::{barycentrics, total};
 use super::pieces::{Piece, Pieces, Segment};
 use super::pixel_border::{WIDER, halves, is_along_axis};
 use super::pixel_mask::PixelMask;
-use super::polygon::{Line, Moments};
+use super::polygon::Line;
 use super::regions::Regions;
 use super::samples::Samples;
 use super::sheets::Sheets;
@@ -47,7 +48,7 @@ pub(in crate::rasterize) struct BoundarySearch<S> {
     /// The sides on the pixel's border.
     border_sides: Vec<(u32, Side<S>)>,
     samples: Samples<S>,
-    moments: Vec<Moments<S>>,
+    areas: Vec<S>,
     extents: Vec<Option<Extent<S>>>,
     order: Vec<u32>,
     /// Per face of the band: bit k, whether edge k is one of a surface's outline, or a seam; bit
@@ -178,7 +179,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         pieces: &mut Pieces<S>,
     ) {
         let Self { candidates, visible, wide, border_sides, samples, .. } = self;
-        let Self { moments, extents, order, planes, outlines, intervals, sheets, .. } = self;
+        let Self { areas, extents, order, planes, outlines, intervals, sheets, .. } = self;
         let row = band.rows.start + row;
         intervals.clear();
         intervals.extend(faces.iter().map(|&face| {
@@ -210,27 +211,36 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         if is_crowded {
             gather(band, planes, faces, outlines, [x, y], candidates);
         }
-        moments.clear();
-        moments.resize(candidates.len(), Moments::default());
+        areas.clear();
+        areas.resize(candidates.len(), S::ZERO);
         extents.clear();
+        let factors_of = |candidate: &Candidate<S>| {
+            let face = band.faces[candidate.band_face as usize] as usize;
+            band.view.corners_of(face).map(|corner| corner.factor)
+        };
+        let t_of = |candidate: &Candidate<S>| total(&candidate.edges, factors_of(candidate));
         let smallest = S::from_f64(4.0 * SMALLEST);
         if is_crowded {
             pieces.crowded += 1;
             extents.resize(candidates.len(), None);
-            samples.find(candidates, moments, extents);
+            samples.find(candidates, t_of, areas, extents);
         } else {
-            visible.add_moments(moments);
-            let is_kept = |own: &Moments<S>| own.area() > smallest;
-            extents.extend(moments.iter().map(|own| is_kept(own).then(|| Extent::of(own))));
-            let is_dropped = |own: &&Moments<S>| own.area() > S::ZERO && !is_kept(own);
-            pieces.dropped += moments.iter().filter(is_dropped).count();
+            visible.add_areas(areas);
+            extents.extend(areas.iter().zip(&*candidates).enumerate().map(
+                |(at, (&area, candidate))| {
+                    let is_kept = area > smallest;
+                    is_kept.then(|| visible.extent(at, area, t_of(candidate), band.view.needs))?
+                },
+            ));
+            let is_dropped = |area: &&S| **area > S::ZERO && **area <= smallest;
+            pieces.dropped += areas.iter().filter(is_dropped).count();
         }
         order.clear();
         let all = 0..candidates.len() as u32;
         order.extend(all.filter(|&at| extents[at as usize].is_some()));
         // The largest first; where pieces are as large, the lower face.
         order.sort_unstable_by(|&a, &b| {
-            let area = |at: u32| moments[at as usize].area().to_f64();
+            let area = |at: u32| areas[at as usize].to_f64();
             let face = |at: u32| candidates[at as usize].band_face;
             area(b).total_cmp(&area(a)).then(face(a).cmp(&face(b)))
         });
@@ -238,12 +248,12 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         let first = pieces.pieces.len();
         pieces.pixels.push(pixel);
         pieces.pieces.extend(order.iter().filter_map(|&at| {
-            let (Candidate { band_face: face, edges, .. }, area) =
-                (&candidates[at as usize], moments[at as usize].area());
+            let (candidate, area) = (&candidates[at as usize], areas[at as usize]);
             let extent = extents[at as usize]?;
-            let corners = band.view.corners_of(band.faces[*face as usize] as usize);
-            let barycentrics = barycentrics(edges, corners.map(|corner| corner.factor), &extent);
-            Some(Piece { band_face: *face, area, extent, moves: !is_crowded, barycentrics })
+            let factors = factors_of(candidate);
+            let barycentrics = barycentrics(&candidate.edges, factors, extent.centroid);
+            let band_face = candidate.band_face;
+            Some(Piece { band_face, area, extent, moves: !is_crowded, barycentrics })
         }));
         let first_segment = pieces.segments.len();
         if is_crowded {
@@ -357,12 +367,11 @@ fn keep_sides<T: Scalar>(
         for (ends, place) in halves(side.ends) {
             keep(count, Side { ends, ..side });
             count += 1;
-            let extent = Extent { centroid: place, covariance: [T::Wide::ZERO; 3] };
-            let barycentrics = barycentrics(edges, corners.map(|corner| corner.factor), &extent);
+            let barycentrics = barycentrics(edges, corners.map(|corner| corner.factor), place);
             pieces.pieces.push(Piece {
                 band_face: *band_face,
                 area: T::Wide::ZERO,
-                extent,
+                extent: Extent::at(place),
                 moves: false,
                 barycentrics,
             });

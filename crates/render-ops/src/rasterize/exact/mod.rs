@@ -17,10 +17,11 @@
 //!   |-- Sheets          of the outline alone: whether the surface fills a marked pixel (sheets)
 //!   `-- resolve         per marked pixel, depth group by depth group, the nearest first
 //!         |-- Visible          cut to the pixel, and to what no other face hides (visible)
-//!         |     `-- Polygons   convex polygons, cut by lines; their moments (polygon)
+//!         |     `-- Polygons   convex polygons, cut by lines (polygon)
 //!         |-- pixel_border     sides that lie on the pixel's border
 //!         |-- Samples          instead, where a pixel is crowded (samples)
-//!         `-- Extent           centroid, covariance, and the mean of the barycentrics (mean)
+//!         `-- Extent           centroid and spread under perspective (extent, reciprocal), and so the
+//!                              mean of the barycentrics (mean)
 //!   |
 //!   v
 //! Pieces (pieces)                              areas, barycentrics, and their sides with sources
@@ -32,6 +33,7 @@
 mod band_faces;
 mod boundary_pixels;
 mod depth_intervals;
+mod extent;
 mod faces_by_pixel;
 mod mean;
 mod piece_fragments;
@@ -40,6 +42,9 @@ mod pixel_border;
 mod pixel_mask;
 mod polygon;
 mod pull_back;
+#[cfg(test)]
+pub(super) mod quadrature;
+mod reciprocal;
 mod regions;
 mod samples;
 mod sheets;

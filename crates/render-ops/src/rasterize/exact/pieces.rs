@@ -2,7 +2,7 @@
 
 use bokashi_core::Scalar;
 
-use super::mean::Extent;
+use super::extent::Extent;
 use super::visible::Side;
 
 /// A visible part of a face in a pixel.

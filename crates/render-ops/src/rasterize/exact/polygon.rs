@@ -1,19 +1,16 @@
-//! Convex polygons within a pixel: cut by lines, their moments, and the adjoint of these.
+//! Convex polygons within a pixel: cut by lines, their areas, and the adjoint of integrals over them.
 //!
 //! Coordinates are scaled coordinates relative to the pixel's centre: the pixel is `[-1, 1]^2`, of
 //! area 4. A line is `l(x, y) = l_0 + l_1 x + l_2 y`. The side of the line where l is positive is its
 //! inside.
 //!
-//! # Moments
-//! The moments of a polygon P are the integrals of 1, x, y, x^2, xy and y^2 over it.
-//!
 //! # Adjoint
-//! Let a side of P lie on a line, with P on its inside. A change dl of the line moves the side outwards
+//! Let a side of a polygon P lie on a line, with P on its inside. A change dl of the line moves the side outwards
 //! by `dl(x, y) / |(l_1, l_2)|`. Let g(x, y) be the gradient of the loss per unit of area gained at
 //! (x, y). The side then adds `l_bar += int g (1, x, y) ds / |(l_1, l_2)|`. The sign is the opposite
 //! where P lies outside the line. Corners move, too, but only what moves across a side changes an
-//! integral: where a corner came from does not matter. g is quadratic, as the moments are. With
-//! (1, x, y) the integrand is cubic along a side, so two Gauss points are exact.
+//! integral: where a corner came from does not matter. Along a side from p to q (1, x, y) is
+//! `(1 - u) (1, p) + u (1, q)` at the share u. So the integrals of `(1 - u) g` and of `u g` du are enough.
 
 use std::ops::Range;
 
@@ -62,38 +59,13 @@ pub(super) struct Polygons<S> {
     values: Vec<S>,
 }
 
-/// The integrals of 1, x, y, x^2, xy and y^2 from an origin near what they are of, so that nothing
-/// large cancels in what is made of them.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Moments<S> {
-    pub(super) origin: [S; 2],
-    pub(super) integrals: [S; 6],
-}
-
-impl<S: Scalar> Moments<S> {
-    #[inline(always)]
-    pub(super) fn area(&self) -> S {
-        self.integrals[0]
-    }
-
-    #[inline(always)]
-    pub(super) fn add(&mut self, other: &Self) {
-        if self.area() == S::ZERO {
-            *self = *other;
-            return;
-        }
-        let [x, y] = [0, 1].map(|axis| other.origin[axis] - self.origin[axis]);
-        let [area, m_x, m_y, m_xx, m_xy, m_yy] = other.integrals;
-        let moved = [
-            area,
-            m_x + x * area,
-            m_y + y * area,
-            m_xx + x * (m_x + m_x + x * area),
-            m_xy + x * m_y + y * m_x + x * y * area,
-            m_yy + y * (m_y + m_y + y * area),
-        ];
-        self.integrals.iter_mut().zip(moved).for_each(|(sum, part)| *sum += part);
-    }
+/// A triangle of a polygon's fan around its first corner, from which the other corners p and q are.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Triangle<S> {
+    pub(super) p: [S; 2],
+    pub(super) q: [S; 2],
+    /// Twice its area, which is 0 where rounding would make it negative.
+    pub(super) twice: S,
 }
 
 #[inline(always)]
@@ -231,57 +203,50 @@ impl<S: Scalar> Polygons<S> {
         corners.iter().zip(after).map(|(from, to)| (from.bound, [from.point, to.point]))
     }
 
+    /// The first corner, and the triangles around it.
     #[inline(always)]
-    pub(super) fn moments(&self, polygon: Polygon) -> Moments<S> {
-        // Of triangles around the first point.
+    pub(super) fn fan(
+        &self,
+        polygon: Polygon,
+    ) -> ([S; 2], impl Iterator<Item = Triangle<S>> + Clone) {
         let corners = &self.corners[polygon.corners()];
-        let [x, y] = corners[0].point;
-        let from_first = |corner: &Corner<S>| [corner.point[0] - x, corner.point[1] - y];
-        let [mut area, mut m_x, mut m_y, mut m_xx, mut m_xy, mut m_yy] = [S::ZERO; 6];
+        let first = corners[0].point;
+        let from_first =
+            move |corner: &Corner<S>| [corner.point[0] - first[0], corner.point[1] - first[1]];
         let mut p = from_first(&corners[1]);
-        for corner in &corners[2..] {
+        let triangles = corners[2..].iter().map(move |corner| {
             let q = from_first(corner);
-            let twice = p[0] * q[1] - p[1] * q[0];
-            let [sum_x, sum_y] = [p[0] + q[0], p[1] + q[1]];
-            area += twice;
-            m_x += twice * sum_x;
-            m_y += twice * sum_y;
-            m_xx += twice * (sum_x * sum_x - p[0] * q[0]);
-            m_xy += twice * (sum_x * sum_y + p[0] * p[1] + q[0] * q[1]);
-            m_yy += twice * (sum_y * sum_y - p[1] * q[1]);
-            p = q;
-        }
-        // Of a triangle (0, p, q): area / 3 (p + q), area / 6 (p_x^2 + p_x q_x + q_x^2), and
-        // area / 12 (2 p_x p_y + p_x q_y + q_x p_y + 2 q_x q_y).
-        let part = |number: f64| S::from_f64(1.0 / number);
-        area *= part(2.0);
-        (m_x, m_y) = (m_x * part(6.0), m_y * part(6.0));
-        (m_xx, m_xy, m_yy) = (m_xx * part(12.0), m_xy * part(24.0), m_yy * part(12.0));
-        Moments { origin: [x, y], integrals: [area, m_x, m_y, m_xx, m_xy, m_yy] }
+            let cross = p[0] * q[1] - p[1] * q[0];
+            let twice = if cross > S::ZERO { cross } else { S::ZERO };
+            Triangle { p: std::mem::replace(&mut p, q), q, twice }
+        });
+        (first, triangles)
+    }
+
+    #[inline(always)]
+    pub(super) fn area(&self, polygon: Polygon) -> S {
+        let (_, triangles) = self.fan(polygon);
+        S::from_f64(0.5) * triangles.map(|triangle| triangle.twice).sum()
     }
 }
 
-/// What a side from p to q adds to the gradient of its line, of normal `normal`, from g at any point. It
-/// counts `share` times, negative where its polygon is on the line's outside.
+/// What a side from p to q adds to the gradient of its line, of normal `normal`, from the integrals of
+/// `(1 - u) g` and of `u g` along it. It counts `share` times, negative where its polygon is on the
+/// line's outside.
 #[inline(always)]
 pub(super) fn line_bar<S: Scalar>(
     [p, q]: [[S; 2]; 2],
     share: f64,
     [normal_x, normal_y]: [S; 2],
-    g: impl Fn([S; 2]) -> S,
+    integrals: [S; 2],
 ) -> Line<S> {
     // Near 1, since squares of what belongs to vertices far away may leave the range of the numbers.
     let largest = normal_x.abs().maximum_or_nan(normal_y.abs());
     let (normal_x, normal_y) = (normal_x / largest, normal_y / largest);
     // The side's length over that of the normal, at a right angle to it: no root is needed.
     let across = ((q[0] - p[0]) * normal_y - (q[1] - p[1]) * normal_x).abs();
-    let scale =
-        S::from_f64(0.5 * share) * across / (normal_x * normal_x + normal_y * normal_y) / largest;
-    // (1 - 1 / sqrt(3)) / 2
-    let from_end = S::from_f64(0.211_324_865_405_187_13);
-    let along = [0, 1].map(|axis| from_end * (q[axis] - p[axis]));
-    let (p, q) = ([p[0] + along[0], p[1] + along[1]], [q[0] - along[0], q[1] - along[1]]);
-    let (of_p, of_q) = (scale * g(p), scale * g(q));
+    let scale = S::from_f64(share) * across / (normal_x * normal_x + normal_y * normal_y) / largest;
+    let [of_p, of_q] = integrals.map(|integral| scale * integral);
     [of_p + of_q, of_p * p[0] + of_q * q[0], of_p * p[1] + of_q * q[1]]
 }
 
@@ -319,39 +284,22 @@ mod tests {
             let Some(whole) = cut(&mut polygons, &lines, &sides) else { return Ok(()) };
             let parts = polygons.split(whole, last, 9);
             let inside = polygons.inside(whole, last, 9);
-            let moments = |part: Option<Polygon>| part.map(|p| polygons.moments(p));
-            prop_assert_eq!(moments(inside), moments(parts[0]));
-            let whole = polygons.moments(whole);
-            // From the origin of the whole.
-            let mut sum = Moments { integrals: [f64::MIN_POSITIVE, 0.0, 0.0, 0.0, 0.0, 0.0], ..whole };
-            parts.into_iter().filter_map(moments).for_each(|part| sum.add(&part));
-            for (found, whole) in sum.integrals.into_iter().zip(whole.integrals) {
-                prop_assert!((found - whole).abs() < 1e-14);
-            }
+            let area = |part: Option<Polygon>| part.map(|p| polygons.area(p));
+            prop_assert_eq!(area(inside), area(parts[0]));
+            let sum: f64 = parts.into_iter().filter_map(area).sum();
+            prop_assert!((sum - polygons.area(whole)).abs() < 1e-14);
         }
 
         #[test]
         fn the_adjoint_is_the_difference_quotient(
             lines in proptest::collection::vec(line(), 1..6),
             sides: [bool; 5],
-            m_bar in proptest::array::uniform6(-1.0..1.0),
         ) {
-            let moments = |lines: &[Line<f64>]| {
+            let area = |lines: &[Line<f64>]| {
                 let mut polygons = Polygons::default();
-                let mut sum =
-                    Moments { origin: [0.0; 2], integrals: [f64::MIN_POSITIVE, 0.0, 0.0, 0.0, 0.0, 0.0] };
-                let polygon = cut(&mut polygons, lines, &sides);
-                polygon.iter().for_each(|&polygon| sum.add(&polygons.moments(polygon)));
-                sum.integrals
+                cut(&mut polygons, lines, &sides).map_or(0.0, |polygon| polygons.area(polygon))
             };
-            let loss = |lines: &[Line<f64>]| -> f64 {
-                moments(lines).into_iter().zip(m_bar).map(|(m, bar)| m * bar).sum()
-            };
-            let g = |[x, y]: [f64; 2]| -> f64 {
-                let powers = [1.0, x, y, x * x, x * y, y * y];
-                powers.into_iter().zip(m_bar).map(|(power, bar)| power * bar).sum()
-            };
-            prop_assume!(moments(&lines)[0] > 1e-2);
+            prop_assume!(area(&lines) > 1e-2);
             let mut polygons = Polygons::default();
             let polygon = cut(&mut polygons, &lines, &sides).unwrap();
             let mut lines_bar = vec![[0.0; 3]; lines.len()];
@@ -360,7 +308,7 @@ mod tests {
                     let line = bound.line as usize;
                     let [_, x, y] = lines[line];
                     let share = if bound.is_inside { 1.0 } else { -1.0 };
-                    let bar = line_bar(ends, share, [x, y], g);
+                    let bar = line_bar(ends, share, [x, y], [0.5; 2]);
                     lines_bar[line].iter_mut().zip(bar).for_each(|(sum, bar)| *sum += bar);
                 }
             }
@@ -370,7 +318,7 @@ mod tests {
                     let by = |sign: f64| {
                         let mut moved = lines.clone();
                         moved[k][c] += sign * size;
-                        loss(&moved)
+                        area(&moved)
                     };
                     let quotient = (by(1.0) - by(-1.0)) / (2.0 * size);
                     let scale = 1.0 / lines[k][1].hypot(lines[k][2]);
@@ -384,7 +332,7 @@ mod tests {
     fn the_adjoint_goes_with_1_over_the_size_of_the_line() {
         let bar = |size: f64| {
             let normal = [0.6 * size, 0.8 * size];
-            line_bar([[0.8, -0.6], [-0.8, 0.6]], 1.0, normal, |_| 1.0).map(|bar| bar * size)
+            line_bar([[0.8, -0.6], [-0.8, 0.6]], 1.0, normal, [0.5; 2]).map(|bar| bar * size)
         };
         for power in [-200, -160, 160, 200] {
             let (found, expected) = (bar(f64::powi(10.0, power)), bar(1.0));
@@ -398,12 +346,7 @@ mod tests {
     fn a_pixel_measures_4_and_beyond_it_is_nothing() {
         let mut polygons = Polygons::<f64>::default();
         let pixel = polygons.pixel(1.0);
-        let expected = [4.0, 4.0, 4.0, 16.0 / 3.0, 4.0, 16.0 / 3.0];
-        let Moments { origin, integrals } = polygons.moments(pixel);
-        assert_eq!(origin, [-1.0, -1.0]);
-        for (found, expected) in integrals.into_iter().zip(expected) {
-            assert!((found - expected).abs() < 1e-14, "{found} {expected}");
-        }
+        assert_eq!(polygons.area(pixel), 4.0);
         assert_eq!(polygons.split(pixel, [-3.0, 1.0, 0.0], 0), [None, Some(pixel)]);
     }
 }

@@ -1,10 +1,7 @@
-//! From the gradients of the pieces' areas and extents to the gradients of the vertices.
+//! From the gradients of the pieces' areas and barycentrics to the gradients of the vertices.
 //!
-//! A piece of area A has the weight `A / 4`. Its centroid c and its covariance C are moments over A.
-//! Area gained at p, with `r = p - c`, changes c by `r / A` and C by `(r r^T - C) / A`, per unit of
-//! area. The g of `polygon` is `g(p) = weight_bar / 4 + (c_bar . r + C_bar . (r r^T - C)) / A`, in which nothing
-//! large cancels however small the piece. From there to the lines that bound the piece as in
-//! `polygon`.
+//! A piece of area A has the weight `A / 4`. What is gained along its sides changes its area and its
+//! mean barycentrics (`mean`), and leads on to the lines that bound it (`polygon`).
 //!
 //! Lines are edge functions, or depths. A depth is `d = sum z_i a_i / D` per coefficient, with
 //! `D = sum w_i a_i` the same number over the whole image. Then `a_bar_i = z_i d_bar / D` per
@@ -15,7 +12,8 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::mean::{self, Extent};
+use super::extent::Extent;
+use super::mean::{self, Growth, GrowthOfMean};
 use super::pieces::{Pieces, Segment};
 use super::polygon::line_bar;
 use super::visible::{Side, Source};
@@ -50,24 +48,6 @@ struct Adjoint<S> {
     depth: [S; 3],
 }
 
-/// What it is worth that a piece grows: at its centroid, and how that changes from there.
-#[derive(Debug)]
-struct Density<S> {
-    centroid: [S; 2],
-    middle: S,
-    slope: [S; 2],
-    bend: [S; 3],
-}
-
-impl<S: Scalar> Density<S> {
-    #[inline(always)]
-    fn at(&self, [x, y]: [S; 2]) -> S {
-        let (x, y) = (x - self.centroid[0], y - self.centroid[1]);
-        let [xx, xy, yy] = self.bend;
-        self.middle + x * (self.slope[0] + xx * x + xy * y) + y * (self.slope[1] + yy * y)
-    }
-}
-
 /// The adjoints of a band's faces.
 #[derive(Debug, Default)]
 pub(in crate::rasterize) struct Adjoints<S> {
@@ -75,7 +55,7 @@ pub(in crate::rasterize) struct Adjoints<S> {
     /// Per face of the band: its adjoint.
     of_band_face: Vec<u32>,
     /// Per piece of a pixel.
-    densities: Vec<Density<S>>,
+    growths: Vec<Growth<S>>,
     /// The faces with the gradients of their vertices, where they are added later.
     pub(in crate::rasterize) rows: Vec<(usize, [[S; 4]; 3])>,
 }
@@ -172,31 +152,26 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
         own: Range<usize>,
         segments: &[Segment<S>],
     ) {
-        let mut densities = std::mem::take(&mut self.densities);
-        densities.clear();
+        let mut growths = std::mem::take(&mut self.growths);
+        growths.clear();
         for (piece, &fragment) in band.pieces.pieces[own.clone()].iter().zip(&band.fragments[own]) {
             let fragment = fragment as usize;
             let weight_bar = band.weights_bar.map_or(S::ZERO, |bars| bars[fragment].widen());
-            let Extent { centroid, covariance } = piece.extent;
-            let mut middle = S::from_f64(0.25) * weight_bar;
-            let (mut slope, mut bend) = ([S::ZERO; 2], [S::ZERO; 3]);
+            let area_bar = S::from_f64(0.25) * weight_bar;
+            let mut of_mean = None;
             if let Some(bars) = band.barycentrics_bar {
                 let uv_bar = [bars[2 * fragment], bars[2 * fragment + 1]].map(T::widen);
                 let adjoint = self.adjoint(band, piece.band_face, pixel);
                 let place = adjoint.face.place(pixel, band.size);
-                let bar = adjoint.add_barycentrics(uv_bar, &piece.extent, place);
-                if piece.moves {
-                    slope = bar.centroid.map(|bar| bar / piece.area);
-                    bend = bar.covariance.map(|bar| bar / piece.area);
-                    middle -= bend.iter().zip(covariance).map(|(&bar, own)| bar * own).sum();
-                }
+                let growth = adjoint.add_barycentrics(uv_bar, &piece.extent, place);
+                of_mean = piece.moves.then_some(growth);
             }
-            densities.push(Density { centroid, middle, slope, bend });
+            growths.push(Growth { area: piece.area, area_bar, of_mean });
         }
         for segment in segments {
             let Side { source, normal, ends, .. } = segment.side;
-            let density = &densities[segment.piece as usize];
-            let line_bar = line_bar(ends, segment.side.share(), normal, |point| density.at(point));
+            let integrals = growths[segment.piece as usize].along(ends);
+            let line_bar = line_bar(ends, segment.side.share(), normal, integrals);
             if are_zero(line_bar) {
                 continue;
             }
@@ -220,7 +195,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
                 }
             }
         }
-        self.densities = densities;
+        self.growths = growths;
     }
 
     /// The adjoint of a face, around `pixel` where that is the first pixel to ask.
@@ -249,19 +224,24 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
 
 impl<S: Scalar<Wide = S>> Adjoint<S> {
     /// Adds what the gradients of u and v of a piece, whose pixel's centre lies at `place`, say of the
-    /// edge functions; returns those of its extent.
-    fn add_barycentrics(&mut self, uv_bar: [S; 2], extent: &Extent<S>, place: [S; 2]) -> Extent<S> {
+    /// edge functions; returns what they say of its sides.
+    fn add_barycentrics(
+        &mut self,
+        uv_bar: [S; 2],
+        extent: &Extent<S>,
+        place: [S; 2],
+    ) -> GrowthOfMean<S> {
         let [x, y] = [0, 1].map(|axis| place[axis] + extent.centroid[axis]);
         let lines = self.face.coefficients();
         let around =
             lines.map(|[one, by_x, by_y]| [one + by_x * place[0] + by_y * place[1], by_x, by_y]);
-        let bar = mean::adjoint(&around, self.face.factors, extent, uv_bar);
+        let bars = mean::adjoint(&around, self.face.factors, extent, uv_bar);
         for i in 0..3 {
-            self.edges.ones[i] += bar.values[i];
-            self.edges.xs[i] += x * bar.values[i] + bar.slopes[i][0];
-            self.edges.ys[i] += y * bar.values[i] + bar.slopes[i][1];
+            self.edges.ones[i] += bars.values[i];
+            self.edges.xs[i] += x * bars.values[i] + bars.slopes[i][0];
+            self.edges.ys[i] += y * bars.values[i] + bars.slopes[i][1];
         }
-        bar.extent
+        bars.growth
     }
 }
 

@@ -2,21 +2,21 @@
 //! would take too long.
 //!
 //! # Forward
-//! The nearest face at each of [`GRID`]^2 samples; its moments are theirs.
+//! The nearest face at each of [`GRID`]^2 samples; integrals over it are sums over them.
 //!
 //! # Backward
 //! Weights change where the outline of a surface moves. Each edge of the outline is cut into steps
 //! about as long as samples are apart. A step counts where the edge's face is seen beside its middle:
 //! it is then a side of that face. It is also a side of the face seen beyond, if that face continues
 //! behind. A face that no sample sees, but that has a side, is a piece of area 0. Where steps times
-//! faces are more than [`MOST_PAIRS`], only faces that samples see count. Centroids do not move.
+//! faces are more than [`MOST_PAIRS`], only faces that samples see count. Samples do not move.
 //! Intersections do not move either, since they are no edges.
 
 use bokashi_core::Scalar;
 
-use super::mean::Extent;
+use super::extent::{Extent, Spread};
 use super::pixel_border::{WIDER, clipped};
-use super::polygon::{Moments, Polygons, value_at};
+use super::polygon::{Line, Polygons, value_at};
 use super::visible::{Candidate, Side, Source};
 
 /// Samples along a pixel's side.
@@ -41,6 +41,8 @@ struct Stretch<S> {
 pub(super) struct Samples<S> {
     depths: Vec<S>,
     seen: Vec<u32>,
+    /// Per candidate.
+    spreads: Vec<Spread<S>>,
     /// The candidates that count.
     counting: Vec<u32>,
     polygons: Polygons<S>,
@@ -53,17 +55,18 @@ pub(super) struct Samples<S> {
 const BESIDE: f64 = 1e-6;
 
 impl<S: Scalar> Samples<S> {
-    /// Finds the moments of what the samples see of each candidate, the extents of those that are
-    /// seen or have sides, and the sides.
+    /// Finds the areas of what the samples see of each candidate, the extents of those that are seen or
+    /// have sides, and the sides. `t_of` tells the t of a candidate.
     pub(super) fn find(
         &mut self,
         candidates: &[Candidate<S>],
-        moments: &mut [Moments<S>],
+        t_of: impl Fn(&Candidate<S>) -> Line<S>,
+        areas: &mut [S],
         extents: &mut [Option<Extent<S>>],
     ) {
-        self.look(candidates, moments);
-        for (extent, moments) in extents.iter_mut().zip(moments) {
-            *extent = (moments.area() > S::ZERO).then(|| Extent::of(moments));
+        self.look(candidates, t_of, areas);
+        for ((extent, spread), &area) in extents.iter_mut().zip(&self.spreads).zip(&*areas) {
+            *extent = spread.extent(area);
         }
         self.find_stretches(candidates);
         let Self { counting, stretches, sides, .. } = self;
@@ -91,8 +94,7 @@ impl<S: Scalar> Samples<S> {
                     continue;
                 }
                 let mut add = |at: u32, is_inside| {
-                    let still = || Extent { centroid: middle, covariance: [S::ZERO; 3] };
-                    extents[at as usize].get_or_insert_with(still);
+                    extents[at as usize].get_or_insert_with(|| Extent::at(middle));
                     let normal = [x, y];
                     sides.push((at, Side { source, is_inside, is_on_border, normal, ends }));
                 };
@@ -135,8 +137,13 @@ impl<S: Scalar> Samples<S> {
         }
     }
 
-    /// Finds what the samples see, and its moments.
-    fn look(&mut self, candidates: &[Candidate<S>], moments: &mut [Moments<S>]) {
+    /// Finds what the samples see, and its areas.
+    fn look(
+        &mut self,
+        candidates: &[Candidate<S>],
+        t_of: impl Fn(&Candidate<S>) -> Line<S>,
+        areas: &mut [S],
+    ) {
         self.depths.clear();
         self.depths.resize(GRID * GRID, S::ONE);
         self.seen.clear();
@@ -155,12 +162,13 @@ impl<S: Scalar> Samples<S> {
                 }
             }
         }
+        self.spreads.clear();
+        self.spreads.extend(candidates.iter().map(|candidate| Spread::new(t_of(candidate))));
         let share = S::from_f64(4.0 / (GRID * GRID) as f64);
         for (sample, &seen) in self.seen.iter().enumerate().filter(|(_, seen)| **seen != NOTHING) {
             let [x, y] = [places[sample % GRID], places[sample / GRID]];
-            let sums = &mut moments[seen as usize].integrals;
-            let powers = [S::ONE, x, y, x * x, x * y, y * y];
-            sums.iter_mut().zip(powers).for_each(|(sum, power)| *sum += share * power);
+            areas[seen as usize] += share;
+            self.spreads[seen as usize].add_sample([x, y], share);
         }
     }
 }
@@ -227,18 +235,19 @@ mod tests {
             let mut visible = Visible::default();
             visible.clear(1.0);
             visible.add(&all);
-            let mut exact = vec![Moments::default(); all.len()];
-            visible.add_moments(&mut exact);
-            let mut found = vec![Moments::default(); all.len()];
-            samples.find(&all, &mut found, &mut vec![None; all.len()]);
+            let mut exact = vec![0.0; all.len()];
+            visible.add_areas(&mut exact);
+            let mut found = vec![0.0; all.len()];
+            let constant = |_: &Candidate<f64>| [1.0, 0.0, 0.0];
+            samples.find(&all, constant, &mut found, &mut vec![None; all.len()]);
             for (found, exact) in found.iter().zip(&exact) {
-                size[0] += exact.area();
-                error[0] += (found.area() - exact.area()).abs();
+                size[0] += exact;
+                error[0] += (found - exact).abs();
             }
             // The gradient of a weighted sum of areas, as all edges move outwards alike.
             let moved = |(at, side): (u32, Side<f64>)| {
                 let Side { ends, normal, .. } = side;
-                let bar = line_bar(ends, side.share(), normal, |_| weights[at as usize]);
+                let bar = line_bar(ends, side.share(), normal, [0.5 * weights[at as usize]; 2]);
                 bar[0] * side.normal[0].hypot(side.normal[1])
             };
             let mut exact = 0.0;

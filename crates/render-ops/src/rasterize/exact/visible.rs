@@ -8,7 +8,7 @@
 //! the nearest first: once the parts fill the pixel, nothing behind them is looked at.
 //!
 //! # Backward
-//! From the moments of the parts to the lines that bound them (`polygon`), and from these to the
+//! From integrals over the parts to the lines that bound them (`polygon`), and from these to the
 //! faces. An edge's line is a face's edge function; the line of two faces is the difference of their
 //! depths.
 
@@ -16,8 +16,9 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
+use super::extent::{Extent, Spread};
 use super::pixel_border::{FAR, clipped, lies_on_border};
-use super::polygon::{BORDER, Line, Moments, Polygon, Polygons, size, value_at};
+use super::polygon::{BORDER, Line, Polygon, Polygons, size, value_at};
 
 /// A face in a pixel: lines are relative to the pixel's centre.
 #[derive(Debug, Clone)]
@@ -94,7 +95,7 @@ impl<S> Side<S> {
 struct Part<S> {
     candidate: u32,
     polygon: Polygon,
-    moments: Moments<S>,
+    area: S,
 }
 
 /// All that a pixel holds of a candidate.
@@ -108,6 +109,8 @@ struct Whole<S> {
     most: [S; 3],
     /// More than what its depths are off by.
     error_bound: S,
+    /// Its visible parts.
+    parts: Range<usize>,
 }
 
 impl<S: Scalar> Whole<S> {
@@ -226,7 +229,8 @@ impl<S: Scalar> Visible<S> {
             most = std::array::from_fn(|k| most[k].maximum_or_nan(place[k]));
         }
         let error_bound = candidate.depth_error_bound;
-        whole.push(Whole { polygon, cuts: first..lines.len(), least, most, error_bound });
+        let cuts = first..lines.len();
+        whole.push(Whole { polygon, cuts, least, most, error_bound, parts: 0..0 });
     }
 
     /// Takes from candidate `at` what lies behind others; those before `group` surely lie before
@@ -284,12 +288,13 @@ impl<S: Scalar> Visible<S> {
             }
             std::mem::swap(left, next);
         }
-        let candidate = at as u32;
+        let (candidate, first) = (at as u32, parts.len());
         for &polygon in &*left {
-            let moments = polygons.moments(polygon);
-            *area += moments.area();
-            parts.push(Part { candidate, polygon, moments });
+            let own = polygons.area(polygon);
+            *area += own;
+            parts.push(Part { candidate, polygon, area: own });
         }
+        whole[at].parts = first..parts.len();
         true
     }
 
@@ -322,12 +327,34 @@ impl<S: Scalar> Visible<S> {
         });
     }
 
-    /// Adds the moments of what is visible of each candidate.
+    /// Adds the areas of what is visible of each candidate.
     #[inline(always)]
-    pub(super) fn add_moments(&self, moments: &mut [Moments<S>]) {
+    pub(super) fn add_areas(&self, areas: &mut [S]) {
         for part in &self.parts {
-            moments[part.candidate as usize].add(&part.moments);
+            areas[part.candidate as usize] += part.area;
         }
+    }
+
+    /// The extent of what is visible of candidate `at`, of the area `area`, under the density 1 / t;
+    /// where it `spreads`, all of it.
+    #[inline(always)]
+    pub(super) fn extent(
+        &self,
+        at: usize,
+        area: S,
+        t: Line<S>,
+        spreads: bool,
+    ) -> Option<Extent<S>> {
+        let mut spread = Spread::new(t);
+        for part in &self.parts[self.whole[at].parts.clone()] {
+            let (corner, fan) = self.polygons.fan(part.polygon);
+            if spreads {
+                spread.add_fan::<true>(corner, fan, part.area);
+            } else {
+                spread.add_fan::<false>(corner, fan, part.area);
+            }
+        }
+        spread.extent(area)
     }
 }
 
@@ -405,9 +432,9 @@ pub(super) mod tests {
             let mut visible = Visible::default();
             visible.clear(1.0);
             assert!(visible.add(&all));
-            let mut moments = [Moments::default(); 2];
-            visible.add_moments(&mut moments);
-            assert_eq!(moments.map(|moments| moments.area()), [4.0, 0.0], "{steps}");
+            let mut areas = [0.0; 2];
+            visible.add_areas(&mut areas);
+            assert_eq!(areas, [4.0, 0.0], "{steps}");
         }
     }
 
@@ -425,9 +452,9 @@ pub(super) mod tests {
             let mut visible = Visible::default();
             visible.clear(1.0);
             assert!(visible.add(&all));
-            let mut moments = vec![Moments::default(); all.len()];
-            visible.add_moments(&mut moments);
-            let total: f64 = moments.iter().map(Moments::area).sum();
+            let mut areas = vec![0.0; all.len()];
+            visible.add_areas(&mut areas);
+            let total: f64 = areas.iter().sum();
             prop_assert!((total - 4.0).abs() < 1e-12, "{total}");
             const N: usize = 100;
             let mut sampled = vec![0.0; all.len()];
@@ -442,8 +469,8 @@ pub(super) mod tests {
                 let seen = all.iter().position(|one| one.band_face == seen.band_face).unwrap();
                 sampled[seen] += 4.0 / (N * N) as f64;
             }
-            for (exact, sampled) in moments.iter().zip(sampled) {
-                prop_assert!((exact.area() - sampled).abs() < 0.06, "{exact:?} {sampled}");
+            for (exact, sampled) in areas.iter().zip(sampled) {
+                prop_assert!((exact - sampled).abs() < 0.06, "{exact} {sampled}");
             }
         }
 
@@ -468,9 +495,8 @@ pub(super) mod tests {
                 for &group in groups {
                     assert!(visible.add(&all[..group]));
                 }
-                let mut moments = vec![Moments::default(); all.len()];
-                visible.add_moments(&mut moments);
-                let areas: Vec<f64> = moments.iter().map(Moments::area).collect();
+                let mut areas = vec![0.0; all.len()];
+                visible.add_areas(&mut areas);
                 (areas, visible.fills_pixel())
             };
             let ((once, _), (twice, _)) = (areas(&[all.len()]), areas(&[group, all.len()]));

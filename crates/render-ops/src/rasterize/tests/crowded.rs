@@ -108,7 +108,7 @@ fn a_face_of_many_samples_has_their_mean() {
     let image = picture(tape.leaf(&tensor(&clip)), tape.leaf(&colors), &mesh, exact(size));
     let expected = supersampled(&clip, &colors, &mesh, size, 16);
     for (&found, expected) in image.value().data().iter().zip(expected) {
-        assert!((found - expected).abs() < 0.01, "{found} instead of {expected}");
+        assert!((found - expected).abs() < 1e-13, "{found} instead of {expected}");
     }
 }
 

@@ -9,6 +9,7 @@ mod layers;
 mod nearest;
 mod oracle;
 mod outline;
+mod perspective;
 mod pixel_borders;
 mod ties;
 mod watertight;
