@@ -9,7 +9,7 @@
 use bokashi_core::Scalar;
 
 use super::pairs::Pair;
-use crate::homogeneous::{Vertex, edge, edge_error_bound};
+use crate::homogeneous::{Vertex, edge, edge_error_bound, extent};
 use crate::size::Size;
 
 /// How far beyond the two pixel centres a crossing may lie, in pixels, and still count: rounding
@@ -126,7 +126,9 @@ pub(super) struct Outline<S> {
     indices: [u32; 3],
     /// Its silhouettes, a bit for the corner that each edge faces.
     silhouettes: u8,
-    /// The silhouettes' edge functions, as coefficients of 1, X and Y; of other edges infinite.
+    /// Those that can blend pixels beside each other, and those that can blend pixels below each other.
+    across: [u8; 2],
+    /// The edge functions of the silhouettes, as coefficients of 1, X and Y.
     lines: [[S; 3]; 3],
     /// More than the rounding errors of the edge functions.
     error_bound: S,
@@ -141,21 +143,28 @@ impl<S: Scalar<Wide = S>> Outline<S> {
         size: Size,
     ) -> Self {
         let (vertices, _) = Vertex::of_face(clip, indices, size);
-        let lines = [0, 1, 2].map(|corner| {
-            if silhouettes & 1 << corner == 0 {
-                return [S::from_f64(f64::INFINITY), S::ZERO, S::ZERO];
+        let (mut lines, mut across) = ([[S::ZERO; 3]; 3], [0; 2]);
+        for corner in (0..3).filter(|corner| silhouettes & 1 << corner != 0) {
+            let ends = [vertices[(corner + 1) % 3], vertices[(corner + 2) % 3]];
+            lines[corner] = edge(ends[0], ends[1]);
+            for (across, crosses) in across.iter_mut().zip(crosses(ends, lines[corner], size)) {
+                *across |= u8::from(crosses) << corner;
             }
-            edge(vertices[(corner + 1) % 3], vertices[(corner + 2) % 3])
-        });
+        }
         let [p, q, r] = vertices;
         let error_bound = edge_error_bound(q, r, size)
             + edge_error_bound(r, p, size)
             + edge_error_bound(p, q, size);
-        Self { vertices, indices, silhouettes, lines, error_bound }
+        Self { vertices, indices, silhouettes, across, lines, error_bound }
     }
 
-    /// Whether all silhouettes surely pass the line through two pixel centres beyond them, and beyond
-    /// the slack: most do. Along the line an edge function changes by its slope s a unit, and so it
+    /// Whether a silhouette can blend pixels beside each other, and pixels below each other.
+    pub(super) fn counts(&self) -> [bool; 2] {
+        self.across.map(|silhouettes| silhouettes != 0)
+    }
+
+    /// Whether all silhouettes surely run along the line through two pixel centres, or pass it beyond
+    /// these and the slack: most do. Along the line an edge function changes by its slope s a unit, and so it
     /// is zero by `|a / s|` away from the middle, where it is a.
     #[inline(always)]
     fn misses(&self, pair: &Pair, size: Size) -> bool {
@@ -163,16 +172,33 @@ impl<S: Scalar<Wide = S>> Outline<S> {
         // Pixels are two units wide.
         let reach = S::from_f64(1.0 + 2.0 * SLACK);
         let [x, y] = if pair.below { [x, y - S::ONE] } else { [x + S::ONE, y] };
-        self.lines.iter().all(|&[one, by_x, by_y]| {
+        let across = self.across[usize::from(pair.below)];
+        self.lines.iter().enumerate().all(|(corner, &[one, by_x, by_y])| {
             let slope = if pair.below { by_y } else { by_x };
-            (one + by_x * x + by_y * y).abs() > slope.abs() * reach + self.error_bound
+            across & 1 << corner == 0
+                || (one + by_x * x + by_y * y).abs() > slope.abs() * reach + self.error_bound
         })
     }
 }
 
+/// Whether a line may run more across the direction of pixels beside each other than along it, and
+/// whether more across that of pixels below each other: surely not, where its coefficients differ by more
+/// than the rounding errors of both and of [`Blend`]'s own.
+#[inline(always)]
+fn crosses<S: Scalar<Wide = S>>(
+    [p, q]: [Vertex<S>; 2],
+    [_, by_x, by_y]: [S; 3],
+    size: Size,
+) -> [bool; 2] {
+    let ([px, py], [qx, qy]) = (extent(p, size), extent(q, size));
+    let noise = S::from_f64(16.0 * f64::EPSILON) * (p.w.abs() * (qx + qy) + q.w.abs() * (px + py));
+    let (by_x, by_y) = (by_x.abs(), by_y.abs());
+    [by_x + noise < by_y, by_y + noise < by_x].map(|runs_along| !runs_along)
+}
+
 /// The blend at a pair by the edges of a face which covers the first pixel or the second; `None`
 /// where none of its silhouettes passes between the centres.
-#[inline]
+#[inline(always)]
 pub(super) fn blend<S: Scalar<Wide = S>>(
     outline: &Outline<S>,
     pair: &Pair,

@@ -40,7 +40,9 @@ mod tests;
 use std::ops::Range;
 use std::sync::Arc;
 
-use bokashi_core::parallel::{is_shared, merge_ranges_into};
+use bokashi_core::parallel::{
+    for_each_piece_mut, for_each_zipped_mut, is_shared, merge_ranges_into,
+};
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar};
 
 use self::discontinuity::{Blend, Outline, blend};
@@ -52,6 +54,7 @@ use crate::error::RenderError;
 use crate::face_sums::add_term;
 use crate::homogeneous::Vertex;
 use crate::picture::{Composite, Picture};
+use crate::size::Size;
 
 /// The picture with the silhouettes of its faces antialiased, for pictures of one fragment per pixel,
 /// as [`rasterize`](crate::rasterize()) gives them unless it is asked for exact coverage.
@@ -98,6 +101,8 @@ struct Found<T: Scalar> {
     rim: Option<Arc<Vec<u32>>>,
     /// Memory: per 64 pixels a bit for each pixel of the rim, and how many of them come before.
     marks: Vec<(u64, u32)>,
+    /// Memory: per blend the gradients of its edge's vertices.
+    bars: Vec<EdgeBars<T>>,
     outlines: Outlines<T::Wide>,
     /// Of pieces of the slots.
     pieces_of_outlines: Vec<Outlines<T::Wide>>,
@@ -122,6 +127,12 @@ struct Search<S> {
     /// Per blend: the fragments of its two pixels.
     fragments: Vec<[u32; 2]>,
 }
+
+/// The gradients with respect to clip (x, y, w) of an edge's two vertices.
+type EdgeBars<T> = [[T; 3]; 2];
+
+/// Blends in one piece of work: some tens of microseconds.
+const BLENDS_PER_PIECE: usize = 1 << 9;
 
 /// Rows in one piece of the search, and pixels: of a small image a few rows take less time than it
 /// takes to hand them to another thread.
@@ -232,10 +243,45 @@ impl<T: Scalar> Found<T> {
         &self,
         channels: usize,
     ) -> impl Iterator<Item = (&Blend<T::Wide>, [usize; 2], usize)> {
-        self.blends.iter().zip(&self.rows).map(move |(blend, rows)| {
+        self.placed_from(0, channels)
+    }
+
+    /// [`Found::placed`], of the blends from `first` on.
+    fn placed_from(
+        &self,
+        first: usize,
+        channels: usize,
+    ) -> impl Iterator<Item = (&Blend<T::Wide>, [usize; 2], usize)> {
+        self.blends[first..].iter().zip(&self.rows[first..]).map(move |(blend, rows)| {
             let entries = rows.map(|row| row as usize * channels);
             (blend, entries, entries[blend.target()])
         })
+    }
+
+    /// The gradients of the blends' edges, in their order; of a clamped blend zeros.
+    fn pull_back(
+        &self,
+        out_bar: &[T],
+        channels: usize,
+        clip: &[T],
+        size: Size,
+        bars: &mut Vec<EdgeBars<T>>,
+    ) {
+        bars.clear();
+        bars.resize(self.blends.len(), [[T::ZERO; 3]; 2]);
+        for_each_piece_mut(bars, BLENDS_PER_PIECE, |piece, bars| {
+            let first = piece * BLENDS_PER_PIECE;
+            let steps = self.steps[first * channels..].chunks_exact(channels);
+            let placed = self.placed_from(first, channels).zip(steps).zip(bars);
+            for (((blend, _, target), steps), bars) in placed {
+                if blend.clamped {
+                    continue;
+                }
+                let terms = steps.iter().zip(&out_bar[target..]);
+                let alpha_bar = terms.map(|(step, bar)| bar.widen() * step.widen()).sum();
+                *bars = blend.pull_back(alpha_bar, clip, size).map(|bar| bar.map(T::narrow));
+            }
+        });
     }
 
     /// Blends pixels of `out`, which holds the aliased values.
@@ -269,15 +315,25 @@ impl<T: Scalar> Found<T> {
 /// Slots in one piece of the search for outlines.
 const SLOTS_PER_PIECE: usize = 1 << 11;
 
-/// Stands for "no silhouette".
-const NO_OUTLINE: u32 = u32::MAX;
-
 /// The faces with a silhouette.
 #[derive(Debug, Default)]
 struct Outlines<S> {
     outlines: Vec<Outline<S>>,
     /// Per slot: its outline.
-    of_slot: Vec<u32>,
+    of_slot: Vec<OfSlot>,
+}
+
+/// Which outline a slot has.
+#[derive(Debug, Clone, Copy)]
+struct OfSlot {
+    at: u32,
+    /// For pairs of pixels beside each other, and below each other: see [`Outline::counts`].
+    counts: [bool; 2],
+}
+
+impl OfSlot {
+    /// Of a face without silhouettes.
+    const NONE: Self = Self { at: u32::MAX, counts: [false; 2] };
 }
 
 impl<S: Scalar<Wide = S>> Outlines<S> {
@@ -298,7 +354,7 @@ impl<S: Scalar<Wide = S>> Outlines<S> {
         merge_ranges_into(pieces, count, SLOTS_PER_PIECE, work, |piece| {
             let before = self.outlines.len() as u32;
             self.outlines.append(&mut piece.outlines);
-            let known = |at: u32| if at == NO_OUTLINE { at } else { before + at };
+            let known = |of: OfSlot| OfSlot { at: of.at.saturating_add(before), ..of };
             self.of_slot.extend(piece.of_slot.drain(..).map(known));
         });
     }
@@ -315,14 +371,14 @@ impl<S: Scalar<Wide = S>> Outlines<S> {
         for slot in &coverage.centers.slots[slots] {
             let face = slot.face as usize;
             let silhouettes = (0..3).map(|k| u8::from(coverage.is_silhouette(face, k)) << k).sum();
-            let at = if silhouettes == 0 {
-                NO_OUTLINE
-            } else {
+            let mut of_slot = OfSlot::NONE;
+            if silhouettes != 0 {
                 let indices = coverage.mesh().faces()[face];
-                self.outlines.push(Outline::of(clip, indices, silhouettes, coverage.size()));
-                self.outlines.len() as u32 - 1
-            };
-            self.of_slot.push(at);
+                let outline = Outline::of(clip, indices, silhouettes, coverage.size());
+                of_slot = OfSlot { at: self.outlines.len() as u32, counts: outline.counts() };
+                self.outlines.push(outline);
+            }
+            self.of_slot.push(of_slot);
         }
     }
 }
@@ -341,18 +397,31 @@ impl<T: Scalar> Silhouettes<'_, T> {
         let Search { neighbors, blends, fragments } = search;
         blends.clear();
         fragments.clear();
-        let counts = |slot: usize| self.outlines.of_slot[slot] != NO_OUTLINE;
-        neighbors.for_each_pair(self.coverage, rows, counts, |pair| {
-            if let Some(blend) = self.blend(&pair) {
-                blends.push(blend);
-                fragments.push(pair.seen.map(|seen| seen.map_or(MISSING, |s| s.fragment)));
-            }
-        });
+        let counts = |slot: usize| self.outlines.of_slot[slot].counts;
+        pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                neighbors.for_each_pair(
+                    self.coverage,
+                    rows,
+                    counts,
+                    #[inline(always)]
+                    |pair| {
+                        if let Some(blend) = self.blend(&pair) {
+                            blends.push(blend);
+                            let fragment = |seen: SeenFace| seen.fragment;
+                            fragments.push(pair.seen.map(|seen| seen.map_or(MISSING, fragment)));
+                        }
+                    },
+                );
+            },
+        );
     }
 
     /// The outline of a face.
+    #[inline(always)]
     fn outline(&self, SeenFace { slot, .. }: SeenFace) -> Option<&Outline<T::Wide>> {
-        self.outlines.outlines.get(self.outlines.of_slot[slot as usize] as usize)
+        self.outlines.outlines.get(self.outlines.of_slot[slot as usize].at as usize)
     }
 
     /// The depth of a face at the centre of a pixel.
@@ -367,6 +436,7 @@ impl<T: Scalar> Silhouettes<'_, T> {
 
     /// The blend at a pair of pixels, where a silhouette passes between them. It is of the nearer of
     /// two faces; where both are as near, it is of the first pixel's face.
+    #[inline(always)]
     fn blend(&self, pair: &Pair) -> Option<Blend<T::Wide>> {
         let blends = [self.blend_of(pair, 0), self.blend_of(pair, 1)];
         let [Some(first), Some(second)] = pair.seen else { return blends[0].or(blends[1]) };
@@ -380,6 +450,7 @@ impl<T: Scalar> Silhouettes<'_, T> {
     }
 
     /// The blend of the face that the first or the second pixel sees, if it is the nearer face.
+    #[inline(always)]
     fn blend_of(&self, pair: &Pair, at: usize) -> Option<Blend<T::Wide>> {
         blend(self.outline(pair.seen[at]?)?, pair, at == 0, self.coverage.size())
     }
@@ -413,7 +484,7 @@ impl<T: Scalar> Op<T> for Antialias {
         let rim = found.rim.as_deref().expect("it was just found");
         let out = outputs.push([coverage.count() + rim.len(), channels]);
         let (values, rim_values) = out.split_at_mut(input.len());
-        values.copy_from_slice(input);
+        for_each_zipped_mut(values, [input], |value, [input]| *value = input);
         for (value, &pixel) in rim_values.chunks_exact_mut(channels).zip(rim) {
             self.kind.fill(value, background, channels, pixel as usize);
         }
@@ -449,23 +520,19 @@ impl<T: Scalar> Op<T> for Antialias {
             }
         }
         if let Some(clip_bar) = gradients.get(0) {
-            let clip = kept.input(0);
-            let clip_bar = clip_bar.entries();
-            let placed = found.placed(channels).zip(found.steps.chunks_exact(channels));
-            for ((blend, _, target), steps) in placed.filter(|((blend, ..), _)| !blend.clamped) {
-                let alpha_bar = steps
-                    .iter()
-                    .zip(&out_bar[target..])
-                    .map(|(step, out_bar)| out_bar.widen() * step.widen())
-                    .sum();
-                let bars = blend.pull_back(alpha_bar, clip, self.coverage.size());
-                for (&vertex, [x_bar, y_bar, w_bar]) in blend.edge.iter().zip(bars) {
+            let (clip, clip_bar) = (kept.input(0), clip_bar.entries());
+            let mut bars = std::mem::take(&mut found.bars);
+            found.pull_back(out_bar, channels, clip, self.coverage.size(), &mut bars);
+            for (blend, bars) in found.blends.iter().zip(&bars).filter(|(blend, _)| !blend.clamped)
+            {
+                for (&vertex, &[x_bar, y_bar, w_bar]) in blend.edge.iter().zip(bars) {
                     let row = &mut clip_bar[4 * vertex as usize..][..4];
-                    add_term(&mut row[0], T::narrow(x_bar));
-                    add_term(&mut row[1], T::narrow(y_bar));
-                    add_term(&mut row[3], T::narrow(w_bar));
+                    add_term(&mut row[0], x_bar);
+                    add_term(&mut row[1], y_bar);
+                    add_term(&mut row[3], w_bar);
                 }
             }
+            found.bars = bars;
         }
         let Some(rim) = &found.rim else { return };
         let Some(background_bar) = gradients.get(2) else { return };

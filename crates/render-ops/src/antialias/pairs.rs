@@ -1,7 +1,8 @@
-//! Neighbouring pixels that see different faces, at least one of them a face with a silhouette.
+//! Neighbouring pixels that see different faces, at least one of them a face with a silhouette that
+//! runs across the direction from one pixel to the other.
 //!
-//! Each run of such a face is held against its neighbours on all four sides; within a run there are
-//! no pairs. So the cost is that of these runs and of the pairs, not of the pixels. Runs lie in memory
+//! Each run of such a face is held against its neighbours on two sides or on all four; within a run
+//! there are no pairs. So the cost is that of these runs and of the pairs, not of the pixels. Runs lie in memory
 //! by face, so those of a row are written down first, side by side, once for both rows beside it.
 
 use std::ops::Range;
@@ -43,8 +44,13 @@ struct RowRun {
     run: Run,
     columns: Range<u32>,
     face: u32,
-    counts: bool,
+    /// Whether it counts for pairs beside each other, and for pairs below each other.
+    counts: [bool; 2],
 }
+
+/// The entries of [`RowRun::counts`].
+const BESIDE: usize = 0;
+const BELOW: usize = 1;
 
 impl RowRun {
     /// At `column`, a column of its own.
@@ -52,6 +58,12 @@ impl RowRun {
     fn seen(&self, column: u32) -> SeenFace {
         let fragment = self.run.fragment + column - self.columns.start;
         SeenFace { slot: self.run.slot, face: self.face, fragment }
+    }
+
+    /// Whether it counts for any pairs.
+    #[inline(always)]
+    fn counts_at_all(&self) -> bool {
+        self.counts[BESIDE] | self.counts[BELOW]
     }
 }
 
@@ -67,15 +79,15 @@ pub(super) struct Rows {
 fn read(
     coverage: &Coverage,
     row: usize,
-    counts: impl Fn(usize) -> bool,
+    counts: impl Fn(usize) -> [bool; 2],
     runs: &mut Vec<RowRun>,
-) -> bool {
+) -> [bool; 2] {
     let before = (row * coverage.size().width) as u32;
-    let mut any = false;
+    let mut any = [false; 2];
     runs.clear();
     runs.extend(coverage.runs_in_row(row).map(|&run| {
         let (start, counts) = (run.pixel - before, counts(run.slot as usize));
-        any |= counts;
+        any = [any[0] | counts[0], any[1] | counts[1]];
         let face = coverage.centers.face_of(&run) as u32;
         RowRun { run, columns: start..start + run.length, face, counts }
     }));
@@ -84,19 +96,20 @@ fn read(
 
 impl Rows {
     /// Calls `visit` once with each pair whose first pixel lies in `rows` and of which one pixel sees
-    /// a slot that `counts`.
+    /// a slot that `counts`: for pairs beside each other, and for pairs below each other.
+    #[inline(always)]
     pub(super) fn for_each_pair(
         &mut self,
         coverage: &Coverage,
         rows: Range<usize>,
-        counts: impl Fn(usize) -> bool,
+        counts: impl Fn(usize) -> [bool; 2],
         mut visit: impl FnMut(Pair),
     ) {
         let Self { upper, lower } = self;
         let Size { width, height } = coverage.size();
         let mut any = read(coverage, rows.start, &counts, upper);
         for row in rows {
-            if any {
+            if any[BESIDE] {
                 for_each_beside(upper, row, width as u32, &mut visit);
             }
             if row + 1 == height {
@@ -106,9 +119,12 @@ impl Rows {
             let mut pair = |column: u32, seen| {
                 visit(Pair { row, column: column as usize, below: true, seen });
             };
-            if any {
+            // Which of the two walks finds a pair does not depend on `BELOW`: the order of blends, and
+            // of all sums over them, is the same as if all pairs were visited.
+            if any != [false; 2] {
                 for_each_overlap(upper, lower, |columns, own, below| {
-                    if below.is_none_or(|below| below.face != own.face) {
+                    let is_edge = below.is_none_or(|below| below.face != own.face);
+                    if is_edge && (own.counts[BELOW] || below.is_some_and(|it| it.counts[BELOW])) {
                         columns.for_each(|column| {
                             pair(
                                 column,
@@ -118,9 +134,11 @@ impl Rows {
                     }
                 });
             }
-            if any_below {
+            if any_below[BELOW] {
                 for_each_overlap(lower, upper, |columns, own, above| {
-                    if above.is_none_or(|above| above.face != own.face && !above.counts) {
+                    let is_edge =
+                        above.is_none_or(|above| above.face != own.face && !above.counts_at_all());
+                    if is_edge && own.counts[BELOW] {
                         columns.for_each(|column| {
                             pair(
                                 column,
@@ -143,11 +161,11 @@ fn for_each_beside(runs: &[RowRun], row: usize, width: u32, visit: &mut impl FnM
         let seen = [left.map(|run| run.seen(column)), right.map(|run| run.seen(column + 1))];
         Pair { row, column: column as usize, below: false, seen }
     };
-    for (at, run) in runs.iter().enumerate().filter(|(_, run)| run.counts) {
+    for (at, run) in runs.iter().enumerate().filter(|(_, run)| run.counts[BESIDE]) {
         let Range { start, end } = run.columns;
         if start > 0 {
             let left = at.checked_sub(1).map(|at| &runs[at]).filter(|run| run.columns.end == start);
-            if left.is_none_or(|left| !left.counts) {
+            if left.is_none_or(|left| !left.counts[BESIDE]) {
                 visit(pair(start - 1, left, Some(run)));
             }
         }
@@ -167,7 +185,7 @@ fn for_each_overlap(
     mut visit: impl FnMut(Range<u32>, &RowRun, Option<&RowRun>),
 ) {
     let mut beside = beside.iter().peekable();
-    for run in runs.iter().filter(|run| run.counts) {
+    for run in runs.iter().filter(|run| run.counts_at_all()) {
         let Range { mut start, end } = run.columns;
         while beside.next_if(|other| other.columns.end <= start).is_some() {}
         while start < end {
@@ -201,8 +219,9 @@ mod tests {
     use crate::mesh::Mesh;
     use crate::rasterize::rasterize;
 
-    /// All pairs of different faces, at least one of those in `counting`, by looking at each pixel.
-    fn expected(coverage: &Coverage, counting: &BTreeSet<usize>) -> BTreeSet<(usize, bool)> {
+    /// All pairs of different faces, at least one of those in `counting` for pairs of that kind, by
+    /// looking at each pixel.
+    fn expected(coverage: &Coverage, counting: &[BTreeSet<usize>; 2]) -> BTreeSet<(usize, bool)> {
         let Size { width, height } = coverage.size();
         let mut pairs = BTreeSet::new();
         for pixel in 0..width * height {
@@ -213,6 +232,7 @@ mod tests {
                     continue;
                 }
                 let faces = [pixel, pixel + step].map(|pixel| coverage.face_at(pixel));
+                let counting = &counting[usize::from(below)];
                 let counts = faces.iter().flatten().any(|face| counting.contains(face));
                 if faces[0] != faces[1] && counts {
                     pairs.insert((pixel, below));
@@ -228,7 +248,8 @@ mod tests {
             corners in proptest::collection::vec((-1.5..1.5, -1.5..1.5, -0.5..0.5), 12),
             width in 1_usize..12,
             height in 1_usize..12,
-            counting in proptest::collection::btree_set(0_usize..4, 0..4),
+            beside in proptest::collection::btree_set(0_usize..4, 0..4),
+            below in proptest::collection::btree_set(0_usize..4, 0..4),
         ) {
             let tape = Tape::<f64>::new();
             let clip = corners.iter().flat_map(|&(x, y, z)| [x, y, z, 1.0]).collect();
@@ -236,14 +257,13 @@ mod tests {
             let mesh = Mesh::new((0..4).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect(), 12);
             let fragments = rasterize(clip, &mesh.unwrap(), Size { width, height }).unwrap();
             let coverage = &fragments.coverage;
-            let counts: Vec<_> = coverage
-                .centers
-                .slots
-                .iter()
-                .map(|slot| counting.contains(&(slot.face as usize)))
-                .collect();
+            let counting = [beside, below];
+            let counts = |slot: usize| {
+                let face = coverage.centers.face(slot);
+                [0, 1].map(|kind: usize| counting[kind].contains(&face))
+            };
             let mut found = BTreeSet::new();
-            Rows::default().for_each_pair(coverage, 0..height, |slot| counts[slot], |pair| {
+            Rows::default().for_each_pair(coverage, 0..height, counts, |pair| {
                 let pixels = pair.pixels(coverage.size());
                 for (seen, pixel) in pair.seen.into_iter().zip(pixels) {
                     assert_eq!(seen.map(|seen| seen.face as usize), coverage.face_at(pixel));

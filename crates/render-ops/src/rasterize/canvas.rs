@@ -81,6 +81,36 @@ pub(super) struct Canvas<T: Scalar> {
     pub(super) bands: Vec<Band<T>>,
 }
 
+/// Where the runs of a row are written down.
+struct Reader<'a> {
+    covered: &'a mut Vec<[u32; 2]>,
+    slot_of: &'a mut [u32],
+    seen: &'a mut Vec<u32>,
+    read: &'a mut Vec<Run>,
+}
+
+impl Reader<'_> {
+    /// Reads `length` pixels from `pixel` on, which see the face that was drawn as number `drawn`.
+    #[inline(always)]
+    fn read(&mut self, drawn: u64, pixel: u32, length: u32) {
+        if drawn == NO_FACE {
+            return;
+        }
+        match self.covered.last_mut() {
+            Some([_, end]) if *end == pixel => *end += length,
+            _ => self.covered.push([pixel, pixel + length]),
+        }
+        // Slots are numbered as they are seen, so that their order, and with it the order of
+        // all sums, does not depend on that of the mesh's faces.
+        let slot = &mut self.slot_of[drawn as usize];
+        if *slot == NO_SLOT {
+            *slot = self.seen.len() as u32;
+            self.seen.push(drawn as u32);
+        }
+        self.read.push(Run { slot: *slot, pixel, length, fragment: 0 });
+    }
+}
+
 /// The work on a canvas: it draws every `step`-th band from `first` on.
 pub(super) struct Draw<'a, T: Scalar> {
     pub(super) canvas: &'a mut Canvas<T>,
@@ -240,29 +270,14 @@ impl<T: Scalar> Canvas<T> {
             return;
         }
         let stored = local * view.blocks_per_row()..(local + 1) * view.blocks_per_row();
-        let faces = self.faces[stored.clone()].as_flattened_mut();
+        let Self { faces, depths, bands, slot_of, seen, read, .. } = self;
+        let faces = faces[stored.clone()].as_flattened_mut();
+        let before_row = (row * view.size.width) as u32;
+        let mut reader = Reader { covered: &mut bands[at].covered, slot_of, seen, read };
         let mut start = first;
         let mut end_run = |end: usize| {
-            let (drawn, column) = (faces[start], start);
+            reader.read(faces[start], before_row + start as u32, (end - start) as u32);
             start = end;
-            if drawn == NO_FACE {
-                return;
-            }
-            let length = end - column;
-            let pixel = (row * view.size.width + column) as u32;
-            let covered = &mut self.bands[at].covered;
-            match covered.last_mut() {
-                Some([_, end]) if *end == pixel => *end += length as u32,
-                _ => covered.push([pixel, pixel + length as u32]),
-            }
-            // Slots are numbered as they are seen, so that their order, and with it the order of
-            // all sums, does not depend on that of the mesh's faces.
-            let slot = &mut self.slot_of[drawn as usize];
-            if *slot == NO_SLOT {
-                *slot = self.seen.len() as u32;
-                self.seen.push(drawn as u32);
-            }
-            self.read.push(Run { slot: *slot, pixel, length: length as u32, fragment: 0 });
         };
         let (before, after) = (&faces[first..end - 1], &faces[first + 1..end]);
         let pieces = before.chunks(u64::BITS as usize).zip(after.chunks(u64::BITS as usize));
@@ -281,7 +296,7 @@ impl<T: Scalar> Canvas<T> {
         }
         end_run(end);
         faces[first..end].fill(NO_FACE);
-        self.depths[stored].as_flattened_mut()[first..end].fill(beyond());
+        depths[stored].as_flattened_mut()[first..end].fill(beyond());
     }
 
     /// Sorts the runs of band `at` by slot; those of one slot stay in order.

@@ -38,7 +38,7 @@ mod visibility;
 use std::ops::Range;
 use std::sync::Arc;
 
-use bokashi_core::parallel::merge_ranges_into;
+use bokashi_core::parallel::{for_each_item_mut, merge_ranges_into};
 use bokashi_core::{Accumulator, Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 
 use self::exact::Adjoints;
@@ -197,17 +197,26 @@ fn recycled<'a>(
     coverage
 }
 
-/// Copies parts side by side to the front of a whole; returns what is left of it.
-fn copy_all<'a, 'b, T: Copy + 'b>(
-    mut whole: &'a mut [T],
+/// Copies parts side by side to the front of a whole, perhaps at the same time; returns what is left of
+/// it.
+fn copy_all<'a, 'b, T: Scalar>(
+    whole: &'a mut [T],
     parts: impl Iterator<Item = &'b [T]>,
+    are_shared: bool,
 ) -> &'a mut [T] {
-    for part in parts {
-        let (own, rest) = whole.split_at_mut(part.len());
-        own.copy_from_slice(part);
-        whole = rest;
+    let mut left = whole;
+    let pairs = parts.map(|part| {
+        let (own, rest) = std::mem::take(&mut left).split_at_mut(part.len());
+        left = rest;
+        (own, part)
+    });
+    if are_shared {
+        let mut pairs: Vec<_> = pairs.collect();
+        for_each_item_mut(&mut pairs, |_, (own, part)| own.copy_from_slice(part));
+    } else {
+        pairs.for_each(|(own, part)| own.copy_from_slice(part));
     }
-    whole
+    left
 }
 
 impl Rasterize {
@@ -295,10 +304,13 @@ impl<T: Scalar> Op<T> for Rasterize {
                 (barycentrics, Some(weights))
             }
         };
-        let rest = copy_all(barycentrics, visibility.bands().map(|band| &*band.barycentrics));
+        let are_shared = coverage.centers.is_shared();
+        let of_bands = visibility.bands().map(|band| &*band.barycentrics);
+        let rest = copy_all(barycentrics, of_bands, are_shared);
         if let Some(weights) = weights {
-            copy_all(rest, visibility.bands().map(|band| &*band.piece_fragments.barycentrics));
-            copy_all(weights, visibility.bands().map(|band| &*band.piece_fragments.weights));
+            let of_pieces = visibility.bands().map(|band| &band.piece_fragments);
+            copy_all(rest, of_pieces.clone().map(|of| &*of.barycentrics), are_shared);
+            copy_all(weights, of_pieces.map(|of| &*of.weights), are_shared);
         }
         Ok(())
     }

@@ -265,9 +265,9 @@ impl<S: Scalar<Wide = S>> Setup<S> {
                 // Values first, then two stores, so that they are compiled to vectors; and a
                 // minimum, for a choice would become a masked store, which later loads wait for.
                 let (before, seen_before) = (*nearest, *seen);
-                *nearest = lanes(|k| before[k].minimum_number(depth[k]));
+                *nearest = lanes(|k| smaller(before[k], depth[k]));
                 *seen = lanes(|k| if depth[k] < before[k] { face } else { seen_before[k] });
-                closest = lanes(|k| inside[k].abs().minimum_number(closest[k]));
+                closest = lanes(|k| smaller(inside[k].abs(), closest[k]));
             }
         }
         closest.iter().any(|&distance| distance <= error_bound)
@@ -382,11 +382,16 @@ impl<S: Scalar<Wide = S>> Weights<S> {
     }
 }
 
+/// The smaller of two that are not NaN: a single instruction, where the rules for NaN take three.
+#[inline(always)]
+fn smaller<S: Scalar>(a: S, b: S) -> S {
+    if a < b { a } else { b }
+}
+
 /// The smallest of three.
 #[inline(always)]
 fn least<S: Scalar>([a, b, c]: [S; 3]) -> S {
-    let least = if a < b { a } else { b };
-    if least < c { least } else { c }
+    smaller(smaller(a, b), c)
 }
 
 /// The largest of three.

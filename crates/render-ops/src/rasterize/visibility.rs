@@ -156,7 +156,7 @@ impl<T: Scalar> Visibility<T> {
     }
 
     /// The bands, from the top.
-    pub(super) fn bands(&self) -> impl Iterator<Item = &Band<T>> {
+    pub(super) fn bands(&self) -> impl Iterator<Item = &Band<T>> + Clone {
         let count = self.canvases.len();
         (0..self.faces.len()).map(move |band| &self.canvases[band % count].bands[band / count])
     }
