@@ -148,6 +148,9 @@ mod tests {
     use super::super::quadrature::nodes;
     use super::*;
 
+    /// A line that carries how it moves.
+    type Moving = Line<Dual<f64>>;
+
     /// What a face's piece in a pixel is made of.
     #[derive(Debug, Clone)]
     struct Case {
@@ -213,7 +216,7 @@ mod tests {
         }
 
         /// The edges and the lines, which carry how they move.
-        fn moving(&self) -> ([Line<Dual<f64>>; 3], Vec<Line<Dual<f64>>>) {
+        fn moving(&self) -> ([Moving; 3], Vec<Moving>) {
             let moving = |k: usize, line: Line<f64>| {
                 [0, 1, 2].map(|c| Dual::new(line[c], self.step(k) * self.tangents[3 * k + c]))
             };
@@ -298,7 +301,7 @@ mod tests {
             let area_bar = case.area_bar;
             let growth = Growth { area, area_bar, of_mean: Some(growth) };
             let (mut slope, mut size) = (0.0, 0.0);
-            let mut add = |k: usize, bar: Line<f64>, line: Line<Dual<f64>>| {
+            let mut add = |k: usize, bar: Line<f64>, line: Moving| {
                 for (bar, number) in bar.into_iter().zip(line) {
                     slope += bar * number.tangent;
                     size += bar.abs() * case.step(k);
