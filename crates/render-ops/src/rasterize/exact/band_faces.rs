@@ -44,6 +44,14 @@ pub(super) struct Plane<S> {
     input_error: S,
 }
 
+/// A face around the centre of a pixel.
+struct Around<S> {
+    vertices: [Vertex<S>; 3],
+    edges: [Line<S>; 3],
+    /// The x and y of the vertices relative to the centre.
+    offsets: [[S; 2]; 3],
+}
+
 impl<T: Scalar> BandFaces<'_, '_, T> {
     /// The X of the centre of the block `at` of a row, of `block` pixels.
     #[inline(always)]
@@ -115,27 +123,21 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
 
     /// The depth's coefficients around the centre of a pixel.
     pub(super) fn depth(&self, band_face: u32, x: T::Wide, y: T::Wide) -> Line<T::Wide> {
-        let (vertices, edges, _) = self.around(band_face, [x, y]);
+        let Around { vertices, edges, .. } = self.around(band_face, [x, y]);
         depth(&vertices, &edges)
     }
 
-    /// The vertices of a face, its edge functions around the centre of a pixel, and its vertices relative
-    /// to that.
     #[inline(always)]
-    fn around(
-        &self,
-        band_face: u32,
-        [x, y]: [T::Wide; 2],
-    ) -> ([Vertex<T::Wide>; 3], [Line<T::Wide>; 3], [[T::Wide; 2]; 3]) {
+    fn around(&self, band_face: u32, [x, y]: [T::Wide; 2]) -> Around<T::Wide> {
         let face = self.faces[band_face as usize] as usize;
         let vertices = self.view.corners_of(face).map(|corner| corner.vertex);
         let sign = T::Wide::from_f64(f64::from(self.view.verdicts[face].orientation));
-        let q = vertices.map(|vertex| vertex.relative_to(x, y));
+        let offsets = vertices.map(|vertex| vertex.relative_to(x, y));
         let mut edges = self.weights[band_face as usize].edges;
         for (k, edge) in edges.iter_mut().enumerate() {
-            edge[0] = sign * cross(q[(k + 1) % 3], q[(k + 2) % 3]);
+            edge[0] = sign * cross(offsets[(k + 1) % 3], offsets[(k + 2) % 3]);
         }
-        (vertices, edges, q)
+        Around { vertices, edges, offsets }
     }
 
     /// A face around the centre of a pixel, with the edges `outline` of a surface's outline and those
@@ -151,9 +153,9 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         let along_axis = outline >> ALONG_AXIS;
         let on_border =
             if along_axis == 0 { 0 } else { self.on_border(planes, band_face, along_axis, [x, y]) };
-        let (vertices, edges, q) = self.around(band_face, [x, y]);
+        let Around { vertices, edges, offsets } = self.around(band_face, [x, y]);
         let depth = depth(&vertices, &edges);
-        let reaches = q.map(|[x, y]| x.abs() + y.abs());
+        let reaches = offsets.map(|[x, y]| x.abs() + y.abs());
         let extents = vertices.map(|vertex| {
             let [x, y] = extent(vertex, self.view.size);
             x.maximum_or_nan(y)
