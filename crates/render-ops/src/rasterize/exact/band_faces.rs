@@ -39,17 +39,6 @@ pub(super) struct Plane<S> {
     pub(super) edge_error_bounds: [S; 3],
     /// More than what its depths are off by, where they are in the depth range.
     error_bound: S,
-    /// What the rounding of its vertices moves its depths by, per weight of its point: see
-    /// [`input_error`].
-    input_error: S,
-}
-
-/// A face around the centre of a pixel.
-struct Around<S> {
-    vertices: [Vertex<S>; 3],
-    edges: [Line<S>; 3],
-    /// The x and y of the vertices relative to the centre.
-    offsets: [[S; 2]; 3],
 }
 
 impl<T: Scalar> BandFaces<'_, '_, T> {
@@ -123,21 +112,7 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
 
     /// The depth's coefficients around the centre of a pixel.
     pub(super) fn depth(&self, band_face: u32, x: T::Wide, y: T::Wide) -> Line<T::Wide> {
-        let Around { vertices, edges, .. } = self.around(band_face, [x, y]);
-        depth(&vertices, &edges)
-    }
-
-    #[inline(always)]
-    fn around(&self, band_face: u32, [x, y]: [T::Wide; 2]) -> Around<T::Wide> {
-        let face = self.faces[band_face as usize] as usize;
-        let vertices = self.view.corners_of(face).map(|corner| corner.vertex);
-        let sign = T::Wide::from_f64(f64::from(self.view.verdicts[face].orientation));
-        let offsets = vertices.map(|vertex| vertex.relative_to(x, y));
-        let mut edges = self.weights[band_face as usize].edges;
-        for (k, edge) in edges.iter_mut().enumerate() {
-            edge[0] = sign * cross(offsets[(k + 1) % 3], offsets[(k + 2) % 3]);
-        }
-        Around { vertices, edges, offsets }
+        self.candidate(&[], band_face, 0, [x, y]).depth
     }
 
     /// A face around the centre of a pixel, with the edges `outline` of a surface's outline and those
@@ -153,16 +128,21 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         let along_axis = outline >> ALONG_AXIS;
         let on_border =
             if along_axis == 0 { 0 } else { self.on_border(planes, band_face, along_axis, [x, y]) };
-        let Around { vertices, edges, offsets } = self.around(band_face, [x, y]);
+        let face = self.faces[band_face as usize] as usize;
+        let vertices = self.view.corners_of(face).map(|corner| corner.vertex);
+        let sign = T::Wide::from_f64(f64::from(self.view.verdicts[face].orientation));
+        let q = vertices.map(|vertex| vertex.relative_to(x, y));
+        let mut edges = self.weights[band_face as usize].edges;
+        for (k, edge) in edges.iter_mut().enumerate() {
+            edge[0] = sign * cross(q[(k + 1) % 3], q[(k + 2) % 3]);
+        }
         let depth = depth(&vertices, &edges);
-        let reaches = offsets.map(|[x, y]| x.abs() + y.abs());
+        let reaches = q.map(|[x, y]| x.abs() + y.abs());
         let extents = vertices.map(|vertex| {
             let [x, y] = extent(vertex, self.view.size);
             x.maximum_or_nan(y)
         });
-        let plane = &planes[band_face as usize];
-        let depth_error_bound = depth_error_bound(&vertices, &edges, depth, reaches, extents)
-            + plane.input_error * most_weight(&edges, [T::Wide::ZERO; 2], T::Wide::ONE);
+        let depth_error_bound = depth_error_bound(&vertices, &edges, depth, reaches, extents);
         Candidate { band_face, edges, depth, depth_error_bound, outline, on_border }
     }
 
@@ -207,12 +187,7 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
             let [p, q, r] = vertices.map(|vertex| vertex.z / vertex.w);
             [p.minimum_or_nan(q).minimum_or_nan(r), p.maximum_or_nan(q).maximum_or_nan(r)]
         };
-        let extents = vertices.map(|vertex| {
-            let [x, y] = extent(vertex, self.view.size);
-            x.maximum_or_nan(y)
-        });
-        let input_error = input_error::<T>(&vertices, depth, extents, total);
-        Plane { depth, range, edge_error_bounds, error_bound, input_error }
+        Plane { depth, range, edge_error_bounds, error_bound }
     }
 
     /// A face of the band, with the edges `outline` of a surface's outline, in a block of `width` pixels
@@ -226,22 +201,19 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         center: [T::Wide; 2],
         width: usize,
     ) -> DepthInterval<T::Wide> {
-        let Plane { depth: [one, x, y], range: [least, most], edge_error_bounds, .. } =
+        let Plane { depth: [one, x, y], range: [least, most], edge_error_bounds, error_bound } =
             &planes[band_face as usize];
         let depth = value_at([*one, *x, *y], center);
         let width = T::Wide::from_f64(width as f64);
         let reach = width * x.abs() + y.abs();
         let (mut covers, mut ends) = (true, false);
-        let edges = &self.weights[band_face as usize].edges;
-        for (k, &edge) in edges.iter().enumerate() {
+        for (k, &edge) in self.weights[band_face as usize].edges.iter().enumerate() {
             let (value, change) = (value_at(edge, center), width * edge[1].abs() + edge[2].abs());
             covers &= value >= -edge_error_bounds[k];
             ends |= outline >> k & 1 == 1 && value.abs() <= T::Wide::from_f64(REACH) * change;
         }
-        let Plane { error_bound, input_error, .. } = &planes[band_face as usize];
-        let error_bound = *error_bound + *input_error * most_weight(edges, center, width);
-        let nearest = (depth - reach).maximum_or_nan(*least) - error_bound;
-        let farthest = (depth + reach).minimum_or_nan(*most) + error_bound;
+        let nearest = (depth - reach).maximum_or_nan(*least) - *error_bound;
+        let farthest = (depth + reach).minimum_or_nan(*most) + *error_bound;
         // Of what is no number nothing is known.
         let infinity = T::Wide::from_f64(f64::INFINITY);
         let [nearest, farthest] =
@@ -292,34 +264,4 @@ fn depth_error_bound<S: Scalar>(
             + (z.abs() + (middle * w).abs()) * size(edges[i]);
     }
     S::from_f64(8.0 * f64::EPSILON) * sum / total(vertices, edges).abs()
-}
-
-/// What a face's depths are off by since its vertices were rounded to T, per weight `sum a_i` of the
-/// point: its vertices are known that well only.
-///
-/// With `t = sum a_i` the depth is `d = sum z_i a_i / D`. A vertex whose coordinates are off by `u` of
-/// their sizes, those of x and y in the image, moves it by at most
-/// `u (|z_i| + |d| |w_i| + slope extent_i) a_i / D`. In the face the a_i are positive and add up to t,
-/// and in the depth range d counts at most once. A vertex that came from a product of matrices was
-/// rounded several times: u is two units in the last place.
-#[inline(always)]
-fn input_error<T: Scalar>(
-    vertices: &[Vertex<T::Wide>; 3],
-    [_, x, y]: Line<T::Wide>,
-    extents: [T::Wide; 3],
-    total: T::Wide,
-) -> T::Wide {
-    let is_double = T::from_f64(1.0 + f64::EPSILON) > T::ONE;
-    let unit = if is_double { f64::EPSILON } else { f64::from(f32::EPSILON) };
-    let slope = x.abs() + y.abs();
-    let of_vertex = |k: usize| vertices[k].z.abs() + vertices[k].w.abs() + slope * extents[k];
-    let most = of_vertex(0).maximum_or_nan(of_vertex(1)).maximum_or_nan(of_vertex(2));
-    T::Wide::from_f64(2.0 * unit) * most / total
-}
-
-/// The largest `sum a_i` in a block of `width` pixels of a row around a centre.
-#[inline(always)]
-fn most_weight<S: Scalar>(edges: &[Line<S>; 3], center: [S; 2], width: S) -> S {
-    let [one, x, y] = [0, 1, 2].map(|c| edges[0][c] + edges[1][c] + edges[2][c]);
-    value_at([one, x, y], center).abs() + width * x.abs() + y.abs()
 }

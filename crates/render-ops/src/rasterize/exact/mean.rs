@@ -278,7 +278,7 @@ mod tests {
             let Some(polygon) = cut(&mut moving, &lines) else { return Ok(()) };
             let width = case.width.min(moving.area(polygon).value);
             prop_assume!(width > 1e-7);
-            let of_quadrature = mean(&moving, polygon, &edges, case.factors, &nodes(10));
+            let of_quadrature = mean(&moving, polygon, &edges, case.factors, &nodes(20));
             let mut polygons = Polygons::default();
             let polygon = cut(&mut polygons, &case.lines).unwrap();
             let area = polygons.area(polygon);

@@ -11,7 +11,6 @@ mod oracle;
 mod outline;
 mod perspective;
 mod pixel_borders;
-mod ties;
 mod watertight;
 
 use bokashi_core::{Tape, Tensor};
