@@ -251,7 +251,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
             let (candidate, area) = (&candidates[at as usize], areas[at as usize]);
             let extent = extents[at as usize]?;
             let factors = factors_of(candidate);
-            let barycentrics = barycentrics(&candidate.edges, factors, extent.centroid);
+            let barycentrics = barycentrics(&candidate.edges, factors, &extent);
             let band_face = candidate.band_face;
             Some(Piece { band_face, area, extent, moves: !is_crowded, barycentrics })
         }));
@@ -367,11 +367,12 @@ fn keep_sides<T: Scalar>(
         for (ends, place) in halves(side.ends) {
             keep(count, Side { ends, ..side });
             count += 1;
-            let barycentrics = barycentrics(edges, corners.map(|corner| corner.factor), place);
+            let (factors, extent) = (corners.map(|corner| corner.factor), Extent::at(place));
+            let barycentrics = barycentrics(edges, factors, &extent);
             pieces.pieces.push(Piece {
                 band_face: *band_face,
                 area: T::Wide::ZERO,
-                extent: Extent::at(place),
+                extent,
                 moves: false,
                 barycentrics,
             });

@@ -20,6 +20,12 @@
 //! in two. Each part has an apex and a base, along which t is the same. At the share u of the way from
 //! the apex to the base t is linear in u, and the breadth is u times the base: integrals along a
 //! segment (`reciprocal`).
+//!
+//! # Pieces that reach to the horizon
+//! What the slopes of the weights and the sides say of a mean cancels, and by as much as t changes.
+//! Beyond [`HORIZON`] the weights N_i are therefore raised alike, by a third of [`RAISE`] times the size
+//! of t. With `e = RAISE` a barycentric becomes `(N_i + e/3) / (T + e)`, in units of that size. It moves by at
+//! most `e / (T + e)`, whose mean over T is `e ln(1 + 1/e)`, 2e-8. The gradient is that of the raised mean.
 
 use bokashi_core::Scalar;
 
@@ -35,17 +41,31 @@ pub(super) struct Extent<S> {
     pub(super) spread: [S; 3],
     /// The means of x and y from the centroid, times T^2 / t^2.
     pub(super) drift: [S; 2],
+    /// Whether the weights were raised.
+    pub(super) is_raised: bool,
 }
 
 impl<S: Scalar> Extent<S> {
     /// Of what has no size.
     pub(super) fn at(place: [S; 2]) -> Self {
-        Self { centroid: place, spread: [S::ZERO; 3], drift: [S::ZERO; 2] }
+        Self { centroid: place, spread: [S::ZERO; 3], drift: [S::ZERO; 2], is_raised: false }
     }
 }
 
 /// Below this share of its size in the pixel, t is held: there it is rounding.
 pub(super) const FLOOR: f64 = 1.0 / (1_u64 << 40) as f64;
+
+/// A piece reaches to the horizon where t is below this share of its size in the pixel.
+const HORIZON: f64 = 1.0 / (1_u64 << 32) as f64;
+
+/// By which share of its size t is raised then.
+const RAISE: f64 = 1.0 / (1_u64 << 30) as f64;
+
+/// What each of three weights that add up to t is raised by, in a piece that reaches to the horizon.
+#[inline(always)]
+pub(super) fn raise<S: Scalar>(t: Line<S>) -> S {
+    S::from_f64(RAISE / 3.0) * size(t)
+}
 
 /// Up to this change of t, relative to its value at the first corner, series are summed: of this many
 /// terms.
@@ -148,17 +168,21 @@ impl<S: Scalar> Sums<S> {
         Some(Self { over_t: [j, j_x, j_y], over_t_squared: [m, m_x, m_y, m_xx, m_xy, m_yy] })
     }
 
-    /// Of a fan whatever t is, at least `floor`: 1 at its middle, with this gradient.
+    /// Of a fan whatever t is, at least `floor`: 1 at its middle, with this gradient. What is smaller
+    /// than `least` takes its place.
     #[inline(never)]
     fn steep<const SPREADS: bool>(
         fan: impl Iterator<Item = Triangle<S>>,
         [g_x, g_y]: [S; 2],
         floor: S,
+        least: &mut S,
     ) -> Self {
         let mut sums = Self::ZERO;
         for triangle in fan {
             let t = |[x, y]: [S; 2]| (S::ONE + (g_x * x + g_y * y)).maximum_or_nan(floor);
-            sums.add_steep::<SPREADS>(&triangle, t(triangle.p), t(triangle.q));
+            let [t_p, t_q] = [triangle.p, triangle.q].map(t);
+            *least = least.minimum_or_nan(t_p).minimum_or_nan(t_q);
+            sums.add_steep::<SPREADS>(&triangle, t_p, t_q);
         }
         sums
     }
@@ -232,11 +256,22 @@ pub(super) struct Spread<S> {
     /// Where the sums are from, and t there.
     origin: Option<([S; 2], S)>,
     sums: Sums<S>,
+    is_raised: bool,
+    /// Whether it reaches to the horizon.
+    pub(super) reaches_far: bool,
 }
 
 impl<S: Scalar> Spread<S> {
     pub(super) fn new(t: Line<S>) -> Self {
-        Self { t, origin: None, sums: Sums::ZERO }
+        Self { t, origin: None, sums: Sums::ZERO, is_raised: false, reaches_far: false }
+    }
+
+    /// With raised weights.
+    #[cold]
+    pub(super) fn raised(t: Line<S>) -> Self {
+        let third = raise(t);
+        let [one, x, y] = t;
+        Self { is_raised: true, ..Self::new([one + third + third + third, x, y]) }
     }
 
     /// The least that t may be.
@@ -256,8 +291,12 @@ impl<S: Scalar> Spread<S> {
         let t = value_at(self.t, corner).maximum_or_nan(self.floor());
         let inverse = S::ONE / t;
         let slopes = [inverse * self.t[1], inverse * self.t[2]];
-        let sums = Sums::mild::<SPREADS>(fan.clone(), area, slopes)
-            .unwrap_or_else(|| Sums::steep::<SPREADS>(fan, slopes, inverse * self.floor()));
+        let sums = Sums::mild::<SPREADS>(fan.clone(), area, slopes).unwrap_or_else(|| {
+            let mut least = S::ONE;
+            let sums = Sums::steep::<SPREADS>(fan, slopes, inverse * self.floor(), &mut least);
+            self.reaches_far |= t * least < S::from_f64(HORIZON) * size(self.t);
+            sums
+        });
         match self.origin {
             None => (self.origin, self.sums) = (Some((corner, t)), sums),
             Some((origin, unit)) => {
@@ -299,6 +338,7 @@ impl<S: Scalar> Spread<S> {
             centroid: [origin[0] + x, origin[1] + y],
             spread: spread.map(|sum| scale * sum),
             drift: drift.map(|sum| scale * sum),
+            is_raised: self.is_raised,
         })
     }
 }
@@ -312,7 +352,7 @@ mod tests {
     use super::*;
 
     fn numbers(extent: Extent<f64>) -> [f64; 7] {
-        let Extent { centroid: [x, y], spread: [xx, xy, yy], drift: [d_x, d_y] } = extent;
+        let Extent { centroid: [x, y], spread: [xx, xy, yy], drift: [d_x, d_y], .. } = extent;
         [x, y, xx, xy, yy, d_x, d_y]
     }
 
@@ -333,7 +373,7 @@ mod tests {
             let slopes = [(a * q[1] - b * p[1]) / twice, (b * p[0] - a * q[0]) / twice];
             let fan = || std::iter::once(Triangle { p, q, twice });
             let mild = Sums::mild::<true>(fan(), 0.5 * twice, slopes).unwrap();
-            let steep = Sums::steep::<true>(fan(), slopes, 0.0);
+            let steep = Sums::steep::<true>(fan(), slopes, 0.0, &mut 1.0);
             let both = mild.over_t.into_iter().zip(steep.over_t);
             for (mild, steep) in both.chain(mild.over_t_squared.into_iter().zip(steep.over_t_squared)) {
                 prop_assert!((mild - steep).abs() < 1e-12 * twice, "{mild} {steep}");

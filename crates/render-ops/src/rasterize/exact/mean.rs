@@ -23,7 +23,7 @@
 
 use bokashi_core::Scalar;
 
-use super::extent::{Extent, FLOOR};
+use super::extent::{Extent, FLOOR, raise};
 use super::polygon::{Line, size, value_at};
 use super::reciprocal::Reciprocal;
 use crate::homogeneous::missing_factors;
@@ -86,22 +86,27 @@ pub(super) fn total<S: Scalar>(edges: &[Line<S>; 3], factors: [S; 3]) -> Line<S>
         .map(|c| missing[0] * edges[0][c] + missing[1] * edges[1][c] + missing[2] * edges[2][c])
 }
 
-/// The N_i at a point, and what the edge functions lack to be them.
+/// The N_i at a piece's centroid, and what the edge functions lack to be them.
 #[inline(always)]
-fn weights<S: Scalar>(edges: &[Line<S>; 3], factors: [S; 3], point: [S; 2]) -> [[S; 3]; 2] {
-    let a = edges.map(|edge| value_at(edge, point));
+fn weights<S: Scalar>(edges: &[Line<S>; 3], factors: [S; 3], extent: &Extent<S>) -> [[S; 3]; 2] {
+    let a = edges.map(|edge| value_at(edge, extent.centroid));
     let missing = missing_factors(a, factors);
-    [std::array::from_fn(|i| missing[i] * a[i]), missing]
+    let values: [S; 3] = std::array::from_fn(|i| missing[i] * a[i]);
+    if !extent.is_raised {
+        return [values, missing];
+    }
+    let t = [0, 1, 2].map(|c| (0..3).map(|i| missing[i] * edges[i][c]).sum());
+    [values.map(|value| value + raise(t)), missing]
 }
 
-/// The mean of u and v over a piece with this centroid of a face with these edge functions.
+/// The mean of u and v over a piece of this extent of a face with these edge functions.
 #[inline(always)]
 pub(super) fn barycentrics<S: Scalar>(
     edges: &[Line<S>; 3],
     factors: [S; 3],
-    centroid: [S; 2],
+    extent: &Extent<S>,
 ) -> [S; 2] {
-    let [values, _] = weights(edges, factors, centroid);
+    let [values, _] = weights(edges, factors, extent);
     let total = values[0] + values[1] + values[2];
     [values[0] / total, values[1] / total]
 }
@@ -114,7 +119,7 @@ pub(super) fn adjoint<S: Scalar>(
     extent: &Extent<S>,
     uv_bar: [S; 2],
 ) -> Bars<S> {
-    let [values, missing] = weights(edges, factors, extent.centroid);
+    let [values, missing] = weights(edges, factors, extent);
     let total = values[0] + values[1] + values[2];
     let slopes: [[S; 2]; 3] =
         std::array::from_fn(|i| [1, 2].map(|axis| missing[i] * edges[i][axis] / total));
@@ -286,7 +291,7 @@ mod tests {
             let (corner, fan) = polygons.fan(polygon);
             spread.add_fan::<true>(corner, fan, area);
             let extent = spread.extent(area).unwrap();
-            let found = barycentrics(&case.edges, case.factors, extent.centroid);
+            let found = barycentrics(&case.edges, case.factors, &extent);
             for (found, expected) in found.into_iter().zip(of_quadrature) {
                 let error = (found - expected.value).abs();
                 prop_assert!(error < 1e-13 / width, "{found} {expected:?} {error:e}");

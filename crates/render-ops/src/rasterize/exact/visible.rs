@@ -345,7 +345,15 @@ impl<S: Scalar> Visible<S> {
         t: Line<S>,
         spreads: bool,
     ) -> Option<Extent<S>> {
-        let mut spread = Spread::new(t);
+        let spread = self.spread(at, Spread::new(t), spreads);
+        if spread.reaches_far {
+            return self.spread(at, Spread::raised(t), spreads).extent(area);
+        }
+        spread.extent(area)
+    }
+
+    #[inline(always)]
+    fn spread(&self, at: usize, mut spread: Spread<S>, spreads: bool) -> Spread<S> {
         for part in &self.parts[self.whole[at].parts.clone()] {
             let (corner, fan) = self.polygons.fan(part.polygon);
             if spreads {
@@ -354,7 +362,7 @@ impl<S: Scalar> Visible<S> {
                 spread.add_fan::<false>(corner, fan, part.area);
             }
         }
-        spread.extent(area)
+        spread
     }
 }
 
