@@ -506,13 +506,13 @@ fn a_fit_of_a_scene_ends_in_the_same_bits_however_it_is_run() {
         assert_eq!((&rest["parameters_hash"], &rest["steps"]), (&hash.into(), &9.into()));
     }
     // Where all is done, it says so.
-    let [told, _] = ended(folder, &["fit", "photos/scene.toml", "--out", "part", "--resume"], 0);
+    let resumed = ["fit", "photos/scene.toml", "--out", "part", "--resume"];
+    let [told, _] = ended(folder, &resumed, 0);
     assert!(told.starts_with("9 steps, done before, held-out views "), "{told}");
     // The checkpoint is of this scene alone.
     let text = fs::read_to_string(folder.join("photos/scene.toml")).unwrap();
     write(folder, "photos/scene.toml", text.replace("texture_size = 8", "texture_size = 9"));
-    let words = ["fit", "photos/scene.toml", "--out", "part", "--resume"];
-    let [_, said] = ended(folder, &words, 1);
+    let [_, said] = ended(folder, &resumed, 1);
     assert!(said.contains("a saved fit needs the scene's parameters"), "{said}");
 }
 
