@@ -26,10 +26,12 @@ impl Scene {
         vertices: Var<'t, f32>,
         colors: Var<'t, f32>,
     ) -> Result<Var<'t, f32>, RenderError> {
-        let options = self.silhouettes.options(Size::square(self.side));
-        let fragments = rasterize(project(vertices, camera, None)?, &self.cube.mesh, options)?;
+        let (silhouettes, size) = (self.silhouettes, Size::square(self.side));
+        let clip = project(vertices, camera, None)?;
+        let mesh = silhouettes.mesh(&self.cube.mesh, clip, (colors, &self.colored), size)?;
+        let fragments = rasterize(clip, &mesh, silhouettes.options(size))?;
         let surface = interpolate_indexed(colors, &self.colored, &fragments)?;
-        self.silhouettes.picture(surface, &fragments, Background::Zero)?.image()
+        silhouettes.picture(surface, &fragments, Background::Zero)?.image()
     }
 }
 

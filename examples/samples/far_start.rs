@@ -26,11 +26,12 @@ impl Scene {
         let pose = Pose { rotation: tape.constant(&Tensor::from(turn)), translation };
         let camera = perspective(0.7, 1.0, 0.1, 50.0);
         let clip = project(tape.constant(&self.cube.vertices), &camera, Some(pose))?;
-        let fragments =
-            rasterize(clip, &self.cube.mesh, self.silhouettes.options(Size::square(SIDE)))?;
+        let (silhouettes, cube, size) = (self.silhouettes, &self.cube.mesh, Size::square(SIDE));
         let colors = tape.constant(&self.cube.vertices.map(|x| x + 0.5));
+        let mesh = silhouettes.mesh(cube, clip, (colors, cube), size)?;
+        let fragments = rasterize(clip, &mesh, silhouettes.options(size))?;
         let surface = interpolate(colors, &fragments)?;
-        self.silhouettes.picture(surface, &fragments, Background::Zero)?.image()
+        silhouettes.picture(surface, &fragments, Background::Zero)?.image()
     }
 }
 

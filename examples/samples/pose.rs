@@ -36,11 +36,12 @@ impl Scene {
         let projection = perspective(2.0 * 0.4_f64.atan(), 1.0, 1.0, 50.0);
         let pose = Pose { rotation, translation };
         let clip = project(tape.constant(&self.cube.vertices), &projection, Some(pose))?;
-        let options = self.silhouettes.options(Size::square(SIDE));
-        let fragments = rasterize(clip, &self.cube.mesh, options)?;
+        let (silhouettes, size) = (self.silhouettes, Size::square(SIDE));
         let colors = tape.constant(&Tensor::from(COLORS));
+        let mesh = silhouettes.mesh(&self.cube.mesh, clip, (colors, &self.colored), size)?;
+        let fragments = rasterize(clip, &mesh, silhouettes.options(size))?;
         let surface = interpolate_indexed(colors, &self.colored, &fragments)?;
-        self.silhouettes.picture(surface, &fragments, Background::Zero)?.image()
+        silhouettes.picture(surface, &fragments, Background::Zero)?.image()
     }
 }
 

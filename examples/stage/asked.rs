@@ -48,6 +48,24 @@ impl Silhouettes {
         RasterOptions::new(size).sampling(sampling)
     }
 
+    /// How `mesh` is rasterized for them, as vertices `clip` in an image of `size`: where all of a pixel
+    /// counts, the edges at which `colors` with the index buffer `indices` bend are seams.
+    ///
+    /// # Errors
+    /// As [`mark_creases_indexed`].
+    pub fn mesh<T: Scalar>(
+        self,
+        mesh: &Mesh,
+        clip: Var<'_, T>,
+        (colors, indices): (Var<'_, T>, &Mesh),
+        size: Size,
+    ) -> Result<Mesh, RenderError> {
+        match self {
+            Self::Exact => mark_creases_indexed(mesh, clip, colors, indices, size),
+            _ => Ok(mesh.clone()),
+        }
+    }
+
     /// The picture of fragments that look like `values: [N, C]`, before `background`.
     ///
     /// # Errors

@@ -4,7 +4,7 @@ use bokashi_core::{Scalar, Var};
 use bokashi_fit::FitError;
 use bokashi_render_ops::{
     Background, Blur, Mesh, Picture, RasterOptions, Sampling, Size, antialias, composite,
-    gaussian_blur, interpolate, project, rasterize,
+    gaussian_blur, interpolate, mark_creases, project, rasterize,
 };
 use glam::DMat4;
 
@@ -44,7 +44,11 @@ impl Scene {
             Silhouettes::Exact => Sampling::Exact,
         };
         let options = RasterOptions::new(self.size).sampling(sampling);
-        let fragments = rasterize(clip, &self.mesh, options)?;
+        let mesh = match sampling {
+            Sampling::Exact => mark_creases(&self.mesh, clip, colors, self.size)?,
+            _ => self.mesh.clone(),
+        };
+        let fragments = rasterize(clip, &mesh, options)?;
         let surface = interpolate(colors, &fragments)?;
         let picture = composite(surface, &fragments, Background::Zero)?;
         Ok(match self.silhouettes {

@@ -8,19 +8,21 @@ use crate::error::RenderError;
 /// The faces of a triangle mesh: for each face the indices of its three vertices.
 ///
 /// Serves as the index buffer of positions and, with its own vertex count, of attributes. Cheap to
-/// clone: clones share the faces, the adjacency and the corners at each vertex. These are built once,
-/// when first asked for.
+/// clone: clones, also those with other seams, share the faces, the adjacency and the corners at each
+/// vertex. These are built once, when first asked for.
 #[derive(Debug, Clone)]
-pub struct Mesh(Arc<Inner>);
+pub struct Mesh {
+    topology: Arc<Topology>,
+    /// Per face: a bit for each corner whose edge is a seam; empty where there is none.
+    seams: Arc<[u8]>,
+}
 
 #[derive(Debug)]
-struct Inner {
+struct Topology {
     faces: Vec<[u32; 3]>,
     vertex_count: usize,
     adjacency: OnceLock<Adjacency>,
     corners: OnceLock<Corners>,
-    /// Per face: a bit for each corner whose edge is a seam; empty where there is none.
-    seams: Vec<u8>,
 }
 
 impl Mesh {
@@ -43,8 +45,12 @@ impl Mesh {
                 return Err(RenderError::FaceIndex { face, index, vertex_count });
             }
         }
-        let (adjacency, corners, seams) = (OnceLock::new(), OnceLock::new(), Vec::new());
-        Ok(Self(Arc::new(Inner { faces, vertex_count, adjacency, corners, seams })))
+        Ok(Self::of(faces, vertex_count, Arc::default()))
+    }
+
+    fn of(faces: Vec<[u32; 3]>, vertex_count: usize, seams: Arc<[u8]>) -> Self {
+        let (adjacency, corners) = (OnceLock::new(), OnceLock::new());
+        Self { topology: Arc::new(Topology { faces, vertex_count, adjacency, corners }), seams }
     }
 
     /// The faces of several meshes one after another, each with the index of its first vertex among
@@ -66,14 +72,12 @@ impl Mesh {
         let faces = parts.clone().flat_map(|(mesh, first)| {
             mesh.faces().iter().map(move |face| face.map(|vertex| vertex + first as u32))
         });
-        let faces = faces.collect();
-        let has_seams = parts.clone().any(|(mesh, _)| !mesh.0.seams.is_empty());
+        let has_seams = parts.clone().any(|(mesh, _)| !mesh.seams.is_empty());
         let seams_of = |(mesh, _): (&'a Self, usize)| {
-            (0..mesh.faces().len()).map(|face| mesh.0.seams.get(face).copied().unwrap_or_default())
+            (0..mesh.faces().len()).map(|face| mesh.seams.get(face).copied().unwrap_or_default())
         };
-        let seams = if has_seams { parts.flat_map(seams_of).collect() } else { Vec::new() };
-        let (adjacency, corners) = (OnceLock::new(), OnceLock::new());
-        Ok(Self(Arc::new(Inner { faces, vertex_count, adjacency, corners, seams })))
+        let seams = if has_seams { parts.flat_map(seams_of).collect() } else { Arc::default() };
+        Ok(Self::of(faces.collect(), vertex_count, seams))
     }
 
     /// The same mesh with seams. `is_seam(face, corner)` says whether the edge that faces a corner
@@ -97,16 +101,22 @@ impl Mesh {
                 })
         };
         let of_face = |face| (0..3).map(|corner| u8::from(is_seam(face, corner)) << corner).sum();
-        let Inner { faces, vertex_count, adjacency, corners, .. } = &*self.0;
-        let (faces, vertex_count, adjacency) = (faces.clone(), *vertex_count, adjacency.clone());
-        let (corners, seams) = (corners.clone(), (0..faces.len()).map(of_face).collect());
-        Self(Arc::new(Inner { faces, vertex_count, adjacency, corners, seams }))
+        let seams = (0..self.faces().len()).map(of_face).collect();
+        Self { topology: Arc::clone(&self.topology), seams }
+    }
+
+    /// The same mesh whose seams are its own and `more`: per face, a bit for each corner whose edge is a
+    /// seam.
+    pub(crate) fn with_more_seams(&self, more: &[u8]) -> Self {
+        let own = |face: usize| self.seams.get(face).copied().unwrap_or_default();
+        let seams = more.iter().enumerate().map(|(face, more)| own(face) | more).collect();
+        Self { topology: Arc::clone(&self.topology), seams }
     }
 
     /// Whether a face says that its edge facing a corner is a seam.
     #[inline(always)]
     pub(crate) fn is_seam(&self, face: usize, corner: usize) -> bool {
-        self.0.seams.get(face).is_some_and(|seams| seams & 1 << corner != 0)
+        self.seams.get(face).is_some_and(|seams| seams & 1 << corner != 0)
     }
 
     /// Whether the surface ends, or turns away, at the edge that faces corner `corner` of `face`.
@@ -128,27 +138,29 @@ impl Mesh {
 
     /// The vertex indices of each face.
     pub fn faces(&self) -> &[[u32; 3]] {
-        &self.0.faces
+        &self.topology.faces
     }
 
     /// The number of vertices.
     pub fn vertex_count(&self) -> usize {
-        self.0.vertex_count
+        self.topology.vertex_count
     }
 
-    /// Whether both are clones of one mesh.
+    /// Whether both are clones of one mesh, perhaps with other seams.
     pub(crate) fn is(&self, other: &Self) -> bool {
-        Arc::ptr_eq(&self.0, &other.0)
+        Arc::ptr_eq(&self.topology, &other.topology)
     }
 
     /// Which faces share an edge.
     pub fn adjacency(&self) -> &Adjacency {
-        self.0.adjacency.get_or_init(|| Adjacency::of(&self.0.faces))
+        self.topology.adjacency.get_or_init(|| Adjacency::of(&self.topology.faces))
     }
 
     /// Which corners stand at each vertex.
     pub(crate) fn corners(&self) -> &Corners {
-        self.0.corners.get_or_init(|| Corners::of(&self.0.faces, self.0.vertex_count))
+        self.topology
+            .corners
+            .get_or_init(|| Corners::of(&self.topology.faces, self.topology.vertex_count))
     }
 }
 

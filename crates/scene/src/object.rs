@@ -58,6 +58,11 @@ pub struct Object {
 }
 
 impl Object {
+    /// The texture coordinates, where something is looked up by them.
+    pub(crate) fn coordinates_of_maps(&self) -> Option<&Attribute> {
+        self.coordinates.as_ref().filter(|_| self.look.has_maps())
+    }
+
     /// The object of a geometry of `model`.
     ///
     /// # Errors
@@ -121,7 +126,7 @@ impl SurfaceLook {
     }
 
     /// Whether anything is looked up by texture coordinates.
-    pub(crate) fn has_maps(&self) -> bool {
+    fn has_maps(&self) -> bool {
         self.texture.is_some() || self.roughness_metallic.is_some() || self.normal_map.is_some()
     }
 

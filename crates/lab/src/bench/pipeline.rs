@@ -6,7 +6,7 @@ use bokashi_core::{Gradients, Scalar, Tape, Tensor, Var};
 use bokashi_fit::{FitError, squared_error};
 use bokashi_render_ops::{
     Background, Composite, Cull, Fragments, RasterOptions, Reference, antialias, composite,
-    interpolate, project, rasterize,
+    interpolate, mark_creases, project, rasterize,
 };
 use rayon::ThreadPool;
 
@@ -29,7 +29,11 @@ pub(crate) fn drawn<'t, T: Scalar>(
     colors: Var<'t, T>,
 ) -> Result<Drawn<'t, T>, FitError> {
     let clip = project(positions, &scene.camera, None)?;
-    let fragments = rasterize(clip, &scene.mesh, options)?;
+    let mesh = match scene.creases {
+        Some(creases) => mark_creases(&scene.mesh, clip, colors, creases)?,
+        None => scene.mesh.clone(),
+    };
+    let fragments = rasterize(clip, &mesh, options)?;
     let surface = interpolate(colors, &fragments)?;
     let composite = composite(surface, &fragments, Background::Zero)?;
     Ok(Drawn { clip, fragments, surface, composite })

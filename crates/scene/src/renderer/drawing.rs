@@ -7,17 +7,17 @@ use bokashi_fit::FitError;
 use bokashi_render_ops::{
     Background, Blur, Cull, Fragments, Lens, LensOptions, Picture, Radius, RasterOptions,
     RenderError, Sampling, Size, Surface, antialias, composite, depth_of_field, exposure,
-    eye_depth, gaussian_blur, interpolate, rasterize, srgb_encode,
+    eye_depth, gaussian_blur, interpolate, mark_creases_indexed, rasterize, srgb_encode,
 };
 use glam::DVec3;
 
 use super::frame::Frame;
 use super::kept::Kept;
 use super::lighting::Lighting;
-use super::looks::{Asked, LookUp};
-use super::normals::Normals;
+use super::looks::{Asked, LookUp, LooksAtVertices};
+use super::normals::{Normals, NormalsAtVertices};
 use super::parts::Parts;
-use super::sight::{Seen, Sight};
+use super::sight::Sight;
 use crate::description::{CullName, Silhouettes, SurfaceModel, Tone};
 use crate::error::SceneError;
 use crate::object::Object;
@@ -33,6 +33,14 @@ pub struct Renderer {
     normals: Normals,
     lighting: Lighting,
     kept: Kept,
+}
+
+/// What is interpolated between vertices.
+#[derive(Clone, Copy)]
+struct AtVertices<'t, 'a> {
+    looks: LooksAtVertices<'t, 'a>,
+    /// Where there is light.
+    normals: Option<NormalsAtVertices<'t, 'a>>,
 }
 
 /// A view, drawn.
@@ -165,51 +173,78 @@ impl Renderer {
         kept: Option<&Kept>,
     ) -> Result<Drawn<'t>, FitError> {
         let world = self.parts.world(&self.scene.objects, &self.frame, values)?;
+        let at_vertices = self.at_vertices(values, world)?;
         let camera = self.scene.views[view].camera.scaled(reduce);
         let seen = Sight { frame: &self.frame, view, camera }.seen(values)?;
         let fragments = match kept.and_then(|kept| kept.get(key)) {
             Some(still) => still.on(values.tape),
             None => {
-                let fragments = self.fragments(&seen, world, camera.size)?;
+                let clip = seen.clip(world)?;
+                let fragments = self.fragments(clip, at_vertices, camera.size)?;
                 if let Some(kept) = kept {
                     kept.keep(key, fragments.still());
                 }
                 fragments
             }
         };
-        self.shown(values, world, seen.eye()?, fragments, with_mask)
+        let light = self.light(values, at_vertices, world, seen.eye()?, &fragments)?;
+        self.shown(values, world, light, fragments, with_mask)
     }
 
-    /// Whether neither geometry nor cameras are learnt.
+    /// Whether neither geometry nor cameras are learnt, nor colours that may have creases.
     fn is_still(&self, values: &Values<'_, '_>) -> bool {
         let moves = |name: &str| values.learnt(name).is_some();
-        let is_moved = |object: &Object| {
-            ["vertices", "pose"].iter().any(|kind| moves(&of_object(kind, &object.name)))
+        let kinds = match self.scene.description.pipeline.silhouettes {
+            Silhouettes::Exact => &["vertices", "pose", "colors"][..],
+            _ => &["vertices", "pose"],
         };
+        let is_moved =
+            |object: &Object| kinds.iter().any(|kind| moves(&of_object(kind, &object.name)));
         !["cameras", "intrinsics", "distortion"].into_iter().any(moves)
             && !self.scene.objects.iter().any(is_moved)
     }
 
-    fn fragments<'t>(
+    /// What is interpolated between vertices.
+    fn at_vertices<'t>(
         &self,
-        seen: &Seen<'t>,
+        values: &Values<'t, '_>,
         world: Var<'t, f32>,
-        size: Size,
-    ) -> Result<Fragments<'t, f32>, FitError> {
-        let clip = seen.clip(world)?;
-        Ok(rasterize(clip, self.parts.assembly.mesh(), self.options(size))?)
+    ) -> Result<AtVertices<'t, '_>, FitError> {
+        let normals = self.lighting.is_lit().then(|| self.normals.at_vertices(world));
+        Ok(AtVertices {
+            looks: self.looks.at_vertices(&self.parts, &self.scene.objects, values)?,
+            normals: normals.transpose()?,
+        })
     }
 
-    /// The light of fragments.
+    /// Fragments of vertices in clip space. With exact silhouettes the edges at which something bends that
+    /// is interpolated are seams.
+    fn fragments<'t>(
+        &self,
+        clip: Var<'t, f32>,
+        AtVertices { looks, normals }: AtVertices<'t, '_>,
+        size: Size,
+    ) -> Result<Fragments<'t, f32>, FitError> {
+        let options = self.options(size);
+        let mut mesh = self.parts.assembly.mesh().clone();
+        if options.sampling == Sampling::Exact {
+            let normals = normals.map(|own| own.normals);
+            for own in [looks.colors, looks.coordinates, normals].into_iter().flatten() {
+                mesh = mark_creases_indexed(&mesh, clip, own.rows, own.indices, size)?;
+            }
+        }
+        Ok(rasterize(clip, &mesh, options)?)
+    }
+
+    /// A view of fragments with this light, `[N, 3]`.
     fn shown<'t>(
         &self,
         values: &Values<'t, '_>,
         world: Var<'t, f32>,
-        eye: Var<'t, f32>,
+        light: Var<'t, f32>,
         fragments: Fragments<'t, f32>,
         with_mask: bool,
     ) -> Result<Drawn<'t>, FitError> {
-        let light = self.light(values, world, eye, &fragments)?;
         let tape = values.tape;
         let mut surface = match self.scene.description.pipeline.exposure {
             None if values.learnt("exposure").is_none() => light,
@@ -293,6 +328,7 @@ impl Renderer {
     fn light<'t>(
         &self,
         values: &Values<'t, '_>,
+        at_vertices: AtVertices<'t, '_>,
         world: Var<'t, f32>,
         eye: Var<'t, f32>,
         fragments: &Fragments<'t, f32>,
@@ -300,11 +336,10 @@ impl Renderer {
         let objects = &self.scene.objects;
         let reflection = self.lighting.model == SurfaceModel::MetallicRoughness;
         let asked = Asked { reflection, normals: self.lighting.is_lit() };
-        let looks = self.looks.at(&self.parts, objects, values, fragments, asked)?;
-        if !self.lighting.is_lit() {
-            return Ok(looks.base_color);
-        }
-        let normals = self.normals.at(world, fragments, looks.normals)?;
+        let at = at_vertices.looks;
+        let looks = self.looks.at(&self.parts, objects, values, at, fragments, asked)?;
+        let Some(normals) = at_vertices.normals else { return Ok(looks.base_color) };
+        let normals = self.normals.at(normals, fragments, looks.normals)?;
         let positions = interpolate(world, fragments)?;
         let views = eye.try_sub(positions)?;
         let surface = Surface { normals, views, positions: Some(positions) };
@@ -317,7 +352,7 @@ impl Renderer {
         world: Var<'t, f32>,
         fragments: &Fragments<'t, f32>,
     ) -> Recorded<'t> {
-        self.normals.at(world, fragments, None)
+        Ok(self.normals.at(self.normals.at_vertices(world)?, fragments, None)?)
     }
 
     /// Which of the instances of all objects a face belongs to.

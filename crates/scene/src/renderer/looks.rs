@@ -43,6 +43,20 @@ pub(super) struct LookUp {
     filter: FilterName,
 }
 
+/// Attributes of all parts, and which of them the corners of each face have.
+#[derive(Clone, Copy)]
+pub(super) struct Indexed<'t, 'a> {
+    pub(super) rows: Var<'t, f32>,
+    pub(super) indices: &'a Mesh,
+}
+
+/// The attributes that looks are made of.
+#[derive(Clone, Copy)]
+pub(super) struct LooksAtVertices<'t, 'a> {
+    pub(super) colors: Option<Indexed<'t, 'a>>,
+    pub(super) coordinates: Option<Indexed<'t, 'a>>,
+}
+
 /// Attributes at fragments: of all of them, or of an object's.
 #[derive(Clone, Copy)]
 struct Attributes<'t> {
@@ -64,8 +78,38 @@ impl LookUp {
     ) -> Result<Self, SceneError> {
         Ok(Self {
             colors: parts.indices(objects, |object| object.colors.as_ref())?,
-            coordinates: parts.indices(objects, |object| object.coordinates.as_ref())?,
+            coordinates: parts.indices(objects, Object::coordinates_of_maps)?,
             filter,
+        })
+    }
+
+    /// What looks are made of, at the vertices.
+    pub(super) fn at_vertices<'t>(
+        &self,
+        parts: &Parts,
+        objects: &[Object],
+        values: &Values<'t, '_>,
+    ) -> Result<LooksAtVertices<'t, '_>, FitError> {
+        let tape = values.tape;
+        let colors = |indices| {
+            let none = Tensor::full([1, 3], 1.0);
+            let rows = parts.rows(|at| match &objects[at].colors {
+                Some(own) => values.tensor(&of_object("colors", &objects[at].name), &own.rows),
+                None => tape.constant(&none),
+            })?;
+            Ok::<_, FitError>(Indexed { rows, indices })
+        };
+        let coordinates = |indices| {
+            let none = Tensor::zeros([1, 2]);
+            let rows = parts.rows(|at| {
+                let own = objects[at].coordinates_of_maps();
+                tape.constant(own.map_or(&none, |own| &own.rows))
+            })?;
+            Ok::<_, FitError>(Indexed { rows, indices })
+        };
+        Ok(LooksAtVertices {
+            colors: self.colors.as_ref().map(colors).transpose()?,
+            coordinates: self.coordinates.as_ref().map(coordinates).transpose()?,
         })
     }
 
@@ -75,10 +119,11 @@ impl LookUp {
         parts: &Parts,
         objects: &[Object],
         values: &Values<'t, '_>,
+        at_vertices: LooksAtVertices<'t, '_>,
         fragments: &Fragments<'t, f32>,
         asked: Asked,
     ) -> Result<Looks<'t>, FitError> {
-        let all = self.attributes(parts, objects, values, fragments)?;
+        let all = self.attributes(at_vertices, fragments)?;
         let groups = Groups::of(parts, objects.len(), fragments);
         let with_maps =
             asked.normals && objects.iter().any(|object| object.look.normal_map.is_some());
@@ -122,39 +167,21 @@ impl LookUp {
 
     fn attributes<'t>(
         &self,
-        parts: &Parts,
-        objects: &[Object],
-        values: &Values<'t, '_>,
+        LooksAtVertices { colors, coordinates }: LooksAtVertices<'t, '_>,
         fragments: &Fragments<'t, f32>,
     ) -> Result<Attributes<'t>, FitError> {
-        let mut all = Attributes {
+        let at = |own: Indexed<'t, '_>| interpolate_indexed(own.rows, own.indices, fragments);
+        let has_slopes = matches!(self.filter, FilterName::Trilinear | FilterName::Anisotropic);
+        let slopes = coordinates.filter(|_| has_slopes).map(|own| {
+            let slopes = differentials(fragments)?;
+            interpolate_differentials_indexed(own.rows, own.indices, fragments, slopes)
+        });
+        Ok(Attributes {
             count: fragments.coverage.count(),
-            colors: None,
-            places: None,
-            slopes: None,
-        };
-        if let Some(indices) = &self.colors {
-            let none = Tensor::full([1, 3], 1.0);
-            let rows = parts.rows(|at| match &objects[at].colors {
-                Some(own) => values.tensor(&of_object("colors", &objects[at].name), &own.rows),
-                None => values.tape.constant(&none),
-            })?;
-            all.colors = Some(interpolate_indexed(rows, indices, fragments)?);
-        }
-        if let Some(indices) = &self.coordinates {
-            let none = Tensor::zeros([1, 2]);
-            let rows = parts.rows(|at| {
-                let own = objects[at].coordinates.as_ref();
-                values.tape.constant(own.map_or(&none, |own| &own.rows))
-            })?;
-            all.places = Some(interpolate_indexed(rows, indices, fragments)?);
-            if matches!(self.filter, FilterName::Trilinear | FilterName::Anisotropic) {
-                let slopes = differentials(fragments)?;
-                let own = interpolate_differentials_indexed(rows, indices, fragments, slopes)?;
-                all.slopes = Some(own);
-            }
-        }
-        Ok(all)
+            colors: colors.map(at).transpose()?,
+            places: coordinates.map(at).transpose()?,
+            slopes: slopes.transpose()?,
+        })
     }
 }
 
@@ -166,7 +193,7 @@ impl<'t> Attributes<'t> {
             (all, None) if is_there => Ok(all),
             _ => Ok(None),
         };
-        let is_placed = object.look.has_maps() && object.coordinates.is_some();
+        let is_placed = object.coordinates_of_maps().is_some();
         Ok(Self {
             count: rows.map_or(self.count, |rows| rows.len()),
             colors: own(self.colors, object.colors.is_some())?,

@@ -9,6 +9,7 @@ use bokashi_render_ops::{
     Fragments, Mesh, Weighting, interpolate_indexed, perturbed_normals, tangents, vertex_normals,
 };
 
+use super::looks::Indexed;
 use super::parts::{Part, Parts};
 use crate::error::SceneError;
 use crate::object::Object;
@@ -21,6 +22,13 @@ pub(super) struct Normals {
     /// The vertex of each normal, where these are not the vertices themselves.
     vertices: Option<Arc<[u32]>>,
     tangents: Option<Tangents>,
+}
+
+/// Normals, `[A, 3]`, and the positions of the corners that have them, `[A, 3]`.
+#[derive(Clone, Copy)]
+pub(super) struct NormalsAtVertices<'t, 'a> {
+    corners: Var<'t, f32>,
+    pub(super) normals: Indexed<'t, 'a>,
 }
 
 /// Tangents of the objects with a normal map, and an empty tangent for all others.
@@ -73,23 +81,31 @@ impl Normals {
         Ok(())
     }
 
-    /// Normals at the fragments in the world, `[N, 3]`, of any length. `map` has what normal maps say at the
-    /// fragments, `[N, 3]`.
-    pub(super) fn at<'t>(
+    /// Normals at the vertices in the world.
+    pub(super) fn at_vertices<'t>(
         &self,
         world: Var<'t, f32>,
-        fragments: &Fragments<'t, f32>,
-        map: Option<Var<'t, f32>>,
-    ) -> Recorded<'t> {
+    ) -> Result<NormalsAtVertices<'t, '_>, FitError> {
         let corners = match &self.vertices {
             Some(vertices) => world.gather_rows(vertices)?,
             None => world,
         };
-        let normals = vertex_normals(corners, &self.mesh, Weighting::Angle)?;
-        let smooth = interpolate_indexed(normals, &self.mesh, fragments)?;
+        let rows = vertex_normals(corners, &self.mesh, Weighting::Angle)?;
+        Ok(NormalsAtVertices { corners, normals: Indexed { rows, indices: &self.mesh } })
+    }
+
+    /// Normals at the fragments in the world, `[N, 3]`, of any length. `map` has what normal maps say at the
+    /// fragments, `[N, 3]`.
+    pub(super) fn at<'t>(
+        &self,
+        NormalsAtVertices { corners, normals }: NormalsAtVertices<'t, '_>,
+        fragments: &Fragments<'t, f32>,
+        map: Option<Var<'t, f32>>,
+    ) -> Recorded<'t> {
+        let smooth = interpolate_indexed(normals.rows, normals.indices, fragments)?;
         match (map, &self.tangents) {
             (Some(map), Some(own)) => {
-                let tangents = own.at(corners, normals, fragments)?;
+                let tangents = own.at(corners, normals.rows, fragments)?;
                 Ok(perturbed_normals(smooth, tangents, map)?)
             }
             _ => Ok(smooth),

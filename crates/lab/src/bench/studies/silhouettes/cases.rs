@@ -195,6 +195,7 @@ fn bent(
         colors,
         camera: View::random(seed, 0).camera(),
         size: Size::square(8),
+        creases: None,
     };
     Ok(Case { scene, target })
 }

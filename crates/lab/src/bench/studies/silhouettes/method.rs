@@ -7,13 +7,21 @@ use bokashi_render_ops::{Cull, RasterOptions, Sampling};
 use crate::bench::pipeline::{drawn, render};
 use crate::bench::scenes::Scene;
 
+/// Which edges are seams.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Seams {
+    None,
+    /// Those at which colours bend.
+    Creases,
+    All,
+}
+
 /// A way to make an image of a scene.
 pub(super) struct Method {
     /// For people, and for programs.
     pub(super) name: &'static str,
     pub(super) key: &'static str,
-    /// Whether every edge is a seam.
-    pub(super) has_seams: bool,
+    pub(super) seams: Seams,
     pub(super) image: Image,
 }
 
@@ -22,7 +30,7 @@ pub(super) type Image =
     for<'t> fn(&Scene, Cull, Var<'t, f32>, Var<'t, f32>) -> Result<Var<'t, f32>, FitError>;
 
 /// All methods; another one is another row.
-pub(super) const METHODS: [Method; 6] = [
+pub(super) const METHODS: [Method; 7] = [
     method("no antialias", "no_antialias", |scene, cull, p, c| {
         Ok(drawn(scene, RasterOptions::new(scene.size).cull(cull), p, c)?.composite.image()?)
     }),
@@ -33,8 +41,9 @@ pub(super) const METHODS: [Method; 6] = [
     method("antialias, 4x4", "antialias_4x4", |scene, cull, p, c| {
         supersampled(4, scene, cull, p, c)
     }),
-    method("exact", "exact", exact),
-    Method { has_seams: true, ..method("exact, all edges", "exact_all_edges", exact) },
+    method("exact, no seams", "exact_no_seams", exact),
+    Method { seams: Seams::Creases, ..method("exact", "exact", exact) },
+    Method { seams: Seams::All, ..method("exact, all edges", "exact_all_edges", exact) },
 ];
 
 /// With exact coverage.
@@ -49,7 +58,7 @@ fn exact<'t>(
 }
 
 const fn method(name: &'static str, key: &'static str, image: Image) -> Method {
-    Method { name, key, has_seams: false, image }
+    Method { name, key, seams: Seams::None, image }
 }
 
 /// `times` x `times` antialiased pixels make one.
