@@ -10,6 +10,7 @@ use super::depth_intervals::{DepthInterval, depth_groups, front_layers, may_cros
 use super::extent::Extent;
 use super::faces_by_pixel::FacesByPixel;
 use super::mean::{barycentrics, total};
+use super::outline::{Covered, Outline};
 use super::pieces::{Piece, Pieces, Segment};
 use super::pixel_border::{WIDER, halves, is_along_axis};
 use super::pixel_mask::PixelMask;
@@ -41,6 +42,7 @@ pub(in crate::rasterize) struct BoundarySearch<S> {
     intervals: Vec<DepthInterval<S>>,
     faces_by_pixel: FacesByPixel,
     sheets: Sheets,
+    outline: Outline<S>,
     candidates: Vec<Candidate<S>>,
     visible: Visible<S>,
     /// What is visible in a pixel a little wider, where sides lie on its border.
@@ -179,7 +181,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         pieces: &mut Pieces<S>,
     ) {
         let Self { candidates, visible, wide, border_sides, samples, .. } = self;
-        let Self { areas, extents, order, planes, outlines, intervals, sheets, .. } = self;
+        let Self { areas, extents, order, planes, outlines, intervals, sheets, outline, .. } = self;
         let row = band.rows.start + row;
         intervals.clear();
         intervals.extend(faces.iter().map(|&face| {
@@ -189,6 +191,11 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         let is_of_outline = band.view.sampling == Sampling::Outline;
         let is_filled = is_of_outline && sheets.fill(band, outlines, faces, intervals);
         if is_filled || front_layers(intervals) == Some(1) {
+            return;
+        }
+        let pixel = (row * band.view.size.width + column) as u32;
+        if is_of_outline && let Some(covered) = outline.find(band, outlines, intervals, [x, y]) {
+            keep_covered(band, &covered, &outline.sides, pixel, pieces);
             return;
         }
         candidates.clear();
@@ -244,7 +251,6 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
             let face = |at: u32| candidates[at as usize].band_face;
             area(b).total_cmp(&area(a)).then(face(a).cmp(&face(b)))
         });
-        let pixel = (row * band.view.size.width + column) as u32;
         let first = pieces.pieces.len();
         pieces.pixels.push(pixel);
         pieces.pieces.extend(order.iter().filter_map(|&at| {
@@ -288,6 +294,35 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         if band.view.needs {
             pieces.segment_ends.push(pieces.segments.len() as u32);
         }
+    }
+}
+
+/// Keeps what is covered of a pixel, with its sides, as a piece of a face at its rim.
+#[inline(always)]
+fn keep_covered<T: Scalar>(
+    band: &BandFaces<'_, '_, T>,
+    &Covered { area, rim }: &Covered<T::Wide>,
+    sides: &[Side<T::Wide>],
+    pixel: u32,
+    pieces: &mut Pieces<T::Wide>,
+) {
+    // Without a rim the pixel is what its centre is.
+    let Some((band_face, place, edges)) = rim else { return };
+    pieces.pixels.push(pixel);
+    if area > T::Wide::from_f64(4.0 * SMALLEST) {
+        let corners = band.view.corners_of(band.faces[band_face as usize] as usize);
+        let extent = Extent::at(place);
+        let barycentrics = barycentrics(&edges, corners.map(|corner| corner.factor), &extent);
+        pieces.pieces.push(Piece { band_face, area, extent, moves: false, barycentrics });
+        if band.view.needs {
+            pieces.segments.extend(sides.iter().map(|&side| Segment { piece: 0, side }));
+        }
+    } else {
+        pieces.dropped += 1;
+    }
+    pieces.ends.push(pieces.pieces.len() as u32);
+    if band.view.needs {
+        pieces.segment_ends.push(pieces.segments.len() as u32);
     }
 }
 

@@ -15,6 +15,7 @@
 //!   |     |-- FacesByPixel     the faces that may reach into a pixel (faces_by_pixel)
 //!   |     `-- DepthInterval    their depths there: one layer in front ends the search (depth_intervals)
 //!   |-- Sheets          of the outline alone: whether the surface fills a marked pixel (sheets)
+//!   |-- Outline         or how much of the pixel it covers, whatever is seen (outline)
 //!   `-- resolve         per marked pixel, depth group by depth group, the nearest first
 //!         |-- Visible          cut to the pixel, and to what no other face hides (visible)
 //!         |     `-- Polygons   convex polygons, cut by lines (polygon)
@@ -36,6 +37,7 @@ mod depth_intervals;
 mod extent;
 mod faces_by_pixel;
 mod mean;
+mod outline;
 mod piece_fragments;
 mod pieces;
 mod pixel_border;

@@ -1,0 +1,360 @@
+//! How much of a pixel a surface covers, whatever is seen of it.
+//!
+//! # Forward
+//! A stretch of an edge of the outline bounds what is covered if no face covers its outer side. Whether a
+//! face does changes along the stretch only where another edge of the outline crosses it: beyond any other
+//! edge the surface goes on. So stretches are cut where they cross, and the middle of each part tells for
+//! all of it. With the covered parts of the pixel's border they run around what is covered, on their left.
+//! By Green's theorem the area is `int x dy` around it.
+//!
+//! # Backward
+//! The stretches that are left are the sides: see `polygon`.
+//!
+//! # Where it says nothing
+//! Around what is covered one comes back to where one started, and along the pixel's border covered and
+//! free parts take turns. Where rounding has led to anything else the pixel is resolved into what is
+//! visible. So it is where faces reach behind the eye or out of the depth range, or where an edge lies on the
+//! pixel's border.
+
+use bokashi_core::Scalar;
+
+use super::band_faces::{ALONG_AXIS, BandFaces};
+use super::depth_intervals::DepthInterval;
+use super::polygon::{Line, size, value_at};
+use super::visible::{Side, Source};
+use crate::edge_functions::depth_and_w;
+use crate::homogeneous::{Vertex, cross};
+
+/// With more stretches a pixel is resolved into what is visible.
+const MOST_STRETCHES: usize = 64;
+
+/// Within this share of its size a line's value is rounding.
+const ROUNDING: f64 = 1e-14;
+
+/// What is run around ends within this many half pixels of where it started.
+const GAP: f64 = 1e-11;
+
+/// A face, around the pixel's centre.
+#[derive(Debug, Clone, Copy)]
+struct Face<S> {
+    band_face: u32,
+    vertices: [Vertex<S>; 3],
+    /// The edge functions, positive inside.
+    edges: [Line<S>; 3],
+    outline: u8,
+}
+
+/// Where a place lies on the pixel's border, counter-clockwise from its first corner, in half pixels.
+type Border<S> = Option<S>;
+
+/// A stretch of an edge of the outline in the pixel, with the face on its left.
+#[derive(Debug, Clone, Copy)]
+struct Stretch<S> {
+    /// The position of its face.
+    face: u32,
+    k: u8,
+    ends: [[S; 2]; 2],
+    borders: [Border<S>; 2],
+}
+
+/// Where a stretch is crossed, and at which share of its length.
+#[derive(Debug, Clone, Copy)]
+struct Crossing<S> {
+    stretch: u32,
+    share: S,
+    place: [S; 2],
+}
+
+/// What a surface covers of a pixel.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Covered<S> {
+    /// In scaled coordinates, in which a pixel has 4.
+    pub(super) area: S,
+    /// A face at its rim, by its position among those of the band, and a place there, in which it has the
+    /// edge functions `edges`. None where there is no rim.
+    pub(super) rim: Option<(u32, [S; 2], [Line<S>; 3])>,
+}
+
+/// The memory of the search.
+#[derive(Debug, Default)]
+pub(super) struct Outline<S> {
+    faces: Vec<Face<S>>,
+    stretches: Vec<Stretch<S>>,
+    crossings: Vec<Crossing<S>>,
+    /// Where the rim meets the pixel's border, and whether it comes in there.
+    gates: Vec<(S, bool)>,
+    /// What bounds the covered part.
+    pub(super) sides: Vec<Side<S>>,
+}
+
+impl<S: Scalar<Wide = S>> Outline<S> {
+    /// What the faces of `intervals` cover of the pixel around `center`, and its sides; `None` where it
+    /// does not tell. `outlines` are those of all faces of the band.
+    #[inline(always)]
+    pub(super) fn find<T: Scalar<Wide = S>>(
+        &mut self,
+        band: &BandFaces<'_, '_, T>,
+        outlines: &[u8],
+        intervals: &[DepthInterval<S>],
+        center: [S; 2],
+    ) -> Option<Covered<S>> {
+        self.faces.clear();
+        self.stretches.clear();
+        for interval in intervals.iter().filter(|interval| !interval.is_out()) {
+            let face = Face::new(band, outlines, interval, center)?;
+            let at = self.faces.len() as u32;
+            if interval.ends {
+                let own = (0..3).filter(|k| face.outline >> k & 1 == 1);
+                self.stretches.extend(own.filter_map(|k| face.stretch(at, k)));
+            }
+            self.faces.push(face);
+        }
+        if self.stretches.len() > MOST_STRETCHES {
+            return None;
+        }
+        self.find_crossings();
+        self.covered()
+    }
+
+    /// Finds where stretches cross, sorted along each of them.
+    fn find_crossings(&mut self) {
+        let Self { stretches, crossings, .. } = self;
+        crossings.clear();
+        for (at, one) in stretches.iter().enumerate() {
+            for (other_at, other) in stretches.iter().enumerate().skip(at + 1) {
+                let along = |stretch: &Stretch<S>| {
+                    let [p, q] = stretch.ends;
+                    [q[0] - p[0], q[1] - p[1]]
+                };
+                let (own, others) = (along(one), along(other));
+                let between =
+                    [other.ends[0][0] - one.ends[0][0], other.ends[0][1] - one.ends[0][1]];
+                let angle = cross(own, others);
+                let shares = [cross(between, others) / angle, cross(between, own) / angle];
+                // Of parallel stretches no share is a number within the range.
+                if shares.iter().all(|&share| share > S::ZERO && share < S::ONE) {
+                    let place = [0, 1].map(|axis| one.ends[0][axis] + shares[0] * own[axis]);
+                    let pair = [at, other_at].into_iter().zip(shares);
+                    crossings.extend(pair.map(|(at, share)| Crossing {
+                        stretch: at as u32,
+                        share,
+                        place,
+                    }));
+                }
+            }
+        }
+        crossings.sort_unstable_by(|a, b| {
+            a.stretch.cmp(&b.stretch).then(a.share.to_f64().total_cmp(&b.share.to_f64()))
+        });
+    }
+
+    /// Keeps what bounds the covered part, and sums up its area.
+    fn covered(&mut self) -> Option<Covered<S>> {
+        let Self { faces, stretches, crossings, gates, sides } = self;
+        gates.clear();
+        sides.clear();
+        let (mut area, mut gap) = (S::ZERO, [S::ZERO; 2]);
+        let mut rim: Option<(S, usize, [S; 2])> = None;
+        let mut crossings = &crossings[..];
+        for (at, stretch) in (0..).zip(&*stretches) {
+            let count = crossings.iter().take_while(|crossing| crossing.stretch == at).count();
+            let own;
+            (own, crossings) = crossings.split_at(count);
+            let places = || own.iter().map(|crossing| (crossing.place, None));
+            let [start, end] = [0, 1].map(|k| (stretch.ends[k], stretch.borders[k]));
+            let starts = std::iter::once(start).chain(places());
+            let ends = places().chain(std::iter::once(end));
+            for ((p, from), (q, to)) in starts.zip(ends) {
+                let half = S::from_f64(0.5);
+                let middle = [half * (p[0] + q[0]), half * (p[1] + q[1])];
+                if !is_rim(faces, stretch, middle) {
+                    continue;
+                }
+                area += middle[0] * (q[1] - p[1]);
+                gap = [gap[0] + q[0] - p[0], gap[1] + q[1] - p[1]];
+                gates.extend(from.map(|place| (place, true)));
+                gates.extend(to.map(|place| (place, false)));
+                let length = (q[0] - p[0]).abs() + (q[1] - p[1]).abs();
+                if rim.is_none_or(|(longest, ..)| length > longest) {
+                    rim = Some((length, stretch.face as usize, middle));
+                }
+                let face = &faces[stretch.face as usize];
+                let [_, x, y] = face.edges[usize::from(stretch.k)];
+                sides.push(Side {
+                    source: Source::Edge { candidate: face.band_face, k: stretch.k },
+                    is_inside: true,
+                    is_on_border: false,
+                    normal: [x, y],
+                    ends: [p, q],
+                });
+            }
+        }
+        gates.sort_unstable_by(|a, b| a.0.to_f64().total_cmp(&b.0.to_f64()));
+        // Where the rim leaves the pixel, what follows of the border is covered.
+        let is_open = match gates.last() {
+            Some(&(_, comes_in)) => !comes_in,
+            None => faces.iter().any(|face| face.covers([-S::ONE; 2])),
+        };
+        let mut from = is_open.then_some(S::ZERO);
+        let end = (S::from_f64(8.0), true);
+        for &(place, comes_in) in gates.iter().chain(is_open.then_some(&end)) {
+            match (from, comes_in) {
+                (Some(start), true) => {
+                    add_border([start, place], &mut area, &mut gap);
+                    from = None;
+                }
+                (None, false) => from = Some(place),
+                _ => return None,
+            }
+        }
+        let most = S::from_f64(GAP);
+        let is_whole = from.is_none() && gap[0].abs() < most && gap[1].abs() < most;
+        let rim = rim.map(|(_, face, place)| {
+            let Face { band_face, edges, .. } = faces[face];
+            (band_face, place, edges)
+        });
+        is_whole.then_some(Covered { area, rim })
+    }
+}
+
+/// Adds what goes along the pixel's border between two places to the integral of x dy and to the way.
+fn add_border<S: Scalar>([from, to]: [S; 2], area: &mut S, gap: &mut [S; 2]) {
+    for (side, [dx, dy]) in
+        [[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]].into_iter().enumerate()
+    {
+        let first = S::from_f64(2.0 * side as f64);
+        let last = first + S::from_f64(2.0);
+        let length = to.minimum_or_nan(last) - from.maximum_or_nan(first);
+        if length > S::ZERO {
+            *gap = [gap[0] + S::from_f64(dx) * length, gap[1] + S::from_f64(dy) * length];
+            // x is 1 where y grows, and -1 where it falls.
+            *area += S::from_f64(dy * dy) * length;
+        }
+    }
+}
+
+/// Whether no face covers the outer side of a stretch at its point `middle`, and no other stretch along it
+/// counts there: that of the nearest face does, or of the lowest one.
+#[inline(always)]
+fn is_rim<S: Scalar>(faces: &[Face<S>], stretch: &Stretch<S>, middle: [S; 2]) -> bool {
+    let own = &faces[stretch.face as usize];
+    let [_, x, y] = own.edges[usize::from(stretch.k)];
+    faces.iter().all(|face| {
+        let mut is_beyond = true;
+        let mut is_along = false;
+        for (k, &edge) in face.edges.iter().enumerate() {
+            let value = value_at(edge, middle);
+            let rounding = S::from_f64(ROUNDING) * size(edge);
+            if value > rounding {
+                continue;
+            }
+            if value < -rounding {
+                return true;
+            }
+            // The face begins or ends here.
+            if edge[1] * x + edge[2] * y > S::ZERO {
+                is_beyond = false;
+                is_along |= face.outline >> k & 1 == 1;
+            }
+        }
+        !is_beyond && (!is_along || !face.is_before(own, middle))
+    })
+}
+
+impl<S: Scalar<Wide = S>> Face<S> {
+    /// The face of an interval; `None` where it reaches behind the eye or out of the depth range, or where
+    /// an edge of it may lie on a pixel's border.
+    #[inline(always)]
+    fn new<T: Scalar<Wide = S>>(
+        band: &BandFaces<'_, '_, T>,
+        outlines: &[u8],
+        interval: &DepthInterval<S>,
+        center: [S; 2],
+    ) -> Option<Self> {
+        let band_face = interval.band_face;
+        let outline = outlines[band_face as usize];
+        let face = band.faces[band_face as usize] as usize;
+        let vertices = band.view.corners_of(face).map(|corner| corner.vertex.around(center));
+        let is_plain = interval.is_within() && vertices.iter().all(|vertex| vertex.w > S::ZERO);
+        if !is_plain || outline >> ALONG_AXIS != 0 {
+            return None;
+        }
+        let sign = S::from_f64(f64::from(band.view.verdicts[face].orientation));
+        let mut edges = band.weights[band_face as usize].edges;
+        for (k, edge) in edges.iter_mut().enumerate() {
+            let [p, q] = [1, 2].map(|next| vertices[(k + next) % 3]);
+            edge[0] = sign * cross([p.x, p.y], [q.x, q.y]);
+        }
+        Some(Self { band_face, vertices, edges, outline })
+    }
+}
+
+impl<S: Scalar> Face<S> {
+    /// What lies in the pixel of an edge.
+    fn stretch(&self, face: u32, k: usize) -> Option<Stretch<S>> {
+        let [p, q] = [1, 2].map(|next| {
+            let Vertex { x, y, w, .. } = self.vertices[(k + next) % 3];
+            [x / w, y / w]
+        });
+        // Along the line the face lies on the left.
+        let [_, x, y] = self.edges[k];
+        let is_reversed = (q[0] - p[0]) * y < (q[1] - p[1]) * x;
+        let [p, q] = if is_reversed { [q, p] } else { [p, q] };
+        let mut shares = [S::ZERO, S::ONE];
+        let mut cut_by = [None, None];
+        for axis in 0..2 {
+            for sign in [-S::ONE, S::ONE] {
+                // The pixel is where the distance to this side of its border is positive.
+                let [from, to] = [p, q].map(|place| S::ONE - sign * place[axis]);
+                if from <= S::ZERO && to <= S::ZERO {
+                    return None;
+                }
+                let share = from / (from - to);
+                if from < S::ZERO && share > shares[0] {
+                    (shares[0], cut_by[0]) = (share, Some((axis, sign)));
+                }
+                if to < S::ZERO && share < shares[1] {
+                    (shares[1], cut_by[1]) = (share, Some((axis, sign)));
+                }
+            }
+        }
+        if shares[0] >= shares[1] {
+            return None;
+        }
+        let mut ends = [p, q];
+        let mut borders = [None, None];
+        for end in 0..2 {
+            if let Some((axis, sign)) = cut_by[end] {
+                let along = 1 - axis;
+                let place = p[along] + shares[end] * (q[along] - p[along]);
+                ends[end][along] = place;
+                ends[end][axis] = sign;
+                // Sides of the border, counter-clockwise from y = -1.
+                let (first, turns) = match (axis, sign > S::ZERO) {
+                    (1, false) => (1.0, 1.0),
+                    (0, true) => (3.0, 1.0),
+                    (1, true) => (5.0, -1.0),
+                    _ => (7.0, -1.0),
+                };
+                borders[end] = Some(S::from_f64(first) + S::from_f64(turns) * place);
+            }
+        }
+        Some(Stretch { face, k: k as u8, ends, borders })
+    }
+
+    /// Whether a point lies in it or on its edges.
+    fn covers(&self, point: [S; 2]) -> bool {
+        self.edges.iter().all(|&edge| value_at(edge, point) >= S::ZERO)
+    }
+
+    /// Whether at a point it is nearer than another face; where both are as near, the lower face is.
+    fn is_before(&self, other: &Self, point: [S; 2]) -> bool {
+        let depth = |face: &Self| {
+            let [depth, _] =
+                depth_and_w(&face.vertices, face.edges.map(|edge| value_at(edge, point)));
+            depth
+        };
+        let (own, others) = (depth(self), depth(other));
+        own < others || own == others && self.band_face < other.band_face
+    }
+}
