@@ -20,6 +20,9 @@ pub(super) const REACH: f64 = 1.0 + 1e-6;
 /// The first bit of a face's edges that run along rows or columns.
 pub(super) const ALONG_AXIS: u8 = 3;
 
+/// The bit of a face that may reach out of the depth range, or behind the eye.
+pub(super) const BEYOND_DEPTHS: u8 = 6;
+
 /// A band with the faces that were drawn in it.
 pub(in crate::rasterize) struct BandFaces<'a, 'v, T: Scalar> {
     pub(in crate::rasterize) view: &'a Prepared<'v, T>,
@@ -112,7 +115,7 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
 
     /// The depth's coefficients around the centre of a pixel.
     pub(super) fn depth(&self, band_face: u32, x: T::Wide, y: T::Wide) -> Line<T::Wide> {
-        self.candidate(&[], band_face, 0, [x, y]).depth
+        self.candidate(band_face, 0, [x, y]).depth
     }
 
     /// A face around the centre of a pixel, with the edges `outline` of a surface's outline and those
@@ -120,22 +123,15 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
     #[inline(always)]
     pub(super) fn candidate(
         &self,
-        planes: &[Plane<T::Wide>],
         band_face: u32,
         outline: u8,
         [x, y]: [T::Wide; 2],
     ) -> Candidate<T::Wide> {
-        let along_axis = outline >> ALONG_AXIS;
-        let on_border =
-            if along_axis == 0 { 0 } else { self.on_border(planes, band_face, along_axis, [x, y]) };
+        let on_border = self.on_border(band_face, outline, [x, y]);
         let face = self.faces[band_face as usize] as usize;
         let vertices = self.view.corners_of(face).map(|corner| corner.vertex);
-        let sign = T::Wide::from_f64(f64::from(self.view.verdicts[face].orientation));
         let q = vertices.map(|vertex| vertex.relative_to(x, y));
-        let mut edges = self.weights[band_face as usize].edges;
-        for (k, edge) in edges.iter_mut().enumerate() {
-            edge[0] = sign * cross(q[(k + 1) % 3], q[(k + 2) % 3]);
-        }
+        let edges = self.edges_around(band_face, q);
         let depth = depth(&vertices, &edges);
         let reaches = q.map(|[x, y]| x.abs() + y.abs());
         let extents = vertices.map(|vertex| {
@@ -146,23 +142,45 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         Candidate { band_face, edges, depth, depth_error_bound, outline, on_border }
     }
 
-    /// Which of the edges `some` of a face lie on the border of the pixel with the centre `center`.
+    /// The edge functions of a face around the centre of a pixel, where its vertices relative to that are
+    /// `q`.
+    #[inline(always)]
+    pub(super) fn edges_around(&self, band_face: u32, q: [[T::Wide; 2]; 3]) -> [Line<T::Wide>; 3] {
+        let face = self.faces[band_face as usize] as usize;
+        let sign = T::Wide::from_f64(f64::from(self.view.verdicts[face].orientation));
+        let mut edges = self.weights[band_face as usize].edges;
+        for (k, edge) in edges.iter_mut().enumerate() {
+            edge[0] = sign * cross(q[(k + 1) % 3], q[(k + 2) % 3]);
+        }
+        edges
+    }
+
+    /// Which of a face's edges lie on the border of the pixel with the centre `center`: a bit for each of
+    /// them. `outline` tells which edges run along rows or columns.
+    #[inline(always)]
+    pub(super) fn on_border(&self, band_face: u32, outline: u8, center: [T::Wide; 2]) -> u8 {
+        match outline >> ALONG_AXIS & 0b111 {
+            0 => 0,
+            some => self.some_on_border(band_face, some, center),
+        }
+    }
+
     #[cold]
     #[inline(never)]
-    fn on_border(
-        &self,
-        planes: &[Plane<T::Wide>],
-        band_face: u32,
-        some: u8,
-        center: [T::Wide; 2],
-    ) -> u8 {
-        let (edges, bounds) = (
-            &self.weights[band_face as usize].edges,
-            &planes[band_face as usize].edge_error_bounds,
-        );
+    fn some_on_border(&self, band_face: u32, some: u8, center: [T::Wide; 2]) -> u8 {
+        let edges = &self.weights[band_face as usize].edges;
+        let bounds = self.edge_error_bounds(band_face);
         let is_on_border =
             |k: &usize| some >> k & 1 == 1 && lies_on_border(edges[*k], center, bounds[*k]);
         (0..3).filter(is_on_border).map(|k| 1 << k).sum()
+    }
+
+    /// More than what a face's edge functions are off by anywhere in the image.
+    #[inline(always)]
+    fn edge_error_bounds(&self, band_face: u32) -> [T::Wide; 3] {
+        let corners = self.view.corners_of(self.faces[band_face as usize] as usize);
+        let [p, q, r] = corners.map(|corner| corner.vertex);
+        [(q, r), (r, p), (p, q)].map(|(p, q)| edge_error_bound(p, q, self.view.size))
     }
 
     /// The depths of a face of the band, and how far they can be told.
@@ -172,9 +190,7 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         let vertices = corners.map(|corner| corner.vertex);
         let edges = &self.weights[at as usize].edges;
         let depth = depth(&vertices, edges);
-        let [p, q, r] = vertices;
-        let edge_error_bounds =
-            [(q, r), (r, p), (p, q)].map(|(p, q)| edge_error_bound(p, q, self.view.size));
+        let edge_error_bounds = self.edge_error_bounds(at);
         // Of z / w = sum z_i a_i / D, D = sum w_i a_i, the a_i are off by their bounds; in the depth
         // range z / w counts at most once.
         let off = |k: usize| (vertices[k].z.abs() + vertices[k].w.abs()) * edge_error_bounds[k];

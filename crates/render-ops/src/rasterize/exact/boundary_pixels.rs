@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::band_faces::{ALONG_AXIS, BandFaces, Plane, REACH};
+use super::band_faces::{ALONG_AXIS, BEYOND_DEPTHS, BandFaces, Plane, REACH};
 use super::depth_intervals::{DepthInterval, depth_groups, front_layers, may_cross};
 use super::extent::Extent;
 use super::faces_by_pixel::FacesByPixel;
@@ -17,7 +17,6 @@ use super::pixel_mask::PixelMask;
 use super::polygon::Line;
 use super::regions::Regions;
 use super::samples::Samples;
-use super::sheets::Sheets;
 use super::visible::{Candidate, SMALLEST, Side, Visible};
 use crate::rasterize::options::Sampling;
 
@@ -37,11 +36,10 @@ pub(in crate::rasterize) struct BoundarySearch<S> {
     layers: Vec<u32>,
     /// Blocks of pixels.
     blocks: PixelMask,
-    /// Per face of the band: its plane.
+    /// Per face of the band: its plane; none where no pixel asks for one.
     planes: Vec<Plane<S>>,
     intervals: Vec<DepthInterval<S>>,
     faces_by_pixel: FacesByPixel,
-    sheets: Sheets,
     outline: Outline<S>,
     candidates: Vec<Candidate<S>>,
     visible: Visible<S>,
@@ -54,7 +52,7 @@ pub(in crate::rasterize) struct BoundarySearch<S> {
     extents: Vec<Option<Extent<S>>>,
     order: Vec<u32>,
     /// Per face of the band: bit k, whether edge k is one of a surface's outline, or a seam; bit
-    /// `ALONG_AXIS + k`, whether it runs along rows or columns.
+    /// `ALONG_AXIS + k`, whether it runs along rows or columns; and bit `BEYOND_DEPTHS`.
     outlines: Vec<u8>,
 }
 
@@ -91,14 +89,19 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         marks.clear(band.rows.len(), view.size.width);
         outlines.clear();
         planes.clear();
-        planes.extend((0..band.faces.len() as u32).map(|at| band.plane(at)));
+        if view.sampling == Sampling::Exact {
+            planes.extend((0..band.faces.len() as u32).map(|at| band.plane(at)));
+        }
         for (at, (&face, weights)) in (0..).zip(band.faces.iter().zip(band.weights)) {
             let is_seam = |k| has_seams && view.mesh.is_seam(face as usize, k);
             let is_outline = |k| view.is_silhouette(face as usize, k) || is_seam(k);
             let outline: u8 = (0..3).map(|k| u8::from(is_outline(k)) << k).sum();
             let along_axis: u8 =
                 (0..3).map(|k| u8::from(is_along_axis(weights.edges[k])) << k).sum();
-            outlines.push(outline | along_axis << ALONG_AXIS);
+            let corners = view.corners_of(face as usize);
+            let is_beyond = corners.iter().any(|corner| corner.is_beyond_depths());
+            let is_beyond_bit = u8::from(is_beyond) << BEYOND_DEPTHS;
+            outlines.push(outline | along_axis << ALONG_AXIS | is_beyond_bit);
             for corner in (0..3).filter(|k| outline >> k & 1 == 1) {
                 let [rows, columns] = band.reach_of_edge(face, corner);
                 let [one, x, y] = weights.edges[corner];
@@ -108,7 +111,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
                     marks.mark(row - band.rows.start, near_line(line, columns.clone()));
                 }
             }
-            if view.corners_of(face as usize).iter().any(|corner| corner.is_beyond_depths()) {
+            if is_beyond {
                 let [rows, columns] = band.reach(face);
                 for row in rows {
                     let [depth, x, y] = band.depth(at, view.centers[0], view.ys[row]);
@@ -181,21 +184,22 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         pieces: &mut Pieces<S>,
     ) {
         let Self { candidates, visible, wide, border_sides, samples, .. } = self;
-        let Self { areas, extents, order, planes, outlines, intervals, sheets, outline, .. } = self;
-        let row = band.rows.start + row;
+        let Self { areas, extents, order, planes, outlines, intervals, outline, .. } = self;
+        let pixel = ((band.rows.start + row) * band.view.size.width + column) as u32;
+        if band.view.sampling == Sampling::Outline {
+            if let Some(covered) = outline.find(band, outlines, faces, [x, y]) {
+                return keep_covered(band, &covered, &outline.sides, pixel, pieces);
+            }
+            if planes.is_empty() {
+                planes.extend((0..band.faces.len() as u32).map(|at| band.plane(at)));
+            }
+        }
         intervals.clear();
         intervals.extend(faces.iter().map(|&face| {
             let outline = outlines[face as usize];
             band.interval(planes, face, outline, [x, y], 1)
         }));
-        let is_of_outline = band.view.sampling == Sampling::Outline;
-        let is_filled = is_of_outline && sheets.fill(band, outlines, faces, intervals);
-        if is_filled || front_layers(intervals) == Some(1) {
-            return;
-        }
-        let pixel = (row * band.view.size.width + column) as u32;
-        if is_of_outline && let Some(covered) = outline.find(band, outlines, intervals, [x, y]) {
-            keep_covered(band, &covered, &outline.sides, pixel, pieces);
+        if front_layers(intervals) == Some(1) {
             return;
         }
         candidates.clear();
@@ -207,7 +211,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
             if !is_crowded {
                 candidates.extend(group.iter().map(|interval| {
                     let face = interval.band_face;
-                    band.candidate(planes, face, outlines[face as usize], [x, y])
+                    band.candidate(face, outlines[face as usize], [x, y])
                 }));
                 is_crowded = !visible.add(candidates);
             }
@@ -216,7 +220,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
             }
         }
         if is_crowded {
-            gather(band, planes, faces, outlines, [x, y], candidates);
+            gather(band, faces, outlines, [x, y], candidates);
         }
         areas.clear();
         areas.resize(candidates.len(), S::ZERO);
@@ -273,8 +277,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         }
         if visible.touches_border && !is_crowded {
             // Where the wide pixel is crowded, the sides on the border stay as they are.
-            let candidate =
-                |face: u32| band.candidate(planes, face, outlines[face as usize], [x, y]);
+            let candidate = |face: u32| band.candidate(face, outlines[face as usize], [x, y]);
             if find_border_sides(wide, candidates, intervals, candidate, border_sides) {
                 let mut kept = first_segment;
                 for at in first_segment..pieces.segments.len() {
@@ -331,16 +334,14 @@ fn keep_covered<T: Scalar>(
 #[inline(never)]
 fn gather<T: Scalar>(
     band: &BandFaces<'_, '_, T>,
-    planes: &[Plane<T::Wide>],
     faces: &[u32],
     outlines: &[u8],
     center: [T::Wide; 2],
     candidates: &mut Vec<Candidate<T::Wide>>,
 ) {
     candidates.clear();
-    candidates.extend(
-        faces.iter().map(|&face| band.candidate(planes, face, outlines[face as usize], center)),
-    );
+    candidates
+        .extend(faces.iter().map(|&face| band.candidate(face, outlines[face as usize], center)));
 }
 
 /// Finds the sides on the border of a pixel that holds the faces of `intervals`, and what lies

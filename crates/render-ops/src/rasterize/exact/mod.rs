@@ -14,8 +14,7 @@
 //!   |     |-- Regions          unmarked pixels with one number of layers each (regions)
 //!   |     |-- FacesByPixel     the faces that may reach into a pixel (faces_by_pixel)
 //!   |     `-- DepthInterval    their depths there: one layer in front ends the search (depth_intervals)
-//!   |-- Sheets          of the outline alone: whether the surface fills a marked pixel (sheets)
-//!   |-- Outline         or how much of the pixel it covers, whatever is seen (outline)
+//!   |-- Outline         of the outline alone: how much of a pixel is covered, whatever is seen (outline)
 //!   `-- resolve         per marked pixel, depth group by depth group, the nearest first
 //!         |-- Visible          cut to the pixel, and to what no other face hides (visible)
 //!         |     `-- Polygons   convex polygons, cut by lines (polygon)
@@ -49,7 +48,6 @@ pub(super) mod quadrature;
 mod reciprocal;
 mod regions;
 mod samples;
-mod sheets;
 mod visible;
 
 pub(super) use self::band_faces::BandFaces;

@@ -18,8 +18,7 @@
 
 use bokashi_core::Scalar;
 
-use super::band_faces::{ALONG_AXIS, BandFaces};
-use super::depth_intervals::DepthInterval;
+use super::band_faces::{BEYOND_DEPTHS, BandFaces};
 use super::polygon::{Line, size, value_at};
 use super::visible::{Side, Source};
 use crate::edge_functions::depth_and_w;
@@ -88,25 +87,22 @@ pub(super) struct Outline<S> {
 }
 
 impl<S: Scalar<Wide = S>> Outline<S> {
-    /// What the faces of `intervals` cover of the pixel around `center`, and its sides; `None` where it
-    /// does not tell. `outlines` are those of all faces of the band.
+    /// What `some_faces` cover of the pixel around `center`, and its sides; `None` where it does not tell.
+    /// `outlines` are those of all faces of the band.
     #[inline(always)]
     pub(super) fn find<T: Scalar<Wide = S>>(
         &mut self,
         band: &BandFaces<'_, '_, T>,
         outlines: &[u8],
-        intervals: &[DepthInterval<S>],
+        some_faces: &[u32],
         center: [S; 2],
     ) -> Option<Covered<S>> {
         self.faces.clear();
         self.stretches.clear();
-        for interval in intervals.iter().filter(|interval| !interval.is_out()) {
-            let face = Face::new(band, outlines, interval, center)?;
-            let at = self.faces.len() as u32;
-            if interval.ends {
-                let own = (0..3).filter(|k| face.outline >> k & 1 == 1);
-                self.stretches.extend(own.filter_map(|k| face.stretch(at, k)));
-            }
+        for (at, &band_face) in (0..).zip(some_faces) {
+            let face = Face::new(band, band_face, outlines[band_face as usize], center)?;
+            let own = (0..3).filter(|k| face.outline >> k & 1 == 1);
+            self.stretches.extend(own.filter_map(|k| face.stretch(at, k)));
             self.faces.push(face);
         }
         if self.stretches.len() > MOST_STRETCHES {
@@ -262,42 +258,38 @@ fn is_rim<S: Scalar>(faces: &[Face<S>], stretch: &Stretch<S>, middle: [S; 2]) ->
 }
 
 impl<S: Scalar<Wide = S>> Face<S> {
-    /// The face of an interval; `None` where it reaches behind the eye or out of the depth range, or where
-    /// an edge of it may lie on a pixel's border.
+    /// `None` where it reaches behind the eye or out of the depth range, or where an edge of it lies on the
+    /// pixel's border.
     #[inline(always)]
     fn new<T: Scalar<Wide = S>>(
         band: &BandFaces<'_, '_, T>,
-        outlines: &[u8],
-        interval: &DepthInterval<S>,
+        band_face: u32,
+        outline: u8,
         center: [S; 2],
     ) -> Option<Self> {
-        let band_face = interval.band_face;
-        let outline = outlines[band_face as usize];
-        let face = band.faces[band_face as usize] as usize;
-        let vertices = band.view.corners_of(face).map(|corner| corner.vertex.around(center));
-        let is_plain = interval.is_within() && vertices.iter().all(|vertex| vertex.w > S::ZERO);
-        if !is_plain || outline >> ALONG_AXIS != 0 {
+        if outline >> BEYOND_DEPTHS != 0 || band.on_border(band_face, outline, center) != 0 {
             return None;
         }
-        let sign = S::from_f64(f64::from(band.view.verdicts[face].orientation));
-        let mut edges = band.weights[band_face as usize].edges;
-        for (k, edge) in edges.iter_mut().enumerate() {
-            let [p, q] = [1, 2].map(|next| vertices[(k + next) % 3]);
-            edge[0] = sign * cross([p.x, p.y], [q.x, q.y]);
-        }
+        let corners = band.view.corners_of(band.faces[band_face as usize] as usize);
+        let vertices = corners.map(|corner| corner.vertex.around(center));
+        let edges = band.edges_around(band_face, vertices.map(|vertex| [vertex.x, vertex.y]));
         Some(Self { band_face, vertices, edges, outline })
     }
 }
 
 impl<S: Scalar> Face<S> {
     /// What lies in the pixel of an edge.
+    #[inline(always)]
     fn stretch(&self, face: u32, k: usize) -> Option<Stretch<S>> {
+        let [one, x, y] = self.edges[k];
+        if one.abs() > x.abs() + y.abs() {
+            return None;
+        }
         let [p, q] = [1, 2].map(|next| {
             let Vertex { x, y, w, .. } = self.vertices[(k + next) % 3];
             [x / w, y / w]
         });
         // Along the line the face lies on the left.
-        let [_, x, y] = self.edges[k];
         let is_reversed = (q[0] - p[0]) * y < (q[1] - p[1]) * x;
         let [p, q] = if is_reversed { [q, p] } else { [p, q] };
         let mut shares = [S::ZERO, S::ONE];
