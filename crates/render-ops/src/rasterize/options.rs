@@ -29,8 +29,9 @@ pub enum Sampling {
     Exact,
     /// As [`Sampling::Exact`] where a surface ends before the background, else as
     /// [`Sampling::Center`]: for silhouette masks. How much of a pixel is covered is exact, and so is its
-    /// gradient. Folds, seams and intersections in front of a surface that fills the pixel are left
-    /// alone, which on fine meshes are most of the cost.
+    /// gradient. What is covered of a pixel is one piece, shaded at one place. Folds, seams and
+    /// intersections in front of a surface that fills the pixel are left alone, which on fine meshes are
+    /// most of the cost.
     Outline,
 }
 
