@@ -115,17 +115,15 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         self.candidate(&[], band_face, 0, [x, y]).depth
     }
 
-    /// A face around the centre of a pixel, with the edges `outline` of a surface's outline and those
-    /// that run along rows or columns.
+    /// A face around the centre of a pixel, whose edges `along_axis` run along rows or columns.
     #[inline(always)]
     pub(super) fn candidate(
         &self,
         planes: &[Plane<T::Wide>],
         band_face: u32,
-        outline: u8,
+        along_axis: u8,
         [x, y]: [T::Wide; 2],
     ) -> Candidate<T::Wide> {
-        let along_axis = outline >> ALONG_AXIS;
         let on_border =
             if along_axis == 0 { 0 } else { self.on_border(planes, band_face, along_axis, [x, y]) };
         let face = self.faces[band_face as usize] as usize;
@@ -143,7 +141,7 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
             x.maximum_or_nan(y)
         });
         let depth_error_bound = depth_error_bound(&vertices, &edges, depth, reaches, extents);
-        Candidate { band_face, edges, depth, depth_error_bound, outline, on_border }
+        Candidate { band_face, edges, depth, depth_error_bound, on_border }
     }
 
     /// Which of the edges `some` of a face lie on the border of the pixel with the centre `center`.
@@ -218,7 +216,7 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         let infinity = T::Wide::from_f64(f64::INFINITY);
         let [nearest, farthest] =
             if nearest <= farthest { [nearest, farthest] } else { [-infinity, infinity] };
-        DepthInterval { band_face, nearest, farthest, covers, ends }
+        DepthInterval { face: band_face, nearest, farthest, covers, ends }
     }
 }
 
