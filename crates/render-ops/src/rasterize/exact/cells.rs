@@ -64,7 +64,7 @@ impl<S: Scalar> Crowd<'_, S> {
         faces: Range<usize>,
         work: usize,
     ) -> usize {
-        let own = 4 * faces.len();
+        let own = faces.len();
         if depth == self.limits.depth || work < own {
             self.sample(cell, depth, faces);
             return work;
@@ -92,12 +92,13 @@ impl<S: Scalar> Crowd<'_, S> {
             if p | q | r {
                 continue;
             }
-            let [nearest, farthest] = cell.range(candidate.depth);
-            let interval = DepthInterval {
-                nearest: interval.nearest.maximum_or_nan(nearest - candidate.depth_error_bound),
-                farthest: interval.farthest.minimum_or_nan(farthest + candidate.depth_error_bound),
-                ..interval
-            };
+            let [least, most] = cell.range(candidate.depth);
+            let [least, most] =
+                [least - candidate.depth_error_bound, most + candidate.depth_error_bound];
+            // Of what is no number nothing new is known.
+            let nearest = if least > interval.nearest { least } else { interval.nearest };
+            let farthest = if most < interval.farthest { most } else { interval.farthest };
+            let interval = DepthInterval { nearest, farthest, ..interval };
             if !interval.is_out() {
                 self.faces.push(interval);
             }

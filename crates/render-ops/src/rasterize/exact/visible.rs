@@ -91,7 +91,8 @@ pub(super) struct Visible<S> {
     next: Vec<Polygon>,
 }
 
-/// How many faces are found to lie beside another face while a polygon is held against a face.
+/// So many faces are soon found to lie beside another face: that takes as long as to hold a polygon
+/// against a face.
 const BOXES_PER_CUT: usize = 16;
 
 /// A cell is crowded if its polygons have more corners than this on the way.

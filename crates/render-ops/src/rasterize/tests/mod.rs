@@ -12,7 +12,6 @@ mod outline;
 mod perspective;
 mod pixel_borders;
 mod watertight;
-mod zz_bench;
 
 use bokashi_core::{Tape, Tensor};
 use proptest::prelude::*;
