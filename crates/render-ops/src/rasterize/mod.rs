@@ -149,13 +149,13 @@ fn record<'t, T: Scalar>(
     if !reaches_behind {
         clip.tape().leave_out("rasterize", "whole rows: no face reaches behind the eye");
     }
-    let BoundaryCounts { dropped, crowded, .. } = coverage.boundary_counts();
+    let BoundaryCounts { dropped, sampled, .. } = coverage.boundary_counts();
     let cuts = [
-        (dropped, "exact visibility: pieces below 1e-14 of a pixel are dropped"),
-        (crowded, "exact visibility: crowded pixels are sampled"),
+        (dropped > 0, "exact visibility: pieces below 1e-14 of a pixel are dropped"),
+        (sampled > 0.0, "exact visibility: where too many faces meet, parts of pixels are sampled"),
     ];
-    for (count, reason) in cuts {
-        if count > 0 {
+    for (is_cut, reason) in cuts {
+        if is_cut {
             clip.tape().leave_out("rasterize", reason);
         }
     }

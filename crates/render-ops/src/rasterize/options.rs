@@ -51,12 +51,34 @@ pub struct RasterOptions {
     pub cull: Cull,
     /// What a pixel is the picture of.
     pub sampling: Sampling,
+    /// Lower where tests ask for it.
+    pub(crate) limits: Limits,
+}
+
+/// How much exact coverage does at once. The results are the same to rounding, but where the last two
+/// limits are reached (`exact::cells`).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Limits {
+    /// A pixel or a cell of one is cut into four where a depth group holds more faces.
+    pub(crate) faces: usize,
+    pub(crate) faces_of_cell: usize,
+    /// The same where polygons would be held against faces more often.
+    pub(crate) cuts: usize,
+    /// How often a pixel is cut.
+    pub(crate) depth: u32,
+    /// How much work a crowded pixel may be: as much as to hold so many polygons against faces.
+    pub(crate) work: usize,
+}
+
+impl Limits {
+    pub(crate) const DEFAULT: Self =
+        Self { faces: 256, faces_of_cell: 256, cuts: 1 << 18, depth: 12, work: 1 << 25 };
 }
 
 impl RasterOptions {
     /// Both sides of all faces at pixel centres, in an image of `size`.
     pub const fn new(size: Size) -> Self {
-        Self { size, cull: Cull::None, sampling: Sampling::Center }
+        Self { size, cull: Cull::None, sampling: Sampling::Center, limits: Limits::DEFAULT }
     }
 
     /// The same without the faces that `cull` names.

@@ -3,7 +3,7 @@
 use bokashi_core::Scalar;
 
 use super::culling::{Corner, Verdict};
-use super::options::Sampling;
+use super::options::{Limits, Sampling};
 use super::setup::LANES;
 use crate::coverage::Coverage;
 use crate::mesh::Mesh;
@@ -25,6 +25,7 @@ pub(super) struct Prepared<'a, T: Scalar> {
     /// Rows per band.
     pub(super) rows: usize,
     pub(super) sampling: Sampling,
+    pub(super) limits: Limits,
     /// Whether a gradient can be asked for.
     pub(super) needs: bool,
     /// The layer in front of what is looked for, if it is not all.

@@ -132,15 +132,26 @@ impl<T: Scalar> Visibility<T> {
         needs: bool,
         front: Option<&Coverage>,
     ) {
-        let RasterOptions { size, sampling, .. } = options;
+        let RasterOptions { size, sampling, limits, .. } = options;
         let Self { corners, verdicts, centers, ys, faces, canvases, .. } = self;
         centers.clear();
         let columns = 0..size.width.next_multiple_of(LANES);
         centers.extend(columns.map(|column| size.center_x::<T::Wide>(column)));
         ys.clear();
         ys.extend((0..size.height).map(|row| size.center_y::<T::Wide>(row)));
-        let view =
-            Prepared { mesh, size, corners, verdicts, centers, ys, rows, sampling, needs, front };
+        let view = Prepared {
+            mesh,
+            size,
+            corners,
+            verdicts,
+            centers,
+            ys,
+            rows,
+            sampling,
+            limits,
+            needs,
+            front,
+        };
         // As few as can be: what the band before has touched is in a core's cache.
         let threads = threads();
         let count = faces.len().min(if threads > 1 { threads * CANVASES_PER_THREAD } else { 1 });
@@ -219,5 +230,6 @@ fn join_pieces<'a, T: Scalar>(bands: impl Iterator<Item = &'a Band<T>>, coverage
         counts.pieces += piece_fragments.fragments.len();
         counts.dropped += found.dropped;
         counts.crowded += found.crowded;
+        counts.sampled += found.sampled;
     }
 }

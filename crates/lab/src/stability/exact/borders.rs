@@ -45,7 +45,7 @@ pub(in super::super) fn sides_on_borders<T: Scalar>() -> Outcome {
             let picture = Picture::of::<T>(&scene)?;
             error = error.maximum_or_nan(difference(&picture.areas, &swept(&scene.clip)));
             parts = parts.maximum_or_nan(picture.parts);
-            wrong += picture.wrong + picture.crowded;
+            wrong += picture.wrong + usize::from(picture.sampled > 0.0);
             let found = area_gradient::<T>(&scene)?;
             let most = largest(found.iter().copied());
             for (k, found) in found.into_iter().enumerate() {
@@ -68,5 +68,5 @@ pub(in super::super) fn sides_on_borders<T: Scalar>() -> Outcome {
     Ok(Found::within("areas, and the mean slope of both sides", error, bound)
         .and(parts <= parts_bound::<T>(), format!("parts are off 1 by {parts:.1e}"))
         .and(slope <= steep, format!("a gradient is off by {slope:.1e} of the largest"))
-        .and(wrong == 0, format!("{wrong} numbers not finite, or pixels crowded")))
+        .and(wrong == 0, format!("{wrong} numbers not finite, or pixels sampled")))
 }

@@ -44,7 +44,7 @@ struct Picture {
     background_bar: Vec<f64>,
     /// How far areas and background are from a partition of the pixels.
     parts: f64,
-    crowded: usize,
+    sampled: f64,
     /// How many faces were not drawn.
     culled: usize,
     /// Numbers that are not finite.
@@ -94,7 +94,7 @@ impl Picture {
         let culled = coverage.culled();
         Ok(Self {
             parts,
-            crowded: coverage.boundary_counts().crowded,
+            sampled: coverage.boundary_counts().sampled,
             culled: culled.degenerate + culled.outside + culled.facing,
             wrong: wrong.count(),
             areas,
@@ -126,7 +126,7 @@ struct Checked {
     slope: f64,
     parts: f64,
     wrong: usize,
-    crowded: usize,
+    sampled: f64,
     /// Pixels that are neither empty nor full.
     partial: usize,
 }
@@ -153,7 +153,7 @@ impl Checked {
         self.partial += boundary.len();
         self.parts = self.parts.maximum_or_nan(picture.parts);
         self.wrong += picture.wrong;
-        self.crowded += picture.crowded;
+        self.sampled += picture.sampled;
         if !smooth {
             return Ok(());
         }
@@ -179,7 +179,7 @@ impl Checked {
 
     /// Areas within `bound`, or the rounding of `T` where that is more.
     fn found<T: Scalar>(self, outcome: &str, bound: f64) -> Found {
-        let Self { error, slope, parts, wrong, crowded, partial } = self;
+        let Self { error, slope, parts, wrong, sampled, partial } = self;
         let outcome = format!("{partial} boundary pixels, {outcome}");
         // Difference quotients are off by 1e-6 where an area's second derivative leaps.
         let steep = 64.0 * rounding::<T>() + 1e-5;
@@ -187,7 +187,7 @@ impl Checked {
             .and(parts <= parts_bound::<T>(), format!("parts are off 1 by {parts:.1e}"))
             .and(slope <= steep, format!("a gradient is off by {slope:.1e} of the largest"))
             .and(wrong == 0, format!("{wrong} numbers are not finite"))
-            .and(crowded == 0, format!("{crowded} pixels are sampled"))
+            .and(sampled == 0.0, format!("{sampled:e} of a pixel is sampled"))
             .and(partial > 0, "no pixel is covered in part")
     }
 }

@@ -87,13 +87,13 @@ pub(in super::super) fn fans<T: Scalar>() -> Outcome {
             // Some 20 pixels of the rim hold up to 9 faces each of 64, but of 512 up to 50.
             error = error.maximum_or_nan((found / area - 1.0).abs());
             parts = parts.maximum_or_nan(picture.parts);
-            wrong += picture.wrong + picture.crowded;
+            wrong += picture.wrong + usize::from(picture.sampled > 0.0);
         }
     }
     // Corners are rounded to f32.
     Ok(Found::within("the polygon's area, each pixel covered once", error, 8.0 * rounding::<T>())
         .and(parts <= parts_bound::<T>(), format!("parts are off 1 by {parts:.1e}"))
-        .and(wrong == 0, format!("{wrong} numbers not finite, or pixels crowded")))
+        .and(wrong == 0, format!("{wrong} numbers not finite, or pixels sampled")))
 }
 
 pub(in super::super) fn t_junction<T: Scalar>() -> Outcome {
@@ -178,7 +178,7 @@ pub(in super::super) fn seams_everywhere<T: Scalar>() -> Outcome {
             error = error.maximum_or_nan(difference(&cut.image[own.clone()], &plain.image[own]));
         }
         parts = parts.maximum_or_nan(cut.parts);
-        wrong += cut.wrong + cut.crowded;
+        wrong += cut.wrong + usize::from(cut.sampled > 0.0);
     }
     Ok(Found::within("what is covered stays", error, 16.0 * rounding::<T>())
         .and(parts <= parts_bound::<T>(), format!("parts are off 1 by {parts:.1e}"))

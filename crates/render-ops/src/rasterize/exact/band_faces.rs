@@ -118,16 +118,16 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         self.candidate(band_face, 0, [x, y]).depth
     }
 
-    /// A face around the centre of a pixel, with the edges `outline` of a surface's outline and those
-    /// that run along rows or columns.
+    /// A face around the centre of a pixel, whose edges `along_axis` run along rows or columns: a bit for
+    /// each.
     #[inline(always)]
     pub(super) fn candidate(
         &self,
         band_face: u32,
-        outline: u8,
+        along_axis: u8,
         [x, y]: [T::Wide; 2],
     ) -> Candidate<T::Wide> {
-        let on_border = self.on_border(band_face, outline, [x, y]);
+        let on_border = self.on_border(band_face, along_axis, [x, y]);
         let face = self.faces[band_face as usize] as usize;
         let vertices = self.view.corners_of(face).map(|corner| corner.vertex);
         let q = vertices.map(|vertex| vertex.relative_to(x, y));
@@ -139,7 +139,7 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
             x.maximum_or_nan(y)
         });
         let depth_error_bound = depth_error_bound(&vertices, &edges, depth, reaches, extents);
-        Candidate { band_face, edges, depth, depth_error_bound, outline, on_border }
+        Candidate { band_face, edges, depth, depth_error_bound, on_border }
     }
 
     /// The edge functions of a face around the centre of a pixel, where its vertices relative to that are
@@ -156,10 +156,10 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
     }
 
     /// Which of a face's edges lie on the border of the pixel with the centre `center`: a bit for each of
-    /// them. `outline` tells which edges run along rows or columns.
+    /// them. The first three bits of `along_axis` tell which edges run along rows or columns.
     #[inline(always)]
-    pub(super) fn on_border(&self, band_face: u32, outline: u8, center: [T::Wide; 2]) -> u8 {
-        match outline >> ALONG_AXIS & 0b111 {
+    pub(super) fn on_border(&self, band_face: u32, along_axis: u8, center: [T::Wide; 2]) -> u8 {
+        match along_axis & 0b111 {
             0 => 0,
             some => self.some_on_border(band_face, some, center),
         }
@@ -234,7 +234,7 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         let infinity = T::Wide::from_f64(f64::INFINITY);
         let [nearest, farthest] =
             if nearest <= farthest { [nearest, farthest] } else { [-infinity, infinity] };
-        DepthInterval { band_face, nearest, farthest, covers, ends }
+        DepthInterval { face: band_face, nearest, farthest, covers, ends }
     }
 }
 

@@ -1,27 +1,20 @@
-//! The boundary pixels of a band: which they are, which faces they hold, and into which pieces they
-//! fall.
+//! The boundary pixels of a band: which they are, and which faces they hold.
 
 use std::ops::Range;
 
 use bokashi_core::Scalar;
 
 use super::band_faces::{ALONG_AXIS, BEYOND_DEPTHS, BandFaces, Plane, REACH};
-use super::depth_intervals::{DepthInterval, depth_groups, front_layers, may_cross};
-use super::extent::Extent;
+use super::depth_intervals::{DepthInterval, front_layers, may_cross};
 use super::faces_by_pixel::FacesByPixel;
-use super::mean::{barycentrics, total};
-use super::outline::{Covered, Outline};
-use super::pieces::{Piece, Pieces, Segment};
-use super::pixel_border::{WIDER, halves, is_along_axis};
+use super::outline::Outline;
+use super::pieces::Pieces;
+use super::pixel_border::is_along_axis;
 use super::pixel_mask::PixelMask;
 use super::polygon::Line;
 use super::regions::Regions;
-use super::samples::Samples;
-use super::visible::{Candidate, SMALLEST, Side, Visible};
+use super::resolution::Resolution;
 use crate::rasterize::options::Sampling;
-
-/// Where more faces may be seen in a pixel, it is resolved by samples.
-const MOST_FACES: usize = 2048;
 
 /// Pixels of a row that are asked at once whether surface layers may cross in them.
 const BLOCK: usize = 8;
@@ -41,16 +34,7 @@ pub(in crate::rasterize) struct BoundarySearch<S> {
     intervals: Vec<DepthInterval<S>>,
     faces_by_pixel: FacesByPixel,
     outline: Outline<S>,
-    candidates: Vec<Candidate<S>>,
-    visible: Visible<S>,
-    /// What is visible in a pixel a little wider, where sides lie on its border.
-    wide: Visible<S>,
-    /// The sides on the pixel's border.
-    border_sides: Vec<(u32, Side<S>)>,
-    samples: Samples<S>,
-    areas: Vec<S>,
-    extents: Vec<Option<Extent<S>>>,
-    order: Vec<u32>,
+    resolution: Resolution<S>,
     /// Per face of the band: bit k, whether edge k is one of a surface's outline, or a seam; bit
     /// `ALONG_AXIS + k`, whether it runs along rows or columns; and bit `BEYOND_DEPTHS`.
     outlines: Vec<u8>,
@@ -179,240 +163,33 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         &mut self,
         band: &BandFaces<'_, '_, T>,
         [row, column]: [usize; 2],
-        [x, y]: [S; 2],
+        center: [S; 2],
         faces: &[u32],
         pieces: &mut Pieces<S>,
     ) {
-        let Self { candidates, visible, wide, border_sides, samples, .. } = self;
-        let Self { areas, extents, order, planes, outlines, intervals, outline, .. } = self;
+        let Self { planes, outlines, intervals, outline, resolution, .. } = self;
         let pixel = ((band.rows.start + row) * band.view.size.width + column) as u32;
         if band.view.sampling == Sampling::Outline {
-            if let Some(covered) = outline.find(band, outlines, faces, [x, y]) {
-                return keep_covered(band, &covered, &outline.sides, pixel, pieces);
+            if outline.run(band, outlines, pixel, center, faces, pieces) {
+                return;
             }
             if planes.is_empty() {
                 planes.extend((0..band.faces.len() as u32).map(|at| band.plane(at)));
             }
         }
         intervals.clear();
-        intervals.extend(faces.iter().map(|&face| {
-            let outline = outlines[face as usize];
-            band.interval(planes, face, outline, [x, y], 1)
-        }));
+        intervals.extend(
+            faces
+                .iter()
+                .map(|&face| band.interval(planes, face, outlines[face as usize], center, 1)),
+        );
         if front_layers(intervals) == Some(1) {
             return;
         }
-        candidates.clear();
-        visible.clear(S::ONE);
         intervals.retain(|interval| !interval.is_out());
-        let mut is_crowded = false;
-        for group in depth_groups(intervals) {
-            is_crowded = candidates.len() + group.len() > MOST_FACES;
-            if !is_crowded {
-                candidates.extend(group.iter().map(|interval| {
-                    let face = interval.band_face;
-                    band.candidate(face, outlines[face as usize], [x, y])
-                }));
-                is_crowded = !visible.add(candidates);
-            }
-            if is_crowded || visible.fills_pixel() {
-                break;
-            }
-        }
-        if is_crowded {
-            gather(band, faces, outlines, [x, y], candidates);
-        }
-        areas.clear();
-        areas.resize(candidates.len(), S::ZERO);
-        extents.clear();
-        let factors_of = |candidate: &Candidate<S>| {
-            let face = band.faces[candidate.band_face as usize] as usize;
-            band.view.corners_of(face).map(|corner| corner.factor)
-        };
-        let t_of = |candidate: &Candidate<S>| total(&candidate.edges, factors_of(candidate));
-        let smallest = S::from_f64(4.0 * SMALLEST);
-        if is_crowded {
-            pieces.crowded += 1;
-            extents.resize(candidates.len(), None);
-            samples.find(candidates, t_of, areas, extents);
-        } else {
-            visible.add_areas(areas);
-            extents.extend(areas.iter().zip(&*candidates).enumerate().map(
-                |(at, (&area, candidate))| {
-                    let is_kept = area > smallest;
-                    is_kept.then(|| visible.extent(at, area, t_of(candidate), band.view.needs))?
-                },
-            ));
-            let is_dropped = |area: &&S| **area > S::ZERO && **area <= smallest;
-            pieces.dropped += areas.iter().filter(is_dropped).count();
-        }
-        order.clear();
-        let all = 0..candidates.len() as u32;
-        order.extend(all.filter(|&at| extents[at as usize].is_some()));
-        // The largest first; where pieces are as large, the lower face.
-        order.sort_unstable_by(|&a, &b| {
-            let area = |at: u32| areas[at as usize].to_f64();
-            let face = |at: u32| candidates[at as usize].band_face;
-            area(b).total_cmp(&area(a)).then(face(a).cmp(&face(b)))
-        });
-        let first = pieces.pieces.len();
-        pieces.pixels.push(pixel);
-        pieces.pieces.extend(order.iter().filter_map(|&at| {
-            let (candidate, area) = (&candidates[at as usize], areas[at as usize]);
-            let extent = extents[at as usize]?;
-            let factors = factors_of(candidate);
-            let barycentrics = barycentrics(&candidate.edges, factors, &extent);
-            let band_face = candidate.band_face;
-            Some(Piece { band_face, area, extent, moves: !is_crowded, barycentrics })
-        }));
-        let first_segment = pieces.segments.len();
-        if is_crowded {
-            keep_sides(band, candidates, order, &samples.sides, pieces);
-        } else if band.view.needs {
-            visible.for_each_side(|candidate, side| {
-                let Some(at) = order.iter().position(|&at| at == candidate) else { return };
-                let source = side.source.map(|at| candidates[at as usize].band_face);
-                pieces.segments.push(Segment { piece: at as u32, side: Side { source, ..side } });
-            });
-        }
-        if visible.touches_border && !is_crowded {
-            // Where the wide pixel is crowded, the sides on the border stay as they are.
-            let candidate = |face: u32| band.candidate(face, outlines[face as usize], [x, y]);
-            if find_border_sides(wide, candidates, intervals, candidate, border_sides) {
-                let mut kept = first_segment;
-                for at in first_segment..pieces.segments.len() {
-                    if !pieces.segments[at].side.is_on_border {
-                        pieces.segments[kept] = pieces.segments[at];
-                        kept += 1;
-                    }
-                }
-                pieces.segments.truncate(kept);
-                keep_sides(band, candidates, order, border_sides, pieces);
-            }
-        }
-        if pieces.pieces.get(first).is_some_and(|piece| piece.area == S::ZERO) {
-            pieces.unseen.push(pixel);
-        }
-        pieces.ends.push(pieces.pieces.len() as u32);
-        if band.view.needs {
-            pieces.segment_ends.push(pieces.segments.len() as u32);
-        }
-    }
-}
-
-/// Keeps what is covered of a pixel, with its sides, as a piece of a face at its rim.
-#[inline(always)]
-fn keep_covered<T: Scalar>(
-    band: &BandFaces<'_, '_, T>,
-    &Covered { area, rim }: &Covered<T::Wide>,
-    sides: &[Side<T::Wide>],
-    pixel: u32,
-    pieces: &mut Pieces<T::Wide>,
-) {
-    // Without a rim the pixel is what its centre is.
-    let Some((band_face, place, edges)) = rim else { return };
-    pieces.pixels.push(pixel);
-    if area > T::Wide::from_f64(4.0 * SMALLEST) {
-        let corners = band.view.corners_of(band.faces[band_face as usize] as usize);
-        let extent = Extent::at(place);
-        let barycentrics = barycentrics(&edges, corners.map(|corner| corner.factor), &extent);
-        pieces.pieces.push(Piece { band_face, area, extent, moves: false, barycentrics });
-        if band.view.needs {
-            pieces.segments.extend(sides.iter().map(|&side| Segment { piece: 0, side }));
-        }
-    } else {
-        pieces.dropped += 1;
-    }
-    pieces.ends.push(pieces.pieces.len() as u32);
-    if band.view.needs {
-        pieces.segment_ends.push(pieces.segments.len() as u32);
-    }
-}
-
-/// All of `faces` in a crowded pixel, whatever hides them.
-#[cold]
-#[inline(never)]
-fn gather<T: Scalar>(
-    band: &BandFaces<'_, '_, T>,
-    faces: &[u32],
-    outlines: &[u8],
-    center: [T::Wide; 2],
-    candidates: &mut Vec<Candidate<T::Wide>>,
-) {
-    candidates.clear();
-    candidates
-        .extend(faces.iter().map(|&face| band.candidate(face, outlines[face as usize], center)));
-}
-
-/// Finds the sides on the border of a pixel that holds the faces of `intervals`, and what lies
-/// beside them; returns whether it did so within the limits. `candidates` are those of the first
-/// groups, and may grow.
-#[cold]
-#[inline(never)]
-fn find_border_sides<S: Scalar<Wide = S>>(
-    wide: &mut Visible<S>,
-    candidates: &mut Vec<Candidate<S>>,
-    intervals: &[DepthInterval<S>],
-    candidate: impl Fn(u32) -> Candidate<S>,
-    sides: &mut Vec<(u32, Side<S>)>,
-) -> bool {
-    wide.clear(S::from_f64(WIDER));
-    sides.clear();
-    let mut end = 0;
-    for group in depth_groups(intervals) {
-        let known = candidates.len().saturating_sub(end).min(group.len());
-        candidates.extend(group[known..].iter().map(|interval| candidate(interval.band_face)));
-        end += group.len();
-        if end > MOST_FACES || !wide.add(&candidates[..end]) {
-            return false;
-        }
-        if wide.fills_pixel() {
-            break;
-        }
-    }
-    wide.add_border_sides(sides);
-    true
-}
-
-/// Keeps the sides of a pixel whose pieces are those of the candidates `order`: sides of samples, or on
-/// the pixel's border. What has no piece beside such a side becomes two pieces without an area.
-#[cold]
-#[inline(never)]
-fn keep_sides<T: Scalar>(
-    band: &BandFaces<'_, '_, T>,
-    candidates: &[Candidate<T::Wide>],
-    order: &[u32],
-    sides: &[(u32, Side<T::Wide>)],
-    pieces: &mut Pieces<T::Wide>,
-) {
-    let mut count = order.len() as u32;
-    for &(candidate, side) in sides {
-        let source = side.source.map(|at| candidates[at as usize].band_face);
-        let side = Side { source, ..side };
-        let mut keep = |piece: u32, side: Side<T::Wide>| {
-            if band.view.needs {
-                pieces.segments.push(Segment { piece, side });
-            }
-        };
-        if let Some(at) = order.iter().position(|&at| at == candidate) {
-            keep(at as u32, side);
-            continue;
-        }
-        let Candidate { band_face, edges, .. } = &candidates[candidate as usize];
-        let corners = band.view.corners_of(band.faces[*band_face as usize] as usize);
-        for (ends, place) in halves(side.ends) {
-            keep(count, Side { ends, ..side });
-            count += 1;
-            let (factors, extent) = (corners.map(|corner| corner.factor), Extent::at(place));
-            let barycentrics = barycentrics(edges, factors, &extent);
-            pieces.pieces.push(Piece {
-                band_face: *band_face,
-                area: T::Wide::ZERO,
-                extent,
-                moves: false,
-                barycentrics,
-            });
-        }
+        let candidate =
+            |face: u32| band.candidate(face, outlines[face as usize] >> ALONG_AXIS, center);
+        resolution.run(band, pixel, intervals, candidate, pieces);
     }
 }
 

@@ -9,8 +9,8 @@ use bokashi_core::Scalar;
 /// The interval of a face's depths in a block of pixels.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct DepthInterval<S> {
-    /// The position of its face among those of the band.
-    pub(super) band_face: u32,
+    /// The number of its face: among those of the band, or among the candidates of a pixel.
+    pub(super) face: u32,
     /// The range of its depths, and a little more.
     pub(super) nearest: S,
     pub(super) farthest: S,
@@ -32,6 +32,11 @@ impl<S: Scalar> DepthInterval<S> {
     }
 }
 
+/// Sorts intervals, the nearest first.
+pub(super) fn sort_by_depth<S: Scalar>(intervals: &mut [DepthInterval<S>]) {
+    intervals.sort_unstable_by(|a, b| a.nearest.to_f64().total_cmp(&b.nearest.to_f64()));
+}
+
 /// How many surface layers the first group of these faces makes up in a block of pixels. Sorts the
 /// intervals, the nearest first.
 ///
@@ -40,7 +45,7 @@ impl<S: Scalar> DepthInterval<S> {
 /// counted. `None` where a face ends, or may reach out of the depth range. What is out of that
 /// range hides nothing.
 pub(super) fn front_layers<S: Scalar>(intervals: &mut [DepthInterval<S>]) -> Option<usize> {
-    intervals.sort_unstable_by(|a, b| a.nearest.to_f64().total_cmp(&b.nearest.to_f64()));
+    sort_by_depth(intervals);
     let (mut farthest, mut layers) = (-S::from_f64(f64::INFINITY), 0);
     for interval in intervals.iter().filter(|interval| !interval.is_out()) {
         if interval.nearest > farthest && layers > 0 {
@@ -78,13 +83,7 @@ mod tests {
     use super::*;
 
     fn interval([nearest, depth]: [f64; 2]) -> DepthInterval<f64> {
-        DepthInterval {
-            band_face: 0,
-            nearest,
-            farthest: nearest + depth,
-            covers: true,
-            ends: false,
-        }
+        DepthInterval { face: 0, nearest, farthest: nearest + depth, covers: true, ends: false }
     }
 
     proptest! {

@@ -249,7 +249,7 @@ const fn coefficients(first: usize) -> [f64; MOST_TERMS] {
     coefficients
 }
 
-/// Sums over the polygons or samples of a piece.
+/// Sums over the polygons of a piece. A sample is a polygon without an extent, of any area.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Spread<S> {
     t: Line<S>,
@@ -304,18 +304,6 @@ impl<S: Scalar> Spread<S> {
                 self.sums.add::<SPREADS>(&sums, from_origin, unit * inverse);
             }
         }
-    }
-
-    /// Adds a sample of the area `area`.
-    pub(super) fn add_sample(&mut self, point: [S; 2], area: S) {
-        let t = value_at(self.t, point).maximum_or_nan(self.floor());
-        let (origin, unit) = *self.origin.get_or_insert((point, t));
-        let [x, y] = [0, 1].map(|axis| point[axis] - origin[axis]);
-        let own = Sums {
-            over_t: [area, S::ZERO, S::ZERO],
-            over_t_squared: [area, S::ZERO, S::ZERO, S::ZERO, S::ZERO, S::ZERO],
-        };
-        self.sums.add::<true>(&own, [x, y], unit / t);
     }
 
     /// The extent of what was added, of the area `area`.
@@ -393,7 +381,7 @@ mod tests {
             prop_assume!(size > 0.0);
             let t = [size * (1.0 + share), slopes[0], slopes[1]];
             let mut polygons = Polygons::default();
-            let pixel = polygons.pixel(1.0);
+            let pixel = polygons.rectangle([-1.0; 2], [1.0; 2]);
             let Some(whole) = polygons.inside(pixel, line, 0) else { return Ok(()) };
             let [Some(one), Some(two)] = polygons.split(whole, other, 1) else { return Ok(()) };
             let extent = |parts: &[_]| {
@@ -420,7 +408,11 @@ mod tests {
         let t = [1.0, 0.4, -0.5];
         let points = [[0.2, 0.1], [-0.9, 0.8], [0.5, 0.9], [0.7, -0.3]];
         let mut spread = Spread::new(t);
-        points.iter().for_each(|&point| spread.add_sample(point, 0.25));
+        let mut polygons = Polygons::default();
+        for point in points.map(|point| polygons.point(point)) {
+            let (corner, fan) = polygons.fan(point);
+            spread.add_fan::<true>(corner, fan, 0.25);
+        }
         let extent = spread.extent(1.0).unwrap();
         let mean = |f: &dyn Fn([f64; 2]) -> f64| points.map(f).iter().sum::<f64>() / 4.0;
         let total = mean(&|p| 1.0 / value_at(t, p)).recip();

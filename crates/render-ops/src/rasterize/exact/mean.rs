@@ -231,7 +231,7 @@ mod tests {
     }
 
     fn cut<S: Scalar>(polygons: &mut Polygons<S>, lines: &[Line<S>]) -> Option<Polygon> {
-        let mut polygon = polygons.pixel(S::ONE);
+        let mut polygon = polygons.rectangle([-S::ONE; 2], [S::ONE; 2]);
         for (k, &line) in (0..).zip(lines) {
             polygon = polygons.inside(polygon, line, k)?;
         }

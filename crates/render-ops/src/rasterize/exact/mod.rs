@@ -15,11 +15,12 @@
 //!   |     |-- FacesByPixel     the faces that may reach into a pixel (faces_by_pixel)
 //!   |     `-- DepthInterval    their depths there: one layer in front ends the search (depth_intervals)
 //!   |-- Outline         of the outline alone: how much of a pixel is covered, whatever is seen (outline)
-//!   `-- resolve         per marked pixel, depth group by depth group, the nearest first
-//!         |-- Visible          cut to the pixel, and to what no other face hides (visible)
-//!         |     `-- Polygons   convex polygons, cut by lines (polygon)
+//!   `-- Resolution      per marked pixel, depth group by depth group, the nearest first (resolution)
+//!         |-- Crowd            a crowded pixel in smaller cells (cell, cells)
+//!         |-- Visible          cut to the pixel or cell, and to what no other face hides (visible)
+//!         |     `-- Parts      what is visible, and its sides (parts)
+//!         |           `-- Polygons   convex polygons, cut by lines (polygon)
 //!         |-- pixel_border     sides that lie on the pixel's border
-//!         |-- Samples          instead, where a pixel is crowded (samples)
 //!         `-- Extent           centroid and spread under perspective (extent, reciprocal), and so the
 //!                              mean of the barycentrics (mean)
 //!   |
@@ -32,11 +33,14 @@
 
 mod band_faces;
 mod boundary_pixels;
+mod cell;
+mod cells;
 mod depth_intervals;
 mod extent;
 mod faces_by_pixel;
 mod mean;
 mod outline;
+mod parts;
 mod piece_fragments;
 mod pieces;
 mod pixel_border;
@@ -47,7 +51,7 @@ mod pull_back;
 pub(super) mod quadrature;
 mod reciprocal;
 mod regions;
-mod samples;
+mod resolution;
 mod visible;
 
 pub(super) use self::band_faces::BandFaces;

@@ -18,9 +18,13 @@
 
 use bokashi_core::Scalar;
 
-use super::band_faces::{BEYOND_DEPTHS, BandFaces};
+use super::band_faces::{ALONG_AXIS, BEYOND_DEPTHS, BandFaces};
+use super::extent::Extent;
+use super::mean::barycentrics;
+use super::parts::{Side, Source};
+use super::pieces::{Piece, Pieces, Segment};
 use super::polygon::{Line, size, value_at};
-use super::visible::{Side, Source};
+use super::visible::SMALLEST;
 use crate::edge_functions::depth_and_w;
 use crate::homogeneous::{Vertex, cross};
 
@@ -40,7 +44,10 @@ struct Face<S> {
     vertices: [Vertex<S>; 3],
     /// The edge functions, positive inside.
     edges: [Line<S>; 3],
+    /// Bit k: whether edge k is one of the outline.
     outline: u8,
+    /// Bit k: whether such an edge may cross the pixel.
+    ends: u8,
 }
 
 /// Where a place lies on the pixel's border, counter-clockwise from its first corner, in half pixels.
@@ -66,50 +73,130 @@ struct Crossing<S> {
 
 /// What a surface covers of a pixel.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Covered<S> {
+struct Covered<S> {
     /// In scaled coordinates, in which a pixel has 4.
-    pub(super) area: S,
-    /// A face at its rim, by its position among those of the band, and a place there, in which it has the
-    /// edge functions `edges`. None where there is no rim.
-    pub(super) rim: Option<(u32, [S; 2], [Line<S>; 3])>,
+    area: S,
+    /// The position of a face at its rim, and a place there; `None` where there is no rim.
+    rim: Option<(usize, [S; 2])>,
 }
 
 /// The memory of the search.
 #[derive(Debug, Default)]
 pub(super) struct Outline<S> {
     faces: Vec<Face<S>>,
+    /// Their numbers in the mesh, while sheets are looked for.
+    sheet: Vec<u32>,
     stretches: Vec<Stretch<S>>,
     crossings: Vec<Crossing<S>>,
     /// Where the rim meets the pixel's border, and whether it comes in there.
     gates: Vec<(S, bool)>,
     /// What bounds the covered part.
-    pub(super) sides: Vec<Side<S>>,
+    sides: Vec<Side<S>>,
 }
 
 impl<S: Scalar<Wide = S>> Outline<S> {
-    /// What `some_faces` cover of the pixel around `center`, and its sides; `None` where it does not tell.
+    /// Makes a piece of what `some_faces` cover of a pixel, with its sides; returns whether it could tell.
     /// `outlines` are those of all faces of the band.
     #[inline(always)]
-    pub(super) fn find<T: Scalar<Wide = S>>(
+    pub(super) fn run<T: Scalar<Wide = S>>(
         &mut self,
         band: &BandFaces<'_, '_, T>,
         outlines: &[u8],
-        some_faces: &[u32],
+        pixel: u32,
         center: [S; 2],
+        some_faces: &[u32],
+        pieces: &mut Pieces<S>,
+    ) -> bool {
+        let Some(Covered { area, rim }) = self.find(band, outlines, center, some_faces) else {
+            return false;
+        };
+        // Without a rim the pixel is what its centre is.
+        let Some((face, place)) = rim else { return true };
+        pieces.pixels.push(pixel);
+        if area > S::from_f64(4.0 * SMALLEST) {
+            let Face { band_face, edges, .. } = self.faces[face];
+            let corners = band.view.corners_of(band.faces[band_face as usize] as usize);
+            let extent = Extent::at(place);
+            let barycentrics = barycentrics(&edges, corners.map(|corner| corner.factor), &extent);
+            pieces.pieces.push(Piece { band_face, area, extent, moves: false, barycentrics });
+            if band.view.needs {
+                let segments = self.sides.iter().map(|&side| Segment { piece: 0, side });
+                pieces.segments.extend(segments);
+            }
+        } else {
+            pieces.dropped += 1;
+        }
+        pieces.ends.push(pieces.pieces.len() as u32);
+        if band.view.needs {
+            pieces.segment_ends.push(pieces.segments.len() as u32);
+        }
+        true
+    }
+
+    /// What `some_faces` cover of the pixel around `center`, and its sides.
+    #[inline(always)]
+    fn find<T: Scalar<Wide = S>>(
+        &mut self,
+        band: &BandFaces<'_, '_, T>,
+        outlines: &[u8],
+        center: [S; 2],
+        some_faces: &[u32],
     ) -> Option<Covered<S>> {
         self.faces.clear();
+        for &band_face in some_faces {
+            self.faces.push(Face::new(band, band_face, outlines[band_face as usize], center)?);
+        }
+        if self.is_filled(band) {
+            return Some(Covered { area: S::from_f64(4.0), rim: None });
+        }
         self.stretches.clear();
-        for (at, &band_face) in (0..).zip(some_faces) {
-            let face = Face::new(band, band_face, outlines[band_face as usize], center)?;
-            let own = (0..3).filter(|k| face.outline >> k & 1 == 1);
+        for (at, face) in (0..).zip(&self.faces) {
+            let own = (0..3).filter(|k| face.ends >> k & 1 == 1);
             self.stretches.extend(own.filter_map(|k| face.stretch(at, k)));
-            self.faces.push(face);
         }
         if self.stretches.len() > MOST_STRETCHES {
             return None;
         }
         self.find_crossings();
         self.covered()
+    }
+
+    /// Whether a sheet of faces surely fills the pixel: faces that hang together across edges of no outline,
+    /// of which none ends in the pixel and one covers its centre. Where an edge of such a face crosses the
+    /// pixel, the sheet goes on beyond it.
+    #[inline(always)]
+    fn is_filled<T: Scalar<Wide = S>>(&mut self, band: &BandFaces<'_, '_, T>) -> bool {
+        let Self { faces, sheet, .. } = self;
+        let adjacency = band.view.mesh.adjacency();
+        sheet.clear();
+        sheet.extend(faces.iter().map(|face| band.faces[face.band_face as usize]));
+        // The faces up to `known` are of sheets; those from `first` of the sheet under way.
+        let (mut known, mut first) = (0, 0);
+        while first < faces.len() {
+            known += usize::from(known == first);
+            let (mut has_border, mut covers) = (false, false);
+            while first < known {
+                let own = faces[first];
+                has_border |= own.ends != 0;
+                covers |= own.covers([S::ZERO; 2]);
+                for corner in (0..3).filter(|corner| own.outline >> corner & 1 == 0) {
+                    let neighbor = adjacency.neighbor(sheet[first] as usize, corner);
+                    let beyond = neighbor.and_then(|neighbor| {
+                        sheet[known..].iter().position(|&face| face == neighbor.face)
+                    });
+                    if let Some(at) = beyond {
+                        sheet.swap(known, known + at);
+                        faces.swap(known, known + at);
+                        known += 1;
+                    }
+                }
+                first += 1;
+            }
+            if covers && !has_border {
+                return true;
+            }
+        }
+        false
     }
 
     /// Finds where stretches cross, sorted along each of them.
@@ -146,7 +233,7 @@ impl<S: Scalar<Wide = S>> Outline<S> {
 
     /// Keeps what bounds the covered part, and sums up its area.
     fn covered(&mut self) -> Option<Covered<S>> {
-        let Self { faces, stretches, crossings, gates, sides } = self;
+        let Self { faces, stretches, crossings, gates, sides, .. } = self;
         gates.clear();
         sides.clear();
         let (mut area, mut gap) = (S::ZERO, [S::ZERO; 2]);
@@ -205,10 +292,7 @@ impl<S: Scalar<Wide = S>> Outline<S> {
         }
         let most = S::from_f64(GAP);
         let is_whole = from.is_none() && gap[0].abs() < most && gap[1].abs() < most;
-        let rim = rim.map(|(_, face, place)| {
-            let Face { band_face, edges, .. } = faces[face];
-            (band_face, place, edges)
-        });
+        let rim = rim.map(|(_, face, place)| (face, place));
         is_whole.then_some(Covered { area, rim })
     }
 }
@@ -267,13 +351,19 @@ impl<S: Scalar<Wide = S>> Face<S> {
         outline: u8,
         center: [S; 2],
     ) -> Option<Self> {
-        if outline >> BEYOND_DEPTHS != 0 || band.on_border(band_face, outline, center) != 0 {
+        if outline >> BEYOND_DEPTHS != 0
+            || band.on_border(band_face, outline >> ALONG_AXIS, center) != 0
+        {
             return None;
         }
         let corners = band.view.corners_of(band.faces[band_face as usize] as usize);
         let vertices = corners.map(|corner| corner.vertex.around(center));
         let edges = band.edges_around(band_face, vertices.map(|vertex| [vertex.x, vertex.y]));
-        Some(Self { band_face, vertices, edges, outline })
+        let ends = |k: usize| {
+            let [one, x, y] = edges[k];
+            u8::from(outline >> k & 1 == 1 && one.abs() <= x.abs() + y.abs()) << k
+        };
+        Some(Self { band_face, vertices, edges, outline, ends: ends(0) | ends(1) | ends(2) })
     }
 }
 
@@ -281,10 +371,7 @@ impl<S: Scalar> Face<S> {
     /// What lies in the pixel of an edge.
     #[inline(always)]
     fn stretch(&self, face: u32, k: usize) -> Option<Stretch<S>> {
-        let [one, x, y] = self.edges[k];
-        if one.abs() > x.abs() + y.abs() {
-            return None;
-        }
+        let [_, x, y] = self.edges[k];
         let [p, q] = [1, 2].map(|next| {
             let Vertex { x, y, w, .. } = self.vertices[(k + next) % 3];
             [x / w, y / w]

@@ -3,7 +3,7 @@
 use bokashi_core::Scalar;
 
 use super::extent::Extent;
-use super::visible::Side;
+use super::parts::Side;
 
 /// A visible part of a face in a pixel.
 #[derive(Debug, Clone, Copy)]
@@ -52,8 +52,9 @@ pub(in crate::rasterize) struct Pieces<S> {
     pub(super) segments: Vec<Segment<S>>,
     /// How many pieces were dropped.
     pub(in crate::rasterize) dropped: usize,
-    /// How many pixels were resolved by samples.
+    /// How many pixels were cut into cells, and what area of them was sampled, in pixels.
     pub(in crate::rasterize) crowded: usize,
+    pub(in crate::rasterize) sampled: f64,
 }
 
 impl<S> Pieces<S> {
@@ -74,5 +75,6 @@ impl<S> Pieces<S> {
         self.segments.clear();
         self.dropped = 0;
         self.crowded = 0;
+        self.sampled = 0.0;
     }
 }

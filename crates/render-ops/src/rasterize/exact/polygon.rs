@@ -19,7 +19,7 @@ use bokashi_core::Scalar;
 /// Coefficients of 1, x and y.
 pub(super) type Line<S> = [S; 3];
 
-/// Stands for the pixel's own border, which does not move.
+/// Stands for the border of the pixel or cell, which does not move.
 pub(super) const BORDER: u32 = u32::MAX;
 
 /// What a side of a polygon lies on.
@@ -85,14 +85,38 @@ impl<S: Scalar> Polygons<S> {
         self.corners.clear();
     }
 
-    /// The whole pixel, or as much as lies within `reach` of its centre.
-    pub(super) fn pixel(&mut self, reach: S) -> Polygon {
-        let (low, high) = (-reach, reach);
+    /// A rectangle, from its least to its largest x and y.
+    pub(super) fn rectangle(&mut self, low: [S; 2], high: [S; 2]) -> Polygon {
+        self.still([low, [high[0], low[1]], high, [low[0], high[1]]])
+    }
+
+    /// A polygon without an extent.
+    pub(super) fn point(&mut self, point: [S; 2]) -> Polygon {
+        self.still([point; 3])
+    }
+
+    /// The polygon of these corners, which do not move.
+    fn still<const N: usize>(&mut self, points: [[S; 2]; N]) -> Polygon {
         let bound = Bound { line: BORDER, is_inside: true };
-        let points = [[low, low], [high, low], [high, high], [low, high]];
         let first = self.corners.len() as u32;
         self.corners.extend(points.map(|point| Corner { point, bound }));
-        Polygon { first, end: first + 4 }
+        Polygon { first, end: self.corners.len() as u32 }
+    }
+
+    /// The same as a polygon of others, whose lines have other names here.
+    pub(super) fn copy_of(
+        &mut self,
+        others: &Self,
+        polygon: Polygon,
+        mut name: impl FnMut(u32) -> u32,
+    ) -> Polygon {
+        let first = self.corners.len() as u32;
+        self.corners.extend(others.corners[polygon.corners()].iter().map(|corner| {
+            let line = corner.bound.line;
+            let line = if line == BORDER { BORDER } else { name(line) };
+            Corner { bound: Bound { line, ..corner.bound }, ..*corner }
+        }));
+        Polygon { first, end: self.corners.len() as u32 }
     }
 
     /// How many corners all polygons have.
@@ -265,7 +289,7 @@ mod tests {
 
     /// The pixel, on the inside of some lines and on the outside of others.
     fn cut(polygons: &mut Polygons<f64>, lines: &[Line<f64>], sides: &[bool]) -> Option<Polygon> {
-        let mut polygon = polygons.pixel(1.0);
+        let mut polygon = polygons.rectangle([-1.0; 2], [1.0; 2]);
         for (k, (&line, &is_inside)) in (0..).zip(lines.iter().zip(sides)) {
             let [inside, outside] = polygons.split(polygon, line, k);
             polygon = if is_inside { inside? } else { outside? };
@@ -345,7 +369,7 @@ mod tests {
     #[test]
     fn a_pixel_measures_4_and_beyond_it_is_nothing() {
         let mut polygons = Polygons::<f64>::default();
-        let pixel = polygons.pixel(1.0);
+        let pixel = polygons.rectangle([-1.0; 2], [1.0; 2]);
         assert_eq!(polygons.area(pixel), 4.0);
         assert_eq!(polygons.split(pixel, [-3.0, 1.0, 0.0], 0), [None, Some(pixel)]);
     }

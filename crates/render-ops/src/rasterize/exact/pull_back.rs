@@ -14,9 +14,9 @@ use bokashi_core::Scalar;
 
 use super::extent::Extent;
 use super::mean::{self, Growth, GrowthOfMean};
+use super::parts::{Side, Source};
 use super::pieces::{Pieces, Segment};
 use super::polygon::line_bar;
-use super::visible::{Side, Source};
 use crate::edge_functions::{EdgeSums, LocalFace};
 use crate::mesh::Mesh;
 use crate::rasterize::culling::Corner;

@@ -45,7 +45,7 @@ pub(super) fn supersampled(
 
 /// Faces of one colour each, which may overlap, pass through each other, and reach out of the depth
 /// range and behind the eye.
-fn loose_faces() -> impl Strategy<Value = (Clip, Tensor<f64>, Vec<[u32; 3]>)> {
+pub(super) fn loose_faces() -> impl Strategy<Value = (Clip, Tensor<f64>, Vec<[u32; 3]>)> {
     let depth = prop_oneof![4 => -0.9..0.9, 1 => -1.6..1.6];
     let w = prop_oneof![8 => 0.5..2.0, 1 => -0.6..-0.1];
     let vertex = (-1.3..1.3, -1.3..1.3, depth, w)

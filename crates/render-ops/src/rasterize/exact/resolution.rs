@@ -1,0 +1,236 @@
+//! A boundary pixel resolved into pieces.
+
+use bokashi_core::Scalar;
+
+use super::band_faces::BandFaces;
+use super::cell::Cell;
+use super::cells::Crowd;
+use super::depth_intervals::{DepthInterval, depth_groups};
+use super::extent::Extent;
+use super::mean::{barycentrics, total};
+use super::parts::Side;
+use super::pieces::{Piece, Pieces, Segment};
+use super::pixel_border::{WIDER, halves};
+use super::visible::{Candidate, SMALLEST, Visible};
+use crate::rasterize::options::Limits;
+
+/// Stands for "no piece".
+const NONE: u32 = u32::MAX;
+
+/// What is visible of a candidate.
+#[derive(Debug)]
+struct Seen<S> {
+    candidate: u32,
+    area: S,
+    extent: Extent<S>,
+}
+
+/// The memory of the search.
+#[derive(Debug, Default)]
+pub(super) struct Resolution<S> {
+    /// The faces of the pixel, the nearest first: as many as were looked at.
+    candidates: Vec<Candidate<S>>,
+    visible: Visible<S>,
+    /// The faces of the cells of a crowded pixel.
+    cell_faces: Vec<DepthInterval<S>>,
+    seen: Vec<Seen<S>>,
+    /// Per candidate: its piece, counted from the pixel's first.
+    piece_of: Vec<u32>,
+    /// The sides on the pixel's border.
+    border_sides: Vec<(u32, Side<S>)>,
+}
+
+impl<S: Scalar<Wide = S>> Resolution<S> {
+    /// Finds the pieces of a pixel. `intervals` are the depths of its faces, the nearest first, and
+    /// `candidate` tells a face of the band around the pixel's centre.
+    #[inline(always)]
+    pub(super) fn run<T: Scalar<Wide = S>>(
+        &mut self,
+        band: &BandFaces<'_, '_, T>,
+        pixel: u32,
+        intervals: &[DepthInterval<S>],
+        candidate: impl Fn(u32) -> Candidate<S> + Copy,
+        pieces: &mut Pieces<S>,
+    ) {
+        let (needs, limits) = (band.view.needs, band.view.limits);
+        self.candidates.clear();
+        if let Some(sampled) =
+            self.find_parts(Cell::around_center(S::ONE), intervals, candidate, limits)
+        {
+            pieces.crowded += 1;
+            pieces.sampled += 0.25 * sampled.to_f64();
+        }
+        let Self { candidates, visible, seen, piece_of, .. } = self;
+        let factors_of = |candidate: &Candidate<S>| {
+            let face = band.faces[candidate.band_face as usize] as usize;
+            band.view.corners_of(face).map(|corner| corner.factor)
+        };
+        let smallest = S::from_f64(4.0 * SMALLEST);
+        seen.clear();
+        for own in visible.parts.by_candidate() {
+            let candidate = own[0].candidate;
+            let area = own.iter().map(|part| part.area).sum();
+            if area > smallest {
+                let face = &candidates[candidate as usize];
+                let t = total(&face.edges, factors_of(face));
+                let extent = visible.parts.extent(own, area, t, needs);
+                seen.extend(extent.map(|extent| Seen { candidate, area, extent }));
+            } else if area > S::ZERO {
+                pieces.dropped += 1;
+            }
+        }
+        // The largest first; where pieces are as large, the lower face.
+        let face = |seen: &Seen<S>| candidates[seen.candidate as usize].band_face;
+        seen.sort_unstable_by(|a, b| {
+            b.area.to_f64().total_cmp(&a.area.to_f64()).then_with(|| face(a).cmp(&face(b)))
+        });
+        pieces.pixels.push(pixel);
+        let first = pieces.pieces.len();
+        piece_of.clear();
+        piece_of.resize(candidates.len(), NONE);
+        for (at, &Seen { candidate, area, extent }) in (0..).zip(&*seen) {
+            piece_of[candidate as usize] = at;
+            let Candidate { band_face, edges, .. } = &candidates[candidate as usize];
+            let factors = factors_of(&candidates[candidate as usize]);
+            let barycentrics = barycentrics(edges, factors, &extent);
+            let band_face = *band_face;
+            pieces.pieces.push(Piece { band_face, area, extent, moves: true, barycentrics });
+        }
+        let touches_border = visible.parts.touches_border;
+        if needs {
+            visible.parts.for_each_side(|candidate, side| {
+                let piece = piece_of[candidate as usize];
+                // Those on the border are found apart.
+                if piece != NONE && !(touches_border && side.is_on_border) {
+                    pieces.segments.push(segment(piece, candidates, side));
+                }
+            });
+        }
+        if touches_border {
+            self.add_border_sides(band, intervals, candidate, pieces);
+        }
+        if pieces.pieces.get(first).is_some_and(|piece| piece.area == S::ZERO) {
+            pieces.unseen.push(pixel);
+        }
+        pieces.ends.push(pieces.pieces.len() as u32);
+        if needs {
+            pieces.segment_ends.push(pieces.segments.len() as u32);
+        }
+    }
+
+    /// Finds what is visible of the faces of `intervals` in the pixel, which reaches as far as `cell`.
+    /// Returns the area that was sampled where the pixel is crowded.
+    #[inline(always)]
+    fn find_parts(
+        &mut self,
+        cell: Cell<S>,
+        intervals: &[DepthInterval<S>],
+        candidate: impl Fn(u32) -> Candidate<S>,
+        limits: Limits,
+    ) -> Option<S> {
+        let Self { candidates, visible, cell_faces, .. } = self;
+        let gather = |candidates: &mut Vec<Candidate<S>>, end: usize| {
+            let known = candidates.len().min(end);
+            candidates
+                .extend(intervals[known..end].iter().map(|interval| candidate(interval.face)));
+        };
+        visible.begin(cell, limits.cuts);
+        let (mut end, mut is_crowded) = (0, false);
+        for group in depth_groups(intervals) {
+            let first = end;
+            end += group.len();
+            is_crowded = group.len() > limits.faces;
+            if !is_crowded {
+                gather(candidates, end);
+                is_crowded = !visible.add(candidates, first as u32..end as u32);
+            }
+            if is_crowded || visible.fills_cell() {
+                break;
+            }
+        }
+        if !is_crowded {
+            return None;
+        }
+        gather(candidates, intervals.len());
+        Some(find_in_cells(cell, intervals, candidates, visible, cell_faces, limits))
+    }
+
+    /// Finds the sides on the border of a pixel, and adds them to its last segments. What has no piece
+    /// beside such a side becomes two pieces without an area.
+    #[cold]
+    #[inline(never)]
+    fn add_border_sides<T: Scalar<Wide = S>>(
+        &mut self,
+        band: &BandFaces<'_, '_, T>,
+        intervals: &[DepthInterval<S>],
+        candidate: impl Fn(u32) -> Candidate<S>,
+        pieces: &mut Pieces<S>,
+    ) {
+        // What is sampled in the wide pixel lacks its sides, as in the pixel, and has been counted there.
+        self.find_parts(
+            Cell::around_center(S::from_f64(WIDER)),
+            intervals,
+            candidate,
+            band.view.limits,
+        );
+        let Self { candidates, visible, seen, piece_of, border_sides, .. } = self;
+        border_sides.clear();
+        visible.parts.add_border_sides(border_sides);
+        piece_of.resize(candidates.len(), NONE);
+        let mut count = seen.len() as u32;
+        for &(candidate, side) in &*border_sides {
+            let mut keep = |piece: u32, side: Side<S>| {
+                if band.view.needs {
+                    pieces.segments.push(segment(piece, candidates, side));
+                }
+            };
+            let piece = piece_of[candidate as usize];
+            if piece != NONE {
+                keep(piece, side);
+                continue;
+            }
+            let Candidate { band_face, edges, .. } = &candidates[candidate as usize];
+            let corners = band.view.corners_of(band.faces[*band_face as usize] as usize);
+            for (ends, place) in halves(side.ends) {
+                keep(count, Side { ends, ..side });
+                count += 1;
+                let (factors, extent) = (corners.map(|corner| corner.factor), Extent::at(place));
+                let barycentrics = barycentrics(edges, factors, &extent);
+                pieces.pieces.push(Piece {
+                    band_face: *band_face,
+                    area: S::ZERO,
+                    extent,
+                    moves: false,
+                    barycentrics,
+                });
+            }
+        }
+    }
+}
+
+/// A side of a piece, whose source tells faces by their positions among those of the band.
+fn segment<S: Scalar>(piece: u32, candidates: &[Candidate<S>], side: Side<S>) -> Segment<S> {
+    let source = side.source.map(|at| candidates[at as usize].band_face);
+    Segment { piece, side: Side { source, ..side } }
+}
+
+/// Finds what is visible in the cells of a crowded pixel; returns the area that was sampled.
+#[cold]
+#[inline(never)]
+fn find_in_cells<S: Scalar>(
+    cell: Cell<S>,
+    intervals: &[DepthInterval<S>],
+    candidates: &[Candidate<S>],
+    visible: &mut Visible<S>,
+    faces: &mut Vec<DepthInterval<S>>,
+    limits: Limits,
+) -> S {
+    faces.clear();
+    faces.extend((0..).zip(intervals).map(|(face, &interval)| DepthInterval { face, ..interval }));
+    let all = 0..faces.len();
+    let mut crowd = Crowd { limits, candidates, visible, faces, sampled: S::ZERO };
+    crowd.divide(cell, 0, all, limits.work);
+    let sampled = crowd.sampled;
+    visible.join_cells();
+    sampled
+}
