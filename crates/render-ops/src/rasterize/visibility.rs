@@ -21,11 +21,8 @@ use super::prepared::Prepared;
 use super::setup::LANES;
 use crate::coverage::{Coverage, Culled};
 use crate::mesh::{Mesh, repeats_a_vertex};
+use crate::runs::rows_per_band;
 use crate::size::Size;
-
-/// Pixels in one band, rounded to whole rows: its depths and faces stay in a core's cache, and it
-/// is enough work to be worth a thread.
-const PIXELS_PER_BAND: usize = 1 << 14;
 
 /// Canvases per thread, where there are several: a thread that has less to do takes another canvas.
 const CANVASES_PER_THREAD: usize = 2;
@@ -63,7 +60,7 @@ impl<T: Scalar> Visibility<T> {
         let (mesh, size) = (&coverage.mesh.clone(), coverage.size);
         self.prepare_vertices(clip, mesh.vertex_count(), size);
         self.judge_faces(mesh, options);
-        let rows = PIXELS_PER_BAND.div_ceil(size.width).min(size.height);
+        let rows = rows_per_band(size);
         self.faces.resize_with(size.height.div_ceil(rows), Vec::new);
         self.faces.iter_mut().for_each(Vec::clear);
         coverage.culled = sort_into_bands(&self.verdicts, &mut self.faces, rows);
