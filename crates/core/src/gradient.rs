@@ -203,6 +203,21 @@ impl<T: Scalar> Accumulators<'_, T> {
         Some(gradient)
     }
 
+    /// Adds `entries`, which the operation keeps, to the gradient of input `i`, where it is wanted. They
+    /// are read in place unless something else is added.
+    ///
+    /// # Panics
+    /// Unless there are as many entries as the input has.
+    pub fn lend(&mut self, i: usize, entries: &Arc<Vec<T>>) {
+        if !self.needs(i) {
+            return;
+        }
+        let index = self.indices[i] as usize;
+        let size = self.values[index].data().len();
+        assert_eq!(size, entries.len(), "a gradient has as many entries as its input");
+        self.gradients[index].lend(Arc::clone(entries), self.pool);
+    }
+
     /// The gradient of input `i`, where it is wanted, taken out: for an operation that adds to several
     /// gradients at the same time. [`Accumulators::put_back`] ends that; a gradient that is not put
     /// back is lost. Of a variable that is several inputs each has a sum of its own until then.
