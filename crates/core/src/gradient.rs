@@ -203,19 +203,25 @@ impl<T: Scalar> Accumulators<'_, T> {
         Some(gradient)
     }
 
-    /// Adds `entries`, which the operation keeps, to the gradient of input `i`, where it is wanted. They
-    /// are read in place unless something else is added.
+    /// Adds `factor` times `entries`, which the operation keeps, to the gradient of input `i`, where it is
+    /// wanted. Where the factor is 1, they are read in place unless something else is added: the gradient
+    /// of a loss with respect to what it was computed from costs nothing then.
     ///
     /// # Panics
     /// Unless there are as many entries as the input has.
-    pub fn lend(&mut self, i: usize, entries: &Arc<Vec<T>>) {
+    pub fn lend_scaled(&mut self, i: usize, factor: T, entries: &Arc<Vec<T>>) {
         if !self.needs(i) {
             return;
         }
         let index = self.indices[i] as usize;
         let size = self.values[index].data().len();
         assert_eq!(size, entries.len(), "a gradient has as many entries as its input");
-        self.gradients[index].lend(Arc::clone(entries), self.pool);
+        let gradient = &mut self.gradients[index];
+        if factor.is_same(T::ONE) {
+            return gradient.lend(Arc::clone(entries), self.pool);
+        }
+        gradient.prepare(size, self.pool);
+        gradient.add_zipped([&entries[..]], |[entry]| factor * entry);
     }
 
     /// The gradient of input `i`, where it is wanted, taken out: for an operation that adds to several

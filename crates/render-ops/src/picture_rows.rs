@@ -20,13 +20,7 @@ pub(crate) struct PictureRows<'a> {
 
 impl PictureRows<'_> {
     /// Writes the rows of the image from row `first` on, before a background of one colour.
-    pub(crate) fn fill<T: Scalar>(
-        &self,
-        values: &[T],
-        color: &[T],
-        first: usize,
-        image: &mut [T],
-    ) {
+    pub(crate) fn fill<T: Scalar>(&self, values: &[T], color: &[T], first: usize, image: &mut [T]) {
         let (size, channels) = (self.coverage.size(), self.channels);
         let row_length = size.width * channels;
         let at_once = rows_per_band(size);

@@ -168,12 +168,7 @@ impl<T: Scalar> Op<T> for SquaredError<T> {
         slopes: &mut Self::Saved,
         gradients: &mut Accumulators<'_, T>,
     ) {
-        let l_bar = kept.only_upstream()[0];
-        if l_bar.is_same(T::ONE) {
-            gradients.lend(0, slopes);
-        } else if let Some(x_bar) = gradients.get(0) {
-            x_bar.add_zipped([&slopes[..]], |[slope]| l_bar * slope);
-        }
+        gradients.lend_scaled(0, kept.only_upstream()[0], slopes);
     }
 
     fn saved_bytes(&self, slopes: &Self::Saved) -> usize {

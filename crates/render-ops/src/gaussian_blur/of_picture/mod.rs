@@ -2,18 +2,20 @@
 //!
 //! # Forward
 //! A blur, `b = K c`, sees a few rows of the image c at a time. So they are written from the picture's
-//! values a *chunk* of rows at a time, into memory that stays in a cache, and blurred from there. The
-//! squared error `L = sum_k (b_k - r_k)^2` is summed as each chunk is done, and so is
-//! `dL/dsigma = sum_k 2 (b_k - r_k) db_k/dsigma`: neither c nor `db/dsigma` is ever stored as a whole.
+//! values a *chunk* of rows at a time, into memory that stays in a cache, and blurred from there. Of the
+//! squared error `L = sum_k (b_k - r_k)^2` the gradients are computed along with it, while `b` is there:
+//! `dL/dsigma = sum_k 2 (b_k - r_k) db_k/dsigma` and `dL/dc = K^T 2 (b - r)`, each chunk of which is added
+//! to the gradients of the picture's values at once. Neither c nor b nor `db/dsigma` is ever stored as a
+//! whole.
 //!
 //! # Backward
-//! `b_bar_k = 2 (b_k - r_k) L_bar`, then `c_bar = K^T b_bar`, again by chunks, each of which is added
-//! to the gradients of the picture's values at once. `sigma_bar = L_bar dL/dsigma`.
+//! `sigma_bar = L_bar dL/dsigma`, and the values' gradient is `L_bar` times what is known of it; where
+//! `L_bar` is 1, as in a fit, nothing is computed.
 //!
 //! # The same bits
 //! Rows are blurred as those of the whole image are, and sums have the pieces of [`bokashi_core::sum`]
-//! and of `gaussian_blur`. So the bits are those of the operations that this one stands for; only
-//! `sigma_bar` is rounded once more where `L_bar` is no power of two.
+//! and of `gaussian_blur`. So the bits are those of the operations that this one stands for. Only where
+//! `L_bar` is no power of two, gradients are rounded otherwise.
 
 #[cfg(test)]
 mod tests;
@@ -21,9 +23,7 @@ mod tests;
 use std::ops::Range;
 use std::sync::Arc;
 
-use bokashi_core::parallel::{
-    ENTRIES_PER_PIECE, for_each_item_mut, for_each_zipped_mut, threads,
-};
+use bokashi_core::parallel::{ENTRIES_PER_PIECE, for_each_item_mut, for_each_zipped_mut, threads};
 use bokashi_core::{
     Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Tensor, Var, squared_error, sum,
 };
@@ -59,8 +59,8 @@ impl<'t, T: Scalar> Picture<'t, T> {
     }
 
     /// The sum of the squared errors of [`Picture::blurred`] against `reference: [H, W, C]`; returns
-    /// `[]`. Neither the image nor its slope with respect to sigma takes memory, where
-    /// [`Picture::blurred`] does without the image.
+    /// `[]`. Where [`Picture::blurred`] does without the image, no image takes memory but the reference.
+    /// The gradients that could be asked for are then computed along with the error.
     ///
     /// # Errors
     /// As [`gaussian_blur`]; [`RenderError::Shape`] unless the reference has the picture's size and
@@ -73,10 +73,10 @@ impl<'t, T: Scalar> Picture<'t, T> {
         reference: &Tensor<T>,
     ) -> Result<Var<'t, T>, RenderError> {
         let size = self.coverage.size();
-        let shape = [size.height, size.width, self.channels()];
-        if **reference.shape() != shape {
+        let expected = [size.height, size.width, self.channels()];
+        if **reference.shape() != expected {
             let (operation, shape) = (ERROR_NAME, reference.shape().clone());
-            let rule = format!("a reference image of shape {:?}", self.image_shape());
+            let rule = format!("a reference image of shape {expected:?}");
             return Err(RenderError::Shape { operation, rule, shape });
         }
         let tape = self.values.tape();
@@ -86,12 +86,7 @@ impl<'t, T: Scalar> Picture<'t, T> {
         }
         let op =
             BlurredSquaredError { rows: self.rows_to_blur(blur), reference: reference.clone() };
-        Ok(tape.record(op, &[self.values, sigma, self.backdrop.values])?[0])
-    }
-
-    fn image_shape(&self) -> [usize; 3] {
-        let size = self.coverage.size();
-        [size.height, size.width, self.channels()]
+        tape.apply(op, &[self.values, sigma, self.backdrop.values])
     }
 
     /// Whether the picture is blurred without its image.
@@ -123,8 +118,8 @@ impl<'t, T: Scalar> Picture<'t, T> {
 
 const ERROR_NAME: &str = "blurred_squared_error";
 
-/// Entries in a chunk, for each thread: half a megabyte's worth, so that chunks of all threads stay in
-/// caches, and have a few bands for each.
+/// Entries in a chunk, for each thread: so few that chunks stay in a shared cache, and enough bands that
+/// threads end together.
 const ENTRIES_PER_CHUNK: usize = if cfg!(test) { 1 << 10 } else { 1 << 19 };
 
 /// A picture whose rows are blurred.
@@ -165,39 +160,38 @@ struct MovingRows<T> {
 }
 
 impl<T: Scalar> MovingRows<T> {
-    /// Rows of `length` entries that a window sees around a chunk, and the first of them; `fill(first,
-    /// rows)` writes those that are missing.
-    fn around(
-        &mut self,
-        convolution: &Convolution<'_, T>,
-        chunk: &Range<usize>,
-        [height, length]: [usize; 2],
-        fill: impl FnOnce(usize, &mut [T]),
-    ) -> (&[T], usize) {
-        let reach = convolution.reach();
-        let first = chunk.start.saturating_sub(reach);
-        let end = (chunk.end + reach).min(height);
-        if chunk.start == 0 {
-            // What is there is of an earlier pass.
-            self.rows = 0..0;
-        }
-        let known = self.rows.end.saturating_sub(first) * length;
-        let all = (end - first) * length;
+    /// Makes these `rows` of `length` entries each, at or below those that are there; `fill(first, rows)`
+    /// writes those that are missing.
+    fn move_to(&mut self, rows: Range<usize>, length: usize, fill: impl FnOnce(usize, &mut [T])) {
+        let known = self.rows.end.saturating_sub(rows.start) * length;
+        let all = rows.len() * length;
         if known > 0 {
-            let start = (first - self.rows.start) * length;
+            let start = (rows.start - self.rows.start) * length;
             self.entries.copy_within(start..start + known, 0);
         }
-        if self.entries.len() < all {
-            self.entries.resize(all, T::ZERO);
-        }
-        fill(first + known / length, &mut self.entries[known..all]);
-        self.rows = first..end;
-        (&self.entries[..all], first)
+        enough(&mut self.entries, all);
+        fill(rows.start + known / length, &mut self.entries[known..all]);
+        self.rows = rows;
+    }
+
+    /// Forgets all rows: they are of another image.
+    fn forget(&mut self) {
+        self.rows = 0..0;
+    }
+
+    /// The entries from the first row on, and that row.
+    fn view(&self) -> (&[T], usize) {
+        (&self.entries, self.rows.start)
     }
 
     fn bytes(&self) -> usize {
         size_of_val(self.entries.as_slice())
     }
+}
+
+/// The rows that a window sees around some rows of an image `height` high.
+fn around(rows: &Range<usize>, reach: usize, height: usize) -> Range<usize> {
+    rows.start.saturating_sub(reach)..(rows.end + reach).min(height)
 }
 
 /// What the backward pass reads, and memory.
@@ -208,23 +202,24 @@ struct Saved<T: Scalar> {
     slopes: Vec<T>,
     /// `dL/dsigma`.
     slope: T::Wide,
-    /// Memory: for pieces of work, for the rows around a chunk, for a chunk, for sums by piece.
+    /// The gradients of L with respect to the picture's values, `[P, C]`.
+    values_bar: Arc<Vec<T>>,
+    /// Memory: for pieces of work, for the rows around a chunk and around those that come before it, for
+    /// a chunk and its gradients, for sums by piece.
     bands: Workbench<Band<T>>,
-    around: MovingRows<T>,
+    image: MovingRows<T>,
+    b_bar: MovingRows<T>,
     chunk: Vec<T>,
+    image_bar: Vec<T>,
     sums: Vec<[T::Wide; 2]>,
     products: Vec<T::Wide>,
 }
 
 impl<T: Scalar> Saved<T> {
     fn bytes(&self) -> usize {
-        let Self { slopes, bands, around, chunk, sums, products, .. } = self;
-        around.bytes()
-            + size_of_val(slopes.as_slice())
-            + size_of_val(chunk.as_slice())
-            + size_of_val(sums.as_slice())
-            + size_of_val(products.as_slice())
-            + size_of::<T>() * bands.total(Band::len)
+        let Self { slopes, values_bar, bands, image, b_bar, chunk, image_bar, .. } = self;
+        let entries = slopes.len() + values_bar.len() + chunk.len() + image_bar.len();
+        image.bytes() + b_bar.bytes() + size_of::<T>() * (entries + bands.total(Band::len))
     }
 }
 
@@ -259,19 +254,20 @@ impl<T: Scalar> Op<T> for BlurOfPicture {
         let channels = color.len();
         let shape @ [height, width, _] = self.rows.shape(channels);
         let length = width * channels;
-        let Saved { taps, slopes, bands, around, .. } = saved;
+        let Saved { taps, slopes, bands, image, .. } = saved;
         Taps::fill(taps, sigma, &self.rows.blur, [width, height])?;
         let convolution = Convolution::new(&shape, self.rows.blur.border, taps);
         let out = outputs.push(shape);
         slopes.resize(if inputs.needs(1) { out.len() } else { 0 }, T::ZERO);
-        let picture = self.rows.picture_rows(channels);
-        for chunk in self.rows.chunks(channels, convolution.reach()) {
-            let image = around.around(&convolution, &chunk, [height, length], |first, image| {
-                picture.fill(values, color, first, image);
+        let (picture, reach) = (self.rows.picture_rows(channels), convolution.reach());
+        image.forget();
+        for chunk in self.rows.chunks(channels, reach) {
+            image.move_to(around(&chunk, reach, height), length, |first, rows| {
+                picture.fill(values, color, first, rows);
             });
             let entries = chunk.start * length..chunk.end * length;
             let slopes = slopes.get_mut(entries.clone()).unwrap_or_default();
-            convolution.apply_from(image, chunk.start, bands, &mut out[entries], slopes);
+            convolution.apply_from(image.view(), chunk.start, bands, &mut out[entries], slopes);
         }
         Ok(())
     }
@@ -287,7 +283,7 @@ impl<T: Scalar> Op<T> for BlurOfPicture {
         gradients: &mut Accumulators<'_, T>,
     ) {
         let b_bar = kept.only_upstream();
-        let Saved { taps, slopes, bands, chunk: memory, products, .. } = saved;
+        let Saved { taps, slopes, bands, image_bar: memory, products, .. } = saved;
         if let Some(sigma_bar) = gradients.get(1) {
             let sum = dot(slopes, b_bar, products);
             sigma_bar.add_each(|_| T::narrow(sum));
@@ -310,8 +306,7 @@ impl<T: Scalar> Op<T> for BlurOfPicture {
     }
 }
 
-/// Inputs: values `[P, C]`, sigma `[]`, a colour `[C]`. Outputs: the error `[]`, and, where the values
-/// need a gradient, the blurred image `[H, W, C]`.
+/// Inputs: values `[P, C]`, sigma `[]`, a colour `[C]`. Output: the error `[]`.
 struct BlurredSquaredError<T> {
     rows: RowsToBlur,
     /// `[H, W, C]`.
@@ -333,61 +328,78 @@ impl<T: Scalar> Op<T> for BlurredSquaredError<T> {
         saved: &mut Self::Saved,
     ) -> Result<(), RenderError> {
         let (values, sigma, color) = (inputs.data(0), inputs.data(1)[0], inputs.data(2));
-        let (channels, with_slope) = (color.len(), inputs.needs(1));
+        let [with_values, with_slope] = [inputs.needs(0), inputs.needs(1)];
+        let channels = color.len();
         let shape @ [height, width, _] = self.rows.shape(channels);
         let length = width * channels;
-        let Saved { taps, slopes, slope, bands, around, chunk: memory, sums, .. } = saved;
+        let Saved { taps, slopes, slope, values_bar, bands, .. } = saved;
+        let Saved { image, b_bar, chunk: memory, image_bar, sums, .. } = saved;
         Taps::fill(taps, sigma, &self.rows.blur, [width, height])?;
         let convolution = Convolution::new(&shape, self.rows.blur.border, taps);
-        let (total, mut whole) = if inputs.needs(0) {
-            let [total, blurred] = outputs.push_all([[].into(), shape.into()]);
-            (total, Some(blurred))
-        } else {
-            (outputs.push([]), None)
-        };
-        let picture = self.rows.picture_rows(channels);
+        let (adjoint, reach) = (convolution.adjoint(), convolution.reach());
+        let (picture, reference) = (self.rows.picture_rows(channels), self.reference.data());
+        let per_band = rows_per_band(self.rows.coverage.size());
+        let values_bar = fresh(values_bar, if with_values { values.len() } else { 0 });
+        values_bar.fill(T::ZERO);
+        let two = T::from_f64(2.0);
+        image.forget();
+        b_bar.forget();
         sums.clear();
-        // Entries whose sums are still to be taken begin here: a piece may lie in two chunks.
-        let mut start = 0;
-        for chunk in self.rows.chunks(channels, convolution.reach()) {
-            let image = around.around(&convolution, &chunk, [height, length], |first, image| {
-                picture.fill(values, color, first, image);
+        // Entries whose sums are still to be taken begin at `start`: a piece may lie in two chunks. The
+        // gradients of the rows before `pulled` are known.
+        let (mut start, mut pulled) = (0, 0);
+        for chunk in self.rows.chunks(channels, reach) {
+            image.move_to(around(&chunk, reach, height), length, |first, rows| {
+                picture.fill(values, color, first, rows);
             });
             let (own, end) = (chunk.start * length - start, chunk.end * length);
-            let blurred = match &mut whole {
-                Some(whole) => &mut whole[start..end],
-                None => enough(memory, end - start),
-            };
+            let blurred = enough(memory, end - start);
             let slopes = enough(slopes, if with_slope { end - start } else { 0 });
-            let of_chunk = own.min(slopes.len())..slopes.len();
-            let (of_chunk, blurred_chunk) = (&mut slopes[of_chunk], &mut blurred[own..]);
-            convolution.apply_from(image, chunk.start, bands, blurred_chunk, of_chunk);
+            let of_chunk = own.min(slopes.len());
+            let (of_chunk, own) = (&mut slopes[of_chunk..], &mut blurred[own..]);
+            convolution.apply_from(image.view(), chunk.start, bands, own, of_chunk);
 
-            let is_last = chunk.end == height;
-            let done = if is_last { end } else { end / PIECE * PIECE };
+            if with_values {
+                let is_last = chunk.end == height;
+                let known = chunk.end.saturating_sub(reach) / per_band * per_band;
+                let known = if is_last { height } else { known.max(pulled) };
+                let seen = pulled.saturating_sub(reach)..chunk.end;
+                b_bar.move_to(seen, length, |first, b_bar| {
+                    debug_assert_eq!(first, chunk.start);
+                    let reference = &reference[first * length..];
+                    for_each_zipped_mut(b_bar, [own, reference], |bar, [b, r]| {
+                        *bar = two * (b - r)
+                    });
+                });
+                let image_bar = enough(image_bar, (known - pulled) * length);
+                adjoint.apply_from(b_bar.view(), pulled, bands, image_bar, &mut []);
+                picture.pull_back(image_bar, pulled..known, values_bar);
+                pulled = known;
+            }
+
+            let done = if chunk.end == height { end } else { end / PIECE * PIECE };
             let first = sums.len();
             sums.resize(first + (done - start).div_ceil(PIECE), [T::Wide::ZERO; 2]);
-            let (blurred_now, slopes_now) = (&*blurred, &*slopes);
-            let reference = &self.reference.data()[start..];
+            let (blurred, slopes_now) = (&*blurred, &*slopes);
+            let reference = &reference[start..];
             for_each_item_mut(&mut sums[first..], |k, sums| {
                 let piece = k * PIECE..((k + 1) * PIECE).min(done - start);
-                let (b, r) = (&blurred_now[piece.clone()], &reference[piece.clone()]);
+                let (b, r) = (&blurred[piece.clone()], &reference[piece.clone()]);
                 *sums = sums_of_piece(b, r, slopes_now.get(piece).unwrap_or_default());
             });
+            memory.copy_within(done - start..end - start, 0);
             slopes.copy_within((done - start).min(slopes.len()).., 0);
-            if whole.is_none() {
-                memory.copy_within(done - start..end - start, 0);
-            }
             start = done;
         }
         // In the order of `bokashi_core::sum` and of `dot`.
-        total[0] = T::narrow(sums.iter().fold(T::Wide::ZERO, |total, [square, _]| total + *square));
+        let total = sums.iter().fold(T::Wide::ZERO, |total, [square, _]| total + *square);
+        outputs.push([])[0] = T::narrow(total);
         *slope = sums.iter().map(|&[_, product]| product).sum();
         Ok(())
     }
 
-    fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
-        if inputs.needs(0) { Keep::NOTHING.output(1) } else { Keep::NOTHING }
+    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
+        Keep::NOTHING
     }
 
     fn backward(
@@ -396,34 +408,29 @@ impl<T: Scalar> Op<T> for BlurredSquaredError<T> {
         saved: &mut Self::Saved,
         gradients: &mut Accumulators<'_, T>,
     ) {
-        let Some(&[l_bar]) = kept.upstream(0) else { return };
-        let Saved { taps, slope, bands, around, chunk: memory, .. } = saved;
+        let l_bar = kept.only_upstream()[0];
+        let Saved { slope, values_bar, .. } = saved;
         if let Some(sigma_bar) = gradients.get(1) {
             sigma_bar.add_each(|_| T::narrow(l_bar.widen() * *slope));
         }
-        let Some(values_bar) = gradients.get(0) else { return };
-        let values_bar = values_bar.entries();
-        let channels = kept.input_shape(2).size();
-        let shape @ [height, width, _] = self.rows.shape(channels);
-        let length = width * channels;
-        let (blurred, reference) = (kept.output(1), self.reference.data());
-        let factor = T::from_f64(2.0) * l_bar;
-        let adjoint = Convolution::new(&shape, self.rows.blur.border, taps).adjoint();
-        for chunk in self.rows.chunks(channels, adjoint.reach()) {
-            let b_bar = around.around(&adjoint, &chunk, [height, length], |first, b_bar| {
-                let entries = first * length..first * length + b_bar.len();
-                let from = [&blurred[entries.clone()], &reference[entries]];
-                for_each_zipped_mut(b_bar, from, |bar, [b, r]| *bar = factor * (b - r));
-            });
-            let image_bar = enough(memory, chunk.len() * length);
-            adjoint.apply_from(b_bar, chunk.start, bands, image_bar, &mut []);
-            self.rows.picture_rows(channels).pull_back(image_bar, chunk, values_bar);
-        }
+        gradients.lend_scaled(0, l_bar, values_bar);
     }
 
     fn saved_bytes(&self, saved: &Self::Saved) -> usize {
         saved.bytes()
     }
+}
+
+/// `list` with `length` entries, whatever they are; another list where somebody else holds this one.
+fn fresh<T: Scalar>(list: &mut Arc<Vec<T>>, length: usize) -> &mut [T] {
+    if Arc::get_mut(list).is_none() {
+        *list = Arc::default();
+    }
+    let list = Arc::get_mut(list).expect("nobody else holds it");
+    if list.len() != length {
+        list.resize(length, T::ZERO);
+    }
+    list
 }
 
 /// Entries that are summed on their own, by `sum` and by `dot`.
