@@ -200,12 +200,12 @@ fn recycled<'a>(
 
 /// Lets `work` fill the parts of a whole, side by side from its front, perhaps at the same time. Each
 /// part comes with its length. Returns what is left of the whole.
-fn fill_parts<'a, T: Scalar, P: Send + Sync>(
-    whole: &'a mut [T],
+fn fill_parts<T: Scalar, P: Send + Sync>(
+    whole: &mut [T],
     parts: impl Iterator<Item = (usize, P)>,
     are_shared: bool,
     work: impl Fn(&mut [T], &P) + Send + Sync,
-) -> &'a mut [T] {
+) -> &mut [T] {
     let mut left = whole;
     let pairs = parts.map(|(length, part)| {
         let (own, rest) = std::mem::take(&mut left).split_at_mut(length);
