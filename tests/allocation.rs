@@ -101,6 +101,8 @@ struct Scene {
     background: Tensor<f32>,
     target: Tensor<f32>,
     sampling: Sampling,
+    /// Whether the picture is blurred and compared before a constant colour, without its image.
+    is_blurred_by_rows: bool,
 }
 
 impl Scene {
@@ -114,6 +116,7 @@ impl Scene {
             background: entries(&[0.2, 0.1, 0.3]),
             target: Tensor::full([side, side, 3], 0.5),
             sampling,
+            is_blurred_by_rows: false,
         }
     }
 
@@ -144,11 +147,16 @@ impl Scene {
         let options = RasterOptions::new(size).sampling(self.sampling);
         let fragments = rasterize(clip, &self.mesh, options)?;
         let surface = interpolate(vertices, &fragments)?;
-        let picture = composite(surface, &fragments, Background::Color(background))?;
+        let behind = if self.is_blurred_by_rows { background.detach() } else { background };
+        let picture = composite(surface, &fragments, Background::Color(behind))?;
         let picture = match self.sampling {
             Sampling::Center => antialias(picture)?,
             _ => picture.into(),
         };
+        if self.is_blurred_by_rows {
+            let loss = picture.blurred_squared_error(sigma, &Blur::default(), &self.target)?;
+            return Ok(loss + background.square().sum());
+        }
         let image = gaussian_blur(picture.image()?, sigma, &Blur::default())?;
         Ok(squared_error(image, tape.constant(&self.target))?)
     }
@@ -355,6 +363,37 @@ fn a_steady_step_of_rendering_allocates_nothing() {
 #[test]
 fn a_steady_step_of_rendering_in_many_pieces_allocates_nothing() {
     assert_steady_from_step_3(rendering_steps(300));
+}
+
+#[test]
+fn a_steady_step_with_a_picture_that_is_blurred_by_rows_allocates_nothing() {
+    for side in [32, 300] {
+        let scene = Scene::new(side, Sampling::Center);
+        let (mut tape, scene) = (Tape::new(), Scene { is_blurred_by_rows: true, ..scene });
+        assert_steady_from_step_3(move || scene.step(&mut tape).unwrap());
+    }
+}
+
+#[test]
+fn a_steady_step_with_a_target_made_aside_allocates_nothing() {
+    let (mut tape, entries) = (Tape::<f32>::new(), 1 << 18);
+    let x = Tensor::full([entries], 0.5);
+    let mut target: Option<Tensor<f32>> = None;
+    assert_steady_from_step_3(move || {
+        if let Some(target) = target.take() {
+            tape.recycle(target);
+        }
+        let made = tape.aside(|tape| (tape.constant(&x).exp() * 0.5).value());
+        let sum = {
+            let leaf = tape.leaf(&x);
+            let loss = squared_error(leaf.exp(), tape.constant(&made)).unwrap();
+            let gradients = loss.backward().unwrap();
+            loss.item() + gradients.get(leaf).unwrap().data()[7]
+        };
+        target = Some(made);
+        tape.reset();
+        sum
+    });
 }
 
 #[test]

@@ -203,6 +203,27 @@ impl<T: Scalar> Accumulators<'_, T> {
         Some(gradient)
     }
 
+    /// Adds `factor` times `entries`, which the operation keeps, to the gradient of input `i`, where it is
+    /// wanted. Where the factor is 1, they are read in place unless something else is added: the gradient
+    /// of a loss with respect to what it was computed from costs nothing then.
+    ///
+    /// # Panics
+    /// Unless there are as many entries as the input has.
+    pub fn lend_scaled(&mut self, i: usize, factor: T, entries: &Arc<Vec<T>>) {
+        if !self.needs(i) {
+            return;
+        }
+        let index = self.indices[i] as usize;
+        let size = self.values[index].data().len();
+        assert_eq!(size, entries.len(), "a gradient has as many entries as its input");
+        let gradient = &mut self.gradients[index];
+        if factor.is_same(T::ONE) {
+            return gradient.lend(Arc::clone(entries), self.pool);
+        }
+        gradient.prepare(size, self.pool);
+        gradient.add_zipped([&entries[..]], |[entry]| factor * entry);
+    }
+
     /// The gradient of input `i`, where it is wanted, taken out: for an operation that adds to several
     /// gradients at the same time. [`Accumulators::put_back`] ends that; a gradient that is not put
     /// back is lost. Of a variable that is several inputs each has a sum of its own until then.

@@ -1,14 +1,30 @@
 //! Recycled buffers, so that a steady step allocates nothing.
 //!
 //! # What is kept
-//! A buffer comes from the pool and goes back to it; sizes are rounded up to powers of two. A value
-//! keeps its buffer in its place until the next step puts a value of another length there. So a
-//! tape holds at most as many buffers of each size as two steps have in use at their peaks. They
+//! A buffer comes from the pool and goes back to it; sizes are rounded up to powers of two. A small
+//! value keeps its buffer in its place until the next step puts a value of another length there. So a
+//! tape holds at most as many small buffers of each size as two steps have in use at their peaks. They
 //! are freed with the tape. Buffers that a caller handed in or still holds are not the pool's.
+//!
+//! # Large buffers
+//! A large value gives its buffer back when its step ends, so that whatever comes first can have it. A
+//! buffer of twice the size is as good as one of the right size. Where there is none, a new buffer
+//! takes the place of smaller ones that wait, as far as they make up its size. So steps whose sizes
+//! change from step to step hold little more than the largest of them. Only a larger buffer makes the
+//! pool drop one: steps that are all alike soon find all they need.
 
 use std::sync::Arc;
 
 use crate::scalar::Scalar;
+
+/// The class from which on buffers are large: of 2^18 entries.
+const LARGE: usize = 18;
+
+/// Whether a buffer for `length` entries is large.
+#[inline]
+pub(crate) fn is_large(length: usize) -> bool {
+    length >> LARGE != 0
+}
 
 /// Buffers that nobody uses, by the power of two that their capacity reaches.
 #[derive(Debug)]
@@ -32,6 +48,7 @@ impl<T: Scalar> Pool<T> {
         let class = class_of(length);
         let mut buffer = match self.classes.get_mut(class).and_then(Vec::pop) {
             Some(buffer) => buffer,
+            None if class >= LARGE => self.take_large(class),
             None => Vec::with_capacity(1 << class),
         };
         if buffer.len() != length {
@@ -41,6 +58,21 @@ impl<T: Scalar> Pool<T> {
             buffer.fill(T::from_f64(f64::NAN));
         }
         buffer
+    }
+
+    /// A buffer of class `class`, of which none is waiting, or of the next one.
+    #[cold]
+    fn take_large(&mut self, class: usize) -> Vec<T> {
+        if let Some(buffer) = self.classes.get_mut(class + 1).and_then(Vec::pop) {
+            return buffer;
+        }
+        let mut missing = 1 << class;
+        for smaller in (LARGE..class.min(self.classes.len())).rev() {
+            while missing >= 1 << smaller && self.classes[smaller].pop().is_some() {
+                missing -= 1 << smaller;
+            }
+        }
+        Vec::with_capacity(1 << class)
     }
 
     /// Takes a buffer back.
@@ -118,6 +150,47 @@ mod tests {
         assert_eq!(pool.count(), 0);
         pool.take(2).fill(4.0);
         assert_eq!(*shared, [3.0, 3.0]);
+    }
+
+    #[test]
+    fn a_large_buffer_serves_half_its_size_and_takes_the_place_of_smaller_ones() {
+        let mut pool = Pool::<f32>::default();
+        let count = |pool: &Pool<f32>| pool.count();
+        let [large, larger] = [1 << LARGE, 2 << LARGE];
+        let buffer = pool.take(larger);
+        let address = buffer.as_ptr();
+        pool.give(buffer);
+        let buffer = pool.take(large);
+        assert_eq!((buffer.as_ptr(), count(&pool)), (address, 0));
+        pool.give(buffer);
+        // None is as large, and the smaller one makes up half of it.
+        let buffer = pool.take(2 * larger);
+        assert_eq!(count(&pool), 0);
+        pool.give(buffer);
+        // What is four times as large is left for whoever needs it; small ones are never dropped.
+        pool.give(vec![0.0; 4]);
+        let buffer = pool.take(large);
+        assert_eq!(count(&pool), 2);
+        drop((buffer, pool.take(4 * larger)));
+        assert_eq!(count(&pool), 1);
+    }
+
+    #[test]
+    fn steps_whose_large_buffers_do_not_overlap_soon_find_them_all() {
+        for lengths in [[18, 21, 19], [21, 18, 19], [19, 18, 21], [18, 19, 21], [21, 19, 18]] {
+            let mut pool = Pool::<f32>::default();
+            let mut step = || {
+                lengths.map(|class| {
+                    let buffer = pool.take(1 << class);
+                    let address = buffer.as_ptr();
+                    pool.give(buffer);
+                    address
+                })
+            };
+            step();
+            step();
+            assert_eq!(step(), step(), "{lengths:?}");
+        }
     }
 
     #[test]

@@ -32,6 +32,8 @@ pub struct Tape<T: Scalar> {
     pub(crate) inner: RefCell<Inner<T>>,
     /// Tapes of parts that are computed apart ([`Tape::sum_over`]), to be used again.
     pub(crate) spare: Mutex<Vec<Tape<T>>>,
+    /// Tapes of what is computed beside a step ([`Tape::aside`]), to be used again.
+    beside: RefCell<Vec<Tape<T>>>,
 }
 
 /// What the tape holds.
@@ -131,6 +133,7 @@ impl<T: Scalar> Tape<T> {
                 is_memory_doubtful: false,
             }),
             spare: Mutex::new(Vec::new()),
+            beside: RefCell::new(Vec::new()),
         }
     }
 
@@ -156,6 +159,32 @@ impl<T: Scalar> Tape<T> {
         if std::mem::take(&mut inner.is_memory_doubtful) {
             places.clear();
         }
+    }
+
+    /// Runs `work` on another tape, which ends its step when `work` does: for tensors that a step
+    /// needs and no gradient passes, such as a reference image. That tape takes its buffers from
+    /// those of this one and gives them back, so that what is computed before a step takes no memory
+    /// beside that of the step. Its variables cannot leave `work`, and its report is not part of this
+    /// tape's.
+    ///
+    /// [`Tape::recycle`] takes back the buffers of tensors that `work` returns.
+    pub fn aside<R>(&self, work: impl FnOnce(&Tape<T>) -> R) -> R {
+        let mut tape = self.beside.borrow_mut().pop().unwrap_or_default();
+        self.exchange_pools(&mut tape);
+        let result = work(&tape);
+        tape.reset();
+        self.exchange_pools(&mut tape);
+        self.beside.borrow_mut().push(tape);
+        result
+    }
+
+    fn exchange_pools(&self, other: &mut Self) {
+        std::mem::swap(&mut self.inner.borrow_mut().pool, &mut other.inner.get_mut().pool);
+    }
+
+    /// Takes the buffer of `tensor`, to use it again; nothing happens where somebody else holds it.
+    pub fn recycle(&self, tensor: Tensor<T>) {
+        self.inner.borrow_mut().pool.give_shared(tensor.into_parts().1);
     }
 
     /// Notes in the report that work of the operation `name` was not needed, and why.
@@ -246,6 +275,33 @@ mod tests {
         parameter.data_mut()[0] = 5.0;
         assert_eq!(parameter.data().as_ptr(), address);
         assert_eq!(x.value().data(), [1.0, 1.0]);
+    }
+
+    #[test]
+    fn what_is_computed_aside_has_the_memory_of_the_step() {
+        let mut tape = Tape::new();
+        let x = Tensor::full([1 << 18], 0.5_f32);
+        let mut addresses = Vec::new();
+        let mut target: Option<Tensor<f32>> = None;
+        for _ in 0..4 {
+            if let Some(target) = target.take() {
+                tape.recycle(target);
+            }
+            let found = tape.aside(|tape| (tape.constant(&x) * 2.0).exp().value());
+            assert_eq!(found, x.map(|x| (2.0 * x).exp()));
+            assert!(tape.is_empty());
+            let y = (tape.leaf(&x).exp() - tape.constant(&found)).square();
+            let gradients = y.sum().backward().unwrap();
+            assert_eq!(y.value().data()[0], (0.5_f32.exp() - 1.0_f32.exp()).powi(2));
+            drop(gradients);
+            addresses.push(found.data().as_ptr());
+            target = Some(found);
+            tape.reset();
+        }
+        let known: std::collections::BTreeSet<_> = addresses.iter().collect();
+        assert!(known.len() < 4, "no buffer was used again");
+        let leaf = tape.leaf(&x);
+        tape.aside(|other| assert!(leaf.try_add(other.leaf(&x)).is_err()));
     }
 
     #[test]

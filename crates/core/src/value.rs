@@ -1,11 +1,11 @@
 //! A value on the tape, and who else knows its buffer.
 //!
-//! When a step ends, a value stays in its place with its shape and buffer: a step that repeats the
-//! last one finds there what it needs.
+//! When a step ends, a small value stays in its place with its shape and buffer: a step that repeats
+//! the last one finds there what it needs. The buffer of a large one goes to whoever needs one first.
 
 use std::sync::Arc;
 
-use crate::pool::Pool;
+use crate::pool::{Pool, is_large};
 use crate::scalar::Scalar;
 use crate::shape::Shape;
 use crate::tensor::Tensor;
@@ -90,12 +90,6 @@ impl<T: Scalar> Value<T> {
         self.shape = shape;
     }
 
-    /// Whether nobody else knows the buffer.
-    #[inline]
-    pub(crate) fn is_own(&self) -> bool {
-        matches!(self.buffer, Buffer::Own(_))
-    }
-
     /// The entries.
     #[inline]
     pub(crate) fn data(&self) -> &[T] {
@@ -127,11 +121,12 @@ impl<T: Scalar> Value<T> {
         Arc::clone(data)
     }
 
-    /// Lets go of what is shared, and keeps what is not for the next step.
+    /// Lets go of what is shared or large, and keeps the rest for the next step.
     #[inline]
     pub(crate) fn end_step(&mut self, pool: &mut Pool<T>) {
-        if !self.is_own() {
-            self.release(pool);
+        match &self.buffer {
+            Buffer::Own(entries) if !is_large(entries.len()) => {}
+            _ => self.release(pool),
         }
     }
 

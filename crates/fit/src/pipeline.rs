@@ -25,6 +25,16 @@ pub trait Pipeline<T: Scalar> {
         Ok(())
     }
 
+    /// [`Pipeline::prepare`], as a fit calls it: with the tape that the step will be recorded on. For
+    /// whoever computes a reference image: [`Tape::aside`] does so in memory that the step uses later.
+    ///
+    /// # Errors
+    /// As [`Pipeline::prepare`].
+    fn prepare_on(&mut self, step: u64, tape: &Tape<T>) -> Result<(), FitError> {
+        let _ = tape;
+        self.prepare(step)
+    }
+
     /// Appends to `state` what the pipeline needs to go on, beside the number of the step: the state
     /// of a generator, say. Called before each [`Pipeline::prepare`], for the case that the fit is
     /// saved in that step.

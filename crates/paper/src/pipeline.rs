@@ -6,7 +6,7 @@
 //! same `p`.
 
 use bokashi_core::{Scalar, Tape, Tensor, Var};
-use bokashi_fit::{FitError, Parameter, Parameters, Pipeline, Variables, squared_error};
+use bokashi_fit::{FitError, Parameter, Parameters, Pipeline, Variables};
 use bokashi_render_ops::{Blur, Reference};
 
 use super::automorphism::automorphisms;
@@ -45,6 +45,7 @@ pub struct CubePipeline<T: Scalar> {
     /// The truth in `T`: vertices, colours, sigma.
     target_inputs: (Tensor<T>, Tensor<T>, Option<T>),
     target: Option<Target<T>>,
+    /// Of targets that no fit prepares.
     target_tape: Tape<T>,
     automorphisms: Vec<Vec<usize>>,
 }
@@ -126,6 +127,14 @@ impl<T: Scalar> Target<T> {
             Self::Image(image) => image,
         }
     }
+
+    /// The image, where nobody else holds the reference.
+    fn into_image(self) -> Option<Tensor<T>> {
+        match self {
+            Self::Picture(reference) => reference.into_image(),
+            Self::Image(image) => Some(image),
+        }
+    }
 }
 
 impl<T: Scalar> Pipeline<T> for CubePipeline<T> {
@@ -141,32 +150,40 @@ impl<T: Scalar> Pipeline<T> for CubePipeline<T> {
     }
 
     fn prepare(&mut self, step: u64) -> Result<(), FitError> {
+        let tape = std::mem::take(&mut self.target_tape);
+        let prepared = self.prepare_on(step, &tape);
+        self.target_tape = tape;
+        prepared
+    }
+
+    fn prepare_on(&mut self, step: u64, tape: &Tape<T>) -> Result<(), FitError> {
         if self.moves {
             self.view = View::random(self.settings.seed, step);
         } else if self.target.is_some() {
             return Ok(());
         }
-        // The tape takes the buffer of the old image back only where nobody else holds it.
-        self.target = None;
-        self.target_tape.reset();
-        let tape = &self.target_tape;
-        let (vertices, colors, sigma) = &self.target_inputs;
-        let (vertices, colors) = (tape.constant(vertices), tape.constant(colors));
-        let sigma = sigma.map(|sigma| tape.constant_scalar(sigma));
-        let image = self.scene.image(&self.view.camera(), vertices, colors, sigma)?;
-        self.target = Some(match sigma {
-            None => Target::Picture(Reference::new(&image.value(), &Tensor::zeros([3]))?),
-            Some(_) => Target::Image(image.value()),
+        if let Some(image) = self.target.take().and_then(Target::into_image) {
+            tape.recycle(image);
+        }
+        let camera = self.view.camera();
+        let image = tape.aside(|tape| -> Result<_, FitError> {
+            let (vertices, colors, sigma) = &self.target_inputs;
+            let (vertices, colors) = (tape.constant(vertices), tape.constant(colors));
+            let sigma = sigma.map(|sigma| tape.constant_scalar(sigma));
+            Ok(self.scene.image(&camera, vertices, colors, sigma)?.value())
+        })?;
+        self.target = Some(match self.target_inputs.2 {
+            None => Target::Picture(Reference::new(&image, &Tensor::zeros([3]))?),
+            Some(_) => Target::Image(image),
         });
         Ok(())
     }
 
     fn loss<'t>(
         &mut self,
-        tape: &'t Tape<T>,
+        _tape: &'t Tape<T>,
         variables: &Variables<'t, T>,
     ) -> Result<Var<'t, T>, FitError> {
-        let sigma = self.truth.sigma.map(|_| variables.get(SIGMA)).transpose()?;
         let (vertices, colors) = (variables.get(VERTICES)?, variables.get(COLORS)?);
         let camera = self.view.camera();
         match self.target.as_ref().expect("a step is prepared before its loss is recorded") {
@@ -174,8 +191,8 @@ impl<T: Scalar> Pipeline<T> for CubePipeline<T> {
                 Ok(self.scene.picture(&camera, vertices, colors)?.squared_error(reference)?)
             }
             Target::Image(image) => {
-                let blurred = self.scene.image(&camera, vertices, colors, sigma)?;
-                Ok(squared_error(blurred, tape.constant(image))?)
+                let sigma = variables.get(SIGMA)?;
+                self.scene.blurred_squared_error(&camera, vertices, colors, sigma, image)
             }
         }
     }

@@ -1,10 +1,10 @@
 //! The paper's pipeline, from vertices to an image, as operations composed.
 
-use bokashi_core::{Scalar, Var};
+use bokashi_core::{Scalar, Tensor, Var};
 use bokashi_fit::FitError;
 use bokashi_render_ops::{
     Background, Blur, Mesh, Picture, RasterOptions, Sampling, Size, antialias, composite,
-    gaussian_blur, interpolate, mark_creases, project, rasterize,
+    interpolate, mark_creases, project, rasterize,
 };
 use glam::DMat4;
 
@@ -66,10 +66,24 @@ impl Scene {
         colors: Var<'t, T>,
         sigma: Option<Var<'t, T>>,
     ) -> Result<Var<'t, T>, FitError> {
-        let image = self.picture(camera, vertices, colors)?.image()?;
+        let picture = self.picture(camera, vertices, colors)?;
         match (&self.blur, sigma) {
-            (Some(blur), Some(sigma)) => Ok(gaussian_blur(image, sigma, blur)?),
-            _ => Ok(image),
+            (Some(blur), Some(sigma)) => Ok(picture.blurred(sigma, blur)?),
+            _ => Ok(picture.image()?),
         }
+    }
+
+    /// Records the squared error of the image, blurred by `sigma`, against `reference: [H, W, 3]`.
+    pub(crate) fn blurred_squared_error<'t, T: Scalar>(
+        &self,
+        camera: &DMat4,
+        vertices: Var<'t, T>,
+        colors: Var<'t, T>,
+        sigma: Var<'t, T>,
+        reference: &Tensor<T>,
+    ) -> Result<Var<'t, T>, FitError> {
+        let picture = self.picture(camera, vertices, colors)?;
+        let blur = self.blur.as_ref().expect("a scene with a sigma has a blur");
+        Ok(picture.blurred_squared_error(sigma, blur, reference)?)
     }
 }

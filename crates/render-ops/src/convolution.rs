@@ -98,15 +98,29 @@ impl<'a, T: Scalar> Convolution<'a, T> {
         out: &mut [T],
         slope: &mut [T],
     ) {
-        let piece = self.rows_per_band() * self.row();
+        self.apply_from((image, 0), 0, bench, out, slope);
+    }
+
+    /// [`Convolution::apply`] for the rows of `out` and `slope`, from row `first` on. The image has the
+    /// rows that the window sees, from the row beside it on.
+    pub(crate) fn apply_from(
+        &self,
+        (image, from): (&[T], usize),
+        first: usize,
+        bench: &Workbench<Band<T>>,
+        out: &mut [T],
+        slope: &mut [T],
+    ) {
+        let rows = self.rows_per_band();
+        let piece = rows * self.row();
+        let work = |band: usize, out: &mut [T], slope: &mut [T]| {
+            let first = first + band * rows;
+            bench.with(|memory| self.rows(image, from, first, memory, out, slope));
+        };
         if slope.is_empty() {
-            return for_each_piece_mut(out, piece, |band, out| {
-                bench.with(|memory| self.band(image, band, memory, out, &mut []));
-            });
+            return for_each_piece_mut(out, piece, |band, out| work(band, out, &mut []));
         }
-        for_each_two_pieces_mut(out, slope, [piece; 2], |band, out, slope| {
-            bench.with(|memory| self.band(image, band, memory, out, slope));
-        });
+        for_each_two_pieces_mut(out, slope, [piece; 2], work);
     }
 
     /// How many rows the window sees above and below its own.
@@ -121,11 +135,6 @@ impl<'a, T: Scalar> Convolution<'a, T> {
 
     fn rows_per_band(&self) -> usize {
         (BAND / self.row()).max(1)
-    }
-
-    /// The rows `out` of a band, and, unless it is empty, their slopes.
-    fn band(&self, image: &[T], band: usize, memory: &mut Band<T>, out: &mut [T], slope: &mut [T]) {
-        self.rows(image, 0, band * self.rows_per_band(), memory, out, slope);
     }
 
     /// The rows `out` from row `first` on, and, unless it is empty, their slopes. `image` has the rows that

@@ -16,6 +16,7 @@ use crate::background::Kind;
 use crate::coverage::Coverage;
 use crate::error::RenderError;
 use crate::picture::Picture;
+use crate::picture_rows::PictureRows;
 
 impl<'t, T: Scalar> Picture<'t, T> {
     /// The dense image, `[H, W, C]`, with the background where the picture has no pixel.
@@ -90,21 +91,9 @@ impl<T: Scalar> Op<T> for Image {
         let image_bar = kept.only_upstream();
         let channels = kept.input_shape(0)[1];
         if let Some(values_bar) = gradients.get(0) {
-            let (own, rim) = values_bar.entries().split_at_mut(self.coverage.centers() * channels);
-            let runs = &self.coverage.centers;
-            runs.for_each_band_mut(channels, own, |slots, _, own| {
-                let mut rest = own;
-                for run in runs.of_slots(slots) {
-                    let (own, others) = rest.split_at_mut(run.length as usize * channels);
-                    let upstream = &image_bar[run.pixel as usize * channels..];
-                    own.iter_mut().zip(upstream).for_each(|(own, &bar)| *own += bar);
-                    rest = others;
-                }
-            });
-            for (&pixel, own) in self.rim().iter().zip(rim.chunks_exact_mut(channels)) {
-                let upstream = &image_bar[pixel as usize * channels..];
-                own.iter_mut().zip(upstream).for_each(|(own, &bar)| *own += bar);
-            }
+            let rows = 0..self.coverage.size().height;
+            let picture = PictureRows { coverage: &self.coverage, rim: self.rim(), channels };
+            picture.pull_back(image_bar, rows, values_bar.entries());
         }
         let Some(background_bar) = gradients.get(1) else { return };
         if self.kind == Kind::Color {

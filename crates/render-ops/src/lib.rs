@@ -72,6 +72,7 @@ mod moments;
 mod over;
 mod perturbed_normals;
 mod picture;
+mod picture_rows;
 mod pixel_loss;
 #[cfg(feature = "precompiled")]
 #[doc(hidden)]

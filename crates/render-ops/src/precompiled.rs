@@ -78,6 +78,8 @@ fn every_operation<T: Scalar>(x: Var<'_, T>) -> Result<(), RenderError> {
     picture.squared_error(&Reference::new(&x.value(), &x.value())?)?;
     picture.loss(&PixelLoss::new(&x.value(), &x.value(), |x, _| Ok(x))?)?;
     let image = gaussian_blur(picture.image()?, x, &Blur::default())?;
+    let image = image + picture.blurred(x, &Blur::default())?;
+    picture.blurred_squared_error(x, &Blur::default(), &x.value())?;
     let distances = eye_depth(&fragments)?.image(&fragments, 1.0)?;
     let lens = Lens { aperture: x, focus: x };
     depth_of_field(image, distances, lens, &LensOptions::default())?;

@@ -48,6 +48,11 @@ impl<T: Scalar> Reference<T> {
         &self.0.image
     }
 
+    /// The image, given up; `None` where there is another clone of this reference.
+    pub fn into_image(self) -> Option<Tensor<T>> {
+        Arc::into_inner(self.0).map(|inner| inner.image)
+    }
+
     /// The colour that is seen beside pictures.
     pub(crate) fn background(&self) -> &[T] {
         &self.0.background

@@ -10,6 +10,17 @@ use std::ops::Range;
 
 use bokashi_core::parallel::{for_each_item_mut, is_shared};
 
+use crate::size::Size;
+
+/// Pixels in one band, rounded to whole rows: its depths and faces stay in a core's cache, and it
+/// is enough work to be worth a thread.
+const PIXELS_PER_BAND: usize = 1 << 14;
+
+/// The rows in a band of an image of this size; the last band may have fewer.
+pub(crate) fn rows_per_band(size: Size) -> usize {
+    PIXELS_PER_BAND.div_ceil(size.width).min(size.height)
+}
+
 /// Neighbouring pixels of a row that see one face, a fragment each.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Run {
@@ -184,10 +195,25 @@ impl Runs {
         width: usize,
         entries: &mut [T],
         work: impl Fn(Range<usize>, usize, &mut [T]) -> R + Send + Sync,
+        merge: impl FnMut(R),
+    ) {
+        self.merge_some_bands_mut(0..self.bands(), width, entries, work, merge);
+    }
+
+    /// [`Runs::merge_bands_mut`] of some neighbouring bands: `entries` are those of all fragments.
+    pub(crate) fn merge_some_bands_mut<T: Send, R: Send>(
+        &self,
+        bands: Range<usize>,
+        width: usize,
+        entries: &mut [T],
+        work: impl Fn(Range<usize>, usize, &mut [T]) -> R + Send + Sync,
         mut merge: impl FnMut(R),
     ) {
-        let (mut rest, mut first) = (entries, 0);
-        let bands = (0..self.bands()).map(|band| {
+        // Where none of the bands has a fragment, it does not matter.
+        let mut first = self.fragments_of(self.slots_of(bands.clone())).start;
+        let mut rest = &mut entries[first * width..];
+        let is_shared = is_shared(bands.len(), 1);
+        let bands = bands.map(|band| {
             let slots = self.slots_of(band..band + 1);
             let count = self.fragments_of(slots.clone()).len();
             let (own, others) = std::mem::take(&mut rest).split_at_mut(count * width);
@@ -195,7 +221,7 @@ impl Runs {
             first += count;
             (slots, first - count, own)
         });
-        if !self.is_shared() {
+        if !is_shared {
             return bands.for_each(|(slots, first, own)| merge(work(slots, first, own)));
         }
         let mut pieces: Vec<_> = bands.map(|band| (band, None)).collect();

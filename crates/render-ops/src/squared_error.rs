@@ -5,7 +5,8 @@
 //! all others, which the [`Reference`] knows. Squares and sums in [`Scalar::Wide`].
 //!
 //! # Backward
-//! `x_bar_p = 2 (x_p - r_p) L_bar`.
+//! `x_bar_p = 2 (x_p - r_p) L_bar`. Where `L_bar` is 1, as in a fit, that is what the forward pass left,
+//! and nothing is computed.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -96,8 +97,8 @@ fn sum_of_squares<T: Scalar>(entries: &[T]) -> T::Wide {
 }
 
 impl<T: Scalar> Op<T> for SquaredError<T> {
-    /// The differences `x - r: [P, C]`.
-    type Saved = Vec<T>;
+    /// Twice the differences, `2 (x - r): [P, C]`.
+    type Saved = Arc<Vec<T>>;
     type Error = TensorError;
 
     fn name(&self) -> &'static str {
@@ -108,18 +109,23 @@ impl<T: Scalar> Op<T> for SquaredError<T> {
         &self,
         inputs: &Inputs<'_, T>,
         outputs: &mut Outputs<'_, T>,
-        differences: &mut Self::Saved,
+        slopes: &mut Self::Saved,
     ) -> Result<(), TensorError> {
         let (x, reference) = (inputs.data(0), self.reference.image().data());
         let (coverage, channels) = (&*self.coverage, inputs.shape(0)[1]);
         let runs = &coverage.centers;
         let rim = self.rim.as_deref().map_or(&[][..], Vec::as_slice);
-        if differences.len() != x.len() {
-            differences.resize(x.len(), T::ZERO);
+        if Arc::get_mut(slopes).is_none() {
+            *slopes = Arc::default();
         }
-        let (own, rim_own) = differences.split_at_mut(coverage.centers() * channels);
+        let slopes = Arc::get_mut(slopes).expect("nobody else holds them");
+        if slopes.len() != x.len() {
+            slopes.resize(x.len(), T::ZERO);
+        }
+        let (own, rim_own) = slopes.split_at_mut(coverage.centers() * channels);
         let (x_own, x_rim) = x.split_at(own.len());
         let square = |difference: &T| difference.widen() * difference.widen();
+        let two = T::from_f64(2.0);
         let mut total = T::Wide::ZERO;
         let work = |slots: Range<usize>, first: usize, own: &mut [T]| {
             let x = &x_own[first * channels..][..own.len()];
@@ -133,7 +139,9 @@ impl<T: Scalar> Op<T> for SquaredError<T> {
                         subtract(length, &mut own[at..], &x[at..], reference);
                         at += length;
                     }
-                    sum_of_squares(own)
+                    let sum = sum_of_squares(own);
+                    own.iter_mut().for_each(|difference| *difference *= two);
+                    sum
                 },
             )
         };
@@ -143,6 +151,7 @@ impl<T: Scalar> Op<T> for SquaredError<T> {
             let reference = &reference[pixel as usize * channels..][..channels];
             row.iter_mut().zip(x.iter().zip(reference)).for_each(|(row, (&x, &r))| *row = x - r);
             total += row.iter().map(square).sum();
+            row.iter_mut().for_each(|difference| *difference *= two);
         }
         coverage.for_each_gap(rim, |gap| total += self.reference.behind(gap));
         outputs.push([])[0] = T::narrow(total);
@@ -156,16 +165,14 @@ impl<T: Scalar> Op<T> for SquaredError<T> {
     fn backward(
         &self,
         kept: &Kept<'_, T>,
-        differences: &mut Self::Saved,
+        slopes: &mut Self::Saved,
         gradients: &mut Accumulators<'_, T>,
     ) {
-        let Some(x_bar) = gradients.get(0) else { return };
-        let slope = T::from_f64(2.0) * kept.only_upstream()[0];
-        x_bar.add_zipped([differences], |[difference]| slope * difference);
+        gradients.lend_scaled(0, kept.only_upstream()[0], slopes);
     }
 
-    fn saved_bytes(&self, differences: &Self::Saved) -> usize {
-        size_of_val(differences.as_slice())
+    fn saved_bytes(&self, slopes: &Self::Saved) -> usize {
+        size_of_val(slopes.as_slice())
     }
 }
 

@@ -119,7 +119,7 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> Result<usize> {
     // has to be more than rounding for a depth.
     let has_depths = sampling == Sampling::Center
         || clip.data().iter().skip(3).step_by(4).all(|w| (0.01..100.0).contains(&w.abs().to_f64()));
-    let options = RasterOptions { size, cull, sampling };
+    let options = RasterOptions::new(size).cull(cull).sampling(sampling);
 
     let inputs = [clip, attributes, behind];
     let upstream = |k: usize| T::from_f64(0.5 - (k % 3) as f64);

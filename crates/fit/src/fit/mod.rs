@@ -294,7 +294,7 @@ impl<T: Scalar> Fit<T> {
         } else {
             self.pipeline.save(pipeline);
         }
-        pipeline.prepare(self.step)?;
+        pipeline.prepare_on(self.step, &self.tape)?;
         Ok(milliseconds_since(start))
     }
 

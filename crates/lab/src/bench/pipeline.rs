@@ -5,8 +5,8 @@ use std::hint::black_box;
 use bokashi_core::{Gradients, Scalar, Tape, Tensor, Var};
 use bokashi_fit::{FitError, squared_error};
 use bokashi_render_ops::{
-    Background, Composite, Cull, Fragments, RasterOptions, Reference, antialias, composite,
-    interpolate, mark_creases, project, rasterize,
+    Background, Composite, Cull, Fragments, Picture, RasterOptions, Reference, Sampling, antialias,
+    composite, interpolate, mark_creases, project, rasterize,
 };
 use rayon::ThreadPool;
 
@@ -39,7 +39,21 @@ pub(crate) fn drawn<'t, T: Scalar>(
     Ok(Drawn { clip, fragments, surface, composite })
 }
 
-/// The antialiased picture of `scene` with other positions and colours.
+/// The picture of `scene` with other positions and colours; antialiased, unless its coverage is exact.
+fn picture<'t, T: Scalar>(
+    scene: &Scene,
+    options: RasterOptions,
+    positions: Var<'t, T>,
+    colors: Var<'t, T>,
+) -> Result<Picture<'t, T>, FitError> {
+    let Drawn { composite, .. } = drawn(scene, options, positions, colors)?;
+    Ok(match options.sampling {
+        Sampling::Center => antialias(composite)?,
+        Sampling::Exact | Sampling::Outline => composite.into(),
+    })
+}
+
+/// The antialiased image of `scene` with other positions and colours.
 pub(crate) fn render<'t, T: Scalar>(
     scene: &Scene,
     cull: Cull,
@@ -47,8 +61,7 @@ pub(crate) fn render<'t, T: Scalar>(
     colors: Var<'t, T>,
 ) -> Result<Var<'t, T>, FitError> {
     let options = RasterOptions::new(scene.size).cull(cull);
-    let Drawn { composite, .. } = drawn(scene, options, positions, colors)?;
-    Ok(antialias(composite)?.image()?)
+    Ok(picture(scene, options, positions, colors)?.image()?)
 }
 
 /// What is compared with the reference image.
@@ -63,7 +76,7 @@ pub(crate) enum Compared {
 /// A scene whose positions and colours are a little off a reference image.
 pub(crate) struct Learner<T: Scalar> {
     scene: Scene,
-    cull: Cull,
+    options: RasterOptions,
     compared: Compared,
     positions: Tensor<T>,
     colors: Tensor<T>,
@@ -79,32 +92,38 @@ const TINT: f64 = 0.05;
 
 impl<T: Scalar> Learner<T> {
     pub(crate) fn new(scene: &Scene, cull: Cull, compared: Compared) -> Result<Self, FitError> {
+        Self::with(scene, RasterOptions::new(scene.size).cull(cull), compared)
+    }
+
+    /// [`Learner::new`], with options for rasterization.
+    pub(crate) fn with(
+        scene: &Scene,
+        options: RasterOptions,
+        compared: Compared,
+    ) -> Result<Self, FitError> {
         let mut tape = Tape::new();
         let reference = {
             let positions = tape.constant(&scene.positions.cast());
             let colors = tape.constant(&scene.colors.cast());
-            render(scene, cull, positions, colors)?.value()
+            picture(scene, options, positions, colors)?.image()?.value()
         };
         tape.reset();
         let reference = Reference::new(&reference, &Tensor::zeros([3]))?;
         let positions = scene.jittered(SHIFT * scene.size.width as f64, 0).cast();
         let colors = scene.colors.map(|color: f64| T::from_f64((color + TINT).min(1.0)));
-        Ok(Self { scene: scene.clone(), cull, compared, positions, colors, reference, tape })
+        Ok(Self { scene: scene.clone(), options, compared, positions, colors, reference, tape })
     }
 
     /// One step of a fit without its optimizer: render, loss, gradients.
     pub(crate) fn step(&mut self) -> Result<(), FitError> {
         let positions = self.tape.leaf(&self.positions);
         let colors = self.tape.leaf(&self.colors);
+        let picture = picture(&self.scene, self.options, positions, colors)?;
         let loss = match self.compared {
-            Compared::Picture => {
-                let options = RasterOptions::new(self.scene.size).cull(self.cull);
-                let Drawn { composite, .. } = drawn(&self.scene, options, positions, colors)?;
-                antialias(composite)?.squared_error(&self.reference)?
-            }
+            Compared::Picture => picture.squared_error(&self.reference)?,
             Compared::Image => {
-                let image = render(&self.scene, self.cull, positions, colors)?;
-                squared_error(image, self.tape.constant(self.reference.image()))?
+                let reference = self.tape.constant(self.reference.image());
+                squared_error(picture.image()?, reference)?
             }
         };
         let gradients: Gradients<'_, T> = loss.backward()?;
@@ -122,7 +141,18 @@ impl Scene {
     /// # Errors
     /// What an operation refuses: none does.
     pub fn steps(&self) -> Result<impl FnMut() -> Result<(), FitError> + Send, FitError> {
-        let mut learner = Learner::<f32>::new(self, Cull::None, Compared::Picture)?;
+        self.steps_with::<f32>(RasterOptions::new(self.size))
+    }
+
+    /// Steps on this scene in any precision, with options for rasterization.
+    ///
+    /// # Errors
+    /// What an operation refuses: none does.
+    pub fn steps_with<T: Scalar>(
+        &self,
+        options: RasterOptions,
+    ) -> Result<impl FnMut() -> Result<(), FitError> + Send + use<T>, FitError> {
+        let mut learner = Learner::<T>::with(self, options, Compared::Picture)?;
         Ok(move || learner.step())
     }
 }

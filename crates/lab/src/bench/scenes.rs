@@ -57,6 +57,11 @@ impl Scene {
         &self.name
     }
 
+    /// The size of its image.
+    pub fn size(&self) -> Size {
+        self.size
+    }
+
     /// The number of pixels.
     pub fn pixels(&self) -> usize {
         self.size.pixels()
@@ -108,8 +113,11 @@ impl Scene {
         Self::new(format!("{name}@{pixels}"), faces, positions, colors, pixels)
     }
 
-    /// A sphere of about `faces` faces, twice as many quads around as along.
-    pub(crate) fn sphere_of(faces: usize, pixels: usize) -> Result<Self, FitError> {
+    /// A sphere of about `faces` faces, twice as many quads around as along, in `pixels` x `pixels`.
+    ///
+    /// # Errors
+    /// What an operation refuses: none does.
+    pub fn sphere_of(faces: usize, pixels: usize) -> Result<Self, FitError> {
         let along = ((faces as f64 / 4.0).sqrt().round() as usize).max(3);
         Self::sphere("sphere", 2 * along, along + 1, pixels)
     }

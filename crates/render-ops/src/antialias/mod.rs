@@ -216,7 +216,8 @@ impl<T: Scalar> Found<T> {
         let target = |blend: &Blend<T::Wide>, rows: &[u32; 2]| rows[blend.target()];
         let most = rows.iter().flatten().max().map_or(0, |&row| row as usize + 1);
         if sums.len() < most {
-            sums.resize(most, T::Wide::ZERO);
+            // Not resized, which would write to all of them: most rows are never blended.
+            *sums = vec![T::Wide::ZERO; most.next_power_of_two()];
         }
         let placed = || blends.iter().zip(&*rows);
         placed().for_each(|(blend, rows)| sums[target(blend, rows) as usize] = T::Wide::ZERO);

@@ -33,6 +33,7 @@
 //! rendering, equations (1) to (5): the unnormalized kernel. Image libraries use the sampled
 //! kernel.
 
+mod of_picture;
 mod rational;
 #[cfg(test)]
 mod tests;
@@ -212,6 +213,9 @@ const TAPS_PER_POLE: f64 = 5.0;
 /// Entries of a product that are summed on their own.
 const PRODUCTS: usize = 1 << 14;
 
+/// Partial sums of products, so that additions overlap.
+const LANES: usize = 16;
+
 /// `sum_k a_k b_k` in wide numbers, with `sums` as memory.
 fn dot<T: Scalar>(a: &[T], b: &[T], sums: &mut Vec<T::Wide>) -> T::Wide {
     sums.clear();
@@ -231,7 +235,6 @@ impl<T: Scalar> pulp::WithSimd for Dot<'_, T> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) -> T::Wide {
-        const LANES: usize = 16;
         let mut lanes = [T::Wide::ZERO; LANES];
         let (a, a_rest) = self.0.as_chunks::<LANES>();
         let (b, b_rest) = self.1.as_chunks::<LANES>();

@@ -48,8 +48,8 @@ pub(super) struct Band<T: Scalar> {
     pub(super) by_pixel: Vec<u32>,
     pub(super) row_starts: Vec<u32>,
     pub(super) covered: Vec<[u32; 2]>,
-    /// The weights u and v of each fragment.
-    pub(super) barycentrics: Vec<T>,
+    /// Per slot: what the weights u and v of its fragments follow from.
+    weights: Vec<Weights<T::Wide>>,
     pub(super) pieces: Pieces<T::Wide>,
     /// The pieces as fragments.
     pub(super) piece_fragments: PieceFragments<T>,
@@ -177,7 +177,7 @@ impl<T: Scalar> Canvas<T> {
                 self.read_row(view, at, row, row - first);
             }
             self.sort(at);
-            self.hand_over(view, at, &faces[band]);
+            self.hand_over(at, &faces[band]);
         }
     }
 
@@ -317,44 +317,24 @@ impl<T: Scalar> Canvas<T> {
         }
     }
 
-    /// Gives the runs of band `at`, whose faces are `faces`, their fragments and their weights.
+    /// Gives the runs of band `at`, whose faces are `faces`, their slots and their fragments.
     #[inline(always)]
-    fn hand_over(&mut self, view: &Prepared<'_, T>, at: usize, faces: &[u32]) {
+    fn hand_over(&mut self, at: usize, faces: &[u32]) {
         let Self { weights, seen, read, ends, bands, .. } = self;
-        let Band { runs, by_pixel, barycentrics, .. } = &mut bands[at];
+        let Band { runs, by_pixel, weights: own_weights, .. } = &mut bands[at];
         runs.count = read.iter().map(|run| run.length as usize).sum();
-        resize(barycentrics, 2 * runs.count, || T::ZERO);
+        own_weights.clear();
+        own_weights.extend(seen.iter().map(|&drawn| weights[drawn as usize]));
         let Runs { runs, slots, .. } = runs;
         slots.clear();
-        let width = view.size.width;
         let (mut fragment, mut first_run) = (0, 0);
         for own in runs.chunk_by_mut(|left, right| left.slot == right.slot) {
-            let drawn = seen[own[0].slot as usize] as usize;
-            let (face, weights) = (faces[drawn], &weights[drawn]);
+            let face = faces[seen[own[0].slot as usize] as usize];
             slots.push(Slot { face, first_run });
             first_run += own.len() as u32;
-            let [mut row, _] = view.size.place(own[0].pixel as usize);
             for run in own {
-                let length = run.length as usize;
-                // Runs of a face come row after row.
-                while run.pixel as usize >= (row + 1) * width {
-                    row += 1;
-                }
-                let column = run.pixel as usize - row * width;
-                run.fragment = fragment as u32;
-                let barycentrics = &mut barycentrics[2 * fragment..];
-                let centers = &view.centers[column..];
-                let y = view.size.center_y(row);
-                if weights.is_plain {
-                    weights.weigh(y, length, centers, barycentrics);
-                } else {
-                    let face = face as usize;
-                    let orientation = view.verdicts[face].orientation;
-                    let setup = Setup::of(view.corners_of(face), orientation, view.size);
-                    let own = &mut barycentrics[..2 * length];
-                    setup.weigh_one_by_one(y, &centers[..length], own);
-                }
-                fragment += length;
+                run.fragment = fragment;
+                fragment += run.length;
             }
         }
         // Backwards, so that the last place of each slot comes first.
@@ -365,5 +345,54 @@ impl<T: Scalar> Canvas<T> {
             *place
         }));
         by_pixel.reverse();
+    }
+}
+
+impl<T: Scalar> Band<T> {
+    /// Writes the weights u and v of each fragment.
+    #[inline(always)]
+    pub(super) fn weigh(&self, view: &Prepared<'_, T>, barycentrics: &mut [T]) {
+        let Runs { runs, slots, .. } = &self.runs;
+        let width = view.size.width;
+        let of_slots = runs.chunk_by(|left, right| left.slot == right.slot);
+        for ((own, slot), weights) in of_slots.zip(slots).zip(&self.weights) {
+            let [mut row, _] = view.size.place(own[0].pixel as usize);
+            for run in own {
+                let length = run.length as usize;
+                // Runs of a face come row after row.
+                while run.pixel as usize >= (row + 1) * width {
+                    row += 1;
+                }
+                let column = run.pixel as usize - row * width;
+                let barycentrics = &mut barycentrics[2 * run.fragment as usize..];
+                let centers = &view.centers[column..];
+                let y = view.size.center_y(row);
+                if weights.is_plain {
+                    weights.weigh(y, length, centers, barycentrics);
+                } else {
+                    let face = slot.face as usize;
+                    let orientation = view.verdicts[face].orientation;
+                    let setup = Setup::of(view.corners_of(face), orientation, view.size);
+                    let own = &mut barycentrics[..2 * length];
+                    setup.weigh_one_by_one(y, &centers[..length], own);
+                }
+            }
+        }
+    }
+}
+
+/// The work of weighing a band: not as a closure, as [`Draw`].
+pub(super) struct Weigh<'a, T: Scalar> {
+    pub(super) view: &'a Prepared<'a, T>,
+    pub(super) band: &'a Band<T>,
+    pub(super) barycentrics: &'a mut [T],
+}
+
+impl<T: Scalar> pulp::WithSimd for Weigh<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<V: pulp::Simd>(self, _: V) {
+        self.band.weigh(self.view, self.barycentrics);
     }
 }

@@ -41,6 +41,7 @@ use std::sync::Arc;
 use bokashi_core::parallel::{for_each_item_mut, merge_ranges_into};
 use bokashi_core::{Accumulator, Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 
+use self::canvas::Weigh;
 use self::exact::Adjoints;
 pub use self::options::{Cull, RasterOptions, Sampling};
 use self::pull_back::WeightPullBack;
@@ -197,24 +198,25 @@ fn recycled<'a>(
     coverage
 }
 
-/// Copies parts side by side to the front of a whole, perhaps at the same time; returns what is left of
-/// it.
-fn copy_all<'a, 'b, T: Scalar>(
-    whole: &'a mut [T],
-    parts: impl Iterator<Item = &'b [T]>,
+/// Lets `work` fill the parts of a whole, side by side from its front, perhaps at the same time. Each
+/// part comes with its length. Returns what is left of the whole.
+fn fill_parts<T: Scalar, P: Send + Sync>(
+    whole: &mut [T],
+    parts: impl Iterator<Item = (usize, P)>,
     are_shared: bool,
-) -> &'a mut [T] {
+    work: impl Fn(&mut [T], &P) + Send + Sync,
+) -> &mut [T] {
     let mut left = whole;
-    let pairs = parts.map(|part| {
-        let (own, rest) = std::mem::take(&mut left).split_at_mut(part.len());
+    let pairs = parts.map(|(length, part)| {
+        let (own, rest) = std::mem::take(&mut left).split_at_mut(length);
         left = rest;
         (own, part)
     });
     if are_shared {
         let mut pairs: Vec<_> = pairs.collect();
-        for_each_item_mut(&mut pairs, |_, (own, part)| own.copy_from_slice(part));
+        for_each_item_mut(&mut pairs, |_, (own, part)| work(own, part));
     } else {
-        pairs.for_each(|(own, part)| own.copy_from_slice(part));
+        pairs.for_each(|(own, part)| work(own, &part));
     }
     left
 }
@@ -305,12 +307,18 @@ impl<T: Scalar> Op<T> for Rasterize {
             }
         };
         let are_shared = coverage.centers.is_shared();
-        let of_bands = visibility.bands().map(|band| &*band.barycentrics);
-        let rest = copy_all(barycentrics, of_bands, are_shared);
+        let view = &visibility.drawn(&self.mesh, self.options);
+        let of_bands = visibility.bands().map(|band| (2 * band.runs.count, band));
+        let rest = fill_parts(barycentrics, of_bands, are_shared, |barycentrics, &band| {
+            pulp::Arch::new().dispatch(Weigh { view, band, barycentrics });
+        });
         if let Some(weights) = weights {
+            let copy = |own: &mut [T], part: &&[T]| own.copy_from_slice(part);
             let of_pieces = visibility.bands().map(|band| &band.piece_fragments);
-            copy_all(rest, of_pieces.clone().map(|of| &*of.barycentrics), are_shared);
-            copy_all(weights, of_pieces.map(|of| &*of.weights), are_shared);
+            let means = of_pieces.clone().map(|of| (of.barycentrics.len(), &*of.barycentrics));
+            fill_parts(rest, means, are_shared, copy);
+            let shares = of_pieces.map(|of| (of.weights.len(), &*of.weights));
+            fill_parts(weights, shares, are_shared, copy);
         }
         Ok(())
     }

@@ -2,8 +2,8 @@
 //!
 //! The image is cut into bands of rows. Each band has a list of the faces that can touch it, in the
 //! order of their indices, and keeps the nearest depth per pixel. Where depths are equal, the lower
-//! face index wins, since it came first. Then the band is read off as runs, with their weights.
-//! Pixels that no face's rows reached are neither cleared nor read.
+//! face index wins, since it came first. Then the band is read off as runs. Pixels that no face's rows
+//! reached are neither cleared nor read. The weights of fragments are written last, where they stay.
 //!
 //! Bands are independent of each other and joined in order, so nothing depends on the number of
 //! threads. Several bands are drawn one after another on one canvas, so that its memory stays in a
@@ -21,11 +21,8 @@ use super::prepared::Prepared;
 use super::setup::LANES;
 use crate::coverage::{Coverage, Culled};
 use crate::mesh::{Mesh, repeats_a_vertex};
+use crate::runs::rows_per_band;
 use crate::size::Size;
-
-/// Pixels in one band, rounded to whole rows: its depths and faces stay in a core's cache, and it
-/// is enough work to be worth a thread.
-const PIXELS_PER_BAND: usize = 1 << 14;
 
 /// Canvases per thread, where there are several: a thread that has less to do takes another canvas.
 const CANVASES_PER_THREAD: usize = 2;
@@ -50,7 +47,7 @@ pub(super) struct Visibility<T: Scalar> {
 }
 
 impl<T: Scalar> Visibility<T> {
-    /// Finds the runs, and their weights, which the bands hold: of the nearest faces, or of those behind
+    /// Finds the runs, and what their weights follow from, which the bands hold: of the nearest faces, or of those behind
     /// the layer `front`.
     pub(super) fn run(
         &mut self,
@@ -63,7 +60,7 @@ impl<T: Scalar> Visibility<T> {
         let (mesh, size) = (&coverage.mesh.clone(), coverage.size);
         self.prepare_vertices(clip, mesh.vertex_count(), size);
         self.judge_faces(mesh, options);
-        let rows = PIXELS_PER_BAND.div_ceil(size.width).min(size.height);
+        let rows = rows_per_band(size);
         self.faces.resize_with(size.height.div_ceil(rows), Vec::new);
         self.faces.iter_mut().for_each(Vec::clear);
         coverage.culled = sort_into_bands(&self.verdicts, &mut self.faces, rows);
@@ -159,6 +156,29 @@ impl<T: Scalar> Visibility<T> {
         for_each_item_mut(canvases, |first, canvas| {
             pulp::Arch::new().dispatch(Draw { canvas, view: &view, faces, first, step: count });
         });
+    }
+
+    /// What the weights of the fragments at pixel centres need ([`Band::weigh`]).
+    pub(super) fn drawn<'a>(
+        &'a self,
+        mesh: &'a Mesh,
+        RasterOptions { size, sampling, limits, .. }: RasterOptions,
+    ) -> Prepared<'a, T> {
+        let Self { corners, verdicts, centers, ys, .. } = self;
+        let (rows, needs, front) = (rows_per_band(size), false, None);
+        Prepared {
+            mesh,
+            size,
+            corners,
+            verdicts,
+            centers,
+            ys,
+            rows,
+            sampling,
+            limits,
+            needs,
+            front,
+        }
     }
 
     /// The faces that can touch each band.

@@ -1,0 +1,88 @@
+//! Rows of the image that a picture is, and the gradients of a picture's values from such rows.
+
+use std::ops::Range;
+
+use bokashi_core::Scalar;
+use bokashi_core::parallel::for_each_piece_mut;
+
+use crate::background::Kind;
+use crate::coverage::Coverage;
+use crate::runs::rows_per_band;
+
+/// Where the values of a picture `[P, C]` are in its image `[H, W, C]`.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PictureRows<'a> {
+    pub(crate) coverage: &'a Coverage,
+    /// The pixels of the rim, in order.
+    pub(crate) rim: &'a [u32],
+    pub(crate) channels: usize,
+}
+
+impl PictureRows<'_> {
+    /// Writes the rows of the image from row `first` on, before a background of one colour.
+    pub(crate) fn fill<T: Scalar>(&self, values: &[T], color: &[T], first: usize, image: &mut [T]) {
+        let (size, channels) = (self.coverage.size(), self.channels);
+        let row_length = size.width * channels;
+        let at_once = rows_per_band(size);
+        for_each_piece_mut(image, at_once * row_length, |piece, rows| {
+            let rows = (first + piece * at_once..).zip(rows.chunks_exact_mut(row_length));
+            for (row, entries) in rows {
+                let before = row * size.width;
+                Kind::Color.fill(entries, color, channels, before);
+                for run in self.coverage.runs_in_row(row) {
+                    let [pixels, fragments] = [run.pixels(), run.fragments()];
+                    let entries = &mut entries[(pixels.start - before) * channels..];
+                    let values = &values[fragments.start * channels..fragments.end * channels];
+                    entries[..values.len()].copy_from_slice(values);
+                }
+                let rim = self.rim_within(before..before + size.width);
+                let values = values[(self.coverage.centers() + rim.start) * channels..]
+                    .chunks_exact(channels);
+                for (&pixel, value) in self.rim[rim].iter().zip(values) {
+                    entries[(pixel as usize - before) * channels..][..channels]
+                        .copy_from_slice(value);
+                }
+            }
+        });
+    }
+
+    /// Adds the gradients of the image's `rows` to those of the picture's values. The rows are whole
+    /// bands.
+    pub(crate) fn pull_back<T: Scalar>(
+        &self,
+        image_bar: &[T],
+        rows: Range<usize>,
+        values_bar: &mut [T],
+    ) {
+        let Self { coverage, channels, .. } = *self;
+        let size = coverage.size();
+        let per_band = rows_per_band(size);
+        debug_assert!(rows.start.is_multiple_of(per_band));
+        let pixels = rows.start * size.width..rows.end * size.width;
+        let runs = &coverage.centers;
+        let (own, rim_bar) = values_bar.split_at_mut(coverage.centers() * channels);
+        let bands = rows.start / per_band..rows.end.div_ceil(per_band).min(runs.bands());
+        let work = |slots: Range<usize>, _: usize, own: &mut [T]| {
+            let mut rest = own;
+            for run in runs.of_slots(slots) {
+                let (own, others) = rest.split_at_mut(run.length as usize * channels);
+                let upstream = &image_bar[(run.pixel as usize - pixels.start) * channels..];
+                own.iter_mut().zip(upstream).for_each(|(own, &bar)| *own += bar);
+                rest = others;
+            }
+        };
+        runs.merge_some_bands_mut(bands, channels, own, work, |()| {});
+        let rim = self.rim_within(pixels.clone());
+        let rim_bar = rim_bar[rim.start * channels..].chunks_exact_mut(channels);
+        for (&pixel, own) in self.rim[rim].iter().zip(rim_bar) {
+            let upstream = &image_bar[(pixel as usize - pixels.start) * channels..];
+            own.iter_mut().zip(upstream).for_each(|(own, &bar)| *own += bar);
+        }
+    }
+
+    /// Which pixels of the rim lie within `pixels`.
+    fn rim_within(&self, pixels: Range<usize>) -> Range<usize> {
+        let before = |end: usize| self.rim.partition_point(|&pixel| (pixel as usize) < end);
+        before(pixels.start)..before(pixels.end)
+    }
+}
