@@ -24,24 +24,21 @@ impl PictureRows<'_> {
         let (size, channels) = (self.coverage.size(), self.channels);
         let row_length = size.width * channels;
         let at_once = rows_per_band(size);
-        for_each_piece_mut(image, at_once * row_length, |piece, rows| {
-            let rows = (first + piece * at_once..).zip(rows.chunks_exact_mut(row_length));
-            for (row, entries) in rows {
-                let before = row * size.width;
-                Kind::Color.fill(entries, color, channels, before);
-                for run in self.coverage.runs_in_row(row) {
-                    let [pixels, fragments] = [run.pixels(), run.fragments()];
-                    let entries = &mut entries[(pixels.start - before) * channels..];
-                    let values = &values[fragments.start * channels..fragments.end * channels];
-                    entries[..values.len()].copy_from_slice(values);
-                }
-                let rim = self.rim_within(before..before + size.width);
-                let values = values[(self.coverage.centers() + rim.start) * channels..]
-                    .chunks_exact(channels);
-                for (&pixel, value) in self.rim[rim].iter().zip(values) {
-                    entries[(pixel as usize - before) * channels..][..channels]
-                        .copy_from_slice(value);
-                }
+        for_each_piece_mut(image, at_once * row_length, |piece, image| {
+            let rows = first + piece * at_once..first + piece * at_once + image.len() / row_length;
+            let before = rows.start * size.width;
+            Kind::Color.fill(image, color, channels, before);
+            for run in rows.clone().flat_map(|row| self.coverage.runs_in_row(row)) {
+                let [pixels, fragments] = [run.pixels(), run.fragments()];
+                let image = &mut image[(pixels.start - before) * channels..];
+                let values = &values[fragments.start * channels..fragments.end * channels];
+                image[..values.len()].copy_from_slice(values);
+            }
+            let rim = self.rim_within(before..rows.end * size.width);
+            let values = &values[(self.coverage.centers() + rim.start) * channels..];
+            for (&pixel, value) in self.rim[rim].iter().zip(values.chunks_exact(channels)) {
+                let at = (pixel as usize - before) * channels;
+                image[at..at + channels].copy_from_slice(value);
             }
         });
     }
