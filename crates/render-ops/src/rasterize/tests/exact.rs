@@ -98,6 +98,36 @@ proptest! {
         }
     }
 
+    // Some hundred times what rounding can be in such scenes: ties are no wider than they have to be.
+    #[test]
+    fn faces_whose_depths_differ_by_more_than_rounding_are_no_tie(
+        shifts in prop::array::uniform3((-0.3..0.3, -0.3..0.3, -0.9..0.9, 0.5..2.0)),
+        is_large in any::<bool>(),
+        (width, height) in (1..24_usize, 1..24_usize),
+    ) {
+        let reach = if is_large { 6.0 } else { 1.0 };
+        let corners = [[-0.7, -0.6], [0.8, -0.5], [0.0, 0.8]];
+        let front = [0, 1, 2].map(|k| {
+            let ((dx, dy, z, w), [x, y]) = (shifts[k], corners[k]);
+            [reach * (x + dx) * w, reach * (y + dy) * w, z * w, w]
+        });
+        // The lower face lies behind the other.
+        let behind = front.map(|[x, y, z, w]| [x, y, z + 1e-9 * w, w]);
+        let size = Size { width, height };
+        let tape = Tape::<f64>::new();
+        let seen = |clip: Clip, faces: &[[u32; 3]], colors: Vec<f64>| {
+            let mesh = Mesh::new(faces.to_vec(), clip.len()).unwrap();
+            let colors = tape.leaf(&Tensor::new([clip.len(), 2], colors).unwrap());
+            picture(tape.leaf(&tensor(&clip)), colors, &mesh, exact(size)).value()
+        };
+        let both = [[0.0; 6], [1.0; 6]].concat();
+        let found = seen([behind, front].concat(), &[[0, 1, 2], [3, 4, 5]], both);
+        let expected = seen(front.to_vec(), &[[0, 1, 2]], vec![1.0; 6]);
+        for (found, expected) in found.data().iter().zip(expected.data()) {
+            prop_assert!((found - expected).abs() < 1e-12, "{found} instead of {expected}");
+        }
+    }
+
     // No edge is in sight, and whole blocks of pixels see both faces.
     #[test]
     fn faces_that_cover_the_image_pass_through_each_other_where_they_do(
