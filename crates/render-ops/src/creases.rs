@@ -273,7 +273,7 @@ mod tests {
         let corner = move |x: f64, y: f64| {
             vertex
                 .clone()
-                .prop_map(move |[a, b, z, w]| [(x + 0.4 * a) * w, (y + 0.4 * b) * w, z * w, w])
+                .prop_map(move |[a, b, z, w]| [(x + 0.2 * a) * w, (y + 0.2 * b) * w, z * w, w])
         };
         let clip = [corner(-0.5, 0.0), corner(0.0, -0.5), corner(0.0, 0.5), corner(0.5, 0.0)];
         let sizes = (5..60_usize, 5..60_usize);
@@ -360,10 +360,8 @@ mod tests {
             // Vertex 3 in the plane of the others, in clip space, which is space, seen by a camera.
             let [a, b, c, _] = by;
             let mix = [1.0 - 0.5 * (a + b), 0.5 * a, 0.5 * b];
-            let mixed = |rows: [[f64; 4]; 3]| {
-                [0, 1, 2, 3].map(|k| (0..3).map(|at| mix[at] * rows[at][k]).sum::<f64>())
-            };
-            flat.clip[3] = mixed([flat.clip[0], flat.clip[1], flat.clip[2]]);
+            flat.clip[3] =
+                [0, 1, 2, 3].map(|k| (0..3).map(|at| mix[at] * flat.clip[at][k]).sum::<f64>());
             for color in 0..4 {
                 let [x, y, z, w] = flat.clip[color];
                 flat.colors[color] = [x + c * y, z - w];

@@ -114,7 +114,7 @@ pub(super) static CASES: &[Case] = cases! {
     76 "exact: up to the largest number", "clipped", exact_inputs::far_away;
     77 "exact: faces in one plane", "the lower index, once", exact_depths::coplanar;
     78 "exact: faces through one line", "each up to the line", exact_depths::crossing_faces;
-    79 "exact: 2,100 faces in one pixel", "exact there and beside it", exact_depths::crowded;
+    79 "exact: 2,100 faces in one pixel", "exact but for what is sampled there", exact_depths::crowded;
     80 "exact: 1e6 faces in one pixel", "the nearest, sampled within the bound", exact_depths::many_faces_in_a_pixel;
     81 "exact: mesh within a pixel", "its area and slope", exact_shapes::smaller_than_a_pixel;
     82 "exact: face that turns edge-on", "area to 0, finite", exact_shapes::turning_edge_on;

@@ -352,7 +352,7 @@ impl Renderer {
         world: Var<'t, f32>,
         fragments: &Fragments<'t, f32>,
     ) -> Recorded<'t> {
-        Ok(self.normals.at(self.normals.at_vertices(world)?, fragments, None)?)
+        self.normals.at(self.normals.at_vertices(world)?, fragments, None)
     }
 
     /// Which of the instances of all objects a face belongs to.

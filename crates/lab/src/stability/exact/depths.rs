@@ -99,14 +99,18 @@ pub(in super::super) fn crowded<T: Scalar>() -> Outcome {
     faces.push(([[0.3, 0.2], [3.8, 0.4], [2.9, 2.7]], 0.75));
     let scene = at_depths(&faces, size);
     let picture = Picture::of::<T>(&scene)?;
-    let mut error = 0.0_f64;
+    let (mut beside, mut inside) = (0.0_f64, 0.0_f64);
     for (pixel, found) in picture.covered().into_iter().enumerate() {
         let swept =
             visible_areas(&scene.clip, &scene.faces[STRIPS - 1..], size, [pixel % 4, pixel / 4]);
-        error = error.maximum_or_nan((found - swept.iter().sum::<f64>()).abs());
+        let error = if pixel == 5 { &mut inside } else { &mut beside };
+        *error = error.maximum_or_nan((found - swept.iter().sum::<f64>()).abs());
     }
-    Ok(Found::within("exact there and beside it", error, 16.0 * rounding::<T>())
-        .and(picture.sampled == 0.0, format!("{:e} of a pixel is sampled", picture.sampled))
+    // They share an edge: around it no cell has few of them.
+    let sampled = picture.sampled;
+    Ok(Found::within("exact but for what is sampled there", beside, 16.0 * rounding::<T>())
+        .and(sampled < 0.1, format!("{sampled:e} of a pixel is sampled"))
+        .and(inside <= 0.1 * sampled, format!("the pixel is off by {inside:.1e} of {sampled:.1e}"))
         .and(picture.parts <= parts_bound::<T>(), "parts are off 1")
         .and(picture.wrong == 0, "a number is not finite"))
 }
