@@ -36,9 +36,9 @@ pub struct Creases {
 }
 
 impl Creases {
-    /// In an image of `size`, with a tolerance of 1e-3.
+    /// In an image of `size`, with a tolerance of 2e-3.
     pub const fn new(size: Size) -> Self {
-        Self { size, tolerance: 1e-3 }
+        Self { size, tolerance: 2e-3 }
     }
 
     /// The same with another tolerance.
@@ -143,7 +143,15 @@ fn marked<T: Scalar>(
             *seams = (0..3).map(|corner| u8::from(surface.is_crease(face, corner)) << corner).sum();
         }
     });
-    let has_creases = seams.iter().any(|&seams| seams != 0);
+    let mut has_creases = false;
+    for (face, corner) in (0..expected).flat_map(|face| (0..3).map(move |corner| (face, corner))) {
+        if seams[face] >> corner & 1 == 1
+            && let Some([_, Side { face, corners: [.., across] }]) = surface.sides(face, corner)
+        {
+            has_creases = true;
+            seams[face] |= 1 << across;
+        }
+    }
     Ok(if has_creases { mesh.with_more_seams(&seams) } else { mesh.clone() })
 }
 
@@ -195,7 +203,8 @@ struct Side {
 }
 
 impl<'a, T: Scalar> Surface<'a, T> {
-    /// Whether the edge that faces a corner of a face is a crease. Both faces say the same.
+    /// Whether the edge that faces a corner of a face is a crease; no edge is of which the other face is the
+    /// lower one.
     fn is_crease(&self, face: usize, corner: usize) -> bool {
         let Some([near, far]) = self.sides(face, corner) else { return false };
         let (own, others) = (self.rows(near), self.rows(far));
@@ -224,15 +233,18 @@ impl<'a, T: Scalar> Surface<'a, T> {
             })
     }
 
-    /// The edge that faces a corner of a face, as both faces at it have it, the lower one first.
+    /// The edge that faces a corner of a face, as this face and the other face at it have it, where that is
+    /// the higher one.
     fn sides(&self, face: usize, corner: usize) -> Option<[Side; 2]> {
         let faces = self.mesh.faces();
         let other = self.mesh.adjacency().neighbor(face, corner)?.face as usize;
+        if other < face {
+            return None;
+        }
         let corners = [(corner + 1) % 3, (corner + 2) % 3, corner];
         let place = |k: usize| (0..3).find(|&own| faces[other][own] == faces[face][k]);
         let (p, q) = (place(corners[0])?, place(corners[1])?);
-        let sides = [Side { face, corners }, Side { face: other, corners: [p, q, 3 - p - q] }];
-        Some(if face < other { sides } else { [sides[1], sides[0]] })
+        Some([Side { face, corners }, Side { face: other, corners: [p, q, 3 - p - q] }])
     }
 
     fn vertices(&self, Side { face, corners }: Side) -> [Vertex<f64>; 3] {
