@@ -564,6 +564,14 @@ fn calls(source: &str, name: &str) -> bool {
     before.any(|before| name.starts_with('.') || !before.ends_with(is_other))
 }
 
+/// The methods that the folders in an operation's folder give to pictures.
+fn methods_of_pictures(folder: &Path) -> String {
+    let entries = fs::read_dir(folder).into_iter().flatten().map(|entry| entry.unwrap().path());
+    let files =
+        entries.map(|path| path.join("mod.rs")).filter_map(|file| fs::read_to_string(file).ok());
+    files.map(|file| blocks(&file, "impl<'t, T: Scalar> Picture<'t, T>").concat()).collect()
+}
+
 #[test]
 fn no_operation_is_forgotten() {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates/render-ops/src");
@@ -582,11 +590,11 @@ fn no_operation_is_forgotten() {
     let functions: Vec<_> = functions.filter(is_function).collect();
     // Methods of what lies on a tape are operations too.
     let methods = modules.iter().flat_map(|module| {
-        let module = module.trim_end_matches(';');
-        let files = [format!("{module}.rs"), format!("{module}/mod.rs")];
-        let file = files.iter().find_map(|file| fs::read_to_string(source.join(file)).ok());
-        let file = file.expect("the module is there");
-        let blocks = blocks(&file, "impl<'t, ").concat();
+        let module = source.join(module.trim_end_matches(';'));
+        let files = [module.with_extension("rs"), module.join("mod.rs")];
+        let file = files.iter().find_map(|file| fs::read_to_string(file).ok());
+        let mut blocks = blocks(&file.expect("the module is there"), "impl<'t, ").concat();
+        blocks += &methods_of_pictures(&module);
         let methods = blocks.lines().filter_map(|line| line.strip_prefix("    pub fn "));
         let names = methods.map(|method| format!(".{}", method.split(['(', '<']).next().unwrap()));
         names.collect::<Vec<_>>()

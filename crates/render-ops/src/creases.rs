@@ -2,13 +2,15 @@
 //!
 //! An attribute is linear over each face in space, so in a picture it bends at the faces' edges. Let an
 //! edge run from p to q, with the faces (p, q, s) and (p, q, r) at it. In homogeneous coordinates the
-//! corner r is `r = lambda_p p + lambda_q q + lambda_s s`. The attribute c of the first face, continued
-//! beyond the edge, differs from that of the second face by a function that is zero on the edge. In the
-//! image the slope of that difference is, at p,
+//! corner r is `r = lambda_p p + lambda_q q + lambda_s s`. Continued beyond the edge, the attribute c of
+//! the first face differs from that of the second face by a function that is zero on the edge. The slope
+//! of that function in the image is, at p,
 //!
-//! `w_p |grad a| / |D| |(c_r - c_p) - lambda_q (c_q - c_p) - lambda_s (c_s - c_p)|`,
+//! ```text
+//! w_p |grad a| / |D| |(c_r - c_p) - lambda_q (c_q - c_p) - lambda_s (c_s - c_p)|
+//! ```
 //!
-//! where `a` is the edge function from p to q, and D the determinant of p, q and r. At q it is the same
+//! Here `a` is the edge function from p to q, and D is the determinant of p, q and r. At q it is the same
 //! with p and q exchanged.
 //!
 //! A pixel that is not resolved shows its centre. An edge through the centre, at which the slope jumps by
@@ -220,7 +222,7 @@ impl<'a, T: Scalar> Surface<'a, T> {
         let (own_size, size) = (determinant(s, line), determinant(r, line));
         let shares = [(q, s), (s, p)].map(|(a, b)| determinant(r, edge(a, b)) / own_size);
         let share = size / own_size;
-        let slope = line[1].hypot(line[2]) / size;
+        let slope = (line[1] * line[1] + line[2] * line[2]).sqrt() / size;
         jumps
             || [p.w, q.w].into_iter().enumerate().filter(|&(_, w)| w > 0.0).any(|(end, w)| {
                 (0..self.channels).any(|channel| {

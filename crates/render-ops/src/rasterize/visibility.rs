@@ -66,7 +66,7 @@ impl<T: Scalar> Visibility<T> {
         coverage.culled = sort_into_bands(&self.verdicts, &mut self.faces, rows);
         coverage.orientations.clear();
         coverage.orientations.extend(self.verdicts.iter().map(|verdict| verdict.orientation));
-        self.draw_bands(mesh, options, rows, needs, front);
+        self.draw_bands(mesh, options, needs, front);
         join(self.bands(), coverage);
         coverage.boundary.clear();
         if options.sampling.has_pieces() {
@@ -120,64 +120,51 @@ impl<T: Scalar> Visibility<T> {
         self.reaches_behind = self.verdicts.iter().any(|verdict| verdict.reaches_behind);
     }
 
-    /// Draws and reads the bands of `rows` rows.
+    /// Draws and reads the bands.
     fn draw_bands(
         &mut self,
         mesh: &Mesh,
         options: RasterOptions,
-        rows: usize,
         needs: bool,
         front: Option<&Coverage>,
     ) {
-        let RasterOptions { size, sampling, limits, .. } = options;
-        let Self { corners, verdicts, centers, ys, faces, canvases, .. } = self;
+        let size = options.size;
+        let Self { centers, ys, .. } = self;
         centers.clear();
         let columns = 0..size.width.next_multiple_of(LANES);
         centers.extend(columns.map(|column| size.center_x::<T::Wide>(column)));
         ys.clear();
         ys.extend((0..size.height).map(|row| size.center_y::<T::Wide>(row)));
-        let view = Prepared {
-            mesh,
-            size,
-            corners,
-            verdicts,
-            centers,
-            ys,
-            rows,
-            sampling,
-            limits,
-            needs,
-            front,
-        };
+        let mut canvases = std::mem::take(&mut self.canvases);
+        let view = Prepared { needs, front, ..self.drawn(mesh, options) };
         // As few as can be: what the band before has touched is in a core's cache.
-        let threads = threads();
+        let (threads, faces) = (threads(), &self.faces);
         let count = faces.len().min(if threads > 1 { threads * CANVASES_PER_THREAD } else { 1 });
         canvases.resize_with(count, Canvas::default);
-        for_each_item_mut(canvases, |first, canvas| {
+        for_each_item_mut(&mut canvases, |first, canvas| {
             pulp::Arch::new().dispatch(Draw { canvas, view: &view, faces, first, step: count });
         });
+        self.canvases = canvases;
     }
 
-    /// What the weights of the fragments at pixel centres need ([`Band::weigh`]).
+    /// What the stages share, of a first layer without a gradient: all that [`Band::weigh`] needs.
     pub(super) fn drawn<'a>(
         &'a self,
         mesh: &'a Mesh,
         RasterOptions { size, sampling, limits, .. }: RasterOptions,
     ) -> Prepared<'a, T> {
-        let Self { corners, verdicts, centers, ys, .. } = self;
-        let (rows, needs, front) = (rows_per_band(size), false, None);
         Prepared {
             mesh,
             size,
-            corners,
-            verdicts,
-            centers,
-            ys,
-            rows,
+            corners: &self.corners,
+            verdicts: &self.verdicts,
+            centers: &self.centers,
+            ys: &self.ys,
+            rows: rows_per_band(size),
             sampling,
             limits,
-            needs,
-            front,
+            needs: false,
+            front: None,
         }
     }
 

@@ -84,8 +84,10 @@ struct Covered<S> {
 #[derive(Debug, Default)]
 pub(super) struct Outline<S> {
     faces: Vec<Face<S>>,
-    /// Their numbers in the mesh, while sheets are looked for.
-    sheet: Vec<u32>,
+    /// Their numbers in the mesh, in order; which of them have been reached, and from which to go on.
+    numbers: Vec<u32>,
+    is_known: Vec<bool>,
+    open: Vec<usize>,
     stretches: Vec<Stretch<S>>,
     crossings: Vec<Crossing<S>>,
     /// Where the rim meets the pixel's border, and whether it comes in there.
@@ -166,33 +168,33 @@ impl<S: Scalar<Wide = S>> Outline<S> {
     /// pixel, the sheet goes on beyond it.
     #[inline(always)]
     fn is_filled<T: Scalar<Wide = S>>(&mut self, band: &BandFaces<'_, '_, T>) -> bool {
-        let Self { faces, sheet, .. } = self;
+        let Self { faces, numbers, is_known, open, .. } = self;
         let adjacency = band.view.mesh.adjacency();
-        sheet.clear();
-        sheet.extend(faces.iter().map(|face| band.faces[face.band_face as usize]));
-        // The faces up to `known` are of sheets; those from `first` of the sheet under way.
-        let (mut known, mut first) = (0, 0);
-        while first < faces.len() {
-            known += usize::from(known == first);
-            let (mut has_border, mut covers) = (false, false);
-            while first < known {
-                let own = faces[first];
-                has_border |= own.ends != 0;
-                covers |= own.covers([S::ZERO; 2]);
-                for corner in (0..3).filter(|corner| own.outline >> corner & 1 == 0) {
-                    let neighbor = adjacency.neighbor(sheet[first] as usize, corner);
-                    let beyond = neighbor.and_then(|neighbor| {
-                        sheet[known..].iter().position(|&face| face == neighbor.face)
-                    });
-                    if let Some(at) = beyond {
-                        sheet.swap(known, known + at);
-                        faces.swap(known, known + at);
-                        known += 1;
+        numbers.clear();
+        numbers.extend(faces.iter().map(|face| band.faces[face.band_face as usize]));
+        is_known.clear();
+        is_known.resize(faces.len(), false);
+        for first in 0..faces.len() {
+            // A sheet is looked for from a face at the centre: no other sheet fills the pixel.
+            if is_known[first] || !faces[first].covers([S::ZERO; 2]) {
+                continue;
+            }
+            let mut has_border = false;
+            is_known[first] = true;
+            open.push(first);
+            while let Some(at) = open.pop() {
+                has_border |= faces[at].ends != 0;
+                for corner in (0..3).filter(|corner| faces[at].outline >> corner & 1 == 0) {
+                    let neighbor = adjacency.neighbor(numbers[at] as usize, corner);
+                    // A face that does not reach into the pixel is none of its faces.
+                    let beyond = neighbor.and_then(|other| numbers.binary_search(&other.face).ok());
+                    if let Some(at) = beyond.filter(|&at| !is_known[at]) {
+                        is_known[at] = true;
+                        open.push(at);
                     }
                 }
-                first += 1;
             }
-            if covers && !has_border {
+            if !has_border {
                 return true;
             }
         }
