@@ -6,13 +6,15 @@ use crate::scalar::Scalar;
 
 /// The share of the upstream gradient that goes to `own`: all of it where `own` compares to
 /// `other` as `preferred`, half where they are equal, NaN where one is NaN.
+#[inline(always)]
 pub(crate) fn share<T: Scalar>(own: T, other: T, preferred: Ordering) -> T {
-    match own.partial_cmp(&other) {
-        Some(Ordering::Equal) => T::from_f64(0.5),
-        Some(ordering) if ordering == preferred => T::ONE,
-        Some(_) => T::ZERO,
-        None => own + other,
-    }
+    let is_preferred = if preferred == Ordering::Less { own < other } else { own > other };
+    // Three choices side by side, of which one at most is not zero: comparisons can't be foretold.
+    let all = if is_preferred { T::ONE } else { T::ZERO };
+    let half = if own == other { T::from_f64(0.5) } else { T::ZERO };
+    let nan = own + other;
+    let nan = if (own <= other) | (own > other) { T::ZERO } else { nan };
+    all + half + nan
 }
 
 #[cfg(test)]

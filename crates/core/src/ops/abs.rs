@@ -18,13 +18,11 @@ impl<T: Scalar> Unary<T> for Absolute {
         x.abs()
     }
     fn slope(self, x: T) -> T {
-        if x > T::ZERO {
-            T::ONE
-        } else if x < T::ZERO {
-            -T::ONE
-        } else {
-            x * T::ZERO
-        }
+        // Three choices side by side, of which one is not zero: signs can't be foretold.
+        let positive = if x > T::ZERO { T::ONE } else { T::ZERO };
+        let negative = if x < T::ZERO { T::ONE } else { T::ZERO };
+        let nan = if (x >= T::ZERO) | (x < T::ZERO) { T::ZERO } else { x };
+        positive - negative + nan
     }
 }
 
@@ -42,7 +40,9 @@ mod tests {
 
     #[test]
     fn the_slope_is_the_sign_and_zero_at_zero() {
-        for (x, value, slope) in [(-2.5, 2.5, -1.0), (0.0, 0.0, 0.0), (1e300, 1e300, 1.0)] {
+        let inf = f64::INFINITY;
+        let cases = [(-2.5, 2.5, -1.0), (0.0, 0.0, 0.0), (1e300, 1e300, 1.0), (-inf, inf, -1.0)];
+        for (x, value, slope) in cases {
             assert_eq!(value_and_slope(x, |x| x.abs()), [value, slope]);
         }
     }
