@@ -65,6 +65,7 @@ pub use optimizer::Optimizer;
 pub use parameter::{Mapping, Parameter, Parameters, Variables};
 pub use pipeline::{FromFn, Pipeline, from_fn};
 pub use preconditioner::Preconditioner;
+pub use reduction::sum_over_ranks;
 pub use regularizers::{
     RigidWeights, Rigidity, edge_length_error, laplacian_error, normal_error, total_variation,
 };

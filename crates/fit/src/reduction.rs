@@ -119,6 +119,22 @@ pub(crate) fn reduced<T: Scalar>(
     Ok(Reduced { sum: PartialSum::new(sums.values[root], gradients), bytes })
 }
 
+/// The sum of as many tensors as there are ranks, of which each has one; all have the same shape. All
+/// ranks know it then, and its bits are those of a tree that depends on the number of ranks alone.
+///
+/// # Errors
+/// None of its own.
+pub fn sum_over_ranks<T: Scalar>(
+    ranks: &dyn Communicator<T>,
+    own: Tensor<T>,
+) -> Result<Tensor<T>, FitError> {
+    let shape = own.shape().clone();
+    let bounds: Vec<_> = (0..=ranks.size()).collect();
+    let own = vec![PartialSum::new(T::ZERO.widen(), vec![Some(own)])];
+    let Reduced { mut sum, .. } = reduced(ranks, &bounds, &[Some(shape.clone())], Ok(own))?;
+    Ok(sum.gradients.pop().flatten().unwrap_or_else(|| Tensor::zeros(shape)))
+}
+
 /// What all ranks have to know of sums: values, and which inputs have a gradient.
 fn head<T: Scalar>(sums: &[PartialSum<T>]) -> Vec<u8> {
     let of = |sum: &PartialSum<T>| {
@@ -241,6 +257,20 @@ impl<'a, T: Scalar> Sums<'a, T> {
 mod tests {
     use super::*;
     use crate::communicator::block;
+    use crate::in_memory::on_ranks;
+
+    #[test]
+    fn the_sum_of_tensors_is_known_to_all_ranks() {
+        for size in [1, 2, 5] {
+            let found = on_ranks(size, |ranks| {
+                let own = Tensor::from_flat_fn([3], |k| (10 * ranks.rank() + k) as f32);
+                sum_over_ranks(&*ranks, own).unwrap()
+            });
+            let pairs = (size * (size - 1) / 2 * 10) as f32;
+            let expected = Tensor::from_flat_fn([3], |k| pairs + (size * k) as f32);
+            assert!(found.iter().all(|sum| *sum == expected), "{found:?}");
+        }
+    }
 
     #[test]
     fn each_part_is_added_once_and_few_sums_travel() {
@@ -266,7 +296,6 @@ mod tests {
             assert_eq!(given, (0..plan.owners.len()).collect::<Vec<_>>());
             let is_sent = |own: &&Addition| plan.owners[own.keep] != plan.owners[own.give];
             let sent = plan.additions.iter().filter(is_sent).count();
-            println!("{count} parts on {size} ranks: {sent} sums travel");
             assert!(sent <= 3 * (size - 1), "{count} parts on {size} ranks: {sent} sums travel");
         }
     }
