@@ -103,7 +103,9 @@ fn all(
     };
     let fits = fits.and_then(begin);
     agree(&**ranks, fits.as_ref().map(|_| Vec::new()).map_err(Clone::clone))?;
-    sweep::run(&fits?, out, ranks, &interrupt)
+    let ended = sweep::run(&fits?, out, ranks, &interrupt);
+    interrupt.no_more_fits();
+    ended
 }
 
 /// What comes of a command line without a request.

@@ -572,3 +572,44 @@ fn loss_of_view<'t>(
     }
     Ok(loss)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::picture::{Picture, Samples};
+    use bokashi_fit::on_ranks;
+    use std::fs;
+
+    #[test]
+    fn ranks_read_their_own_images_alone_and_have_the_bits_of_a_fit_alone() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = place.path();
+        let mut text = String::new();
+        for view in 0..7 {
+            let samples =
+                Samples::U8((0..12 * 12 * 3).map(|k| (k * (view + 3) % 256) as u8).collect());
+            let picture = Picture { width: 12, height: 12, channels: 3, samples };
+            let file = folder.join(format!("{view}.png"));
+            fs::write(&file, picture.encode_png(&Place::of(&file)).unwrap()).unwrap();
+            text += &format!("[[views]]\nimage = \"{view}.png\"\nheld_out = {}\n", view == 2);
+            text += &format!("camera = {{ position = [0.3, {view}.0, 4.0], angle = 40.0 }}\n");
+        }
+        text += "[[meshes]]\nshape = \"cube\"\n[learn.vertices]\n[learn.colors]\n\
+                 [stop]\nsteps = 3\nviews_per_step = 6\n";
+        fs::write(folder.join("scene.toml"), text).unwrap();
+        let load = || Scene::load(folder.join("scene.toml")).unwrap();
+        let fitted = |mut fit: SceneFit| {
+            while fit.step().unwrap().is_some() {}
+            let raw = fit.parameters().iter().flat_map(|own| own.raw().data().to_vec());
+            (raw.map(f32::to_bits).collect::<Vec<_>>(), fit.targets.kept_views())
+        };
+        let (expected, all) = fitted(SceneFit::new(load()).unwrap());
+        assert_eq!(all, [0, 1, 3, 4, 5, 6]);
+        for size in [2, 3, 7] {
+            let found = on_ranks(size, |ranks| fitted(SceneFit::among(load(), ranks).unwrap()));
+            assert!(found.iter().all(|(bits, _)| *bits == expected), "{size} ranks");
+            // Each image is on one rank.
+            assert_eq!(found.into_iter().flat_map(|(_, views)| views).collect::<Vec<_>>(), all);
+        }
+    }
+}

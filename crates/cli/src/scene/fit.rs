@@ -69,10 +69,19 @@ fn not_reported(error: ReportError) -> Failure {
 /// [`Failure::Use`] for places that can't be written to; [`Failure::Work`] for what is wrong with the scene;
 /// [`Failure::Interrupted`] by a signal, with how to go on.
 pub(crate) fn run(asked: &Asked, ranks: &Ranks<f32>) -> Result<(), Failure> {
+    let interrupt = Interrupt::default();
+    let ended = run_until(asked, ranks, &interrupt);
+    // Whoever ends the job meanwhile does not wait.
+    interrupt.no_more_fits();
+    ended
+}
+
+/// [`run`], until `interrupt` asks for the end.
+fn run_until(asked: &Asked, ranks: &Ranks<f32>, interrupt: &Interrupt) -> Result<(), Failure> {
     let is_first = ranks.rank() == 0;
-    let (writing, interrupt) = (Writing::default(), Interrupt::default());
+    let writing = Writing::default();
     let checkpoint = asked.out.join(CHECKPOINT);
-    let begun = begin(asked, is_first, &writing, &interrupt);
+    let begun = begin(asked, is_first, &writing, interrupt);
     let scene = agreed(ranks, begun)?;
     let notes = scene.notes.clone();
     let fit = match &asked.resume {
@@ -112,7 +121,7 @@ pub(crate) fn run(asked: &Asked, ranks: &Ranks<f32>) -> Result<(), Failure> {
         fit,
         is_trusted: true,
     };
-    let ended = running.steps(&interrupt);
+    let ended = running.steps(interrupt);
     if let (Err(failure), Some(live)) = (&ended, &running.live) {
         let ended = Some(Ended::Failed(failure.to_string()));
         live.publish(Snapshot { ended, ..running.snapshot(&[]) });
