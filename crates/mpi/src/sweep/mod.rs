@@ -3,6 +3,7 @@
 //! Each fit is a process of its own, so whatever becomes of it harms no other. The first rank hands out
 //! fits and takes what is said of them; meanwhile its own fit runs.
 
+mod ended;
 mod fits;
 mod table;
 
@@ -16,8 +17,8 @@ use bokashi_cli::interrupt::Interrupt;
 use bokashi_fit::{Ranks, agree};
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::{Communicator as _, Destination as _, MatchedReceiveVec as _, Source as _};
-use serde::{Deserialize, Serialize};
 
+use self::ended::Ended;
 pub use self::fits::{Fit, of_paper, read};
 use self::table::write;
 
@@ -32,16 +33,6 @@ const NONE: u64 = u64::MAX;
 
 /// The most bytes that are kept of what a failed fit said.
 const MOST_SAID: usize = 2000;
-
-/// How a fit ended.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-struct Ended {
-    fit: usize,
-    rank: usize,
-    seconds: f64,
-    /// What it said where it failed.
-    failure: Option<String>,
-}
 
 /// A fit under way.
 struct Running {

@@ -8,7 +8,8 @@ use bokashi_cli::failure::Failure;
 use bokashi_cli::output::say;
 use serde_json::Value;
 
-use super::{Ended, Fit};
+use super::ended::Ended;
+use super::fits::Fit;
 
 /// The numbers of a fit's JSON that tables have, where it has them.
 const NUMBERS: [&str; 5] =
