@@ -594,7 +594,7 @@ mod tests {
             text += &format!("[[views]]\nimage = \"{view}.png\"\nheld_out = {}\n", view == 2);
             text += &format!("camera = {{ position = [0.3, {view}.0, 4.0], angle = 40.0 }}\n");
         }
-        text += "[[meshes]]\nshape = \"cube\"\n[learn.vertices]\n[learn.colors]\n\
+        text += "[[meshes]]\nshape = \"cube\"\n[learn.vertices]\n[learn.pose]\n\
                  [stop]\nsteps = 3\nviews_per_step = 6\n";
         fs::write(folder.join("scene.toml"), text).unwrap();
         let load = || Scene::load(folder.join("scene.toml")).unwrap();
