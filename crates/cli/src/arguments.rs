@@ -73,10 +73,11 @@ pub(crate) struct Common {
 
 /// The options of `fit`.
 #[derive(Debug, Clone, Args)]
+#[command(group = clap::ArgGroup::new("saved").args(["save", "scene"]).multiple(true))]
 pub(crate) struct FitArguments {
     /// Your own scene: meshes, images, cameras, and what is learnt. Results go to --out, by default out/;
     /// it ends as the scene says, and --steps can end it earlier
-    #[arg(value_name = "SCENE.TOML", conflicts_with_all = ["experiment", "preset", "resolution", "sigma", "seed", "silhouettes", "precision", "save", "save_every"])]
+    #[arg(value_name = "SCENE.TOML", conflicts_with_all = ["experiment", "preset", "resolution", "sigma", "seed", "silhouettes", "precision", "save"])]
     pub(crate) scene: Option<PathBuf>,
     /// Of a scene: stop after so many seconds
     #[arg(long, value_name = "SECONDS", requires = "scene", value_parser = seconds)]
@@ -110,8 +111,8 @@ pub(crate) struct FitArguments {
     /// File to save the fit to at its end, or when it is interrupted, to go on with --resume
     #[arg(long, value_name = "FILE")]
     pub(crate) save: Option<PathBuf>,
-    /// Save after every N updates, too
-    #[arg(long, value_name = "N", requires = "save", value_parser = steps)]
+    /// Save after every N updates, too; a scene's fit is saved in --out
+    #[arg(long, value_name = "N", requires = "saved", value_parser = steps)]
     pub(crate) save_every: Option<u64>,
     /// Saved fit to go on with, to the same bits as if it had not ended; settings are the file's. Of a scene:
     /// by default the checkpoint in --out

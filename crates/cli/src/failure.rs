@@ -3,6 +3,8 @@
 use std::fmt;
 use std::process::ExitCode;
 
+use bokashi_fit::FitError;
+
 /// What `--help` says of the exit status.
 pub const EXIT_STATUSES: &str = "\
 Exit status:
@@ -32,6 +34,13 @@ pub enum Failure {
     /// Whoever read standard output went away, as `head` does: status 141, without a word, as if
     /// the signal `SIGPIPE` had ended it.
     Closed,
+}
+
+/// What went wrong with a fit, or on another rank of the job that does it.
+impl From<FitError> for Failure {
+    fn from(error: FitError) -> Self {
+        Self::Work(error.to_string())
+    }
 }
 
 /// The number of the signal `SIGPIPE`.

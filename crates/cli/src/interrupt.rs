@@ -15,10 +15,18 @@ pub type Writing = Arc<Mutex<()>>;
 #[derive(Debug, Clone, Default)]
 pub struct Interrupt(Arc<AtomicI32>);
 
+/// No number of a signal.
+const OVER: i32 = i32::MAX;
+
 impl Interrupt {
     /// The signal's number, once there is one.
     pub fn signal(&self) -> Option<i32> {
-        Some(self.0.load(Ordering::Relaxed)).filter(|&signal| signal != 0)
+        Some(self.0.load(Ordering::Relaxed)).filter(|&signal| signal != 0 && signal != OVER)
+    }
+
+    /// From now on the first signal ends the program: no fit is left that it could ask.
+    pub fn no_more_fits(&self) {
+        let _ = self.is_first(OVER);
     }
 
     /// Whether `signal` is the first one.

@@ -1,14 +1,15 @@
 //! Doing what was asked: the fits, the report, the JSON, the last words.
 
 use std::ops::ControlFlow;
-use std::sync::PoisonError;
+use std::sync::{Arc, PoisonError};
 
+use bokashi_fit::{Alone, Ranks};
 use bokashi_paper::page::Report;
 use bokashi_paper::run_cube_saving;
 use bokashi_report::ReportError;
 
 use crate::about::about;
-use crate::arguments::{Command, Request};
+use crate::arguments::{Command, FitArguments, Request};
 use crate::failure::Failure;
 use crate::inspect;
 use crate::interrupt::{Interrupt, Writing, end_when_interrupted};
@@ -34,19 +35,9 @@ pub fn run(request: &Request) -> Result<(), Failure> {
             return scene::render(&own.scene, view, &own.out, threads, own.quiet);
         }
         Some(Command::Fit(own)) => {
-            if let Some(scene) = &own.scene {
-                let is_given = |name: &str| own.given.iter().any(|given| given == name);
-                return scene::run(&scene::Asked {
-                    scene: scene.clone(),
-                    out: own.common.out.clone().unwrap_or_else(|| "out".into()),
-                    steps: is_given("steps").then_some(own.common.steps),
-                    seconds: own.time,
-                    resume: own.resume.clone(),
-                    json: own.json.clone(),
-                    threads: own.common.threads,
-                    live: own.live,
-                    quiet: own.common.quiet,
-                });
+            if let Some(asked) = of_scene(own) {
+                let alone: Ranks<f32> = Arc::new(Alone);
+                return scene::run(&asked, &alone);
             }
         }
         Some(Command::Inspect(arguments)) => return inspect::run(arguments),
@@ -68,6 +59,37 @@ pub fn run(request: &Request) -> Result<(), Failure> {
     let (writing, interrupt) = (Writing::default(), Interrupt::default());
     end_when_interrupted(&writing, request.save().map(|_| &interrupt))?;
     fit_all(request, &plan, &writing, &interrupt)
+}
+
+/// Does what `request` asks for where that is a fit of a scene, which `ranks` share. Of several, the first
+/// speaks and writes; a failure of another one is a failure of all, which the first tells.
+///
+/// # Errors
+/// As [`run`]; [`Failure::Use`] for a request that ranks do not share.
+pub fn run_among(request: &Request, ranks: &Ranks<f32>) -> Result<(), Failure> {
+    let asked = match &request.command {
+        Some(Command::Fit(own)) => of_scene(own),
+        _ => None,
+    };
+    let rule = || Failure::Use("ranks share a fit of a scene: fit SCENE.TOML".to_owned());
+    scene::run(&asked.ok_or_else(rule)?, ranks)
+}
+
+/// The fit of a scene that is asked for, if it is one.
+fn of_scene(own: &FitArguments) -> Option<scene::Asked> {
+    let is_given = |name: &str| own.given.iter().any(|given| given == name);
+    Some(scene::Asked {
+        scene: own.scene.clone()?,
+        out: own.common.out.clone().unwrap_or_else(|| "out".into()),
+        steps: is_given("steps").then_some(own.common.steps),
+        seconds: own.time,
+        resume: own.resume.clone(),
+        save_every: own.save_every,
+        json: own.json.clone(),
+        threads: own.common.threads,
+        live: own.live,
+        quiet: own.common.quiet,
+    })
 }
 
 /// Every fit, one after the other, so that none disturbs another's times.

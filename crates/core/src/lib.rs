@@ -97,6 +97,7 @@ pub use report::{LeftOut, OperationReport, TapeReport, ValueError};
 pub use scalar::Scalar;
 pub use shape::Shape;
 pub use sparse::SparseMatrix;
+pub use sum_over::{PartialSum, covered, halves};
 pub use summation::sum;
 pub use tape::Tape;
 pub use tensor::Tensor;

@@ -107,7 +107,11 @@ impl<T: Scalar> Tape<T> {
     }
 
     /// Checks that all of `inputs` are variables of this tape.
-    fn check_own(&self, name: &'static str, inputs: &[Var<'_, T>]) -> Result<(), TensorError> {
+    pub(crate) fn check_own(
+        &self,
+        name: &'static str,
+        inputs: &[Var<'_, T>],
+    ) -> Result<(), TensorError> {
         match inputs.iter().all(|input| std::ptr::eq(input.tape, self)) {
             true => Ok(()),
             false => Err(TensorError::ForeignVariable { operation: name }),

@@ -10,8 +10,9 @@
 //!
 //! # The order of sums
 //! Values and gradients are added in a tree over the parts' indices. A range of n parts is cut after
-//! the largest power of two below n. So the tree depends on the number of parts alone, and the bits do
-//! not depend on the number of threads.
+//! the largest power of two below n ([`halves`]). So the tree depends on the number of parts alone, and
+//! the bits do not depend on the number of threads. Nor do they depend on who computes which parts:
+//! [`Tape::partial_sums`] gives the sums of subtrees, for whoever adds them elsewhere.
 
 use std::ops::Range;
 
@@ -27,15 +28,42 @@ use crate::var::Var;
 
 const NAME: &str = "sum_over";
 
-/// The sum over some parts.
-struct Partial<T: Scalar> {
-    value: T::Wide,
+/// The two ranges that a range of the tree is the sum of; `None` for a single part, and for none.
+pub fn halves(range: &Range<usize>) -> Option<[Range<usize>; 2]> {
+    let half = 1 << range.len().checked_sub(1)?.checked_ilog2()?;
+    let middle = range.start + half;
+    Some([range.start..middle, middle..range.end])
+}
+
+/// The largest ranges of the tree over `range` that lie in `own`, in their order.
+pub fn covered(range: Range<usize>, own: &Range<usize>) -> Vec<Range<usize>> {
+    let is_apart = range.end <= own.start || own.end <= range.start;
+    if is_apart || range.is_empty() {
+        return Vec::new();
+    }
+    if own.start <= range.start && range.end <= own.end {
+        return vec![range];
+    }
+    let halves = halves(&range).into_iter().flatten();
+    halves.flat_map(|half| covered(half, own)).collect()
+}
+
+/// The sum over a range of the tree of parts: see [`Tape::partial_sums`].
+#[derive(Debug, Clone)]
+pub struct PartialSum<T: Scalar> {
+    /// The value.
+    pub value: T::Wide,
     /// By input: the gradient, or nothing where no part depends on the input.
-    gradients: Vec<Option<Tensor<T>>>,
+    pub gradients: Vec<Option<Tensor<T>>>,
     report: TapeReport,
 }
 
-impl<T: Scalar> Partial<T> {
+impl<T: Scalar> PartialSum<T> {
+    /// The sum of this value, and with these gradients by input.
+    pub fn new(value: T::Wide, gradients: Vec<Option<Tensor<T>>>) -> Self {
+        Self { value, gradients, report: TapeReport::default() }
+    }
+
     /// Adds the sum over the parts that come next.
     fn add(&mut self, next: Self) {
         self.value += next.value;
@@ -66,30 +94,46 @@ struct Parts<'a, T: Scalar, F> {
 type SpareTapes<T> = std::sync::Mutex<Vec<Tape<T>>>;
 
 impl<T: Scalar, F> Parts<'_, T, F> {
-    /// The sum over parts `range`, of which there is at least one.
-    fn sum<E>(&self, range: Range<usize>) -> Result<Partial<T>, E>
+    /// The sums over the parts of several ranges, each of which has at least one.
+    fn all<E>(&self, ranges: &[Range<usize>]) -> Result<Vec<PartialSum<T>>, E>
     where
         E: From<TensorError> + Send,
         F: for<'p> Fn(usize, &'p Tape<T>, &[Var<'p, T>]) -> Result<Var<'p, T>, E> + Sync,
     {
-        if range.len() == 1 {
+        match ranges {
+            [] => Ok(Vec::new()),
+            [only] => Ok(vec![self.sum(only.clone())?]),
+            more => {
+                let (first, second) = more.split_at(more.len() / 2);
+                let (first, second) = join(|| self.all(first), || self.all(second));
+                let mut sums = first?;
+                sums.extend(second?);
+                Ok(sums)
+            }
+        }
+    }
+
+    /// The sum over parts `range`, of which there is at least one.
+    fn sum<E>(&self, range: Range<usize>) -> Result<PartialSum<T>, E>
+    where
+        E: From<TensorError> + Send,
+        F: for<'p> Fn(usize, &'p Tape<T>, &[Var<'p, T>]) -> Result<Var<'p, T>, E> + Sync,
+    {
+        let Some([first, second]) = halves(&range) else {
             return if self.is_shared {
                 self.one(range.start)
             } else {
                 alone(|| self.one(range.start))
             };
-        }
-        let half = 1 << (range.len() - 1).ilog2();
-        let middle = range.start + half;
-        let (first, second) =
-            join(|| self.sum(range.start..middle), || self.sum(middle..range.end));
+        };
+        let (first, second) = join(|| self.sum(first), || self.sum(second));
         let mut first = first?;
         first.add(second?);
         Ok(first)
     }
 
     /// Part k alone.
-    fn one<E>(&self, k: usize) -> Result<Partial<T>, E>
+    fn one<E>(&self, k: usize) -> Result<PartialSum<T>, E>
     where
         E: From<TensorError> + Send,
         F: for<'p> Fn(usize, &'p Tape<T>, &[Var<'p, T>]) -> Result<Var<'p, T>, E> + Sync,
@@ -101,11 +145,11 @@ impl<T: Scalar, F> Parts<'_, T, F> {
         tape.reset();
         let report = tape.take_report();
         spare().push(tape);
-        partial.map(|partial| Partial { report, ..partial })
+        partial.map(|partial| PartialSum { report, ..partial })
     }
 
     /// Part k on a tape of its own.
-    fn on<E>(&self, tape: &Tape<T>, k: usize) -> Result<Partial<T>, E>
+    fn on<E>(&self, tape: &Tape<T>, k: usize) -> Result<PartialSum<T>, E>
     where
         E: From<TensorError> + Send,
         F: for<'p> Fn(usize, &'p Tape<T>, &[Var<'p, T>]) -> Result<Var<'p, T>, E> + Sync,
@@ -125,7 +169,7 @@ impl<T: Scalar, F> Parts<'_, T, F> {
         let wanted: Vec<_> = inputs.iter().copied().filter(|x| x.needs_gradient()).collect();
         let results = out.backward_to(&wanted)?;
         let gradients = inputs.iter().map(|&input| results.get(input).cloned()).collect();
-        Ok(Partial { value: out.item().widen(), gradients, report: TapeReport::default() })
+        Ok(PartialSum::new(out.item().widen(), gradients))
     }
 }
 
@@ -205,28 +249,72 @@ impl<T: Scalar> Tape<T> {
         inputs: &[Var<'t, T>],
         part: impl for<'p> Fn(usize, &'p Tape<T>, &[Var<'p, T>]) -> Result<Var<'p, T>, E> + Sync,
     ) -> Result<Var<'t, T>, E> {
-        if inputs.iter().any(|input| !std::ptr::eq(input.tape(), self)) {
-            return Err(TensorError::ForeignVariable { operation: NAME }.into());
-        }
         if count == 0 {
+            self.check_own(NAME, inputs)?;
             return Ok(self.constant_scalar(T::ZERO));
         }
+        let mut all = self.partial_sums(count, 0..count, inputs, part)?;
+        Ok(self.sum_of(inputs, all.swap_remove(0))?)
+    }
+
+    /// The sums over the parts `own` of `count`, where others compute the other parts: those of the
+    /// largest ranges of the tree that lie in `own`, in their order. Parts are as in [`Tape::sum_over`].
+    ///
+    /// ```
+    /// use bokashi_core::{Tape, TensorError, covered};
+    ///
+    /// let tape = Tape::<f64>::new();
+    /// let x = tape.leaf_scalar(2.0);
+    /// let sums = tape.partial_sums(6, 1..6, &[x], |k, _tape, inputs| {
+    ///     Ok::<_, TensorError>(inputs[0] * k as f64)
+    /// })?;
+    /// assert_eq!(covered(0..6, &(1..6)), [1..2, 2..4, 4..6]);
+    /// assert_eq!(sums.iter().map(|sum| sum.value).collect::<Vec<_>>(), [2.0, 10.0, 18.0]);
+    /// # Ok::<(), TensorError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`Tape::sum_over`].
+    pub fn partial_sums<'t, E: From<TensorError> + Send>(
+        &'t self,
+        count: usize,
+        own: Range<usize>,
+        inputs: &[Var<'t, T>],
+        part: impl for<'p> Fn(usize, &'p Tape<T>, &[Var<'p, T>]) -> Result<Var<'p, T>, E> + Sync,
+    ) -> Result<Vec<PartialSum<T>>, E> {
+        self.check_own(NAME, inputs)?;
         let values: Vec<_> =
             inputs.iter().map(|input| (input.value(), input.needs_gradient())).collect();
         let parts = Parts {
             tape: &self.spare,
             inputs: &values,
             part: &part,
-            is_shared: count < threads(),
+            is_shared: own.len() < threads(),
             is_timed: self.inner.borrow().timed,
         };
-        let Partial { value, gradients, report } = parts.sum(0..count)?;
-        self.inner.borrow_mut().tally.absorb(report);
+        // Ranges are of different lengths: threads that are done with one go on with the next.
+        let mut sums = parts.all(&covered(0..count, &own))?;
+        let mut inner = self.inner.borrow_mut();
+        sums.iter_mut().for_each(|sum| inner.tally.absorb(std::mem::take(&mut sum.report)));
+        Ok(sums)
+    }
+
+    /// The sum of all parts, known already: [`Tape::sum_over`] of what others computed too.
+    ///
+    /// # Errors
+    /// [`TensorError::ForeignVariable`] for variables of another tape.
+    pub fn sum_of<'t>(
+        &'t self,
+        inputs: &[Var<'t, T>],
+        sum: PartialSum<T>,
+    ) -> Result<Var<'t, T>, TensorError> {
+        self.check_own(NAME, inputs)?;
+        let PartialSum { value, gradients, .. } = sum;
         // An input that no part depends on is none of the sum's.
         let used: Vec<_> =
             inputs.iter().zip(&gradients).filter(|(_, g)| g.is_some()).map(|(&x, _)| x).collect();
         let gradients = gradients.into_iter().flatten().collect();
-        Ok(self.apply(SumOver { value: T::narrow(value), gradients }, &used)?)
+        self.apply(SumOver { value: T::narrow(value), gradients }, &used)
     }
 }
 
@@ -284,6 +372,38 @@ mod tests {
             for threads in [2, 3, 8] {
                 assert_eq!(on(threads), alone, "{count} parts on {threads} threads");
             }
+        }
+    }
+
+    #[test]
+    fn sums_of_subtrees_add_up_to_the_bits_of_the_whole() {
+        /// The sum over a range of the tree, of which `known` has the parts.
+        fn whole(
+            range: Range<usize>,
+            known: &mut Vec<(Range<usize>, PartialSum<f32>)>,
+        ) -> PartialSum<f32> {
+            if let Some(at) = known.iter().position(|(own, _)| *own == range) {
+                return known.swap_remove(at).1;
+            }
+            let [first, second] = halves(&range).unwrap().map(|half| whole(half, known));
+            let mut sum = first;
+            sum.add(second);
+            sum
+        }
+        for (count, cuts) in [(5, &[2][..]), (30, &[7, 7, 21]), (13, &[1, 12]), (3, &[0, 3])] {
+            let tape = Tape::<f32>::new();
+            let x = tape.leaf(&Tensor::from_flat_fn([300], |k| 0.3 + k as f32 / 300.0));
+            let bounds: Vec<_> = [0].iter().chain(cuts).chain([&count]).copied().collect();
+            let mut known = Vec::new();
+            for own in bounds.windows(2).map(|pair| pair[0]..pair[1]) {
+                let sums = tape.partial_sums(count, own.clone(), &[x], |k, _, inputs| {
+                    Ok::<_, TensorError>((inputs[0] * (1.0 + (k % 17) as f32)).exp().sum())
+                });
+                known.extend(covered(0..count, &own).into_iter().zip(sums.unwrap()));
+            }
+            let sum = tape.sum_of(&[x], whole(0..count, &mut known)).unwrap();
+            assert!(known.is_empty());
+            assert_eq!((sum.item(), sum.backward().unwrap().get_or_zeros(x)), run(count));
         }
     }
 

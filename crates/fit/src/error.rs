@@ -96,6 +96,22 @@ pub enum FitError {
         /// What was wrong with it.
         error: Box<FitError>,
     },
+    /// Another rank of the job had an error.
+    #[error("rank {rank}: {said}")]
+    Elsewhere {
+        /// The rank: of several, the first.
+        rank: usize,
+        /// What it said.
+        said: String,
+    },
+    /// Ranks of a job have other parameters than the first one.
+    #[error("all ranks need the same parameters, got others on rank {rank} at step {step}")]
+    Apart {
+        /// How many updates the parameters had.
+        step: u64,
+        /// The rank: of several, the first.
+        rank: usize,
+    },
     /// A number became infinite or NaN. Parameters and moments are as they were before the step.
     #[error(
         "{quantity} needs to be finite, got {value} at step {step}{}",

@@ -28,10 +28,13 @@
 //! `save` a fit can be saved to a file and resumed from it, to the same bits.
 
 mod best_rotation;
+mod communicator;
 mod error;
 mod fit;
 mod history;
+mod in_memory;
 mod losses;
+mod mixing;
 mod optimizer;
 mod parameter;
 mod pipeline;
@@ -39,6 +42,7 @@ mod pipeline;
 #[doc(hidden)]
 pub mod precompiled;
 mod preconditioner;
+mod reduction;
 mod regularizers;
 #[cfg(feature = "save")]
 pub mod saved;
@@ -48,9 +52,11 @@ mod topology;
 mod views;
 
 pub use bokashi_core::{mean_squared_error, squared_error};
+pub use communicator::{Alone, Communicator, Ranks, agree, block, check_same};
 pub use error::{FitError, OperationError, Origin, Quantity};
 pub use fit::{Fit, FitSettings, StepState, Stepped};
 pub use history::{History, Step, Stop, Vanished};
+pub use in_memory::on_ranks;
 pub use losses::{
     DepthAlignment, Penalty, depth_error, halved, iou, masked_error, mean_error,
     multiscale_ssim_error, psnr, pyramid_error, silhouette_error, ssim, ssim_error, weighted_error,
@@ -59,6 +65,7 @@ pub use optimizer::Optimizer;
 pub use parameter::{Mapping, Parameter, Parameters, Variables};
 pub use pipeline::{FromFn, Pipeline, from_fn};
 pub use preconditioner::Preconditioner;
+pub use reduction::sum_over_ranks;
 pub use regularizers::{
     RigidWeights, Rigidity, edge_length_error, laplacian_error, normal_error, total_variation,
 };

@@ -3,14 +3,22 @@
 //! Each view is recorded on a tape of its own ([`Tape::sum_over`]), and its backward pass runs at once.
 //! So views are computed at the same time, memory is that of the views under way, and values and
 //! gradients are added in a tree over the views' indices: the same bits for any number of threads.
+//!
+//! The views can be divided among the ranks of a job ([`Views::among`]). Each rank then computes its own,
+//! and the sums of all ranks are added in the same tree: the same bits for any number of ranks.
 
+use std::fmt;
 use std::marker::PhantomData;
+use std::sync::Arc;
 
 use bokashi_core::{Scalar, Tape, Var};
 
+use crate::communicator::{Ranks, block};
 use crate::error::{FitError, Quantity};
+use crate::mixing::{GOLDEN, mixed};
 use crate::parameter::Variables;
 use crate::pipeline::Pipeline;
+use crate::reduction::{Reduced, reduced};
 
 /// Which view, and in which step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -22,7 +30,7 @@ pub struct View {
 }
 
 /// A [`Pipeline`] over a set of views: see [`views`].
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub struct Views<T, F> {
     loss: F,
     count: usize,
@@ -31,7 +39,21 @@ pub struct Views<T, F> {
     step: u64,
     /// The views of the step, in the order of their indices.
     chosen: Vec<usize>,
+    /// The job's ranks, where there are several.
+    ranks: Option<Ranks<T>>,
+    /// What all ranks together sent in the last step, in bytes.
+    sent: u64,
     numbers: PhantomData<fn(T)>,
+}
+
+impl<T, F: fmt::Debug> fmt::Debug for Views<T, F> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { loss, count, per_step, seed, step, chosen, ranks, .. } = self;
+        let mut all = f.debug_struct("Views");
+        all.field("loss", loss).field("count", count).field("per_step", per_step);
+        all.field("seed", seed).field("step", step).field("chosen", chosen);
+        all.field("ranks", ranks).finish_non_exhaustive()
+    }
 }
 
 /// Makes a [`Pipeline`] of the loss of a view: its loss is the mean over `count` views.
@@ -71,6 +93,8 @@ where
         seed: 0,
         step: 0,
         chosen: Vec::new(),
+        ranks: None,
+        sent: 0,
         numbers: PhantomData,
     }
 }
@@ -89,9 +113,48 @@ impl<T, F> Views<T, F> {
         Self { seed, ..self }
     }
 
+    /// The pipeline with its views divided among the ranks of a job, all of which make the same calls:
+    /// each computes the losses of [`block`] of the views, and all know their mean.
+    #[must_use]
+    pub fn among(self, ranks: Ranks<T>) -> Self {
+        // Alone, nobody is asked.
+        Self { ranks: Some(ranks).filter(|ranks| ranks.size() > 1), ..self }
+    }
+
+    /// How many bytes all ranks together sent in the last step.
+    pub fn bytes_sent(&self) -> u64 {
+        self.sent
+    }
+
     /// The indices of the views of the last step that was prepared.
     pub fn chosen(&self) -> &[usize] {
         &self.chosen
+    }
+
+    /// The loss of the k-th view of the step.
+    fn of_view<'p>(
+        &self,
+        k: usize,
+        tape: &'p Tape<T>,
+        names: &Arc<[String]>,
+        inputs: &[Var<'p, T>],
+    ) -> Result<Var<'p, T>, FitError>
+    where
+        T: Scalar,
+        F: for<'t> Fn(View, &'t Tape<T>, &Variables<'t, T>) -> Result<Var<'t, T>, FitError> + Sync,
+    {
+        let view = View { index: self.chosen[k], step: self.step };
+        let variables = Variables::of_leaves(names, inputs);
+        let loss = (self.loss)(view, tape, &variables).and_then(|loss| {
+            // Here its operations are known.
+            if loss.shape().size() == 1 && !loss.item().is_finite() {
+                let (value, origin) = (loss.item().to_f64(), variables.origin_on(tape));
+                let (quantity, step) = (Quantity::Loss, view.step);
+                return Err(FitError::NotFinite { quantity, value, step, origin });
+            }
+            Ok(loss)
+        });
+        loss.map_err(|error| FitError::View { view: view.index, error: Box::new(error) })
     }
 
     fn check(&self) -> Result<(), FitError> {
@@ -155,24 +218,37 @@ where
         tape: &'t Tape<T>,
         variables: &Variables<'t, T>,
     ) -> Result<Var<'t, T>, FitError> {
-        let Self { loss, step, chosen, .. } = &*self;
+        let this = &*self;
         // Variables are bound to their thread, names are not.
         let (names, inputs) = (&variables.names, variables.iter().collect::<Vec<_>>());
-        let sum = tape.sum_over(chosen.len(), &inputs, |k, tape, inputs| {
-            let view = View { index: chosen[k], step: *step };
-            let variables = Variables::of_leaves(names, inputs);
-            let loss = loss(view, tape, &variables).and_then(|loss| {
-                // Here its operations are known.
-                if loss.shape().size() == 1 && !loss.item().is_finite() {
-                    let (value, origin) = (loss.item().to_f64(), variables.origin_on(tape));
-                    let (quantity, step) = (Quantity::Loss, view.step);
-                    return Err(FitError::NotFinite { quantity, value, step, origin });
-                }
-                Ok(loss)
-            });
-            loss.map_err(|error| FitError::View { view: view.index, error: Box::new(error) })
-        })?;
-        Ok(sum * T::from_f64(1.0 / chosen.len() as f64))
+        let count = this.chosen.len();
+        let (sum, sent) = match &this.ranks {
+            None => {
+                let sum = tape.sum_over(count, &inputs, |k, tape, inputs| {
+                    this.of_view(k, tape, names, inputs)
+                });
+                (sum?, 0)
+            }
+            Some(ranks) => {
+                // Of each rank, the first of its views that the step has.
+                let size = ranks.size();
+                let first = |rank| {
+                    let own = block(this.count, rank, size);
+                    this.chosen.partition_point(|&view| view < own.start)
+                };
+                let bounds: Vec<_> = (0..size).map(first).chain([count]).collect();
+                let own = bounds[ranks.rank()]..bounds[ranks.rank() + 1];
+                let own = tape.partial_sums(count, own, &inputs, |k, tape, inputs| {
+                    this.of_view(k, tape, names, inputs)
+                });
+                let shape = |x: &Var<'t, T>| x.needs_gradient().then(|| x.shape());
+                let shapes: Vec<_> = inputs.iter().map(shape).collect();
+                let Reduced { sum, bytes } = reduced(&**ranks, &bounds, &shapes, own)?;
+                (tape.sum_of(&inputs, sum)?, bytes)
+            }
+        };
+        self.sent = sent;
+        Ok(sum * T::from_f64(1.0 / count as f64))
     }
 }
 
@@ -197,21 +273,11 @@ fn draw(chosen: &mut Vec<usize>, count: usize, per_step: usize, seed: u64, step:
     chosen.sort_unstable();
 }
 
-/// 2^64 over the golden ratio.
-const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
-
-/// The output function of SplitMix64 (Steele, Lea and Flood 2014, *Fast splittable pseudorandom number
-/// generators*).
-fn mixed(state: u64) -> u64 {
-    let state = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let state = (state ^ (state >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    state ^ (state >> 31)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::error::Origin;
+    use crate::in_memory::on_ranks;
     use crate::parameter::{Parameter, Parameters};
     use crate::{Fit, FitSettings, Stop};
     use bokashi_core::Tensor;
@@ -308,6 +374,75 @@ mod tests {
         };
         assert!((arrive(10) - 1.045).abs() < 1e-3);
         assert!((arrive(3) - 1.045).abs() < 2e-2);
+    }
+
+    /// Losses, parameters and moments of a fit of 7 steps, to the bit; and the bytes of its last step.
+    fn bits(ranks: Option<Ranks<f32>>, count: usize, per_step: usize) -> (Vec<u64>, u64) {
+        // More numbers than a message has, one parameter that few views see, and one that none does.
+        let list = Parameters::new()
+            .with(Parameter::new("x", Tensor::from_flat_fn([70_000], |k| (k as f32).sin())))
+            .and_then(|list| list.with(Parameter::new("seen", Tensor::scalar(0.5)).optional()))
+            .and_then(|list| list.with(Parameter::new("unseen", Tensor::scalar(0.5)).optional()))
+            .and_then(|list| list.with(Parameter::new("still", Tensor::scalar(0.5)).frozen()));
+        let mut fit = Fit::<f32>::new(list.unwrap(), FitSettings::default()).unwrap();
+        let mut pipeline = views(count, |view, _, variables| {
+            let turned = (variables.get("x")? * (0.3 + view.index as f32)).sin();
+            let loss = turned.sum() * variables.get("still")?;
+            Ok(match view.index % 11 {
+                5 => loss + variables.get("seen")?.exp() * turned.sum(),
+                _ => loss,
+            })
+        });
+        pipeline = pipeline.per_step(per_step).seed(3);
+        if let Some(ranks) = ranks {
+            pipeline = pipeline.among(ranks);
+        }
+        let mut found = Vec::new();
+        for _ in 0..7 {
+            found.push(fit.step(&mut pipeline).unwrap().loss.to_bits());
+        }
+        let raw = fit.parameters().iter().flat_map(|own| own.raw().data().to_vec());
+        found.extend(raw.map(|x| u64::from(x.to_bits())));
+        (found, pipeline.bytes_sent())
+    }
+
+    #[test]
+    fn the_bits_are_the_same_on_any_number_of_ranks() {
+        for (count, per_step) in [(6, 6), (13, 13), (13, 5)] {
+            let (alone, none) = bits(None, count, per_step);
+            assert_eq!(none, 0);
+            for size in [1, 2, 3, 4, 7] {
+                let of_ranks = on_ranks(size, |ranks| bits(Some(ranks), count, per_step));
+                for (rank, (found, bytes)) in of_ranks.iter().enumerate() {
+                    assert!(*found == alone, "{count} views: rank {rank} of {size}");
+                    // Each rank but one gets the sum; sums of a few parts travel before.
+                    let sum = 4.0 * 70_000.0;
+                    let sums = *bytes as f64 / sum;
+                    let fewest = (size - 1) as f64;
+                    assert!((fewest..=3.1 * fewest).contains(&sums), "{sums} sums, {size} ranks");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_view_that_one_rank_refuses_ends_the_step_of_all() {
+        let said = on_ranks::<f64, _>(3, |ranks| {
+            let mut pipeline = views(6, |view: View, _, variables| {
+                let x = variables.get("x")?;
+                if view.index > 2 { Ok(x.ln().sum()) } else { Ok(x.sum()) }
+            });
+            pipeline = pipeline.among(ranks);
+            let mut fit = fit(FitSettings::default());
+            let error = fit.step(&mut pipeline).map(|_| ()).unwrap_err().to_string();
+            (error, fit.steps_done())
+        });
+        let own = "view 3: the loss needs to be finite, got -inf at step 0, first in the output of \
+                   ln of \"x\"";
+        for (rank, (said, steps)) in said.into_iter().enumerate() {
+            let expected = if rank == 1 { own.to_owned() } else { format!("rank 1: {own}") };
+            assert_eq!((said, steps), (expected, 0));
+        }
     }
 
     #[test]

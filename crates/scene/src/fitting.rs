@@ -5,8 +5,9 @@ use std::sync::Arc;
 
 use bokashi_core::{Mask, Tape, Tensor, Var};
 use bokashi_fit::{
-    Fit, FitError, FitSettings, Optimizer, Parameters, Penalty, Pipeline, Preconditioner, Schedule,
-    Stepped, Variables, View, Views, iou, mean_error, psnr, saved, ssim, ssim_error, views,
+    Alone, Fit, FitError, FitSettings, Optimizer, Parameters, Penalty, Pipeline, Preconditioner,
+    Ranks, Schedule, Stepped, Variables, View, Views, agree, block, check_same, iou, mean_error,
+    psnr, saved, ssim, ssim_error, views,
 };
 
 use crate::description::{Count, LossKind, Stage, StopEntry};
@@ -27,6 +28,9 @@ type Loss = Box<
 /// Steps of a fit that does not say.
 const STEPS: usize = 1000;
 
+/// After so many steps the ranks of a job compare their parameters: seldom enough that nobody notices.
+const BETWEEN_CHECKS: u64 = 100;
+
 /// A fit of a scene, under way.
 pub struct SceneFit {
     renderer: Arc<Renderer>,
@@ -40,6 +44,7 @@ pub struct SceneFit {
     regularizers: Arc<[Regularizer]>,
     /// The rate of each parameter, before stages.
     rates: Vec<(String, f64)>,
+    ranks: Ranks<f32>,
 }
 
 /// How well a view is matched.
@@ -53,6 +58,27 @@ pub struct ViewScore {
     pub ssim: Option<f64>,
     /// Intersection over union of the silhouettes, where the view has a mask.
     pub silhouette_iou: Option<f64>,
+}
+
+impl ViewScore {
+    /// Of three numbers, each after a byte that says whether it is one.
+    const BYTES: usize = 3 * 9;
+
+    fn to_bytes(&self) -> Vec<u8> {
+        let numbers = [self.psnr, self.ssim, self.silhouette_iou].into_iter();
+        let of = |number: Option<f64>| {
+            [u8::from(number.is_some())].into_iter().chain(number.unwrap_or(0.0).to_le_bytes())
+        };
+        numbers.flat_map(of).collect()
+    }
+
+    fn of_bytes(view: usize, bytes: &[u8]) -> Self {
+        let number = |k: usize| match bytes.get(9 * k..)?.split_first()? {
+            (1, bytes) => bytes.first_chunk().map(|&bytes| f64::from_le_bytes(bytes)),
+            _ => None,
+        };
+        Self { view, psnr: number(0), ssim: number(1), silhouette_iou: number(2) }
+    }
 }
 
 /// A view as it is seen, and how well it is matched.
@@ -113,7 +139,40 @@ impl SceneFit {
     /// # Errors
     /// Whatever is wrong with what is to be learnt; [`SceneError::Content`] where no view can be learnt from.
     pub fn new(scene: Scene) -> Result<Self, SceneError> {
-        Self::of(scene, None)
+        Self::of(scene, None, Arc::new(Alone))
+    }
+
+    /// [`SceneFit::new`] of a fit that the ranks of a job share: each computes the losses of some of the
+    /// views, and reads the images of no others. All have the same parameters, to the bits of a fit alone.
+    ///
+    /// All ranks make the same calls of what says that they share it, and then an error of one is an error
+    /// of all.
+    ///
+    /// # Errors
+    /// As [`SceneFit::new`].
+    pub fn among(scene: Scene, ranks: Ranks<f32>) -> Result<Self, SceneError> {
+        let fit = Self::of(scene, None, Arc::clone(&ranks));
+        agreed(&ranks, fit)
+    }
+
+    /// [`SceneFit::resume`] of a fit that the ranks of a job share, however many saved it: see
+    /// [`SceneFit::among`]. The first rank reads the file.
+    ///
+    /// # Errors
+    /// As [`SceneFit::resume`].
+    pub fn resume_among(
+        scene: Scene,
+        path: impl AsRef<Path>,
+        ranks: Ranks<f32>,
+    ) -> Result<Self, SceneError> {
+        let bytes = match ranks.rank() {
+            0 => saved::read(path.as_ref()),
+            _ => Ok(Vec::new()),
+        };
+        let mut bytes = agreed(&ranks, bytes)?;
+        ranks.broadcast_bytes(&mut bytes, 0);
+        let fit = Self::of(scene, Some(&bytes), Arc::clone(&ranks));
+        agreed(&ranks, fit)
     }
 
     /// The fit that was saved to the file `path`. It goes on to the same bits as if it had not been
@@ -123,10 +182,10 @@ impl SceneFit {
     /// As [`SceneFit::new`]; [`SceneError::Fit`] for a file that is no saved fit, or of another scene.
     pub fn resume(scene: Scene, path: impl AsRef<Path>) -> Result<Self, SceneError> {
         let bytes = saved::read(path.as_ref())?;
-        Self::of(scene, Some(&bytes))
+        Self::of(scene, Some(&bytes), Arc::new(Alone))
     }
 
-    fn of(scene: Scene, saved_fit: Option<&[u8]>) -> Result<Self, SceneError> {
+    fn of(scene: Scene, saved_fit: Option<&[u8]>, ranks: Ranks<f32>) -> Result<Self, SceneError> {
         let learnt_from = scene.views.iter().enumerate();
         let learnt_from = learnt_from.filter(|(_, view)| view.image.is_some() && !view.held_out);
         let learnt_from: Arc<[usize]> = learnt_from.map(|(at, _)| at).collect();
@@ -169,7 +228,8 @@ impl SceneFit {
         };
         let pipeline = StagePipeline {
             stage: stage as u64,
-            views: views_of(&renderer, &targets, &learnt_from, &own, seed),
+            views: views_of(&renderer, &targets, &learnt_from, &own, seed)
+                .among(Arc::clone(&ranks)),
             regularizers: Arc::clone(&regularizers),
         };
         Ok(Self {
@@ -182,6 +242,7 @@ impl SceneFit {
             pipeline,
             regularizers,
             rates,
+            ranks,
         })
     }
 
@@ -224,10 +285,21 @@ impl SceneFit {
         &self.scene().description.stop
     }
 
-    /// Does a step; `None` where all are done.
+    /// The ranks that share the fit: one, if nobody said otherwise.
+    pub fn ranks(&self) -> &Ranks<f32> {
+        &self.ranks
+    }
+
+    /// How many bytes all ranks together sent for the last step's gradients.
+    pub fn bytes_sent(&self) -> u64 {
+        self.pipeline.views.bytes_sent()
+    }
+
+    /// Does a step; `None` where all are done. Ranks share it.
     ///
     /// # Errors
-    /// As [`Fit::step`], and what is wrong with an image. Parameters are then as they were.
+    /// As [`Fit::step`], and what is wrong with an image. Parameters are then as they were. After every
+    /// hundredth step, [`FitError::Apart`] where ranks have come apart.
     pub fn step(&mut self) -> Result<Option<Stepped>, SceneError> {
         if self.fit.steps_done() >= self.stages[self.stage].steps.0 as u64 {
             if self.stage + 1 == self.stages.len() {
@@ -235,7 +307,19 @@ impl SceneFit {
             }
             self.next_stage()?;
         }
-        Ok(Some(self.fit.step(&mut self.pipeline)?))
+        let stepped = self.fit.step(&mut self.pipeline)?;
+        if self.steps_done().is_multiple_of(BETWEEN_CHECKS) {
+            self.check_same()?;
+        }
+        Ok(Some(stepped))
+    }
+
+    /// Checks that all ranks, which share this call, have the same parameters to the bit.
+    ///
+    /// # Errors
+    /// [`FitError::Apart`].
+    pub fn check_same(&self) -> Result<(), SceneError> {
+        Ok(check_same(&*self.ranks, self.fit.parameters(), self.steps_done())?)
     }
 
     fn next_stage(&mut self) -> Result<(), SceneError> {
@@ -249,7 +333,8 @@ impl SceneFit {
         let seed = self.scene().description.seed;
         self.pipeline = StagePipeline {
             stage: self.stage as u64,
-            views: views_of(&self.renderer, &self.targets, &self.learnt_from, own, seed),
+            views: views_of(&self.renderer, &self.targets, &self.learnt_from, own, seed)
+                .among(Arc::clone(&self.ranks)),
             regularizers: Arc::clone(&self.regularizers),
         };
         Ok(())
@@ -286,6 +371,19 @@ impl SceneFit {
         Ok(self.seen(view)?.score)
     }
 
+    /// The scores of some views. Ranks share them, and all know them all.
+    ///
+    /// # Errors
+    /// As [`SceneFit::score`].
+    pub fn scores(&self, views: &[usize]) -> Result<Vec<ViewScore>, SceneError> {
+        let own = block(views.len(), self.ranks.rank(), self.ranks.size());
+        let own: Result<Vec<_>, _> = views[own].iter().map(|&view| self.score(view)).collect();
+        let bytes = own.map(|scores| scores.iter().flat_map(ViewScore::to_bytes).collect());
+        let all = agree(&*self.ranks, bytes)?.concat();
+        let scores = views.iter().zip(all.chunks(ViewScore::BYTES));
+        Ok(scores.map(|(&view, bytes)| ViewScore::of_bytes(view, bytes)).collect())
+    }
+
     /// As [`SceneFit::score`], with the picture: 24 bytes for each pixel.
     ///
     /// # Errors
@@ -319,6 +417,20 @@ impl SceneFit {
         }
         Ok(SeenView { score, image, target: Some(colors) })
     }
+}
+
+/// What one rank made, where no rank failed.
+fn agreed<R, E>(ranks: &Ranks<f32>, own: Result<R, E>) -> Result<R, SceneError>
+where
+    SceneError: From<E>,
+{
+    let own = own.map_err(SceneError::from);
+    let (said, own) = match own {
+        Ok(own) => (Ok(Vec::new()), Some(own)),
+        Err(error) => (Err(error), None),
+    };
+    agree(&**ranks, said)?;
+    own.ok_or_else(|| unreachable!("a rank that failed said so"))
 }
 
 /// The stage that a fit was saved in.
@@ -459,4 +571,45 @@ fn loss_of_view<'t>(
         loss = loss.try_add(error * weight)?;
     }
     Ok(loss)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::picture::{Picture, Samples};
+    use bokashi_fit::on_ranks;
+    use std::fs;
+
+    #[test]
+    fn ranks_read_their_own_images_alone_and_have_the_bits_of_a_fit_alone() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = place.path();
+        let mut text = String::new();
+        for view in 0..7 {
+            let samples =
+                Samples::U8((0..12 * 12 * 3).map(|k| (k * (view + 3) % 256) as u8).collect());
+            let picture = Picture { width: 12, height: 12, channels: 3, samples };
+            let file = folder.join(format!("{view}.png"));
+            fs::write(&file, picture.encode_png(&Place::of(&file)).unwrap()).unwrap();
+            text += &format!("[[views]]\nimage = \"{view}.png\"\nheld_out = {}\n", view == 2);
+            text += &format!("camera = {{ position = [0.3, {view}.0, 4.0], angle = 40.0 }}\n");
+        }
+        text += "[[meshes]]\nshape = \"cube\"\n[learn.vertices]\n[learn.pose]\n\
+                 [stop]\nsteps = 3\nviews_per_step = 6\n";
+        fs::write(folder.join("scene.toml"), text).unwrap();
+        let load = || Scene::load(folder.join("scene.toml")).unwrap();
+        let fitted = |mut fit: SceneFit| {
+            while fit.step().unwrap().is_some() {}
+            let raw = fit.parameters().iter().flat_map(|own| own.raw().data().to_vec());
+            (raw.map(f32::to_bits).collect::<Vec<_>>(), fit.targets.kept_views())
+        };
+        let (expected, all) = fitted(SceneFit::new(load()).unwrap());
+        assert_eq!(all, [0, 1, 3, 4, 5, 6]);
+        for size in [2, 3, 7] {
+            let found = on_ranks(size, |ranks| fitted(SceneFit::among(load(), ranks).unwrap()));
+            assert!(found.iter().all(|(bits, _)| *bits == expected), "{size} ranks");
+            // Each image is on one rank.
+            assert_eq!(found.into_iter().flat_map(|(_, views)| views).collect::<Vec<_>>(), all);
+        }
+    }
 }

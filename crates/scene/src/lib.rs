@@ -31,6 +31,8 @@ mod words;
 
 /// What images, positions and parameters are.
 pub use bokashi_core::Tensor;
+/// Fits that several processes share.
+pub use bokashi_fit::{Alone, Communicator, Ranks};
 /// What a fit learns, a step of it, and the numbers that files have.
 pub use bokashi_fit::{Parameters, Stepped, Stored};
 pub use cameras::{

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use bokashi_fit::Stepped;
+use bokashi_fit::{FitError, Stepped, agree};
 
 use crate::description::StopEntry;
 use crate::error::SceneError;
@@ -35,6 +35,16 @@ impl StopRules {
 
     /// Whether the fit ends with this step, which came after all that were asked about before.
     pub fn end_with(&mut self, step: &Stepped) -> bool {
+        self.loss_ends_with(step) || self.time_is_up()
+    }
+
+    /// Whether the time is up that the fit may take. Clocks of several ranks do not agree: one decides.
+    pub fn time_is_up(&self) -> bool {
+        self.seconds.is_some_and(|most| self.started.elapsed().as_secs_f64() >= most)
+    }
+
+    /// As [`StopRules::end_with`], by losses alone: the same on all ranks.
+    pub fn loss_ends_with(&mut self, step: &Stepped) -> bool {
         if step.loss < self.least_loss {
             (self.least_loss, self.waited) = (step.loss, 0);
         } else {
@@ -42,13 +52,12 @@ impl StopRules {
         }
         self.loss_below.is_some_and(|least| step.loss < least)
             || self.patience.is_some_and(|patience| self.waited >= patience)
-            || self.seconds.is_some_and(|most| self.started.elapsed().as_secs_f64() >= most)
     }
 }
 
 impl SceneFit {
     /// Steps until all steps are done, or until a rule of the scene's `[stop]` says stop. `seen` is told of
-    /// each step.
+    /// each step. Of several ranks the first decides when time is up.
     ///
     /// ```no_run
     /// use bokashi_scene::{Scene, SceneFit};
@@ -65,7 +74,10 @@ impl SceneFit {
         let mut rules = StopRules::new(self.stop());
         while let Some(step) = self.step()? {
             seen(&step);
-            if rules.end_with(&step) {
+            let ranks = self.ranks();
+            let is_up = rules.time_is_up() && ranks.rank() == 0;
+            let is_up = agree::<_, FitError>(&**ranks, Ok(vec![u8::from(is_up)]))?;
+            if rules.loss_ends_with(&step) || is_up.iter().any(|said| *said == [1]) {
                 break;
             }
         }

@@ -81,6 +81,15 @@ impl Targets {
         Ok(target)
     }
 
+    /// The views whose images are kept, in ascending order.
+    #[cfg(test)]
+    pub(crate) fn kept_views(&self) -> Vec<usize> {
+        let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut views: Vec<_> = kept.images.keys().map(|&(view, _)| view).collect();
+        views.sort_unstable();
+        views
+    }
+
     /// Forgets all images that were kept: others are asked for from now on.
     pub(crate) fn forget(&self) {
         *self.kept.lock().unwrap_or_else(PoisonError::into_inner) = Kept::default();

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
+use bokashi_fit::{FitError, Ranks, agree};
 use bokashi_report::{ReportError, add_page};
 use bokashi_scene::{Scene, SceneError, SceneFit, SceneView, SeenView, StopRules, ViewScore};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -44,6 +45,8 @@ pub(crate) struct Asked {
     pub(crate) seconds: Option<f64>,
     /// The file to go on from; by default the checkpoint among the results.
     pub(crate) resume: Option<Option<PathBuf>>,
+    /// Saved after every so many steps, too.
+    pub(crate) save_every: Option<u64>,
     pub(crate) json: Option<PathBuf>,
     pub(crate) threads: Option<usize>,
     /// The port of the live page.
@@ -59,50 +62,66 @@ fn not_reported(error: ReportError) -> Failure {
     Failure::Work(error.to_string())
 }
 
-/// Fits the scene that is asked for.
+/// Fits the scene that is asked for; `ranks` share it. Of several, the first speaks and writes, and each
+/// failure but the first rank's own is one of all.
 ///
 /// # Errors
 /// [`Failure::Use`] for places that can't be written to; [`Failure::Work`] for what is wrong with the scene;
 /// [`Failure::Interrupted`] by a signal, with how to go on.
-pub(crate) fn run(asked: &Asked) -> Result<(), Failure> {
-    let json = asked.json.as_deref().map(|file| ("--json", file));
-    let files = json.into_iter().collect();
-    Places { out: Some(&asked.out), report: &[PAGE], files, read: Vec::new() }.check()?;
-    start_threads(asked.threads)?;
-    let (writing, interrupt) = (Writing::default(), Interrupt::default());
-    end_when_interrupted(&writing, Some(&interrupt))?;
+pub(crate) fn run(asked: &Asked, ranks: &Ranks<f32>) -> Result<(), Failure> {
+    let interrupt = Interrupt::default();
+    let ended = run_until(asked, ranks, &interrupt);
+    // Whoever ends the job meanwhile does not wait.
+    interrupt.no_more_fits();
+    ended
+}
+
+/// [`run`], until `interrupt` asks for the end.
+fn run_until(asked: &Asked, ranks: &Ranks<f32>, interrupt: &Interrupt) -> Result<(), Failure> {
+    let is_first = ranks.rank() == 0;
+    let writing = Writing::default();
     let checkpoint = asked.out.join(CHECKPOINT);
-    let scene = Scene::load(&asked.scene).map_err(failed)?;
+    let begun = begin(asked, is_first, &writing, interrupt);
+    let scene = agreed(ranks, begun)?;
     let notes = scene.notes.clone();
     let fit = match &asked.resume {
-        Some(file) => SceneFit::resume(scene, file.as_ref().unwrap_or(&checkpoint)),
-        None => SceneFit::new(scene),
+        Some(file) => {
+            let file = file.as_ref().unwrap_or(&checkpoint);
+            SceneFit::resume_among(scene, file, Arc::clone(ranks))
+        }
+        None => SceneFit::among(scene, Arc::clone(ranks)),
     };
     let fit = fit.map_err(failed)?;
-    make_folder(&asked.out).map_err(failed)?;
-    let speaks = !asked.quiet && !asked.json.as_deref().is_some_and(is_standard_output);
+    if is_first {
+        make_folder(&asked.out).map_err(failed)?;
+    }
+    let speaks = is_first && !asked.quiet && !asked.json.as_deref().is_some_and(is_standard_output);
     if speaks {
         notes.iter().try_for_each(|note| say(&format!("note: {note}\n")))?;
     }
-    let live = asked.live.map(Live::start).transpose();
+    let live = asked.live.filter(|_| is_first).map(Live::start).transpose();
     let live = live.map_err(|error| Failure::Use(format!("--live needs a free port: {error}")))?;
     if let (Some(live), true) = (&live, speaks) {
         say(&format!("Live: {}\n", live.url()))?;
     }
+    let is_quiet = asked.quiet || !is_first;
     let mut running = Running {
         first: values(&fit),
         asked,
+        ranks,
         checkpoint,
         live,
-        bar: bar(asked.quiet, asked.steps.map_or(fit.steps(), |most| most.min(fit.steps()))),
+        bar: bar(is_quiet, asked.steps.map_or(fit.steps(), |most| most.min(fit.steps()))),
         started: Instant::now(),
         curves: Curves::default(),
         step_ms: Vec::new(),
         losses: None,
+        sent: 0,
         first_step: fit.steps_done(),
         fit,
+        is_trusted: true,
     };
-    let ended = running.steps(&interrupt);
+    let ended = running.steps(interrupt);
     if let (Err(failure), Some(live)) = (&ended, &running.live) {
         let ended = Some(Ended::Failed(failure.to_string()));
         live.publish(Snapshot { ended, ..running.snapshot(&[]) });
@@ -112,8 +131,35 @@ pub(crate) fn run(asked: &Asked) -> Result<(), Failure> {
         Failure::Interrupted { .. } => failure,
         other => running.saved_after(other),
     })?;
+    if !is_first {
+        return Ok(());
+    }
     let _held = writing.lock().unwrap_or_else(PoisonError::into_inner);
     running.finish(speaks)
+}
+
+/// What comes before the fit.
+fn begin(
+    asked: &Asked,
+    is_first: bool,
+    writing: &Writing,
+    interrupt: &Interrupt,
+) -> Result<Scene, Failure> {
+    if is_first {
+        let json = asked.json.as_deref().map(|file| ("--json", file));
+        let files = json.into_iter().collect();
+        Places { out: Some(&asked.out), report: &[PAGE], files, read: Vec::new() }.check()?;
+    }
+    start_threads(asked.threads)?;
+    end_when_interrupted(writing, Some(interrupt))?;
+    Scene::load(&asked.scene).map_err(failed)
+}
+
+/// What this rank made, where no rank failed.
+fn agreed<R>(ranks: &Ranks<f32>, own: Result<R, Failure>) -> Result<R, Failure> {
+    let said = own.as_ref().map(|_| Vec::new()).map_err(Clone::clone);
+    agree(&**ranks, said)?;
+    own
 }
 
 /// A bar on a terminal.
@@ -132,6 +178,7 @@ fn bar(quiet: bool, steps: u64) -> Option<ProgressBar> {
 /// A fit of a scene under way, and what is known of it.
 struct Running<'a> {
     asked: &'a Asked,
+    ranks: &'a Ranks<f32>,
     checkpoint: PathBuf,
     live: Option<Live>,
     bar: Option<ProgressBar>,
@@ -140,9 +187,19 @@ struct Running<'a> {
     step_ms: Vec<f64>,
     /// The first and the last.
     losses: Option<[f64; 2]>,
+    /// What all ranks together sent for gradients, in bytes.
+    sent: u64,
     first: Vec<(String, bokashi_scene::Tensor<f32>)>,
     first_step: u64,
     fit: SceneFit,
+    /// Whether all ranks have the same parameters, as far as is known.
+    is_trusted: bool,
+}
+
+/// Why a fit ends between two steps.
+enum Call {
+    Signal(i32),
+    Time,
 }
 
 impl Running<'_> {
@@ -157,14 +214,19 @@ impl Running<'_> {
         let budget = self.asked.seconds.unwrap_or(f64::INFINITY);
         let every = (last / MEASUREMENTS).max(1);
         let (mut saved, mut shown) = (Instant::now(), None::<Instant>);
-        while self.fit.steps_done() < last && self.seconds() < budget {
-            if let Some(signal) = interrupt.signal() {
-                return Err(self.interrupted(signal));
+        let mut is_up = false;
+        while self.fit.steps_done() < last {
+            match self.call(interrupt, is_up || self.seconds() >= budget)? {
+                Some(Call::Signal(signal)) => return Err(self.interrupted(signal)),
+                Some(Call::Time) => break,
+                None => {}
             }
             if self.fit.steps_done().is_multiple_of(every) {
                 self.measure()?;
             }
-            let Some(stepped) = self.fit.step().map_err(failed)? else { break };
+            let stepped = self.fit.step();
+            let Some(stepped) = stepped.map_err(|error| self.failed_step(error))? else { break };
+            self.sent += self.fit.bytes_sent();
             let loss = stepped.loss;
             self.step_ms.push(stepped.ms);
             self.losses = Some([self.losses.map_or(loss, |[first, _]| first), loss]);
@@ -176,7 +238,9 @@ impl Running<'_> {
                 bar.set_message(format!("loss {loss:.2e}{held_out}  {:.1} ms/step", stepped.ms));
                 bar.set_position(self.fit.steps_done());
             }
-            if saved.elapsed() > BETWEEN_CHECKPOINTS {
+            let every = self.asked.save_every;
+            let is_asked = every.is_some_and(|every| self.fit.steps_done().is_multiple_of(every));
+            if self.is_first() && (is_asked || saved.elapsed() > BETWEEN_CHECKPOINTS) {
                 // Steps are worth more than a checkpoint: there may be room again before the end.
                 if let Err(error) = self.save() {
                     self.warn(&format!("the fit goes on, and was not saved: {error}"));
@@ -190,11 +254,32 @@ impl Running<'_> {
                 }
                 shown = Some(Instant::now());
             }
-            if rules.end_with(&stepped) {
+            is_up = rules.time_is_up();
+            if rules.loss_ends_with(&stepped) {
                 break;
             }
         }
+        self.fit.check_same().map_err(|error| self.failed_step(error))?;
         self.measure()
+    }
+
+    fn is_first(&self) -> bool {
+        self.ranks.rank() == 0
+    }
+
+    /// Whether the fit ends before its next step, by a signal to any rank, or where time is up on the first.
+    /// All ranks are told the same.
+    fn call(&self, interrupt: &Interrupt, is_up: bool) -> Result<Option<Call>, Failure> {
+        let signal = interrupt.signal().map_or(0, |signal| signal.unsigned_abs() as u8);
+        let all = agree::<_, Failure>(&**self.ranks, Ok(vec![signal, u8::from(is_up)]))?;
+        let signal = all.iter().find_map(|said| said.first().filter(|&&signal| signal != 0));
+        let is_up = all.first().is_some_and(|said| said.get(1) == Some(&1));
+        Ok(signal.map(|&signal| Call::Signal(signal.into())).or(is_up.then_some(Call::Time)))
+    }
+
+    fn failed_step(&mut self, error: SceneError) -> Failure {
+        self.is_trusted &= !matches!(error, SceneError::Fit(FitError::Apart { .. }));
+        failed(error)
     }
 
     /// Saves the fit; the folder may be gone meanwhile.
@@ -215,7 +300,11 @@ impl Running<'_> {
     /// The command that goes on from the checkpoint.
     fn how_to_go_on(&self) -> String {
         let (scene, out) = (self.asked.scene.display(), self.asked.out.display());
-        format!("go on with: bokashi fit {scene} --out {out} --resume")
+        let program = match self.ranks.size() {
+            1 => "bokashi".to_owned(),
+            size => format!("mpirun -n {size} bokashi-mpi"),
+        };
+        format!("go on with: {program} fit {scene} --out {out} --resume")
     }
 
     /// Saves the fit after something went wrong: what was learnt till then is kept.
@@ -223,7 +312,9 @@ impl Running<'_> {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
-        match self.fit.steps_done() > 0 && self.save().is_ok() {
+        // Of parameters that differ, nobody knows which are right: the last checkpoint stays.
+        let is_worth = self.is_first() && self.is_trusted && self.fit.steps_done() > 0;
+        match is_worth && self.save().is_ok() {
             true => self.with_how_to_go_on(failure),
             false => failure,
         }
@@ -241,6 +332,9 @@ impl Running<'_> {
 
     /// Saves the fit, and says how to go on.
     fn interrupted(&self, signal: i32) -> Failure {
+        if !self.is_first() {
+            return Failure::Interrupted { signal, said: String::new() };
+        }
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
@@ -256,8 +350,8 @@ impl Running<'_> {
 
     /// Adds a point to the curve of held-out views.
     fn measure(&mut self) -> Result<(), Failure> {
-        let held_out = self.views(true, usize::MAX).map(|view| self.fit.score(view));
-        let held_out = held_out.collect::<Result<Vec<_>, _>>().map_err(failed)?;
+        let held_out: Vec<_> = self.views(true, usize::MAX).collect();
+        let held_out = self.fit.scores(&held_out).map_err(failed)?;
         if let Some(psnr) = mean_held_out(&self.fit, &held_out) {
             let seconds = self.seconds();
             self.curves.held_out.push((seconds, psnr));
@@ -373,7 +467,15 @@ impl Running<'_> {
             let held_out = outcome
                 .psnr_held_out(&self.fit)
                 .map_or(String::new(), |psnr| format!(", held-out views {psnr:.1} dB"));
-            say(&format!("{}{loss}{held_out}\nReport: {}\n", outcome.said(), page.display()))?;
+            let ranks = match self.ranks.size() {
+                1 => String::new(),
+                size => {
+                    let steps = (self.step_ms.len() as u64).max(1);
+                    format!(", {size} ranks sent {} bytes per step", self.sent / steps)
+                }
+            };
+            let said = outcome.said();
+            say(&format!("{said}{loss}{held_out}{ranks}\nReport: {}\n", page.display()))?;
         }
         if self.live.is_some() {
             std::thread::sleep(LAST_LOOK);

@@ -1,0 +1,43 @@
+//! How a job of several ranks begins and ends.
+//!
+//! Ranks end together. What goes wrong on one of them in the middle of a fit is told to all, and the
+//! first says it. Whoever ends in another way - the first rank, which writes, or a panic - ends the
+//! whole job: the others would wait for it.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use bokashi_cli::failure::{Failure, ended};
+use bokashi_fit::{Communicator, Ranks};
+use mpi::Threading;
+use mpi::topology::SimpleCommunicator;
+use mpi::traits::Communicator as _;
+
+use crate::world::World;
+
+/// The status of a program that panicked.
+const PANICKED: i32 = 101;
+
+/// Does `work` as one rank of an MPI job, and ends the job with its failure.
+pub fn as_rank(work: impl FnOnce(&Ranks<f32>) -> Result<(), Failure>) -> ExitCode {
+    // Calls come from any thread, one at a time.
+    let Some((universe, _)) = mpi::initialize_with_threading(Threading::Serialized) else {
+        return ended("bokashi-mpi", Err(Failure::Work("MPI was started before".to_owned())));
+    };
+    let world = World::new(&universe);
+    let is_first = Communicator::<f32>::rank(&world) == 0;
+    let ranks: Ranks<f32> = Arc::new(world);
+    match catch_unwind(AssertUnwindSafe(|| work(&ranks))) {
+        Ok(Ok(())) => ExitCode::SUCCESS,
+        // The first rank has heard it, and speaks; MPI waits for it as the universe ends.
+        Ok(Err(failure)) if !is_first => ExitCode::from(failure.status()),
+        Ok(Err(failure)) => {
+            let status = failure.status();
+            ended("bokashi-mpi", Err(failure));
+            SimpleCommunicator::world().abort(status.into())
+        }
+        // The panic has said what it is.
+        Err(_) => SimpleCommunicator::world().abort(PANICKED),
+    }
+}

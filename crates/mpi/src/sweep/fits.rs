@@ -1,0 +1,117 @@
+//! Which fits a sweep has.
+
+use std::collections::HashSet;
+use std::path::Path;
+
+use bokashi_cli::failure::Failure;
+use serde::Deserialize;
+
+/// One fit of a sweep.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Fit {
+    /// The folder of its results.
+    pub name: String,
+    /// What comes after `bokashi fit`, but for where results go.
+    pub arguments: Vec<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Sweep {
+    fit: Vec<Fit>,
+}
+
+/// Options that the sweep itself gives to each fit.
+const OWN: [&str; 3] = ["--out", "--json", "--quiet"];
+
+/// The fits that the file `path` lists.
+///
+/// # Errors
+/// [`Failure::Use`] for a file that can't be read, and for fits that can't be told apart.
+pub fn read(path: &Path) -> Result<Vec<Fit>, Failure> {
+    let wrong = |said: String| Failure::Use(format!("{}: {said}", path.display()));
+    let text = std::fs::read_to_string(path).map_err(|error| wrong(error.to_string()))?;
+    let Sweep { fit: fits } = toml::from_str(&text).map_err(|error| wrong(error.to_string()))?;
+    check(&fits).map_err(wrong)?;
+    Ok(fits)
+}
+
+fn check(fits: &[Fit]) -> Result<(), String> {
+    let mut names = HashSet::new();
+    for Fit { name, arguments } in fits {
+        let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+        if name.is_empty() || name.starts_with('.') || !name.chars().all(is_plain) {
+            let rule = "a name has letters, digits, '-', '_' and '.', and does not begin with '.'";
+            return Err(format!("{rule}: {name:?}"));
+        }
+        if !names.insert(name) {
+            return Err(format!("each fit has a name of its own, and two are {name:?}"));
+        }
+        if let Some(own) = arguments.iter().find(|own| OWN.contains(&own.as_str())) {
+            return Err(format!("where results go is the sweep's: {name:?} has {own}"));
+        }
+    }
+    match fits {
+        [] => Err("a sweep has at least one fit, and this has none".to_owned()),
+        _ => Ok(()),
+    }
+}
+
+/// The paper's experiments 5.1, 5.2 and 5.3 for so many seeds, as `bokashi reproduce` has them, but for
+/// the fits in f64 that try other choices.
+pub fn of_paper(seeds: u64, steps: u64) -> Vec<Fit> {
+    const SIGMAS: [&str; 4] = ["1", "1.4", "2.8", "4"];
+    let mut settings = Vec::new();
+    let resolutions = ["8", "16", "32"].map(|size| ["--resolution", size]);
+    for silhouettes in ["antialias", "exact", "aliased"].map(|word| ["--silhouettes", word]) {
+        for resolution in resolutions {
+            settings.push((["vertices", "paper"], vec![resolution, silhouettes]));
+        }
+    }
+    for sigma in SIGMAS.map(|sigma| ["--sigma", sigma]) {
+        settings.push((["sigma", "paper"], vec![sigma]));
+        settings.push((["joint", "paper"], vec![sigma]));
+        settings.push((["joint", "tuned"], vec![sigma]));
+    }
+    settings.push((["vertices", "tuned"], vec![["--resolution", "32"]]));
+    let of = |([experiment, preset], more): &([&str; 2], Vec<[&str; 2]>), seed: u64| {
+        let values = more.iter().map(|[_, value]| *value);
+        let name: Vec<_> = [*experiment, *preset].into_iter().chain(values).collect();
+        let (seed, steps) = (seed.to_string(), steps.to_string());
+        let options = [["--experiment", *experiment], ["--preset", *preset]];
+        let options = options.iter().chain(more).flatten().copied();
+        let options = options.chain(["--seed", &*seed, "--steps", &*steps, "--threads", "1"]);
+        let arguments = options.map(str::to_owned).collect();
+        Fit { name: format!("{}-{seed}", name.join("-")), arguments }
+    };
+    let of = &of;
+    settings.iter().flat_map(|own| (0..seeds).map(move |seed| of(own, seed))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fits_of_the_paper_have_names_of_their_own() {
+        let fits = of_paper(3, 100);
+        assert_eq!(fits.len(), 3 * (9 + 12 + 1));
+        assert_eq!(check(&fits), Ok(()));
+        assert_eq!(fits[0].name, "vertices-paper-8-antialias-0");
+    }
+
+    #[test]
+    fn a_list_that_can_not_be_done_is_refused() {
+        let fit = |name: &str, word: &str| Fit { name: name.into(), arguments: vec![word.into()] };
+        for (fits, said) in [
+            (vec![], "at least one fit"),
+            (vec![fit("a", ""), fit("a", "")], "two are \"a\""),
+            (vec![fit("../a", "")], "a name has letters"),
+            (vec![fit("a", "--out")], "where results go is the sweep's"),
+        ] {
+            let refused = check(&fits).unwrap_err();
+            assert!(refused.contains(said), "{refused}");
+        }
+    }
+}

@@ -1,0 +1,282 @@
+//! Jobs of one to four ranks, started with `mpirun` on this machine, and what becomes of them.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use bokashi_scene::{Picture, Place, Samples, Scene, SceneFit};
+use serde_json::Value;
+
+const CHECKPOINT: &str = "checkpoint.safetensors";
+
+/// Views of the scene: no power of two, and no multiple of the numbers of ranks.
+const VIEWS: usize = 13;
+
+/// A disk of 24 x 24 pixels, somewhat different in each view.
+fn disk(view: usize) -> Vec<u8> {
+    let is_inside = |k: usize| {
+        let [x, y] = [k % 24, k / 24].map(|at| at as f64 - 11.5);
+        x.hypot(y) < 6.0 + (view % 4) as f64
+    };
+    let sample = |k: usize| match is_inside(k / 3) {
+        true => 60 + (k % 3 * 40 + 5 * view) as u8,
+        false => 0,
+    };
+    let samples = Samples::U8((0..24 * 24 * 3).map(sample).collect());
+    Picture { width: 24, height: 24, channels: 3, samples }.encode_png(&Place::of("disk")).unwrap()
+}
+
+/// A scene of a ball that is learnt from a ring of views, of which each step sees `per_step`.
+fn scene(folder: &Path, steps: usize, per_step: usize) -> PathBuf {
+    let mut text = String::new();
+    fs::create_dir_all(folder.join("images")).unwrap();
+    for view in 0..VIEWS {
+        fs::write(folder.join(format!("images/{view}.png")), disk(view)).unwrap();
+        let angle = view as f64 / VIEWS as f64 * std::f64::consts::TAU;
+        let (x, z) = (4.0 * angle.sin(), 4.0 * angle.cos());
+        text += &format!(
+            "[[views]]\nimage = \"images/{view}.png\"\nheld_out = {}\n\
+             camera = {{ position = [{x}, 0.5, {z}], angle = 38.0 }}\n",
+            view == 7
+        );
+    }
+    text += &format!(
+        "[[meshes]]\nshape = \"sphere\"\nfaces = 200\n[learn.vertices]\n[learn.cameras]\n\
+         [stop]\nsteps = {steps}\nviews_per_step = {per_step}\n"
+    );
+    fs::write(folder.join("scene.toml"), text).unwrap();
+    folder.join("scene.toml")
+}
+
+/// The command that starts a job of `size` ranks in `folder`.
+fn job(folder: &Path, size: usize, words: &[&str]) -> Command {
+    let mut command = Command::new("nice");
+    let size = size.to_string();
+    command.args(["mpirun", "-n", &size, env!("CARGO_BIN_EXE_bokashi-mpi")]).args(words);
+    // Open MPI does not like root, nor more ranks than cores; MPICH has nothing against them.
+    for (name, value) in [
+        ("OMPI_ALLOW_RUN_AS_ROOT", "1"),
+        ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1"),
+        ("OMPI_MCA_rmaps_base_oversubscribe", "1"),
+    ] {
+        command.env(name, value);
+    }
+    command.current_dir(folder).stdin(Stdio::null());
+    command
+}
+
+fn text(output: &Output) -> String {
+    [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes)).concat()
+}
+
+/// Fits the scene in `folder` on `size` ranks, to its end; returns the last checkpoint.
+fn fitted(folder: &Path, size: usize, out: &str, more: &[&str]) -> Vec<u8> {
+    let words =
+        [&["fit", "scene.toml", "--out", out, "--json", "fit.json", "--threads", "1"], more];
+    let output = job(folder, size, &words.concat()).output().expect("mpirun is installed");
+    assert!(output.status.success(), "{size} ranks: {}", text(&output));
+    checkpoint(folder, out)
+}
+
+fn checkpoint(folder: &Path, out: &str) -> Vec<u8> {
+    fs::read(folder.join(out).join(CHECKPOINT)).unwrap()
+}
+
+/// The checkpoint of a fit alone, without MPI.
+fn alone(file: &Path) -> Vec<u8> {
+    let mut fit = SceneFit::new(Scene::load(file).unwrap()).unwrap();
+    while fit.step().unwrap().is_some() {}
+    let saved = file.with_file_name("alone.safetensors");
+    fit.save(&saved).unwrap();
+    fs::read(saved).unwrap()
+}
+
+/// The processes of a job by rank, as Linux knows them.
+fn process(folder: &Path, rank: usize) -> Option<u32> {
+    let own = [
+        format!("OMPI_COMM_WORLD_RANK={rank}"),
+        format!("PMI_RANK={rank}"),
+        format!("PMIX_RANK={rank}"),
+    ];
+    let folder = folder.canonicalize().unwrap();
+    let is_own = |process: &Path| {
+        let program = fs::read_link(process.join("exe")).unwrap_or_default();
+        let place = fs::read_link(process.join("cwd")).unwrap_or_default();
+        let environment = fs::read(process.join("environ")).unwrap_or_default();
+        let mut words = environment.split(|&byte| byte == 0);
+        place == folder
+            && program == Path::new(env!("CARGO_BIN_EXE_bokashi-mpi"))
+            && words.any(|word| own.iter().any(|own| own.as_bytes() == word))
+    };
+    let all = fs::read_dir("/proc").unwrap().filter_map(|entry| Some(entry.ok()?.path()));
+    let found = all.filter(|process| process.join("exe").is_symlink()).find(|own| is_own(own))?;
+    found.file_name()?.to_str()?.parse().ok()
+}
+
+fn send(signal: &str, process: u32) {
+    let sent = Command::new("kill").args(["-s", signal, &process.to_string()]).status();
+    assert!(sent.expect("kill runs").success());
+}
+
+/// Waits until `ready`, which comes within a minute.
+fn wait_until<R>(mut ready: impl FnMut() -> Option<R>) -> R {
+    let started = Instant::now();
+    loop {
+        if let Some(found) = ready() {
+            return found;
+        }
+        assert!(started.elapsed() < Duration::from_secs(60), "it did not come within a minute");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// How the job ends, which it does within seconds of now.
+fn ended(child: Child) -> Output {
+    let started = Instant::now();
+    let output = child.wait_with_output().unwrap();
+    let seconds = started.elapsed().as_secs_f64();
+    println!("ended after {seconds:.1} s: {}", text(&output));
+    assert!(seconds < 15.0, "{seconds} s: {}", text(&output));
+    assert!(!output.status.success(), "{}", text(&output));
+    output
+}
+
+fn started(mut command: Command) -> Child {
+    start(&mut command)
+}
+
+fn start(command: &mut Command) -> Child {
+    command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("mpirun is installed")
+}
+
+#[test]
+fn the_bits_are_those_of_a_fit_alone_for_any_number_of_ranks_and_threads() {
+    for per_step in [VIEWS, 5] {
+        let place = tempfile::tempdir().unwrap();
+        let folder = place.path();
+        let expected = alone(&scene(folder, 6, per_step));
+        let mut hashes = Vec::new();
+        for size in 1..=4 {
+            let found = fitted(folder, size, "out", &[]);
+            assert!(found == expected, "{size} ranks, {per_step} views per step");
+            let json: Value =
+                serde_json::from_slice(&fs::read(folder.join("fit.json")).unwrap()).unwrap();
+            assert!(json["psnr_held_out"].as_f64().is_some());
+            hashes.push(json["parameters_hash"].to_string());
+        }
+        let words = ["fit", "scene.toml", "--out", "two", "--threads", "2"];
+        let output = job(folder, 2, &words).output().unwrap();
+        assert!(text(&output).contains("2 ranks sent "), "{}", text(&output));
+        assert!(checkpoint(folder, "two") == expected, "two threads each");
+        hashes.dedup();
+        assert_eq!(hashes.len(), 1);
+    }
+}
+
+#[test]
+fn a_fit_goes_on_with_another_number_of_ranks_to_the_same_bits() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    let expected = alone(&scene(folder, 9, VIEWS));
+    assert!(fitted(folder, 3, "out", &["--steps", "3"]) != expected);
+    assert!(fitted(folder, 1, "out", &["--resume", "--steps", "5"]) != expected);
+    assert!(fitted(folder, 4, "out", &["--resume"]) == expected);
+}
+
+#[test]
+fn a_killed_rank_ends_the_job_and_the_last_checkpoint_goes_on_to_the_same_bits() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    const STEPS: usize = 60;
+    let expected = alone(&scene(folder, STEPS, VIEWS));
+    // The first rank writes a checkpoint after each step: some of these moments are in the middle of one.
+    for (rank, ms) in [(0, 0), (1, 301), (2, 610), (0, 907)] {
+        let out = format!("out-{rank}-{ms}");
+        let words = ["fit", "scene.toml", "--out", &out, "--save-every", "1", "--threads", "1"];
+        let child = started(job(folder, 3, &words));
+        wait_until(|| folder.join(&out).join(CHECKPOINT).exists().then_some(()));
+        std::thread::sleep(Duration::from_millis(ms));
+        send("KILL", process(folder, rank).expect("the rank runs"));
+        ended(child);
+        assert!(fitted(folder, 2, &out, &["--resume"]) == expected, "rank {rank} after {ms} ms");
+    }
+}
+
+#[test]
+fn a_termination_saves_first() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    let expected = alone(&scene(folder, 60, VIEWS));
+    // To all of the job, as Slurm does; and to one rank.
+    for whom in ["mpirun", "rank 1"] {
+        let words = ["fit", "scene.toml", "--out", whom, "--threads", "1"];
+        let mut job = job(folder, 3, &words);
+        // A step of a debug build on a busy machine takes more than the second that Open MPI waits.
+        let child = start(job.env("OMPI_MCA_odls_base_sigkill_timeout", "5"));
+        let page = folder.join(whom);
+        wait_until(|| page.exists().then_some(()));
+        std::thread::sleep(Duration::from_millis(300));
+        match whom {
+            "mpirun" => send("TERM", child.id()),
+            _ => send("TERM", process(folder, 1).expect("the rank runs")),
+        }
+        let said = text(&ended(child));
+        assert!(said.contains("interrupted after "), "{said}");
+        assert!(said.contains("go on with: mpirun -n 3 bokashi-mpi fit scene.toml"), "{said}");
+        assert!(fitted(folder, 2, whom, &["--resume"]) == expected, "{whom}");
+    }
+}
+
+#[test]
+fn what_is_wrong_on_one_rank_ends_all_with_its_message() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    scene(folder, 6, VIEWS);
+    // Its size is there, and its pixels are not: the rank that has the view finds out.
+    fs::write(folder.join("images/12.png"), &disk(12)[..60]).unwrap();
+    let output = ended(started(job(folder, 3, &["fit", "scene.toml", "--out", "out"])));
+    let said = text(&output);
+    assert!(said.contains("bokashi-mpi: rank 2: view 11: "), "{said}");
+    assert_eq!(said.matches("12.png").count(), 1, "one rank says it: {said}");
+    assert_eq!(output.status.code(), Some(1), "{said}");
+
+    let said = text(&ended(started(job(folder, 2, &["fit", "none.toml"]))));
+    assert!(said.contains("bokashi-mpi: ") && said.contains("none.toml"), "{said}");
+    let output = ended(started(job(folder, 2, &["fit", "--seed", "0.5"])));
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+    let said = text(&ended(started(job(folder, 2, &["fit", "--seed", "3"]))));
+    assert!(said.contains("ranks share a fit of a scene"), "{said}");
+}
+
+#[test]
+fn ranks_take_the_fits_of_a_sweep_and_one_that_fails_harms_no_other() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    let expected = alone(&scene(folder, 6, 5));
+    let mut list = String::new();
+    let fits = [
+        ("scene", vec!["scene.toml"]),
+        ("none", vec!["none.toml"]),
+        ("cube-0", vec!["--resolution", "8", "--steps", "3"]),
+        ("cube-1", vec!["--resolution", "8", "--steps", "3", "--seed", "1"]),
+        ("cube-2", vec!["--resolution", "8", "--steps", "3", "--seed", "2"]),
+    ];
+    for (name, arguments) in &fits {
+        list += &format!("[[fit]]\nname = {name:?}\narguments = {arguments:?}\n");
+    }
+    fs::write(folder.join("sweep.toml"), list).unwrap();
+    for size in [1, 3] {
+        let out = format!("out-{size}");
+        let output = job(folder, size, &["sweep", "sweep.toml", "--out", &out]).output().unwrap();
+        let said = text(&output);
+        assert!(said.contains("1 of 5 fits failed, the first: none: "), "{said}");
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        let table = fs::read_to_string(folder.join(&out).join("sweep.csv")).unwrap();
+        let rows: Vec<_> =
+            table.lines().skip(1).map(|row| row.split(',').next().unwrap()).collect();
+        assert_eq!(rows, fits.iter().map(|(name, _)| *name).collect::<Vec<_>>(), "{table}");
+        assert_eq!(table.matches("none.toml").count(), 1, "{table}");
+        assert!(checkpoint(folder, &format!("{out}/scene")) == expected);
+    }
+}
