@@ -115,15 +115,6 @@ fn freed(pairs: &[Pair], with: usize) -> [usize; 2] {
     [free.count(), stuck.count()]
 }
 
-fn part([some, all]: [usize; 2]) -> Cell {
-    Cell::text(format!("{some} of {all}"))
-}
-
-/// The median, where it is a number: nothing where half of the seeds or more never get there.
-fn median(numbers: impl Iterator<Item = f64>) -> Cell {
-    Cell::maybe(Some(quartiles(numbers)[1]).filter(|median| median.is_finite()))
-}
-
 /// The rows of a case in both tables.
 fn tabulate(case: &Case, pairs: &[Pair], [to_errors, ends]: [&mut Table; 2]) {
     for (with, silhouettes) in SILHOUETTES.iter().enumerate() {
@@ -136,18 +127,18 @@ fn tabulate(case: &Case, pairs: &[Pair], [to_errors, ends]: [&mut Table; 2]) {
         let mut row = head.to_vec();
         for level in 0..LEVELS.len() {
             let count = runs().filter(|run| run.reached[level][0].is_finite()).count();
-            row.push(part([count, pairs.len()]));
-            row.extend([0, 1].map(|what| median(runs().map(|run| run.reached[level][what]))));
+            row.push(Cell::part([count, pairs.len()]));
+            row.extend([0, 1].map(|what| Cell::median(runs().map(|run| run.reached[level][what]))));
         }
         to_errors.push(row);
         let worst = runs().map(|run| run.last).max_by(f64::total_cmp);
         let mut row = head.to_vec();
         row.extend([
-            median(runs().map(|run| 1e3 * run.step_seconds)),
-            median(runs().map(|run| run.last)),
+            Cell::median(runs().map(|run| 1e3 * run.step_seconds)),
+            Cell::median(runs().map(|run| run.last)),
             Cell::maybe(worst),
-            part([runs().filter(|run| run.is_stuck).count(), pairs.len()]),
-            part(freed(pairs, with)),
+            Cell::part([runs().filter(|run| run.is_stuck).count(), pairs.len()]),
+            Cell::part(freed(pairs, with)),
         ]);
         ends.push(row);
     }
@@ -270,7 +261,7 @@ mod tests {
 
     #[test]
     fn a_run_has_the_first_step_of_each_error_and_where_it_ended() {
-        let bench = Bench::new(Effort::Quick, Vec::new()).unwrap();
+        let bench = Bench::new(Effort::Quick).unwrap();
         let settings = CASES[1].settings(Silhouettes::Exact, 300, 3);
         let outcome =
             bench.one().install(|| run_cube(&settings, &mut |_| ControlFlow::Continue(())));
@@ -306,7 +297,11 @@ mod tests {
         tabulate(&CASES[0], &pairs, [&mut to_errors, &mut ends]);
         let row = |seeds: [usize; 3], medians: [Option<f64>; 3]| -> Vec<Cell> {
             let cells = seeds.iter().zip(medians).flat_map(|(&count, steps)| {
-                [part([count, 3]), Cell::maybe(steps), Cell::maybe(steps.map(|steps| 1e-3 * steps))]
+                [
+                    Cell::part([count, 3]),
+                    Cell::maybe(steps),
+                    Cell::maybe(steps.map(|steps| 1e-3 * steps)),
+                ]
             });
             cells.collect()
         };
