@@ -326,7 +326,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
              pixel, as photographs are: the mean of {cells} x {cells} points of it, one anywhere in each \
              cell, by rays through the cube's slabs. Nothing of that is shared with what is fitted. 4x4: \
              antialiased at four times the size, then averaged down. Exact: edges at which texture \
-             coordinates bend or jump are seams. Textures are half a wave per side and channel, looked up \
+             coordinates bend or jump are seams. Textures are a quarter of a wave per side and channel, looked up \
              bilinearly without mipmaps, so that a pixel's centre hardly differs from its mean. Off: how far \
              the vertices are from their places in the image, their mean. Free: at most {STUCK} px off at \
              the end. Seconds are those of steps; measuring errors is no part of them. How well a photograph \
@@ -400,7 +400,7 @@ mod tests {
         assert!(run.reached[0][0] > 1.0 && run.reached[0][0] <= 150.0, "{:?}", run.reached);
         assert_eq!(run.curve[run.curve.len() - 1][1], run.last.pixels);
         assert!(run.curve.windows(2).all(|pair| pair[0][0] < pair[1][0]));
-        let away = fit(Way::Exact, &object, &case, 0).unwrap();
+        let away = fit(Way::Exact, &object, &case, 1).unwrap();
         assert!(away.is_stuck() && away.reached[0][0].is_infinite());
     }
 }

@@ -1,7 +1,7 @@
 //! A cube whose sides have textures, where it is, and how far off another pose of it is.
 //!
-//! Each texture is half a wave per side and channel, in another direction for each. So a pixel's centre is
-//! within a few thousandths of its mean, and there is nothing that a filter would have to take away.
+//! Each texture is a quarter of a wave per side and channel, in another direction for each. So a pixel's
+//! centre is within a thousandth of its mean, and there is nothing that a filter would have to take away.
 
 use std::f64::consts::PI;
 
@@ -73,7 +73,7 @@ impl Object {
             let [s, t] = [column, row].map(|texel| texel as f64 / (TEXELS - 1) as f64);
             let kind = (3 * side + channel) as f64;
             let (sine, cosine) = (2.4 * kind).sin_cos();
-            0.5 + 0.4 * (PI * (cosine * (s - 0.5) + sine * (t - 0.5)) + 1.7 * kind).sin()
+            0.5 + 0.4 * (0.5 * PI * (cosine * (s - 0.5) + sine * (t - 0.5)) + 1.7 * kind).sin()
         });
         Ok(Self {
             mesh: Mesh::new(FACES.to_vec(), 8)?,
