@@ -235,32 +235,48 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bench::mesh_file::Look;
 
     fn ball() -> MeshFile {
         let ball = Scene::sphere("", 24, 13, 8).unwrap();
         MeshFile::bumpy("ball", ball.mesh, &ball.positions)
     }
 
+    /// The ball under a smooth texture, its coordinates by place.
+    fn textured() -> MeshFile {
+        let ball = ball();
+        let rows = ball.positions.data().as_chunks::<3>().0.iter();
+        let rows: Vec<f32> =
+            rows.flat_map(|[x, y, _]| [*x, *y].map(|x| 0.4 * x as f32 + 0.5)).collect();
+        let coordinates = Tensor::from_flat_fn([ball.mesh.vertex_count(), 2], |k| rows[k]);
+        let texels = Tensor::from_flat_fn([32, 32, 3], |k| {
+            let [row, column] = [k / 96, k / 3 % 32].map(|texel| texel as f32 / 31.0);
+            [row, column, row * column][k % 3]
+        });
+        MeshFile { look: Look::Texture(coordinates, ball.mesh.clone(), texels), ..ball }
+    }
+
     #[test]
     fn a_step_has_the_gradient_of_its_loss() {
-        let file = ball();
-        let view =
-            View { file: &file, camera: cameras()[5], size: Size::square(64), cull: cull(&file) };
-        assert_eq!(view.cull, Cull::Back);
-        let positions = view.shifted();
-        for way in &WAYS[1..] {
-            // Along its own gradient the loss of a step grows by the square of its length.
-            let (_, slope) = Stepper::new(&view, *way, &positions).unwrap().step().unwrap();
-            let length: f64 = slope.data().iter().map(|&x| f64::from(x).powi(2)).sum();
-            let loss = |by: f64| {
-                let moved = positions.data().iter().zip(slope.data());
-                let moved: Vec<f64> = moved.map(|(x, &g)| x + by * f64::from(g)).collect();
-                let moved = Tensor::from_flat_fn(positions.shape(), |k| moved[k]);
-                f64::from(Stepper::new(&view, *way, &moved).unwrap().step().unwrap().0)
-            };
-            let by = 1e-3 / length.sqrt();
-            let found = (loss(by) - loss(-by)) / (2.0 * by * length);
-            assert!((found - 1.0).abs() < 0.1, "{way:?}: {found}");
+        for file in [ball(), textured()] {
+            let (camera, size) = (cameras()[5], Size::square(64));
+            let view = View { file: &file, camera, size, cull: cull(&file) };
+            assert_eq!(view.cull, Cull::Back);
+            let positions = view.shifted();
+            for way in &WAYS[1..] {
+                // Along its own gradient the loss of a step grows by the square of its length.
+                let (_, slope) = Stepper::new(&view, *way, &positions).unwrap().step().unwrap();
+                let length: f64 = slope.data().iter().map(|&x| f64::from(x).powi(2)).sum();
+                let loss = |by: f64| {
+                    let moved = positions.data().iter().zip(slope.data());
+                    let moved: Vec<f64> = moved.map(|(x, &g)| x + by * f64::from(g)).collect();
+                    let moved = Tensor::from_flat_fn(positions.shape(), |k| moved[k]);
+                    f64::from(Stepper::new(&view, *way, &moved).unwrap().step().unwrap().0)
+                };
+                let by = 1e-3 / length.sqrt();
+                let found = (loss(by) - loss(-by)) / (2.0 * by * length);
+                assert!((found - 1.0).abs() < 0.1, "{} {way:?}: {found}", file.look_name());
+            }
         }
     }
 
