@@ -99,7 +99,8 @@ fn measure(
     }
     let mut row = head.to_vec();
     let mut add = |way: usize, what: fn(&Counts) -> usize| {
-        row.push(median(found.iter().map(|counts| what(&counts[way]) as f64)));
+        let [_, median, _] = quartiles(found.iter().map(|counts| what(&counts[way]) as f64));
+        row.push(Cell::Count(median.round() as usize));
     };
     add(0, |counts| counts.faces);
     add(0, |counts| counts.fragments);
