@@ -114,8 +114,8 @@ fn a_bench_has_every_study_as_markdown_json_csv_and_a_page() {
     assert_eq!(found["quick"], true);
     let studies = found["studies"].as_array().expect("a list");
     let names: Vec<&str> = studies.iter().filter_map(|study| study["study"].as_str()).collect();
-    let all =
-        "scenes silhouettes masks fits blur operations surfaces nodes multiply growth files memory";
+    let all = "scenes meshes silhouettes masks fits photographs blur operations surfaces nodes multiply \
+               growth files memory";
     assert_eq!(names.join(" "), all);
     let page = fs::read_to_string(folder.path().join("made/bench.html")).expect("a page");
     loads_nothing(&page);
@@ -131,6 +131,27 @@ fn a_bench_has_every_study_as_markdown_json_csv_and_a_page() {
             assert_eq!(csv.lines().count(), rows.len() + 1, "{file}");
         }
     }
+}
+
+#[test]
+fn a_bench_takes_meshes_from_files() {
+    let folder = folder();
+    let line = |name: &str| format!("bench --quick --only meshes --mesh {name}");
+    let corners =
+        [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]].map(|[x, y, z]| format!("v {x} {y} {z}\n"));
+    let mesh = corners.concat() + "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+    fs::write(folder.path().join("corner.obj"), mesh).expect("a file");
+    let output = lab(folder.path(), &line("corner.obj"));
+    let said = text(&output.stdout);
+    assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), String::new()), "{said}");
+    assert!(
+        said.contains("| corner | 4     | 4        | 0 ") && !said.contains("Failed"),
+        "{said}"
+    );
+    fs::write(folder.path().join("none.obj"), "v 0 0 0\n").expect("a file");
+    let output = lab(folder.path(), &line("none.obj"));
+    let said = text(&output.stderr);
+    assert!(output.status.code() == Some(2) && said.contains("--mesh needs a mesh file"), "{said}");
 }
 
 #[test]

@@ -1,14 +1,15 @@
 //! How fast Bokashi is, at what error, and what it leaves out.
 //!
-//! [`bench()`] answers one question after the other. They ask for steps beside other renderers, the
-//! gradient of silhouettes, masks, fits to an error, blurs and operations by time and error. They also ask
-//! for a pipeline node by node, the tape's own cost, growth, memory, and files. [`elision()`] sets steps
+//! [`bench()`] answers one question after the other. They ask for steps beside other renderers and on
+//! meshes from files, the gradient of silhouettes, masks, fits to an error and to photographs. They ask for
+//! blurs and operations by time and error, a pipeline node by node, the tape's own cost, growth, memory, and files. [`elision()`] sets steps
 //! that compute something beside steps that have no need of it.
 
 mod difference;
 mod effort;
 mod elision;
 mod machine;
+mod mesh_file;
 mod operation;
 mod page;
 mod pipeline;
@@ -23,6 +24,7 @@ mod table;
 pub use effort::Effort;
 pub use elision::{Row, elision, elision_markdown, write_elision_page};
 pub use machine::Machine;
+pub use mesh_file::{MeshFile, read_mesh};
 pub use page::write_page;
 pub use questions::{STUDIES, bench, json, markdown};
 pub use scenes::{Scene, scenes};

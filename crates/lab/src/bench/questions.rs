@@ -5,6 +5,7 @@ use serde_json::{Map, Value, json};
 
 use crate::bench::effort::Effort;
 use crate::bench::machine::Machine;
+use crate::bench::mesh_file::MeshFile;
 use crate::bench::setting::{Bench, Peer, method};
 use crate::bench::studies;
 use crate::bench::study::{Study, wrapped};
@@ -20,7 +21,8 @@ pub const STUDIES: [&str; studies::ALL.len()] = {
 };
 
 /// Does the studies of [`STUDIES`] that `only` names, or all where it names none; `on_study` is told
-/// the name of each before it begins.
+/// the name of each before it begins. The study of meshes from files takes `meshes`; without any it
+/// is left out, but in a quick run, which makes one.
 ///
 /// # Errors
 /// Where a thread pool or a scene can't be made. What fails within a study is a result of it.
@@ -28,11 +30,16 @@ pub fn bench(
     effort: Effort,
     only: &[String],
     peers: Vec<Peer>,
+    meshes: Vec<MeshFile>,
     on_study: &mut dyn FnMut(&str),
 ) -> Result<Vec<Study>, FitError> {
-    let bench = Bench::new(effort, peers)?;
+    let bench = Bench { peers, meshes, ..Bench::new(effort)? };
+    let has_meshes = effort == Effort::Quick || !bench.meshes.is_empty();
     let mut found = Vec::new();
-    let wanted = |name: &str| only.is_empty() || only.iter().any(|one| one == name);
+    let wanted = |name: &str| {
+        let is_named = only.is_empty() || only.iter().any(|one| one == name);
+        is_named && (has_meshes || name != studies::MESHES)
+    };
     for (name, study) in studies::ALL.into_iter().filter(|(name, _)| wanted(name)) {
         on_study(name);
         found.push(study(&bench)?);

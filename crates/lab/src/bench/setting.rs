@@ -9,6 +9,7 @@ use serde::Deserialize;
 
 use crate::bench::effort::Effort;
 use crate::bench::machine::Machine;
+use crate::bench::mesh_file::MeshFile;
 
 /// A measurement of someone else's code, as the package `crates/lab/peers` writes it.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -50,17 +51,19 @@ pub(crate) struct Bench {
     /// Pools of one thread and of two, or of as many as there are cores where that is less.
     pub(crate) pools: Vec<ThreadPool>,
     pub(crate) peers: Vec<Peer>,
+    pub(crate) meshes: Vec<MeshFile>,
 }
 
 impl Bench {
-    pub(crate) fn new(effort: Effort, peers: Vec<Peer>) -> Result<Self, FitError> {
+    /// Without anything from files.
+    pub(crate) fn new(effort: Effort) -> Result<Self, FitError> {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         let pool = |threads: usize| {
             let built = ThreadPoolBuilder::new().num_threads(threads).build();
             built.map_err(FitError::operation)
         };
         let pools = (1..=cores.min(2)).map(pool).collect::<Result<_, _>>()?;
-        Ok(Self { effort, pools, peers })
+        Ok(Self { effort, pools, peers: Vec::new(), meshes: Vec::new() })
     }
 
     /// The pool of one thread.

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use bokashi_report::{digits, escaped};
+use bokashi_report::{digits, escaped, quartiles};
 use serde_json::{Map, Value};
 
 use crate::bench::sampling::Timing;
@@ -37,6 +37,16 @@ impl Cell {
     /// The number, or nothing.
     pub(crate) fn maybe(number: Option<f64>) -> Self {
         number.map_or(Self::Nothing, Self::number)
+    }
+
+    /// So many of all.
+    pub(crate) fn part([some, all]: [usize; 2]) -> Self {
+        Self::text(format!("{some} of {all}"))
+    }
+
+    /// The median, where it is a number: nothing where half of them or more are infinite.
+    pub(crate) fn median(numbers: impl Iterator<Item = f64>) -> Self {
+        Self::maybe(Some(quartiles(numbers)[1]).filter(|median| median.is_finite()))
     }
 
     /// A figure of `timing`, marked where it has few samples.

@@ -93,6 +93,9 @@ pub(crate) struct BenchArguments {
     /// again
     #[arg(long, value_name = "FILE")]
     pub(crate) peers: Vec<PathBuf>,
+    /// Mesh file, .obj, .ply, .gltf or .glb, for the study `meshes`; may be given again
+    #[arg(long, value_name = "FILE")]
+    pub(crate) mesh: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) files: BenchFiles,
 }
@@ -167,12 +170,11 @@ impl Request {
         }
     }
 
-    /// Files of other people's times.
-    pub(crate) fn peers(&self) -> &[PathBuf] {
-        match &self.command {
-            Command::Bench(bench) => &bench.peers,
-            Command::Stability(_) | Command::Stiff(_) | Command::Models(_) => &[],
-        }
+    /// Files that are read, with the options that name them.
+    pub(crate) fn read(&self) -> Vec<(&'static str, &Path)> {
+        let Command::Bench(bench) = &self.command else { return Vec::new() };
+        let peers = bench.peers.iter().map(|file| ("--peers", file.as_path()));
+        peers.chain(bench.mesh.iter().map(|file| ("--mesh", file.as_path()))).collect()
     }
 
     /// How many threads to compute with; `None`: one per core.
@@ -238,7 +240,11 @@ mod tests {
         let request = read("bench").expect("nothing is needed");
         assert_eq!((request.out(), request.json(), request.threads()), (None, None, None));
         let request =
-            read("bench --quick --out a --json b --peers c --peers d --only blur").expect("all");
+            read("bench --quick --out a --json b --peers c --peers d --only blur --mesh e")
+                .expect("all");
+        let files =
+            [("--peers", "c".as_ref()), ("--peers", "d".as_ref()), ("--mesh", "e".as_ref())];
+        assert_eq!(request.read(), files);
         assert_eq!((request.out(), request.json()), (Some("a".as_ref()), Some("b".as_ref())));
         let Command::Bench(bench) = request.command else { panic!("bench") };
         assert!(bench.files.quick && bench.command.is_none());

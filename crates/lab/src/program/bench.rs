@@ -9,8 +9,8 @@ use bokashi_cli::failure::Failure;
 use bokashi_cli::interrupt::Writing;
 use bokashi_cli::output::{is_standard_output, say, say_json};
 use bokashi_lab::bench::{
-    Effort, bench, elision, elision_markdown, json, markdown, read_peers, write_elision_page,
-    write_page,
+    Effort, bench, elision, elision_markdown, json, markdown, read_mesh, read_peers,
+    write_elision_page, write_page,
 };
 use bokashi_report::{ReportError, escaped};
 use indicatif::ProgressBar;
@@ -45,13 +45,20 @@ fn studies(arguments: &BenchArguments, writing: &Writing) -> Result<(), Failure>
         };
         peers.extend(read_peers(file).map_err(said)?);
     }
+    let mut meshes = Vec::new();
+    for file in &arguments.mesh {
+        let mesh = read_mesh(file);
+        meshes.push(
+            mesh.map_err(|error| Failure::Use(format!("--mesh needs a mesh file: {error}")))?,
+        );
+    }
     // Where standard error is no terminal there is no bar.
     let bar = ProgressBar::new_spinner();
     let on_study = &mut |name: &str| {
         bar.set_message(name.to_owned());
         bar.tick();
     };
-    let found = bench(effort(files), &arguments.only, peers, on_study).map_err(failed)?;
+    let found = bench(effort(files), &arguments.only, peers, meshes, on_study).map_err(failed)?;
     bar.finish_and_clear();
     let json = serde_json::to_string(&json(&found, effort(files))).map_err(failed)?;
     let text = markdown(&found, effort(files));

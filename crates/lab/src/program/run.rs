@@ -21,7 +21,7 @@ pub(crate) fn run(request: &Request) -> Result<(), Failure> {
         out: request.out(),
         report,
         files: request.json().map(|file| ("--json", file)).into_iter().collect(),
-        read: request.peers().iter().map(|file| ("--peers", file.as_path())).collect(),
+        read: request.read(),
     }
     .check()?;
     let writing = Writing::default();

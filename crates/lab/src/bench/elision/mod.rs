@@ -60,7 +60,7 @@ fn contestant<'a>(step: &'a Step, bench: &'a Bench) -> Contestant<'a> {
 /// # Errors
 /// What an operation refuses: none does.
 pub fn elision(effort: Effort) -> Result<Vec<Row>, FitError> {
-    let bench = Bench::new(effort, Vec::new())?;
+    let bench = Bench::new(effort)?;
     let mut rows = Vec::new();
     for (row, computed, left) in pairs(effort.choose(32, 256))? {
         let (with, mut without) =

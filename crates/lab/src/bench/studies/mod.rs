@@ -6,9 +6,11 @@ mod fits;
 mod growth;
 mod masks;
 mod memory;
+mod meshes;
 mod multiply;
 mod nodes;
 mod operations;
+mod photographs;
 mod scenes;
 mod silhouettes;
 mod surfaces;
@@ -21,14 +23,19 @@ use crate::bench::study::Study;
 /// Does a study.
 type Do = fn(&Bench) -> Result<Study, FitError>;
 
+/// The study of meshes from files: without a file a full run leaves it out.
+pub(super) const MESHES: &str = "meshes";
+
 /// Every study with its name, in the order of the report. The one about memory comes first in a
 /// process, while its peak is still low; see there.
-pub(super) const ALL: [(&str, Do); 12] = [
+pub(super) const ALL: [(&str, Do); 14] = [
     ("memory", memory::study),
     ("scenes", scenes::study),
+    (MESHES, meshes::study),
     ("silhouettes", silhouettes::study),
     ("masks", masks::study),
     ("fits", fits::study),
+    ("photographs", photographs::study),
     ("blur", blur::study),
     ("operations", operations::study),
     ("surfaces", surfaces::study),

@@ -87,6 +87,12 @@ pub(super) fn of_bench(effort: Effort) -> Vec<Kind> {
     all.into_iter().take(effort.choose(1, 6)).collect()
 }
 
+/// How the truth of a mesh from a file is found: of so many vertices some come to be seen within a larger
+/// step.
+pub(super) fn of_mesh(cull: Cull) -> Kind {
+    Kind { name: "mesh", cull, height: 1.0 / 64.0, step: 1e-8, ..OWN }
+}
+
 /// A scene of the step's table, its vertices off as there.
 fn jittered(scene: Scene) -> Result<Case, FitError> {
     let positions = scene.jittered(0.3 / 256.0 * scene.size.width as f64, 0);

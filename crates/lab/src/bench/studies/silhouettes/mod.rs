@@ -119,6 +119,30 @@ fn measure(
     Ok(rows)
 }
 
+/// The relative error of the vertex gradient of `scene` against the picture of other vertices, by each of
+/// `methods`, named as in the tables; and how well the truth is known, last.
+pub(super) fn errors_of(
+    bench: &Bench,
+    scene: Scene,
+    target: Tensor<f64>,
+    cull: Cull,
+    methods: &[&str],
+) -> Result<Vec<f64>, FitError> {
+    let (kind, pixels) = (cases::of_mesh(cull), scene.size.width);
+    let case = Case { scene, target };
+    let truths = bench.widest().install(|| truths(&case, &kind, &[pixels]));
+    let truth = truths.first().expect("one size has one truth");
+    let mut found = Vec::new();
+    for name in methods {
+        let method = METHODS.iter().find(|method| method.name == *name).expect("it is a method");
+        let subject = Subject::new(method, &case, cull, truth);
+        let [_, gradient] = subject.gradient(method, &mut Tape::new())?;
+        found.push(truth.error(gradient.cast::<f64>().data()));
+    }
+    found.push(truth.noise);
+    Ok(found)
+}
+
 pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
     let mut study =
         Study::new("silhouettes", "The gradient of a silhouette, against the true one", "");

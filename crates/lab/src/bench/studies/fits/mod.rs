@@ -1,27 +1,52 @@
-//! How many steps and seconds does a fit take to an error, with antialias and with exact coverage?
+//! How many steps and seconds does a fit take to an error, with antialias, with supersampling and with
+//! exact coverage?
 //!
-//! The paper's cube from random starts, with the tuned rates. Both kinds of silhouettes take the same
-//! starts and poses, in turns, so that whatever else the machine does falls on both alike. A fit's
+//! The paper's cube from random starts, with the tuned rates. All kinds of silhouettes take the same
+//! starts and poses, in turns, so that whatever else the machine does falls on all alike. A fit's
 //! history has every step, so steps to an error are exact.
+
+mod supersampled;
 
 use std::ops::ControlFlow;
 
 use bokashi_fit::FitError;
 use bokashi_paper::{
-    CubeSettings, Experiment, Outcome, Precision, Preset, STUCK, Silhouettes, run_cube,
+    CubeSettings, Experiment, Outcome, Precision, Preset, Record, STUCK, Silhouettes, run_cube,
 };
 use bokashi_report::{Curve, Figure, PALETTE, Panel, SIZES, Scale, Stroke, quartiles};
 
+use self::supersampled::TIMES;
 use crate::bench::setting::Bench;
 use crate::bench::study::{Figures, Study};
 use crate::bench::table::{Cell, Table};
 
+/// A way to draw silhouettes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Way {
+    /// One of the paper's crate.
+    Own(Silhouettes),
+    Supersampled,
+}
+
 /// What is compared; the place of each is its colour's.
-const SILHOUETTES: [Silhouettes; 2] = [Silhouettes::Antialias, Silhouettes::Exact];
+const WAYS: [Way; 3] =
+    [Way::Own(Silhouettes::Antialias), Way::Own(Silhouettes::Exact), Way::Supersampled];
+/// The places of two of them.
+const ANTIALIAS: usize = 0;
+const EXACT: usize = 1;
 /// The vertex errors to reach, in sides of the cube.
 const LEVELS: [f64; 3] = [0.1, 0.01, 1e-3];
 /// How many points a curve has.
 const POINTS: i32 = 60;
+
+impl Way {
+    fn name(self) -> String {
+        match self {
+            Self::Own(silhouettes) => silhouettes.to_string(),
+            Self::Supersampled => format!("antialias, {TIMES}x{TIMES}"),
+        }
+    }
+}
 
 /// What is fitted: the experiment, pixels, and the blur of the reference image.
 struct Case {
@@ -75,90 +100,94 @@ struct Run {
 }
 
 impl Run {
-    fn new(outcome: &Outcome) -> Self {
-        let history = &outcome.history;
-        let error = |at: usize| history[at].vertex_error.unwrap_or(f64::NAN);
+    /// Of the steps' numbers, seconds and vertex errors, the last of them the end, and of all seconds.
+    fn new(history: &[[f64; 3]], seconds: f64) -> Self {
         let reached = LEVELS.map(|level| {
-            let first = (0..history.len()).find(|&at| error(at) <= level);
-            first.map_or([f64::INFINITY; 2], |at| [history[at].step as f64, history[at].seconds])
+            let first = history.iter().find(|[.., error]| *error <= level);
+            first.map_or([f64::INFINITY; 2], |&[step, seconds, _]| [step, seconds])
         });
-        let steps = outcome.steps.max(1) as f64;
+        let steps = history.len().saturating_sub(1).max(1) as f64;
         let place = |point: i32| steps.powf(f64::from(point) / f64::from(POINTS)).round() as usize;
         let mut places: Vec<usize> = (0..=POINTS).map(place).collect();
         places.dedup();
+        let last = history[history.len() - 1][2];
         Self {
             reached,
-            last: error(history.len() - 1),
-            is_stuck: outcome.is_stuck(),
-            step_seconds: outcome.wall_seconds / steps,
-            curve: places.into_iter().map(|at| [history[at].seconds, error(at)]).collect(),
+            last,
+            is_stuck: last.is_nan() || last > STUCK,
+            step_seconds: seconds / steps,
+            curve: places.into_iter().map(|at| [history[at][1], history[at][2]]).collect(),
         }
+    }
+
+    fn of(outcome: &Outcome) -> Self {
+        let error = |record: &Record| record.vertex_error.unwrap_or(f64::NAN);
+        let history = outcome.history.iter();
+        let all: Vec<[f64; 3]> =
+            history.map(|record| [record.step as f64, record.seconds, error(record)]).collect();
+        Self::new(&all, outcome.wall_seconds)
     }
 }
 
-/// A start's fits, one for each of [`SILHOUETTES`].
-type Pair = [Run; 2];
+/// A start's fits, one for each of [`WAYS`].
+type Runs = [Run; WAYS.len()];
 
-fn pair(bench: &Bench, case: &Case, steps: u64, seed: u64) -> Result<Pair, FitError> {
-    let run = |silhouettes| {
-        let settings = case.settings(silhouettes, steps, seed);
-        let outcome = || run_cube(&settings, &mut |_| ControlFlow::Continue(()));
-        Ok::<_, FitError>(Run::new(&bench.one().install(outcome)?))
+fn runs(bench: &Bench, case: &Case, steps: u64, seed: u64) -> Result<Runs, FitError> {
+    let run = |way| match way {
+        Way::Own(silhouettes) => {
+            let settings = case.settings(silhouettes, steps, seed);
+            let outcome = || run_cube(&settings, &mut |_| ControlFlow::Continue(()));
+            Ok::<_, FitError>(Run::of(&bench.one().install(outcome)?))
+        }
+        Way::Supersampled => {
+            let settings = case.settings(Silhouettes::Antialias, steps, seed);
+            bench.one().install(|| supersampled::run(&settings))
+        }
     };
-    Ok([run(SILHOUETTES[0])?, run(SILHOUETTES[1])?])
+    Ok([run(WAYS[0])?, run(WAYS[1])?, run(WAYS[2])?])
 }
 
-/// How many of the seeds that are stuck with one kind of silhouettes are not with the other.
-fn freed(pairs: &[Pair], with: usize) -> [usize; 2] {
-    let stuck = pairs.iter().filter(|pair| pair[1 - with].is_stuck);
-    let free = stuck.clone().filter(|pair| !pair[with].is_stuck);
+/// How many of the seeds that are stuck with one way are not with another.
+fn freed(all: &[Runs], stuck_with: usize, with: usize) -> [usize; 2] {
+    let stuck = all.iter().filter(|runs| runs[stuck_with].is_stuck);
+    let free = stuck.clone().filter(|runs| !runs[with].is_stuck);
     [free.count(), stuck.count()]
 }
 
-fn part([some, all]: [usize; 2]) -> Cell {
-    Cell::text(format!("{some} of {all}"))
-}
-
-/// The median, where it is a number: nothing where half of the seeds or more never get there.
-fn median(numbers: impl Iterator<Item = f64>) -> Cell {
-    Cell::maybe(Some(quartiles(numbers)[1]).filter(|median| median.is_finite()))
-}
-
 /// The rows of a case in both tables.
-fn tabulate(case: &Case, pairs: &[Pair], [to_errors, ends]: [&mut Table; 2]) {
-    for (with, silhouettes) in SILHOUETTES.iter().enumerate() {
-        let runs = || pairs.iter().map(move |pair| &pair[with]);
-        let head = [
-            Cell::text(case.name()),
-            Cell::Count(case.pixels),
-            Cell::text(silhouettes.to_string()),
-        ];
+fn tabulate(case: &Case, all: &[Runs], [to_errors, ends]: [&mut Table; 2]) {
+    for (with, way) in WAYS.iter().enumerate() {
+        let runs = || all.iter().map(move |runs| &runs[with]);
+        let head = [Cell::text(case.name()), Cell::Count(case.pixels), Cell::text(way.name())];
         let mut row = head.to_vec();
         for level in 0..LEVELS.len() {
             let count = runs().filter(|run| run.reached[level][0].is_finite()).count();
-            row.push(part([count, pairs.len()]));
-            row.extend([0, 1].map(|what| median(runs().map(|run| run.reached[level][what]))));
+            row.push(Cell::part([count, all.len()]));
+            row.extend([0, 1].map(|what| Cell::median(runs().map(|run| run.reached[level][what]))));
         }
         to_errors.push(row);
         let worst = runs().map(|run| run.last).max_by(f64::total_cmp);
         let mut row = head.to_vec();
         row.extend([
-            median(runs().map(|run| 1e3 * run.step_seconds)),
-            median(runs().map(|run| run.last)),
+            Cell::median(runs().map(|run| 1e3 * run.step_seconds)),
+            Cell::median(runs().map(|run| run.last)),
             Cell::maybe(worst),
-            part([runs().filter(|run| run.is_stuck).count(), pairs.len()]),
-            part(freed(pairs, with)),
+            Cell::part([runs().filter(|run| run.is_stuck).count(), all.len()]),
+            match with {
+                ANTIALIAS => Cell::Nothing,
+                _ => Cell::part(freed(all, ANTIALIAS, with)),
+            },
         ]);
         ends.push(row);
     }
 }
 
 /// The vertex error of a case against time: medians over the seeds, and quartiles as bands.
-fn panel(case: &Case, pairs: &[Pair]) -> Panel {
-    let curves = (0..SILHOUETTES.len()).map(|with| {
-        let count = pairs.first().map_or(0, |pair| pair[with].curve.len());
+fn panel(case: &Case, all: &[Runs]) -> Panel {
+    let curves = (0..WAYS.len()).map(|with| {
+        let count = all.first().map_or(0, |runs| runs[with].curve.len());
         let point = |at: usize| {
-            let column = |entry: usize| pairs.iter().map(move |pair| pair[with].curve[at][entry]);
+            let column = |entry: usize| all.iter().map(move |runs| runs[with].curve[at][entry]);
             let ([_, seconds, _], [low, middle, high]) =
                 (quartiles(column(0)), quartiles(column(1)));
             [seconds, low, middle, high]
@@ -174,7 +203,7 @@ fn panel(case: &Case, pairs: &[Pair]) -> Panel {
             y: Scale::Logarithmic,
             x_title: "wall-clock time",
             size: SIZES[0],
-            spoken: format!("vertex error against time with antialias and exact coverage: {what}"),
+            spoken: format!("vertex error against time for three ways: {what}"),
             curves: curves.collect(),
             marks: Vec::new(),
         },
@@ -199,7 +228,7 @@ fn tables() -> [Table; 2] {
         ("median error", "median_vertex_error"),
         ("worst", "worst_vertex_error"),
         ("stuck", "stuck"),
-        ("of the other's stuck, free here", "free_of_stuck_with_the_other"),
+        ("free of those stuck with antialias", "free_of_stuck_with_antialias"),
     ];
     let with = |name, title, columns: &[(&'static str, &'static str)]| {
         Table::new(name, title, &[&head[..], columns].concat())
@@ -217,27 +246,27 @@ fn tables() -> [Table; 2] {
 pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
     let seeds: u64 = bench.effort.choose(2, 20);
     let steps = bench.effort.choose(60, 3_000);
-    let title = "Steps and seconds to an error: antialias and exact coverage";
+    let title = "Steps and seconds to an error: antialias, supersampling, exact coverage";
     let mut study = Study::new("fits", title, "");
     let [mut to_errors, mut ends] = tables();
-    let (mut panels, mut all) = (Vec::new(), Vec::new());
+    let (mut panels, mut every) = (Vec::new(), Vec::new());
     for case in &CASES {
-        let mut pairs = Vec::new();
+        let mut all = Vec::new();
         for seed in 0..seeds {
             let what = format!("{}, {} px, seed {seed}", case.name(), case.pixels);
-            pairs.extend(study.noted(&what, pair(bench, case, steps, seed)));
+            all.extend(study.noted(&what, runs(bench, case, steps, seed)));
         }
-        tabulate(case, &pairs, [&mut to_errors, &mut ends]);
-        panels.push(panel(case, &pairs));
-        all.extend(pairs);
+        tabulate(case, &all, [&mut to_errors, &mut ends]);
+        panels.push(panel(case, &all));
+        every.extend(all);
     }
-    let [[exact_frees, with_antialias], [antialias_frees, with_exact]] =
-        [1, 0].map(|with| freed(&all, with));
+    let [exact_frees, with_antialias] = freed(&every, ANTIALIAS, EXACT);
+    let [antialias_frees, with_exact] = freed(&every, EXACT, ANTIALIAS);
     study.note = format!(
         "Experiment 5.1 learns vertices and colours, 5.3 a blur's sigma too, from 2 pixels; {seeds} \
-         seeds, fits of {steps} steps, tuned rates, f64, one thread. Both kinds of silhouettes take \
+         seeds, fits of {steps} steps, tuned rates, f64, one thread. All kinds of silhouettes take \
          the same starts and poses; each has a reference image of its own kind, rendered anew in each \
-         step. The vertex error is the mean distance of the vertices from the truth, in sides of the \
+         step. {TIMES}x{TIMES}: antialiased at so many times the size, then averaged down. The vertex error is the mean distance of the vertices from the truth, in sides of the \
          cube. An error counts as reached at the first step that has it; a seed that never does \
          counts as infinite, and a median that is infinite is a dash. Seconds are wall-clock time \
          since the start of a fit, all included: poses, reference images, updates, and measuring the \
@@ -245,11 +274,11 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
          {with_antialias} fits stuck, of which {exact_frees} come free with exact coverage; exact \
          coverage leaves {with_exact}, of which {antialias_frees} come free with antialias.",
     );
-    let legend = SILHOUETTES.iter().zip(PALETTE);
+    let legend = WAYS.iter().zip(PALETTE);
     study.figures.push(Figures {
         heading: None,
         is_folded: false,
-        legend: legend.map(|(word, color)| (word.to_string(), color, Stroke::Solid)).collect(),
+        legend: legend.map(|(way, color)| (way.name(), color, Stroke::Solid)).collect(),
         panels,
     });
     study.tables.extend([to_errors, ends]);
@@ -270,12 +299,12 @@ mod tests {
 
     #[test]
     fn a_run_has_the_first_step_of_each_error_and_where_it_ended() {
-        let bench = Bench::new(Effort::Quick, Vec::new()).unwrap();
+        let bench = Bench::new(Effort::Quick).unwrap();
         let settings = CASES[1].settings(Silhouettes::Exact, 300, 3);
         let outcome =
             bench.one().install(|| run_cube(&settings, &mut |_| ControlFlow::Continue(())));
         let outcome = outcome.unwrap();
-        let found = Run::new(&outcome);
+        let found = Run::of(&outcome);
         for (level, [steps, seconds]) in LEVELS.into_iter().zip(found.reached) {
             let below = |step: usize| outcome.history[step].vertex_error.unwrap() <= level;
             if steps.is_finite() {
@@ -296,28 +325,31 @@ mod tests {
     fn seeds_that_never_get_there_count_as_infinite_and_as_stuck() {
         const NEVER: f64 = f64::INFINITY;
         let stuck = run([50.0, NEVER, NEVER], 0.2);
-        let pairs = [
-            [stuck.clone(), run([10.0, 20.0, NEVER], 0.004)],
-            [stuck.clone(), run([30.0, 40.0, 90.0], 1e-6)],
-            [run([20.0, 30.0, 40.0], 0.0), stuck],
+        let free = run([10.0, 10.0, 10.0], 0.0);
+        let all = [
+            [stuck.clone(), run([10.0, 20.0, NEVER], 0.004), free.clone()],
+            [stuck.clone(), run([30.0, 40.0, 90.0], 1e-6), stuck.clone()],
+            [run([20.0, 30.0, 40.0], 0.0), stuck, free],
         ];
-        assert_eq!([freed(&pairs, 0), freed(&pairs, 1)], [[1, 1], [2, 2]]);
+        assert_eq!([freed(&all, 1, 0), freed(&all, 0, 1)], [[1, 1], [2, 2]]);
+        assert_eq!(freed(&all, 0, 2), [1, 2]);
         let [mut to_errors, mut ends] = tables();
-        tabulate(&CASES[0], &pairs, [&mut to_errors, &mut ends]);
+        tabulate(&CASES[0], &all, [&mut to_errors, &mut ends]);
         let row = |seeds: [usize; 3], medians: [Option<f64>; 3]| -> Vec<Cell> {
             let cells = seeds.iter().zip(medians).flat_map(|(&count, steps)| {
-                [part([count, 3]), Cell::maybe(steps), Cell::maybe(steps.map(|steps| 1e-3 * steps))]
+                [
+                    Cell::part([count, 3]),
+                    Cell::maybe(steps),
+                    Cell::maybe(steps.map(|steps| 1e-3 * steps)),
+                ]
             });
             cells.collect()
         };
         assert_eq!(to_errors.rows[0][3..], row([3, 1, 1], [Some(50.0), None, None]));
         assert_eq!(to_errors.rows[1][3..], row([3, 2, 1], [Some(30.0), Some(40.0), None]));
         let text = ends.markdown();
-        assert!(
-            text.contains("| 2 of 3 | 1 of 1 ") && text.contains("| 1 of 3 | 2 of 2 "),
-            "{text}"
-        );
-        let panel = panel(&CASES[0], &pairs);
+        assert!(text.contains("| 2 of 3 | – ") && text.contains("| 1 of 3 | 2 of 2 "), "{text}");
+        let panel = panel(&CASES[0], &all);
         assert_eq!(panel.figure.curves[0].points[1], [2e-3, 0.1, 0.2, 0.2]);
     }
 }

@@ -1,0 +1,406 @@
+//! How well is a pose found from a picture that is integrated over areas, as photographs are?
+//!
+//! The pose of a textured cube, from one picture of it. The picture comes from elsewhere (`photograph`), so
+//! no way of drawing has made its own reference. All take the same starts, in turns, so that whatever else
+//! the machine does falls on all alike.
+
+mod object;
+mod photograph;
+
+use std::time::Instant;
+
+use bokashi_core::{Tape, Tensor, Var};
+use bokashi_fit::{
+    Fit, FitError, FitSettings, Parameter, Parameters, Schedule, from_fn, squared_error,
+};
+use bokashi_render_ops::{
+    Background, Border, Composite, Cull, Detail, Filter, Mesh, RasterOptions, Reference, Sampler,
+    Sampling, Size, Texture, TextureBorder, TextureFilter, antialias, composite, downsample,
+    interpolate_indexed, mark_creases_indexed, project, rasterize, sample_texture, se3,
+};
+use bokashi_report::{Curve, Figure, PALETTE, Panel, SIZES, Scale, Stroke, quartiles};
+use glam::DMat4;
+
+use self::object::{MOST_DEGREES, MOST_MOVED, Object, PoseError, camera, poses};
+use self::photograph::photograph;
+use crate::bench::setting::Bench;
+use crate::bench::study::{Figures, Study};
+use crate::bench::table::{Cell, Table};
+
+/// Along either side of the images, quick and full.
+const PIXELS: [&[usize]; 2] = [&[16], &[32, 64, 128]];
+/// Errors to reach: how far vertices are off in the image, in pixels.
+const LEVELS: [f64; 3] = [0.1, 0.01, 1e-3];
+/// A fit that ends farther off is stuck, in pixels.
+const STUCK: f64 = 0.5;
+/// Of radians and of sides, for each step of Adam; it falls to 0 along a cosine.
+const RATE: f64 = 0.02;
+/// How many points a curve has.
+const POINTS: i32 = 60;
+/// As many pixels along a side make one.
+const TIMES: usize = 4;
+
+/// How silhouettes are drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Way {
+    Antialias,
+    Supersampled,
+    Exact,
+}
+
+/// The place of each is its colour's.
+const WAYS: [Way; 3] = [Way::Antialias, Way::Supersampled, Way::Exact];
+
+impl Way {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Antialias => "antialias",
+            Self::Supersampled => "antialias, 4x4",
+            Self::Exact => "exact",
+        }
+    }
+}
+
+/// The cube in `pose: [4, 4]`, rasterized, textured, before black.
+fn drawn<'t>(
+    object: &Object,
+    pose: Var<'t, f64>,
+    size: Size,
+    sampling: Sampling,
+) -> Result<Composite<'t, f64>, FitError> {
+    let tape = pose.tape();
+    let camera = camera().transpose().to_cols_array();
+    let to_clip = tape.constant(&Tensor::new([4, 4], camera.to_vec())?).matmul(pose)?;
+    let clip = project(tape.constant(&object.positions), to_clip, None)?;
+    let coordinates = tape.constant(&object.coordinates);
+    let Object { mesh, indices, .. } = object;
+    let marked: Option<Mesh> = match sampling {
+        Sampling::Exact => Some(mark_creases_indexed(mesh, clip, coordinates, indices, size)?),
+        _ => None,
+    };
+    let options = RasterOptions::new(size).cull(Cull::Back).sampling(sampling);
+    let fragments = rasterize(clip, marked.as_ref().unwrap_or(mesh), options)?;
+    let places = interpolate_indexed(coordinates, indices, &fragments)?;
+    let texture = Texture::new(tape.constant(&object.texels))?;
+    let sampler = Sampler::new().filter(TextureFilter::Bilinear).border(TextureBorder::Clamp);
+    let surface = sample_texture(&texture, places, Detail::Finest, sampler)?;
+    Ok(composite(surface, &fragments, Background::Zero)?)
+}
+
+/// The squared error of the cube in `pose` against a photograph.
+fn loss<'t>(
+    way: Way,
+    object: &Object,
+    pose: Var<'t, f64>,
+    reference: &Reference<f64>,
+) -> Result<Var<'t, f64>, FitError> {
+    let [height, width] = [0, 1].map(|axis| reference.image().shape()[axis]);
+    let size = Size { width, height };
+    Ok(match way {
+        Way::Antialias => {
+            antialias(drawn(object, pose, size, Sampling::Center)?)?.squared_error(reference)?
+        }
+        Way::Exact => drawn(object, pose, size, Sampling::Exact)?.squared_error(reference)?,
+        Way::Supersampled => {
+            let large = Size { width: TIMES * width, height: TIMES * height };
+            let large = antialias(drawn(object, pose, large, Sampling::Center)?)?.image()?;
+            let image = downsample(large, TIMES, &Filter::Box, Border::Clamp)?;
+            squared_error(image, pose.tape().constant(reference.image()))?
+        }
+    })
+}
+
+/// What is fitted to, and from where.
+struct Case {
+    reference: Reference<f64>,
+    start: DMat4,
+    truth: DMat4,
+}
+
+/// What is kept of a fit.
+#[derive(Debug, Clone, PartialEq)]
+struct Run {
+    /// Steps and seconds to each of [`LEVELS`]; infinite where it is never reached.
+    reached: [[f64; 2]; LEVELS.len()],
+    last: PoseError,
+    pose: DMat4,
+    step_seconds: f64,
+    /// Seconds and pixels at the steps of the curve.
+    curve: Vec<[f64; 2]>,
+}
+
+impl Run {
+    fn is_stuck(&self) -> bool {
+        self.last.pixels.is_nan() || self.last.pixels > STUCK
+    }
+}
+
+/// The pose that an increment has made of `start`.
+fn moved(increment: &Tensor<f64>, start: &DMat4) -> Result<DMat4, FitError> {
+    let pose = se3(Tape::new().constant(increment), start)?.value();
+    let rows: &[f64; 16] = pose.data().try_into().expect("a matrix has 16 entries");
+    Ok(DMat4::from_cols_array(rows).transpose())
+}
+
+/// Fits the pose. Errors are measured while the clock stands.
+fn fit(way: Way, object: &Object, case: &Case, steps: u64) -> Result<Run, FitError> {
+    let Case { reference, start, truth } = case;
+    let [height, width] = [0, 1].map(|axis| reference.image().shape()[axis]);
+    let size = Size { width, height };
+    let increment = Parameter::new("increment", Tensor::zeros([6])).rate(RATE);
+    let schedule = Schedule::Cosine { steps, floor: 0.0 };
+    let settings = FitSettings { steps, schedule, ..FitSettings::default() };
+    let mut fit = Fit::<f64>::new(Parameters::new().with(increment)?, settings)?;
+    let mut pipeline = from_fn(|_, variables| {
+        loss(way, object, se3(variables.get("increment")?, start)?, reference)
+    });
+    let (mut seconds, mut history) = (0.0, vec![[0.0, PoseError::of(start, truth, size).pixels]]);
+    for _ in 0..steps {
+        let clock = Instant::now();
+        fit.step(&mut pipeline)?;
+        seconds += clock.elapsed().as_secs_f64();
+        let pose = moved(&fit.parameters().value("increment")?, start)?;
+        history.push([seconds, PoseError::of(&pose, truth, size).pixels]);
+    }
+    let pose = moved(&fit.parameters().value("increment")?, start)?;
+    let reached = LEVELS.map(|level| {
+        let first = history.iter().position(|[_, pixels]| *pixels <= level);
+        first.map_or([f64::INFINITY; 2], |at| [at as f64, history[at][0]])
+    });
+    let all = steps.max(1) as f64;
+    let place = |point: i32| all.powf(f64::from(point) / f64::from(POINTS)).round() as usize;
+    let mut places: Vec<usize> = (0..=POINTS).map(place).collect();
+    places.dedup();
+    Ok(Run {
+        reached,
+        last: PoseError::of(&pose, truth, size),
+        pose,
+        step_seconds: seconds / all,
+        curve: places.into_iter().map(|at| history[at]).collect(),
+    })
+}
+
+/// All that is known of a seed at one size.
+struct Seed {
+    /// One for each of [`WAYS`].
+    runs: [Run; 3],
+    /// How far apart two photographs' pixels are at most, one of half as many points.
+    pixel_noise: f64,
+    /// How far apart the fits with exact coverage to both of them end, in pixels.
+    noise: f64,
+}
+
+fn seed(
+    bench: &Bench,
+    object: &Object,
+    pixels: usize,
+    steps: u64,
+    seed: u64,
+) -> Result<Seed, FitError> {
+    let size = Size::square(pixels);
+    let [truth, start] = poses(seed);
+    let cells: usize = bench.effort.choose(8, 64);
+    let case = |cells: [usize; 2], seed: u64| {
+        let of = || photograph(object, &(camera() * truth), size, cells, seed);
+        let reference = Reference::new(&bench.widest().install(of), &Tensor::zeros([3]))?;
+        Ok::<_, FitError>(Case { reference, start, truth })
+    };
+    // Points of their own, so that the difference is that of two pictures that know nothing of each other.
+    let (whole, half) = (case([cells; 2], 2 * seed)?, case([cells, cells / 2], 2 * seed + 1)?);
+    let run = |way, case: &Case| bench.one().install(|| fit(way, object, case, steps));
+    let runs = [run(WAYS[0], &whole)?, run(WAYS[1], &whole)?, run(WAYS[2], &whole)?];
+    let other = run(Way::Exact, &half)?;
+    let pairs = whole.reference.image().data().iter().zip(half.reference.image().data());
+    Ok(Seed {
+        noise: PoseError::of(&other.pose, &runs[2].pose, size).pixels,
+        runs,
+        pixel_noise: pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max),
+    })
+}
+
+/// The rows of a size in both tables.
+fn tabulate(pixels: usize, seeds: &[Seed], [ends, to_errors]: [&mut Table; 2]) {
+    for (with, way) in WAYS.iter().enumerate() {
+        let runs = || seeds.iter().map(move |seed| &seed.runs[with]);
+        let head = [Cell::Count(pixels), Cell::text(way.name())];
+        let mut row = head.to_vec();
+        row.push(Cell::median(runs().map(|run| 1e3 * run.step_seconds)));
+        let errors: [fn(&Run) -> f64; 3] =
+            [|run| run.last.pixels, |run| run.last.degrees, |run| run.last.translation];
+        for error in errors {
+            row.push(Cell::median(runs().map(error)));
+            row.push(Cell::maybe(runs().map(error).max_by(f64::total_cmp)));
+        }
+        row.push(Cell::part([runs().filter(|run| !run.is_stuck()).count(), seeds.len()]));
+        ends.push(row);
+        let mut row = head.to_vec();
+        for level in 0..LEVELS.len() {
+            let count = runs().filter(|run| run.reached[level][0].is_finite()).count();
+            row.push(Cell::part([count, seeds.len()]));
+            row.extend([0, 1].map(|what| Cell::median(runs().map(|run| run.reached[level][what]))));
+        }
+        to_errors.push(row);
+    }
+}
+
+/// How far vertices are off against time: medians over the seeds, and quartiles as bands.
+fn panel(pixels: usize, seeds: &[Seed]) -> Panel {
+    let curves = (0..WAYS.len()).map(|with| {
+        let count = seeds.first().map_or(0, |seed| seed.runs[with].curve.len());
+        let point = |at: usize| {
+            let column =
+                |entry: usize| seeds.iter().map(move |one| one.runs[with].curve[at][entry]);
+            let ([_, seconds, _], [low, middle, high]) =
+                (quartiles(column(0)), quartiles(column(1)));
+            [seconds, low, middle, high]
+        };
+        let points = (0..count).map(point).collect();
+        Curve { color: with, stroke: Stroke::Solid, dots: false, points }
+    });
+    Panel {
+        title: format!("Pose error in pixels: {pixels} px"),
+        figure: Figure {
+            x: Scale::Seconds,
+            y: Scale::Logarithmic,
+            x_title: "wall-clock time",
+            size: SIZES[0],
+            spoken: format!("pose error against time for three ways at {pixels} pixels"),
+            curves: curves.collect(),
+            marks: Vec::new(),
+        },
+    }
+}
+
+fn tables() -> [Table; 3] {
+    let head = [("pixels", "pixels"), ("silhouettes", "silhouettes")];
+    let ends = [
+        ("ms per step", "median_milliseconds_per_step"),
+        ("off, px", "median_pixels"),
+        ("worst", "worst_pixels"),
+        ("rotation, °", "median_degrees"),
+        ("worst", "worst_degrees"),
+        ("translation, sides", "median_translation"),
+        ("worst", "worst_translation"),
+        ("free", "free"),
+    ];
+    let to_errors = [
+        ("seeds to 0.1 px", "seeds_to_1e-1"),
+        ("steps", "median_steps_to_1e-1"),
+        ("seconds", "median_seconds_to_1e-1"),
+        ("seeds to 0.01 px", "seeds_to_1e-2"),
+        ("steps", "median_steps_to_1e-2"),
+        ("seconds", "median_seconds_to_1e-2"),
+        ("seeds to 1e-3 px", "seeds_to_1e-3"),
+        ("steps", "median_steps_to_1e-3"),
+        ("seconds", "median_seconds_to_1e-3"),
+    ];
+    let known = [
+        ("pixels", "pixels"),
+        ("worst pixel, ±", "largest_pixel_difference"),
+        ("pose, px, ±", "median_pose_pixels"),
+        ("worst", "worst_pose_pixels"),
+    ];
+    [
+        Table::new("photographs_ends", "Where fits end", &[&head[..], &ends].concat()),
+        Table::new(
+            "photographs_to_errors",
+            "Steps and seconds to an error, medians over all seeds",
+            &[&head[..], &to_errors].concat(),
+        ),
+        Table::new("photographs_known", "How well the photographs are known", &known),
+    ]
+}
+
+pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
+    let seeds: u64 = bench.effort.choose(2, 20);
+    let steps = bench.effort.choose(40, 400);
+    let cells: usize = bench.effort.choose(8, 64);
+    let mut study = Study::new(
+        "photographs",
+        "A pose from a photograph",
+        format!(
+            "The pose of a cube with six textures is learnt from one picture, by se3: rotation and translation \
+             together; {seeds} seeds, {steps} steps of Adam at a rate of {RATE} that falls to 0 along a \
+             cosine, f64, one thread. A seed has its own pose, and a start that is up to {MOST_DEGREES} \
+             degrees and {MOST_MOVED} sides of the cube off. The picture is integrated over the area of each \
+             pixel, as photographs are: the mean of {cells} x {cells} points of it, one anywhere in each \
+             cell, by rays through the cube's slabs. Nothing of that is shared with what is fitted. 4x4: \
+             antialiased at four times the size, then averaged down. Exact: edges at which texture \
+             coordinates bend or jump are seams. Textures are a quarter of a wave per side and channel, looked up \
+             bilinearly without mipmaps, so that a pixel's centre hardly differs from its mean. Off: how far \
+             the vertices are from their places in the image, their mean. Free: at most {STUCK} px off at \
+             the end. Seconds are those of steps; measuring errors is no part of them. How well a photograph \
+             is known: the difference from one of half as many points, of its worst pixel, and of the poses \
+             that fits with exact coverage find in both."
+        ),
+    );
+    let object = Object::new()?;
+    let [mut ends, mut to_errors, mut known] = tables();
+    let mut panels = Vec::new();
+    for &pixels in bench.effort.choose(PIXELS[0], PIXELS[1]) {
+        let mut found = Vec::new();
+        for number in 0..seeds {
+            let what = format!("{pixels} px, seed {number}");
+            found.extend(study.noted(&what, seed(bench, &object, pixels, steps, number)));
+        }
+        tabulate(pixels, &found, [&mut ends, &mut to_errors]);
+        known.push(vec![
+            Cell::Count(pixels),
+            Cell::maybe(found.iter().map(|seed| seed.pixel_noise).max_by(f64::total_cmp)),
+            Cell::median(found.iter().map(|seed| seed.noise)),
+            Cell::maybe(found.iter().map(|seed| seed.noise).max_by(f64::total_cmp)),
+        ]);
+        panels.push(panel(pixels, &found));
+    }
+    let legend = WAYS.iter().zip(PALETTE);
+    study.figures.push(Figures {
+        heading: None,
+        is_folded: false,
+        legend: legend.map(|(way, color)| (way.name().to_owned(), color, Stroke::Solid)).collect(),
+        panels,
+    });
+    study.tables.extend([ends, to_errors, known]);
+    Ok(study)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// How far a picture is from another at most.
+    fn apart(one: &[f64], other: &[f64]) -> f64 {
+        one.iter().zip(other).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn exact_coverage_draws_the_photograph() {
+        let object = Object::new().unwrap();
+        let (size, [truth, _]) = (Size::square(48), poses(2));
+        let seen = photograph(&object, &(camera() * truth), size, [48; 2], 0);
+        let tape = Tape::new();
+        let pose = se3(tape.constant(&Tensor::zeros([6])), &truth).unwrap();
+        let of = |sampling| drawn(&object, pose, size, sampling).unwrap();
+        let exact = of(Sampling::Exact).image().unwrap().value();
+        let centers = of(Sampling::Center).image().unwrap().value();
+        // The photograph's own error at an edge, and what a wave's mean differs from its centre.
+        let found = apart(exact.data(), seen.data());
+        assert!(found < 0.02, "{found}");
+        assert!(apart(centers.data(), seen.data()) > 0.2);
+    }
+
+    #[test]
+    fn a_fit_finds_the_pose_and_says_when() {
+        let object = Object::new().unwrap();
+        let (size, [truth, start]) = (Size::square(24), poses(0));
+        let image = photograph(&object, &(camera() * truth), size, [16; 2], 0);
+        let reference = Reference::new(&image, &Tensor::zeros([3])).unwrap();
+        let case = Case { reference, start, truth };
+        let run = fit(Way::Exact, &object, &case, 150).unwrap();
+        assert!(!run.is_stuck() && run.last.pixels < 0.05, "{:?}", run.last);
+        assert!(run.reached[0][0] > 1.0 && run.reached[0][0] <= 150.0, "{:?}", run.reached);
+        assert_eq!(run.curve[run.curve.len() - 1][1], run.last.pixels);
+        assert!(run.curve.windows(2).all(|pair| pair[0][0] < pair[1][0]));
+        let away = fit(Way::Exact, &object, &case, 1).unwrap();
+        assert!(away.is_stuck() && away.reached[0][0].is_infinite());
+    }
+}
