@@ -64,7 +64,7 @@ impl ViewScore {
     /// Of three numbers, each after a byte that says whether it is one.
     const BYTES: usize = 3 * 9;
 
-    fn to_bytes(&self) -> Vec<u8> {
+    fn to_bytes(self) -> Vec<u8> {
         let numbers = [self.psnr, self.ssim, self.silhouette_iou].into_iter();
         let of = |number: Option<f64>| {
             [u8::from(number.is_some())].into_iter().chain(number.unwrap_or(0.0).to_le_bytes())
@@ -378,7 +378,8 @@ impl SceneFit {
     pub fn scores(&self, views: &[usize]) -> Result<Vec<ViewScore>, SceneError> {
         let own = block(views.len(), self.ranks.rank(), self.ranks.size());
         let own: Result<Vec<_>, _> = views[own].iter().map(|&view| self.score(view)).collect();
-        let bytes = own.map(|scores| scores.iter().flat_map(ViewScore::to_bytes).collect());
+        let bytes =
+            own.map(|scores| scores.iter().copied().flat_map(ViewScore::to_bytes).collect());
         let all = agree(&*self.ranks, bytes)?.concat();
         let scores = views.iter().zip(all.chunks(ViewScore::BYTES));
         Ok(scores.map(|(&view, bytes)| ViewScore::of_bytes(view, bytes)).collect())

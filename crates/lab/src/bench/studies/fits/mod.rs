@@ -141,7 +141,8 @@ fn runs(bench: &Bench, case: &Case, steps: u64, seed: u64) -> Result<Runs, FitEr
         }
         Way::Supersampled => {
             let settings = case.settings(Silhouettes::Antialias, steps, seed);
-            bench.one().install(|| supersampled::run(&settings))
+            let (history, seconds) = bench.one().install(|| supersampled::run(&settings))?;
+            Ok(Run::new(&history, seconds))
         }
     };
     Ok([run(WAYS[0])?, run(WAYS[1])?, run(WAYS[2])?])

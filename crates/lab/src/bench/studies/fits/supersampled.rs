@@ -13,8 +13,6 @@ use bokashi_render_ops::{
     gaussian_blur, interpolate, project, rasterize,
 };
 
-use super::Run;
-
 /// As many pixels along a side make one.
 pub(super) const TIMES: usize = 4;
 
@@ -104,8 +102,9 @@ impl Pipeline<f64> for Supersampled {
     }
 }
 
-/// A fit of an experiment that learns vertices.
-pub(super) fn run(settings: &CubeSettings) -> Result<Run, FitError> {
+/// A fit of an experiment that learns vertices: of each step its number, the seconds until then and the
+/// vertex error; and all seconds.
+pub(super) fn run(settings: &CubeSettings) -> Result<(Vec<[f64; 3]>, f64), FitError> {
     let (mut pipeline, parameters) = Supersampled::new(settings)?;
     let fit_settings = FitSettings {
         steps: settings.steps,
@@ -117,9 +116,8 @@ pub(super) fn run(settings: &CubeSettings) -> Result<Run, FitError> {
     let history = Fit::new(parameters, fit_settings)?.run(&mut pipeline)?;
     let seconds = start.elapsed().as_secs_f64();
     let steps = history.steps.iter();
-    let all: Vec<[f64; 3]> =
-        steps.map(|step| [step.step as f64, step.seconds, step.measure.vertex_error]).collect();
-    Ok(Run::new(&all, seconds))
+    let all = steps.map(|step| [step.step as f64, step.seconds, step.measure.vertex_error]);
+    Ok((all.collect(), seconds))
 }
 
 #[cfg(test)]
