@@ -119,14 +119,14 @@ fn send(signal: &str, process: u32) {
     assert!(sent.expect("kill runs").success());
 }
 
-/// Waits until `ready`, which comes within a minute.
+/// Waits until `ready`, which comes within minutes.
 fn wait_until<R>(mut ready: impl FnMut() -> Option<R>) -> R {
     let started = Instant::now();
     loop {
         if let Some(found) = ready() {
             return found;
         }
-        assert!(started.elapsed() < Duration::from_secs(60), "it did not come within a minute");
+        assert!(started.elapsed() < Duration::from_secs(300), "it did not come within minutes");
         std::thread::sleep(Duration::from_millis(5));
     }
 }
@@ -137,7 +137,8 @@ fn ended(child: Child) -> Output {
     let output = child.wait_with_output().unwrap();
     let seconds = started.elapsed().as_secs_f64();
     println!("ended after {seconds:.1} s: {}", text(&output));
-    assert!(seconds < 15.0, "{seconds} s: {}", text(&output));
+    // A busy machine takes longer than the two seconds of a quiet one.
+    assert!(seconds < 30.0, "{seconds} s: {}", text(&output));
     assert!(!output.status.success(), "{}", text(&output));
     output
 }
@@ -191,15 +192,23 @@ fn a_killed_rank_ends_the_job_and_the_last_checkpoint_goes_on_to_the_same_bits()
     const STEPS: usize = 60;
     let expected = alone(&scene(folder, STEPS, VIEWS));
     // The first rank writes a checkpoint after each step: some of these moments are in the middle of one.
-    for (rank, ms) in [(0, 0), (1, 301), (2, 610), (0, 907)] {
-        let out = format!("out-{rank}-{ms}");
+    // They are told by checkpoints, so that none comes after the last step, however fast the machine.
+    for (rank, checkpoints, ms) in [(0, 1, 0), (1, 6, 3), (2, 11, 7), (0, 16, 11)] {
+        let out = format!("out-{rank}-{checkpoints}");
         let words = ["fit", "scene.toml", "--out", &out, "--save-every", "1", "--threads", "1"];
         let child = started(job(folder, 3, &words));
-        wait_until(|| folder.join(&out).join(CHECKPOINT).exists().then_some(()));
+        let (mut last, mut count) = (Vec::new(), 0);
+        wait_until(|| {
+            let now = fs::read(folder.join(&out).join(CHECKPOINT)).ok()?;
+            count += u64::from(now != last);
+            last = now;
+            (count >= checkpoints).then_some(())
+        });
         std::thread::sleep(Duration::from_millis(ms));
         send("KILL", process(folder, rank).expect("the rank runs"));
         ended(child);
-        assert!(fitted(folder, 2, &out, &["--resume"]) == expected, "rank {rank} after {ms} ms");
+        let found = fitted(folder, 2, &out, &["--resume"]);
+        assert!(found == expected, "rank {rank} after {checkpoints} checkpoints and {ms} ms");
     }
 }
 
@@ -210,13 +219,11 @@ fn a_termination_saves_first() {
     let expected = alone(&scene(folder, 60, VIEWS));
     // To all of the job, as Slurm does; and to one rank.
     for whom in ["mpirun", "rank 1"] {
-        let words = ["fit", "scene.toml", "--out", whom, "--threads", "1"];
+        let words = ["fit", "scene.toml", "--out", whom, "--save-every", "1", "--threads", "1"];
         let mut job = job(folder, 3, &words);
         // A step of a debug build on a busy machine takes more than the second that Open MPI waits.
         let child = start(job.env("OMPI_MCA_odls_base_sigkill_timeout", "5"));
-        let page = folder.join(whom);
-        wait_until(|| page.exists().then_some(()));
-        std::thread::sleep(Duration::from_millis(300));
+        wait_until(|| folder.join(whom).join(CHECKPOINT).exists().then_some(()));
         match whom {
             "mpirun" => send("TERM", child.id()),
             _ => send("TERM", process(folder, 1).expect("the rank runs")),
