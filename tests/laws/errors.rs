@@ -11,8 +11,8 @@ use std::sync::Arc;
 
 use bokashi_core::{Tape, Tensor, TensorError, Var, value_errors};
 use bokashi_fit::{
-    Fit, FitError, FitSettings, Mapping, Optimizer, Parameter, Parameters, Schedule, from_fn,
-    mean_squared_error, views,
+    Fit, FitError, FitSettings, Mapping, Optimizer, Parameter, Parameters, Ranks, Schedule, agree,
+    check_same, from_fn, mean_squared_error, on_ranks, views,
 };
 use bokashi_render_ops::{
     Background, Blur, CubeMap, DepthImage, Detail, Fragments, Kernel, Layer, Lens, LensOptions,
@@ -319,6 +319,12 @@ fn step(
     fit.step(&mut from_fn(|_: &Tape<f32>, variables| loss(variables.get("x")?))).unwrap_err()
 }
 
+/// The error of `work` on the first of two ranks.
+fn said_by_rank_0(work: impl Fn(&Ranks<f32>) -> Result<(), FitError> + Sync) -> FitError {
+    let said = on_ranks(2, |ranks| work(&ranks));
+    said.into_iter().next().expect("two ranks").unwrap_err()
+}
+
 #[test]
 fn every_fit_error_says_the_rule_and_the_value() {
     let x = |value: f32| Parameter::new("x", Tensor::scalar(value));
@@ -399,6 +405,23 @@ fn every_fit_error_says_the_rule_and_the_value() {
             .map(drop)
             .unwrap_err(),
             "schedule needs a period of at least 1 step, got 0",
+        ),
+        (
+            said_by_rank_0(|ranks| {
+                let own = match ranks.rank() {
+                    0 => Ok(vec![]),
+                    rank => Err(FitError::setting("view", "an image", rank)),
+                };
+                agree(&**ranks, own).map(drop)
+            }),
+            "rank 1: view needs an image, got 1",
+        ),
+        (
+            said_by_rank_0(|ranks| {
+                let start = x(if ranks.rank() == 1 { -0.0 } else { 0.0 });
+                check_same(&**ranks, &Parameters::new().with(start).unwrap(), 12)
+            }),
+            "all ranks need the same parameters, got others on rank 1 at step 12",
         ),
     ];
     let met: BTreeSet<_> = table

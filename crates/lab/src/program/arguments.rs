@@ -268,7 +268,7 @@ mod tests {
             ("", "subcommand", "stability, stiff, bench, models"),
             ("stability --threads 0", "'0'", "needs a whole number from 1 to 1024"),
             ("stability --steps 3", "'--steps'", "--help"),
-            ("bench --only all", "'all'", "memory, scenes, silhouettes"),
+            ("bench --only all", "'all'", "memory, scenes, meshes"),
             ("bench --threads 2", "'--threads'", "--help"),
             ("stiff --seeds 0", "'0'", "needs a whole number from 1 to 1000"),
             ("stiff --steps 5", "'--steps'", "--help"),
