@@ -59,10 +59,14 @@ impl Scene {
         let floor = project(tape.constant(&self.floor), &self.camera, None)?;
         let cubes = project_instances(tape.constant(&self.cube), models, &self.camera)?;
         let clip = Var::concat(&[floor, cubes], 0)?;
-        let fragments = rasterize(clip, self.assembly.mesh(), Size::square(96))?;
         let colors = tape.constant(&self.colors);
+        let size = Size::square(96);
+        let creased =
+            mark_creases_indexed(self.assembly.mesh(), clip, colors, &self.indices, size)?;
+        let exact = RasterOptions::new(size).sampling(Sampling::Exact);
+        let fragments = rasterize(clip, &creased, exact)?;
         let surface = interpolate_indexed(colors, &self.indices, &fragments)?;
-        Ok(antialias(composite(surface, &fragments, Background::Zero)?)?)
+        Ok(composite(surface, &fragments, Background::Zero)?.into())
     }
 }
 

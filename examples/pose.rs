@@ -39,9 +39,13 @@ impl Scene {
     ) -> Result<Var<'t, T>, FitError> {
         let tape: &Tape<T> = sigma.tape();
         let clip = project(tape.constant(&self.vertices.cast()), &self.camera, Some(pose))?;
-        let fragments = rasterize(clip, &self.mesh, Size::square(64))?;
-        let surface = interpolate(tape.constant(&self.colors.cast()), &fragments)?;
-        let picture = antialias(composite(surface, &fragments, Background::Zero)?)?;
+        let colors = tape.constant(&self.colors.cast());
+        let size = Size::square(64);
+        let creased = mark_creases(&self.mesh, clip, colors, size)?;
+        let exact = RasterOptions::new(size).sampling(Sampling::Exact);
+        let fragments = rasterize(clip, &creased, exact)?;
+        let surface = interpolate(colors, &fragments)?;
+        let picture = composite(surface, &fragments, Background::Zero)?;
         Ok(gaussian_blur(picture.image()?, sigma, &Blur::default())?)
     }
 }

@@ -26,9 +26,13 @@
 //!             translation: variables.get("translation")?,
 //!         };
 //!         let clip = project(tape.constant(&self.vertices), &self.camera, Some(pose))?;
-//!         let fragments = rasterize(clip, &self.mesh, Size::square(32))?;
-//!         let surface = interpolate(tape.constant(&self.colors), &fragments)?;
-//!         let picture = antialias(composite(surface, &fragments, Background::Zero)?)?;
+//!         let colors = tape.constant(&self.colors);
+//!         let size = Size::square(32);
+//!         let creased = mark_creases(&self.mesh, clip, colors, size)?;
+//!         let exact = RasterOptions::new(size).sampling(Sampling::Exact);
+//!         let fragments = rasterize(clip, &creased, exact)?;
+//!         let surface = interpolate(colors, &fragments)?;
+//!         let picture = composite(surface, &fragments, Background::Zero)?;
 //!         Ok(gaussian_blur(picture.image()?, variables.get("sigma")?, &Blur::default())?)
 //!     }
 //! }

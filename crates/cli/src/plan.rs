@@ -85,12 +85,11 @@ fn experiments(request: &Request) -> Vec<CubeSettings> {
         precision: common.precision,
         ..CubeSettings::new(experiment, preset)
     };
-    let sigmas = |experiment, preset| {
-        let settings = new(experiment, preset);
-        SIGMAS.map(|sigma_target| CubeSettings { sigma_target, ..settings.clone() })
-    };
     match &request.command {
-        None => sigmas(Experiment::Joint, Preset::Paper).to_vec(),
+        None => {
+            let settings = new(Experiment::Joint, Preset::Paper);
+            SIGMAS.map(|sigma_target| CubeSettings { sigma_target, ..settings.clone() }).to_vec()
+        }
         Some(Command::Samples(_) | Command::Render(_) | Command::Inspect(_) | Command::New(_)) => {
             Vec::new()
         }
@@ -104,31 +103,62 @@ fn experiments(request: &Request) -> Vec<CubeSettings> {
                 ..settings
             }]
         }
-        Some(Command::Reproduce(reproduce)) => {
-            let mut all = Vec::new();
-            for resolution in RESOLUTIONS {
-                let all_three = [Silhouettes::Antialias, Silhouettes::Exact, Silhouettes::Aliased];
-                all.extend(all_three.map(|silhouettes| {
-                    let settings = new(Experiment::Vertices, Preset::Paper);
-                    CubeSettings { resolution, silhouettes, ..settings }
-                }));
-            }
-            all.push(new(Experiment::Vertices, Preset::Tuned));
-            all.extend(sigmas(Experiment::Sigma, Preset::Paper));
-            all.extend(sigmas(Experiment::Joint, Preset::Paper));
-            all.extend(sigmas(Experiment::Joint, Preset::Tuned));
-            let seeds = |settings: CubeSettings| {
-                (0..reproduce.seeds).map(move |seed| CubeSettings { seed, ..settings.clone() })
-            };
-            all.into_iter().flat_map(seeds).collect()
-        }
+        Some(Command::Reproduce(reproduce)) => of_paper(reproduce.seeds, new),
     }
+}
+
+/// The paper's experiments for seeds from 0 on, each setting `new` but for what sets it apart.
+fn of_paper(seeds: u64, new: impl Fn(Experiment, Preset) -> CubeSettings) -> Vec<CubeSettings> {
+    let mut all = Vec::new();
+    for resolution in RESOLUTIONS {
+        let all_three = [Silhouettes::Antialias, Silhouettes::Exact, Silhouettes::Aliased];
+        all.extend(all_three.map(|silhouettes| {
+            let settings = new(Experiment::Vertices, Preset::Paper);
+            CubeSettings { resolution, silhouettes, ..settings }
+        }));
+    }
+    all.push(new(Experiment::Vertices, Preset::Tuned));
+    for (experiment, preset) in [
+        (Experiment::Sigma, Preset::Paper),
+        (Experiment::Joint, Preset::Paper),
+        (Experiment::Joint, Preset::Tuned),
+    ] {
+        let with = |sigma_target| CubeSettings { sigma_target, ..new(experiment, preset) };
+        all.extend(SIGMAS.map(with));
+    }
+    let with = |settings: &CubeSettings, seed| CubeSettings { seed, ..settings.clone() };
+    all.iter().flat_map(|settings| (0..seeds).map(move |seed| with(settings, seed))).collect()
+}
+
+/// The fits of `bokashi reproduce` in f32, as names and as arguments of `bokashi fit`. A name ends with
+/// the seed. Fits that show other choices are left out: no arguments stand for them.
+pub fn fits_of_paper(seeds: u64, steps: u64) -> Vec<(String, Vec<String>)> {
+    let new = |experiment, preset| CubeSettings { steps, ..CubeSettings::new(experiment, preset) };
+    let line = |fit: CubeSettings| {
+        let mut options = vec![
+            ("experiment", fit.experiment.to_string()),
+            ("preset", fit.preset.to_string()),
+            ("resolution", fit.resolution.to_string()),
+            ("silhouettes", fit.silhouettes.to_string()),
+        ];
+        if fit.experiment != Experiment::Vertices {
+            options.push(("sigma", fit.sigma_target.to_string()));
+        }
+        options.push(("seed", fit.seed.to_string()));
+        let name: Vec<_> = options.iter().map(|(_, value)| value.as_str()).collect();
+        let name = name.join("-");
+        options.push(("steps", fit.steps.to_string()));
+        let arguments = options.into_iter().flat_map(|(name, value)| [format!("--{name}"), value]);
+        (name, arguments.collect())
+    };
+    of_paper(seeds, new).into_iter().map(line).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::arguments::parse;
+    use std::collections::HashSet;
 
     fn all_planned(line: &str) -> Vec<Planned> {
         let words = std::iter::once("bokashi").chain(line.split_whitespace());
@@ -176,6 +206,19 @@ mod tests {
         assert_eq!(count(&|fit| fit.experiment == Experiment::Vertices && fit.resolution == 8), 6);
         assert_eq!(count(&|fit| fit.preset == Preset::Tuned), 2 * 5);
         assert_eq!(count(&|fit| fit.seed == 1 && fit.steps == 3), 22);
+    }
+
+    #[test]
+    fn fits_as_arguments_are_those_of_reproducing() {
+        let fits = fits_of_paper(2, 7);
+        let names: HashSet<_> = fits.iter().map(|(name, _)| name).collect();
+        assert_eq!(names.len(), fits.len());
+        assert_eq!(fits[1].0, "vertices-paper-8-antialias-1");
+        let one = |(_, arguments): &(String, Vec<String>)| {
+            planned(&format!("fit {}", arguments.join(" "))).remove(0)
+        };
+        let all: Vec<_> = fits.iter().map(one).collect();
+        assert_eq!(all, planned("reproduce --seeds 2 --steps 7"));
     }
 
     #[test]

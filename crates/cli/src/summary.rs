@@ -84,7 +84,7 @@ fn name(settings: &CubeSettings) -> String {
 }
 
 /// The middle of some numbers, the mean of the two in the middle of an even number.
-fn median(numbers: impl Iterator<Item = f64>) -> Option<f64> {
+pub fn median(numbers: impl Iterator<Item = f64>) -> Option<f64> {
     let mut sorted: Vec<f64> = numbers.collect();
     sorted.sort_by(f64::total_cmp);
     let last = sorted.len().checked_sub(1)?;

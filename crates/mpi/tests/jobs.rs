@@ -13,6 +13,9 @@ const CHECKPOINT: &str = "checkpoint.safetensors";
 /// Views of the scene: no power of two, and no multiple of the numbers of ranks.
 const VIEWS: usize = 13;
 
+/// More steps than there is time for.
+const ENDLESS: usize = 100_000;
+
 /// A disk of 24 x 24 pixels, somewhat different in each view.
 fn disk(view: usize) -> Vec<u8> {
     let is_inside = |k: usize| {
@@ -213,30 +216,72 @@ fn a_killed_rank_ends_the_job_and_the_last_checkpoint_goes_on_to_the_same_bits()
 }
 
 #[test]
-fn a_termination_saves_first() {
+fn the_first_rank_killed_as_it_writes_leaves_a_whole_checkpoint() {
     let place = tempfile::tempdir().unwrap();
     let folder = place.path();
-    // More steps than there is time for.
-    let file = scene(folder, 100_000, VIEWS);
-    // To all of the job, as Slurm does; and to one rank.
-    for whom in ["mpirun", "rank 1"] {
-        let words = ["fit", "scene.toml", "--out", whom, "--save-every", "1", "--threads", "1"];
+    let file = scene(folder, ENDLESS, VIEWS);
+    let words = ["fit", "scene.toml", "--out", "out", "--save-every", "1", "--threads", "1"];
+    let child = started(job(folder, 3, &words));
+    wait_until(|| folder.join("out").join(CHECKPOINT).exists().then_some(()));
+    let writer = process(folder, 0).expect("the rank runs");
+    // A checkpoint is written beside the last one, under another name, and then takes its name.
+    let unfinished = || {
+        let entries = fs::read_dir(folder.join("out")).unwrap().flatten();
+        let is_unfinished = |name: &std::ffi::OsString| {
+            name.to_string_lossy().starts_with(&format!(".{CHECKPOINT}.bokashi-"))
+        };
+        entries.map(|entry| entry.file_name()).find(is_unfinished)
+    };
+    // It may be done before it is stopped: then it goes on.
+    let half = wait_until(|| {
+        unfinished()?;
+        send("STOP", writer);
+        wait_until(|| is_stopped(writer).then_some(()));
+        let found = unfinished();
+        if found.is_none() {
+            send("CONT", writer);
+        }
+        found
+    });
+    send("KILL", writer);
+    ended(child);
+    assert_eq!(unfinished(), Some(half), "it was killed before it could rename");
+    let last = folder.join("out").join(CHECKPOINT);
+    let saved = SceneFit::resume(Scene::load(&file).unwrap(), last).unwrap().steps_done();
+    let steps = saved as usize + 3;
+    let found = fitted(folder, 2, "out", &["--resume", "--steps", &steps.to_string()]);
+    assert!(found == alone(&file, steps), "after {saved} steps");
+    assert_eq!(unfinished(), None, "what a killed rank left is removed");
+}
+
+/// Whether a process takes no further step until it is continued.
+fn is_stopped(process: u32) -> bool {
+    let status = fs::read_to_string(format!("/proc/{process}/status")).unwrap();
+    status.lines().any(|line| line.starts_with("State:") && line.contains('T'))
+}
+
+#[test]
+fn a_signal_saves_first() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    let file = scene(folder, ENDLESS, VIEWS);
+    // Ctrl-C; to all of the job, as Slurm does; and to one rank.
+    for (out, signal, whom) in
+        [("interrupted", "INT", None), ("terminated", "TERM", None), ("one", "TERM", Some(1))]
+    {
+        let words = ["fit", "scene.toml", "--out", out, "--save-every", "1", "--threads", "1"];
         let mut job = job(folder, 3, &words);
         // Open MPI waits this long before it terminates, and again before it kills. A step of a debug
         // build on a busy machine takes more than the second that it waits by default.
         let child = start(job.env("OMPI_MCA_odls_base_sigkill_timeout", "5"));
-        wait_until(|| folder.join(whom).join(CHECKPOINT).exists().then_some(()));
-        match whom {
-            "mpirun" => send("TERM", child.id()),
-            _ => send("TERM", process(folder, 1).expect("the rank runs")),
-        }
+        wait_until(|| folder.join(out).join(CHECKPOINT).exists().then_some(()));
+        send(signal, whom.map_or(child.id(), |rank| process(folder, rank).expect("it runs")));
         let said = text(&ended(child));
         assert!(said.contains("go on with: mpirun -n 3 bokashi-mpi fit scene.toml"), "{said}");
         let (_, after) = said.split_once("interrupted after ").expect(&said);
         let steps = after.split_whitespace().next().unwrap().parse::<usize>().unwrap() + 3;
-        let expected = alone(&file, steps);
-        let found = fitted(folder, 2, whom, &["--resume", "--steps", &steps.to_string()]);
-        assert!(found == expected, "{whom} after {steps} steps");
+        let found = fitted(folder, 2, out, &["--resume", "--steps", &steps.to_string()]);
+        assert!(found == alone(&file, steps), "{out} after {steps} steps");
     }
 }
 
@@ -270,7 +315,7 @@ fn ranks_take_the_fits_of_a_sweep_and_one_that_fails_harms_no_other() {
     let fits = [
         ("scene", vec!["scene.toml"]),
         ("none", vec!["none.toml"]),
-        ("cube-0", vec!["--resolution", "8", "--steps", "3"]),
+        ("cube-0", vec!["--resolution", "8", "--steps", "2"]),
         ("cube-1", vec!["--resolution", "8", "--steps", "3", "--seed", "1"]),
         ("cube-2", vec!["--resolution", "8", "--steps", "3", "--seed", "2"]),
     ];
@@ -289,6 +334,32 @@ fn ranks_take_the_fits_of_a_sweep_and_one_that_fails_harms_no_other() {
             table.lines().skip(1).map(|row| row.split(',').next().unwrap()).collect();
         assert_eq!(rows, fits.iter().map(|(name, _)| *name).collect::<Vec<_>>(), "{table}");
         assert_eq!(table.matches("none.toml").count(), 1, "{table}");
+        let (_, medians) = said.split_once("Medians over seeds:\n").expect(&said);
+        let cube = medians.lines().next().unwrap().split_whitespace().collect::<Vec<_>>();
+        assert_eq!(cube[..4], ["cube", "3", "of", "3"], "{said}");
+        assert!(medians.contains("  steps 3  loss_final "), "{said}");
         assert!(checkpoint(folder, &format!("{out}/scene")) == expected);
     }
+}
+
+#[test]
+fn the_papers_experiments_are_a_sweep() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    let words = ["reproduce", "--seeds", "1", "--steps", "2"];
+    let output = job(folder, 2, &words).output().unwrap();
+    assert!(output.status.success(), "{}", text(&output));
+    let table = fs::read_to_string(folder.join("out/sweep.csv")).unwrap();
+    assert_eq!(table.lines().count(), 1 + 22, "{table}");
+    assert!(table.contains("\njoint-tuned-32-antialias-2.8-0,"), "{table}");
+    // What a fit reaches is what it reaches alone.
+    let arguments = "--experiment joint --preset tuned --sigma 2.8 --steps 2 --json fit.json";
+    let mut alone = Command::new(env!("CARGO_BIN_EXE_bokashi-mpi"));
+    alone.args(["alone", "fit"]).args(arguments.split(' ')).current_dir(folder);
+    assert!(alone.output().unwrap().status.success());
+    let loss = |file: &str| {
+        let json: Value = serde_json::from_slice(&fs::read(folder.join(file)).unwrap()).unwrap();
+        json["loss_final"].as_f64().unwrap()
+    };
+    assert_eq!(loss("out/joint-tuned-32-antialias-2.8-0/fit.json"), loss("fit.json"));
 }

@@ -29,5 +29,6 @@ pub use page::write_page;
 pub use questions::{STUDIES, bench, json, markdown};
 pub use scenes::{Scene, scenes};
 pub use setting::{Peer, read_peers};
+pub use studies::MESHES;
 pub use study::Study;
 pub(crate) use table::{Cell, Table};

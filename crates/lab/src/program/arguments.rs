@@ -4,8 +4,8 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use bokashi_cli::arguments::{Stopped, seeds, stopped, threads};
-use bokashi_cli::failure::EXIT_STATUSES;
-use bokashi_lab::bench::STUDIES;
+use bokashi_cli::failure::{EXIT_STATUSES, Failure};
+use bokashi_lab::bench::{MESHES, STUDIES};
 use bokashi_lab::models::Expected;
 use clap::builder::PossibleValuesParser;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
@@ -147,6 +147,12 @@ impl BenchArguments {
             Some(BenchCommand::Elision(files)) => files,
         }
     }
+
+    /// Whether nothing is left to do for want of a mesh file.
+    fn lacks_a_mesh(&self) -> bool {
+        let has_meshes = self.files.quick || !self.mesh.is_empty();
+        !has_meshes && !self.only.is_empty() && self.only.iter().all(|study| study == MESHES)
+    }
 }
 
 impl Request {
@@ -191,7 +197,14 @@ impl Request {
 pub(crate) fn parse(
     arguments: impl IntoIterator<Item = impl Into<OsString> + Clone>,
 ) -> Result<Request, Stopped> {
-    Request::try_parse_from(arguments).map_err(|error| stopped(error, &Request::command()))
+    let request = Request::try_parse_from(arguments);
+    let request = request.map_err(|error| stopped(error, &Request::command()))?;
+    match &request.command {
+        Command::Bench(bench) if bench.lacks_a_mesh() => Err(Stopped::Wrong(Failure::Use(
+            "--only meshes needs --mesh FILE, or --quick for meshes of its own".to_owned(),
+        ))),
+        _ => Ok(request),
+    }
 }
 
 #[cfg(test)]
@@ -269,6 +282,7 @@ mod tests {
             ("stability --threads 0", "'0'", "needs a whole number from 1 to 1024"),
             ("stability --steps 3", "'--steps'", "--help"),
             ("bench --only all", "'all'", "memory, scenes, meshes"),
+            ("bench --only meshes", "--only meshes", "needs --mesh FILE"),
             ("bench --threads 2", "'--threads'", "--help"),
             ("stiff --seeds 0", "'0'", "needs a whole number from 1 to 1000"),
             ("stiff --steps 5", "'--steps'", "--help"),

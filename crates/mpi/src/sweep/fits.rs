@@ -4,6 +4,7 @@ use std::collections::HashSet;
 use std::path::Path;
 
 use bokashi_cli::failure::Failure;
+use bokashi_cli::plan::fits_of_paper;
 use serde::Deserialize;
 
 /// One fit of a sweep.
@@ -59,34 +60,12 @@ fn check(fits: &[Fit]) -> Result<(), String> {
 }
 
 /// The paper's experiments 5.1, 5.2 and 5.3 for so many seeds, as `bokashi reproduce` has them, but for
-/// the fits in f64 that try other choices.
+/// the fits in f64 that try other choices. Each fit has one thread.
 pub fn of_paper(seeds: u64, steps: u64) -> Vec<Fit> {
-    const SIGMAS: [&str; 4] = ["1", "1.4", "2.8", "4"];
-    let mut settings = Vec::new();
-    let resolutions = ["8", "16", "32"].map(|size| ["--resolution", size]);
-    for silhouettes in ["antialias", "exact", "aliased"].map(|word| ["--silhouettes", word]) {
-        for resolution in resolutions {
-            settings.push((["vertices", "paper"], vec![resolution, silhouettes]));
-        }
-    }
-    for sigma in SIGMAS.map(|sigma| ["--sigma", sigma]) {
-        settings.push((["sigma", "paper"], vec![sigma]));
-        settings.push((["joint", "paper"], vec![sigma]));
-        settings.push((["joint", "tuned"], vec![sigma]));
-    }
-    settings.push((["vertices", "tuned"], vec![["--resolution", "32"]]));
-    let of = |([experiment, preset], more): &([&str; 2], Vec<[&str; 2]>), seed: u64| {
-        let values = more.iter().map(|[_, value]| *value);
-        let name: Vec<_> = [*experiment, *preset].into_iter().chain(values).collect();
-        let (seed, steps) = (seed.to_string(), steps.to_string());
-        let options = [["--experiment", *experiment], ["--preset", *preset]];
-        let options = options.iter().chain(more).flatten().copied();
-        let options = options.chain(["--seed", &*seed, "--steps", &*steps, "--threads", "1"]);
-        let arguments = options.map(str::to_owned).collect();
-        Fit { name: format!("{}-{seed}", name.join("-")), arguments }
-    };
-    let of = &of;
-    settings.iter().flat_map(|own| (0..seeds).map(move |seed| of(own, seed))).collect()
+    let fits = fits_of_paper(seeds, steps).into_iter();
+    let one_thread = ["--threads", "1"].map(str::to_owned);
+    fits.map(|(name, arguments)| Fit { name, arguments: [arguments, one_thread.to_vec()].concat() })
+        .collect()
 }
 
 #[cfg(test)]
@@ -98,7 +77,6 @@ mod tests {
         let fits = of_paper(3, 100);
         assert_eq!(fits.len(), 3 * (9 + 12 + 1));
         assert_eq!(check(&fits), Ok(()));
-        assert_eq!(fits[0].name, "vertices-paper-8-antialias-0");
     }
 
     #[test]

@@ -24,7 +24,7 @@ use crate::bench::study::Study;
 type Do = fn(&Bench) -> Result<Study, FitError>;
 
 /// The study of meshes from files: without a file a full run leaves it out.
-pub(super) const MESHES: &str = "meshes";
+pub const MESHES: &str = "meshes";
 
 /// Every study with its name, in the order of the report. The one about memory comes first in a
 /// process, while its peak is still low; see there.
