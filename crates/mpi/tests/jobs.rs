@@ -1,5 +1,7 @@
 //! Jobs of one to four ranks, started with `mpirun` on this machine, and what becomes of them.
 
+use std::collections::BTreeMap;
+use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
@@ -86,6 +88,12 @@ fn checkpoint(folder: &Path, out: &str) -> Vec<u8> {
     fs::read(folder.join(out).join(CHECKPOINT)).unwrap()
 }
 
+/// The pictures of all views by their names.
+fn pictures(folder: &Path, out: &str) -> BTreeMap<OsString, Vec<u8>> {
+    let all = fs::read_dir(folder.join(out).join("views")).unwrap().map(|entry| entry.unwrap());
+    all.map(|entry| (entry.file_name(), fs::read(entry.path()).unwrap())).collect()
+}
+
 /// The checkpoint of a fit alone, without MPI, after `steps` or as many as the scene has.
 fn alone(file: &Path, steps: usize) -> Vec<u8> {
     let mut fit = SceneFit::new(Scene::load(file).unwrap()).unwrap();
@@ -160,10 +168,12 @@ fn the_bits_are_those_of_a_fit_alone_for_any_number_of_ranks_and_threads() {
         let place = tempfile::tempdir().unwrap();
         let folder = place.path();
         let expected = alone(&scene(folder, 6, per_step), 6);
-        let mut hashes = Vec::new();
+        let (mut hashes, mut drawn) = (Vec::new(), Vec::new());
         for size in 1..=4 {
-            let found = fitted(folder, size, "out", &[]);
+            let out = format!("out-{size}");
+            let found = fitted(folder, size, &out, &[]);
             assert!(found == expected, "{size} ranks, {per_step} views per step");
+            drawn.push(pictures(folder, &out));
             let json: Value =
                 serde_json::from_slice(&fs::read(folder.join("fit.json")).unwrap()).unwrap();
             assert!(json["psnr_held_out"].as_f64().is_some());
@@ -175,6 +185,9 @@ fn the_bits_are_those_of_a_fit_alone_for_any_number_of_ranks_and_threads() {
         assert!(checkpoint(folder, "two") == expected, "two threads each");
         hashes.dedup();
         assert_eq!(hashes.len(), 1);
+        // The picture, the target and their difference.
+        assert_eq!(drawn[0].len(), 3 * VIEWS);
+        assert!(drawn.iter().all(|own| *own == drawn[0]), "pictures differ");
     }
 }
 

@@ -376,8 +376,25 @@ impl SceneFit {
     /// # Errors
     /// As [`SceneFit::score`].
     pub fn scores(&self, views: &[usize]) -> Result<Vec<ViewScore>, SceneError> {
+        self.scores_with(views, |_| Ok(()))
+    }
+
+    /// As [`SceneFit::scores`], and calls `each` with what was seen, on the rank that drew it.
+    ///
+    /// # Errors
+    /// As [`SceneFit::score`], and those of `each`.
+    pub fn scores_with(
+        &self,
+        views: &[usize],
+        mut each: impl FnMut(&SeenView) -> Result<(), SceneError>,
+    ) -> Result<Vec<ViewScore>, SceneError> {
         let own = block(views.len(), self.ranks.rank(), self.ranks.size());
-        let own: Result<Vec<_>, _> = views[own].iter().map(|&view| self.score(view)).collect();
+        let score = |&view: &usize| {
+            let seen = self.seen(view)?;
+            each(&seen)?;
+            Ok(seen.score)
+        };
+        let own: Result<Vec<_>, SceneError> = views[own].iter().map(score).collect();
         let bytes =
             own.map(|scores| scores.iter().copied().flat_map(ViewScore::to_bytes).collect());
         let all = agree(&*self.ranks, bytes)?.concat();

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use bokashi_fit::{FitError, Ranks, agree};
 use bokashi_report::{ReportError, add_page};
-use bokashi_scene::{Scene, SceneError, SceneFit, SceneView, SeenView, StopRules, ViewScore};
+use bokashi_scene::{Scene, SceneError, SceneFit, SeenView, StopRules, ViewScore};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::outcome::{Outcome, mean_held_out, values};
@@ -131,9 +131,6 @@ fn run_until(asked: &Asked, ranks: &Ranks<f32>, interrupt: &Interrupt) -> Result
         Failure::Interrupted { .. } => failure,
         other => running.saved_after(other),
     })?;
-    if !is_first {
-        return Ok(());
-    }
     let _held = writing.lock().unwrap_or_else(PoisonError::into_inner);
     running.finish(speaks)
 }
@@ -373,17 +370,16 @@ impl Running<'_> {
         all.map(|view| self.fit.seen(view).map_err(failed)).collect()
     }
 
-    /// Writes the pictures of all views, of which one at a time is in memory.
+    /// Writes the pictures of all views. Each rank draws and writes some, of which it has one at a time in
+    /// memory.
     fn save_views(&self) -> Result<Vec<ViewScore>, SceneError> {
         let folder = self.asked.out.join(page::VIEWS);
-        make_folder(&folder)?;
         let scene = self.fit.scene();
-        let save = |(at, view): (usize, &SceneView)| {
-            let seen = self.fit.seen(at)?;
-            Pictures::of(scene, &seen)?.save(&view.name, &folder)?;
-            Ok(seen.score)
-        };
-        scene.views.iter().enumerate().map(save).collect()
+        let views: Vec<_> = (0..scene.views.len()).collect();
+        self.fit.scores_with(&views, |seen| {
+            make_folder(&folder)?;
+            Pictures::of(scene, seen)?.save(&scene.views[seen.score.view].name, &folder)
+        })
     }
 
     fn snapshot(&self, seen: &[SeenView]) -> Snapshot {
@@ -412,18 +408,23 @@ impl Running<'_> {
         }
     }
 
-    /// Saves the fit, then writes all that came out.
+    /// Saves the fit, then writes all that came out: pictures on all ranks, the rest on the first.
     fn finish(&self, speaks: bool) -> Result<(), Failure> {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
-        self.save().map_err(failed)?;
-        self.write(speaks).map_err(|failure| self.with_how_to_go_on(failure))
+        let saved = if self.is_first() { self.save().map_err(failed) } else { Ok(()) };
+        agreed(self.ranks, saved)?;
+        let time = self.started.elapsed();
+        let scores = self.save_views().map_err(failed);
+        if !self.is_first() {
+            return scores.map(|_| ());
+        }
+        let written = scores.and_then(|scores| self.write(time, scores, speaks));
+        written.map_err(|failure| self.with_how_to_go_on(failure))
     }
 
-    fn write(&self, speaks: bool) -> Result<(), Failure> {
-        let time = self.started.elapsed();
-        let scores = self.save_views().map_err(failed)?;
+    fn write(&self, time: Duration, scores: Vec<ViewScore>, speaks: bool) -> Result<(), Failure> {
         let [loss_initial, loss_final] = self.losses.unwrap_or([f64::NAN; 2]);
         let left_out = match scores.first() {
             Some(score) => self.fit.left_out(score.view).map_err(failed)?,
