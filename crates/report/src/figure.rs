@@ -19,11 +19,12 @@ use crate::axis::{Axis, Scale};
 use crate::error::ReportError;
 
 /// Colours of the curves, after Okabe and Ito: told apart by colour-blind eyes and in grey.
-pub const PALETTE: [&str; 6] = ["#0072B2", "#D55E00", "#009E73", "#AA4499", "#B8860B", "#56606B"];
+pub const PALETTE: [&str; 7] =
+    ["#0072B2", "#D55E00", "#009E73", "#AA4499", "#B8860B", "#56B4E9", "#56606B"];
 
 /// The same colours for a dark page.
-pub(crate) const PALETTE_DARK: [&str; 6] =
-    ["#4FB3F0", "#FF8A4C", "#2FD0A0", "#E07BCB", "#E6C229", "#A9B3BE"];
+pub(crate) const PALETTE_DARK: [&str; 7] =
+    ["#4FB3F0", "#FF8A4C", "#2FD0A0", "#E07BCB", "#E6C229", "#B5E3FF", "#A9B3BE"];
 
 /// Text of the axes, on a light page and on a dark one.
 pub const INK: [&str; 2] = ["#4A4A55", "#B4B6C0"];
