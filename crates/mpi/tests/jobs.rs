@@ -192,6 +192,18 @@ fn the_bits_are_those_of_a_fit_alone_for_any_number_of_ranks_and_threads() {
 }
 
 #[test]
+fn ranks_without_work_are_named() {
+    for per_step in [1, 3] {
+        let place = tempfile::tempdir().unwrap();
+        scene(place.path(), 1, per_step);
+        let output = job(place.path(), 3, &["fit", "scene.toml"]).output().unwrap();
+        let said = text(&output);
+        let is_named = said.contains("note: a step draws 1 view, so 2 of 3 ranks have none");
+        assert_eq!(is_named, per_step == 1, "{said}");
+    }
+}
+
+#[test]
 fn a_fit_goes_on_with_another_number_of_ranks_to_the_same_bits() {
     let place = tempfile::tempdir().unwrap();
     let folder = place.path();

@@ -280,6 +280,12 @@ impl SceneFit {
         self.stage
     }
 
+    /// How many views a step draws, in the stage whose steps draw most.
+    pub fn most_views_per_step(&self) -> usize {
+        let of = |stage| views_per_step(stage, self.learnt_from.len());
+        self.stages.iter().map(of).max().unwrap_or(0)
+    }
+
     /// When the fit ends.
     pub fn stop(&self) -> &StopEntry {
         &self.scene().description.stop
@@ -534,6 +540,11 @@ fn settings(renderer: &Renderer, stage: &Stage) -> FitSettings {
     }
 }
 
+/// How many of `count` views a step of a stage draws.
+fn views_per_step(stage: &Stage, count: usize) -> usize {
+    stage.views_per_step.map_or(1, |own| own.0).min(count)
+}
+
 /// The views of a stage.
 fn views_of(
     renderer: &Arc<Renderer>,
@@ -545,8 +556,7 @@ fn views_of(
     let (renderer, targets, all) =
         (Arc::clone(renderer), Arc::clone(targets), Arc::clone(learnt_from));
     let reduce = stage.reduce.map_or(1, |reduce| reduce.0);
-    let per_step = stage.views_per_step.map_or(1, |count| count.0).min(all.len());
-    let count = all.len();
+    let (count, per_step) = (all.len(), views_per_step(stage, all.len()));
     let loss: Loss = Box::new(move |view, tape, variables| {
         let values = Values { tape, learnt: Some(variables) };
         loss_of_view(&renderer, &targets, &values, all[view.index], reduce)

@@ -98,6 +98,14 @@ fn run_until(asked: &Asked, ranks: &Ranks<f32>, interrupt: &Interrupt) -> Result
     let speaks = is_first && !asked.quiet && !asked.json.as_deref().is_some_and(is_standard_output);
     if speaks {
         notes.iter().try_for_each(|note| say(&format!("note: {note}\n")))?;
+        let (most, size) = (fit.most_views_per_step(), ranks.size());
+        if most > 0 && most < size {
+            let views = if most == 1 { "1 view".to_owned() } else { format!("{most} views") };
+            let waiting = size - most;
+            say(&format!(
+                "note: a step draws {views}, so {waiting} of {size} ranks have none: `views_per_step`\n"
+            ))?;
+        }
     }
     let live = asked.live.filter(|_| is_first).map(Live::start).transpose();
     let live = live.map_err(|error| Failure::Use(format!("--live needs a free port: {error}")))?;
