@@ -109,21 +109,37 @@ pub fn agree<T, E: From<FitError> + ToString>(
     if ranks.size() == 1 {
         return Ok(vec![own?]);
     }
-    let mut said = match &own {
+    let message = match &own {
         Ok(bytes) => [&[0], &**bytes].concat(),
         Err(error) => [&[1], error.to_string().as_bytes()].concat(),
     };
-    let mut all = ranks.gather(&said);
+    let mut all = ranks.gather(&message);
     if let Some(rank) = all.iter().position(|said| said.first() != Some(&0)) {
         if rank == ranks.rank() {
             own?;
         }
-        said = std::mem::take(&mut all[rank]);
-        let said = String::from_utf8_lossy(said.get(1..).unwrap_or_default()).into_owned();
+        let said = all[rank].get(1..).unwrap_or_default();
+        let said = String::from_utf8_lossy(said).into_owned();
         return Err(FitError::Elsewhere { rank, said }.into());
     }
     all.iter_mut().for_each(|said| *said = said.split_off(1));
     Ok(all)
+}
+
+/// What this rank made, where no rank failed.
+///
+/// # Errors
+/// As [`agree`].
+pub fn agreed<T, R, E: From<FitError> + ToString>(
+    ranks: &dyn Communicator<T>,
+    own: Result<R, E>,
+) -> Result<R, E> {
+    let (said, made) = match own {
+        Ok(made) => (Ok(Vec::new()), Some(made)),
+        Err(error) => (Err(error), None),
+    };
+    agree(ranks, said)?;
+    made.ok_or_else(|| unreachable!("a rank that failed said so"))
 }
 
 /// Checks that all ranks have the same parameters and moments, to the bit, after `step` updates. They

@@ -52,7 +52,7 @@ mod topology;
 mod views;
 
 pub use bokashi_core::{mean_squared_error, squared_error};
-pub use communicator::{Alone, Communicator, Ranks, agree, block, check_same};
+pub use communicator::{Alone, Communicator, Ranks, agree, agreed, block, check_same};
 pub use error::{FitError, OperationError, Origin, Quantity};
 pub use fit::{Fit, FitSettings, StepState, Stepped};
 pub use history::{History, Step, Stop, Vanished};

@@ -22,9 +22,14 @@ const PANICKED: i32 = 101;
 /// Does `work` as one rank of an MPI job, and ends the job with its failure.
 pub fn as_rank(work: impl FnOnce(&Ranks<f32>) -> Result<(), Failure>) -> ExitCode {
     // Calls come from any thread, one at a time.
-    let Some((universe, _)) = mpi::initialize_with_threading(Threading::Serialized) else {
-        return ended("bokashi-mpi", Err(Failure::Work("MPI was started before".to_owned())));
+    let failed = |said: &str| ended("bokashi-mpi", Err(Failure::Work(said.to_owned())));
+    let (universe, threading) = match mpi::initialize_with_threading(Threading::Serialized) {
+        Some(started) => started,
+        None => return failed("MPI was started before"),
     };
+    if !matches!(threading, Threading::Serialized | Threading::Multiple) {
+        return failed("this MPI takes calls from one thread alone");
+    }
     let world = World::new(&universe);
     let is_first = Communicator::<f32>::rank(&world) == 0;
     let ranks: Ranks<f32> = Arc::new(world);

@@ -9,7 +9,7 @@ use bokashi_cli::arguments::{self, Stopped, seeds};
 use bokashi_cli::failure::{Failure, ended};
 use bokashi_cli::interrupt::{Interrupt, Writing, end_when_interrupted};
 use bokashi_cli::{output, panics, run};
-use bokashi_fit::{Ranks, agree};
+use bokashi_fit::{Ranks, agreed};
 use bokashi_mpi::{job, sweep};
 use clap::{CommandFactory as _, Parser, Subcommand};
 
@@ -101,10 +101,12 @@ fn all(
         end_when_interrupted(&Writing::default(), Some(&interrupt))?;
         Ok::<Vec<sweep::Fit>, Failure>(fits)
     };
-    let fits = fits.and_then(begin);
-    agree(&**ranks, fits.as_ref().map(|_| Vec::new()).map_err(Clone::clone))?;
-    let ended = sweep::run(&fits?, out, ranks, &interrupt);
-    interrupt.no_more_fits();
+    let fits = agreed(&**ranks, fits.and_then(begin))?;
+    let ended = sweep::run(&fits, out, ranks, &interrupt);
+    // The others wait for the first, which writes the table.
+    if ranks.rank() == 0 {
+        interrupt.no_more_fits();
+    }
     ended
 }
 

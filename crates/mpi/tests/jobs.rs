@@ -116,7 +116,11 @@ fn process(folder: &Path, rank: usize) -> Option<u32> {
         let place = fs::read_link(process.join("cwd")).unwrap_or_default();
         let environment = fs::read(process.join("environ")).unwrap_or_default();
         let mut words = environment.split(|&byte| byte == 0);
+        // The fits of a sweep are processes of their own, with the rank's environment.
+        let asked = fs::read(process.join("cmdline")).unwrap_or_default();
+        let is_fit_of_sweep = asked.split(|&byte| byte == 0).nth(1) == Some(b"alone");
         place == folder
+            && !is_fit_of_sweep
             && program == Path::new(env!("CARGO_BIN_EXE_bokashi-mpi"))
             && words.any(|word| own.iter().any(|own| own.as_bytes() == word))
     };
@@ -198,7 +202,8 @@ fn ranks_without_work_are_named() {
         scene(place.path(), 1, per_step);
         let output = job(place.path(), 3, &["fit", "scene.toml"]).output().unwrap();
         let said = text(&output);
-        let is_named = said.contains("note: a step draws 1 view, so 2 of 3 ranks have none");
+        let is_named =
+            said.contains("note: a step draws 1 view, so at least 2 of 3 ranks have none");
         assert_eq!(is_named, per_step == 1, "{said}");
     }
 }
@@ -365,6 +370,30 @@ fn ranks_take_the_fits_of_a_sweep_and_one_that_fails_harms_no_other() {
         assert!(medians.contains("  steps 3  loss_final "), "{said}");
         assert!(checkpoint(folder, &format!("{out}/scene")) == expected);
     }
+}
+
+#[test]
+fn no_fit_of_a_sweep_begins_after_a_signal_to_any_rank() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    scene(folder, ENDLESS, VIEWS);
+    let of = |fit: usize| {
+        let arguments = r#"["scene.toml", "--save-every", "1", "--threads", "1"]"#;
+        format!("[[fit]]\nname = \"fit-{fit}\"\narguments = {arguments}\n")
+    };
+    fs::write(folder.join("sweep.toml"), (0..5).map(of).collect::<String>()).unwrap();
+    let mut job = job(folder, 2, &["sweep", "sweep.toml"]);
+    let child = start(job.env("OMPI_MCA_odls_base_sigkill_timeout", "5"));
+    let runs = |fit| folder.join(format!("out/fit-{fit}")).join(CHECKPOINT).exists();
+    wait_until(|| (runs(0) && runs(1)).then_some(()));
+    send("TERM", process(folder, 1).expect("it runs"));
+    let output = ended(child);
+    assert!(text(&output).contains("interrupted with 0 of 5 fits done"), "{}", text(&output));
+    for fit in [0, 1] {
+        let said = fs::read_to_string(folder.join(format!("out/fit-{fit}/said.txt"))).unwrap();
+        assert!(said.contains("interrupted after "), "{said}");
+    }
+    assert!(!folder.join("out/fit-2").exists());
 }
 
 #[test]

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use bokashi_core::{Mask, Tape, Tensor, Var};
 use bokashi_fit::{
     Alone, Fit, FitError, FitSettings, Optimizer, Parameters, Penalty, Pipeline, Preconditioner,
-    Ranks, Schedule, Stepped, Variables, View, Views, agree, block, check_same, iou, mean_error,
-    psnr, saved, ssim, ssim_error, views,
+    Ranks, Schedule, Stepped, Variables, View, Views, agree, agreed, block, check_same, iou,
+    mean_error, psnr, saved, ssim, ssim_error, views,
 };
 
 use crate::description::{Count, LossKind, Stage, StopEntry};
@@ -142,8 +142,8 @@ impl SceneFit {
         Self::of(scene, None, Arc::new(Alone))
     }
 
-    /// [`SceneFit::new`] of a fit that the ranks of a job share: each computes the losses of some of the
-    /// views, and reads the images of no others. All have the same parameters, to the bits of a fit alone.
+    /// [`SceneFit::new`] of a fit that the ranks of a job share: in steps each computes the losses of
+    /// some of the views, and reads the images of no others. All have the same parameters, to the bits of a fit alone.
     ///
     /// All ranks make the same calls of what says that they share it, and then an error of one is an error
     /// of all.
@@ -152,7 +152,7 @@ impl SceneFit {
     /// As [`SceneFit::new`].
     pub fn among(scene: Scene, ranks: Ranks<f32>) -> Result<Self, SceneError> {
         let fit = Self::of(scene, None, Arc::clone(&ranks));
-        agreed(&ranks, fit)
+        agreed(&*ranks, fit)
     }
 
     /// [`SceneFit::resume`] of a fit that the ranks of a job share, however many saved it: see
@@ -169,10 +169,10 @@ impl SceneFit {
             0 => saved::read(path.as_ref()),
             _ => Ok(Vec::new()),
         };
-        let mut bytes = agreed(&ranks, bytes)?;
+        let mut bytes = agreed(&*ranks, bytes)?;
         ranks.broadcast_bytes(&mut bytes, 0);
         let fit = Self::of(scene, Some(&bytes), Arc::clone(&ranks));
-        agreed(&ranks, fit)
+        agreed(&*ranks, fit)
     }
 
     /// The fit that was saved to the file `path`. It goes on to the same bits as if it had not been
@@ -305,7 +305,7 @@ impl SceneFit {
     ///
     /// # Errors
     /// As [`Fit::step`], and what is wrong with an image. Parameters are then as they were. After every
-    /// hundredth step, [`FitError::Apart`] where ranks have come apart.
+    /// hundredth step, [`FitError::Apart`] where ranks have come apart: then they are those after the step.
     pub fn step(&mut self) -> Result<Option<Stepped>, SceneError> {
         if self.fit.steps_done() >= self.stages[self.stage].steps.0 as u64 {
             if self.stage + 1 == self.stages.len() {
@@ -441,20 +441,6 @@ impl SceneFit {
         }
         Ok(SeenView { score, image, target: Some(colors) })
     }
-}
-
-/// What one rank made, where no rank failed.
-fn agreed<R, E>(ranks: &Ranks<f32>, own: Result<R, E>) -> Result<R, SceneError>
-where
-    SceneError: From<E>,
-{
-    let own = own.map_err(SceneError::from);
-    let (said, own) = match own {
-        Ok(own) => (Ok(Vec::new()), Some(own)),
-        Err(error) => (Err(error), None),
-    };
-    agree(&**ranks, said)?;
-    own.ok_or_else(|| unreachable!("a rank that failed said so"))
 }
 
 /// The stage that a fit was saved in.

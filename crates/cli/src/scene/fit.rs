@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
-use bokashi_fit::{FitError, Ranks, agree};
+use bokashi_fit::{FitError, Ranks, agree, agreed};
 use bokashi_report::{ReportError, add_page};
 use bokashi_scene::{Scene, SceneError, SceneFit, SeenView, StopRules, ViewScore};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -71,8 +71,10 @@ fn not_reported(error: ReportError) -> Failure {
 pub(crate) fn run(asked: &Asked, ranks: &Ranks<f32>) -> Result<(), Failure> {
     let interrupt = Interrupt::default();
     let ended = run_until(asked, ranks, &interrupt);
-    // Whoever ends the job meanwhile does not wait.
-    interrupt.no_more_fits();
+    // Whoever ends the job meanwhile does not wait. The others do wait: the first may be writing yet.
+    if ranks.rank() == 0 {
+        interrupt.no_more_fits();
+    }
     ended
 }
 
@@ -82,7 +84,7 @@ fn run_until(asked: &Asked, ranks: &Ranks<f32>, interrupt: &Interrupt) -> Result
     let writing = Writing::default();
     let checkpoint = asked.out.join(CHECKPOINT);
     let begun = begin(asked, is_first, &writing, interrupt);
-    let scene = agreed(ranks, begun)?;
+    let scene = agreed(&**ranks, begun)?;
     let notes = scene.notes.clone();
     let fit = match &asked.resume {
         Some(file) => {
@@ -103,7 +105,8 @@ fn run_until(asked: &Asked, ranks: &Ranks<f32>, interrupt: &Interrupt) -> Result
             let views = if most == 1 { "1 view".to_owned() } else { format!("{most} views") };
             let waiting = size - most;
             say(&format!(
-                "note: a step draws {views}, so {waiting} of {size} ranks have none: `views_per_step`\n"
+                "note: a step draws {views}, so at least {waiting} of {size} ranks have none: \
+                 a higher `views_per_step` gives them work\n"
             ))?;
         }
     }
@@ -158,13 +161,6 @@ fn begin(
     start_threads(asked.threads)?;
     end_when_interrupted(writing, Some(interrupt))?;
     Scene::load(&asked.scene).map_err(failed)
-}
-
-/// What this rank made, where no rank failed.
-fn agreed<R>(ranks: &Ranks<f32>, own: Result<R, Failure>) -> Result<R, Failure> {
-    let said = own.as_ref().map(|_| Vec::new()).map_err(Clone::clone);
-    agree(&**ranks, said)?;
-    own
 }
 
 /// A bar on a terminal.
@@ -222,7 +218,10 @@ impl Running<'_> {
         let mut is_up = false;
         while self.fit.steps_done() < last {
             match self.call(interrupt, is_up || self.seconds() >= budget)? {
-                Some(Call::Signal(signal)) => return Err(self.interrupted(signal)),
+                Some(Call::Signal(signal)) => {
+                    self.check_same()?;
+                    return Err(self.interrupted(signal));
+                }
                 Some(Call::Time) => break,
                 None => {}
             }
@@ -245,6 +244,9 @@ impl Running<'_> {
             }
             let every = self.asked.save_every;
             let is_asked = every.is_some_and(|every| self.fit.steps_done().is_multiple_of(every));
+            if is_asked {
+                self.check_same()?;
+            }
             if self.is_first() && (is_asked || saved.elapsed() > BETWEEN_CHECKPOINTS) {
                 // Steps are worth more than a checkpoint: there may be room again before the end.
                 if let Err(error) = self.save() {
@@ -264,8 +266,13 @@ impl Running<'_> {
                 break;
             }
         }
-        self.fit.check_same().map_err(|error| self.failed_step(error))?;
+        self.check_same()?;
         self.measure()
+    }
+
+    /// Checks, on all ranks, that they have the same parameters: only these are worth a checkpoint.
+    fn check_same(&mut self) -> Result<(), Failure> {
+        self.fit.check_same().map_err(|error| self.failed_step(error))
     }
 
     fn is_first(&self) -> bool {
@@ -338,6 +345,8 @@ impl Running<'_> {
     /// Saves the fit, and says how to go on.
     fn interrupted(&self, signal: i32) -> Failure {
         if !self.is_first() {
+            // A rank that ends may take the others with it.
+            self.ranks.barrier();
             return Failure::Interrupted { signal, said: String::new() };
         }
         if let Some(bar) = &self.bar {
@@ -350,6 +359,7 @@ impl Running<'_> {
             }
             Err(error) => format!("interrupted, and not saved: {error}"),
         };
+        self.ranks.barrier();
         Failure::Interrupted { signal, said }
     }
 
@@ -422,14 +432,15 @@ impl Running<'_> {
             bar.finish_and_clear();
         }
         let saved = if self.is_first() { self.save().map_err(failed) } else { Ok(()) };
-        agreed(self.ranks, saved)?;
+        agreed(&**self.ranks, saved)?;
         let time = self.started.elapsed();
         let scores = self.save_views().map_err(failed);
-        if !self.is_first() {
-            return scores.map(|_| ());
-        }
-        let written = scores.and_then(|scores| self.write(time, scores, speaks));
-        written.map_err(|failure| self.with_how_to_go_on(failure))
+        let written = match self.is_first() {
+            true => scores.and_then(|scores| self.write(time, scores, speaks)),
+            false => scores.map(drop),
+        };
+        let written = written.map_err(|failure| self.with_how_to_go_on(failure));
+        agreed(&**self.ranks, written)
     }
 
     fn write(&self, time: Duration, scores: Vec<ViewScore>, speaks: bool) -> Result<(), Failure> {

@@ -49,7 +49,8 @@ fn check(fits: &[Fit]) -> Result<(), String> {
         if !names.insert(name) {
             return Err(format!("each fit has a name of its own, and two are {name:?}"));
         }
-        if let Some(own) = arguments.iter().find(|own| OWN.contains(&own.as_str())) {
+        let is_own = |word: &&String| OWN.contains(&word.split('=').next().unwrap_or_default());
+        if let Some(own) = arguments.iter().find(is_own) {
             return Err(format!("where results go is the sweep's: {name:?} has {own}"));
         }
     }
@@ -87,6 +88,7 @@ mod tests {
             (vec![fit("a", ""), fit("a", "")], "two are \"a\""),
             (vec![fit("../a", "")], "a name has letters"),
             (vec![fit("a", "--out")], "where results go is the sweep's"),
+            (vec![fit("a", "--json=a")], "where results go is the sweep's"),
         ] {
             let refused = check(&fits).unwrap_err();
             assert!(refused.contains(said), "{refused}");

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 
 use bokashi_cli::failure::Failure;
 use bokashi_cli::interrupt::Interrupt;
-use bokashi_fit::{Ranks, agree};
+use bokashi_fit::{Ranks, agree, agreed};
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::{Communicator as _, Destination as _, MatchedReceiveVec as _, Source as _};
 
@@ -33,6 +33,9 @@ const NONE: u64 = u64::MAX;
 
 /// The most bytes that are kept of what a failed fit said.
 const MOST_SAID: usize = 2000;
+
+/// What a rank tells the first: how its last fit ended, and whether it was asked to end.
+type Said = (Option<Ended>, bool);
 
 /// A fit under way.
 struct Running {
@@ -100,9 +103,9 @@ pub fn run(
     ranks: &Ranks<f32>,
     interrupt: &Interrupt,
 ) -> Result<(), Failure> {
-    let made = fs::create_dir_all(out).map(|()| Vec::new());
+    let made = fs::create_dir_all(out);
     let made = made.map_err(|error| Failure::Work(format!("{}: {error}", out.display())));
-    agree(&**ranks, made)?;
+    agreed(&**ranks, made)?;
     let world = SimpleCommunicator::world();
     let ended = match ranks.rank() {
         0 => hand_out(fits, out, &world, interrupt),
@@ -119,7 +122,8 @@ pub fn run(
     }
     let failed: Vec<_> = ended.iter().filter(|ended| ended.failure.is_some()).collect();
     if let Some(&signal) = signal {
-        let said = format!("interrupted with {} of {} fits done", ended.len(), fits.len());
+        let done = ended.len() - failed.len();
+        let said = format!("interrupted with {done} of {} fits done", fits.len());
         return Err(Failure::Interrupted { signal: signal.into(), said });
     }
     match failed.first() {
@@ -143,13 +147,15 @@ fn hand_out(
     let mut ended = Vec::<Ended>::new();
     let mut own = None::<Running>;
     let mut others = world.size() - 1;
+    let mut is_over = false;
     loop {
-        let is_over = interrupt.signal().is_some();
-        let mut take = || if is_over { None } else { next.next() };
+        is_over |= interrupt.signal().is_some();
         while let Some(message) = world.any_process().immediate_matched_probe() {
             let (said, status) = message.matched_receive_vec::<u8>();
-            ended.extend(serde_json::from_slice::<Option<Ended>>(&said).ok().flatten());
-            let fit = take().map_or(NONE, |fit| fit as u64);
+            let (last, is_signalled) = serde_json::from_slice::<Said>(&said).unwrap_or_default();
+            ended.extend(last);
+            is_over |= is_signalled;
+            let fit = if is_over { None } else { next.next() }.map_or(NONE, |fit| fit as u64);
             others -= i32::from(fit == NONE);
             world.process_at_rank(status.source_rank()).send(&fit);
         }
@@ -163,7 +169,7 @@ fn hand_out(
             }
         }
         if own.is_none() {
-            match take() {
+            match if is_over { None } else { next.next() } {
                 Some(fit) => match Running::start(fits, fit, out) {
                     Ok(running) => own = Some(running),
                     Err(said) => ended.push(not_started(fit, 0, said)),
@@ -188,7 +194,8 @@ fn take(fits: &[Fit], out: &Path, rank: usize, world: &SimpleCommunicator, inter
     let mut last = None::<Ended>;
     loop {
         // Names and numbers alone have a JSON.
-        first.send(&serde_json::to_vec(&last).unwrap_or_default()[..]);
+        let said: Said = (last.take(), interrupt.signal().is_some());
+        first.send(&serde_json::to_vec(&said).unwrap_or_default()[..]);
         while first.immediate_probe().is_none() {
             std::thread::sleep(PAUSE);
         }

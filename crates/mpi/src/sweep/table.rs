@@ -82,10 +82,14 @@ fn shown(numbers: [Option<f64>; NUMBERS.len()]) -> String {
 /// Medians over the seeds of each setting that has several; those that failed do not count.
 fn medians(rows: &[Row<'_>]) -> String {
     let mut text = String::new();
-    for seeds in rows.chunk_by(|a, b| a.setting() == b.setting()) {
-        if seeds.len() == 1 {
-            continue;
+    let mut settings = Vec::<(&str, Vec<&Row<'_>>)>::new();
+    for row in rows {
+        match settings.iter_mut().find(|(setting, _)| *setting == row.setting()) {
+            Some((_, seeds)) => seeds.push(row),
+            None => settings.push((row.setting(), vec![row])),
         }
+    }
+    for (setting, seeds) in settings.into_iter().filter(|(_, seeds)| seeds.len() > 1) {
         let done: Vec<_> = seeds.iter().filter(|row| row.ended.failure.is_none()).collect();
         let of = |at: usize| {
             let numbers = done.iter().filter_map(|row| row.numbers[at].as_ref()?.as_f64());
@@ -95,7 +99,7 @@ fn medians(rows: &[Row<'_>]) -> String {
         let _ = writeln!(
             text,
             "{:<36}  {:>3} of {:<3} {:>8.1} s  {}",
-            seeds[0].setting(),
+            setting,
             done.len(),
             seeds.len(),
             seconds.unwrap_or(f64::NAN),
