@@ -34,6 +34,17 @@ pub trait Communicator<T>: Debug + Send + Sync {
     /// Receives `numbers` from the rank `from`.
     fn receive(&self, numbers: &mut [T], from: usize);
 
+    /// Sends `given` to the rank `other`, which receives as many, and receives what it gives meanwhile.
+    fn exchange(&self, given: &[T], received: &mut [T], other: usize) {
+        if self.rank() < other {
+            self.send(given, other);
+            self.receive(received, other);
+        } else {
+            self.receive(received, other);
+            self.send(given, other);
+        }
+    }
+
     /// Gives all ranks the `numbers` of the rank `from`; all have as many.
     fn broadcast(&self, numbers: &mut [T], from: usize);
 

@@ -4,16 +4,18 @@
 //! Parts are added in the tree of [`Tape::sum_over`](bokashi_core::Tape::sum_over), which depends on
 //! their number alone. A rank has neighbouring parts, and so the sums of the largest subtrees that lie
 //! in its own. Where a node's halves lie on two ranks, one sends its half to the other. Of the two the
-//! one that has more of the node's parts adds: so a row of small subtrees at the edge of a rank's parts
-//! is added where most of it is, and few sums travel.
+//! one that has more of the node's parts adds, or of those of a node above it: so a row of small subtrees
+//! at the edge of a rank's parts is added where most of it is, and few sums travel.
 //!
 //! # What crosses the wire
 //! First, from all to all: each rank's values, and which inputs its parts depend on; or its error. Then
-//! gradients, in pieces: a rank that has sent a piece goes on with the next while that one is added. At
-//! last the sum goes from the root of the tree to all.
+//! gradients, in pieces: a rank that has sent a piece goes on with the next while that one is added. Where
+//! both ranks have as many parts, one adds the first half of the numbers and the other the second, so that
+//! messages go both ways at once. At last the sum goes to all.
 //!
 //! All ranks know all messages beforehand, and make them in one order: so none waits for ever.
 
+use std::cmp::Ordering;
 use std::ops::Range;
 
 use bokashi_core::{PartialSum, Scalar, Shape, Tensor, halves};
@@ -38,22 +40,35 @@ struct Addition {
     give: usize,
 }
 
+/// An addition of one input.
+#[derive(Debug, Clone, Copy)]
+struct Step {
+    keep: usize,
+    give: usize,
+    /// Whether there is nothing yet where the sum is kept.
+    is_first: bool,
+}
+
 /// Which sums there are, on which ranks, and how they become one.
 #[derive(Debug)]
 struct Plan<'a> {
     /// The first part of each rank, and the number of all.
     bounds: &'a [usize],
+    /// Which of two ranks adds that have as many of a node's parts: the one with the second half.
+    is_second: bool,
     /// By sum: the rank that has it.
     owners: Vec<usize>,
     additions: Vec<Addition>,
+    /// The sum that is the whole in the end.
+    root: usize,
 }
 
 impl<'a> Plan<'a> {
-    /// The plan, and the sum that is the whole in the end.
-    fn new(bounds: &'a [usize]) -> (Self, usize) {
-        let mut plan = Self { bounds, owners: Vec::new(), additions: Vec::new() };
-        let root = plan.add(0..bounds[bounds.len() - 1]);
-        (plan, root)
+    fn new(bounds: &'a [usize], is_second: bool) -> Self {
+        let (owners, additions) = (Vec::new(), Vec::new());
+        let mut plan = Self { bounds, is_second, owners, additions, root: 0 };
+        plan.root = plan.add(0..bounds[bounds.len() - 1], &mut Vec::new());
+        plan
     }
 
     /// The rank that has the part.
@@ -68,18 +83,25 @@ impl<'a> Plan<'a> {
         to.min(range.end).saturating_sub(from.max(range.start))
     }
 
-    /// The sum of a range.
-    fn add(&mut self, range: Range<usize>) -> usize {
+    /// The sum of a range, which is a part of those `above`.
+    fn add(&mut self, range: Range<usize>, above: &mut Vec<Range<usize>>) -> usize {
         let first = self.owner(range.start);
         if self.bounds[first + 1] >= range.end {
             self.owners.push(first);
             return self.owners.len() - 1;
         }
         let Some(parts) = halves(&range) else { unreachable!("a part is on one rank") };
-        let [first, second] = parts.map(|half| self.add(half));
-        let share = |sum: usize| self.share(self.owners[sum], &range);
-        let (keep, give) =
-            if share(first) >= share(second) { (first, second) } else { (second, first) };
+        above.push(range);
+        let [first, second] = parts.map(|half| self.add(half, above));
+        let (one, other) = if self.is_second { (second, first) } else { (first, second) };
+        // Where ranks have as much of this node, they may not of those above.
+        let shares = above
+            .iter()
+            .rev()
+            .map(|range| [one, other].map(|sum| self.share(self.owners[sum], range)));
+        let order = shares.map(|[one, other]| one.cmp(&other)).find(|order| order.is_ne());
+        let (keep, give) = if order == Some(Ordering::Less) { (other, one) } else { (one, other) };
+        above.pop();
         self.additions.push(Addition { keep, give });
         keep
     }
@@ -100,23 +122,24 @@ pub(crate) fn reduced<T: Scalar>(
     let head = own.as_mut().map(|sums| head(sums)).map_err(|error| error.clone());
     let heads = agree(ranks, head)?;
     let own = own?;
-    let (plan, root) = Plan::new(bounds);
-    let mut sums = Sums::new(ranks, &plan, shapes, own, &heads);
+    let plans = [false, true].map(|is_second| Plan::new(bounds, is_second));
+    let mut sums = Sums::new(ranks, &plans[0].owners, shapes, own, &heads);
     let said: usize = heads.iter().map(|head| head.len() + 1).sum();
     let mut numbers = 0;
     for (input, shape) in shapes.iter().enumerate() {
         let Some(shape) = shape else { continue };
-        numbers += sums.add_input(input, shape, &plan.additions, root);
+        numbers += sums.add_input(input, shape, &plans);
     }
-    let gradients = std::mem::take(&mut sums.gradients[root]);
+    let [Plan { additions, root, .. }, _] = &plans;
+    let gradients = std::mem::take(&mut sums.gradients[*root]);
     // Values are few: every rank adds them all.
-    for &Addition { keep, give } in &plan.additions {
+    for &Addition { keep, give } in additions {
         let give = sums.values[give];
         sums.values[keep] += give;
     }
     let others = ranks.size() as u64 - 1;
     let bytes = said as u64 * others + numbers * size_of::<T>() as u64;
-    Ok(Reduced { sum: PartialSum::new(sums.values[root], gradients), bytes })
+    Ok(Reduced { sum: PartialSum::new(sums.values[*root], gradients), bytes })
 }
 
 /// The sum of as many tensors as there are ranks, of which each has one; all have the same shape. All
@@ -159,7 +182,7 @@ struct Sums<'a, T: Scalar> {
 impl<'a, T: Scalar> Sums<'a, T> {
     fn new(
         ranks: &'a dyn Communicator<T>,
-        plan: &'a Plan<'_>,
+        owners: &'a [usize],
         shapes: &[Option<Shape>],
         own: Vec<PartialSum<T>>,
         heads: &[Vec<u8>],
@@ -167,14 +190,9 @@ impl<'a, T: Scalar> Sums<'a, T> {
         let inputs = shapes.len();
         let mut heads: Vec<_> = heads.iter().map(|head| head.chunks(8 + inputs)).collect();
         let mut own = own.into_iter();
-        let mut sums = Self {
-            ranks,
-            owners: &plan.owners,
-            values: Vec::new(),
-            is_used: Vec::new(),
-            gradients: Vec::new(),
-        };
-        for &owner in &plan.owners {
+        let mut sums =
+            Self { ranks, owners, values: Vec::new(), is_used: Vec::new(), gradients: Vec::new() };
+        for &owner in owners {
             let head = heads[owner].next().unwrap_or_default();
             let value = head.first_chunk().map_or(f64::NAN, |&bytes| f64::from_le_bytes(bytes));
             sums.values.push(T::Wide::from_f64(value));
@@ -185,71 +203,158 @@ impl<'a, T: Scalar> Sums<'a, T> {
         sums
     }
 
-    /// Makes the gradient of the `root` that of the whole, on all ranks, for one input; returns how many
-    /// numbers were sent.
-    fn add_input(
-        &mut self,
-        input: usize,
-        shape: &Shape,
-        additions: &[Addition],
-        root: usize,
-    ) -> u64 {
-        // Who is added to what, where there is something to add.
-        let mut steps = Vec::new();
-        for &Addition { keep, give } in additions {
-            if self.is_used[give][input] {
-                let is_first = !std::mem::replace(&mut self.is_used[keep][input], true);
-                steps.push((keep, give, is_first));
-            }
-        }
-        if !self.is_used[root][input] {
+    /// Makes the gradient of the first plan's root that of the whole, on all ranks, for one input; returns
+    /// how many numbers were sent. Each plan adds a half of the numbers.
+    fn add_input(&mut self, input: usize, shape: &Shape, plans: &[Plan<'_>; 2]) -> u64 {
+        if !self.is_used.iter().any(|of| of[input]) {
             return 0;
         }
-        let own = self.ranks.rank();
+        let size = shape.size();
+        let half = if size > PIECE { size / 2 } else { size };
+        let halves = [0..half, half..size];
+        let steps = plans.each_ref().map(|plan| self.steps(input, &plan.additions));
         // What is received, or added to nothing, needs a place.
-        for &(keep, _, is_first) in &steps {
-            if is_first && self.owners[keep] == own {
-                self.gradients[keep][input] = Some(Tensor::zeros(shape));
+        let own = self.ranks.rank();
+        for (steps, half) in steps.iter().zip(&halves) {
+            for step in steps.iter().flatten().filter(|step| step.is_first && !half.is_empty()) {
+                if self.owners[step.keep] == own {
+                    self.gradients[step.keep][input].get_or_insert_with(|| Tensor::zeros(shape));
+                }
             }
         }
-        let size = shape.size();
         let mut sent = 0;
         let mut buffer = vec![T::ZERO; PIECE.min(size)];
-        for start in (0..size).step_by(PIECE) {
-            let piece = start..(start + PIECE).min(size);
-            for &(keep, give, is_first) in &steps {
-                let [to, from] = [keep, give].map(|sum| self.owners[sum]);
-                let buffer = &mut buffer[..piece.len()];
-                if to != from {
-                    sent += piece.len() as u64;
-                }
-                if from == own {
-                    let Some(given) = &self.gradients[give][input] else { continue };
-                    let given = &given.data()[piece.clone()];
-                    if to != own {
-                        self.ranks.send(given, to);
-                        continue;
-                    }
-                    buffer.copy_from_slice(given);
-                } else if to == own {
-                    self.ranks.receive(buffer, from);
-                } else {
-                    continue;
-                }
-                let Some(kept) = &mut self.gradients[keep][input] else { continue };
-                let kept = &mut kept.data_mut()[piece.clone()];
-                if is_first {
-                    // Zero and a number are another zero where the number is -0.
-                    kept.copy_from_slice(buffer);
-                } else {
-                    kept.iter_mut().zip(&*buffer).for_each(|(kept, &given)| *kept += given);
-                }
+        for at in (0..size - size / 2).step_by(PIECE) {
+            let pieces = halves.each_ref().map(|half| {
+                let start = (half.start + at).min(half.end);
+                start..(start + PIECE).min(half.end)
+            });
+            for (first, second) in steps[0].iter().zip(&steps[1]) {
+                let [first, second] =
+                    [(first, &pieces[0]), (second, &pieces[1])].map(|(step, piece)| {
+                        step.filter(|_| !piece.is_empty()).map(|own| (own, piece))
+                    });
+                sent += self.add_at_node(input, first, second, &mut buffer);
             }
         }
-        let whole = &mut self.gradients[root][input];
-        let whole = whole.get_or_insert_with(|| Tensor::zeros(shape));
-        self.ranks.broadcast(whole.data_mut(), self.owners[root]);
+        self.spread(input, shape, plans.each_ref().map(|plan| plan.root), half);
         sent + (self.ranks.size() as u64 - 1) * size as u64
+    }
+
+    /// By addition: what it does to one input, where there is something to add.
+    fn steps(&self, input: usize, additions: &[Addition]) -> Vec<Option<Step>> {
+        let mut is_used: Vec<_> = self.is_used.iter().map(|of| of[input]).collect();
+        let of = |&Addition { keep, give }: &Addition| {
+            is_used[give].then(|| {
+                let is_first = !std::mem::replace(&mut is_used[keep], true);
+                Step { keep, give, is_first }
+            })
+        };
+        additions.iter().map(of).collect()
+    }
+
+    /// Adds pieces of both halves at one node; returns how many numbers were sent.
+    fn add_at_node(
+        &mut self,
+        input: usize,
+        first: Option<(Step, &Range<usize>)>,
+        second: Option<(Step, &Range<usize>)>,
+        buffer: &mut [T],
+    ) -> u64 {
+        let own = self.ranks.rank();
+        if let (Some((one, of_one)), Some((other, of_other))) = (first, second)
+            && let ([from, to], [back, forth]) = (self.way(one), self.way(other))
+            && from != to
+            && [from, to] == [forth, back]
+        {
+            // Each gives the other what that one keeps.
+            let ways = if own == to {
+                Some(((one, of_one), (other, of_other), from))
+            } else if own == from {
+                Some(((other, of_other), (one, of_one), to))
+            } else {
+                None
+            };
+            if let Some(((kept, at), (given, given_at), rank)) = ways {
+                let buffer = &mut buffer[..at.len()];
+                if let Some(given) = &self.gradients[given.give][input] {
+                    self.ranks.exchange(&given.data()[given_at.clone()], buffer, rank);
+                }
+                self.keep(input, kept, at, buffer);
+            }
+            return (of_one.len() + of_other.len()) as u64;
+        }
+        let mut sent = 0;
+        for (step, piece) in [first, second].into_iter().flatten() {
+            let [from, to] = self.way(step);
+            let buffer = &mut buffer[..piece.len()];
+            if to != from {
+                sent += piece.len() as u64;
+            }
+            if from == own {
+                let Some(given) = &self.gradients[step.give][input] else { continue };
+                let given = &given.data()[piece.clone()];
+                if to != own {
+                    self.ranks.send(given, to);
+                    continue;
+                }
+                buffer.copy_from_slice(given);
+            } else if to == own {
+                self.ranks.receive(buffer, from);
+            } else {
+                continue;
+            }
+            self.keep(input, step, piece, buffer);
+        }
+        sent
+    }
+
+    /// From which rank to which a step sends.
+    fn way(&self, step: Step) -> [usize; 2] {
+        [step.give, step.keep].map(|sum| self.owners[sum])
+    }
+
+    /// Adds what was given to what is kept.
+    fn keep(&mut self, input: usize, step: Step, piece: &Range<usize>, given: &[T]) {
+        let Some(kept) = &mut self.gradients[step.keep][input] else { return };
+        let kept = &mut kept.data_mut()[piece.clone()];
+        if step.is_first {
+            // Zero and a number are another zero where the number is -0.
+            kept.copy_from_slice(given);
+        } else {
+            kept.iter_mut().zip(given).for_each(|(kept, &given)| *kept += given);
+        }
+    }
+
+    /// Gives all ranks the whole: the first `half` of its numbers from the one root, the rest from the other.
+    fn spread(&mut self, input: usize, shape: &Shape, roots: [usize; 2], half: usize) {
+        let [first, second] = roots;
+        let own = self.ranks.rank();
+        let ranks = roots.map(|root| self.owners[root]);
+        let mut whole = self.gradients[first][input].take().filter(|_| own == ranks[0]);
+        if own == ranks[1] && first != second && half < shape.size() {
+            let rest = self.gradients[second][input].take();
+            match (&mut whole, rest) {
+                (Some(whole), Some(rest)) => {
+                    whole.data_mut()[half..].copy_from_slice(&rest.data()[half..]);
+                }
+                (whole, rest) => *whole = rest,
+            }
+        }
+        let mut whole = whole.unwrap_or_else(|| Tensor::zeros(shape));
+        let (front, back) = whole.data_mut().split_at_mut(half);
+        if self.ranks.size() == 2 && ranks[0] != ranks[1] && !back.is_empty() {
+            match own == ranks[0] {
+                true => self.ranks.exchange(front, back, ranks[1]),
+                false => self.ranks.exchange(back, front, ranks[0]),
+            }
+        } else {
+            self.ranks.broadcast(front, ranks[0]);
+            if !back.is_empty() {
+                self.ranks.broadcast(back, ranks[1]);
+            }
+        }
+        self.gradients[first][input] = Some(whole);
     }
 }
 
@@ -273,6 +378,29 @@ mod tests {
     }
 
     #[test]
+    fn a_sum_of_many_pieces_has_the_bits_of_the_tree() {
+        let size = 2 * PIECE + 3;
+        let part = |rank: usize| Tensor::from_flat_fn([size], |k| ((k * (rank + 3)) as f32).sin());
+        for count in [2, 3, 4, 5, 7, 8] {
+            fn tree(range: Range<usize>, part: &dyn Fn(usize) -> Vec<f32>) -> Vec<f32> {
+                match halves(&range) {
+                    Some(parts) if range.len() > 1 => {
+                        let [first, second] = parts.map(|half| tree(half, part));
+                        first.iter().zip(&second).map(|(a, b)| a + b).collect()
+                    }
+                    _ => part(range.start),
+                }
+            }
+            let expected = tree(0..count, &|rank| part(rank).data().to_vec());
+            let found =
+                on_ranks(count, |ranks| sum_over_ranks(&*ranks, part(ranks.rank())).unwrap());
+            for (rank, sum) in found.iter().enumerate() {
+                assert!(sum.data() == expected, "rank {rank} of {count}");
+            }
+        }
+    }
+
+    #[test]
     fn each_part_is_added_once_and_few_sums_travel() {
         for (count, size) in [
             (1, 4),
@@ -287,16 +415,21 @@ mod tests {
         ] {
             let bounds = (0..size).map(|rank| block(count, rank, size).start);
             let bounds: Vec<_> = bounds.chain([count]).collect();
-            let (plan, root) = Plan::new(&bounds);
-            assert_eq!(plan.additions.len(), plan.owners.len() - 1);
-            // Each sum is given once, but for the whole.
-            let mut given: Vec<_> = plan.additions.iter().map(|own| own.give).collect();
-            given.push(root);
-            given.sort_unstable();
-            assert_eq!(given, (0..plan.owners.len()).collect::<Vec<_>>());
-            let is_sent = |own: &&Addition| plan.owners[own.keep] != plan.owners[own.give];
-            let sent = plan.additions.iter().filter(is_sent).count();
-            assert!(sent <= 3 * (size - 1), "{count} parts on {size} ranks: {sent} sums travel");
+            let plans = [false, true].map(|is_second| Plan::new(&bounds, is_second));
+            for plan in plans {
+                assert_eq!(plan.additions.len(), plan.owners.len() - 1);
+                // Each sum is given once, but for the whole.
+                let mut given: Vec<_> = plan.additions.iter().map(|own| own.give).collect();
+                given.push(plan.root);
+                given.sort_unstable();
+                assert_eq!(given, (0..plan.owners.len()).collect::<Vec<_>>());
+                let is_sent = |own: &&Addition| plan.owners[own.keep] != plan.owners[own.give];
+                let sent = plan.additions.iter().filter(is_sent).count();
+                assert!(
+                    sent <= 3 * (size - 1),
+                    "{count} parts on {size} ranks: {sent} sums travel"
+                );
+            }
         }
     }
 }

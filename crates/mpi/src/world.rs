@@ -5,6 +5,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use bokashi_fit::Communicator;
 use mpi::datatype::PartitionMut;
 use mpi::environment::Universe;
+use mpi::point_to_point::send_receive_into;
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::{Communicator as _, CommunicatorCollectives as _, Destination as _};
 use mpi::traits::{Root as _, Source as _};
@@ -91,6 +92,17 @@ macro_rules! communicator {
                 let from = world.process_at_rank(from as i32);
                 for chunk in numbers.chunks_mut(MOST) {
                     from.receive_into(chunk);
+                }
+            }
+
+            fn exchange(&self, given: &[$t], received: &mut [$t], other: usize) {
+                let (_turn, world) = self.turn();
+                let other = world.process_at_rank(other as i32);
+                let [most, other_most] = [given.len(), received.len()];
+                for start in (0..most.max(other_most)).step_by(MOST) {
+                    let part = |length: usize| start.min(length)..(start + MOST).min(length);
+                    let (given, received) = (&given[part(most)], &mut received[part(other_most)]);
+                    send_receive_into(given, &other, received, &other);
                 }
             }
 
