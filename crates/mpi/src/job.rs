@@ -7,6 +7,7 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
 use std::sync::Arc;
+use std::time::Duration;
 
 use bokashi_cli::failure::{Failure, ended};
 use bokashi_fit::{Communicator, Ranks};
@@ -15,6 +16,9 @@ use mpi::topology::SimpleCommunicator;
 use mpi::traits::Communicator as _;
 
 use crate::world::World;
+
+/// Long for a pipe on a busy machine, and short for who waits.
+const BEFORE_ABORT: Duration = Duration::from_millis(300);
 
 /// The status of a program that panicked.
 const PANICKED: i32 = 101;
@@ -40,6 +44,8 @@ pub fn as_rank(work: impl FnOnce(&Ranks<f32>) -> Result<(), Failure>) -> ExitCod
         Ok(Err(failure)) => {
             let status = failure.status();
             ended("bokashi-mpi", Err(failure));
+            // What was said is on its way to mpirun, and MPICH's abort may overtake it.
+            std::thread::sleep(BEFORE_ABORT);
             SimpleCommunicator::world().abort(status.into())
         }
         // The panic has said what it is.
