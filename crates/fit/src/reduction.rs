@@ -401,6 +401,23 @@ mod tests {
     }
 
     #[test]
+    fn what_is_added_to_nothing_keeps_its_sign() {
+        for giver in [0, 1] {
+            let found = on_ranks(2, |ranks| {
+                let zero = Tensor::from_flat_fn([2 * PIECE], |_| -0.0_f32);
+                let shapes = [Some(zero.shape().clone())];
+                let own = (ranks.rank() == giver).then_some(zero);
+                let own = vec![PartialSum::new(0.0, vec![own])];
+                reduced(&*ranks, &[0, 1, 2], &shapes, Ok(own)).unwrap().sum.gradients.pop()
+            });
+            for sum in found {
+                let sum = sum.flatten().unwrap();
+                assert!(sum.data().iter().all(|x| x.to_bits() == (-0.0_f32).to_bits()));
+            }
+        }
+    }
+
+    #[test]
     fn each_part_is_added_once_and_few_sums_travel() {
         for (count, size) in [
             (1, 4),
