@@ -343,6 +343,7 @@ impl<'a, T: Scalar> Sums<'a, T> {
         }
         let mut whole = whole.unwrap_or_else(|| Tensor::zeros(shape));
         let (front, back) = whole.data_mut().split_at_mut(half);
+        // Of two ranks, each has what the other lacks.
         if self.ranks.size() == 2 && ranks[0] != ranks[1] && !back.is_empty() {
             match own == ranks[0] {
                 true => self.ranks.exchange(front, back, ranks[1]),

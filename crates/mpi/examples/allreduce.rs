@@ -3,6 +3,7 @@
 //! `mpirun -n 4 cargo run --release --example allreduce`, or the built example in place of cargo.
 //! A single number tells what a message costs by itself, a million how fast they travel.
 
+use bokashi_cli::summary::median;
 use bokashi_fit::{Communicator, sum_over_ranks};
 use bokashi_mpi::World;
 use bokashi_scene::Tensor;
@@ -13,12 +14,6 @@ use mpi::traits::CommunicatorCollectives as _;
 const SIZES: [usize; 3] = [1, 1 << 14, 1_000_000];
 /// Sums of each kind, which take turns.
 const TIMES: usize = 101;
-
-/// The median of times.
-fn median(mut seconds: Vec<f64>) -> f64 {
-    seconds.sort_by(f64::total_cmp);
-    seconds[seconds.len() / 2]
-}
 
 fn main() {
     let universe = mpi::initialize().expect("MPI starts once");
@@ -43,7 +38,8 @@ fn main() {
             assert!(off < 1e-5, "sums differ by {off}");
         }
         if ranks.rank() == 0 {
-            let [of_mpi, of_tree] = [of_mpi, of_tree].map(|seconds| 1e6 * median(seconds));
+            let [of_mpi, of_tree] = [of_mpi, of_tree]
+                .map(|seconds| 1e6 * median(seconds.into_iter()).unwrap_or(f64::NAN));
             let (size, ratio) = (ranks.size(), of_tree / of_mpi);
             println!(
                 "{size} ranks, {numbers} numbers: MPI {of_mpi:.1} us, tree {of_tree:.1} us, ratio {ratio:.2}"

@@ -147,8 +147,16 @@ fn wait_until<R>(mut ready: impl FnMut() -> Option<R>) -> R {
 }
 
 /// How the job ends, which it does within seconds of now.
-fn ended(child: Child) -> Output {
+fn ended(mut child: Child) -> Output {
     let started = Instant::now();
+    while child.try_wait().unwrap().is_none() {
+        if started.elapsed() > Duration::from_secs(60) {
+            // It would leave its ranks behind if it was killed.
+            send("TERM", child.id());
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
     let output = child.wait_with_output().unwrap();
     let seconds = started.elapsed().as_secs_f64();
     println!("ended after {seconds:.1} s: {}", text(&output));

@@ -39,7 +39,7 @@ impl<'a> Row<'a> {
     /// The name without a number at its end: fits that have it in common are seeds of one setting.
     fn setting(&self) -> &str {
         match self.name.rsplit_once('-') {
-            Some((setting, seed)) if seed.bytes().all(|byte| byte.is_ascii_digit()) => setting,
+            Some((setting, seed)) if seed.parse::<u64>().is_ok() => setting,
             _ => self.name,
         }
     }
