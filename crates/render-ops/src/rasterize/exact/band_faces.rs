@@ -42,6 +42,17 @@ pub(super) struct Plane<S> {
     pub(super) edge_error_bounds: [S; 3],
     /// More than what its depths are off by, where they are in the depth range.
     error_bound: S,
+    /// How far off the depth may be, per edge function, since its vertices were rounded.
+    vertex_rounding: [S; 3],
+}
+
+impl<S: Scalar> Plane<S> {
+    /// How far off the depth may be, since vertices were rounded, where the edge functions are at most `sizes`.
+    #[inline(always)]
+    fn rounding(&self, sizes: [S; 3]) -> S {
+        let [p, q, r] = self.vertex_rounding;
+        p * sizes[0] + q * sizes[1] + r * sizes[2]
+    }
 }
 
 impl<T: Scalar> BandFaces<'_, '_, T> {
@@ -115,14 +126,18 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
 
     /// The depth's coefficients around the centre of a pixel.
     pub(super) fn depth(&self, band_face: u32, x: T::Wide, y: T::Wide) -> Line<T::Wide> {
-        self.candidate(band_face, 0, [x, y]).depth
+        let face = self.faces[band_face as usize] as usize;
+        let vertices = self.view.corners_of(face).map(|corner| corner.vertex);
+        let q = vertices.map(|vertex| vertex.relative_to(x, y));
+        depth(&vertices, &self.edges_around(band_face, q))
     }
 
     /// A face around the centre of a pixel, whose edges `along_axis` run along rows or columns: a bit for
-    /// each.
+    /// each. `planes` are those of the band.
     #[inline(always)]
     pub(super) fn candidate(
         &self,
+        planes: &[Plane<T::Wide>],
         band_face: u32,
         along_axis: u8,
         [x, y]: [T::Wide; 2],
@@ -139,7 +154,8 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
             x.maximum_or_nan(y)
         });
         let depth_error_bound = depth_error_bound(&vertices, &edges, depth, reaches, extents);
-        Candidate { band_face, edges, depth, depth_error_bound, on_border }
+        let tie_bound = depth_error_bound + planes[band_face as usize].rounding(edges.map(size));
+        Candidate { band_face, edges, depth, depth_error_bound, tie_bound, on_border }
     }
 
     /// The edge functions of a face around the centre of a pixel, where its vertices relative to that are
@@ -203,7 +219,14 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
             let [p, q, r] = vertices.map(|vertex| vertex.z / vertex.w);
             [p.minimum_or_nan(q).minimum_or_nan(r), p.maximum_or_nan(q).maximum_or_nan(r)]
         };
-        Plane { depth, range, edge_error_bounds, error_bound }
+        // `z = d_0 w + d_x x + d_y y` holds at the vertices; what is missing of it at vertex i adds a_i / D
+        // times as much to the depth.
+        let [one, by_x, by_y] = depth.map(T::Wide::abs);
+        let unit = T::Wide::from_f64(unit_roundoff::<T>()) / total;
+        let vertex_rounding = vertices.map(|Vertex { x, y, z, w }| {
+            unit * (z.abs() + one * w.abs() + by_x * x.abs() + by_y * y.abs())
+        });
+        Plane { depth, range, edge_error_bounds, error_bound, vertex_rounding }
     }
 
     /// A face of the band, with the edges `outline` of a surface's outline, in a block of `width` pixels
@@ -217,25 +240,36 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         center: [T::Wide; 2],
         width: usize,
     ) -> DepthInterval<T::Wide> {
-        let Plane { depth: [one, x, y], range: [least, most], edge_error_bounds, error_bound } =
-            &planes[band_face as usize];
+        let plane = &planes[band_face as usize];
+        let Plane { depth: [one, x, y], range: [least, most], edge_error_bounds, .. } = plane;
         let depth = value_at([*one, *x, *y], center);
         let width = T::Wide::from_f64(width as f64);
         let reach = width * x.abs() + y.abs();
         let (mut covers, mut ends) = (true, false);
+        let mut sizes = [T::Wide::ZERO; 3];
         for (k, &edge) in self.weights[band_face as usize].edges.iter().enumerate() {
             let (value, change) = (value_at(edge, center), width * edge[1].abs() + edge[2].abs());
+            sizes[k] = value.abs() + change;
             covers &= value >= -edge_error_bounds[k];
             ends |= outline >> k & 1 == 1 && value.abs() <= T::Wide::from_f64(REACH) * change;
         }
-        let nearest = (depth - reach).maximum_or_nan(*least) - *error_bound;
-        let farthest = (depth + reach).minimum_or_nan(*most) + *error_bound;
+        let error_bound = plane.error_bound + plane.rounding(sizes);
+        let nearest = (depth - reach).maximum_or_nan(*least) - error_bound;
+        let farthest = (depth + reach).minimum_or_nan(*most) + error_bound;
         // Of what is no number nothing is known.
         let infinity = T::Wide::from_f64(f64::INFINITY);
         let [nearest, farthest] =
             if nearest <= farthest { [nearest, farthest] } else { [-infinity, infinity] };
         DepthInterval { face: band_face, nearest, farthest, covers, ends }
     }
+}
+
+/// By which share of its size a vertex's coordinate was rounded at most.
+#[inline(always)]
+fn unit_roundoff<T: Scalar>() -> f64 {
+    let single = 0.5 * f64::from(f32::EPSILON);
+    let is_single = T::from_f64(1.0 + 0.5 * single).to_f64() == 1.0;
+    if is_single { single } else { 0.5 * f64::EPSILON }
 }
 
 /// `D = sum w_i a_i`, the same all over the image.

@@ -188,7 +188,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         }
         intervals.retain(|interval| !interval.is_out());
         let candidate =
-            |face: u32| band.candidate(face, outlines[face as usize] >> ALONG_AXIS, center);
+            |face: u32| band.candidate(planes, face, outlines[face as usize] >> ALONG_AXIS, center);
         resolution.run(band, pixel, intervals, candidate, pieces);
     }
 }

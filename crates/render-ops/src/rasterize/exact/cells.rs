@@ -93,8 +93,7 @@ impl<S: Scalar> Crowd<'_, S> {
                 continue;
             }
             let [least, most] = cell.range(candidate.depth);
-            let [least, most] =
-                [least - candidate.depth_error_bound, most + candidate.depth_error_bound];
+            let [least, most] = [least - candidate.tie_bound, most + candidate.tie_bound];
             // Of what is no number nothing new is known.
             let nearest = if least > interval.nearest { least } else { interval.nearest };
             let farthest = if most < interval.farthest { most } else { interval.farthest };

@@ -16,6 +16,7 @@
 //!   |     `-- DepthInterval    their depths there: one layer in front ends the search (depth_intervals)
 //!   |-- Outline         of the outline alone: how much of a pixel is covered, whatever is seen (outline)
 //!   `-- Resolution      per marked pixel, depth group by depth group, the nearest first (resolution)
+//!         |-- share_planes     faces in one plane, to within rounding (ties)
 //!         |-- Crowd            a crowded pixel in smaller cells (cell, cells)
 //!         |-- Visible          cut to the pixel or cell, and to what no other face hides (visible)
 //!         |     `-- Parts      what is visible, and its sides (parts)
@@ -52,6 +53,7 @@ pub(super) mod quadrature;
 mod reciprocal;
 mod regions;
 mod resolution;
+mod ties;
 mod visible;
 
 pub(super) use self::band_faces::BandFaces;

@@ -11,6 +11,7 @@ use super::mean::{barycentrics, total};
 use super::parts::Side;
 use super::pieces::{Piece, Pieces, Segment};
 use super::pixel_border::{WIDER, halves};
+use super::ties::share_planes;
 use super::visible::{Candidate, SMALLEST, Visible};
 use crate::rasterize::options::Limits;
 
@@ -30,6 +31,8 @@ struct Seen<S> {
 pub(super) struct Resolution<S> {
     /// The faces of the pixel, the nearest first: as many as were looked at.
     candidates: Vec<Candidate<S>>,
+    /// Those that tie, in the order in which they are given planes.
+    order: Vec<u32>,
     visible: Visible<S>,
     /// The faces of the cells of a crowded pixel.
     cell_faces: Vec<DepthInterval<S>>,
@@ -128,7 +131,7 @@ impl<S: Scalar<Wide = S>> Resolution<S> {
         candidate: impl Fn(u32) -> Candidate<S>,
         limits: Limits,
     ) -> Option<S> {
-        let Self { candidates, visible, cell_faces, .. } = self;
+        let Self { candidates, order, visible, cell_faces, .. } = self;
         let gather = |candidates: &mut Vec<Candidate<S>>, end: usize| {
             let known = candidates.len().min(end);
             candidates
@@ -142,6 +145,7 @@ impl<S: Scalar<Wide = S>> Resolution<S> {
             is_crowded = group.len() > limits.faces;
             if !is_crowded {
                 gather(candidates, end);
+                share_planes(&mut candidates[first..end], order);
                 is_crowded = !visible.add(candidates, first as u32..end as u32);
             }
             if is_crowded || visible.fills_cell() {

@@ -31,6 +31,8 @@ pub(super) struct Candidate<S> {
     pub(super) depth: Line<S>,
     /// More than what the depth is off by in the pixel.
     pub(super) depth_error_bound: S,
+    /// The same of the depth of the face before its vertices were rounded to what they are.
+    pub(super) tie_bound: S,
     /// Bit k: whether edge k lies on the pixel's border.
     pub(super) on_border: u8,
 }
@@ -53,8 +55,8 @@ struct Whole<S> {
     /// The least and the largest x, y and depth of its corners.
     least: [S; 3],
     most: [S; 3],
-    /// More than what its depths are off by.
-    error_bound: S,
+    /// More than what its depths are off by, and its vertices'.
+    tie_bound: S,
 }
 
 impl<S: Scalar> Whole<S> {
@@ -68,7 +70,7 @@ impl<S: Scalar> Whole<S> {
     /// Whether all of this face surely lies behind another face.
     #[inline(always)]
     fn is_behind(&self, other: &Self) -> bool {
-        self.least[2] > other.most[2] + self.error_bound + other.error_bound
+        self.least[2] > other.most[2] + self.tie_bound + other.tie_bound
     }
 }
 
@@ -199,9 +201,8 @@ impl<S: Scalar> Visible<S> {
             least = std::array::from_fn(|k| least[k].minimum_or_nan(place[k]));
             most = std::array::from_fn(|k| most[k].maximum_or_nan(place[k]));
         }
-        let error_bound = candidate.depth_error_bound;
-        let cuts = first..lines.len();
-        self.whole.push(Whole { candidate: at, polygon, cuts, least, most, error_bound });
+        let (cuts, tie_bound) = (first..lines.len(), candidate.tie_bound);
+        self.whole.push(Whole { candidate: at, polygon, cuts, least, most, tie_bound });
     }
 
     /// Takes from the candidate `at` of this cell what lies behind others; those before `group` surely
@@ -281,7 +282,7 @@ impl<S: Scalar> Visible<S> {
 #[inline(always)]
 pub(super) fn behind<S: Scalar>(own: &Candidate<S>, rival: &Candidate<S>) -> Line<S> {
     let behind = [0, 1, 2].map(|c| rival.depth[c] - own.depth[c]);
-    if size(behind) > own.depth_error_bound + rival.depth_error_bound {
+    if size(behind) > own.tie_bound + rival.tie_bound {
         return behind;
     }
     [if own.band_face < rival.band_face { S::ONE } else { -S::ONE }, S::ZERO, S::ZERO]
@@ -311,12 +312,26 @@ pub(super) mod tests {
         let sign = area.signum();
         let edges = edges.map(|edge| edge.map(|c| sign * c));
         let depth_error_bound = ERROR_BOUND * size(depth);
-        Some(Candidate { band_face: face, edges, depth, depth_error_bound, on_border: 0 })
+        Some(Candidate {
+            band_face: face,
+            edges,
+            depth,
+            depth_error_bound,
+            tie_bound: depth_error_bound,
+            on_border: 0,
+        })
     }
 
     fn background(face: u32) -> Candidate<f64> {
         let (edges, depth) = ([[1.0, 0.0, 0.0]; 3], [1.0, 0.0, 0.0]);
-        Candidate { band_face: face, edges, depth, depth_error_bound: ERROR_BOUND, on_border: 0 }
+        Candidate {
+            band_face: face,
+            edges,
+            depth,
+            depth_error_bound: ERROR_BOUND,
+            tie_bound: ERROR_BOUND,
+            on_border: 0,
+        }
     }
 
     fn at(line: [f64; 3], x: f64, y: f64) -> f64 {

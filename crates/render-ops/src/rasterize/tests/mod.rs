@@ -11,6 +11,7 @@ mod oracle;
 mod outline;
 mod perspective;
 mod pixel_borders;
+mod ties;
 mod watertight;
 
 use bokashi_core::{Tape, Tensor};
