@@ -46,7 +46,7 @@ use bokashi_core::parallel::{
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar};
 
 use self::discontinuity::{Blend, Outline, blend};
-use self::pairs::{Pair, Rows, SeenFace};
+use self::pairs::{Directions, Pair, Rows, SeenFace};
 use crate::background::Kind;
 use crate::coverage::Coverage;
 use crate::edge_functions::depth_at;
@@ -327,14 +327,11 @@ struct Outlines<S> {
 /// Which outline a slot has.
 #[derive(Debug, Clone, Copy)]
 struct OfSlot {
+    /// Beyond all outlines for a face without silhouettes.
     at: u32,
-    /// For pairs of pixels beside each other, and below each other: see [`Outline::counts`].
-    counts: [bool; 2],
-}
-
-impl OfSlot {
-    /// Of a face without silhouettes.
-    const NONE: Self = Self { at: u32::MAX, counts: [false; 2] };
+    face: u32,
+    /// See [`Outline::counts`].
+    counts: Directions,
 }
 
 impl<S: Scalar<Wide = S>> Outlines<S> {
@@ -372,11 +369,12 @@ impl<S: Scalar<Wide = S>> Outlines<S> {
         for slot in &coverage.centers.slots[slots] {
             let face = slot.face as usize;
             let silhouettes = (0..3).map(|k| u8::from(coverage.is_silhouette(face, k)) << k).sum();
-            let mut of_slot = OfSlot::NONE;
+            let mut of_slot = OfSlot { at: u32::MAX, face: slot.face, counts: 0 };
             if silhouettes != 0 {
                 let indices = coverage.mesh().faces()[face];
                 let outline = Outline::of(clip, indices, silhouettes, coverage.size());
-                of_slot = OfSlot { at: self.outlines.len() as u32, counts: outline.counts() };
+                of_slot.at = self.outlines.len() as u32;
+                of_slot.counts = outline.counts();
                 self.outlines.push(outline);
             }
             self.of_slot.push(of_slot);
@@ -398,14 +396,17 @@ impl<T: Scalar> Silhouettes<'_, T> {
         let Search { neighbors, blends, fragments } = search;
         blends.clear();
         fragments.clear();
-        let counts = |slot: usize| self.outlines.of_slot[slot].counts;
+        let seen = |slot: usize| {
+            let OfSlot { face, counts, .. } = self.outlines.of_slot[slot];
+            (face, counts)
+        };
         pulp::Arch::new().dispatch(
             #[inline(always)]
             || {
                 neighbors.for_each_pair(
                     self.coverage,
                     rows,
-                    counts,
+                    seen,
                     #[inline(always)]
                     |pair| {
                         if let Some(blend) = self.blend(&pair) {
