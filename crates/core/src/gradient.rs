@@ -2,7 +2,8 @@
 //!
 //! A sum takes its buffer when the first operation asks for it, and that operation's terms are
 //! written, not added: nothing is cleared first. An upstream gradient that a pass starts from is read
-//! where the caller holds it, unless something is added to it.
+//! where the caller holds it, unless something is added to it. An operation can give a buffer to a sum,
+//! and take over the sum of its own output where nobody else asks for that.
 
 use std::sync::Arc;
 
@@ -102,13 +103,30 @@ impl<T: Scalar> Accumulator<T> {
         }
     }
 
-    /// The sum's buffer, given up, if anything has been added.
-    pub(crate) fn take(&mut self, pool: &mut Pool<T>) -> Option<Vec<T>> {
-        self.own(pool);
+    /// The sum's buffer, given up, if it has one of its own and anything has been added.
+    #[inline]
+    pub(crate) fn take_own(&mut self) -> Option<Vec<T>> {
         (self.state == State::Sum).then(|| {
             self.state = State::Vacant;
             std::mem::take(&mut self.buffer)
         })
+    }
+
+    /// Adds the entries of `buffer`: where there is no sum yet, it becomes the sum.
+    fn give(&mut self, buffer: Vec<T>, pool: &mut Pool<T>) {
+        if self.state == State::Vacant {
+            (self.buffer, self.state) = (buffer, State::Sum);
+        } else {
+            self.prepare(buffer.len(), pool);
+            self.add(&buffer);
+            pool.give(buffer);
+        }
+    }
+
+    /// The sum's buffer, given up, if anything has been added.
+    pub(crate) fn take(&mut self, pool: &mut Pool<T>) -> Option<Vec<T>> {
+        self.own(pool);
+        self.take_own()
     }
 
     /// The entries, and whether nothing has been added yet: then they hold no meaningful numbers, and
@@ -181,6 +199,8 @@ pub struct Accumulators<'a, T> {
     pub(crate) wanted: &'a [Wanted],
     /// The gradients of all values before the operation's outputs.
     pub(crate) gradients: &'a mut [Accumulator<T>],
+    /// That of the operation's only output, where it can be taken over.
+    pub(crate) upstream: Option<Vec<T>>,
     pub(crate) pool: &'a mut Pool<T>,
 }
 
@@ -222,6 +242,37 @@ impl<T: Scalar> Accumulators<'_, T> {
         }
         gradient.prepare(size, self.pool);
         gradient.add_zipped([&entries[..]], |[entry]| factor * entry);
+    }
+
+    /// The gradient of the only output, for an operation that asked for it ([`Keep::upstream`]): to be
+    /// changed, and given to an input. `None` where somebody else reads it, too: then it is where it always
+    /// is, to be copied.
+    ///
+    /// [`Keep::upstream`]: crate::Keep::upstream
+    pub fn take_upstream(&mut self) -> Option<Vec<T>> {
+        self.upstream.take()
+    }
+
+    /// Adds the entries of `buffer` to the gradient of input `i`, where it is wanted. They are not copied
+    /// where nothing else has been added yet. Its memory serves the operations further down; so it should
+    /// be a buffer of the tape's.
+    ///
+    /// # Panics
+    /// Unless there are as many entries as the input has.
+    pub fn give(&mut self, i: usize, buffer: Vec<T>) {
+        if !self.needs(i) {
+            return self.pool.give(buffer);
+        }
+        let index = self.indices[i] as usize;
+        let size = self.values[index].data().len();
+        assert_eq!(size, buffer.len(), "a gradient has as many entries as its input");
+        self.gradients[index].give(buffer, self.pool);
+    }
+
+    /// A buffer of `length` entries, of those that wait to be used again, for [`Accumulators::give`]. They
+    /// are whatever an earlier use left.
+    pub fn buffer(&mut self, length: usize) -> Vec<T> {
+        self.pool.take(length)
     }
 
     /// The gradient of input `i`, where it is wanted, taken out: for an operation that adds to several

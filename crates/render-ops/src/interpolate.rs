@@ -17,7 +17,7 @@ use std::ops::Range;
 
 use crate::attributes::Attributes;
 use crate::error::RenderError;
-use crate::face_sums::{FaceSums, Layout, MANY, Terms, sum_weighted};
+use crate::face_sums::{FaceSums, Layout, Terms, sum_weighted};
 use crate::fragments::Fragments;
 use crate::mesh::Mesh;
 
@@ -270,13 +270,12 @@ impl<T: Scalar> FaceSums<T::Wide> for Shares<'_, T> {
         let uv = &self.barycentrics[2 * fragments.start..2 * fragments.end];
         let s_bar = &self.s_bar[fragments.start * self.channels..fragments.end * self.channels];
         match self.channels {
-            3 if fragments.len() >= MANY => {
+            3 => {
                 let sums = sum_weighted::<T, Values>(uv, s_bar.as_chunks::<3>().0);
                 for (i, row) in rows.as_chunks_mut::<3>().0.iter_mut().enumerate() {
                     *row = sums.map(|sums| sums[i]);
                 }
             }
-            3 => sum_shares::<T, 3>(3, uv, s_bar, rows),
             channels => {
                 for c in 0..channels {
                     sum_shares::<T, 1>(channels, uv, &s_bar[c..], &mut rows[c..]);

@@ -223,7 +223,7 @@ fn looked_at<S: Scalar<Wide = S>>(
     // Not by `map`, which would copy them one by one.
     let corners = [frame.local(vertices[0]), frame.local(vertices[1]), frame.local(vertices[2])];
     // The line through the centres meets edges with an end on either side of it.
-    let [a, b, c] = corners.map(|corner| corner.y < S::ZERO);
+    let [a, b, c] = [0, 1, 2].map(|k| corners[k].y < S::ZERO);
     let met = u8::from(b != c) | u8::from(c != a) << 1 | u8::from(a != b) << 2;
     if silhouettes & met == 0 {
         return None;
