@@ -141,7 +141,8 @@ impl<T: Scalar> Op<T> for Interpolate {
                         |slot, fragments, uv_bar| {
                             let face = layout.runs.face(slot);
                             let corners = self.0.corners(kept.input(0), channels, face);
-                            let s_bar = &shares.s_bar[fragments.start * channels..fragments.end * channels];
+                            let s_bar =
+                                &shares.s_bar[fragments.start * channels..fragments.end * channels];
                             pull_back_face(corners, s_bar, uv_bar, is_fresh);
                         },
                     );

@@ -568,7 +568,9 @@ impl<T: Scalar> Op<T> for Antialias {
         for ((_, entries, _), shares) in found.placed(channels).zip(shares.chunks_exact(channels)) {
             for (entry, sign) in entries.into_iter().zip([-T::ONE, T::ONE]) {
                 // What leads to the background is above.
-                let Some(values_bar) = values_bar.get_mut(entry..entry + channels) else { continue };
+                let Some(values_bar) = values_bar.get_mut(entry..entry + channels) else {
+                    continue;
+                };
                 values_bar.iter_mut().zip(shares).for_each(|(bar, &share)| *bar += sign * share);
             }
         }
