@@ -41,7 +41,7 @@ fn are_finite<S: Scalar, const N: usize>(numbers: &[S; N]) -> bool {
 const PARTS: usize = 8;
 
 /// A face with fewer fragments is summed one by one.
-pub(crate) const MANY: usize = 4 * PARTS;
+const MANY: usize = 4 * PARTS;
 
 /// What is summed over the fragments of a face, times their weights.
 pub(crate) trait Terms<T: Scalar> {

@@ -279,7 +279,7 @@ impl<T: Scalar> FaceSums<T::Wide> for Shares<'_, T> {
             }
             channels => {
                 for c in 0..channels {
-                    sum_shares::<T, 1>(channels, uv, &s_bar[c..], &mut rows[c..]);
+                    sum_shares(channels, uv, &s_bar[c..], &mut rows[c..]);
                 }
             }
         }
@@ -304,28 +304,20 @@ impl<T: Scalar> Terms<T> for Values {
     }
 }
 
-/// The shares from `N` channels of `stride` that start each row of `s_bar` and of the
-/// vertices' `rows`.
+/// The shares from the first channel of `stride`, in each row of `s_bar` and of the vertices' `rows`.
 #[inline(always)]
-fn sum_shares<T: Scalar, const N: usize>(
-    stride: usize,
-    uv: &[T],
-    s_bar: &[T],
-    rows: &mut [T::Wide],
-) {
-    let mut sums = [[T::Wide::ZERO; N]; 3];
+fn sum_shares<T: Scalar>(stride: usize, uv: &[T], s_bar: &[T], rows: &mut [T::Wide]) {
+    let mut sums = [T::Wide::ZERO; 3];
     for (uv, s_bar) in uv.chunks_exact(2).zip(s_bar.chunks(stride)) {
         let (u, v) = (uv[0].widen(), uv[1].widen());
         let shares = [u, v, T::Wide::ONE - u - v];
-        for c in 0..N {
-            let s_bar = s_bar[c].widen();
-            for (sums, share) in sums.iter_mut().zip(shares) {
-                sums[c] += share * s_bar;
-            }
+        let s_bar = s_bar[0].widen();
+        for (sum, share) in sums.iter_mut().zip(shares) {
+            *sum += share * s_bar;
         }
     }
-    for (row, sums) in rows.chunks_mut(stride).zip(sums) {
-        row[..N].copy_from_slice(&sums);
+    for (row, sum) in rows.chunks_mut(stride).zip(sums) {
+        row[0] = sum;
     }
 }
 
