@@ -245,7 +245,19 @@ impl<T: Scalar> Inner<T> {
                     count.leave_out_input(i);
                 }
             }
+            for (j, gradient) in upstream.iter().enumerate() {
+                if gradient.sum().is_none() {
+                    count.leave_out_output(j);
+                }
+            }
             let clock = self.timed.then(Instant::now);
+            // Nobody reads it after this operation, which can have the memory then.
+            let taken = match upstream {
+                [only] if node.keep.takes_upstream() && wanted[start] != Wanted::Result => {
+                    only.take_own()
+                }
+                _ => None,
+            };
             let kept = Kept {
                 operation: count.operation.name,
                 keep: node.keep,
@@ -253,12 +265,19 @@ impl<T: Scalar> Inner<T> {
                 outputs: &values[start..end],
                 upstream,
             };
-            let mut sums = Accumulators { values, indices: inputs, wanted, gradients: below, pool };
+            let mut sums = Accumulators {
+                values,
+                indices: inputs,
+                wanted,
+                gradients: below,
+                upstream: taken,
+                pool,
+            };
             places[node.place as usize].recorded.backward(&kept, &mut sums);
-            for (j, (gradient, wanted)) in upstream.iter_mut().zip(&wanted[start..]).enumerate() {
-                if gradient.sum().is_none() {
-                    count.leave_out_output(j);
-                }
+            if let Some(left) = sums.upstream {
+                pool.give(left);
+            }
+            for (gradient, wanted) in upstream.iter_mut().zip(&wanted[start..]) {
                 if *wanted != Wanted::Result {
                     gradient.release(pool);
                 }

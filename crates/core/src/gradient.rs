@@ -2,7 +2,8 @@
 //!
 //! A sum takes its buffer when the first operation asks for it, and that operation's terms are
 //! written, not added: nothing is cleared first. An upstream gradient that a pass starts from is read
-//! where the caller holds it, unless something is added to it.
+//! where the caller holds it, unless something is added to it. An operation can give a buffer to a sum,
+//! and take over the sum of its own output where nobody else asks for that.
 
 use std::sync::Arc;
 
@@ -102,13 +103,30 @@ impl<T: Scalar> Accumulator<T> {
         }
     }
 
-    /// The sum's buffer, given up, if anything has been added.
-    pub(crate) fn take(&mut self, pool: &mut Pool<T>) -> Option<Vec<T>> {
-        self.own(pool);
+    /// The sum's buffer, given up, if it has one of its own and anything has been added.
+    #[inline]
+    pub(crate) fn take_own(&mut self) -> Option<Vec<T>> {
         (self.state == State::Sum).then(|| {
             self.state = State::Vacant;
             std::mem::take(&mut self.buffer)
         })
+    }
+
+    /// Adds the entries of `buffer`: where there is no sum yet, it becomes the sum.
+    fn give(&mut self, buffer: Vec<T>, pool: &mut Pool<T>) {
+        if self.state == State::Vacant {
+            (self.buffer, self.state) = (buffer, State::Sum);
+        } else {
+            self.prepare(buffer.len(), pool);
+            self.add(&buffer);
+            pool.give(buffer);
+        }
+    }
+
+    /// The sum's buffer, given up, if anything has been added.
+    pub(crate) fn take(&mut self, pool: &mut Pool<T>) -> Option<Vec<T>> {
+        self.own(pool);
+        self.take_own()
     }
 
     /// The entries, and whether nothing has been added yet: then they hold no meaningful numbers, and
@@ -181,6 +199,8 @@ pub struct Accumulators<'a, T> {
     pub(crate) wanted: &'a [Wanted],
     /// The gradients of all values before the operation's outputs.
     pub(crate) gradients: &'a mut [Accumulator<T>],
+    /// That of the operation's only output, where it can be taken over.
+    pub(crate) upstream: Option<Vec<T>>,
     pub(crate) pool: &'a mut Pool<T>,
 }
 
@@ -224,6 +244,37 @@ impl<T: Scalar> Accumulators<'_, T> {
         gradient.add_zipped([&entries[..]], |[entry]| factor * entry);
     }
 
+    /// The gradient of the only output, for an operation that asked for it ([`Keep::upstream`]): to be
+    /// changed, and given to an input. `None` where somebody else reads it, too: then it is where it always
+    /// is, to be copied.
+    ///
+    /// [`Keep::upstream`]: crate::Keep::upstream
+    pub fn take_upstream(&mut self) -> Option<Vec<T>> {
+        self.upstream.take()
+    }
+
+    /// Adds the entries of `buffer` to the gradient of input `i`, where it is wanted. They are not copied
+    /// where nothing else has been added yet. Its memory serves the operations further down; so it should
+    /// be a buffer of the tape's.
+    ///
+    /// # Panics
+    /// Unless there are as many entries as the input has.
+    pub fn give(&mut self, i: usize, buffer: Vec<T>) {
+        if !self.needs(i) {
+            return self.pool.give(buffer);
+        }
+        let index = self.indices[i] as usize;
+        let size = self.values[index].data().len();
+        assert_eq!(size, buffer.len(), "a gradient has as many entries as its input");
+        self.gradients[index].give(buffer, self.pool);
+    }
+
+    /// A buffer of `length` entries, of those that wait to be used again, for [`Accumulators::give`]. They
+    /// are whatever an earlier use left.
+    pub fn buffer(&mut self, length: usize) -> Vec<T> {
+        self.pool.take(length)
+    }
+
     /// The gradient of input `i`, where it is wanted, taken out: for an operation that adds to several
     /// gradients at the same time. [`Accumulators::put_back`] ends that; a gradient that is not put
     /// back is lost. Of a variable that is several inputs each has a sum of its own until then.
@@ -247,7 +298,14 @@ impl<T: Scalar> Accumulators<'_, T> {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
     use super::*;
+    use crate::error::TensorError;
+    use crate::op::{Inputs, Keep, Kept, Op, Outputs};
+    use crate::tape::Tape;
+    use crate::tensor::Tensor;
 
     fn accumulator(fresh: bool) -> Accumulator<f64> {
         // NaN: what a fresh buffer holds means nothing.
@@ -297,6 +355,156 @@ mod tests {
         sum.release(&mut pool);
         assert_eq!(sum.sum(), None);
         assert_eq!((Arc::strong_count(&lent), &*lent), (1, &vec![3.0, 4.0]));
+    }
+
+    /// `y = [x, x_0]`; counts how often it could take over the gradient of y.
+    struct Appends(Arc<AtomicUsize>);
+
+    impl Op<f64> for Appends {
+        type Saved = ();
+        type Error = TensorError;
+
+        fn name(&self) -> &'static str {
+            "appends"
+        }
+
+        fn forward(
+            &self,
+            inputs: &Inputs<'_, f64>,
+            outputs: &mut Outputs<'_, f64>,
+            _saved: &mut (),
+        ) -> Result<(), TensorError> {
+            let x = inputs.data(0);
+            let y = outputs.push([x.len() + 1]);
+            y[..x.len()].copy_from_slice(x);
+            y[x.len()] = x[0];
+            Ok(())
+        }
+
+        fn keeps(&self, _inputs: &Inputs<'_, f64>) -> Keep {
+            Keep::NOTHING.upstream()
+        }
+
+        fn backward(
+            &self,
+            kept: &Kept<'_, f64>,
+            _saved: &mut (),
+            gradients: &mut Accumulators<'_, f64>,
+        ) {
+            let mut y_bar = match gradients.take_upstream() {
+                Some(y_bar) => {
+                    self.0.fetch_add(1, Ordering::Relaxed);
+                    y_bar
+                }
+                None => kept.only_upstream().to_vec(),
+            };
+            let last = y_bar.pop().expect("y is longer than x");
+            y_bar[0] += last;
+            gradients.give(0, y_bar);
+        }
+    }
+
+    #[test]
+    fn a_gradient_is_taken_over_unless_somebody_else_reads_it() {
+        let mut tape = Tape::new();
+        let count = Arc::new(AtomicUsize::new(0));
+        let numbers = Tensor::from_flat_fn([3], |k| 1.0 + k as f64);
+        // Steps in the memory of earlier ones, each with several passes over one recording.
+        for step in 1..4 {
+            let taken = || count.swap(0, Ordering::Relaxed);
+            {
+                let x = tape.leaf(&numbers);
+                let y = tape.apply(Appends(Arc::clone(&count)), &[x]).unwrap();
+                // Two read y, and two read x.
+                let loss = y.square().sum() + y.sum() + x.sum();
+                let of_y = [3.0, 5.0, 7.0, 3.0];
+                let of_x = [7.0, 6.0, 8.0];
+                for _ in 0..2 {
+                    assert_eq!(loss.backward().unwrap().get(x).unwrap().data(), of_x);
+                    assert_eq!(taken(), 1, "{step}");
+                    let both = loss.backward_to(&[x, y]).unwrap();
+                    assert_eq!(both.get(y).unwrap().data(), of_y);
+                    assert_eq!(both.get(x).unwrap().data(), of_x);
+                    assert_eq!(taken(), 0, "whoever asked has it");
+                }
+                let upstream = Tensor::from_flat_fn([4], |k| k as f64);
+                for _ in 0..2 {
+                    let gradients = tape.vjp(&[(y, &upstream)]).unwrap();
+                    assert_eq!(gradients.get(x).unwrap().data(), [3.0, 1.0, 2.0]);
+                    assert_eq!(taken(), 0, "it is the caller's");
+                }
+                let twice = tape.vjp(&[(y, &upstream), (y, &upstream)]).unwrap();
+                assert_eq!(twice.get(x).unwrap().data(), [6.0, 2.0, 4.0]);
+                assert_eq!(taken(), 1);
+                assert_eq!(upstream.data(), [0.0, 1.0, 2.0, 3.0]);
+                assert_eq!(y.value().data(), [1.0, 2.0, 3.0, 1.0]);
+            }
+            assert!(tape.take_report().left_out.iter().all(|of| of.name != "appends"));
+            tape.reset();
+        }
+    }
+
+    /// The sum of the squares; its gradient is known since the forward pass, and is given away.
+    struct Squares;
+
+    impl Op<f64> for Squares {
+        type Saved = Option<Vec<f64>>;
+        type Error = TensorError;
+
+        fn name(&self) -> &'static str {
+            "squares"
+        }
+
+        fn forward(
+            &self,
+            inputs: &Inputs<'_, f64>,
+            outputs: &mut Outputs<'_, f64>,
+            slopes: &mut Option<Vec<f64>>,
+        ) -> Result<(), TensorError> {
+            let x = inputs.data(0);
+            let slopes = slopes.get_or_insert_with(|| outputs.buffer(x.len()));
+            slopes.iter_mut().zip(x).for_each(|(slope, x)| *slope = 2.0 * x);
+            outputs.push([])[0] = x.iter().map(|x| x * x).sum();
+            Ok(())
+        }
+
+        fn keeps(&self, _inputs: &Inputs<'_, f64>) -> Keep {
+            Keep::NOTHING
+        }
+
+        fn backward(
+            &self,
+            _kept: &Kept<'_, f64>,
+            slopes: &mut Option<Vec<f64>>,
+            gradients: &mut Accumulators<'_, f64>,
+        ) {
+            gradients.give(0, slopes.take().expect("one pass"));
+        }
+    }
+
+    #[test]
+    fn what_is_given_to_a_gradient_is_its_buffer_unless_there_is_a_sum_and_serves_the_next_step() {
+        let mut tape = Tape::new();
+        let mut places = BTreeSet::new();
+        for _ in 0..8 {
+            {
+                let x = tape.leaf(&Tensor::from_flat_fn([100], |k| k as f64));
+                let y = x.square();
+                let loss = tape.apply(Squares, &[y]).unwrap();
+                let gradients = loss.backward_to(&[y]).unwrap();
+                let of_y = gradients.get(y).unwrap();
+                assert!(of_y.data().iter().zip(y.value().data()).all(|(bar, y)| *bar == 2.0 * y));
+                places.insert(of_y.data().as_ptr());
+                drop(gradients);
+                // A sum that is there already.
+                let loss = tape.apply(Squares, &[x]).unwrap() + x.sum();
+                let gradients = loss.backward().unwrap();
+                let of_x = gradients.get(x).unwrap().data();
+                assert!(of_x.iter().enumerate().all(|(k, &bar)| bar == 2.0 * k as f64 + 1.0));
+            }
+            tape.reset();
+        }
+        assert!(places.len() <= 3, "{places:?}");
     }
 
     #[test]

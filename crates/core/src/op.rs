@@ -66,11 +66,12 @@ pub trait Op<T: Scalar>: Send + 'static {
 pub struct Keep {
     inputs: u64,
     outputs: u64,
+    takes_upstream: bool,
 }
 
 impl Keep {
     /// Nothing: the backward pass needs shapes alone.
-    pub const NOTHING: Self = Self { inputs: 0, outputs: 0 };
+    pub const NOTHING: Self = Self { inputs: 0, outputs: 0, takes_upstream: false };
 
     /// The value of input `i`, one of the first 64.
     #[must_use]
@@ -82,6 +83,20 @@ impl Keep {
     #[must_use]
     pub const fn output(self, j: usize) -> Self {
         Self { outputs: self.outputs | 1 << j, ..self }
+    }
+
+    /// Beside these, the gradient of the only output as memory: the backward pass looks for it in
+    /// [`Accumulators::take_upstream`] first, and only then in [`Kept::only_upstream`]. For an operation
+    /// that changes few entries, so that an input's gradient is mostly that of the output.
+    #[must_use]
+    pub const fn upstream(self) -> Self {
+        Self { takes_upstream: true, ..self }
+    }
+
+    /// Whether the gradient of the only output of an operation may be taken over.
+    #[inline]
+    pub(crate) fn takes_upstream(self) -> bool {
+        self.takes_upstream
     }
 
     #[inline]
@@ -190,6 +205,13 @@ impl<T: Scalar> Outputs<'_, T> {
         }
         self.renamed.push(Renamed { output: self.count, shape: shape.into(), input });
         self.count += 1;
+    }
+
+    /// A buffer of `length` entries for what the operation saves, of those that wait to be used again. They
+    /// are whatever an earlier use left. It comes back where the backward pass gives it to a gradient
+    /// ([`Accumulators::give`]).
+    pub fn buffer(&mut self, length: usize) -> Vec<T> {
+        self.pool.take(length)
     }
 
     /// Says that the operation is the identity: its one output is input `input` itself. Then

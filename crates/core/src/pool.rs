@@ -8,7 +8,8 @@
 //!
 //! # Large buffers
 //! A large value gives its buffer back when its step ends, so that whatever comes first can have it. A
-//! buffer of twice the size is as good as one of the right size. Where there is none, a new buffer
+//! buffer of twice the size is as good as one of the right size. Of several, the one that last held about
+//! as many entries is taken, so that little of it needs to be cleared. Where there is none, a new buffer
 //! takes the place of smaller ones that wait, as far as they make up its size. So steps whose sizes
 //! change from step to step hold little more than the largest of them. Only a larger buffer makes the
 //! pool drop one: steps that are all alike soon find all they need.
@@ -46,10 +47,11 @@ impl<T: Scalar> Pool<T> {
     #[inline]
     pub(crate) fn take(&mut self, length: usize) -> Vec<T> {
         let class = class_of(length);
-        let mut buffer = match self.classes.get_mut(class).and_then(Vec::pop) {
-            Some(buffer) => buffer,
-            None if class >= LARGE => self.take_large(class),
-            None => Vec::with_capacity(1 << class),
+        let mut buffer = if class >= LARGE {
+            self.take_large(class, length)
+        } else {
+            let waiting = self.classes.get_mut(class).and_then(Vec::pop);
+            waiting.unwrap_or_else(|| Vec::with_capacity(1 << class))
         };
         if buffer.len() != length {
             buffer.resize(length, T::ZERO);
@@ -60,9 +62,12 @@ impl<T: Scalar> Pool<T> {
         buffer
     }
 
-    /// A buffer of class `class`, of which none is waiting, or of the next one.
-    #[cold]
-    fn take_large(&mut self, class: usize) -> Vec<T> {
+    /// A buffer of class `class` for `length` entries, or of the next class.
+    #[inline(never)]
+    fn take_large(&mut self, class: usize, length: usize) -> Vec<T> {
+        if let Some(buffer) = self.classes.get_mut(class).and_then(|of| take_nearest(of, length)) {
+            return buffer;
+        }
         if let Some(buffer) = self.classes.get_mut(class + 1).and_then(Vec::pop) {
             return buffer;
         }
@@ -108,6 +113,14 @@ impl<T: Scalar> Pool<T> {
     pub(crate) fn count(&self) -> usize {
         self.classes.iter().map(Vec::len).sum()
     }
+}
+
+/// Takes out the buffer whose length is nearest to `length`: what a buffer lacks is cleared before it
+/// is used, and a step like the last one finds a buffer of each length.
+fn take_nearest<T>(waiting: &mut Vec<Vec<T>>, length: usize) -> Option<Vec<T>> {
+    let places = (0..waiting.len()).rev();
+    let nearest = places.min_by_key(|&at| waiting[at].len().abs_diff(length))?;
+    Some(waiting.remove(nearest))
 }
 
 /// The smallest class whose buffers hold `length` entries.
@@ -173,6 +186,23 @@ mod tests {
         assert_eq!(count(&pool), 2);
         drop((buffer, pool.take(4 * larger)));
         assert_eq!(count(&pool), 1);
+    }
+
+    #[test]
+    fn of_large_buffers_the_one_that_held_about_as_many_entries_is_taken() {
+        let mut pool = Pool::<f32>::default();
+        let lengths = [9, 6, 8, 7].map(|eighths| eighths << (LARGE - 3));
+        let lengths = lengths.map(|length| length + 1);
+        let buffers = lengths.map(|length| pool.take(length));
+        let addresses = buffers.each_ref().map(|buffer| buffer.as_ptr());
+        buffers.into_iter().for_each(|buffer| pool.give(buffer));
+        for order in [[2, 0], [0, 2]] {
+            let taken = order.map(|k| (k, pool.take(lengths[k])));
+            for (k, buffer) in taken {
+                assert_eq!(buffer.as_ptr(), addresses[k]);
+                pool.give(buffer);
+            }
+        }
     }
 
     #[test]

@@ -62,10 +62,21 @@ impl Attributes {
             entries,
             #[inline(always)]
             |runs, slot, fragments, own| {
-                let corners = self.indices.faces()[runs.face(slot)]
-                    .map(|vertex| &attributes[vertex as usize * channels..][..channels]);
+                let corners = self.corners(attributes, channels, runs.face(slot));
                 work(fragments, corners, own);
             },
         );
+    }
+
+    /// The attributes of the vertices of a face.
+    #[inline(always)]
+    pub(crate) fn corners<'a, T>(
+        &self,
+        attributes: &'a [T],
+        channels: usize,
+        face: usize,
+    ) -> [&'a [T]; 3] {
+        self.indices.faces()[face]
+            .map(|vertex| &attributes[vertex as usize * channels..][..channels])
     }
 }

@@ -6,7 +6,6 @@
 
 use std::ops::Range;
 
-use bokashi_core::parallel::merge_ranges;
 use bokashi_core::{Accumulator, Scalar};
 
 use crate::mesh::Mesh;
@@ -42,7 +41,7 @@ fn are_finite<S: Scalar, const N: usize>(numbers: &[S; N]) -> bool {
 const PARTS: usize = 8;
 
 /// A face with fewer fragments is summed one by one.
-pub(crate) const MANY: usize = 4 * PARTS;
+const MANY: usize = 4 * PARTS;
 
 /// What is summed over the fragments of a face, times their weights.
 pub(crate) trait Terms<T: Scalar> {
@@ -129,25 +128,41 @@ impl Layout<'_> {
         gradient: &mut Accumulator<T>,
         by_face: &impl FaceSums<T::Wide>,
     ) {
+        self.add_to_beside(gradient, by_face, &mut [], |_, _, _| ());
+    }
+
+    /// [`Layout::add_to`], and in the same walk `beside(slot, fragments, own)` for each slot, with its
+    /// fragments and their entries of `entries`: what a slot's fragments have upstream is then read from
+    /// memory once. Each fragment has as many entries.
+    #[inline(always)]
+    pub(crate) fn add_to_beside<T: Scalar>(
+        &self,
+        gradient: &mut Accumulator<T>,
+        by_face: &impl FaceSums<T::Wide>,
+        entries: &mut [T],
+        beside: impl Fn(usize, Range<usize>, &mut [T]) + Send + Sync,
+    ) {
         match self.width {
-            3 => self.add_rows::<T, 9>(gradient, by_face),
-            4 => self.add_rows::<T, 12>(gradient, by_face),
-            _ => self.add_any_rows(gradient, by_face),
+            3 => self.add_rows::<T, 9>(gradient, by_face, entries, beside),
+            4 => self.add_rows::<T, 12>(gradient, by_face, entries, beside),
+            _ => self.add_any_rows(gradient, by_face, entries, beside),
         }
     }
 
-    /// [`Layout::add_to`] where a face's three rows are `N` numbers.
+    /// [`Layout::add_to_beside`] where a face's three rows are `N` numbers.
     fn add_rows<T: Scalar, const N: usize>(
         &self,
         gradient: &mut Accumulator<T>,
         by_face: &impl FaceSums<T::Wide>,
+        entries: &mut [T],
+        beside: impl Fn(usize, Range<usize>, &mut [T]) + Send + Sync,
     ) {
-        let entries = gradient.entries();
+        let vertices = gradient.entries();
         let faces = self.mesh.faces();
         let mut add = |face: usize, rows: &[T; N]| {
             let are_finite = are_finite(rows);
             for (&vertex, row) in faces[face].iter().zip(rows.chunks_exact(N / 3)) {
-                let entries = &mut entries[vertex as usize * (N / 3)..][..N / 3];
+                let entries = &mut vertices[vertex as usize * (N / 3)..][..N / 3];
                 let pairs = entries.iter_mut().zip(row);
                 if are_finite {
                     pairs.for_each(|(entry, &term)| *entry += term);
@@ -156,17 +171,20 @@ impl Layout<'_> {
                 }
             }
         };
+        let width = entries.len().checked_div(self.runs.count).unwrap_or(0);
         if !self.runs.is_shared() {
-            return self.walk_rows(0..self.runs.bands(), by_face, &mut add);
+            let slots = 0..self.runs.slots.len();
+            return self.walk_rows(slots, by_face, width, entries, &beside, &mut add);
         }
-        let work = |bands: Range<usize>| {
-            let slots = self.runs.slots_of(bands.clone()).len();
-            let mut all_rows = Vec::with_capacity(slots);
-            self.walk_rows(bands, by_face, &mut |_, rows: &[T; N]| all_rows.push(*rows));
+        let work = |slots: Range<usize>, _: usize, own: &mut [T]| {
+            let mut all_rows = Vec::with_capacity(slots.len());
+            self.walk_rows(slots, by_face, width, own, &beside, &mut |_, rows: &[T; N]| {
+                all_rows.push(*rows);
+            });
             all_rows
         };
         let mut slots = self.runs.slots.iter();
-        merge_ranges(self.runs.bands(), 1, work, |all_rows| {
+        self.runs.merge_bands_mut(width, entries, work, |all_rows| {
             for (rows, slot) in all_rows.iter().zip(&mut slots) {
                 add(slot.face as usize, rows);
             }
@@ -176,17 +194,23 @@ impl Layout<'_> {
     /// [`Layout::walk`] where a face's three rows are `N` numbers.
     fn walk_rows<T: Scalar, const N: usize>(
         &self,
-        bands: Range<usize>,
+        slots: Range<usize>,
         by_face: &impl FaceSums<T::Wide>,
+        width: usize,
+        entries: &mut [T],
+        beside: &impl Fn(usize, Range<usize>, &mut [T]),
         emit: &mut impl FnMut(usize, &[T; N]),
     ) {
         let runs = self.runs;
         pulp::Arch::new().dispatch(
             #[inline(always)]
             || {
-                for slot in runs.slots_of(bands) {
+                let mut rest = entries;
+                for slot in slots {
                     let mut rows = [T::Wide::ZERO; N];
                     let fragments = runs.fragments_of(slot..slot + 1);
+                    let own = first_of(&mut rest, width * fragments.len());
+                    beside(slot, fragments.clone(), own);
                     by_face.sum(slot, fragments.clone(), &mut rows);
                     if !are_finite(&rows) {
                         add_one_by_one(slot, fragments, by_face, &mut rows);
@@ -201,12 +225,14 @@ impl Layout<'_> {
         &self,
         gradient: &mut Accumulator<T>,
         by_face: &impl FaceSums<T::Wide>,
+        entries: &mut [T],
+        beside: impl Fn(usize, Range<usize>, &mut [T]) + Send + Sync,
     ) {
-        let entries = gradient.entries();
+        let vertices = gradient.entries();
         let width = self.width;
         let mut add = |face: usize, rows: &[T]| {
             for (&vertex, row) in self.mesh.faces()[face].iter().zip(rows.chunks_exact(width)) {
-                let entries = &mut entries[vertex as usize * width..][..width];
+                let entries = &mut vertices[vertex as usize * width..][..width];
                 // The usual widths, without a loop.
                 match (entries, row) {
                     ([a, b, c], [x, y, z]) => add_terms([a, b, c], [x, y, z]),
@@ -217,28 +243,34 @@ impl Layout<'_> {
                 }
             }
         };
+        let own_width = entries.len().checked_div(self.runs.count).unwrap_or(0);
         if !self.runs.is_shared() {
-            return self.walk(0..self.runs.bands(), by_face, &mut add);
+            let slots = 0..self.runs.slots.len();
+            return self.walk(slots, by_face, own_width, entries, &beside, &mut add);
         }
-        let work = |bands: Range<usize>| {
-            let slots = self.runs.slots_of(bands.clone()).len();
-            let mut all_rows = Vec::with_capacity(slots * 3 * width);
-            self.walk(bands, by_face, &mut |_, rows: &[T]| all_rows.extend_from_slice(rows));
+        let work = |slots: Range<usize>, _: usize, own: &mut [T]| {
+            let mut all_rows = Vec::with_capacity(slots.len() * 3 * width);
+            self.walk(slots, by_face, own_width, own, &beside, &mut |_, rows: &[T]| {
+                all_rows.extend_from_slice(rows);
+            });
             all_rows
         };
         let mut slots = self.runs.slots.iter();
-        merge_ranges(self.runs.bands(), 1, work, |all_rows| {
+        self.runs.merge_bands_mut(own_width, entries, work, |all_rows| {
             for (rows, slot) in all_rows.chunks_exact(3 * width).zip(&mut slots) {
                 add(slot.face as usize, rows);
             }
         });
     }
 
-    /// Calls `emit` with each face that is seen in `bands` and the gradients of its vertices.
+    /// Calls `beside` with each of `slots`, and `emit` with its face and the gradients of its vertices.
     fn walk<T: Scalar>(
         &self,
-        bands: Range<usize>,
+        slots: Range<usize>,
         by_face: &impl FaceSums<T::Wide>,
+        own_width: usize,
+        entries: &mut [T],
+        beside: &impl Fn(usize, Range<usize>, &mut [T]),
         emit: &mut impl FnMut(usize, &[T]),
     ) {
         let runs = self.runs;
@@ -253,12 +285,14 @@ impl Layout<'_> {
             many_narrow.resize(length, T::ZERO);
             (many.as_mut_slice(), many_narrow.as_mut_slice())
         };
-        let slots = runs.slots_of(bands);
         pulp::Arch::new().dispatch(
             #[inline(always)]
             || {
+                let mut rest = entries;
                 for slot in slots {
                     let fragments = runs.fragments_of(slot..slot + 1);
+                    let own = first_of(&mut rest, own_width * fragments.len());
+                    beside(slot, fragments.clone(), own);
                     by_face.sum(slot, fragments.clone(), rows);
                     if !rows.iter().all(|row| row.is_finite()) {
                         add_one_by_one(slot, fragments, by_face, rows);
@@ -269,6 +303,14 @@ impl Layout<'_> {
             },
         );
     }
+}
+
+/// The first `count` entries of `rest`, which is left with the others.
+#[inline(always)]
+fn first_of<'a, T>(rest: &mut &'a mut [T], count: usize) -> &'a mut [T] {
+    let (first, others) = std::mem::take(rest).split_at_mut(count);
+    *rest = others;
+    first
 }
 
 /// The gradients of a face's vertices as a sum over single fragments: what is beyond the range of
@@ -316,7 +358,9 @@ mod tests {
         let coverage = rasterize(clip, &mesh, Size { width: 3, height: 5 }).unwrap().coverage;
         let layout = Layout { runs: &coverage.centers, mesh: &mesh, width: 2 };
         let mut found = Vec::new();
-        layout.walk(0..1, &Largest, &mut |face, rows: &[f64]| found.push((face, rows.to_vec())));
+        layout.walk(0..1, &Largest, 0, &mut [], &|_, _, _| (), &mut |face, rows: &[f64]| {
+            found.push((face, rows.to_vec()));
+        });
         // Fifteen terms, in turns.
         assert_eq!(found, [(0, vec![f64::MAX; 6])]);
     }

@@ -12,12 +12,12 @@
 //! Laine et al., *Modular primitives for high-performance differentiable rendering*, ACM TOG 39(6),
 //! 2020.
 
-use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
+use bokashi_core::{Accumulator, Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
 use std::ops::Range;
 
 use crate::attributes::Attributes;
 use crate::error::RenderError;
-use crate::face_sums::{FaceSums, Layout, MANY, Terms, sum_weighted};
+use crate::face_sums::{FaceSums, Layout, Terms, sum_weighted};
 use crate::fragments::Fragments;
 use crate::mesh::Mesh;
 
@@ -125,28 +125,65 @@ impl<T: Scalar> Op<T> for Interpolate {
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
         let s_bar = kept.only_upstream();
         let channels = kept.input_shape(0)[1];
-        if let Some(attributes_bar) = gradients.get(0) {
-            for (runs, first) in self.0.coverage.kinds() {
-                let (barycentrics, s_bar) =
-                    (&kept.input(1)[2 * first..], &s_bar[first * channels..]);
-                let shares = Shares { barycentrics, s_bar, channels };
-                Layout { runs, mesh: &self.0.indices, width: channels }
-                    .add_to(attributes_bar, &shares);
+        let mut barycentrics_bar = gradients.take(1);
+        let uv_bar = barycentrics_bar.as_mut().map(Accumulator::entries_or_fresh);
+        match (gradients.get(0), uv_bar) {
+            (Some(attributes_bar), Some((mut rest, is_fresh))) => {
+                for (layout, shares) in self.shares(kept.input(1), s_bar, channels) {
+                    let (uv_bar, others) = rest.split_at_mut(2 * layout.runs.count);
+                    rest = others;
+                    // One walk for both: what is upstream is then read from memory once.
+                    layout.add_to_beside(
+                        attributes_bar,
+                        &shares,
+                        uv_bar,
+                        #[inline(always)]
+                        |slot, fragments, uv_bar| {
+                            let face = layout.runs.face(slot);
+                            let corners = self.0.corners(kept.input(0), channels, face);
+                            let s_bar =
+                                &shares.s_bar[fragments.start * channels..fragments.end * channels];
+                            pull_back_face(corners, s_bar, uv_bar, is_fresh);
+                        },
+                    );
+                }
             }
-        }
-        if let Some(barycentrics_bar) = gradients.get(1) {
-            let (entries, is_fresh) = barycentrics_bar.entries_or_fresh();
-            self.0.for_each_face_mut(
+            (Some(attributes_bar), None) => {
+                for (layout, shares) in self.shares(kept.input(1), s_bar, channels) {
+                    layout.add_to(attributes_bar, &shares);
+                }
+            }
+            (None, Some((uv_bar, is_fresh))) => self.0.for_each_face_mut(
                 kept.input(0),
-                entries,
+                uv_bar,
                 channels,
                 #[inline(always)]
                 |fragments, corners, uv_bar| {
                     let s_bar = &s_bar[fragments.start * channels..fragments.end * channels];
                     pull_back_face(corners, s_bar, uv_bar, is_fresh);
                 },
-            );
+            ),
+            (None, None) => {}
         }
+        if let Some(barycentrics_bar) = barycentrics_bar {
+            gradients.put_back(1, barycentrics_bar);
+        }
+    }
+}
+
+impl Interpolate {
+    /// The shares of fragments at pixel centres, and those of pieces.
+    fn shares<'a, T>(
+        &'a self,
+        barycentrics: &'a [T],
+        s_bar: &'a [T],
+        channels: usize,
+    ) -> [(Layout<'a>, Shares<'a, T>); 2] {
+        self.0.coverage.kinds().map(|(runs, first)| {
+            let (barycentrics, s_bar) = (&barycentrics[2 * first..], &s_bar[first * channels..]);
+            let layout = Layout { runs, mesh: &self.0.indices, width: channels };
+            (layout, Shares { barycentrics, s_bar, channels })
+        })
     }
 }
 
@@ -234,16 +271,15 @@ impl<T: Scalar> FaceSums<T::Wide> for Shares<'_, T> {
         let uv = &self.barycentrics[2 * fragments.start..2 * fragments.end];
         let s_bar = &self.s_bar[fragments.start * self.channels..fragments.end * self.channels];
         match self.channels {
-            3 if fragments.len() >= MANY => {
+            3 => {
                 let sums = sum_weighted::<T, Values>(uv, s_bar.as_chunks::<3>().0);
                 for (i, row) in rows.as_chunks_mut::<3>().0.iter_mut().enumerate() {
                     *row = sums.map(|sums| sums[i]);
                 }
             }
-            3 => sum_shares::<T, 3>(3, uv, s_bar, rows),
             channels => {
                 for c in 0..channels {
-                    sum_shares::<T, 1>(channels, uv, &s_bar[c..], &mut rows[c..]);
+                    sum_shares(channels, uv, &s_bar[c..], &mut rows[c..]);
                 }
             }
         }
@@ -268,28 +304,20 @@ impl<T: Scalar> Terms<T> for Values {
     }
 }
 
-/// The shares from `N` channels of `stride` that start each row of `s_bar` and of the
-/// vertices' `rows`.
+/// The shares from the first channel of `stride`, in each row of `s_bar` and of the vertices' `rows`.
 #[inline(always)]
-fn sum_shares<T: Scalar, const N: usize>(
-    stride: usize,
-    uv: &[T],
-    s_bar: &[T],
-    rows: &mut [T::Wide],
-) {
-    let mut sums = [[T::Wide::ZERO; N]; 3];
+fn sum_shares<T: Scalar>(stride: usize, uv: &[T], s_bar: &[T], rows: &mut [T::Wide]) {
+    let mut sums = [T::Wide::ZERO; 3];
     for (uv, s_bar) in uv.chunks_exact(2).zip(s_bar.chunks(stride)) {
         let (u, v) = (uv[0].widen(), uv[1].widen());
         let shares = [u, v, T::Wide::ONE - u - v];
-        for c in 0..N {
-            let s_bar = s_bar[c].widen();
-            for (sums, share) in sums.iter_mut().zip(shares) {
-                sums[c] += share * s_bar;
-            }
+        let s_bar = s_bar[0].widen();
+        for (sum, share) in sums.iter_mut().zip(shares) {
+            *sum += share * s_bar;
         }
     }
-    for (row, sums) in rows.chunks_mut(stride).zip(sums) {
-        row[..N].copy_from_slice(&sums);
+    for (row, sum) in rows.chunks_mut(stride).zip(sums) {
+        row[0] = sum;
     }
 }
 

@@ -6,7 +6,7 @@
 //!
 //! # Backward
 //! `x_bar_p = 2 (x_p - r_p) L_bar`. Where `L_bar` is 1, as in a fit, that is what the forward pass left,
-//! and nothing is computed.
+//! and nothing is computed. Its memory becomes the gradient then; a second backward pass computes it anew.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -96,32 +96,13 @@ fn sum_of_squares<T: Scalar>(entries: &[T]) -> T::Wide {
     parts.into_iter().sum()
 }
 
-impl<T: Scalar> Op<T> for SquaredError<T> {
-    /// Twice the differences, `2 (x - r): [P, C]`.
-    type Saved = Arc<Vec<T>>;
-    type Error = TensorError;
-
-    fn name(&self) -> &'static str {
-        "squared_error"
-    }
-
-    fn forward(
-        &self,
-        inputs: &Inputs<'_, T>,
-        outputs: &mut Outputs<'_, T>,
-        slopes: &mut Self::Saved,
-    ) -> Result<(), TensorError> {
-        let (x, reference) = (inputs.data(0), self.reference.image().data());
-        let (coverage, channels) = (&*self.coverage, inputs.shape(0)[1]);
+impl<T: Scalar> SquaredError<T> {
+    /// Writes `2 (x - r): [P, C]`; returns the sum of the squared errors of the picture's pixels.
+    fn compare(&self, x: &[T], slopes: &mut [T]) -> T::Wide {
+        let reference = self.reference.image();
+        let (coverage, channels) = (&*self.coverage, reference.shape()[2]);
+        let reference = reference.data();
         let runs = &coverage.centers;
-        let rim = self.rim.as_deref().map_or(&[][..], Vec::as_slice);
-        if Arc::get_mut(slopes).is_none() {
-            *slopes = Arc::default();
-        }
-        let slopes = Arc::get_mut(slopes).expect("nobody else holds them");
-        if slopes.len() != x.len() {
-            slopes.resize(x.len(), T::ZERO);
-        }
         let (own, rim_own) = slopes.split_at_mut(coverage.centers() * channels);
         let (x_own, x_rim) = x.split_at(own.len());
         let square = |difference: &T| difference.widen() * difference.widen();
@@ -147,19 +128,48 @@ impl<T: Scalar> Op<T> for SquaredError<T> {
         };
         runs.merge_bands_mut(channels, own, work, |band| total += band);
         let rows = rim_own.chunks_exact_mut(channels).zip(x_rim.chunks_exact(channels));
-        for (&pixel, (row, x)) in rim.iter().zip(rows) {
+        for (&pixel, (row, x)) in self.rim().iter().zip(rows) {
             let reference = &reference[pixel as usize * channels..][..channels];
             row.iter_mut().zip(x.iter().zip(reference)).for_each(|(row, (&x, &r))| *row = x - r);
             total += row.iter().map(square).sum();
             row.iter_mut().for_each(|difference| *difference *= two);
         }
-        coverage.for_each_gap(rim, |gap| total += self.reference.behind(gap));
+        total
+    }
+
+    fn rim(&self) -> &[u32] {
+        self.rim.as_deref().map_or(&[], Vec::as_slice)
+    }
+}
+
+impl<T: Scalar> Op<T> for SquaredError<T> {
+    /// Twice the differences, `2 (x - r): [P, C]`; nothing where they were given to a gradient.
+    type Saved = Option<Vec<T>>;
+    type Error = TensorError;
+
+    fn name(&self) -> &'static str {
+        "squared_error"
+    }
+
+    fn forward(
+        &self,
+        inputs: &Inputs<'_, T>,
+        outputs: &mut Outputs<'_, T>,
+        slopes: &mut Self::Saved,
+    ) -> Result<(), TensorError> {
+        let x = inputs.data(0);
+        let slopes = slopes.get_or_insert_with(|| outputs.buffer(x.len()));
+        if slopes.len() != x.len() {
+            slopes.resize(x.len(), T::ZERO);
+        }
+        let mut total = self.compare(x, slopes);
+        self.coverage.for_each_gap(self.rim(), |gap| total += self.reference.behind(gap));
         outputs.push([])[0] = T::narrow(total);
         Ok(())
     }
 
     fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING
+        Keep::NOTHING.input(0)
     }
 
     fn backward(
@@ -168,11 +178,24 @@ impl<T: Scalar> Op<T> for SquaredError<T> {
         slopes: &mut Self::Saved,
         gradients: &mut Accumulators<'_, T>,
     ) {
-        gradients.lend_scaled(0, kept.only_upstream()[0], slopes);
+        let own = slopes.take().unwrap_or_else(|| {
+            let x = kept.input(0);
+            let mut own = gradients.buffer(x.len());
+            self.compare(x, &mut own);
+            own
+        });
+        let factor = kept.only_upstream()[0];
+        if factor.is_same(T::ONE) {
+            return gradients.give(0, own);
+        }
+        if let Some(x_bar) = gradients.get(0) {
+            x_bar.add_zipped([&own], |[slope]| factor * slope);
+        }
+        *slopes = Some(own);
     }
 
     fn saved_bytes(&self, slopes: &Self::Saved) -> usize {
-        size_of_val(slopes.as_slice())
+        size_of_val(slopes.as_deref().unwrap_or_default())
     }
 }
 
@@ -205,6 +228,52 @@ mod tests {
         assert_eq!(loss.item(), 0.0);
         let gradients = loss.backward().unwrap();
         assert!(gradients.get(values).unwrap().data().iter().all(|&bar| bar == 0.0));
+    }
+
+    #[test]
+    fn passes_over_one_recording_have_the_same_bits_though_the_first_one_gives_its_slopes_away() {
+        let mut tape = Tape::<f32>::new();
+        let clip = [-0.8, -0.9, 0.0, 1.0, 0.9, -0.7, 0.0, 1.0, 0.1, 0.8, 0.0, 1.0];
+        let clip = Tensor::new([3, 4], clip.to_vec()).unwrap();
+        let goal = Tensor::from_flat_fn([40, 40, 3], |k| (k * 7 % 31) as f32 / 31.0);
+        let reference = Reference::new(&goal, &Tensor::zeros([3])).unwrap();
+        let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
+        let mut seen = Vec::new();
+        // The second step finds the memory of the first.
+        for _ in 0..2 {
+            {
+                let clip = tape.leaf(&clip);
+                let fragments = rasterize(clip, &mesh, Size::square(40)).unwrap();
+                let count = fragments.coverage.count();
+                let values = Tensor::from_flat_fn([count, 3], |k| (k as f32).sin());
+                let values = tape.leaf(&values);
+                let before = composite(values, &fragments, Background::Zero).unwrap();
+                let picture = antialias(before).unwrap();
+                let after = picture.values();
+                let loss = picture.squared_error(&reference).unwrap();
+                let leaves = [values, clip];
+                let of_all = |loss: Var<'_, f32>| {
+                    let gradients = loss.backward_to(&[values, clip, after]).unwrap();
+                    [values, clip, after].map(|of| gradients.get(of).unwrap().clone())
+                };
+                let of_leaves = |loss: Var<'_, f32>| {
+                    let gradients = loss.backward().unwrap();
+                    leaves.map(|of| gradients.get(of).unwrap().clone())
+                };
+                let first = of_leaves(loss);
+                assert_eq!(of_leaves(loss), first);
+                let all = of_all(loss);
+                assert_eq!(all[..2], first);
+                assert_eq!(of_all(loss), all);
+                // A power of two changes no bit but of the exponent.
+                assert_eq!(of_all(loss * 2.0), all.clone().map(|bar| bar.map(|bar| 2.0 * bar)));
+                assert_eq!(of_leaves(loss), first);
+                assert_eq!(values.value().data().len(), 3 * count);
+                seen.push((loss.item(), first));
+            }
+            tape.reset();
+        }
+        assert_eq!(seen[0], seen[1]);
     }
 
     #[test]

@@ -8,7 +8,7 @@
 
 use bokashi_core::Scalar;
 
-use super::pairs::Pair;
+use super::pairs::{BELOW, BESIDE, Directions, Pair};
 use crate::homogeneous::{Vertex, edge, edge_error_bound, extent};
 use crate::size::Size;
 
@@ -159,8 +159,9 @@ impl<S: Scalar<Wide = S>> Outline<S> {
     }
 
     /// Whether a silhouette can blend pixels beside each other, and pixels below each other.
-    pub(super) fn counts(&self) -> [bool; 2] {
-        self.across.map(|silhouettes| silhouettes != 0)
+    pub(super) fn counts(&self) -> Directions {
+        let [beside, below] = self.across.map(|silhouettes| u8::from(silhouettes != 0));
+        beside * BESIDE | below * BELOW
     }
 
     /// Whether all silhouettes surely run along the line through two pixel centres, or pass it beyond
@@ -219,9 +220,10 @@ fn looked_at<S: Scalar<Wide = S>>(
     let &Outline { vertices, indices, silhouettes, .. } = outline;
     let &Pair { row, column, below, .. } = pair;
     let frame = Frame::<S>::of([row, column], below, covers_first, size);
-    let corners = vertices.map(|vertex| frame.local(vertex));
+    // Not by `map`, which would copy them one by one.
+    let corners = [frame.local(vertices[0]), frame.local(vertices[1]), frame.local(vertices[2])];
     // The line through the centres meets edges with an end on either side of it.
-    let [a, b, c] = corners.map(|corner| corner.y < S::ZERO);
+    let [a, b, c] = [0, 1, 2].map(|k| corners[k].y < S::ZERO);
     let met = u8::from(b != c) | u8::from(c != a) << 1 | u8::from(a != b) << 2;
     if silhouettes & met == 0 {
         return None;

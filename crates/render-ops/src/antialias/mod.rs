@@ -46,7 +46,7 @@ use bokashi_core::parallel::{
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar};
 
 use self::discontinuity::{Blend, Outline, blend};
-use self::pairs::{Pair, Rows, SeenFace};
+use self::pairs::{Directions, Pair, Rows, SeenFace};
 use crate::background::Kind;
 use crate::coverage::Coverage;
 use crate::edge_functions::depth_at;
@@ -101,6 +101,8 @@ struct Found<T: Scalar> {
     rim: Option<Arc<Vec<u32>>>,
     /// Memory: per 64 pixels a bit for each pixel of the rim, and how many of them come before.
     marks: Vec<(u64, u32)>,
+    /// Memory: per blend and channel, alpha times what is upstream of the blended pixel.
+    shares: Vec<T>,
     /// Memory: per blend the gradients of its edge's vertices.
     bars: Vec<EdgeBars<T>>,
     outlines: Outlines<T::Wide>,
@@ -327,14 +329,11 @@ struct Outlines<S> {
 /// Which outline a slot has.
 #[derive(Debug, Clone, Copy)]
 struct OfSlot {
+    /// Beyond all outlines for a face without silhouettes.
     at: u32,
-    /// For pairs of pixels beside each other, and below each other: see [`Outline::counts`].
-    counts: [bool; 2],
-}
-
-impl OfSlot {
-    /// Of a face without silhouettes.
-    const NONE: Self = Self { at: u32::MAX, counts: [false; 2] };
+    face: u32,
+    /// See [`Outline::counts`].
+    counts: Directions,
 }
 
 impl<S: Scalar<Wide = S>> Outlines<S> {
@@ -372,11 +371,12 @@ impl<S: Scalar<Wide = S>> Outlines<S> {
         for slot in &coverage.centers.slots[slots] {
             let face = slot.face as usize;
             let silhouettes = (0..3).map(|k| u8::from(coverage.is_silhouette(face, k)) << k).sum();
-            let mut of_slot = OfSlot::NONE;
+            let mut of_slot = OfSlot { at: u32::MAX, face: slot.face, counts: 0 };
             if silhouettes != 0 {
                 let indices = coverage.mesh().faces()[face];
                 let outline = Outline::of(clip, indices, silhouettes, coverage.size());
-                of_slot = OfSlot { at: self.outlines.len() as u32, counts: outline.counts() };
+                of_slot.at = self.outlines.len() as u32;
+                of_slot.counts = outline.counts();
                 self.outlines.push(outline);
             }
             self.of_slot.push(of_slot);
@@ -398,14 +398,17 @@ impl<T: Scalar> Silhouettes<'_, T> {
         let Search { neighbors, blends, fragments } = search;
         blends.clear();
         fragments.clear();
-        let counts = |slot: usize| self.outlines.of_slot[slot].counts;
+        let seen = |slot: usize| {
+            let OfSlot { face, counts, .. } = self.outlines.of_slot[slot];
+            (face, counts)
+        };
         pulp::Arch::new().dispatch(
             #[inline(always)]
             || {
                 neighbors.for_each_pair(
                     self.coverage,
                     rows,
-                    counts,
+                    seen,
                     #[inline(always)]
                     |pair| {
                         if let Some(blend) = self.blend(&pair) {
@@ -494,7 +497,8 @@ impl<T: Scalar> Op<T> for Antialias {
     }
 
     fn keeps(&self, inputs: &Inputs<'_, T>) -> Keep {
-        if inputs.needs(0) { Keep::NOTHING.input(0) } else { Keep::NOTHING }
+        let keep = if inputs.needs(0) { Keep::NOTHING.input(0) } else { Keep::NOTHING };
+        keep.upstream()
     }
 
     fn backward(
@@ -503,23 +507,10 @@ impl<T: Scalar> Op<T> for Antialias {
         found: &mut Self::Saved,
         gradients: &mut Accumulators<'_, T>,
     ) {
-        let out_bar = kept.only_upstream();
+        let taken = gradients.take_upstream();
+        let out_bar = taken.as_deref().unwrap_or_else(|| kept.only_upstream());
         let channels = kept.input_shape(1)[1];
         let own = self.coverage.count() * channels;
-        if let Some(values_bar) = gradients.get(1) {
-            values_bar.add(&out_bar[..own]);
-            let values_bar = values_bar.entries();
-            for (blend, entries, target) in found.placed(channels) {
-                let alpha = T::narrow(blend.alpha);
-                let signs = [-T::ONE, T::ONE];
-                // What leads to the background is below.
-                for (entry, sign) in entries.into_iter().zip(signs).filter(|(at, _)| *at < own) {
-                    for c in 0..channels {
-                        values_bar[entry + c] += sign * (alpha * out_bar[target + c]);
-                    }
-                }
-            }
-        }
         if let Some(clip_bar) = gradients.get(0) {
             let (clip, clip_bar) = (kept.input(0), clip_bar.entries());
             let mut bars = std::mem::take(&mut found.bars);
@@ -535,24 +526,55 @@ impl<T: Scalar> Op<T> for Antialias {
             }
             found.bars = bars;
         }
-        let Some(rim) = &found.rim else { return };
-        let Some(background_bar) = gradients.get(2) else { return };
-        let background_bar = background_bar.entries();
-        for (bar, &pixel) in out_bar[own..].chunks_exact(channels).zip(rim.iter()) {
-            let at = self.kind.entry(channels, pixel as usize);
-            let entries = &mut background_bar[at..at + channels];
-            entries.iter_mut().zip(bar).for_each(|(entry, &bar)| *entry += bar);
-        }
-        for (blend, entries, target) in found.placed(channels) {
-            let alpha = T::narrow(blend.alpha);
-            for (entry, sign) in entries.into_iter().zip([-T::ONE, T::ONE]) {
-                let Some(rim_entry) = entry.checked_sub(own) else { continue };
-                let at = self.kind.entry(channels, rim[rim_entry / channels] as usize);
-                for c in 0..channels {
-                    background_bar[at + c] += sign * (alpha * out_bar[target + c]);
+        if let (Some(rim), Some(background_bar)) = (&found.rim, gradients.get(2)) {
+            let background_bar = background_bar.entries();
+            for (bar, &pixel) in out_bar[own..].chunks_exact(channels).zip(rim.iter()) {
+                let at = self.kind.entry(channels, pixel as usize);
+                let entries = &mut background_bar[at..at + channels];
+                entries.iter_mut().zip(bar).for_each(|(entry, &bar)| *entry += bar);
+            }
+            for (blend, entries, target) in found.placed(channels) {
+                let alpha = T::narrow(blend.alpha);
+                for (entry, sign) in entries.into_iter().zip([-T::ONE, T::ONE]) {
+                    let Some(rim_entry) = entry.checked_sub(own) else { continue };
+                    let at = self.kind.entry(channels, rim[rim_entry / channels] as usize);
+                    for c in 0..channels {
+                        background_bar[at + c] += sign * (alpha * out_bar[target + c]);
+                    }
                 }
             }
         }
+        if !gradients.needs(1) {
+            return;
+        }
+        // Last, since here the upstream gradient is changed in place, if nobody else reads it.
+        let mut shares = std::mem::take(&mut found.shares);
+        shares.clear();
+        for (blend, _, target) in found.placed(channels) {
+            let alpha = T::narrow(blend.alpha);
+            shares.extend(out_bar[target..target + channels].iter().map(|&bar| alpha * bar));
+        }
+        match taken {
+            Some(mut out_bar) => {
+                out_bar.truncate(own);
+                gradients.give(1, out_bar);
+            }
+            None => {
+                let values_bar = gradients.get(1).expect("it is wanted");
+                values_bar.add(&kept.only_upstream()[..own]);
+            }
+        }
+        let values_bar = gradients.get(1).expect("it is wanted").entries();
+        for ((_, entries, _), shares) in found.placed(channels).zip(shares.chunks_exact(channels)) {
+            for (entry, sign) in entries.into_iter().zip([-T::ONE, T::ONE]) {
+                // What leads to the background is above.
+                let Some(values_bar) = values_bar.get_mut(entry..entry + channels) else {
+                    continue;
+                };
+                values_bar.iter_mut().zip(shares).for_each(|(bar, &share)| *bar += sign * share);
+            }
+        }
+        found.shares = shares;
     }
 
     fn saved_bytes(&self, found: &Self::Saved) -> usize {

@@ -38,32 +38,34 @@ impl Pair {
     }
 }
 
-/// A run, and what is asked about it.
+/// The pairs for which a face counts: those of pixels beside each other, and those of pixels below each
+/// other.
+pub(super) type Directions = u8;
+pub(super) const BESIDE: Directions = 1;
+pub(super) const BELOW: Directions = 2;
+
+/// A run in its row, and what is asked about it.
 #[derive(Debug, Clone)]
 struct RowRun {
-    run: Run,
-    columns: Range<u32>,
+    slot: u32,
     face: u32,
-    /// Whether it counts for pairs beside each other, and for pairs below each other.
-    counts: [bool; 2],
+    /// The first fragment.
+    fragment: u32,
+    columns: Range<u32>,
+    counts: Directions,
 }
-
-/// The entries of [`RowRun::counts`].
-const BESIDE: usize = 0;
-const BELOW: usize = 1;
 
 impl RowRun {
     /// At `column`, a column of its own.
     #[inline(always)]
     fn seen(&self, column: u32) -> SeenFace {
-        let fragment = self.run.fragment + column - self.columns.start;
-        SeenFace { slot: self.run.slot, face: self.face, fragment }
+        let fragment = self.fragment + column - self.columns.start;
+        SeenFace { slot: self.slot, face: self.face, fragment }
     }
 
-    /// Whether it counts for any pairs.
     #[inline(always)]
-    fn counts_at_all(&self) -> bool {
-        self.counts[BESIDE] | self.counts[BELOW]
+    fn counts(&self, directions: Directions) -> bool {
+        self.counts & directions != 0
     }
 }
 
@@ -74,57 +76,59 @@ pub(super) struct Rows {
     lower: Vec<RowRun>,
 }
 
-/// Writes down the runs of a row; whether any of them counts.
+/// Writes down the runs of a row; the directions in which any of them counts. `seen` tells the face of a
+/// slot, and its directions.
 #[inline(always)]
 fn read(
     coverage: &Coverage,
     row: usize,
-    counts: impl Fn(usize) -> [bool; 2],
+    seen: impl Fn(usize) -> (u32, Directions),
     runs: &mut Vec<RowRun>,
-) -> [bool; 2] {
+) -> Directions {
     let before = (row * coverage.size().width) as u32;
-    let mut any = [false; 2];
+    let mut any = 0;
     runs.clear();
     runs.extend(coverage.runs_in_row(row).map(|&run| {
-        let (start, counts) = (run.pixel - before, counts(run.slot as usize));
-        any = [any[0] | counts[0], any[1] | counts[1]];
-        let face = coverage.centers.face_of(&run) as u32;
-        RowRun { run, columns: start..start + run.length, face, counts }
+        let Run { slot, pixel, length, fragment } = run;
+        let (face, counts) = seen(slot as usize);
+        any |= counts;
+        let start = pixel - before;
+        RowRun { slot, face, fragment, columns: start..start + length, counts }
     }));
     any
 }
 
 impl Rows {
     /// Calls `visit` once with each pair whose first pixel lies in `rows` and of which one pixel sees
-    /// a slot that `counts`: for pairs beside each other, and for pairs below each other.
+    /// a slot that counts in its direction; `seen` tells the face of a slot, and its directions.
     #[inline(always)]
     pub(super) fn for_each_pair(
         &mut self,
         coverage: &Coverage,
         rows: Range<usize>,
-        counts: impl Fn(usize) -> [bool; 2],
+        seen: impl Fn(usize) -> (u32, Directions),
         mut visit: impl FnMut(Pair),
     ) {
         let Self { upper, lower } = self;
         let Size { width, height } = coverage.size();
-        let mut any = read(coverage, rows.start, &counts, upper);
+        let mut any = read(coverage, rows.start, &seen, upper);
         for row in rows {
-            if any[BESIDE] {
+            if any & BESIDE != 0 {
                 for_each_beside(upper, row, width as u32, &mut visit);
             }
             if row + 1 == height {
                 return;
             }
-            let any_below = read(coverage, row + 1, &counts, lower);
+            let any_below = read(coverage, row + 1, &seen, lower);
             let mut pair = |column: u32, seen| {
                 visit(Pair { row, column: column as usize, below: true, seen });
             };
             // Which of the two walks finds a pair does not depend on `BELOW`: the order of blends, and
             // of all sums over them, is the same as if all pairs were visited.
-            if any != [false; 2] {
-                for_each_overlap(upper, lower, |columns, own, below| {
+            if (any | any_below) & BELOW != 0 {
+                for_each_overlap(upper, lower, BESIDE | BELOW, |columns, own, below| {
                     let is_edge = below.is_none_or(|below| below.face != own.face);
-                    if is_edge && (own.counts[BELOW] || below.is_some_and(|it| it.counts[BELOW])) {
+                    if is_edge && (own.counts(BELOW) || below.is_some_and(|it| it.counts(BELOW))) {
                         columns.for_each(|column| {
                             pair(
                                 column,
@@ -134,11 +138,9 @@ impl Rows {
                     }
                 });
             }
-            if any_below[BELOW] {
-                for_each_overlap(lower, upper, |columns, own, above| {
-                    let is_edge =
-                        above.is_none_or(|above| above.face != own.face && !above.counts_at_all());
-                    if is_edge && own.counts[BELOW] {
+            if any_below & BELOW != 0 {
+                for_each_overlap(lower, upper, BELOW, |columns, own, above| {
+                    if above.is_none_or(|above| above.face != own.face && above.counts == 0) {
                         columns.for_each(|column| {
                             pair(
                                 column,
@@ -161,11 +163,11 @@ fn for_each_beside(runs: &[RowRun], row: usize, width: u32, visit: &mut impl FnM
         let seen = [left.map(|run| run.seen(column)), right.map(|run| run.seen(column + 1))];
         Pair { row, column: column as usize, below: false, seen }
     };
-    for (at, run) in runs.iter().enumerate().filter(|(_, run)| run.counts[BESIDE]) {
+    for (at, run) in runs.iter().enumerate().filter(|(_, run)| run.counts(BESIDE)) {
         let Range { start, end } = run.columns;
         if start > 0 {
             let left = at.checked_sub(1).map(|at| &runs[at]).filter(|run| run.columns.end == start);
-            if left.is_none_or(|left| !left.counts[BESIDE]) {
+            if left.is_none_or(|left| !left.counts(BESIDE)) {
                 visit(pair(start - 1, left, Some(run)));
             }
         }
@@ -176,34 +178,35 @@ fn for_each_beside(runs: &[RowRun], row: usize, width: u32, visit: &mut impl FnM
     }
 }
 
-/// Cuts each run of `runs` that counts into stretches of columns at which the row `beside` sees one
-/// face, or none.
+/// Cuts each run of `runs` that counts in one of `directions` into stretches of columns at which the row
+/// `beside` sees one face, or none.
 #[inline(always)]
 fn for_each_overlap(
     runs: &[RowRun],
-    beside: &[RowRun],
+    mut beside: &[RowRun],
+    directions: Directions,
     mut visit: impl FnMut(Range<u32>, &RowRun, Option<&RowRun>),
 ) {
-    let mut beside = beside.iter().peekable();
-    for run in runs.iter().filter(|run| run.counts_at_all()) {
+    for run in runs.iter().filter(|run| run.counts(directions)) {
         let Range { mut start, end } = run.columns;
-        while beside.next_if(|other| other.columns.end <= start).is_some() {}
         while start < end {
-            match beside.peek() {
-                Some(other) if other.columns.start <= start => {
-                    let stop = other.columns.end.min(end);
-                    visit(start..stop, run, Some(other));
-                    start = stop;
-                    if other.columns.end <= end {
-                        beside.next();
-                    }
-                }
-                other => {
-                    let stop = other.map_or(end, |other| other.columns.start.min(end));
-                    visit(start..stop, run, None);
-                    start = stop;
-                }
+            let Some((other, others)) = beside.split_first() else {
+                visit(start..end, run, None);
+                break;
+            };
+            let columns = &other.columns;
+            if columns.end <= start {
+                beside = others;
+                continue;
             }
+            // It lies around the first column, or begins after it.
+            let (seen, stop) = match columns.start <= start {
+                true => (Some(other), columns.end),
+                false => (None, columns.start),
+            };
+            let stop = stop.min(end);
+            visit(start..stop, run, seen);
+            start = stop;
         }
     }
 }
@@ -258,12 +261,13 @@ mod tests {
             let fragments = rasterize(clip, &mesh.unwrap(), Size { width, height }).unwrap();
             let coverage = &fragments.coverage;
             let counting = [beside, below];
-            let counts = |slot: usize| {
+            let seen = |slot: usize| {
                 let face = coverage.centers.face(slot);
-                [0, 1].map(|kind: usize| counting[kind].contains(&face))
+                let [beside, below] = counting.each_ref().map(|kind| u8::from(kind.contains(&face)));
+                (face as u32, beside * BESIDE | below * BELOW)
             };
             let mut found = BTreeSet::new();
-            Rows::default().for_each_pair(coverage, 0..height, counts, |pair| {
+            Rows::default().for_each_pair(coverage, 0..height, seen, |pair| {
                 let pixels = pair.pixels(coverage.size());
                 for (seen, pixel) in pair.seen.into_iter().zip(pixels) {
                     assert_eq!(seen.map(|seen| seen.face as usize), coverage.face_at(pixel));
