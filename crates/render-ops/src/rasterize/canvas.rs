@@ -7,7 +7,7 @@ use bokashi_core::Scalar;
 use super::behind::{Found, Peeling};
 use super::culling::{Fate, Verdict};
 use super::exact::{BandFaces, BoundarySearch, PieceFragments, Pieces};
-use super::prepared::{NO_SLOT, Prepared, sum_up};
+use super::prepared::{NO_SLOT, Prepared};
 use super::setup::{LANES, Setup, Weights, beyond};
 use crate::coverage::Coverage;
 use crate::runs::{Run, Runs, Slot};
@@ -74,8 +74,8 @@ pub(super) struct Canvas<T: Scalar> {
     seen: Vec<u32>,
     /// What was read, by pixel, without fragments yet.
     read: Vec<Run>,
-    /// Per slot: how many of the runs are its own or of slots before it.
-    ends: Vec<u32>,
+    /// Per slot: how many runs it has, then where in the order of slots its next run goes.
+    places: Vec<u32>,
     search: BoundarySearch<T::Wide>,
     peeling: Peeling<T::Wide>,
     pub(super) bands: Vec<Band<T>>,
@@ -86,6 +86,7 @@ struct Reader<'a> {
     covered: &'a mut Vec<[u32; 2]>,
     slot_of: &'a mut [u32],
     seen: &'a mut Vec<u32>,
+    places: &'a mut Vec<u32>,
     read: &'a mut Vec<Run>,
 }
 
@@ -106,7 +107,9 @@ impl Reader<'_> {
         if *slot == NO_SLOT {
             *slot = self.seen.len() as u32;
             self.seen.push(drawn as u32);
+            self.places.push(0);
         }
+        self.places[*slot as usize] += 1;
         self.read.push(Run { slot: *slot, pixel, length, fragment: 0 });
     }
 }
@@ -170,14 +173,14 @@ impl<T: Scalar> Canvas<T> {
             self.bands[at].covered.clear();
             self.read.clear();
             self.seen.clear();
+            self.places.clear();
             self.slot_of.clear();
             self.slot_of.resize(self.weights.len(), NO_SLOT);
             for row in rows {
                 self.bands[at].row_starts.push(self.read.len() as u32);
                 self.read_row(view, at, row, row - first);
             }
-            self.sort(at);
-            self.hand_over(at, &faces[band]);
+            self.sort(at, &faces[band]);
         }
     }
 
@@ -270,15 +273,11 @@ impl<T: Scalar> Canvas<T> {
             return;
         }
         let stored = local * view.blocks_per_row()..(local + 1) * view.blocks_per_row();
-        let Self { faces, depths, bands, slot_of, seen, read, .. } = self;
+        let Self { faces, depths, bands, slot_of, seen, places, read, .. } = self;
         let faces = faces[stored.clone()].as_flattened_mut();
         let before_row = (row * view.size.width) as u32;
-        let mut reader = Reader { covered: &mut bands[at].covered, slot_of, seen, read };
+        let mut reader = Reader { covered: &mut bands[at].covered, slot_of, seen, places, read };
         let mut start = first;
-        let mut end_run = |end: usize| {
-            reader.read(faces[start], before_row + start as u32, (end - start) as u32);
-            start = end;
-        };
         let (before, after) = (&faces[first..end - 1], &faces[first + 1..end]);
         let pieces = before.chunks(u64::BITS as usize).zip(after.chunks(u64::BITS as usize));
         for ((before, after), from) in pieces.zip((first + 1..).step_by(u64::BITS as usize)) {
@@ -290,61 +289,47 @@ impl<T: Scalar> Canvas<T> {
                 .enumerate()
                 .fold(0, |changes, (k, (a, b))| changes | u64::from(a != b) << k);
             while changes != 0 {
-                end_run(from + changes.trailing_zeros() as usize);
+                let end = from + changes.trailing_zeros() as usize;
+                reader.read(faces[start], before_row + start as u32, (end - start) as u32);
+                start = end;
                 changes &= changes - 1;
             }
         }
-        end_run(end);
+        reader.read(faces[start], before_row + start as u32, (end - start) as u32);
         faces[first..end].fill(NO_FACE);
         depths[stored].as_flattened_mut()[first..end].fill(beyond());
     }
 
-    /// Sorts the runs of band `at` by slot; those of one slot stay in order.
+    /// Sorts the runs of band `at`, whose faces are `faces`, by slot; those of one slot stay in order. Gives
+    /// them their fragments.
     #[inline(always)]
-    fn sort(&mut self, at: usize) {
-        let Self { seen, read, ends, bands, .. } = self;
-        ends.clear();
-        ends.resize(seen.len() + 1, 0);
-        read.iter().for_each(|run| ends[run.slot as usize + 1] += 1);
-        sum_up(ends);
-        let sorted = &mut bands[at].runs.runs;
-        resize(sorted, read.len(), Run::default);
-        // Where the next run of each slot goes; in the end, where its last one went.
-        for run in read.iter() {
-            let place = &mut ends[run.slot as usize];
-            sorted[*place as usize] = *run;
-            *place += 1;
-        }
-    }
-
-    /// Gives the runs of band `at`, whose faces are `faces`, their slots and their fragments.
-    #[inline(always)]
-    fn hand_over(&mut self, at: usize, faces: &[u32]) {
-        let Self { weights, seen, read, ends, bands, .. } = self;
+    fn sort(&mut self, at: usize, faces: &[u32]) {
+        let Self { weights, seen, read, places, bands, .. } = self;
         let Band { runs, by_pixel, weights: own_weights, .. } = &mut bands[at];
-        runs.count = read.iter().map(|run| run.length as usize).sum();
         own_weights.clear();
         own_weights.extend(seen.iter().map(|&drawn| weights[drawn as usize]));
-        let Runs { runs, slots, .. } = runs;
+        let Runs { runs: sorted, slots, count, .. } = runs;
         slots.clear();
-        let (mut fragment, mut first_run) = (0, 0);
-        for own in runs.chunk_by_mut(|left, right| left.slot == right.slot) {
-            let face = faces[seen[own[0].slot as usize] as usize];
-            slots.push(Slot { face, first_run });
-            first_run += own.len() as u32;
-            for run in own {
-                run.fragment = fragment;
-                fragment += run.length;
-            }
-        }
-        // Backwards, so that the last place of each slot comes first.
-        by_pixel.clear();
-        by_pixel.extend(read.iter().rev().map(|run| {
-            let place = &mut ends[run.slot as usize];
-            *place -= 1;
-            *place
+        let mut first_run = 0;
+        slots.extend(seen.iter().zip(&mut *places).map(|(&drawn, place)| {
+            let slot = Slot { face: faces[drawn as usize], first_run };
+            first_run += std::mem::replace(place, first_run);
+            slot
         }));
-        by_pixel.reverse();
+        resize(sorted, read.len(), Run::default);
+        resize(by_pixel, read.len(), || 0);
+        for (run, index) in read.iter().zip(by_pixel) {
+            let place = &mut places[run.slot as usize];
+            sorted[*place as usize] = *run;
+            *index = *place;
+            *place += 1;
+        }
+        let mut fragment = 0;
+        for run in sorted {
+            run.fragment = fragment;
+            fragment += run.length;
+        }
+        *count = fragment as usize;
     }
 }
 
@@ -354,19 +339,25 @@ impl<T: Scalar> Band<T> {
     pub(super) fn weigh(&self, view: &Prepared<'_, T>, barycentrics: &mut [T]) {
         let Runs { runs, slots, .. } = &self.runs;
         let width = view.size.width;
-        let of_slots = runs.chunk_by(|left, right| left.slot == right.slot);
-        for ((own, slot), weights) in of_slots.zip(slots).zip(&self.weights) {
-            let [mut row, _] = view.size.place(own[0].pixel as usize);
+        let ends = slots.iter().skip(1).map(|next| next.first_run as usize).chain([runs.len()]);
+        for ((slot, end), weights) in slots.iter().zip(ends).zip(&self.weights) {
+            let own = &runs[slot.first_run as usize..end];
+            let [mut row, column] = view.size.place(own[0].pixel as usize);
+            let mut start = own[0].pixel as usize - column;
             for run in own {
-                let length = run.length as usize;
-                // Runs of a face come row after row.
-                while run.pixel as usize >= (row + 1) * width {
-                    row += 1;
+                let (pixel, length) = (run.pixel as usize, run.length as usize);
+                // Runs of a face come row after row, so that few are looked up by a division.
+                if pixel >= start + width {
+                    (row, start) = (row + 1, start + width);
+                    if pixel >= start + width {
+                        row = pixel / width;
+                        start = row * width;
+                    }
                 }
-                let column = run.pixel as usize - row * width;
+                let column = pixel - start;
                 let barycentrics = &mut barycentrics[2 * run.fragment as usize..];
                 let centers = &view.centers[column..];
-                let y = view.size.center_y(row);
+                let y = view.ys[row];
                 if weights.is_plain {
                     weights.weigh(y, length, centers, barycentrics);
                 } else {

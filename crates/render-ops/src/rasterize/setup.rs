@@ -23,6 +23,8 @@
 //! `z / w = d + sum_i (z_i - d w_i) a_i / D`, whose term of vertex 0 is zero. Only the difference is
 //! rounded.
 
+use std::sync::atomic::{Ordering, compiler_fence};
+
 use bokashi_core::Scalar;
 
 use super::culling::Corner;
@@ -250,10 +252,10 @@ impl<S: Scalar<Wide = S>> Setup<S> {
         face: u64,
     ) -> bool {
         let plane = self.plane.expect("its depth is linear");
-        let error_bound = self.error_bound;
+        let (error_bound, edges) = (self.error_bound, self.edges);
         let mut closest = [error_bound + S::ONE; LANES];
         for (y, depths, faces) in rows {
-            let row = self.row(y);
+            let row = Row::of(&edges, y);
             let [start, slope] = along(plane, y);
             for ((nearest, seen), x) in depths.iter_mut().zip(faces).zip(centers) {
                 let inside = lanes(|k| least(row.at(x[k])));
@@ -263,8 +265,11 @@ impl<S: Scalar<Wide = S>> Setup<S> {
                     if is_seen { depth[k] } else { beyond() }
                 });
                 // Values first, then two stores, so that they are compiled to vectors; and a
-                // minimum, for a choice would become a masked store, which later loads wait for.
+                // minimum. A choice whose first store goes to where it was loaded from would become a
+                // masked store, which takes long and which later loads wait for. The fence, which is
+                // no instruction, keeps such a store apart from its load.
                 let (before, seen_before) = (*nearest, *seen);
+                compiler_fence(Ordering::SeqCst);
                 *nearest = lanes(|k| smaller(before[k], depth[k]));
                 *seen = lanes(|k| if depth[k] < before[k] { face } else { seen_before[k] });
                 closest = lanes(|k| smaller(inside[k].abs(), closest[k]));
