@@ -5,6 +5,7 @@ use std::ops::Range;
 use bokashi_core::Scalar;
 
 use super::behind::{Found, Peeling};
+use super::blocks::SmallFace;
 use super::culling::{Fate, Verdict};
 use super::exact::{BandFaces, BoundarySearch, PieceFragments, Pieces};
 use super::prepared::{NO_SLOT, Prepared};
@@ -18,21 +19,6 @@ const PIXELS_PER_BLOCK: usize = 1024;
 
 /// Stands for "no face".
 const NO_FACE: u64 = u64::MAX;
-
-/// Of some rows of `per_row` blocks each: their y, and the depths and faces of the blocks `blocks`.
-#[inline(always)]
-fn rows_of<'a, S: Scalar>(
-    ys: &'a [S],
-    depths: &'a mut [[S; LANES]],
-    faces: &'a mut [[u64; LANES]],
-    per_row: usize,
-    blocks: &'a Range<usize>,
-) -> impl Iterator<Item = (S, &'a mut [[S; LANES]], &'a mut [[u64; LANES]])> {
-    let rows = depths.chunks_exact_mut(per_row).zip(faces.chunks_exact_mut(per_row));
-    ys.iter()
-        .zip(rows)
-        .map(|(&y, (depths, faces))| (y, &mut depths[blocks.clone()], &mut faces[blocks.clone()]))
-}
 
 /// Gives a list `length` entries, whatever they are.
 pub(super) fn resize<I: Clone>(list: &mut Vec<I>, length: usize, filling: impl FnOnce() -> I) {
@@ -68,6 +54,8 @@ pub(super) struct Canvas<T: Scalar> {
     faces: Vec<[u64; LANES]>,
     /// Per row: the columns, first and end, that were reached.
     reached: Vec<[usize; 2]>,
+    /// The blocks of a row, first and end, that small faces reached in any row.
+    reached_by_blocks: [usize; 2],
     /// Per drawn face: its slot, once it was seen.
     slot_of: Vec<u32>,
     /// Per slot: its position in `weights`.
@@ -158,6 +146,7 @@ impl<T: Scalar> Canvas<T> {
             let first = band * view.rows;
             let rows = first..(first + view.rows).min(view.size.height);
             self.weights.clear();
+            self.reached_by_blocks = [usize::MAX, 0];
             match view.front {
                 None => {
                     for &face in &faces[band] {
@@ -193,34 +182,37 @@ impl<T: Scalar> Canvas<T> {
         };
         let at = self.weights.len() as u64;
         let rows_of_face = rows.start.max(top as usize)..rows.end.min(bottom as usize + 1);
-        let mut setup = Setup::of(view.corners_of(face), orientation, view.size);
         let local = rows_of_face.start - rows.start..rows_of_face.end - rows.start;
         let ys = &view.ys[rows_of_face];
-        let reached = &mut self.reached[local.clone()];
         let per_row = view.blocks_per_row();
+        let corners = view.corners_of(face);
+        let blocks = left as usize / LANES..right as usize / LANES + 1;
+        if blocks.len() * LANES * ys.len() <= PIXELS_PER_BLOCK
+            && let Some(small) = SmallFace::of(corners, orientation, view.size)
+        {
+            let centers = &view.centers.as_chunks().0[blocks.clone()];
+            let first = local.start * per_row + blocks.start;
+            let stored = (&mut self.depths[first..], &mut self.faces[first..]);
+            let is_uncertain = small.cover(ys, centers, stored, per_row, at);
+            let [first, end] = &mut self.reached_by_blocks;
+            (*first, *end) = ((*first).min(blocks.start), (*end).max(blocks.end));
+            if !is_uncertain {
+                self.weights.push(small.weights());
+                return;
+            }
+        }
+        let mut setup = Setup::of(corners, orientation, view.size);
+        let reached = &mut self.reached[local.clone()];
         let stored = local.start * per_row..local.end * per_row;
         let (depths, faces) = (&mut self.depths[stored.clone()], &mut self.faces[stored]);
-        let blocks = left as usize / LANES..right as usize / LANES + 1;
-        if setup.has_plane() && blocks.len() * LANES * ys.len() <= PIXELS_PER_BLOCK {
-            let centers = &view.centers.as_chunks().0[blocks.clone()];
-            let (first, end) = (blocks.start * LANES, (blocks.end * LANES).min(view.size.width));
-            if setup.cover_blocks(rows_of(ys, depths, faces, per_row, &blocks), centers, at) {
-                let rows = rows_of(ys, depths, faces, per_row, &blocks);
-                setup.cover_uncertain(rows, centers, end - first, at);
-            }
-            for reached in reached {
-                *reached = [reached[0].min(first), reached[1].max(end)];
-            }
-        } else {
-            let touched = [left as usize, right as usize + 1];
-            let centers = &view.centers[..view.size.width];
-            let rows = depths.chunks_exact_mut(per_row).zip(faces.chunks_exact_mut(per_row));
-            for ((&y, (depths, faces)), reached) in ys.iter().zip(rows).zip(reached) {
-                let (depths, faces) = (depths.as_flattened_mut(), faces.as_flattened_mut());
-                let row = setup.row(y);
-                let [first, end] = setup.cover_span(&row, touched, centers, depths, faces, at);
-                *reached = [reached[0].min(first), reached[1].max(end)];
-            }
+        let touched = [left as usize, right as usize + 1];
+        let centers = &view.centers[..view.size.width];
+        let rows = depths.chunks_exact_mut(per_row).zip(faces.chunks_exact_mut(per_row));
+        for ((&y, (depths, faces)), reached) in ys.iter().zip(rows).zip(reached) {
+            let (depths, faces) = (depths.as_flattened_mut(), faces.as_flattened_mut());
+            let row = setup.row(y);
+            let [first, end] = setup.cover_span(&row, touched, centers, depths, faces, at);
+            *reached = [reached[0].min(first), reached[1].max(end)];
         }
         self.weights.push(setup.weights());
     }
@@ -268,7 +260,11 @@ impl<T: Scalar> Canvas<T> {
     /// image's width. `local` is the row within the band.
     #[inline(always)]
     fn read_row(&mut self, view: &Prepared<'_, T>, at: usize, row: usize, local: usize) {
-        let [first, end] = std::mem::replace(&mut self.reached[local], [view.size.width, 0]);
+        let width = view.size.width;
+        let [first, end] = std::mem::replace(&mut self.reached[local], [width, 0]);
+        let [first_block, end_block] = self.reached_by_blocks;
+        let first = first.min(first_block.saturating_mul(LANES));
+        let end = end.max((end_block * LANES).min(width));
         if first >= end {
             return;
         }

@@ -8,6 +8,7 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
+use super::blocks::MARGIN;
 use super::options::{Cull, RasterOptions};
 use crate::homogeneous::{Vertex, determinant, edge, edge_error_bound};
 use crate::size::Size;
@@ -20,6 +21,8 @@ pub(super) struct Corner<S> {
     pub(super) factor: S,
     /// The view's bounding planes that it lies beyond, one bit each.
     beyond: u8,
+    /// Whether it is in view, not close to the near plane, and was multiplied by nothing: see `blocks`.
+    pub(super) is_tame: bool,
     /// In pixels from the centre of the first pixel; means nothing behind the eye.
     pixel: [f64; 2],
 }
@@ -43,7 +46,8 @@ impl<S: Scalar<Wide = S>> Corner<S> {
         let beyond = (0..).zip(planes).map(|(bit, beyond)| u8::from(beyond) << bit).sum();
         let pixel = |scaled: S, extent: usize| 0.5 * (scaled.to_f64() + extent as f64 - 1.0);
         let pixel = [pixel(x / w, size.width), pixel(-y / w, size.height)];
-        Self { vertex, factor, beyond, pixel }
+        let is_tame = (beyond == 0) & (z > S::from_f64(MARGIN - 1.0) * w) & (factor == S::ONE);
+        Self { vertex, factor, beyond, is_tame, pixel }
     }
 
     /// Whether the vertex lies before the near plane, beyond the far plane, or behind the eye.
@@ -89,6 +93,7 @@ pub(super) fn give_one_factor<S: Scalar<Wide = S>>(corners: &mut [Corner<S>]) {
     for corner in corners {
         corner.vertex = corner.vertex.scaled(least / corner.factor);
         corner.factor = least;
+        corner.is_tame &= least == S::ONE;
     }
 }
 

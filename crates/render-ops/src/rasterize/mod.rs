@@ -24,6 +24,7 @@
 //! 2020; coverage as in `homogeneous`.
 
 mod behind;
+mod blocks;
 mod canvas;
 mod culling;
 mod exact;
