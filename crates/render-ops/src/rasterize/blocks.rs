@@ -52,8 +52,8 @@ impl<S: Scalar<Wide = S>> SmallFace<S> {
         let [p, q, r] = vertices;
         let edges = [edge(q, r), edge(r, p), edge(p, q)];
         let edges = edges.map(|[e, ex, ey]| [sign * e, sign * ex, sign * ey]);
-        let w = largest([p.w, q.w, r.w]);
-        let error_bound = S::from_f64(65.0 * f64::EPSILON * size.pixels() as f64) * w * w;
+        let (w, [width, height]) = (largest([p.w, q.w, r.w]), size.extents::<S>());
+        let error_bound = S::from_f64(65.0 * f64::EPSILON) * (width * w) * (height * w);
         let plane = plane(&vertices, &edges, error_bound)?;
         Some(Self { edges, plane, error_bound })
     }
