@@ -32,8 +32,9 @@ impl<S: Scalar<Wide = S>> Vertex<S> {
     pub(crate) fn of<T: Scalar<Wide = S>>(clip: &[T], index: u32, size: Size) -> (Self, S) {
         let [x, y, z, w] = clip.as_chunks::<4>().0[index as usize].map(T::widen);
         let [width, height] = size.extents::<S>();
-        let largest = [x, y, w].map(|coordinate| coordinate.abs().to_f64());
-        let largest = largest.into_iter().fold(0.0, f64::max);
+        let [a, b, c] = [x, y, w].map(|coordinate| coordinate.abs().to_f64());
+        let largest = if a > b { a } else { b };
+        let largest = if largest > c { largest } else { c };
         if largest == 0.0 || (1e-60..1e60).contains(&largest) {
             return (Self { x: x * width, y: y * height, z, w }, S::ONE);
         }

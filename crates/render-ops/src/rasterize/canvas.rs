@@ -122,6 +122,44 @@ impl<T: Scalar> pulp::WithSimd for Draw<'_, T> {
     }
 }
 
+/// The work of drawing a face span by span: in a place of its own, for what draws small faces has no
+/// registers to spare.
+struct DrawSpans<'a, T: Scalar> {
+    canvas: &'a mut Canvas<T>,
+    view: &'a Prepared<'a, T>,
+    face: usize,
+    /// The columns that it can touch, first and end.
+    touched: [usize; 2],
+    /// The Y of the rows that it can touch, and these rows within the band.
+    ys: &'a [T::Wide],
+    local: Range<usize>,
+}
+
+impl<T: Scalar> pulp::WithSimd for DrawSpans<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<V: pulp::Simd>(self, _: V) {
+        let Self { canvas, view, face, touched, ys, local } = self;
+        let at = canvas.weights.len() as u64;
+        let orientation = view.verdicts[face].orientation;
+        let mut setup = Setup::of(view.corners_of(face), orientation, view.size);
+        let per_row = view.blocks_per_row();
+        let reached = &mut canvas.reached[local.clone()];
+        let stored = local.start * per_row..local.end * per_row;
+        let (depths, faces) = (&mut canvas.depths[stored.clone()], &mut canvas.faces[stored]);
+        let centers = &view.centers[..view.size.width];
+        let rows = depths.chunks_exact_mut(per_row).zip(faces.chunks_exact_mut(per_row));
+        for ((&y, (depths, faces)), reached) in ys.iter().zip(rows).zip(reached) {
+            let (depths, faces) = (depths.as_flattened_mut(), faces.as_flattened_mut());
+            let row = setup.row(y);
+            let [first, end] = setup.cover_span(&row, touched, centers, depths, faces, at);
+            *reached = [reached[0].min(first), reached[1].max(end)];
+        }
+        canvas.weights.push(setup.weights());
+    }
+}
+
 impl<T: Scalar> Canvas<T> {
     #[inline(always)]
     fn run(
@@ -201,20 +239,8 @@ impl<T: Scalar> Canvas<T> {
                 return;
             }
         }
-        let mut setup = Setup::of(corners, orientation, view.size);
-        let reached = &mut self.reached[local.clone()];
-        let stored = local.start * per_row..local.end * per_row;
-        let (depths, faces) = (&mut self.depths[stored.clone()], &mut self.faces[stored]);
         let touched = [left as usize, right as usize + 1];
-        let centers = &view.centers[..view.size.width];
-        let rows = depths.chunks_exact_mut(per_row).zip(faces.chunks_exact_mut(per_row));
-        for ((&y, (depths, faces)), reached) in ys.iter().zip(rows).zip(reached) {
-            let (depths, faces) = (depths.as_flattened_mut(), faces.as_flattened_mut());
-            let row = setup.row(y);
-            let [first, end] = setup.cover_span(&row, touched, centers, depths, faces, at);
-            *reached = [reached[0].min(first), reached[1].max(end)];
-        }
-        self.weights.push(setup.weights());
+        pulp::Arch::new().dispatch(DrawSpans { canvas: self, view, face, touched, ys, local });
     }
 
     /// Draws the layer behind `front` into the band of `rows`.

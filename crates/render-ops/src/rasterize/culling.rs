@@ -10,6 +10,7 @@ use bokashi_core::Scalar;
 
 use super::blocks::MARGIN;
 use super::options::{Cull, RasterOptions};
+use super::setup::{largest, least};
 use crate::homogeneous::{Vertex, determinant, edge, edge_error_bound};
 use crate::size::Size;
 
@@ -40,12 +41,12 @@ impl<S: Scalar<Wide = S>> Corner<S> {
     pub(super) fn of<T: Scalar<Wide = S>>(clip: &[T], index: u32, size: Size) -> Self {
         let (vertex, factor) = Vertex::of(clip, index, size);
         let Vertex { x, y, z, w } = vertex;
-        let (right, top) =
-            (S::from_f64(size.width as f64) * w, S::from_f64(size.height as f64) * w);
+        let [width, height] = size.extents::<S>();
+        let (right, top) = (width * w, height * w);
         let planes = [w <= S::ZERO, x > right, x < -right, y > top, y < -top, z > w, z < -w];
-        let beyond = (0..).zip(planes).map(|(bit, beyond)| u8::from(beyond) << bit).sum();
-        let pixel = |scaled: S, extent: usize| 0.5 * (scaled.to_f64() + extent as f64 - 1.0);
-        let pixel = [pixel(x / w, size.width), pixel(-y / w, size.height)];
+        let beyond = (0..).zip(planes).fold(0, |bits, (bit, is)| bits | u8::from(is) << bit);
+        let pixel = |scaled: S, extent: S| 0.5 * (scaled.to_f64() + extent.to_f64() - 1.0);
+        let pixel = [pixel(x / w, width), pixel(-y / w, height)];
         let is_tame = (beyond == 0) & (z > S::from_f64(MARGIN - 1.0) * w) & (factor == S::ONE);
         Self { vertex, factor, beyond, is_tame, pixel }
     }
@@ -198,8 +199,9 @@ const HALF_A_PIXEL: f64 = 0.5;
 fn touched(pixel: [f64; 3], extent: usize, margin: f64) -> [u32; 2] {
     // Far more than the roundings of a coordinate within the image, far less than a pixel.
     let margin = margin + 1e-6;
-    let low = pixel[0].min(pixel[1]).min(pixel[2]) - margin;
-    let high = pixel[0].max(pixel[1]).max(pixel[2]) + margin;
-    let (first, last) = (low.ceil().max(0.0), high.floor().min(extent as f64 - 1.0));
+    let (low, high) = (least(pixel) - margin, largest(pixel) + margin);
+    let most = f64::from(extent as u32) - 1.0;
+    let first = if low > 0.0 { low.ceil() } else { 0.0 };
+    let last = if high < most { high.floor() } else { most };
     if first <= last { [first as u32, last as u32] } else { [1, 0] }
 }

@@ -183,6 +183,7 @@ impl<T: Scalar> Visibility<T> {
 /// Puts each drawn face on the lists of the bands of `rows` rows that it can touch, and counts the
 /// others.
 fn sort_into_bands(verdicts: &[Verdict], faces: &mut [Vec<u32>], rows: usize) -> Culled {
+    let rows = rows as u32;
     let mut culled = Culled::default();
     for (face, verdict) in (0..).zip(verdicts) {
         match verdict.fate {
@@ -191,8 +192,12 @@ fn sort_into_bands(verdicts: &[Verdict], faces: &mut [Vec<u32>], rows: usize) ->
             Fate::Facing => culled.facing += 1,
             Fate::Drawn { columns: [left, right], rows: [top, bottom] } => {
                 if left <= right && top <= bottom {
-                    let bands = top as usize / rows..=bottom as usize / rows;
-                    faces[bands].iter_mut().for_each(|list| list.push(face));
+                    // In 32 bits, whose division takes half the time.
+                    let [first, last] = [top, bottom].map(|row| (row / rows) as usize);
+                    faces[first].push(face);
+                    for list in &mut faces[first + 1..=last] {
+                        list.push(face);
+                    }
                 }
             }
         }
