@@ -360,9 +360,9 @@ impl<T: Scalar> Band<T> {
     #[inline(always)]
     pub(super) fn weigh(&self, view: &Prepared<'_, T>, barycentrics: &mut [T]) {
         let Runs { runs, slots, .. } = &self.runs;
-        let width = view.size.width;
+        let Prepared { centers, ys, size: Size { width, .. }, .. } = *view;
         let ends = slots.iter().skip(1).map(|next| next.first_run as usize).chain([runs.len()]);
-        for ((slot, end), weights) in slots.iter().zip(ends).zip(&self.weights) {
+        for ((slot, end), &weights) in slots.iter().zip(ends).zip(&self.weights) {
             let own = &runs[slot.first_run as usize..end];
             let [mut row, column] = view.size.place(own[0].pixel as usize);
             let mut start = own[0].pixel as usize - column;
@@ -378,8 +378,8 @@ impl<T: Scalar> Band<T> {
                 }
                 let column = pixel - start;
                 let barycentrics = &mut barycentrics[2 * run.fragment as usize..];
-                let centers = &view.centers[column..];
-                let y = view.ys[row];
+                let centers = &centers[column..];
+                let y = ys[row];
                 if weights.is_plain {
                     weights.weigh(y, length, centers, barycentrics);
                 } else {

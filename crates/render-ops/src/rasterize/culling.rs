@@ -43,8 +43,15 @@ impl<S: Scalar<Wide = S>> Corner<S> {
         let Vertex { x, y, z, w } = vertex;
         let [width, height] = size.extents::<S>();
         let (right, top) = (width * w, height * w);
-        let planes = [w <= S::ZERO, x > right, x < -right, y > top, y < -top, z > w, z < -w];
-        let beyond = (0..).zip(planes).fold(0, |bits, (bit, is)| bits | u8::from(is) << bit);
+        // One after another: of a list of planes the compiler makes bytes, which it then takes apart.
+        let bit = |is_beyond: bool, bit: u8| u8::from(is_beyond) * bit;
+        let beyond = bit(w <= S::ZERO, BEHIND)
+            | bit(x > right, 1 << 1)
+            | bit(x < -right, 1 << 2)
+            | bit(y > top, 1 << 3)
+            | bit(y < -top, 1 << 4)
+            | bit(z > w, BEYOND_FAR)
+            | bit(z < -w, BEFORE_NEAR);
         let pixel = |scaled: S, extent: S| 0.5 * (scaled.to_f64() + extent.to_f64() - 1.0);
         let pixel = [pixel(x / w, width), pixel(-y / w, height)];
         let is_tame = (beyond == 0) & (z > S::from_f64(MARGIN - 1.0) * w) & (factor == S::ONE);

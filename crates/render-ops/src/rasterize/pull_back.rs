@@ -91,12 +91,7 @@ impl<T: Scalar> WeightPullBack<'_, T> {
     /// The gradients of the face's vertices by edge functions.
     #[cold]
     #[inline(never)]
-    fn sum_by_edges(
-        &self,
-        slot: usize,
-        fragments: Range<usize>,
-        rows: &mut [T::Wide],
-    ) {
+    fn sum_by_edges(&self, slot: usize, fragments: Range<usize>, rows: &mut [T::Wide]) {
         let (size, face) = (self.coverage.size, self.face(slot));
         let mut sums = EdgeSums::default();
         for run in self.coverage.centers.within(slot, fragments) {
