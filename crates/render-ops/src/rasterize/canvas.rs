@@ -361,25 +361,27 @@ impl<T: Scalar> Band<T> {
     pub(super) fn weigh(&self, view: &Prepared<'_, T>, barycentrics: &mut [T]) {
         let Runs { runs, slots, .. } = &self.runs;
         let Prepared { centers, ys, size: Size { width, .. }, .. } = *view;
+        // From a row to the next, exactly.
+        let two = T::Wide::from_f64(2.0);
         let ends = slots.iter().skip(1).map(|next| next.first_run as usize).chain([runs.len()]);
         for ((slot, end), &weights) in slots.iter().zip(ends).zip(&self.weights) {
             let own = &runs[slot.first_run as usize..end];
-            let [mut row, column] = view.size.place(own[0].pixel as usize);
+            let [row, column] = view.size.place(own[0].pixel as usize);
             let mut start = own[0].pixel as usize - column;
+            let mut y = ys[row];
             for run in own {
                 let (pixel, length) = (run.pixel as usize, run.length as usize);
                 // Runs of a face come row after row, so that few are looked up by a division.
                 if pixel >= start + width {
-                    (row, start) = (row + 1, start + width);
+                    (y, start) = (y - two, start + width);
                     if pixel >= start + width {
-                        row = pixel / width;
-                        start = row * width;
+                        start = pixel / width * width;
+                        y = ys[pixel / width];
                     }
                 }
                 let column = pixel - start;
                 let barycentrics = &mut barycentrics[2 * run.fragment as usize..];
                 let centers = &centers[column..];
-                let y = ys[row];
                 if weights.is_plain {
                     weights.weigh(y, length, centers, barycentrics);
                 } else {
