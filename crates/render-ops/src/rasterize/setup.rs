@@ -233,6 +233,11 @@ impl<S: Scalar<Wide = S>> Setup<S> {
         [first, end]
     }
 
+    #[cfg(test)]
+    pub(super) fn has_plane(&self) -> bool {
+        self.plane.is_some()
+    }
+
     /// Draws one pixel where an edge function is uncertain.
     #[cold]
     #[inline(never)]
