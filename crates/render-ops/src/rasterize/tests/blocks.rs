@@ -2,11 +2,11 @@
 
 use rayon::ThreadPoolBuilder;
 
-use super::blocks::SmallFace;
 use super::culling::{Corner, Fate, Verdict};
 use super::oracle::{assert_is_the_oracles, vertex};
 use super::setup::{LANES, Setup, beyond};
 use super::*;
+use crate::rasterize::blocks::SmallFace;
 
 /// A face's setup, and what draws it in blocks if that can be; `None` where it is not drawn.
 fn prepared(clip: &[[f64; 4]; 3], size: Size) -> Option<(Setup<f64>, Option<SmallFace<f64>>)> {
