@@ -20,7 +20,7 @@ use std::sync::atomic::{Ordering, compiler_fence};
 
 use bokashi_core::Scalar;
 
-use super::culling::Corner;
+use super::culling::{Corner, are_tame};
 use super::setup::{LANES, Weights, lanes, largest, least, plane, smaller};
 use crate::homogeneous::edge;
 use crate::size::Size;
@@ -43,8 +43,7 @@ impl<S: Scalar<Wide = S>> SmallFace<S> {
     /// Of a face of that orientation, 1 or -1; `None` where it has to be drawn in spans.
     #[inline(always)]
     pub(super) fn of(corners: [&Corner<S>; 3], orientation: i8, size: Size) -> Option<Self> {
-        let [a, b, c] = corners.map(|corner| corner.is_tame);
-        if !(a & b & c) {
+        if !are_tame(corners) {
             return None;
         }
         let vertices = corners.map(|corner| corner.vertex);

@@ -20,10 +20,8 @@ pub(super) struct Corner<S> {
     pub(super) vertex: Vertex<S>,
     /// What the vertex was multiplied by.
     pub(super) factor: S,
-    /// The view's bounding planes that it lies beyond, one bit each.
+    /// The view's bounding planes that it lies beyond, one bit each, and [`UNUSUAL`].
     beyond: u8,
-    /// Whether it is in view, not close to the near plane, and was multiplied by nothing: see `blocks`.
-    pub(super) is_tame: bool,
     /// In pixels from the centre of the first pixel; means nothing behind the eye.
     pixel: [f64; 2],
 }
@@ -34,6 +32,15 @@ const BEHIND: u8 = 1;
 /// The bits of [`Corner::beyond`] for a vertex beyond the far plane, and before the near plane.
 const BEYOND_FAR: u8 = 1 << 5;
 const BEFORE_NEAR: u8 = 1 << 6;
+
+/// The bit of [`Corner::beyond`] for a vertex that is close to the near plane or was multiplied.
+const UNUSUAL: u8 = 1 << 7;
+
+/// Whether none is beyond a plane or unusual: see `blocks`.
+#[inline(always)]
+pub(super) fn are_tame<S>([a, b, c]: [&Corner<S>; 3]) -> bool {
+    a.beyond | b.beyond | c.beyond == 0
+}
 
 impl<S: Scalar<Wide = S>> Corner<S> {
     /// Vertex `index` of `clip: [V, 4]`.
@@ -51,11 +58,11 @@ impl<S: Scalar<Wide = S>> Corner<S> {
             | bit(y > top, 1 << 3)
             | bit(y < -top, 1 << 4)
             | bit(z > w, BEYOND_FAR)
-            | bit(z < -w, BEFORE_NEAR);
+            | bit(z < -w, BEFORE_NEAR)
+            | bit(z < S::from_f64(MARGIN - 1.0) * w || factor != S::ONE, UNUSUAL);
         let pixel = |scaled: S, extent: S| 0.5 * (scaled.to_f64() + extent.to_f64() - 1.0);
         let pixel = [pixel(x / w, width), pixel(-y / w, height)];
-        let is_tame = (beyond == 0) & (z > S::from_f64(MARGIN - 1.0) * w) & (factor == S::ONE);
-        Self { vertex, factor, beyond, is_tame, pixel }
+        Self { vertex, factor, beyond, pixel }
     }
 
     /// Whether the vertex lies before the near plane, beyond the far plane, or behind the eye.
@@ -101,7 +108,7 @@ pub(super) fn give_one_factor<S: Scalar<Wide = S>>(corners: &mut [Corner<S>]) {
     for corner in corners {
         corner.vertex = corner.vertex.scaled(least / corner.factor);
         corner.factor = least;
-        corner.is_tame &= least == S::ONE;
+        corner.beyond |= UNUSUAL;
     }
 }
 
@@ -147,7 +154,7 @@ impl Verdict {
         };
         let orientation = i8::from(determinant > noise) - i8::from(determinant < -noise);
         let [a, b, c] = corners.map(|corner| corner.beyond);
-        let fate = if a & b & c != 0 {
+        let fate = if a & b & c & !UNUSUAL != 0 {
             Fate::Outside
         } else if orientation == 0 {
             Fate::Degenerate

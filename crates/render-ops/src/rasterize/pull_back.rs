@@ -17,7 +17,7 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::culling::Corner;
+use super::culling::{Corner, are_tame};
 use super::setup::{largest, least};
 use crate::coverage::Coverage;
 use crate::edge_functions::{EdgeSums, LocalFace};
@@ -65,9 +65,8 @@ fn has_even_weights<S: Scalar<Wide = S>>(corners: [&Corner<S>; 3], size: Size) -
     let [p, q, r] = corners.map(|corner| corner.vertex.w);
     let even = S::from_f64(EVEN_DEPTHS);
     // Of a vertex in view only the depth is in question.
-    let [a, b, c] = corners.map(|corner| corner.is_tame);
     largest([p, q, r]) < even * least([p, q, r])
-        && (a & b & c || corners.iter().all(|corner| is_near(&corner.vertex, size)))
+        && (are_tame(corners) || corners.iter().all(|corner| is_near(&corner.vertex, size)))
 }
 
 /// Whether a vertex is within [`EVEN_EXTENTS`].

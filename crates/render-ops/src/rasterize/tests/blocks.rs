@@ -75,7 +75,7 @@ proptest! {
         let count = ys.len() * in_blocks.len();
         let mut blocks = (vec![[beyond::<f64>(); LANES]; count], vec![[u64::MAX; LANES]; count]);
         let mut spans = blocks.clone();
-        let mut in_spans = |setup: &mut Setup<f64>, pixels: &mut Blocks, face| {
+        let in_spans = |setup: &mut Setup<f64>, pixels: &mut Blocks, face| {
             for (y, depths, faces) in rows_of(&ys, pixels) {
                 let (depths, faces) = (depths.as_flattened_mut(), faces.as_flattened_mut());
                 let (row, all) = (setup.row(y), [0, size.width]);
