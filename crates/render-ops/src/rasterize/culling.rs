@@ -12,6 +12,7 @@ use super::blocks::MARGIN;
 use super::options::{Cull, RasterOptions};
 use super::setup::{largest, least};
 use crate::homogeneous::{Vertex, determinant, edge, edge_error_bound};
+use crate::mesh::repeats_a_vertex;
 use crate::size::Size;
 
 /// A vertex, and what every face at it asks of it.
@@ -137,10 +138,11 @@ pub(super) struct Verdict {
 }
 
 impl Verdict {
-    /// On a face that repeats no vertex.
+    /// On the face of these vertices.
     #[inline(always)]
     pub(super) fn of<S: Scalar<Wide = S>>(
         corners: [&Corner<S>; 3],
+        vertices: [u32; 3],
         options: RasterOptions,
         most_noise: S,
     ) -> Self {
@@ -149,6 +151,9 @@ impl Verdict {
         // No sign that is an accident: all that asks which way the face turns, asks this number.
         let noise = if determinant.abs() > most_noise {
             most_noise
+        } else if repeats_a_vertex(vertices) {
+            // Wherever it lies.
+            return Self { orientation: 0, reaches_behind: false, fate: Fate::Degenerate };
         } else {
             rounding([p, q, r], options.size)
         };

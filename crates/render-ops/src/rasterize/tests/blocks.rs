@@ -12,7 +12,8 @@ use crate::rasterize::blocks::SmallFace;
 fn prepared(clip: &[[f64; 4]; 3], size: Size) -> Option<(Setup<f64>, Option<SmallFace<f64>>)> {
     let corners = [0, 1, 2].map(|index| Corner::of(clip.as_flattened(), index, size));
     let corners = corners.each_ref();
-    let Verdict { orientation, fate, .. } = Verdict::of(corners, size.into(), f64::INFINITY);
+    let Verdict { orientation, fate, .. } =
+        Verdict::of(corners, [0, 1, 2], size.into(), f64::INFINITY);
     let small = SmallFace::of(corners, orientation, size);
     matches!(fate, Fate::Drawn { .. }).then(|| (Setup::of(corners, orientation, size), small))
 }
