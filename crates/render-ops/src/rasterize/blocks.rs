@@ -16,12 +16,10 @@
 //! determinant over w. So the depth's rounding is some 1e-5 at most, and no pixel need be held
 //! against the near plane.
 
-use std::sync::atomic::{Ordering, compiler_fence};
-
 use bokashi_core::Scalar;
 
 use super::culling::{Corner, are_tame};
-use super::setup::{LANES, Weights, lanes, largest, least, plane, smaller};
+use super::setup::{LANES, Weights, keep_nearer, lanes, largest, least, plane, smaller};
 use crate::homogeneous::edge;
 use crate::size::Size;
 
@@ -82,15 +80,8 @@ impl<S: Scalar<Wide = S>> SmallFace<S> {
                 let along = |k: usize| lanes(|lane| starts[k] + xs[k] * x[lane]);
                 let [a, b, c, depth] = [along(0), along(1), along(2), along(3)];
                 let inside = lanes(|k| least([a[k], b[k], c[k]]));
-                // Values first, then two stores, so that they are compiled to vectors. A choice whose
-                // store goes to where it was loaded from would become a masked store, which takes
-                // long and which later loads wait for. The fence, which is no instruction, keeps the
-                // stores apart from the loads.
-                let (before, seen_before) = (*nearest, *seen);
-                compiler_fence(Ordering::SeqCst);
-                let is_seen = lanes(|k| (inside[k] > error_bound) & (depth[k] < before[k]));
-                *nearest = lanes(|k| if is_seen[k] { depth[k] } else { before[k] });
-                *seen = lanes(|k| if is_seen[k] { face } else { seen_before[k] });
+                let is_inside = lanes(|k| inside[k] > error_bound);
+                keep_nearer((nearest, seen), is_inside, depth, face);
                 closest = lanes(|k| smaller(inside[k].abs(), closest[k]));
             }
         }

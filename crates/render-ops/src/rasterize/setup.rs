@@ -23,6 +23,8 @@
 //! `z / w = d + sum_i (z_i - d w_i) a_i / D`, whose term of vertex 0 is zero. Only the difference is
 //! rounded.
 
+use std::sync::atomic::{Ordering, compiler_fence};
+
 use bokashi_core::Scalar;
 
 use super::culling::Corner;
@@ -352,13 +354,39 @@ fn cover<S: Scalar>(
     face: u64,
     depth: impl Fn(S) -> S,
 ) {
+    let (depth_blocks, depths) = depths.as_chunks_mut();
+    let (face_blocks, faces) = faces.as_chunks_mut();
+    let (center_blocks, centers) = centers.as_chunks::<LANES>();
+    for ((nearest, seen), x) in depth_blocks.iter_mut().zip(face_blocks).zip(center_blocks) {
+        let depth = lanes(|k| depth(x[k]));
+        keep_nearer((nearest, seen), lanes(|k| depth[k] >= -S::ONE), depth, face);
+    }
     for ((nearest, seen), &x) in depths.iter_mut().zip(faces).zip(centers) {
         let depth = depth(x);
-        let depth = if depth >= -S::ONE { depth } else { beyond() };
-        // A choice and a minimum: see `SmallFace::cover`.
-        *seen = if depth < *nearest { face } else { *seen };
-        *nearest = if depth < *nearest { depth } else { *nearest };
+        if depth >= -S::ONE && depth < *nearest {
+            (*nearest, *seen) = (depth, face);
+        }
     }
+}
+
+/// Where a block of pixels is covered and `depth` is smaller than in `nearest`, it takes its place, and
+/// `face` that in `seen`.
+///
+/// Values first, then two stores, so that they are compiled to vectors. A choice whose store goes to
+/// where it was loaded from would become a masked store, which takes long and which later loads wait
+/// for. The fence, which is no instruction, keeps the stores apart from the loads.
+#[inline(always)]
+pub(super) fn keep_nearer<S: Scalar>(
+    (nearest, seen): (&mut [S; LANES], &mut [u64; LANES]),
+    is_covered: [bool; LANES],
+    depth: [S; LANES],
+    face: u64,
+) {
+    let (before, seen_before) = (*nearest, *seen);
+    compiler_fence(Ordering::SeqCst);
+    let is_nearer = lanes(|k| is_covered[k] & (depth[k] < before[k]));
+    *nearest = lanes(|k| if is_nearer[k] { depth[k] } else { before[k] });
+    *seen = lanes(|k| if is_nearer[k] { face } else { seen_before[k] });
 }
 
 /// The depth's coefficients of 1, X and Y, where no vertex is behind the eye and neither the
