@@ -2,8 +2,9 @@
 //!
 //! The image is cut into bands of rows. Each band has a list of the faces that can touch it, in the
 //! order of their indices, and keeps the nearest depth per pixel. Where depths are equal, the lower
-//! face index wins, since it came first. Then the band is read off as runs. Pixels that no face's rows
-//! reached are neither cleared nor read. The weights of fragments are written last, where they stay.
+//! face index wins, since it came first. Then the band is read off as runs. Columns that no large face
+//! reached in their row, and no small face in the band, are neither cleared nor read. The weights of
+//! fragments are written last, where they stay.
 //!
 //! Bands are independent of each other and joined in order, so nothing depends on the number of
 //! threads. Several bands are drawn one after another on one canvas, so that its memory stays in a
