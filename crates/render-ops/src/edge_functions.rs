@@ -132,7 +132,7 @@ impl<S: Scalar<Wide = S>> LocalFace<S> {
         };
         let [w_bar, x_bar, y_bar] = [along(0), along(1), along(2)];
         let w_bar = w_bar - (self.origin[0] * x_bar + self.origin[1] * y_bar);
-        let (width, height) = (S::from_f64(size.width as f64), S::from_f64(size.height as f64));
+        let [width, height] = size.extents::<S>();
         [width * x_bar, height * y_bar, w_bar]
     }
 
@@ -149,7 +149,7 @@ impl<S: Scalar<Wide = S>> LocalFace<S> {
         let y_bar = ones[j] * qkx - ones[k] * qjx + (xs[k] * wj - xs[j] * wk);
         let w_bar = -(self.origin[0] * x_bar + self.origin[1] * y_bar)
             - (xs[k] * qjy - xs[j] * qky + ys[j] * qkx - ys[k] * qjx);
-        let (width, height) = (S::from_f64(size.width as f64), S::from_f64(size.height as f64));
+        let [width, height] = size.extents::<S>();
         [width * x_bar, height * y_bar, w_bar]
     }
 }

@@ -31,9 +31,10 @@ impl<S: Scalar<Wide = S>> Vertex<S> {
     #[inline(always)]
     pub(crate) fn of<T: Scalar<Wide = S>>(clip: &[T], index: u32, size: Size) -> (Self, S) {
         let [x, y, z, w] = clip.as_chunks::<4>().0[index as usize].map(T::widen);
-        let (width, height) = (S::from_f64(size.width as f64), S::from_f64(size.height as f64));
-        let largest = [x, y, w].map(|coordinate| coordinate.abs().to_f64());
-        let largest = largest.into_iter().fold(0.0, f64::max);
+        let [width, height] = size.extents::<S>();
+        let [a, b, c] = [x, y, w].map(|coordinate| coordinate.abs().to_f64());
+        let largest = if a > b { a } else { b };
+        let largest = if largest > c { largest } else { c };
         if largest == 0.0 || (1e-60..1e60).contains(&largest) {
             return (Self { x: x * width, y: y * height, z, w }, S::ONE);
         }
@@ -43,7 +44,7 @@ impl<S: Scalar<Wide = S>> Vertex<S> {
     #[cold]
     #[inline(never)]
     fn scaled_to_range([x, y, z, w]: [S; 4], largest: f64, size: Size) -> (Self, S) {
-        let (width, height) = (S::from_f64(size.width as f64), S::from_f64(size.height as f64));
+        let [width, height] = size.extents::<S>();
         // 2^-1074 would need a factor beyond the range; near it will do.
         let factor = S::from_f64(f64::powi(2.0, -(largest.log2() as i32).clamp(-1000, 1000)));
         let [x, y, z, w] = [x, y, z, w].map(|coordinate| factor * coordinate);
@@ -107,7 +108,7 @@ pub(crate) fn determinant<S: Scalar>(p: Vertex<S>, [e, ex, ey]: [S; 3]) -> S {
 /// The largest that `|q_x|` and `|q_y|` of a vertex relative to a pixel centre can be.
 #[inline(always)]
 pub(crate) fn extent<S: Scalar>(vertex: Vertex<S>, size: Size) -> [S; 2] {
-    let (width, height) = (S::from_f64(size.width as f64), S::from_f64(size.height as f64));
+    let [width, height] = size.extents::<S>();
     let w = vertex.w.abs();
     [vertex.x.abs() + width * w, vertex.y.abs() + height * w]
 }

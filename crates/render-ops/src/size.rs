@@ -43,15 +43,32 @@ impl Size {
         [self.center_x(column), self.center_y(row)]
     }
 
+    /// The width and the height as numbers.
+    #[inline(always)]
+    pub(crate) fn extents<S: Scalar>(self) -> [S; 2] {
+        [self.width, self.height].map(|pixels| S::from_f64(extent(pixels)))
+    }
+
     /// The scaled x of the centres of column `column`.
     pub(crate) fn center_x<S: Scalar>(self, column: usize) -> S {
-        S::from_f64((2 * column + 1) as f64 - self.width as f64)
+        S::from_f64(center(column) - extent(self.width))
     }
 
     /// The scaled y of the centres of row `row`, row 0 on top.
     pub(crate) fn center_y<S: Scalar>(self, row: usize) -> S {
-        S::from_f64(self.height as f64 - (2 * row + 1) as f64)
+        S::from_f64(extent(self.height) - center(row))
     }
+}
+
+/// Twice the place of the centre of row or column `at` in pixels.
+fn center(at: usize) -> f64 {
+    2.0 * extent(at) + 1.0
+}
+
+/// A number of rows or columns: they are counted in 32 bits, whose conversion takes a third of the
+/// instructions.
+fn extent(pixels: usize) -> f64 {
+    f64::from(pixels as u32)
 }
 
 impl fmt::Display for Size {

@@ -5,9 +5,10 @@ use std::ops::Range;
 use bokashi_core::Scalar;
 
 use super::behind::{Found, Peeling};
+use super::blocks::SmallFace;
 use super::culling::{Fate, Verdict};
 use super::exact::{BandFaces, BoundarySearch, PieceFragments, Pieces};
-use super::prepared::{NO_SLOT, Prepared, sum_up};
+use super::prepared::{NO_SLOT, Prepared};
 use super::setup::{LANES, Setup, Weights, beyond};
 use crate::coverage::Coverage;
 use crate::runs::{Run, Runs, Slot};
@@ -18,21 +19,6 @@ const PIXELS_PER_BLOCK: usize = 1024;
 
 /// Stands for "no face".
 const NO_FACE: u64 = u64::MAX;
-
-/// Of some rows of `per_row` blocks each: their y, and the depths and faces of the blocks `blocks`.
-#[inline(always)]
-fn rows_of<'a, S: Scalar>(
-    ys: &'a [S],
-    depths: &'a mut [[S; LANES]],
-    faces: &'a mut [[u64; LANES]],
-    per_row: usize,
-    blocks: &'a Range<usize>,
-) -> impl Iterator<Item = (S, &'a mut [[S; LANES]], &'a mut [[u64; LANES]])> {
-    let rows = depths.chunks_exact_mut(per_row).zip(faces.chunks_exact_mut(per_row));
-    ys.iter()
-        .zip(rows)
-        .map(|(&y, (depths, faces))| (y, &mut depths[blocks.clone()], &mut faces[blocks.clone()]))
-}
 
 /// Gives a list `length` entries, whatever they are.
 pub(super) fn resize<I: Clone>(list: &mut Vec<I>, length: usize, filling: impl FnOnce() -> I) {
@@ -68,14 +54,16 @@ pub(super) struct Canvas<T: Scalar> {
     faces: Vec<[u64; LANES]>,
     /// Per row: the columns, first and end, that were reached.
     reached: Vec<[usize; 2]>,
+    /// The blocks of a row, first and end, that small faces reached in any row.
+    reached_by_blocks: [usize; 2],
     /// Per drawn face: its slot, once it was seen.
     slot_of: Vec<u32>,
     /// Per slot: its position in `weights`.
     seen: Vec<u32>,
     /// What was read, by pixel, without fragments yet.
     read: Vec<Run>,
-    /// Per slot: how many of the runs are its own or of slots before it.
-    ends: Vec<u32>,
+    /// Per slot: how many runs it has, then where in the order of slots its next run goes.
+    places: Vec<u32>,
     search: BoundarySearch<T::Wide>,
     peeling: Peeling<T::Wide>,
     pub(super) bands: Vec<Band<T>>,
@@ -86,6 +74,7 @@ struct Reader<'a> {
     covered: &'a mut Vec<[u32; 2]>,
     slot_of: &'a mut [u32],
     seen: &'a mut Vec<u32>,
+    places: &'a mut Vec<u32>,
     read: &'a mut Vec<Run>,
 }
 
@@ -106,7 +95,9 @@ impl Reader<'_> {
         if *slot == NO_SLOT {
             *slot = self.seen.len() as u32;
             self.seen.push(drawn as u32);
+            self.places.push(0);
         }
+        self.places[*slot as usize] += 1;
         self.read.push(Run { slot: *slot, pixel, length, fragment: 0 });
     }
 }
@@ -128,6 +119,44 @@ impl<T: Scalar> pulp::WithSimd for Draw<'_, T> {
     fn with_simd<V: pulp::Simd>(self, _: V) {
         let Self { canvas, view, faces, first, step } = self;
         canvas.run(view, faces, (first..faces.len()).step_by(step));
+    }
+}
+
+/// The work of drawing a face span by span: in a place of its own, for what draws small faces has no
+/// registers to spare.
+struct DrawSpans<'a, T: Scalar> {
+    canvas: &'a mut Canvas<T>,
+    view: &'a Prepared<'a, T>,
+    face: usize,
+    /// The columns that it can touch, first and end.
+    touched: [usize; 2],
+    /// The Y of the rows that it can touch, and these rows within the band.
+    ys: &'a [T::Wide],
+    local: Range<usize>,
+}
+
+impl<T: Scalar> pulp::WithSimd for DrawSpans<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<V: pulp::Simd>(self, _: V) {
+        let Self { canvas, view, face, touched, ys, local } = self;
+        let at = canvas.weights.len() as u64;
+        let orientation = view.verdicts[face].orientation;
+        let mut setup = Setup::of(view.corners_of(face), orientation, view.size);
+        let per_row = view.blocks_per_row();
+        let reached = &mut canvas.reached[local.clone()];
+        let stored = local.start * per_row..local.end * per_row;
+        let (depths, faces) = (&mut canvas.depths[stored.clone()], &mut canvas.faces[stored]);
+        let centers = &view.centers[..view.size.width];
+        let rows = depths.chunks_exact_mut(per_row).zip(faces.chunks_exact_mut(per_row));
+        for ((&y, (depths, faces)), reached) in ys.iter().zip(rows).zip(reached) {
+            let (depths, faces) = (depths.as_flattened_mut(), faces.as_flattened_mut());
+            let row = setup.row(y);
+            let [first, end] = setup.cover_span(&row, touched, centers, depths, faces, at);
+            *reached = [reached[0].min(first), reached[1].max(end)];
+        }
+        canvas.weights.push(setup.weights());
     }
 }
 
@@ -155,6 +184,7 @@ impl<T: Scalar> Canvas<T> {
             let first = band * view.rows;
             let rows = first..(first + view.rows).min(view.size.height);
             self.weights.clear();
+            self.reached_by_blocks = [usize::MAX, 0];
             match view.front {
                 None => {
                     for &face in &faces[band] {
@@ -170,14 +200,14 @@ impl<T: Scalar> Canvas<T> {
             self.bands[at].covered.clear();
             self.read.clear();
             self.seen.clear();
+            self.places.clear();
             self.slot_of.clear();
             self.slot_of.resize(self.weights.len(), NO_SLOT);
             for row in rows {
                 self.bands[at].row_starts.push(self.read.len() as u32);
                 self.read_row(view, at, row, row - first);
             }
-            self.sort(at);
-            self.hand_over(at, &faces[band]);
+            self.sort(at, &faces[band]);
         }
     }
 
@@ -190,36 +220,27 @@ impl<T: Scalar> Canvas<T> {
         };
         let at = self.weights.len() as u64;
         let rows_of_face = rows.start.max(top as usize)..rows.end.min(bottom as usize + 1);
-        let mut setup = Setup::of(view.corners_of(face), orientation, view.size);
         let local = rows_of_face.start - rows.start..rows_of_face.end - rows.start;
         let ys = &view.ys[rows_of_face];
-        let reached = &mut self.reached[local.clone()];
         let per_row = view.blocks_per_row();
-        let stored = local.start * per_row..local.end * per_row;
-        let (depths, faces) = (&mut self.depths[stored.clone()], &mut self.faces[stored]);
+        let corners = view.corners_of(face);
         let blocks = left as usize / LANES..right as usize / LANES + 1;
-        if setup.has_plane() && blocks.len() * LANES * ys.len() <= PIXELS_PER_BLOCK {
+        if blocks.len() * LANES * ys.len() <= PIXELS_PER_BLOCK
+            && let Some(small) = SmallFace::of(corners, orientation, view.size)
+        {
             let centers = &view.centers.as_chunks().0[blocks.clone()];
-            let (first, end) = (blocks.start * LANES, (blocks.end * LANES).min(view.size.width));
-            if setup.cover_blocks(rows_of(ys, depths, faces, per_row, &blocks), centers, at) {
-                let rows = rows_of(ys, depths, faces, per_row, &blocks);
-                setup.cover_uncertain(rows, centers, end - first, at);
-            }
-            for reached in reached {
-                *reached = [reached[0].min(first), reached[1].max(end)];
-            }
-        } else {
-            let touched = [left as usize, right as usize + 1];
-            let centers = &view.centers[..view.size.width];
-            let rows = depths.chunks_exact_mut(per_row).zip(faces.chunks_exact_mut(per_row));
-            for ((&y, (depths, faces)), reached) in ys.iter().zip(rows).zip(reached) {
-                let (depths, faces) = (depths.as_flattened_mut(), faces.as_flattened_mut());
-                let row = setup.row(y);
-                let [first, end] = setup.cover_span(&row, touched, centers, depths, faces, at);
-                *reached = [reached[0].min(first), reached[1].max(end)];
+            let first = local.start * per_row + blocks.start;
+            let stored = (&mut self.depths[first..], &mut self.faces[first..]);
+            let is_uncertain = small.cover(ys, centers, stored, per_row, at);
+            let [first, end] = &mut self.reached_by_blocks;
+            (*first, *end) = ((*first).min(blocks.start), (*end).max(blocks.end));
+            if !is_uncertain {
+                self.weights.push(small.weights());
+                return;
             }
         }
-        self.weights.push(setup.weights());
+        let touched = [left as usize, right as usize + 1];
+        pulp::Arch::new().dispatch(DrawSpans { canvas: self, view, face, touched, ys, local });
     }
 
     /// Draws the layer behind `front` into the band of `rows`.
@@ -265,20 +286,20 @@ impl<T: Scalar> Canvas<T> {
     /// image's width. `local` is the row within the band.
     #[inline(always)]
     fn read_row(&mut self, view: &Prepared<'_, T>, at: usize, row: usize, local: usize) {
-        let [first, end] = std::mem::replace(&mut self.reached[local], [view.size.width, 0]);
+        let width = view.size.width;
+        let [first, end] = std::mem::replace(&mut self.reached[local], [width, 0]);
+        let [first_block, end_block] = self.reached_by_blocks;
+        let first = first.min(first_block.saturating_mul(LANES));
+        let end = end.max((end_block * LANES).min(width));
         if first >= end {
             return;
         }
         let stored = local * view.blocks_per_row()..(local + 1) * view.blocks_per_row();
-        let Self { faces, depths, bands, slot_of, seen, read, .. } = self;
+        let Self { faces, depths, bands, slot_of, seen, places, read, .. } = self;
         let faces = faces[stored.clone()].as_flattened_mut();
         let before_row = (row * view.size.width) as u32;
-        let mut reader = Reader { covered: &mut bands[at].covered, slot_of, seen, read };
+        let mut reader = Reader { covered: &mut bands[at].covered, slot_of, seen, places, read };
         let mut start = first;
-        let mut end_run = |end: usize| {
-            reader.read(faces[start], before_row + start as u32, (end - start) as u32);
-            start = end;
-        };
         let (before, after) = (&faces[first..end - 1], &faces[first + 1..end]);
         let pieces = before.chunks(u64::BITS as usize).zip(after.chunks(u64::BITS as usize));
         for ((before, after), from) in pieces.zip((first + 1..).step_by(u64::BITS as usize)) {
@@ -290,61 +311,47 @@ impl<T: Scalar> Canvas<T> {
                 .enumerate()
                 .fold(0, |changes, (k, (a, b))| changes | u64::from(a != b) << k);
             while changes != 0 {
-                end_run(from + changes.trailing_zeros() as usize);
+                let end = from + changes.trailing_zeros() as usize;
+                reader.read(faces[start], before_row + start as u32, (end - start) as u32);
+                start = end;
                 changes &= changes - 1;
             }
         }
-        end_run(end);
+        reader.read(faces[start], before_row + start as u32, (end - start) as u32);
         faces[first..end].fill(NO_FACE);
         depths[stored].as_flattened_mut()[first..end].fill(beyond());
     }
 
-    /// Sorts the runs of band `at` by slot; those of one slot stay in order.
+    /// Sorts the runs of band `at`, whose faces are `faces`, by slot; those of one slot stay in order. Gives
+    /// them their fragments.
     #[inline(always)]
-    fn sort(&mut self, at: usize) {
-        let Self { seen, read, ends, bands, .. } = self;
-        ends.clear();
-        ends.resize(seen.len() + 1, 0);
-        read.iter().for_each(|run| ends[run.slot as usize + 1] += 1);
-        sum_up(ends);
-        let sorted = &mut bands[at].runs.runs;
-        resize(sorted, read.len(), Run::default);
-        // Where the next run of each slot goes; in the end, where its last one went.
-        for run in read.iter() {
-            let place = &mut ends[run.slot as usize];
-            sorted[*place as usize] = *run;
-            *place += 1;
-        }
-    }
-
-    /// Gives the runs of band `at`, whose faces are `faces`, their slots and their fragments.
-    #[inline(always)]
-    fn hand_over(&mut self, at: usize, faces: &[u32]) {
-        let Self { weights, seen, read, ends, bands, .. } = self;
+    fn sort(&mut self, at: usize, faces: &[u32]) {
+        let Self { weights, seen, read, places, bands, .. } = self;
         let Band { runs, by_pixel, weights: own_weights, .. } = &mut bands[at];
-        runs.count = read.iter().map(|run| run.length as usize).sum();
         own_weights.clear();
         own_weights.extend(seen.iter().map(|&drawn| weights[drawn as usize]));
-        let Runs { runs, slots, .. } = runs;
+        let Runs { runs: sorted, slots, count, .. } = runs;
         slots.clear();
-        let (mut fragment, mut first_run) = (0, 0);
-        for own in runs.chunk_by_mut(|left, right| left.slot == right.slot) {
-            let face = faces[seen[own[0].slot as usize] as usize];
-            slots.push(Slot { face, first_run });
-            first_run += own.len() as u32;
-            for run in own {
-                run.fragment = fragment;
-                fragment += run.length;
-            }
-        }
-        // Backwards, so that the last place of each slot comes first.
-        by_pixel.clear();
-        by_pixel.extend(read.iter().rev().map(|run| {
-            let place = &mut ends[run.slot as usize];
-            *place -= 1;
-            *place
+        let mut first_run = 0;
+        slots.extend(seen.iter().zip(&mut *places).map(|(&drawn, place)| {
+            let slot = Slot { face: faces[drawn as usize], first_run };
+            first_run += std::mem::replace(place, first_run);
+            slot
         }));
-        by_pixel.reverse();
+        resize(sorted, read.len(), Run::default);
+        resize(by_pixel, read.len(), || 0);
+        for (run, index) in read.iter().zip(by_pixel) {
+            let place = &mut places[run.slot as usize];
+            sorted[*place as usize] = *run;
+            *index = *place;
+            *place += 1;
+        }
+        let mut fragment = 0;
+        for run in sorted {
+            run.fragment = fragment;
+            fragment += run.length;
+        }
+        *count = fragment as usize;
     }
 }
 
@@ -353,20 +360,28 @@ impl<T: Scalar> Band<T> {
     #[inline(always)]
     pub(super) fn weigh(&self, view: &Prepared<'_, T>, barycentrics: &mut [T]) {
         let Runs { runs, slots, .. } = &self.runs;
-        let width = view.size.width;
-        let of_slots = runs.chunk_by(|left, right| left.slot == right.slot);
-        for ((own, slot), weights) in of_slots.zip(slots).zip(&self.weights) {
-            let [mut row, _] = view.size.place(own[0].pixel as usize);
+        let Prepared { centers, ys, size: Size { width, .. }, .. } = *view;
+        // From a row to the next, exactly.
+        let two = T::Wide::from_f64(2.0);
+        let ends = slots.iter().skip(1).map(|next| next.first_run as usize).chain([runs.len()]);
+        for ((slot, end), &weights) in slots.iter().zip(ends).zip(&self.weights) {
+            let own = &runs[slot.first_run as usize..end];
+            let [row, column] = view.size.place(own[0].pixel as usize);
+            let mut start = own[0].pixel as usize - column;
+            let mut y = ys[row];
             for run in own {
-                let length = run.length as usize;
-                // Runs of a face come row after row.
-                while run.pixel as usize >= (row + 1) * width {
-                    row += 1;
+                let (pixel, length) = (run.pixel as usize, run.length as usize);
+                // Runs of a face come row after row, so that few are looked up by a division.
+                if pixel >= start + width {
+                    (y, start) = (y - two, start + width);
+                    if pixel >= start + width {
+                        start = pixel / width * width;
+                        y = ys[pixel / width];
+                    }
                 }
-                let column = run.pixel as usize - row * width;
+                let column = pixel - start;
                 let barycentrics = &mut barycentrics[2 * run.fragment as usize..];
-                let centers = &view.centers[column..];
-                let y = view.size.center_y(row);
+                let centers = &centers[column..];
                 if weights.is_plain {
                     weights.weigh(y, length, centers, barycentrics);
                 } else {

@@ -8,8 +8,11 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
+use super::blocks::MARGIN;
 use super::options::{Cull, RasterOptions};
+use super::setup::{largest, least};
 use crate::homogeneous::{Vertex, determinant, edge, edge_error_bound};
+use crate::mesh::repeats_a_vertex;
 use crate::size::Size;
 
 /// A vertex, and what every face at it asks of it.
@@ -18,7 +21,7 @@ pub(super) struct Corner<S> {
     pub(super) vertex: Vertex<S>,
     /// What the vertex was multiplied by.
     pub(super) factor: S,
-    /// The view's bounding planes that it lies beyond, one bit each.
+    /// The view's bounding planes that it lies beyond, one bit each, and [`UNUSUAL`].
     beyond: u8,
     /// In pixels from the centre of the first pixel; means nothing behind the eye.
     pixel: [f64; 2],
@@ -31,18 +34,35 @@ const BEHIND: u8 = 1;
 const BEYOND_FAR: u8 = 1 << 5;
 const BEFORE_NEAR: u8 = 1 << 6;
 
+/// The bit of [`Corner::beyond`] for a vertex that is close to the near plane or was multiplied.
+const UNUSUAL: u8 = 1 << 7;
+
+/// Whether none is beyond a plane or unusual: see `blocks`.
+#[inline(always)]
+pub(super) fn are_tame<S>([a, b, c]: [&Corner<S>; 3]) -> bool {
+    a.beyond | b.beyond | c.beyond == 0
+}
+
 impl<S: Scalar<Wide = S>> Corner<S> {
     /// Vertex `index` of `clip: [V, 4]`.
     #[inline(always)]
     pub(super) fn of<T: Scalar<Wide = S>>(clip: &[T], index: u32, size: Size) -> Self {
         let (vertex, factor) = Vertex::of(clip, index, size);
         let Vertex { x, y, z, w } = vertex;
-        let (right, top) =
-            (S::from_f64(size.width as f64) * w, S::from_f64(size.height as f64) * w);
-        let planes = [w <= S::ZERO, x > right, x < -right, y > top, y < -top, z > w, z < -w];
-        let beyond = (0..).zip(planes).map(|(bit, beyond)| u8::from(beyond) << bit).sum();
-        let pixel = |scaled: S, extent: usize| 0.5 * (scaled.to_f64() + extent as f64 - 1.0);
-        let pixel = [pixel(x / w, size.width), pixel(-y / w, size.height)];
+        let [width, height] = size.extents::<S>();
+        let (right, top) = (width * w, height * w);
+        // One after another: of a list of planes the compiler makes bytes, which it then takes apart.
+        let bit = |is_beyond: bool, bit: u8| u8::from(is_beyond) * bit;
+        let beyond = bit(w <= S::ZERO, BEHIND)
+            | bit(x > right, 1 << 1)
+            | bit(x < -right, 1 << 2)
+            | bit(y > top, 1 << 3)
+            | bit(y < -top, 1 << 4)
+            | bit(z > w, BEYOND_FAR)
+            | bit(z < -w, BEFORE_NEAR)
+            | bit(z < S::from_f64(MARGIN - 1.0) * w || factor != S::ONE, UNUSUAL);
+        let pixel = |scaled: S, extent: S| 0.5 * (scaled.to_f64() + extent.to_f64() - 1.0);
+        let pixel = [pixel(x / w, width), pixel(-y / w, height)];
         Self { vertex, factor, beyond, pixel }
     }
 
@@ -89,6 +109,7 @@ pub(super) fn give_one_factor<S: Scalar<Wide = S>>(corners: &mut [Corner<S>]) {
     for corner in corners {
         corner.vertex = corner.vertex.scaled(least / corner.factor);
         corner.factor = least;
+        corner.beyond |= UNUSUAL;
     }
 }
 
@@ -117,10 +138,11 @@ pub(super) struct Verdict {
 }
 
 impl Verdict {
-    /// On a face that repeats no vertex.
+    /// On the face of these vertices.
     #[inline(always)]
     pub(super) fn of<S: Scalar<Wide = S>>(
         corners: [&Corner<S>; 3],
+        vertices: [u32; 3],
         options: RasterOptions,
         most_noise: S,
     ) -> Self {
@@ -129,12 +151,15 @@ impl Verdict {
         // No sign that is an accident: all that asks which way the face turns, asks this number.
         let noise = if determinant.abs() > most_noise {
             most_noise
+        } else if repeats_a_vertex(vertices) {
+            // Wherever it lies.
+            return Self { orientation: 0, reaches_behind: false, fate: Fate::Degenerate };
         } else {
             rounding([p, q, r], options.size)
         };
         let orientation = i8::from(determinant > noise) - i8::from(determinant < -noise);
         let [a, b, c] = corners.map(|corner| corner.beyond);
-        let fate = if a & b & c != 0 {
+        let fate = if a & b & c & !UNUSUAL != 0 {
             Fate::Outside
         } else if orientation == 0 {
             Fate::Degenerate
@@ -193,8 +218,9 @@ const HALF_A_PIXEL: f64 = 0.5;
 fn touched(pixel: [f64; 3], extent: usize, margin: f64) -> [u32; 2] {
     // Far more than the roundings of a coordinate within the image, far less than a pixel.
     let margin = margin + 1e-6;
-    let low = pixel[0].min(pixel[1]).min(pixel[2]) - margin;
-    let high = pixel[0].max(pixel[1]).max(pixel[2]) + margin;
-    let (first, last) = (low.ceil().max(0.0), high.floor().min(extent as f64 - 1.0));
+    let (low, high) = (least(pixel) - margin, largest(pixel) + margin);
+    let most = f64::from(extent as u32) - 1.0;
+    let first = if low > 0.0 { low.ceil() } else { 0.0 };
+    let last = if high < most { high.floor() } else { most };
     if first <= last { [first as u32, last as u32] } else { [1, 0] }
 }

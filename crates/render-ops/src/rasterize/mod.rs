@@ -24,6 +24,7 @@
 //! 2020; coverage as in `homogeneous`.
 
 mod behind;
+mod blocks;
 mod canvas;
 mod culling;
 mod exact;
@@ -266,6 +267,9 @@ impl Rasterize {
     }
 }
 
+/// Coordinates that are looked at before it is asked whether all are finite.
+const COORDINATES_PER_PIECE: usize = 1 << 8;
+
 impl<T: Scalar> Op<T> for Rasterize {
     type Saved = Saved<T>;
     type Error = RenderError;
@@ -288,7 +292,11 @@ impl<T: Scalar> Op<T> for Rasterize {
                 shape: shape.clone(),
             });
         }
-        if let Some(at) = clip.iter().position(|coordinate| !coordinate.is_finite()) {
+        // In pieces without a branch, which are compiled to vectors.
+        let are_finite = |piece: &[T]| piece.iter().fold(true, |all, c| all & c.is_finite());
+        if !clip.chunks(COORDINATES_PER_PIECE).all(are_finite)
+            && let Some(at) = clip.iter().position(|coordinate| !coordinate.is_finite())
+        {
             let vertex = at / 4;
             let [x, y, z, w] = std::array::from_fn(|k| clip[4 * vertex + k].to_f64());
             return Err(RenderError::Position { vertex, x, y, z, w });

@@ -17,7 +17,8 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::culling::Corner;
+use super::culling::{Corner, are_tame};
+use super::setup::{largest, least};
 use crate::coverage::Coverage;
 use crate::edge_functions::{EdgeSums, LocalFace};
 use crate::face_sums::{FaceSums, Terms, sum_weighted};
@@ -37,13 +38,10 @@ impl<T: Scalar> FaceSums<T::Wide> for WeightPullBack<'_, T> {
     fn sum(&self, slot: usize, fragments: Range<usize>, rows: &mut [T::Wide]) {
         let Coverage { mesh, size, centers, .. } = self.coverage;
         let corners = mesh.faces()[centers.face(slot)].map(|vertex| &self.corners[vertex as usize]);
-        let factors = corners.map(|corner| corner.factor);
-        let origin = centers.first_pixel_of(slot);
-        let vertices = corners.map(|corner| corner.vertex);
-        let face = LocalFace::new(vertices, factors, origin, *size);
-        if !has_even_weights(&vertices, *size) {
-            return self.sum_by_edges(&face, slot, fragments, rows);
+        if !has_even_weights(corners, *size) {
+            return self.sum_by_edges(slot, fragments, rows);
         }
+        let face = self.face(slot);
         let entries = 2 * fragments.start..2 * fragments.end;
         let (uv, uv_bar) = (&self.uv[entries.clone()], &self.uv_bar[entries]);
         let sums = sum_weighted::<T, Slopes>(uv, uv_bar.as_chunks::<2>().0);
@@ -63,31 +61,37 @@ const EVEN_EXTENTS: f64 = 16.0;
 
 /// Whether the third weight, as one less the others, has nearly as many digits as they have.
 #[inline(always)]
-fn has_even_weights<S: Scalar>(vertices: &[Vertex<S>; 3], size: Size) -> bool {
-    let [p, q, r] = vertices.map(|vertex| vertex.w);
-    let (least, most) =
-        (p.minimum_or_nan(q).minimum_or_nan(r), p.maximum_or_nan(q).maximum_or_nan(r));
+fn has_even_weights<S: Scalar<Wide = S>>(corners: [&Corner<S>; 3], size: Size) -> bool {
+    let [p, q, r] = corners.map(|corner| corner.vertex.w);
+    let even = S::from_f64(EVEN_DEPTHS);
+    // Of a vertex in view only the depth is in question.
+    largest([p, q, r]) < even * least([p, q, r])
+        && (are_tame(corners) || corners.iter().all(|corner| is_near(&corner.vertex, size)))
+}
+
+/// Whether a vertex is within [`EVEN_EXTENTS`].
+fn is_near<S: Scalar>(vertex: &Vertex<S>, size: Size) -> bool {
     let [width, height] =
         [size.width, size.height].map(|extent| S::from_f64(EVEN_EXTENTS * extent as f64));
-    let is_near = |vertex: &Vertex<S>| {
-        (vertex.x.abs() <= width * vertex.w) & (vertex.y.abs() <= height * vertex.w)
-    };
-    (most < S::from_f64(EVEN_DEPTHS) * least)
-        & vertices.iter().fold(true, |all, vertex| all & is_near(vertex))
+    vertex.x.abs() <= width * vertex.w && vertex.y.abs() <= height * vertex.w
 }
 
 impl<T: Scalar> WeightPullBack<'_, T> {
+    /// The face of slot `slot` around its first pixel.
+    #[inline(always)]
+    fn face(&self, slot: usize) -> LocalFace<T::Wide> {
+        let Coverage { mesh, size, centers, .. } = self.coverage;
+        let corners = mesh.faces()[centers.face(slot)].map(|vertex| &self.corners[vertex as usize]);
+        let factors = corners.map(|corner| corner.factor);
+        let vertices = corners.map(|corner| corner.vertex);
+        LocalFace::new(vertices, factors, centers.first_pixel_of(slot), *size)
+    }
+
     /// The gradients of the face's vertices by edge functions.
     #[cold]
     #[inline(never)]
-    fn sum_by_edges(
-        &self,
-        face: &LocalFace<T::Wide>,
-        slot: usize,
-        fragments: Range<usize>,
-        rows: &mut [T::Wide],
-    ) {
-        let size = self.coverage.size;
+    fn sum_by_edges(&self, slot: usize, fragments: Range<usize>, rows: &mut [T::Wide]) {
+        let (size, face) = (self.coverage.size, self.face(slot));
         let mut sums = EdgeSums::default();
         for run in self.coverage.centers.within(slot, fragments) {
             let [mut x, y] = face.place(run.pixel as usize, size);

@@ -23,6 +23,8 @@
 //! `z / w = d + sum_i (z_i - d w_i) a_i / D`, whose term of vertex 0 is zero. Only the difference is
 //! rounded.
 
+use std::sync::atomic::{Ordering, compiler_fence};
+
 use bokashi_core::Scalar;
 
 use super::culling::Corner;
@@ -233,67 +235,9 @@ impl<S: Scalar<Wide = S>> Setup<S> {
         [first, end]
     }
 
-    /// Whether [`Setup::cover_blocks`] can draw it.
-    #[inline(always)]
+    #[cfg(test)]
     pub(super) fn has_plane(&self) -> bool {
         self.plane.is_some()
-    }
-
-    /// Draws `rows` of few pixels, each with its y, its depths and its faces, whose columns are
-    /// `centers`, as [`Setup::cover_span`] does, but for the uncertain pixels; whether there are any. No
-    /// pixel is left out, so that nothing is decided from pixel to pixel.
-    #[inline(always)]
-    pub(super) fn cover_blocks<'a>(
-        &self,
-        rows: impl Iterator<Item = (S, &'a mut [[S; LANES]], &'a mut [[u64; LANES]])>,
-        centers: &[[S; LANES]],
-        face: u64,
-    ) -> bool {
-        let plane = self.plane.expect("its depth is linear");
-        let error_bound = self.error_bound;
-        let mut closest = [error_bound + S::ONE; LANES];
-        for (y, depths, faces) in rows {
-            let row = self.row(y);
-            let [start, slope] = along(plane, y);
-            for ((nearest, seen), x) in depths.iter_mut().zip(faces).zip(centers) {
-                let inside = lanes(|k| least(row.at(x[k])));
-                let depth = lanes(|k| start + slope * x[k]);
-                let depth = lanes(|k| {
-                    let is_seen = (inside[k] > error_bound) & (depth[k] >= -S::ONE);
-                    if is_seen { depth[k] } else { beyond() }
-                });
-                // Values first, then two stores, so that they are compiled to vectors; and a
-                // minimum, for a choice would become a masked store, which later loads wait for.
-                let (before, seen_before) = (*nearest, *seen);
-                *nearest = lanes(|k| smaller(before[k], depth[k]));
-                *seen = lanes(|k| if depth[k] < before[k] { face } else { seen_before[k] });
-                closest = lanes(|k| smaller(inside[k].abs(), closest[k]));
-            }
-        }
-        closest.iter().any(|&distance| distance <= error_bound)
-    }
-
-    /// Draws the pixels of the first `columns` that [`Setup::cover_blocks`] leaves uncertain. Beyond
-    /// the image's width lies what earlier steps drew, and nothing may be decided by that.
-    #[cold]
-    #[inline(never)]
-    pub(super) fn cover_uncertain<'a>(
-        &mut self,
-        rows: impl Iterator<Item = (S, &'a mut [[S; LANES]], &'a mut [[u64; LANES]])>,
-        centers: &[[S; LANES]],
-        columns: usize,
-        face: u64,
-    ) {
-        let centers = &centers.as_flattened()[..columns];
-        for (y, depths, faces) in rows {
-            let row = self.row(y);
-            let pixels = depths.as_flattened_mut().iter_mut().zip(faces.as_flattened_mut());
-            for (pixel, &x) in pixels.zip(centers) {
-                if self.is_uncertain(row.at(x)) {
-                    self.cover_settled(&row, x, pixel, face);
-                }
-            }
-        }
     }
 
     /// Draws one pixel where an edge function is uncertain.
@@ -384,19 +328,19 @@ impl<S: Scalar<Wide = S>> Weights<S> {
 
 /// The smaller of two that are not NaN: a single instruction, where the rules for NaN take three.
 #[inline(always)]
-fn smaller<S: Scalar>(a: S, b: S) -> S {
+pub(super) fn smaller<S: Scalar>(a: S, b: S) -> S {
     if a < b { a } else { b }
 }
 
 /// The smallest of three.
 #[inline(always)]
-fn least<S: Scalar>([a, b, c]: [S; 3]) -> S {
+pub(super) fn least<S: Scalar>([a, b, c]: [S; 3]) -> S {
     smaller(smaller(a, b), c)
 }
 
 /// The largest of three.
 #[inline(always)]
-fn largest<S: Scalar>([a, b, c]: [S; 3]) -> S {
+pub(super) fn largest<S: Scalar>([a, b, c]: [S; 3]) -> S {
     let largest = if a > b { a } else { b };
     if largest > c { largest } else { c }
 }
@@ -410,19 +354,45 @@ fn cover<S: Scalar>(
     face: u64,
     depth: impl Fn(S) -> S,
 ) {
+    let (depth_blocks, depths) = depths.as_chunks_mut();
+    let (face_blocks, faces) = faces.as_chunks_mut();
+    let (center_blocks, centers) = centers.as_chunks::<LANES>();
+    for ((nearest, seen), x) in depth_blocks.iter_mut().zip(face_blocks).zip(center_blocks) {
+        let depth = lanes(|k| depth(x[k]));
+        keep_nearer((nearest, seen), lanes(|k| depth[k] >= -S::ONE), depth, face);
+    }
     for ((nearest, seen), &x) in depths.iter_mut().zip(faces).zip(centers) {
         let depth = depth(x);
-        let depth = if depth >= -S::ONE { depth } else { beyond() };
-        // A choice and a minimum: see `Setup::cover_blocks`.
-        *seen = if depth < *nearest { face } else { *seen };
-        *nearest = if depth < *nearest { depth } else { *nearest };
+        if depth >= -S::ONE && depth < *nearest {
+            (*nearest, *seen) = (depth, face);
+        }
     }
+}
+
+/// Where a block of pixels is covered and `depth` is smaller than in `nearest`, it takes its place, and
+/// `face` that in `seen`.
+///
+/// Values first, then two stores, so that they are compiled to vectors. A choice whose store goes to
+/// where it was loaded from would become a masked store, which takes long and which later loads wait
+/// for. The fence, which is no instruction, keeps the stores apart from the loads.
+#[inline(always)]
+pub(super) fn keep_nearer<S: Scalar>(
+    (nearest, seen): (&mut [S; LANES], &mut [u64; LANES]),
+    is_covered: [bool; LANES],
+    depth: [S; LANES],
+    face: u64,
+) {
+    let (before, seen_before) = (*nearest, *seen);
+    compiler_fence(Ordering::SeqCst);
+    let is_nearer = lanes(|k| is_covered[k] & (depth[k] < before[k]));
+    *nearest = lanes(|k| if is_nearer[k] { depth[k] } else { before[k] });
+    *seen = lanes(|k| if is_nearer[k] { face } else { seen_before[k] });
 }
 
 /// The depth's coefficients of 1, X and Y, where no vertex is behind the eye and neither the
 /// rounding of the edge functions nor that of vertex 0's depth can be seen in it.
 #[inline(always)]
-fn plane<S: Scalar<Wide = S>>(
+pub(super) fn plane<S: Scalar<Wide = S>>(
     vertices: &[Vertex<S>; 3],
     edges: &[[S; 3]; 3],
     error_bound: S,

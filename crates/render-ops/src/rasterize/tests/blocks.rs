@@ -6,13 +6,35 @@ use super::culling::{Corner, Fate, Verdict};
 use super::oracle::{assert_is_the_oracles, vertex};
 use super::setup::{LANES, Setup, beyond};
 use super::*;
+use crate::rasterize::blocks::SmallFace;
 
-/// A face's setup; `None` where it is not drawn.
-fn setup(clip: &[[f64; 4]; 3], size: Size) -> Option<Setup<f64>> {
+/// A face's setup, and what draws it in blocks if that can be; `None` where it is not drawn.
+fn prepared(clip: &[[f64; 4]; 3], size: Size) -> Option<(Setup<f64>, Option<SmallFace<f64>>)> {
     let corners = [0, 1, 2].map(|index| Corner::of(clip.as_flattened(), index, size));
     let corners = corners.each_ref();
-    let Verdict { orientation, fate, .. } = Verdict::of(corners, size.into(), f64::INFINITY);
-    matches!(fate, Fate::Drawn { .. }).then(|| Setup::of(corners, orientation, size))
+    let Verdict { orientation, fate, .. } =
+        Verdict::of(corners, [0, 1, 2], size.into(), f64::INFINITY);
+    let small = SmallFace::of(corners, orientation, size);
+    matches!(fate, Fate::Drawn { .. }).then(|| (Setup::of(corners, orientation, size), small))
+}
+
+fn setup(clip: &[[f64; 4]; 3], size: Size) -> Option<Setup<f64>> {
+    prepared(clip, size).map(|(setup, _)| setup)
+}
+
+/// Faces in view, some of which touch the near plane: of three vertices, or slivers with a vertex beside
+/// the line between the others.
+fn face_in_view() -> impl Strategy<Value = [[f64; 4]; 3]> {
+    let depth = prop_oneof![-1.0..0.99_f64, -1.0..-0.9998_f64];
+    let vertex = (-1.0..1.0_f64, -1.0..1.0_f64, depth, 0.1..4.0_f64)
+        .prop_map(|(x, y, depth, w)| [w * x, w * y, w * depth, w]);
+    let sliver = (vertex.clone(), vertex.clone(), 0.0..1.0_f64, -16.0..-1.0_f64).prop_map(
+        |(p, q, along, digits)| {
+            let r: [f64; 4] = std::array::from_fn(|k| p[k] + along * (q[k] - p[k]));
+            [p, q, [r[0] + f64::powf(10.0, digits), r[1], r[2], r[3]]]
+        },
+    );
+    prop_oneof![prop::array::uniform3(vertex), sliver]
 }
 
 /// Vertices before the eye, some near it, and some behind; faces with corners on pixel centres.
@@ -40,7 +62,7 @@ proptest! {
 
     #[test]
     fn blocks_draw_what_spans_draw(
-        faces in prop::array::uniform3(face()),
+        faces in prop::array::uniform3(prop_oneof![face(), face_in_view()]),
         width in 1..22_usize,
         height in 1..17_usize,
         first in 0..17_usize,
@@ -54,15 +76,24 @@ proptest! {
         let count = ys.len() * in_blocks.len();
         let mut blocks = (vec![[beyond::<f64>(); LANES]; count], vec![[u64::MAX; LANES]; count]);
         let mut spans = blocks.clone();
-        let setups = faces.iter().filter_map(|face| setup(face, size));
-        for (face, mut setup) in (0..).zip(setups.filter(Setup::has_plane)) {
-            if setup.cover_blocks(rows_of(&ys, &mut blocks), in_blocks, face) {
-                setup.cover_uncertain(rows_of(&ys, &mut blocks), in_blocks, width, face);
-            }
-            for (y, depths, faces) in rows_of(&ys, &mut spans) {
+        let in_spans = |setup: &mut Setup<f64>, pixels: &mut Blocks, face| {
+            for (y, depths, faces) in rows_of(&ys, pixels) {
                 let (depths, faces) = (depths.as_flattened_mut(), faces.as_flattened_mut());
                 let (row, all) = (setup.row(y), [0, size.width]);
                 setup.cover_span(&row, all, &centers[..size.width], depths, faces, face);
+            }
+        };
+        let prepared = faces.iter().filter_map(|face| prepared(face, size));
+        for (face, (mut setup, small)) in (0..).zip(prepared) {
+            let Some(small) = small else { continue };
+            let (depths, seen) = &mut blocks;
+            let is_uncertain = small.cover(&ys, in_blocks, (depths, seen), in_blocks.len(), face);
+            in_spans(&mut setup, &mut spans, face);
+            if is_uncertain {
+                in_spans(&mut setup, &mut blocks, face);
+            } else {
+                let (own, expected) = (small.weights(), setup.weights());
+                prop_assert_eq!((own.edges, own.is_plain), (expected.edges, expected.is_plain));
             }
         }
         // What lies in the padding means nothing.
