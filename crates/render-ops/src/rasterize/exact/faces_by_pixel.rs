@@ -44,7 +44,8 @@ impl FacesByPixel {
         ends.clear();
         ends.resize(some.len() + 1, 0);
         band.for_each_face(marks, block, [top..bottom + 1, columns], |face, number, a, reach| {
-            if some.contains(&number) && (0..3).all(|k| a[k] + reach[k] >= T::Wide::ZERO) {
+            let reaches = (0..4).fold(true, |all, k| all & (a[k] + reach[k] >= T::Wide::ZERO));
+            if reaches && some.contains(&number) {
                 pairs.push([(number - some.start) as u32, face]);
                 ends[number - some.start + 1] += 1;
             }
@@ -80,7 +81,11 @@ impl FacesByPixel {
         }
         self.blocks.clear();
         for row in 0..band.rows.len() {
-            marks.for_each(row, |column| self.blocks.push([row, column]));
+            marks.for_each(
+                row,
+                #[inline(always)]
+                |column| self.blocks.push([row, column]),
+            );
         }
         self.open.push(0..self.blocks.len());
         while let Some(some) = self.open.pop() {

@@ -1,0 +1,123 @@
+//! The depths of a band's faces as planes over the image: worked out for the faces that a pixel asks about.
+
+use bokashi_core::Scalar;
+
+use super::band_faces::{BandFaces, REACH, depth, total};
+use super::depth_intervals::{At, DepthInterval};
+use super::polygon::{Line, value_at};
+
+/// Stands for "no plane yet".
+const NONE: u32 = u32::MAX;
+
+/// The depths of a face, around the middle of the image.
+#[derive(Debug)]
+struct Plane<S> {
+    /// Their coefficients.
+    depth: Line<S>,
+    /// The least and the largest one; of a face that may reach out of the depth range, all numbers.
+    range: [S; 2],
+    /// More than what its edge functions are off by anywhere in the image.
+    edge_error_bounds: [S; 3],
+    /// More than what its depths are off by, where they are in the depth range.
+    error_bound: S,
+}
+
+/// The planes of a band's faces.
+#[derive(Debug, Default)]
+pub(super) struct Planes<S> {
+    planes: Vec<Plane<S>>,
+    /// Per face of the band: its plane.
+    of_band_face: Vec<u32>,
+}
+
+impl<S: Scalar<Wide = S>> Planes<S> {
+    /// Forgets all; there are `faces` faces now.
+    pub(super) fn clear(&mut self, faces: usize) {
+        self.planes.clear();
+        self.of_band_face.clear();
+        self.of_band_face.resize(faces, NONE);
+    }
+
+    #[inline(always)]
+    fn of<T: Scalar<Wide = S>>(
+        &mut self,
+        band: &BandFaces<'_, '_, T>,
+        band_face: u32,
+    ) -> &Plane<S> {
+        let at = &mut self.of_band_face[band_face as usize];
+        if *at == NONE {
+            *at = self.planes.len() as u32;
+            self.planes.push(Plane::of(band, band_face));
+        }
+        &self.planes[*at as usize]
+    }
+
+    /// The depths of a face of the band in a block of `width` pixels of a row.
+    #[inline(always)]
+    pub(super) fn interval<T: Scalar<Wide = S>>(
+        &mut self,
+        band: &BandFaces<'_, '_, T>,
+        face: u32,
+        center: [S; 2],
+        width: usize,
+    ) -> DepthInterval<S> {
+        let Plane { depth: [one, x, y], range: [least, most], error_bound, .. } =
+            self.of(band, face);
+        let depth = value_at([*one, *x, *y], center);
+        let reach = S::from_f64(width as f64) * x.abs() + y.abs();
+        let nearest = (depth - reach).maximum_or_nan(*least) - *error_bound;
+        let farthest = (depth + reach).minimum_or_nan(*most) + *error_bound;
+        // Of what is no number nothing is known.
+        let infinity = S::from_f64(f64::INFINITY);
+        let [nearest, farthest] =
+            if nearest <= farthest { [nearest, farthest] } else { [-infinity, infinity] };
+        DepthInterval { face, nearest, farthest }
+    }
+
+    /// What a face of the band, with the edges `outline` of a surface's outline, is around the centre of a
+    /// pixel.
+    #[inline(always)]
+    pub(super) fn at<T: Scalar<Wide = S>>(
+        &mut self,
+        band: &BandFaces<'_, '_, T>,
+        band_face: u32,
+        outline: u8,
+        center: [S; 2],
+        width: usize,
+    ) -> At {
+        let bounds = self.of(band, band_face).edge_error_bounds;
+        let width = S::from_f64(width as f64);
+        let (mut covers, mut ends) = (true, false);
+        for (k, &edge) in band.weights[band_face as usize].edges.iter().enumerate() {
+            let (value, change) = (value_at(edge, center), width * edge[1].abs() + edge[2].abs());
+            covers &= value >= -bounds[k];
+            ends |= outline >> k & 1 == 1 && value.abs() <= S::from_f64(REACH) * change;
+        }
+        At { covers, ends }
+    }
+}
+
+impl<S: Scalar<Wide = S>> Plane<S> {
+    /// Of a face of the band.
+    #[inline(always)]
+    fn of<T: Scalar<Wide = S>>(band: &BandFaces<'_, '_, T>, band_face: u32) -> Self {
+        let corners = band.view.corners_of(band.faces[band_face as usize] as usize);
+        let vertices = corners.map(|corner| corner.vertex);
+        let edges = &band.weights[band_face as usize].edges;
+        let depth = depth(&vertices, edges);
+        let edge_error_bounds = band.edge_error_bounds(band_face);
+        // Of z / w = sum z_i a_i / D, D = sum w_i a_i, the a_i are off by their bounds; in the depth
+        // range z / w counts at most once.
+        let off = |k: usize| (vertices[k].z.abs() + vertices[k].w.abs()) * edge_error_bounds[k];
+        let total = total(&vertices, edges).abs();
+        let error_bound = S::from_f64(2.0) * (off(0) + off(1) + off(2)) / total;
+        let range = if corners.iter().any(|corner| corner.is_beyond_depths()) {
+            let infinity = S::from_f64(f64::INFINITY);
+            [-infinity, infinity]
+        } else {
+            let [p, q, r] = vertices.map(|vertex| vertex.z / vertex.w);
+            [p.minimum_or_nan(q).minimum_or_nan(r), p.maximum_or_nan(q).maximum_or_nan(r)]
+        };
+        Self { depth, range, edge_error_bounds, error_bound }
+    }
+}
