@@ -69,11 +69,16 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
                 T::Wide::from_f64(REACH) * (width * by_x[k].abs() + by_y[k].abs())
             });
             let mut goes_on = true;
-            marks.for_each_in(rows, columns, |row, column, number| {
-                let (x, y) = (self.center(column, block), self.view.ys[self.rows.start + row]);
-                let a = std::array::from_fn(|k| one[k] + by_x[k] * x + by_y[k] * y);
-                goes_on &= visit(at, number, a, reach);
-            });
+            marks.for_each_in(
+                rows,
+                columns,
+                #[inline(always)]
+                |row, column, number| {
+                    let (x, y) = (self.center(column, block), self.view.ys[self.rows.start + row]);
+                    let a = std::array::from_fn(|k| one[k] + by_x[k] * x + by_y[k] * y);
+                    goes_on &= visit(at, number, a, reach);
+                },
+            );
             if !goes_on {
                 return;
             }

@@ -43,14 +43,20 @@ impl FacesByPixel {
         pairs.clear();
         ends.clear();
         ends.resize(some.len() + 1, 0);
-        band.for_each_face(marks, block, [top..bottom + 1, columns], |face, number, a, reach| {
-            let reaches = (0..4).fold(true, |all, k| all & (a[k] + reach[k] >= T::Wide::ZERO));
-            if reaches && some.contains(&number) {
-                pairs.push([(number - some.start) as u32, face]);
-                ends[number - some.start + 1] += 1;
-            }
-            pairs.len() <= most
-        });
+        band.for_each_face(
+            marks,
+            block,
+            [top..bottom + 1, columns],
+            #[inline(always)]
+            |face, number, a, reach| {
+                let reaches = (0..4).fold(true, |all, k| all & (a[k] + reach[k] >= T::Wide::ZERO));
+                if reaches && some.contains(&number) {
+                    pairs.push([(number - some.start) as u32, face]);
+                    ends[number - some.start + 1] += 1;
+                }
+                pairs.len() <= most
+            },
+        );
         if pairs.len() > most {
             return false;
         }

@@ -64,6 +64,19 @@ pub(in crate::rasterize) struct Adjoints<S> {
 const NONE: u32 = u32::MAX;
 
 impl<S: Scalar<Wide = S>> Adjoint<S> {
+    /// Of a face of the band, around `pixel`.
+    #[inline(never)]
+    fn new<T: Scalar<Wide = S>>(band: &PiecePullBack<'_, T>, band_face: u32, pixel: usize) -> Self {
+        let indices = band.mesh.faces()[band.faces[band_face as usize] as usize];
+        let corners = indices.map(|vertex| &band.corners[vertex as usize]);
+        let vertices = corners.map(|corner| corner.vertex);
+        let factors = corners.map(|corner| corner.factor);
+        let face = LocalFace::new(vertices, factors, pixel, band.size);
+        let sign = if face.determinant() > S::ZERO { S::ONE } else { -S::ONE };
+        let (edges, depth) = (EdgeSums::default(), [S::ZERO; 3]);
+        Self { band_face, sign, face, edges, depth }
+    }
+
     /// Adds the gradient of the coefficients, around `place` from the origin, of the edge function
     /// that faces corner k.
     #[inline(always)]
@@ -207,6 +220,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
     }
 
     /// The adjoint of a face, around `pixel` where that is the first pixel to ask.
+    #[inline(always)]
     fn adjoint<T: Scalar<Wide = S>>(
         &mut self,
         band: &PiecePullBack<'_, T>,
@@ -217,14 +231,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
         let at = &mut of_band_face[band_face as usize];
         if *at == NONE {
             *at = adjoints.len() as u32;
-            let indices = band.mesh.faces()[band.faces[band_face as usize] as usize];
-            let corners = indices.map(|vertex| &band.corners[vertex as usize]);
-            let vertices = corners.map(|corner| corner.vertex);
-            let factors = corners.map(|corner| corner.factor);
-            let face = LocalFace::new(vertices, factors, pixel, band.size);
-            let sign = if face.determinant() > S::ZERO { S::ONE } else { -S::ONE };
-            let (edges, depth) = (EdgeSums::default(), [S::ZERO; 3]);
-            adjoints.push(Adjoint { band_face, sign, face, edges, depth });
+            adjoints.push(Adjoint::new(band, band_face, pixel));
         }
         &mut adjoints[*at as usize]
     }
