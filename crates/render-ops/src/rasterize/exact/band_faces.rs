@@ -30,6 +30,16 @@ pub(in crate::rasterize) struct BandFaces<'a, 'v, T: Scalar> {
     pub(in crate::rasterize) weights: &'a [Weights<T::Wide>],
 }
 
+/// The box of a face's pixels, or of blocks of them.
+pub(super) struct FaceBox<S> {
+    /// Rows of the band.
+    rows: Range<usize>,
+    columns: Range<usize>,
+    edges: [Line<S>; 3],
+    /// How much the edge functions change from a block's centre to its corners.
+    pub(super) reach: [S; 3],
+}
+
 impl<T: Scalar> BandFaces<'_, '_, T> {
     /// The X of the centre of the block `at` of a row, of `block` pixels.
     #[inline(always)]
@@ -37,19 +47,16 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         self.view.centers[at * block] + T::Wide::from_f64((block - 1) as f64)
     }
 
-    /// Calls `visit(face, at, a, reach)` for each face of the band and each marked block of `block`
-    /// pixels of a row in the box of the face's pixels. `some_rows` of the band and `some_columns` of
-    /// blocks limit the search. `face` and `at` are numbers: of the face among the band's faces, and
-    /// of the block among the marks. `a` are the face's edge functions at the block's centre, and
-    /// `reach` is how much they change from there to the block's corners; a fourth zero fills up the
-    /// vectors. Once `visit` returns false, the search ends with that face.
+    /// Calls `visit` with each face of the band in whose box of pixels a block of `block` pixels of a row is
+    /// marked. `some_rows` of the band and `some_columns` of blocks limit the search. Once `visit` returns
+    /// false, the search ends.
     #[inline(always)]
     pub(super) fn for_each_face(
         &self,
         marks: &PixelMask,
         block: usize,
         [some_rows, some_columns]: [Range<usize>; 2],
-        mut visit: impl FnMut(u32, usize, [T::Wide; 4], [T::Wide; 4]) -> bool,
+        mut visit: impl FnMut(u32, FaceBox<T::Wide>) -> bool,
     ) {
         let width = T::Wide::from_f64(block as f64);
         let blocks = self.view.size.width / block;
@@ -63,26 +70,41 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
             if !marks.has_some(rows.clone(), columns.clone()) {
                 continue;
             }
-            let [p, q, r] = weights.edges;
-            let [one, by_x, by_y] = [0, 1, 2].map(|c| [p[c], q[c], r[c], T::Wide::ZERO]);
-            let reach: [T::Wide; 4] = std::array::from_fn(|k| {
-                T::Wide::from_f64(REACH) * (width * by_x[k].abs() + by_y[k].abs())
-            });
-            let mut goes_on = true;
-            marks.for_each_in(
-                rows,
-                columns,
-                #[inline(always)]
-                |row, column, number| {
-                    let (x, y) = (self.center(column, block), self.view.ys[self.rows.start + row]);
-                    let a = std::array::from_fn(|k| one[k] + by_x[k] * x + by_y[k] * y);
-                    goes_on &= visit(at, number, a, reach);
-                },
-            );
-            if !goes_on {
+            let edges = weights.edges;
+            let reach =
+                edges.map(|[_, x, y]| T::Wide::from_f64(REACH) * (width * x.abs() + y.abs()));
+            if !visit(at, FaceBox { rows, columns, edges, reach }) {
                 return;
             }
         }
+    }
+
+    /// Calls `visit` with each marked block in the box of a face: with its number among the marks, and with
+    /// the face's edge functions at its centre.
+    #[inline(always)]
+    pub(super) fn for_each_block(
+        &self,
+        marks: &PixelMask,
+        block: usize,
+        FaceBox { rows, columns, edges, .. }: FaceBox<T::Wide>,
+        mut visit: impl FnMut(usize, [T::Wide; 3]),
+    ) {
+        marks.for_each_row_in(
+            rows,
+            columns,
+            #[inline(always)]
+            |row, marked| {
+                let y = self.view.ys[self.rows.start + row];
+                marked.for_each(
+                    #[inline(always)]
+                    |column| {
+                        let x = self.center(column, block);
+                        let a = edges.map(|[one, by_x, by_y]| one + by_x * x + by_y * y);
+                        visit(marked.rank(column), a);
+                    },
+                );
+            },
+        );
     }
 
     /// The rows of the band and the columns that a face may reach into.

@@ -48,12 +48,21 @@ impl FacesByPixel {
             block,
             [top..bottom + 1, columns],
             #[inline(always)]
-            |face, number, a, reach| {
-                let reaches = (0..4).fold(true, |all, k| all & (a[k] + reach[k] >= T::Wide::ZERO));
-                if reaches && some.contains(&number) {
-                    pairs.push([(number - some.start) as u32, face]);
-                    ends[number - some.start + 1] += 1;
-                }
+            |face, own| {
+                let reach = own.reach;
+                band.for_each_block(
+                    marks,
+                    block,
+                    own,
+                    #[inline(always)]
+                    |number, a| {
+                        let reaches = |k: usize| a[k] + reach[k] >= T::Wide::ZERO;
+                        if reaches(0) & reaches(1) & reaches(2) && some.contains(&number) {
+                            pairs.push([(number - some.start) as u32, face]);
+                            ends[number - some.start + 1] += 1;
+                        }
+                    },
+                );
                 pairs.len() <= most
             },
         );

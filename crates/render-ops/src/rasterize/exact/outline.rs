@@ -31,6 +31,9 @@ use crate::homogeneous::{Vertex, cross};
 /// With more stretches a pixel is resolved into what is visible.
 const MOST_STRETCHES: usize = 64;
 
+/// Among as few faces one is found faster by looking at them in turn.
+const FEW: usize = 12;
+
 /// Within this share of its size a line's value is rounding.
 const ROUNDING: f64 = 1e-14;
 
@@ -53,15 +56,13 @@ struct Face<S> {
 /// What tells whether a sheet of faces fills the pixel: a face, before it is worked out around the pixel.
 #[derive(Debug, Clone, Copy)]
 struct SheetFace {
+    band_face: u32,
     /// Its number in the mesh.
     number: u32,
     /// Bit k: whether edge k is one of the outline.
     outline: u8,
-    /// Whether such an edge may cross the pixel.
-    has_border: bool,
-    covers_center: bool,
-    /// Whether it has been reached.
-    is_known: bool,
+    /// The search by which it was reached; 0 before that.
+    reached_by: u32,
 }
 
 /// Where a place lies on the pixel's border, counter-clockwise from its first corner, in half pixels.
@@ -198,35 +199,41 @@ impl<S: Scalar<Wide = S>> Outline<S> {
         let Self { sheet, open, .. } = self;
         let adjacency = band.view.mesh.adjacency();
         sheet.clear();
-        sheet.extend(some_faces.iter().map(|&face| {
-            let (number, outline) = (band.faces[face as usize], outlines[face as usize]);
-            let corners = band.view.corners_of(number as usize);
-            let q = corners.map(|corner| corner.vertex.relative_to(x, y));
-            let edges = band.edges_around(face, q);
-            let covers_center = edges.iter().fold(true, |all, edge| all & (edge[0] >= S::ZERO));
-            let has_border = outline & 0b111 != 0 && ends(&edges, outline) != 0;
-            SheetFace { number, outline, has_border, covers_center, is_known: false }
+        sheet.extend(some_faces.iter().map(|&band_face| {
+            let (number, outline) = (band.faces[band_face as usize], outlines[band_face as usize]);
+            SheetFace { band_face, number, outline, reached_by: 0 }
         }));
-        for first in 0..sheet.len() {
+        let edges = |face: SheetFace| {
+            let corners = band.view.corners_of(face.number as usize);
+            let q = corners.map(|corner| corner.vertex.relative_to(x, y));
+            band.edges_around(face.band_face, q)
+        };
+        for (first, search) in (0..sheet.len()).zip(1..) {
             // A sheet is looked for from a face at the centre: no other sheet fills the pixel.
-            if sheet[first].is_known || !sheet[first].covers_center {
+            if sheet[first].reached_by != 0
+                || !edges(sheet[first]).iter().all(|[one, ..]| *one >= S::ZERO)
+            {
                 continue;
             }
             let mut has_border = false;
-            sheet[first].is_known = true;
+            sheet[first].reached_by = search;
+            open.clear();
             open.push(first);
-            while let Some(at) = open.pop() {
-                let face = sheet[at];
-                has_border |= face.has_border;
+            while let Some(face) = open.pop().map(|at| sheet[at]).filter(|_| !has_border) {
+                has_border = face.outline & 0b111 != 0 && ends(&edges(face), face.outline) != 0;
                 for corner in (0..3).filter(|corner| face.outline >> corner & 1 == 0) {
                     let neighbor = adjacency.neighbor(face.number as usize, corner);
                     // A face that does not reach into the pixel is none of its faces.
-                    let beyond = neighbor.and_then(|other| {
-                        sheet.binary_search_by_key(&other.face, |face| face.number).ok()
-                    });
-                    if let Some(at) = beyond.filter(|&at| !sheet[at].is_known) {
-                        sheet[at].is_known = true;
-                        open.push(at);
+                    let Some(at) = neighbor.and_then(|other| place_of(sheet, other.face)) else {
+                        continue;
+                    };
+                    match sheet[at].reached_by {
+                        0 => {
+                            sheet[at].reached_by = search;
+                            open.push(at);
+                        }
+                        // An earlier search of the same sheet has ended at a border.
+                        other => has_border |= other != search,
                     }
                 }
             }
@@ -392,6 +399,15 @@ impl<S: Scalar<Wide = S>> Face<S> {
         let edges = band.edges_around(band_face, vertices.map(|vertex| [vertex.x, vertex.y]));
         Self { band_face, vertices, edges, outline, ends: ends(&edges, outline) }
     }
+}
+
+/// The place of the face of this number among the faces of a pixel.
+#[inline(always)]
+fn place_of(sheet: &[SheetFace], number: u32) -> Option<usize> {
+    if sheet.len() <= FEW {
+        return sheet.iter().position(|face| face.number == number);
+    }
+    sheet.binary_search_by_key(&number, |face| face.number).ok()
 }
 
 /// Which edges of a face are of the outline and may cross the pixel: a bit for each.

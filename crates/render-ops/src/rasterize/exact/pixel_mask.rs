@@ -132,14 +132,14 @@ impl PixelMask {
         }
     }
 
-    /// Calls `visit` with the row and the column of each marked pixel of `rows` among `columns`, and with
-    /// how many marked pixels come before it; they have been counted.
+    /// Calls `visit` with a row and its marked pixels, for each of `rows` with marked pixels among
+    /// `columns`; where those belong to several words, more than once. The pixels have been counted.
     #[inline(always)]
-    pub(super) fn for_each_in(
+    pub(super) fn for_each_row_in(
         &self,
         rows: Range<usize>,
         columns: Range<usize>,
-        mut visit: impl FnMut(usize, usize, usize),
+        mut visit: impl FnMut(usize, Marked),
     ) {
         if columns.is_empty() {
             return;
@@ -150,19 +150,41 @@ impl PixelMask {
             for row in rows.clone() {
                 let at = row * self.words_per_row + word;
                 let all = self.words[at];
-                let mut bits = all & within;
-                if bits == 0 {
-                    continue;
-                }
-                let before = self.before[at];
-                while bits != 0 {
-                    let bit = bits.trailing_zeros();
-                    let rank = before + (all & ((1 << bit) - 1)).count_ones();
-                    visit(row, word * BITS + bit as usize, rank as usize);
-                    bits &= bits - 1;
+                if all & within != 0 {
+                    let (first_column, before) = (word * BITS, self.before[at]);
+                    visit(row, Marked { first_column, bits: all & within, all, before });
                 }
             }
         }
+    }
+}
+
+/// Some marked pixels of a row.
+pub(super) struct Marked {
+    /// The column of the first bit.
+    first_column: usize,
+    bits: u64,
+    /// All marked pixels of the word, and how many there are before it.
+    all: u64,
+    before: u32,
+}
+
+impl Marked {
+    /// Calls `visit` with the column of each pixel.
+    #[inline(always)]
+    pub(super) fn for_each(&self, mut visit: impl FnMut(usize)) {
+        let mut bits = self.bits;
+        while bits != 0 {
+            visit(self.first_column + bits.trailing_zeros() as usize);
+            bits &= bits - 1;
+        }
+    }
+
+    /// How many marked pixels come before that of a column.
+    #[inline(always)]
+    pub(super) fn rank(&self, column: usize) -> usize {
+        let before = self.all & ((1 << (column - self.first_column)) - 1);
+        (self.before + before.count_ones()) as usize
     }
 }
 
@@ -193,9 +215,11 @@ mod tests {
         assert_eq!(marks.count(), expected.len());
         for columns in [0..width, 4..64, 63..65, 199..200, 8..8] {
             let mut found = Vec::new();
-            marks.for_each_in(0..rows, columns.clone(), |row, column, rank| {
-                assert_eq!(expected[rank], (row, column));
-                found.push((row, column));
+            marks.for_each_row_in(0..rows, columns.clone(), |row, marked| {
+                marked.for_each(|column| {
+                    assert_eq!(expected[marked.rank(column)], (row, column));
+                    found.push((row, column));
+                });
             });
             found.sort_unstable();
             assert_eq!(marks.has_some(0..rows, columns.clone()), !found.is_empty());
