@@ -22,7 +22,7 @@ struct Plane<S> {
     error_bound: S,
 }
 
-/// The planes of a band's faces.
+/// The planes of a band's faces. Most faces are far from all pixels that ask.
 #[derive(Debug, Default)]
 pub(super) struct Planes<S> {
     planes: Vec<Plane<S>>,
@@ -38,6 +38,7 @@ impl<S: Scalar<Wide = S>> Planes<S> {
         self.of_band_face.resize(faces, NONE);
     }
 
+    /// The plane of a face of the band.
     #[inline(always)]
     fn of<T: Scalar<Wide = S>>(
         &mut self,
@@ -74,8 +75,8 @@ impl<S: Scalar<Wide = S>> Planes<S> {
         DepthInterval { face, nearest, farthest }
     }
 
-    /// What a face of the band, with the edges `outline` of a surface's outline, is around the centre of a
-    /// pixel.
+    /// What a face of the band, with the edges `outline` of a surface's outline, is in a block of `width`
+    /// pixels of a row. Few faces are asked, so it is not worked out along with the depths.
     #[inline(always)]
     pub(super) fn at<T: Scalar<Wide = S>>(
         &mut self,
