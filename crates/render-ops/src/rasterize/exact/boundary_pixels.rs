@@ -162,10 +162,10 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
     ) {
         let Self { planes, outlines, intervals, outline, resolution, .. } = self;
         let pixel = ((band.rows.start + row) * band.view.size.width + column) as u32;
-        if band.view.sampling == Sampling::Outline {
-            if outline.run(band, outlines, pixel, center, faces, pieces) {
-                return;
-            }
+        if band.view.sampling == Sampling::Outline
+            && outline.run(band, outlines, pixel, center, faces, pieces)
+        {
+            return;
         }
         intervals.clear();
         intervals.extend(faces.iter().map(|&face| planes.interval(band, face, center, 1)));

@@ -183,7 +183,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
             if let Some(bars) = band.barycentrics_bar {
                 let uv_bar = [bars[2 * fragment], bars[2 * fragment + 1]].map(T::widen);
                 let adjoint = self.adjoint(band, piece.band_face, pixel);
-                let place = adjoint.face.from_origin(center);
+                let place = adjoint.face.offset_of(center);
                 let growth = adjoint.add_barycentrics(uv_bar, &piece.extent, place);
                 of_mean = piece.moves.then_some(growth);
             }
@@ -198,13 +198,13 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
             }
             let mut add_depth = |band_face: u32, sign: S| {
                 let adjoint = self.adjoint(band, band_face, pixel);
-                let place = adjoint.face.from_origin(center);
+                let place = adjoint.face.offset_of(center);
                 adjoint.add_depth(sign, line_bar, place);
             };
             match source {
                 Source::Edge { candidate, k } => {
                     let adjoint = self.adjoint(band, candidate, pixel);
-                    let place = adjoint.face.from_origin(center);
+                    let place = adjoint.face.offset_of(center);
                     adjoint.add_edge(k as usize, line_bar, place);
                 }
                 Source::End { candidate, is_far } => {
