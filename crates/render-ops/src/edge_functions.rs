@@ -104,7 +104,12 @@ impl<S: Scalar<Wide = S>> LocalFace<S> {
     /// Where the centre of pixel `pixel` lies from the origin.
     #[inline(always)]
     pub(crate) fn place(&self, pixel: usize, size: Size) -> [S; 2] {
-        let [x, y] = size.center::<S>(pixel);
+        self.offset_of(size.center(pixel))
+    }
+
+    /// Where `place` lies from the origin.
+    #[inline(always)]
+    pub(crate) fn offset_of(&self, [x, y]: [S; 2]) -> [S; 2] {
         [x - self.origin[0], y - self.origin[1]]
     }
 

@@ -4,10 +4,9 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::depth_intervals::DepthInterval;
 use super::pixel_border::lies_on_border;
 use super::pixel_mask::PixelMask;
-use super::polygon::{Line, size, value_at};
+use super::polygon::{Line, size};
 use super::visible::Candidate;
 use crate::homogeneous::{Vertex, cross, edge_error_bound, extent};
 use crate::rasterize::culling::{Corner, Fate};
@@ -31,28 +30,14 @@ pub(in crate::rasterize) struct BandFaces<'a, 'v, T: Scalar> {
     pub(in crate::rasterize) weights: &'a [Weights<T::Wide>],
 }
 
-/// The depths of a face, around the middle of the image.
-#[derive(Debug)]
-pub(super) struct Plane<S> {
-    /// Their coefficients.
-    depth: Line<S>,
-    /// The least and the largest one; of a face that may reach out of the depth range, all numbers.
-    range: [S; 2],
-    /// More than what its edge functions are off by anywhere in the image.
-    pub(super) edge_error_bounds: [S; 3],
-    /// More than what its depths are off by, where they are in the depth range.
-    error_bound: S,
-    /// How far off the depth may be, per edge function, since its vertices were rounded.
-    vertex_rounding: [S; 3],
-}
-
-impl<S: Scalar> Plane<S> {
-    /// How far off the depth may be, since vertices were rounded, where the edge functions are at most `sizes`.
-    #[inline(always)]
-    fn rounding(&self, sizes: [S; 3]) -> S {
-        let [p, q, r] = self.vertex_rounding;
-        p * sizes[0] + q * sizes[1] + r * sizes[2]
-    }
+/// The box of a face's pixels, or of blocks of them.
+pub(super) struct FaceBox<S> {
+    /// Rows of the band.
+    rows: Range<usize>,
+    columns: Range<usize>,
+    edges: [Line<S>; 3],
+    /// How much the edge functions change from a block's centre to its corners.
+    pub(super) reach: [S; 3],
 }
 
 impl<T: Scalar> BandFaces<'_, '_, T> {
@@ -62,43 +47,64 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         self.view.centers[at * block] + T::Wide::from_f64((block - 1) as f64)
     }
 
-    /// Calls `visit(face, at, a, reach)` for each face of the band and each marked block of `block`
-    /// pixels of a row in the box of the face's pixels. `some_rows` of the band and `some_columns` of
-    /// blocks limit the search. `face` and `at` are numbers: of the face among the band's faces, and
-    /// of the block among the marks. `a` are the face's edge functions at the block's centre, and
-    /// `reach` is how much they change from there to the block's corners. Once `visit` returns false,
-    /// the search ends with that row.
+    /// Calls `visit` with each face of the band in whose box of pixels a block of `block` pixels of a row is
+    /// marked. `some_rows` of the band and `some_columns` of blocks limit the search. Once `visit` returns
+    /// false, the search ends.
     #[inline(always)]
     pub(super) fn for_each_face(
         &self,
         marks: &PixelMask,
         block: usize,
         [some_rows, some_columns]: [Range<usize>; 2],
-        mut visit: impl FnMut(u32, usize, [T::Wide; 3], [T::Wide; 3]) -> bool,
+        mut visit: impl FnMut(u32, FaceBox<T::Wide>) -> bool,
     ) {
-        let some_rows = self.rows.start + some_rows.start..self.rows.start + some_rows.end;
         let width = T::Wide::from_f64(block as f64);
         let blocks = self.view.size.width / block;
         for (at, (&face, weights)) in (0..).zip(self.faces.iter().zip(self.weights)) {
             let [rows, columns] = self.reach(face);
             let columns = (columns.start / block).max(some_columns.start)
                 ..columns.end.div_ceil(block).min(blocks).min(some_columns.end);
-            let reach = weights
-                .edges
-                .map(|[_, x, y]| T::Wide::from_f64(REACH) * (width * x.abs() + y.abs()));
-            for row in rows.start.max(some_rows.start)..rows.end.min(some_rows.end) {
-                let y = self.view.ys[row];
-                let mut goes_on = true;
-                marks.for_each_in(row - self.rows.start, columns.clone(), |column, number| {
-                    let x = self.center(column, block);
-                    let a = weights.edges.map(|[one, by_x, by_y]| one + by_x * x + by_y * y);
-                    goes_on &= visit(at, number, a, reach);
-                });
-                if !goes_on {
-                    return;
-                }
+            let rows = (rows.start - self.rows.start).max(some_rows.start)
+                ..(rows.end - self.rows.start).min(some_rows.end);
+            // Most faces are far from all marks.
+            if !marks.has_some(rows.clone(), columns.clone()) {
+                continue;
+            }
+            let edges = weights.edges;
+            let reach =
+                edges.map(|[_, x, y]| T::Wide::from_f64(REACH) * (width * x.abs() + y.abs()));
+            if !visit(at, FaceBox { rows, columns, edges, reach }) {
+                return;
             }
         }
+    }
+
+    /// Calls `visit` with each marked block in the box of a face: with its number among the marks, and with
+    /// the face's edge functions at its centre.
+    #[inline(always)]
+    pub(super) fn for_each_block(
+        &self,
+        marks: &PixelMask,
+        block: usize,
+        FaceBox { rows, columns, edges, .. }: FaceBox<T::Wide>,
+        mut visit: impl FnMut(usize, [T::Wide; 3]),
+    ) {
+        marks.for_each_row_in(
+            rows,
+            columns,
+            #[inline(always)]
+            |row, marked| {
+                let y = self.view.ys[self.rows.start + row];
+                marked.for_each(
+                    #[inline(always)]
+                    |column| {
+                        let x = self.center(column, block);
+                        let a = edges.map(|[one, by_x, by_y]| one + by_x * x + by_y * y);
+                        visit(marked.rank(column), a);
+                    },
+                );
+            },
+        );
     }
 
     /// The rows of the band and the columns that a face may reach into.
@@ -133,14 +139,14 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
     }
 
     /// A face around the centre of a pixel, whose edges `along_axis` run along rows or columns: a bit for
-    /// each. `planes` are those of the band.
+    /// each. By `vertex_rounding` times its edge functions its depth may be off, since vertices were rounded.
     #[inline(always)]
     pub(super) fn candidate(
         &self,
-        planes: &[Plane<T::Wide>],
         band_face: u32,
         along_axis: u8,
         [x, y]: [T::Wide; 2],
+        vertex_rounding: [T::Wide; 3],
     ) -> Candidate<T::Wide> {
         let on_border = self.on_border(band_face, along_axis, [x, y]);
         let face = self.faces[band_face as usize] as usize;
@@ -154,7 +160,9 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
             x.maximum_or_nan(y)
         });
         let depth_error_bound = depth_error_bound(&vertices, &edges, depth, reaches, extents);
-        let tie_bound = depth_error_bound + planes[band_face as usize].rounding(edges.map(size));
+        let [a, b, c] = edges.map(size);
+        let tie_bound = depth_error_bound
+            + (vertex_rounding[0] * a + vertex_rounding[1] * b + vertex_rounding[2] * c);
         Candidate { band_face, edges, depth, depth_error_bound, tie_bound, on_border }
     }
 
@@ -193,94 +201,22 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
 
     /// More than what a face's edge functions are off by anywhere in the image.
     #[inline(always)]
-    fn edge_error_bounds(&self, band_face: u32) -> [T::Wide; 3] {
+    pub(super) fn edge_error_bounds(&self, band_face: u32) -> [T::Wide; 3] {
         let corners = self.view.corners_of(self.faces[band_face as usize] as usize);
         let [p, q, r] = corners.map(|corner| corner.vertex);
         [(q, r), (r, p), (p, q)].map(|(p, q)| edge_error_bound(p, q, self.view.size))
     }
-
-    /// The depths of a face of the band, and how far they can be told.
-    #[inline(always)]
-    pub(super) fn plane(&self, at: u32) -> Plane<T::Wide> {
-        let corners = self.view.corners_of(self.faces[at as usize] as usize);
-        let vertices = corners.map(|corner| corner.vertex);
-        let edges = &self.weights[at as usize].edges;
-        let depth = depth(&vertices, edges);
-        let edge_error_bounds = self.edge_error_bounds(at);
-        // Of z / w = sum z_i a_i / D, D = sum w_i a_i, the a_i are off by their bounds; in the depth
-        // range z / w counts at most once.
-        let off = |k: usize| (vertices[k].z.abs() + vertices[k].w.abs()) * edge_error_bounds[k];
-        let total = total(&vertices, edges).abs();
-        let error_bound = T::Wide::from_f64(2.0) * (off(0) + off(1) + off(2)) / total;
-        let range = if corners.iter().any(|corner| corner.is_beyond_depths()) {
-            let infinity = T::Wide::from_f64(f64::INFINITY);
-            [-infinity, infinity]
-        } else {
-            let [p, q, r] = vertices.map(|vertex| vertex.z / vertex.w);
-            [p.minimum_or_nan(q).minimum_or_nan(r), p.maximum_or_nan(q).maximum_or_nan(r)]
-        };
-        // `z = d_0 w + d_x x + d_y y` holds at the vertices; what is missing of it at vertex i adds a_i / D
-        // times as much to the depth.
-        let [one, by_x, by_y] = depth.map(T::Wide::abs);
-        let unit = T::Wide::from_f64(unit_roundoff::<T>()) / total;
-        let vertex_rounding = vertices.map(|Vertex { x, y, z, w }| {
-            unit * (z.abs() + one * w.abs() + by_x * x.abs() + by_y * y.abs())
-        });
-        Plane { depth, range, edge_error_bounds, error_bound, vertex_rounding }
-    }
-
-    /// A face of the band, with the edges `outline` of a surface's outline, in a block of `width` pixels
-    /// of a row.
-    #[inline(always)]
-    pub(super) fn interval(
-        &self,
-        planes: &[Plane<T::Wide>],
-        band_face: u32,
-        outline: u8,
-        center: [T::Wide; 2],
-        width: usize,
-    ) -> DepthInterval<T::Wide> {
-        let plane = &planes[band_face as usize];
-        let Plane { depth: [one, x, y], range: [least, most], edge_error_bounds, .. } = plane;
-        let depth = value_at([*one, *x, *y], center);
-        let width = T::Wide::from_f64(width as f64);
-        let reach = width * x.abs() + y.abs();
-        let (mut covers, mut ends) = (true, false);
-        let mut sizes = [T::Wide::ZERO; 3];
-        for (k, &edge) in self.weights[band_face as usize].edges.iter().enumerate() {
-            let (value, change) = (value_at(edge, center), width * edge[1].abs() + edge[2].abs());
-            sizes[k] = value.abs() + change;
-            covers &= value >= -edge_error_bounds[k];
-            ends |= outline >> k & 1 == 1 && value.abs() <= T::Wide::from_f64(REACH) * change;
-        }
-        let error_bound = plane.error_bound + plane.rounding(sizes);
-        let nearest = (depth - reach).maximum_or_nan(*least) - error_bound;
-        let farthest = (depth + reach).minimum_or_nan(*most) + error_bound;
-        // Of what is no number nothing is known.
-        let infinity = T::Wide::from_f64(f64::INFINITY);
-        let [nearest, farthest] =
-            if nearest <= farthest { [nearest, farthest] } else { [-infinity, infinity] };
-        DepthInterval { face: band_face, nearest, farthest, covers, ends }
-    }
-}
-
-/// By which share of its size a vertex's coordinate was rounded at most.
-#[inline(always)]
-fn unit_roundoff<T: Scalar>() -> f64 {
-    let single = 0.5 * f64::from(f32::EPSILON);
-    let is_single = T::from_f64(1.0 + 0.5 * single).to_f64() == 1.0;
-    if is_single { single } else { 0.5 * f64::EPSILON }
 }
 
 /// `D = sum w_i a_i`, the same all over the image.
 #[inline(always)]
-fn total<S: Scalar>([p, q, r]: &[Vertex<S>; 3], edges: &[Line<S>; 3]) -> S {
+pub(super) fn total<S: Scalar>([p, q, r]: &[Vertex<S>; 3], edges: &[Line<S>; 3]) -> S {
     p.w * edges[0][0] + q.w * edges[1][0] + r.w * edges[2][0]
 }
 
 /// The coefficients of z / w: `sum z_i a_i / D`.
 #[inline(always)]
-fn depth<S: Scalar>(vertices: &[Vertex<S>; 3], edges: &[Line<S>; 3]) -> Line<S> {
+pub(super) fn depth<S: Scalar>(vertices: &[Vertex<S>; 3], edges: &[Line<S>; 3]) -> Line<S> {
     let [p, q, r] = vertices;
     let scale = S::ONE / total(vertices, edges);
     [0, 1, 2].map(|c| scale * (p.z * edges[0][c] + q.z * edges[1][c] + r.z * edges[2][c]))

@@ -4,20 +4,18 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::band_faces::{ALONG_AXIS, BEYOND_DEPTHS, BandFaces, Plane, REACH};
+use super::band_faces::{ALONG_AXIS, BEYOND_DEPTHS, BandFaces, REACH};
 use super::depth_intervals::{DepthInterval, front_layers, may_cross};
 use super::faces_by_pixel::FacesByPixel;
 use super::outline::Outline;
 use super::pieces::Pieces;
 use super::pixel_border::is_along_axis;
-use super::pixel_mask::PixelMask;
+use super::pixel_mask::{BLOCK, PixelMask};
+use super::planes::Planes;
 use super::polygon::Line;
 use super::regions::Regions;
 use super::resolution::Resolution;
 use crate::rasterize::options::Sampling;
-
-/// Pixels of a row that are asked at once whether surface layers may cross in them.
-const BLOCK: usize = 8;
 
 /// The memory of the search.
 #[derive(Debug, Default)]
@@ -29,8 +27,7 @@ pub(in crate::rasterize) struct BoundarySearch<S> {
     layers: Vec<u32>,
     /// Blocks of pixels.
     blocks: PixelMask,
-    /// Per face of the band: its plane; none where no pixel asks for one.
-    planes: Vec<Plane<S>>,
+    planes: Planes<S>,
     intervals: Vec<DepthInterval<S>>,
     faces_by_pixel: FacesByPixel,
     outline: Outline<S>,
@@ -72,10 +69,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         let has_seams = view.sampling == Sampling::Exact;
         marks.clear(band.rows.len(), view.size.width);
         outlines.clear();
-        planes.clear();
-        if view.sampling == Sampling::Exact {
-            planes.extend((0..band.faces.len() as u32).map(|at| band.plane(at)));
-        }
+        planes.clear(band.faces.len());
         for (at, (&face, weights)) in (0..).zip(band.faces.iter().zip(band.weights)) {
             let is_seam = |k| has_seams && view.mesh.is_seam(face as usize, k);
             let is_outline = |k| view.is_silhouette(face as usize, k) || is_seam(k);
@@ -120,10 +114,12 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         regions.mark_first(firsts);
         layers.clear();
         layers.resize(firsts.count(), 0);
-        band.for_each_face(firsts, 1, [0..rows, 0..width], |face, at, a, _| {
+        band.for_each_face(firsts, 1, [0..rows, 0..width], |face, own| {
             // One too many does no harm.
-            let bounds = &planes[face as usize].edge_error_bounds;
-            layers[at] += u32::from((0..3).all(|k| a[k] >= -bounds[k]));
+            let bounds = band.edge_error_bounds(face);
+            band.for_each_block(firsts, 1, own, |number, a| {
+                layers[number] += u32::from((0..3).all(|k| a[k] >= -bounds[k]));
+            });
             true
         });
         if layers.iter().all(|&layers| layers < 2) {
@@ -135,23 +131,20 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         regions.mark_all(layers, suspects);
         // Blocks first: in most the layers are far apart.
         blocks.clear(rows, width / BLOCK);
-        for (row, block) in (0..rows).flat_map(|row| (0..width / BLOCK).map(move |at| (row, at))) {
-            if suspects.has_all(row, block * BLOCK..(block + 1) * BLOCK) {
-                blocks.mark(row, block..block + 1);
-            }
-        }
+        blocks.mark_whole_blocks(suspects);
+        // No edge of the outline is near.
+        let no_outline = 0;
         faces_by_pixel.for_each(band, blocks, BLOCK, |[row, block], center, faces| {
             intervals.clear();
-            intervals
-                .extend(faces.iter().map(|&face| band.interval(planes, face, 0, center, BLOCK)));
-            if !may_cross(intervals) {
+            intervals.extend(faces.iter().map(|&face| planes.interval(band, face, center, BLOCK)));
+            if !may_cross(intervals, |face| planes.at(band, face, no_outline, center, BLOCK)) {
                 suspects.unmark(row, block * BLOCK..(block + 1) * BLOCK);
             }
         });
         faces_by_pixel.for_each(band, suspects, 1, |[row, column], center, faces| {
             intervals.clear();
-            intervals.extend(faces.iter().map(|&face| band.interval(planes, face, 0, center, 1)));
-            if may_cross(intervals) {
+            intervals.extend(faces.iter().map(|&face| planes.interval(band, face, center, 1)));
+            if may_cross(intervals, |face| planes.at(band, face, no_outline, center, 1)) {
                 marks.mark(row, column..column + 1);
             }
         });
@@ -169,26 +162,22 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
     ) {
         let Self { planes, outlines, intervals, outline, resolution, .. } = self;
         let pixel = ((band.rows.start + row) * band.view.size.width + column) as u32;
-        if band.view.sampling == Sampling::Outline {
-            if outline.run(band, outlines, pixel, center, faces, pieces) {
-                return;
-            }
-            if planes.is_empty() {
-                planes.extend((0..band.faces.len() as u32).map(|at| band.plane(at)));
-            }
+        if band.view.sampling == Sampling::Outline
+            && outline.run(band, outlines, pixel, center, faces, pieces)
+        {
+            return;
         }
         intervals.clear();
-        intervals.extend(
-            faces
-                .iter()
-                .map(|&face| band.interval(planes, face, outlines[face as usize], center, 1)),
-        );
-        if front_layers(intervals) == Some(1) {
+        intervals.extend(faces.iter().map(|&face| planes.interval(band, face, center, 1)));
+        let at = |face| planes.at(band, face, outlines[face as usize], center, 1);
+        if front_layers(intervals, at) == Some(1) {
             return;
         }
         intervals.retain(|interval| !interval.is_out());
-        let candidate =
-            |face: u32| band.candidate(planes, face, outlines[face as usize] >> ALONG_AXIS, center);
+        let candidate = |face: u32| {
+            let along_axis = outlines[face as usize] >> ALONG_AXIS;
+            band.candidate(face, along_axis, center, planes.vertex_rounding(face))
+        };
         resolution.run(band, pixel, intervals, candidate, pieces);
     }
 }

@@ -6,6 +6,9 @@
 
 use bokashi_core::Scalar;
 
+/// With more intervals, sorting is left to the library.
+const FEW: usize = 20;
+
 /// The interval of a face's depths in a block of pixels.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct DepthInterval<S> {
@@ -14,6 +17,11 @@ pub(super) struct DepthInterval<S> {
     /// The range of its depths, and a little more.
     pub(super) nearest: S,
     pub(super) farthest: S,
+}
+
+/// What a face is in a block of pixels.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct At {
     /// Whether it covers the block's centre, or may.
     pub(super) covers: bool,
     /// Whether an edge of the surface's outline may cross the block in it.
@@ -33,7 +41,26 @@ impl<S: Scalar> DepthInterval<S> {
 }
 
 /// Sorts intervals, the nearest first.
+#[inline(always)]
 pub(super) fn sort_by_depth<S: Scalar>(intervals: &mut [DepthInterval<S>]) {
+    if intervals.len() > FEW {
+        return sort_many(intervals);
+    }
+    // By insertion; no depth is NaN.
+    for end in 1..intervals.len() {
+        let own = intervals[end];
+        let mut at = end;
+        while at > 0 && own.nearest < intervals[at - 1].nearest {
+            intervals[at] = intervals[at - 1];
+            at -= 1;
+        }
+        intervals[at] = own;
+    }
+}
+
+#[cold]
+#[inline(never)]
+fn sort_many<S: Scalar>(intervals: &mut [DepthInterval<S>]) {
     intervals.sort_unstable_by(|a, b| a.nearest.to_f64().total_cmp(&b.nearest.to_f64()));
 }
 
@@ -43,19 +70,24 @@ pub(super) fn sort_by_depth<S: Scalar>(intervals: &mut [DepthInterval<S>]) {
 /// Faces of one layer touch, so no gap parts them. Where none of a group's faces ends in the block,
 /// its layers are whole, and each covers the block's centre once: the faces that cover it are
 /// counted. `None` where a face ends, or may reach out of the depth range. What is out of that
-/// range hides nothing.
-pub(super) fn front_layers<S: Scalar>(intervals: &mut [DepthInterval<S>]) -> Option<usize> {
+/// range hides nothing. `at` tells what a face is in the block.
+#[inline(always)]
+pub(super) fn front_layers<S: Scalar>(
+    intervals: &mut [DepthInterval<S>],
+    mut at: impl FnMut(u32) -> At,
+) -> Option<usize> {
     sort_by_depth(intervals);
     let (mut farthest, mut layers) = (-S::from_f64(f64::INFINITY), 0);
     for interval in intervals.iter().filter(|interval| !interval.is_out()) {
         if interval.nearest > farthest && layers > 0 {
             break;
         }
-        if interval.ends || !interval.is_within() {
+        let At { covers, ends } = at(interval.face);
+        if ends || !interval.is_within() {
             return None;
         }
         farthest = farthest.maximum_or_nan(interval.farthest);
-        layers += usize::from(interval.covers);
+        layers += usize::from(covers);
     }
     Some(layers)
 }
@@ -72,8 +104,12 @@ pub(super) fn depth_groups<S: Scalar>(
 }
 
 /// Whether surface layers may pass through each other in the first group.
-pub(super) fn may_cross<S: Scalar>(intervals: &mut [DepthInterval<S>]) -> bool {
-    front_layers(intervals).is_none_or(|layers| layers > 1)
+#[inline(always)]
+pub(super) fn may_cross<S: Scalar>(
+    intervals: &mut [DepthInterval<S>],
+    at: impl FnMut(u32) -> At,
+) -> bool {
+    front_layers(intervals, at).is_none_or(|layers| layers > 1)
 }
 
 #[cfg(test)]
@@ -83,7 +119,7 @@ mod tests {
     use super::*;
 
     fn interval([nearest, depth]: [f64; 2]) -> DepthInterval<f64> {
-        DepthInterval { face: 0, nearest, farthest: nearest + depth, covers: true, ends: false }
+        DepthInterval { face: 0, nearest, farthest: nearest + depth }
     }
 
     proptest! {

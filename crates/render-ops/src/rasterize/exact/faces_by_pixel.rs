@@ -43,13 +43,29 @@ impl FacesByPixel {
         pairs.clear();
         ends.clear();
         ends.resize(some.len() + 1, 0);
-        band.for_each_face(marks, block, [top..bottom + 1, columns], |face, number, a, reach| {
-            if some.contains(&number) && (0..3).all(|k| a[k] + reach[k] >= T::Wide::ZERO) {
-                pairs.push([(number - some.start) as u32, face]);
-                ends[number - some.start + 1] += 1;
-            }
-            pairs.len() <= most
-        });
+        band.for_each_face(
+            marks,
+            block,
+            [top..bottom + 1, columns],
+            #[inline(always)]
+            |face, own| {
+                let reach = own.reach;
+                band.for_each_block(
+                    marks,
+                    block,
+                    own,
+                    #[inline(always)]
+                    |number, a| {
+                        let reaches = |k: usize| a[k] + reach[k] >= T::Wide::ZERO;
+                        if reaches(0) & reaches(1) & reaches(2) && some.contains(&number) {
+                            pairs.push([(number - some.start) as u32, face]);
+                            ends[number - some.start + 1] += 1;
+                        }
+                    },
+                );
+                pairs.len() <= most
+            },
+        );
         if pairs.len() > most {
             return false;
         }
@@ -80,7 +96,11 @@ impl FacesByPixel {
         }
         self.blocks.clear();
         for row in 0..band.rows.len() {
-            marks.for_each(row, |column| self.blocks.push([row, column]));
+            marks.for_each(
+                row,
+                #[inline(always)]
+                |column| self.blocks.push([row, column]),
+            );
         }
         self.open.push(0..self.blocks.len());
         while let Some(some) = self.open.pop() {

@@ -13,7 +13,8 @@
 //!   |-- mark_crossings  pixels in which surface layers may pass through each other
 //!   |     |-- Regions          unmarked pixels with one number of layers each (regions)
 //!   |     |-- FacesByPixel     the faces that may reach into a pixel (faces_by_pixel)
-//!   |     `-- DepthInterval    their depths there: one layer in front ends the search (depth_intervals)
+//!   |     `-- DepthInterval    their depths there (depth_intervals), from their planes (planes): one layer
+//!   |                          in front ends the search
 //!   |-- Outline         of the outline alone: how much of a pixel is covered, whatever is seen (outline)
 //!   `-- Resolution      per marked pixel, depth group by depth group, the nearest first (resolution)
 //!         |-- share_planes     faces in one plane, to within rounding (ties)
@@ -46,6 +47,7 @@ mod piece_fragments;
 mod pieces;
 mod pixel_border;
 mod pixel_mask;
+mod planes;
 mod polygon;
 mod pull_back;
 #[cfg(test)]

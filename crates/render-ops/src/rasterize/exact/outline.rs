@@ -31,6 +31,9 @@ use crate::homogeneous::{Vertex, cross};
 /// With more stretches a pixel is resolved into what is visible.
 const MOST_STRETCHES: usize = 64;
 
+/// Among as few faces one is found faster by looking at them in turn.
+const FEW: usize = 12;
+
 /// Within this share of its size a line's value is rounding.
 const ROUNDING: f64 = 1e-14;
 
@@ -48,6 +51,18 @@ struct Face<S> {
     outline: u8,
     /// Bit k: whether such an edge may cross the pixel.
     ends: u8,
+}
+
+/// What tells whether a sheet of faces fills the pixel: a face, before it is worked out around the pixel.
+#[derive(Debug, Clone, Copy)]
+struct SheetFace {
+    band_face: u32,
+    /// Its number in the mesh.
+    number: u32,
+    /// Bit k: whether edge k is one of the outline.
+    outline: u8,
+    /// The search by which it was reached; 0 before that.
+    reached_by: u32,
 }
 
 /// Where a place lies on the pixel's border, counter-clockwise from its first corner, in half pixels.
@@ -84,9 +99,8 @@ struct Covered<S> {
 #[derive(Debug, Default)]
 pub(super) struct Outline<S> {
     faces: Vec<Face<S>>,
-    /// Their numbers in the mesh, in order; which of them have been reached, and from which to go on.
-    numbers: Vec<u32>,
-    is_known: Vec<bool>,
+    /// The same, in the order of the mesh, and from which to go on.
+    sheet: Vec<SheetFace>,
     open: Vec<usize>,
     stretches: Vec<Stretch<S>>,
     crossings: Vec<Crossing<S>>,
@@ -144,13 +158,21 @@ impl<S: Scalar<Wide = S>> Outline<S> {
         center: [S; 2],
         some_faces: &[u32],
     ) -> Option<Covered<S>> {
-        self.faces.clear();
-        for &band_face in some_faces {
-            self.faces.push(Face::new(band, band_face, outlines[band_face as usize], center)?);
+        let is_left_out = |&face: &u32| {
+            let outline = outlines[face as usize];
+            outline >> BEYOND_DEPTHS != 0
+                || band.on_border(face, outline >> ALONG_AXIS, center) != 0
+        };
+        if some_faces.iter().any(is_left_out) {
+            return None;
         }
-        if self.is_filled(band) {
+        if self.is_filled(band, outlines, center, some_faces) {
             return Some(Covered { area: S::from_f64(4.0), rim: None });
         }
+        self.faces.clear();
+        self.faces.extend(
+            some_faces.iter().map(|&face| Face::new(band, face, outlines[face as usize], center)),
+        );
         self.stretches.clear();
         for (at, face) in (0..).zip(&self.faces) {
             let own = (0..3).filter(|k| face.ends >> k & 1 == 1);
@@ -167,30 +189,51 @@ impl<S: Scalar<Wide = S>> Outline<S> {
     /// of which none ends in the pixel and one covers its centre. Where an edge of such a face crosses the
     /// pixel, the sheet goes on beyond it.
     #[inline(always)]
-    fn is_filled<T: Scalar<Wide = S>>(&mut self, band: &BandFaces<'_, '_, T>) -> bool {
-        let Self { faces, numbers, is_known, open, .. } = self;
+    fn is_filled<T: Scalar<Wide = S>>(
+        &mut self,
+        band: &BandFaces<'_, '_, T>,
+        outlines: &[u8],
+        [x, y]: [S; 2],
+        some_faces: &[u32],
+    ) -> bool {
+        let Self { sheet, open, .. } = self;
         let adjacency = band.view.mesh.adjacency();
-        numbers.clear();
-        numbers.extend(faces.iter().map(|face| band.faces[face.band_face as usize]));
-        is_known.clear();
-        is_known.resize(faces.len(), false);
-        for first in 0..faces.len() {
+        sheet.clear();
+        sheet.extend(some_faces.iter().map(|&band_face| {
+            let (number, outline) = (band.faces[band_face as usize], outlines[band_face as usize]);
+            SheetFace { band_face, number, outline, reached_by: 0 }
+        }));
+        let edges = |face: SheetFace| {
+            let corners = band.view.corners_of(face.number as usize);
+            let q = corners.map(|corner| corner.vertex.relative_to(x, y));
+            band.edges_around(face.band_face, q)
+        };
+        for (first, search) in (0..sheet.len()).zip(1..) {
             // A sheet is looked for from a face at the centre: no other sheet fills the pixel.
-            if is_known[first] || !faces[first].covers([S::ZERO; 2]) {
+            if sheet[first].reached_by != 0
+                || !edges(sheet[first]).iter().all(|[one, ..]| *one >= S::ZERO)
+            {
                 continue;
             }
             let mut has_border = false;
-            is_known[first] = true;
+            sheet[first].reached_by = search;
+            open.clear();
             open.push(first);
-            while let Some(at) = open.pop() {
-                has_border |= faces[at].ends != 0;
-                for corner in (0..3).filter(|corner| faces[at].outline >> corner & 1 == 0) {
-                    let neighbor = adjacency.neighbor(numbers[at] as usize, corner);
+            while let Some(face) = open.pop().map(|at| sheet[at]).filter(|_| !has_border) {
+                has_border = face.outline & 0b111 != 0 && ends(&edges(face), face.outline) != 0;
+                for corner in (0..3).filter(|corner| face.outline >> corner & 1 == 0) {
+                    let neighbor = adjacency.neighbor(face.number as usize, corner);
                     // A face that does not reach into the pixel is none of its faces.
-                    let beyond = neighbor.and_then(|other| numbers.binary_search(&other.face).ok());
-                    if let Some(at) = beyond.filter(|&at| !is_known[at]) {
-                        is_known[at] = true;
-                        open.push(at);
+                    let Some(at) = neighbor.and_then(|other| place_of(sheet, other.face)) else {
+                        continue;
+                    };
+                    match sheet[at].reached_by {
+                        0 => {
+                            sheet[at].reached_by = search;
+                            open.push(at);
+                        }
+                        // An earlier search of the same sheet has ended at a border.
+                        other => has_border |= other != search,
                     }
                 }
             }
@@ -344,29 +387,37 @@ fn is_rim<S: Scalar>(faces: &[Face<S>], stretch: &Stretch<S>, middle: [S; 2]) ->
 }
 
 impl<S: Scalar<Wide = S>> Face<S> {
-    /// `None` where it reaches behind the eye or out of the depth range, or where an edge of it lies on the
-    /// pixel's border.
     #[inline(always)]
     fn new<T: Scalar<Wide = S>>(
         band: &BandFaces<'_, '_, T>,
         band_face: u32,
         outline: u8,
         center: [S; 2],
-    ) -> Option<Self> {
-        if outline >> BEYOND_DEPTHS != 0
-            || band.on_border(band_face, outline >> ALONG_AXIS, center) != 0
-        {
-            return None;
-        }
+    ) -> Self {
         let corners = band.view.corners_of(band.faces[band_face as usize] as usize);
         let vertices = corners.map(|corner| corner.vertex.around(center));
         let edges = band.edges_around(band_face, vertices.map(|vertex| [vertex.x, vertex.y]));
-        let ends = |k: usize| {
-            let [one, x, y] = edges[k];
-            u8::from(outline >> k & 1 == 1 && one.abs() <= x.abs() + y.abs()) << k
-        };
-        Some(Self { band_face, vertices, edges, outline, ends: ends(0) | ends(1) | ends(2) })
+        Self { band_face, vertices, edges, outline, ends: ends(&edges, outline) }
     }
+}
+
+/// The place of the face of this number among the faces of a pixel.
+#[inline(always)]
+fn place_of(sheet: &[SheetFace], number: u32) -> Option<usize> {
+    if sheet.len() <= FEW {
+        return sheet.iter().position(|face| face.number == number);
+    }
+    sheet.binary_search_by_key(&number, |face| face.number).ok()
+}
+
+/// Which edges of a face are of the outline and may cross the pixel: a bit for each.
+#[inline(always)]
+fn ends<S: Scalar>(edges: &[Line<S>; 3], outline: u8) -> u8 {
+    let own = |k: usize| {
+        let [one, x, y] = edges[k];
+        u8::from(outline >> k & 1 == 1 && one.abs() <= x.abs() + y.abs()) << k
+    };
+    own(0) | own(1) | own(2)
 }
 
 impl<S: Scalar> Face<S> {

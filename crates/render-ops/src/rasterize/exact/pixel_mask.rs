@@ -5,6 +5,9 @@ use std::ops::Range;
 /// Bits of a word.
 const BITS: usize = u64::BITS as usize;
 
+/// Pixels of a row that are looked at together.
+pub(super) const BLOCK: usize = 8;
+
 /// The marked pixels of some rows.
 #[derive(Debug, Default)]
 pub(super) struct PixelMask {
@@ -30,7 +33,7 @@ impl PixelMask {
         }
         let (first, last) = (columns.start, columns.end - 1);
         let row = &mut self.words[row * self.words_per_row..][..self.words_per_row];
-        for word in first / BITS..=last / BITS {
+        for word in first / BITS..last / BITS + 1 {
             row[word] |= within(word, first, last);
         }
     }
@@ -44,11 +47,37 @@ impl PixelMask {
         }
     }
 
-    /// Whether all of neighbouring pixels of a row are marked.
-    pub(super) fn has_all(&self, row: usize, columns: Range<usize>) -> bool {
+    /// Whether a pixel of `rows` is marked among `columns`.
+    #[inline(always)]
+    pub(super) fn has_some(&self, rows: Range<usize>, columns: Range<usize>) -> bool {
+        if columns.is_empty() {
+            return false;
+        }
         let (first, last) = (columns.start, columns.end - 1);
-        let row = &self.words[row * self.words_per_row..][..self.words_per_row];
-        (first / BITS..=last / BITS).all(|word| !row[word] & within(word, first, last) == 0)
+        let words = first / BITS..last / BITS + 1;
+        let mut some = 0;
+        for word in words {
+            let all = rows.clone().map(|row| self.words[row * self.words_per_row + word]);
+            some |= within(word, first, last) & all.fold(0, |some, bits| some | bits);
+        }
+        some != 0
+    }
+
+    /// Marks, in the place of pixels, the blocks of [`BLOCK`] pixels of a row that are wholly marked in
+    /// `pixels`.
+    pub(super) fn mark_whole_blocks(&mut self, pixels: &Self) {
+        for (at, &bits) in pixels.words.iter().enumerate().filter(|(_, bits)| **bits != 0) {
+            let (row, word) = (at / pixels.words_per_row, at % pixels.words_per_row);
+            // The first bit of each block becomes whether all its bits are set.
+            let mut whole = bits;
+            for shift in [1, 2, 4] {
+                whole &= whole >> shift;
+            }
+            for block in (0..BITS / BLOCK).filter(|block| whole >> (block * BLOCK) & 1 == 1) {
+                let block = word * (BITS / BLOCK) + block;
+                self.mark(row, block..block + 1);
+            }
+        }
     }
 
     /// Counts the marked pixels.
@@ -75,30 +104,87 @@ impl PixelMask {
         }
     }
 
-    /// Calls `visit` with the column of each marked pixel of a row among `columns`, and with how many
-    /// marked pixels come before it; they have been counted.
-    #[inline(always)]
-    pub(super) fn for_each_in(
+    /// Calls `visit` with each run of pixels of a row of `width` pixels that are not marked.
+    pub(super) fn for_each_gap(
         &self,
         row: usize,
+        width: usize,
+        mut visit: impl FnMut(Range<usize>),
+    ) {
+        let words = &self.words[row * self.words_per_row..][..self.words_per_row];
+        // The first column from `from` on that is marked, or that is not where all bits are turned.
+        let next = |from: usize, turned: u64| {
+            let mut within = u64::MAX << (from % BITS);
+            for (word, bits) in words.iter().enumerate().skip(from / BITS) {
+                let bits = (bits ^ turned) & within;
+                if bits != 0 {
+                    return word * BITS + bits.trailing_zeros() as usize;
+                }
+                within = u64::MAX;
+            }
+            width
+        };
+        let mut start = next(0, u64::MAX);
+        while start < width {
+            let end = next(start, 0);
+            visit(start..end);
+            start = next(end, u64::MAX);
+        }
+    }
+
+    /// Calls `visit` with a row and its marked pixels, for each of `rows` with marked pixels among
+    /// `columns`; where those belong to several words, more than once. The pixels have been counted.
+    #[inline(always)]
+    pub(super) fn for_each_row_in(
+        &self,
+        rows: Range<usize>,
         columns: Range<usize>,
-        mut visit: impl FnMut(usize, usize),
+        mut visit: impl FnMut(usize, Marked),
     ) {
         if columns.is_empty() {
             return;
         }
         let (first, last) = (columns.start, columns.end - 1);
-        for word in first / BITS..=last / BITS {
-            let at = row * self.words_per_row + word;
-            let all = self.words[at];
-            let mut bits = all & within(word, first, last);
-            while bits != 0 {
-                let bit = bits.trailing_zeros();
-                let rank = self.before[at] + (all & ((1 << bit) - 1)).count_ones();
-                visit(word * BITS + bit as usize, rank as usize);
-                bits &= bits - 1;
+        for word in first / BITS..last / BITS + 1 {
+            let within = within(word, first, last);
+            for row in rows.clone() {
+                let at = row * self.words_per_row + word;
+                let all = self.words[at];
+                if all & within != 0 {
+                    let (first_column, before) = (word * BITS, self.before[at]);
+                    visit(row, Marked { first_column, bits: all & within, all, before });
+                }
             }
         }
+    }
+}
+
+/// Some marked pixels of a row.
+pub(super) struct Marked {
+    /// The column of the first bit.
+    first_column: usize,
+    bits: u64,
+    /// All marked pixels of the word, and how many there are before it.
+    all: u64,
+    before: u32,
+}
+
+impl Marked {
+    /// Calls `visit` with the column of each pixel.
+    #[inline(always)]
+    pub(super) fn for_each(&self, mut visit: impl FnMut(usize)) {
+        let mut bits = self.bits;
+        while bits != 0 {
+            visit(self.first_column + bits.trailing_zeros() as usize);
+            bits &= bits - 1;
+        }
+    }
+
+    /// How many marked pixels come before that of a column.
+    #[inline(always)]
+    pub(super) fn rank(&self, column: usize) -> usize {
+        let before = self.all & ((1 << (column - self.first_column)) - 1);
+        (self.before + before.count_ones()) as usize
     }
 }
 
@@ -129,21 +215,35 @@ mod tests {
         assert_eq!(marks.count(), expected.len());
         for columns in [0..width, 4..64, 63..65, 199..200, 8..8] {
             let mut found = Vec::new();
-            for row in 0..rows {
-                marks.for_each_in(row, columns.clone(), |column, rank| {
-                    assert_eq!(expected[rank], (row, column));
+            marks.for_each_row_in(0..rows, columns.clone(), |row, marked| {
+                marked.for_each(|column| {
+                    assert_eq!(expected[marked.rank(column)], (row, column));
                     found.push((row, column));
                 });
-            }
+            });
+            found.sort_unstable();
+            assert_eq!(marks.has_some(0..rows, columns.clone()), !found.is_empty());
             let within = expected.iter().copied().filter(|(_, column)| columns.contains(column));
             assert!(found.into_iter().eq(within));
         }
-        assert!(marks.has_all(1, 0..width) && marks.has_all(0, 60..70));
-        assert!(!marks.has_all(0, 59..70) && !marks.has_all(0, 60..71));
+        let gaps = |marks: &PixelMask, row| {
+            let mut gaps = Vec::new();
+            marks.for_each_gap(row, width, |gap| gaps.push([gap.start, gap.end]));
+            gaps
+        };
+        assert_eq!(gaps(&marks, 0), [[0, 3], [5, 60], [70, 200]]);
+        assert!(gaps(&marks, 1).is_empty());
+        assert_eq!(gaps(&marks, 2), [[0, 63], [65, 199]]);
+        let mut blocks = PixelMask::default();
+        blocks.clear(rows, width / BLOCK);
+        blocks.mark_whole_blocks(&marks);
+        assert_eq!(blocks.count(), width / BLOCK);
+        assert!(blocks.has_some(1..2, 0..1) && !blocks.has_some(0..1, 0..width / BLOCK));
         marks.unmark(1, 3..130);
-        assert!(marks.has_all(1, 0..3) && marks.has_all(1, 130..width));
-        marks.count();
-        marks.for_each_in(1, 0..width, |column, _| assert!(!(3..130).contains(&column)));
+        assert_eq!(gaps(&marks, 1), [[3, 130]]);
+        blocks.clear(rows, width / BLOCK);
+        blocks.mark_whole_blocks(&marks);
+        assert_eq!(gaps(&blocks, 1)[0], [0, 17]);
         marks.clear(1, 10);
         assert_eq!(marks.count(), 0);
     }

@@ -64,8 +64,22 @@ pub(in crate::rasterize) struct Adjoints<S> {
 const NONE: u32 = u32::MAX;
 
 impl<S: Scalar<Wide = S>> Adjoint<S> {
+    /// Of a face of the band, around `pixel`.
+    #[inline(never)]
+    fn new<T: Scalar<Wide = S>>(band: &PiecePullBack<'_, T>, band_face: u32, pixel: usize) -> Self {
+        let indices = band.mesh.faces()[band.faces[band_face as usize] as usize];
+        let corners = indices.map(|vertex| &band.corners[vertex as usize]);
+        let vertices = corners.map(|corner| corner.vertex);
+        let factors = corners.map(|corner| corner.factor);
+        let face = LocalFace::new(vertices, factors, pixel, band.size);
+        let sign = if face.determinant() > S::ZERO { S::ONE } else { -S::ONE };
+        let (edges, depth) = (EdgeSums::default(), [S::ZERO; 3]);
+        Self { band_face, sign, face, edges, depth }
+    }
+
     /// Adds the gradient of the coefficients, around `place` from the origin, of the edge function
     /// that faces corner k.
+    #[inline(always)]
     fn add_edge(&mut self, k: usize, [one, x, y]: [S; 3], place: [S; 2]) {
         let one = self.sign * one;
         self.edges.ones[k] += one;
@@ -74,6 +88,7 @@ impl<S: Scalar<Wide = S>> Adjoint<S> {
     }
 
     /// The same of the depth.
+    #[inline(always)]
     fn add_depth(&mut self, sign: S, [one, x, y]: [S; 3], place: [S; 2]) {
         let one = sign * one;
         self.depth[0] += one;
@@ -123,14 +138,18 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
         self.adjoints.clear();
         let pieces = band.pieces;
         let (mut first, mut first_segment) = (0, 0);
-        for ((&pixel, &end), &segment_end) in
-            pieces.pixels.iter().zip(&pieces.ends).zip(&pieces.segment_ends)
-        {
-            let own = first..end as usize;
-            let segments = &pieces.segments[first_segment..segment_end as usize];
-            (first, first_segment) = (own.end, segment_end as usize);
-            self.sum_pixel(band, pixel as usize, own, segments);
-        }
+        let of_pixels = pieces.pixels.iter().zip(&pieces.ends).zip(&pieces.segment_ends);
+        pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for ((&pixel, &end), &segment_end) in of_pixels {
+                    let own = first..end as usize;
+                    let segments = &pieces.segments[first_segment..segment_end as usize];
+                    (first, first_segment) = (own.end, segment_end as usize);
+                    self.sum_pixel(band, pixel as usize, own, segments);
+                }
+            },
+        );
         for adjoint in self.adjoints.drain(..) {
             let face = band.faces[adjoint.band_face as usize] as usize;
             emit(face, &adjoint.rows(band.size));
@@ -145,6 +164,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
         self.rows = rows;
     }
 
+    #[inline(always)]
     fn sum_pixel<T: Scalar<Wide = S>>(
         &mut self,
         band: &PiecePullBack<'_, T>,
@@ -154,6 +174,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
     ) {
         let mut growths = std::mem::take(&mut self.growths);
         growths.clear();
+        let center = band.size.center::<S>(pixel);
         for (piece, &fragment) in band.pieces.pieces[own.clone()].iter().zip(&band.fragments[own]) {
             let fragment = fragment as usize;
             let weight_bar = band.weights_bar.map_or(S::ZERO, |bars| bars[fragment].widen());
@@ -162,7 +183,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
             if let Some(bars) = band.barycentrics_bar {
                 let uv_bar = [bars[2 * fragment], bars[2 * fragment + 1]].map(T::widen);
                 let adjoint = self.adjoint(band, piece.band_face, pixel);
-                let place = adjoint.face.place(pixel, band.size);
+                let place = adjoint.face.offset_of(center);
                 let growth = adjoint.add_barycentrics(uv_bar, &piece.extent, place);
                 of_mean = piece.moves.then_some(growth);
             }
@@ -177,13 +198,13 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
             }
             let mut add_depth = |band_face: u32, sign: S| {
                 let adjoint = self.adjoint(band, band_face, pixel);
-                let place = adjoint.face.place(pixel, band.size);
+                let place = adjoint.face.offset_of(center);
                 adjoint.add_depth(sign, line_bar, place);
             };
             match source {
                 Source::Edge { candidate, k } => {
                     let adjoint = self.adjoint(band, candidate, pixel);
-                    let place = adjoint.face.place(pixel, band.size);
+                    let place = adjoint.face.offset_of(center);
                     adjoint.add_edge(k as usize, line_bar, place);
                 }
                 Source::End { candidate, is_far } => {
@@ -199,6 +220,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
     }
 
     /// The adjoint of a face, around `pixel` where that is the first pixel to ask.
+    #[inline(always)]
     fn adjoint<T: Scalar<Wide = S>>(
         &mut self,
         band: &PiecePullBack<'_, T>,
@@ -209,14 +231,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
         let at = &mut of_band_face[band_face as usize];
         if *at == NONE {
             *at = adjoints.len() as u32;
-            let indices = band.mesh.faces()[band.faces[band_face as usize] as usize];
-            let corners = indices.map(|vertex| &band.corners[vertex as usize]);
-            let vertices = corners.map(|corner| corner.vertex);
-            let factors = corners.map(|corner| corner.factor);
-            let face = LocalFace::new(vertices, factors, pixel, band.size);
-            let sign = if face.determinant() > S::ZERO { S::ONE } else { -S::ONE };
-            let (edges, depth) = (EdgeSums::default(), [S::ZERO; 3]);
-            adjoints.push(Adjoint { band_face, sign, face, edges, depth });
+            adjoints.push(Adjoint::new(band, band_face, pixel));
         }
         &mut adjoints[*at as usize]
     }
@@ -225,6 +240,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
 impl<S: Scalar<Wide = S>> Adjoint<S> {
     /// Adds what the gradients of u and v of a piece, whose pixel's centre lies at `place`, say of the
     /// edge functions; returns what they say of its sides.
+    #[inline(always)]
     fn add_barycentrics(
         &mut self,
         uv_bar: [S; 2],

@@ -33,16 +33,10 @@ impl Regions {
         let mut above = 0;
         for row in 0..rows {
             let first = self.runs.len();
-            let mut start = 0;
-            let mut add = |end: usize, next: usize| {
-                if start < end {
-                    let root = self.runs.len();
-                    self.runs.push(FreeRun { row, columns: start..end, root });
-                }
-                start = next;
-            };
-            marks.for_each(row, |column| add(column, column + 1));
-            add(width, width);
+            marks.for_each_gap(row, width, |columns| {
+                let root = self.runs.len();
+                self.runs.push(FreeRun { row, columns, root });
+            });
             for at in first..self.runs.len() {
                 let Range { start, end } = self.runs[at].columns;
                 // The last run that touches this run may touch the next run, too.
@@ -155,10 +149,9 @@ mod tests {
                 all.clear(rows, width);
                 let layers: Vec<_> = (0..count).map(|at| 1 + u32::from(at == wanted)).collect();
                 regions.mark_all(&layers, &mut all);
-                all.count();
                 let mut found = Vec::new();
                 for row in 0..rows {
-                    all.for_each_in(row, 0..width, |column, _| found.push(row * width + column));
+                    all.for_each(row, |column| found.push(row * width + column));
                 }
                 let expected = (0..rows * width).filter(|&at| region_of[at] == wanted);
                 prop_assert!(found.into_iter().eq(expected));
