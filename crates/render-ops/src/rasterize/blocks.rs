@@ -12,19 +12,17 @@
 //! below its negative surely are not. A face with a pixel between them is drawn again, in spans.
 //!
 //! At a pixel that is covered the depth lies between those of the vertices, which are at least
-//! [`MARGIN`] behind the near plane. A face has a plane only where the bound is below 1e-6 of the
+//! `culling::MARGIN` behind the near plane. A face has a plane only where the bound is below 1e-6 of the
 //! determinant over w. So the depth's rounding is some 1e-5 at most, and no pixel need be held
 //! against the near plane.
 
 use bokashi_core::Scalar;
 
 use super::culling::{Corner, are_tame};
-use super::setup::{LANES, Weights, keep_nearer, lanes, largest, least, plane, smaller};
+use super::order::{largest, least, smaller};
+use super::setup::{LANES, Weights, keep_nearer, lanes, plane};
 use crate::homogeneous::edge;
 use crate::size::Size;
-
-/// How far behind the near plane a vertex's depth has to be.
-pub(super) const MARGIN: f64 = 1e-4;
 
 /// A face that is drawn in blocks.
 #[derive(Debug, Clone, Copy)]

@@ -8,9 +8,8 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::blocks::MARGIN;
 use super::options::{Cull, RasterOptions};
-use super::setup::{largest, least};
+use super::order::{largest, least};
 use crate::homogeneous::{Vertex, determinant, edge, edge_error_bound};
 use crate::mesh::repeats_a_vertex;
 use crate::size::Size;
@@ -26,6 +25,9 @@ pub(super) struct Corner<S> {
     /// In pixels from the centre of the first pixel; means nothing behind the eye.
     pixel: [f64; 2],
 }
+
+/// How far behind the near plane a vertex's depth has to be so that small faces are drawn in blocks (`blocks`).
+const MARGIN: f64 = 1e-4;
 
 /// The bit of [`Corner::beyond`] for a vertex behind the eye.
 const BEHIND: u8 = 1;

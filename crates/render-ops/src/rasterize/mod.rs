@@ -29,6 +29,7 @@ mod canvas;
 mod culling;
 mod exact;
 mod options;
+mod order;
 mod prepared;
 mod pull_back;
 mod setup;

@@ -18,7 +18,7 @@ use std::ops::Range;
 use bokashi_core::Scalar;
 
 use super::culling::{Corner, are_tame};
-use super::setup::{largest, least};
+use super::order::{largest, least};
 use crate::coverage::Coverage;
 use crate::edge_functions::{EdgeSums, LocalFace};
 use crate::face_sums::{FaceSums, Terms, sum_weighted};

@@ -28,6 +28,7 @@ use std::sync::atomic::{Ordering, compiler_fence};
 use bokashi_core::Scalar;
 
 use super::culling::Corner;
+use super::order::{largest, least};
 use crate::edge_functions::depth_and_w;
 use crate::homogeneous::{Vertex, are_one, cross, determinant, edge, extent, missing_factors};
 use crate::size::Size;
@@ -324,25 +325,6 @@ impl<S: Scalar<Wide = S>> Weights<S> {
             barycentrics[k] = weights(centers[k]);
         }
     }
-}
-
-/// The smaller of two that are not NaN: a single instruction, where the rules for NaN take three.
-#[inline(always)]
-pub(super) fn smaller<S: Scalar>(a: S, b: S) -> S {
-    if a < b { a } else { b }
-}
-
-/// The smallest of three.
-#[inline(always)]
-pub(super) fn least<S: Scalar>([a, b, c]: [S; 3]) -> S {
-    smaller(smaller(a, b), c)
-}
-
-/// The largest of three.
-#[inline(always)]
-pub(super) fn largest<S: Scalar>([a, b, c]: [S; 3]) -> S {
-    let largest = if a > b { a } else { b };
-    if largest > c { largest } else { c }
 }
 
 /// Draws neighbouring pixels of a row that a face surely covers, where its depth at their `centers`
