@@ -515,6 +515,8 @@ struct Sheets {
     vertices: Tensor<f32>,
     reference: Reference<f32>,
     options: RasterOptions,
+    /// Whether colours are known, and only the shape is learnt.
+    has_fixed_colors: bool,
 }
 
 /// What a step collects, and what shows that it did its work.
@@ -556,6 +558,7 @@ impl Sheets {
             vertices: Tensor::new([count, 3], corners).unwrap(),
             reference: Reference::new(&image, &Tensor::zeros([3])).unwrap(),
             options: Size::square(pixels).into(),
+            has_fixed_colors: false,
         }
     }
 
@@ -575,7 +578,8 @@ impl Sheets {
         let vertices = tape.leaf_copied(&self.vertices);
         let clip = project(vertices, &perspective(0.7, 1.0, 1.0, 50.0), None)?;
         let fragments = rasterize(clip, &self.mesh, self.options)?;
-        let surface = interpolate(vertices, &fragments)?;
+        let colors = if self.has_fixed_colors { tape.constant(&self.vertices) } else { vertices };
+        let surface = interpolate(colors, &fragments)?;
         let picture = composite(surface, &fragments, Background::Zero)?;
         let picture = match self.options.sampling {
             Sampling::Center => antialias(picture)?,
@@ -646,6 +650,14 @@ fn a_steady_step_of_a_picture_allocates_nothing() {
             loss
         });
     }
+}
+
+// Antialiasing takes over the gradient of its picture, and has no use for it.
+#[test]
+fn a_steady_step_of_a_shape_with_fixed_colors_allocates_nothing() {
+    let sheets = Sheets { has_fixed_colors: true, ..Sheets::new(2, 0, 300) };
+    let mut tape = Tape::new();
+    assert_steady_from_step_3(|| sheets.step(&mut tape).unwrap().loss);
 }
 
 #[test]

@@ -245,8 +245,8 @@ impl<T: Scalar> Accumulators<'_, T> {
     }
 
     /// The gradient of the only output, for an operation that asked for it ([`Keep::upstream`]): to be
-    /// changed, and given to an input. `None` where somebody else reads it, too: then it is where it always
-    /// is, to be copied.
+    /// changed, and given to an input, wanted or not. `None` where somebody else reads it, too: then it is
+    /// where it always is, to be copied. What was taken is no longer there.
     ///
     /// [`Keep::upstream`]: crate::Keep::upstream
     pub fn take_upstream(&mut self) -> Option<Vec<T>> {
@@ -258,7 +258,7 @@ impl<T: Scalar> Accumulators<'_, T> {
     /// be a buffer of the tape's.
     ///
     /// # Panics
-    /// Unless there are as many entries as the input has.
+    /// Unless there are as many entries as the input has, where its gradient is wanted.
     pub fn give(&mut self, i: usize, buffer: Vec<T>) {
         if !self.needs(i) {
             return self.pool.give(buffer);

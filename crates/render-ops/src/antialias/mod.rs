@@ -545,6 +545,10 @@ impl<T: Scalar> Op<T> for Antialias {
             }
         }
         if !gradients.needs(1) {
+            // The memory goes back to the tape.
+            if let Some(out_bar) = taken {
+                gradients.give(1, out_bar);
+            }
             return;
         }
         // Last, since here the upstream gradient is changed in place, if nobody else reads it.

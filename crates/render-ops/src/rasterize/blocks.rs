@@ -67,7 +67,7 @@ impl<S: Scalar<Wide = S>> SmallFace<S> {
     ) -> bool {
         let Self { edges: [a, b, c], plane, error_bound } = *self;
         let [ones, xs, by_ys] = [0, 1, 2].map(|k| [a[k], b[k], c[k], plane[k]]);
-        let mut closest = [error_bound + S::ONE; LANES];
+        let mut closest = [S::from_f64(f64::INFINITY); LANES];
         let mut first = 0;
         for &y in ys {
             let within = first..first + centers.len();

@@ -48,8 +48,8 @@ pub(super) struct Visibility<T: Scalar> {
 }
 
 impl<T: Scalar> Visibility<T> {
-    /// Finds the runs, and what their weights follow from, which the bands hold: of the nearest faces, or of those behind
-    /// the layer `front`.
+    /// Finds the runs, and what their weights follow from, which the bands hold: of the nearest faces, or of
+    /// those behind the layer `front`.
     pub(super) fn run(
         &mut self,
         clip: &[T],

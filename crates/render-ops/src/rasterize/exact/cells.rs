@@ -97,7 +97,12 @@ impl<S: Scalar> Crowd<'_, S> {
             // Of what is no number nothing new is known.
             let nearest = if least > interval.nearest { least } else { interval.nearest };
             let farthest = if most < interval.farthest { most } else { interval.farthest };
-            let interval = DepthInterval { nearest, farthest, ..interval };
+            // A face that was given another's plane may lie outside of its own interval.
+            let interval = if nearest <= farthest {
+                DepthInterval { nearest, farthest, ..interval }
+            } else {
+                interval
+            };
             if !interval.is_out() {
                 self.faces.push(interval);
             }

@@ -19,8 +19,8 @@ struct Plane<S> {
     range: [S; 2],
     /// More than what its edge functions are off by anywhere in the image.
     edge_error_bounds: [S; 3],
-    /// More than what its depths are off by in the face, where they are in the depth range; what its vertices
-    /// were rounded by among that, unless it may reach out of the range.
+    /// More than what its depths are off by in the face, where they are in the depth range. Unless the face
+    /// may reach out of that range, the rounding of its vertices is part of it.
     error_bound: S,
     /// By this times its edge functions its depth may be off, since its vertices were rounded.
     vertex_rounding: [S; 3],

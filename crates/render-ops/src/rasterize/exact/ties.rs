@@ -7,7 +7,8 @@
 //! the planes alone, and in one plane on the index, which no circle can be made of.
 //!
 //! The plane of a few that tie is that of the best known among them. No face is moved by more than twice what
-//! it is off by itself. Which planes there are is found in order of how well they are known; each further face
+//! its plane may be off by itself in the pixel. Of a face much smaller than the pixel that is more than what
+//! it is off by where it is. Which planes there are is found in order of how well they are known; each further face
 //! joins the nearest of these that it ties with, or is a new plane.
 
 use bokashi_core::Scalar;
@@ -15,11 +16,13 @@ use bokashi_core::Scalar;
 use super::polygon::size;
 use super::visible::Candidate;
 
-/// By how much two planes differ in the pixel, if they are the same to within rounding.
+/// By how much two planes differ in the pixel, if they are the same to within rounding. What is known of no
+/// depth at all is no tie.
 #[inline(always)]
 fn tie<S: Scalar>(one: &Candidate<S>, other: &Candidate<S>) -> Option<S> {
     let apart = size([0, 1, 2].map(|c| other.depth[c] - one.depth[c]));
-    (apart <= one.tie_bound + other.tie_bound).then_some(apart)
+    let bound = one.tie_bound + other.tie_bound;
+    (apart <= bound && bound < S::from_f64(f64::INFINITY)).then_some(apart)
 }
 
 /// Gives candidates that lie in one plane, to within rounding, the same plane. `order` is memory.

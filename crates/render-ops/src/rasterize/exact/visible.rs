@@ -55,7 +55,7 @@ struct Whole<S> {
     /// The least and the largest x, y and depth of its corners.
     least: [S; 3],
     most: [S; 3],
-    /// More than what its depths are off by, and its vertices'.
+    /// As of its candidate.
     tie_bound: S,
 }
 

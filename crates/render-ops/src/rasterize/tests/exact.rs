@@ -283,10 +283,11 @@ fn a_culled_neighbor_is_as_good_as_none() {
 #[test]
 fn a_face_without_a_depth_is_not_there() {
     let size = Size::square(8);
-    for z in [1e300, 1e304, f64::MAX] {
+    let sizes = [1e300, 1e304, f64::MAX];
+    for [first, second] in sizes.into_iter().flat_map(|z| [[z, -z], [z, 0.0], [0.0, -z]]) {
         let at = |[x, y, z]: [f64; 3]| [x, y, z, 1.0];
         let mut clip: Clip =
-            [[-0.83, -0.83, z], [0.83, -0.81, -z], [-0.1, 0.83, 0.0]].map(at).into();
+            [[-0.83, -0.83, first], [0.83, -0.81, second], [-0.1, 0.83, 0.0]].map(at).into();
         let (nothing, gradient) = loss_and_gradient(&clip, &[[0, 1, 2]], &[0.5; 3], exact(size));
         let empty = loss_and_gradient(&clip, &[], &[0.5; 3], exact(size));
         assert_eq!((nothing, gradient), empty);
