@@ -161,7 +161,7 @@ impl<S: Scalar<Wide = S>> Outline<S> {
     /// Whether a silhouette can blend pixels beside each other, and pixels below each other.
     pub(super) fn counts(&self) -> Directions {
         let [beside, below] = self.across.map(|silhouettes| u8::from(silhouettes != 0));
-        beside * BESIDE | below * BELOW
+        (beside * BESIDE) | (below * BELOW)
     }
 
     /// Whether all silhouettes surely run along the line through two pixel centres, or pass it beyond

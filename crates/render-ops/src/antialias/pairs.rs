@@ -264,7 +264,7 @@ mod tests {
             let seen = |slot: usize| {
                 let face = coverage.centers.face(slot);
                 let [beside, below] = counting.each_ref().map(|kind| u8::from(kind.contains(&face)));
-                (face as u32, beside * BESIDE | below * BELOW)
+                (face as u32, (beside * BESIDE) | (below * BELOW))
             };
             let mut found = BTreeSet::new();
             Rows::default().for_each_pair(coverage, 0..height, seen, |pair| {
