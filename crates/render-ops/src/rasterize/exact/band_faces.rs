@@ -144,11 +144,11 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
     pub(super) fn candidate(
         &self,
         band_face: u32,
-        along_axis: u8,
+        outline: u8,
         [x, y]: [T::Wide; 2],
         vertex_rounding: [T::Wide; 3],
     ) -> Candidate<T::Wide> {
-        let on_border = self.on_border(band_face, along_axis, [x, y]);
+        let on_border = self.on_border(band_face, outline >> ALONG_AXIS, [x, y]);
         let face = self.faces[band_face as usize] as usize;
         let vertices = self.view.corners_of(face).map(|corner| corner.vertex);
         let q = vertices.map(|vertex| vertex.relative_to(x, y));
@@ -163,7 +163,15 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         let [a, b, c] = edges.map(size);
         let tie_bound = depth_error_bound
             + (vertex_rounding[0] * a + vertex_rounding[1] * b + vertex_rounding[2] * c);
-        Candidate { band_face, edges, depth, depth_error_bound, tie_bound, on_border }
+        Candidate {
+            band_face,
+            edges,
+            depth,
+            depth_error_bound,
+            tie_bound,
+            on_border,
+            outline: outline & 0b111,
+        }
     }
 
     /// The edge functions of a face around the centre of a pixel, where its vertices relative to that are

@@ -175,8 +175,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         }
         intervals.retain(|interval| !interval.is_out());
         let candidate = |face: u32| {
-            let along_axis = outlines[face as usize] >> ALONG_AXIS;
-            band.candidate(face, along_axis, center, planes.vertex_rounding(face))
+            band.candidate(face, outlines[face as usize], center, planes.vertex_rounding(face))
         };
         resolution.run(band, pixel, intervals, candidate, pieces);
     }

@@ -55,6 +55,7 @@ pub(super) mod quadrature;
 mod reciprocal;
 mod regions;
 mod resolution;
+mod sheet;
 mod ties;
 mod visible;
 

@@ -210,7 +210,10 @@ impl<S: Scalar<Wide = S>> Outline<S> {
         };
         for (first, search) in (0..sheet.len()).zip(1..) {
             // A sheet is looked for from a face at the centre: no other sheet fills the pixel.
+            let near = |[one, by_x, by_y]: Line<S>| one + by_x * x + by_y * y >= S::ZERO;
+            let [a, b, c] = band.weights[sheet[first].band_face as usize].edges.map(near);
             if sheet[first].reached_by != 0
+                || !(a & b & c)
                 || !edges(sheet[first]).iter().all(|[one, ..]| *one >= S::ZERO)
             {
                 continue;

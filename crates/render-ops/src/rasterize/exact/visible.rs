@@ -20,6 +20,7 @@ use super::cell::Cell;
 use super::parts::{Part, Parts, Source};
 use super::pixel_border::{FAR, lies_on_border};
 use super::polygon::{Line, Polygon, size, value_at};
+use super::sheet::is_beside;
 
 /// A face in a pixel: lines are relative to the pixel's centre.
 #[derive(Debug, Clone)]
@@ -35,6 +36,8 @@ pub(super) struct Candidate<S> {
     pub(super) tie_bound: S,
     /// Bit k: whether edge k lies on the pixel's border.
     pub(super) on_border: u8,
+    /// Bit k: whether edge k is one of the surface's outline, or a seam.
+    pub(super) outline: u8,
 }
 
 impl<S: Scalar> Candidate<S> {
@@ -88,6 +91,8 @@ pub(super) struct Visible<S> {
     cuts: usize,
     most_cuts: usize,
     whole: Vec<Whole<S>>,
+    /// Whether some candidate ends where it has no edge: at an end of the depth range, or for want of a depth.
+    ends_early: bool,
     /// What is left of a candidate, before and after another face was taken away.
     left: Vec<Polygon>,
     next: Vec<Polygon>,
@@ -100,6 +105,9 @@ const BOXES_PER_CUT: usize = 16;
 /// A cell is crowded if its polygons have more corners than this on the way.
 const MOST_CORNERS: usize = 1 << 18;
 
+/// Fewer faces are soon held against each other.
+const FEW: usize = 6;
+
 /// Pieces below this share of a pixel do not count.
 pub(super) const SMALLEST: f64 = 1e-14;
 
@@ -109,6 +117,7 @@ impl<S: Scalar> Visible<S> {
     pub(super) fn begin(&mut self, cell: Cell<S>, most_cuts: usize) {
         self.parts.clear();
         self.whole.clear();
+        self.ends_early = false;
         (self.cell, self.area, self.cuts, self.most_cuts) = (cell, S::ZERO, 0, most_cuts);
     }
 
@@ -147,7 +156,37 @@ impl<S: Scalar> Visible<S> {
         for at in some {
             self.cut_to_cell(cell, at, &candidates[at as usize]);
         }
-        (first..self.whole.len()).all(|at| self.find_parts(candidates, at, first))
+        let is_sheet = self.is_sheet(candidates, first);
+        (first..self.whole.len()).all(|at| self.find_parts(candidates, at, first, is_sheet))
+    }
+
+    /// Whether none of the candidates from `first` on in this cell lies before another, for all that their
+    /// outlines tell (`sheet`).
+    #[inline(always)]
+    fn is_sheet(&self, candidates: &[Candidate<S>], first: usize) -> bool {
+        let Self { whole, ends_early, parts, .. } = self;
+        let Parts { polygons, sources, touches_border, .. } = parts;
+        let whole = &whole[first..];
+        if whole.len() < FEW || *ends_early || *touches_border {
+            return false;
+        }
+        let mut has_sides = false;
+        let all_beside = whole.iter().enumerate().all(|(at, own)| {
+            let outline = candidates[own.candidate as usize].outline;
+            outline == 0
+                || polygons.segments(own.polygon).all(|(bound, ends)| {
+                    let source = sources.get(bound.line as usize).map(|(source, _)| *source);
+                    let Some(Source::Edge { k, .. }) = source else { return true };
+                    if outline >> k & 1 == 0 {
+                        return true;
+                    }
+                    has_sides = true;
+                    whole.iter().enumerate().all(|(other, rival)| {
+                        other == at || is_beside(ends, &candidates[rival.candidate as usize].edges)
+                    })
+                })
+        });
+        all_beside && has_sides
     }
 
     /// Whether nothing can be seen behind the candidates so far.
@@ -162,6 +201,7 @@ impl<S: Scalar> Visible<S> {
         // What has no depth, since that leaves the range of the numbers, is not in the depth range.
         let has_depth = size(candidate.depth) < S::from_f64(f64::INFINITY);
         if !has_depth {
+            self.ends_early = true;
             return;
         }
         let mut polygon = Some(cell);
@@ -187,6 +227,7 @@ impl<S: Scalar> Visible<S> {
         // A plane may reach the end of the range at the cell's border.
         let end = S::from_f64(1.0 - FAR);
         if least < -end || most > end {
+            self.ends_early = true;
             for (line, is_far) in [([one + S::ONE, x, y], false), ([S::ONE - one, -x, -y], true)] {
                 let is_on_border = lies_on_border(line, [S::ZERO; 2], candidate.depth_error_bound);
                 *touches_border |= is_on_border;
@@ -208,13 +249,20 @@ impl<S: Scalar> Visible<S> {
     /// Takes from the candidate `at` of this cell what lies behind others; those before `group` surely
     /// lie before it; returns whether it did so within the limits.
     #[inline(always)]
-    fn find_parts(&mut self, candidates: &[Candidate<S>], at: usize, group: usize) -> bool {
+    fn find_parts(
+        &mut self,
+        candidates: &[Candidate<S>],
+        at: usize,
+        group: usize,
+        is_sheet: bool,
+    ) -> bool {
         let Self { parts, area, cuts, most_cuts, whole, left, next, .. } = self;
         let Parts { parts, polygons, lines, sources, touches_border } = parts;
         left.clear();
         left.push(whole[at].polygon);
         let mut boxes = 0;
-        for other in 0..whole.len() {
+        let rivals = if is_sheet { group } else { whole.len() };
+        for other in 0..rivals {
             boxes += 1;
             let is_before = other < group;
             let [this, that] = [&whole[at], &whole[other]];
@@ -238,14 +286,19 @@ impl<S: Scalar> Visible<S> {
                     continue;
                 }
                 // What is left of it once all that is neither before nor behind the rival is gone.
-                let mut overlap = Some(polygon);
+                let (mut overlap, before) = (Some(polygon), next.len());
                 for index in that.cuts.clone() {
                     let Some(polygon) = overlap else { break };
                     let [inside, outside] = polygons.split(polygon, lines[index], index as u32);
                     overlap = inside;
                     next.extend(outside);
                 }
-                let Some(overlap) = overlap else { continue };
+                let Some(overlap) = overlap else {
+                    // Beside the rival, which leaves it whole.
+                    next.truncate(before);
+                    next.push(polygon);
+                    continue;
+                };
                 let index = match between {
                     Some(index) => index,
                     None => {
@@ -259,7 +312,13 @@ impl<S: Scalar> Visible<S> {
                     }
                 };
                 between = Some(index);
-                next.extend(polygons.inside(overlap, behind, index));
+                let in_front = polygons.inside(overlap, behind, index);
+                if in_front == Some(overlap) {
+                    next.truncate(before);
+                    next.push(polygon);
+                } else {
+                    next.extend(in_front);
+                }
             }
             std::mem::swap(left, next);
             if left.is_empty() {
@@ -319,6 +378,7 @@ pub(super) mod tests {
             depth_error_bound,
             tie_bound: depth_error_bound,
             on_border: 0,
+            outline: 0b111,
         })
     }
 
@@ -331,6 +391,7 @@ pub(super) mod tests {
             depth_error_bound: ERROR_BOUND,
             tie_bound: ERROR_BOUND,
             on_border: 0,
+            outline: 0b111,
         }
     }
 
