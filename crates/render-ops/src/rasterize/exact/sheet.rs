@@ -1,27 +1,174 @@
 //! Faces that lie side by side in a cell, so that none hides another.
 //!
-//! Inside an edge that is none of the outline the surface goes on: there one face ends and one begins. So
-//! how many faces cover a place changes only across sides that lie on the outline. If no other face enters
-//! or runs along such a side, nothing lies beyond it, and a single face inside it. Where there is such a
-//! side, no place of the cell is covered twice.
+//! Where an edge is none of the outline, one face ends and one begins. So the number of faces that cover a
+//! place changes only across sides that lie on the outline. If no other face enters such a side, or runs
+//! along it, there is nothing beyond it and one face within. Where a cell has such sides, and all of them are
+//! so, no place of it is covered twice: if one was, so would be a place beside one of these sides.
 //!
-//! A face is taken to be beside a side only where that is clear. Else faces are held against each other.
+//! That takes a look at each pair of a side and a face, in place of each pair of faces.
 
 use bokashi_core::Scalar;
 
-use super::polygon::{Line, size, value_at};
+use super::parts::Source;
+use super::polygon::{Bound, Line, Polygon, Polygons, size, value_at};
+
+/// Fewer faces are soon held against each other.
+const FEW: usize = 6;
 
 /// Values within the first share of a line's size may be rounding; values beyond the second are not.
 const ROUNDING: f64 = 1e-14;
 const CLEAR: f64 = 1e-9;
 
-/// Whether a side from p to q at most touches a face with the edge functions `edges`, in one of its ends.
+/// A face in a cell.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SheetFace<'a, S> {
+    /// What the cell holds of it.
+    pub(super) polygon: Polygon,
+    /// Its edge functions, positive inside.
+    pub(super) edges: &'a [Line<S>; 3],
+    /// Bit k: whether edge k is one of the outline, or may be.
+    pub(super) outline: u8,
+}
+
+/// Whether faces surely lie side by side in a cell. They are all faces that reach into it, or all that lie
+/// behind others, and end at edges alone; `source` tells which edge bounds a polygon.
 #[inline(always)]
-pub(super) fn is_beside<S: Scalar>([p, q]: [[S; 2]; 2], edges: &[Line<S>; 3]) -> bool {
+pub(super) fn lie_side_by_side<'a, S: Scalar>(
+    faces: impl ExactSizeIterator<Item = SheetFace<'a, S>> + Clone,
+    polygons: &Polygons<S>,
+    source: impl Fn(Bound) -> Option<Source>,
+) -> bool {
+    if faces.len() < FEW {
+        return false;
+    }
+    let mut has_outline = false;
+    for (at, own) in faces.clone().enumerate().filter(|(_, face)| face.outline != 0) {
+        for (bound, ends) in polygons.segments(own.polygon) {
+            let Some(Source::Edge { k, .. }) = source(bound) else { continue };
+            if own.outline >> k & 1 == 0 {
+                continue;
+            }
+            has_outline = true;
+            let mut others = faces.clone().enumerate().filter(|&(other, _)| other != at);
+            if !others.all(|(_, other)| is_beside(ends, other.edges)) {
+                return false;
+            }
+        }
+    }
+    has_outline
+}
+
+/// Whether a side from p to q clearly has no more than one of its ends in common with a face.
+#[inline(always)]
+fn is_beside<S: Scalar>([p, q]: [[S; 2]; 2], edges: &[Line<S>; 3]) -> bool {
     edges.iter().any(|&edge| {
-        let (a, b, size) = (value_at(edge, p), value_at(edge, q), size(edge));
-        let most = S::from_f64(ROUNDING) * size;
-        let clear = S::from_f64(-CLEAR) * size;
+        let [a, b] = [p, q].map(|end| value_at(edge, end));
+        let size = size(edge);
+        let (most, clear) = (S::from_f64(ROUNDING) * size, S::from_f64(-CLEAR) * size);
         (a < clear && b <= most) || (b < clear && a <= most)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const COLUMNS: usize = 4;
+    const ROWS: usize = 3;
+
+    /// The faces of a net over the pixel that run counter-clockwise, and which of their edges no other such
+    /// face shares.
+    fn net(shifts: &[[f64; 2]]) -> Vec<([Line<f64>; 3], u8)> {
+        let vertex = |index: usize| {
+            let (column, row) = (index % COLUMNS, index / COLUMNS);
+            // Such that it ends within the pixel.
+            [
+                0.9 * column as f64 - 2.1 + shifts[index][0],
+                0.9 * row as f64 - 1.3 + shifts[index][1],
+            ]
+        };
+        let mut faces = Vec::new();
+        for row in 0..ROWS - 1 {
+            for column in 0..COLUMNS - 1 {
+                let [a, b] = [0, 1].map(|k| row * COLUMNS + column + k);
+                let [c, d] = [a, b].map(|index| index + COLUMNS);
+                faces.extend([[a, b, d], [a, d, c]]);
+            }
+        }
+        let line = |a: usize, b: usize| {
+            let ([p_x, p_y], [q_x, q_y]) = (vertex(a), vertex(b));
+            [p_x * q_y - p_y * q_x, p_y - q_y, q_x - p_x]
+        };
+        let edges = |[a, b, c]: [usize; 3]| [line(b, c), line(c, a), line(a, b)];
+        faces.retain(|&face| edges(face).iter().map(|edge| edge[0]).sum::<f64>() > 1e-6);
+        let is_shared = |a: usize, b: usize| {
+            faces.iter().any(|face| (0..3).any(|k| [face[k], face[(k + 1) % 3]] == [b, a]))
+        };
+        let outline = |face: [usize; 3]| {
+            (0..3).map(|k| u8::from(!is_shared(face[(k + 1) % 3], face[(k + 2) % 3])) << k).sum()
+        };
+        faces.iter().map(|&face| (edges(face), outline(face))).collect()
+    }
+
+    /// Whether faces are found to lie side by side in the pixel, and the largest area that two of them share.
+    fn look(faces: &[([Line<f64>; 3], u8)]) -> (bool, f64) {
+        let mut polygons = Polygons::default();
+        let pixel = polygons.rectangle([-1.0; 2], [1.0; 2]);
+        let mut cut = |from: Polygon, face: usize| {
+            let lines = faces[face].0.iter().zip(3 * face as u32..);
+            let part = lines.fold(Some(from), |part, (&line, index)| {
+                part.and_then(|part| polygons.inside(part, line, index))
+            });
+            (part, part.map_or(0.0, |part| polygons.area(part)))
+        };
+        let parts: Vec<_> =
+            (0..faces.len()).filter_map(|face| Some((face, cut(pixel, face).0?))).collect();
+        let mut shared = 0.0;
+        for (at, &(_, part)) in parts.iter().enumerate() {
+            for &(other, _) in &parts[at + 1..] {
+                shared = f64::max(shared, cut(part, other).1);
+            }
+        }
+        let all = parts.iter().map(|&(face, polygon)| {
+            let (edges, outline) = &faces[face];
+            SheetFace { polygon, edges, outline: *outline }
+        });
+        let source = |bound: Bound| {
+            let line = bound.line;
+            (line < u32::MAX).then(|| Source::Edge { candidate: line / 3, k: (line % 3) as u8 })
+        };
+        (lie_side_by_side(all, &polygons, source), shared)
+    }
+
+    fn shifts(most: f64) -> impl Strategy<Value = Vec<[f64; 2]>> {
+        proptest::collection::vec(proptest::array::uniform2(-most..most), COLUMNS * ROWS)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(2000) })]
+
+        #[test]
+        fn what_lies_side_by_side_shares_no_area(most in 0.0..1.2, unit in shifts(1.0)) {
+            let shifts: Vec<_> = unit.iter().map(|shift| shift.map(|by| most * by)).collect();
+            let (is_sheet, shared) = look(&net(&shifts));
+            prop_assert!(!is_sheet || shared < 1e-12, "{shared}");
+        }
+
+        #[test]
+        fn a_net_without_folds_is_found(shifts in shifts(0.1)) {
+            let (is_sheet, shared) = look(&net(&shifts));
+            prop_assert!(is_sheet && shared < 1e-12);
+        }
+    }
+
+    /// As both sides of a surface do that is seen edge-on: the sides of the outline are those of both.
+    #[test]
+    fn faces_on_the_same_side_of_an_edge_do_not_lie_side_by_side() {
+        let mut faces = net(&[[0.0; 2]; COLUMNS * ROWS]);
+        faces.extend(faces.clone());
+        let (is_sheet, shared) = look(&faces);
+        assert!(!is_sheet && shared > 0.1);
+    }
 }

@@ -19,8 +19,8 @@ use bokashi_core::Scalar;
 use super::cell::Cell;
 use super::parts::{Part, Parts, Source};
 use super::pixel_border::{FAR, lies_on_border};
-use super::polygon::{Line, Polygon, size, value_at};
-use super::sheet::is_beside;
+use super::polygon::{Bound, Line, Polygon, size, value_at};
+use super::sheet::{SheetFace, lie_side_by_side};
 
 /// A face in a pixel: lines are relative to the pixel's centre.
 #[derive(Debug, Clone)]
@@ -105,9 +105,6 @@ const BOXES_PER_CUT: usize = 16;
 /// A cell is crowded if its polygons have more corners than this on the way.
 const MOST_CORNERS: usize = 1 << 18;
 
-/// Fewer faces are soon held against each other.
-const FEW: usize = 6;
-
 /// Pieces below this share of a pixel do not count.
 pub(super) const SMALLEST: f64 = 1e-14;
 
@@ -160,33 +157,19 @@ impl<S: Scalar> Visible<S> {
         (first..self.whole.len()).all(|at| self.find_parts(candidates, at, first, is_sheet))
     }
 
-    /// Whether none of the candidates from `first` on in this cell lies before another, for all that their
-    /// outlines tell (`sheet`).
+    /// Whether the candidates from `first` on surely lie side by side in this cell.
     #[inline(always)]
     fn is_sheet(&self, candidates: &[Candidate<S>], first: usize) -> bool {
-        let Self { whole, ends_early, parts, .. } = self;
-        let Parts { polygons, sources, touches_border, .. } = parts;
-        let whole = &whole[first..];
-        if whole.len() < FEW || *ends_early || *touches_border {
+        let Parts { polygons, sources, touches_border, .. } = &self.parts;
+        if self.ends_early || *touches_border {
             return false;
         }
-        let mut has_sides = false;
-        let all_beside = whole.iter().enumerate().all(|(at, own)| {
-            let outline = candidates[own.candidate as usize].outline;
-            outline == 0
-                || polygons.segments(own.polygon).all(|(bound, ends)| {
-                    let source = sources.get(bound.line as usize).map(|(source, _)| *source);
-                    let Some(Source::Edge { k, .. }) = source else { return true };
-                    if outline >> k & 1 == 0 {
-                        return true;
-                    }
-                    has_sides = true;
-                    whole.iter().enumerate().all(|(other, rival)| {
-                        other == at || is_beside(ends, &candidates[rival.candidate as usize].edges)
-                    })
-                })
+        let faces = self.whole[first..].iter().map(|&Whole { candidate, polygon, .. }| {
+            let Candidate { edges, outline, .. } = &candidates[candidate as usize];
+            SheetFace { polygon, edges, outline: *outline }
         });
-        all_beside && has_sides
+        let source = |bound: Bound| sources.get(bound.line as usize).map(|&(source, _)| source);
+        lie_side_by_side(faces, polygons, source)
     }
 
     /// Whether nothing can be seen behind the candidates so far.
