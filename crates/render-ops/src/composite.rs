@@ -153,8 +153,14 @@ impl<T: Scalar> Op<T> for MixPieces {
         let (own_bar, mixed_bar) = out_bar.split_at(centers * channels);
         let pixels = || coverage.boundary().zip(mixed_bar.chunks_exact(channels));
         if let Some(values_bar) = gradients.get(0) {
-            let (own, pieces) = values_bar.entries().split_at_mut(own_bar.len());
-            own.iter_mut().zip(own_bar).for_each(|(own, &bar)| *own += bar);
+            let (entries, is_fresh) = values_bar.entries_or_fresh();
+            let (own, pieces) = entries.split_at_mut(own_bar.len());
+            if is_fresh {
+                own.copy_from_slice(own_bar);
+                pieces.fill(T::ZERO);
+            } else {
+                own.iter_mut().zip(own_bar).for_each(|(own, &bar)| *own += bar);
+            }
             for ((_, fragments), bar) in pixels() {
                 for &fragment in fragments {
                     let at = fragment as usize - centers;

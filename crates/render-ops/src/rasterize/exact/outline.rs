@@ -163,7 +163,8 @@ impl<S: Scalar<Wide = S>> Outline<S> {
             outline >> BEYOND_DEPTHS != 0
                 || band.on_border(face, outline >> ALONG_AXIS, center) != 0
         };
-        if some_faces.iter().any(is_left_out) {
+        let bits = some_faces.iter().fold(0, |bits, &face| bits | outlines[face as usize]);
+        if bits >> ALONG_AXIS != 0 && some_faces.iter().any(is_left_out) {
             return None;
         }
         if self.is_filled(band, outlines, center, some_faces) {
@@ -181,6 +182,9 @@ impl<S: Scalar<Wide = S>> Outline<S> {
         if self.stretches.len() > MOST_STRETCHES {
             return None;
         }
+        // What a face has on both sides bounds nothing, and nothing changes where others cross it.
+        let faces = &self.faces;
+        self.stretches.retain(|stretch| !faces.iter().any(|face| face.surrounds(stretch.ends)));
         self.find_crossings();
         self.covered()
     }
@@ -208,14 +212,15 @@ impl<S: Scalar<Wide = S>> Outline<S> {
             let q = corners.map(|corner| corner.vertex.relative_to(x, y));
             band.edges_around(face.band_face, q)
         };
+        let covers_center = |face: SheetFace| {
+            // First by coefficients that are at hand, which is right but for rounding.
+            let may_cover = |[one, by_x, by_y]: Line<S>| one + by_x * x + by_y * y >= S::ZERO;
+            let [a, b, c] = band.weights[face.band_face as usize].edges.map(may_cover);
+            a & b & c && edges(face).iter().all(|[one, ..]| *one >= S::ZERO)
+        };
         for (first, search) in (0..sheet.len()).zip(1..) {
             // A sheet is looked for from a face at the centre: no other sheet fills the pixel.
-            let near = |[one, by_x, by_y]: Line<S>| one + by_x * x + by_y * y >= S::ZERO;
-            let [a, b, c] = band.weights[sheet[first].band_face as usize].edges.map(near);
-            if sheet[first].reached_by != 0
-                || !(a & b & c)
-                || !edges(sheet[first]).iter().all(|[one, ..]| *one >= S::ZERO)
-            {
+            if sheet[first].reached_by != 0 || !covers_center(sheet[first]) {
                 continue;
             }
             let mut has_border = false;
@@ -475,6 +480,15 @@ impl<S: Scalar> Face<S> {
             }
         }
         Some(Stretch { face, k: k as u8, ends, borders })
+    }
+
+    /// Whether a stretch with these ends surely lies in it, and not on its edges.
+    #[inline(always)]
+    fn surrounds(&self, [p, q]: [[S; 2]; 2]) -> bool {
+        self.edges.iter().all(|&edge| {
+            let rounding = S::from_f64(ROUNDING) * size(edge);
+            value_at(edge, p) > rounding && value_at(edge, q) > rounding
+        })
     }
 
     /// Whether a point lies in it or on its edges.

@@ -212,7 +212,7 @@ impl<S: Scalar> Polygons<S> {
     }
 
     /// The corners.
-    pub(super) fn points(&self, polygon: Polygon) -> impl Iterator<Item = [S; 2]> + '_ {
+    pub(super) fn points(&self, polygon: Polygon) -> impl Iterator<Item = [S; 2]> + Clone + '_ {
         self.corners[polygon.corners()].iter().map(|corner| corner.point)
     }
 
