@@ -55,7 +55,7 @@ pub(super) mod quadrature;
 mod reciprocal;
 mod regions;
 mod resolution;
-mod sheet;
+mod side_by_side;
 mod ties;
 mod visible;
 

@@ -20,7 +20,7 @@ use super::cell::Cell;
 use super::parts::{Part, Parts, Source};
 use super::pixel_border::{FAR, lies_on_border};
 use super::polygon::{Bound, Line, Polygon, size, value_at};
-use super::sheet::{SheetFace, lie_side_by_side};
+use super::side_by_side::{FaceInCell, lie_side_by_side};
 
 /// A face in a pixel: lines are relative to the pixel's centre.
 #[derive(Debug, Clone)]
@@ -153,20 +153,20 @@ impl<S: Scalar> Visible<S> {
         for at in some {
             self.cut_to_cell(cell, at, &candidates[at as usize]);
         }
-        let is_sheet = self.is_sheet(candidates, first);
-        (first..self.whole.len()).all(|at| self.find_parts(candidates, at, first, is_sheet))
+        let are_side_by_side = self.are_side_by_side(candidates, first);
+        (first..self.whole.len()).all(|at| self.find_parts(candidates, at, first, are_side_by_side))
     }
 
     /// Whether the candidates from `first` on surely lie side by side in this cell.
     #[inline(always)]
-    fn is_sheet(&self, candidates: &[Candidate<S>], first: usize) -> bool {
+    fn are_side_by_side(&self, candidates: &[Candidate<S>], first: usize) -> bool {
         let Parts { polygons, sources, touches_border, .. } = &self.parts;
         if self.ends_early || *touches_border {
             return false;
         }
         let faces = self.whole[first..].iter().map(|&Whole { candidate, polygon, .. }| {
             let Candidate { edges, outline, .. } = &candidates[candidate as usize];
-            SheetFace { polygon, edges, outline: *outline }
+            FaceInCell { polygon, edges, outline: *outline }
         });
         let source = |bound: Bound| sources.get(bound.line as usize).map(|&(source, _)| source);
         lie_side_by_side(faces, polygons, source)
@@ -237,14 +237,14 @@ impl<S: Scalar> Visible<S> {
         candidates: &[Candidate<S>],
         at: usize,
         group: usize,
-        is_sheet: bool,
+        are_side_by_side: bool,
     ) -> bool {
         let Self { parts, area, cuts, most_cuts, whole, left, next, .. } = self;
         let Parts { parts, polygons, lines, sources, touches_border } = parts;
         left.clear();
         left.push(whole[at].polygon);
         let mut boxes = 0;
-        let rivals = if is_sheet { group } else { whole.len() };
+        let rivals = if are_side_by_side { group } else { whole.len() };
         for other in 0..rivals {
             boxes += 1;
             let is_before = other < group;

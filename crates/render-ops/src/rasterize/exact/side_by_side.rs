@@ -21,7 +21,7 @@ const CLEAR: f64 = 1e-9;
 
 /// A face in a cell.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct SheetFace<'a, S> {
+pub(super) struct FaceInCell<'a, S> {
     /// What the cell holds of it.
     pub(super) polygon: Polygon,
     /// Its edge functions, positive inside.
@@ -34,7 +34,7 @@ pub(super) struct SheetFace<'a, S> {
 /// behind others, and end at edges alone; `source` tells which edge bounds a polygon.
 #[inline(always)]
 pub(super) fn lie_side_by_side<'a, S: Scalar>(
-    faces: impl ExactSizeIterator<Item = SheetFace<'a, S>> + Clone,
+    faces: impl ExactSizeIterator<Item = FaceInCell<'a, S>> + Clone,
     polygons: &Polygons<S>,
     source: impl Fn(Bound) -> Option<Source>,
 ) -> bool {
@@ -50,7 +50,7 @@ pub(super) fn lie_side_by_side<'a, S: Scalar>(
             }
             has_outline = true;
             let mut others = faces.clone().enumerate().filter(|&(other, _)| other != at);
-            let is_beside = |(_, other): (usize, SheetFace<'_, S>)| {
+            let is_beside = |(_, other): (usize, FaceInCell<'_, S>)| {
                 ends_beside(ends, other.edges)
                     || lies_off(own.edges[usize::from(k)], polygons.points(other.polygon))
             };
@@ -145,7 +145,7 @@ mod tests {
         }
         let all = parts.iter().map(|&(face, polygon)| {
             let (edges, outline) = &faces[face];
-            SheetFace { polygon, edges, outline: *outline }
+            FaceInCell { polygon, edges, outline: *outline }
         });
         let source = |bound: Bound| {
             let line = bound.line;
@@ -164,14 +164,14 @@ mod tests {
         #[test]
         fn what_lies_side_by_side_shares_no_area(most in 0.0..1.2, unit in shifts(1.0)) {
             let shifts: Vec<_> = unit.iter().map(|shift| shift.map(|by| most * by)).collect();
-            let (is_sheet, shared) = look(&net(&shifts));
-            prop_assert!(!is_sheet || shared < 1e-12, "{shared}");
+            let (are_side_by_side, shared) = look(&net(&shifts));
+            prop_assert!(!are_side_by_side || shared < 1e-12, "{shared}");
         }
 
         #[test]
         fn a_net_without_folds_is_found(shifts in shifts(0.1)) {
-            let (is_sheet, shared) = look(&net(&shifts));
-            prop_assert!(is_sheet && shared < 1e-12, "{is_sheet} {shared}");
+            let (are_side_by_side, shared) = look(&net(&shifts));
+            prop_assert!(are_side_by_side && shared < 1e-12, "{are_side_by_side} {shared}");
         }
     }
 
@@ -180,7 +180,7 @@ mod tests {
     fn faces_on_the_same_side_of_an_edge_do_not_lie_side_by_side() {
         let mut faces = net(&[[0.0; 2]; COLUMNS * ROWS]);
         faces.extend(faces.clone());
-        let (is_sheet, shared) = look(&faces);
-        assert!(!is_sheet && shared > 0.1);
+        let (are_side_by_side, shared) = look(&faces);
+        assert!(!are_side_by_side && shared > 0.1);
     }
 }
