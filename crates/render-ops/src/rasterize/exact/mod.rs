@@ -20,7 +20,7 @@
 //!         |-- share_planes     faces in one plane, to within rounding (ties)
 //!         |-- Crowd            a crowded pixel in smaller cells (cell, cells)
 //!         |-- Visible          cut to the pixel or cell, and to what no other face hides (visible)
-//!   |         |     |-- side_by_side   faces of which none can hide another are not held against each other
+//!         |     |-- side_by_side   faces of which none can hide another are not held against each other
 //!         |     `-- Parts      what is visible, and its sides (parts)
 //!         |           `-- Polygons   convex polygons, cut by lines (polygon)
 //!         |-- pixel_border     sides that lie on the pixel's border
