@@ -18,7 +18,7 @@
 
 use bokashi_core::Scalar;
 
-use super::band_faces::{ALONG_AXIS, BEYOND_DEPTHS, BandFaces};
+use super::band_faces::{ALONG_AXIS, BEYOND_DEPTHS, BandFaces, REACH};
 use super::extent::Extent;
 use super::mean::barycentrics;
 use super::parts::{Side, Source};
@@ -207,16 +207,15 @@ impl<S: Scalar<Wide = S>> Outline<S> {
             let (number, outline) = (band.faces[band_face as usize], outlines[band_face as usize]);
             SheetFace { band_face, number, outline, reached_by: 0 }
         }));
+        // By coefficients that are at hand: `REACH` is more than they are off by.
         let edges = |face: SheetFace| {
-            let corners = band.view.corners_of(face.number as usize);
-            let q = corners.map(|corner| corner.vertex.relative_to(x, y));
-            band.edges_around(face.band_face, q)
+            let edges = band.weights[face.band_face as usize].edges;
+            edges.map(|[one, by_x, by_y]| [one + by_x * x + by_y * y, by_x, by_y])
         };
+        let margin = S::from_f64(REACH - 1.0);
         let covers_center = |face: SheetFace| {
-            // First by coefficients that are at hand, which is right but for rounding.
-            let may_cover = |[one, by_x, by_y]: Line<S>| one + by_x * x + by_y * y >= S::ZERO;
-            let [a, b, c] = band.weights[face.band_face as usize].edges.map(may_cover);
-            a & b & c && edges(face).iter().all(|[one, ..]| *one >= S::ZERO)
+            let [a, b, c] = edges(face).map(|[one, x, y]| one > margin * (x.abs() + y.abs()));
+            a & b & c
         };
         for (first, search) in (0..sheet.len()).zip(1..) {
             // A sheet is looked for from a face at the centre: no other sheet fills the pixel.
@@ -423,7 +422,8 @@ fn place_of(sheet: &[SheetFace], number: u32) -> Option<usize> {
 fn ends<S: Scalar>(edges: &[Line<S>; 3], outline: u8) -> u8 {
     let own = |k: usize| {
         let [one, x, y] = edges[k];
-        u8::from(outline >> k & 1 == 1 && one.abs() <= x.abs() + y.abs()) << k
+        let reach = S::from_f64(REACH) * (x.abs() + y.abs());
+        u8::from(outline >> k & 1 == 1 && one.abs() <= reach) << k
     };
     own(0) | own(1) | own(2)
 }
