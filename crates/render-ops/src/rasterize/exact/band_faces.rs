@@ -138,17 +138,18 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         depth(&vertices, &self.edges_around(band_face, q))
     }
 
-    /// A face around the centre of a pixel, whose edges `along_axis` run along rows or columns: a bit for
-    /// each. By `vertex_rounding` times its edge functions its depth may be off, since vertices were rounded.
+    /// A face around the centre of a pixel. `bits` tell of its edges, as [`ALONG_AXIS`] has it: which are of the
+    /// outline, and which run along rows or columns. By `vertex_rounding` times its edge functions its depth
+    /// may be off, since vertices were rounded.
     #[inline(always)]
     pub(super) fn candidate(
         &self,
         band_face: u32,
-        outline: u8,
+        bits: u8,
         [x, y]: [T::Wide; 2],
         vertex_rounding: [T::Wide; 3],
     ) -> Candidate<T::Wide> {
-        let on_border = self.on_border(band_face, outline >> ALONG_AXIS, [x, y]);
+        let on_border = self.on_border(band_face, bits >> ALONG_AXIS, [x, y]);
         let face = self.faces[band_face as usize] as usize;
         let vertices = self.view.corners_of(face).map(|corner| corner.vertex);
         let q = vertices.map(|vertex| vertex.relative_to(x, y));
@@ -170,7 +171,7 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
             depth_error_bound,
             tie_bound,
             on_border,
-            outline: outline & 0b111,
+            outline: bits & 0b111,
         }
     }
 

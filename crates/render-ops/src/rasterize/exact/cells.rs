@@ -118,7 +118,8 @@ impl<S: Scalar> Crowd<'_, S> {
             let (count, own) = (group.len(), group.iter().map(|interval| interval.face));
             // With less work than that there is no hope.
             let is_crowded = count > limits.faces_of_cell || count * count > 16 * work;
-            if is_crowded || !visible.add(candidates, own) {
+            // Planes that were shared may have parted a face from its neighbours.
+            if is_crowded || !visible.add(candidates, own, false) {
                 return false;
             }
             if visible.fills_cell() {

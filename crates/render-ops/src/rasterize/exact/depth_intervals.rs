@@ -35,6 +35,7 @@ impl<S: Scalar> DepthInterval<S> {
     }
 
     /// Whether all of it does.
+    #[inline(always)]
     pub(super) fn is_within(&self) -> bool {
         self.nearest >= -S::ONE && self.farthest <= S::ONE
     }

@@ -184,7 +184,10 @@ impl<S: Scalar<Wide = S>> Outline<S> {
         }
         // What a face has on both sides bounds nothing, and nothing changes where others cross it.
         let faces = &self.faces;
-        self.stretches.retain(|stretch| !faces.iter().any(|face| face.surrounds(stretch.ends)));
+        self.stretches.retain(|stretch| {
+            let mut others = others(faces, stretch);
+            !others.any(|face| face.surrounds(stretch.ends))
+        });
         self.find_crossings();
         self.covered()
     }
@@ -365,13 +368,20 @@ fn add_border<S: Scalar>([from, to]: [S; 2], area: &mut S, gap: &mut [S; 2]) {
     }
 }
 
+/// The faces but that of a stretch.
+#[inline(always)]
+fn others<'a, S>(faces: &'a [Face<S>], stretch: &Stretch<S>) -> impl Iterator<Item = &'a Face<S>> {
+    let own = stretch.face as usize;
+    faces[..own].iter().chain(&faces[own + 1..])
+}
+
 /// Whether no face covers the outer side of a stretch at its point `middle`, and no other stretch along it
 /// counts there: that of the nearest face does, or of the lowest one.
 #[inline(always)]
 fn is_rim<S: Scalar>(faces: &[Face<S>], stretch: &Stretch<S>, middle: [S; 2]) -> bool {
     let own = &faces[stretch.face as usize];
     let [_, x, y] = own.edges[usize::from(stretch.k)];
-    faces.iter().all(|face| {
+    others(faces, stretch).all(|face| {
         let mut is_beyond = true;
         let mut is_along = false;
         for (k, &edge) in face.edges.iter().enumerate() {
@@ -432,7 +442,7 @@ impl<S: Scalar> Face<S> {
     /// What lies in the pixel of an edge.
     #[inline(always)]
     fn stretch(&self, face: u32, k: usize) -> Option<Stretch<S>> {
-        let [_, x, y] = self.edges[k];
+        let [one, x, y] = self.edges[k];
         let [p, q] = [1, 2].map(|next| {
             let Vertex { x, y, w, .. } = self.vertices[(k + next) % 3];
             [x / w, y / w]
@@ -466,7 +476,11 @@ impl<S: Scalar> Face<S> {
         for end in 0..2 {
             if let Some((axis, sign)) = cut_by[end] {
                 let along = 1 - axis;
-                let place = p[along] + shares[end] * (q[along] - p[along]);
+                // From the line, not from the share: an end of the edge may be far away, and what is rounded
+                // there must not lead off the line by more than `ROUNDING`.
+                let normal = [x, y];
+                let place = -(one + normal[axis] * sign) / normal[along];
+                let place = place.maximum_or_nan(-S::ONE).minimum_or_nan(S::ONE);
                 ends[end][along] = place;
                 ends[end][axis] = sign;
                 // Sides of the border, counter-clockwise from y = -1.

@@ -146,7 +146,9 @@ impl<S: Scalar<Wide = S>> Resolution<S> {
             if !is_crowded {
                 gather(candidates, end);
                 share_planes(&mut candidates[first..end], order);
-                is_crowded = !visible.add(candidates, first as u32..end as u32);
+                // What meets at an edge has the same depths there, so it is in the same group.
+                let end_at_edges = group.iter().all(DepthInterval::is_within);
+                is_crowded = !visible.add(candidates, first as u32..end as u32, end_at_edges);
             }
             if is_crowded || visible.fills_cell() {
                 break;

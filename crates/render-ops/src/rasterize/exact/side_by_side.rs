@@ -1,9 +1,9 @@
 //! Faces that lie side by side in a cell, so that none hides another.
 //!
-//! Where an edge is none of the outline, one face ends and one begins. So the number of faces that cover a
-//! place changes only across sides that lie on the outline. If no other face enters such a side, or runs
-//! along it, there is nothing beyond it and one face within. Where a cell has such sides, and all of them are
-//! so, no place of it is covered twice: if one was, so would be a place beside one of these sides.
+//! At an edge that is not on the outline, one face ends and another begins. So the number of faces that
+//! cover a place changes only across sides that lie on the outline. If no other face meets such a side but at
+//! its ends, there is nothing beyond it, and one face within. If a cell has such sides, and that is so at all
+//! of them, no place of it is covered twice: else some place beside one of these sides would be.
 //!
 //! That takes a look at each pair of a side and a face, in place of each pair of faces.
 
@@ -30,8 +30,8 @@ pub(super) struct FaceInCell<'a, S> {
     pub(super) outline: u8,
 }
 
-/// Whether faces surely lie side by side in a cell. They are all faces that reach into it, or all that lie
-/// behind others, and end at edges alone; `source` tells which edge bounds a polygon.
+/// Whether faces surely lie side by side in a cell. They end at edges alone, and where one ends at an edge
+/// that is not on its outline, another one begins. `source` tells which edge bounds a polygon.
 #[inline(always)]
 pub(super) fn lie_side_by_side<'a, S: Scalar>(
     faces: impl ExactSizeIterator<Item = FaceInCell<'a, S>> + Clone,
@@ -82,7 +82,7 @@ fn lies_off<S: Scalar>(line: Line<S>, mut points: impl Iterator<Item = [S; 2]> +
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use proptest::prelude::*;
 
     use super::*;
@@ -92,10 +92,10 @@ mod tests {
 
     /// The faces of a net over the pixel that run counter-clockwise, and which of their edges no other such
     /// face shares.
-    fn net(shifts: &[[f64; 2]]) -> Vec<([Line<f64>; 3], u8)> {
+    pub(in super::super) fn net(shifts: &[[f64; 2]]) -> Vec<([Line<f64>; 3], u8)> {
         let vertex = |index: usize| {
             let (column, row) = (index % COLUMNS, index / COLUMNS);
-            // Such that it ends within the pixel.
+            // It ends within the pixel.
             [
                 0.9 * column as f64 - 2.1 + shifts[index][0],
                 0.9 * row as f64 - 1.3 + shifts[index][1],
@@ -154,7 +154,7 @@ mod tests {
         (lie_side_by_side(all, &polygons, source), shared)
     }
 
-    fn shifts(most: f64) -> impl Strategy<Value = Vec<[f64; 2]>> {
+    pub(in super::super) fn shifts(most: f64) -> impl Strategy<Value = Vec<[f64; 2]>> {
         proptest::collection::vec(proptest::array::uniform2(-most..most), COLUMNS * ROWS)
     }
 

@@ -91,8 +91,6 @@ pub(super) struct Visible<S> {
     cuts: usize,
     most_cuts: usize,
     whole: Vec<Whole<S>>,
-    /// Whether some candidate ends where it has no edge: at an end of the depth range, or for want of a depth.
-    ends_early: bool,
     /// What is left of a candidate, before and after another face was taken away.
     left: Vec<Polygon>,
     next: Vec<Polygon>,
@@ -114,7 +112,6 @@ impl<S: Scalar> Visible<S> {
     pub(super) fn begin(&mut self, cell: Cell<S>, most_cuts: usize) {
         self.parts.clear();
         self.whole.clear();
-        self.ends_early = false;
         (self.cell, self.area, self.cuts, self.most_cuts) = (cell, S::ZERO, 0, most_cuts);
     }
 
@@ -141,19 +138,21 @@ impl<S: Scalar> Visible<S> {
     }
 
     /// Adds some of the candidates: finds their visible parts behind the candidates added earlier, which
-    /// surely lie before them. Returns whether it did so within the limits.
+    /// surely lie before them. They `end_at_edges` if they have depths, all within the depth range, and
+    /// if at each edge all that meets there is among them. Returns whether it did so within the limits.
     #[inline(always)]
     pub(super) fn add(
         &mut self,
         candidates: &[Candidate<S>],
         some: impl Iterator<Item = u32>,
+        end_at_edges: bool,
     ) -> bool {
         let first = self.whole.len();
         let cell = self.parts.polygons.rectangle(self.cell.low, self.cell.high);
         for at in some {
             self.cut_to_cell(cell, at, &candidates[at as usize]);
         }
-        let are_side_by_side = self.are_side_by_side(candidates, first);
+        let are_side_by_side = end_at_edges && self.are_side_by_side(candidates, first);
         (first..self.whole.len()).all(|at| self.find_parts(candidates, at, first, are_side_by_side))
     }
 
@@ -161,7 +160,7 @@ impl<S: Scalar> Visible<S> {
     #[inline(always)]
     fn are_side_by_side(&self, candidates: &[Candidate<S>], first: usize) -> bool {
         let Parts { polygons, sources, touches_border, .. } = &self.parts;
-        if self.ends_early || *touches_border {
+        if *touches_border {
             return false;
         }
         let faces = self.whole[first..].iter().map(|&Whole { candidate, polygon, .. }| {
@@ -184,7 +183,6 @@ impl<S: Scalar> Visible<S> {
         // What has no depth, since that leaves the range of the numbers, is not in the depth range.
         let has_depth = size(candidate.depth) < S::from_f64(f64::INFINITY);
         if !has_depth {
-            self.ends_early = true;
             return;
         }
         let mut polygon = Some(cell);
@@ -210,7 +208,6 @@ impl<S: Scalar> Visible<S> {
         // A plane may reach the end of the range at the cell's border.
         let end = S::from_f64(1.0 - FAR);
         if least < -end || most > end {
-            self.ends_early = true;
             for (line, is_far) in [([one + S::ONE, x, y], false), ([S::ONE - one, -x, -y], true)] {
                 let is_on_border = lies_on_border(line, [S::ZERO; 2], candidate.depth_error_bound);
                 *touches_border |= is_on_border;
@@ -297,6 +294,7 @@ impl<S: Scalar> Visible<S> {
                 between = Some(index);
                 let in_front = polygons.inside(overlap, behind, index);
                 if in_front == Some(overlap) {
+                    // In front of the rival wherever they overlap, which leaves it whole, too.
                     next.truncate(before);
                     next.push(polygon);
                 } else {
@@ -334,6 +332,7 @@ pub(super) fn behind<S: Scalar>(own: &Candidate<S>, rival: &Candidate<S>) -> Lin
 pub(super) mod tests {
     use proptest::prelude::*;
 
+    use super::super::side_by_side::tests::{net, shifts};
     use super::*;
 
     const ERROR_BOUND: f64 = 64.0 * f64::EPSILON;
@@ -395,6 +394,21 @@ pub(super) mod tests {
         areas
     }
 
+    /// The areas of the faces of a net, all at the depths `depth`, found with outlines or without.
+    fn areas_of_net(shifts: &[[f64; 2]], depth: [f64; 3]) -> [Vec<f64>; 2] {
+        let candidate = |(edges, outline)| Candidate { edges, outline, depth, ..background(0) };
+        let all: Vec<_> = (0..)
+            .zip(net(shifts).into_iter().map(candidate))
+            .map(|(band_face, candidate)| Candidate { band_face, ..candidate })
+            .collect();
+        [true, false].map(|end_at_edges| {
+            let mut visible = Visible::default();
+            visible.begin(Cell::around_center(1.0), usize::MAX);
+            assert!(visible.add(&all, 0..all.len() as u32, end_at_edges));
+            areas(&visible, all.len())
+        })
+    }
+
     #[test]
     fn of_depths_that_differ_by_rounding_the_first_face_is_in_front_and_alone() {
         for steps in [-8, -1, 0, 1, 8] {
@@ -403,13 +417,26 @@ pub(super) mod tests {
             let all = [face(0, -0.15), face(1, depth)];
             let mut visible = Visible::default();
             visible.begin(Cell::around_center(1.0), usize::MAX);
-            assert!(visible.add(&all, 0..2));
+            assert!(visible.add(&all, 0..2, false));
             let areas = areas(&visible, 2);
             assert_eq!(areas, [4.0, 0.0], "{steps}");
         }
     }
 
     proptest! {
+        #[test]
+        fn outlines_tell_what_polygons_tell(
+            most in 0.0..1.0,
+            unit in shifts(1.0),
+            depth in proptest::array::uniform3(-0.1..0.1),
+        ) {
+            let shifts: Vec<_> = unit.iter().map(|shift| shift.map(|by| most * by)).collect();
+            let [with, without] = areas_of_net(&shifts, depth);
+            for (with, without) in with.iter().zip(&without) {
+                prop_assert!((with - without).abs() < 1e-12, "{with} {without}");
+            }
+        }
+
             #[test]
             fn visible_parts_are_a_partition_and_what_samples_see(
                 triangles in proptest::collection::vec(triangle(), 0..6),
@@ -422,7 +449,7 @@ pub(super) mod tests {
                 all.push(background(9));
                 let mut visible = Visible::default();
     visible.begin(Cell::around_center(1.0), usize::MAX);
-                assert!(visible.add(&all, 0..all.len() as u32));
+                assert!(visible.add(&all, 0..all.len() as u32, false));
                 let areas = areas(&visible, all.len());
                 let total: f64 = areas.iter().sum();
                 prop_assert!((total - 4.0).abs() < 1e-12, "{total}");
@@ -465,7 +492,7 @@ pub(super) mod tests {
     visible.begin(Cell::around_center(1.0), usize::MAX);
                     let mut first = 0;
                     for &group in groups {
-                        assert!(visible.add(&all, first as u32..group as u32));
+                        assert!(visible.add(&all, first as u32..group as u32, false));
                         first = group;
                     }
                     (areas(&visible, all.len()), visible.fills_cell())
