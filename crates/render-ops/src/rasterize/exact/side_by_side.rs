@@ -129,10 +129,9 @@ pub(super) mod tests {
         let mut polygons = Polygons::default();
         let pixel = polygons.rectangle([-1.0; 2], [1.0; 2]);
         let mut cut = |from: Polygon, face: usize| {
-            let lines = faces[face].0.iter().zip(3 * face as u32..);
-            let part = lines.fold(Some(from), |part, (&line, index)| {
-                part.and_then(|part| polygons.inside(part, line, index))
-            });
+            let mut lines = faces[face].0.iter().zip(3 * face as u32..);
+            let part =
+                lines.try_fold(from, |part, (&line, index)| polygons.inside(part, line, index));
             (part, part.map_or(0.0, |part| polygons.area(part)))
         };
         let parts: Vec<_> =
@@ -149,7 +148,8 @@ pub(super) mod tests {
         });
         let source = |bound: Bound| {
             let line = bound.line;
-            (line < u32::MAX).then(|| Source::Edge { candidate: line / 3, k: (line % 3) as u8 })
+            let edge = Source::Edge { candidate: line / 3, k: (line % 3) as u8 };
+            (line < u32::MAX).then_some(edge)
         };
         (lie_side_by_side(all, &polygons, source), shared)
     }
