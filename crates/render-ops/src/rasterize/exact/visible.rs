@@ -394,19 +394,32 @@ pub(super) mod tests {
         areas
     }
 
-    /// The areas of the faces of a net, all at the depths `depth`, found with outlines or without.
-    fn areas_of_net(shifts: &[[f64; 2]], depth: [f64; 3]) -> [Vec<f64>; 2] {
-        let candidate = |(edges, outline)| Candidate { edges, outline, depth, ..background(0) };
-        let all: Vec<_> = (0..)
-            .zip(net(shifts).into_iter().map(candidate))
-            .map(|(band_face, candidate)| Candidate { band_face, ..candidate })
-            .collect();
-        [true, false].map(|end_at_edges| {
-            let mut visible = Visible::default();
-            visible.begin(Cell::around_center(1.0), usize::MAX);
-            assert!(visible.add(&all, 0..all.len() as u32, end_at_edges));
-            areas(&visible, all.len())
-        })
+    /// What is visible of a net, all of it at the depths `depth`; and the areas of its faces.
+    fn net_in_pixel(
+        shifts: &[[f64; 2]],
+        depth: [f64; 3],
+        end_at_edges: bool,
+    ) -> (Visible<f64>, Vec<f64>) {
+        let candidate = |(band_face, (edges, outline))| Candidate {
+            edges,
+            outline,
+            depth,
+            ..background(band_face)
+        };
+        let all: Vec<_> = (0..).zip(net(shifts)).map(candidate).collect();
+        let mut visible = Visible::default();
+        visible.begin(Cell::around_center(1.0), usize::MAX);
+        assert!(visible.add(&all, 0..all.len() as u32, end_at_edges));
+        let areas = areas(&visible, all.len());
+        (visible, areas)
+    }
+
+    #[test]
+    fn what_lies_side_by_side_is_not_held_against_each_other() {
+        let shifts = [[0.0; 2]; 12];
+        let cuts = [true, false]
+            .map(|end_at_edges| net_in_pixel(&shifts, [0.0; 3], end_at_edges).0.cuts());
+        assert!(cuts[0] == 0 && cuts[1] > 0, "{cuts:?}");
     }
 
     #[test]
@@ -431,7 +444,8 @@ pub(super) mod tests {
             depth in proptest::array::uniform3(-0.1..0.1),
         ) {
             let shifts: Vec<_> = unit.iter().map(|shift| shift.map(|by| most * by)).collect();
-            let [with, without] = areas_of_net(&shifts, depth);
+            let [with, without] =
+                [true, false].map(|end_at_edges| net_in_pixel(&shifts, depth, end_at_edges).1);
             for (with, without) in with.iter().zip(&without) {
                 prop_assert!((with - without).abs() < 1e-12, "{with} {without}");
             }

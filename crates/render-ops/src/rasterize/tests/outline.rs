@@ -9,7 +9,7 @@ use crate::interpolate::interpolate;
 
 /// A sheet of 5 x 4 vertices, some of them far off, so that it folds and passes through itself; and
 /// behind it or before it a face that may reach out of the depth range.
-fn crumpled() -> impl Strategy<Value = (Clip, Vec<[u32; 3]>)> {
+pub(super) fn crumpled() -> impl Strategy<Value = (Clip, Vec<[u32; 3]>)> {
     let shifts = proptest::collection::vec(prop::array::uniform4(-0.25..0.25), 20);
     let depth = prop_oneof![4 => -0.9..0.9, 1 => -1.6..1.6];
     let loose = prop::array::uniform3((-1.3..1.3, -1.3..1.3, depth, 0.5..2.0));
