@@ -47,6 +47,7 @@ mod depth;
 mod depth_image;
 mod depth_of_field;
 mod differentials;
+mod dispatch;
 mod downsample;
 mod edge_functions;
 mod environment;

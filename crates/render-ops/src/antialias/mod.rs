@@ -49,6 +49,7 @@ use self::discontinuity::{Blend, Outline, blend};
 use self::pairs::{Directions, Pair, Rows, SeenFace};
 use crate::background::Kind;
 use crate::coverage::Coverage;
+use crate::dispatch::dispatch_256;
 use crate::edge_functions::depth_at;
 use crate::error::RenderError;
 use crate::face_sums::add_term;
@@ -402,7 +403,7 @@ impl<T: Scalar> Silhouettes<'_, T> {
             let OfSlot { face, counts, .. } = self.outlines.of_slot[slot];
             (face, counts)
         };
-        pulp::Arch::new().dispatch(
+        dispatch_256(
             #[inline(always)]
             || {
                 neighbors.for_each_pair(

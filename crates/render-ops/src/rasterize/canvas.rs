@@ -11,6 +11,7 @@ use super::exact::{BandFaces, BoundarySearch, PieceFragments, Pieces};
 use super::prepared::{NO_SLOT, Prepared};
 use super::setup::{LANES, Setup, Weights, beyond};
 use crate::coverage::Coverage;
+use crate::dispatch::dispatch_256;
 use crate::runs::{Run, Runs, Slot};
 use crate::size::Size;
 
@@ -268,7 +269,7 @@ impl<T: Scalar> Canvas<T> {
         let Self { search, bands, weights, slot_of, .. } = self;
         let Band { pieces, piece_fragments, .. } = &mut bands[at];
         let first = rows.start * view.size.width;
-        pulp::Arch::new().dispatch(
+        dispatch_256(
             #[inline(always)]
             || search.run(&BandFaces { view, rows, faces, weights }, pieces),
         );

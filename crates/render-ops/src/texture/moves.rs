@@ -13,6 +13,7 @@ use super::footprint::Footprint;
 use super::lanes::LANES;
 use super::lookup::Lookup;
 use super::values::Values;
+use crate::dispatch::dispatch_256;
 
 /// Samples in one piece of work.
 const SAMPLES_PER_PIECE: usize = 1 << 11;
@@ -96,7 +97,7 @@ fn pull_back_probes<T: Scalar, C: Chart<K>, const K: usize, const N: usize, cons
     coordinates: &mut [T],
     rows: &mut [T],
 ) {
-    pulp::Arch::new().dispatch(
+    dispatch_256(
         #[inline(always)]
         || {
             // Moved, so that the closure can run only once and is inlined here.
@@ -200,7 +201,7 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Footprints<'_, T, C, K> {
         let Lookup { differentials: Some(slopes), known: Some(levels), .. } = self.lookup else {
             return;
         };
-        pulp::Arch::new().dispatch(
+        dispatch_256(
             #[inline(always)]
             || {
                 // Moved, so that the closure can run only once and is inlined here.

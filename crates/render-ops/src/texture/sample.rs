@@ -12,6 +12,7 @@ use super::moves::{Wanted, add_moves};
 use super::options::{Detail, MOST_PROBES, Sampler, TextureFilter};
 use super::texels::{Terms, TexelSums};
 use super::values::{Level, Values};
+use crate::dispatch::dispatch_256;
 use crate::error::RenderError;
 
 /// Samples of a texture at `coordinates: [N, 2]`, in the order (u, v): `[N, C]`.
@@ -317,7 +318,7 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Op<T> for Sample<C, K> {
         if self.kind != Kind::Finest && inputs.any_needs() {
             saved.levels.resize(count, T::ZERO);
             for_each_piece_mut(&mut saved.levels, SAMPLES_PER_PIECE, |piece, levels| {
-                pulp::Arch::new().dispatch(
+                dispatch_256(
                     #[inline(always)]
                     || {
                         // Moved, so that the closure can run only once and is inlined here.
@@ -425,7 +426,7 @@ fn write<T: Scalar, C: Chart<K>, const K: usize, const N: usize, const L: usize>
     out: &mut [T],
 ) {
     for_each_piece_mut(out, SAMPLES_PER_PIECE * channels, |piece, out| {
-        pulp::Arch::new().dispatch(
+        dispatch_256(
             #[inline(always)]
             || {
                 // Moved, so that the closure can run only once and is inlined here.

@@ -22,6 +22,7 @@ use super::chart::Chart;
 use super::lanes::{LANES, Lanes};
 use super::lookup::{Lookup, Probes};
 use super::tiles::{Runs, Tiles};
+use crate::dispatch::dispatch_256;
 
 /// A part has at least so many probes.
 const PROBES_PER_PART: usize = 1 << 14;
@@ -177,7 +178,7 @@ impl<T: Scalar> TexelSums<T> {
         sums.clear();
         sums.resize(texels * texels * width, T::Wide::ZERO);
         let runs = self.runs.runs(pieces).peekable();
-        pulp::Arch::new().dispatch(
+        dispatch_256(
             #[inline(always)]
             || {
                 // Moved, so that the closure can run only once and is inlined here.

@@ -14,6 +14,7 @@ use super::cells::{Cells, Extents};
 use super::chart::{Chart, Places};
 use super::lanes::{LANES, Lanes};
 use super::lookup::{Lookup, Probe, Probes};
+use crate::dispatch::dispatch_256;
 
 /// Samples whose runs are sorted together.
 const SAMPLES_PER_PIECE: usize = 1 << 13;
@@ -149,7 +150,7 @@ impl Piece {
     ) {
         let Self { runs, tiles } = self;
         runs.clear();
-        pulp::Arch::new().dispatch(
+        dispatch_256(
             #[inline(always)]
             || {
                 // Moved, so that the closure can run only once and is inlined here.

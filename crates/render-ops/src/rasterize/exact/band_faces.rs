@@ -7,6 +7,7 @@ use bokashi_core::Scalar;
 use super::pixel_border::lies_on_border;
 use super::pixel_mask::PixelMask;
 use super::polygon::{Line, size};
+use super::side_by_side::NO_FACE;
 use super::visible::Candidate;
 use crate::homogeneous::{Vertex, cross, edge_error_bound, extent};
 use crate::rasterize::culling::{Corner, Fate};
@@ -152,6 +153,11 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         let on_border = self.on_border(band_face, bits >> ALONG_AXIS, [x, y]);
         let face = self.faces[band_face as usize] as usize;
         let vertices = self.view.corners_of(face).map(|corner| corner.vertex);
+        let adjacency = self.view.mesh.adjacency();
+        let neighbors = [0, 1, 2].map(|k| match adjacency.neighbor(face, k) {
+            Some(neighbor) if bits >> k & 1 == 0 => neighbor.face,
+            _ => NO_FACE,
+        });
         let q = vertices.map(|vertex| vertex.relative_to(x, y));
         let edges = self.edges_around(band_face, q);
         let depth = depth(&vertices, &edges);
@@ -171,7 +177,8 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
             depth_error_bound,
             tie_bound,
             on_border,
-            outline: bits & 0b111,
+            face: face as u32,
+            neighbors,
         }
     }
 

@@ -6,29 +6,15 @@ use super::extent::{Extent, Spread};
 use super::pixel_border::clipped;
 use super::polygon::{BORDER, Line, Polygon, Polygons};
 
-/// Where a line comes from.
+/// Where a line comes from: faces by their positions among those of the band.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Source {
-    /// Edge k of a candidate.
-    Edge { candidate: u32, k: u8 },
-    /// Where a candidate's depth is -1 or 1.
-    End { candidate: u32, is_far: bool },
+    /// Edge k of a face.
+    Edge { face: u32, k: u8 },
+    /// Where a face's depth is -1 or 1.
+    End { face: u32, is_far: bool },
     /// The depth of the second less that of the first.
     Between { first: u32, second: u32 },
-}
-
-impl Source {
-    /// The same of other names for candidates.
-    #[inline(always)]
-    pub(super) fn map(self, name: impl Fn(u32) -> u32) -> Self {
-        match self {
-            Self::Edge { candidate, k } => Self::Edge { candidate: name(candidate), k },
-            Self::End { candidate, is_far } => Self::End { candidate: name(candidate), is_far },
-            Self::Between { first, second } => {
-                Self::Between { first: name(first), second: name(second) }
-            }
-        }
-    }
 }
 
 /// A side of what is visible of a candidate.

@@ -32,7 +32,6 @@ impl<S: Scalar> Piece<S> {
 pub(super) struct Segment<S> {
     /// The piece, counted from the pixel's first.
     pub(super) piece: u32,
-    /// Its source tells faces by their positions among those of the band.
     pub(super) side: Side<S>,
 }
 

@@ -17,6 +17,7 @@ use super::mean::{self, Growth, GrowthOfMean};
 use super::parts::{Side, Source};
 use super::pieces::{Pieces, Segment};
 use super::polygon::line_bar;
+use crate::dispatch::dispatch_256;
 use crate::edge_functions::{EdgeSums, LocalFace};
 use crate::mesh::Mesh;
 use crate::rasterize::culling::Corner;
@@ -139,7 +140,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
         let pieces = band.pieces;
         let (mut first, mut first_segment) = (0, 0);
         let of_pixels = pieces.pixels.iter().zip(&pieces.ends).zip(&pieces.segment_ends);
-        pulp::Arch::new().dispatch(
+        dispatch_256(
             #[inline(always)]
             || {
                 for ((&pixel, &end), &segment_end) in of_pixels {
@@ -202,13 +203,13 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
                 adjoint.add_depth(sign, line_bar, place);
             };
             match source {
-                Source::Edge { candidate, k } => {
-                    let adjoint = self.adjoint(band, candidate, pixel);
+                Source::Edge { face, k } => {
+                    let adjoint = self.adjoint(band, face, pixel);
                     let place = adjoint.face.offset_of(center);
                     adjoint.add_edge(k as usize, line_bar, place);
                 }
-                Source::End { candidate, is_far } => {
-                    add_depth(candidate, if is_far { -S::ONE } else { S::ONE });
+                Source::End { face, is_far } => {
+                    add_depth(face, if is_far { -S::ONE } else { S::ONE });
                 }
                 Source::Between { first, second } => {
                     add_depth(second, S::ONE);

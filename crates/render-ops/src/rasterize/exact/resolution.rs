@@ -105,7 +105,7 @@ impl<S: Scalar<Wide = S>> Resolution<S> {
                 let piece = piece_of[candidate as usize];
                 // Those on the border are found apart.
                 if piece != NONE && !(touches_border && side.is_on_border) {
-                    pieces.segments.push(segment(piece, candidates, side));
+                    pieces.segments.push(Segment { piece, side });
                 }
             });
         }
@@ -187,7 +187,7 @@ impl<S: Scalar<Wide = S>> Resolution<S> {
         for &(candidate, side) in &*border_sides {
             let mut keep = |piece: u32, side: Side<S>| {
                 if band.view.needs {
-                    pieces.segments.push(segment(piece, candidates, side));
+                    pieces.segments.push(Segment { piece, side });
                 }
             };
             let piece = piece_of[candidate as usize];
@@ -212,12 +212,6 @@ impl<S: Scalar<Wide = S>> Resolution<S> {
             }
         }
     }
-}
-
-/// A side of a piece, whose source tells faces by their positions among those of the band.
-fn segment<S: Scalar>(piece: u32, candidates: &[Candidate<S>], side: Side<S>) -> Segment<S> {
-    let source = side.source.map(|at| candidates[at as usize].band_face);
-    Segment { piece, side: Side { source, ..side } }
 }
 
 /// Finds what is visible in the cells of a crowded pixel; returns the area that was sampled.

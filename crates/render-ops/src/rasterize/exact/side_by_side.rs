@@ -12,6 +12,9 @@ use bokashi_core::Scalar;
 use super::parts::Source;
 use super::polygon::{Bound, Line, Polygon, Polygons, size, value_at};
 
+/// Stands for "no face".
+pub(super) const NO_FACE: u32 = u32::MAX;
+
 /// Fewer faces are soon held against each other.
 const FEW: usize = 6;
 
@@ -26,8 +29,8 @@ pub(super) struct FaceInCell<'a, S> {
     pub(super) polygon: Polygon,
     /// Its edge functions, positive inside.
     pub(super) edges: &'a [Line<S>; 3],
-    /// Bit k: whether edge k is one of the outline, or may be.
-    pub(super) outline: u8,
+    /// The faces beyond its edges; [`NO_FACE`] at those of the outline, and at those that may be.
+    pub(super) neighbors: [u32; 3],
 }
 
 /// Whether faces surely lie side by side in a cell. They end at edges alone, and where one ends at an edge
@@ -42,10 +45,11 @@ pub(super) fn lie_side_by_side<'a, S: Scalar>(
         return false;
     }
     let mut has_outline = false;
-    for (at, own) in faces.clone().enumerate().filter(|(_, face)| face.outline != 0) {
+    for (at, own) in faces.clone().enumerate().filter(|(_, face)| face.neighbors.contains(&NO_FACE))
+    {
         for (bound, ends) in polygons.segments(own.polygon) {
             let Some(Source::Edge { k, .. }) = source(bound) else { continue };
-            if own.outline >> k & 1 == 0 {
+            if own.neighbors[usize::from(k)] != NO_FACE {
                 continue;
             }
             has_outline = true;
@@ -90,9 +94,8 @@ pub(super) mod tests {
     const COLUMNS: usize = 4;
     const ROWS: usize = 3;
 
-    /// The faces of a net over the pixel that run counter-clockwise, and which of their edges no other such
-    /// face shares.
-    pub(in super::super) fn net(shifts: &[[f64; 2]]) -> Vec<([Line<f64>; 3], u8)> {
+    /// The faces of a net over the pixel that run counter-clockwise, with the faces beyond their edges.
+    pub(in super::super) fn net(shifts: &[[f64; 2]]) -> Vec<([Line<f64>; 3], [u32; 3])> {
         let vertex = |index: usize| {
             let (column, row) = (index % COLUMNS, index / COLUMNS);
             // It ends within the pixel.
@@ -115,17 +118,17 @@ pub(super) mod tests {
         };
         let edges = |[a, b, c]: [usize; 3]| [line(b, c), line(c, a), line(a, b)];
         faces.retain(|&face| edges(face).iter().map(|edge| edge[0]).sum::<f64>() > 1e-6);
-        let is_shared = |a: usize, b: usize| {
-            faces.iter().any(|face| (0..3).any(|k| [face[k], face[(k + 1) % 3]] == [b, a]))
+        let beyond = |a: usize, b: usize| {
+            let runs_back =
+                |face: &[usize; 3]| (0..3).any(|k| [face[k], face[(k + 1) % 3]] == [b, a]);
+            faces.iter().position(runs_back).map_or(NO_FACE, |face| face as u32)
         };
-        let outline = |face: [usize; 3]| {
-            (0..3).map(|k| u8::from(!is_shared(face[(k + 1) % 3], face[(k + 2) % 3])) << k).sum()
-        };
-        faces.iter().map(|&face| (edges(face), outline(face))).collect()
+        let neighbors = |[a, b, c]: [usize; 3]| [beyond(b, c), beyond(c, a), beyond(a, b)];
+        faces.iter().map(|&face| (edges(face), neighbors(face))).collect()
     }
 
     /// Whether faces are found to lie side by side in the pixel, and the largest area that two of them share.
-    fn look(faces: &[([Line<f64>; 3], u8)]) -> (bool, f64) {
+    fn look(faces: &[([Line<f64>; 3], [u32; 3])]) -> (bool, f64) {
         let mut polygons = Polygons::default();
         let pixel = polygons.rectangle([-1.0; 2], [1.0; 2]);
         let mut cut = |from: Polygon, face: usize| {
@@ -143,12 +146,12 @@ pub(super) mod tests {
             }
         }
         let all = parts.iter().map(|&(face, polygon)| {
-            let (edges, outline) = &faces[face];
-            FaceInCell { polygon, edges, outline: *outline }
+            let (edges, neighbors) = &faces[face];
+            FaceInCell { polygon, edges, neighbors: *neighbors }
         });
         let source = |bound: Bound| {
             let line = bound.line;
-            let edge = Source::Edge { candidate: line / 3, k: (line % 3) as u8 };
+            let edge = Source::Edge { face: line / 3, k: (line % 3) as u8 };
             (line < u32::MAX).then_some(edge)
         };
         (lie_side_by_side(all, &polygons, source), shared)

@@ -20,7 +20,7 @@ use super::cell::Cell;
 use super::parts::{Part, Parts, Source};
 use super::pixel_border::{FAR, lies_on_border};
 use super::polygon::{Bound, Line, Polygon, size, value_at};
-use super::side_by_side::{FaceInCell, lie_side_by_side};
+use super::side_by_side::{FaceInCell, NO_FACE, lie_side_by_side};
 
 /// A face in a pixel: lines are relative to the pixel's centre.
 #[derive(Debug, Clone)]
@@ -36,8 +36,9 @@ pub(super) struct Candidate<S> {
     pub(super) tie_bound: S,
     /// Bit k: whether edge k lies on the pixel's border.
     pub(super) on_border: u8,
-    /// Bit k: whether edge k is one of the surface's outline, or a seam.
-    pub(super) outline: u8,
+    /// Its face, and the faces beyond its edges: [`NO_FACE`] at edges of the surface's outline, and at seams.
+    pub(super) face: u32,
+    pub(super) neighbors: [u32; 3],
 }
 
 impl<S: Scalar> Candidate<S> {
@@ -52,6 +53,7 @@ impl<S: Scalar> Candidate<S> {
 #[derive(Debug)]
 struct Whole<S> {
     candidate: u32,
+    face: u32,
     polygon: Polygon,
     /// The lines that cut it: edges, and ends of the depth range.
     cuts: Range<usize>,
@@ -164,8 +166,8 @@ impl<S: Scalar> Visible<S> {
             return false;
         }
         let faces = self.whole[first..].iter().map(|&Whole { candidate, polygon, .. }| {
-            let Candidate { edges, outline, .. } = &candidates[candidate as usize];
-            FaceInCell { polygon, edges, outline: *outline }
+            let Candidate { edges, neighbors, .. } = &candidates[candidate as usize];
+            FaceInCell { polygon, edges, neighbors: *neighbors }
         });
         let source = |bound: Bound| sources.get(bound.line as usize).map(|&(source, _)| source);
         lie_side_by_side(faces, polygons, source)
@@ -189,6 +191,7 @@ impl<S: Scalar> Visible<S> {
         let first = lines.len();
         *touches_border |= candidate.on_border != 0;
         let center = self.cell.center();
+        let face = candidate.band_face;
         let mut cut = |line: Line<S>, source: Source, is_on_border: bool| {
             // Most lines do not come near the cell.
             let is_near = value_at(line, center) < self.cell.change(line);
@@ -201,7 +204,7 @@ impl<S: Scalar> Visible<S> {
         };
         for (k, &edge) in (0..).zip(&candidate.edges) {
             let is_on_border = candidate.on_border >> k & 1 == 1;
-            cut(edge, Source::Edge { candidate: at, k }, is_on_border);
+            cut(edge, Source::Edge { face, k }, is_on_border);
         }
         let [one, x, y] = candidate.depth;
         let [least, most] = self.cell.range(candidate.depth);
@@ -211,7 +214,7 @@ impl<S: Scalar> Visible<S> {
             for (line, is_far) in [([one + S::ONE, x, y], false), ([S::ONE - one, -x, -y], true)] {
                 let is_on_border = lies_on_border(line, [S::ZERO; 2], candidate.depth_error_bound);
                 *touches_border |= is_on_border;
-                cut(line, Source::End { candidate: at, is_far }, is_on_border);
+                cut(line, Source::End { face, is_far }, is_on_border);
             }
         }
         let Some(polygon) = polygon else { return };
@@ -223,7 +226,8 @@ impl<S: Scalar> Visible<S> {
             most = std::array::from_fn(|k| most[k].maximum_or_nan(place[k]));
         }
         let (cuts, tie_bound) = (first..lines.len(), candidate.tie_bound);
-        self.whole.push(Whole { candidate: at, polygon, cuts, least, most, tie_bound });
+        let face = candidate.face;
+        self.whole.push(Whole { candidate: at, face, polygon, cuts, least, most, tie_bound });
     }
 
     /// Takes from the candidate `at` of this cell what lies behind others; those before `group` surely
@@ -240,13 +244,16 @@ impl<S: Scalar> Visible<S> {
         let Parts { parts, polygons, lines, sources, touches_border } = parts;
         left.clear();
         left.push(whole[at].polygon);
-        let mut boxes = 0;
+        let (candidate, mut boxes) = (whole[at].candidate, 0);
+        let neighbors = candidates[candidate as usize].neighbors;
         let rivals = if are_side_by_side { group } else { whole.len() };
         for other in 0..rivals {
             boxes += 1;
             let is_before = other < group;
             let [this, that] = [&whole[at], &whole[other]];
-            let hides_nothing = that.is_beside(this) || !is_before && that.is_behind(this);
+            let hides_nothing = that.is_beside(this)
+                || !is_before && that.is_behind(this)
+                || neighbors.contains(&that.face);
             if other == at || hides_nothing {
                 continue;
             }
@@ -254,8 +261,7 @@ impl<S: Scalar> Visible<S> {
             if *cuts > *most_cuts || polygons.len() > MOST_CORNERS {
                 return false;
             }
-            let (first, second) = (this.candidate, that.candidate);
-            let [own, rival] = [first, second].map(|at| &candidates[at as usize]);
+            let [own, rival] = [this, that].map(|face| &candidates[face.candidate as usize]);
             let behind = if is_before { [-S::ONE, S::ZERO, S::ZERO] } else { behind(own, rival) };
             let mut between = None;
             next.clear();
@@ -282,6 +288,7 @@ impl<S: Scalar> Visible<S> {
                 let index = match between {
                     Some(index) => index,
                     None => {
+                        let (first, second) = (own.band_face, rival.band_face);
                         let source = Source::Between { first, second };
                         let error_bound = own.depth_error_bound + rival.depth_error_bound;
                         let is_on_border = lies_on_border(behind, [S::ZERO; 2], error_bound);
@@ -307,7 +314,6 @@ impl<S: Scalar> Visible<S> {
             }
         }
         *cuts += boxes / BOXES_PER_CUT;
-        let candidate = whole[at].candidate;
         for &polygon in &*left {
             let own = polygons.area(polygon);
             *area += own;
@@ -360,7 +366,8 @@ pub(super) mod tests {
             depth_error_bound,
             tie_bound: depth_error_bound,
             on_border: 0,
-            outline: 0b111,
+            face,
+            neighbors: [NO_FACE; 3],
         })
     }
 
@@ -373,7 +380,8 @@ pub(super) mod tests {
             depth_error_bound: ERROR_BOUND,
             tie_bound: ERROR_BOUND,
             on_border: 0,
-            outline: 0b111,
+            face,
+            neighbors: [NO_FACE; 3],
         }
     }
 
@@ -394,22 +402,36 @@ pub(super) mod tests {
         areas
     }
 
+    /// What is known of a net: the faces beyond the edges of each, and that all that meets at an edge is there.
+    #[derive(Clone, Copy)]
+    struct Known {
+        neighbors: bool,
+        end_at_edges: bool,
+    }
+
+    /// All that can be known, less of it, and nothing.
+    const KNOWN: [Known; 3] = [
+        Known { neighbors: true, end_at_edges: true },
+        Known { neighbors: true, end_at_edges: false },
+        Known { neighbors: false, end_at_edges: false },
+    ];
+
     /// What is visible of a net, all of it at the depths `depth`; and the areas of its faces.
     fn net_in_pixel(
         shifts: &[[f64; 2]],
         depth: [f64; 3],
-        end_at_edges: bool,
+        known: Known,
     ) -> (Visible<f64>, Vec<f64>) {
-        let candidate = |(band_face, (edges, outline))| Candidate {
+        let candidate = |(face, (edges, neighbors))| Candidate {
             edges,
-            outline,
+            neighbors: if known.neighbors { neighbors } else { [NO_FACE; 3] },
             depth,
-            ..background(band_face)
+            ..background(face)
         };
         let all: Vec<_> = (0..).zip(net(shifts)).map(candidate).collect();
         let mut visible = Visible::default();
         visible.begin(Cell::around_center(1.0), usize::MAX);
-        assert!(visible.add(&all, 0..all.len() as u32, end_at_edges));
+        assert!(visible.add(&all, 0..all.len() as u32, known.end_at_edges));
         let areas = areas(&visible, all.len());
         (visible, areas)
     }
@@ -417,9 +439,8 @@ pub(super) mod tests {
     #[test]
     fn what_lies_side_by_side_is_not_held_against_each_other() {
         let shifts = [[0.0; 2]; 12];
-        let cuts = [true, false]
-            .map(|end_at_edges| net_in_pixel(&shifts, [0.0; 3], end_at_edges).0.cuts());
-        assert!(cuts[0] == 0 && cuts[1] > 0, "{cuts:?}");
+        let cuts = KNOWN.map(|known| net_in_pixel(&shifts, [0.0; 3], known).0.cuts());
+        assert!(cuts[0] == 0 && 0 < cuts[1] && cuts[1] < cuts[2], "{cuts:?}");
     }
 
     #[test]
@@ -444,80 +465,80 @@ pub(super) mod tests {
             depth in proptest::array::uniform3(-0.1..0.1),
         ) {
             let shifts: Vec<_> = unit.iter().map(|shift| shift.map(|by| most * by)).collect();
-            let [with, without] =
-                [true, false].map(|end_at_edges| net_in_pixel(&shifts, depth, end_at_edges).1);
-            for (with, without) in with.iter().zip(&without) {
-                prop_assert!((with - without).abs() < 1e-12, "{with} {without}");
+            let [all, some, none] = KNOWN.map(|known| net_in_pixel(&shifts, depth, known).1);
+            for ((all, some), none) in all.iter().zip(&some).zip(&none) {
+                let off = (all - none).abs().max((some - none).abs());
+                prop_assert!(off < 1e-12, "{all} {some} {none}");
             }
         }
 
-            #[test]
-            fn visible_parts_are_a_partition_and_what_samples_see(
-                triangles in proptest::collection::vec(triangle(), 0..6),
-            ) {
-                let mut all: Vec<_> = triangles
-                    .into_iter()
-                    .zip(0..)
-                    .filter_map(|(points, face)| candidate(face, points))
-                    .collect();
-                all.push(background(9));
+        #[test]
+        fn visible_parts_are_a_partition_and_what_samples_see(
+            triangles in proptest::collection::vec(triangle(), 0..6),
+        ) {
+            let mut all: Vec<_> = triangles
+                .into_iter()
+                .zip(0..)
+                .filter_map(|(points, face)| candidate(face, points))
+                .collect();
+            all.push(background(9));
+            let mut visible = Visible::default();
+            visible.begin(Cell::around_center(1.0), usize::MAX);
+            assert!(visible.add(&all, 0..all.len() as u32, false));
+            let areas = areas(&visible, all.len());
+            let total: f64 = areas.iter().sum();
+            prop_assert!((total - 4.0).abs() < 1e-12, "{total}");
+            const N: usize = 100;
+            let mut sampled = vec![0.0; all.len()];
+            for k in 0..N * N {
+                let [x, y] = [k % N, k / N].map(|k| (2 * k + 1) as f64 / N as f64 - 1.0);
+                let depth = |one: &&Candidate<f64>| at(one.depth, x, y);
+                let covers = |one: &&Candidate<f64>| {
+                    one.edges.iter().all(|&e| at(e, x, y) > 0.0) && depth(one).abs() <= 1.0
+                };
+                let seen = all.iter().filter(covers);
+                let seen = seen.min_by(|a, b| depth(a).total_cmp(&depth(b))).unwrap();
+                let seen = all.iter().position(|one| one.band_face == seen.band_face).unwrap();
+                sampled[seen] += 4.0 / (N * N) as f64;
+            }
+            for (exact, sampled) in areas.iter().zip(sampled) {
+                prop_assert!((exact - sampled).abs() < 0.06, "{exact} {sampled}");
+            }
+        }
+
+        #[test]
+        fn what_lies_behind_others_may_come_later(
+            front in proptest::collection::vec(triangle(), 0..4),
+            back in proptest::collection::vec(triangle(), 0..4),
+            is_full: bool,
+        ) {
+            let scaled = |triangles: Vec<[[f64; 3]; 3]>, first: u32, middle: f64| {
+                let place = move |[x, y, depth]: [f64; 3]| [x, y, middle + 0.2 * depth];
+                let faces = triangles.into_iter().map(move |points| points.map(place));
+                (first..).zip(faces).filter_map(|(face, points)| candidate(face, points))
+            };
+            // The lower indices behind, which may not count.
+            let mut all: Vec<_> = scaled(front, 10, -0.5).collect();
+            all.extend(is_full.then(|| Candidate { depth: [-0.05, 0.0, 0.0], ..background(20) }));
+            let group = all.len();
+            all.extend(scaled(back, 0, 0.5));
+            let areas = |groups: &[usize]| {
                 let mut visible = Visible::default();
-    visible.begin(Cell::around_center(1.0), usize::MAX);
-                assert!(visible.add(&all, 0..all.len() as u32, false));
-                let areas = areas(&visible, all.len());
-                let total: f64 = areas.iter().sum();
-                prop_assert!((total - 4.0).abs() < 1e-12, "{total}");
-                const N: usize = 100;
-                let mut sampled = vec![0.0; all.len()];
-                for k in 0..N * N {
-                    let [x, y] = [k % N, k / N].map(|k| (2 * k + 1) as f64 / N as f64 - 1.0);
-                    let depth = |one: &&Candidate<f64>| at(one.depth, x, y);
-                    let covers = |one: &&Candidate<f64>| {
-                        one.edges.iter().all(|&e| at(e, x, y) > 0.0) && depth(one).abs() <= 1.0
-                    };
-                    let seen = all.iter().filter(covers);
-                    let seen = seen.min_by(|a, b| depth(a).total_cmp(&depth(b))).unwrap();
-                    let seen = all.iter().position(|one| one.band_face == seen.band_face).unwrap();
-                    sampled[seen] += 4.0 / (N * N) as f64;
+                visible.begin(Cell::around_center(1.0), usize::MAX);
+                let mut first = 0;
+                for &group in groups {
+                    assert!(visible.add(&all, first as u32..group as u32, false));
+                    first = group;
                 }
-                for (exact, sampled) in areas.iter().zip(sampled) {
-                    prop_assert!((exact - sampled).abs() < 0.06, "{exact} {sampled}");
-                }
+                (areas(&visible, all.len()), visible.fills_cell())
+            };
+            let ((once, _), (twice, _)) = (areas(&[all.len()]), areas(&[group, all.len()]));
+            for (once, twice) in once.iter().zip(&twice) {
+                prop_assert!((once - twice).abs() < 1e-13, "{once} {twice}");
             }
-
-            #[test]
-            fn what_lies_behind_others_may_come_later(
-                front in proptest::collection::vec(triangle(), 0..4),
-                back in proptest::collection::vec(triangle(), 0..4),
-                is_full: bool,
-            ) {
-                let scaled = |triangles: Vec<[[f64; 3]; 3]>, first: u32, middle: f64| {
-                    let place = move |[x, y, depth]: [f64; 3]| [x, y, middle + 0.2 * depth];
-                    let faces = triangles.into_iter().map(move |points| points.map(place));
-                    (first..).zip(faces).filter_map(|(face, points)| candidate(face, points))
-                };
-                // The lower indices behind, which may not count.
-                let mut all: Vec<_> = scaled(front, 10, -0.5).collect();
-                all.extend(is_full.then(|| Candidate { depth: [-0.05, 0.0, 0.0], ..background(20) }));
-                let group = all.len();
-                all.extend(scaled(back, 0, 0.5));
-                let areas = |groups: &[usize]| {
-                    let mut visible = Visible::default();
-    visible.begin(Cell::around_center(1.0), usize::MAX);
-                    let mut first = 0;
-                    for &group in groups {
-                        assert!(visible.add(&all, first as u32..group as u32, false));
-                        first = group;
-                    }
-                    (areas(&visible, all.len()), visible.fills_cell())
-                };
-                let ((once, _), (twice, _)) = (areas(&[all.len()]), areas(&[group, all.len()]));
-                for (once, twice) in once.iter().zip(&twice) {
-                    prop_assert!((once - twice).abs() < 1e-13, "{once} {twice}");
-                }
-                let (_, fills) = areas(&[group]);
-                prop_assert!(fills || !is_full);
-                prop_assert!(!fills || twice[group..].iter().all(|&area| area < 1e-13));
-            }
+            let (_, fills) = areas(&[group]);
+            prop_assert!(fills || !is_full);
+            prop_assert!(!fills || twice[group..].iter().all(|&area| area < 1e-13));
         }
+    }
 }
