@@ -1,7 +1,8 @@
 //! Work that gains nothing from vectors of 512 bits: it is compiled for 256 bits at most.
 //!
 //! `pulp::Arch` takes the widest vectors that the processor has. Each width is one more copy of the work to
-//! compile, and where loops are short the widest one is no faster: `docs/performance.md` has the figures.
+//! compile. Where faces have few pixels, and where texels are looked up, the widest one is no faster:
+//! `docs/performance.md` has the figures.
 
 use pulp::WithSimd;
 #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]

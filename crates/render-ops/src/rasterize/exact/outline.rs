@@ -319,7 +319,7 @@ impl<S: Scalar<Wide = S>> Outline<S> {
                 let face = &faces[stretch.face as usize];
                 let [_, x, y] = face.edges[usize::from(stretch.k)];
                 sides.push(Side {
-                    source: Source::Edge { face: face.band_face, k: stretch.k },
+                    source: Source::Edge { band_face: face.band_face, k: stretch.k },
                     is_inside: true,
                     is_on_border: false,
                     normal: [x, y],

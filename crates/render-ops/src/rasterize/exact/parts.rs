@@ -10,9 +10,9 @@ use super::polygon::{BORDER, Line, Polygon, Polygons};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Source {
     /// Edge k of a face.
-    Edge { face: u32, k: u8 },
+    Edge { band_face: u32, k: u8 },
     /// Where a face's depth is -1 or 1.
-    End { face: u32, is_far: bool },
+    End { band_face: u32, is_far: bool },
     /// The depth of the second less that of the first.
     Between { first: u32, second: u32 },
 }

@@ -203,13 +203,13 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
                 adjoint.add_depth(sign, line_bar, place);
             };
             match source {
-                Source::Edge { face, k } => {
-                    let adjoint = self.adjoint(band, face, pixel);
+                Source::Edge { band_face, k } => {
+                    let adjoint = self.adjoint(band, band_face, pixel);
                     let place = adjoint.face.offset_of(center);
                     adjoint.add_edge(k as usize, line_bar, place);
                 }
-                Source::End { face, is_far } => {
-                    add_depth(face, if is_far { -S::ONE } else { S::ONE });
+                Source::End { band_face, is_far } => {
+                    add_depth(band_face, if is_far { -S::ONE } else { S::ONE });
                 }
                 Source::Between { first, second } => {
                     add_depth(second, S::ONE);

@@ -151,7 +151,7 @@ pub(super) mod tests {
         });
         let source = |bound: Bound| {
             let line = bound.line;
-            let edge = Source::Edge { face: line / 3, k: (line % 3) as u8 };
+            let edge = Source::Edge { band_face: line / 3, k: (line % 3) as u8 };
             (line < u32::MAX).then_some(edge)
         };
         (lie_side_by_side(all, &polygons, source), shared)

@@ -36,8 +36,9 @@ pub(super) struct Candidate<S> {
     pub(super) tie_bound: S,
     /// Bit k: whether edge k lies on the pixel's border.
     pub(super) on_border: u8,
-    /// Its face, and the faces beyond its edges: [`NO_FACE`] at edges of the surface's outline, and at seams.
+    /// The index of its face in the mesh.
     pub(super) face: u32,
+    /// The faces beyond its edges, likewise: [`NO_FACE`] at those of the surface's outline. It may stand at others.
     pub(super) neighbors: [u32; 3],
 }
 
@@ -53,6 +54,7 @@ impl<S: Scalar> Candidate<S> {
 #[derive(Debug)]
 struct Whole<S> {
     candidate: u32,
+    /// As of its candidate.
     face: u32,
     polygon: Polygon,
     /// The lines that cut it: edges, and ends of the depth range.
@@ -191,7 +193,7 @@ impl<S: Scalar> Visible<S> {
         let first = lines.len();
         *touches_border |= candidate.on_border != 0;
         let center = self.cell.center();
-        let face = candidate.band_face;
+        let Candidate { band_face, face, .. } = *candidate;
         let mut cut = |line: Line<S>, source: Source, is_on_border: bool| {
             // Most lines do not come near the cell.
             let is_near = value_at(line, center) < self.cell.change(line);
@@ -204,7 +206,7 @@ impl<S: Scalar> Visible<S> {
         };
         for (k, &edge) in (0..).zip(&candidate.edges) {
             let is_on_border = candidate.on_border >> k & 1 == 1;
-            cut(edge, Source::Edge { face, k }, is_on_border);
+            cut(edge, Source::Edge { band_face, k }, is_on_border);
         }
         let [one, x, y] = candidate.depth;
         let [least, most] = self.cell.range(candidate.depth);
@@ -214,7 +216,7 @@ impl<S: Scalar> Visible<S> {
             for (line, is_far) in [([one + S::ONE, x, y], false), ([S::ONE - one, -x, -y], true)] {
                 let is_on_border = lies_on_border(line, [S::ZERO; 2], candidate.depth_error_bound);
                 *touches_border |= is_on_border;
-                cut(line, Source::End { face, is_far }, is_on_border);
+                cut(line, Source::End { band_face, is_far }, is_on_border);
             }
         }
         let Some(polygon) = polygon else { return };
@@ -226,7 +228,6 @@ impl<S: Scalar> Visible<S> {
             most = std::array::from_fn(|k| most[k].maximum_or_nan(place[k]));
         }
         let (cuts, tie_bound) = (first..lines.len(), candidate.tie_bound);
-        let face = candidate.face;
         self.whole.push(Whole { candidate: at, face, polygon, cuts, least, most, tie_bound });
     }
 
@@ -251,6 +252,7 @@ impl<S: Scalar> Visible<S> {
             boxes += 1;
             let is_before = other < group;
             let [this, that] = [&whole[at], &whole[other]];
+            // A neighbour's function of the edge between them is exactly the opposite of this one's.
             let hides_nothing = that.is_beside(this)
                 || !is_before && that.is_behind(this)
                 || neighbors.contains(&that.face);
@@ -422,11 +424,14 @@ pub(super) mod tests {
         depth: [f64; 3],
         known: Known,
     ) -> (Visible<f64>, Vec<f64>) {
-        let candidate = |(face, (edges, neighbors))| Candidate {
+        // Faces have other indices in the mesh than in the band, and others than as candidates.
+        let in_mesh = |at: u32| if at == NO_FACE { NO_FACE } else { 100 + at };
+        let candidate = |(at, (edges, neighbors)): (u32, ([Line<f64>; 3], [u32; 3]))| Candidate {
             edges,
-            neighbors: if known.neighbors { neighbors } else { [NO_FACE; 3] },
+            face: in_mesh(at),
+            neighbors: if known.neighbors { neighbors.map(in_mesh) } else { [NO_FACE; 3] },
             depth,
-            ..background(face)
+            ..background(50 - at)
         };
         let all: Vec<_> = (0..).zip(net(shifts)).map(candidate).collect();
         let mut visible = Visible::default();

@@ -324,8 +324,9 @@ proptest! {
         prop_assert!(gradient < 1e-10 || found.counts.sampled > 0.0, "{gradient}");
     }
 
-    /// In a cell of a crowded pixel all faces are held against each other. In a pixel they are not where they
-    /// surely lie side by side: here in part, for the sheet folds and leaves the depth range.
+    /// In a pixel, faces that surely lie side by side are not held against each other: here in part, for the
+    /// sheet folds and leaves the depth range. In a cell of a crowded pixel that is so of neighbours alone;
+    /// `outline` has a law that does not rely on these.
     #[test]
     fn cuts_change_nothing_of_a_sheet_of_small_faces(
         (clip, faces) in crumpled(),
