@@ -20,7 +20,7 @@ use super::cell::Cell;
 use super::parts::{Part, Parts, Source};
 use super::pixel_border::{FAR, lies_on_border};
 use super::polygon::{Bound, Line, Polygon, size, value_at};
-use super::side_by_side::{FaceInCell, NO_FACE, lie_side_by_side};
+use super::side_by_side::{FaceInCell, lie_side_by_side};
 
 /// A face in a pixel: lines are relative to the pixel's centre.
 #[derive(Debug, Clone)]
@@ -38,7 +38,7 @@ pub(super) struct Candidate<S> {
     pub(super) on_border: u8,
     /// The index of its face in the mesh.
     pub(super) face: u32,
-    /// The faces beyond its edges, likewise: [`NO_FACE`] at those of the surface's outline. It may stand at others.
+    /// The faces beyond its edges, likewise: `NO_FACE` at those of the surface's outline. It may stand at others.
     pub(super) neighbors: [u32; 3],
 }
 
@@ -340,6 +340,7 @@ pub(super) fn behind<S: Scalar>(own: &Candidate<S>, rival: &Candidate<S>) -> Lin
 pub(super) mod tests {
     use proptest::prelude::*;
 
+    use super::super::side_by_side::NO_FACE;
     use super::super::side_by_side::tests::{net, shifts};
     use super::*;
 
