@@ -31,31 +31,30 @@ pub(super) struct Bound {
     pub(super) is_inside: bool,
 }
 
-/// A corner of a polygon, and the side that leads from it to the next corner.
-#[derive(Debug, Clone, Copy)]
-struct Corner<S> {
-    point: [S; 2],
-    bound: Bound,
-}
-
 /// A convex polygon of [`Polygons`], counter-clockwise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Polygon {
     first: u32,
-    end: u32,
+    count: u32,
 }
 
 impl Polygon {
     fn corners(self) -> Range<usize> {
-        self.first as usize..self.end as usize
+        self.first as usize..(self.first + self.count) as usize
     }
 }
 
 /// Convex polygons, the corners of all of them side by side: they are cut often and never change.
 #[derive(Debug, Default)]
 pub(super) struct Polygons<S> {
-    corners: Vec<Corner<S>>,
-    /// A line's values at a polygon's corners.
+    /// Where the corners are, and what the side from each to the next corner lies on. Memory beyond `len`
+    /// is for more of them: to append them one by one is slow.
+    xs: Vec<S>,
+    ys: Vec<S>,
+    bounds: Vec<Bound>,
+    /// How many corners all polygons have.
+    len: usize,
+    /// A line's values at a polygon's corners, and memory for more.
     values: Vec<S>,
 }
 
@@ -82,7 +81,26 @@ pub(super) fn size<S: Scalar>([one, x, y]: Line<S>) -> S {
 impl<S: Scalar> Polygons<S> {
     /// Forgets all polygons.
     pub(super) fn clear(&mut self) {
-        self.corners.clear();
+        self.len = 0;
+    }
+
+    /// Makes room for so many more corners.
+    #[inline(always)]
+    fn reserve(&mut self, corners: usize) {
+        let least = self.len + corners;
+        if least > self.xs.len() {
+            self.grow(2 * least);
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn grow(&mut self, corners: usize) {
+        let Self { xs, ys, bounds, values, .. } = self;
+        for numbers in [xs, ys, values] {
+            numbers.resize(corners, S::ZERO);
+        }
+        bounds.resize(corners, Bound { line: BORDER, is_inside: true });
     }
 
     /// A rectangle, from its least to its largest x and y.
@@ -98,9 +116,18 @@ impl<S: Scalar> Polygons<S> {
     /// The polygon of these corners, which do not move.
     fn still<const N: usize>(&mut self, points: [[S; 2]; N]) -> Polygon {
         let bound = Bound { line: BORDER, is_inside: true };
-        let first = self.corners.len() as u32;
-        self.corners.extend(points.map(|point| Corner { point, bound }));
-        Polygon { first, end: self.corners.len() as u32 }
+        self.add(points.into_iter().map(|point| (point, bound)))
+    }
+
+    /// The polygon of these corners.
+    fn add(&mut self, corners: impl ExactSizeIterator<Item = ([S; 2], Bound)>) -> Polygon {
+        self.reserve(corners.len());
+        let (first, count) = (self.len as u32, corners.len() as u32);
+        for ([x, y], bound) in corners {
+            (self.xs[self.len], self.ys[self.len], self.bounds[self.len]) = (x, y, bound);
+            self.len += 1;
+        }
+        Polygon { first, count }
     }
 
     /// The same as a polygon of others, whose lines have other names here.
@@ -110,18 +137,16 @@ impl<S: Scalar> Polygons<S> {
         polygon: Polygon,
         mut name: impl FnMut(u32) -> u32,
     ) -> Polygon {
-        let first = self.corners.len() as u32;
-        self.corners.extend(others.corners[polygon.corners()].iter().map(|corner| {
-            let line = corner.bound.line;
+        self.add(polygon.corners().map(|at| {
+            let Bound { line, is_inside } = others.bounds[at];
             let line = if line == BORDER { BORDER } else { name(line) };
-            Corner { bound: Bound { line, ..corner.bound }, ..*corner }
-        }));
-        Polygon { first, end: self.corners.len() as u32 }
+            ([others.xs[at], others.ys[at]], Bound { line, is_inside })
+        }))
     }
 
     /// How many corners all polygons have.
     pub(super) fn len(&self) -> usize {
-        self.corners.len()
+        self.len
     }
 
     /// The parts of a polygon on the inside and on the outside of a line, where there are any. Where
@@ -170,13 +195,13 @@ impl<S: Scalar> Polygons<S> {
     /// rounding. Leaves the line's values at the corners.
     #[inline(always)]
     fn lies(&mut self, polygon: Polygon, line: Line<S>) -> [bool; 2] {
-        let corners = &self.corners[polygon.corners()];
-        self.values.clear();
-        self.values.extend(corners.iter().map(|corner| value_at(line, corner.point)));
+        let (xs, ys) = (&self.xs[polygon.corners()], &self.ys[polygon.corners()]);
+        let values = &mut self.values[..xs.len()];
         let (mut least, mut most) = (S::ZERO, S::ZERO);
-        for &value in &self.values {
-            least = if value < least { value } else { least };
-            most = if value > most { value } else { most };
+        for ((value, &x), &y) in values.iter_mut().zip(xs).zip(ys) {
+            *value = value_at(line, [x, y]);
+            least = if *value < least { *value } else { least };
+            most = if *value > most { *value } else { most };
         }
         let error_bound = S::from_f64(16.0 * f64::EPSILON) * size(line);
         [most > error_bound, least < -error_bound]
@@ -186,34 +211,42 @@ impl<S: Scalar> Polygons<S> {
     /// the side `cut`.
     #[inline(always)]
     fn part(&mut self, polygon: Polygon, cut: Bound) -> Option<Polygon> {
-        let Self { corners, values } = self;
-        let first = corners.len() as u32;
+        let own = polygon.corners();
+        let count = own.len();
+        self.reserve(2 * count);
+        let (xs, new_xs) = self.xs.split_at_mut(self.len);
+        let (ys, new_ys) = self.ys.split_at_mut(self.len);
+        let (bounds, new_bounds) = self.bounds.split_at_mut(self.len);
+        let (xs, ys, bounds) = (&xs[own.clone()], &ys[own.clone()], &bounds[own]);
+        let values = &self.values[..count];
         let sign = if cut.is_inside { S::ONE } else { -S::ONE };
-        let mut before = corners[polygon.first as usize];
-        let mut a = sign * values[0];
-        for k in 1..=values.len() {
-            let at = if k < values.len() { k } else { 0 };
-            let (after, b) = (corners[polygon.first as usize + at], sign * values[at]);
+        let mut new = 0;
+        let mut add = |x: S, y: S, bound: Bound| {
+            (new_xs[new], new_ys[new], new_bounds[new]) = (x, y, bound);
+            new += 1;
+        };
+        for k in 0..count {
+            let next = if k + 1 < count { k + 1 } else { 0 };
+            let (a, b) = (sign * values[k], sign * values[next]);
             if a >= S::ZERO {
-                let bound = if b >= S::ZERO || a > S::ZERO { before.bound } else { cut };
-                corners.push(Corner { point: before.point, bound });
+                let bound = if b >= S::ZERO || a > S::ZERO { bounds[k] } else { cut };
+                add(xs[k], ys[k], bound);
             }
             if (a > S::ZERO && b < S::ZERO) || (a < S::ZERO && b > S::ZERO) {
                 let share = a / (a - b);
-                let (p, q) = (before.point, after.point);
-                let point = [0, 1].map(|axis| p[axis] + share * (q[axis] - p[axis]));
-                let bound = if a > S::ZERO { cut } else { before.bound };
-                corners.push(Corner { point, bound });
+                let bound = if a > S::ZERO { cut } else { bounds[k] };
+                add(xs[k] + share * (xs[next] - xs[k]), ys[k] + share * (ys[next] - ys[k]), bound);
             }
-            (before, a) = (after, b);
         }
-        let part = Polygon { first, end: corners.len() as u32 };
-        (part.corners().len() > 2).then_some(part)
+        let part = Polygon { first: self.len as u32, count: new as u32 };
+        self.len += new;
+        (new > 2).then_some(part)
     }
 
     /// The corners.
     pub(super) fn points(&self, polygon: Polygon) -> impl Iterator<Item = [S; 2]> + Clone + '_ {
-        self.corners[polygon.corners()].iter().map(|corner| corner.point)
+        let (xs, ys) = (&self.xs[polygon.corners()], &self.ys[polygon.corners()]);
+        xs.iter().zip(ys).map(|(&x, &y)| [x, y])
     }
 
     /// The sides with their ends.
@@ -222,9 +255,12 @@ impl<S: Scalar> Polygons<S> {
         &self,
         polygon: Polygon,
     ) -> impl Iterator<Item = (Bound, [[S; 2]; 2])> + '_ {
-        let corners = &self.corners[polygon.corners()];
-        let after = corners[1..].iter().chain(&corners[..1]);
-        corners.iter().zip(after).map(|(from, to)| (from.bound, [from.point, to.point]))
+        let (first, end) = (polygon.first as usize, (polygon.first + polygon.count) as usize);
+        polygon.corners().map(move |at| {
+            let next = if at + 1 < end { at + 1 } else { first };
+            let ends = [at, next].map(|at| [self.xs[at], self.ys[at]]);
+            (self.bounds[at], ends)
+        })
     }
 
     /// The first corner, and the triangles around it.
@@ -233,13 +269,11 @@ impl<S: Scalar> Polygons<S> {
         &self,
         polygon: Polygon,
     ) -> ([S; 2], impl Iterator<Item = Triangle<S>> + Clone) {
-        let corners = &self.corners[polygon.corners()];
-        let first = corners[0].point;
-        let from_first =
-            move |corner: &Corner<S>| [corner.point[0] - first[0], corner.point[1] - first[1]];
-        let mut p = from_first(&corners[1]);
-        let triangles = corners[2..].iter().map(move |corner| {
-            let q = from_first(corner);
+        let (xs, ys) = (&self.xs[polygon.corners()], &self.ys[polygon.corners()]);
+        let first = [xs[0], ys[0]];
+        let mut p = [xs[1] - first[0], ys[1] - first[1]];
+        let triangles = xs[2..].iter().zip(&ys[2..]).map(move |(x, y)| {
+            let q = [*x - first[0], *y - first[1]];
             let cross = p[0] * q[1] - p[1] * q[0];
             let twice = if cross > S::ZERO { cross } else { S::ZERO };
             Triangle { p: std::mem::replace(&mut p, q), q, twice }
