@@ -38,12 +38,6 @@ pub(super) struct Polygon {
     count: u32,
 }
 
-impl Polygon {
-    fn corners(self) -> Range<usize> {
-        self.first as usize..(self.first + self.count) as usize
-    }
-}
-
 /// Convex polygons, the corners of all of them side by side: they are cut often and never change.
 #[derive(Debug, Default)]
 pub(super) struct Polygons<S> {
@@ -82,6 +76,15 @@ impl<S: Scalar> Polygons<S> {
     /// Forgets all polygons.
     pub(super) fn clear(&mut self) {
         self.len = 0;
+    }
+
+    /// Where a polygon's corners are.
+    #[inline(always)]
+    fn corners(&self, Polygon { first, count }: Polygon) -> Range<usize> {
+        let first = first as usize;
+        let end = first + count as usize;
+        debug_assert!(end <= self.len, "this polygon has been forgotten");
+        first..end
     }
 
     /// Makes room for so many more corners.
@@ -137,7 +140,7 @@ impl<S: Scalar> Polygons<S> {
         polygon: Polygon,
         mut name: impl FnMut(u32) -> u32,
     ) -> Polygon {
-        self.add(polygon.corners().map(|at| {
+        self.add(others.corners(polygon).map(|at| {
             let Bound { line, is_inside } = others.bounds[at];
             let line = if line == BORDER { BORDER } else { name(line) };
             ([others.xs[at], others.ys[at]], Bound { line, is_inside })
@@ -195,7 +198,8 @@ impl<S: Scalar> Polygons<S> {
     /// rounding. Leaves the line's values at the corners.
     #[inline(always)]
     fn lies(&mut self, polygon: Polygon, line: Line<S>) -> [bool; 2] {
-        let (xs, ys) = (&self.xs[polygon.corners()], &self.ys[polygon.corners()]);
+        let corners = self.corners(polygon);
+        let (xs, ys) = (&self.xs[corners.clone()], &self.ys[corners]);
         let values = &mut self.values[..xs.len()];
         let (mut least, mut most) = (S::ZERO, S::ZERO);
         for ((value, &x), &y) in values.iter_mut().zip(xs).zip(ys) {
@@ -211,7 +215,7 @@ impl<S: Scalar> Polygons<S> {
     /// the side `cut`.
     #[inline(always)]
     fn part(&mut self, polygon: Polygon, cut: Bound) -> Option<Polygon> {
-        let own = polygon.corners();
+        let own = self.corners(polygon);
         let count = own.len();
         self.reserve(2 * count);
         let (xs, new_xs) = self.xs.split_at_mut(self.len);
@@ -245,7 +249,8 @@ impl<S: Scalar> Polygons<S> {
 
     /// The corners.
     pub(super) fn points(&self, polygon: Polygon) -> impl Iterator<Item = [S; 2]> + Clone + '_ {
-        let (xs, ys) = (&self.xs[polygon.corners()], &self.ys[polygon.corners()]);
+        let corners = self.corners(polygon);
+        let (xs, ys) = (&self.xs[corners.clone()], &self.ys[corners]);
         xs.iter().zip(ys).map(|(&x, &y)| [x, y])
     }
 
@@ -255,9 +260,9 @@ impl<S: Scalar> Polygons<S> {
         &self,
         polygon: Polygon,
     ) -> impl Iterator<Item = (Bound, [[S; 2]; 2])> + '_ {
-        let (first, end) = (polygon.first as usize, (polygon.first + polygon.count) as usize);
-        polygon.corners().map(move |at| {
-            let next = if at + 1 < end { at + 1 } else { first };
+        let Range { start, end } = self.corners(polygon);
+        (start..end).map(move |at| {
+            let next = if at + 1 < end { at + 1 } else { start };
             let ends = [at, next].map(|at| [self.xs[at], self.ys[at]]);
             (self.bounds[at], ends)
         })
@@ -269,7 +274,8 @@ impl<S: Scalar> Polygons<S> {
         &self,
         polygon: Polygon,
     ) -> ([S; 2], impl Iterator<Item = Triangle<S>> + Clone) {
-        let (xs, ys) = (&self.xs[polygon.corners()], &self.ys[polygon.corners()]);
+        let corners = self.corners(polygon);
+        let (xs, ys) = (&self.xs[corners.clone()], &self.ys[corners]);
         let first = [xs[0], ys[0]];
         let mut p = [xs[1] - first[0], ys[1] - first[1]];
         let triangles = xs[2..].iter().zip(&ys[2..]).map(move |(x, y)| {
