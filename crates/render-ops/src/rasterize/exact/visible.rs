@@ -224,9 +224,8 @@ impl<S: Scalar> Visible<S> {
         let (mut least, mut most) = ([infinity; 3], [-infinity; 3]);
         for point in polygons.points(polygon) {
             let place = [point[0], point[1], value_at(candidate.depth, point)];
-            // No place is NaN.
-            least = std::array::from_fn(|k| if place[k] < least[k] { place[k] } else { least[k] });
-            most = std::array::from_fn(|k| if place[k] > most[k] { place[k] } else { most[k] });
+            least = std::array::from_fn(|k| least[k].minimum_or_nan(place[k]));
+            most = std::array::from_fn(|k| most[k].maximum_or_nan(place[k]));
         }
         let (cuts, tie_bound) = (first..lines.len(), candidate.tie_bound);
         self.whole.push(Whole { candidate: at, face, polygon, cuts, least, most, tie_bound });
