@@ -17,11 +17,27 @@ use crate::rasterize::setup::Weights;
 /// Lines are looked for within this many times half a pixel's width: more than they can be off.
 pub(super) const REACH: f64 = 1.0 + 1e-6;
 
+/// What is known of a face of the band. Bit k tells whether edge k is one of the surface's outline, or a
+/// seam.
+pub(super) type FaceBits = u16;
+
+/// The first bit of a face's seams that are not of the outline: the surface goes on beyond them.
+pub(super) const INNER_SEAM: u16 = 3;
+
+/// The first bit of such edges of which the face beyond is drawn, too, and is lower: that one stands for both.
+pub(super) const SECOND: u16 = 6;
+
 /// The first bit of a face's edges that run along rows or columns.
-pub(super) const ALONG_AXIS: u8 = 3;
+pub(super) const ALONG_AXIS: u16 = 9;
 
 /// The bit of a face that may reach out of the depth range, or behind the eye.
-pub(super) const BEYOND_DEPTHS: u8 = 6;
+pub(super) const BEYOND_DEPTHS: u16 = 12;
+
+/// The edges of the outline and the seams for which a face stands.
+#[inline(always)]
+pub(super) fn own_edges(bits: FaceBits) -> FaceBits {
+    bits & !(bits >> SECOND) & 0b111
+}
 
 /// A band with the faces that were drawn in it.
 pub(in crate::rasterize) struct BandFaces<'a, 'v, T: Scalar> {
@@ -96,11 +112,12 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
             #[inline(always)]
             |row, marked| {
                 let y = self.view.ys[self.rows.start + row];
+                let of_row = edges.map(|[one, by_x, by_y]| [one + by_y * y, by_x]);
                 marked.for_each(
                     #[inline(always)]
                     |column| {
                         let x = self.center(column, block);
-                        let a = edges.map(|[one, by_x, by_y]| one + by_x * x + by_y * y);
+                        let a = of_row.map(|[one, by_x]| one + by_x * x);
                         visit(marked.rank(column), a);
                     },
                 );
@@ -139,23 +156,22 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         depth(&vertices, &self.edges_around(band_face, q))
     }
 
-    /// A face around the centre of a pixel. `bits` tell of its edges, as [`ALONG_AXIS`] has it: which are of the
-    /// outline, and which run along rows or columns. By `vertex_rounding` times its edge functions its depth
-    /// may be off, since vertices were rounded.
+    /// A face around the centre of a pixel. By `vertex_rounding` times its edge functions its depth may be off,
+    /// since vertices were rounded.
     #[inline(always)]
     pub(super) fn candidate(
         &self,
         band_face: u32,
-        bits: u8,
+        bits: FaceBits,
         [x, y]: [T::Wide; 2],
         vertex_rounding: [T::Wide; 3],
     ) -> Candidate<T::Wide> {
         let on_border = self.on_border(band_face, bits >> ALONG_AXIS, [x, y]);
         let face = self.faces[band_face as usize] as usize;
         let vertices = self.view.corners_of(face).map(|corner| corner.vertex);
-        let adjacency = self.view.mesh.adjacency();
+        let (adjacency, ends) = (self.view.mesh.adjacency(), bits & !(bits >> INNER_SEAM));
         let neighbors = [0, 1, 2].map(|k| match adjacency.neighbor(face, k) {
-            Some(neighbor) if bits >> k & 1 == 0 => neighbor.face,
+            Some(neighbor) if ends >> k & 1 == 0 => neighbor.face,
             _ => NO_FACE,
         });
         let q = vertices.map(|vertex| vertex.relative_to(x, y));
@@ -198,7 +214,12 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
     /// Which of a face's edges lie on the border of the pixel with the centre `center`: a bit for each of
     /// them. The first three bits of `along_axis` tell which edges run along rows or columns.
     #[inline(always)]
-    pub(super) fn on_border(&self, band_face: u32, along_axis: u8, center: [T::Wide; 2]) -> u8 {
+    pub(super) fn on_border(
+        &self,
+        band_face: u32,
+        along_axis: FaceBits,
+        center: [T::Wide; 2],
+    ) -> u8 {
         match along_axis & 0b111 {
             0 => 0,
             some => self.some_on_border(band_face, some, center),
@@ -207,7 +228,7 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
 
     #[cold]
     #[inline(never)]
-    fn some_on_border(&self, band_face: u32, some: u8, center: [T::Wide; 2]) -> u8 {
+    fn some_on_border(&self, band_face: u32, some: FaceBits, center: [T::Wide; 2]) -> u8 {
         let edges = &self.weights[band_face as usize].edges;
         let bounds = self.edge_error_bounds(band_face);
         let is_on_border =

@@ -4,7 +4,9 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::band_faces::{ALONG_AXIS, BEYOND_DEPTHS, BandFaces, REACH};
+use super::band_faces::{
+    ALONG_AXIS, BEYOND_DEPTHS, BandFaces, FaceBits, INNER_SEAM, REACH, SECOND, own_edges,
+};
 use super::depth_intervals::{DepthInterval, front_layers, may_cross};
 use super::faces_by_pixel::FacesByPixel;
 use super::outline::Outline;
@@ -15,6 +17,8 @@ use super::planes::Planes;
 use super::polygon::Line;
 use super::regions::Regions;
 use super::resolution::Resolution;
+use crate::mesh::Neighbor;
+use crate::rasterize::culling::Fate;
 use crate::rasterize::options::Sampling;
 
 /// The memory of the search.
@@ -32,9 +36,8 @@ pub(in crate::rasterize) struct BoundarySearch<S> {
     faces_by_pixel: FacesByPixel,
     outline: Outline<S>,
     resolution: Resolution<S>,
-    /// Per face of the band: bit k, whether edge k is one of a surface's outline, or a seam; bit
-    /// `ALONG_AXIS + k`, whether it runs along rows or columns; and bit `BEYOND_DEPTHS`.
-    outlines: Vec<u8>,
+    /// Per face of the band.
+    outlines: Vec<FaceBits>,
 }
 
 impl<S: Scalar<Wide = S>> BoundarySearch<S> {
@@ -66,21 +69,33 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
     fn mark<T: Scalar<Wide = S>>(&mut self, band: &BandFaces<'_, '_, T>) {
         let view = band.view;
         let Self { marks, outlines, planes, .. } = self;
-        let has_seams = view.sampling == Sampling::Exact;
+        let (adjacency, has_seams) = (view.mesh.adjacency(), view.sampling == Sampling::Exact);
         marks.clear(band.rows.len(), view.size.width);
         outlines.clear();
         planes.clear(band.faces.len());
         for (at, (&face, weights)) in (0..).zip(band.faces.iter().zip(band.weights)) {
-            let is_seam = |k| has_seams && view.mesh.is_seam(face as usize, k);
-            let is_outline = |k| view.is_silhouette(face as usize, k) || is_seam(k);
-            let outline: u8 = (0..3).map(|k| u8::from(is_outline(k)) << k).sum();
-            let along_axis: u8 =
-                (0..3).map(|k| u8::from(is_along_axis(weights.edges[k])) << k).sum();
+            let outline = bits(|k| view.is_silhouette(face as usize, k));
+            let seams = bits(|k| has_seams && view.mesh.is_seam(face as usize, k));
+            let along_axis = bits(|k| is_along_axis(weights.edges[k]));
             let corners = view.corners_of(face as usize);
             let is_beyond = corners.iter().any(|corner| corner.is_beyond_depths());
-            let is_beyond_bit = u8::from(is_beyond) << BEYOND_DEPTHS;
-            outlines.push(outline | along_axis << ALONG_AXIS | is_beyond_bit);
-            for corner in (0..3).filter(|k| outline >> k & 1 == 1) {
+            let marked = outline | seams;
+            let stands_second = |k: usize| {
+                marked >> k & 1 == 1
+                    && adjacency.neighbor(face as usize, k).is_some_and(
+                        |Neighbor { face: other, .. }| {
+                            other < face
+                                && matches!(view.verdicts[other as usize].fate, Fate::Drawn { .. })
+                        },
+                    )
+            };
+            let bits = marked
+                | (seams & !outline) << INNER_SEAM
+                | bits(stands_second) << SECOND
+                | along_axis << ALONG_AXIS
+                | FaceBits::from(is_beyond) << BEYOND_DEPTHS;
+            outlines.push(bits);
+            for corner in (0..3).filter(|k| own_edges(bits) >> k & 1 == 1) {
                 let [rows, columns] = band.reach_of_edge(face, corner);
                 let [one, x, y] = weights.edges[corner];
                 let start = one + x * view.centers[0];
@@ -179,6 +194,12 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         };
         resolution.run(band, pixel, intervals, candidate, pieces);
     }
+}
+
+/// Which edges of a face something holds of: a bit for each.
+#[inline(always)]
+fn bits(holds: impl Fn(usize) -> bool) -> FaceBits {
+    (0..3).map(|k| FaceBits::from(holds(k)) << k).sum()
 }
 
 /// The range of `columns` in whose pixels of a row a line passes, and perhaps a few more columns. The

@@ -18,7 +18,7 @@
 
 use bokashi_core::Scalar;
 
-use super::band_faces::{ALONG_AXIS, BEYOND_DEPTHS, BandFaces, REACH};
+use super::band_faces::{ALONG_AXIS, BEYOND_DEPTHS, BandFaces, FaceBits, REACH, own_edges};
 use super::extent::Extent;
 use super::mean::barycentrics;
 use super::parts::{Side, Source};
@@ -47,10 +47,10 @@ struct Face<S> {
     vertices: [Vertex<S>; 3],
     /// The edge functions, positive inside.
     edges: [Line<S>; 3],
-    /// Bit k: whether edge k is one of the outline.
-    outline: u8,
+    /// Bit k: whether edge k is one of the outline, for which this face stands.
+    outline: FaceBits,
     /// Bit k: whether such an edge may cross the pixel.
-    ends: u8,
+    ends: FaceBits,
 }
 
 /// What tells whether a sheet of faces fills the pixel: a face, before it is worked out around the pixel.
@@ -59,8 +59,7 @@ struct SheetFace {
     band_face: u32,
     /// Its number in the mesh.
     number: u32,
-    /// Bit k: whether edge k is one of the outline.
-    outline: u8,
+    bits: FaceBits,
     /// The search by which it was reached; 0 before that.
     reached_by: u32,
 }
@@ -117,7 +116,7 @@ impl<S: Scalar<Wide = S>> Outline<S> {
     pub(super) fn run<T: Scalar<Wide = S>>(
         &mut self,
         band: &BandFaces<'_, '_, T>,
-        outlines: &[u8],
+        outlines: &[FaceBits],
         pixel: u32,
         center: [S; 2],
         some_faces: &[u32],
@@ -154,25 +153,30 @@ impl<S: Scalar<Wide = S>> Outline<S> {
     fn find<T: Scalar<Wide = S>>(
         &mut self,
         band: &BandFaces<'_, '_, T>,
-        outlines: &[u8],
+        outlines: &[FaceBits],
         center: [S; 2],
         some_faces: &[u32],
     ) -> Option<Covered<S>> {
-        let is_left_out = |&face: &u32| {
-            let outline = outlines[face as usize];
-            outline >> BEYOND_DEPTHS != 0
-                || band.on_border(face, outline >> ALONG_AXIS, center) != 0
+        let mut bits = 0;
+        self.sheet.clear();
+        self.sheet.extend(some_faces.iter().map(|&band_face| {
+            let (number, own) = (band.faces[band_face as usize], outlines[band_face as usize]);
+            bits |= own;
+            SheetFace { band_face, number, bits: own, reached_by: 0 }
+        }));
+        let is_left_out = |face: &SheetFace| {
+            face.bits >> BEYOND_DEPTHS != 0
+                || band.on_border(face.band_face, face.bits >> ALONG_AXIS, center) != 0
         };
-        let bits = some_faces.iter().fold(0, |bits, &face| bits | outlines[face as usize]);
-        if bits >> ALONG_AXIS != 0 && some_faces.iter().any(is_left_out) {
+        if bits >> ALONG_AXIS != 0 && self.sheet.iter().any(is_left_out) {
             return None;
         }
-        if self.is_filled(band, outlines, center, some_faces) {
+        if self.is_filled(band, center) {
             return Some(Covered { area: S::from_f64(4.0), rim: None });
         }
         self.faces.clear();
         self.faces.extend(
-            some_faces.iter().map(|&face| Face::new(band, face, outlines[face as usize], center)),
+            self.sheet.iter().map(|face| Face::new(band, face.band_face, face.bits, center)),
         );
         self.stretches.clear();
         for (at, face) in (0..).zip(&self.faces) {
@@ -192,24 +196,17 @@ impl<S: Scalar<Wide = S>> Outline<S> {
         self.covered()
     }
 
-    /// Whether a sheet of faces surely fills the pixel: faces that hang together across edges of no outline,
-    /// of which none ends in the pixel and one covers its centre. Where an edge of such a face crosses the
-    /// pixel, the sheet goes on beyond it.
+    /// Whether a sheet of the pixel's faces surely fills the pixel: faces that hang together across edges of no
+    /// outline, of which none ends in the pixel and one covers its centre. Where an edge of such a face crosses
+    /// the pixel, the sheet goes on beyond it.
     #[inline(always)]
     fn is_filled<T: Scalar<Wide = S>>(
         &mut self,
         band: &BandFaces<'_, '_, T>,
-        outlines: &[u8],
         [x, y]: [S; 2],
-        some_faces: &[u32],
     ) -> bool {
         let Self { sheet, open, .. } = self;
         let adjacency = band.view.mesh.adjacency();
-        sheet.clear();
-        sheet.extend(some_faces.iter().map(|&band_face| {
-            let (number, outline) = (band.faces[band_face as usize], outlines[band_face as usize]);
-            SheetFace { band_face, number, outline, reached_by: 0 }
-        }));
         // By coefficients that are at hand: `REACH` is more than they are off by.
         let edges = |face: SheetFace| {
             let edges = band.weights[face.band_face as usize].edges;
@@ -229,9 +226,13 @@ impl<S: Scalar<Wide = S>> Outline<S> {
             sheet[first].reached_by = search;
             open.clear();
             open.push(first);
-            while let Some(face) = open.pop().map(|at| sheet[at]).filter(|_| !has_border) {
-                has_border = face.outline & 0b111 != 0 && ends(&edges(face), face.outline) != 0;
-                for corner in (0..3).filter(|corner| face.outline >> corner & 1 == 0) {
+            while let Some(face) = open.pop().map(|at| sheet[at]) {
+                let crossing = crossing(&edges(face));
+                has_border |= crossing & face.bits != 0;
+                if has_border {
+                    break;
+                }
+                for corner in (0..3).filter(|corner| crossing >> corner & 1 == 1) {
                     let neighbor = adjacency.neighbor(face.number as usize, corner);
                     // A face that does not reach into the pixel is none of its faces.
                     let Some(at) = neighbor.and_then(|other| place_of(sheet, other.face)) else {
@@ -408,13 +409,14 @@ impl<S: Scalar<Wide = S>> Face<S> {
     fn new<T: Scalar<Wide = S>>(
         band: &BandFaces<'_, '_, T>,
         band_face: u32,
-        outline: u8,
+        bits: FaceBits,
         center: [S; 2],
     ) -> Self {
         let corners = band.view.corners_of(band.faces[band_face as usize] as usize);
         let vertices = corners.map(|corner| corner.vertex.around(center));
         let edges = band.edges_around(band_face, vertices.map(|vertex| [vertex.x, vertex.y]));
-        Self { band_face, vertices, edges, outline, ends: ends(&edges, outline) }
+        let outline = own_edges(bits);
+        Self { band_face, vertices, edges, outline, ends: outline & crossing(&edges) }
     }
 }
 
@@ -427,13 +429,13 @@ fn place_of(sheet: &[SheetFace], number: u32) -> Option<usize> {
     sheet.binary_search_by_key(&number, |face| face.number).ok()
 }
 
-/// Which edges of a face are of the outline and may cross the pixel: a bit for each.
+/// Which lines of a face's edges may cross the pixel: a bit for each.
 #[inline(always)]
-fn ends<S: Scalar>(edges: &[Line<S>; 3], outline: u8) -> u8 {
+fn crossing<S: Scalar>(edges: &[Line<S>; 3]) -> FaceBits {
     let own = |k: usize| {
         let [one, x, y] = edges[k];
         let reach = S::from_f64(REACH) * (x.abs() + y.abs());
-        u8::from(outline >> k & 1 == 1 && one.abs() <= reach) << k
+        FaceBits::from(one.abs() <= reach) << k
     };
     own(0) | own(1) | own(2)
 }

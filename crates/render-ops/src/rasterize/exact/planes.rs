@@ -2,7 +2,7 @@
 
 use bokashi_core::Scalar;
 
-use super::band_faces::{BandFaces, REACH, depth, total};
+use super::band_faces::{BandFaces, FaceBits, REACH, depth, total};
 use super::depth_intervals::{At, DepthInterval};
 use super::polygon::{Line, value_at};
 use crate::homogeneous::Vertex;
@@ -108,7 +108,7 @@ impl<S: Scalar<Wide = S>> Planes<S> {
         &mut self,
         band: &BandFaces<'_, '_, T>,
         band_face: u32,
-        outline: u8,
+        outline: FaceBits,
         center: [S; 2],
         width: usize,
     ) -> At {
