@@ -41,8 +41,8 @@ impl Scene {
         let clip = project(tape.constant(&self.vertices.cast()), &self.camera, Some(pose))?;
         let colors = tape.constant(&self.colors.cast());
         let size = Size::square(64);
-        let creased = mark_creases(&self.mesh, clip, colors, size)?;
         let exact = RasterOptions::new(size).sampling(Sampling::Exact);
+        let creased = mark_creases(&self.mesh, clip, colors, exact)?;
         let fragments = rasterize(clip, &creased, exact)?;
         let surface = interpolate(colors, &fragments)?;
         let picture = composite(surface, &fragments, Background::Zero)?;

@@ -28,8 +28,8 @@
 //!         let clip = project(tape.constant(&self.vertices), &self.camera, Some(pose))?;
 //!         let colors = tape.constant(&self.colors);
 //!         let size = Size::square(32);
-//!         let creased = mark_creases(&self.mesh, clip, colors, size)?;
 //!         let exact = RasterOptions::new(size).sampling(Sampling::Exact);
+//!         let creased = mark_creases(&self.mesh, clip, colors, exact)?;
 //!         let fragments = rasterize(clip, &creased, exact)?;
 //!         let surface = interpolate(colors, &fragments)?;
 //!         let picture = composite(surface, &fragments, Background::Zero)?;

@@ -45,7 +45,7 @@ impl Scene {
         };
         let options = RasterOptions::new(self.size).sampling(sampling);
         let mesh = match sampling {
-            Sampling::Exact => mark_creases(&self.mesh, clip, colors, self.size)?,
+            Sampling::Exact => mark_creases(&self.mesh, clip, colors, options)?,
             _ => self.mesh.clone(),
         };
         let fragments = rasterize(clip, &mesh, options)?;

@@ -22,6 +22,7 @@ use bokashi_core::{Scalar, Tensor, TensorError, Var};
 use crate::error::RenderError;
 use crate::homogeneous::{Vertex, determinant, edge};
 use crate::mesh::Mesh;
+use crate::rasterize::{Cull, RasterOptions};
 use crate::size::Size;
 
 /// Faces in one piece of work.
@@ -35,12 +36,14 @@ pub struct Creases {
     /// How far a pixel that shows its centre may be off its mean because of an edge, as a share of the
     /// attribute's range. The range is the largest of its channels'.
     pub tolerance: f64,
+    /// Which faces are not drawn: what lies between two of them is not looked at.
+    pub cull: Cull,
 }
 
 impl Creases {
-    /// In an image of `size`, with a tolerance of 2e-3.
+    /// In an image of `size` in which all faces are drawn, with a tolerance of 2e-3.
     pub const fn new(size: Size) -> Self {
-        Self { size, tolerance: 2e-3 }
+        Self { size, tolerance: 2e-3, cull: Cull::None }
     }
 
     /// The same with another tolerance.
@@ -48,11 +51,24 @@ impl Creases {
     pub const fn tolerance(self, tolerance: f64) -> Self {
         Self { tolerance, ..self }
     }
+
+    /// The same where some faces are not drawn.
+    #[must_use]
+    pub const fn cull(self, cull: Cull) -> Self {
+        Self { cull, ..self }
+    }
 }
 
 impl From<Size> for Creases {
     fn from(size: Size) -> Self {
         Self::new(size)
+    }
+}
+
+/// In an image that is rasterized with these options.
+impl From<RasterOptions> for Creases {
+    fn from(RasterOptions { size, cull, .. }: RasterOptions) -> Self {
+        Self::new(size).cull(cull)
     }
 }
 
@@ -102,7 +118,7 @@ fn marked<T: Scalar>(
     clip: &Tensor<T>,
     attributes: &Tensor<T>,
     indices: &Mesh,
-    Creases { size, tolerance }: Creases,
+    Creases { size, tolerance, cull }: Creases,
 ) -> Result<Mesh, RenderError> {
     let [expected, given] = [mesh, indices].map(|mesh| mesh.faces().len());
     if given != expected {
@@ -134,6 +150,7 @@ fn marked<T: Scalar>(
         clip,
         attributes: attributes.data(),
         channels,
+        cull,
         scale: scale(clip, size),
         // A pixel is two units wide.
         most_bend: 4.0 * tolerance * range,
@@ -142,16 +159,17 @@ fn marked<T: Scalar>(
     let mut seams = vec![0_u8; expected];
     for_each_piece_mut(&mut seams, FACES_PER_PIECE, |piece, seams| {
         for (face, seams) in (piece * FACES_PER_PIECE..).zip(seams) {
-            *seams = (0..3).map(|corner| u8::from(surface.is_crease(face, corner)) << corner).sum();
+            *seams = surface.creases_of(face);
         }
     });
     let mut has_creases = false;
-    for (face, corner) in (0..expected).flat_map(|face| (0..3).map(move |corner| (face, corner))) {
-        if seams[face] >> corner & 1 == 1
-            && let Some([_, Side { face, corners: [.., across] }]) = surface.sides(face, corner)
-        {
-            has_creases = true;
-            seams[face] |= 1 << across;
+    for face in 0..expected {
+        let own = seams[face];
+        for corner in (0..3).filter(|corner| own >> corner & 1 == 1) {
+            if let Some(Beyond { face, corners: [.., across] }) = surface.beyond(face, corner) {
+                has_creases = true;
+                seams[face] |= 1 << across;
+            }
         }
     }
     Ok(if has_creases { mesh.with_more_seams(&seams) } else { mesh.clone() })
@@ -190,6 +208,7 @@ struct Surface<'a, T> {
     clip: &'a [[T; 4]],
     attributes: &'a [T],
     channels: usize,
+    cull: Cull,
     scale: [f64; 3],
     /// By how much a slope may jump at an edge that is no crease, in scaled coordinates.
     most_bend: f64,
@@ -197,31 +216,73 @@ struct Surface<'a, T> {
     most_jump: f64,
 }
 
-/// An edge as a face has it: the face, and which of its corners are the edge's ends and the third corner.
+/// The face beyond an edge, and which of its corners are the edge's ends and the third corner.
 #[derive(Debug, Clone, Copy)]
-struct Side {
+struct Beyond {
     face: usize,
     corners: [usize; 3],
 }
 
+/// An edge from p to q.
+struct Edge {
+    /// The corners p, q and s of a face at it, and their determinant.
+    own: [Vertex<f64>; 3],
+    size: f64,
+    /// The edge function from p to q.
+    line: [f64; 3],
+    /// The third corner r of the face beyond, and its determinant with p and q.
+    beyond: Vertex<f64>,
+    beyond_size: f64,
+}
+
 impl<'a, T: Scalar> Surface<'a, T> {
-    /// Whether the edge that faces a corner of a face is a crease; no edge is of which the other face is the
-    /// lower one.
-    fn is_crease(&self, face: usize, corner: usize) -> bool {
-        let Some([near, far]) = self.sides(face, corner) else { return false };
-        let (own, others) = (self.rows(near), self.rows(far));
+    /// Which edges of a face are creases, a bit for each by the corner that it faces. No edge is of which the
+    /// other face is the lower one.
+    fn creases_of(&self, face: usize) -> u8 {
+        let vertices = self.mesh.faces()[face].map(|vertex| self.vertex(vertex));
+        let rows = self.indices.faces()[face].map(|row| self.row(row));
+        let size = determinant(vertices[2], edge(vertices[0], vertices[1]));
+        let is_culled = |size: f64| match self.cull {
+            Cull::None => false,
+            Cull::Back => size < 0.0,
+            Cull::Front => size > 0.0,
+        };
+        let is_crease = |&corner: &usize| {
+            let Some(Beyond { face: other, corners: [p, q, across] }) = self.beyond(face, corner)
+            else {
+                return false;
+            };
+            let turned = [1, 2, 0].map(|k| (corner + k) % 3);
+            let own = turned.map(|k| vertices[k]);
+            let line = edge(own[0], own[1]);
+            let beyond = self.vertex(self.mesh.faces()[other][across]);
+            let beyond_size = determinant(beyond, line);
+            // Of two faces that turn alike one has the edge from p to q, the other from q to p.
+            let turn_alike = (q + 1) % 3 == p;
+            if is_culled(size) && is_culled(if turn_alike { -beyond_size } else { beyond_size }) {
+                return false;
+            }
+            let rows_beyond = [p, q, across].map(|k| self.row(self.indices.faces()[other][k]));
+            let edge = Edge { own, size, line, beyond, beyond_size };
+            self.is_crease(&edge, turned.map(|k| rows[k]), rows_beyond)
+        };
+        (0..3).filter(is_crease).map(|corner| 1 << corner).sum()
+    }
+
+    /// Whether an edge is a crease, from the rows of attributes of p, q and s, and of p, q and r.
+    #[inline(always)]
+    fn is_crease(&self, edge_of_faces: &Edge, own: [&[T]; 3], others: [&[T]; 3]) -> bool {
+        let &Edge { own: [p, q, s], size: own_size, line, beyond: r, beyond_size: size } =
+            edge_of_faces;
         // Of what is no number nothing is known.
         let is_most = |change: f64, most: f64| change.abs() <= most;
         let jumps = (0..2).any(|end| {
             let mut pairs = own[end].iter().zip(others[end]);
             pairs.any(|(a, b)| !is_most(a.to_f64() - b.to_f64(), self.most_jump))
         });
-        let [p, q, s] = self.vertices(near);
-        let [_, _, r] = self.vertices(far);
-        let line = edge(p, q);
-        let (own_size, size) = (determinant(s, line), determinant(r, line));
-        let shares = [(q, s), (s, p)].map(|(a, b)| determinant(r, edge(a, b)) / own_size);
-        let share = size / own_size;
+        let inverse = 1.0 / own_size;
+        let shares = [(q, s), (s, p)].map(|(a, b)| inverse * determinant(r, edge(a, b)));
+        let share = inverse * size;
         let slope = (line[1] * line[1] + line[2] * line[2]).sqrt() / size;
         jumps
             || [p.w, q.w].into_iter().enumerate().filter(|&(_, w)| w > 0.0).any(|(end, w)| {
@@ -235,32 +296,29 @@ impl<'a, T: Scalar> Surface<'a, T> {
             })
     }
 
-    /// The edge that faces a corner of a face, as this face and the other face at it have it, where that is
-    /// the higher one.
-    fn sides(&self, face: usize, corner: usize) -> Option<[Side; 2]> {
+    /// The face beyond the edge that faces a corner of a face, where it is the higher one.
+    #[inline(always)]
+    fn beyond(&self, face: usize, corner: usize) -> Option<Beyond> {
         let faces = self.mesh.faces();
         let other = self.mesh.adjacency().neighbor(face, corner)?.face as usize;
         if other < face {
             return None;
         }
-        let corners = [(corner + 1) % 3, (corner + 2) % 3, corner];
-        let place = |k: usize| (0..3).find(|&own| faces[other][own] == faces[face][k]);
-        let (p, q) = (place(corners[0])?, place(corners[1])?);
-        Some([Side { face, corners }, Side { face: other, corners: [p, q, 3 - p - q] }])
+        let place = |k: usize| (0..3).find(|&own| faces[other][own] == faces[face][k % 3]);
+        let (p, q) = (place(corner + 1)?, place(corner + 2)?);
+        Some(Beyond { face: other, corners: [p, q, 3 - p - q] })
     }
 
-    fn vertices(&self, Side { face, corners }: Side) -> [Vertex<f64>; 3] {
-        let vertices = self.mesh.faces()[face];
-        corners.map(|k| {
-            let [x, y, z, w] = self.clip[vertices[k] as usize].map(T::to_f64);
-            let [by_x, by_y, by_w] = self.scale;
-            Vertex { x: by_x * x, y: by_y * y, z, w: by_w * w }
-        })
+    #[inline(always)]
+    fn vertex(&self, vertex: u32) -> Vertex<f64> {
+        let [x, y, z, w] = self.clip[vertex as usize].map(T::to_f64);
+        let [by_x, by_y, by_w] = self.scale;
+        Vertex { x: by_x * x, y: by_y * y, z, w: by_w * w }
     }
 
-    fn rows(&self, Side { face, corners }: Side) -> [&'a [T]; 3] {
-        let rows = self.indices.faces()[face];
-        corners.map(|k| &self.attributes[rows[k] as usize * self.channels..][..self.channels])
+    #[inline(always)]
+    fn row(&self, row: u32) -> &'a [T] {
+        &self.attributes[row as usize * self.channels..][..self.channels]
     }
 }
 
@@ -271,6 +329,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::rasterize::rasterize;
 
     /// Two faces that share the edge from vertex 1 to vertex 2, and two colours per vertex.
     #[derive(Debug, Clone)]
@@ -451,6 +510,40 @@ mod tests {
             pair.has_crease(1e-2)
         };
         assert!(behind([-1.0, 1.0]) && behind([1.0, -1.0]) && !behind([-1.0, -1.0]));
+    }
+
+    proptest! {
+        /// Whichever way each of two faces turns.
+        #[test]
+        fn only_between_faces_that_are_not_drawn_no_crease_is_looked_for(
+            pair in pair(),
+            turned: [bool; 2],
+            mirrored: bool,
+            cull in prop_oneof![Just(Cull::Back), Just(Cull::Front)],
+        ) {
+            let mut pair = pair;
+            if mirrored {
+                pair.clip.iter_mut().for_each(|[x, ..]| *x = -*x);
+            }
+            let mut faces = FACES;
+            for (face, turned) in faces.iter_mut().zip(turned) {
+                if turned {
+                    face.swap(0, 1);
+                }
+            }
+            let mesh = Mesh::new(faces.to_vec(), 4).unwrap();
+            let tape = Tape::<f64>::new();
+            let clip = tape.constant(&Tensor::from(pair.clip.map(|[x, y, _, w]| [x, y, 0.0, w])));
+            let colors = tape.constant(&Tensor::from(pair.colors));
+            let options = RasterOptions::new(pair.size).cull(cull);
+            let not_drawn = rasterize(clip, &mesh, options).unwrap().coverage.culled().facing;
+            let all = mark_creases(&mesh, clip, colors, pair.size).unwrap();
+            let drawn = mark_creases(&mesh, clip, colors, options).unwrap();
+            for (face, corner) in (0..2).flat_map(|face| [0, 1, 2].map(|corner| (face, corner))) {
+                let expected = all.is_seam(face, corner) && not_drawn < 2;
+                prop_assert_eq!(drawn.is_seam(face, corner), expected);
+            }
+        }
     }
 
     #[test]

@@ -30,7 +30,7 @@ pub(crate) fn drawn<'t, T: Scalar>(
 ) -> Result<Drawn<'t, T>, FitError> {
     let clip = project(positions, &scene.camera, None)?;
     let mesh = match scene.creases {
-        Some(creases) => mark_creases(&scene.mesh, clip, colors, creases)?,
+        Some(creases) => mark_creases(&scene.mesh, clip, colors, creases.cull(options.cull))?,
         None => scene.mesh.clone(),
     };
     let fragments = rasterize(clip, &mesh, options)?;

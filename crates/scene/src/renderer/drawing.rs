@@ -230,7 +230,7 @@ impl Renderer {
         if options.sampling == Sampling::Exact {
             let normals = normals.map(|own| own.normals);
             for own in [looks.colors, looks.coordinates, normals].into_iter().flatten() {
-                mesh = mark_creases_indexed(&mesh, clip, own.rows, own.indices, size)?;
+                mesh = mark_creases_indexed(&mesh, clip, own.rows, own.indices, options)?;
             }
         }
         Ok(rasterize(clip, &mesh, options)?)

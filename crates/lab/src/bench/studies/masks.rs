@@ -18,10 +18,10 @@ use crate::bench::table::{Cell, Table};
 /// The ways to make a mask.
 const WAYS: [Sampling; 3] = [Sampling::Center, Sampling::Outline, Sampling::Exact];
 
-/// Faces, pixels along a side, and views all around.
-const MESHES: [[usize; 3]; 2] = [[1_024, 128, 8], [80_000, 1024, 1]];
-/// How far vertices are off, in pixels: the surface folds.
-const SHIFT: f64 = 1.0;
+/// Faces, pixels along a side, and views all around; and how far vertices are off, in pixels, by which the
+/// surface folds.
+const MESHES: [([usize; 3], f64); 3] =
+    [([1_024, 128, 8], 0.15), ([1_024, 128, 8], 1.0), ([80_000, 1024, 1], 1.0)];
 
 /// Of the spheres whose radius is asked for.
 const SMOOTH_FACES: [usize; 2] = [1_000, 20_000];
@@ -58,7 +58,13 @@ struct Masks {
 
 impl Masks {
     /// From positions that are off to the masks of `scene`, as a camera sees them: means over pixels.
-    fn new(scene: &Scene, views: usize, cull: Cull, sampling: Sampling) -> Result<Self, FitError> {
+    fn new(
+        scene: &Scene,
+        shift: f64,
+        views: usize,
+        cull: Cull,
+        sampling: Sampling,
+    ) -> Result<Self, FitError> {
         let turn = |view: usize| std::f64::consts::TAU * view as f64 / views as f64;
         let cameras: Vec<_> =
             (0..views).map(|view| scene.camera * DMat4::from_rotation_y(turn(view))).collect();
@@ -70,7 +76,7 @@ impl Masks {
             Ok::<_, FitError>(Reference::new(&image, &Tensor::zeros([1]))?)
         };
         let references = cameras.iter().map(reference).collect::<Result<_, _>>()?;
-        let (positions, tape) = (scene.jittered(SHIFT, 0).cast(), Tape::new());
+        let (positions, tape) = (scene.jittered(shift, 0).cast(), Tape::new());
         let options = options.sampling(sampling);
         Ok(Self { scene: scene.clone(), options, cameras, positions, references, tape })
     }
@@ -115,19 +121,20 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
     let mut study = Study::new(
         "masks",
         "Silhouette masks",
-        format!(
-            "Spheres whose vertices are off by {SHIFT} px (standard deviation), so that they fold. Masks of \
+        String::from(
+            "Spheres whose vertices are off (standard deviation, pixels), so that they fold. Masks of \
              one channel, squared error against the masks of the sphere itself, gradient; all views on \
              one tape, f32, one thread. The error is the length of the difference from the gradient \
              with exact coverage, as a share of that; what exact coverage itself is off by is in the \
              tables above. The radius: the derivative of the area of a sphere by its radius, f64, as a \
-             share of the true one. The truth is a central difference of areas with exact coverage."
+             share of the true one. The truth is a central difference of areas with exact coverage.",
         ),
     );
     let columns = [
         ("faces", "faces"),
         ("pixels", "pixels"),
         ("views", "views"),
+        ("off by, px", "shift"),
         ("back faces", "cull"),
         ("antialias, ms", "antialias_milliseconds"),
         ("outline, ms", "outline_milliseconds"),
@@ -136,12 +143,14 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         ("error, outline, %", "outline_error"),
     ];
     let mut costs = Table::new("masks", "Cost of a step, and error of its gradient", &columns);
-    for [faces, pixels, views] in MESHES.into_iter().take(bench.effort.choose(1, MESHES.len())) {
+    for ([faces, pixels, views], shift) in
+        MESHES.into_iter().take(bench.effort.choose(1, MESHES.len()))
+    {
         let scene = Scene::sphere_of(faces, bench.effort.choose(32, pixels))?;
         for (name, cull) in [("culled", Cull::Back), ("drawn", Cull::None)] {
             let (mut gradients, mut contestants) = (Vec::new(), Vec::new());
             for sampling in WAYS {
-                let mut masks = Masks::new(&scene, views, cull, sampling)?;
+                let mut masks = Masks::new(&scene, shift, views, cull, sampling)?;
                 gradients.push(masks.step()?);
                 contestants.push(Contestant::new(bench.one(), move || masks.step().map(drop)));
             }
@@ -154,7 +163,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
                 [antialias, outline].map(|found| Cell::number(100.0 * error(found, exact)));
             let mut cells =
                 [scene.mesh.faces().len(), scene.size.width, views].map(Cell::Count).to_vec();
-            cells.push(Cell::text(name));
+            cells.extend([Cell::number(shift), Cell::text(name)]);
             cells.extend(times.chain(errors));
             costs.push(cells);
         }

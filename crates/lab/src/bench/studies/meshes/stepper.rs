@@ -123,7 +123,7 @@ impl Stepper {
         let mut stepper = Self {
             mesh: file.mesh.clone(),
             options: RasterOptions::new(*size).cull(*cull).sampling(sampling),
-            creases: (way == Way::Exact).then(|| Creases::new(*size)),
+            creases: (way == Way::Exact).then(|| Creases::new(*size).cull(*cull)),
             camera: *camera,
             positions: file.positions.cast(),
             colors: colors.as_ref().map(tinted),

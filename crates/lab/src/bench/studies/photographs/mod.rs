@@ -74,11 +74,11 @@ fn drawn<'t>(
     let clip = project(tape.constant(&object.positions), to_clip, None)?;
     let coordinates = tape.constant(&object.coordinates);
     let Object { mesh, indices, .. } = object;
+    let options = RasterOptions::new(size).cull(Cull::Back).sampling(sampling);
     let marked: Option<Mesh> = match sampling {
-        Sampling::Exact => Some(mark_creases_indexed(mesh, clip, coordinates, indices, size)?),
+        Sampling::Exact => Some(mark_creases_indexed(mesh, clip, coordinates, indices, options)?),
         _ => None,
     };
-    let options = RasterOptions::new(size).cull(Cull::Back).sampling(sampling);
     let fragments = rasterize(clip, marked.as_ref().unwrap_or(mesh), options)?;
     let places = interpolate_indexed(coordinates, indices, &fragments)?;
     let texture = Texture::new(tape.constant(&object.texels))?;
