@@ -61,9 +61,9 @@ impl Scene {
         let clip = Var::concat(&[floor, cubes], 0)?;
         let colors = tape.constant(&self.colors);
         let size = Size::square(96);
-        let creased =
-            mark_creases_indexed(self.assembly.mesh(), clip, colors, &self.indices, size)?;
         let exact = RasterOptions::new(size).sampling(Sampling::Exact);
+        let creased =
+            mark_creases_indexed(self.assembly.mesh(), clip, colors, &self.indices, exact)?;
         let fragments = rasterize(clip, &creased, exact)?;
         let surface = interpolate_indexed(colors, &self.indices, &fragments)?;
         Ok(composite(surface, &fragments, Background::Zero)?.into())

@@ -21,7 +21,7 @@ use bokashi_core::{Scalar, Tensor, TensorError, Var};
 
 use crate::error::RenderError;
 use crate::homogeneous::{Vertex, determinant, edge};
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, Neighbor};
 use crate::rasterize::{Cull, RasterOptions};
 use crate::size::Size;
 
@@ -36,7 +36,7 @@ pub struct Creases {
     /// How far a pixel that shows its centre may be off its mean because of an edge, as a share of the
     /// attribute's range. The range is the largest of its channels'.
     pub tolerance: f64,
-    /// Which faces are not drawn: what lies between two of them is not looked at.
+    /// Which faces are not drawn, as `rasterize` is told: edges between two of them are no creases.
     pub cull: Cull,
 }
 
@@ -91,8 +91,12 @@ pub fn mark_creases<T: Scalar>(
 /// attributes of face k of `mesh`.
 ///
 /// Seams that the mesh has already stay, so several attributes are looked at one after another. Attributes
-/// that are the same everywhere have no creases. Where an attribute is no number, all edges are. Which edges
-/// are creases is found anew for each image, and has no gradient. It allocates a byte per face.
+/// that are the same everywhere have no creases. Where an attribute is no number, all edges are, but for those
+/// between two culled faces. Which edges are creases is found anew for each image, and has no gradient. It
+/// allocates a byte per face.
+///
+/// `creases` is the size of the image, [`Creases`], or the options that `rasterize` gets. These tell as well which
+/// faces are culled, and save the search between them.
 ///
 /// # Errors
 /// - [`RenderError::FaceCount`] unless `indices` has as many faces as the mesh.
@@ -166,7 +170,7 @@ fn marked<T: Scalar>(
     for face in 0..expected {
         let own = seams[face];
         for corner in (0..3).filter(|corner| own >> corner & 1 == 1) {
-            if let Some(Beyond { face, corners: [.., across] }) = surface.beyond(face, corner) {
+            if let Some(Beyond { face, corners: [.., across], .. }) = surface.beyond(face, corner) {
                 has_creases = true;
                 seams[face] |= 1 << across;
             }
@@ -220,24 +224,26 @@ struct Surface<'a, T> {
 #[derive(Debug, Clone, Copy)]
 struct Beyond {
     face: usize,
+    /// Whether it runs through the edge the other way.
+    is_opposite: bool,
     corners: [usize; 3],
 }
 
 /// An edge from p to q.
-struct Edge {
+struct SharedEdge {
     /// The corners p, q and s of a face at it, and their determinant.
     own: [Vertex<f64>; 3],
     size: f64,
     /// The edge function from p to q.
     line: [f64; 3],
-    /// The third corner r of the face beyond, and its determinant with p and q.
-    beyond: Vertex<f64>,
-    beyond_size: f64,
+    /// The third corner of the face beyond, and its determinant with p and q.
+    r: Vertex<f64>,
+    r_size: f64,
 }
 
 impl<'a, T: Scalar> Surface<'a, T> {
-    /// Which edges of a face are creases, a bit for each by the corner that it faces. No edge is of which the
-    /// other face is the lower one.
+    /// Which edges of a face are creases, a bit for each by the corner that it faces. An edge is left to the
+    /// lower of its two faces.
     fn creases_of(&self, face: usize) -> u8 {
         let vertices = self.mesh.faces()[face].map(|vertex| self.vertex(vertex));
         let rows = self.indices.faces()[face].map(|row| self.row(row));
@@ -248,42 +254,37 @@ impl<'a, T: Scalar> Surface<'a, T> {
             Cull::Front => size > 0.0,
         };
         let is_crease = |&corner: &usize| {
-            let Some(Beyond { face: other, corners: [p, q, across] }) = self.beyond(face, corner)
-            else {
-                return false;
-            };
+            let Some(beyond) = self.beyond(face, corner) else { return false };
+            let Beyond { face: other, is_opposite, corners: [p, q, third] } = beyond;
             let turned = [1, 2, 0].map(|k| (corner + k) % 3);
             let own = turned.map(|k| vertices[k]);
             let line = edge(own[0], own[1]);
-            let beyond = self.vertex(self.mesh.faces()[other][across]);
-            let beyond_size = determinant(beyond, line);
-            // Of two faces that turn alike one has the edge from p to q, the other from q to p.
-            let turn_alike = (q + 1) % 3 == p;
-            if is_culled(size) && is_culled(if turn_alike { -beyond_size } else { beyond_size }) {
+            let r = self.vertex(self.mesh.faces()[other][third]);
+            let r_size = determinant(r, line);
+            if is_culled(size) && is_culled(if is_opposite { -r_size } else { r_size }) {
                 return false;
             }
-            let rows_beyond = [p, q, across].map(|k| self.row(self.indices.faces()[other][k]));
-            let edge = Edge { own, size, line, beyond, beyond_size };
-            self.is_crease(&edge, turned.map(|k| rows[k]), rows_beyond)
+            let others = [p, q, third].map(|k| self.row(self.indices.faces()[other][k]));
+            let shared = SharedEdge { own, size, line, r, r_size };
+            self.bends_or_jumps(&shared, turned.map(|k| rows[k]), others)
         };
         (0..3).filter(is_crease).map(|corner| 1 << corner).sum()
     }
 
-    /// Whether an edge is a crease, from the rows of attributes of p, q and s, and of p, q and r.
+    /// Whether attributes bend or jump at an edge, from the rows of p, q and s, and of p, q and r.
     #[inline(always)]
-    fn is_crease(&self, edge_of_faces: &Edge, own: [&[T]; 3], others: [&[T]; 3]) -> bool {
-        let &Edge { own: [p, q, s], size: own_size, line, beyond: r, beyond_size: size } =
-            edge_of_faces;
+    fn bends_or_jumps(&self, edge_of: &SharedEdge, own: [&[T]; 3], others: [&[T]; 3]) -> bool {
+        let &SharedEdge { own: [p, q, s], size, line, r, r_size } = edge_of;
         // Of what is no number nothing is known.
         let is_most = |change: f64, most: f64| change.abs() <= most;
         let jumps = (0..2).any(|end| {
             let mut pairs = own[end].iter().zip(others[end]);
             pairs.any(|(a, b)| !is_most(a.to_f64() - b.to_f64(), self.most_jump))
         });
-        let inverse = 1.0 / own_size;
+        let inverse = 1.0 / size;
         let shares = [(q, s), (s, p)].map(|(a, b)| inverse * determinant(r, edge(a, b)));
-        let share = inverse * size;
-        let slope = (line[1] * line[1] + line[2] * line[2]).sqrt() / size;
+        let share = inverse * r_size;
+        let slope = (line[1] * line[1] + line[2] * line[2]).sqrt() / r_size;
         jumps
             || [p.w, q.w].into_iter().enumerate().filter(|&(_, w)| w > 0.0).any(|(end, w)| {
                 (0..self.channels).any(|channel| {
@@ -300,13 +301,14 @@ impl<'a, T: Scalar> Surface<'a, T> {
     #[inline(always)]
     fn beyond(&self, face: usize, corner: usize) -> Option<Beyond> {
         let faces = self.mesh.faces();
-        let other = self.mesh.adjacency().neighbor(face, corner)?.face as usize;
+        let Neighbor { face: other, is_opposite } = self.mesh.adjacency().neighbor(face, corner)?;
+        let other = other as usize;
         if other < face {
             return None;
         }
         let place = |k: usize| (0..3).find(|&own| faces[other][own] == faces[face][k % 3]);
         let (p, q) = (place(corner + 1)?, place(corner + 2)?);
-        Some(Beyond { face: other, corners: [p, q, 3 - p - q] })
+        Some(Beyond { face: other, is_opposite, corners: [p, q, 3 - p - q] })
     }
 
     #[inline(always)]

@@ -18,10 +18,21 @@ use crate::bench::table::{Cell, Table};
 /// The ways to make a mask.
 const WAYS: [Sampling; 3] = [Sampling::Center, Sampling::Outline, Sampling::Exact];
 
-/// Faces, pixels along a side, and views all around; and how far vertices are off, in pixels, by which the
-/// surface folds.
-const MESHES: [([usize; 3], f64); 3] =
-    [([1_024, 128, 8], 0.15), ([1_024, 128, 8], 1.0), ([80_000, 1024, 1], 1.0)];
+/// A sphere of so many faces, from all around.
+struct Case {
+    faces: usize,
+    /// Along a side of the image.
+    pixels: usize,
+    views: usize,
+    /// How far vertices are off, in pixels.
+    shift: f64,
+}
+
+const CASES: [Case; 3] = [
+    Case { faces: 1_024, pixels: 128, views: 8, shift: 0.15 },
+    Case { faces: 1_024, pixels: 128, views: 8, shift: 1.0 },
+    Case { faces: 80_000, pixels: 1024, views: 1, shift: 1.0 },
+];
 
 /// Of the spheres whose radius is asked for.
 const SMOOTH_FACES: [usize; 2] = [1_000, 20_000];
@@ -122,7 +133,7 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         "masks",
         "Silhouette masks",
         String::from(
-            "Spheres whose vertices are off (standard deviation, pixels), so that they fold. Masks of \
+            "Spheres whose vertices are off (standard deviation, pixels): by 1 px they fold everywhere. Masks of \
              one channel, squared error against the masks of the sphere itself, gradient; all views on \
              one tape, f32, one thread. The error is the length of the difference from the gradient \
              with exact coverage, as a share of that; what exact coverage itself is off by is in the \
@@ -143,8 +154,8 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
         ("error, outline, %", "outline_error"),
     ];
     let mut costs = Table::new("masks", "Cost of a step, and error of its gradient", &columns);
-    for ([faces, pixels, views], shift) in
-        MESHES.into_iter().take(bench.effort.choose(1, MESHES.len()))
+    for Case { faces, pixels, views, shift } in
+        CASES.into_iter().take(bench.effort.choose(1, CASES.len()))
     {
         let scene = Scene::sphere_of(faces, bench.effort.choose(32, pixels))?;
         for (name, cull) in [("culled", Cull::Back), ("drawn", Cull::None)] {

@@ -17,14 +17,14 @@ use crate::rasterize::setup::Weights;
 /// Lines are looked for within this many times half a pixel's width: more than they can be off.
 pub(super) const REACH: f64 = 1.0 + 1e-6;
 
-/// What is known of a face of the band. Bit k tells whether edge k is one of the surface's outline, or a
-/// seam.
+/// What is known of a face of the band. The first three bits tell which edges are marked: those of the surface's
+/// outline, and seams. The others follow.
 pub(super) type FaceBits = u16;
 
 /// The first bit of a face's seams that are not of the outline: the surface goes on beyond them.
 pub(super) const INNER_SEAM: u16 = 3;
 
-/// The first bit of such edges of which the face beyond is drawn, too, and is lower: that one stands for both.
+/// The first bit of marked edges for which the face beyond stands: it is the lower of the two, and is drawn, too.
 pub(super) const SECOND: u16 = 6;
 
 /// The first bit of a face's edges that run along rows or columns.
@@ -33,7 +33,7 @@ pub(super) const ALONG_AXIS: u16 = 9;
 /// The bit of a face that may reach out of the depth range, or behind the eye.
 pub(super) const BEYOND_DEPTHS: u16 = 12;
 
-/// The edges of the outline and the seams for which a face stands.
+/// The marked edges for which a face itself stands.
 #[inline(always)]
 pub(super) fn own_edges(bits: FaceBits) -> FaceBits {
     bits & !(bits >> SECOND) & 0b111

@@ -36,8 +36,8 @@ pub(in crate::rasterize) struct BoundarySearch<S> {
     faces_by_pixel: FacesByPixel,
     outline: Outline<S>,
     resolution: Resolution<S>,
-    /// Per face of the band.
-    outlines: Vec<FaceBits>,
+    /// What is known of each face of the band.
+    face_bits: Vec<FaceBits>,
 }
 
 impl<S: Scalar<Wide = S>> BoundarySearch<S> {
@@ -68,15 +68,15 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
     #[inline(always)]
     fn mark<T: Scalar<Wide = S>>(&mut self, band: &BandFaces<'_, '_, T>) {
         let view = band.view;
-        let Self { marks, outlines, planes, .. } = self;
+        let Self { marks, face_bits, planes, .. } = self;
         let (adjacency, has_seams) = (view.mesh.adjacency(), view.sampling == Sampling::Exact);
         marks.clear(band.rows.len(), view.size.width);
-        outlines.clear();
+        face_bits.clear();
         planes.clear(band.faces.len());
         for (at, (&face, weights)) in (0..).zip(band.faces.iter().zip(band.weights)) {
-            let outline = bits(|k| view.is_silhouette(face as usize, k));
-            let seams = bits(|k| has_seams && view.mesh.is_seam(face as usize, k));
-            let along_axis = bits(|k| is_along_axis(weights.edges[k]));
+            let outline = each_edge(|k| view.is_silhouette(face as usize, k));
+            let seams = each_edge(|k| has_seams && view.mesh.is_seam(face as usize, k));
+            let along_axis = each_edge(|k| is_along_axis(weights.edges[k]));
             let corners = view.corners_of(face as usize);
             let is_beyond = corners.iter().any(|corner| corner.is_beyond_depths());
             let marked = outline | seams;
@@ -91,10 +91,10 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
             };
             let bits = marked
                 | (seams & !outline) << INNER_SEAM
-                | bits(stands_second) << SECOND
+                | each_edge(stands_second) << SECOND
                 | along_axis << ALONG_AXIS
                 | FaceBits::from(is_beyond) << BEYOND_DEPTHS;
-            outlines.push(bits);
+            face_bits.push(bits);
             for corner in (0..3).filter(|k| own_edges(bits) >> k & 1 == 1) {
                 let [rows, columns] = band.reach_of_edge(face, corner);
                 let [one, x, y] = weights.edges[corner];
@@ -175,22 +175,22 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         faces: &[u32],
         pieces: &mut Pieces<S>,
     ) {
-        let Self { planes, outlines, intervals, outline, resolution, .. } = self;
+        let Self { planes, face_bits, intervals, outline, resolution, .. } = self;
         let pixel = ((band.rows.start + row) * band.view.size.width + column) as u32;
         if band.view.sampling == Sampling::Outline
-            && outline.run(band, outlines, pixel, center, faces, pieces)
+            && outline.run(band, face_bits, pixel, center, faces, pieces)
         {
             return;
         }
         intervals.clear();
         intervals.extend(faces.iter().map(|&face| planes.interval(band, face, center, 1)));
-        let at = |face| planes.at(band, face, outlines[face as usize], center, 1);
+        let at = |face| planes.at(band, face, face_bits[face as usize], center, 1);
         if front_layers(intervals, at) == Some(1) {
             return;
         }
         intervals.retain(|interval| !interval.is_out());
         let candidate = |face: u32| {
-            band.candidate(face, outlines[face as usize], center, planes.vertex_rounding(face))
+            band.candidate(face, face_bits[face as usize], center, planes.vertex_rounding(face))
         };
         resolution.run(band, pixel, intervals, candidate, pieces);
     }
@@ -198,7 +198,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
 
 /// Which edges of a face something holds of: a bit for each.
 #[inline(always)]
-fn bits(holds: impl Fn(usize) -> bool) -> FaceBits {
+fn each_edge(holds: impl Fn(usize) -> bool) -> FaceBits {
     (0..3).map(|k| FaceBits::from(holds(k)) << k).sum()
 }
 

@@ -24,7 +24,7 @@ pub(super) struct DepthInterval<S> {
 pub(super) struct At {
     /// Whether it covers the block's centre, or may.
     pub(super) covers: bool,
-    /// Whether an edge of the surface's outline may cross the block in it.
+    /// Whether an edge of the surface's outline, or a seam, may cross the block in it.
     pub(super) ends: bool,
 }
 

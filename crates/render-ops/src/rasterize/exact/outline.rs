@@ -111,18 +111,18 @@ pub(super) struct Outline<S> {
 
 impl<S: Scalar<Wide = S>> Outline<S> {
     /// Makes a piece of what `some_faces` cover of a pixel, with its sides; returns whether it could tell.
-    /// `outlines` are those of all faces of the band.
+    /// `face_bits` are of all faces of the band.
     #[inline(always)]
     pub(super) fn run<T: Scalar<Wide = S>>(
         &mut self,
         band: &BandFaces<'_, '_, T>,
-        outlines: &[FaceBits],
+        face_bits: &[FaceBits],
         pixel: u32,
         center: [S; 2],
         some_faces: &[u32],
         pieces: &mut Pieces<S>,
     ) -> bool {
-        let Some(Covered { area, rim }) = self.find(band, outlines, center, some_faces) else {
+        let Some(Covered { area, rim }) = self.find(band, face_bits, center, some_faces) else {
             return false;
         };
         // Without a rim the pixel is what its centre is.
@@ -153,14 +153,14 @@ impl<S: Scalar<Wide = S>> Outline<S> {
     fn find<T: Scalar<Wide = S>>(
         &mut self,
         band: &BandFaces<'_, '_, T>,
-        outlines: &[FaceBits],
+        face_bits: &[FaceBits],
         center: [S; 2],
         some_faces: &[u32],
     ) -> Option<Covered<S>> {
         let mut bits = 0;
         self.sheet.clear();
         self.sheet.extend(some_faces.iter().map(|&band_face| {
-            let (number, own) = (band.faces[band_face as usize], outlines[band_face as usize]);
+            let (number, own) = (band.faces[band_face as usize], face_bits[band_face as usize]);
             bits |= own;
             SheetFace { band_face, number, bits: own, reached_by: 0 }
         }));
@@ -196,9 +196,8 @@ impl<S: Scalar<Wide = S>> Outline<S> {
         self.covered()
     }
 
-    /// Whether a sheet of the pixel's faces surely fills the pixel: faces that hang together across edges of no
-    /// outline, of which none ends in the pixel and one covers its centre. Where an edge of such a face crosses
-    /// the pixel, the sheet goes on beyond it.
+    /// Whether a sheet of faces surely fills the pixel. One of them covers its centre. From there the sheet goes on
+    /// across each edge that may cross the pixel, and none of these is of the outline.
     #[inline(always)]
     fn is_filled<T: Scalar<Wide = S>>(
         &mut self,

@@ -101,14 +101,14 @@ impl<S: Scalar<Wide = S>> Planes<S> {
         self.planes[self.of_band_face[band_face as usize] as usize].vertex_rounding
     }
 
-    /// What a face of the band, with the edges `outline` of a surface's outline, is in a block of `width`
-    /// pixels of a row. Few faces are asked, so it is not worked out along with the depths.
+    /// What a face of the band, of which `bits` are known, is in a block of `width` pixels of a row. Few faces
+    /// are asked, so it is not worked out along with the depths.
     #[inline(always)]
     pub(super) fn at<T: Scalar<Wide = S>>(
         &mut self,
         band: &BandFaces<'_, '_, T>,
         band_face: u32,
-        outline: FaceBits,
+        bits: FaceBits,
         center: [S; 2],
         width: usize,
     ) -> At {
@@ -118,7 +118,7 @@ impl<S: Scalar<Wide = S>> Planes<S> {
         for (k, &edge) in band.weights[band_face as usize].edges.iter().enumerate() {
             let (value, change) = (value_at(edge, center), width * edge[1].abs() + edge[2].abs());
             covers &= value >= -bounds[k];
-            ends |= outline >> k & 1 == 1 && value.abs() <= S::from_f64(REACH) * change;
+            ends |= bits >> k & 1 == 1 && value.abs() <= S::from_f64(REACH) * change;
         }
         At { covers, ends }
     }
