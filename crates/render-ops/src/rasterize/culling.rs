@@ -140,6 +140,12 @@ pub(super) struct Verdict {
 }
 
 impl Verdict {
+    /// Whether its face is drawn.
+    #[inline(always)]
+    pub(super) fn is_drawn(&self) -> bool {
+        matches!(self.fate, Fate::Drawn { .. })
+    }
+
     /// On the face of these vertices.
     #[inline(always)]
     pub(super) fn of<S: Scalar<Wide = S>>(

@@ -17,8 +17,6 @@ use super::planes::Planes;
 use super::polygon::Line;
 use super::regions::Regions;
 use super::resolution::Resolution;
-use crate::mesh::Neighbor;
-use crate::rasterize::culling::Fate;
 use crate::rasterize::options::Sampling;
 
 /// The memory of the search.
@@ -80,15 +78,9 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
             let corners = view.corners_of(face as usize);
             let is_beyond = corners.iter().any(|corner| corner.is_beyond_depths());
             let marked = outline | seams;
-            let stands_second = |k: usize| {
-                marked >> k & 1 == 1
-                    && adjacency.neighbor(face as usize, k).is_some_and(
-                        |Neighbor { face: other, .. }| {
-                            other < face
-                                && matches!(view.verdicts[other as usize].fate, Fate::Drawn { .. })
-                        },
-                    )
-            };
+            let is_before = |other: u32| other < face && view.verdicts[other as usize].is_drawn();
+            let beyond = |k| adjacency.neighbor(face as usize, k).map(|neighbor| neighbor.face);
+            let stands_second = |k| marked >> k & 1 == 1 && beyond(k).is_some_and(is_before);
             let bits = marked
                 | (seams & !outline) << INNER_SEAM
                 | each_edge(stands_second) << SECOND
