@@ -1,8 +1,8 @@
 //! How a job of several ranks begins and ends.
 //!
 //! Ranks end together. What goes wrong on one of them in the middle of a fit is told to all, and the
-//! first says it. Whoever ends in another way - the first rank, which writes, or a panic - ends the
-//! whole job: the others would wait for it.
+//! first says it. So is a signal. Whoever ends in another way - the first rank, which writes, or a
+//! panic - ends the whole job: the others would wait for it.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
@@ -41,6 +41,7 @@ pub fn as_rank(work: impl FnOnce(&Ranks<f32>) -> Result<(), Failure>) -> ExitCod
         Ok(Ok(())) => ExitCode::SUCCESS,
         // The first rank has heard it, and speaks; MPI waits for it as the universe ends.
         Ok(Err(failure)) if !is_first => ExitCode::from(failure.status()),
+        Ok(Err(failure @ Failure::Interrupted { .. })) => ended("bokashi-mpi", Err(failure)),
         Ok(Err(failure)) => {
             let status = failure.status();
             ended("bokashi-mpi", Err(failure));

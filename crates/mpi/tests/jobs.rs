@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
-use std::fs;
+use std::fs::{self, File};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use bokashi_scene::{Picture, Place, Samples, Scene, SceneFit};
@@ -17,6 +17,9 @@ const VIEWS: usize = 13;
 
 /// More steps than there is time for.
 const ENDLESS: usize = 100_000;
+
+/// Far more than anything here takes, on a busy machine too.
+const LIMIT: Duration = Duration::from_secs(300);
 
 /// A disk of 24 x 24 pixels, somewhat different in each view.
 fn disk(view: usize) -> Vec<u8> {
@@ -55,32 +58,97 @@ fn scene(folder: &Path, steps: usize, per_step: usize) -> PathBuf {
 }
 
 /// The command that starts a job of `size` ranks in `folder`.
-fn job(folder: &Path, size: usize, words: &[&str]) -> Command {
-    let mut command = Command::new("nice");
+fn command(folder: &Path, size: usize, words: &[&str]) -> Command {
+    let mut job = Command::new("nice");
     let size = size.to_string();
-    command.args(["mpirun", "-n", &size, env!("CARGO_BIN_EXE_bokashi-mpi")]).args(words);
+    job.args(["mpirun", "-n", &size, env!("CARGO_BIN_EXE_bokashi-mpi")]).args(words);
     // Open MPI does not like root, nor more ranks than cores; MPICH has nothing against them.
     for (name, value) in [
         ("OMPI_ALLOW_RUN_AS_ROOT", "1"),
         ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1"),
         ("OMPI_MCA_rmaps_base_oversubscribe", "1"),
     ] {
-        command.env(name, value);
+        job.env(name, value);
     }
-    command.current_dir(folder).stdin(Stdio::null());
-    command
+    job.current_dir(folder).stdin(Stdio::null());
+    job
 }
 
-fn text(output: &Output) -> String {
-    [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes)).concat()
+/// A job under way. It is killed with all its ranks where a test ends before it does.
+struct Job {
+    mpirun: Child,
+    folder: PathBuf,
+}
+
+/// How a job ended.
+struct Ended {
+    status: ExitStatus,
+    /// On standard output and standard error.
+    said: String,
+}
+
+/// The file in a job's folder with what it says.
+const SAID: &str = "job.txt";
+
+impl Job {
+    fn start(command: &mut Command) -> Self {
+        let folder =
+            command.get_current_dir().expect("jobs run in folders of their own").to_owned();
+        let said = File::create(folder.join(SAID)).unwrap();
+        let mpirun = command.stdout(said.try_clone().unwrap()).stderr(said).spawn();
+        Self { mpirun: mpirun.expect("mpirun is installed"), folder }
+    }
+
+    /// Waits for the end.
+    fn ended(mut self) -> Ended {
+        let started = Instant::now();
+        let status = loop {
+            if let Some(status) = self.mpirun.try_wait().unwrap() {
+                break status;
+            }
+            assert!(started.elapsed() < LIMIT, "it did not end, and said: {}", self.said());
+            std::thread::sleep(Duration::from_millis(5));
+        };
+        Ended { status, said: self.said() }
+    }
+
+    /// What a job that can't do what it was asked for says at its end.
+    fn failed(self) -> Ended {
+        let ended = self.ended();
+        assert!(!ended.status.success(), "{}", ended.said);
+        ended
+    }
+
+    fn said(&self) -> String {
+        fs::read_to_string(self.folder.join(SAID)).unwrap()
+    }
+
+    fn rank(&self, rank: usize) -> u32 {
+        process(&self.folder, rank).expect("the rank runs")
+    }
+}
+
+impl Drop for Job {
+    fn drop(&mut self) {
+        if let Ok(None) = self.mpirun.try_wait() {
+            // They would outlive mpirun.
+            processes(&self.folder).for_each(|process| _ = is_sent("KILL", process));
+            let _ = self.mpirun.kill().and_then(|()| self.mpirun.wait());
+        }
+    }
+}
+
+/// What becomes of a job that nothing disturbs.
+fn run(command: &mut Command) -> Ended {
+    Job::start(command).ended()
 }
 
 /// Fits the scene in `folder` on `size` ranks, to its end; returns the last checkpoint.
 fn fitted(folder: &Path, size: usize, out: &str, more: &[&str]) -> Vec<u8> {
     let words =
         [&["fit", "scene.toml", "--out", out, "--json", "fit.json", "--threads", "1"], more];
-    let output = job(folder, size, &words.concat()).output().expect("mpirun is installed");
-    assert!(output.status.success(), "{size} ranks: {}", text(&output));
+    let Ended { status, said } = run(&mut command(folder, size, &words.concat()));
+    assert!(status.success(), "{size} ranks: {said}");
     checkpoint(folder, out)
 }
 
@@ -103,35 +171,49 @@ fn alone(file: &Path, steps: usize) -> Vec<u8> {
     fs::read(saved).unwrap()
 }
 
-/// The processes of a job by rank, as Linux knows them.
+/// What Linux knows of a process.
+fn known(process: u32, what: &str) -> PathBuf {
+    PathBuf::from(format!("/proc/{process}/{what}"))
+}
+
+/// The processes of our program that run in `folder`.
+fn processes(folder: &Path) -> impl Iterator<Item = u32> {
+    let folder = folder.canonicalize().unwrap();
+    let is_own = move |&process: &u32| {
+        let [program, place] =
+            ["exe", "cwd"].map(|what| fs::read_link(known(process, what)).unwrap_or_default());
+        place == folder && program == Path::new(env!("CARGO_BIN_EXE_bokashi-mpi"))
+    };
+    let all = fs::read_dir("/proc").unwrap();
+    all.filter_map(|entry| entry.ok()?.file_name().to_str()?.parse().ok()).filter(is_own)
+}
+
+/// The process of a rank.
 fn process(folder: &Path, rank: usize) -> Option<u32> {
     let own = [
         format!("OMPI_COMM_WORLD_RANK={rank}"),
         format!("PMI_RANK={rank}"),
         format!("PMIX_RANK={rank}"),
     ];
-    let folder = folder.canonicalize().unwrap();
-    let is_own = |process: &Path| {
-        let program = fs::read_link(process.join("exe")).unwrap_or_default();
-        let place = fs::read_link(process.join("cwd")).unwrap_or_default();
-        let environment = fs::read(process.join("environ")).unwrap_or_default();
+    let is_own = |&process: &u32| {
+        let [environment, asked] =
+            ["environ", "cmdline"].map(|what| fs::read(known(process, what)).unwrap_or_default());
         let mut words = environment.split(|&byte| byte == 0);
         // The fits of a sweep are processes of their own, with the rank's environment.
-        let asked = fs::read(process.join("cmdline")).unwrap_or_default();
         let is_fit_of_sweep = asked.split(|&byte| byte == 0).nth(1) == Some(b"alone");
-        place == folder
-            && !is_fit_of_sweep
-            && program == Path::new(env!("CARGO_BIN_EXE_bokashi-mpi"))
-            && words.any(|word| own.iter().any(|own| own.as_bytes() == word))
+        !is_fit_of_sweep && words.any(|word| own.iter().any(|own| own.as_bytes() == word))
     };
-    let all = fs::read_dir("/proc").unwrap().filter_map(|entry| Some(entry.ok()?.path()));
-    let found = all.filter(|process| process.join("exe").is_symlink()).find(|own| is_own(own))?;
-    found.file_name()?.to_str()?.parse().ok()
+    processes(folder).find(is_own)
+}
+
+/// Whether there was such a process.
+fn is_sent(signal: &str, process: u32) -> bool {
+    let sent = Command::new("kill").args(["-s", signal, &process.to_string()]).status();
+    sent.expect("kill runs").success()
 }
 
 fn send(signal: &str, process: u32) {
-    let sent = Command::new("kill").args(["-s", signal, &process.to_string()]).status();
-    assert!(sent.expect("kill runs").success());
+    assert!(is_sent(signal, process));
 }
 
 /// Waits until `ready`, which comes within minutes.
@@ -141,37 +223,9 @@ fn wait_until<R>(mut ready: impl FnMut() -> Option<R>) -> R {
         if let Some(found) = ready() {
             return found;
         }
-        assert!(started.elapsed() < Duration::from_secs(300), "it did not come within minutes");
+        assert!(started.elapsed() < LIMIT, "it did not come within minutes");
         std::thread::sleep(Duration::from_millis(5));
     }
-}
-
-/// How the job ends, which it does within seconds of now.
-fn ended(mut child: Child) -> Output {
-    let started = Instant::now();
-    while child.try_wait().unwrap().is_none() {
-        if started.elapsed() > Duration::from_secs(60) {
-            // It would leave its ranks behind if it was killed.
-            send("TERM", child.id());
-            break;
-        }
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    let output = child.wait_with_output().unwrap();
-    let seconds = started.elapsed().as_secs_f64();
-    println!("ended after {seconds:.1} s: {}", text(&output));
-    // A busy machine takes longer than the two seconds of a quiet one.
-    assert!(seconds < 30.0, "{seconds} s: {}", text(&output));
-    assert!(!output.status.success(), "{}", text(&output));
-    output
-}
-
-fn started(mut command: Command) -> Child {
-    start(&mut command)
-}
-
-fn start(command: &mut Command) -> Child {
-    command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("mpirun is installed")
 }
 
 #[test]
@@ -192,8 +246,8 @@ fn the_bits_are_those_of_a_fit_alone_for_any_number_of_ranks_and_threads() {
             hashes.push(json["parameters_hash"].to_string());
         }
         let words = ["fit", "scene.toml", "--out", "two", "--threads", "2"];
-        let output = job(folder, 2, &words).output().unwrap();
-        assert!(text(&output).contains("2 ranks sent "), "{}", text(&output));
+        let said = run(&mut command(folder, 2, &words)).said;
+        assert!(said.contains("2 ranks sent "), "{said}");
         assert!(checkpoint(folder, "two") == expected, "two threads each");
         hashes.dedup();
         assert_eq!(hashes.len(), 1);
@@ -208,8 +262,7 @@ fn ranks_without_work_are_named() {
     for per_step in [1, 3] {
         let place = tempfile::tempdir().unwrap();
         scene(place.path(), 1, per_step);
-        let output = job(place.path(), 3, &["fit", "scene.toml"]).output().unwrap();
-        let said = text(&output);
+        let said = run(&mut command(place.path(), 3, &["fit", "scene.toml"])).said;
         let is_named =
             said.contains("note: a step draws 1 view, so at least 2 of 3 ranks have none");
         assert_eq!(is_named, per_step == 1, "{said}");
@@ -237,7 +290,7 @@ fn a_killed_rank_ends_the_job_and_the_last_checkpoint_goes_on_to_the_same_bits()
     for (rank, checkpoints, ms) in [(0, 1, 0), (1, 6, 3), (2, 11, 7), (0, 16, 11)] {
         let out = format!("out-{rank}-{checkpoints}");
         let words = ["fit", "scene.toml", "--out", &out, "--save-every", "1", "--threads", "1"];
-        let child = started(job(folder, 3, &words));
+        let job = Job::start(&mut command(folder, 3, &words));
         let (mut last, mut count) = (Vec::new(), 0);
         wait_until(|| {
             let now = fs::read(folder.join(&out).join(CHECKPOINT)).ok()?;
@@ -246,8 +299,8 @@ fn a_killed_rank_ends_the_job_and_the_last_checkpoint_goes_on_to_the_same_bits()
             (count >= checkpoints).then_some(())
         });
         std::thread::sleep(Duration::from_millis(ms));
-        send("KILL", process(folder, rank).expect("the rank runs"));
-        ended(child);
+        send("KILL", job.rank(rank));
+        job.failed();
         let found = fitted(folder, 2, &out, &["--resume"]);
         assert!(found == expected, "rank {rank} after {checkpoints} checkpoints and {ms} ms");
     }
@@ -259,9 +312,9 @@ fn the_first_rank_killed_as_it_writes_leaves_a_whole_checkpoint() {
     let folder = place.path();
     let file = scene(folder, ENDLESS, VIEWS);
     let words = ["fit", "scene.toml", "--out", "out", "--save-every", "1", "--threads", "1"];
-    let child = started(job(folder, 3, &words));
+    let job = Job::start(&mut command(folder, 3, &words));
     wait_until(|| folder.join("out").join(CHECKPOINT).exists().then_some(()));
-    let writer = process(folder, 0).expect("the rank runs");
+    let writer = job.rank(0);
     // A checkpoint is written beside the last one, under another name, and then takes its name.
     let unfinished = || {
         let entries = fs::read_dir(folder.join("out")).unwrap().flatten();
@@ -282,7 +335,7 @@ fn the_first_rank_killed_as_it_writes_leaves_a_whole_checkpoint() {
         found
     });
     send("KILL", writer);
-    ended(child);
+    job.failed();
     assert_eq!(unfinished(), Some(half), "it was killed before it could rename");
     let last = folder.join("out").join(CHECKPOINT);
     let saved = SceneFit::resume(Scene::load(&file).unwrap(), last).unwrap().steps_done();
@@ -294,7 +347,7 @@ fn the_first_rank_killed_as_it_writes_leaves_a_whole_checkpoint() {
 
 /// Whether a process takes no further step until it is continued.
 fn is_stopped(process: u32) -> bool {
-    let status = fs::read_to_string(format!("/proc/{process}/status")).unwrap();
+    let status = fs::read_to_string(known(process, "status")).unwrap();
     status.lines().any(|line| line.starts_with("State:") && line.contains('T'))
 }
 
@@ -308,13 +361,13 @@ fn a_signal_saves_first() {
         [("interrupted", "INT", None), ("terminated", "TERM", None), ("one", "TERM", Some(1))]
     {
         let words = ["fit", "scene.toml", "--out", out, "--save-every", "1", "--threads", "1"];
-        let mut job = job(folder, 3, &words);
+        let mut command = command(folder, 3, &words);
         // Open MPI waits this long before it terminates, and again before it kills. A step of a debug
         // build on a busy machine takes more than the second that it waits by default.
-        let child = start(job.env("OMPI_MCA_odls_base_sigkill_timeout", "5"));
+        let job = Job::start(command.env("OMPI_MCA_odls_base_sigkill_timeout", "5"));
         wait_until(|| folder.join(out).join(CHECKPOINT).exists().then_some(()));
-        send(signal, whom.map_or(child.id(), |rank| process(folder, rank).expect("it runs")));
-        let said = text(&ended(child));
+        send(signal, whom.map_or(job.mpirun.id(), |rank| job.rank(rank)));
+        let said = job.failed().said;
         assert!(said.contains("go on with: mpirun -n 3 bokashi-mpi fit scene.toml"), "{said}");
         let (_, after) = said.split_once("interrupted after ").expect(&said);
         let steps = after.split_whitespace().next().unwrap().parse::<usize>().unwrap() + 3;
@@ -330,17 +383,20 @@ fn what_is_wrong_on_one_rank_ends_all_with_its_message() {
     scene(folder, 6, VIEWS);
     // Its size is there, and its pixels are not: the rank that has the view finds out.
     fs::write(folder.join("images/12.png"), &disk(12)[..60]).unwrap();
-    let output = ended(started(job(folder, 3, &["fit", "scene.toml", "--out", "out"])));
-    let said = text(&output);
+    let failed = |size, words: &[&str]| {
+        let ended = Job::start(&mut command(folder, size, words)).failed();
+        (ended.status.code(), ended.said)
+    };
+    let (status, said) = failed(3, &["fit", "scene.toml", "--out", "out"]);
     assert!(said.contains("bokashi-mpi: rank 2: view 11: "), "{said}");
     assert_eq!(said.matches("12.png").count(), 1, "one rank says it: {said}");
-    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert_eq!(status, Some(1), "{said}");
 
-    let said = text(&ended(started(job(folder, 2, &["fit", "none.toml"]))));
+    let (_, said) = failed(2, &["fit", "none.toml"]);
     assert!(said.contains("bokashi-mpi: ") && said.contains("none.toml"), "{said}");
-    let output = ended(started(job(folder, 2, &["fit", "--seed", "0.5"])));
-    assert_eq!(output.status.code(), Some(2), "{}", text(&output));
-    let said = text(&ended(started(job(folder, 2, &["fit", "--seed", "3"]))));
+    let (status, said) = failed(2, &["fit", "--seed", "0.5"]);
+    assert_eq!(status, Some(2), "{said}");
+    let (_, said) = failed(2, &["fit", "--seed", "3"]);
     assert!(said.contains("ranks share a fit of a scene"), "{said}");
 }
 
@@ -363,10 +419,10 @@ fn ranks_take_the_fits_of_a_sweep_and_one_that_fails_harms_no_other() {
     fs::write(folder.join("sweep.toml"), list).unwrap();
     for size in [1, 3] {
         let out = format!("out-{size}");
-        let output = job(folder, size, &["sweep", "sweep.toml", "--out", &out]).output().unwrap();
-        let said = text(&output);
+        let words = ["sweep", "sweep.toml", "--out", &out];
+        let Ended { status, said } = run(&mut command(folder, size, &words));
         assert!(said.contains("1 of 5 fits failed, the first: none: "), "{said}");
-        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert_eq!(status.code(), Some(1), "{said}");
         let table = fs::read_to_string(folder.join(&out).join("sweep.csv")).unwrap();
         let rows: Vec<_> =
             table.lines().skip(1).map(|row| row.split(',').next().unwrap()).collect();
@@ -390,13 +446,13 @@ fn no_fit_of_a_sweep_begins_after_a_signal_to_any_rank() {
         format!("[[fit]]\nname = \"fit-{fit}\"\narguments = {arguments}\n")
     };
     fs::write(folder.join("sweep.toml"), (0..5).map(of).collect::<String>()).unwrap();
-    let mut job = job(folder, 2, &["sweep", "sweep.toml"]);
-    let child = start(job.env("OMPI_MCA_odls_base_sigkill_timeout", "5"));
+    let mut command = command(folder, 2, &["sweep", "sweep.toml"]);
+    let job = Job::start(command.env("OMPI_MCA_odls_base_sigkill_timeout", "5"));
     let runs = |fit| folder.join(format!("out/fit-{fit}")).join(CHECKPOINT).exists();
     wait_until(|| (runs(0) && runs(1)).then_some(()));
-    send("TERM", process(folder, 1).expect("it runs"));
-    let output = ended(child);
-    assert!(text(&output).contains("interrupted with 0 of 5 fits done"), "{}", text(&output));
+    send("TERM", job.rank(1));
+    let said = job.failed().said;
+    assert!(said.contains("interrupted with 0 of 5 fits done"), "{said}");
     for fit in [0, 1] {
         let said = fs::read_to_string(folder.join(format!("out/fit-{fit}/said.txt"))).unwrap();
         assert!(said.contains("interrupted after "), "{said}");
@@ -409,8 +465,8 @@ fn the_papers_experiments_are_a_sweep() {
     let place = tempfile::tempdir().unwrap();
     let folder = place.path();
     let words = ["reproduce", "--seeds", "1", "--steps", "2"];
-    let output = job(folder, 2, &words).output().unwrap();
-    assert!(output.status.success(), "{}", text(&output));
+    let Ended { status, said } = run(&mut command(folder, 2, &words));
+    assert!(status.success(), "{said}");
     let table = fs::read_to_string(folder.join("out/sweep.csv")).unwrap();
     assert_eq!(table.lines().count(), 1 + 22, "{table}");
     assert!(table.contains("\njoint-tuned-32-antialias-2.8-0,"), "{table}");
