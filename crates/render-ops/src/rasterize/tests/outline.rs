@@ -8,12 +8,14 @@ use crate::composite::composite;
 use crate::interpolate::interpolate;
 
 /// A sheet of 5 x 4 vertices, some of them far off, so that it folds and passes through itself; and
-/// behind it or before it a face that may reach out of the depth range.
+/// behind it or before it a face that may reach out of the depth range. Faces have any order.
 pub(super) fn crumpled() -> impl Strategy<Value = (Clip, Vec<[u32; 3]>)> {
     let shifts = proptest::collection::vec(prop::array::uniform4(-0.25..0.25), 20);
     let depth = prop_oneof![4 => -0.9..0.9, 1 => -1.6..1.6];
     let loose = prop::array::uniform3((-1.3..1.3, -1.3..1.3, depth, 0.5..2.0));
-    (shifts, loose, 0.0..2.0).prop_map(|(shifts, loose, crumple): (Vec<[f64; 4]>, _, _)| {
+    let order = Just((0..25).collect::<Vec<usize>>()).prop_shuffle();
+    (shifts, loose, 0.0..2.0, order).prop_map(|(shifts, loose, crumple, order)| {
+        let (shifts, order): (Vec<[f64; 4]>, Vec<usize>) = (shifts, order);
         let mut clip: Clip = (0..20)
             .map(|k| {
                 let [x, y] = [0.35 * (k % 5) as f64 - 0.7, 0.45 * (k / 5) as f64 - 0.7];
@@ -28,7 +30,7 @@ pub(super) fn crumpled() -> impl Strategy<Value = (Clip, Vec<[u32; 3]>)> {
         }
         clip.extend(loose.map(|(x, y, z, w)| [x * w, y * w, z * w, w]));
         faces.push([20, 21, 22]);
-        (clip, faces)
+        (clip, order.into_iter().map(|face| faces[face]).collect())
     })
 }
 
@@ -65,9 +67,10 @@ proptest! {
         (clip, faces) in crumpled(),
         (width, height) in image(),
         cull in prop_oneof![Just(Cull::None), Just(Cull::Back), Just(Cull::Front)],
+        every in prop_oneof![Just(1), Just(3), Just(usize::MAX)],
     ) {
         let size = Size { width, height };
-        let mesh = Mesh::new(faces, clip.len()).unwrap().with_seams(|face, _| face % 3 == 0);
+        let mesh = Mesh::new(faces, clip.len()).unwrap().with_seams(|face, _| face % every == every - 1);
         let all = exact(size).cull(cull);
         let (expected, expected_bar, most) = mask(&clip, &mesh, all);
         let (found, found_bar, counts) = mask(&clip, &mesh, all.sampling(Sampling::Outline));
