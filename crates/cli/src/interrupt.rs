@@ -5,6 +5,7 @@
 use std::sync::atomic::{AtomicI32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
+use std::time::{Duration, Instant};
 
 use crate::failure::{Failure, status_of};
 
@@ -17,6 +18,9 @@ pub struct Interrupt(Arc<AtomicI32>);
 
 /// No number of a signal.
 const OVER: i32 = i32::MAX;
+
+/// As soon after a signal another is taken for the same one.
+const SAME: Duration = Duration::from_secs(1);
 
 impl Interrupt {
     /// The signal's number, once there is one.
@@ -39,12 +43,18 @@ impl Interrupt {
 /// asked to end at the first one; the program ends at the second. A further one does not wait for
 /// files, which may go to a FIFO without a reader.
 ///
+/// What follows within a second is no second signal. `mpirun` and Slurm signal a process and all that
+/// it has started, and a process may hand on to these what it got.
+///
 /// # Errors
 /// [`Failure::Work`] where the system gives out no signals.
 pub fn end_when_interrupted(writing: &Writing, saved: Option<&Interrupt>) -> Result<(), Failure> {
     let (writing, saved) = (Arc::clone(writing), saved.cloned());
-    let mut waits = false;
+    let (mut waits, mut heeded) = (false, None);
     on_signal(move |signal| {
+        if is_the_same(&mut heeded, Instant::now()) {
+            return;
+        }
         if saved.as_ref().is_some_and(|interrupt| interrupt.is_first(signal)) {
             return;
         }
@@ -60,6 +70,15 @@ pub fn end_when_interrupted(writing: &Writing, saved: Option<&Interrupt>) -> Res
         });
     })
     .map_err(|error| Failure::Work(format!("no signals: {error}")))
+}
+
+/// Whether a signal that comes `now` is the one that was `heeded` last; if not, it is heeded.
+fn is_the_same(heeded: &mut Option<Instant>, now: Instant) -> bool {
+    let is_same = heeded.is_some_and(|heeded| now - heeded < SAME);
+    if !is_same {
+        *heeded = Some(now);
+    }
+    is_same
 }
 
 #[cfg(unix)]
@@ -86,4 +105,18 @@ fn ignored() -> u64 {
 fn on_signal(mut end: impl FnMut(i32) + Send + 'static) -> Result<(), ctrlc::Error> {
     // The number that an interrupt has elsewhere.
     ctrlc::set_handler(move || end(2))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_signal_that_comes_again_at_once_is_the_same() {
+        let start = Instant::now();
+        let mut heeded = None;
+        let of = [0, 5, 999, 1000, 1500, 2100]
+            .map(|ms| is_the_same(&mut heeded, start + Duration::from_millis(ms)));
+        assert_eq!(of, [false, true, true, false, true, false]);
+    }
 }

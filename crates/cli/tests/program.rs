@@ -604,6 +604,8 @@ fn what_a_killed_run_left_behind_is_removed_by_the_next() {
 fn an_interrupted_fit_is_saved_and_goes_on_to_the_same_bits() {
     let folder = folder();
     let child = under_way(folder.path(), "--json out.json");
+    // Twice at once: a parent may send it, and whoever signals all of its children.
+    send("INT", &child);
     send("INT", &child);
     let output = child.wait_with_output().expect("it ends");
     let said = text(&output.stderr);

@@ -21,6 +21,12 @@ const ENDLESS: usize = 100_000;
 /// Far more than anything here takes, on a busy machine too.
 const LIMIT: Duration = Duration::from_secs(300);
 
+/// The same for a job that is about to end.
+const SOON: Duration = Duration::from_secs(60);
+
+/// Between two looks.
+const PAUSE: Duration = Duration::from_millis(5);
+
 /// A disk of 24 x 24 pixels, somewhat different in each view.
 fn disk(view: usize) -> Vec<u8> {
     let is_inside = |k: usize| {
@@ -99,28 +105,38 @@ impl Job {
         Self { mpirun: mpirun.expect("mpirun is installed"), folder }
     }
 
-    /// Waits for the end.
-    fn ended(mut self) -> Ended {
+    /// Waits until `ready`, which comes before the job ends.
+    fn wait_until<R>(&mut self, mut ready: impl FnMut() -> Option<R>) -> R {
+        wait_until(LIMIT, || {
+            let found = ready();
+            let is_over = found.is_none() && self.mpirun.try_wait().unwrap().is_some();
+            assert!(!is_over, "it has ended, and said: {}", self.said());
+            found
+        })
+    }
+
+    /// How the job ends, which takes no longer than `limit`.
+    fn ended_within(mut self, limit: Duration) -> Ended {
         let started = Instant::now();
         let status = loop {
             if let Some(status) = self.mpirun.try_wait().unwrap() {
                 break status;
             }
-            assert!(started.elapsed() < LIMIT, "it did not end, and said: {}", self.said());
-            std::thread::sleep(Duration::from_millis(5));
+            assert!(started.elapsed() < limit, "it does not end, and said: {}", self.said());
+            std::thread::sleep(PAUSE);
         };
         Ended { status, said: self.said() }
     }
 
-    /// What a job that can't do what it was asked for says at its end.
+    /// How a job ends that a signal or a mistake is about to end.
     fn failed(self) -> Ended {
-        let ended = self.ended();
+        let ended = self.ended_within(SOON);
         assert!(!ended.status.success(), "{}", ended.said);
         ended
     }
 
     fn said(&self) -> String {
-        fs::read_to_string(self.folder.join(SAID)).unwrap()
+        String::from_utf8_lossy(&fs::read(self.folder.join(SAID)).unwrap()).into_owned()
     }
 
     fn rank(&self, rank: usize) -> u32 {
@@ -130,17 +146,17 @@ impl Job {
 
 impl Drop for Job {
     fn drop(&mut self) {
-        if let Ok(None) = self.mpirun.try_wait() {
-            // They would outlive mpirun.
-            processes(&self.folder).for_each(|process| _ = is_sent("KILL", process));
-            let _ = self.mpirun.kill().and_then(|()| self.mpirun.wait());
+        let _ = self.mpirun.kill().and_then(|()| self.mpirun.wait());
+        // They may outlive mpirun, and a rank may start another one.
+        while let Some(process) = processes(&self.folder).next() {
+            let _ = try_send("KILL", process);
         }
     }
 }
 
 /// What becomes of a job that nothing disturbs.
 fn run(command: &mut Command) -> Ended {
-    Job::start(command).ended()
+    Job::start(command).ended_within(LIMIT)
 }
 
 /// Fits the scene in `folder` on `size` ranks, to its end; returns the last checkpoint.
@@ -206,25 +222,25 @@ fn process(folder: &Path, rank: usize) -> Option<u32> {
     processes(folder).find(is_own)
 }
 
-/// Whether there was such a process.
-fn is_sent(signal: &str, process: u32) -> bool {
+/// Sends a signal; returns whether there was such a process.
+fn try_send(signal: &str, process: u32) -> bool {
     let sent = Command::new("kill").args(["-s", signal, &process.to_string()]).status();
     sent.expect("kill runs").success()
 }
 
 fn send(signal: &str, process: u32) {
-    assert!(is_sent(signal, process));
+    assert!(try_send(signal, process));
 }
 
-/// Waits until `ready`, which comes within minutes.
-fn wait_until<R>(mut ready: impl FnMut() -> Option<R>) -> R {
+/// Waits until `ready`, which comes within `limit`.
+fn wait_until<R>(limit: Duration, mut ready: impl FnMut() -> Option<R>) -> R {
     let started = Instant::now();
     loop {
         if let Some(found) = ready() {
             return found;
         }
-        assert!(started.elapsed() < LIMIT, "it did not come within minutes");
-        std::thread::sleep(Duration::from_millis(5));
+        assert!(started.elapsed() < limit, "it did not come within {limit:?}");
+        std::thread::sleep(PAUSE);
     }
 }
 
@@ -262,7 +278,8 @@ fn ranks_without_work_are_named() {
     for per_step in [1, 3] {
         let place = tempfile::tempdir().unwrap();
         scene(place.path(), 1, per_step);
-        let said = run(&mut command(place.path(), 3, &["fit", "scene.toml"])).said;
+        let Ended { status, said } = run(&mut command(place.path(), 3, &["fit", "scene.toml"]));
+        assert!(status.success(), "{said}");
         let is_named =
             said.contains("note: a step draws 1 view, so at least 2 of 3 ranks have none");
         assert_eq!(is_named, per_step == 1, "{said}");
@@ -290,9 +307,9 @@ fn a_killed_rank_ends_the_job_and_the_last_checkpoint_goes_on_to_the_same_bits()
     for (rank, checkpoints, ms) in [(0, 1, 0), (1, 6, 3), (2, 11, 7), (0, 16, 11)] {
         let out = format!("out-{rank}-{checkpoints}");
         let words = ["fit", "scene.toml", "--out", &out, "--save-every", "1", "--threads", "1"];
-        let job = Job::start(&mut command(folder, 3, &words));
+        let mut job = Job::start(&mut command(folder, 3, &words));
         let (mut last, mut count) = (Vec::new(), 0);
-        wait_until(|| {
+        job.wait_until(|| {
             let now = fs::read(folder.join(&out).join(CHECKPOINT)).ok()?;
             count += u64::from(now != last);
             last = now;
@@ -312,8 +329,8 @@ fn the_first_rank_killed_as_it_writes_leaves_a_whole_checkpoint() {
     let folder = place.path();
     let file = scene(folder, ENDLESS, VIEWS);
     let words = ["fit", "scene.toml", "--out", "out", "--save-every", "1", "--threads", "1"];
-    let job = Job::start(&mut command(folder, 3, &words));
-    wait_until(|| folder.join("out").join(CHECKPOINT).exists().then_some(()));
+    let mut job = Job::start(&mut command(folder, 3, &words));
+    job.wait_until(|| folder.join("out").join(CHECKPOINT).exists().then_some(()));
     let writer = job.rank(0);
     // A checkpoint is written beside the last one, under another name, and then takes its name.
     let unfinished = || {
@@ -324,10 +341,10 @@ fn the_first_rank_killed_as_it_writes_leaves_a_whole_checkpoint() {
         entries.map(|entry| entry.file_name()).find(is_unfinished)
     };
     // It may be done before it is stopped: then it goes on.
-    let half = wait_until(|| {
+    let half = job.wait_until(|| {
         unfinished()?;
         send("STOP", writer);
-        wait_until(|| is_stopped(writer).then_some(()));
+        wait_until(SOON, || is_stopped(writer).then_some(()));
         let found = unfinished();
         if found.is_none() {
             send("CONT", writer);
@@ -356,23 +373,32 @@ fn a_signal_saves_first() {
     let place = tempfile::tempdir().unwrap();
     let folder = place.path();
     let file = scene(folder, ENDLESS, VIEWS);
-    // Ctrl-C; to all of the job, as Slurm does; and to one rank.
-    for (out, signal, whom) in
-        [("interrupted", "INT", None), ("terminated", "TERM", None), ("one", "TERM", Some(1))]
-    {
-        let words = ["fit", "scene.toml", "--out", out, "--save-every", "1", "--threads", "1"];
+    // Ctrl-C; to each process, as Slurm does; and to one rank.
+    for (signal, whom) in [("INT", "mpirun"), ("TERM", "all"), ("TERM", "rank-1")] {
+        let words = ["fit", "scene.toml", "--out", whom, "--save-every", "1", "--threads", "1"];
         let mut command = command(folder, 3, &words);
         // Open MPI waits this long before it terminates, and again before it kills. A step of a debug
         // build on a busy machine takes more than the second that it waits by default.
-        let job = Job::start(command.env("OMPI_MCA_odls_base_sigkill_timeout", "5"));
-        wait_until(|| folder.join(out).join(CHECKPOINT).exists().then_some(()));
-        send(signal, whom.map_or(job.mpirun.id(), |rank| job.rank(rank)));
-        let said = job.failed().said;
+        let mut job = Job::start(command.env("OMPI_MCA_odls_base_sigkill_timeout", "5"));
+        job.wait_until(|| folder.join(whom).join(CHECKPOINT).exists().then_some(()));
+        let mpirun = job.mpirun.id();
+        let signalled = match whom {
+            "mpirun" => vec![mpirun],
+            "all" => processes(folder).chain([mpirun]).collect(),
+            _ => vec![job.rank(1)],
+        };
+        signalled.into_iter().for_each(|process| send(signal, process));
+        let Ended { status, said } = job.failed();
         assert!(said.contains("go on with: mpirun -n 3 bokashi-mpi fit scene.toml"), "{said}");
+        // An abort while mpirun ends the job may leave mpirun waiting for ever.
+        assert!(!said.to_lowercase().contains("mpi_abort"), "{said}");
+        if whom == "rank-1" {
+            assert_eq!(status.code(), Some(143), "{said}");
+        }
         let (_, after) = said.split_once("interrupted after ").expect(&said);
         let steps = after.split_whitespace().next().unwrap().parse::<usize>().unwrap() + 3;
-        let found = fitted(folder, 2, out, &["--resume", "--steps", &steps.to_string()]);
-        assert!(found == alone(&file, steps), "{out} after {steps} steps");
+        let found = fitted(folder, 2, whom, &["--resume", "--steps", &steps.to_string()]);
+        assert!(found == alone(&file, steps), "{whom} after {steps} steps");
     }
 }
 
@@ -437,7 +463,7 @@ fn ranks_take_the_fits_of_a_sweep_and_one_that_fails_harms_no_other() {
 }
 
 #[test]
-fn no_fit_of_a_sweep_begins_after_a_signal_to_any_rank() {
+fn no_fit_of_a_sweep_begins_after_a_signal_and_those_under_way_are_saved() {
     let place = tempfile::tempdir().unwrap();
     let folder = place.path();
     scene(folder, ENDLESS, VIEWS);
@@ -446,18 +472,22 @@ fn no_fit_of_a_sweep_begins_after_a_signal_to_any_rank() {
         format!("[[fit]]\nname = \"fit-{fit}\"\narguments = {arguments}\n")
     };
     fs::write(folder.join("sweep.toml"), (0..5).map(of).collect::<String>()).unwrap();
-    let mut command = command(folder, 2, &["sweep", "sweep.toml"]);
-    let job = Job::start(command.env("OMPI_MCA_odls_base_sigkill_timeout", "5"));
-    let runs = |fit| folder.join(format!("out/fit-{fit}")).join(CHECKPOINT).exists();
-    wait_until(|| (runs(0) && runs(1)).then_some(()));
-    send("TERM", job.rank(1));
-    let said = job.failed().said;
-    assert!(said.contains("interrupted with 0 of 5 fits done"), "{said}");
-    for fit in [0, 1] {
-        let said = fs::read_to_string(folder.join(format!("out/fit-{fit}/said.txt"))).unwrap();
-        assert!(said.contains("interrupted after "), "{said}");
+    // mpirun signals what ranks have started, too.
+    for whom in ["rank-1", "mpirun"] {
+        let mut command = command(folder, 2, &["sweep", "sweep.toml", "--out", whom]);
+        let mut job = Job::start(command.env("OMPI_MCA_odls_base_sigkill_timeout", "5"));
+        let at = |fit| folder.join(whom).join(format!("fit-{fit}"));
+        let runs = |fit| at(fit).join(CHECKPOINT).exists();
+        job.wait_until(|| (runs(0) && runs(1)).then_some(()));
+        send("TERM", if whom == "mpirun" { job.mpirun.id() } else { job.rank(1) });
+        let said = job.failed().said;
+        assert!(said.contains("interrupted with 0 of 5 fits done"), "{whom}: {said}");
+        for fit in [0, 1] {
+            let said = fs::read_to_string(at(fit).join("said.txt")).unwrap();
+            assert!(said.contains("interrupted after "), "{whom}: {said}");
+        }
+        assert!(!at(2).exists(), "{whom}");
     }
-    assert!(!folder.join("out/fit-2").exists());
 }
 
 #[test]
