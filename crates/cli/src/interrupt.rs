@@ -19,7 +19,7 @@ pub struct Interrupt(Arc<AtomicI32>);
 /// No number of a signal.
 const OVER: i32 = i32::MAX;
 
-/// As soon after a signal another is taken for the same one.
+/// A signal that comes within this time of another is taken for the same one.
 const SAME: Duration = Duration::from_secs(1);
 
 impl Interrupt {

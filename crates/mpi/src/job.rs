@@ -41,8 +41,8 @@ pub fn as_rank(work: impl FnOnce(&Ranks<f32>) -> Result<(), Failure>) -> ExitCod
         Ok(Ok(())) => ExitCode::SUCCESS,
         // The first rank has heard it, and speaks; MPI waits for it as the universe ends.
         Ok(Err(failure)) if !is_first => ExitCode::from(failure.status()),
-        // All ranks have heard it. An abort would meet mpirun, which ends the job at a signal of its own:
-        // of twenty jobs, Open MPI 4.1 let one hang so when all ranks were gone.
+        // All ranks have heard it. An abort would meet mpirun, which ends the job by itself where it got the
+        // signal: Open MPI 4.1 then hung in one job of twenty, after all ranks had ended.
         Ok(Err(failure @ Failure::Interrupted { .. })) => ended("bokashi-mpi", Err(failure)),
         Ok(Err(failure)) => {
             let status = failure.status();
