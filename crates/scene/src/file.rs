@@ -62,3 +62,8 @@ pub(crate) fn read_start(
 pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), SceneError> {
     write_whole(path, bytes).map_err(|error| SceneError::Write { path: path.to_owned(), error })
 }
+
+/// Whether a file of a folder can have this name.
+pub(crate) fn is_file_name(name: &str) -> bool {
+    !name.is_empty() && !name.contains(['/', '\\', '\0']) && name != "." && name != ".."
+}

@@ -10,7 +10,7 @@ use bokashi_fit::{
 
 use crate::description::{LearnMaps, LightPlace, Positive};
 use crate::error::{Place, SceneError};
-use crate::object::Object;
+use crate::object::{Object, SurfaceLook};
 use crate::renderer::Renderer;
 use crate::scene::Scene;
 use crate::values::of_object;
@@ -152,21 +152,23 @@ impl Learnt {
                 self.add_share(name, &colors.rows, own.rate)?;
             }
         }
-        type Start = fn(&Object) -> Tensor<f32>;
+        type Start = fn(&SurfaceLook) -> Tensor<f32>;
         let kinds: [(&str, &Option<LearnMaps>, Start); 3] = [
-            ("texture", &learn.texture, |object| {
-                let color = Tensor::from(object.look.base_color);
-                object.look.texture.clone().unwrap_or(color)
+            ("texture", &learn.texture, |look| {
+                look.texture.clone().unwrap_or(Tensor::from(look.base_color))
             }),
-            ("roughness", &learn.roughness, |object| numbers(object, 0)),
-            ("metallic", &learn.metallic, |object| numbers(object, 1)),
+            ("roughness", &learn.roughness, |look| numbers(look, 0)),
+            ("metallic", &learn.metallic, |look| numbers(look, 1)),
         ];
         for (kind, own, start) in kinds {
             let Some(own) = own else { continue };
             let mut maps = 0;
-            for object in chosen(scene, own.meshes.as_deref(), kind)? {
-                let start = start(object);
-                let name = of_object(kind, &object.name);
+            let chosen = chosen(scene, own.meshes.as_deref(), kind)?;
+            let looks =
+                chosen.iter().flat_map(|&object| object.looks.iter().map(move |k| (object, k)));
+            for (object, look) in looks {
+                let start = start(look);
+                let name = object.parameter(kind, look);
                 if start.shape().len() == 3 {
                     maps += 1;
                     if let Some(weight) = own.total_variation {
@@ -309,9 +311,8 @@ fn own_radius(object: &Object) -> f64 {
     }
 }
 
-/// Roughness or metallic of an object: its map, or its number.
-fn numbers(object: &Object, channel: usize) -> Tensor<f32> {
-    let look = &object.look;
+/// Roughness or metallic of a look: its map, or its number.
+fn numbers(look: &SurfaceLook, channel: usize) -> Tensor<f32> {
     let map = look.roughness_metallic_map(channel);
     map.unwrap_or_else(|| Tensor::scalar([look.roughness, look.metallic][channel]))
 }

@@ -9,7 +9,7 @@ use glam::{DMat4, DVec3};
 use crate::cameras::NamedView;
 use crate::description::{Finite, LensEntry, LightEntry, NotNegative, Positive};
 use crate::error::SceneError;
-use crate::model::{Geometry, Indexed, MaterialFile, Model, Placed};
+use crate::model::{Geometry, Indexed, MaterialFile, Model, NO_ROW, Placed, Submesh};
 use crate::object::{Attribute, Object, SurfaceLook};
 use crate::picture::{ColorSpace, Picture, Samples};
 use crate::renderer::Renderer;
@@ -36,9 +36,12 @@ impl Renderer {
         let radius = self.radius();
         for (object, &middle) in scene.objects.iter_mut().zip(self.middles()) {
             let own = |kind: &str| value(&of_object(kind, &object.name));
-            let (vertices, pose) = (own("vertices"), own("pose"));
-            let (colors, texture) = (own("colors"), own("texture"));
-            let (roughness, metallic) = (own("roughness"), own("metallic"));
+            let (vertices, pose, colors) = (own("vertices"), own("pose"), own("colors"));
+            let of_look = |look| {
+                ["texture", "roughness", "metallic"]
+                    .map(|kind| value(&object.parameter(kind, look)))
+            };
+            let of_looks: Vec<_> = object.looks.iter().map(of_look).collect();
             if let Some(positions) = vertices {
                 object.positions = positions;
             }
@@ -49,26 +52,8 @@ impl Renderer {
             if let (Some(rows), Some(colors)) = (colors, &mut object.colors) {
                 colors.rows = rows;
             }
-            let look = &mut object.look;
-            match texture {
-                Some(color) if color.shape().len() == 1 => {
-                    look.base_color = std::array::from_fn(|k| color.data()[k]);
-                }
-                Some(texels) => look.texture = Some(texels),
-                None => (),
-            }
-            for (channel, map) in [roughness, metallic].into_iter().enumerate() {
-                let Some(map) = map else { continue };
-                match &look.roughness_metallic {
-                    Some(own) => {
-                        let both = Tensor::from_flat_fn(own.shape(), |k| {
-                            if k % 2 == channel { map.data()[k / 2] } else { own.data()[k] }
-                        });
-                        look.roughness_metallic = Some(both);
-                    }
-                    None if channel == 0 => look.roughness = map.data()[0],
-                    None => look.metallic = map.data()[0],
-                }
+            for (look, values) in object.looks.iter_mut().zip(of_looks) {
+                look.set(values);
             }
         }
         let cameras = value("cameras");
@@ -133,9 +118,12 @@ impl Scene {
     pub fn model(&self) -> Result<Model, SceneError> {
         let mut model = Model::default();
         for (at, object) in self.objects.iter().enumerate() {
-            let material = object.look.material(&object.name, &mut model.images)?;
-            model.materials.push(material);
-            model.geometries.push(object.geometry(at));
+            let first = model.materials.len();
+            for look in &object.looks {
+                let name = if object.looks.len() > 1 { &look.name } else { &object.name };
+                model.materials.push(look.material(name, &mut model.images)?);
+            }
+            model.geometries.push(object.geometry(first));
             model.placed.extend(object.places.iter().map(|&transform| Placed {
                 name: object.name.clone(),
                 geometry: at,
@@ -157,8 +145,11 @@ impl Scene {
 }
 
 impl Object {
-    /// The geometry, with this material.
-    fn geometry(&self, material: usize) -> Geometry {
+    /// The geometry; the materials of its looks begin at the number `first`.
+    fn geometry(&self, first: usize) -> Geometry {
+        let submeshes = self.looks.iter().enumerate();
+        let submeshes = submeshes
+            .map(|(k, look)| Submesh { material: Some(first + k), faces: look.faces.clone() });
         Geometry {
             name: self.name.clone(),
             positions: rows(&self.positions),
@@ -166,12 +157,36 @@ impl Object {
             colors: self.colors.as_ref().map(indexed),
             coordinates: self.coordinates.as_ref().map(indexed),
             normals: None,
-            material: Some(material),
+            submeshes: submeshes.collect(),
         }
     }
 }
 
 impl SurfaceLook {
+    /// Takes what was learnt of texture, roughness and metallic.
+    fn set(&mut self, [texture, roughness, metallic]: [Option<Tensor<f32>>; 3]) {
+        match texture {
+            Some(color) if color.shape().len() == 1 => {
+                self.base_color = std::array::from_fn(|k| color.data()[k]);
+            }
+            Some(texels) => self.texture = Some(texels),
+            None => (),
+        }
+        for (channel, map) in [roughness, metallic].into_iter().enumerate() {
+            let Some(map) = map else { continue };
+            match &self.roughness_metallic {
+                Some(own) => {
+                    let both = Tensor::from_flat_fn(own.shape(), |k| {
+                        if k % 2 == channel { map.data()[k / 2] } else { own.data()[k] }
+                    });
+                    self.roughness_metallic = Some(both);
+                }
+                None if channel == 0 => self.roughness = map.data()[0],
+                None => self.metallic = map.data()[0],
+            }
+        }
+    }
+
     fn material(&self, name: &str, images: &mut Vec<Picture>) -> Result<MaterialFile, SceneError> {
         let mut add = |picture: Picture| {
             images.push(picture);
@@ -213,5 +228,8 @@ fn rows<const N: usize>(rows: &Tensor<f32>) -> Vec<[f32; N]> {
 }
 
 fn indexed<const N: usize>(own: &Attribute) -> Indexed<N> {
-    Indexed { rows: rows(&own.rows), faces: own.indices.faces().to_vec() }
+    let rows = rows(&own.rows);
+    let row = |row: u32| if row as usize == rows.len() { NO_ROW } else { row };
+    let faces = own.indices.faces().iter().map(|face| face.map(row)).collect();
+    Indexed { rows, faces }
 }

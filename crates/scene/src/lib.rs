@@ -48,7 +48,7 @@ pub use glam;
 /// What images in memory can be made of and into.
 pub use image;
 pub use mesh::{MeshKind, glb, ply, read_model, read_model_bytes};
-pub use model::{Geometry, Indexed, MaterialFile, Model, Placed};
+pub use model::{Geometry, Indexed, MaterialFile, Model, NO_ROW, Placed, Submesh};
 /// The arrays of [`arrays::tensor_of_ndarray`].
 #[cfg(feature = "ndarray")]
 pub use ndarray;

@@ -1,11 +1,16 @@
 //! What a mesh file holds, whatever its format.
 
+use std::ops::Range;
+
 use glam::DMat4;
 
 use crate::picture::Picture;
 
+/// Stands in the place of a row at the corners of a submesh that lacks the attribute.
+pub const NO_ROW: u32 = u32::MAX;
+
 /// Numbers at the corners of faces, with an index buffer of their own: where a texture has a seam, a
-/// vertex has several.
+/// vertex has several. The corners of a submesh have all of them a row, or all of them [`NO_ROW`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Indexed<const N: usize> {
     /// The numbers, each once.
@@ -14,7 +19,16 @@ pub struct Indexed<const N: usize> {
     pub faces: Vec<[u32; 3]>,
 }
 
-/// A mesh of one material. Vertices that lie in one place are one vertex.
+/// Faces of a geometry with one material.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Submesh {
+    /// Its number among the materials of the model.
+    pub material: Option<usize>,
+    /// The faces: they follow those of the submesh before.
+    pub faces: Range<usize>,
+}
+
+/// A surface with one set of vertices, of one material or several.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Geometry {
     /// Its name in the file; may be empty.
@@ -29,8 +43,28 @@ pub struct Geometry {
     pub coordinates: Option<Indexed<2>>,
     /// Unit normals.
     pub normals: Option<Indexed<3>>,
-    /// Its number among the materials of the model.
-    pub material: Option<usize>,
+    /// Which faces have which material: all of them, in their order.
+    pub submeshes: Vec<Submesh>,
+}
+
+impl<const N: usize> Indexed<N> {
+    /// Whether the corners of these faces have a row.
+    pub fn covers(&self, faces: &Range<usize>) -> bool {
+        self.faces.get(faces.start).is_some_and(|face| face[0] != NO_ROW)
+    }
+}
+
+impl Geometry {
+    /// The materials of its faces, in their order; `None` where faces have none.
+    pub fn materials(&self) -> impl Iterator<Item = Option<usize>> {
+        self.submeshes.iter().map(|submesh| submesh.material)
+    }
+
+    /// The submesh of a face.
+    pub fn submesh(&self, face: usize) -> Option<&Submesh> {
+        let next = self.submeshes.partition_point(|submesh| submesh.faces.end <= face);
+        self.submeshes.get(next).filter(|submesh| submesh.faces.contains(&face))
+    }
 }
 
 /// How a surface looks, as in glTF.

@@ -1,27 +1,34 @@
 //! A mesh of a scene as the engine takes it: tensors and index buffers.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
+use std::ops::Range;
 
 use bokashi_core::Tensor;
 use bokashi_render_ops::Mesh;
 use glam::{DMat4, DVec3};
 
 use crate::error::SceneError;
-use crate::model::{Geometry, Indexed, MaterialFile, Model};
+use crate::file::is_file_name;
+use crate::model::{Geometry, Indexed, MaterialFile, Model, NO_ROW, Submesh};
 use crate::picture::{ColorSpace, Picture};
+use crate::values::of_object;
 
 /// Numbers at corners of faces: `[A, C]`, and which of them each corner has.
 #[derive(Debug, Clone)]
 pub struct Attribute {
     /// The numbers.
     pub rows: Tensor<f32>,
-    /// As many faces as the object's mesh.
+    /// As many faces as the object's mesh. Those of a look that has none name a row beyond the last, row A.
     pub indices: Mesh,
 }
 
 /// What a surface is made of. A map stands in the place of its number, which it was multiplied by.
 #[derive(Debug, Clone)]
 pub struct SurfaceLook {
+    /// What parameters and results call it, where its object has several.
+    pub name: String,
+    /// The faces that have it: they follow those of the look before.
+    pub faces: Range<usize>,
     /// A linear colour.
     pub base_color: [f32; 3],
     /// Base colours `[H, W, 3]`, linear.
@@ -53,14 +60,45 @@ pub struct Object {
     pub normals: Option<Attribute>,
     /// From its own coordinates to the world's, once for each instance.
     pub places: Vec<DMat4>,
-    /// What it is made of.
-    pub look: SurfaceLook,
+    /// What its faces are made of: one for each of its materials, or one.
+    pub looks: Vec<SurfaceLook>,
+}
+
+impl Attribute {
+    /// Whether these faces have the attribute.
+    pub fn covers(&self, faces: &Range<usize>) -> bool {
+        let first = self.indices.faces().get(faces.start);
+        first.is_some_and(|face| (face[0] as usize) < self.rows.shape()[0])
+    }
+
+    /// Whether some faces have none.
+    pub(crate) fn has_gaps(&self) -> bool {
+        self.indices.vertex_count() > self.rows.shape()[0]
+    }
 }
 
 impl Object {
     /// The texture coordinates, where something is looked up by them.
     pub(crate) fn coordinates_of_maps(&self) -> Option<&Attribute> {
-        self.coordinates.as_ref().filter(|_| self.look.has_maps())
+        self.coordinates.as_ref().filter(|_| self.looks.iter().any(SurfaceLook::has_maps))
+    }
+
+    /// The number of a face's look.
+    pub(crate) fn look_of(&self, face: usize) -> usize {
+        self.looks.partition_point(|look| look.faces.end <= face)
+    }
+
+    /// The name of a look's parameter: the object's, and where it has several looks the look's.
+    pub(crate) fn parameter(&self, kind: &str, look: &SurfaceLook) -> String {
+        of_object(kind, &self.look_name(look))
+    }
+
+    /// What results call a look.
+    pub(crate) fn look_name(&self, look: &SurfaceLook) -> String {
+        match self.looks.len() {
+            0 | 1 => self.name.clone(),
+            _ => format!("{}/{}", self.name, look.name),
+        }
     }
 
     /// The object of a geometry of `model`.
@@ -76,15 +114,17 @@ impl Object {
         let mesh = Mesh::new(geometry.faces.clone(), geometry.positions.len())?;
         let coordinates = geometry.coordinates.as_ref();
         let coordinates = coordinates.map(|own| of_vertices(own, &geometry.faces));
-        let material = geometry.material.and_then(|k| model.materials.get(k));
-        let look = match material {
-            Some(material) => SurfaceLook::of_file(material, &model.images),
-            // Colours stand for themselves.
-            None if geometry.colors.is_some() => {
-                SurfaceLook { base_color: [1.0; 3], ..SurfaceLook::plain() }
+        let mut names = HashSet::new();
+        let looks = geometry.submeshes.iter().enumerate().map(|(k, submesh)| {
+            let look = SurfaceLook::of_submesh(submesh, geometry, model);
+            let number = (k + 1).to_string();
+            let mut name =
+                if is_file_name(&look.name) { look.name.clone() } else { number.clone() };
+            while !names.insert(name.clone()) {
+                name = format!("{name}-{number}");
             }
-            None => SurfaceLook::plain(),
-        };
+            SurfaceLook { name, ..look }
+        });
         Ok(Self {
             name,
             positions: rows(&geometry.positions),
@@ -93,9 +133,32 @@ impl Object {
             normals: geometry.normals.as_ref().map(attribute).transpose()?,
             mesh,
             places,
-            // Maps are looked up by texture coordinates.
-            look: if geometry.coordinates.is_some() { look } else { look.without_maps() },
+            looks: looks.collect(),
         })
+    }
+
+    /// Gives each vertex a colour, that of its look: where looks meet, one for each.
+    ///
+    /// # Errors
+    /// [`SceneError::Render`] for too many of them.
+    pub(crate) fn color_vertices(&mut self) -> Result<(), SceneError> {
+        let (mut colors, mut faces) = (Vec::new(), Vec::with_capacity(self.mesh.faces().len()));
+        for look in &mut self.looks {
+            // A texture is multiplied by them.
+            let color = if look.texture.is_some() { [1.0; 3] } else { look.base_color };
+            look.base_color = [1.0; 3];
+            let own = &self.mesh.faces()[look.faces.clone()];
+            let mut rows = vec![NO_ROW; self.mesh.vertex_count()];
+            own.as_flattened().iter().for_each(|&vertex| rows[vertex as usize] = 0);
+            for row in rows.iter_mut().filter(|row| **row != NO_ROW) {
+                *row = colors.len() as u32;
+                colors.push(color);
+            }
+            faces.extend(own.iter().map(|face| face.map(|vertex| rows[vertex as usize])));
+        }
+        let indices = Mesh::new(faces, colors.len())?;
+        self.colors = Some(Attribute { rows: rows(&colors), indices });
+        Ok(())
     }
 
     /// The least and the largest coordinates in the world; `None` without vertices.
@@ -111,6 +174,8 @@ impl SurfaceLook {
     /// A rough dielectric of half the light.
     pub(crate) fn plain() -> Self {
         Self {
+            name: String::new(),
+            faces: 0..0,
             base_color: [0.5; 3],
             texture: None,
             roughness: 1.0,
@@ -137,6 +202,22 @@ impl SurfaceLook {
         Some(Tensor::from_flat_fn([height, width, 1], |k| maps.data()[2 * k + channel]))
     }
 
+    fn of_submesh(submesh: &Submesh, geometry: &Geometry, model: &Model) -> Self {
+        let faces = submesh.faces.clone();
+        let has_colors = geometry.colors.as_ref().is_some_and(|own| own.covers(&faces));
+        let has_coordinates = geometry.coordinates.as_ref().is_some_and(|own| own.covers(&faces));
+        let material = submesh.material.and_then(|k| model.materials.get(k));
+        let look = match material {
+            Some(material) => Self::of_file(material, &model.images),
+            // Colours stand for themselves.
+            None if has_colors => Self { base_color: [1.0; 3], ..Self::plain() },
+            None => Self::plain(),
+        };
+        // Maps are looked up by texture coordinates.
+        let look = if has_coordinates { look } else { look.without_maps() };
+        Self { faces, ..look }
+    }
+
     fn of_file(material: &MaterialFile, images: &[Picture]) -> Self {
         let image = |k: Option<usize>| k.and_then(|k| images.get(k));
         let [red, green, blue, _] = material.base_color;
@@ -157,6 +238,8 @@ impl SurfaceLook {
         let normal_map = image(material.normal_image);
         let normal_map = normal_map.map(|image| vectors(image, material.normal_scale));
         Self {
+            name: material.name.clone(),
+            faces: 0..0,
             base_color,
             texture: color,
             roughness: material.roughness,
@@ -180,18 +263,24 @@ fn rows<const N: usize>(rows: &[[f32; N]]) -> Tensor<f32> {
 }
 
 fn attribute<const N: usize>(own: &Indexed<N>) -> Result<Attribute, SceneError> {
-    Ok(Attribute { rows: rows(&own.rows), indices: Mesh::new(own.faces.clone(), own.rows.len())? })
+    let count = own.rows.len();
+    let mut faces = own.faces.clone();
+    let gaps = faces.as_flattened_mut().iter_mut().filter(|row| **row == NO_ROW);
+    let gaps = gaps.map(|row| *row = count as u32).count();
+    let indices = Mesh::new(faces, count + usize::from(gaps > 0))?;
+    Ok(Attribute { rows: rows(&own.rows), indices })
 }
 
 /// The same numbers, none of them at two vertices: tangents of a vertex need coordinates of its own.
 fn of_vertices<const N: usize>(own: &Indexed<N>, faces: &[[u32; 3]]) -> Indexed<N> {
     let (mut seen, mut rows) = (HashMap::new(), Vec::new());
     let corners = faces.iter().zip(&own.faces).map(|(vertices, indices)| {
-        [0, 1, 2].map(|corner| {
-            *seen.entry((vertices[corner], indices[corner])).or_insert_with(|| {
-                rows.push(own.rows[indices[corner] as usize]);
+        [0, 1, 2].map(|corner| match indices[corner] {
+            NO_ROW => NO_ROW,
+            row => *seen.entry((vertices[corner], row)).or_insert_with(|| {
+                rows.push(own.rows[row as usize]);
                 rows.len() as u32 - 1
-            })
+            }),
         })
     });
     let faces = corners.collect();
@@ -230,9 +319,10 @@ mod tests {
             ..MaterialFile::default()
         };
         let model = Model { images, materials: vec![material], ..Model::default() };
-        let geometry = Geometry { material: Some(0), ..shapes::plane(2) };
-        let object = Object::of_geometry("a".to_owned(), &geometry, &model, vec![]).unwrap();
-        let look = object.look;
+        let submeshes = vec![Submesh { material: Some(0), faces: 0..2 }];
+        let geometry = Geometry { submeshes, ..shapes::plane(2) };
+        let mut object = Object::of_geometry("a".to_owned(), &geometry, &model, vec![]).unwrap();
+        let look = object.looks.remove(0);
         let texture = look.texture.unwrap();
         approx::assert_abs_diff_eq!(texture.data(), &[0.5, 0.0, 0.5029][..], epsilon = 1e-4);
         let map = look.roughness_metallic.unwrap();

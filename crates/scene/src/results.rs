@@ -12,6 +12,7 @@ use crate::description::{LightPlace, Tone};
 use crate::error::{Place, SceneError};
 use crate::file::write_file;
 use crate::mesh::{glb, ply};
+use crate::object::SurfaceLook;
 use crate::picture::{ColorSpace, Picture};
 use crate::scene::Scene;
 
@@ -82,12 +83,15 @@ impl Scene {
         });
         numbers.insert("lights".to_owned(), lights.collect());
         let objects = self.objects.iter().map(|object| {
-            let look = &object.look;
+            let looks = object.looks.iter().map(|look| {
+                let SurfaceLook { name, base_color, roughness, metallic, .. } = look;
+                json!({
+                    "name": name, "base_color": base_color, "roughness": roughness, "metallic": metallic
+                })
+            });
             let places = object.places.iter().map(rows);
             let own = json!({
-                "base_color": look.base_color,
-                "roughness": look.roughness,
-                "metallic": look.metallic,
+                "materials": looks.collect::<Value>(),
                 "places": places.collect::<Value>(),
             });
             (object.name.clone(), own)

@@ -15,10 +15,11 @@ use crate::description::{
     self, ColorSpaceName, Description, MaterialEntry, MeshEntry, Shape, ViewEntry,
 };
 use crate::error::{Place, SceneError};
+use crate::file::is_file_name;
 use crate::folder::Folder;
 use crate::mesh::read_model;
 use crate::model::{Model, Placed};
-use crate::object::{Attribute, Object, SurfaceLook, vectors};
+use crate::object::{Object, SurfaceLook, vectors};
 use crate::picture::{ColorSpace, MOST_SAMPLES, Picture};
 use crate::shapes;
 use crate::viewpoint::camera;
@@ -161,7 +162,7 @@ fn check_names<'a>(
             let message = format!("the name of {what} {rule}, and there is {name:?}");
             Err(SceneError::content(Place::of(path), message))
         };
-        if name.is_empty() || name.contains(['/', '\\', '\0']) || name == "." || name == ".." {
+        if !is_file_name(name) {
             return wrong("is that of a file");
         }
         if !seen.insert(name) {
@@ -229,14 +230,37 @@ impl Source {
         Ok(objects)
     }
 
-    /// What the scene says of an object's material, in place of what its file says.
+    /// What the scene says of an object's materials, all of them, in place of what its file says.
     fn dress(
         &self,
         object: &mut Object,
         material: &MaterialEntry,
         entry: &Spanned<MeshEntry>,
     ) -> Result<(), SceneError> {
-        let look: &mut SurfaceLook = &mut object.look;
+        for look in &mut object.looks {
+            self.dress_look(look, material, entry)?;
+        }
+        if material.vertex_colors && object.colors.is_none() {
+            object.color_vertices()?;
+        }
+        for look in &object.looks {
+            let maps = [&look.texture, &look.roughness_metallic, &look.normal_map];
+            let is_placed = object.coordinates.as_ref().is_some_and(|own| own.covers(&look.faces));
+            if !is_placed && maps.iter().any(|map| map.is_some()) {
+                let rule = "a mesh with a texture has texture coordinates";
+                let found = format!("{rule}, and {:?} has none", object.look_name(look));
+                return Err(self.wrong(entry, found));
+            }
+        }
+        Ok(())
+    }
+
+    fn dress_look(
+        &self,
+        look: &mut SurfaceLook,
+        material: &MaterialEntry,
+        entry: &Spanned<MeshEntry>,
+    ) -> Result<(), SceneError> {
         if let Some(color) = material.base_color {
             look.base_color = color.map(|x| x.0 as f32);
             look.texture = None;
@@ -264,19 +288,8 @@ impl Source {
                 return Err(self.wrong(entry, rule));
             }
         };
-        if material.vertex_colors && object.colors.is_none() {
-            let color = if look.texture.is_some() { [1.0; 3] } else { look.base_color };
-            let rows = Tensor::from_flat_fn([object.mesh.vertex_count(), 3], |k| color[k % 3]);
-            object.colors = Some(Attribute { rows, indices: object.mesh.clone() });
-            look.base_color = [1.0; 3];
-        }
         if let Some(file) = &material.normals {
             look.normal_map = Some(vectors(&self.image(file)?, 1.0));
-        }
-        let maps = [&look.texture, &look.roughness_metallic, &look.normal_map];
-        if object.coordinates.is_none() && maps.iter().any(|map| map.is_some()) {
-            let rule = "a mesh with a texture has texture coordinates";
-            return Err(self.wrong(entry, format!("{rule}, and {:?} has none", object.name)));
         }
         Ok(())
     }

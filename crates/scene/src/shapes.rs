@@ -5,7 +5,7 @@
 
 use std::f32::consts::FRAC_PI_4;
 
-use crate::model::{Geometry, Indexed};
+use crate::model::{Geometry, Indexed, Submesh};
 
 /// The part of a side's place in the texture that lies around the side.
 const MARGIN: f32 = 1.0 / 32.0;
@@ -136,11 +136,11 @@ fn geometry(
     Geometry {
         name: name.to_owned(),
         positions,
+        submeshes: vec![Submesh { material: None, faces: 0..faces.len() }],
         faces,
         colors: None,
         coordinates: Some(coordinates),
         normals: None,
-        material: None,
     }
 }
 

@@ -1,6 +1,8 @@
 //! Arbitrary files as meshes.
 
-use bokashi_scene::{Folder, Geometry, Indexed, MeshKind, Model, glb, ply, read_model_bytes};
+use bokashi_scene::{
+    Folder, Geometry, Indexed, MeshKind, Model, NO_ROW, glb, ply, read_model_bytes,
+};
 
 use super::files::{beside, in_short, small_image};
 
@@ -33,14 +35,18 @@ pub fn mesh_file(bytes: &[u8]) -> usize {
 /// Panics unless the numbers of a model name its parts, and its meshes come back from files.
 fn check(model: &Model, folder: &Folder) {
     for geometry in &model.geometries {
-        let Geometry { positions, faces, colors, coordinates, normals, material, .. } = geometry;
+        let Geometry { positions, faces, colors, coordinates, normals, .. } = geometry;
         assert!(!faces.is_empty());
         check_rows(positions, faces);
-        check_indexed(colors, faces.len());
-        check_indexed(coordinates, faces.len());
-        check_indexed(normals, faces.len());
+        check_indexed(colors, geometry);
+        check_indexed(coordinates, geometry);
+        check_indexed(normals, geometry);
         assert!(faces.iter().all(|[a, b, c]| a != b && b != c && c != a));
-        assert!(material.is_none_or(|material| material < model.materials.len()));
+        let ends = geometry.submeshes.iter().map(|submesh| submesh.faces.end);
+        let begins = geometry.submeshes.iter().map(|submesh| submesh.faces.start);
+        assert!([0].into_iter().chain(ends).eq(begins.chain([faces.len()])));
+        let mut materials = geometry.materials().flatten();
+        assert!(materials.all(|material| material < model.materials.len()));
     }
     for material in &model.materials {
         let images =
@@ -62,10 +68,16 @@ fn check(model: &Model, folder: &Folder) {
     }
 }
 
-fn check_indexed<const N: usize>(indexed: &Option<Indexed<N>>, count: usize) {
+fn check_indexed<const N: usize>(indexed: &Option<Indexed<N>>, geometry: &Geometry) {
     let Some(indexed) = indexed else { return };
-    assert_eq!(indexed.faces.len(), count);
-    check_rows(&indexed.rows, &indexed.faces);
+    assert_eq!(indexed.faces.len(), geometry.faces.len());
+    for submesh in &geometry.submeshes {
+        let own = &indexed.faces[submesh.faces.clone()];
+        match indexed.covers(&submesh.faces) {
+            true => check_rows(&indexed.rows, own),
+            false => assert!(own.as_flattened().iter().all(|&row| row == NO_ROW)),
+        }
+    }
 }
 
 fn check_rows<const N: usize>(rows: &[[f32; N]], faces: &[[u32; 3]]) {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use bokashi_scene::{MaterialFile, Model, Outline, Picture, SceneError, read_model};
+use bokashi_scene::{MaterialFile, Model, Outline, Picture, SceneError, Submesh, read_model};
 use serde_json::json;
 
 use super::beside::beside;
@@ -90,9 +90,26 @@ fn inspect_geometry(findings: &mut Findings, model: &Model, k: usize, places: us
         section.fact(what_label(what), format!("{rows} {what}"), rows);
     }
     section.fact("stands", count(places, "time"), places);
-    if let Some(material) = geometry.material {
+    let named = |material: usize| {
         let name = model.materials.get(material).map_or("", |material| &material.name);
-        section.fact("material", self::title("number", material, name), material + 1);
+        self::title("number", material, name)
+    };
+    match geometry.submeshes.as_slice() {
+        [Submesh { material: None, .. }] => (),
+        [Submesh { material: Some(material), .. }] => {
+            section.fact("material", named(*material), material + 1);
+        }
+        several => {
+            let text = several.iter().map(|Submesh { material, faces }| {
+                let own = material.map_or("none".to_owned(), named);
+                format!("{own}: {}", count(faces.len(), "face"))
+            });
+            let value = several.iter().map(|Submesh { material, faces }| {
+                json!({ "material": material.map(|material| material + 1), "faces": faces.len() })
+            });
+            let text = text.collect::<Vec<_>>().join("; ");
+            section.fact("materials", text, value.collect::<serde_json::Value>());
+        }
     }
     findings.part("geometries", section);
 
@@ -113,11 +130,13 @@ fn inspect_geometry(findings: &mut Findings, model: &Model, k: usize, places: us
     if places == 0 {
         findings.problem(format!("{title}: no node of the file shows it"));
     }
-    let material = geometry.material.and_then(|material| model.materials.get(material));
-    let has_maps = material.is_some_and(|own| maps(own).iter().any(|(_, map)| map.is_some()));
-    if has_maps && geometry.coordinates.is_none() {
-        let rule = "its material has an image, and it has no texture coordinates";
-        findings.problem(format!("{title}: {rule}"));
+    for Submesh { material, faces } in &geometry.submeshes {
+        let material = material.and_then(|material| model.materials.get(material));
+        let has_maps = material.is_some_and(|own| maps(own).iter().any(|(_, map)| map.is_some()));
+        if has_maps && !geometry.coordinates.as_ref().is_some_and(|own| own.covers(faces)) {
+            let rule = "its material has an image, and it has no texture coordinates";
+            findings.problem(format!("{title}: {rule}"));
+        }
     }
 }
 

@@ -5,7 +5,7 @@ use std::path::Path;
 use bokashi_scene::description::{
     Learn, LearnMaps, LearnNumbers, LearnObjects, LearnVertices, Stage,
 };
-use bokashi_scene::{Object, Scene, SceneError, SceneFit};
+use bokashi_scene::{Object, Scene, SceneError, SceneFit, SurfaceLook};
 use glam::DVec3;
 use serde_json::json;
 
@@ -81,26 +81,40 @@ fn inspect_object(object: &Object) -> Section {
     for (label, at) in ["least", "largest"].into_iter().zip(extent.into_iter().flatten()) {
         section.fact(label, numbers(at.to_array()), json!(at.to_array()));
     }
-    let look = &object.look;
+    let looks = object.looks.iter().map(|look| inspect_look(&mut section, object, look));
+    let looks: Vec<serde_json::Value> = looks.collect();
+    section.silent("materials", json!(looks));
+    if let Some(colors) = &object.colors {
+        section.fact("colours", "at vertices", colors.rows.shape()[0]);
+    }
+    section
+}
+
+/// Adds what an object, or one of its materials, is made of.
+fn inspect_look(section: &mut Section, object: &Object, look: &SurfaceLook) -> serde_json::Value {
+    let of = |label: &str| match object.looks.len() {
+        1 => label.to_owned(),
+        _ => format!("{label} of {:?}", look.name),
+    };
+    let mut value = json!({ "name": look.name, "faces": look.faces.len() });
+    if look.texture.is_none() {
+        let color = look.base_color;
+        section.fact(of("base colour"), numbers(color.map(f64::from)), json!(color));
+        value["base_color"] = json!(color);
+    }
     let maps = [
         ("texture", &look.texture),
         ("rough map", &look.roughness_metallic),
         ("normal map", &look.normal_map),
     ];
-    if look.texture.is_none() {
-        let color = look.base_color;
-        section.fact("base colour", numbers(color.map(f64::from)), json!(color));
-    }
     for (label, map) in maps {
         if let Some(map) = map {
             let [height, width] = [map.shape()[0], map.shape()[1]];
-            section.fact(label, format!("{width} x {height} texels"), json!([width, height]));
+            section.fact(of(label), format!("{width} x {height} texels"), json!([width, height]));
+            value[label] = json!([width, height]);
         }
     }
-    if let Some(colors) = &object.colors {
-        section.fact("colours", "at vertices", colors.rows.shape()[0]);
-    }
-    section
+    value
 }
 
 /// What is learnt, by its key and with the rate that the scene gives.

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use bokashi_scene::{Folder, SceneError, named_files, read_model};
+use bokashi_scene::{Folder, Geometry, Indexed, SceneError, Submesh, named_files, read_model};
 use glam::DVec3;
 
 use super::copies::Copies;
@@ -56,11 +56,14 @@ impl Start {
         let drawn: Vec<_> = all.filter(|(k, _)| shown(*k).next().is_some()).collect();
         let material = |own: Option<usize>| own.and_then(|own| model.materials.get(own));
         let has_image = |own| material(own).is_some_and(|own| own.base_color_image.is_some());
-        let paint = if drawn.iter().any(|(_, own)| has_image(own.material)) {
+        let covered = drawn.iter().flat_map(|(_, own)| own.submeshes.iter().map(move |k| (own, k)));
+        let colored = |(own, part): (&&Geometry, &Submesh)| covers(own.colors.as_ref(), part);
+        let charted = |(own, part): (&&Geometry, &Submesh)| covers(own.coordinates.as_ref(), part);
+        let paint = if drawn.iter().any(|(_, own)| own.materials().any(has_image)) {
             Paint::Textures
-        } else if drawn.iter().all(|(_, own)| own.colors.is_some()) {
+        } else if covered.clone().all(colored) {
             Paint::Colors
-        } else if drawn.iter().all(|(_, own)| own.coordinates.is_some()) {
+        } else if covered.clone().all(charted) {
             Paint::Coordinates
         } else {
             Paint::Bare
@@ -75,4 +78,8 @@ impl Start {
         let ball = extent.map_or((DVec3::ZERO, 1.0), |[a, b]| (0.5 * (a + b), 0.5 * a.distance(b)));
         Ok(Self { file, named: named.len(), paint, ball })
     }
+}
+
+fn covers<const N: usize>(attribute: Option<&Indexed<N>>, submesh: &Submesh) -> bool {
+    attribute.is_some_and(|own| own.covers(&submesh.faces))
 }

@@ -6,8 +6,10 @@ use std::sync::Arc;
 use bokashi_report::{ReportError, ViewerMesh, ViewerTexture, viewer, viewer_data};
 use bokashi_scene::Tensor;
 use bokashi_scene::{
-    ColorSpace, Geometry, Model, Picture, Place, Scene, SceneError, SeenView, write_file,
+    ColorSpace, Geometry, Indexed, Model, Picture, Place, Scene, SceneError, SeenView, Submesh,
+    write_file,
 };
+use glam::DMat4;
 
 /// Differences are shown so many times as large.
 pub(super) const GAIN: f32 = 4.0;
@@ -59,74 +61,97 @@ impl Pictures {
     }
 }
 
-/// A geometry as a page shows it.
+/// A submesh as a page shows it, with the vertices that it names.
 struct Shown {
-    colors: Option<Vec<[f32; 3]>>,
+    positions: Vec<[f32; 3]>,
+    faces: Vec<[u32; 3]>,
+    colors: Vec<[f32; 3]>,
+    coordinates: Option<Indexed<2>>,
     png: Option<Vec<u8>>,
     place: [f32; 16],
-    geometry: usize,
 }
 
-/// Calls `with` with the meshes of a model.
+impl Shown {
+    fn new(model: &Model, geometry: &Geometry, submesh: &Submesh, place: &DMat4) -> Self {
+        let material = submesh.material.and_then(|k| model.materials.get(k));
+        let image = material.and_then(|own| own.base_color_image);
+        let image = image.and_then(|k| model.images.get(k));
+        let base = material.map_or([1.0; 3], |own| {
+            let [red, green, blue, _] = own.base_color;
+            [red, green, blue]
+        });
+        let own = submesh.faces.clone();
+        let (vertices, faces) = picked(&geometry.faces[own.clone()]);
+        let positions = vertices.iter().map(|&vertex| geometry.positions[vertex as usize]);
+        let mut colors = vec![base; vertices.len()];
+        if let Some(rows) = geometry.colors.as_ref().filter(|rows| rows.covers(&own)) {
+            // A vertex with several has the last.
+            let corners = faces.as_flattened().iter().zip(rows.faces[own.clone()].as_flattened());
+            for (&vertex, &row) in corners {
+                let color = rows.rows[row as usize];
+                colors[vertex as usize] = [0, 1, 2].map(|k| color[k] * base[k]);
+            }
+        }
+        let coordinates = geometry.coordinates.as_ref().filter(|rows| rows.covers(&own));
+        Self {
+            positions: positions.collect(),
+            faces,
+            colors: colors.into_iter().map(|color| color.map(encoded)).collect(),
+            coordinates: coordinates.map(|rows| {
+                let (named, faces) = picked(&rows.faces[own]);
+                let named = named.into_iter().map(|row| rows.rows[row as usize]);
+                Indexed { rows: named.collect(), faces }
+            }),
+            png: image.and_then(|image| image.encode_png(&Place::of("a texture")).ok()),
+            place: place.to_cols_array().map(|x| x as f32),
+        }
+    }
+}
+
+/// The rows that faces name, in their order, and the faces with the numbers that the rows have there.
+fn picked(faces: &[[u32; 3]]) -> (Vec<u32>, Vec<[u32; 3]>) {
+    let mut rows: Vec<u32> = faces.as_flattened().to_vec();
+    rows.sort_unstable();
+    rows.dedup();
+    let number = |row: u32| rows.partition_point(|&other| other < row) as u32;
+    let faces = faces.iter().map(|face| face.map(number)).collect();
+    (rows, faces)
+}
+
+/// A linear number as sRGB has it.
+fn encoded(x: f32) -> f32 {
+    match x.clamp(0.0, 1.0) {
+        x if x <= 0.003_130_8 => 12.92 * x,
+        x => 1.055 * x.powf(1.0 / 2.4) - 0.055,
+    }
+}
+
+/// Calls `with` with the meshes of a model, one for each submesh of a geometry.
 fn with_meshes<R>(
     model: &Model,
     with: impl FnOnce(&[ViewerMesh<'_>]) -> Result<R, ReportError>,
 ) -> Result<R, ReportError> {
-    let shown: Vec<_> = model
-        .placed
-        .iter()
-        .map(|placed| {
-            let geometry = &model.geometries[placed.geometry];
-            let material = geometry.material.and_then(|k| model.materials.get(k));
-            let image = material.and_then(|own| own.base_color_image);
-            let image = image.and_then(|k| model.images.get(k));
-            let png = image.and_then(|image| image.encode_png(&Place::of("a texture")).ok());
-            let base = material.map_or([1.0; 3], |own| {
-                let [red, green, blue, _] = own.base_color;
-                [red, green, blue]
-            });
-            let place = placed.transform.to_cols_array().map(|x| x as f32);
-            let colors = vertex_colors(geometry, base);
-            Shown { colors: Some(colors), png, place, geometry: placed.geometry }
-        })
-        .collect();
-    let meshes: Vec<_> = shown
-        .iter()
-        .map(|own| {
-            let geometry = &model.geometries[own.geometry];
-            let texture = geometry.coordinates.as_ref().zip(own.png.as_deref());
-            ViewerMesh {
-                positions: &geometry.positions,
-                faces: &geometry.faces,
-                colors: own.colors.as_deref(),
-                texture: texture.map(|(coordinates, png)| ViewerTexture {
-                    coordinates: &coordinates.rows,
-                    faces: &coordinates.faces,
-                    png,
-                }),
-                place: own.place,
-            }
-        })
-        .collect();
-    with(&meshes)
-}
-
-/// Colours at vertices, encoded as sRGB; a vertex with several has the last.
-fn vertex_colors(geometry: &Geometry, base: [f32; 3]) -> Vec<[f32; 3]> {
-    let mut colors = vec![base; geometry.positions.len()];
-    if let Some(own) = &geometry.colors {
-        for (vertices, rows) in geometry.faces.iter().zip(&own.faces) {
-            for (&vertex, &row) in vertices.iter().zip(rows) {
-                let color = own.rows[row as usize];
-                colors[vertex as usize] = [0, 1, 2].map(|k| color[k] * base[k]);
-            }
+    let shown = model.placed.iter().flat_map(|placed| {
+        let geometry = &model.geometries[placed.geometry];
+        let submeshes = geometry.submeshes.iter();
+        submeshes.map(|submesh| Shown::new(model, geometry, submesh, &placed.transform))
+    });
+    let shown: Vec<Shown> = shown.collect();
+    let meshes = shown.iter().map(|own| {
+        let texture = own.coordinates.as_ref().zip(own.png.as_deref());
+        ViewerMesh {
+            positions: &own.positions,
+            faces: &own.faces,
+            colors: Some(&own.colors),
+            texture: texture.map(|(coordinates, png)| ViewerTexture {
+                coordinates: &coordinates.rows,
+                faces: &coordinates.faces,
+                png,
+            }),
+            place: own.place,
         }
-    }
-    let encoded = |x: f32| match x.clamp(0.0, 1.0) {
-        x if x <= 0.003_130_8 => 12.92 * x,
-        x => 1.055 * x.powf(1.0 / 2.4) - 0.055,
-    };
-    colors.into_iter().map(|color| color.map(encoded)).collect()
+    });
+    with(&meshes.collect::<Vec<_>>())
 }
 
 /// The meshes as a block of a page.

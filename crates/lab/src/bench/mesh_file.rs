@@ -152,7 +152,8 @@ fn joined<'a, const N: usize>(
 ) -> Result<Option<(Tensor<f32>, Mesh)>, SceneError> {
     let (mut rows, mut faces) = (Vec::new(), Vec::new());
     for (geometry, place) in parts {
-        let Some(own) = own(geometry) else { return Ok(None) };
+        let covers = |own: &&Indexed<N>| geometry.submeshes.iter().all(|k| own.covers(&k.faces));
+        let Some(own) = own(geometry).filter(covers) else { return Ok(None) };
         let first = rows.len() as u32;
         rows.extend_from_slice(&own.rows);
         faces.extend(turned(&own.faces, place).map(|face| face.map(|k| first + k)));
@@ -164,14 +165,13 @@ fn joined<'a, const N: usize>(
 
 /// The texture, where all surfaces have the same one.
 fn textured(model: &Model, parts: &[(&Geometry, DMat4)]) -> Result<Option<Look>, SceneError> {
-    let image_of = |geometry: &Geometry| {
-        let material = geometry.material.and_then(|k| model.materials.get(k));
+    let materials = || parts.iter().flat_map(|(geometry, _)| geometry.materials());
+    let image_of = |material: Option<usize>| {
+        let material = material.and_then(|k| model.materials.get(k));
         material.and_then(|material| material.base_color_image)
     };
-    let Some(image) = parts.first().and_then(|(geometry, _)| image_of(geometry)) else {
-        return Ok(None);
-    };
-    if parts.iter().any(|(geometry, _)| image_of(geometry) != Some(image)) {
+    let Some(image) = materials().next().and_then(image_of) else { return Ok(None) };
+    if materials().any(|material| image_of(material) != Some(image)) {
         return Ok(None);
     }
     let Some(picture) = model.images.get(image) else { return Ok(None) };
@@ -186,7 +186,7 @@ fn by_place(positions: &Tensor<f64>) -> Tensor<f32> {
 
 #[cfg(test)]
 mod tests {
-    use bokashi_scene::{MaterialFile, Placed};
+    use bokashi_scene::{MaterialFile, Placed, Submesh};
 
     use super::*;
 
@@ -199,7 +199,7 @@ mod tests {
             colors: Some(Indexed { rows: vec![[0.25; 3], [0.5; 3]], faces: vec![[0, 1, 1]] }),
             coordinates: None,
             normals: None,
-            material: None,
+            submeshes: vec![Submesh { material: None, faces: 0..1 }],
         }
     }
 
@@ -235,8 +235,8 @@ mod tests {
     fn without_colours_and_a_texture_of_all_the_place_is_the_colour() {
         let bare = Geometry { colors: None, ..triangle() };
         let coordinates = Indexed { rows: vec![[0.0, 0.0], [0.9, 0.1]], faces: vec![[0, 1, 1]] };
-        let charted =
-            Geometry { coordinates: Some(coordinates), material: Some(0), ..bare.clone() };
+        let submeshes = vec![Submesh { material: Some(0), faces: 0..1 }];
+        let charted = Geometry { coordinates: Some(coordinates), submeshes, ..bare.clone() };
         let texels = Tensor::from_flat_fn([1, 2, 3], |k| if k < 3 { 0.0 } else { 1.0 });
         let picture = bokashi_scene::Picture::of_color(&texels, ColorSpace::Srgb).unwrap();
         let model = Model {

@@ -1,7 +1,7 @@
 //! Whether a model in memory can be written.
 
 use crate::error::{Place, SceneError};
-use crate::model::{Geometry, Indexed};
+use crate::model::{Geometry, Indexed, NO_ROW, Submesh};
 
 /// What stands in errors for the file, where a model comes from memory.
 pub(super) fn place() -> Place {
@@ -10,29 +10,48 @@ pub(super) fn place() -> Place {
 
 /// Refuses a geometry whose index buffers or numbers break a rule.
 pub(super) fn check(geometry: &Geometry) -> Result<(), SceneError> {
-    let Geometry { name, positions, faces, colors, coordinates, normals, .. } = geometry;
+    let Geometry { name, positions, faces, colors, coordinates, normals, submeshes } = geometry;
     if faces.is_empty() {
         return Err(refused(name, "has a face or more, and this has none"));
     }
     rows(name, "positions", positions, faces)?;
-    attribute(name, "colours", colors.as_ref(), faces.len())?;
-    attribute(name, "coordinates", coordinates.as_ref(), faces.len())?;
-    attribute(name, "normals", normals.as_ref(), faces.len())
+    let mut end = 0;
+    for Submesh { faces, .. } in submeshes {
+        if faces.start != end || faces.is_empty() {
+            let rule = "has submeshes with faces, one after another";
+            return Err(refused(name, format!("{rule}, and {faces:?} follows {end}")));
+        }
+        end = faces.end;
+    }
+    if end != faces.len() {
+        let found = format!("has submeshes of its {} faces, and these have {end}", faces.len());
+        return Err(refused(name, found));
+    }
+    attribute(name, "colours", colors.as_ref(), submeshes)?;
+    attribute(name, "coordinates", coordinates.as_ref(), submeshes)?;
+    attribute(name, "normals", normals.as_ref(), submeshes)
 }
 
 fn attribute<const N: usize>(
     name: &str,
     what: &str,
     indexed: Option<&Indexed<N>>,
-    faces: usize,
+    submeshes: &[Submesh],
 ) -> Result<(), SceneError> {
     let Some(indexed) = indexed else { return Ok(()) };
+    let faces = submeshes.last().map_or(0, |submesh| submesh.faces.end);
     if indexed.faces.len() != faces {
         let found = indexed.faces.len();
         let rule = format!("has {what} for each of its {faces} faces, and these are for {found}");
         return Err(refused(name, rule));
     }
-    rows(name, what, &indexed.rows, &indexed.faces)
+    for submesh in submeshes {
+        let own = &indexed.faces[submesh.faces.clone()];
+        if own.as_flattened().iter().any(|&row| row != NO_ROW) {
+            rows(name, what, &indexed.rows, own)?;
+        }
+    }
+    Ok(())
 }
 
 fn rows<const N: usize>(

@@ -1,10 +1,10 @@
 //! Vertices with one index for all of their attributes, as the formats that are written have them.
 
 use crate::mesh::weld::same_keys;
-use crate::model::{Geometry, Indexed};
+use crate::model::{Geometry, Indexed, NO_ROW};
 
 /// The faces of a geometry, and for each of their vertices the numbers of its position, its colour, its
-/// coordinates and its normal; 0 for what the geometry lacks.
+/// coordinates and its normal; [`NO_ROW`] for what the geometry or the submesh lacks.
 ///
 /// Vertices come in the order of their positions, and those with one position in the order of the corners:
 /// welding gives the geometry back.
@@ -37,6 +37,11 @@ impl Unwelded {
     }
 }
 
+/// A row of an attribute, or else `none`.
+pub(super) fn row_or<const N: usize>(rows: &Indexed<N>, row: u32, none: [f32; N]) -> [f32; N] {
+    if row == NO_ROW { none } else { rows.rows[row as usize] }
+}
+
 fn row<const N: usize>(indexed: &Option<Indexed<N>>, face: usize, k: usize) -> u32 {
-    indexed.as_ref().map_or(0, |indexed| indexed.faces[face][k])
+    indexed.as_ref().map_or(NO_ROW, |indexed| indexed.faces[face][k])
 }

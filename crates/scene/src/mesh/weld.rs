@@ -1,12 +1,15 @@
-//! Vertices that lie in one place become one vertex, so that no seam of a texture tears when they move.
+//! Vertices that lie in one place become one vertex, so that no seam of a texture or between materials tears
+//! when they move.
 //!
 //! Two rows of numbers are one where their bits are the same, with -0 as 0. Positions keep the order of
 //! the file, and so their numbers where none is left out. Rows of attributes come in the order in which
 //! the corners of the faces first name them. So what comes out depends only on what stands at the corners
 //! and on the order of the vertices, not on how a format indexes its attributes.
 //!
-//! Left out are faces that name a vertex twice, vertices that no face names, and attributes with a number
-//! that is not finite, or with a normal of length 0. A position that is not finite is an error.
+//! Where places are not welded, two positions are one where the file has one row for both.
+//!
+//! Left out are faces that name a vertex twice, vertices that no face names, and attributes of a submesh
+//! with a number that is not finite, or with a normal of length 0. A position that is not finite is an error.
 
 use std::borrow::Cow;
 use std::collections::hash_map::RandomState;
@@ -14,14 +17,15 @@ use std::hash::BuildHasher;
 
 use crate::error::{Place, SceneError};
 use crate::mesh::notes::Notes;
-use crate::model::{Geometry, Indexed};
+use crate::model::{Geometry, Indexed, NO_ROW, Submesh};
 
 /// The number of no row.
 const NONE: u32 = u32::MAX;
 /// A squared length that differs from 1 by less is that of a unit vector of `f32`, which stays as it is.
 const UNIT_TOLERANCE: f64 = 1e-6;
 
-/// Rows of numbers, and for each face the rows at its corners.
+/// Rows of numbers, and for each face the rows at its corners: [`NO_ROW`] at all corners of a submesh
+/// that has none.
 #[derive(Debug, Clone)]
 pub(super) struct Corners<'a, const N: usize> {
     pub(super) rows: &'a [[f32; N]],
@@ -32,7 +36,9 @@ pub(super) struct Corners<'a, const N: usize> {
 #[derive(Debug, Clone)]
 pub(super) struct Raw<'a> {
     pub(super) name: String,
-    pub(super) material: Option<usize>,
+    pub(super) submeshes: Vec<Submesh>,
+    /// Whether positions with the same bits are one. Else those of one row are.
+    pub(super) is_welded: bool,
     pub(super) positions: Corners<'a, 3>,
     pub(super) colors: Option<Corners<'a, 3>>,
     pub(super) coordinates: Option<Corners<'a, 2>>,
@@ -56,7 +62,7 @@ impl Welder {
         place: &Place,
         notes: &mut Notes,
     ) -> Result<Option<Geometry>, SceneError> {
-        let Raw { name, material, positions: Corners { rows, faces }, .. } = raw;
+        let Raw { name, submeshes, is_welded, positions: Corners { rows, faces }, .. } = raw;
         let (mut named, mut local) = self.pick(rows.len(), &faces);
         // In the order of the file, where the corners had them in theirs.
         let mut order: Vec<u32> = (0..named.len() as u32).collect();
@@ -75,7 +81,15 @@ impl Welder {
             return Err(SceneError::content(place.clone(), found));
         }
         let same = same_rows(&positions);
-        local.iter_mut().flatten().for_each(|number| *number = same[*number as usize]);
+        if is_welded {
+            local.iter_mut().flatten().for_each(|number| *number = same[*number as usize]);
+        } else {
+            let doubled = same.iter().enumerate().filter(|&(row, &first)| row != first as usize);
+            notes.count(
+                "a vertex lies where another one does, and is not joined with it",
+                doubled.count(),
+            );
+        }
         let kept: Vec<bool> = local.iter().map(|[a, b, c]| a != b && b != c && c != a).collect();
         let left_out = kept.iter().filter(|&&kept| !kept).count();
         notes.count("a face that names a vertex twice was left out", left_out);
@@ -85,31 +99,43 @@ impl Welder {
         let mut local = of_kept(&local, &kept);
         let positions = named_only(positions, &mut local);
 
-        let colors = self.attribute(raw.colors, &kept, plain, "colours", notes);
-        let coordinates = self.attribute(raw.coordinates, &kept, plain, "coordinates", notes);
-        let normals = self.attribute(raw.normals, &kept, unit, "normals", notes);
+        let submeshes = submeshes_of_kept(submeshes, &kept);
+        let own = (kept.as_slice(), submeshes.as_slice());
+        let colors = self.attribute(raw.colors, own, plain, "colours", notes);
+        let coordinates = self.attribute(raw.coordinates, own, plain, "coordinates", notes);
+        let normals = self.attribute(raw.normals, own, unit, "normals", notes);
         let faces = local;
-        Ok(Some(Geometry { name, positions, faces, colors, coordinates, normals, material }))
+        Ok(Some(Geometry { name, positions, faces, colors, coordinates, normals, submeshes }))
     }
 
-    /// The welded attribute of the faces that are kept.
+    /// The welded attribute of the faces that are kept. A submesh with a row that can't be mended has none.
     fn attribute<const N: usize>(
         &mut self,
         corners: Option<Corners<'_, N>>,
-        kept: &[bool],
+        (kept, submeshes): (&[bool], &[Submesh]),
         mended: impl Fn([f32; N]) -> [f32; N],
         what: &str,
         notes: &mut Notes,
     ) -> Option<Indexed<N>> {
         let Corners { rows, faces } = corners?;
-        let (named, mut local) = self.pick(rows.len(), &of_kept(&faces, kept));
-        let mut picked: Vec<[f32; N]> =
-            named.iter().map(|&row| mended(rows[row as usize])).collect();
-        if !picked.iter().flatten().all(|number| number.is_finite()) {
-            let why = "a mesh's {} were left out: some are missing, not finite or of length 0";
-            notes.add(why.replace("{}", what));
+        let mut faces = of_kept(&faces, kept);
+        for submesh in submeshes {
+            let own = &mut faces[submesh.faces.clone()];
+            let is_bad = |&row: &u32| {
+                row != NO_ROW && !mended(rows[row as usize]).iter().all(|x| x.is_finite())
+            };
+            if own.as_flattened().iter().any(is_bad) {
+                let why = "a mesh's {} were left out: some are missing, not finite or of length 0";
+                notes.add(why.replace("{}", what));
+                own.fill([NO_ROW; 3]);
+            }
+        }
+        let (named, mut local) = self.pick(rows.len(), &faces);
+        if named.is_empty() {
             return None;
         }
+        let mut picked: Vec<[f32; N]> =
+            named.iter().map(|&row| mended(rows[row as usize])).collect();
         let same = same_rows(&picked);
         let mut numbers = vec![NONE; picked.len()];
         let mut count = 0;
@@ -120,8 +146,8 @@ impl Welder {
             }
         }
         picked.truncate(count);
-        let number = |row: u32| numbers[same[row as usize] as usize];
-        local.iter_mut().flatten().for_each(|row| *row = number(*row));
+        let there = local.iter_mut().flatten().filter(|row| **row != NO_ROW);
+        there.for_each(|row| *row = numbers[same[*row as usize] as usize]);
         Some(Indexed { rows: picked, faces: local })
     }
 
@@ -134,6 +160,9 @@ impl Welder {
         self.round += 1;
         let mut named = Vec::new();
         let mut number = |row: u32| {
+            if row == NO_ROW {
+                return NO_ROW;
+            }
             let (round, number) = &mut self.numbers[row as usize];
             if *round != self.round {
                 (*round, *number) = (self.round, named.len() as u32);
@@ -150,6 +179,17 @@ impl Welder {
 fn of_kept(faces: &[[u32; 3]], kept: &[bool]) -> Vec<[u32; 3]> {
     let faces = faces.iter().zip(kept).filter(|(_, kept)| **kept);
     faces.map(|(face, _)| *face).collect()
+}
+
+/// The faces that are kept of submeshes, without those that keep none.
+fn submeshes_of_kept(submeshes: Vec<Submesh>, kept: &[bool]) -> Vec<Submesh> {
+    let mut end = 0;
+    let own = submeshes.into_iter().map(|Submesh { material, faces }| {
+        let begin = end;
+        end += kept[faces].iter().filter(|&&kept| kept).count();
+        Submesh { material, faces: begin..end }
+    });
+    own.filter(|submesh| !submesh.faces.is_empty()).collect()
 }
 
 /// The positions that faces name, in their order; the faces get their new numbers.

@@ -1,7 +1,8 @@
 //! GLB: a glTF 2.0 file with its buffer and its images inside.
 //!
-//! A geometry is a mesh with one primitive, and a placed one a node with its matrix. glTF indexes all
-//! attributes alike, so a vertex is written once for each combination of attributes that corners give it.
+//! A geometry is a mesh, each of its submeshes a primitive, and a placed one a node with its matrix. The
+//! primitives of a mesh share their vertices. glTF indexes all attributes alike, so a vertex is written once
+//! for each combination of attributes that corners give it.
 //! Images are PNG. A material is opaque where its opacity is 1, and else blended. The format has factors of
 //! materials from 0 to 1: those beyond are cut. It has no matrices that shear, which some readers refuse.
 //!
@@ -13,9 +14,9 @@ use std::mem;
 use serde_json::{Value, json};
 
 use super::check::{check, place};
-use super::unweld::Unwelded;
+use super::unweld::{Unwelded, row_or};
 use crate::error::SceneError;
-use crate::model::{Geometry, MaterialFile, Model, Placed};
+use crate::model::{Geometry, Indexed, MaterialFile, Model, Placed, Submesh};
 
 /// Targets of buffer views and types of components, as the specification numbers them.
 const ARRAY_BUFFER: u32 = 34962;
@@ -132,34 +133,58 @@ impl File {
 
     fn mesh(&mut self, geometry: &Geometry, materials: usize) -> Result<Value, SceneError> {
         check(geometry)?;
-        let Geometry { name, positions, colors, coordinates, normals, material, .. } = geometry;
+        let Geometry { name, positions, colors, coordinates, normals, submeshes, .. } = geometry;
         let Unwelded { vertices, faces } = Unwelded::of(geometry);
-        let named = |k: usize| vertices.iter().map(move |vertex| vertex[k] as usize);
-        let rows = named(0).map(|row| positions[row]);
-        let mut attributes = json!({"POSITION": self.rows(rows, true)});
-        if let Some(colors) = colors {
-            attributes["COLOR_0"] = json!(self.rows(named(1).map(|row| colors.rows[row]), false));
+        let named = |k: usize| vertices.iter().map(move |vertex| vertex[k]);
+        let rows = named(0).map(|row| positions[row as usize]);
+        let positions = self.rows(rows, true);
+        // What stands where a vertex has no row is named by no primitive.
+        let colors = colors.as_ref().map(|own| {
+            (
+                self.rows(named(1).map(|row| row_or(own, row, [1.0; 3])), false),
+                covered(own, submeshes),
+            )
+        });
+        let coordinates = coordinates.as_ref().map(|own| {
+            (
+                self.rows(named(2).map(|row| row_or(own, row, [0.0; 2])), false),
+                covered(own, submeshes),
+            )
+        });
+        let normals = normals.as_ref().map(|own| {
+            let rows = named(3).map(|row| row_or(own, row, [0.0, 0.0, 1.0]));
+            (self.rows(rows, false), covered(own, submeshes))
+        });
+        let attributes = [("COLOR_0", colors), ("TEXCOORD_0", coordinates), ("NORMAL", normals)];
+        let mut primitives = Vec::with_capacity(submeshes.len());
+        for (k, Submesh { material, faces: own }) in submeshes.iter().enumerate() {
+            let mut named = json!({"POSITION": positions});
+            for (what, own) in &attributes {
+                if let Some((accessor, _)) = own.as_ref().filter(|(_, is_there)| is_there[k]) {
+                    named[what] = json!(accessor);
+                }
+            }
+            let corners = faces[own.clone()].as_flattened();
+            let bytes: Vec<u8> = corners.iter().flat_map(|index| index.to_le_bytes()).collect();
+            let view = self.view(&bytes, Some(ELEMENT_ARRAY_BUFFER));
+            let (kind, count) = (UNSIGNED_INT, corners.len());
+            self.accessors.push(json!(
+                {"bufferView": view, "componentType": kind, "count": count, "type": "SCALAR"}
+            ));
+            let mut primitive = json!({"attributes": named, "indices": self.accessors.len() - 1});
+            if let Some(material) = *material {
+                check_number("material", material, materials)?;
+                primitive["material"] = json!(material);
+            }
+            primitives.push(primitive);
         }
-        if let Some(coordinates) = coordinates {
-            let rows = named(2).map(|row| coordinates.rows[row]);
-            attributes["TEXCOORD_0"] = json!(self.rows(rows, false));
-        }
-        if let Some(normals) = normals {
-            attributes["NORMAL"] = json!(self.rows(named(3).map(|row| normals.rows[row]), false));
-        }
-        let bytes: Vec<u8> = faces.iter().flatten().flat_map(|index| index.to_le_bytes()).collect();
-        let view = self.view(&bytes, Some(ELEMENT_ARRAY_BUFFER));
-        let count = 3 * faces.len();
-        self.accessors.push(json!(
-            {"bufferView": view, "componentType": UNSIGNED_INT, "count": count, "type": "SCALAR"}
-        ));
-        let mut primitive = json!({"attributes": attributes, "indices": self.accessors.len() - 1});
-        if let Some(material) = *material {
-            check_number("material", material, materials)?;
-            primitive["material"] = json!(material);
-        }
-        Ok(named_value(json!({"primitives": [primitive]}), name))
+        Ok(named_value(json!({"primitives": primitives}), name))
     }
+}
+
+/// Which submeshes have an attribute.
+fn covered<const N: usize>(own: &Indexed<N>, submeshes: &[Submesh]) -> Vec<bool> {
+    submeshes.iter().map(|submesh| own.covers(&submesh.faces)).collect()
 }
 
 fn node(placed: &Placed, meshes: usize) -> Result<Value, SceneError> {

@@ -5,7 +5,7 @@
 
 use super::check::check;
 use super::ply::encoded;
-use super::unweld::Unwelded;
+use super::unweld::{Unwelded, row_or};
 use crate::error::SceneError;
 use crate::model::Geometry;
 
@@ -37,13 +37,13 @@ pub fn ply(geometry: &Geometry) -> Result<Vec<u8>, SceneError> {
     for &[position, color, coordinate, normal] in &unwelded.vertices {
         push(&mut bytes, &positions[position as usize]);
         if let Some(normals) = normals {
-            push(&mut bytes, &normals.rows[normal as usize]);
+            push(&mut bytes, &row_or(normals, normal, [0.0; 3]));
         }
         if let Some(colors) = colors {
-            bytes.extend(colors.rows[color as usize].map(encoded));
+            bytes.extend(row_or(colors, color, [1.0; 3]).map(encoded));
         }
         if let Some(coordinates) = coordinates {
-            let [u, v] = coordinates.rows[coordinate as usize];
+            let [u, v] = row_or(coordinates, coordinate, [0.0; 2]);
             push(&mut bytes, &[u, 1.0 - v]);
         }
     }

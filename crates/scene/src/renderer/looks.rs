@@ -12,7 +12,7 @@ use bokashi_render_ops::{
 use super::parts::Parts;
 use crate::description::FilterName;
 use crate::error::SceneError;
-use crate::object::Object;
+use crate::object::{Attribute, Object, SurfaceLook};
 use crate::values::{Recorded, Values, of_object};
 
 /// What the fragments of a view are made of.
@@ -57,7 +57,7 @@ pub(super) struct LooksAtVertices<'t, 'a> {
     pub(super) coordinates: Option<Indexed<'t, 'a>>,
 }
 
-/// Attributes at fragments: of all of them, or of an object's.
+/// Attributes at fragments: of all of them, or of a look's.
 #[derive(Clone, Copy)]
 struct Attributes<'t> {
     /// How many fragments.
@@ -84,27 +84,27 @@ impl LookUp {
     }
 
     /// What looks are made of, at the vertices.
-    pub(super) fn at_vertices<'t>(
-        &self,
+    pub(super) fn at_vertices<'t, 'a>(
+        &'a self,
         parts: &Parts,
-        objects: &[Object],
+        objects: &'a [Object],
         values: &Values<'t, '_>,
-    ) -> Result<LooksAtVertices<'t, '_>, FitError> {
+    ) -> Result<LooksAtVertices<'t, 'a>, FitError> {
         let tape = values.tape;
         let colors = |indices| {
-            let none = Tensor::full([1, 3], 1.0);
-            let rows = parts.rows(|at| match &objects[at].colors {
-                Some(own) => values.tensor(&of_object("colors", &objects[at].name), &own.rows),
-                None => tape.constant(&none),
-            })?;
+            let own = |object: &'a Object| {
+                let own = object.colors.as_ref()?;
+                Some((own, values.tensor(&of_object("colors", &object.name), &own.rows)))
+            };
+            let rows = parts.rows(objects, own, tape.constant(&Tensor::full([1, 3], 1.0)))?;
             Ok::<_, FitError>(Indexed { rows, indices })
         };
         let coordinates = |indices| {
-            let none = Tensor::zeros([1, 2]);
-            let rows = parts.rows(|at| {
-                let own = objects[at].coordinates_of_maps();
-                tape.constant(own.map_or(&none, |own| &own.rows))
-            })?;
+            let own = |object: &'a Object| {
+                let own = object.coordinates_of_maps()?;
+                Some((own, tape.constant(&own.rows)))
+            };
+            let rows = parts.rows(objects, own, tape.constant(&Tensor::zeros([1, 2])))?;
             Ok::<_, FitError>(Indexed { rows, indices })
         };
         Ok(LooksAtVertices {
@@ -113,7 +113,7 @@ impl LookUp {
         })
     }
 
-    /// What the fragments are made of: each object's at its own fragments.
+    /// What the fragments are made of: each look at its own fragments.
     pub(super) fn at<'t>(
         &self,
         parts: &Parts,
@@ -124,15 +124,16 @@ impl LookUp {
         asked: Asked,
     ) -> Result<Looks<'t>, FitError> {
         let all = self.attributes(at_vertices, fragments)?;
-        let groups = Groups::of(parts, objects.len(), fragments);
-        let with_maps =
-            asked.normals && objects.iter().any(|object| object.look.normal_map.is_some());
+        let groups = Groups::of(parts, objects, fragments);
+        let made =
+            || objects.iter().flat_map(|object| object.looks.iter().map(move |k| (object, k)));
+        let with_maps = asked.normals && made().any(|(_, look)| look.normal_map.is_some());
         let asked = Asked { normals: with_maps, ..asked };
-        let looks = objects.iter().zip(&groups.rows).filter_map(|(object, rows)| {
+        let looks = made().zip(&groups.rows).filter_map(|((object, look), rows)| {
             let is_seen = rows.as_ref().is_none_or(|rows| !rows.is_empty());
             is_seen.then(|| {
-                let own = all.of(object, rows.as_ref())?;
-                Material { object, values, own, filter: self.filter }.looks(asked)
+                let own = all.of(object, look, rows.as_ref())?;
+                Material { object, look, values, own, filter: self.filter }.looks(asked)
             })
         });
         let looks = looks.collect::<Result<Vec<_>, FitError>>()?;
@@ -186,26 +187,33 @@ impl LookUp {
 }
 
 impl<'t> Attributes<'t> {
-    /// At the fragments of an object; without what the object has none of.
-    fn of(&self, object: &Object, rows: Option<&Arc<[u32]>>) -> Result<Self, TensorError> {
+    /// At the fragments of a look; without what its faces have none of.
+    fn of(
+        &self,
+        object: &Object,
+        look: &SurfaceLook,
+        rows: Option<&Arc<[u32]>>,
+    ) -> Result<Self, TensorError> {
         let own = |all: Option<Var<'t, f32>>, is_there: bool| match (all, rows) {
             (Some(all), Some(rows)) if is_there => Ok(Some(all.gather_rows(rows)?)),
             (all, None) if is_there => Ok(all),
             _ => Ok(None),
         };
-        let is_placed = object.coordinates_of_maps().is_some();
+        let covers = |own: Option<&Attribute>| own.is_some_and(|own| own.covers(&look.faces));
+        let is_placed = covers(object.coordinates_of_maps());
         Ok(Self {
             count: rows.map_or(self.count, |rows| rows.len()),
-            colors: own(self.colors, object.colors.is_some())?,
+            colors: own(self.colors, covers(object.colors.as_ref()))?,
             places: own(self.places, is_placed)?,
             slopes: own(self.slopes, is_placed)?,
         })
     }
 }
 
-/// An object's material at its fragments.
+/// A material at its fragments.
 struct Material<'t, 'a> {
     object: &'a Object,
+    look: &'a SurfaceLook,
     values: &'a Values<'t, 'a>,
     own: Attributes<'t>,
     filter: FilterName,
@@ -217,7 +225,7 @@ impl<'t> Material<'t, '_> {
             true => self.number(kind, channel, own),
             false => Ok(self.values.tape.constant_scalar(0.0)),
         };
-        let look = &self.object.look;
+        let look = self.look;
         Ok(Looks {
             base_color: self.base_color()?,
             roughness: number("roughness", 0, look.roughness)?,
@@ -227,10 +235,9 @@ impl<'t> Material<'t, '_> {
     }
 
     fn base_color(&self) -> Recorded<'t> {
-        let look = &self.object.look;
+        let look = self.look;
         let texture = self.map("texture", look.texture.as_ref())?;
-        let color =
-            || self.values.triple(&of_object("texture", &self.object.name), look.base_color);
+        let color = || self.values.triple(&self.object.parameter("texture", look), look.base_color);
         Ok(match (texture, self.own.colors) {
             (Some(texture), Some(colors)) => texture.try_mul(colors)?,
             (Some(texture), None) => texture,
@@ -241,12 +248,13 @@ impl<'t> Material<'t, '_> {
 
     /// Roughness or metallic: a channel of their map, or a number.
     fn number(&self, kind: &str, channel: usize, own: f32) -> Recorded<'t> {
-        let map = self.object.look.roughness_metallic_map(channel);
+        let map = self.look.roughness_metallic_map(channel);
         let count = self.own.count;
         Ok(match self.map(kind, map.as_ref())? {
             Some(found) => found.reshape([count])?,
             None => {
-                let number = self.values.number(&of_object(kind, &self.object.name), own.into());
+                let number =
+                    self.values.number(&self.object.parameter(kind, self.look), own.into());
                 self.ones().try_mul(number)?.reshape([count])?
             }
         })
@@ -255,7 +263,7 @@ impl<'t> Material<'t, '_> {
     /// What the normal map says; straight up without one.
     fn normals(&self) -> Recorded<'t> {
         let up = Tensor::from_flat_fn([1, 3], |k| [0.0, 0.0, 1.0][k]);
-        Ok(match self.map("normal_map", self.object.look.normal_map.as_ref())? {
+        Ok(match self.map("normal_map", self.look.normal_map.as_ref())? {
             Some(found) => found,
             None => self.ones().try_mul(self.values.tape.constant(&up))?,
         })
@@ -264,7 +272,7 @@ impl<'t> Material<'t, '_> {
     /// What a map says at the fragments.
     fn map(&self, kind: &str, own: Option<&Tensor<f32>>) -> Result<Option<Var<'t, f32>>, FitError> {
         let (Some(own), Some(places)) = (own, self.own.places) else { return Ok(None) };
-        let texels = self.values.tensor(&of_object(kind, &self.object.name), own);
+        let texels = self.values.tensor(&self.object.parameter(kind, self.look), own);
         let (texture, detail) = match self.own.slopes {
             Some(differentials) => {
                 let detail = Detail::Differentials { differentials, bias: None };
@@ -286,20 +294,27 @@ impl<'t> Material<'t, '_> {
     }
 }
 
-/// The fragments of each object, all of them where there is one object; and where each fragment then is.
+/// The fragments of each look, all of them where there is one; and where each fragment then is.
 struct Groups {
     rows: Vec<Option<Arc<[u32]>>>,
     back: Option<Arc<[u32]>>,
 }
 
 impl Groups {
-    fn of(parts: &Parts, objects: usize, fragments: &Fragments<'_, f32>) -> Self {
-        if objects <= 1 {
-            return Self { rows: vec![None; objects], back: None };
+    fn of(parts: &Parts, objects: &[Object], fragments: &Fragments<'_, f32>) -> Self {
+        let mut count = 0;
+        let mut firsts = Vec::with_capacity(objects.len());
+        for object in objects {
+            firsts.push(count);
+            count += object.looks.len();
         }
-        let mut rows = vec![Vec::new(); objects];
+        if count <= 1 {
+            return Self { rows: vec![None; count], back: None };
+        }
+        let mut rows = vec![Vec::new(); count];
         for (fragment, face) in fragments.coverage.faces().enumerate() {
-            rows[parts.object(face)].push(fragment as u32);
+            let [object, face] = parts.own_face(face);
+            rows[firsts[object] + objects[object].look_of(face)].push(fragment as u32);
         }
         let mut back = vec![0; fragments.coverage.count()];
         for (at, &fragment) in rows.iter().flatten().enumerate() {
@@ -309,7 +324,7 @@ impl Groups {
         Self { rows, back: Some(back.into()) }
     }
 
-    /// Rows of the objects that are seen, one after another, as rows of fragments.
+    /// Rows of the looks that are seen, one after another, as rows of fragments.
     fn joined<'t>(&self, own: &[Var<'t, f32>]) -> Recorded<'t> {
         let all = match own {
             [only] => *only,

@@ -12,7 +12,7 @@ use bokashi_render_ops::{
 use super::looks::Indexed;
 use super::parts::{Part, Parts};
 use crate::error::SceneError;
-use crate::object::Object;
+use crate::object::{Attribute, Object, SurfaceLook};
 use crate::values::Recorded;
 
 /// How corners share normals, and tangents where some object has a normal map.
@@ -120,7 +120,7 @@ impl Tangents {
         for part in &parts.all {
             let object = &objects[part.object];
             let count = part.mesh.faces().len();
-            let own = object.coordinates.as_ref().filter(|_| has_map(object));
+            let own = object.coordinates_of_maps().filter(|_| has_map(object));
             let own = own.map(|own| Ok::<_, SceneError>((part.wound(&own.indices)?, &own.rows)));
             let own = own.transpose()?;
             for _ in &part.places {
@@ -132,19 +132,22 @@ impl Tangents {
                     continue;
                 };
                 let mut seen = HashMap::new();
-                let split = at.iter().zip(own.faces()).map(|(corner, coordinate)| {
-                    [0, 1, 2].map(|k| {
+                for (face, (corner, coordinate)) in at.iter().zip(own.faces()).enumerate() {
+                    if !is_mapped(object, &object.looks[object.look_of(face)]) {
+                        shown.push([u32::MAX; 3]);
+                        continue;
+                    }
+                    let split = [0, 1, 2].map(|k| {
                         *seen.entry((corner[k], coordinate[k])).or_insert_with(|| {
                             let at = 2 * coordinate[k] as usize;
                             rows.extend_from_slice(&values.data()[at..at + 2]);
                             rows.len() as u32 / 2 - 1
                         })
-                    })
-                });
-                let split: Vec<_> = split.collect();
-                faces.extend_from_slice(at);
-                shown.extend_from_slice(&split);
-                indices.extend(split);
+                    });
+                    faces.push(*corner);
+                    shown.push(split);
+                    indices.push(split);
+                }
             }
         }
         let count = rows.len() / 2;
@@ -175,9 +178,15 @@ impl Tangents {
     }
 }
 
-/// Whether a normal map can be looked up.
+/// Whether a normal map can be looked up anywhere.
 fn has_map(object: &Object) -> bool {
-    object.look.normal_map.is_some() && object.coordinates.is_some()
+    object.looks.iter().any(|look| is_mapped(object, look))
+}
+
+/// Whether a look has a normal map that can be looked up.
+fn is_mapped(object: &Object, look: &SurfaceLook) -> bool {
+    let covers = |own: &Attribute| own.covers(&look.faces);
+    look.normal_map.is_some() && object.coordinates.as_ref().is_some_and(covers)
 }
 
 /// The normals of a part's corners in its object's file, or its vertices.

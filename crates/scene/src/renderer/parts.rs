@@ -70,18 +70,31 @@ impl Parts {
         Ok(Some(self.assembly.attributes(&own.iter().collect::<Vec<_>>())?))
     }
 
-    /// The attributes that [`Parts::indices`] names: for each part those of its object.
-    pub(super) fn rows<'t>(&self, own: impl Fn(usize) -> Var<'t, f32>) -> Recorded<'t> {
-        let all: Vec<_> = self.all.iter().map(|part| own(part.object)).collect();
+    /// The attributes that [`Parts::indices`] names: for each part those of its object, which `own` gives
+    /// with their rows, and `none`, `[1, C]`, where the object or some of its faces have none.
+    pub(super) fn rows<'t, 'o>(
+        &self,
+        objects: &'o [Object],
+        own: impl Fn(&'o Object) -> Option<(&'o Attribute, Var<'t, f32>)>,
+        none: Var<'t, f32>,
+    ) -> Recorded<'t> {
+        let mut all = Vec::with_capacity(self.all.len());
+        for part in &self.all {
+            let found = own(&objects[part.object]);
+            all.extend(found.map(|(_, rows)| rows));
+            if found.is_none_or(|(attribute, _)| attribute.has_gaps()) {
+                all.push(none);
+            }
+        }
         Ok(match all.as_slice() {
             [only] => *only,
             _ => Var::concat(&all, 0)?,
         })
     }
 
-    /// The number of the object that a face belongs to.
-    pub(super) fn object(&self, face: usize) -> usize {
-        self.assembly.place(face).map_or(0, |place| self.all[place.part].object)
+    /// The object that a face belongs to, and the face's number there.
+    pub(super) fn own_face(&self, face: usize) -> [usize; 2] {
+        self.assembly.place(face).map_or([0; 2], |place| [self.all[place.part].object, place.face])
     }
 
     /// Which of all instances a face belongs to.

@@ -7,7 +7,7 @@ use glam::{DMat4, DVec3};
 
 use super::Renderer;
 use crate::mesh::glb;
-use crate::model::{Geometry, MaterialFile, Model, Placed};
+use crate::model::{Geometry, Indexed, MaterialFile, Model, NO_ROW, Placed, Submesh};
 use crate::picture::{Picture, Samples};
 use crate::scene::Scene;
 use crate::shapes;
@@ -52,12 +52,18 @@ fn lit(normal: DVec3) -> f32 {
     (0.8 * cosine / std::f64::consts::PI) as f32
 }
 
+/// The geometry with all of its faces of one material.
+fn of_material(geometry: Geometry, material: usize) -> Geometry {
+    let faces = 0..geometry.faces.len();
+    Geometry { submeshes: vec![Submesh { material: Some(material), faces }], ..geometry }
+}
+
 /// A model of these placed geometries, each of them a wall of the grey 0.8. The second geometry has a normal map
 /// that says the same everywhere.
 fn walls(bytes: [u8; 3], placed: &[(usize, DMat4)]) -> Model {
     let grey = MaterialFile { base_color: [0.8, 0.8, 0.8, 1.0], ..MaterialFile::default() };
     let map = Picture { width: 1, height: 1, channels: 3, samples: Samples::U8(bytes.to_vec()) };
-    let wall = |material| Geometry { material: Some(material), ..shapes::plane(2) };
+    let wall = |material| of_material(shapes::plane(2), material);
     let placed = placed.iter().map(|&(geometry, transform)| {
         let name = String::new();
         Placed { name, geometry, transform }
@@ -112,7 +118,7 @@ fn unlit_surfaces_show_their_colour_under_a_normal_map() {
 #[test]
 fn a_mirrored_mesh_shows_its_front() {
     // Faces of a ball that is turned inside out would be dark on the side of the light.
-    let ball = Geometry { material: Some(0), ..shapes::sphere(320) };
+    let ball = of_material(shapes::sphere(320), 0);
     let mut model = walls([0; 3], &[(0, DMat4::from_scale(DVec3::new(1.0, 1.0, -2.0)))]);
     model.geometries[0] = ball;
     let mirrored = image(&model, LIGHT);
@@ -120,4 +126,21 @@ fn a_mirrored_mesh_shows_its_front() {
     let plain = image(&model, LIGHT);
     assert_abs_diff_eq!(seen(&mirrored, 0.0, 0.0), seen(&plain, 0.0, 0.0), epsilon = 2e-3);
     assert!(seen(&plain, 0.0, 0.0) > 0.1);
+}
+
+#[test]
+fn each_material_of_a_mesh_is_seen_on_its_own_faces() {
+    // The face at the lower left has the normal map, the other one a colour at its corners alone.
+    let bytes = [180, 90, 230];
+    let [x, y, z] = bytes.map(|byte| 2.0 * f64::from(byte) / 255.0 - 1.0);
+    let mut model = walls(bytes, &[(0, DMat4::IDENTITY)]);
+    let wall = &mut model.geometries[0];
+    wall.submeshes =
+        vec![Submesh { material: Some(1), faces: 0..1 }, Submesh { material: None, faces: 1..2 }];
+    wall.coordinates.as_mut().unwrap().faces[1] = [NO_ROW; 3];
+    wall.colors = Some(Indexed { rows: vec![[0.4; 3]], faces: vec![[NO_ROW; 3], [0; 3]] });
+    let image = image(&model, LIGHT);
+    assert_abs_diff_eq!(seen(&image, -0.5, -0.5), lit(DVec3::new(x, y, z)), epsilon = 1e-6);
+    // A material that the file does not have is rough and no metal.
+    assert_abs_diff_eq!(seen(&image, 0.5, 0.5), 0.5 * lit(DVec3::Z), epsilon = 1e-6);
 }

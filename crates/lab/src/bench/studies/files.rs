@@ -2,7 +2,8 @@
 
 use bokashi_fit::FitError;
 use bokashi_scene::{
-    Folder, Geometry, Indexed, MeshKind, Model, Placed, SceneError, glb, ply, read_model_bytes,
+    Folder, Geometry, Indexed, MeshKind, Model, Placed, SceneError, Submesh, glb, ply,
+    read_model_bytes,
 };
 use glam::DMat4;
 
@@ -91,11 +92,11 @@ fn sheet(side: u32) -> Model {
     let geometry = Geometry {
         name: String::new(),
         positions: positions.collect(),
+        submeshes: vec![Submesh { material: None, faces: 0..faces.len() }],
         faces,
         colors: None,
         coordinates: Some(coordinates),
         normals: Some(normals),
-        material: None,
     };
     let placed = Placed { name: String::new(), geometry: 0, transform: DMat4::IDENTITY };
     Model { geometries: vec![geometry], placed: vec![placed], ..Model::default() }

@@ -88,10 +88,10 @@ impl<'r> Nodes<'r> {
         Ok(())
     }
 
-    /// Places the geometries of the meshes, by mesh, where the nodes have them.
+    /// Places the geometry of each mesh where the nodes have it.
     pub(super) fn place(
         &self,
-        meshes: &[Vec<usize>],
+        meshes: &[Option<usize>],
         budget: &mut Budget,
         model: &mut Model,
         beside: &mut Beside<'_>,
@@ -127,9 +127,9 @@ impl<'r> Nodes<'r> {
             }
             let name = name(self.root.nodes[number].name.as_deref().unwrap_or_default());
             let bytes = size_of::<Placed>() + name.len();
-            budget.spend(meshes[mesh].len() as u64, bytes, &beside.place())?;
-            for &geometry in &meshes[mesh] {
-                model.placed.push(Placed { name: name.clone(), geometry, transform });
+            if let Some(geometry) = meshes[mesh] {
+                budget.spend(1, bytes, &beside.place())?;
+                model.placed.push(Placed { name, geometry, transform });
             }
         }
         if model.placed.is_empty() && !model.geometries.is_empty() {

@@ -6,10 +6,12 @@
 //! - The set of `TEXCOORD` that the material's images use; the first one without an image. v runs down, as
 //!   everywhere here.
 //!
-//! Primitives that name the same accessors and material are one geometry.
+//! The primitives of a mesh are one geometry, whose submeshes they are: their vertices are welded together.
+//! Meshes whose primitives name the same accessors and materials are one geometry.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
+use std::iter::repeat_n;
 use std::rc::Rc;
 
 use ::gltf::json::accessor::Accessor;
@@ -24,7 +26,7 @@ use crate::error::SceneError;
 use crate::mesh::beside::Beside;
 use crate::mesh::notes::name;
 use crate::mesh::weld::{Corners, Raw, Welder};
-use crate::model::Model;
+use crate::model::{Geometry, Model, NO_ROW, Submesh};
 
 /// The rows of an accessor, which primitives share.
 type Rows<const N: usize> = Rc<Vec<[f32; N]>>;
@@ -40,39 +42,192 @@ struct Read {
     colors: HashMap<usize, Rows<3>>,
     /// By accessor, and by the bits of a transform.
     coordinates: HashMap<(usize, [[u32; 3]; 2]), Rows<2>>,
-    geometries: HashMap<Key, Option<usize>>,
+    geometries: HashMap<Vec<Key>, Option<usize>>,
 }
 
-/// Reads the meshes into the model. Of each mesh, the numbers of its geometries.
+/// A primitive with its rows.
+#[derive(Debug)]
+struct Piece {
+    material: Option<usize>,
+    faces: Vec<[u32; 3]>,
+    positions: Rows<3>,
+    normals: Option<Rows<3>>,
+    colors: Option<Rows<3>>,
+    coordinates: Option<Rows<2>>,
+}
+
+/// The rows of several accessors, one after another, and the faces of pieces that name them.
+#[derive(Debug, Default)]
+struct Joined<const N: usize> {
+    accessors: Vec<Rows<N>>,
+    /// Of each accessor, by where its rows are, the number of the first.
+    firsts: HashMap<*const Vec<[f32; N]>, u32>,
+    count: usize,
+    faces: Vec<[u32; 3]>,
+}
+
+/// The primitives of a mesh as one surface.
+#[derive(Debug, Default)]
+struct Surface {
+    submeshes: Vec<Submesh>,
+    positions: Joined<3>,
+    normals: Joined<3>,
+    colors: Joined<3>,
+    coordinates: Joined<2>,
+}
+
+/// Reads the meshes into the model. Of each mesh, the number of its geometry, where it has a face.
 pub(super) fn read(
     root: &Root,
     buffers: &mut Buffers<'_>,
     mapped: &[Mapping],
     model: &mut Model,
     beside: &mut Beside<'_>,
-) -> Result<Vec<Vec<usize>>, SceneError> {
+) -> Result<Vec<Option<usize>>, SceneError> {
     let (mut read, mut welder, mut meshes) = (Read::default(), Welder::default(), Vec::new());
     for (number, mesh) in root.meshes.iter().enumerate() {
-        let mut geometries = Vec::new();
-        let name = name(mesh.name.as_deref().unwrap_or_default());
+        let mut drawn = Vec::new();
         for (k, primitive) in mesh.primitives.iter().enumerate() {
             if primitive.targets.is_some() {
                 beside.notes.add("morph targets were left out");
             }
-            let of = Of { root, mapped, primitive, name: &name };
-            let found = of.geometry(&mut read, &mut welder, buffers, model, beside);
-            let found = found.map_err(|error| match error {
-                SceneError::Content { place, message } => {
-                    let message = format!("mesh {number}, primitive {k}: {message}");
-                    SceneError::Content { place, message }
-                }
-                other => other,
-            })?;
-            geometries.extend(found);
+            let of = Of { root, mapped, primitive };
+            let key = of.key(beside).map_err(|error| in_mesh(error, number, Some(k)))?;
+            drawn.extend(key.map(|key| (k, of, key)));
         }
-        meshes.push(geometries);
+        let keys: Vec<Key> = drawn.iter().map(|(.., key)| *key).collect();
+        if let Some(found) = read.geometries.get(&keys) {
+            meshes.push(*found);
+            continue;
+        }
+        let mut pieces = Vec::with_capacity(drawn.len());
+        for (k, of, key) in drawn {
+            let piece = of.piece(key, &mut read, buffers, beside);
+            pieces.push(piece.map_err(|error| in_mesh(error, number, Some(k)))?);
+        }
+        let surface = Surface::from_pieces(pieces);
+        buffers.budget.spend(surface.copies() as u64, size_of::<f32>(), &beside.place())?;
+        let name = name(mesh.name.as_deref().unwrap_or_default());
+        let welded = surface.weld(name, &mut welder, beside);
+        let found = welded.map_err(|error| in_mesh(error, number, None))?.map(|geometry| {
+            model.geometries.push(geometry);
+            model.geometries.len() - 1
+        });
+        read.geometries.insert(keys, found);
+        meshes.push(found);
     }
     Ok(meshes)
+}
+
+/// An error of a mesh's primitive, or of the mesh.
+fn in_mesh(error: SceneError, mesh: usize, primitive: Option<usize>) -> SceneError {
+    let of = primitive.map_or(String::new(), |primitive| format!(", primitive {primitive}"));
+    match error {
+        SceneError::Content { place, message } => {
+            SceneError::Content { place, message: format!("mesh {mesh}{of}: {message}") }
+        }
+        other => other,
+    }
+}
+
+impl<const N: usize> Joined<N> {
+    /// Adds faces that name these rows; without rows, faces that name none.
+    fn add(&mut self, rows: Option<&Rows<N>>, faces: &[[u32; 3]]) {
+        let Some(rows) = rows else {
+            self.faces.extend(repeat_n([NO_ROW; 3], faces.len()));
+            return;
+        };
+        let next = self.count as u32;
+        let first = *self.firsts.entry(Rc::as_ptr(rows)).or_insert_with(|| {
+            self.accessors.push(rows.clone());
+            self.count += rows.len();
+            next
+        });
+        self.faces.extend(faces.iter().map(|face| face.map(|row| first + row)));
+    }
+
+    /// How many numbers [`Joined::rows`] copies.
+    fn copies(&self) -> usize {
+        if self.accessors.len() > 1 { N * self.count } else { 0 }
+    }
+
+    /// All rows: a copy where there are several accessors.
+    fn rows(&self) -> Cow<'_, [[f32; N]]> {
+        match self.accessors.as_slice() {
+            [only] => Cow::Borrowed(only),
+            all => Cow::Owned(all.iter().flat_map(|rows| rows.iter().copied()).collect()),
+        }
+    }
+}
+
+/// The corners with these rows; nothing where there are none.
+fn corners<'a, const N: usize>(
+    rows: &'a [[f32; N]],
+    joined: &'a Joined<N>,
+) -> Option<Corners<'a, N>> {
+    let faces = Cow::Borrowed(joined.faces.as_slice());
+    (!rows.is_empty()).then_some(Corners { rows, faces })
+}
+
+impl Surface {
+    /// Pieces of one material that carry the same attributes stand side by side, as one submesh.
+    fn from_pieces(mut pieces: Vec<Piece>) -> Self {
+        let mut ranks = HashMap::new();
+        for piece in &pieces {
+            let next = ranks.len();
+            ranks.entry(piece.kind()).or_insert(next);
+        }
+        pieces.sort_by_key(|piece| ranks[&piece.kind()]);
+        let mut all = Self::default();
+        for own in pieces.chunk_by(|a, b| a.kind() == b.kind()) {
+            let begin = all.positions.faces.len();
+            for Piece { faces, positions, normals, colors, coordinates, .. } in own {
+                all.positions.add(Some(positions), faces);
+                all.normals.add(normals.as_ref(), faces);
+                all.colors.add(colors.as_ref(), faces);
+                all.coordinates.add(coordinates.as_ref(), faces);
+            }
+            let faces = begin..all.positions.faces.len();
+            all.submeshes.push(Submesh { material: own[0].material, faces });
+        }
+        all
+    }
+
+    /// How many numbers are copied to bring the rows together.
+    fn copies(&self) -> usize {
+        let Self { positions, normals, colors, coordinates, .. } = self;
+        positions.copies() + normals.copies() + colors.copies() + coordinates.copies()
+    }
+
+    fn weld(
+        self,
+        name: String,
+        welder: &mut Welder,
+        beside: &mut Beside<'_>,
+    ) -> Result<Option<Geometry>, SceneError> {
+        let [positions, normals, colors] =
+            [&self.positions, &self.normals, &self.colors].map(Joined::rows);
+        let coordinates = self.coordinates.rows();
+        let Some(places) = corners(&positions, &self.positions) else { return Ok(None) };
+        let raw = Raw {
+            name,
+            submeshes: self.submeshes.clone(),
+            is_welded: true,
+            positions: places,
+            colors: corners(&colors, &self.colors),
+            coordinates: corners(&coordinates, &self.coordinates),
+            normals: corners(&normals, &self.normals),
+        };
+        welder.weld(raw, &beside.place(), &mut beside.notes)
+    }
+}
+
+impl Piece {
+    /// What pieces of one submesh have in common: the material, and which attributes they carry.
+    fn kind(&self) -> (Option<usize>, [bool; 3]) {
+        let Self { material, normals, colors, coordinates, .. } = self;
+        (*material, [normals.is_some(), colors.is_some(), coordinates.is_some()])
+    }
 }
 
 /// A primitive of a file.
@@ -81,50 +236,59 @@ struct Of<'r> {
     root: &'r Root,
     mapped: &'r [Mapping],
     primitive: &'r Primitive,
-    /// The mesh's name.
-    name: &'r str,
+}
+
+fn refused(beside: &Beside<'_>, rule: String) -> SceneError {
+    SceneError::content(beside.place(), rule)
 }
 
 impl Of<'_> {
-    /// The number of the primitive's geometry, where it has a face.
-    fn geometry(
-        self,
-        read: &mut Read,
-        welder: &mut Welder,
-        buffers: &mut Buffers<'_>,
-        model: &mut Model,
-        beside: &mut Beside<'_>,
-    ) -> Result<Option<usize>, SceneError> {
-        let refused = |beside: &Beside<'_>, rule: String| SceneError::content(beside.place(), rule);
-        let Checked::Valid(mode) = self.primitive.mode else {
-            return Err(refused(beside, "its mode is one of the specification".to_owned()));
-        };
+    /// The coordinates that the primitive's material uses.
+    fn mapping(self, beside: &Beside<'_>) -> Result<Mapping, SceneError> {
+        let Some(material) = self.primitive.material else { return Ok(Mapping::default()) };
+        self.mapped.get(material.value()).copied().ok_or_else(|| {
+            let (found, number) = (self.mapped.len(), material.value());
+            refused(beside, format!("the file has {found} materials, and this names {number}"))
+        })
+    }
+
+    fn mode(self, beside: &Beside<'_>) -> Result<Mode, SceneError> {
+        match self.primitive.mode {
+            Checked::Valid(mode) => Ok(mode),
+            Checked::Invalid => {
+                Err(refused(beside, "its mode is one of the specification".to_owned()))
+            }
+        }
+    }
+
+    /// What tells the primitive from others; nothing where it has no faces.
+    fn key(self, beside: &mut Beside<'_>) -> Result<Option<Key>, SceneError> {
+        let mode = self.mode(beside)?;
         if !matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
             beside.notes.add("points and lines were left out");
             return Ok(None);
         }
-        let material = self.primitive.material.map(|material| material.value());
-        let mapping = match material.map(|material| self.mapped.get(material)) {
-            None => Mapping::default(),
-            Some(Some(mapping)) => *mapping,
-            Some(None) => {
-                let found = self.mapped.len();
-                let rule = format!("the file has {found} materials, and this names {material:?}");
-                return Err(refused(beside, rule));
-            }
-        };
+        let set = self.mapping(beside)?.set;
         let named = |what| self.primitive.attributes.get(&Checked::Valid(what)).copied();
         let accessors = [
             named(Semantic::Positions),
             named(Semantic::Normals),
             named(Semantic::Colors(0)),
-            named(Semantic::TexCoords(mapping.set)),
+            named(Semantic::TexCoords(set)),
             self.primitive.indices,
         ];
-        let key = (accessors, mode.as_gl_enum(), material);
-        if let Some(found) = read.geometries.get(&key) {
-            return Ok(*found);
-        }
+        let material = self.primitive.material.map(|material| material.value());
+        Ok(Some((accessors, mode.as_gl_enum(), material)))
+    }
+
+    /// The primitive with its rows. `key` is its own.
+    fn piece(
+        self,
+        (accessors, _, material): Key,
+        read: &mut Read,
+        buffers: &mut Buffers<'_>,
+        beside: &mut Beside<'_>,
+    ) -> Result<Piece, SceneError> {
         let [Some(positions), normals, colors, coordinates, indices] = accessors else {
             return Err(refused(beside, "a primitive has positions, and this has none".to_owned()));
         };
@@ -132,8 +296,9 @@ impl Of<'_> {
         let count = positions.len();
         let normals = normals.map(|index| read.vectors(self.root, index, buffers, beside));
         let colors = colors.map(|index| read.colors(self.root, index, buffers, beside));
-        let coordinates = coordinates
-            .map(|index| read.coordinates(self.root, index, mapping.transform, buffers, beside));
+        let transform = self.mapping(beside)?.transform;
+        let coordinates =
+            coordinates.map(|index| read.coordinates(self.root, index, transform, buffers, beside));
         let (normals, colors, coordinates) =
             (normals.transpose()?, colors.transpose()?, coordinates.transpose()?);
         let counts = [
@@ -161,24 +326,8 @@ impl Of<'_> {
         // As many faces as indices where they are a strip; index buffers for each attribute, and the rows.
         let bytes = 4 * size_of::<[u32; 3]>() + size_of::<[f32; 11]>();
         buffers.budget.spend(indices.len() as u64, bytes, &beside.place())?;
-        let faces = faces(&indices, mode).map_err(|rule| refused(beside, rule))?;
-        drop(indices);
-        let faces = Cow::Borrowed(faces.as_slice());
-        let raw = Raw {
-            name: self.name.to_owned(),
-            material,
-            positions: Corners { rows: &positions, faces: faces.clone() },
-            colors: colors.as_ref().map(|rows| Corners { rows, faces: faces.clone() }),
-            coordinates: coordinates.as_ref().map(|rows| Corners { rows, faces: faces.clone() }),
-            normals: normals.as_ref().map(|rows| Corners { rows, faces: faces.clone() }),
-        };
-        let welded = welder.weld(raw, &beside.place(), &mut beside.notes)?;
-        let found = welded.map(|geometry| {
-            model.geometries.push(geometry);
-            model.geometries.len() - 1
-        });
-        read.geometries.insert(key, found);
-        Ok(found)
+        let faces = faces(&indices, self.mode(beside)?).map_err(|rule| refused(beside, rule))?;
+        Ok(Piece { material, faces, positions, normals, colors, coordinates })
     }
 }
 

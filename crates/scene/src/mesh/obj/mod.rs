@@ -7,8 +7,9 @@
 //! - `vn`, and `f` with `v`, `v/t`, `v//n` or `v/t/n` at each corner. Numbers count from 1, and negative
 //!   ones back from the latest. A polygon becomes a fan of triangles around its first corner, which covers
 //!   it where it is convex.
-//! - `o`, `usemtl` and `mtllib`. The faces of an object with one material are a mesh. Groups (`g`) are not
-//!   told apart: they would tear a surface into parts that move by themselves.
+//! - `o`, `usemtl` and `mtllib`. The faces of an object are a mesh, of one material or several. Objects that
+//!   share vertices are one mesh, since some programs write an object per material. Groups (`g`) are not told
+//!   apart: they would tear a surface into parts that move by themselves.
 //! - A backslash at the end of a line continues it.
 //!
 //! Colours, coordinates or normals that some corners of a mesh lack are left out, and so are points, lines,
@@ -44,9 +45,8 @@ pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Model, Scene
     let (materials, numbers) = materials::read(&parts.libraries, &parts.materials, beside)?;
     let (mut welder, mut model) = (Welder::default(), Model { materials, ..Model::default() });
     let place = beside.place();
-    for part in &parts.list {
-        let material = part.material.and_then(|material| numbers[material]);
-        let raw = parts.raw(part, material, &mut beside.notes);
+    for surface in parts.surfaces(&mut beside.notes) {
+        let raw = parts.raw(&surface, &numbers, &mut beside.notes);
         if let Some(geometry) = welder.weld(raw, &place, &mut beside.notes)? {
             let (name, transform) = (geometry.name.clone(), DMat4::IDENTITY);
             model.placed.push(Placed { name, geometry: model.geometries.len(), transform });

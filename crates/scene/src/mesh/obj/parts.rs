@@ -1,7 +1,8 @@
 //! The parts of an OBJ file: the faces of each object with each material.
 
 use std::borrow::Cow;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
+use std::iter::repeat_n;
 use std::str::SplitWhitespace;
 
 use super::statements::{Statements, numbers, rest};
@@ -9,11 +10,10 @@ use crate::error::SceneError;
 use crate::mesh::beside::Beside;
 use crate::mesh::notes::{Notes, name};
 use crate::mesh::weld::{Corners, Raw};
+use crate::model::{NO_ROW, Submesh};
 
 /// The most meshes of a file: one takes kilobytes, and a few letters make it.
 const MOST_PARTS: usize = 100_000;
-/// Stands for a row that a corner does not name.
-const MISSING: u32 = u32::MAX;
 /// Stands for a colour that a vertex does not have.
 const NO_COLOR: [f32; 3] = [f32::NAN; 3];
 /// What a corner names, in the order of the slashes.
@@ -22,9 +22,11 @@ const NAMED: [&str; 3] = ["vertex", "texture coordinate", "normal"];
 /// Faces with one material of one object.
 #[derive(Debug)]
 pub(super) struct Part {
+    /// The object's number and name.
+    object: usize,
     name: String,
     /// Its number among the names of materials.
-    pub(super) material: Option<usize>,
+    material: Option<usize>,
     /// For each face the positions, the coordinates and the normals at its corners.
     faces: [Vec<[u32; 3]>; 3],
     /// How many corners have no coordinate, and no normal.
@@ -39,7 +41,7 @@ pub(super) struct Parts {
     colors: Vec<[f32; 3]>,
     coordinates: Vec<[f32; 2]>,
     normals: Vec<[f32; 3]>,
-    pub(super) list: Vec<Part>,
+    list: Vec<Part>,
     /// The names of the materials that are used, and those of the files that have them.
     pub(super) materials: Vec<String>,
     pub(super) libraries: Vec<String>,
@@ -84,7 +86,8 @@ impl Parts {
                             return Err(SceneError::TooLarge { place, what, most, found });
                         }
                         let (name, faces) = (object.clone(), Default::default());
-                        parts.list.push(Part { name, material, faces, missing: [0; 2] });
+                        let missing = [0; 2];
+                        parts.list.push(Part { object: objects, name, material, faces, missing });
                     }
                     parts.list[part].add(&corners);
                 }
@@ -153,7 +156,7 @@ impl Parts {
         let counts = [self.positions.len(), self.coordinates.len(), self.normals.len()];
         for word in words.take_while(|word| !word.starts_with('#')) {
             let refused = |found: String| SceneError::content(beside.line(line), found);
-            let mut corner = [MISSING; 3];
+            let mut corner = [NO_ROW; 3];
             for (k, part) in word.split('/').enumerate() {
                 let Some(slot) = corner.get_mut(k) else {
                     let rule = "a corner names a vertex, a texture coordinate and a normal at most";
@@ -174,7 +177,7 @@ impl Parts {
                     }
                 };
                 *slot = match u32::try_from(row) {
-                    Ok(row) if row != MISSING => row,
+                    Ok(row) if row != NO_ROW => row,
                     _ => {
                         let rule = format!("a {what} has a number from 1 on or back to -{count}");
                         return Err(refused(format!("{rule}, and this is {}", name(part))));
@@ -204,14 +207,93 @@ impl Parts {
         Ok(())
     }
 
-    /// A part with its rows.
+    /// The parts of each surface. Objects that name the same vertices are one, since they would tear apart;
+    /// of a surface, parts of one material stand side by side.
+    pub(super) fn surfaces(&self, notes: &mut Notes) -> Vec<Vec<&Part>> {
+        let objects = self.list.last().map_or(0, |part| part.object + 1);
+        // The least of all objects that share vertices stands at the end of a chain.
+        let mut leads: Vec<usize> = (0..objects).collect();
+        let mut owners = vec![NO_ROW; self.positions.len()];
+        for part in &self.list {
+            for &vertex in part.faces[0].as_flattened() {
+                let owner = &mut owners[vertex as usize];
+                if *owner == NO_ROW {
+                    *owner = part.object as u32;
+                } else if *owner as usize != part.object {
+                    join(&mut leads, *owner as usize, part.object);
+                }
+            }
+        }
+        let mut surfaces: Vec<Vec<&Part>> = Vec::new();
+        let mut numbers = HashMap::new();
+        for part in &self.list {
+            let lead = lead_of(&mut leads, part.object);
+            let number = *numbers.entry(lead).or_insert(surfaces.len());
+            match surfaces.get_mut(number) {
+                Some(parts) => parts.push(part),
+                None => surfaces.push(vec![part]),
+            }
+        }
+        for parts in &mut surfaces {
+            let others = parts.iter().map(|part| part.object).collect::<HashSet<_>>().len() - 1;
+            notes.count(
+                "an object shares vertices with another one, and became one mesh with it",
+                others,
+            );
+            let mut ranks = HashMap::new();
+            for part in parts.iter() {
+                let next = ranks.len();
+                ranks.entry(part.material).or_insert(next);
+            }
+            parts.sort_by_key(|part| ranks[&part.material]);
+        }
+        surfaces
+    }
+
+    /// A surface with its rows. `materials` has the numbers of the named materials.
     pub(super) fn raw<'a>(
         &'a self,
-        part: &'a Part,
-        material: Option<usize>,
+        parts: &[&'a Part],
+        materials: &[Option<usize>],
         notes: &mut Notes,
     ) -> Raw<'a> {
-        let [positions, coordinates, normals] = &part.faces;
+        let mut submeshes: Vec<Submesh> = Vec::with_capacity(parts.len());
+        let mut faces = [const { Vec::new() }; 4];
+        let (mut end, mut carried) = (0, [false; 4]);
+        for part in parts {
+            let material = part.material.and_then(|material| materials[material]);
+            let begin = end;
+            end += part.faces[0].len();
+            let own = self.whole(part, notes);
+            let carries = own.map(|own| own.is_some());
+            // Those of several objects may be alike.
+            match submeshes.last_mut() {
+                Some(last) if last.material == material && carried == carries => {
+                    last.faces.end = end;
+                }
+                _ => submeshes.push(Submesh { material, faces: begin..end }),
+            }
+            carried = carries;
+            for (all, own) in faces.iter_mut().zip(own) {
+                all.push(own);
+            }
+        }
+        let [positions, coordinates, normals, colors] = faces.map(|own| joined(&own, parts));
+        Raw {
+            name: parts.first().map_or(String::new(), |part| part.name.clone()),
+            submeshes,
+            is_welded: false,
+            positions: Corners { rows: &self.positions, faces: positions.unwrap_or_default() },
+            colors: colors.map(|faces| Corners { rows: &self.colors, faces }),
+            coordinates: coordinates.map(|faces| Corners { rows: &self.coordinates, faces }),
+            normals: normals.map(|faces| Corners { rows: &self.normals, faces }),
+        }
+    }
+
+    /// The positions, coordinates, normals and colours at the corners of a part, of those that all of its
+    /// corners have.
+    fn whole<'a>(&self, part: &'a Part, notes: &mut Notes) -> [Option<&'a [[u32; 3]]>; 4] {
+        let [positions, coordinates, normals] = part.faces.each_ref().map(Vec::as_slice);
         let corners = positions.len() * 3;
         let mut is_whole = |k: usize, what: &str| {
             let missing = part.missing[k];
@@ -220,20 +302,14 @@ impl Parts {
             }
             missing == 0
         };
-        let coordinates = is_whole(0, "coordinates")
-            .then(|| Corners { rows: &self.coordinates, faces: Cow::Borrowed(coordinates) });
-        let normals = is_whole(1, "normals")
-            .then(|| Corners { rows: &self.normals, faces: Cow::Borrowed(normals) });
-        let faces = Cow::Borrowed(positions.as_slice());
+        let coordinates = is_whole(0, "coordinates").then_some(coordinates);
+        let normals = is_whole(1, "normals").then_some(normals);
         let colored = positions.iter().flatten();
         let colored = colored.filter(|&&vertex| self.color(vertex).is_some()).count();
         if colored > 0 && colored < corners {
             notes.add("colours of a mesh were left out: not all vertices have one");
         }
-        let colors = (colored == corners)
-            .then(|| Corners { rows: &self.colors, faces: Cow::Borrowed(positions) });
-        let positions = Corners { rows: &self.positions, faces };
-        Raw { name: part.name.clone(), material, positions, colors, coordinates, normals }
+        [Some(positions), coordinates, normals, (colored == corners).then_some(positions)]
     }
 
     fn color(&self, vertex: u32) -> Option<[f32; 3]> {
@@ -250,10 +326,39 @@ impl Part {
                 faces.push(triangle.map(|corner| corner[k]));
             }
             for (k, missing) in self.missing.iter_mut().enumerate() {
-                *missing += triangle.iter().filter(|corner| corner[k + 1] == MISSING).count();
+                *missing += triangle.iter().filter(|corner| corner[k + 1] == NO_ROW).count();
             }
         }
     }
+}
+
+/// The object that stands for all that share vertices with `object`.
+fn lead_of(leads: &mut [usize], mut object: usize) -> usize {
+    while leads[object] != object {
+        // Halves the way for the next one.
+        leads[object] = leads[leads[object]];
+        object = leads[object];
+    }
+    object
+}
+
+fn join(leads: &mut [usize], a: usize, b: usize) {
+    let [a, b] = [lead_of(leads, a), lead_of(leads, b)];
+    leads[a.max(b)] = a.min(b);
+}
+
+/// The faces of all parts, [`NO_ROW`] where a part has none; nothing where none has.
+fn joined<'a>(own: &[Option<&'a [[u32; 3]]>], parts: &[&Part]) -> Option<Cow<'a, [[u32; 3]]>> {
+    if let [only] = own {
+        return only.map(Cow::Borrowed);
+    }
+    own.iter().any(Option::is_some).then(|| {
+        let all = own.iter().zip(parts).flat_map(|(own, part)| {
+            let none = if own.is_none() { part.faces[0].len() } else { 0 };
+            own.unwrap_or_default().iter().copied().chain(repeat_n([NO_ROW; 3], none))
+        });
+        Cow::Owned(all.collect())
+    })
 }
 
 fn check_count(

@@ -35,7 +35,7 @@ use crate::error::SceneError;
 use crate::mesh::beside::Beside;
 use crate::mesh::notes::name;
 use crate::mesh::weld::{Corners, Raw, Welder};
-use crate::model::{MaterialFile, Model, Placed};
+use crate::model::{MaterialFile, Model, Placed, Submesh};
 
 /// The vertices and faces of a file.
 #[derive(Debug, Default)]
@@ -211,7 +211,8 @@ impl Contents {
         let vectors = |rows| Corners { rows, faces: faces() };
         Raw {
             name: String::new(),
-            material,
+            submeshes: vec![Submesh { material, faces: 0..self.faces.len() }],
+            is_welded: true,
             positions: vectors(&self.positions),
             colors: (!self.colors.is_empty()).then(|| vectors(&self.colors)),
             coordinates,

@@ -361,7 +361,7 @@ fn errors_have_the_rule_and_what_broke_it() {
     assert!(found.contains(expected), "{found}");
     let mut file = File::square();
     file.bytes[4..8].copy_from_slice(&f32::NAN.to_le_bytes());
-    assert!(said(file.read()).contains("primitive 0: positions are finite, and vertex 0 is"));
+    assert!(said(file.read()).contains("mesh 0: positions are finite, and vertex 0 is"));
     let mut root = File::square().root;
     root["buffers"][0] = json!({"byteLength": 9, "uri": "data:,a"});
     assert!(said(read(Gltf, root.to_string())).contains("buffer 0 has 1 of 9"));

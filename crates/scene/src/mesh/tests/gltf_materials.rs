@@ -46,7 +46,7 @@ fn materials_have_factors_and_images_each_once() {
     assert_eq!(bytes(material.metallic_roughness_image), 8);
     assert_eq!(bytes(material.normal_image), 7);
     assert_eq!(model.images.len(), 2);
-    assert_eq!(only(&model).material, Some(0));
+    assert!(only(&model).materials().eq([Some(0)]));
     let opaque =
         with_material(json!({"pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.5]}}));
     assert_eq!(opaque.read().unwrap().materials[0].base_color, [1.0; 4]);

@@ -5,6 +5,7 @@ use std::io::BufReader;
 use super::{at_corners, of_corners, only, read, read_with, said};
 use crate::error::{Place, SceneError};
 use crate::mesh::MeshKind::Obj;
+use crate::model::NO_ROW;
 use crate::picture::{Picture, Samples};
 
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
@@ -37,7 +38,7 @@ fn corners_name_positions_coordinates_and_normals_from_either_end() {
     let corners = [[0.0, 1.0], [0.5, 0.75], [0.0, 1.0]];
     assert_eq!(of_corners(&mesh.coordinates), [corners, corners].concat());
     assert_eq!(of_corners(&mesh.normals)[1], [0.0, 0.0, -1.0]);
-    assert!(mesh.colors.is_none() && mesh.material.is_none());
+    assert!(mesh.colors.is_none() && mesh.materials().eq([None]));
 }
 
 #[test]
@@ -59,8 +60,8 @@ fn colours_follow_positions_and_a_fourth_number_divides() {
 #[test]
 fn attributes_that_some_corners_lack_are_left_out_of_that_mesh_alone() {
     // Of the two objects the second one has colours, coordinates and normals at all of its corners.
-    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0 1 1 1\nv 0 0 1 .5 .5 .5\nv 1 0 1 0 0 0\nvt 0 0\n\
-                vn 0 0 1\no a\nf 1/1/1 2//1 3/1\no b\nf 3/1/1 4/1/1 5/1/1\n";
+    let text = "v 0 0 0\nv 1 0 0\nv 0 2 0 1 1 1\nv 0 1 0 1 1 1\nv 0 0 1 .5 .5 .5\nv 1 0 1 0 0 0\nvt 0 0\n\
+                vn 0 0 1\no a\nf 1/1/1 2//1 3/1\no b\nf 4/1/1 5/1/1 6/1/1\n";
     let model = read(Obj, text).unwrap();
     let [a, b] = &model.geometries[..] else { panic!("{}", model.geometries.len()) };
     assert!(a.colors.is_none() && a.coordinates.is_none() && a.normals.is_none());
@@ -70,7 +71,7 @@ fn attributes_that_some_corners_lack_are_left_out_of_that_mesh_alone() {
 }
 
 #[test]
-fn an_objects_faces_of_one_material_are_a_mesh_and_groups_are_not_told_apart() {
+fn a_surface_of_several_materials_is_one_mesh_with_one_set_of_vertices() {
     let text = format!(
         "{TRIANGLE}v 1 1 0\nmtllib m.mtl\no a\nusemtl x\nf 1 2 3\nusemtl y\nf 1 2 4\n\
          usemtl x\ng part\nf 2 4 3\no a\nf 1 3 4\nusemtl z\nf 1 4 3\n"
@@ -78,12 +79,54 @@ fn an_objects_faces_of_one_material_are_a_mesh_and_groups_are_not_told_apart() {
     let folder = tempfile::tempdir().unwrap();
     let mtl = b"newmtl y\nKd 1 0 0\nnewmtl unused\nnewmtl x\nKd 0 1 0\nd 0.5\n";
     let model = read_with(Obj, text, &[("m.mtl", mtl)], folder.path()).unwrap();
-    let found: Vec<_> = model.geometries.iter().map(|g| (g.faces.len(), g.material)).collect();
-    assert_eq!(found, [(2, Some(0)), (1, Some(1)), (1, Some(0)), (1, None)]);
+    let mesh = only(&model);
+    assert_eq!(mesh.positions.len(), 4);
+    assert_eq!(mesh.faces, [[0, 1, 2], [1, 3, 2], [0, 2, 3], [0, 1, 3], [0, 3, 2]]);
+    let found: Vec<_> = mesh.submeshes.iter().map(|k| (k.material, k.faces.clone())).collect();
+    assert_eq!(found, [(Some(0), 0..3), (Some(1), 3..4), (None, 4..5)]);
+    assert_eq!(mesh.submesh(3), Some(&mesh.submeshes[1]));
+    assert_eq!(mesh.submesh(5), None);
     let names: Vec<&str> = model.materials.iter().map(|material| &*material.name).collect();
     assert_eq!(names, ["x", "y"]);
     assert_eq!(model.materials[0].base_color, [0.0, 1.0, 0.0, 0.5]);
-    assert_eq!(model.notes, ["the material \"z\" is missing and was left out"]);
+    let expected = [
+        "the material \"z\" is missing and was left out",
+        "an object shares vertices with another one, and became one mesh with it",
+    ];
+    assert_eq!(model.notes, expected);
+}
+
+#[test]
+fn objects_are_joined_along_a_chain_of_shared_vertices_and_no_further() {
+    let vertices = (0..12).map(|k| format!("v {k} {} {}\n", k * k, k % 3)).collect::<String>();
+    // The second shares no vertex with the first, but the last one shares vertices with both.
+    let text = format!("{vertices}o a\nf 1 2 3\no b\nf 4 5 6\no c\nf 7 8 9\no d\nf 3 4 10\n");
+    let model = read(Obj, text).unwrap();
+    let found: Vec<_> = model.geometries.iter().map(|g| (&*g.name, g.faces.len())).collect();
+    assert_eq!(found, [("a", 3), ("c", 1)]);
+    assert_eq!(model.geometries[0].positions.len(), 7);
+}
+
+#[test]
+fn parts_keep_the_attributes_that_they_have() {
+    let text = format!(
+        "{TRIANGLE}v 1 1 0\nvt 0 0\nvt 1 0\nvn 0 0 1\nusemtl x\nf 1/1 2/2 3/1\nusemtl y\n\
+         f 2//1 4//1 3//1\n"
+    );
+    let model = read(Obj, text).unwrap();
+    let mesh = only(&model);
+    let coordinates = mesh.coordinates.as_ref().unwrap();
+    assert_eq!(coordinates.faces, [[0, 1, 0], [NO_ROW; 3]]);
+    assert_eq!(mesh.normals.as_ref().unwrap().faces, [[NO_ROW; 3], [0; 3]]);
+    assert!(coordinates.covers(&(0..1)) && !coordinates.covers(&(1..2)));
+}
+
+#[test]
+fn vertices_of_two_numbers_stay_two_with_a_note() {
+    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 4 5 6\n";
+    let model = read(Obj, text).unwrap();
+    assert_eq!(only(&model).positions.len(), 6);
+    assert!(model.notes[0].contains("lies where another one does"), "{:?}", model.notes);
 }
 
 #[test]

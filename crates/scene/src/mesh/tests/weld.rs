@@ -6,13 +6,14 @@ use super::{at_corners, of_corners};
 use crate::error::{Place, SceneError};
 use crate::mesh::notes::Notes;
 use crate::mesh::weld::{Corners, Raw, Welder, same_keys};
-use crate::model::Geometry;
+use crate::model::{Geometry, NO_ROW, Submesh};
 
 /// Positions and faces, without attributes.
 fn bare<'a>(rows: &'a [[f32; 3]], faces: &[[u32; 3]]) -> Raw<'a> {
     Raw {
         name: String::new(),
-        material: None,
+        submeshes: vec![Submesh { material: None, faces: 0..faces.len() }],
+        is_welded: true,
         positions: Corners { rows, faces: Cow::Owned(faces.to_vec()) },
         colors: None,
         coordinates: None,
@@ -40,6 +41,37 @@ fn vertices_in_one_place_are_one_in_the_order_of_the_file() {
     assert_eq!(geometry.positions, [D, A, B, C]);
     assert_eq!(geometry.faces, [[1, 2, 3], [3, 2, 0]]);
     assert!(notes.is_empty(), "{notes:?}");
+}
+
+#[test]
+fn where_places_are_not_welded_vertices_are_those_of_the_file() {
+    let rows = [D, [9.0; 3], A, B, C, B, C];
+    let raw = Raw { is_welded: false, ..bare(&rows, &[[2, 3, 4], [6, 5, 0]]) };
+    let (found, notes) = welded(raw);
+    let geometry = found.unwrap().unwrap();
+    assert_eq!(geometry.positions, [D, A, B, C, B, C]);
+    assert_eq!(geometry.faces, [[1, 2, 3], [5, 4, 0]]);
+    let expected = "a vertex lies where another one does, and is not joined with it (2 times)";
+    assert_eq!(notes, [expected]);
+}
+
+#[test]
+fn submeshes_keep_their_faces_and_lose_bad_attributes_alone() {
+    let rows = [A, B, C, D];
+    let faces = [[0, 1, 2], [0, 0, 1], [1, 3, 2], [0, 1, 3], [2, 2, 3]];
+    let normals = [[0.0, 0.0, 1.0], [0.0; 3], [1.0, 0.0, 0.0]];
+    let mut raw = bare(&rows, &faces);
+    let submesh = |material, faces| Submesh { material: Some(material), faces };
+    raw.submeshes = vec![submesh(3, 0..1), submesh(2, 1..2), submesh(1, 2..3), submesh(0, 3..5)];
+    let named = vec![[2, 0, 2], [0; 3], [0, 1, 0], [NO_ROW; 3], [NO_ROW; 3]];
+    raw.normals = Some(Corners { rows: &normals, faces: Cow::Owned(named) });
+    let (found, notes) = welded(raw);
+    let geometry = found.unwrap().unwrap();
+    assert_eq!(geometry.submeshes, [submesh(3, 0..1), submesh(1, 1..2), submesh(0, 2..3)]);
+    let indexed = geometry.normals.unwrap();
+    assert_eq!(indexed.rows, [normals[2], normals[0]]);
+    assert_eq!(indexed.faces, [[0, 1, 0], [NO_ROW; 3], [NO_ROW; 3]]);
+    assert_eq!(notes.len(), 2, "{notes:?}");
 }
 
 #[test]

@@ -2,11 +2,11 @@
 
 use glam::{DMat4, DVec3};
 
-use super::{read, said};
+use super::{read, read_with, said};
 use crate::error::SceneError;
 use crate::mesh::MeshKind::{Gltf, Obj, Ply};
 use crate::mesh::{glb, ply};
-use crate::model::{Geometry, Indexed, MaterialFile, Model, Placed};
+use crate::model::{Geometry, Indexed, MaterialFile, Model, NO_ROW, Placed, Submesh};
 use crate::picture::{Picture, Samples};
 
 /// A pyramid with a seam: attributes are indexed each in its own way, as welding numbers them.
@@ -26,8 +26,27 @@ fn pyramid() -> Geometry {
             faces: vec![[0, 1, 2], [3, 1, 4], [4, 0, 2]],
         }),
         normals: Some(Indexed { rows: normals, faces: vec![[0; 3], [1; 3], [2; 3]] }),
-        material: Some(1),
+        submeshes: vec![Submesh { material: Some(1), faces: 0..3 }],
     }
+}
+
+/// The pyramid with three submeshes, of which the second has no attributes and the third no normals.
+fn patchwork() -> Geometry {
+    let mut geometry = pyramid();
+    let materials = [Some(1), None, Some(0)];
+    let submeshes = materials.into_iter().enumerate();
+    geometry.submeshes =
+        submeshes.map(|(k, material)| Submesh { material, faces: k..k + 1 }).collect();
+    geometry.colors.as_mut().unwrap().faces[1] = [NO_ROW; 3];
+    geometry.coordinates = Some(Indexed {
+        rows: vec![[0.5, 0.25], [1.0, 0.5], [0.0, 1.0]],
+        faces: vec![[0, 1, 2], [NO_ROW; 3], [2, 0, 1]],
+    });
+    geometry.normals = Some(Indexed {
+        rows: vec![[0.0, 0.0, 1.0]],
+        faces: vec![[0; 3], [NO_ROW; 3], [NO_ROW; 3]],
+    });
+    geometry
 }
 
 fn model() -> Model {
@@ -38,7 +57,7 @@ fn model() -> Model {
         colors: None,
         coordinates: None,
         normals: None,
-        material: None,
+        submeshes: vec![Submesh { material: None, faces: 0..1 }],
     };
     let painted = MaterialFile {
         name: "painted".to_owned(),
@@ -64,13 +83,14 @@ fn model() -> Model {
     let placed =
         |name: &str, geometry, transform| Placed { name: name.to_owned(), geometry, transform };
     Model {
-        geometries: vec![bare, pyramid()],
+        geometries: vec![bare, pyramid(), patchwork()],
         materials: vec![MaterialFile::default(), painted],
         images,
         placed: vec![
             placed("b", 1, moved),
             placed("", 0, DMat4::IDENTITY),
             placed("c", 1, DMat4::IDENTITY),
+            placed("d", 2, DMat4::IDENTITY),
         ],
         notes: Vec::new(),
     }
@@ -127,7 +147,8 @@ fn a_geometry_comes_back_from_ply() {
     let mut geometry = pyramid();
     let bytes = ply(&geometry).unwrap();
     let back = read(Ply, bytes).unwrap();
-    (geometry.name, geometry.material) = (String::new(), None);
+    geometry.name = String::new();
+    geometry.submeshes[0].material = None;
     let colors = std::mem::take(&mut geometry.colors).unwrap();
     let mut found = back.geometries[0].clone();
     let rounded = std::mem::take(&mut found.colors).unwrap();
@@ -146,21 +167,30 @@ fn a_geometry_comes_back_from_ply() {
 #[test]
 fn an_obj_file_comes_back_from_glb() {
     let text = "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 1 1 0 0 0 1\nv 0 1 0 1 1 1\nvt 0 0\nvt 1 0\n\
-                vt .5 .5\no a\nf 4/1 3/2 2/3\nf 1/3 2/2 3/1\no b\nf 2/1 1/2 4/1\n";
-    let model = read(Obj, text).unwrap();
+                vt .5 .5\nv 1 0 2\nv 0 0 2\nv 0 1 2\no a\nf 4/1 3/2 2/3\nf 1/3 2/2 3/1\n\
+                usemtl x\nf 1 3 4\no b\nf 5/1 6/2 7/1\nmtllib m.mtl\n";
+    let folder = tempfile::tempdir().unwrap();
+    let files = [("m.mtl", &b"newmtl x\nKd 1 0 0\n"[..])];
+    let model = read_with(Obj, text, &files, folder.path()).unwrap();
     assert_eq!(model.geometries.len(), 2);
+    assert_eq!(model.geometries[0].submeshes.len(), 2);
     assert_eq!(read(Gltf, glb(&model).unwrap()).unwrap(), model);
 }
 
 #[test]
 fn models_that_break_a_rule_are_not_written() {
     type Change = fn(&mut Model);
-    let cases: [(Change, &str); 11] = [
+    let cases: [(Change, &str); 13] = [
+        (|model| model.geometries[1].submeshes[0].faces = 0..2, "has submeshes of its 3 faces"),
+        (|model| model.geometries[2].submeshes[1].faces = 2..2, "faces, one after another"),
         (|model| model.geometries[0].faces = Vec::new(), "has a face or more"),
         (|model| model.geometries[0].faces[0] = [0, 1, 3], "has 3 positions, and face 0 names"),
         (|model| model.geometries[0].positions[1][0] = f32::NAN, "has finite positions"),
-        (|model| model.geometries[1].material = Some(2), "has 2 of the kind \"material\""),
-        (|model| model.placed[0].geometry = 2, "has 2 of the kind \"geometry\""),
+        (
+            |model| model.geometries[1].submeshes[0].material = Some(2),
+            "has 2 of the kind \"material\"",
+        ),
+        (|model| model.placed[0].geometry = 3, "has 3 of the kind \"geometry\""),
         (|model| model.placed[0].transform.x_axis.x = 1e300, "a matrix is finite"),
         (|model| model.materials[0].roughness = f32::NAN, "the numbers of the material"),
         (|model| model.materials[0].normal_image = Some(2), "has 2 of the kind \"image\""),
