@@ -227,13 +227,12 @@ impl SurfaceLook {
             let texels = image.color(ColorSpace::Srgb);
             Tensor::from_flat_fn(texels.shape(), |k| texels.data()[k] * base_color[k % 3])
         });
-        let roughness_metallic = image(material.metallic_roughness_image).and_then(|image| {
-            let [green, blue] = [image.channel(1)?, image.channel(2)?];
+        let roughness_metallic = image(material.metallic_roughness_image).map(|image| {
+            let maps = [image.primary(1), image.primary(2)];
             let factors = [material.roughness, material.metallic];
-            let maps = [green, blue];
-            Some(Tensor::from_flat_fn([image.height, image.width, 2], |k| {
+            Tensor::from_flat_fn([image.height, image.width, 2], |k| {
                 maps[k % 2].data()[k / 2] * factors[k % 2]
-            }))
+            })
         });
         let normal_map = image(material.normal_image);
         let normal_map = normal_map.map(|image| vectors(image, material.normal_scale));
@@ -329,6 +328,22 @@ mod tests {
         approx::assert_abs_diff_eq!(map.data(), &[0.50196, 0.5][..], epsilon = 1e-5);
         let normals = look.normal_map.unwrap();
         approx::assert_abs_diff_eq!(normals.data(), &[-2.0, 0.00784, 1.0][..], epsilon = 1e-4);
+    }
+
+    #[test]
+    fn gray_is_red_green_and_blue() {
+        let look = |channels: usize, bytes: &[u8]| {
+            let samples = Samples::U8(bytes.to_vec());
+            let images = vec![Picture { width: 1, height: 2, channels, samples }];
+            let material =
+                MaterialFile { metallic_roughness_image: Some(0), ..MaterialFile::default() };
+            SurfaceLook::of_file(&material, &images).roughness_metallic.unwrap()
+        };
+        let expected = look(3, &[77, 77, 77, 9, 9, 9]);
+        assert_eq!(expected.data(), [77.0, 77.0, 9.0, 9.0].map(|x: f32| x / 255.0));
+        assert_eq!(look(1, &[77, 9]), expected);
+        assert_eq!(look(2, &[77, 0, 9, 255]), expected);
+        assert_eq!(look(4, &[0, 77, 77, 1, 255, 9, 9, 2]), expected);
     }
 
     #[test]

@@ -129,6 +129,17 @@ impl Picture {
         self.channel(self.opacity_channel()?)
     }
 
+    /// The numbers of red, green or blue as they are, for `k` from 0 to 2, whole ones divided by the largest:
+    /// `[H, W]`. Gray is all three of them.
+    ///
+    /// # Panics
+    /// As [`Picture::color`], and for another `k`.
+    pub fn primary(&self, k: usize) -> Tensor<f32> {
+        assert!(k < 3, "red, green and blue are 0 to 2, and this is {k}");
+        let k = if self.channels < 3 { 0 } else { k };
+        self.channel(k).expect("an image has a channel, and three for colours")
+    }
+
     /// The numbers of channel `k` as they are, whole ones divided by the largest: `[H, W]`. None
     /// where the image has fewer channels.
     ///

@@ -302,8 +302,11 @@ fn channels_are_told_apart() {
     assert_eq!(picture.opacity(), picture.channel(3));
     assert_eq!(picture.channel(1).unwrap()[[1, 2]], (10 * (4 * 5 + 1)) as f32 / 255.0);
     assert_eq!(picture.color(ColorSpace::Linear)[[1, 2, 1]], picture.channel(1).unwrap()[[1, 2]]);
+    assert_eq!(picture.primary(1), picture.channel(1).unwrap());
     assert!(picture.channel(4).is_none());
     let picture = numbered(2);
+    // Gray is red, green and blue, and the opacity beside it none of them.
+    assert_eq!([0, 1, 2].map(|k| picture.primary(k)), [0; 3].map(|_| picture.channel(0).unwrap()));
     assert_eq!(picture.opacity(), picture.channel(1));
     assert_eq!(picture.color(ColorSpace::Linear)[[1, 0, 2]], picture.channel(0).unwrap()[[1, 0]]);
     assert!(numbered(3).opacity().is_none() && numbered(1).opacity().is_none());

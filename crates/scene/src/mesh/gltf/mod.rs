@@ -6,7 +6,7 @@
 //!   coordinates that the material's images use. Accessors may be sparse, or have integers. See
 //!   [`primitives`].
 //! - Materials of metallic-roughness: see [`materials`]. `KHR_texture_transform` is applied to coordinates.
-//! - Nodes of the default scene, or of all where there is none: see [`nodes`].
+//! - Nodes of the default scene, or of the first where there is none: see [`nodes`].
 //!
 //! Left out with a note: skins, morph targets, animations, cameras, lights, points, lines, opacities of
 //! vertices, emission, occlusion, how textures repeat, and what extensions say otherwise. A required
@@ -106,7 +106,7 @@ pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Model, Scene
     check_extensions(&root, beside)?;
     note_left_out(&root, beside);
     let mut buffers = Buffers::new(&root, chunk.as_deref(), bytes.len());
-    let nodes = Nodes::new(&root).map_err(&refused)?;
+    let nodes = Nodes::new(&root, &mut beside.notes).map_err(&refused)?;
     let mut model = Model::default();
     let mapped = materials::read(&root, &mut buffers, &mut model, beside)?;
     let meshes = primitives::read(&root, &mut buffers, &mapped, &mut model, beside)?;

@@ -1,7 +1,8 @@
 //! Nodes: where meshes stand.
 //!
-//! The nodes below the default scene are read; where no scene is the default one, all nodes. A file without
-//! nodes has each mesh once, as it is. A node has one parent at most and is not its own ancestor: so nodes
+//! The nodes below the default scene are read; where no scene is the default one, those of the first, with a
+//! note where there are more. What stands outside is noted. A file without scenes has all nodes, and one without nodes has each mesh once,
+//! as it is. A node has one parent at most and is not its own ancestor: so nodes
 //! are trees, which are walked without recursion.
 
 use ::gltf::json::Root;
@@ -11,7 +12,7 @@ use glam::{DMat4, DQuat, DVec3};
 use super::budget::Budget;
 use crate::error::SceneError;
 use crate::mesh::beside::Beside;
-use crate::mesh::notes::name;
+use crate::mesh::notes::{Notes, name};
 use crate::model::{Model, Placed};
 
 /// The nodes of a file, which are trees.
@@ -24,7 +25,7 @@ pub(super) struct Nodes<'r> {
 
 impl<'r> Nodes<'r> {
     /// The nodes of a file, or the rule that they break.
-    pub(super) fn new(root: &'r Root) -> Result<Self, String> {
+    pub(super) fn new(root: &'r Root, notes: &mut Notes) -> Result<Self, String> {
         let count = root.nodes.len();
         let mut has_parent = vec![false; count];
         for (number, node) in root.nodes.iter().enumerate() {
@@ -51,11 +52,19 @@ impl<'r> Nodes<'r> {
             let rule = "a node is not below itself";
             return Err(format!("{rule}, and node {node} is in a circle of children"));
         }
-        let Some(scene) = root.scene else { return Ok(nodes) };
-        let Some(scene) = root.scenes.get(scene.value()) else {
-            let (count, number) = (root.scenes.len(), scene.value());
-            return Err(format!("the file has {count} scenes, and the default one is {number}"));
+        let number = match root.scene {
+            Some(scene) => scene.value(),
+            None if root.scenes.is_empty() => return Ok(nodes),
+            None => 0,
         };
+        let scenes = root.scenes.len();
+        let Some(scene) = root.scenes.get(number) else {
+            return Err(format!("the file has {scenes} scenes, and the default one is {number}"));
+        };
+        if root.scene.is_none() && scenes > 1 {
+            let found = format!("the file has {scenes} scenes, and none is the default one");
+            notes.add(format!("{found}: the first was read"));
+        }
         let tops: Vec<usize> = scene.nodes.iter().map(|node| node.value()).collect();
         let mut is_top = vec![false; count];
         for &top in &tops {
@@ -67,7 +76,15 @@ impl<'r> Nodes<'r> {
                 return Err(format!("{rule}, and node {top} has one or is there again"));
             }
         }
-        Ok(Self { root, tops })
+        let nodes = Self { root, tops };
+        let has_mesh = |node: &Node| node.mesh.is_some();
+        let mut outside = root.nodes.iter().filter(|node| has_mesh(node)).count();
+        nodes.walk(|node, _| {
+            outside -= usize::from(has_mesh(&root.nodes[node]));
+            Ok(())
+        })?;
+        notes.count("a mesh of a node outside the scene that is read was left out", outside);
+        Ok(nodes)
     }
 
     /// Gives each node and its matrix to the world to `visit`: parents first, siblings in their order.

@@ -253,10 +253,24 @@ fn nodes_place_meshes_and_shared_accessors_are_one_geometry() {
         assert_eq!(placed.geometry, 0);
     }
     assert_eq!(model.placed[0].name, "a");
-    // Without a default scene all nodes are read, and without nodes all meshes are.
+    // Without a default scene the first is read, without scenes all nodes, and without nodes all meshes.
     file.root.as_object_mut().unwrap().remove("scene");
+    let model = file.read().unwrap();
+    assert_eq!(model.placed.len(), 2);
+    let outside = "a mesh of a node outside the scene that is read was left out";
+    assert_eq!(model.notes, [outside]);
+    file.root["scenes"] = json!([{"nodes": [0]}, {"nodes": [3]}]);
+    let model = file.read().unwrap();
+    assert_eq!(model.placed.len(), 2);
+    let first = "the file has 2 scenes, and none is the default one: the first was read";
+    assert_eq!(model.notes, [first, outside]);
+    file.root["scene"] = json!(1);
+    let model = file.read().unwrap();
+    assert_eq!(model.placed.iter().map(|own| &*own.name).collect::<Vec<_>>(), ["elsewhere"]);
+    assert_eq!(model.notes, [format!("{outside} (2 times)")]);
+    file.root.as_object_mut().unwrap().retain(|name, _| name != "scenes" && name != "scene");
     assert_eq!(file.read().unwrap().placed.len(), 3);
-    file.root.as_object_mut().unwrap().retain(|name, _| name != "nodes" && name != "scenes");
+    file.root.as_object_mut().unwrap().remove("nodes");
     assert_eq!(file.read().unwrap().placed.len(), 1);
 }
 
@@ -266,7 +280,8 @@ fn a_scene_without_a_list_of_nodes_places_nothing() {
     file.root["scenes"] = json!([{"name": "empty"}, {"nodes": [0]}]);
     let model = file.read().unwrap();
     assert_eq!((model.geometries.len(), model.placed.len()), (1, 0));
-    assert_eq!(model.notes, ["no node places a mesh"]);
+    let outside = "a mesh of a node outside the scene that is read was left out";
+    assert_eq!(model.notes, [outside, "no node places a mesh"]);
     file.root["scene"] = json!(1);
     assert_eq!(file.read().unwrap().placed.len(), 1);
     // What else is wrong is still said.
