@@ -93,8 +93,11 @@ impl<'r> Named<'r> {
             Type::Vec2 => 2,
             Type::Vec3 => 3,
             Type::Vec4 => 4,
-            Type::Mat2 | Type::Mat3 | Type::Mat4 => {
-                return Err(self.refused(beside, "a mesh has vectors, and this has matrices"));
+            Type::Mat4 => 16,
+            // Their columns may have bytes between them.
+            Type::Mat2 | Type::Mat3 => {
+                let rule = "an element has up to four numbers, or is a matrix of 4 x 4";
+                return Err(self.refused(beside, format!("{rule}, and these are {kind:?}")));
             }
         };
         Ok(Layout { component: component.0, width, normalized: self.accessor.normalized })
@@ -117,6 +120,27 @@ impl<'r> Named<'r> {
         self.dense(layout, buffers, beside, |row, bytes| indices[row] = layout.index(bytes))?;
         self.sparse(layout, buffers, beside, |row, bytes| indices[row] = layout.index(bytes))?;
         Ok(indices)
+    }
+
+    /// Four numbers of joints for each vertex.
+    pub(super) fn joints(
+        self,
+        buffers: &mut Buffers<'_>,
+        beside: &Beside<'_>,
+    ) -> Result<Vec<[u32; 4]>, SceneError> {
+        let layout = self.layout(beside)?;
+        let unsigned = [ComponentType::U8, ComponentType::U16, ComponentType::U32];
+        if layout.width != 4 || !unsigned.contains(&layout.component) {
+            let found = format!("{:?} with {} numbers", layout.component, layout.width);
+            let rule = format!("joints are four unsigned integers, and these are {found}");
+            return Err(self.refused(beside, rule));
+        }
+        let mut rows = self.zeros([0; 4], buffers, beside)?;
+        let size = layout.component.size();
+        let row_of = |bytes: &[u8]| [0, 1, 2, 3].map(|k| layout.index(&bytes[k * size..]));
+        self.dense(layout, buffers, beside, |row, bytes| rows[row] = row_of(bytes))?;
+        self.sparse(layout, buffers, beside, |row, bytes| rows[row] = row_of(bytes))?;
+        Ok(rows)
     }
 
     /// The rows of an accessor, whose elements have so many numbers as `widths` says; those that an element

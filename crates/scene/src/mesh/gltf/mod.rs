@@ -7,10 +7,10 @@
 //!   [`primitives`].
 //! - Materials of metallic-roughness: see [`materials`]. `KHR_texture_transform` is applied to coordinates.
 //! - Nodes of the default scene, or of the first where there is none: see [`nodes`].
+//! - Morph targets with the weights of the file, and skins: see [`poses`], [`posed`] and [`skins`].
 //!
-//! Left out with a note: skins, morph targets, animations, cameras, lights, points, lines, opacities of
-//! vertices, emission, occlusion, how textures repeat, and what extensions say otherwise. A required
-//! extension that is not known is an error.
+//! Left out with a note: animations, cameras, lights, points, lines, opacities of vertices, emission, occlusion,
+//! how textures repeat, and what extensions say otherwise. A required extension that is not known is an error.
 //!
 //! The library reads the JSON text. Its checks are not used: they panic where a primitive names an accessor
 //! that is not there, and refuse files without bounds of positions, which nothing here needs. So every
@@ -24,7 +24,10 @@ mod budget;
 mod buffers;
 mod materials;
 mod nodes;
+mod posed;
+mod poses;
 mod primitives;
+mod skins;
 mod uri;
 
 use ::gltf::json;
@@ -35,6 +38,7 @@ use serde_json::error::Category;
 use self::budget::Budget;
 use self::buffers::Buffers;
 use self::nodes::Nodes;
+use self::poses::Poses;
 use crate::error::{Place, SceneError};
 use crate::mesh::beside::Beside;
 use crate::mesh::notes::name;
@@ -109,8 +113,9 @@ pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Model, Scene
     let nodes = Nodes::new(&root, &mut beside.notes).map_err(&refused)?;
     let mut model = Model::default();
     let mapped = materials::read(&root, &mut buffers, &mut model, beside)?;
-    let meshes = primitives::read(&root, &mut buffers, &mapped, &mut model, beside)?;
-    nodes.place(&meshes, &mut buffers.budget, &mut model, beside)?;
+    let poses = Poses::of(&root, &nodes, &mut buffers, beside)?;
+    let geometries = primitives::read(&root, &mut buffers, &mapped, &poses, &mut model, beside)?;
+    poses.place(&nodes, &geometries, &mut buffers.budget, &mut model, beside)?;
     model.images = std::mem::take(&mut beside.images);
     model.notes = std::mem::take(&mut beside.notes).finish();
     Ok(model)
@@ -170,11 +175,7 @@ fn check_extensions(root: &json::Root, beside: &mut Beside<'_>) -> Result<(), Sc
 }
 
 fn note_left_out(root: &json::Root, beside: &mut Beside<'_>) {
-    let parts = [
-        (root.animations.len(), "animations"),
-        (root.cameras.len(), "cameras"),
-        (root.skins.len(), "skins"),
-    ];
+    let parts = [(root.animations.len(), "animations"), (root.cameras.len(), "cameras")];
     for (count, what) in parts {
         if count > 0 {
             beside.notes.add(format!("{what} were left out"));

@@ -9,17 +9,15 @@ use ::gltf::json::Root;
 use ::gltf::json::scene::Node;
 use glam::{DMat4, DQuat, DVec3};
 
-use super::budget::Budget;
-use crate::error::SceneError;
-use crate::mesh::beside::Beside;
-use crate::mesh::notes::{Notes, name};
-use crate::model::{Model, Placed};
+use crate::mesh::notes::Notes;
 
 /// The nodes of a file, which are trees.
 #[derive(Debug)]
 pub(super) struct Nodes<'r> {
-    root: &'r Root,
-    /// The nodes without a parent that are read.
+    pub(super) root: &'r Root,
+    /// The nodes without a parent.
+    all: Vec<usize>,
+    /// Those of them that are read.
     tops: Vec<usize>,
 }
 
@@ -41,20 +39,16 @@ impl<'r> Nodes<'r> {
             }
         }
         let all: Vec<usize> = (0..count).filter(|&node| !has_parent[node]).collect();
-        let nodes = Self { root, tops: all };
         // With one parent each, nodes that no node without a parent leads to are in a circle.
         let mut is_reached = vec![false; count];
-        nodes.walk(|node, _| {
-            is_reached[node] = true;
-            Ok(())
-        })?;
+        walk(root, &all, |node, _| is_reached[node] = true);
         if let Some(node) = is_reached.iter().position(|is_reached| !is_reached) {
             let rule = "a node is not below itself";
             return Err(format!("{rule}, and node {node} is in a circle of children"));
         }
         let number = match root.scene {
             Some(scene) => scene.value(),
-            None if root.scenes.is_empty() => return Ok(nodes),
+            None if root.scenes.is_empty() => return Ok(Self { root, tops: all.clone(), all }),
             None => 0,
         };
         let scenes = root.scenes.len();
@@ -76,83 +70,45 @@ impl<'r> Nodes<'r> {
                 return Err(format!("{rule}, and node {top} has one or is there again"));
             }
         }
-        let nodes = Self { root, tops };
+        let nodes = Self { root, all, tops };
         let has_mesh = |node: &Node| node.mesh.is_some();
         let mut outside = root.nodes.iter().filter(|node| has_mesh(node)).count();
-        nodes.walk(|node, _| {
-            outside -= usize::from(has_mesh(&root.nodes[node]));
-            Ok(())
-        })?;
+        nodes.walk(|node, _| outside -= usize::from(has_mesh(&root.nodes[node])));
         notes.count("a mesh of a node outside the scene that is read was left out", outside);
         Ok(nodes)
     }
 
-    /// Gives each node and its matrix to the world to `visit`: parents first, siblings in their order.
-    fn walk(
-        &self,
-        mut visit: impl FnMut(usize, DMat4) -> Result<(), String>,
-    ) -> Result<(), String> {
-        let mut stack: Vec<(usize, DMat4)> = Vec::new();
-        stack.extend(self.tops.iter().rev().map(|&top| (top, DMat4::IDENTITY)));
-        while let Some((number, parent)) = stack.pop() {
-            let node = &self.root.nodes[number];
-            let matrix = parent * local(node);
-            visit(number, matrix)?;
-            let below = stack.len();
-            stack.extend(children(node).map(|child| (child, matrix)));
-            stack[below..].reverse();
-        }
-        Ok(())
+    /// Gives each node that is read and its matrix to the world to `visit`.
+    pub(super) fn walk(&self, visit: impl FnMut(usize, DMat4)) {
+        walk(self.root, &self.tops, visit);
     }
 
-    /// Places the geometry of each mesh where the nodes have it.
-    pub(super) fn place(
-        &self,
-        meshes: &[Option<usize>],
-        budget: &mut Budget,
-        model: &mut Model,
-        beside: &mut Beside<'_>,
-    ) -> Result<(), SceneError> {
-        let refused = |rule: String| SceneError::content(beside.place(), rule);
-        if self.root.nodes.is_empty() {
-            for (geometry, found) in model.geometries.iter().enumerate() {
-                let (name, transform) = (found.name.clone(), DMat4::IDENTITY);
-                model.placed.push(Placed { name, geometry, transform });
-            }
-            return Ok(());
-        }
-        let mut found = Vec::new();
-        self.walk(|number, matrix| {
-            let node = &self.root.nodes[number];
-            if let Some(mesh) = node.mesh.map(|mesh| mesh.value()) {
-                if mesh >= meshes.len() {
-                    let count = meshes.len();
-                    return Err(format!(
-                        "the file has {count} meshes, and node {number} has {mesh}"
-                    ));
-                }
-                found.push((number, mesh, matrix));
-            }
-            Ok(())
-        })
-        .map_err(refused)?;
-        for (number, mesh, transform) in found {
-            if !transform.is_finite() {
-                let rule = "a node's matrix is finite";
-                let found = format!("{rule}, and that of node {number} is not");
-                return Err(SceneError::content(beside.place(), found));
-            }
-            let name = name(self.root.nodes[number].name.as_deref().unwrap_or_default());
-            let bytes = size_of::<Placed>() + name.len();
-            if let Some(geometry) = meshes[mesh] {
-                budget.spend(1, bytes, &beside.place())?;
-                model.placed.push(Placed { name, geometry, transform });
-            }
-        }
-        if model.placed.is_empty() && !model.geometries.is_empty() {
-            beside.notes.add("no node places a mesh");
-        }
-        Ok(())
+    /// The nodes that are read: parents first, siblings in their order.
+    pub(super) fn read(&self) -> Vec<usize> {
+        let mut all = Vec::new();
+        self.walk(|node, _| all.push(node));
+        all
+    }
+
+    /// The matrix of each node to the world, whatever scene it is in.
+    pub(super) fn world(&self) -> Vec<DMat4> {
+        let mut all = vec![DMat4::IDENTITY; self.root.nodes.len()];
+        walk(self.root, &self.all, |node, matrix| all[node] = matrix);
+        all
+    }
+}
+
+/// Gives each node below `tops` and its matrix to the world to `visit`: parents first, siblings in their order.
+fn walk(root: &Root, tops: &[usize], mut visit: impl FnMut(usize, DMat4)) {
+    let mut stack: Vec<(usize, DMat4)> = Vec::new();
+    stack.extend(tops.iter().rev().map(|&top| (top, DMat4::IDENTITY)));
+    while let Some((number, parent)) = stack.pop() {
+        let node = &root.nodes[number];
+        let matrix = parent * local(node);
+        visit(number, matrix);
+        let below = stack.len();
+        stack.extend(children(node).map(|child| (child, matrix)));
+        stack[below..].reverse();
     }
 }
 

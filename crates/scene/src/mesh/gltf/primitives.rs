@@ -6,8 +6,11 @@
 //! - The set of `TEXCOORD` that the material's images use; the first one without an image. v runs down, as
 //!   everywhere here.
 //!
-//! The primitives of a mesh are one geometry, whose submeshes they are: their vertices are welded together.
-//! Meshes whose primitives name the same accessors and materials are one geometry.
+//! Morph targets and skins are applied, as the poses have them: see [`posed`](super::posed).
+//!
+//! The primitives of a mesh in a pose are one geometry, whose submeshes they are: their vertices are welded
+//! together. Meshes whose primitives name the same accessors and materials are one geometry, where no pose moves
+//! them.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -22,18 +25,17 @@ use ::gltf::json::{Index, Root};
 use super::accessors::Named;
 use super::buffers::Buffers;
 use super::materials::{Mapping, Transform};
+use super::posed::{Posed, Rows, Vertices};
+use super::poses::Poses;
 use crate::error::SceneError;
 use crate::mesh::beside::Beside;
 use crate::mesh::notes::name;
 use crate::mesh::weld::{Corners, Raw, Welder};
 use crate::model::{Geometry, Model, NO_ROW, Submesh};
 
-/// The rows of an accessor, which primitives share.
-type Rows<const N: usize> = Rc<Vec<[f32; N]>>;
-
 /// What tells primitives apart: accessors of positions, normals, colours, coordinates and indices, the mode,
-/// and the material.
-type Key = ([Option<Index<Accessor>>; 5], u32, Option<usize>);
+/// the material, and the pose where it moves vertices.
+type Key = ([Option<Index<Accessor>>; 5], u32, Option<usize>, Option<usize>);
 
 /// What was read of a file's accessors.
 #[derive(Debug, Default)]
@@ -76,28 +78,29 @@ struct Surface {
     coordinates: Joined<2>,
 }
 
-/// Reads the meshes into the model. Of each mesh, the number of its geometry, where it has a face.
+/// Reads the meshes into the model, in all of their poses. Of each pose, the number of its geometry, where it has
+/// a face.
 pub(super) fn read(
     root: &Root,
     buffers: &mut Buffers<'_>,
     mapped: &[Mapping],
+    poses: &Poses,
     model: &mut Model,
     beside: &mut Beside<'_>,
 ) -> Result<Vec<Option<usize>>, SceneError> {
-    let (mut read, mut welder, mut meshes) = (Read::default(), Welder::default(), Vec::new());
-    for (number, mesh) in root.meshes.iter().enumerate() {
+    let (mut read, mut welder, mut all) = (Read::default(), Welder::default(), Vec::new());
+    for (at, pose) in poses.all.iter().enumerate() {
+        let (number, mesh) = (pose.mesh, &root.meshes[pose.mesh]);
         let mut drawn = Vec::new();
         for (k, primitive) in mesh.primitives.iter().enumerate() {
-            if primitive.targets.is_some() {
-                beside.notes.add("morph targets were left out");
-            }
-            let of = Of { root, mapped, primitive };
+            let posed = Posed { root, primitive, pose, skins: &poses.skins };
+            let of = Of { root, mapped, primitive, posed, pose: at };
             let key = of.key(beside).map_err(|error| in_mesh(error, number, Some(k)))?;
             drawn.extend(key.map(|key| (k, of, key)));
         }
         let keys: Vec<Key> = drawn.iter().map(|(.., key)| *key).collect();
         if let Some(found) = read.geometries.get(&keys) {
-            meshes.push(*found);
+            all.push(*found);
             continue;
         }
         let mut pieces = Vec::with_capacity(drawn.len());
@@ -114,9 +117,9 @@ pub(super) fn read(
             model.geometries.len() - 1
         });
         read.geometries.insert(keys, found);
-        meshes.push(found);
+        all.push(found);
     }
-    Ok(meshes)
+    Ok(all)
 }
 
 /// An error of a mesh's primitive, or of the mesh.
@@ -236,6 +239,9 @@ struct Of<'r> {
     root: &'r Root,
     mapped: &'r [Mapping],
     primitive: &'r Primitive,
+    posed: Posed<'r>,
+    /// The pose's number.
+    pose: usize,
 }
 
 fn refused(beside: &Beside<'_>, rule: String) -> SceneError {
@@ -278,13 +284,14 @@ impl Of<'_> {
             self.primitive.indices,
         ];
         let material = self.primitive.material.map(|material| material.value());
-        Ok(Some((accessors, mode.as_gl_enum(), material)))
+        let pose = self.posed.moves().then_some(self.pose);
+        Ok(Some((accessors, mode.as_gl_enum(), material, pose)))
     }
 
     /// The primitive with its rows. `key` is its own.
     fn piece(
         self,
-        (accessors, _, material): Key,
+        (accessors, _, material, _): Key,
         read: &mut Read,
         buffers: &mut Buffers<'_>,
         beside: &mut Beside<'_>,
@@ -312,6 +319,9 @@ impl Of<'_> {
                 return Err(refused(beside, format!("{rule}, and these are {found}")));
             }
         }
+        let posed = Vertices { positions, normals, is_mirrored: false };
+        let Vertices { positions, normals, is_mirrored } =
+            self.posed.vertices(posed, buffers, beside)?;
         let indices = match indices {
             Some(index) => Named::of(self.root, index, beside)?.indices(buffers, beside)?,
             None => {
@@ -326,7 +336,11 @@ impl Of<'_> {
         // As many faces as indices where they are a strip; index buffers for each attribute, and the rows.
         let bytes = 4 * size_of::<[u32; 3]>() + size_of::<[f32; 11]>();
         buffers.budget.spend(indices.len() as u64, bytes, &beside.place())?;
-        let faces = faces(&indices, self.mode(beside)?).map_err(|rule| refused(beside, rule))?;
+        let mut faces =
+            faces(&indices, self.mode(beside)?).map_err(|rule| refused(beside, rule))?;
+        if is_mirrored {
+            faces.iter_mut().for_each(|face| face.swap(1, 2));
+        }
         Ok(Piece { material, faces, positions, normals, colors, coordinates })
     }
 }

@@ -349,7 +349,7 @@ fn errors_have_the_rule_and_what_broke_it() {
         ),
         (|root| root["accessors"][0]["byteOffset"] = json!(u64::MAX), "elements lie in 48 bytes"),
         (|root| root["accessors"][0]["componentType"] = json!(5124), "its types are those"),
-        (|root| root["accessors"][0]["type"] = json!("MAT3"), "and this has matrices"),
+        (|root| root["accessors"][0]["type"] = json!("MAT3"), "and these are Mat3"),
         (|root| root["bufferViews"][0]["byteLength"] = json!(u64::MAX), "a buffer view has bytes"),
         (|root| root["bufferViews"][0]["byteStride"] = json!(4), "the next begins after 4"),
         (|root| root["bufferViews"][0]["buffer"] = json!(1), "has 1 buffers, and a view names 1"),

@@ -2,6 +2,7 @@
 
 mod gltf;
 mod gltf_materials;
+mod gltf_poses;
 mod hostile;
 mod obj;
 mod ply;

@@ -1,0 +1,154 @@
+//! The vertices of a primitive in a pose.
+//!
+//! Morph targets come first: `p + sum_k w_k d_k` of positions and normals. What a skin does to that
+//! is in [`skins`](super::skins). Targets of weight 0, and colours or coordinates of targets, are noted.
+
+use std::rc::Rc;
+
+use ::gltf::json::accessor::Accessor;
+use ::gltf::json::mesh::{MorphTarget, Primitive};
+use ::gltf::json::{Index, Root};
+
+use super::accessors::Named;
+use super::buffers::Buffers;
+use super::poses::Pose;
+use super::skins::{Skin, has_joints};
+use crate::error::SceneError;
+use crate::mesh::beside::Beside;
+
+/// The rows of an accessor, which primitives share.
+pub(super) type Rows<const N: usize> = Rc<Vec<[f32; N]>>;
+
+/// What a pose moves.
+#[derive(Debug)]
+pub(super) struct Vertices {
+    pub(super) positions: Rows<3>,
+    pub(super) normals: Option<Rows<3>>,
+    /// Whether most of them are mirrored: faces then run the other way.
+    pub(super) is_mirrored: bool,
+}
+
+/// A primitive of a file in a pose.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Posed<'r> {
+    pub(super) root: &'r Root,
+    pub(super) primitive: &'r Primitive,
+    pub(super) pose: &'r Pose,
+    pub(super) skins: &'r [Skin],
+}
+
+impl<'r> Posed<'r> {
+    fn targets(self) -> &'r [MorphTarget] {
+        self.primitive.targets.as_deref().unwrap_or_default()
+    }
+
+    /// The targets that count, with their weights.
+    fn weighted(self) -> impl Iterator<Item = (f64, &'r MorphTarget)> {
+        let weights = self.pose.weights.iter().map(|&weight| f64::from(weight));
+        weights.zip(self.targets()).filter(|(weight, _)| *weight != 0.0)
+    }
+
+    /// Whether the pose moves vertices.
+    pub(super) fn moves(self) -> bool {
+        self.pose.skin.is_some() || self.weighted().next().is_some()
+    }
+
+    /// Where the pose has the vertices.
+    pub(super) fn vertices(
+        self,
+        own: Vertices,
+        buffers: &mut Buffers<'_>,
+        beside: &mut Beside<'_>,
+    ) -> Result<Vertices, SceneError> {
+        self.note(beside);
+        if !self.moves() {
+            return Ok(own);
+        }
+        let count = own.positions.len();
+        let attributes = 1 + usize::from(own.normals.is_some());
+        // In f64, and rounded again.
+        let bytes = attributes * size_of::<[f64; 6]>();
+        buffers.budget.spend(count as u64, bytes, &beside.place())?;
+        let mut positions = wide(&own.positions);
+        let mut normals = own.normals.as_deref().map(wide);
+        for (weight, target) in self.weighted() {
+            self.add(weight, target.positions, Some(&mut positions), buffers, beside)?;
+            self.add(weight, target.normals, normals.as_mut(), buffers, beside)?;
+        }
+        let mut is_mirrored = false;
+        if let Some(skin) = self.pose.skin {
+            let bend = self.skins[skin].bend(self.root, self.primitive, count, buffers, beside)?;
+            bend.points(&mut positions);
+            normals.iter_mut().for_each(|rows| bend.normals(rows));
+            is_mirrored = bend.is_mirrored();
+        }
+        let normals = normals.map(|mut rows| {
+            rows.iter_mut().for_each(normalize);
+            narrow(&rows)
+        });
+        Ok(Vertices { positions: narrow(&positions), normals, is_mirrored })
+    }
+
+    /// Adds what a target has, times its weight.
+    fn add<const N: usize>(
+        self,
+        weight: f64,
+        target: Option<Index<Accessor>>,
+        rows: Option<&mut Vec<[f64; N]>>,
+        buffers: &mut Buffers<'_>,
+        beside: &mut Beside<'_>,
+    ) -> Result<(), SceneError> {
+        let Some(index) = target else { return Ok(()) };
+        let Some(rows) = rows else {
+            beside
+                .notes
+                .add("what a morph target does to an attribute that a mesh lacks was left out");
+            return Ok(());
+        };
+        let moves: Vec<[f32; 3]> =
+            Named::of(self.root, index, beside)?.rows(&[3], false, buffers, beside)?;
+        if moves.len() != rows.len() {
+            let rule = format!("a morph target has a row for each of {} vertices", rows.len());
+            let found = format!("{rule}, and this has {}", moves.len());
+            return Err(SceneError::content(beside.place(), found));
+        }
+        for (row, moves) in rows.iter_mut().zip(moves) {
+            for (x, d) in row.iter_mut().zip(moves) {
+                *x += weight * f64::from(d);
+            }
+        }
+        Ok(())
+    }
+
+    /// Says which targets count, and what of the pose the primitive lacks.
+    fn note(self, beside: &mut Beside<'_>) {
+        let (all, applied) = (self.targets().len(), self.weighted().count());
+        if applied > 0 {
+            beside.notes.add(format!(
+                "{applied} of {all} morph targets were applied, with the weights of the file"
+            ));
+        }
+        let left_out = all - applied;
+        beside.notes.count("a morph target without a weight was left out", left_out);
+        if self.pose.weights.len() > all {
+            beside.notes.add("weights without a morph target were left out");
+        }
+        if self.pose.skin.is_none() && has_joints(self.primitive) {
+            beside.notes.add("joints were left out: no node gives the mesh a skin");
+        }
+    }
+}
+
+fn wide<const N: usize>(rows: &Vec<[f32; N]>) -> Vec<[f64; N]> {
+    rows.iter().map(|row| row.map(f64::from)).collect()
+}
+
+fn narrow<const N: usize>(rows: &[[f64; N]]) -> Rows<N> {
+    rows.iter().map(|row| row.map(|number| number as f32)).collect::<Vec<_>>().into()
+}
+
+/// A vector of length 1 in the same direction: its numbers may be too small for `f32`. Without one NaN.
+fn normalize(row: &mut [f64; 3]) {
+    let length = row.iter().map(|x| x * x).sum::<f64>().sqrt();
+    *row = row.map(|x| x / length);
+}

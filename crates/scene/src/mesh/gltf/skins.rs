@@ -1,0 +1,190 @@
+//! Skins: vertices stand where their joints put them.
+//!
+//! `p' = M p` with `M = sum_j w_j W_j B_j`: W_j is the matrix of joint j to the world, B_j its inverse bind
+//! matrix, and the weights w_j sum to 1. Normals go along by the inverse transpose of M. The matrix
+//! of the node that shows the mesh counts for nothing, so what comes out stands in the world.
+//!
+//! # Source
+//! Khronos Group, glTF 2.0 Specification, section 3.7.3.
+
+use ::gltf::json::Root;
+use ::gltf::json::mesh::{Primitive, Semantic};
+use ::gltf::json::validation::Checked;
+use glam::{DMat3, DMat4, DVec3};
+
+use super::accessors::Named;
+use super::buffers::Buffers;
+use crate::error::SceneError;
+use crate::mesh::beside::Beside;
+
+/// So far from 1 a sum of weights may be by rounding to bytes: four halves of a 255th.
+const ROUNDING: f64 = 2.0 / 255.0;
+
+/// The joints of a skin.
+#[derive(Debug)]
+pub(super) struct Skin {
+    number: usize,
+    /// `W_j B_j`.
+    joints: Vec<DMat4>,
+}
+
+/// The matrix of each vertex of a primitive.
+#[derive(Debug)]
+pub(super) struct Bend(Vec<DMat4>);
+
+impl Skin {
+    /// The skin with this number. `world` has the matrix of each node to the world.
+    pub(super) fn of(
+        root: &Root,
+        number: usize,
+        world: &[DMat4],
+        buffers: &mut Buffers<'_>,
+        beside: &Beside<'_>,
+    ) -> Result<Self, SceneError> {
+        let refused = |rule: String| Err(SceneError::content(beside.place(), rule));
+        let Some(skin) = root.skins.get(number) else {
+            let count = root.skins.len();
+            return refused(format!("the file has {count} skins, and a node names {number}"));
+        };
+        if skin.joints.is_empty() {
+            return refused(format!("a skin has a joint or more, and skin {number} has none"));
+        }
+        let mut joints = Vec::with_capacity(skin.joints.len());
+        for joint in &skin.joints {
+            let Some(matrix) = world.get(joint.value()) else {
+                let (count, joint) = (world.len(), joint.value());
+                let found = format!("skin {number} has the joint {joint}");
+                return refused(format!("the file has {count} nodes, and {found}"));
+            };
+            joints.push(*matrix);
+        }
+        if let Some(index) = skin.inverse_bind_matrices {
+            let of = Named::of(root, index, beside)?;
+            let rows = of.rows::<16>(&[16], false, buffers, beside)?;
+            if rows.len() < joints.len() {
+                let (count, found) = (joints.len(), rows.len());
+                let found = format!("skin {number} has {found} for {count} joints");
+                return refused(format!("each joint has an inverse bind matrix, and {found}"));
+            }
+            for (joint, row) in joints.iter_mut().zip(rows) {
+                *joint *= DMat4::from_cols_array(&row.map(f64::from));
+            }
+        }
+        if let Some(joint) = joints.iter().position(|joint| !joint.is_finite()) {
+            let found = format!("that of joint {joint} of skin {number} is not");
+            return refused(format!("the matrix of a joint is finite, and {found}"));
+        }
+        Ok(Self { number, joints })
+    }
+
+    /// What the skin does to the `count` vertices of a primitive.
+    pub(super) fn bend(
+        &self,
+        root: &Root,
+        primitive: &Primitive,
+        count: usize,
+        buffers: &mut Buffers<'_>,
+        beside: &mut Beside<'_>,
+    ) -> Result<Bend, SceneError> {
+        let refused = |beside: &Beside<'_>, rule: String| {
+            Err(SceneError::content(beside.place(), format!("skin {}: {rule}", self.number)))
+        };
+        buffers.budget.spend(count as u64, size_of::<(DMat4, f64)>(), &beside.place())?;
+        let mut sums = vec![(DMat4::ZERO, 0.0); count];
+        let mut first = Vec::new();
+        for set in 0.. {
+            let named = |what: Semantic| primitive.attributes.get(&Checked::Valid(what)).copied();
+            let (joints, weights) =
+                match (named(Semantic::Joints(set)), named(Semantic::Weights(set))) {
+                    (Some(joints), Some(weights)) => (joints, weights),
+                    (None, None) if set > 0 => break,
+                    (joints, _) => {
+                        let lacks = if joints.is_some() { "WEIGHTS" } else { "JOINTS" };
+                        let rule = "a primitive that a skin bends has joints and weights";
+                        return refused(beside, format!("{rule}, and this lacks {lacks}_{set}"));
+                    }
+                };
+            let joints = Named::of(root, joints, beside)?.joints(buffers, beside)?;
+            let weights =
+                Named::of(root, weights, beside)?.rows::<4>(&[4], true, buffers, beside)?;
+            for (what, found) in [("joints", joints.len()), ("weights", weights.len())] {
+                if found != count {
+                    let rule = format!("there are as many {what} as positions, {count}");
+                    return refused(beside, format!("{rule}, and these are {found}"));
+                }
+            }
+            for (vertex, (joints, weights)) in joints.iter().zip(&weights).enumerate() {
+                for (&joint, &weight) in joints.iter().zip(weights) {
+                    // A weight that is NaN is refused, too.
+                    if !(weight >= 0.0 && weight.is_finite()) {
+                        let rule = "a weight is finite and not below 0";
+                        let found = format!("{rule}, and one of vertex {vertex} is {weight}");
+                        return refused(beside, found);
+                    }
+                    if weight == 0.0 {
+                        continue;
+                    }
+                    let Some(matrix) = self.joints.get(joint as usize) else {
+                        let rule = format!("it has {} joints", self.joints.len());
+                        let found = format!("{rule}, and vertex {vertex} names joint {joint}");
+                        return refused(beside, found);
+                    };
+                    let (sum, total) = &mut sums[vertex];
+                    *sum += *matrix * f64::from(weight);
+                    *total += f64::from(weight);
+                }
+            }
+            if set == 0 {
+                first.extend(joints.iter().map(|joints| joints[0]));
+            }
+        }
+        let (mut scaled, mut unbound) = (0, 0);
+        for ((sum, total), &joint) in sums.iter_mut().zip(&first) {
+            if *total > 0.0 {
+                scaled += usize::from((*total - 1.0).abs() > ROUNDING);
+                *sum *= 1.0 / *total;
+            } else {
+                unbound += 1;
+                *sum = self.joints.get(joint as usize).copied().unwrap_or(self.joints[0]);
+            }
+        }
+        let notes = &mut beside.notes;
+        notes.count(
+            "a vertex's weights of joints did not sum to 1, and were divided by their sum",
+            scaled,
+        );
+        notes.count("a vertex without a weight of a joint goes with its first joint", unbound);
+        Ok(Bend(sums.into_iter().map(|(matrix, _)| matrix).collect()))
+    }
+}
+
+impl Bend {
+    /// Where the vertices stand.
+    pub(super) fn points(&self, rows: &mut [[f64; 3]]) {
+        for (row, matrix) in rows.iter_mut().zip(&self.0) {
+            *row = matrix.transform_point3(DVec3::from_array(*row)).to_array();
+        }
+    }
+
+    /// Normals of the bent surface.
+    pub(super) fn normals(&self, rows: &mut [[f64; 3]]) {
+        for (row, matrix) in rows.iter_mut().zip(&self.0) {
+            let DMat3 { x_axis: a, y_axis: b, z_axis: c } = DMat3::from_mat4(*matrix);
+            // The inverse transpose times the determinant.
+            let cofactors = DMat3::from_cols(b.cross(c), c.cross(a), a.cross(b));
+            let sign = if a.dot(b.cross(c)) < 0.0 { -1.0 } else { 1.0 };
+            *row = (cofactors * DVec3::from_array(*row) * sign).to_array();
+        }
+    }
+
+    /// Whether most of the surface is mirrored: faces then run the other way.
+    pub(super) fn is_mirrored(&self) -> bool {
+        let mirrored = self.0.iter().filter(|matrix| matrix.determinant() < 0.0).count();
+        2 * mirrored > self.0.len()
+    }
+}
+
+/// Whether a primitive has joints.
+pub(super) fn has_joints(primitive: &Primitive) -> bool {
+    primitive.attributes.contains_key(&Checked::Valid(Semantic::Joints(0)))
+}
