@@ -504,13 +504,26 @@ fn a_fit_of_a_scene_ends_in_the_same_bits_however_it_is_run() {
         assert_ne!(part["parameters_hash"], hash);
         let rest = outcome(folder, "--out part --resume");
         assert_eq!((&rest["parameters_hash"], &rest["steps"]), (&hash.into(), &9.into()));
+        assert_eq!(rest["changed"], json!([]));
     }
     // Where all is done, it says so.
     let resumed = ["fit", "photos/scene.toml", "--out", "part", "--resume"];
     let [told, _] = ended(folder, &resumed, 0);
     assert!(told.starts_with("9 steps, done before, held-out views "), "{told}");
-    // The checkpoint is of this scene alone.
+    // What is changed is said.
     let text = fs::read_to_string(folder.join("photos/scene.toml")).unwrap();
+    write(folder, "photos/scene.toml", text.replace("steps = 5", "steps = 6"));
+    let [told, _] = ended(folder, &resumed, 0);
+    let note = "note: `stages[1].steps`: 6 from now on, and 5 before\n10 steps, 1 of them now, in ";
+    assert!(told.starts_with(note), "{told}");
+    let text = text.replace("[[stages]]\nsteps = 4", "[stop]\npatience = 1\n[[stages]]\nsteps = 4");
+    write(folder, "photos/scene.toml", &text);
+    outcome(folder, "--out patient");
+    let again = ["fit", "photos/scene.toml", "--out", "patient", "--resume"];
+    let [told, _] = ended(folder, &again, 0);
+    let note = "note: the fit had ended when it was saved: no smaller loss came in 1 steps";
+    assert!(told.starts_with(note), "{told}");
+    // The checkpoint is of this scene alone.
     write(folder, "photos/scene.toml", text.replace("texture_size = 8", "texture_size = 9"));
     let [_, said] = ended(folder, &resumed, 1);
     assert!(said.contains("a saved fit needs the scene's parameters"), "{said}");
@@ -547,6 +560,7 @@ fn a_fit_of_a_scene_leaves_what_other_programs_read() {
     let found = outcome(folder, "--out photos/out");
     let keys: Vec<_> = found.as_object().unwrap().keys().map(String::as_str).collect();
     let expected = [
+        "changed",
         "left_out",
         "loss_final",
         "loss_initial",

@@ -15,6 +15,7 @@ use std::sync::Arc;
 use bokashi_core::Scalar;
 
 use crate::error::FitError;
+use crate::given::{Given, differences, said};
 use crate::mixing::mixed;
 use crate::parameter::Parameters;
 
@@ -173,6 +174,37 @@ pub fn check_same<T: Scalar>(
     }
 }
 
+/// Checks that all ranks were given the same, before the first of their steps: with other settings ranks
+/// would wait for each other for ever, and with other files nobody would know whose they learn.
+///
+/// # Errors
+/// [`FitError::Unlike`], on all ranks, with the first rank that differs from rank 0, and in what.
+pub fn check_alike<T>(ranks: &dyn Communicator<T>, own: &Given) -> Result<(), FitError> {
+    if ranks.size() == 1 {
+        return Ok(());
+    }
+    // Names and values are words without such a byte.
+    let joined = |words: &[&str]| words.join("\0").into_bytes();
+    let parts = |bytes: &[u8]| -> Vec<String> {
+        let words = bytes.split(|&byte| byte == 0);
+        words.map(|word| String::from_utf8_lossy(word).into_owned()).collect()
+    };
+    let words: Vec<_> = own.iter().flat_map(|(name, value)| [&**name, &**value]).collect();
+    let mut first = joined(&words);
+    ranks.broadcast_bytes(&mut first, 0);
+    let first = parts(&first);
+    let first = first.chunks_exact(2).map(|pair| (pair[0].clone(), pair[1].clone())).collect();
+    let found = differences(own, &first);
+    let message = found.first().map_or(Vec::new(), |found| {
+        joined(&[&found.name, said(found.own.as_ref()), said(found.other.as_ref())])
+    });
+    let all = ranks.gather(&message);
+    let Some(rank) = all.iter().position(|message| !message.is_empty()) else { return Ok(()) };
+    let mut words = parts(&all[rank]).into_iter();
+    let mut next = || words.next().unwrap_or_default();
+    Err(FitError::Unlike { name: next(), ranks: [rank, 0], values: [next(), next()] })
+}
+
 /// 64 bits of all raw numbers and moments.
 fn fingerprint<T: Scalar>(parameters: &Parameters<T>) -> u64 {
     let of = |hash: u64, numbers: &[T]| {
@@ -235,6 +267,29 @@ mod tests {
         for found in check(3) {
             let said = found.unwrap_err().to_string();
             assert_eq!(said, "all ranks need the same parameters, got others on rank 3 at step 12");
+        }
+    }
+
+    #[test]
+    fn ranks_that_were_given_something_else_are_named() {
+        let check = |odd: usize, name: &str| {
+            on_ranks::<f32, _>(4, |ranks| {
+                let mut own = Given::from([("a".into(), "1".into()), ("b".into(), "2".into())]);
+                if ranks.rank() >= odd {
+                    own.insert(name.into(), "3".into());
+                }
+                check_alike(&*ranks, &own)
+            })
+        };
+        assert!(check(9, "b").iter().all(Result::is_ok));
+        let rule = "all ranks need the same files and settings, got another";
+        for (odd, name, said) in [
+            (2, "b", "b on rank 2: it has 3, and rank 0 has 2"),
+            (3, "c", "c on rank 3: it has 3, and rank 0 has nothing"),
+        ] {
+            for found in check(odd, name) {
+                assert_eq!(found.unwrap_err().to_string(), format!("{rule} {said}"));
+            }
         }
     }
 }

@@ -112,6 +112,20 @@ pub enum FitError {
         /// The rank: of several, the first.
         rank: usize,
     },
+    /// Ranks of a job were given other files or settings.
+    #[error(
+        "all ranks need the same files and settings, got another {name} on rank {}: it has {}, and rank {} \
+         has {}",
+        ranks[0], values[0], ranks[1], values[1]
+    )]
+    Unlike {
+        /// The file or setting.
+        name: String,
+        /// Two ranks that differ.
+        ranks: [usize; 2],
+        /// What each of them has.
+        values: [String; 2],
+    },
     /// A number became infinite or NaN. Parameters and moments are as they were before the step.
     #[error(
         "{quantity} needs to be finite, got {value} at step {step}{}",

@@ -31,6 +31,7 @@ mod best_rotation;
 mod communicator;
 mod error;
 mod fit;
+mod given;
 mod history;
 mod in_memory;
 mod losses;
@@ -52,9 +53,10 @@ mod topology;
 mod views;
 
 pub use bokashi_core::{mean_squared_error, squared_error};
-pub use communicator::{Alone, Communicator, Ranks, agree, agreed, block, check_same};
+pub use communicator::{Alone, Communicator, Ranks, agree, agreed, block, check_alike, check_same};
 pub use error::{FitError, OperationError, Origin, Quantity};
 pub use fit::{Fit, FitSettings, StepState, Stepped};
+pub use given::{Difference, Given, differences, said};
 pub use history::{History, Step, Stop, Vanished};
 pub use in_memory::on_ranks;
 pub use losses::{

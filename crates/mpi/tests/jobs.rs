@@ -286,6 +286,49 @@ fn ranks_without_work_are_named() {
     }
 }
 
+/// Ranks of one job that are given other scenes: of these some waited for each other for ever, and some ended with
+/// other bits.
+#[test]
+fn a_rank_that_sees_other_files_or_settings_is_named_and_all_end() {
+    let changes: [(&str, fn(&Path)); 5] = [
+        ("images/2.png", |folder| fs::write(folder.join("images/2.png"), disk(3)).unwrap()),
+        ("`seed`", |folder| change(folder, "[[meshes]]", "[[meshes]]", "seed = 5\n")),
+        ("`stop.views_per_step`", |folder| {
+            change(folder, "views_per_step = 5", "views_per_step = 7", "");
+        }),
+        ("`stop.steps`", |folder| change(folder, "steps = 6\n", "steps = 3\n", "")),
+        ("`pipeline.background`", |folder| {
+            change(
+                folder,
+                "[learn.vertices]",
+                "[pipeline]\nbackground = [1, 1, 1]\n[learn.vertices]",
+                "",
+            );
+        }),
+    ];
+    for (name, change) in changes {
+        let place = tempfile::tempdir().unwrap();
+        for folder in ["one", "two"] {
+            scene(&place.path().join(folder), 6, 5);
+        }
+        change(&place.path().join("two"));
+        let program = env!("CARGO_BIN_EXE_bokashi-mpi");
+        let mut job = command(place.path(), 1, &["fit", "one/scene.toml", "--out", "out"]);
+        job.args([":", "-n", "1", program, "fit", "two/scene.toml", "--out", "out"]);
+        let Ended { said, .. } = Job::start(&mut job).failed();
+        assert!(said.contains(&format!("got another {name} on rank")), "{said}");
+        assert!(!place.path().join("out").exists(), "nothing was learnt");
+    }
+}
+
+/// Replaces what stands in a scene's file, and puts something before all of it.
+fn change(folder: &Path, from: &str, to: &str, before: &str) {
+    let file = folder.join("scene.toml");
+    let text = fs::read_to_string(&file).unwrap();
+    assert!(text.contains(from));
+    fs::write(file, before.to_owned() + &text.replacen(from, to, 1)).unwrap();
+}
+
 #[test]
 fn a_fit_goes_on_with_another_number_of_ranks_to_the_same_bits() {
     let place = tempfile::tempdir().unwrap();

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use bokashi_core::Tape;
 use bokashi_fit::saved::{Stored, precision_and_state, read};
-use bokashi_fit::{Fit, FitError, Parameters, Pipeline, Step};
+use bokashi_fit::{Fit, FitError, FitSettings, Parameters, Pipeline, Step};
 
 use super::experiment::run_cube;
 use super::first_order::{drive, record};
@@ -138,7 +138,7 @@ fn resumed<T: Stored>(
         let given = format!("{} of {}", settings.steps, fit.steps_done());
         return Err(FitError::setting("steps", "no fewer than are already done", given));
     }
-    fit.set_steps(settings.steps);
+    fit.set_settings(FitSettings { steps: settings.steps, ..*fit.settings() })?;
     if *fit.settings() != settings.fit_settings() {
         let rule = "a schedule that does not depend on the number of steps, to go on for another";
         return Err(FitError::saved(rule, format!("{:?}", fit.settings().schedule)));

@@ -5,16 +5,19 @@ use std::sync::Arc;
 
 use bokashi_core::{Mask, Tape, Tensor, Var};
 use bokashi_fit::{
-    Alone, Fit, FitError, FitSettings, Optimizer, Parameters, Penalty, Pipeline, Preconditioner,
-    Ranks, Schedule, Stepped, Variables, View, Views, agree, agreed, block, check_same, iou,
-    mean_error, psnr, saved, ssim, ssim_error, views,
+    Alone, Fit, FitError, FitSettings, Given, Optimizer, Parameters, Penalty, Pipeline,
+    Preconditioner, Ranks, Schedule, Stepped, Variables, View, Views, agree, agreed, block,
+    check_alike, check_same, iou, mean_error, psnr, saved, ssim, ssim_error, views,
 };
 
-use crate::description::{Count, LossKind, Stage, StopEntry};
+use crate::description::{Count, LossKind, Stage};
 use crate::error::{Place, SceneError};
+use crate::given::starts;
 use crate::learning::{Learnt, Regularizer, is_dense};
 use crate::renderer::Renderer;
+use crate::saved_fit::{self, Origin, Progress};
 use crate::scene::Scene;
+use crate::stopping::{Seen, StopRules};
 use crate::targets::{HUBER, Targets, fit_error};
 use crate::values::Values;
 
@@ -41,10 +44,15 @@ pub struct SceneFit {
     stage: usize,
     fit: Fit<f32>,
     pipeline: StagePipeline,
-    regularizers: Arc<[Regularizer]>,
     /// The rate of each parameter, before stages.
     rates: Vec<(String, f64)>,
     ranks: Ranks<f32>,
+    /// Where its parameters start in the scene, until the fit begins.
+    starts: Given,
+    /// What the fit was given that it goes on from, until it begins.
+    from: Option<Origin>,
+    /// What was changed since the fit was saved, in words.
+    changed: Vec<String>,
 }
 
 /// How well a view is matched.
@@ -94,9 +102,12 @@ pub struct SeenView {
 
 /// One stage's steps.
 struct StagePipeline {
-    stage: u64,
+    stage: usize,
     views: Views<f32, Loss>,
     regularizers: Arc<[Regularizer]>,
+    rules: StopRules,
+    /// What the fit was given, as it is saved.
+    origin: Arc<[u8]>,
 }
 
 impl Pipeline<f32> for StagePipeline {
@@ -107,17 +118,13 @@ impl Pipeline<f32> for StagePipeline {
     }
 
     fn save_state(&self, state: &mut Vec<u8>) {
-        state.extend(self.stage.to_le_bytes());
-        self.views.save_state(state);
+        let progress = Progress { stage: self.stage, seen: self.rules.seen() };
+        progress.write(&self.origin, state);
     }
 
-    fn restore_state(&mut self, state: &[u8]) -> Result<(), FitError> {
-        match state.split_first_chunk() {
-            Some((stage, rest)) if u64::from_le_bytes(*stage) == self.stage => {
-                self.views.restore_state(rest)
-            }
-            _ => Err(FitError::saved("the stage that it was saved in", "another")),
-        }
+    fn restore_state(&mut self, _state: &[u8]) -> Result<(), FitError> {
+        // It was read before there was a pipeline.
+        Ok(())
     }
 
     fn loss<'t>(
@@ -139,11 +146,11 @@ impl SceneFit {
     /// # Errors
     /// Whatever is wrong with what is to be learnt; [`SceneError::Content`] where no view can be learnt from.
     pub fn new(scene: Scene) -> Result<Self, SceneError> {
-        Self::of(scene, None, Arc::new(Alone))
+        Self::of(scene, None, Arc::new(Alone))?.begun()
     }
 
     /// [`SceneFit::new`] of a fit that the ranks of a job share: in steps each computes the losses of
-    /// some of the views, and reads the images of no others. All have the same parameters, to the bits of a fit alone.
+    /// some of the views; of others it reads images only to compare what all ranks were given. All have the same parameters, to the bits of a fit alone.
     ///
     /// All ranks make the same calls of what says that they share it, and then an error of one is an error
     /// of all.
@@ -152,7 +159,7 @@ impl SceneFit {
     /// As [`SceneFit::new`].
     pub fn among(scene: Scene, ranks: Ranks<f32>) -> Result<Self, SceneError> {
         let fit = Self::of(scene, None, Arc::clone(&ranks));
-        agreed(&*ranks, fit)
+        agreed(&*ranks, fit)?.begun()
     }
 
     /// [`SceneFit::resume`] of a fit that the ranks of a job share, however many saved it: see
@@ -172,17 +179,19 @@ impl SceneFit {
         let mut bytes = agreed(&*ranks, bytes)?;
         ranks.broadcast_bytes(&mut bytes, 0);
         let fit = Self::of(scene, Some(&bytes), Arc::clone(&ranks));
-        agreed(&*ranks, fit)
+        agreed(&*ranks, fit)?.begun()
     }
 
     /// The fit that was saved to the file `path`. It goes on to the same bits as if it had not been
-    /// interrupted, where the scene is the same.
+    /// interrupted, where the scene is the same. What was changed in the scene takes effect from the next
+    /// step on, as if the fit had been so from its start: [`SceneFit::changed`] names it.
     ///
     /// # Errors
-    /// As [`SceneFit::new`]; [`SceneError::Fit`] for a file that is no saved fit, or of another scene.
+    /// As [`SceneFit::new`]; [`SceneError::Fit`] for a file that is no saved fit, and where the scene learns
+    /// something else now, from elsewhere, or after other stages that are done.
     pub fn resume(scene: Scene, path: impl AsRef<Path>) -> Result<Self, SceneError> {
         let bytes = saved::read(path.as_ref())?;
-        Self::of(scene, Some(&bytes), Arc::new(Alone))
+        Self::of(scene, Some(&bytes), Arc::new(Alone))?.begun()
     }
 
     fn of(scene: Scene, saved_fit: Option<&[u8]>, ranks: Ranks<f32>) -> Result<Self, SceneError> {
@@ -195,7 +204,8 @@ impl SceneFit {
             return Err(SceneError::content(Place::of(&scene.path), message));
         }
         let renderer = Arc::new(Renderer::new(Arc::new(scene))?);
-        let Learnt { parameters, rates, regularizers, preconditioners } = Learnt::of(&renderer)?;
+        let Learnt { mut parameters, rates, regularizers, preconditioners } =
+            Learnt::of(&renderer)?;
         let targets = Arc::new(Targets::new(Arc::clone(&renderer), is_dense(&renderer)));
         let description = &renderer.scene().description;
         check_stages(renderer.scene(), &rates)?;
@@ -209,28 +219,41 @@ impl SceneFit {
             }],
             stages => stages.to_vec(),
         };
-        let regularizers: Arc<[Regularizer]> = regularizers.into();
-        let stage = match saved_fit {
-            Some(bytes) => stage_of(bytes)?,
-            None => 0,
+        let starts = starts(&parameters);
+        let (progress, from) = match saved_fit {
+            Some(bytes) => {
+                let (_, state) = saved::precision_and_state(bytes)?;
+                let (progress, from) = saved_fit::read(state.unwrap_or_default())?;
+                (progress, Some(from))
+            }
+            None => (Progress { stage: 0, seen: Seen::default() }, None),
         };
+        let stage = progress.stage;
         let Some(own) = stages.get(stage) else {
             let rule = format!("one of the scene's {} stages", stages.len());
             return Err(FitError::saved(rule, format!("number {}", stage + 1)).into());
         };
         let (own, seed) = (own.clone(), description.seed);
+        let settings = settings(&own);
         let fit = match saved_fit {
-            Some(bytes) => resumed(bytes, &preconditioners, &parameters)?,
+            Some(bytes) => {
+                let mut fit = resumed(bytes, &preconditioners, &parameters)?;
+                set_rates(fit.parameters_mut(), &rates, &own)?;
+                fit.set_settings(settings)?;
+                fit
+            }
             None => {
-                let parameters = at_rates(parameters, &rates, &own)?;
-                Fit::new(parameters, settings(&renderer, &own))?
+                set_rates(&mut parameters, &rates, &own)?;
+                Fit::new(parameters, settings)?
             }
         };
         let pipeline = StagePipeline {
-            stage: stage as u64,
+            stage,
             views: views_of(&renderer, &targets, &learnt_from, &own, seed)
                 .among(Arc::clone(&ranks)),
-            regularizers: Arc::clone(&regularizers),
+            regularizers: regularizers.into(),
+            rules: StopRules::new(&description.stop, progress.seen),
+            origin: Arc::new([]),
         };
         Ok(Self {
             renderer,
@@ -240,10 +263,46 @@ impl SceneFit {
             stage,
             fit,
             pipeline,
-            regularizers,
             rates,
             ranks,
+            starts,
+            from,
+            changed: Vec::new(),
         })
+    }
+
+    /// The fit, where all ranks, which share this call, were given the same; it knows what was changed since it
+    /// was saved.
+    fn begun(mut self) -> Result<Self, SceneError> {
+        let origin = Origin {
+            given: self.scene().given_among(&*self.ranks)?,
+            starts: std::mem::take(&mut self.starts),
+        };
+        check_alike(&*self.ranks, &origin.starts)?;
+        if let Some(from) = self.from.take() {
+            self.changed = from.changed_to(&origin, self.stage)?;
+        }
+        self.pipeline.origin = origin.to_bytes().into();
+        self.fit.keep_state(&self.pipeline);
+        Ok(self)
+    }
+
+    /// What was changed in the scene since the fit was saved that it goes on from, in words. It takes effect
+    /// from the next step on.
+    pub fn changed(&self) -> &[String] {
+        &self.changed
+    }
+
+    /// The rule of the scene's `[stop]` that ended the fit with its last step, in words, but for those of
+    /// steps and of time. [`SceneFit::step`] goes on all the same.
+    pub fn ended(&self) -> Option<String> {
+        self.pipeline.rules.ended()
+    }
+
+    /// Whether all runs of the fit together took the seconds that the scene gives it. Clocks of ranks do not
+    /// agree: the first decides.
+    pub fn time_is_up(&self) -> bool {
+        self.pipeline.rules.time_is_up()
     }
 
     /// The scene.
@@ -286,11 +345,6 @@ impl SceneFit {
         self.stages.iter().map(of).max().unwrap_or(0)
     }
 
-    /// When the fit ends.
-    pub fn stop(&self) -> &StopEntry {
-        &self.scene().description.stop
-    }
-
     /// The ranks that share the fit: one, if nobody said otherwise.
     pub fn ranks(&self) -> &Ranks<f32> {
         &self.ranks
@@ -314,6 +368,8 @@ impl SceneFit {
             self.next_stage()?;
         }
         let stepped = self.fit.step(&mut self.pipeline)?;
+        self.pipeline.rules.count(stepped.loss);
+        self.fit.keep_state(&self.pipeline);
         if self.steps_done().is_multiple_of(BETWEEN_CHECKS) {
             self.check_same()?;
         }
@@ -333,16 +389,14 @@ impl SceneFit {
         let own = &self.stages[self.stage];
         let mut parameters = self.fit.parameters().clone();
         parameters.forget_moments();
-        let parameters = at_rates(parameters, &self.rates, own)?;
-        self.fit = Fit::new(parameters, settings(&self.renderer, own))?;
+        set_rates(&mut parameters, &self.rates, own)?;
+        self.fit = Fit::new(parameters, settings(own))?;
         self.targets.forget();
         let seed = self.scene().description.seed;
-        self.pipeline = StagePipeline {
-            stage: self.stage as u64,
-            views: views_of(&self.renderer, &self.targets, &self.learnt_from, own, seed)
-                .among(Arc::clone(&self.ranks)),
-            regularizers: Arc::clone(&self.regularizers),
-        };
+        self.pipeline.stage = self.stage;
+        self.pipeline.views = views_of(&self.renderer, &self.targets, &self.learnt_from, own, seed)
+            .among(Arc::clone(&self.ranks));
+        self.pipeline.rules.begin_stage();
         Ok(())
     }
 
@@ -443,18 +497,7 @@ impl SceneFit {
     }
 }
 
-/// The stage that a fit was saved in.
-fn stage_of(bytes: &[u8]) -> Result<usize, SceneError> {
-    let (_, state) = saved::precision_and_state(bytes)?;
-    match state.map(<[u8]>::split_first_chunk) {
-        None => Ok(0),
-        Some(Some((stage, _))) => {
-            Ok(usize::try_from(u64::from_le_bytes(*stage)).unwrap_or(usize::MAX))
-        }
-        Some(None) => Err(FitError::saved("a fit of a scene", "another").into()),
-    }
-}
-
+/// The fit in a file, which learns what a fit of the scene learns that starts now.
 fn resumed(
     bytes: &[u8],
     preconditioners: &[(String, Preconditioner)],
@@ -497,31 +540,28 @@ fn check_stages(scene: &Scene, rates: &[(String, f64)]) -> Result<(), SceneError
     }
 }
 
-/// The parameters with the rates of a stage.
-fn at_rates(
-    mut parameters: Parameters<f32>,
+/// Gives the parameters the rates of a stage.
+fn set_rates(
+    parameters: &mut Parameters<f32>,
     rates: &[(String, f64)],
     stage: &Stage,
-) -> Result<Parameters<f32>, SceneError> {
+) -> Result<(), FitError> {
     let factor = stage.rates.map_or(1.0, |factor| factor.0);
     for (name, rate) in rates {
         let kind = kind_of(name);
         let is_learnt = stage.learn.as_ref().is_none_or(|own| own.iter().any(|own| own == kind));
         parameters.set_rate(name, if is_learnt { rate * factor } else { 0.0 })?;
     }
-    Ok(parameters)
+    Ok(())
 }
 
-fn settings(renderer: &Renderer, stage: &Stage) -> FitSettings {
-    let stop = &renderer.scene().description.stop;
+fn settings(stage: &Stage) -> FitSettings {
     let steps = stage.steps.0 as u64;
     FitSettings {
         steps,
         schedule: Schedule::Cosine { steps, floor: 0.01 },
         // With 0.999, gradients of the first steps would keep steps small to the end of a short stage.
         optimizer: Optimizer::Adam { beta1: 0.9, beta2: 0.99, epsilon: 1e-8 },
-        loss_below: stop.loss_below.map(|loss| loss.0),
-        patience: stop.patience.map(|patience| patience.0 as u64),
         ..FitSettings::default()
     }
 }

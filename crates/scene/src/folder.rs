@@ -1,8 +1,10 @@
 //! The folder of a scene: its files are read from nowhere else.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use pathdiff::diff_paths;
 
@@ -19,6 +21,8 @@ pub struct Folder {
     given: PathBuf,
     /// Without links.
     root: PathBuf,
+    /// What was read of it, by the paths of files: see [`Folder::files_read`].
+    read: Arc<Mutex<BTreeMap<PathBuf, String>>>,
 }
 
 impl Folder {
@@ -37,7 +41,7 @@ impl Folder {
         if !root.is_dir() {
             return Err(failed(io::ErrorKind::NotADirectory.into()));
         }
-        Ok(Self { given, root })
+        Ok(Self { given, root, read: Arc::default() })
     }
 
     /// The folder's path, as it was given.
@@ -94,7 +98,28 @@ impl Folder {
     pub fn read(&self, path: impl AsRef<Path>) -> Result<Vec<u8>, SceneError> {
         let given = self.join(path.as_ref());
         let found = self.find(path)?;
-        read_found(&given, &found)
+        let bytes = read_found(&given, &found)?;
+        let own = found.strip_prefix(&self.root).unwrap_or(&found).to_owned();
+        let mut read = self.read.lock().unwrap_or_else(PoisonError::into_inner);
+        read.insert(
+            own,
+            format!("{} bytes, checksum {:08x}", bytes.len(), crc32fast::hash(&bytes)),
+        );
+        Ok(bytes)
+    }
+
+    /// All files whose bytes were read, by this folder and its copies: their paths here, and their lengths
+    /// and checksums in words.
+    pub(crate) fn files_read(&self) -> BTreeMap<PathBuf, String> {
+        self.read.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// The length and checksum of the file at `path`, in words.
+    ///
+    /// # Errors
+    /// As [`Folder::read`].
+    pub(crate) fn digest(&self, path: impl AsRef<Path>) -> Result<String, SceneError> {
+        Ok(digest(&read_found(&self.join(path.as_ref()), &self.find(path)?)?))
     }
 
     /// The first `most` bytes of the file at `path`, and how long it is.
@@ -120,6 +145,10 @@ impl Folder {
         let text = String::from_utf8(self.read(path)?);
         text.map_err(|error| SceneError::content(place, format!("text is UTF-8: {error}")))
     }
+}
+
+fn digest(bytes: &[u8]) -> String {
+    format!("{} bytes, checksum {:08x}", bytes.len(), crc32fast::hash(bytes))
 }
 
 #[cfg(test)]

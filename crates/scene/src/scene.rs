@@ -7,6 +7,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use bokashi_core::Tensor;
+use bokashi_fit::Given;
 use glam::{DMat4, DVec3};
 use toml::Spanned;
 
@@ -60,6 +61,8 @@ pub struct Scene {
     pub environment: Option<Tensor<f32>>,
     /// What files hold that was left out or mended, in words.
     pub notes: Vec<String>,
+    /// The files that were read to load it but its own, with their lengths and checksums in words.
+    pub(crate) files: Given,
 }
 
 /// Faces of a shape, where a scene does not say.
@@ -129,7 +132,9 @@ impl Scene {
         check_names("a view", views.iter().map(|view| &view.name), path)?;
         let environment = source.environment(&description)?;
         let Source { path, folder, .. } = source;
-        Ok(Self { path, folder, description, objects, views, environment, notes })
+        let files = folder.files_read().into_iter().filter(|(file, _)| *file != name);
+        let files = files.map(|(file, said)| (file.display().to_string(), said)).collect();
+        Ok(Self { path, folder, description, objects, views, environment, notes, files })
     }
 
     /// The middle of the objects, and the radius of a ball around them; of nothing, the origin and 1.

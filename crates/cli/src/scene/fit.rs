@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
-use bokashi_fit::{FitError, Ranks, agree, agreed};
+use bokashi_fit::{FitError, Given, Ranks, agree, agreed, check_alike};
 use bokashi_report::{ReportError, add_page};
-use bokashi_scene::{Scene, SceneError, SceneFit, SeenView, StopRules, ViewScore};
+use bokashi_scene::{Scene, SceneError, SceneFit, SeenView, ViewScore};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::outcome::{Outcome, mean_held_out, values};
@@ -85,6 +85,7 @@ fn run_until(asked: &Asked, ranks: &Ranks<f32>, interrupt: &Interrupt) -> Result
     let checkpoint = asked.out.join(CHECKPOINT);
     let begun = begin(asked, is_first, &writing, interrupt);
     let scene = agreed(&**ranks, begun)?;
+    check_alike(&**ranks, &settings_of(asked)).map_err(|error| failed(error.into()))?;
     let notes = scene.notes.clone();
     let fit = match &asked.resume {
         Some(file) => {
@@ -99,7 +100,11 @@ fn run_until(asked: &Asked, ranks: &Ranks<f32>, interrupt: &Interrupt) -> Result
     }
     let speaks = is_first && !asked.quiet && !asked.json.as_deref().is_some_and(is_standard_output);
     if speaks {
-        notes.iter().try_for_each(|note| say(&format!("note: {note}\n")))?;
+        let notes = notes.into_iter().chain(changed_in_words(fit.changed()));
+        notes.into_iter().try_for_each(|note| say(&format!("note: {note}\n")))?;
+        if let Some(rule) = fit.ended() {
+            say(&format!("note: the fit had ended when it was saved: {rule}\n"))?;
+        }
         let (most, size) = (fit.most_views_per_step(), ranks.size());
         if most > 0 && most < size {
             let views = if most == 1 { "1 view".to_owned() } else { format!("{most} views") };
@@ -144,6 +149,29 @@ fn run_until(asked: &Asked, ranks: &Ranks<f32>, interrupt: &Interrupt) -> Result
     })?;
     let _held = writing.lock().unwrap_or_else(PoisonError::into_inner);
     running.finish(speaks)
+}
+
+/// So many changes since a fit was saved are named; of more, how many they are.
+const MOST_CHANGES: usize = 12;
+
+fn changed_in_words(changed: &[String]) -> Vec<String> {
+    let named = changed.iter().take(MOST_CHANGES).cloned();
+    let more = changed.len().saturating_sub(MOST_CHANGES);
+    named
+        .chain((more > 0).then(|| format!("{more} more changes since the fit was saved")))
+        .collect()
+}
+
+/// What all ranks are asked alike: else they would wait for each other for ever.
+fn settings_of(asked: &Asked) -> Given {
+    let Asked { steps, seconds, resume, save_every, .. } = asked;
+    let all = [
+        ("--steps", format!("{steps:?}")),
+        ("--seconds", format!("{seconds:?}")),
+        ("--resume", format!("{:?}", resume.is_some())),
+        ("--save-every", format!("{save_every:?}")),
+    ];
+    all.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }
 
 /// What comes before the fit.
@@ -211,12 +239,12 @@ impl Running<'_> {
     /// Steps until a rule says stop.
     fn steps(&mut self, interrupt: &Interrupt) -> Result<(), Failure> {
         let last = self.asked.steps.map_or(self.fit.steps(), |most| most.min(self.fit.steps()));
-        let mut rules = StopRules::new(self.fit.stop());
         let budget = self.asked.seconds.unwrap_or(f64::INFINITY);
         let every = (last / MEASUREMENTS).max(1);
         let (mut saved, mut shown) = (Instant::now(), None::<Instant>);
-        let mut is_up = false;
-        while self.fit.steps_done() < last {
+        while self.fit.steps_done() < last && self.fit.ended().is_none() {
+            // No fit ends before its first step.
+            let is_up = self.fit.steps_done() > 0 && self.fit.time_is_up();
             match self.call(interrupt, is_up || self.seconds() >= budget)? {
                 Some(Call::Signal(signal)) => {
                     self.check_same()?;
@@ -260,10 +288,6 @@ impl Running<'_> {
                     live.publish(self.snapshot(&seen));
                 }
                 shown = Some(Instant::now());
-            }
-            is_up = rules.time_is_up();
-            if rules.loss_ends_with(&stepped) {
-                break;
             }
         }
         self.check_same()?;

@@ -93,6 +93,7 @@ impl Outcome {
             "psnr_held_out": self.psnr_held_out(fit),
             "parameters_hash": hash(&last),
             "left_out": left_out.collect::<Value>(),
+            "changed": fit.changed(),
         })
     }
 }

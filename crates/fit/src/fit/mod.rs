@@ -133,10 +133,22 @@ impl<T: Scalar> Fit<T> {
         &self.settings
     }
 
-    /// Sets the largest number of updates, those already done included: a fit can so be made
-    /// longer. A schedule stays as it is.
-    pub fn set_steps(&mut self, steps: u64) {
-        self.settings.steps = steps;
+    /// Goes on with other settings. Steps, those of the schedule too, count from the start of the fit: a
+    /// cosine over 400 steps continues at step 200 with half of the rates, however short the last one was.
+    ///
+    /// # Errors
+    /// [`FitError::Setting`] for settings outside their range.
+    pub fn set_settings(&mut self, settings: FitSettings) -> Result<(), FitError> {
+        settings.check()?;
+        self.settings = settings;
+        Ok(())
+    }
+
+    /// Keeps the state of `pipeline` as it is now for whoever saves the fit before its next step. A step
+    /// keeps it by itself; this is for what changes between steps, and for a fit without any.
+    #[cfg(feature = "save")]
+    pub fn keep_state(&mut self, pipeline: &impl Pipeline<T>) {
+        self.pipeline.save(pipeline);
     }
 
     /// The parameters.

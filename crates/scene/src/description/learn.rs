@@ -1,12 +1,12 @@
 //! What is learnt, how, and when it ends.
 
 use schemars::JsonSchema;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::numbers::{Count, NotNegative, Positive, Share};
 
 /// What is learnt. What is absent stays as it is and costs no gradient.
-#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Learn {
     /// The places of vertices. Their rate is a share of the mesh's radius.
@@ -44,7 +44,7 @@ pub struct Learn {
 }
 
 /// How numbers of the whole scene are learnt.
-#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LearnNumbers {
     /// The learning rate.
@@ -52,7 +52,7 @@ pub struct LearnNumbers {
 }
 
 /// How numbers of meshes are learnt.
-#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LearnObjects {
     /// The learning rate.
@@ -62,7 +62,7 @@ pub struct LearnObjects {
 }
 
 /// How maps are learnt.
-#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LearnMaps {
     /// The learning rate.
@@ -74,7 +74,7 @@ pub struct LearnMaps {
 }
 
 /// How places of vertices are learnt.
-#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LearnVertices {
     /// The learning rate, as a share of the mesh's radius.
@@ -94,7 +94,7 @@ pub struct LearnVertices {
 }
 
 /// What a fit makes small.
-#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LossEntry {
     /// What counts of the difference of two pixels.
@@ -107,7 +107,7 @@ pub struct LossEntry {
 }
 
 /// What counts of the difference of two pixels.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum LossKind {
     /// Its square.
@@ -120,7 +120,7 @@ pub enum LossKind {
 }
 
 /// A part of a fit. What it does not say is as in the whole.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Stage {
     /// How many steps.
@@ -136,7 +136,7 @@ pub struct Stage {
 }
 
 /// When a fit ends.
-#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StopEntry {
     /// After so many steps, where there are no stages; by default 1000.

@@ -4,12 +4,12 @@ use std::path::PathBuf;
 
 use glam::DVec3;
 use schemars::JsonSchema;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::numbers::{Finite, NotNegative, Positive};
 
 /// Which operations make a picture. What is absent costs nothing.
-#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PipelineEntry {
     /// How pixels at silhouettes are made.
@@ -42,7 +42,7 @@ pub struct PipelineEntry {
 }
 
 /// How pixels at silhouettes are made.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Silhouettes {
     /// Pixels show what lies at their centres; edges move nothing.
@@ -56,7 +56,7 @@ pub enum Silhouettes {
 }
 
 /// How surfaces answer light.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum SurfaceModel {
     /// They show their base colour.
@@ -68,7 +68,7 @@ pub enum SurfaceModel {
 }
 
 /// Which faces are drawn.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum CullName {
     /// All.
@@ -79,7 +79,7 @@ pub enum CullName {
 }
 
 /// How textures are looked up.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum FilterName {
     /// The nearest texel.
@@ -94,7 +94,7 @@ pub enum FilterName {
 }
 
 /// What pixels stand for.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Tone {
     /// Light, cut off at 1 and encoded by the curve of sRGB, as in photographs.
@@ -105,7 +105,7 @@ pub enum Tone {
 }
 
 /// A lens that blurs what is out of focus.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LensEntry {
     /// The standard deviation of the blur at infinite distance, in pixels.
@@ -117,7 +117,7 @@ pub struct LensEntry {
 }
 
 /// A light. Colours are linear.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Deserialize, Serialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum LightEntry {
     /// From all sides alike.
@@ -170,7 +170,7 @@ impl LightEntry {
 }
 
 /// Light from all sides.
-#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EnvironmentEntry {
     /// The six faces of a cube map, +x, -x, +y, -y, +z, -z, one below the other in one image. Its side is a

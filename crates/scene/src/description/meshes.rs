@@ -4,12 +4,12 @@ use std::path::PathBuf;
 
 use glam::{DMat4, DQuat, DVec3};
 use schemars::JsonSchema;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::numbers::{Count, Finite, Positive, Share};
 
 /// A mesh, and where it stands.
-#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MeshEntry {
     /// What other entries call it; by default the file's name without its ending, or the shape's.
@@ -32,7 +32,7 @@ pub struct MeshEntry {
 }
 
 /// A built-in mesh.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Shape {
     /// Of radius 1.
@@ -44,7 +44,7 @@ pub enum Shape {
 }
 
 /// A motion and a scale: first the scale, then the rotation, then the translation.
-#[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Placement {
     /// How many times as large.
@@ -56,10 +56,16 @@ pub struct Placement {
 }
 
 /// A quaternion of any length but 0.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
-#[serde(try_from = "[Finite; 4]")]
+#[derive(Debug, Clone, Copy, Deserialize, Serialize, JsonSchema)]
+#[serde(try_from = "[Finite; 4]", into = "[f64; 4]")]
 #[schemars(with = "[Finite; 4]")]
 pub struct Rotation(pub DQuat);
+
+impl From<Rotation> for [f64; 4] {
+    fn from(rotation: Rotation) -> Self {
+        rotation.0.to_array()
+    }
+}
 
 impl TryFrom<[Finite; 4]> for Rotation {
     type Error = String;
@@ -86,7 +92,7 @@ impl Placement {
 }
 
 /// What a surface is made of.
-#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MaterialEntry {
     /// A linear colour.

@@ -12,8 +12,10 @@ mod views;
 
 use std::path::Path;
 
+use bokashi_fit::Given;
 use schemars::JsonSchema;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use toml::Spanned;
 
 pub use learn::{
@@ -37,7 +39,7 @@ const MOST_BYTES: u64 = 64 << 20;
 const MOST_TABLES: u64 = 1 << 20;
 
 /// A scene, and what is learnt of it.
-#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(title = "A scene for bokashi")]
 pub struct Description {
@@ -46,7 +48,7 @@ pub struct Description {
     #[schemars(with = "Vec<MeshEntry>")]
     pub meshes: Vec<Spanned<MeshEntry>>,
     /// Views, one by one.
-    #[serde(default)]
+    #[serde(default, skip_serializing)]
     #[schemars(with = "Vec<ViewEntry>")]
     pub views: Vec<Spanned<ViewEntry>>,
     /// Views from a file of cameras.
@@ -86,6 +88,15 @@ pub fn schema() -> String {
 }
 
 impl Description {
+    /// All keys but those of views, each with its value in words: `learn.vertices.rate` is `0.01`. What is
+    /// absent is left out.
+    pub(crate) fn keys(&self) -> Given {
+        let mut all = Given::new();
+        let whole = serde_json::to_value(self).expect("a description is words and numbers");
+        collect(&whole, String::new(), &mut all);
+        all
+    }
+
     /// What `text` says; `path` is the file's, for errors.
     ///
     /// # Errors
@@ -108,6 +119,29 @@ impl Description {
             };
             SceneError::content(place, said(error.message()))
         })
+    }
+}
+
+/// Adds what `value` holds, under its keys. Numbers of a list stand together.
+fn collect(value: &Value, key: String, all: &mut Given) {
+    match value {
+        Value::Object(own) => {
+            for (name, value) in own {
+                let key = if key.is_empty() { name.clone() } else { format!("{key}.{name}") };
+                collect(value, key, all);
+            }
+            // An empty table says something, too: its numbers are the usual ones.
+            if !key.is_empty() && own.values().all(Value::is_null) {
+                all.insert(key, "there".to_owned());
+            }
+        }
+        Value::Array(own) if own.iter().any(Value::is_object) => {
+            for (at, value) in own.iter().enumerate() {
+                collect(value, format!("{key}[{at}]"), all);
+            }
+        }
+        Value::Null => {}
+        other => drop(all.insert(key, other.to_string())),
     }
 }
 

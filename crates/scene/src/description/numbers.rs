@@ -1,13 +1,13 @@
 //! Numbers and words with a rule, which a file's parser checks where they stand.
 
 use schemars::JsonSchema;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 /// Makes a number with a rule: its name, the rule in words, the test, and what a schema says.
 macro_rules! numbers {
     ($($(#[$doc:meta])* $name:ident: $kind:ty, $rule:literal, $test:expr, [$($schema:tt)*];)*) => {$(
         $(#[$doc])*
-        #[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
+        #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize, JsonSchema)]
         #[serde(try_from = "f64")]
         // In its place: an editor shows what the key is, not what the number is.
         #[schemars(inline, extend($($schema)*))]

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use schemars::JsonSchema;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::numbers::{Count, Finite, Positive};
 
@@ -27,7 +27,7 @@ pub struct ViewEntry {
 }
 
 /// How numbers of a file stand for light.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ColorSpaceName {
     /// By the curve of sRGB.
@@ -98,7 +98,7 @@ pub enum Convention {
 }
 
 /// Views from a file of cameras that another tool wrote.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CamerasEntry {
     /// A `transforms.json`, as tools for radiance fields write it.

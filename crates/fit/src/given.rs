@@ -1,0 +1,55 @@
+//! What a fit was given, in words: files and settings by name. Two fits are so held against each other.
+
+use std::collections::BTreeMap;
+
+/// What a fit was given: the name of each file and setting, and in words what it holds.
+pub type Given = BTreeMap<String, String>;
+
+/// Where two fits were given something else.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Difference {
+    /// The file or setting.
+    pub name: String,
+    /// What the one has; `None` where it has none.
+    pub own: Option<String>,
+    /// What the other has.
+    pub other: Option<String>,
+}
+
+/// What differs between two fits, by name.
+pub fn differences(own: &Given, other: &Given) -> Vec<Difference> {
+    let others = other.keys().filter(|name| !own.contains_key(*name));
+    let mut names: Vec<_> = own.keys().chain(others).collect();
+    names.sort_unstable();
+    let of = |name: &String| {
+        let (own, other) = (own.get(name).cloned(), other.get(name).cloned());
+        (own != other).then(|| Difference { name: name.clone(), own, other })
+    };
+    names.into_iter().filter_map(of).collect()
+}
+
+/// What a fit has under a name, in words.
+pub fn said(value: Option<&String>) -> &str {
+    value.map_or("nothing", |value| value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_changed_missing_or_new_is_a_difference() {
+        let given = |all: &[(&str, &str)]| -> Given {
+            all.iter().map(|(name, value)| (name.to_string(), value.to_string())).collect()
+        };
+        let own = given(&[("a", "1"), ("b", "2"), ("c", "3")]);
+        assert_eq!(differences(&own, &own), []);
+        let found = differences(&own, &given(&[("b", "2"), ("c", "4"), ("d", "5")]));
+        let words: Vec<_> = found
+            .iter()
+            .map(|own| (&*own.name, said(own.own.as_ref()), said(own.other.as_ref())))
+            .collect();
+        let expected = [("a", "1", "nothing"), ("c", "3", "4"), ("d", "nothing", "5")];
+        assert_eq!(words, expected);
+    }
+}

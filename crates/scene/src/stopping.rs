@@ -1,0 +1,153 @@
+//! When a fit of a scene ends before its last step, and how far it is with that.
+
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+
+use crate::description::StopEntry;
+
+/// What the rules of `[stop]` have seen of a fit: it is saved with the fit, which so ends where it would have
+/// ended without an interruption.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Seen {
+    /// The loss of the last step.
+    last_loss: Option<f64>,
+    /// The least loss of the stage.
+    least_loss: Option<f64>,
+    /// Steps since the least loss.
+    waited: u64,
+    /// Seconds of the runs before this one, where the scene limits them: files of two fits that have no such
+    /// limit are the same.
+    seconds: f64,
+}
+
+/// What `[stop]` of a scene says beside the number of steps.
+#[derive(Debug, Clone)]
+pub(crate) struct StopRules {
+    loss_below: Option<f64>,
+    patience: Option<u64>,
+    seconds: Option<f64>,
+    started: Instant,
+    seen: Seen,
+}
+
+impl StopRules {
+    /// The rules of a fit that starts, or goes on, now.
+    pub(crate) fn new(stop: &StopEntry, seen: Seen) -> Self {
+        Self {
+            loss_below: stop.loss_below.map(|loss| loss.0),
+            patience: stop.patience.map(|patience| patience.0 as u64),
+            seconds: stop.seconds.map(|seconds| seconds.0),
+            started: Instant::now(),
+            seen,
+        }
+    }
+
+    /// What there is to save.
+    pub(crate) fn seen(&self) -> Seen {
+        Seen { seconds: self.seconds.map_or(0.0, |_| self.elapsed()), ..self.seen }
+    }
+
+    /// Of all runs.
+    fn elapsed(&self) -> f64 {
+        self.seen.seconds + self.started.elapsed().as_secs_f64()
+    }
+
+    /// Counts a step.
+    pub(crate) fn count(&mut self, loss: f64) {
+        self.seen.last_loss = Some(loss);
+        if self.seen.least_loss.is_none_or(|least| loss < least) {
+            (self.seen.least_loss, self.seen.waited) = (Some(loss), 0);
+        } else {
+            self.seen.waited = self.seen.waited.saturating_add(1);
+        }
+    }
+
+    /// Begins a stage, whose losses are others.
+    pub(crate) fn begin_stage(&mut self) {
+        (self.seen.least_loss, self.seen.waited) = (None, 0);
+    }
+
+    /// Whether the time is up that the fit may take. Clocks of several ranks do not agree: one decides.
+    pub(crate) fn time_is_up(&self) -> bool {
+        self.seconds.is_some_and(|most| self.elapsed() >= most)
+    }
+
+    /// The rule, in words, that ended the fit with its last step, by losses alone: the same on all ranks.
+    pub(crate) fn ended(&self) -> Option<String> {
+        let Seen { last_loss, waited, .. } = self.seen;
+        if let (Some(below), Some(last)) = (self.loss_below, last_loss)
+            && last < below
+        {
+            return Some(format!("`stop.loss_below` is {below}, and the last loss was {last:.3e}"));
+        }
+        let patience = self.patience.filter(|&patience| waited >= patience)?;
+        Some(format!("no smaller loss came in {waited} steps, and `stop.patience` is {patience}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::description::{Count, Positive};
+
+    /// How many of these losses are counted until the rules end the fit, which is saved and resumed after
+    /// each so many steps.
+    fn counted(stop: &StopEntry, losses: &[f64], between: usize) -> usize {
+        let mut rules = StopRules::new(stop, Seen::default());
+        let end = losses.iter().enumerate().position(|(step, &loss)| {
+            if step % between == between - 1 {
+                let text = serde_json::to_string(&rules.seen()).unwrap();
+                rules = StopRules::new(stop, serde_json::from_str(&text).unwrap());
+            }
+            rules.count(loss);
+            rules.ended().is_some()
+        });
+        end.map_or(losses.len(), |at| at + 1)
+    }
+
+    #[test]
+    fn a_fit_ends_by_its_loss_or_by_patience_wherever_it_was_interrupted() {
+        let losses = [5.0, 3.0, 3.0, 4.0, 2.0, 9.0, 9.0, 9.0, 1.0];
+        for between in 1..10 {
+            let counted = |stop: StopEntry| counted(&stop, &losses, between);
+            assert_eq!(counted(StopEntry::default()), 9);
+            let below = StopEntry { loss_below: Some(Positive(3.0)), ..StopEntry::default() };
+            assert_eq!(counted(below), 5);
+            let patient =
+                |steps| StopEntry { patience: Some(Count(steps)), ..StopEntry::default() };
+            // The same loss again is no smaller one.
+            for (steps, end) in [(1, 3), (2, 4), (3, 8), (4, 9)] {
+                assert_eq!(counted(patient(steps)), end);
+            }
+        }
+    }
+
+    #[test]
+    fn seconds_of_all_runs_count_where_they_are_limited() {
+        let stop = |seconds| StopEntry { seconds: Some(Positive(seconds)), ..StopEntry::default() };
+        assert!(StopRules::new(&stop(1e-12), Seen::default()).time_is_up());
+        let earlier = Seen { seconds: 60.0, ..Seen::default() };
+        assert!(StopRules::new(&stop(60.0), earlier).time_is_up());
+        let later = StopRules::new(&stop(1e6), earlier);
+        assert!(!later.time_is_up());
+        assert!(later.seen().seconds >= 60.0);
+        // Files of fits without a limit do not know the time.
+        assert_eq!(StopRules::new(&StopEntry::default(), earlier).seen(), Seen::default());
+    }
+
+    #[test]
+    fn a_stage_counts_from_its_own_losses() {
+        let stop = StopEntry { patience: Some(Count(2)), ..StopEntry::default() };
+        let mut rules = StopRules::new(&stop, Seen::default());
+        [1.0, 1.0].into_iter().for_each(|loss| rules.count(loss));
+        rules.begin_stage();
+        [5.0, 4.0, 4.0].into_iter().for_each(|loss| rules.count(loss));
+        assert_eq!(rules.ended(), None);
+        rules.count(4.0);
+        assert!(
+            rules.ended().is_some_and(|said| said.starts_with("no smaller loss came in 2 steps"))
+        );
+    }
+}

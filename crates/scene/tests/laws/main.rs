@@ -1,0 +1,4 @@
+//! Laws of fits of scenes.
+
+mod ranks;
+mod resuming;

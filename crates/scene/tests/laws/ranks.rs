@@ -1,0 +1,104 @@
+//! Ranks that were given something else are named at the start, with what it is.
+
+use std::fs;
+use std::path::Path;
+
+use bokashi_fit::on_ranks;
+use bokashi_scene::{Picture, Place, Samples, Scene, SceneFit};
+
+const SCENE: &str = r#"
+seed = 3
+[[meshes]]
+file = "box.obj"
+[cameras]
+transforms = "transforms.json"
+masks = "masks"
+[pipeline]
+background = [0.1, 0.1, 0.1]
+[learn.pose]
+[stop]
+steps = 4
+views_per_step = 2
+"#;
+
+const CAMERAS: &str = r#"{"camera_angle_x": 0.7, "frames": [
+{"file_path": "a.png", "transform_matrix": [[1,0,0,0],[0,1,0,0],[0,0,1,4],[0,0,0,1]]},
+{"file_path": "b.png", "transform_matrix": [[1,0,0,0.5],[0,1,0,0],[0,0,1,4],[0,0,0,1]]},
+{"file_path": "c.png", "transform_matrix": [[1,0,0,0],[0,1,0,0.5],[0,0,1,5],[0,0,0,1]]}]}"#;
+
+fn gray(file: &Path, level: u8) {
+    let samples = Samples::U8(vec![level; 12 * 12 * 3]);
+    let picture = Picture { width: 12, height: 12, channels: 3, samples };
+    fs::write(file, picture.encode_png(&Place::of(file)).unwrap()).unwrap();
+}
+
+fn write(folder: &Path) {
+    fs::create_dir_all(folder.join("masks")).unwrap();
+    fs::write(folder.join("scene.toml"), SCENE).unwrap();
+    fs::write(folder.join("transforms.json"), CAMERAS).unwrap();
+    fs::write(folder.join("box.mtl"), "newmtl m\nKd 0.5 0.6 0.7\n").unwrap();
+    fs::write(
+        folder.join("box.obj"),
+        "mtllib box.mtl\nusemtl m\nv -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0.2\nf 1 2 3\nf 1 3 4\n",
+    )
+    .unwrap();
+    for (k, view) in ["a", "b", "c"].into_iter().enumerate() {
+        gray(&folder.join(format!("{view}.png")), 100 + k as u8);
+        gray(&folder.join(format!("masks/{view}.png")), 255);
+    }
+}
+
+fn replace(file: &Path, from: &str, to: &str) {
+    let text = fs::read_to_string(file).unwrap();
+    assert!(text.contains(from));
+    fs::write(file, text.replace(from, to)).unwrap();
+}
+
+#[test]
+fn another_file_or_setting_on_one_rank_is_named_before_the_first_step() {
+    type Change = fn(&Path);
+    let changes: [(&str, Change); 11] = [
+        ("`seed`", |own| replace(&own.join("scene.toml"), "seed = 3", "seed = 4")),
+        ("`stop.views_per_step`", |own| {
+            replace(&own.join("scene.toml"), "views_per_step = 2", "views_per_step = 3");
+        }),
+        ("`stop.steps`", |own| replace(&own.join("scene.toml"), "steps = 4", "steps = 3")),
+        ("`pipeline.background`", |own| {
+            replace(&own.join("scene.toml"), "[0.1, 0.1, 0.1]", "[0.1, 0.1, 0.2]");
+        }),
+        ("`learn.pose.rate`", |own| {
+            replace(&own.join("scene.toml"), "[learn.pose]", "[learn.pose]\nrate = 0.1");
+        }),
+        ("box.mtl", |own| replace(&own.join("box.mtl"), "0.7", "0.8")),
+        ("box.obj", |own| replace(&own.join("box.obj"), "0.2", "0.3")),
+        ("transforms.json", |own| replace(&own.join("transforms.json"), "0.5", "0.4")),
+        ("b.png", |own| gray(&own.join("b.png"), 7)),
+        ("masks/c.png", |own| gray(&own.join("masks/c.png"), 0)),
+        ("masks/a.png", |own| fs::remove_file(own.join("masks/a.png")).unwrap()),
+    ];
+    for (name, change) in changes {
+        let place = tempfile::tempdir().unwrap();
+        let [one, other] = ["one", "other"].map(|name| place.path().join(name));
+        [&one, &other].into_iter().for_each(|folder| write(folder));
+        let begun = |odd: usize| {
+            on_ranks::<f32, _>(3, |ranks| {
+                let folder = if ranks.rank() == odd { &other } else { &one };
+                let scene = Scene::load(folder.join("scene.toml")).unwrap();
+                SceneFit::among(scene, ranks).err().map(|error| error.to_string())
+            })
+        };
+        // The same in another folder, and with another comment, is the same.
+        replace(&other.join("scene.toml"), "[stop]", "# Soon.\n[stop]");
+        assert_eq!(begun(2), [const { None }; 3]);
+        change(&other);
+        for said in begun(2) {
+            let said = said.unwrap_or_default();
+            assert!(said.contains(&format!("got another {name} on rank ")), "{said}");
+            // Another rank reads an image that its own rank reads.
+            assert!(
+                said.contains("on rank 2: it has ") || said.contains(", and rank 2 has "),
+                "{said}"
+            );
+        }
+    }
+}

@@ -1,0 +1,415 @@
+//! A resumed fit is the fit that was never interrupted, or what was changed is named and takes effect.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+
+use bokashi_scene::{Picture, Place, Samples, Scene, SceneFit, description};
+use serde_json::Value;
+
+/// A scene that learns as much as a small one can, with each key of what is learnt, how, and how long.
+const SCENE: &str = r#"seed = 1
+[[meshes]]
+shape = "cube"
+material = { vertex_colors = true, base_color = [0.5, 0.4, 0.3] }
+[[lights]]
+kind = "directional"
+direction = [1, 2, 1]
+color = [3, 3, 3]
+[pipeline]
+silhouettes = "antialias"
+surface = "metallic-roughness"
+cull = "none"
+texture_filter = "trilinear"
+background = [0, 0, 0]
+near = 0.01
+far = 100.0
+tone = "srgb"
+exposure = 0.1
+blur = 0.5
+lens = { aperture = 0.5, focus = 4.0, tolerance = 1e-3 }
+[learn.vertices]
+rate = 0.01
+smoothing = 5.0
+rigid = 0.1
+laplacian = 0.1
+edge_length = 0.1
+normals = 0.1
+meshes = ["cube"]
+[learn.colors]
+rate = 0.05
+meshes = ["cube"]
+[learn.roughness]
+rate = 0.05
+[learn.metallic]
+rate = 0.05
+[learn.pose]
+rate = 0.01
+meshes = ["cube"]
+[learn.cameras]
+rate = 0.003
+[learn.intrinsics]
+rate = 0.002
+[learn.distortion]
+rate = 0.002
+[learn.lights]
+rate = 0.03
+[learn.light_places]
+rate = 0.02
+[learn.exposure]
+rate = 0.02
+[learn.blur]
+rate = 0.03
+[learn.lens]
+rate = 0.02
+[loss]
+kind = "squared"
+silhouette = 0.5
+ssim = 0.1
+[[stages]]
+steps = 3
+reduce = 1
+views_per_step = 2
+rates = 0.9
+[[stages]]
+steps = 4
+views_per_step = 2
+learn = ["vertices", "pose", "colors", "blur"]
+"#;
+
+/// Photographs of a disk of two colours in front of nothing, and a scene that learns from them.
+fn scene(folder: &Path, text: &str) -> Scene {
+    let mut views = String::new();
+    for view in 0..4 {
+        let sample = |k: usize| {
+            let [x, y] = [k / 4 % 32, k / 128].map(|at| at as f64 - 15.5);
+            match x.hypot(y) < 8.0 + 2.0 * f64::from(view) {
+                true => [200 - 20 * view as u8, 60 + 4 * (k / 4 % 32) as u8, 90, 255][k % 4],
+                false => 0,
+            }
+        };
+        let samples = Samples::U8((0..32 * 32 * 4).map(sample).collect());
+        let picture = Picture { width: 32, height: 32, channels: 4, samples };
+        let file = format!("{view}.png");
+        fs::write(folder.join(&file), picture.encode_png(&Place::of(&file)).unwrap()).unwrap();
+        let angle = f64::from(view);
+        let (x, z) = (5.0 * angle.sin(), 5.0 * angle.cos());
+        views += &format!(
+            "[[views]]\nimage = {file:?}\ncamera = {{ position = [{x}, 1, {z}], angle = 40.0 }}\n"
+        );
+    }
+    fs::write(folder.join("scene.toml"), text.to_owned() + &views).unwrap();
+    Scene::load(folder.join("scene.toml")).unwrap()
+}
+
+fn advance(fit: &mut SceneFit, steps: u64) {
+    for _ in 0..steps {
+        fit.step().unwrap();
+    }
+}
+
+/// All bits of what was learnt, and the step and rule by which it ended.
+fn end(mut fit: SceneFit) -> (u64, Option<String>, Vec<u32>) {
+    fit.run(|_| ()).unwrap();
+    (fit.steps_done(), fit.ended(), bits(&fit))
+}
+
+fn bits(fit: &SceneFit) -> Vec<u32> {
+    let raw = fit.parameters().iter().flat_map(|own| own.raw().data().to_vec());
+    raw.map(f32::to_bits).collect()
+}
+
+#[test]
+fn a_fit_interrupted_at_any_step_ends_at_the_same_step_with_the_same_bits() {
+    let place = tempfile::tempdir().unwrap();
+    let saved = place.path().join("saved");
+    // One view at a time: losses go up and down, and patience has something to wait for.
+    let text = SCENE.replace("views_per_step = 2", "views_per_step = 1");
+    let text = text.replace("steps = 4", "steps = 9");
+    let mut fit = SceneFit::new(scene(place.path(), &text)).unwrap();
+    let losses: Vec<_> = std::iter::from_fn(|| fit.step().unwrap()).map(|step| step.loss).collect();
+    let mut ends = BTreeSet::new();
+    for stop in [
+        String::new(),
+        "[stop]\npatience = 1\n".to_owned(),
+        "[stop]\npatience = 2\n".to_owned(),
+        format!("[stop]\nloss_below = {}\n", losses[5] * (1.0 + 1e-6)),
+        "[stop]\nseconds = 1e6\n".to_owned(),
+    ] {
+        let load = || scene(place.path(), &(text.clone() + &stop));
+        let whole = end(SceneFit::new(load()).unwrap());
+        ends.insert(whole.0);
+        for step in 0..=whole.0 {
+            let mut fit = SceneFit::new(load()).unwrap();
+            advance(&mut fit, step);
+            fit.save(&saved).unwrap();
+            let again = SceneFit::resume(load(), &saved).unwrap();
+            assert_eq!(again.changed(), [""; 0]);
+            assert_eq!(again.ended(), fit.ended());
+            assert_eq!(end(again), whole, "{stop:?} interrupted after {step} steps");
+        }
+    }
+    // The rules had something to say.
+    assert!(ends.len() >= 4, "{ends:?} of {losses:?}");
+}
+
+/// Where a stop rule waits for a smaller loss, what it waited before the interruption counts.
+#[test]
+fn seconds_of_earlier_runs_count() {
+    let place = tempfile::tempdir().unwrap();
+    let saved = place.path().join("saved");
+    let text = |seconds: &str| format!("{SCENE}[stop]\nseconds = {seconds}\n");
+    let mut fit = SceneFit::new(scene(place.path(), &text("1e-9"))).unwrap();
+    fit.run(|_| ()).unwrap();
+    assert_eq!(fit.steps_done(), 1);
+    fit.save(&saved).unwrap();
+    let mut same = SceneFit::resume(scene(place.path(), &text("1e-9")), &saved).unwrap();
+    same.run(|_| ()).unwrap();
+    assert_eq!(same.steps_done(), 1);
+    let mut longer = SceneFit::resume(scene(place.path(), &text("1e6")), &saved).unwrap();
+    assert_eq!(
+        longer.changed(),
+        ["`stop.seconds`: 1000000.0 from now on, and 1e-9 before"].map(String::from)
+    );
+    longer.run(|_| ()).unwrap();
+    assert_eq!(longer.steps_done(), 7);
+}
+
+/// Every key of these tables, as `table.key`, from the schema that editors get.
+fn keys() -> BTreeSet<String> {
+    let schema: Value = serde_json::from_str(&description::schema()).unwrap();
+    let properties = |of: &Value| -> Vec<(String, Value)> {
+        let own = of["properties"].as_object().unwrap();
+        own.iter().map(|(name, own)| (name.clone(), own.clone())).collect()
+    };
+    let target = |of: &Value| -> Value {
+        let choices = [&of["$ref"], &of["items"]["$ref"], &of["anyOf"][0]["$ref"]];
+        let name = choices.into_iter().find_map(Value::as_str);
+        name.map_or(Value::Null, |name| schema["$defs"][name.rsplit('/').next().unwrap()].clone())
+    };
+    let whole: Vec<_> = properties(&schema);
+    let of = |table: &str| target(&whole.iter().find(|(name, _)| name == table).unwrap().1);
+    let mut all = BTreeSet::new();
+    for table in ["pipeline", "learn", "loss", "stages", "stop"] {
+        for (name, own) in properties(&of(table)) {
+            let inner = target(&own);
+            let key = format!("{table}.{name}");
+            match inner["properties"].is_object() {
+                true => {
+                    all.extend(properties(&inner).iter().map(|(own, _)| format!("{key}.{own}")))
+                }
+                false => drop(all.insert(key)),
+            }
+        }
+    }
+    all
+}
+
+/// What becomes of a change between save and resume.
+enum Then {
+    /// It is named, and takes effect.
+    Takes,
+    /// It is refused, with these words.
+    Refused(&'static str),
+    /// It is named, and nothing that is learnt here can tell.
+    Named,
+}
+
+/// A key, text of the scene, what stands in its place, and what becomes of that.
+fn changes() -> Vec<(&'static str, &'static str, &'static str, Then)> {
+    use Then::{Named, Refused, Takes};
+    let start = "the start that it learnt from";
+    vec![
+        ("pipeline.silhouettes", "\"antialias\"", "\"exact\"", Takes),
+        ("pipeline.surface", "surface = \"metallic-roughness\"", "surface = \"lambert\"", Takes),
+        // A closed mesh looks alike.
+        ("pipeline.cull", "cull = \"none\"", "cull = \"back\"", Named),
+        ("pipeline.texture_filter", "\"trilinear\"", "\"nearest\"", Named),
+        ("pipeline.background", "background = [0, 0, 0]", "background = [0.2, 0, 0]", Takes),
+        ("pipeline.near", "near = 0.01", "near = 4.2", Takes),
+        ("pipeline.far", "far = 100.0", "far = 5.0", Takes),
+        ("pipeline.tone", "tone = \"srgb\"", "tone = \"linear\"", Takes),
+        ("pipeline.exposure", "exposure = 0.1", "exposure = 0.3", Refused(start)),
+        ("pipeline.blur", "blur = 0.5", "blur = 0.7", Refused(start)),
+        ("pipeline.lens.aperture", "aperture = 0.5", "aperture = 0.6", Refused(start)),
+        ("pipeline.lens.focus", "focus = 4.0", "focus = 4.5", Refused(start)),
+        ("pipeline.lens.tolerance", "tolerance = 1e-3", "tolerance = 1e-1", Takes),
+        ("learn.vertices.rate", "rate = 0.01\nsmoothing", "rate = 0.02\nsmoothing", Takes),
+        ("learn.vertices.smoothing", "smoothing = 5.0", "smoothing = 9.0", Refused("lambda")),
+        ("learn.vertices.rigid", "rigid = 0.1", "rigid = 0.2", Takes),
+        ("learn.vertices.laplacian", "laplacian = 0.1", "laplacian = 0.2", Takes),
+        ("learn.vertices.edge_length", "edge_length = 0.1", "edge_length = 0.2", Takes),
+        ("learn.vertices.normals", "normals = 0.1", "normals = 0.2", Takes),
+        // The same meshes, all of them.
+        ("learn.vertices.meshes", "normals = 0.1\nmeshes = [\"cube\"]", "normals = 0.1", Named),
+        ("learn.colors.rate", "rate = 0.05\nmeshes", "rate = 0.09\nmeshes", Takes),
+        ("learn.colors.meshes", "rate = 0.05\nmeshes = [\"cube\"]", "rate = 0.05", Named),
+        (
+            "learn.roughness.rate",
+            "[learn.roughness]\nrate = 0.05",
+            "[learn.roughness]\nrate = 0.1",
+            Takes,
+        ),
+        (
+            "learn.metallic.rate",
+            "[learn.metallic]\nrate = 0.05",
+            "[learn.metallic]\nrate = 0.1",
+            Takes,
+        ),
+        ("learn.pose.rate", "[learn.pose]\nrate = 0.01", "[learn.pose]\nrate = 0.02", Takes),
+        ("learn.pose.meshes", "rate = 0.01\nmeshes = [\"cube\"]", "rate = 0.01", Named),
+        ("learn.cameras.rate", "rate = 0.003", "rate = 0.004", Takes),
+        (
+            "learn.intrinsics.rate",
+            "[learn.intrinsics]\nrate = 0.002",
+            "[learn.intrinsics]\nrate = 0.004",
+            Takes,
+        ),
+        (
+            "learn.distortion.rate",
+            "[learn.distortion]\nrate = 0.002",
+            "[learn.distortion]\nrate = 0.004",
+            Takes,
+        ),
+        ("learn.lights.rate", "[learn.lights]\nrate = 0.03", "[learn.lights]\nrate = 0.04", Takes),
+        (
+            "learn.light_places.rate",
+            "[learn.light_places]\nrate = 0.02",
+            "[learn.light_places]\nrate = 0.03",
+            Takes,
+        ),
+        (
+            "learn.exposure.rate",
+            "[learn.exposure]\nrate = 0.02",
+            "[learn.exposure]\nrate = 0.03",
+            Takes,
+        ),
+        ("learn.blur.rate", "[learn.blur]\nrate = 0.03", "[learn.blur]\nrate = 0.04", Takes),
+        ("learn.lens.rate", "[learn.lens]\nrate = 0.02", "[learn.lens]\nrate = 0.03", Takes),
+        ("loss.kind", "\"squared\"", "\"huber\"", Takes),
+        ("loss.silhouette", "silhouette = 0.5", "silhouette = 0.6", Takes),
+        ("loss.ssim", "ssim = 0.1", "ssim = 0.2", Takes),
+        ("stages.steps", "steps = 3", "steps = 5", Takes),
+        ("stages.reduce", "reduce = 1", "reduce = 2", Takes),
+        (
+            "stages.views_per_step",
+            "steps = 3\nreduce = 1\nviews_per_step = 2",
+            "steps = 3\nviews_per_step = 3",
+            Takes,
+        ),
+        ("stages.rates", "rates = 0.9", "rates = 0.4", Takes),
+        ("stages.learn", "rates = 0.9", "learn = [\"vertices\"]", Takes),
+        ("stop.loss_below", "[loss]", "[stop]\nloss_below = 1e3\n[loss]", Takes),
+        ("stop.patience", "[loss]", "[stop]\npatience = 1\n[loss]", Named),
+        ("stop.seconds", "[loss]", "[stop]\nseconds = 1e-9\n[loss]", Takes),
+        // With stages it says nothing.
+        ("stop.steps", "[loss]", "[stop]\nsteps = 2\n[loss]", Named),
+        ("stop.views_per_step", "[loss]", "[stop]\nviews_per_step = 2\n[loss]", Named),
+        ("seed", "seed = 1", "seed = 2", Takes),
+    ]
+}
+
+#[test]
+fn what_is_changed_before_a_fit_goes_on_is_named_and_takes_effect_or_is_refused() {
+    let place = tempfile::tempdir().unwrap();
+    let (early, late) = (place.path().join("early"), place.path().join("late"));
+    let mut fit = SceneFit::new(scene(place.path(), SCENE)).unwrap();
+    fit.save(&early).unwrap();
+    advance(&mut fit, 2);
+    fit.save(&late).unwrap();
+    let unchanged = end(fit);
+    let mut known = BTreeSet::new();
+    for (key, from, to, then) in changes() {
+        known.insert(key.to_owned());
+        assert!(SCENE.contains(from), "{key}");
+        let text = SCENE.replacen(from, to, 1);
+        let load = || scene(place.path(), &text);
+        let resumed = SceneFit::resume(load(), &late);
+        if let Then::Refused(words) = then {
+            let said = resumed.err().map(|error| error.to_string()).unwrap_or_default();
+            assert!(said.contains(words), "{key}: {said}");
+            continue;
+        }
+        let resumed = resumed.unwrap_or_else(|error| panic!("{key}: {error}"));
+        let key_at = key.replace("stages.", "stages[0].");
+        let is_named = resumed.changed().iter().any(|said| said.starts_with(&format!("`{key_at}")));
+        assert!(is_named, "{key}: {:?}", resumed.changed());
+        let found = end(resumed);
+        let is_other = found != unchanged;
+        assert_eq!(is_other, matches!(then, Then::Takes), "{key}");
+        // What is saved before the first step is a fit of what is changed, from its start.
+        let first = end(SceneFit::resume(load(), &early).unwrap());
+        assert_eq!(first, end(SceneFit::new(load()).unwrap()), "{key}");
+    }
+    let keys = keys();
+    assert!(keys.len() > 40, "{keys:?}");
+    // Maps and light from all sides are not in the scene; they are learnt as roughness and lights are.
+    let absent = ["learn.texture.", "learn.environment."];
+    let others = ["meshes", "total_variation"];
+    let is_elsewhere = |key: &&String| {
+        absent.iter().any(|own| key.starts_with(own))
+            || (key.starts_with("learn.roughness.") || key.starts_with("learn.metallic."))
+                && others.iter().any(|own| key.ends_with(own))
+    };
+    let missing: Vec<_> = keys.difference(&known).filter(|key| !is_elsewhere(key)).collect();
+    assert!(missing.is_empty(), "{missing:?}");
+}
+
+#[test]
+fn a_fit_made_longer_continues_the_longer_schedule() {
+    let place = tempfile::tempdir().unwrap();
+    let saved = place.path().join("saved");
+    let text = |steps: usize| {
+        format!(
+            "[[meshes]]\nshape = \"cube\"\n[learn.pose]\n[stop]\nsteps = {steps}\nviews_per_step = 4\n"
+        )
+    };
+    let mut fit = SceneFit::new(scene(place.path(), &text(4))).unwrap();
+    fit.run(|_| ()).unwrap();
+    fit.save(&saved).unwrap();
+    let step_of = |steps: usize| {
+        let mut fit = SceneFit::resume(scene(place.path(), &text(steps)), &saved).unwrap();
+        assert_eq!(fit.changed(), [format!("`stop.steps`: {steps} from now on, and 4 before")]);
+        let before = fit.parameters().value("pose/cube").unwrap();
+        fit.step().unwrap().unwrap();
+        let after = fit.parameters().value("pose/cube").unwrap();
+        let moves = after.data().iter().zip(before.data()).map(|(a, b)| f64::from((a - b).abs()));
+        moves.fold(0.0, f64::max)
+    };
+    // Steps of Adam are in proportion to the rate, which is half of it in the middle of a cosine, and nearly
+    // a hundredth, the last step's of the short schedule, nowhere.
+    let factor =
+        |steps: f64| 0.01 + 0.99 * 0.5 * (1.0 + (std::f64::consts::PI * 4.0 / steps).cos());
+    let ratio = step_of(8) / step_of(400);
+    assert!((ratio / (factor(8.0) / factor(400.0)) - 1.0).abs() < 0.01, "{ratio}");
+}
+
+#[test]
+fn stages_that_are_done_stay_as_they_were_and_files_are_named() {
+    let place = tempfile::tempdir().unwrap();
+    let saved = place.path().join("saved");
+    let mut fit = SceneFit::new(scene(place.path(), SCENE)).unwrap();
+    advance(&mut fit, 5);
+    fit.save(&saved).unwrap();
+    let resume = |from: &str, to: &str| {
+        let scene = scene(place.path(), &SCENE.replacen(from, to, 1));
+        SceneFit::resume(scene, &saved)
+    };
+    let error = resume("steps = 3", "steps = 4").err().unwrap().to_string();
+    assert!(
+        error.contains("the stages that are done as they were: `stages[0].steps`, 3"),
+        "{error}"
+    );
+    let longer = resume("steps = 4", "steps = 9").unwrap();
+    assert_eq!((longer.steps_done(), longer.steps()), (5, 12));
+    // Another mesh that is learnt, and another image.
+    let cube = "shape = \"cube\"";
+    let error = resume(cube, &format!("{cube}\nfaces = 48")).err().unwrap().to_string();
+    assert!(error.contains("with the preconditioner of"), "{error}");
+    let loaded = scene(place.path(), SCENE);
+    let bytes = fs::read(place.path().join("2.png")).unwrap();
+    fs::write(place.path().join("0.png"), bytes).unwrap();
+    let fit = SceneFit::resume(loaded, &saved).unwrap();
+    assert_eq!(fit.changed().len(), 1);
+    assert!(fit.changed()[0].starts_with("0.png: "), "{:?}", fit.changed());
+}
