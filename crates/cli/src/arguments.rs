@@ -27,6 +27,9 @@ pub struct Request {
     pub(crate) common: Common,
 }
 
+/// The folder of reports and results, where the user names none.
+pub(crate) const USUAL_OUT: &str = "out";
+
 /// What to do other than the default.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
@@ -134,9 +137,9 @@ pub(crate) struct RenderArguments {
     /// Only this view [default: all]
     #[arg(long, value_name = "NAME")]
     pub(crate) view: Option<String>,
-    /// Folder for the files
-    #[arg(long, value_name = "DIR", default_value = "out")]
-    pub(crate) out: PathBuf,
+    /// Folder for the files [default: out]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
     /// Threads [default: one per core]; files are the same bits for any number
     #[arg(long, value_name = "N", value_parser = threads)]
     pub(crate) threads: Option<usize>,
@@ -230,8 +233,13 @@ impl Request {
         let out = self.common().out.clone();
         match &self.command {
             Some(Command::Fit(_)) => out,
-            _ => Some(out.unwrap_or_else(|| "out".into())),
+            _ => Some(out.unwrap_or_else(|| USUAL_OUT.into())),
         }
+    }
+
+    /// Whether the user named the folder of the report.
+    pub(crate) fn is_out_named(&self) -> bool {
+        self.common().out.is_some()
     }
 
     /// Where the outcome goes as JSON.

@@ -5,6 +5,8 @@ use std::process::ExitCode;
 
 use bokashi_fit::FitError;
 
+use crate::plain::plain;
+
 /// What `--help` says of the exit status.
 pub const EXIT_STATUSES: &str = "\
 Exit status:
@@ -67,7 +69,7 @@ impl Failure {
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::CommandLine(text) => f.write_str(text.trim_end()),
+            Self::CommandLine(text) => f.write_str(&plain(text.trim_end())),
             Self::Use(text) | Self::Work(text) | Self::Interrupted { said: text, .. } => {
                 f.write_str(&one_line(text))
             }
@@ -87,9 +89,9 @@ pub fn ended(program: &str, result: Result<(), Failure>) -> ExitCode {
     ExitCode::from(failure.status())
 }
 
-/// Text of several lines as one.
+/// Text of several lines as one, for a terminal.
 pub(crate) fn one_line(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
+    plain(&text.split_whitespace().collect::<Vec<_>>().join(" ")).into_owned()
 }
 
 #[cfg(test)]
@@ -100,6 +102,10 @@ mod tests {
     fn a_failure_is_one_line() {
         let failure = Failure::Work("first\n\n  second\tthird\r\n".into());
         assert_eq!(failure.to_string(), "first second third");
+        let failure = Failure::Work("a\u{1b}[2J".into());
+        assert_eq!(failure.to_string(), "a\\u{1b}[2J");
+        let failure = Failure::CommandLine("'\u{1b}[2J'\n\nUsage\n".into());
+        assert_eq!(failure.to_string(), "'\\u{1b}[2J'\n\nUsage");
     }
 
     #[test]

@@ -12,6 +12,7 @@ mod new;
 pub mod output;
 pub mod panics;
 pub mod places;
+mod plain;
 pub mod plan;
 mod progress;
 pub mod run;

@@ -6,17 +6,22 @@ use std::path::Path;
 use bokashi_write::write_whole;
 
 use crate::failure::Failure;
+use crate::plain::{plain, plain_json};
 
 /// Whether `--json` names standard output.
 pub fn is_standard_output(file: &Path) -> bool {
     file == Path::new("-")
 }
 
-/// Writes to standard output.
+/// Writes to standard output what a terminal shows as it is: names in it can't steer one.
 ///
 /// # Errors
 /// [`Failure::Closed`] where its reader went away; [`Failure::Work`] for a full disk and the like.
 pub fn say(text: &str) -> Result<(), Failure> {
+    print(&plain(text))
+}
+
+fn print(text: &str) -> Result<(), Failure> {
     let mut output = io::stdout().lock();
     let said = output.write_all(text.as_bytes()).and_then(|()| output.flush());
     said.map_err(|error| unwritten("standard output", &error))
@@ -27,9 +32,9 @@ pub fn say(text: &str) -> Result<(), Failure> {
 /// # Errors
 /// As [`say`]; [`Failure::Work`] where the file cannot be written.
 pub fn say_json(file: &Path, json: &str) -> Result<(), Failure> {
-    let line = format!("{json}\n");
+    let line = format!("{}\n", plain_json(json));
     if is_standard_output(file) {
-        return say(&line);
+        return print(&line);
     }
     let said = |error| unwritten(&file.display().to_string(), &error);
     write_whole(file, line.as_bytes()).map_err(said)

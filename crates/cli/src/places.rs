@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use bokashi_write::{check_folder, resolved};
+use bokashi_write::{check_below, check_folder, check_inside, resolved};
 
 use crate::failure::Failure;
 use crate::output::is_standard_output;
@@ -15,6 +15,8 @@ const OF_REPORTS: [&str; 3] = ["html", "csv", "png"];
 pub struct Places<'a> {
     /// The folder of the report.
     pub out: Option<&'a Path>,
+    /// Whether the user named it: else a link in the current folder may not lead it elsewhere.
+    pub is_out_named: bool,
     /// Files of the report with fixed names.
     pub report: &'a [&'a str],
     /// Other files, each with the option that names it.
@@ -31,7 +33,7 @@ impl Places<'_> {
     pub fn check(&self) -> Result<(), Failure> {
         let mut known: Vec<(&str, PathBuf)> = Vec::new();
         let out = match self.out {
-            Some(out) => Some(check_out(out, self.report)?),
+            Some(out) => Some(check_out(out, self.is_out_named, self.report)?),
             None => None,
         };
         let files = self.files.iter().filter(|(_, file)| !is_standard_output(file));
@@ -65,12 +67,23 @@ impl Places<'_> {
 }
 
 /// The path of a report's folder that can be written to.
-fn check_out(out: &Path, report: &[&str]) -> Result<PathBuf, Failure> {
+fn check_out(out: &Path, is_named: bool, report: &[&str]) -> Result<PathBuf, Failure> {
     let said =
         |error: std::io::Error| Failure::Use(format!("--out needs a folder to write to: {error}"));
+    if !is_named {
+        check_inside(Path::new("."), out).map_err(|error| {
+            let out = out.display();
+            let rule = "a folder of results that is a link is named";
+            Failure::Use(format!("{rule}, as --out {out}, and it was not: {error}"))
+        })?;
+    }
     check_folder(out).map_err(said)?;
-    for file in report.iter().map(|name| out.join(name)).filter(|file| file.exists()) {
-        bokashi_write::check_file(&file).map_err(said)?;
+    for &name in report {
+        check_below(out, name).map_err(said)?;
+        let file = out.join(name);
+        if file.exists() {
+            bokashi_write::check_file(&file).map_err(said)?;
+        }
     }
     resolved(out).map_err(said)
 }
@@ -118,7 +131,8 @@ mod tests {
 
     fn check(out: Option<&Path>, files: &[(&'static str, &Path)]) -> Result<(), String> {
         let report = &["index.html"];
-        let places = Places { out, report, files: files.to_vec(), read: Vec::new() };
+        let files = files.to_vec();
+        let places = Places { out, is_out_named: true, report, files, read: Vec::new() };
         places.check().map_err(|failure| failure.to_string())
     }
 

@@ -1,6 +1,7 @@
 //! Doing what was asked: the fits, the report, the JSON, the last words.
 
 use std::ops::ControlFlow;
+use std::path::Path;
 use std::sync::{Arc, PoisonError};
 
 use bokashi_fit::{Alone, Ranks};
@@ -9,7 +10,7 @@ use bokashi_paper::run_cube_saving;
 use bokashi_report::ReportError;
 
 use crate::about::about;
-use crate::arguments::{Command, FitArguments, Request};
+use crate::arguments::{Command, FitArguments, Request, USUAL_OUT};
 use crate::failure::Failure;
 use crate::inspect;
 use crate::interrupt::{Interrupt, Writing, end_when_interrupted};
@@ -32,7 +33,9 @@ pub fn run(request: &Request) -> Result<(), Failure> {
         Some(Command::Samples(arguments)) => return samples::run(arguments),
         Some(Command::Render(own)) => {
             let (view, threads) = (own.view.as_deref(), own.threads);
-            return scene::render(&own.scene, view, &own.out, threads, own.quiet);
+            let out = own.out.as_deref().unwrap_or(Path::new(USUAL_OUT));
+            let is_named = own.out.is_some();
+            return scene::render(&own.scene, view, out, is_named, threads, own.quiet);
         }
         Some(Command::Fit(own)) => {
             if let Some(asked) = of_scene(own) {
@@ -49,6 +52,7 @@ pub fn run(request: &Request) -> Result<(), Failure> {
     let save = request.save().map(|file| ("--save", file.as_path()));
     Places {
         out: out.as_deref(),
+        is_out_named: request.is_out_named(),
         report: &REPORT,
         files: json.into_iter().chain(save).collect(),
         read: request.resume().map(|file| ("--resume", file.as_path())).into_iter().collect(),
@@ -80,7 +84,8 @@ fn of_scene(own: &FitArguments) -> Option<scene::Asked> {
     let is_given = |name: &str| own.given.iter().any(|given| given == name);
     Some(scene::Asked {
         scene: own.scene.clone()?,
-        out: own.common.out.clone().unwrap_or_else(|| "out".into()),
+        out: own.common.out.clone().unwrap_or_else(|| USUAL_OUT.into()),
+        is_out_named: own.common.out.is_some(),
         steps: is_given("steps").then_some(own.common.steps),
         seconds: own.time,
         resume: own.resume.clone(),

@@ -12,7 +12,7 @@ use crate::error::ReportError;
 use crate::figure::{GRID, INK, PALETTE, PALETTE_DARK};
 use crate::markup::escaped;
 use crate::viewer::{VIEWER_SCRIPT, holds_viewer};
-use bokashi_write::write_whole;
+use bokashi_write::{check_below, write_below};
 
 /// The style sheet, without the colours of the figures.
 const STYLE: &str = include_str!("page.css");
@@ -115,7 +115,7 @@ const PAGES: [(&str, &str); 6] = [
 /// of the page.
 ///
 /// # Errors
-/// [`ReportError::Write`] where the file system refuses.
+/// [`ReportError::Write`] where the file system refuses, and where a link in the folder leads out of it.
 pub fn add_page(folder: &Path, name: &str, html: &str) -> Result<PathBuf, ReportError> {
     debug_assert!(PAGES.iter().any(|&(page, _)| page == name), "{name} is no page of a report");
     let path = folder.join(name);
@@ -123,15 +123,16 @@ pub fn add_page(folder: &Path, name: &str, html: &str) -> Result<PathBuf, Report
         let path = path.to_owned();
         move |error| ReportError::Write { path, error }
     };
-    fs::create_dir_all(folder).map_err(failed(folder))?;
-    write_whole(&path, html.as_bytes()).map_err(failed(&path))?;
-    let present: Vec<_> = PAGES.iter().filter(|(page, _)| folder.join(page).is_file()).collect();
+    write_below(folder, name, html.as_bytes()).map_err(failed(&path))?;
+    // A link to what lies elsewhere is no page of this folder.
+    let is_there = |page: &str| folder.join(page).is_file() && check_below(folder, page).is_ok();
+    let present: Vec<_> = PAGES.iter().filter(|(page, _)| is_there(page)).collect();
     for (page, _) in &present {
         let path = folder.join(page);
         let html = fs::read_to_string(&path).map_err(failed(&path))?;
         let others = present.iter().filter(|(other, _)| other != page);
         if let Some(html) = naming(&html, others.copied()) {
-            write_whole(&path, html.as_bytes()).map_err(failed(&path))?;
+            write_below(folder, page, html.as_bytes()).map_err(failed(&path))?;
         }
     }
     Ok(path)

@@ -1,10 +1,11 @@
 //! Files as bytes: read up to a limit, written whole or not at all.
 
+use std::collections::HashSet;
 use std::fs::File;
 use std::io::{self, Read as _};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use bokashi_write::write_whole;
+use bokashi_write::{check_below, write_below, write_whole};
 
 use crate::error::{Place, SceneError};
 
@@ -55,12 +56,46 @@ pub(crate) fn read_start(
     Ok((bytes, known.len()))
 }
 
-/// Writes a file whole or not at all.
+/// Writes the file that the caller names whole or not at all.
 ///
 /// # Errors
 /// [`SceneError::Write`] where the file system refuses.
-pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), SceneError> {
-    write_whole(path, bytes).map_err(|error| SceneError::Write { path: path.to_owned(), error })
+pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), SceneError> {
+    write_whole(path, bytes).map_err(|error| unwritten(path, error))
+}
+
+/// Writes a result to `path` below the folder `out`, whole or not at all; folders on the way are made. Returns
+/// the whole path.
+///
+/// # Errors
+/// [`SceneError::Write`] where the file system refuses, and where a link in `out` leads out of it.
+pub fn write_result(
+    out: &Path,
+    path: impl AsRef<Path>,
+    bytes: &[u8],
+) -> Result<PathBuf, SceneError> {
+    let path = path.as_ref();
+    write_below(out, path, bytes).map_err(|error| unwritten(&out.join(path), error))
+}
+
+/// Whether [`write_result`] could write these files, before the work that makes them.
+///
+/// # Errors
+/// As [`write_result`]; [`SceneError::Write`] for two results that would be one file.
+pub fn check_results(out: &Path, paths: &[PathBuf]) -> Result<(), SceneError> {
+    let mut seen = HashSet::new();
+    for path in paths {
+        let failed = |error| unwritten(&out.join(path), error);
+        if !seen.insert(path) {
+            return Err(failed(io::Error::other("two results have this name")));
+        }
+        check_below(out, path).map_err(failed)?;
+    }
+    Ok(())
+}
+
+fn unwritten(path: &Path, error: io::Error) -> SceneError {
+    SceneError::Write { path: path.to_owned(), error }
 }
 
 /// Whether a file of a folder can have this name.

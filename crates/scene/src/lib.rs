@@ -43,7 +43,7 @@ pub use cameras::{
     transforms_json,
 };
 pub use error::{Place, SceneError};
-pub use file::{MOST_BYTES, write_file};
+pub use file::{MOST_BYTES, check_results, write_result};
 pub use fitting::{SceneFit, SeenView, ViewScore};
 pub use folder::Folder;
 /// Matrices and vectors of cameras and places.

@@ -1,5 +1,6 @@
 //! Views of a scene as files: pictures, depth, normals and ids.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use bokashi_core::{Tape, Tensor};
@@ -28,7 +29,25 @@ pub struct Rendered {
     pub files: Vec<(String, Vec<u8>)>,
 }
 
+/// What the names of a view's files end with.
+const ENDS: [&str; 8] = [
+    ".png",
+    ".exr",
+    "-depth.exr",
+    "-depth.png",
+    "-normals.exr",
+    "-normals.png",
+    "-ids.exr",
+    "-ids.png",
+];
+
 impl Scene {
+    /// The names of the files of these views, to be checked before they are rendered.
+    pub fn rendered_names(&self, views: &[usize]) -> Vec<PathBuf> {
+        let names = views.iter().map(|&view| &self.views[view].name);
+        names.flat_map(|name| ENDS.map(|end| PathBuf::from(format!("{name}{end}")))).collect()
+    }
+
     /// Renders these views, by their numbers, one after the other.
     ///
     /// # Errors

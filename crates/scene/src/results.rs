@@ -10,7 +10,7 @@ use serde_json::{Map, Value, json};
 use crate::cameras::transforms_json;
 use crate::description::{LightPlace, Tone};
 use crate::error::{Place, SceneError};
-use crate::file::write_file;
+use crate::file::write_result;
 use crate::mesh::{glb, ply};
 use crate::object::SurfaceLook;
 use crate::picture::{ColorSpace, Picture};
@@ -30,9 +30,7 @@ impl Scene {
             .map_err(|error| SceneError::Write { path: out.to_owned(), error })?;
         let mut written = Vec::new();
         let mut write = |name: &str, bytes: &[u8]| {
-            let path = out.join(name);
-            write_file(&path, bytes)?;
-            written.push(path);
+            written.push(write_result(out, name, bytes)?);
             Ok::<_, SceneError>(())
         };
         let model = self.model()?;
@@ -57,6 +55,14 @@ impl Scene {
         let numbers = serde_json::to_string_pretty(&self.numbers()).unwrap_or_default();
         write("numbers.json", format!("{numbers}\n").as_bytes())?;
         Ok(written)
+    }
+
+    /// The names of all files that [`Scene::save_results`] may write, to be checked before a fit.
+    pub fn result_names(&self) -> Vec<PathBuf> {
+        let usual = ["mesh.glb", "transforms.json", "environment.exr", "numbers.json"];
+        let meshes =
+            self.objects.iter().map(|object| PathBuf::from(format!("{}.ply", object.name)));
+        usual.into_iter().map(PathBuf::from).chain(meshes).collect()
     }
 
     /// The numbers that no mesh or camera holds, by name.

@@ -12,6 +12,7 @@
 //! is locked while its writer lives. Whoever writes to the same path next removes such files that
 //! nobody holds a lock on.
 
+mod below;
 #[cfg(test)]
 mod tests;
 
@@ -21,6 +22,8 @@ use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
+
+pub use below::{check_below, check_inside, place_below, write_below};
 
 /// Links are followed so often, as Linux does; more are a loop.
 const MOST_LINKS: usize = 40;

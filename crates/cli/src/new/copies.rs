@@ -2,11 +2,13 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::io;
 use std::path::{Component, Path, PathBuf};
 
 use bokashi_scene::{Folder, Place, SceneError};
-use bokashi_write::{resolved, write_whole};
+use bokashi_write::{check_below, resolved};
 
+use super::made::Made;
 use crate::failure::Failure;
 
 /// What is to be copied, and where to.
@@ -43,6 +45,10 @@ impl<'d> Copies<'d> {
         home: &Path,
     ) -> Result<PathBuf, SceneError> {
         let from = source.find(path)?;
+        if !from.is_file() {
+            let error = io::Error::other("it is no regular file");
+            return Err(SceneError::Read { path: source.join(path), error });
+        }
         // Relative, also where a file of cameras has it absolute.
         let root = resolved(source.path()).unwrap_or_default();
         let inside = path.strip_prefix(source.path()).or_else(|_| path.strip_prefix(root));
@@ -67,8 +73,13 @@ impl<'d> Copies<'d> {
     /// Leaves out what is there already.
     ///
     /// # Errors
-    /// [`Failure::Use`] where another file is in the place of a copy.
+    /// [`Failure::Use`] where another file is in the place of a copy, or a link leads out of the folder.
     pub(super) fn check(&mut self) -> Result<(), Failure> {
+        for to in self.all.keys() {
+            check_below(self.folder, to).map_err(|error| {
+                Failure::Use(format!("new needs places in its folder for copies: {error}"))
+            })?;
+        }
         let mut taken = None;
         self.all.retain(|to, from| {
             let place = self.folder.join(to);
@@ -95,15 +106,10 @@ impl<'d> Copies<'d> {
     ///
     /// # Errors
     /// [`Failure::Work`] where a file can't be read or written.
-    pub(super) fn write(&self) -> Result<(), Failure> {
+    pub(super) fn write(&self, made: &mut Made<'_>) -> Result<(), Failure> {
         for (to, from) in &self.all {
-            let place = self.folder.join(to);
-            let failed = |path: &Path, error| Failure::Work(format!("{}: {error}", path.display()));
-            let bytes = fs::read(from).map_err(|error| failed(from, error))?;
-            if let Some(parent) = place.parent() {
-                fs::create_dir_all(parent).map_err(|error| failed(parent, error))?;
-            }
-            write_whole(&place, &bytes).map_err(|error| failed(&place, error))?;
+            let unread = |error| Failure::Work(format!("{}: {error}", from.display()));
+            made.write(to, &fs::read(from).map_err(unread)?)?;
         }
         Ok(())
     }

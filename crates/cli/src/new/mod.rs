@@ -1,6 +1,7 @@
 //! A folder with a scene to begin with.
 
 mod copies;
+mod made;
 mod mesh;
 mod photographs;
 mod template;
@@ -9,9 +10,10 @@ use std::fs;
 use std::path::Path;
 
 use bokashi_scene::{Scene, SceneError, description};
-use bokashi_write::{check_folder, write_whole};
+use bokashi_write::{check_below, check_folder};
 
 use self::copies::Copies;
+use self::made::Made;
 use self::mesh::Start;
 use self::photographs::Photographs;
 use self::template::Template;
@@ -28,7 +30,7 @@ const SCHEMA: &str = "scene.schema.json";
 const MARK: &str = "\"title\": \"A scene for bokashi\"";
 
 /// Makes the folder that `arguments` name: files are copied first, then the schema is written, and the scene's
-/// file last.
+/// file last. Where that fails, what was made is removed again.
 ///
 /// # Errors
 /// [`Failure::Use`] for a folder that has a scene, can't be written, or has other files where copies would
@@ -50,31 +52,44 @@ pub(crate) fn run(arguments: &NewArguments) -> Result<(), Failure> {
     let photographs = photographs.map(|images| Photographs::of(images, &mut copies));
     let photographs = photographs.transpose().map_err(failed)?;
     copies.check()?;
-    let schema = folder.join(SCHEMA);
-    check_schema(&schema)?;
-    copies.write()?;
+    check_schema(folder)?;
     let template = Template { start: start.as_ref(), photographs: photographs.as_ref() };
-    let unwritten = |error| Failure::Work(format!("{}: {error}", folder.display()));
-    fs::create_dir_all(folder).map_err(unwritten)?;
-    write_whole(&schema, description::schema().as_bytes()).map_err(unwritten)?;
-    let text = format!("#:schema ./{SCHEMA}\n{}", template.text());
-    write_whole(&file, text.as_bytes()).map_err(unwritten)?;
-    let scene = Scene::load(&file).map_err(|error| {
-        // So that the same command can be given again.
-        let _ = fs::remove_file(&file);
-        failed(error)
-    })?;
-    say(&last_words(&file, &copies, &template, &scene))
+    let mut made = Made::new(folder);
+    match make(&mut made, &copies, &template, &file) {
+        Ok(scene) => say(&last_words(&file, &copies, &template, &scene)),
+        Err(failure) => {
+            // So that the same command can be given again.
+            made.undo();
+            Err(failure)
+        }
+    }
 }
 
-/// Whether a schema can be written to `file`: there is none, or one that another build wrote.
+/// Writes all files; the scene of them is then loaded.
+fn make(
+    made: &mut Made<'_>,
+    copies: &Copies<'_>,
+    template: &Template<'_>,
+    file: &Path,
+) -> Result<Scene, Failure> {
+    copies.write(made)?;
+    made.write(SCHEMA, description::schema().as_bytes())?;
+    made.write(SCENE, format!("#:schema ./{SCHEMA}\n{}", template.text()).as_bytes())?;
+    Scene::load(file).map_err(|error| Failure::Work(error.to_string()))
+}
+
+/// Whether a schema can be written to the folder: there is none, or one that another build wrote.
 ///
 /// # Errors
 /// [`Failure::Use`] where something else has the name.
-fn check_schema(file: &Path) -> Result<(), Failure> {
+fn check_schema(folder: &Path) -> Result<(), Failure> {
+    check_below(folder, SCHEMA).map_err(|error| {
+        Failure::Use(format!("new needs a place for the scene's schema: {error}"))
+    })?;
+    let file = folder.join(SCHEMA);
     let is_ours =
-        || file.is_file() && fs::read_to_string(file).is_ok_and(|text| text.contains(MARK));
-    if fs::symlink_metadata(file).is_err() || is_ours() {
+        || file.is_file() && fs::read_to_string(&file).is_ok_and(|text| text.contains(MARK));
+    if fs::symlink_metadata(&file).is_err() || is_ours() {
         return Ok(());
     }
     let rule = "new needs a folder without another file where the scene's schema goes";

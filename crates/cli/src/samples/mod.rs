@@ -28,7 +28,7 @@ pub(crate) fn run(arguments: &SamplesArguments) -> Result<(), Failure> {
     let json = arguments.json.as_deref().map(|file| ("--json", file));
     let files = json.into_iter().collect();
     let out = arguments.out.as_deref();
-    Places { out, report: &REPORT, files, read: Vec::new() }.check()?;
+    Places { out, is_out_named: true, report: &REPORT, files, read: Vec::new() }.check()?;
     start_threads(arguments.threads)?;
     let writing = Writing::default();
     end_when_interrupted(&writing, None)?;

@@ -7,12 +7,13 @@ use std::time::{Duration, Instant};
 
 use bokashi_fit::{FitError, Given, Ranks, agree, agreed, check_alike};
 use bokashi_report::{ReportError, add_page};
-use bokashi_scene::{Scene, SceneError, SceneFit, SeenView, ViewScore};
+use bokashi_scene::{Scene, SceneError, SceneFit, SeenView, ViewScore, check_results};
+use bokashi_write::place_below;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::outcome::{Outcome, mean_held_out, values};
 use super::page::{self, Curves, PAGE};
-use super::pictures::{Pictures, block, data};
+use super::pictures::{KINDS, Pictures, block, data, path};
 use crate::failure::{Failure, one_line};
 use crate::interrupt::{Interrupt, Writing, end_when_interrupted};
 use crate::live::{Ended, Live, Snapshot, View};
@@ -40,6 +41,8 @@ const MOST_POINTS: usize = 4000;
 pub(crate) struct Asked {
     pub(crate) scene: PathBuf,
     pub(crate) out: PathBuf,
+    /// Whether the user named it.
+    pub(crate) is_out_named: bool,
     /// At most so many steps, those before included.
     pub(crate) steps: Option<u64>,
     pub(crate) seconds: Option<f64>,
@@ -184,11 +187,24 @@ fn begin(
     if is_first {
         let json = asked.json.as_deref().map(|file| ("--json", file));
         let files = json.into_iter().collect();
-        Places { out: Some(&asked.out), report: &[PAGE], files, read: Vec::new() }.check()?;
+        let (out, is_out_named) = (Some(asked.out.as_path()), asked.is_out_named);
+        let report = &[PAGE, CHECKPOINT];
+        Places { out, is_out_named, report, files, read: Vec::new() }.check()?;
     }
     start_threads(asked.threads)?;
     end_when_interrupted(writing, Some(interrupt))?;
-    Scene::load(&asked.scene).map_err(failed)
+    let scene = Scene::load(&asked.scene).map_err(failed)?;
+    if is_first {
+        check_results(&asked.out, &results(&scene)).map_err(failed)?;
+    }
+    Ok(scene)
+}
+
+/// Where the files of a fit lie in the folder of results.
+fn results(scene: &Scene) -> Vec<PathBuf> {
+    let own = [PAGE, CHECKPOINT].map(PathBuf::from).into_iter().chain(scene.result_names());
+    let views = scene.views.iter();
+    own.chain(views.flat_map(|view| KINDS.map(|what| path(&view.name, what)))).collect()
 }
 
 /// A bar on a terminal.
@@ -320,8 +336,8 @@ impl Running<'_> {
 
     /// Saves the fit; the folder may be gone meanwhile.
     fn save(&self) -> Result<(), SceneError> {
-        make_folder(&self.asked.out)?;
-        self.fit.save(&self.checkpoint)
+        let failed = |error| SceneError::Write { path: self.checkpoint.clone(), error };
+        self.fit.save(place_below(&self.asked.out, CHECKPOINT).map_err(failed)?)
     }
 
     /// Says on standard error what is wrong, above the bar.
@@ -415,12 +431,10 @@ impl Running<'_> {
     /// Writes the pictures of all views. Each rank draws and writes some, of which it has one at a time in
     /// memory.
     fn save_views(&self) -> Result<Vec<ViewScore>, SceneError> {
-        let folder = self.asked.out.join(page::VIEWS);
         let scene = self.fit.scene();
         let views: Vec<_> = (0..scene.views.len()).collect();
         self.fit.scores_with(&views, |seen| {
-            make_folder(&folder)?;
-            Pictures::of(scene, seen)?.save(&scene.views[seen.score.view].name, &folder)
+            Pictures::of(scene, seen)?.save(&scene.views[seen.score.view].name, &self.asked.out)
         })
     }
 

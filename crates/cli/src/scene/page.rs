@@ -8,13 +8,11 @@ use bokashi_report::{
 use bokashi_scene::SceneFit;
 
 use super::outcome::Outcome;
-use super::pictures::{GAIN, KINDS, file_name};
+use super::pictures::{GAIN, KINDS, VIEWS, file_name};
 use crate::about::footer;
 
 /// The name of the page.
 pub(super) const PAGE: &str = "index.html";
-/// The folder of the views' pictures, beside the page.
-pub(super) const VIEWS: &str = "views";
 
 /// Curves over the seconds of a fit.
 #[derive(Debug, Default)]
@@ -43,7 +41,7 @@ pub(super) fn render(
         format!(" Views that were never learnt from are matched to {psnr:.1} dB.")
     });
     let document = Document {
-        title: format!("Bokashi: {}", escaped(&name)),
+        title: format!("Bokashi: {name}"),
         heading: escaped(&name),
         introduction: format!("<p>{}.{held_out}</p>", outcome.said()),
         sections,

@@ -1,13 +1,13 @@
 //! Pictures of a scene as files: what is seen, what was to be seen, how the two differ.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use bokashi_report::{ReportError, ViewerMesh, ViewerTexture, viewer, viewer_data};
 use bokashi_scene::Tensor;
 use bokashi_scene::{
     ColorSpace, Geometry, Indexed, Model, Picture, Place, Scene, SceneError, SeenView, Submesh,
-    write_file,
+    write_result,
 };
 use glam::DMat4;
 
@@ -17,9 +17,17 @@ pub(super) const GAIN: f32 = 4.0;
 /// What the files of a view show. A view without an image has the first alone.
 pub(super) const KINDS: [&str; 3] = ["result", "target", "difference"];
 
+/// The folder of the views' pictures, beside the page.
+pub(super) const VIEWS: &str = "views";
+
 /// What a file of a view is called.
 pub(super) fn file_name(view: &str, what: &str) -> String {
     format!("{view}-{what}.png")
+}
+
+/// Where a file of a view lies in the folder of results.
+pub(super) fn path(view: &str, what: &str) -> PathBuf {
+    Path::new(VIEWS).join(file_name(view, what))
 }
 
 /// The PNGs of a view.
@@ -49,12 +57,12 @@ impl Pictures {
         })
     }
 
-    /// Writes the files of a view into a folder: [`file_name`] says what they are called.
-    pub(super) fn save(&self, view: &str, folder: &Path) -> Result<(), SceneError> {
+    /// Writes the files of a view into the folder of results: [`path`] says where they lie.
+    pub(super) fn save(&self, view: &str, out: &Path) -> Result<(), SceneError> {
         let all = [Some(&self.picture), self.target.as_ref(), self.difference.as_ref()];
         for (what, png) in KINDS.into_iter().zip(all) {
             if let Some(png) = png {
-                write_file(&folder.join(file_name(view, what)), png)?;
+                write_result(out, path(view, what), png)?;
             }
         }
         Ok(())

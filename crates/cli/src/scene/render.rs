@@ -2,14 +2,15 @@
 
 use std::path::Path;
 
-use bokashi_scene::{Scene, SceneError, write_file};
+use bokashi_scene::{Scene, SceneError, check_results, write_result};
 
 use crate::failure::Failure;
 use crate::output::say;
 use crate::places::Places;
 use crate::threads::start_threads;
 
-/// Renders the views of the scene at `path`, or one of them, to the folder `out`.
+/// Renders the views of the scene at `path`, or one of them, to the folder `out`, which the user named or which
+/// is the usual one.
 ///
 /// # Errors
 /// [`Failure::Use`] for a view that is not there, and places that can't be written to; [`Failure::Work`] for
@@ -18,10 +19,11 @@ pub(crate) fn render(
     path: &Path,
     view: Option<&str>,
     out: &Path,
+    is_out_named: bool,
     threads: Option<usize>,
     quiet: bool,
 ) -> Result<(), Failure> {
-    Places { out: Some(out), report: &[], files: Vec::new(), read: Vec::new() }.check()?;
+    Places { out: Some(out), is_out_named, ..Places::default() }.check()?;
     start_threads(threads)?;
     let failed = |error: SceneError| Failure::Work(error.to_string());
     let scene = Scene::load(path).map_err(failed)?;
@@ -36,12 +38,13 @@ pub(crate) fn render(
             }
         },
     };
+    check_results(out, &scene.rendered_names(&all)).map_err(failed)?;
     std::fs::create_dir_all(out)
         .map_err(|error| Failure::Work(format!("{} could not be made: {error}", out.display())))?;
     for rendered in scene.rendered(&all).map_err(failed)? {
         let rendered = rendered.map_err(failed)?;
         for (name, bytes) in &rendered.files {
-            write_file(&out.join(name), bytes).map_err(failed)?;
+            write_result(out, name, bytes).map_err(failed)?;
         }
         if !quiet {
             say(&format!("{}: {} files\n", rendered.view, rendered.files.len()))?;

@@ -1,10 +1,9 @@
 //! The page of a run, and its files.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use bokashi_report::{Document, ReportError, Section, add_page, escaped};
-use bokashi_write::write_whole;
+use bokashi_write::write_below;
 
 use crate::bench::effort::Effort;
 use crate::bench::setting::method;
@@ -41,8 +40,7 @@ pub fn write_page(
 
 /// Writes the file `prefix-name.csv`.
 pub(crate) fn write_csv(table: &Table, prefix: &str, folder: &Path) -> Result<(), ReportError> {
-    let path = folder.join(format!("{prefix}-{}.csv", table.name));
-    let written =
-        fs::create_dir_all(folder).and_then(|()| write_whole(&path, table.csv().as_bytes()));
-    written.map_err(|error| ReportError::Write { path, error })
+    let name = format!("{prefix}-{}.csv", table.name);
+    let failed = |error| ReportError::Write { path: folder.join(&name), error };
+    write_below(folder, &name, table.csv().as_bytes()).map(drop).map_err(failed)
 }

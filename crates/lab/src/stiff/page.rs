@@ -1,14 +1,13 @@
 //! A trial as a page of a report, and as CSV.
 
 use std::fmt::Write as _;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use bokashi_report::{
     Curve, Document, Figure, PALETTE, Panel, ReportError, SIZES, Scale, Section, Stroke, add_page,
     escaped, legend_line, row,
 };
-use bokashi_write::write_whole;
+use bokashi_write::write_below;
 
 use super::optimizers::{Outcome, Run};
 use super::problem::Family;
@@ -38,8 +37,7 @@ pub fn write_page(study: &Study, footer: &str, folder: &Path) -> Result<PathBuf,
         sections: sections(study)?,
         footer: footer.to_owned(),
     };
-    fs::create_dir_all(folder)
-        .and_then(|()| write_whole(&folder.join("stiff.csv"), csv(&study.runs).as_bytes()))
+    write_below(folder, "stiff.csv", csv(&study.runs).as_bytes())
         .map_err(|error| ReportError::Write { path: folder.join("stiff.csv"), error })?;
     add_page(folder, "stiff.html", &page.html())
 }

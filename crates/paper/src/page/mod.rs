@@ -24,12 +24,11 @@ mod results;
 mod sections;
 mod table;
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use bokashi_fit::FitError;
 use bokashi_report::{ReportError, add_page};
-use bokashi_write::write_whole;
+use bokashi_write::write_below;
 
 pub use self::about::About;
 use self::alternatives::Trial;
@@ -131,10 +130,8 @@ impl Rendered {
     /// [`ReportError::Write`] where the file system refuses.
     pub fn write(&self, folder: &Path) -> Result<PathBuf, ReportError> {
         for (name, bytes) in &self.files {
-            let path = folder.join(name);
-            let parent = path.parent().unwrap_or(folder);
-            let written = fs::create_dir_all(parent).and_then(|()| write_whole(&path, bytes));
-            written.map_err(|error| ReportError::Write { path, error })?;
+            let failed = |error| ReportError::Write { path: folder.join(name), error };
+            write_below(folder, name, bytes).map_err(failed)?;
         }
         // The page last: whoever sees it finds the rest in place.
         add_page(folder, PAGE, &self.page)

@@ -3,6 +3,8 @@
 //!
 //! The units of `bokashi-scene` have more cases of each kind. Here a limit of the system stands behind each.
 
+mod written;
+
 use std::fs;
 use std::io::{Read, Seek};
 use std::path::Path;
