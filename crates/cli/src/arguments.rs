@@ -121,6 +121,9 @@ pub(crate) struct FitArguments {
     /// by default the checkpoint in --out
     #[arg(long, value_name = "FILE", num_args = 0..=1)]
     pub(crate) resume: Option<Option<PathBuf>>,
+    /// Of a scene: memory that its files may ask for, such as 8GiB [default: half of what there is]
+    #[arg(long, value_name = "SIZE", requires = "scene", value_parser = bytes)]
+    pub(crate) memory: Option<u64>,
     /// The names of the options that the command line has.
     #[arg(skip)]
     pub(crate) given: Vec<String>,
@@ -134,6 +137,8 @@ pub(crate) struct RenderArguments {
     /// The scene
     #[arg(value_name = "SCENE.TOML")]
     pub(crate) scene: PathBuf,
+    #[command(flatten)]
+    pub(crate) memory: MostMemory,
     /// Only this view [default: all]
     #[arg(long, value_name = "NAME")]
     pub(crate) view: Option<String>,
@@ -196,6 +201,8 @@ pub(crate) struct InspectArguments {
     /// .obj .ply .gltf .glb, .png .jpg .jpeg .exr, scene.toml, transforms.json, .safetensors
     #[arg(value_name = "FILE")]
     pub(crate) file: PathBuf,
+    #[command(flatten)]
+    pub(crate) memory: MostMemory,
     /// File for the facts as a JSON object; - for standard output, and then nothing else there
     #[arg(long, value_name = "FILE")]
     pub(crate) json: Option<PathBuf>,
@@ -213,6 +220,16 @@ pub(crate) struct NewArguments {
     /// Folder of images to copy, with transforms.json or sparse/0 and masks if it has them
     #[arg(long, value_name = "FOLDER")]
     pub(crate) images: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) memory: MostMemory,
+}
+
+/// The option of commands that read meshes, images and scenes.
+#[derive(Debug, Clone, Copy, Args)]
+pub(crate) struct MostMemory {
+    /// Memory that files may ask for, such as 8GiB [default: half of what there is]
+    #[arg(long, value_name = "SIZE", value_parser = bytes)]
+    pub(crate) memory: Option<u64>,
 }
 
 impl Request {
@@ -274,6 +291,17 @@ impl Request {
                 Saving { resume, save: fit.save.clone(), every: fit.save_every }
             }
             _ => Saving::default(),
+        }
+    }
+
+    /// How many bytes of memory files may ask for, where that is said.
+    pub(crate) fn memory(&self) -> Option<u64> {
+        match self.command.as_ref()? {
+            Command::Fit(own) => own.memory,
+            Command::Render(own) => own.memory.memory,
+            Command::Inspect(own) => own.memory.memory,
+            Command::New(own) => own.memory.memory,
+            Command::Reproduce(_) | Command::Samples(_) => None,
         }
     }
 
@@ -369,6 +397,17 @@ pub fn threads(text: &str) -> Result<usize, String> {
     whole(text, 1, MOST_THREADS as u64).map(|number| number as usize)
 }
 
+/// A size of memory in bytes: a number and a unit.
+fn bytes(text: &str) -> Result<u64, String> {
+    let units = [("KiB", 10), ("MiB", 20), ("GiB", 30), ("TiB", 40)];
+    let found = units.into_iter().find_map(|(unit, power)| {
+        let number: f64 = text.strip_suffix(unit)?.trim_end().parse().ok()?;
+        let bytes = number * (1_u64 << power) as f64;
+        (bytes >= 1.0 && bytes < (1_u64 << 63) as f64).then_some(bytes as u64)
+    });
+    found.ok_or_else(|| "needs a size in KiB, MiB, GiB or TiB, such as 8GiB".to_owned())
+}
+
 /// Larger images would need more memory than a report of them is worth.
 fn resolution(text: &str) -> Result<usize, String> {
     whole(text, 1, 4096).map(|number| number as usize)
@@ -450,6 +489,18 @@ mod tests {
     }
 
     #[test]
+    fn memory_is_a_number_with_a_unit() {
+        for (text, expected) in [("8GiB", 8 << 30), ("1.5 MiB", 3 << 19), ("512KiB", 1 << 19)] {
+            assert_eq!(bytes(text), Ok(expected));
+        }
+        for line in ["fit a.toml", "render a.toml", "inspect a.toml", "new a"] {
+            assert_eq!(read(line).expect(line).memory(), None);
+            let line = format!("{line} --memory 8GiB");
+            assert_eq!(read(&line).expect(&line).memory(), Some(8 << 30));
+        }
+    }
+
+    #[test]
     fn options_that_were_given_are_told_from_defaults() {
         let Some(Command::Fit(fit)) = read("fit --seed 0 --steps 10000").expect("both").command
         else {
@@ -503,6 +554,11 @@ mod tests {
             ("fit scene.toml extra", "'extra'", "--help"),
             ("fit scene.toml --seed 3", "'--seed <N>'", "[SCENE.TOML]"),
             ("fit --time 3", "<SCENE.TOML>", "required"),
+            ("inspect a.obj --memory 8", "'8'", "needs a size in KiB, MiB, GiB or TiB"),
+            ("inspect a.obj --memory -8GiB", "'-8GiB'", "--help"),
+            ("inspect a.obj --memory 0GiB", "'0GiB'", "such as 8GiB"),
+            ("inspect a.obj --memory NaNGiB", "'NaNGiB'", "such as 8GiB"),
+            ("fit --memory 8GiB", "<SCENE.TOML>", "required"),
             ("fit --resume", "the file of a saved fit", "of a scene"),
             ("--seed 3", "'--seed'", "--help"),
         ];

@@ -8,6 +8,7 @@ use bokashi_fit::{Alone, Ranks};
 use bokashi_paper::page::Report;
 use bokashi_paper::run_cube_saving;
 use bokashi_report::ReportError;
+use bokashi_scene::limit_memory;
 
 use crate::about::about;
 use crate::arguments::{Command, FitArguments, Request, USUAL_OUT};
@@ -29,6 +30,7 @@ const REPORT: [&str; 3] = ["index.html", "fits.csv", "histories.csv"];
 
 /// Does all that `request` asks for.
 pub fn run(request: &Request) -> Result<(), Failure> {
+    request.memory().into_iter().for_each(limit_memory);
     match &request.command {
         Some(Command::Samples(arguments)) => return samples::run(arguments),
         Some(Command::Render(own)) => {
@@ -71,6 +73,7 @@ pub fn run(request: &Request) -> Result<(), Failure> {
 /// # Errors
 /// As [`run`]; [`Failure::Use`] for a request that ranks do not share.
 pub fn run_among(request: &Request, ranks: &Ranks<f32>) -> Result<(), Failure> {
+    request.memory().into_iter().for_each(limit_memory);
     let asked = match &request.command {
         Some(Command::Fit(own)) => of_scene(own),
         _ => None,

@@ -8,6 +8,8 @@ use std::path::{Path, PathBuf};
 use bokashi_fit::FitError;
 use bokashi_render_ops::RenderError;
 
+use crate::memory::shown as bytes;
+
 /// The most characters of a path or a message: both may have names that are as long as a file likes.
 const LONGEST: usize = 1000;
 
@@ -97,6 +99,20 @@ pub enum SceneError {
         most: u64,
         /// How many there are.
         found: u64,
+    },
+    /// What is made of a file would take more memory than [`memory_limit`](crate::memory_limit) allows.
+    #[error("{place}: {what} needs {found} of memory, and {left} of {most} are left (`--memory` allows more)", found = bytes(*found), left = bytes(*left), most = bytes(*most))]
+    Memory {
+        /// The file.
+        place: Place,
+        /// What needs it.
+        what: String,
+        /// How many bytes it needs.
+        found: u64,
+        /// How many are left.
+        left: u64,
+        /// The limit.
+        most: u64,
     },
     /// A file does not hold what it should.
     #[error("{place}: {message}")]

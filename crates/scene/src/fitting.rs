@@ -14,9 +14,10 @@ use crate::description::{Count, LossKind, Stage};
 use crate::error::{Place, SceneError};
 use crate::given::starts;
 use crate::learning::{Learnt, Regularizer, is_dense};
+use crate::memory::OF_FITTED_PIXEL;
 use crate::renderer::Renderer;
 use crate::saved_fit::{self, Origin, Progress};
-use crate::scene::Scene;
+use crate::scene::{Scene, check_views};
 use crate::stopping::{Seen, StopRules};
 use crate::targets::{HUBER, Targets, fit_error};
 use crate::values::Values;
@@ -195,6 +196,7 @@ impl SceneFit {
     }
 
     fn of(scene: Scene, saved_fit: Option<&[u8]>, ranks: Ranks<f32>) -> Result<Self, SceneError> {
+        check_views(&scene.folder, &scene.views, OF_FITTED_PIXEL)?;
         let learnt_from = scene.views.iter().enumerate();
         let learnt_from = learnt_from.filter(|(_, view)| view.image.is_some() && !view.held_out);
         let learnt_from: Arc<[usize]> = learnt_from.map(|(at, _)| at).collect();

@@ -10,6 +10,7 @@ use pathdiff::diff_paths;
 
 use crate::error::{Place, SceneError};
 use crate::file::{read_found, read_start};
+use crate::memory::Memory;
 
 /// A folder, and all that is read of it.
 ///
@@ -23,6 +24,8 @@ pub struct Folder {
     root: PathBuf,
     /// What was read of it, by the paths of files: see [`Folder::files_read`].
     read: Arc<Mutex<BTreeMap<PathBuf, String>>>,
+    /// What its files have taken.
+    memory: Memory,
 }
 
 impl Folder {
@@ -41,7 +44,17 @@ impl Folder {
         if !root.is_dir() {
             return Err(failed(io::ErrorKind::NotADirectory.into()));
         }
-        Ok(Self { given, root, read: Arc::default() })
+        Ok(Self { given, root, read: Arc::default(), memory: Memory::default() })
+    }
+
+    /// The same folder, of whose files nothing has taken memory yet.
+    pub(crate) fn anew(&self) -> Self {
+        Self { memory: Memory::default(), ..self.clone() }
+    }
+
+    /// What its files have taken.
+    pub(crate) fn memory(&self) -> &Memory {
+        &self.memory
     }
 
     /// The folder's path, as it was given.

@@ -10,6 +10,7 @@ use bokashi_fit::{
 
 use crate::description::{LearnMaps, LightPlace, Positive};
 use crate::error::{Place, SceneError};
+use crate::memory::OF_LEARNT_NUMBER;
 use crate::object::{Object, SurfaceLook};
 use crate::renderer::Renderer;
 use crate::scene::Scene;
@@ -84,6 +85,10 @@ impl Learnt {
         if all.parameters.iter().len() == 0 {
             return Err(wrong(scene, "a fit learns something: `learn` names nothing"));
         }
+        let numbers: usize = all.parameters.iter().map(|own| own.raw().size()).sum();
+        let bytes = (numbers as u64).saturating_mul(OF_LEARNT_NUMBER);
+        let what = || format!("a fit of {numbers} numbers");
+        scene.folder.memory().check(bytes, &Place::of(&scene.path), what)?;
         Ok(all)
     }
 

@@ -14,6 +14,7 @@ mod folder;
 mod given;
 mod learning;
 mod learnt_scene;
+mod memory;
 mod mesh;
 mod model;
 mod object;
@@ -50,6 +51,7 @@ pub use folder::Folder;
 pub use glam;
 /// What images in memory can be made of and into.
 pub use image;
+pub use memory::{limit_memory, memory_limit};
 pub use mesh::{MeshKind, glb, ply, read_model, read_model_bytes};
 pub use model::{Geometry, Indexed, MaterialFile, Model, NO_ROW, Placed, Submesh};
 /// The arrays of [`arrays::tensor_of_ndarray`].

@@ -218,6 +218,14 @@ impl SurfaceLook {
         Self { faces, ..look }
     }
 
+    /// The texels that [`SurfaceLook::of_file`] makes.
+    pub(crate) fn texels_of_file(material: &MaterialFile, images: &[Picture]) -> u64 {
+        let maps =
+            [material.base_color_image, material.metallic_roughness_image, material.normal_image];
+        let images = maps.into_iter().flatten().filter_map(|k| images.get(k));
+        images.map(|image| image.pixels() as u64).sum()
+    }
+
     fn of_file(material: &MaterialFile, images: &[Picture]) -> Self {
         let image = |k: Option<usize>| k.and_then(|k| images.get(k));
         let [red, green, blue, _] = material.base_color;

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 use bokashi_core::Tensor;
 use bokashi_fit::Given;
+use bokashi_render_ops::Size;
 use glam::{DMat4, DVec3};
 use toml::Spanned;
 
@@ -18,7 +19,8 @@ use crate::description::{
 use crate::error::{Place, SceneError};
 use crate::file::is_file_name;
 use crate::folder::Folder;
-use crate::mesh::read_model;
+use crate::memory::{OF_DRAWN_PIXEL, OF_FACE, OF_NEW_TEXEL, OF_TEXEL};
+use crate::mesh::read_counted;
 use crate::model::{Model, Placed};
 use crate::object::{Object, SurfaceLook, vectors};
 use crate::picture::{ColorSpace, MOST_SAMPLES, Picture};
@@ -128,6 +130,7 @@ impl Scene {
                 return Err(SceneError::TooLarge { place, what, most: MOST_SAMPLES, found });
             }
         }
+        check_views(&source.folder, &views, OF_DRAWN_PIXEL)?;
         check_names("a mesh", objects.iter().map(|object| &object.name), path)?;
         check_names("a view", views.iter().map(|view| &view.name), path)?;
         let environment = source.environment(&description)?;
@@ -153,6 +156,23 @@ impl Scene {
     pub fn view(&self, name: &str) -> Option<usize> {
         self.views.iter().position(|view| view.name == name)
     }
+}
+
+/// Checks that there is memory for the largest of these views, of whose pixels each takes so many bytes.
+///
+/// # Errors
+/// [`SceneError::Memory`] at the view's image, or the folder where it has none.
+pub(crate) fn check_views(
+    folder: &Folder,
+    views: &[SceneView],
+    of_pixel: u64,
+) -> Result<(), SceneError> {
+    let pixels = |view: &SceneView| view.camera.size.width as u64 * view.camera.size.height as u64;
+    let Some(largest) = views.iter().max_by_key(|view| pixels(view)) else { return Ok(()) };
+    let place = largest.image.as_ref().map_or(folder.path().to_owned(), |file| folder.join(file));
+    let Size { width, height } = largest.camera.size;
+    let what = || format!("the view {:?} of {width} x {height}", largest.name);
+    folder.memory().check(pixels(largest).saturating_mul(of_pixel), &Place::of(place), what)
 }
 
 /// Names are those of parameters and files: there is each of them once.
@@ -192,7 +212,7 @@ impl Source {
         let own = entry.get_ref();
         let (model, default) = match (&own.file, own.shape) {
             (Some(file), None) if own.faces.is_none() => {
-                let model = read_model(&self.folder, file)?;
+                let model = read_counted(&self.folder, file)?;
                 let said = |note: &String| format!("{}: {note}", file.display());
                 notes.extend(model.notes.iter().map(said));
                 (model, stem(file))
@@ -200,6 +220,8 @@ impl Source {
             (None, Some(shape)) => {
                 let faces = own.faces.map_or(FACES, |faces| faces.0);
                 self.at_most(entry, "faces of a shape", MOST_FACES, faces as u64)?;
+                let what = || format!("a shape of {faces} faces");
+                self.folder.memory().check(faces as u64 * OF_FACE, &self.place(entry), what)?;
                 let geometry = match shape {
                     Shape::Sphere => shapes::sphere(faces),
                     Shape::Cube => shapes::cube(own.faces.map_or(12, |faces| faces.0)),
@@ -228,11 +250,25 @@ impl Source {
             let name = if drawn.len() == 1 { name.clone() } else { format!("{name}-{}", at + 1) };
             let places = instances.iter().flat_map(|&m| places.iter().map(move |&own| m * own));
             let geometry = &model.geometries[*k];
+            let materials = geometry.materials().flatten().filter_map(|k| model.materials.get(k));
+            let texels = materials.map(|own| SurfaceLook::texels_of_file(own, &model.images)).sum();
+            self.claim_texels(texels, entry)?;
             let mut object = Object::of_geometry(name, geometry, &model, places.collect())?;
             self.dress(&mut object, &own.material, entry)?;
             objects.push(object);
         }
         Ok(objects)
+    }
+
+    /// Takes the memory of textures of a mesh, before they are made.
+    fn claim_texels(&self, texels: u64, entry: &Spanned<MeshEntry>) -> Result<(), SceneError> {
+        let [kept, meanwhile] = [OF_TEXEL, OF_NEW_TEXEL].map(|own| texels.saturating_mul(own));
+        let place = match &entry.get_ref().file {
+            Some(file) => Place::of(self.folder.join(file)),
+            None => self.place(entry),
+        };
+        let what = || format!("textures of {texels} texels");
+        self.folder.memory().take(kept, meanwhile, &place, what)
     }
 
     /// What the scene says of an object's materials, all of them, in place of what its file says.
@@ -280,11 +316,13 @@ impl Source {
             (None, None) => look.texture.take(),
             (Some(file), None) => {
                 let image = self.image(file)?;
+                self.claim_texels(image.pixels() as u64, entry)?;
                 Some(image.color(ColorSpace::of(&image)))
             }
             (None, Some(size)) => {
                 let samples = (3 * size.0 as u64).saturating_mul(size.0 as u64);
                 self.at_most(entry, "samples of an image", MOST_SAMPLES, samples)?;
+                self.claim_texels(samples / 3, entry)?;
                 let color = look.base_color;
                 Some(Tensor::from_flat_fn([size.0, size.0, 3], |k| color[k % 3]))
             }
@@ -294,7 +332,9 @@ impl Source {
             }
         };
         if let Some(file) = &material.normals {
-            look.normal_map = Some(vectors(&self.image(file)?, 1.0));
+            let image = self.image(file)?;
+            self.claim_texels(image.pixels() as u64, entry)?;
+            look.normal_map = Some(vectors(&image, 1.0));
         }
         Ok(())
     }

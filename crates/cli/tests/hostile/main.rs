@@ -3,6 +3,8 @@
 //!
 //! The units of `bokashi-scene` have more cases of each kind. Here a limit of the system stands behind each.
 
+#[cfg(target_os = "linux")]
+mod memory;
 mod written;
 
 use std::fs;

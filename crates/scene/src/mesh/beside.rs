@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Place, SceneError};
 use crate::folder::Folder;
+use crate::memory::Memory;
 use crate::mesh::notes::{self, Notes};
 use crate::picture::Picture;
 
@@ -25,6 +26,11 @@ impl<'a> Beside<'a> {
     pub(super) fn new(folder: &'a Folder, path: &Path) -> Self {
         let (images, numbers) = (Vec::new(), HashMap::new());
         Self { folder, path: path.to_owned(), images, numbers, notes: Notes::default() }
+    }
+
+    /// What the files of the folder have taken.
+    pub(super) fn memory(&self) -> &'a Memory {
+        self.folder.memory()
     }
 
     /// All of the mesh file.
@@ -73,7 +79,8 @@ impl<'a> Beside<'a> {
         if let Some(&number) = self.numbers.get(&path) {
             return Ok(Some(number));
         }
-        let picture = Picture::decode(&self.read(name)?, &self.place_of(name))?;
+        let bytes = self.read(name)?;
+        let picture = Picture::decode_within(&bytes, self.memory(), &self.place_of(name))?;
         self.numbers.insert(path, self.images.len());
         self.images.push(picture);
         Ok(Some(self.images.len() - 1))

@@ -72,9 +72,13 @@ impl MeshKind {
 /// [`SceneError::Content`] for an extension that is none of the four, and for what breaks a rule of the
 /// format; [`SceneError::Read`] where a file can't be read; [`SceneError::Outside`] where the file names
 /// another one outside the folder; [`SceneError::TooLarge`] where a file asks for more memory than its
-/// length allows.
+/// length allows; [`SceneError::Memory`] where its images are larger than the process may have.
 pub fn read_model(folder: &Folder, path: impl AsRef<Path>) -> Result<Model, SceneError> {
-    let path = path.as_ref();
+    read_counted(&folder.anew(), path.as_ref())
+}
+
+/// As [`read_model`], where what the folder's files take counts together.
+pub(crate) fn read_counted(folder: &Folder, path: &Path) -> Result<Model, SceneError> {
     let kind = MeshKind::of(path).map_err(|error| match error {
         SceneError::Content { message, .. } => {
             SceneError::content(Place::of(folder.join(path)), message)

@@ -11,9 +11,10 @@ use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
 use super::open_exr;
-use super::samples::{DENSEST, MOST_SAMPLES, Picture, Samples, check_size, guarded};
+use super::samples::{DENSEST, MOST_SAMPLES, Picture, Samples, check_size, claim, guarded};
 use crate::error::{Place, SceneError};
 use crate::folder::Folder;
+use crate::memory::Memory;
 
 /// The largest sample that the decoders of PNG and JPEG give, in bytes.
 const WIDEST_SAMPLE: u64 = 2;
@@ -66,12 +67,22 @@ impl Picture {
     ///
     /// # Errors
     /// [`SceneError::Content`] for another format, for a file that is cut short or broken, and for
-    /// samples that are not finite; [`SceneError::TooLarge`] beyond [`MOST_SAMPLES`].
+    /// samples that are not finite; [`SceneError::TooLarge`] beyond [`MOST_SAMPLES`];
+    /// [`SceneError::Memory`] where that is less.
     pub fn decode(bytes: &[u8], place: &Place) -> Result<Self, SceneError> {
+        Self::decode_within(bytes, &Memory::default(), place)
+    }
+
+    /// As [`Picture::decode`], of an image whose samples stay in `memory`.
+    pub(crate) fn decode_within(
+        bytes: &[u8],
+        memory: &Memory,
+        place: &Place,
+    ) -> Result<Self, SceneError> {
         match Format::of(bytes, place)? {
-            Format::Png => guarded(place, || decoded(bytes, ImageFormat::Png, place)),
-            Format::Jpeg => guarded(place, || decoded(bytes, ImageFormat::Jpeg, place)),
-            Format::Exr => guarded(place, || open_exr::decode(bytes, place)),
+            Format::Png => guarded(place, || decoded(bytes, ImageFormat::Png, memory, place)),
+            Format::Jpeg => guarded(place, || decoded(bytes, ImageFormat::Jpeg, memory, place)),
+            Format::Exr => guarded(place, || open_exr::decode(bytes, memory, place)),
         }
     }
 
@@ -159,12 +170,19 @@ fn size(
     })
 }
 
-fn decoded(bytes: &[u8], format: ImageFormat, place: &Place) -> Result<Picture, SceneError> {
+fn decoded(
+    bytes: &[u8],
+    format: ImageFormat,
+    memory: &Memory,
+    place: &Place,
+) -> Result<Picture, SceneError> {
     if format == ImageFormat::Jpeg && !has_end(bytes) {
         let found = "a JPEG has a marker at the end of its pixels, and this is cut short";
         return Err(SceneError::content(place.clone(), found));
     }
     let mut decoder = opened(bytes, bytes.len(), format, place)?;
+    let (width, height) = decoder.dimensions();
+    claim([width.into(), height.into()], decoder.total_bytes(), memory, place)?;
     let orientation = orientation(&mut decoder);
     let image = DynamicImage::from_decoder(decoder).map_err(|error| broken(&error, place));
     let mut image = image?;

@@ -11,8 +11,9 @@ use exr::prelude::{
     ReadLayers as _, Vec2, WritableImage as _, read,
 };
 
-use super::samples::{DENSEST, Picture, Samples, check_size};
+use super::samples::{DENSEST, Picture, Samples, check_size, claim};
 use crate::error::{Place, SceneError};
+use crate::memory::Memory;
 
 /// A file whose header has been read.
 type File<'b> = Reader<Cursor<&'b [u8]>>;
@@ -112,12 +113,19 @@ pub(super) fn size_of(
     Ok([size.width(), size.height()])
 }
 
-pub(super) fn decode(bytes: &[u8], place: &Place) -> Result<Picture, SceneError> {
+pub(super) fn decode(bytes: &[u8], memory: &Memory, place: &Place) -> Result<Picture, SceneError> {
     let (reader, layer) = opened(bytes, bytes.len(), place)?;
     let header = &reader.headers()[layer];
     let has_alpha = has(header, "A");
     let display = header.shared_attributes.display_window;
     let (size, position) = (header.layer_size, header.own_attributes.layer_position);
+    let bytes =
+        |size: Vec2<usize>| 4 * size.area() as u64 * header.channels.list.len().min(4) as u64;
+    let [width, height] = [display.size.width(), display.size.height()];
+    claim([width as u64, height as u64], bytes(display.size), memory, place)?;
+    // The data window is there for a time.
+    let window = || format!("a data window of {} x {}", size.width(), size.height());
+    memory.check(bytes(size), place, window)?;
     let (channels, samples) = match Chosen::of(header) {
         Some(Chosen::Gray(name)) => {
             let name = name.clone();
@@ -141,7 +149,6 @@ pub(super) fn decode(bytes: &[u8], place: &Place) -> Result<Picture, SceneError>
         let found = format!("pixel ({column}, {row}) has {}", samples[at]);
         return Err(SceneError::content(place.clone(), format!("samples are finite, and {found}")));
     }
-    let [width, height] = [display.size.width(), display.size.height()];
     let samples = match offset == Vec2(0, 0) && size == display.size {
         true => samples,
         false => shown(&samples, size.width(), offset, display.size, channels),

@@ -4,6 +4,7 @@ use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use crate::error::{Place, SceneError};
+use crate::memory::Memory;
 
 /// The most samples of an image that is read, over all its channels: 16384 pixels squared in one
 /// channel.
@@ -103,6 +104,17 @@ pub(super) fn check_size(
         return Err(SceneError::content(place, format!("{rule}, {bytes}")));
     }
     Ok(())
+}
+
+/// Takes the memory of an image of `width` x `height` pixels whose samples have so many bytes. Decoding takes as
+/// much again for a time: a turned copy, a data window, what a progressive file keeps.
+pub(super) fn claim(
+    [width, height]: [u64; 2],
+    bytes: u64,
+    memory: &Memory,
+    place: &Place,
+) -> Result<(), SceneError> {
+    memory.take(bytes, bytes, place, || format!("an image of {width} x {height}"))
 }
 
 thread_local! {

@@ -150,7 +150,8 @@ impl<'r> Buffers<'r> {
                 return Err(refused(format!("{rule}, and image {number} has neither")));
             }
         };
-        let picture = Picture::decode(&bytes, &place).map_err(|error| match error {
+        let picture = Picture::decode_within(&bytes, beside.memory(), &place);
+        let picture = picture.map_err(|error| match error {
             SceneError::Content { message, .. } => refused(format!("image {number}: {message}")),
             other => other,
         })?;
