@@ -16,9 +16,9 @@ pub enum Material<'t, T: Scalar> {
         base_color: Var<'t, T>,
         /// Perceptual roughness: its square is the alpha of GGX.
         roughness: Var<'t, T>,
-        /// 1 for a metal, 0 for a dielectric.
+        /// 1 for a metal, 0 for a dielectric; between them, the share of metal in a mix of both.
         metallic: Var<'t, T>,
-        /// Whether a white metal or dielectric reflects all light. Else light that microfacets reflect more than
+        /// Whether a white surface reflects all light. Else light that microfacets reflect more than
         /// once is lost, and smooth dielectrics gain some from the side.
         conserves_energy: bool,
     },

@@ -3,23 +3,27 @@
 //! # Forward
 //! With unit vectors n (normal), v (to the eye) and l (to the light), `m = l + v` and `h = m / |m|`:
 //!
-//! `f (n . l) = (n . l) (1 - metallic) base (1 - F) / pi + F K S`, `S = D G`,
-//! `F = F0 + (1 - F0) (1 - v . h)^5`, `F0 = 0.04 + metallic (base - 0.04)`, `a = roughness^2`,
+//! `f (n . l) = (1 - metallic) dielectric + metallic metal`,
+//! `dielectric = (n . l) base (1 - F(0.04)) / pi + F(0.04) K(0.04) S`, `metal = F(base) K(base) S`,
+//! `F(F0) = F0 + (1 - F0) (1 - v . h)^5`, `S = D G`, `a = roughness^2`,
 //! `D = a^2 / (pi d^2)`, `d = q + a^2 (1 - q)`, `q = |n x m|^2 / m . m`, the squared sine between n and h,
 //! `G = (n . l) / (2 ((n . l) A + (n . v) B))`, `A^2 = a^2 + (1 - a^2) (n . v)^2`, B alike of l.
 //!
 //! By the sine, and not by `1 - (n . h)^2`, highlights of smooth surfaces keep their digits; `v . h` is
 //! `|m| / 2`. `K = 1`.
 //!
+//! Light is mixed, and not F0: a surface that is half metal keeps half of what a dielectric reflects below it,
+//! `1 - F(0.04)`. In the term of S a mixed F0 comes to the same, where `K = 1`; below, it takes too much.
+//!
 //! That is the usual BRDF, and obeys reciprocity. It loses light that is scattered between microfacets,
 //! up to 0.7 of it. A smooth dielectric seen from the side gains light: it reflects up to half of what
-//! it gets more than once. Where energy is to be conserved, `K = 1 + F0 (1 / E - 1)`, and the diffuse term
-//! has `1 - s` instead of `1 - F`, with `s = (F0 (E - E1) + E1) K` the share of light from everywhere that
-//! is reflected at the surface (`albedo` has E and E1). A white metal or dielectric then reflects all
-//! light, from any side; between the two, `1 - metallic` takes some. Light and eye cannot be exchanged.
+//! it gets more than once. Where energy is to be conserved, `K(F0) = 1 + F0 (1 / E - 1)`, and the diffuse term
+//! has `1 - s(0.04)` instead of `1 - F(0.04)`, with `s(F0) = (F0 (E - E1) + E1) K(F0)` the share of light from
+//! everywhere that is reflected at the surface (`albedo` has E and E1). A white surface then reflects all
+//! light, from any side, whatever its share of metal. Light and eye cannot be exchanged.
 //!
-//! Of light from everywhere s is reflected at the surface, and `(1 - s) (1 - metallic) base` below it, in
-//! either case.
+//! Of light from everywhere `(1 - metallic) s(0.04) + metallic s(base)` is reflected at the surface, and
+//! `(1 - metallic) (1 - s(0.04)) base` below it, in either case.
 //!
 //! # Backward
 //! By the chain rule through the formulas above; `dG = (n . v) a^2 / (2 B den^2)` by `n . l`, with
@@ -33,7 +37,8 @@
 //! Walter et al., *Microfacet models for refraction through rough surfaces*, EGSR 2007 (D); Heitz,
 //! *Understanding the masking-shadowing function*, JCGT 3(2), 2014, eq. (99) (G); Schlick, *An
 //! inexpensive BRDF model*, 1994 (F); Turquin, *Practical multiple scattering compensation for microfacet
-//! models*, 2019, eq. (16) (K); glTF 2.0, appendix B (materials).
+//! models*, 2019, eq. (16) (K); glTF 2.0, appendix B.2 (the mix of metal and dielectric; its simplified code
+//! mixes F0, and is not the same).
 
 use std::f64::consts::FRAC_1_PI;
 
@@ -72,11 +77,12 @@ struct Substance<T> {
     base: [T; 3],
     roughness: T,
     roughness_moves: T,
+    /// The shares of dielectric and metal.
+    dielectric: T,
     metallic: T,
     metallic_moves: T,
     /// `a^2`.
     a2: T,
-    f0: [T; 3],
 }
 
 impl<T: Scalar> Substance<T> {
@@ -86,36 +92,25 @@ impl<T: Scalar> Substance<T> {
         let (roughness, roughness_moves) = held(roughness, least, T::ONE);
         let (metallic, metallic_moves) = held(metallic, T::ZERO, T::ONE);
         let a = roughness * roughness;
-        let dielectric = T::from_f64(DIELECTRIC);
-        let base = [r, g, b];
-        let f0 = base.map(|base| dielectric + metallic * (base - dielectric));
-        Self { base, roughness, roughness_moves, metallic, metallic_moves, a2: a * a, f0 }
+        let (base, dielectric) = ([r, g, b], T::ONE - metallic);
+        Self { base, roughness, roughness_moves, dielectric, metallic, metallic_moves, a2: a * a }
     }
 
     /// The gradient of the material's numbers from those of the terms.
     #[inline(always)]
-    fn pull_back(&self, body_bar: [T; 3], f0_bar: [T; 3], a2_bar: T, roughness_bar: T) -> [T; 5] {
-        let dielectric = T::from_f64(DIELECTRIC);
-        let left = T::ONE - self.metallic;
-        let mut base_bar = [T::ZERO; 3];
-        let mut metallic_bar = T::ZERO;
-        for c in 0..3 {
-            base_bar[c] = self.metallic * f0_bar[c] + left * body_bar[c];
-            metallic_bar += f0_bar[c] * (self.base[c] - dielectric) - body_bar[c] * self.base[c];
-        }
+    fn pull_back(&self, base_bar: [T; 3], metallic_bar: T, a2_bar: T, roughness_bar: T) -> [T; 5] {
         let cube = self.roughness * self.roughness * self.roughness;
         let roughness_bar = roughness_bar + T::from_f64(4.0) * cube * a2_bar;
         let [r, g, b] = base_bar;
         let roughness_bar = self.roughness_moves * roughness_bar;
         [r, g, b, roughness_bar, self.metallic_moves * metallic_bar]
     }
+}
 
-    /// The share of light that is reflected below the surface, where none is reflected at it.
-    #[inline(always)]
-    fn body(&self) -> [T; 3] {
-        let left = T::ONE - self.metallic;
-        self.base.map(|base| left * base)
-    }
+/// F of a reflectance along the normal, where `(1 - v . h)^5` is `p`.
+#[inline(always)]
+fn fresnel<T: Scalar>(f0: T, p: T) -> T {
+    f0 + (T::ONE - f0) * p
 }
 
 /// What one light's reflection is made of.
@@ -140,7 +135,6 @@ struct Terms<T> {
     /// `1 - v . h` and its fifth power.
     x: T,
     p: T,
-    fresnel: [T; 3],
 }
 
 impl<T: Scalar> Terms<T> {
@@ -169,28 +163,8 @@ impl<T: Scalar> Terms<T> {
         let v = half / (nl * a + nv * b);
         let x = one - half * s.sqrt();
         let p = x * x * (x * x) * x;
-        let fresnel = of.f0.map(|f0| f0 + (one - f0) * p);
         let g = nl * v;
-        Self {
-            nl,
-            nl_moves,
-            nv,
-            nv_moves,
-            m,
-            s,
-            s_moves,
-            c,
-            q,
-            d,
-            distribution,
-            a,
-            b,
-            v,
-            g,
-            x,
-            p,
-            fresnel,
-        }
+        Self { nl, nl_moves, nv, nv_moves, m, s, s_moves, c, q, d, distribution, a, b, v, g, x, p }
     }
 }
 
@@ -202,55 +176,68 @@ fn facing<T: Scalar>(n: [T; 3], v: [T; 3]) -> (T, T) {
     if cosine > grazing { (cosine, T::ONE) } else { (grazing, T::ZERO) }
 }
 
-/// What a lobe reflects of light from everywhere, per colour, and how it came about.
+/// What lobes reflect of light from everywhere: E, E1, and what is reflected more than once.
 struct Shares<T> {
-    /// s.
-    above: [T; 3],
-    /// K.
-    factor: [T; 3],
     single: T,
     edge: T,
+    /// `1 / E - 1`, or 0.
     excess: T,
     single_slopes: [T; 2],
     edge_slopes: [T; 2],
 }
 
+/// The gradients of E, E1 and the excess.
+type SharesBars<T> = [T; 3];
+
 impl<T: Scalar> Shares<T> {
     #[inline(always)]
-    fn new(f0: [T; 3], nv: T, roughness: T, compensated: bool) -> Self {
+    fn new(nv: T, roughness: T, compensated: bool) -> Self {
         let (single, single_slopes) = albedo::single(nv, roughness);
         let (edge, edge_slopes) = albedo::edge(nv, roughness);
         let excess = if compensated { T::ONE / single - T::ONE } else { T::ZERO };
-        let factor = f0.map(|f0| T::ONE + f0 * excess);
-        let above = std::array::from_fn(|c| (f0[c] * (single - edge) + edge) * factor[c]);
-        Self { above, factor, single, edge, excess, single_slopes, edge_slopes }
+        Self { single, edge, excess, single_slopes, edge_slopes }
     }
 
-    /// The gradients of F0, of `n . v` and of the roughness, from those of s and of K.
+    /// K.
     #[inline(always)]
-    fn pull_back(
+    fn factor(&self, f0: T) -> T {
+        T::ONE + f0 * self.excess
+    }
+
+    /// What is reflected once.
+    #[inline(always)]
+    fn once(&self, f0: T) -> T {
+        f0 * (self.single - self.edge) + self.edge
+    }
+
+    /// s.
+    #[inline(always)]
+    fn above(&self, f0: T) -> T {
+        self.once(f0) * self.factor(f0)
+    }
+
+    /// The gradient of F0 from those of s and K; adds to the gradients of what they are made of.
+    #[inline(always)]
+    fn pull_back(&self, f0: T, above_bar: T, factor_bar: T, bars: &mut SharesBars<T>) -> T {
+        let once_bar = above_bar * self.factor(f0);
+        let factor_bar = factor_bar + above_bar * self.once(f0);
+        bars[0] += once_bar * f0;
+        bars[1] += once_bar * (T::ONE - f0);
+        bars[2] += factor_bar * f0;
+        once_bar * (self.single - self.edge) + factor_bar * self.excess
+    }
+
+    /// The gradients of `n . v` and of the roughness.
+    #[inline(always)]
+    fn pull_back_shares(
         &self,
-        f0: [T; 3],
         compensated: bool,
-        above_bar: [T; 3],
-        factor_bar: [T; 3],
-    ) -> ([T; 3], [T; 2]) {
-        let mut f0_bar = [T::ZERO; 3];
-        let (mut single_bar, mut edge_bar, mut excess_bar) = (T::ZERO, T::ZERO, T::ZERO);
-        for c in 0..3 {
-            let once = f0[c] * (self.single - self.edge) + self.edge;
-            let once_bar = above_bar[c] * self.factor[c];
-            let factor_bar = factor_bar[c] + above_bar[c] * once;
-            f0_bar[c] = once_bar * (self.single - self.edge) + factor_bar * self.excess;
-            single_bar += once_bar * f0[c];
-            edge_bar += once_bar * (T::ONE - f0[c]);
-            excess_bar += factor_bar * f0[c];
-        }
-        if compensated {
-            single_bar += -(excess_bar / (self.single * self.single));
-        }
-        let along = |k: usize| single_bar * self.single_slopes[k] + edge_bar * self.edge_slopes[k];
-        (f0_bar, [along(0), along(1)])
+        [single_bar, edge_bar, excess_bar]: SharesBars<T>,
+    ) -> [T; 2] {
+        let of_excess =
+            if compensated { excess_bar / (self.single * self.single) } else { T::ZERO };
+        let single_bar = single_bar - of_excess;
+        [0, 1].map(|k| single_bar * self.single_slopes[k] + edge_bar * self.edge_slopes[k])
     }
 }
 
@@ -262,19 +249,23 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
     fn reflect<T: Scalar>(self, Seen { n, v, material }: Seen<T, 5>, l: Vector3<T>) -> [T; 3] {
         let of = Substance::new(material);
         let t = Terms::new(n, v, l, &of);
+        let glass = T::from_f64(DIELECTRIC);
         let specular = t.distribution * t.g;
-        let diffuse = t.nl * T::from_f64(FRAC_1_PI);
-        let body = of.body();
+        let diffuse = of.dielectric * t.nl * T::from_f64(FRAC_1_PI);
+        let f = fresnel(glass, t.p);
         if CONSERVING {
-            let shares = Shares::new(of.f0, t.nv, of.roughness, true);
-            return std::array::from_fn(|c| {
-                let below = body[c] * (T::ONE - shares.above[c]);
-                diffuse * below + specular * t.fresnel[c] * shares.factor[c]
+            let shares = Shares::new(t.nv, of.roughness, true);
+            let below = diffuse * (T::ONE - shares.above(glass));
+            let above = specular * of.dielectric * f * shares.factor(glass);
+            let metal = specular * of.metallic;
+            return of.base.map(|base| {
+                base * below + above + metal * fresnel(base, t.p) * shares.factor(base)
             });
         }
-        std::array::from_fn(|c| {
-            diffuse * (body[c] * (T::ONE - t.fresnel[c])) + specular * t.fresnel[c]
-        })
+        let below = diffuse * (T::ONE - f);
+        let above = specular * of.dielectric * f;
+        let metal = specular * of.metallic;
+        of.base.map(|base| base * below + above + metal * fresnel(base, t.p))
     }
 
     #[inline(always)]
@@ -286,42 +277,58 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
     ) -> ([T; 3], Bars<T, 5>) {
         let (one, two, half) = (T::ONE, T::from_f64(2.0), T::from_f64(0.5));
         let inverse_pi = T::from_f64(FRAC_1_PI);
+        let glass = T::from_f64(DIELECTRIC);
         let of = Substance::new(material);
         let t = Terms::new(n, v, l, &of);
         let specular = t.distribution * t.g;
         let diffuse = t.nl * inverse_pi;
-        let body = of.body();
+        let metal = specular * of.metallic;
 
-        // What the diffuse term loses, K, and their gradients.
-        let shares = CONSERVING.then(|| Shares::new(of.f0, t.nv, of.roughness, true));
-        let lost = shares.as_ref().map_or(t.fresnel, |shares| shares.above);
-        let factor = shares.as_ref().map_or([one; 3], |shares| shares.factor);
-        let (mut lost_bar, mut factor_bar) = ([T::ZERO; 3], [T::ZERO; 3]);
-        let (mut value, mut f_bar, mut body_bar) = ([T::ZERO; 3], [T::ZERO; 3], [T::ZERO; 3]);
-        let (mut specular_bar, mut diffuse_bar) = (T::ZERO, T::ZERO);
+        // What the diffuse term of a dielectric loses, and K.
+        let f = fresnel(glass, t.p);
+        let shares = CONSERVING.then(|| Shares::new(t.nv, of.roughness, true));
+        let (lost, factor) = match &shares {
+            Some(shares) => (shares.above(glass), shares.factor(glass)),
+            None => (f, one),
+        };
+        let below = diffuse * (one - lost);
+        let above = specular * f * factor;
+        let (sum, of_base) = (bar[0] + bar[1] + bar[2], dot(bar, of.base));
+        let (mut value, mut base_bar) = ([T::ZERO; 3], [T::ZERO; 3]);
+        // The gradients of a metal's share of `specular`, and of p.
+        let (mut metal_bar, mut p_bar) = (T::ZERO, T::ZERO);
+        let mut shares_bars = [T::ZERO; 3];
         for c in 0..3 {
-            let f = t.fresnel[c];
-            let below = body[c] * (one - lost[c]);
-            value[c] = diffuse * below + specular * f * factor[c];
-            diffuse_bar += bar[c] * below;
-            specular_bar += bar[c] * f * factor[c];
-            body_bar[c] = bar[c] * diffuse * (one - lost[c]);
-            lost_bar[c] = -(bar[c] * diffuse * body[c]);
-            f_bar[c] = bar[c] * specular * factor[c];
-            factor_bar[c] = bar[c] * specular * f;
+            let base = of.base[c];
+            let own = fresnel(base, t.p);
+            let factor = shares.as_ref().map_or(one, |shares| shares.factor(base));
+            value[c] = of.dielectric * (base * below + above) + metal * own * factor;
+            metal_bar += bar[c] * own * factor;
+            let f_bar = bar[c] * metal * factor;
+            p_bar += f_bar * (one - base);
+            base_bar[c] = bar[c] * of.dielectric * below + f_bar * (one - t.p);
+            if let Some(shares) = &shares {
+                let factor_bar = bar[c] * metal * own;
+                base_bar[c] += shares.pull_back(base, T::ZERO, factor_bar, &mut shares_bars);
+            }
         }
-        let (mut f0_bar, [by_nv, roughness_bar]) = match &shares {
-            Some(shares) => shares.pull_back(of.f0, true, lost_bar, factor_bar),
+        let metallic_bar = specular * metal_bar - (below * of_base + above * sum);
+        let diffuse_bar = of.dielectric * (one - lost) * of_base;
+        let specular_bar = of.dielectric * f * factor * sum + of.metallic * metal_bar;
+        let mut f_bar = of.dielectric * specular * factor * sum;
+        let lost_bar = -(of.dielectric * diffuse * of_base);
+        let [by_nv, roughness_bar] = match &shares {
+            Some(shares) => {
+                let factor_bar = of.dielectric * specular * f * sum;
+                shares.pull_back(glass, lost_bar, factor_bar, &mut shares_bars);
+                shares.pull_back_shares(true, shares_bars)
+            }
             None => {
-                f_bar = plus(f_bar, one, lost_bar);
-                ([T::ZERO; 3], [T::ZERO; 2])
+                f_bar += lost_bar;
+                [T::ZERO; 2]
             }
         };
-        let mut p_bar = T::ZERO;
-        for c in 0..3 {
-            f0_bar[c] += f_bar[c] * (one - t.p);
-            p_bar += f_bar[c] * (one - of.f0[c]);
-        }
+        p_bar += f_bar * (one - glass);
 
         let square = t.x * t.x;
         let x_bar = T::from_f64(5.0) * square * square * p_bar;
@@ -352,7 +359,7 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
             normal: normal_bar,
             view: plus(m_bar, nv_bar, n),
             light: plus(m_bar, nl_bar, n),
-            material: of.pull_back(body_bar, f0_bar, a2_bar, roughness_bar),
+            material: of.pull_back(base_bar, metallic_bar, a2_bar, roughness_bar),
         };
         (value, bars)
     }
@@ -360,8 +367,7 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
     #[inline(always)]
     fn everywhere<T: Scalar>(self, Seen { n, v, material }: Seen<T, 5>) -> Layers<T> {
         let of = Substance::new(material);
-        let shares = Shares::new(of.f0, facing(n, v).0, of.roughness, CONSERVING);
-        Self::layers(&of, &shares)
+        Self::layers(&of, &Shares::new(facing(n, v).0, of.roughness, CONSERVING))
     }
 
     #[inline(always)]
@@ -372,28 +378,42 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
     ) -> (Layers<T>, Bars<T, 5>) {
         let of = Substance::new(material);
         let (nv, nv_moves) = facing(n, v);
-        let shares = Shares::new(of.f0, nv, of.roughness, CONSERVING);
-        let (body, above) = (of.body(), shares.above);
-        let body_bar = std::array::from_fn(|c| bars.below[c] * (T::ONE - above[c]));
-        let above_bar = std::array::from_fn(|c| bars.above[c] - bars.below[c] * body[c]);
-        let (f0_bar, [nv_bar, roughness_bar]) =
-            shares.pull_back(of.f0, CONSERVING, above_bar, [T::ZERO; 3]);
+        let shares = Shares::new(nv, of.roughness, CONSERVING);
+        let glass = T::from_f64(DIELECTRIC);
+        let lost = shares.above(glass);
+        let (of_base, sum) =
+            (dot(bars.below, of.base), bars.above[0] + bars.above[1] + bars.above[2]);
+        let mut metallic_bar = -((T::ONE - lost) * of_base + lost * sum);
+        let mut shares_bars = [T::ZERO; 3];
+        let mut base_bar = [T::ZERO; 3];
+        for c in 0..3 {
+            let (base, bar) = (of.base[c], bars.above[c]);
+            metallic_bar += bar * shares.above(base);
+            base_bar[c] = bars.below[c] * of.dielectric * (T::ONE - lost)
+                + shares.pull_back(base, of.metallic * bar, T::ZERO, &mut shares_bars);
+        }
+        shares.pull_back(glass, of.dielectric * (sum - of_base), T::ZERO, &mut shares_bars);
+        let [nv_bar, roughness_bar] = shares.pull_back_shares(CONSERVING, shares_bars);
         let nv_bar = nv_moves * nv_bar;
         let bars = Bars {
             normal: scaled(nv_bar, v),
             view: scaled(nv_bar, n),
             light: [T::ZERO; 3],
-            material: of.pull_back(body_bar, f0_bar, T::ZERO, roughness_bar),
+            material: of.pull_back(base_bar, metallic_bar, T::ZERO, roughness_bar),
         };
         (Self::layers(&of, &shares), bars)
     }
 }
 
 impl<const CONSERVING: bool> MetallicRoughness<CONSERVING> {
-    /// What is left for the surface's body to reflect, and s.
+    /// What is reflected below the surface, and at it.
     #[inline(always)]
     fn layers<T: Scalar>(of: &Substance<T>, shares: &Shares<T>) -> Layers<T> {
-        let (body, above) = (of.body(), shares.above);
-        Layers { below: std::array::from_fn(|c| (T::ONE - above[c]) * body[c]), above }
+        let lost = shares.above(T::from_f64(DIELECTRIC));
+        let below = of.dielectric * (T::ONE - lost);
+        Layers {
+            below: scaled(below, of.base),
+            above: of.base.map(|base| of.dielectric * lost + of.metallic * shares.above(base)),
+        }
     }
 }
