@@ -14,7 +14,8 @@
 //! `out_0 += alpha (c_1 - c_0)`, else `out_1 += alpha (c_1 - c_0)`. All reads are from the aliased
 //! picture, so up to four blends add at a pixel, each with a share `a_k = |alpha_k|` of at most 1/2.
 //! Where `s = sum a_k` is above 1, at specks around a centre, the shares are divided by s. So a pixel
-//! is always a mean of its neighbours and itself, and never leaves their range.
+//! is always a mean of its neighbours and itself, and never leaves their range: where several blends add,
+//! their sum is held within it, against rounding.
 //!
 //! # Backward
 //! `alpha_bar = out_bar . (c_1 - c_0)` at the blended pixel; `c_bar_0 -= alpha out_bar`,
@@ -94,8 +95,10 @@ struct Found<T: Scalar> {
     rows: Vec<[u32; 2]>,
     /// Per blend and channel: `c_1 - c_0`, or where shares were divided, what stands in its place.
     steps: Vec<T>,
-    /// The blends whose shares were divided, pixel by pixel.
-    divided: Vec<Divided<T::Wide>>,
+    /// The blends at pixels with several of them, pixel by pixel.
+    joint: Vec<Joint<T::Wide>>,
+    /// Memory: per pixel of these and channel, the range of what is blended there.
+    ranges: Vec<[T; 2]>,
     /// Memory: per row of the output that is blended, the sum of the shares.
     sums: Vec<T::Wide>,
     /// The uncovered pixels of all blends, in order.
@@ -113,12 +116,13 @@ struct Found<T: Scalar> {
     searches: Vec<Search<T::Wide>>,
 }
 
-/// A blend whose share was divided by the sum of all shares at its pixel.
+/// A blend at a pixel where others blend, too.
 #[derive(Debug, Clone, Copy)]
-struct Divided<S> {
+struct Joint<S> {
     /// The row of the pixel in the output.
     row: u32,
     blend: u32,
+    /// Of all shares at the pixel; where it is above 1 they were divided by it.
     sum: S,
 }
 
@@ -215,7 +219,7 @@ impl<T: Scalar> Found<T> {
 
     /// Divides shares at one pixel by their sum where that is above 1.
     fn divide(&mut self) {
-        let Self { blends, rows, divided, sums, .. } = self;
+        let Self { blends, rows, joint, sums, .. } = self;
         let target = |blend: &Blend<T::Wide>, rows: &[u32; 2]| rows[blend.target()];
         let most = rows.iter().flatten().max().map_or(0, |&row| row as usize + 1);
         if sums.len() < most {
@@ -227,16 +231,17 @@ impl<T: Scalar> Found<T> {
         for (blend, rows) in placed() {
             sums[target(blend, rows) as usize] += blend.alpha.abs();
         }
-        divided.clear();
+        joint.clear();
         for (at, (blend, rows)) in (0..).zip(placed()) {
             let row = target(blend, rows);
             let sum = sums[row as usize];
-            if sum > T::Wide::ONE {
-                divided.push(Divided { row, blend: at, sum });
+            // The sum of one share is that share, to the bit.
+            if sum != blend.alpha.abs() {
+                joint.push(Joint { row, blend: at, sum });
             }
         }
-        divided.sort_unstable_by_key(|divided| (divided.row, divided.blend));
-        for &Divided { blend, sum, .. } in &*divided {
+        joint.sort_unstable_by_key(|joint| (joint.row, joint.blend));
+        for &Joint { blend, sum, .. } in joint.iter().filter(|joint| joint.sum > T::Wide::ONE) {
             let alpha = &mut blends[blend as usize].alpha;
             *alpha = *alpha / sum;
         }
@@ -295,15 +300,25 @@ impl<T: Scalar> Found<T> {
         for (_, [first, second], _) in self.placed(channels) {
             steps.extend((0..channels).map(|c| out[second + c] - out[first + c]));
         }
+        let mut ranges = std::mem::take(&mut self.ranges);
+        self.find_ranges(out, channels, &mut ranges);
         for ((blend, _, target), steps) in self.placed(channels).zip(steps.chunks_exact(channels)) {
             let alpha = T::narrow(blend.alpha);
             let out = &mut out[target..target + channels];
             out.iter_mut().zip(steps).for_each(|(out, &step)| *out += alpha * step);
         }
-        for same in self.divided.chunk_by(|one, other| one.row == other.row) {
-            let own = |divided: &Divided<_>| &self.blends[divided.blend as usize];
+        let pixels = self.joint.chunk_by(|one, other| one.row == other.row);
+        for (same, ranges) in pixels.zip(ranges.chunks_exact(channels.max(1))) {
+            let first = same[0].row as usize * channels;
+            for (out, &[least, most]) in out[first..].iter_mut().zip(ranges) {
+                *out = out.maximum_or_nan(least).minimum_or_nan(most);
+            }
+            if same[0].sum <= T::Wide::ONE {
+                continue;
+            }
+            let own = |joint: &Joint<_>| &self.blends[joint.blend as usize];
             for c in 0..channels {
-                let at = |divided: &Divided<_>| divided.blend as usize * channels + c;
+                let at = |joint: &Joint<_>| joint.blend as usize * channels + c;
                 let moved = same.iter().map(|k| own(k).alpha * steps[at(k)].widen());
                 let moved: T::Wide = moved.sum();
                 for k in same {
@@ -313,6 +328,26 @@ impl<T: Scalar> Found<T> {
             }
         }
         self.steps = steps;
+        self.ranges = ranges;
+    }
+
+    /// The ranges of what is blended at pixels with several blends, from the aliased values `out`.
+    fn find_ranges(&self, out: &[T], channels: usize, ranges: &mut Vec<[T; 2]>) {
+        ranges.clear();
+        for same in self.joint.chunk_by(|one, other| one.row == other.row) {
+            let first = ranges.len();
+            let own = &out[same[0].row as usize * channels..][..channels];
+            ranges.extend(own.iter().map(|&own| [own; 2]));
+            for joint in same {
+                let (blend, rows) =
+                    (&self.blends[joint.blend as usize], self.rows[joint.blend as usize]);
+                let other = rows[1 - blend.target()] as usize * channels;
+                for ([least, most], &other) in ranges[first..].iter_mut().zip(&out[other..]) {
+                    *least = least.minimum_or_nan(other);
+                    *most = most.maximum_or_nan(other);
+                }
+            }
+        }
     }
 }
 
@@ -586,7 +621,7 @@ impl<T: Scalar> Op<T> for Antialias {
         size_of_val(found.blends.as_slice())
             + size_of_val(found.rows.as_slice())
             + size_of_val(found.steps.as_slice())
-            + size_of_val(found.divided.as_slice())
+            + size_of_val(found.joint.as_slice())
             + size_of_val(found.outlines.outlines.as_slice())
             + size_of_val(found.outlines.of_slot.as_slice())
             + found.rim.as_ref().map_or(0, |rim| size_of_val(rim.as_slice()))

@@ -236,7 +236,7 @@ fn a_speck_does_not_leave_the_range_of_its_neighbours() {
     for (inside, outside) in [(1.0, 0.0), (0.0, 1.0)] {
         let color = |_: usize, id: u32| if id > 0 { inside } else { outside };
         let image = speck(0.0).picture::<f64>(color);
-        assert!(image.iter().all(|value| (-1e-15..=1.0 + 1e-15).contains(value)), "{image:?}");
+        assert!(image.iter().all(|value| (0.0..=1.0).contains(value)), "{image:?}");
         // All of it has gone to the neighbours.
         assert!((image[2 * 9 + 4] - outside).abs() < 1e-15);
     }
@@ -258,6 +258,44 @@ fn a_speck_does_not_leave_the_range_of_its_neighbours() {
         let quotient = (by(1e-6) - by(-1e-6)) / 2e-6;
         let size = 1.0 + quotient.abs();
         assert!((clip_bar[k] - quotient).abs() < 1e-7 * size, "{k}: {} {quotient}", clip_bar[k]);
+    }
+}
+
+/// A face of some hundredths of a pixel around the centre of a pixel is blended with all four neighbours. Their
+/// colours are white, or nearly alike, so that sums are rounded beyond them.
+#[test]
+fn sums_of_blends_stay_within_the_range_of_what_they_blend_to_the_bit() {
+    fn check<T: Scalar>(colors: impl Fn(usize) -> f64, seed: usize) {
+        let share = |k: usize| ((k * 7919 + seed * 104_729) % 1009) as f64 / 1009.0;
+        let size = Size::square(3);
+        let radius = if seed.is_multiple_of(2) { 0.02 } else { 0.6 };
+        let corner = |k: usize| {
+            let angle = std::f64::consts::TAU * (k as f64 + 0.6 * share(k)) / 3.0;
+            let reach = radius * (0.6 + share(k + 3));
+            [1.5 + reach * angle.cos(), 1.5 + reach * angle.sin(), 0.0]
+        };
+        let speck = Scene::of_points(&[corner(0), corner(1), corner(2)], &[[0, 1, 2]], size);
+        let out = speck.picture::<T>(|k, _| colors(k));
+        let own = |k: usize| T::from_f64(colors(k)).to_f64();
+        let neighbors = |k: usize| {
+            let (row, column) = (k / 3, k % 3);
+            let beside = [(k + 1, column < 2), (k + 3, row < 2)];
+            let before = [(k.wrapping_sub(1), column > 0), (k.wrapping_sub(3), row > 0)];
+            beside.into_iter().chain(before).filter(|own| own.1).map(|own| own.0)
+        };
+        for (k, &found) in out.iter().enumerate() {
+            let all = || neighbors(k).chain([k]).map(own);
+            let (least, most) = (all().fold(f64::MAX, f64::min), all().fold(f64::MIN, f64::max));
+            assert!(least <= found && found <= most, "{seed}: {k}: {found:e} {least:e} {most:e}");
+        }
+    }
+    let ulps = |k: usize, ulp: f64| 1.0 + (k * 5 % 7) as f64 * ulp;
+    for seed in 0..2000 {
+        check::<f64>(|k| f64::from(k == 4), seed);
+        check::<f64>(|k| f64::from(k != 4), seed);
+        check::<f32>(|k| f64::from(k == 4), seed);
+        check::<f64>(|k| ulps(k + seed, f64::EPSILON), seed);
+        check::<f32>(|k| ulps(k + seed, f64::from(f32::EPSILON)), seed);
     }
 }
 
