@@ -59,6 +59,23 @@ mod tests {
     }
 
     #[test]
+    fn corners_are_where_the_table_of_opengl_has_them() {
+        // By hand: upper left, upper right, lower left.
+        let corners = [
+            [[1.0, 1.0, 1.0], [1.0, 1.0, -1.0], [1.0, -1.0, 1.0]],
+            [[-1.0, 1.0, -1.0], [-1.0, 1.0, 1.0], [-1.0, -1.0, -1.0]],
+            [[-1.0, 1.0, -1.0], [1.0, 1.0, -1.0], [-1.0, 1.0, 1.0]],
+            [[-1.0, -1.0, 1.0], [1.0, -1.0, 1.0], [-1.0, -1.0, -1.0]],
+            [[-1.0, 1.0, 1.0], [1.0, 1.0, 1.0], [-1.0, -1.0, 1.0]],
+            [[1.0, 1.0, -1.0], [-1.0, 1.0, -1.0], [1.0, -1.0, -1.0]],
+        ];
+        for (face, expected) in corners.into_iter().enumerate() {
+            let found = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0]].map(|at| direction(face, at));
+            assert_eq!(found, expected, "face {face}");
+        }
+    }
+
+    #[test]
     fn places_on_shared_edges_have_the_same_direction() {
         // The right edge of +z is the left edge of +x.
         for t in [-1.0, -0.3, 1.0] {

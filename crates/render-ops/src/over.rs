@@ -140,6 +140,25 @@ mod tests {
         assert_eq!(over(opaque, b).unwrap().value(), opaque.value());
     }
 
+    /// Radiance is above 1, and alpha is beyond [0, 1] where a filter has overshot or something is learnt: nothing
+    /// is clamped.
+    #[test]
+    fn numbers_beyond_0_and_1_are_numbers_like_others() {
+        let tape = Tape::<f64>::new();
+        let front = tape.leaf(&Tensor::from([[7.0, -2.0, 1.5], [0.5, 3.0, -0.25]]));
+        let behind = tape.leaf(&Tensor::from([[4.0, 6.0, 2.0], [-8.0, 16.0, -1.0]]));
+        let out = over(front, behind).unwrap();
+        // By hand: f - b / 2, and f + 1.25 b.
+        assert_eq!(out.value(), Tensor::from([[5.0, -5.0, 0.5], [-9.5, 23.0, -1.5]]));
+        let upstream = Tensor::from([[1.0, 2.0, 3.0], [4.0, -5.0, 6.0]]);
+        let gradients = tape.vjp(&[(out, &upstream)]).unwrap();
+        // The alphas get 3 - (4 + 12 + 6) and 6 - (-32 - 80 - 6) on top of nothing else.
+        let expected = Tensor::from([[1.0, 2.0, -19.0], [4.0, -5.0, 124.0]]);
+        assert_eq!(gradients.get_or_zeros(front), expected);
+        let expected = Tensor::from([[-0.5, -1.0, -1.5], [5.0, -6.25, 7.5]]);
+        assert_eq!(gradients.get_or_zeros(behind), expected);
+    }
+
     #[test]
     fn wrong_shapes_are_refused() {
         let tape = Tape::<f64>::new();

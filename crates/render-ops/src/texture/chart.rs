@@ -6,7 +6,7 @@
 //! (mirror), the nearest of `[0, 1]` (clamp).
 //!
 //! A cube map has six, in the order +x, -x, +y, -y, +z, -z. A direction d meets the face of its largest
-//! component m. With the face's axes `a_s`, `a_t`: `s = (a_s . d / |m| + 1) / 2`, and t likewise.
+//! component m; of components that are as large, the first one. With the face's axes `a_s`, `a_t`: `s = (a_s . d / |m| + 1) / 2`, and t likewise.
 //!
 //! # Backward
 //! `ds/dd = (a_s - s' sign(m) e_m) / (2 |m|)`, `s' = a_s . d / |m|`. From pixel to pixel places change
@@ -434,5 +434,43 @@ impl Chart<3> for Cube {
     #[inline(always)]
     fn ends(self) -> bool {
         false
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cube_faces::direction;
+
+    /// On edges and diagonals of a cube, and at its corners.
+    #[test]
+    fn of_components_that_are_as_large_the_first_one_has_the_face() {
+        let signs = [-1.0, 0.0, 1.0];
+        let all = signs.map(|x| signs.map(|y| signs.map(|z| [x, y, z])));
+        let mut count = 0;
+        for d in all.as_flattened().as_flattened() {
+            let Some(axis) = d.iter().position(|&x| x != 0.0) else { continue };
+            let face = 2 * axis + usize::from(d[axis] < 0.0);
+            assert_eq!(Cube.place(*d).face, face, "{d:?}");
+            assert_eq!(Cube.place(d.map(|x| 3.0 * x as f32)).face, face, "{d:?}");
+            // A hair beside it the larger one has it.
+            for other in (0..3).filter(|&other| other != axis && d[other] != 0.0) {
+                let mut beside = *d;
+                beside[other] *= 1.0 + f64::EPSILON;
+                assert_eq!(Cube.place(beside).face, 2 * other + usize::from(d[other] < 0.0));
+            }
+            count += 1;
+        }
+        assert_eq!(count, 26);
+    }
+
+    #[test]
+    fn a_direction_leads_back_to_its_place() {
+        for face in 0..6 {
+            for [s, t] in [[0.0, 0.0], [0.75, -0.5], [-0.25, 0.875], [-0.5, -0.125]] {
+                let found = Cube.place(direction(face, [s, t]).map(|x| 2.5 * x));
+                assert_eq!((found.face, found.at), (face, [s, t].map(|ratio| 0.5 * ratio + 0.5)));
+            }
+        }
     }
 }
