@@ -169,15 +169,15 @@ impl Subject for SampleTexture {
         let texture = Texture::with_mipmaps(texels)?;
         let detail = Detail::Differentials { differentials, bias: Some(bias) };
         let out = sample_texture(&texture, coordinates, detail, self.sampler)?;
-        let border = self.sampler.border;
+        let [of_u, of_v] = self.sampler.borders;
         let place = |uv: &[f64]| {
-            let reduced = |u: f64| match border {
+            let reduced = |u: f64, border| match border {
                 TextureBorder::Wrap => u.rem_euclid(1.0),
                 TextureBorder::Mirror => u.rem_euclid(2.0).min(2.0 - u.rem_euclid(2.0)),
                 TextureBorder::Clamp => u.clamp(0.0, 1.0),
                 TextureBorder::Zero => u,
             };
-            (0, [reduced(uv[0]), reduced(uv[1])])
+            (0, [reduced(uv[0], of_u), reduced(uv[1], of_v)])
         };
         // The footprint does not step where the coordinates are brought back.
         let (uv, slopes) = (wide(coordinates), wide(differentials));
@@ -230,7 +230,9 @@ fn samplers() -> Vec<(&'static str, Sampler)> {
         ("anisotropic, wrap", TextureFilter::Anisotropic { probes: 8 }, TextureBorder::Wrap),
     ];
     let sampler = |filter, border| Sampler::new().filter(filter).border(border);
-    all.map(|(name, filter, border)| (name, sampler(filter, border))).to_vec()
+    let mixed = Sampler::new().borders([TextureBorder::Mirror, TextureBorder::Clamp]);
+    let all = all.map(|(name, filter, border)| (name, sampler(filter, border)));
+    all.into_iter().chain([("trilinear, mirror beside clamp", mixed)]).collect()
 }
 
 #[test]

@@ -44,6 +44,8 @@ impl Renderer {
             let of_looks: Vec<_> = object.looks.iter().map(of_look).collect();
             if let Some(positions) = vertices {
                 object.positions = positions;
+                // Those of the file were of the surface as it was.
+                object.tangents = None;
             }
             if let Some(pose) = pose {
                 let moved = motion(pose.data(), radius, middle)?;
@@ -157,6 +159,7 @@ impl Object {
             colors: self.colors.as_ref().map(indexed),
             coordinates: self.coordinates.as_ref().map(indexed),
             normals: None,
+            tangents: None,
             submeshes: submeshes.collect(),
         }
     }
@@ -214,10 +217,13 @@ impl SurfaceLook {
             name: name.to_owned(),
             base_color: [red, green, blue, 1.0],
             base_color_image: color,
+            base_color_borders: self.texture_borders,
             metallic: if maps.is_some() { 1.0 } else { self.metallic },
             roughness: if maps.is_some() { 1.0 } else { self.roughness },
             metallic_roughness_image: maps,
+            metallic_roughness_borders: self.roughness_metallic_borders,
             normal_image: normals,
+            normal_borders: self.normal_map_borders,
             normal_scale: 1.0,
         })
     }

@@ -39,6 +39,8 @@ pub use bokashi_core::Tensor;
 pub use bokashi_fit::{Alone, Communicator, Ranks};
 /// What a fit learns, a step of it, and the numbers that files have.
 pub use bokashi_fit::{Parameters, Stepped, Stored};
+/// What lies beyond the edges of an image.
+pub use bokashi_render_ops::TextureBorder;
 pub use cameras::{
     Camera, ColmapPoint, NamedView, read_colmap, read_colmap_points, read_transforms,
     transforms_json,
@@ -53,7 +55,7 @@ pub use glam;
 pub use image;
 pub use memory::{limit_memory, memory_limit};
 pub use mesh::{MeshKind, glb, ply, read_model, read_model_bytes};
-pub use model::{Geometry, Indexed, MaterialFile, Model, NO_ROW, Placed, Submesh};
+pub use model::{Borders, Geometry, Indexed, MaterialFile, Model, NO_ROW, Placed, Submesh};
 /// The arrays of [`arrays::tensor_of_ndarray`].
 #[cfg(feature = "ndarray")]
 pub use ndarray;

@@ -2,12 +2,16 @@
 
 use std::ops::Range;
 
+use bokashi_render_ops::TextureBorder;
 use glam::DMat4;
 
 use crate::picture::Picture;
 
 /// Stands in the place of a row at the corners of a submesh that lacks the attribute.
 pub const NO_ROW: u32 = u32::MAX;
+
+/// How an image goes on beyond its edges: along u and along v.
+pub type Borders = [TextureBorder; 2];
 
 /// Numbers at the corners of faces, with an index buffer of their own: where a texture has a seam, a
 /// vertex has several. The corners of a submesh have all of them a row, or all of them [`NO_ROW`].
@@ -43,6 +47,8 @@ pub struct Geometry {
     pub coordinates: Option<Indexed<2>>,
     /// Unit normals.
     pub normals: Option<Indexed<3>>,
+    /// Unit tangents, along which u grows, and the sign of the bitangent, 1 or -1, as in glTF.
+    pub tangents: Option<Indexed<4>>,
     /// Which faces have which material: all of them, in their order.
     pub submeshes: Vec<Submesh>,
 }
@@ -76,16 +82,30 @@ pub struct MaterialFile {
     pub base_color: [f32; 4],
     /// An image of sRGB colours, by its number.
     pub base_color_image: Option<usize>,
+    /// How that image goes on.
+    pub base_color_borders: Borders,
     /// 0 for dielectrics, 1 for metals.
     pub metallic: f32,
     /// Perceptual roughness from 0 to 1.
     pub roughness: f32,
     /// An image with roughness in green and metallic in blue, by its number.
     pub metallic_roughness_image: Option<usize>,
+    /// How that image goes on.
+    pub metallic_roughness_borders: Borders,
     /// A normal map, by its number.
     pub normal_image: Option<usize>,
+    /// How that image goes on.
+    pub normal_borders: Borders,
     /// What x and y of the normal map are multiplied by.
     pub normal_scale: f32,
+}
+
+impl MaterialFile {
+    /// Whether anything of it is looked up by texture coordinates.
+    pub(crate) fn has_images(&self) -> bool {
+        let maps = [self.base_color_image, self.metallic_roughness_image, self.normal_image];
+        maps != [None; 3]
+    }
 }
 
 impl Default for MaterialFile {
@@ -94,10 +114,13 @@ impl Default for MaterialFile {
             name: String::new(),
             base_color: [1.0; 4],
             base_color_image: None,
+            base_color_borders: Borders::default(),
             metallic: 1.0,
             roughness: 1.0,
             metallic_roughness_image: None,
+            metallic_roughness_borders: Borders::default(),
             normal_image: None,
+            normal_borders: Borders::default(),
             normal_scale: 1.0,
         }
     }

@@ -9,7 +9,7 @@ use glam::{DMat4, DVec3};
 
 use crate::error::SceneError;
 use crate::file::is_file_name;
-use crate::model::{Geometry, Indexed, MaterialFile, Model, NO_ROW, Submesh};
+use crate::model::{Borders, Geometry, Indexed, MaterialFile, Model, NO_ROW, Submesh};
 use crate::picture::{ColorSpace, Picture};
 use crate::values::of_object;
 
@@ -33,14 +33,20 @@ pub struct SurfaceLook {
     pub base_color: [f32; 3],
     /// Base colours `[H, W, 3]`, linear.
     pub texture: Option<Tensor<f32>>,
+    /// How the texture goes on beyond its edges.
+    pub texture_borders: Borders,
     /// From 0 to 1.
     pub roughness: f32,
     /// From 0 to 1.
     pub metallic: f32,
     /// Roughness and metallic, `[H, W, 2]`.
     pub roughness_metallic: Option<Tensor<f32>>,
+    /// How these maps go on beyond their edges.
+    pub roughness_metallic_borders: Borders,
     /// Vectors in tangent space, `[H, W, 3]`.
     pub normal_map: Option<Tensor<f32>>,
+    /// How the normal map goes on beyond its edges.
+    pub normal_map_borders: Borders,
 }
 
 /// A mesh and where it stands.
@@ -58,6 +64,9 @@ pub struct Object {
     pub coordinates: Option<Attribute>,
     /// Unit normals of the file, `[A, 3]`: they hold as long as vertices stay where they are.
     pub normals: Option<Attribute>,
+    /// Unit tangents of the file and signs of bitangents, `[A, 4]`. Without them, and where vertices are
+    /// learnt, tangents follow from the coordinates.
+    pub tangents: Option<Attribute>,
     /// From its own coordinates to the world's, once for each instance.
     pub places: Vec<DMat4>,
     /// What its faces are made of: one for each of its materials, or one.
@@ -131,6 +140,7 @@ impl Object {
             colors: geometry.colors.as_ref().map(attribute).transpose()?,
             coordinates: coordinates.as_ref().map(attribute).transpose()?,
             normals: geometry.normals.as_ref().map(attribute).transpose()?,
+            tangents: geometry.tangents.as_ref().map(attribute).transpose()?,
             mesh,
             places,
             looks: looks.collect(),
@@ -178,10 +188,13 @@ impl SurfaceLook {
             faces: 0..0,
             base_color: [0.5; 3],
             texture: None,
+            texture_borders: Borders::default(),
             roughness: 1.0,
             metallic: 0.0,
             roughness_metallic: None,
+            roughness_metallic_borders: Borders::default(),
             normal_map: None,
+            normal_map_borders: Borders::default(),
         }
     }
 
@@ -249,10 +262,13 @@ impl SurfaceLook {
             faces: 0..0,
             base_color,
             texture: color,
+            texture_borders: material.base_color_borders,
             roughness: material.roughness,
             metallic: material.metallic,
             roughness_metallic,
+            roughness_metallic_borders: material.metallic_roughness_borders,
             normal_map,
+            normal_map_borders: material.normal_borders,
         }
     }
 }

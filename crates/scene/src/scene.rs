@@ -14,14 +14,14 @@ use toml::Spanned;
 
 use crate::cameras::{Camera, NamedView, read_colmap, read_transforms};
 use crate::description::{
-    self, ColorSpaceName, Description, MaterialEntry, MeshEntry, Shape, ViewEntry,
+    self, ColorSpaceName, Description, MaterialEntry, MeshEntry, Shape, SurfaceModel, ViewEntry,
 };
 use crate::error::{Place, SceneError};
 use crate::file::is_file_name;
 use crate::folder::Folder;
 use crate::memory::{OF_DRAWN_PIXEL, OF_FACE, OF_NEW_TEXEL, OF_TEXEL};
-use crate::mesh::read_counted;
-use crate::model::{Model, Placed};
+use crate::mesh::{MeshKind, read_counted};
+use crate::model::{Borders, MaterialFile, Model, Placed};
 use crate::object::{Object, SurfaceLook, vectors};
 use crate::picture::{ColorSpace, MOST_SAMPLES, Picture};
 use crate::shapes;
@@ -117,10 +117,14 @@ impl Scene {
         let name = path.file_name().map(PathBuf::from).unwrap_or_default();
         let source = Source { text: folder.read_text(&name)?, path: path.to_owned(), folder };
         let description = Description::parse(&source.text, path)?;
+        let is_lit = match description.pipeline.surface {
+            Some(own) => own != SurfaceModel::Unlit,
+            None => !description.lights.is_empty() || description.environment.is_some(),
+        };
         let mut notes = Vec::new();
         let mut objects = Vec::new();
         for entry in &description.meshes {
-            objects.extend(source.objects(entry, &mut notes)?);
+            objects.extend(source.objects(entry, is_lit, &mut notes)?);
         }
         let views = source.views(&description)?;
         for SceneView { camera: Camera { size, .. }, .. } in &views {
@@ -137,7 +141,17 @@ impl Scene {
         let Source { path, folder, .. } = source;
         let files = folder.files_read().into_iter().filter(|(file, _)| *file != name);
         let files = files.map(|(file, said)| (file.display().to_string(), said)).collect();
-        Ok(Self { path, folder, description, objects, views, environment, notes, files })
+        let mut scene =
+            Self { path, folder, description, objects, views, environment, notes, files };
+        for object in &scene.objects {
+            let has_map = object.looks.iter().any(|look| look.normal_map.is_some());
+            if has_map && object.tangents.is_some() && scene.learns_vertices(object) {
+                let found = "its vertices are learnt, so tangents follow from its coordinates";
+                let note = format!("{}: {found}, not from its file", object.name);
+                scene.notes.push(note);
+            }
+        }
+        Ok(scene)
     }
 
     /// The middle of the objects, and the radius of a ball around them; of nothing, the origin and 1.
@@ -150,6 +164,13 @@ impl Scene {
             }
             None => (DVec3::ZERO, 1.0),
         }
+    }
+
+    /// Whether the places of an object's vertices are learnt.
+    pub(crate) fn learns_vertices(&self, object: &Object) -> bool {
+        let names = |names: &Vec<String>| names.contains(&object.name);
+        let learnt = self.description.learn.vertices.as_ref();
+        learnt.is_some_and(|own| own.meshes.as_ref().is_none_or(names))
     }
 
     /// The view `name`.
@@ -207,6 +228,7 @@ impl Source {
     fn objects(
         &self,
         entry: &Spanned<MeshEntry>,
+        is_lit: bool,
         notes: &mut Vec<String>,
     ) -> Result<Vec<Object>, SceneError> {
         let own = entry.get_ref();
@@ -238,6 +260,7 @@ impl Source {
                 return Err(self.wrong(entry, rule));
             }
         };
+        let kind = own.file.as_ref().and_then(|file| MeshKind::of(file).ok());
         let name = own.name.clone().unwrap_or(default);
         let first = own.place.matrix();
         let mut instances = vec![first];
@@ -253,6 +276,21 @@ impl Source {
             let materials = geometry.materials().flatten().filter_map(|k| model.materials.get(k));
             let texels = materials.map(|own| SurfaceLook::texels_of_file(own, &model.images)).sum();
             self.claim_texels(texels, entry)?;
+            for submesh in &geometry.submeshes {
+                let material = submesh.material.and_then(|k| model.materials.get(k));
+                let is_mapped = material.is_some_and(MaterialFile::has_images);
+                let is_placed =
+                    geometry.coordinates.as_ref().is_some_and(|own| own.covers(&submesh.faces));
+                if is_mapped && !is_placed {
+                    let found =
+                        "images of its material were left out, as it has no texture coordinates";
+                    notes.push(format!("{name}: {found}"));
+                }
+            }
+            if is_lit && geometry.normals.is_none() && kind == Some(MeshKind::Gltf) {
+                let found = "its file has no normals: they are smooth, where glTF has flat ones";
+                notes.push(format!("{name}: {found}"));
+            }
             let mut object = Object::of_geometry(name, geometry, &model, places.collect())?;
             self.dress(&mut object, &own.material, entry)?;
             objects.push(object);
@@ -317,6 +355,7 @@ impl Source {
             (Some(file), None) => {
                 let image = self.image(file)?;
                 self.claim_texels(image.pixels() as u64, entry)?;
+                look.texture_borders = Borders::default();
                 Some(image.color(ColorSpace::of(&image)))
             }
             (None, Some(size)) => {
@@ -324,6 +363,7 @@ impl Source {
                 self.at_most(entry, "samples of an image", MOST_SAMPLES, samples)?;
                 self.claim_texels(samples / 3, entry)?;
                 let color = look.base_color;
+                look.texture_borders = Borders::default();
                 Some(Tensor::from_flat_fn([size.0, size.0, 3], |k| color[k % 3]))
             }
             _ => {
@@ -335,6 +375,7 @@ impl Source {
             let image = self.image(file)?;
             self.claim_texels(image.pixels() as u64, entry)?;
             look.normal_map = Some(vectors(&image, 1.0));
+            look.normal_map_borders = Borders::default();
         }
         Ok(())
     }

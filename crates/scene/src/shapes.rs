@@ -141,6 +141,7 @@ fn geometry(
         colors: None,
         coordinates: Some(coordinates),
         normals: None,
+        tangents: None,
     }
 }
 

@@ -35,12 +35,13 @@ pub fn mesh_file(bytes: &[u8]) -> usize {
 /// Panics unless the numbers of a model name its parts, and its meshes come back from files.
 fn check(model: &Model, folder: &Folder) {
     for geometry in &model.geometries {
-        let Geometry { positions, faces, colors, coordinates, normals, .. } = geometry;
+        let Geometry { positions, faces, colors, coordinates, normals, tangents, .. } = geometry;
         assert!(!faces.is_empty());
         check_rows(positions, faces);
         check_indexed(colors, geometry);
         check_indexed(coordinates, geometry);
         check_indexed(normals, geometry);
+        check_indexed(tangents, geometry);
         assert!(faces.iter().all(|[a, b, c]| a != b && b != c && c != a));
         let ends = geometry.submeshes.iter().map(|submesh| submesh.faces.end);
         let begins = geometry.submeshes.iter().map(|submesh| submesh.faces.start);

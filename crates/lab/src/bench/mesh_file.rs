@@ -199,6 +199,7 @@ mod tests {
             colors: Some(Indexed { rows: vec![[0.25; 3], [0.5; 3]], faces: vec![[0, 1, 1]] }),
             coordinates: None,
             normals: None,
+            tangents: None,
             submeshes: vec![Submesh { material: None, faces: 0..1 }],
         }
     }

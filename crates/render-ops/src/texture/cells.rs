@@ -28,11 +28,11 @@ impl<T: Scalar> Extents<T> {
 pub(super) struct Rounding {
     /// Whether the nearest texel is all of the sample: then it is the upper left texel of the cell.
     pub(super) to_nearest: bool,
-    /// Whether a place beyond the face has no cell.
-    pub(super) ends: bool,
+    /// Whether a place beyond the face along each of its axes has no cell.
+    pub(super) ends: [bool; 2],
 }
 
-/// Row and column of no cell: its texels lie beyond the face, too.
+/// The row or the column of no cell: its texels lie beyond the face, too.
 const NO_CELL: f64 = -2.0;
 
 /// The cells of a block of probes, on one level.
@@ -76,6 +76,7 @@ impl<T: Scalar> Cells<T> {
             let texels = &mut self.at[1 - axis][lanes.clone()];
             let fractions = &mut self.fractions[axis][lanes.clone()];
             let (scale, count) = (extents.scale[axis], extents.counts[1 - axis]);
+            let rounding = (rounding.to_nearest, rounding.ends[axis]);
             find_along(at, scale, count, rounding, texels, fractions);
         }
     }
@@ -112,7 +113,7 @@ fn find_along<T: Scalar>(
     at: &[T],
     scale: T,
     count: usize,
-    Rounding { to_nearest, ends }: Rounding,
+    (to_nearest, ends): (bool, bool),
     texels: &mut [i32],
     fractions: &mut [T],
 ) {

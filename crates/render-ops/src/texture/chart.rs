@@ -132,8 +132,8 @@ pub(super) trait Chart<const K: usize>: Copy + Send + Sync + 'static {
     /// `[rows, columns]`, by one.
     fn beyond(self, extents: [usize; 2], face: usize, at: [isize; 2]) -> Texels;
 
-    /// Whether places beyond a face show nothing.
-    fn ends(self) -> bool;
+    /// Whether places beyond a face along each of its axes show nothing.
+    fn ends(self) -> [bool; 2];
 }
 
 #[inline(always)]
@@ -144,7 +144,8 @@ fn floor<T: Scalar>(x: T) -> T {
 /// A texture of the plane.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Plane {
-    pub(super) border: TextureBorder,
+    /// Along u and along v.
+    pub(super) borders: [TextureBorder; 2],
 }
 
 /// A coordinate brought back into `[0, 1]`, and how that changes with it.
@@ -195,9 +196,10 @@ fn for_each_reduced<T: Scalar>(
 }
 
 impl Plane {
+    /// The coordinate along an axis, brought back.
     #[inline(always)]
-    fn reduced<T: Scalar>(self, u: T) -> Reduced<T> {
-        match self.border {
+    fn reduced<T: Scalar>(self, axis: usize, u: T) -> Reduced<T> {
+        match self.borders[axis] {
             TextureBorder::Wrap => wrapped(u),
             TextureBorder::Mirror => mirrored(u),
             TextureBorder::Clamp => clamped(u),
@@ -205,15 +207,17 @@ impl Plane {
         }
     }
 
-    /// Calls `visit(number, reduced)` for all of `numbers`. A loop without a choice in it is a vector's.
+    /// Calls `visit(number, reduced)` for all of `numbers`, along an axis. A loop without a choice in it is a
+    /// vector's.
     #[inline(always)]
     fn for_each<T: Scalar>(
         self,
+        axis: usize,
         coordinates: &[T],
         numbers: &mut [T],
         visit: impl Fn(&mut T, Reduced<T>),
     ) {
-        match self.border {
+        match self.borders[axis] {
             TextureBorder::Wrap => for_each_reduced(coordinates, numbers, wrapped, visit),
             TextureBorder::Mirror => for_each_reduced(coordinates, numbers, mirrored, visit),
             TextureBorder::Clamp => for_each_reduced(coordinates, numbers, clamped, visit),
@@ -232,13 +236,14 @@ impl Chart<2> for Plane {
     #[inline(always)]
     fn place<T: Scalar>(self, coordinates: [T; 2]) -> Place<T> {
         let [u, v] = coordinates;
-        Place { face: 0, at: [self.reduced(u)[0], self.reduced(v)[0]] }
+        Place { face: 0, at: [self.reduced(0, u)[0], self.reduced(1, v)[0]] }
     }
 
     #[inline(always)]
     fn places<T: Scalar>(self, coordinates: &[Lanes<T>; 2], count: usize, places: &mut Places<T>) {
         for k in 0..2 {
             self.for_each(
+                k,
                 &coordinates[k][..count],
                 &mut places.at[k][..count],
                 #[inline(always)]
@@ -250,7 +255,7 @@ impl Chart<2> for Plane {
     #[inline(always)]
     fn pull_back<T: Scalar>(self, coordinates: [T; 2], at_bar: [T; 2]) -> [T; 2] {
         let [u, v] = coordinates;
-        [self.reduced(u)[1] * at_bar[0], self.reduced(v)[1] * at_bar[1]]
+        [self.reduced(0, u)[1] * at_bar[0], self.reduced(1, v)[1] * at_bar[1]]
     }
 
     #[inline(always)]
@@ -264,6 +269,7 @@ impl Chart<2> for Plane {
         *bars = *at_bars;
         for k in 0..2 {
             self.for_each(
+                k,
                 &coordinates[k][..count],
                 &mut bars[k][..count],
                 #[inline(always)]
@@ -292,7 +298,8 @@ impl Chart<2> for Plane {
     fn beyond(self, extents: [usize; 2], _: usize, at: [isize; 2]) -> Texels {
         let source = |k: usize| {
             let (at, extent) = (at[k], extents[k] as isize);
-            match self.border {
+            // Rows follow each other along v, and columns along u.
+            match self.borders[1 - k] {
                 // Beyond by one, so that no division is needed.
                 TextureBorder::Wrap if at < 0 => Some((at + extent) as usize),
                 TextureBorder::Wrap if at >= extent => Some((at - extent) as usize),
@@ -311,8 +318,8 @@ impl Chart<2> for Plane {
     }
 
     #[inline(always)]
-    fn ends(self) -> bool {
-        self.border == TextureBorder::Zero
+    fn ends(self) -> [bool; 2] {
+        self.borders.map(|border| border == TextureBorder::Zero)
     }
 }
 
@@ -432,8 +439,8 @@ impl Chart<3> for Cube {
     }
 
     #[inline(always)]
-    fn ends(self) -> bool {
-        false
+    fn ends(self) -> [bool; 2] {
+        [false; 2]
     }
 }
 

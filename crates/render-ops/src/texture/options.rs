@@ -58,8 +58,8 @@ pub enum TextureBorder {
 pub struct Sampler {
     /// Which texels a sample is made of.
     pub filter: TextureFilter,
-    /// What lies beyond the border. A cube map has none.
-    pub border: TextureBorder,
+    /// What lies beyond the borders along u and along v. A cube map has none.
+    pub borders: [TextureBorder; 2],
     /// The coarsest level that may be used; the coarsest that there is by default.
     pub coarsest: Option<usize>,
 }
@@ -67,7 +67,7 @@ pub struct Sampler {
 impl Sampler {
     /// Trilinear samples of a texture that repeats.
     pub const fn new() -> Self {
-        Self { filter: TextureFilter::Trilinear, border: TextureBorder::Wrap, coarsest: None }
+        Self { filter: TextureFilter::Trilinear, borders: [TextureBorder::Wrap; 2], coarsest: None }
     }
 
     /// The same with another `filter`.
@@ -76,10 +76,16 @@ impl Sampler {
         Self { filter, ..self }
     }
 
-    /// The same with another `border`.
+    /// The same with another `border` along both axes.
     #[must_use]
     pub const fn border(self, border: TextureBorder) -> Self {
-        Self { border, ..self }
+        self.borders([border; 2])
+    }
+
+    /// The same with other `borders` along u and along v.
+    #[must_use]
+    pub const fn borders(self, borders: [TextureBorder; 2]) -> Self {
+        Self { borders, ..self }
     }
 
     /// The same without the levels that are coarser than `level`.

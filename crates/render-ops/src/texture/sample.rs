@@ -40,13 +40,13 @@ pub fn sample_texture<'t, T: Scalar>(
     detail: Detail<'t, T>,
     sampler: Sampler,
 ) -> Result<Var<'t, T>, RenderError> {
-    sample(Plane { border: sampler.border }, &texture.levels, coordinates, detail, sampler)
+    sample(Plane { borders: sampler.borders }, &texture.levels, coordinates, detail, sampler)
 }
 
 /// Samples of a cube map in `directions: [N, 3]`, of any length but 0: `[N, C]`. Samples go on over the
 /// edges of the faces, so no edge is seen.
 ///
-/// Gradients and cost are those of [`sample_texture`]. The sampler's border is not asked for.
+/// Gradients and cost are those of [`sample_texture`]. The sampler's borders are not asked for.
 ///
 /// # Errors
 /// As [`sample_texture`], with directions `[N, 3]` and differentials `[N, 3, 2]`; and

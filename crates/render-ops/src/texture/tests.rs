@@ -10,6 +10,11 @@ use crate::error::RenderError;
 const BORDERS: [TextureBorder; 4] =
     [TextureBorder::Wrap, TextureBorder::Mirror, TextureBorder::Clamp, TextureBorder::Zero];
 
+/// Each border along u beside each along v.
+fn pairs() -> impl Iterator<Item = [TextureBorder; 2]> {
+    BORDERS.into_iter().flat_map(|u| BORDERS.map(|v| [u, v]))
+}
+
 const FILTERS: [TextureFilter; 4] = [
     TextureFilter::Nearest,
     TextureFilter::Bilinear,
@@ -42,12 +47,12 @@ fn differentials(count: usize, rows: usize) -> Tensor<f64> {
 fn expected(
     level: &Tensor<f64>,
     [u, v]: [f64; 2],
-    border: TextureBorder,
+    borders: [TextureBorder; 2],
     nearest: bool,
 ) -> Vec<f64> {
     let &[rows, columns, channels] = &**level.shape() else { panic!("an image") };
     let texel = |i: f64, j: f64| -> Vec<f64> {
-        let at = |at: f64, extent: usize| {
+        let at = |at: f64, extent: usize, border: TextureBorder| {
             let n = extent as f64;
             Some(match border {
                 TextureBorder::Wrap => at.rem_euclid(n),
@@ -60,7 +65,7 @@ fn expected(
                 TextureBorder::Zero => return None,
             } as usize)
         };
-        match (at(i, rows), at(j, columns)) {
+        match (at(i, rows, borders[1]), at(j, columns, borders[0])) {
             (Some(i), Some(j)) => level.data()[(i * columns + j) * channels..][..channels].to_vec(),
             _ => vec![0.0; channels],
         }
@@ -97,14 +102,14 @@ fn samples_of_a_level_are_those_of_the_definition_at_any_size_and_border() {
     for shape in [[8, 16, 3], [5, 7, 1], [1, 9, 4], [3, 1, 2], [1, 1, 5]] {
         let texels = motley::<f64>(shape, 1);
         let texture = Texture::new(tape.leaf(&texels)).unwrap();
-        for border in BORDERS {
+        for borders in pairs() {
             for filter in [TextureFilter::Nearest, TextureFilter::Bilinear] {
-                let sampler = Sampler::new().filter(filter).border(border);
+                let sampler = Sampler::new().filter(filter).borders(borders);
                 let found =
                     sample_texture(&texture, tape.leaf(&uv), Detail::Finest, sampler).unwrap();
                 let nearest = filter == TextureFilter::Nearest;
                 for (uv, found) in uv.data().chunks(2).zip(found.value().data().chunks(shape[2])) {
-                    let expected = expected(&texels, [uv[0], uv[1]], border, nearest);
+                    let expected = expected(&texels, [uv[0], uv[1]], borders, nearest);
                     assert_close(found, &expected, 1e-13);
                 }
             }
@@ -121,7 +126,7 @@ fn a_level_between_two_levels_mixes_their_samples() {
     assert_eq!(count, 5);
     let of_level = |k: usize| {
         let texels = texture.levels()[k].value();
-        let of = |uv: &[f64]| expected(&texels, [uv[0], uv[1]], TextureBorder::Mirror, false);
+        let of = |uv: &[f64]| expected(&texels, [uv[0], uv[1]], [TextureBorder::Mirror; 2], false);
         uv.data().chunks(2).flat_map(of).collect::<Vec<_>>()
     };
     let sampler = Sampler::new().border(TextureBorder::Mirror);
@@ -261,12 +266,14 @@ fn scene<'t, T: Scalar>(
 
 #[test]
 fn backward_is_the_adjoint_of_forward_in_the_texels_of_all_levels() {
-    let borders = BORDERS.map(|border| (false, border));
-    for (is_cube, border) in borders.into_iter().chain([(true, TextureBorder::Wrap)]) {
+    let turned = BORDERS.into_iter().zip(BORDERS.into_iter().cycle().skip(1)).map(|(u, v)| [u, v]);
+    let borders = BORDERS.map(|border| [border; 2]).into_iter().chain(turned);
+    let borders = borders.map(|borders| (false, borders));
+    for (is_cube, borders) in borders.chain([(true, [TextureBorder::Wrap; 2])]) {
         for filter in FILTERS {
             for size in [[40, 9, 3], [3000, 37, 2], [9000, 70, 5]] {
                 let tape = Tape::<f64>::new();
-                let sampler = Sampler::new().filter(filter).border(border);
+                let sampler = Sampler::new().filter(filter).borders(borders);
                 let Scene { levels, out, .. } = scene(&tape, is_cube, size, sampler);
                 let upstream = motley(out.shape(), 11);
                 // Each level on its own: samples are linear in all levels together.
@@ -506,4 +513,41 @@ fn wrong_input_is_refused_with_rule_and_value() {
     let map = CubeMap::new(zeros(&[6, 2, 2, 1])).unwrap();
     let error = sample_cube_map(&map, zeros(&[2, 3]), Detail::Finest, plain).unwrap_err();
     assert_eq!(error, RenderError::Direction { operation: "sample_cube_map", row: 0 });
+}
+
+#[test]
+fn coordinates_have_the_slopes_of_the_borders_along_their_axes() {
+    let texels = motley::<f64>([5, 7, 2], 1);
+    let uv = coordinates::<f64>(200);
+    let upstream = motley::<f64>([200, 2], 3);
+    for borders in pairs() {
+        let sampler = Sampler::new().filter(TextureFilter::Bilinear).borders(borders);
+        let loss = |uv: &Tensor<f64>| -> f64 {
+            let of = |uv: &[f64]| expected(&texels, [uv[0], uv[1]], borders, false);
+            let samples = uv.data().chunks(2).flat_map(of);
+            samples.zip(upstream.data()).map(|(sample, bar)| sample * bar).sum()
+        };
+        let tape = Tape::<f64>::new();
+        let texture = Texture::new(tape.constant(&texels)).unwrap();
+        let own = tape.leaf(&uv);
+        let out = sample_texture(&texture, own, Detail::Finest, sampler).unwrap();
+        let bars = tape.vjp_to(&[(out, &upstream)], &[own]).unwrap().get_or_zeros(own);
+        // Two quotients agree where no kink lies between.
+        let step = 1e-6;
+        let mut compared = 0;
+        for k in 0..uv.data().len() {
+            let moved = |by: f64| {
+                loss(&Tensor::from_flat_fn(uv.shape(), |j| {
+                    uv.data()[j] + if j == k { by } else { 0.0 }
+                }))
+            };
+            let [left, here, right] = [-step, 0.0, step].map(moved);
+            let slopes = [(here - left) / step, (right - here) / step];
+            if (slopes[0] - slopes[1]).abs() < 1e-6 {
+                compared += 1;
+                approx::assert_abs_diff_eq!(bars.data()[k], slopes[0], epsilon = 1e-6);
+            }
+        }
+        assert!(compared > 300, "{borders:?}: {compared}");
+    }
 }

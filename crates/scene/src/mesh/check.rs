@@ -10,7 +10,8 @@ pub(super) fn place() -> Place {
 
 /// Refuses a geometry whose index buffers or numbers break a rule.
 pub(super) fn check(geometry: &Geometry) -> Result<(), SceneError> {
-    let Geometry { name, positions, faces, colors, coordinates, normals, submeshes } = geometry;
+    let Geometry { name, positions, faces, colors, coordinates, normals, tangents, submeshes } =
+        geometry;
     if faces.is_empty() {
         return Err(refused(name, "has a face or more, and this has none"));
     }
@@ -29,7 +30,8 @@ pub(super) fn check(geometry: &Geometry) -> Result<(), SceneError> {
     }
     attribute(name, "colours", colors.as_ref(), submeshes)?;
     attribute(name, "coordinates", coordinates.as_ref(), submeshes)?;
-    attribute(name, "normals", normals.as_ref(), submeshes)
+    attribute(name, "normals", normals.as_ref(), submeshes)?;
+    attribute(name, "tangents", tangents.as_ref(), submeshes)
 }
 
 fn attribute<const N: usize>(

@@ -4,23 +4,24 @@ use crate::mesh::weld::same_keys;
 use crate::model::{Geometry, Indexed, NO_ROW};
 
 /// The faces of a geometry, and for each of their vertices the numbers of its position, its colour, its
-/// coordinates and its normal; [`NO_ROW`] for what the geometry or the submesh lacks.
+/// coordinates, its normal and its tangent; [`NO_ROW`] for what the geometry or the submesh lacks.
 ///
 /// Vertices come in the order of their positions, and those with one position in the order of the corners:
 /// welding gives the geometry back.
 #[derive(Debug)]
 pub(super) struct Unwelded {
-    pub(super) vertices: Vec<[u32; 4]>,
+    pub(super) vertices: Vec<[u32; 5]>,
     pub(super) faces: Vec<[u32; 3]>,
 }
 
 impl Unwelded {
     /// Of a geometry that was checked.
     pub(super) fn of(geometry: &Geometry) -> Self {
-        let Geometry { faces, colors, coordinates, normals, .. } = geometry;
+        let Geometry { faces, colors, coordinates, normals, tangents, .. } = geometry;
         let key = |corner: usize| {
             let (face, k) = (corner / 3, corner % 3);
-            [faces[face][k], row(colors, face, k), row(coordinates, face, k), row(normals, face, k)]
+            let [colors, coordinates] = [row(colors, face, k), row(coordinates, face, k)];
+            [faces[face][k], colors, coordinates, row(normals, face, k), row(tangents, face, k)]
         };
         let same = same_keys(3 * faces.len(), key);
         let is_first = |corner: &u32| same[*corner as usize] == *corner;

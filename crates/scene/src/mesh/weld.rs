@@ -9,7 +9,7 @@
 //! Where places are not welded, two positions are one where the file has one row for both.
 //!
 //! Left out are faces that name a vertex twice, vertices that no face names, and attributes of a submesh
-//! with a number that is not finite, or with a normal of length 0. A position that is not finite is an error.
+//! with a number that is not finite, or with a normal or a tangent of length 0. A position that is not finite is an error.
 
 use std::borrow::Cow;
 use std::collections::hash_map::RandomState;
@@ -43,6 +43,7 @@ pub(super) struct Raw<'a> {
     pub(super) colors: Option<Corners<'a, 3>>,
     pub(super) coordinates: Option<Corners<'a, 2>>,
     pub(super) normals: Option<Corners<'a, 3>>,
+    pub(super) tangents: Option<Corners<'a, 4>>,
 }
 
 /// Welds meshes, one after the other.
@@ -104,8 +105,20 @@ impl Welder {
         let colors = self.attribute(raw.colors, own, plain, "colours", notes);
         let coordinates = self.attribute(raw.coordinates, own, plain, "coordinates", notes);
         let normals = self.attribute(raw.normals, own, unit, "normals", notes);
+        // The format that has them has none without normals.
+        let tangents = raw.tangents.filter(|_| normals.is_some());
+        let tangents = self.attribute(tangents, own, tangent, "tangents", notes);
         let faces = local;
-        Ok(Some(Geometry { name, positions, faces, colors, coordinates, normals, submeshes }))
+        Ok(Some(Geometry {
+            name,
+            positions,
+            faces,
+            colors,
+            coordinates,
+            normals,
+            tangents,
+            submeshes,
+        }))
     }
 
     /// The welded attribute of the faces that are kept. A submesh with a row that can't be mended has none.
@@ -221,6 +234,12 @@ fn unit(row: [f32; 3]) -> [f32; 3] {
         true => plain(row),
         false => plain(wide.map(|number| (number / square.sqrt()) as f32)),
     }
+}
+
+/// The unit vector in a direction, and a sign; NaN where there is no direction.
+fn tangent([x, y, z, sign]: [f32; 4]) -> [f32; 4] {
+    let [x, y, z] = unit([x, y, z]);
+    [x, y, z, if sign < 0.0 { -1.0 } else { 1.0 }]
 }
 
 /// For each row the first one with the same bits.

@@ -3,26 +3,32 @@
 //! A geometry is a mesh, each of its submeshes a primitive, and a placed one a node with its matrix. The
 //! primitives of a mesh share their vertices. glTF indexes all attributes alike, so a vertex is written once
 //! for each combination of attributes that corners give it.
-//! Images are PNG. A material is opaque where its opacity is 1, and else blended. The format has factors of
+//! Images are PNG, and a texture is an image with its wrap modes. A material is opaque where its opacity is 1, and else blended. The format has factors of
 //! materials from 0 to 1: those beyond are cut. It has no matrices that shear, which some readers refuse.
 //!
 //! # Source
 //! Khronos Group, glTF 2.0 Specification.
 
+use std::collections::HashMap;
 use std::mem;
 
+use bokashi_render_ops::TextureBorder;
 use serde_json::{Value, json};
 
 use super::check::{check, place};
 use super::unweld::{Unwelded, row_or};
 use crate::error::SceneError;
-use crate::model::{Geometry, Indexed, MaterialFile, Model, Placed, Submesh};
+use crate::model::{Borders, Geometry, Indexed, MaterialFile, Model, Placed, Submesh};
 
 /// Targets of buffer views and types of components, as the specification numbers them.
 const ARRAY_BUFFER: u32 = 34962;
 const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 const FLOAT: u32 = 5126;
 const UNSIGNED_INT: u32 = 5125;
+/// Wrap modes of samplers.
+const REPEAT: u32 = 10497;
+const MIRRORED_REPEAT: u32 = 33648;
+const CLAMP_TO_EDGE: u32 = 33071;
 /// What a chunk's length is a multiple of, and where accessors begin.
 const ALIGNMENT: usize = 4;
 
@@ -44,13 +50,11 @@ pub fn glb(model: &Model) -> Result<Vec<u8>, SceneError> {
         let view = file.view(&image.encode_png(&place())?, None);
         images.push(json!({"bufferView": view, "mimeType": "image/png"}));
     }
-    let textures: Vec<Value> =
-        (0..images.len()).map(|image| json!({"sampler": 0, "source": image})).collect();
-    let samplers: &[Value] = if images.is_empty() { &[] } else { &[json!({})] };
+    let mut textures = Textures { images: images.len(), ..Textures::default() };
     let materials: Vec<Value> = model
         .materials
         .iter()
-        .map(|material| material_of(material, images.len()))
+        .map(|material| material_of(material, &mut textures))
         .collect::<Result<_, _>>()?;
     let nodes: Vec<Value> =
         model.placed.iter().map(|placed| node(placed, meshes.len())).collect::<Result<_, _>>()?;
@@ -66,9 +70,9 @@ pub fn glb(model: &Model) -> Result<Vec<u8>, SceneError> {
         ("materials", materials),
         ("meshes", meshes),
         ("nodes", nodes),
-        ("samplers", samplers.to_vec()),
+        ("samplers", textures.samplers()),
         ("scenes", scenes),
-        ("textures", textures),
+        ("textures", textures.values),
     ];
     // The specification has no empty lists.
     for (name, list) in lists.into_iter().filter(|(_, list)| !list.is_empty()) {
@@ -133,7 +137,8 @@ impl File {
 
     fn mesh(&mut self, geometry: &Geometry, materials: usize) -> Result<Value, SceneError> {
         check(geometry)?;
-        let Geometry { name, positions, colors, coordinates, normals, submeshes, .. } = geometry;
+        let Geometry { name, positions, colors, coordinates, normals, tangents, submeshes, .. } =
+            geometry;
         let Unwelded { vertices, faces } = Unwelded::of(geometry);
         let named = |k: usize| vertices.iter().map(move |vertex| vertex[k]);
         let rows = named(0).map(|row| positions[row as usize]);
@@ -155,7 +160,16 @@ impl File {
             let rows = named(3).map(|row| row_or(own, row, [0.0, 0.0, 1.0]));
             (self.rows(rows, false), covered(own, submeshes))
         });
-        let attributes = [("COLOR_0", colors), ("TEXCOORD_0", coordinates), ("NORMAL", normals)];
+        let tangents = tangents.as_ref().map(|own| {
+            let rows = named(4).map(|row| row_or(own, row, [1.0, 0.0, 0.0, 1.0]));
+            (self.rows(rows, false), covered(own, submeshes))
+        });
+        let attributes = [
+            ("COLOR_0", colors),
+            ("TEXCOORD_0", coordinates),
+            ("NORMAL", normals),
+            ("TANGENT", tangents),
+        ];
         let mut primitives = Vec::with_capacity(submeshes.len());
         for (k, Submesh { material, faces: own }) in submeshes.iter().enumerate() {
             let mut named = json!({"POSITION": positions});
@@ -201,7 +215,46 @@ fn node(placed: &Placed, meshes: usize) -> Result<Value, SceneError> {
     Ok(named_value(node, &placed.name))
 }
 
-fn material_of(material: &MaterialFile, images: usize) -> Result<Value, SceneError> {
+/// Pairs of images and samplers, each once.
+#[derive(Debug, Default)]
+struct Textures {
+    /// How many images there are.
+    images: usize,
+    /// Samplers: how images go on.
+    borders: Vec<Borders>,
+    numbers: HashMap<(usize, usize), usize>,
+    values: Vec<Value>,
+}
+
+impl Textures {
+    /// The texture of an image that goes on so.
+    fn of(&mut self, image: Option<usize>, borders: Borders) -> Result<Option<Value>, SceneError> {
+        let Some(image) = image else { return Ok(None) };
+        check_number("image", image, self.images)?;
+        let sampler = self.borders.iter().position(|own| *own == borders).unwrap_or_else(|| {
+            self.borders.push(borders);
+            self.borders.len() - 1
+        });
+        let number = *self.numbers.entry((image, sampler)).or_insert_with(|| {
+            self.values.push(json!({"sampler": sampler, "source": image}));
+            self.values.len() - 1
+        });
+        Ok(Some(json!({"index": number})))
+    }
+
+    fn samplers(&self) -> Vec<Value> {
+        let mode = |border| match border {
+            TextureBorder::Wrap => REPEAT,
+            TextureBorder::Mirror => MIRRORED_REPEAT,
+            // The format has no zeros.
+            TextureBorder::Clamp | TextureBorder::Zero => CLAMP_TO_EDGE,
+        };
+        let sampler = |&[u, v]: &Borders| json!({"wrapS": mode(u), "wrapT": mode(v)});
+        self.borders.iter().map(sampler).collect()
+    }
+}
+
+fn material_of(material: &MaterialFile, textures: &mut Textures) -> Result<Value, SceneError> {
     let MaterialFile { name, base_color, metallic, roughness, normal_scale, .. } = material;
     let numbers = base_color.iter().chain([metallic, roughness, normal_scale]);
     if !numbers.clone().all(|number| number.is_finite()) {
@@ -210,24 +263,21 @@ fn material_of(material: &MaterialFile, images: usize) -> Result<Value, SceneErr
             format!("the numbers of the material {name:?} are finite, and these are {found:?}");
         return Err(SceneError::content(place(), found));
     }
-    let texture = |number: Option<usize>| -> Result<Option<Value>, SceneError> {
-        let Some(number) = number else { return Ok(None) };
-        check_number("image", number, images)?;
-        Ok(Some(json!({"index": number})))
-    };
     let base_color = base_color.map(|number| number.clamp(0.0, 1.0));
     let [metallic, roughness] = [metallic, roughness].map(|number| number.clamp(0.0, 1.0));
     let mut surface = json!({
         "baseColorFactor": base_color, "metallicFactor": metallic, "roughnessFactor": roughness
     });
-    if let Some(texture) = texture(material.base_color_image)? {
+    if let Some(texture) = textures.of(material.base_color_image, material.base_color_borders)? {
         surface["baseColorTexture"] = texture;
     }
-    if let Some(texture) = texture(material.metallic_roughness_image)? {
+    if let Some(texture) =
+        textures.of(material.metallic_roughness_image, material.metallic_roughness_borders)?
+    {
         surface["metallicRoughnessTexture"] = texture;
     }
     let mut value = json!({"pbrMetallicRoughness": surface});
-    if let Some(mut texture) = texture(material.normal_image)? {
+    if let Some(mut texture) = textures.of(material.normal_image, material.normal_borders)? {
         texture["scale"] = json!(normal_scale);
         value["normalTexture"] = texture;
     }

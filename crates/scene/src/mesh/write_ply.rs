@@ -34,7 +34,7 @@ pub fn ply(geometry: &Geometry) -> Result<Vec<u8>, SceneError> {
     header.push_str(&format!("element face {}\n", unwelded.faces.len()));
     header.push_str("property list uchar int vertex_indices\nend_header\n");
     let mut bytes = header.into_bytes();
-    for &[position, color, coordinate, normal] in &unwelded.vertices {
+    for &[position, color, coordinate, normal, _] in &unwelded.vertices {
         push(&mut bytes, &positions[position as usize]);
         if let Some(normals) = normals {
             push(&mut bytes, &row_or(normals, normal, [0.0; 3]));

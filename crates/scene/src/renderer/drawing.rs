@@ -64,7 +64,7 @@ impl Renderer {
         Ok(Self {
             frame: Frame::of(&scene),
             looks: LookUp::of(&parts, &scene.objects, filter)?,
-            normals: Normals::of(&parts, &scene.objects)?,
+            normals: Normals::of(&parts, &scene)?,
             lighting: Lighting::of(&scene)?,
             kept: Kept::default(),
             parts,
@@ -339,7 +339,8 @@ impl Renderer {
         let at = at_vertices.looks;
         let looks = self.looks.at(&self.parts, objects, values, at, fragments, asked)?;
         let Some(normals) = at_vertices.normals else { return Ok(looks.base_color) };
-        let normals = self.normals.at(normals, fragments, looks.normals)?;
+        let given = self.normals.given(objects, &self.frame, values)?;
+        let normals = self.normals.at(normals, fragments, looks.normals, given)?;
         let positions = interpolate(world, fragments)?;
         let views = eye.try_sub(positions)?;
         let surface = Surface { normals, views, positions: Some(positions) };
@@ -352,7 +353,7 @@ impl Renderer {
         world: Var<'t, f32>,
         fragments: &Fragments<'t, f32>,
     ) -> Recorded<'t> {
-        self.normals.at(self.normals.at_vertices(world)?, fragments, None)
+        self.normals.at(self.normals.at_vertices(world)?, fragments, None, None)
     }
 
     /// Which of the instances of all objects a face belongs to.

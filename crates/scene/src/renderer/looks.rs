@@ -12,6 +12,7 @@ use bokashi_render_ops::{
 use super::parts::Parts;
 use crate::description::FilterName;
 use crate::error::SceneError;
+use crate::model::Borders;
 use crate::object::{Attribute, Object, SurfaceLook};
 use crate::values::{Recorded, Values, of_object};
 
@@ -236,7 +237,7 @@ impl<'t> Material<'t, '_> {
 
     fn base_color(&self) -> Recorded<'t> {
         let look = self.look;
-        let texture = self.map("texture", look.texture.as_ref())?;
+        let texture = self.map("texture", look.texture.as_ref(), look.texture_borders)?;
         let color = || self.values.triple(&self.object.parameter("texture", look), look.base_color);
         Ok(match (texture, self.own.colors) {
             (Some(texture), Some(colors)) => texture.try_mul(colors)?,
@@ -249,8 +250,9 @@ impl<'t> Material<'t, '_> {
     /// Roughness or metallic: a channel of their map, or a number.
     fn number(&self, kind: &str, channel: usize, own: f32) -> Recorded<'t> {
         let map = self.look.roughness_metallic_map(channel);
+        let borders = self.look.roughness_metallic_borders;
         let count = self.own.count;
-        Ok(match self.map(kind, map.as_ref())? {
+        Ok(match self.map(kind, map.as_ref(), borders)? {
             Some(found) => found.reshape([count])?,
             None => {
                 let number =
@@ -263,14 +265,21 @@ impl<'t> Material<'t, '_> {
     /// What the normal map says; straight up without one.
     fn normals(&self) -> Recorded<'t> {
         let up = Tensor::from_flat_fn([1, 3], |k| [0.0, 0.0, 1.0][k]);
-        Ok(match self.map("normal_map", self.look.normal_map.as_ref())? {
+        let look = self.look;
+        let found = self.map("normal_map", look.normal_map.as_ref(), look.normal_map_borders)?;
+        Ok(match found {
             Some(found) => found,
             None => self.ones().try_mul(self.values.tape.constant(&up))?,
         })
     }
 
     /// What a map says at the fragments.
-    fn map(&self, kind: &str, own: Option<&Tensor<f32>>) -> Result<Option<Var<'t, f32>>, FitError> {
+    fn map(
+        &self,
+        kind: &str,
+        own: Option<&Tensor<f32>>,
+        borders: Borders,
+    ) -> Result<Option<Var<'t, f32>>, FitError> {
         let (Some(own), Some(places)) = (own, self.own.places) else { return Ok(None) };
         let texels = self.values.tensor(&self.object.parameter(kind, self.look), own);
         let (texture, detail) = match self.own.slopes {
@@ -286,7 +295,8 @@ impl<'t> Material<'t, '_> {
             FilterName::Trilinear => TextureFilter::Trilinear,
             FilterName::Anisotropic => TextureFilter::Anisotropic { probes: 8 },
         };
-        Ok(Some(sample_texture(&texture, places, detail, Sampler::new().filter(filter))?))
+        let sampler = Sampler::new().filter(filter).borders(borders);
+        Ok(Some(sample_texture(&texture, places, detail, sampler)?))
     }
 
     fn ones(&self) -> Var<'t, f32> {

@@ -5,15 +5,19 @@ use std::sync::Arc;
 
 use bokashi_core::{Tensor, Var};
 use bokashi_fit::FitError;
+use bokashi_render_ops::camera::to_tensor;
 use bokashi_render_ops::{
     Fragments, Mesh, Weighting, interpolate_indexed, perturbed_normals, tangents, vertex_normals,
 };
+use glam::DMat4;
 
+use super::frame::Frame;
 use super::looks::Indexed;
 use super::parts::{Part, Parts};
 use crate::error::SceneError;
 use crate::object::{Attribute, Object, SurfaceLook};
-use crate::values::Recorded;
+use crate::scene::Scene;
+use crate::values::{Recorded, Values, of_object};
 
 /// How corners share normals, and tangents where some object has a normal map.
 pub(super) struct Normals {
@@ -31,7 +35,8 @@ pub(super) struct NormalsAtVertices<'t, 'a> {
     pub(super) normals: Indexed<'t, 'a>,
 }
 
-/// Tangents of the objects with a normal map, and an empty tangent for all others.
+/// Tangents of the objects with a normal map, and an empty tangent for all others. Row A is empty; the rows
+/// before it follow from coordinates, those after it are of files.
 struct Tangents {
     /// Texture coordinates, `[A, 2]`, none of them at two normals.
     coordinates: Tensor<f32>,
@@ -39,18 +44,30 @@ struct Tangents {
     mesh: Mesh,
     /// The coordinates of these faces.
     indices: Mesh,
-    /// The tangents of all faces that are drawn: row A is empty.
+    /// The tangents of all faces that are drawn.
     shown: Mesh,
+    given: Vec<Given>,
+}
+
+/// Tangents of an object's file, as an instance has them.
+struct Given {
+    object: usize,
+    place: DMat4,
+    /// `[A, 3]`, in the object's own coordinates.
+    directions: Tensor<f32>,
+    /// `[A, 1]`, in the world.
+    signs: Tensor<f32>,
 }
 
 impl Normals {
-    pub(super) fn of(parts: &Parts, objects: &[Object]) -> Result<Self, SceneError> {
+    pub(super) fn of(parts: &Parts, scene: &Scene) -> Result<Self, SceneError> {
+        let objects = &scene.objects;
         let mut all = Self { mesh: parts.assembly.mesh().clone(), vertices: None, tangents: None };
         if objects.iter().any(|object| object.normals.is_some()) {
             all.split(parts, objects)?;
         }
         if objects.iter().any(has_map) {
-            all.tangents = Some(Tangents::of(parts, objects, &all.mesh)?);
+            all.tangents = Some(Tangents::of(parts, scene, &all.mesh)?);
         }
         Ok(all)
     }
@@ -94,18 +111,36 @@ impl Normals {
         Ok(NormalsAtVertices { corners, normals: Indexed { rows, indices: &self.mesh } })
     }
 
+    /// The tangents of files in the world, `[A, 4]`.
+    pub(super) fn given<'t>(
+        &self,
+        objects: &[Object],
+        frame: &Frame,
+        values: &Values<'t, '_>,
+    ) -> Result<Option<Var<'t, f32>>, FitError> {
+        let given = self.tangents.iter().flat_map(|own| &own.given);
+        let all = given.map(|own| own.in_world(&objects[own.object], frame, values));
+        let all = all.collect::<Result<Vec<_>, _>>()?;
+        Ok(match all.as_slice() {
+            [] => None,
+            [only] => Some(*only),
+            _ => Some(Var::concat(&all, 0)?),
+        })
+    }
+
     /// Normals at the fragments in the world, `[N, 3]`, of any length. `map` has what normal maps say at the
-    /// fragments, `[N, 3]`.
+    /// fragments, `[N, 3]`, and `given` the tangents of files.
     pub(super) fn at<'t>(
         &self,
         NormalsAtVertices { corners, normals }: NormalsAtVertices<'t, '_>,
         fragments: &Fragments<'t, f32>,
         map: Option<Var<'t, f32>>,
+        given: Option<Var<'t, f32>>,
     ) -> Recorded<'t> {
         let smooth = interpolate_indexed(normals.rows, normals.indices, fragments)?;
         match (map, &self.tangents) {
             (Some(map), Some(own)) => {
-                let tangents = own.at(corners, normals.rows, fragments)?;
+                let tangents = own.at(corners, normals.rows, given, fragments)?;
                 Ok(perturbed_normals(smooth, tangents, map)?)
             }
             _ => Ok(smooth),
@@ -114,12 +149,35 @@ impl Normals {
 }
 
 impl Tangents {
-    fn of(parts: &Parts, objects: &[Object], corners: &Mesh) -> Result<Self, SceneError> {
+    fn of(parts: &Parts, scene: &Scene, corners: &Mesh) -> Result<Self, SceneError> {
+        let objects = &scene.objects;
         let (mut rows, mut faces, mut indices, mut shown) = (vec![], vec![], vec![], vec![]);
+        let (mut given, mut given_rows) = (vec![], 0);
         let mut first = 0;
         for part in &parts.all {
             let object = &objects[part.object];
             let count = part.mesh.faces().len();
+            // Those of the file, where they are at all corners that need some.
+            let mut mapped = object.looks.iter().filter(|look| is_mapped(object, look));
+            let mut covers = |own: &&Attribute| mapped.all(|look| own.covers(&look.faces));
+            let of_file = object.tangents.as_ref().filter(|_| has_map(object));
+            let of_file = of_file.filter(&mut covers);
+            if let Some(own) = of_file.filter(|_| !scene.learns_vertices(object)) {
+                let wound = part.wound(&own.indices)?;
+                for place in &part.places {
+                    first += count;
+                    // Counted from the end: how many come before is not known yet.
+                    let count = own.rows.shape()[0] as u32;
+                    let row = |&row: &u32| match row < count {
+                        true => u32::MAX - 1 - (given_rows + row),
+                        false => u32::MAX,
+                    };
+                    shown.extend(wound.faces().iter().map(|face| face.each_ref().map(row)));
+                    given_rows += count;
+                    given.push(Given::of(part, *place, &own.rows));
+                }
+                continue;
+            }
             let own = object.coordinates_of_maps().filter(|_| has_map(object));
             let own = own.map(|own| Ok::<_, SceneError>((part.wound(&own.indices)?, &own.rows)));
             let own = own.transpose()?;
@@ -152,13 +210,17 @@ impl Tangents {
         }
         let count = rows.len() / 2;
         for index in shown.as_flattened_mut() {
-            *index = (*index).min(count as u32);
+            *index = match *index as usize {
+                own if own < count => own as u32,
+                _ => count as u32 + (u32::MAX - *index),
+            };
         }
         Ok(Self {
             coordinates: Tensor::from_flat_fn([count, 2], |k| rows[k]),
             mesh: Mesh::new(faces, corners.vertex_count())?,
             indices: Mesh::new(indices, count)?,
-            shown: Mesh::new(shown, count + 1)?,
+            shown: Mesh::new(shown, count + 1 + given_rows as usize)?,
+            given,
         })
     }
 
@@ -167,14 +229,50 @@ impl Tangents {
         &self,
         corners: Var<'t, f32>,
         normals: Var<'t, f32>,
+        given: Option<Var<'t, f32>>,
         fragments: &Fragments<'t, f32>,
     ) -> Result<Var<'t, f32>, FitError> {
         let tape = corners.tape();
-        let coordinates = tape.constant(&self.coordinates);
-        let own = tangents(corners, normals, coordinates, &self.indices, &self.mesh)?;
-        let none = tape.constant(&Tensor::zeros([1, 4]));
-        let all = Var::concat(&[own, none], 0)?;
+        let mut all = Vec::new();
+        if self.coordinates.shape()[0] > 0 {
+            let coordinates = tape.constant(&self.coordinates);
+            all.push(tangents(corners, normals, coordinates, &self.indices, &self.mesh)?);
+        }
+        all.push(tape.constant(&Tensor::zeros([1, 4])));
+        all.extend(given);
+        let all = Var::concat(&all, 0)?;
         Ok(interpolate_indexed(all, &self.shown, fragments)?)
+    }
+}
+
+impl Given {
+    fn of(part: &Part, place: DMat4, rows: &Tensor<f32>) -> Self {
+        let count = rows.shape()[0];
+        // The bitangent goes with the surface, and the cross product the other way in a mirror.
+        let sign = if part.is_mirrored { -1.0 } else { 1.0 };
+        Self {
+            object: part.object,
+            place,
+            directions: Tensor::from_flat_fn([count, 3], |k| rows.data()[k / 3 * 4 + k % 3]),
+            signs: Tensor::from_flat_fn([count, 1], |k| sign * rows.data()[4 * k + 3]),
+        }
+    }
+
+    /// In the world, `[A, 4]`.
+    fn in_world<'t>(
+        &self,
+        object: &Object,
+        frame: &Frame,
+        values: &Values<'t, '_>,
+    ) -> Recorded<'t> {
+        let tape = values.tape;
+        let matrix = match values.learnt(&of_object("pose", &object.name)) {
+            Some(pose) => frame.moved(pose, frame.middles[self.object], &self.place)?,
+            None => tape.constant(&to_tensor(&self.place)),
+        };
+        let linear = matrix.slice(0, 0..3)?.slice(1, 0..3)?.transpose()?;
+        let directions = tape.constant(&self.directions).matmul(linear)?;
+        Ok(Var::concat(&[directions, tape.constant(&self.signs)], 1)?)
     }
 }
 

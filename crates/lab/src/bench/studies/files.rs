@@ -97,6 +97,7 @@ fn sheet(side: u32) -> Model {
         colors: None,
         coordinates: Some(coordinates),
         normals: Some(normals),
+        tangents: None,
     };
     let placed = Placed { name: String::new(), geometry: 0, transform: DMat4::IDENTITY };
     Model { geometries: vec![geometry], placed: vec![placed], ..Model::default() }

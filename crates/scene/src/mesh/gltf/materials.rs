@@ -2,7 +2,8 @@
 //!
 //! A geometry here has one set of coordinates. So the images of a material share a set and a transform: those
 //! of the base colour, or of the first image that there is. An image with others is left out with a note.
-//! A texture transform is applied to the coordinates, so a material has none.
+//! A texture transform is applied to the coordinates, so a material has none. Each image goes on beyond its
+//! edges as its sampler says; the sampler's filters are noted where they are others than linear ones.
 //!
 //! The opacity of an opaque material is 1, whatever the file says.
 
@@ -10,15 +11,16 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use ::gltf::json::extensions::texture::{Info, TextureTransform};
 use ::gltf::json::material::{AlphaMode, Material};
-use ::gltf::json::texture::{Texture, WrappingMode};
+use ::gltf::json::texture::{MagFilter, MinFilter, Texture, WrappingMode};
 use ::gltf::json::validation::Checked;
 use ::gltf::json::{Index, Root};
+use bokashi_render_ops::TextureBorder;
 
 use super::buffers::Buffers;
 use crate::error::SceneError;
 use crate::mesh::beside::Beside;
 use crate::mesh::notes::{Notes, name};
-use crate::model::{MaterialFile, Model};
+use crate::model::{Borders, MaterialFile, Model};
 
 /// From the coordinates of a file to those of an image: u' = a u + b v + c, v' = d u + e v + f, as rows.
 pub(super) type Transform = [[f32; 3]; 2];
@@ -71,27 +73,28 @@ pub(super) fn read(
     for material in &root.materials {
         let textures = textures(material);
         let mapping = textures.iter().flatten().map(|used| used.mapping).next().unwrap_or_default();
-        let mut images = [None; 3];
-        for (texture, image) in textures.into_iter().zip(&mut images) {
+        let (mut images, mut borders) = ([None; 3], [Borders::default(); 3]);
+        for (k, texture) in textures.into_iter().enumerate() {
             let Some(texture) = texture else { continue };
             match texture.mapping == mapping {
-                true => *image = image_of(root, texture.texture, beside)?,
+                true => (images[k], borders[k]) = image_of(root, texture.texture, beside)?,
                 false => beside.notes.add(
                     "an image was left out: its coordinates are others than those of the base colour",
                 ),
             }
         }
         mapped.push(mapping);
-        used.push(images);
+        used.push((images, borders));
     }
-    let numbers: BTreeSet<usize> = used.iter().flatten().flatten().copied().collect();
+    let numbers: BTreeSet<usize> =
+        used.iter().flat_map(|(images, _)| images).flatten().copied().collect();
     let mut found = BTreeMap::new();
     for number in numbers {
         found.insert(number, buffers.image(number, beside)?);
     }
-    for (material, images) in root.materials.iter().zip(used) {
+    for (material, (images, borders)) in root.materials.iter().zip(used) {
         let images = images.map(|number| number.and_then(|number| found[&number]));
-        model.materials.push(material_of(material, images, &mut beside.notes));
+        model.materials.push(material_of(material, images, borders, &mut beside.notes));
     }
     Ok(mapped)
 }
@@ -113,12 +116,12 @@ fn textures(material: &Material) -> [Option<Used>; 3] {
     ]
 }
 
-/// The number of a texture's image in the file, where it has one.
+/// The number of a texture's image in the file, where it has one, and how the image goes on.
 fn image_of(
     root: &Root,
     index: Index<Texture>,
     beside: &mut Beside<'_>,
-) -> Result<Option<usize>, SceneError> {
+) -> Result<(Option<usize>, Borders), SceneError> {
     let refused = |rule: String| Err(SceneError::content(beside.place(), rule));
     let (number, count) = (index.value(), root.textures.len());
     let Some(texture) = root.textures.get(number) else {
@@ -128,32 +131,63 @@ fn image_of(
     let (number, count) = (texture.source.value(), root.images.len());
     if number == u32::MAX as usize {
         beside.notes.add("a texture has no image that is read, and was left out");
-        return Ok(None);
+        return Ok((None, Borders::default()));
     }
     if number >= count {
         return refused(format!("the file has {count} images, and a texture names {number}"));
     }
-    let sampler = texture.sampler.and_then(|sampler| root.samplers.get(sampler.value()));
-    let repeats = |mode| matches!(mode, Checked::Valid(WrappingMode::Repeat));
-    if sampler.is_some_and(|sampler| !repeats(sampler.wrap_s) || !repeats(sampler.wrap_t)) {
-        beside.notes.add("how a texture goes on beyond its edges was left out");
+    let Some(sampler) = texture.sampler else { return Ok((Some(number), Borders::default())) };
+    let (at, count) = (sampler.value(), root.samplers.len());
+    let Some(sampler) = root.samplers.get(at) else {
+        return refused(format!("the file has {count} samplers, and a texture names {at}"));
+    };
+    let mut borders = Borders::default();
+    for (border, mode) in borders.iter_mut().zip([sampler.wrap_s, sampler.wrap_t]) {
+        *border = match mode {
+            Checked::Valid(WrappingMode::Repeat) => TextureBorder::Wrap,
+            Checked::Valid(WrappingMode::MirroredRepeat) => TextureBorder::Mirror,
+            Checked::Valid(WrappingMode::ClampToEdge) => TextureBorder::Clamp,
+            Checked::Invalid => {
+                let rule = "a wrap mode is 10497, 33071 or 33648";
+                return refused(format!("{rule}, and one of sampler {at} is another"));
+            }
+        };
     }
-    Ok(Some(number))
+    let finer = sampler.mag_filter.is_none_or(|own| own == Checked::Valid(MagFilter::Linear));
+    let coarser = Checked::Valid(MinFilter::LinearMipmapLinear);
+    if !finer || sampler.min_filter.is_some_and(|own| own != coarser) {
+        beside
+            .notes
+            .add("filters of a texture were left out: `texture_filter` of the scene is for all");
+    }
+    Ok((Some(number), borders))
 }
 
-fn material_of(material: &Material, images: [Option<usize>; 3], notes: &mut Notes) -> MaterialFile {
+fn material_of(
+    material: &Material,
+    images: [Option<usize>; 3],
+    borders: [Borders; 3],
+    notes: &mut Notes,
+) -> MaterialFile {
     let surface = &material.pbr_metallic_roughness;
     let [base_color_image, metallic_roughness_image, normal_image] = images;
     let mut base_color = surface.base_color_factor.0;
     match material.alpha_mode {
         Checked::Valid(AlphaMode::Opaque) => base_color[3] = 1.0,
         Checked::Valid(AlphaMode::Mask) => {
-            notes.add("the opacity below which a material is invisible was left out");
+            let cutoff = material.alpha_cutoff.map_or(0.5, |cutoff| cutoff.0);
+            notes.add(format!("a material is invisible below the opacity {cutoff}: left out"));
         }
-        _ => {}
+        Checked::Valid(AlphaMode::Blend) => {
+            notes.add("the opacity of a material was left out: all of it is drawn");
+        }
+        Checked::Invalid => notes.add("a mode of opacity that no one knows was left out"),
     }
-    if material.emissive_texture.is_some() || material.emissive_factor.0 != [0.0; 3] {
+    if material.emissive_factor.0 != [0.0; 3] {
         notes.add("light that a material emits was left out");
+    }
+    if material.emissive_texture.is_some() {
+        notes.add("an image of light that a material emits was left out");
     }
     if material.occlusion_texture.is_some() {
         notes.add("an image of occlusion was left out");
@@ -162,10 +196,13 @@ fn material_of(material: &Material, images: [Option<usize>; 3], notes: &mut Note
         name: name(material.name.as_deref().unwrap_or_default()),
         base_color,
         base_color_image,
+        base_color_borders: borders[0],
         metallic: surface.metallic_factor.0,
         roughness: surface.roughness_factor.0,
         metallic_roughness_image,
+        metallic_roughness_borders: borders[1],
         normal_image,
+        normal_borders: borders[2],
         normal_scale: material.normal_texture.as_ref().map_or(1.0, |texture| texture.scale),
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! # What is read
 //! - Buffers and images: the chunk of a GLB, `data:` URIs, and files beside the mesh file.
-//! - Primitives of triangles, strips and fans: `POSITION`, `NORMAL`, `COLOR_0`, and the set of texture
+//! - Primitives of triangles, strips and fans: `POSITION`, `NORMAL`, `TANGENT`, `COLOR_0`, and the set of texture
 //!   coordinates that the material's images use. Accessors may be sparse, or have integers. See
 //!   [`primitives`].
 //! - Materials of metallic-roughness: see [`materials`]. `KHR_texture_transform` is applied to coordinates.
@@ -10,7 +10,7 @@
 //! - Morph targets with the weights of the file, and skins: see [`poses`], [`posed`] and [`skins`].
 //!
 //! Left out with a note: animations, cameras, lights, points, lines, opacities of vertices, emission, occlusion,
-//! how textures repeat, and what extensions say otherwise. A required extension that is not known is an error.
+//! filters of textures, and all else that the text has: see [`keys`]. A required extension that is not known is an error.
 //!
 //! The library reads the JSON text. Its checks are not used: they panic where a primitive names an accessor
 //! that is not there, and refuse files without bounds of positions, which nothing here needs. So every
@@ -22,6 +22,7 @@
 mod accessors;
 mod budget;
 mod buffers;
+mod keys;
 mod materials;
 mod nodes;
 mod posed;
@@ -57,8 +58,6 @@ const BYTES_OF_AN_OBJECT: usize = 640;
 /// the file has a simpler version.
 const KNOWN: [&str; 4] =
     ["KHR_texture_transform", "KHR_mesh_quantization", "KHR_lights_punctual", "KHR_materials_"];
-/// The extensions that are read.
-const READ: [&str; 2] = ["KHR_texture_transform", "KHR_mesh_quantization"];
 
 /// The model of a glTF file with these bytes.
 pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Model, SceneError> {
@@ -108,7 +107,7 @@ pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Model, Scene
         return Err(refused(wrong_version(name(version))));
     }
     check_extensions(&root, beside)?;
-    note_left_out(&root, beside);
+    keys::note(text, &mut beside.notes).map_err(|error| refused(words::of_json(&error)))?;
     let mut buffers = Buffers::new(&root, chunk.as_deref(), bytes.len());
     let nodes = Nodes::new(&root, &mut beside.notes).map_err(&refused)?;
     let mut model = Model::default();
@@ -158,7 +157,7 @@ fn wrong_version(found: impl std::fmt::Display) -> String {
     format!("glTF of version 2 is read, and this is of version {found}")
 }
 
-fn check_extensions(root: &json::Root, beside: &mut Beside<'_>) -> Result<(), SceneError> {
+fn check_extensions(root: &json::Root, beside: &Beside<'_>) -> Result<(), SceneError> {
     let is_known = |extension: &&String| KNOWN.iter().any(|known| extension.starts_with(known));
     let mut unknown = root.extensions_required.iter().filter(|extension| !is_known(extension));
     if let Some(extension) = unknown.next() {
@@ -166,19 +165,5 @@ fn check_extensions(root: &json::Root, beside: &mut Beside<'_>) -> Result<(), Sc
         let found = format!("a required extension is one that is read, and {found}");
         return Err(SceneError::content(beside.place(), found));
     }
-    for extension in &root.extensions_used {
-        if !READ.contains(&extension.as_str()) {
-            beside.notes.add(format!("the extension {:?} was left out", name(extension)));
-        }
-    }
     Ok(())
-}
-
-fn note_left_out(root: &json::Root, beside: &mut Beside<'_>) {
-    let parts = [(root.animations.len(), "animations"), (root.cameras.len(), "cameras")];
-    for (count, what) in parts {
-        if count > 0 {
-            beside.notes.add(format!("{what} were left out"));
-        }
-    }
 }

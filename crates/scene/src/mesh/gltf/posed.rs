@@ -1,6 +1,6 @@
 //! The vertices of a primitive in a pose.
 //!
-//! Morph targets come first: `p + sum_k w_k d_k` of positions and normals. What a skin does to that
+//! Morph targets come first: `p + sum_k w_k d_k` of positions, normals and tangents. What a skin does to that
 //! is in [`skins`](super::skins). Targets of weight 0, and colours or coordinates of targets, are noted.
 
 use std::rc::Rc;
@@ -24,6 +24,7 @@ pub(super) type Rows<const N: usize> = Rc<Vec<[f32; N]>>;
 pub(super) struct Vertices {
     pub(super) positions: Rows<3>,
     pub(super) normals: Option<Rows<3>>,
+    pub(super) tangents: Option<Rows<4>>,
     /// Whether most of them are mirrored: faces then run the other way.
     pub(super) is_mirrored: bool,
 }
@@ -65,28 +66,36 @@ impl<'r> Posed<'r> {
             return Ok(own);
         }
         let count = own.positions.len();
-        let attributes = 1 + usize::from(own.normals.is_some());
+        let attributes =
+            1 + usize::from(own.normals.is_some()) + 2 * usize::from(own.tangents.is_some());
         // In f64, and rounded again.
         let bytes = attributes * size_of::<[f64; 6]>();
         buffers.budget.spend(count as u64, bytes, &beside.place())?;
         let mut positions = wide(&own.positions);
         let mut normals = own.normals.as_deref().map(wide);
+        let mut tangents = own.tangents.as_deref().map(wide);
         for (weight, target) in self.weighted() {
             self.add(weight, target.positions, Some(&mut positions), buffers, beside)?;
             self.add(weight, target.normals, normals.as_mut(), buffers, beside)?;
+            self.add(weight, target.tangents, tangents.as_mut(), buffers, beside)?;
         }
         let mut is_mirrored = false;
         if let Some(skin) = self.pose.skin {
             let bend = self.skins[skin].bend(self.root, self.primitive, count, buffers, beside)?;
             bend.points(&mut positions);
             normals.iter_mut().for_each(|rows| bend.normals(rows));
+            tangents.iter_mut().for_each(|rows| bend.tangents(rows));
             is_mirrored = bend.is_mirrored();
         }
         let normals = normals.map(|mut rows| {
-            rows.iter_mut().for_each(normalize);
+            rows.iter_mut().for_each(|row| normalize(row));
             narrow(&rows)
         });
-        Ok(Vertices { positions: narrow(&positions), normals, is_mirrored })
+        let tangents = tangents.map(|mut rows| {
+            rows.iter_mut().for_each(|row| normalize(&mut row[..3]));
+            narrow(&rows)
+        });
+        Ok(Vertices { positions: narrow(&positions), normals, tangents, is_mirrored })
     }
 
     /// Adds what a target has, times its weight.
@@ -148,7 +157,7 @@ fn narrow<const N: usize>(rows: &[[f64; N]]) -> Rows<N> {
 }
 
 /// A vector of length 1 in the same direction: its numbers may be too small for `f32`. Without one NaN.
-fn normalize(row: &mut [f64; 3]) {
+fn normalize(row: &mut [f64]) {
     let length = row.iter().map(|x| x * x).sum::<f64>().sqrt();
-    *row = row.map(|x| x / length);
+    row.iter_mut().for_each(|x| *x /= length);
 }

@@ -1,7 +1,7 @@
 //! Primitives: the parts of meshes, each with a material of its own.
 //!
 //! - Triangles, strips and fans, with indices of 8, 16 or 32 bits or none.
-//! - `POSITION` and `NORMAL`, of any type that `KHR_mesh_quantization` allows.
+//! - `POSITION`, `NORMAL` and `TANGENT`, of any type that `KHR_mesh_quantization` allows.
 //! - `COLOR_0`, linear, of integers (which are fractions) or floats; an opacity is left out.
 //! - The set of `TEXCOORD` that the material's images use; the first one without an image. v runs down, as
 //!   everywhere here.
@@ -33,14 +33,15 @@ use crate::mesh::notes::name;
 use crate::mesh::weld::{Corners, Raw, Welder};
 use crate::model::{Geometry, Model, NO_ROW, Submesh};
 
-/// What tells primitives apart: accessors of positions, normals, colours, coordinates and indices, the mode,
-/// the material, and the pose where it moves vertices.
-type Key = ([Option<Index<Accessor>>; 5], u32, Option<usize>, Option<usize>);
+/// What tells primitives apart: accessors of positions, normals, tangents, colours, coordinates and indices, the
+/// mode, the material, and the pose where it moves vertices.
+type Key = ([Option<Index<Accessor>>; 6], u32, Option<usize>, Option<usize>);
 
 /// What was read of a file's accessors.
 #[derive(Debug, Default)]
 struct Read {
     vectors: HashMap<usize, Rows<3>>,
+    tangents: HashMap<usize, Rows<4>>,
     colors: HashMap<usize, Rows<3>>,
     /// By accessor, and by the bits of a transform.
     coordinates: HashMap<(usize, [[u32; 3]; 2]), Rows<2>>,
@@ -54,6 +55,7 @@ struct Piece {
     faces: Vec<[u32; 3]>,
     positions: Rows<3>,
     normals: Option<Rows<3>>,
+    tangents: Option<Rows<4>>,
     colors: Option<Rows<3>>,
     coordinates: Option<Rows<2>>,
 }
@@ -74,6 +76,7 @@ struct Surface {
     submeshes: Vec<Submesh>,
     positions: Joined<3>,
     normals: Joined<3>,
+    tangents: Joined<4>,
     colors: Joined<3>,
     coordinates: Joined<2>,
 }
@@ -184,9 +187,10 @@ impl Surface {
         let mut all = Self::default();
         for own in pieces.chunk_by(|a, b| a.kind() == b.kind()) {
             let begin = all.positions.faces.len();
-            for Piece { faces, positions, normals, colors, coordinates, .. } in own {
+            for Piece { faces, positions, normals, tangents, colors, coordinates, .. } in own {
                 all.positions.add(Some(positions), faces);
                 all.normals.add(normals.as_ref(), faces);
+                all.tangents.add(tangents.as_ref(), faces);
                 all.colors.add(colors.as_ref(), faces);
                 all.coordinates.add(coordinates.as_ref(), faces);
             }
@@ -198,8 +202,9 @@ impl Surface {
 
     /// How many numbers are copied to bring the rows together.
     fn copies(&self) -> usize {
-        let Self { positions, normals, colors, coordinates, .. } = self;
-        positions.copies() + normals.copies() + colors.copies() + coordinates.copies()
+        let Self { positions, normals, tangents, colors, coordinates, .. } = self;
+        let vectors = [positions, normals, colors].map(Joined::copies);
+        vectors.iter().sum::<usize>() + tangents.copies() + coordinates.copies()
     }
 
     fn weld(
@@ -210,7 +215,7 @@ impl Surface {
     ) -> Result<Option<Geometry>, SceneError> {
         let [positions, normals, colors] =
             [&self.positions, &self.normals, &self.colors].map(Joined::rows);
-        let coordinates = self.coordinates.rows();
+        let (tangents, coordinates) = (self.tangents.rows(), self.coordinates.rows());
         let Some(places) = corners(&positions, &self.positions) else { return Ok(None) };
         let raw = Raw {
             name,
@@ -220,6 +225,7 @@ impl Surface {
             colors: corners(&colors, &self.colors),
             coordinates: corners(&coordinates, &self.coordinates),
             normals: corners(&normals, &self.normals),
+            tangents: corners(&tangents, &self.tangents),
         };
         welder.weld(raw, &beside.place(), &mut beside.notes)
     }
@@ -227,9 +233,10 @@ impl Surface {
 
 impl Piece {
     /// What pieces of one submesh have in common: the material, and which attributes they carry.
-    fn kind(&self) -> (Option<usize>, [bool; 3]) {
-        let Self { material, normals, colors, coordinates, .. } = self;
-        (*material, [normals.is_some(), colors.is_some(), coordinates.is_some()])
+    fn kind(&self) -> (Option<usize>, [bool; 4]) {
+        let Self { material, normals, tangents, colors, coordinates, .. } = self;
+        let vectors = [normals.is_some(), tangents.is_some(), colors.is_some()];
+        (*material, [vectors[0], vectors[1], vectors[2], coordinates.is_some()])
     }
 }
 
@@ -279,6 +286,7 @@ impl Of<'_> {
         let accessors = [
             named(Semantic::Positions),
             named(Semantic::Normals),
+            named(Semantic::Tangents),
             named(Semantic::Colors(0)),
             named(Semantic::TexCoords(set)),
             self.primitive.indices,
@@ -296,20 +304,32 @@ impl Of<'_> {
         buffers: &mut Buffers<'_>,
         beside: &mut Beside<'_>,
     ) -> Result<Piece, SceneError> {
-        let [Some(positions), normals, colors, coordinates, indices] = accessors else {
+        let mapping = self.mapping(beside)?;
+        let is_unused = |what: &&Checked<Semantic>| matches!(what, Checked::Valid(Semantic::TexCoords(set)) if *set != mapping.set);
+        let unused = self.primitive.attributes.keys().filter(is_unused).count();
+        beside.notes.count("texture coordinates that no image uses were left out", unused);
+        let [Some(positions), normals, tangents, colors, coordinates, indices] = accessors else {
             return Err(refused(beside, "a primitive has positions, and this has none".to_owned()));
         };
         let positions = read.vectors(self.root, positions, buffers, beside)?;
         let count = positions.len();
         let normals = normals.map(|index| read.vectors(self.root, index, buffers, beside));
+        // So the format has it.
+        let tangents = match normals.is_none() && tangents.is_some() {
+            true => {
+                beside.notes.add("tangents of a mesh without normals were left out");
+                None
+            }
+            false => tangents.map(|index| read.tangents(self.root, index, buffers, beside)),
+        };
         let colors = colors.map(|index| read.colors(self.root, index, buffers, beside));
-        let transform = self.mapping(beside)?.transform;
-        let coordinates =
-            coordinates.map(|index| read.coordinates(self.root, index, transform, buffers, beside));
-        let (normals, colors, coordinates) =
-            (normals.transpose()?, colors.transpose()?, coordinates.transpose()?);
+        let coordinates = coordinates
+            .map(|index| read.coordinates(self.root, index, mapping.transform, buffers, beside));
+        let (normals, tangents) = (normals.transpose()?, tangents.transpose()?);
+        let (colors, coordinates) = (colors.transpose()?, coordinates.transpose()?);
         let counts = [
             ("normals", normals.as_ref().map(|rows| rows.len())),
+            ("tangents", tangents.as_ref().map(|rows| rows.len())),
             ("colours", colors.as_ref().map(|rows| rows.len())),
             ("coordinates", coordinates.as_ref().map(|rows| rows.len())),
         ];
@@ -319,8 +339,8 @@ impl Of<'_> {
                 return Err(refused(beside, format!("{rule}, and these are {found}")));
             }
         }
-        let posed = Vertices { positions, normals, is_mirrored: false };
-        let Vertices { positions, normals, is_mirrored } =
+        let posed = Vertices { positions, normals, tangents, is_mirrored: false };
+        let Vertices { positions, normals, tangents, is_mirrored } =
             self.posed.vertices(posed, buffers, beside)?;
         let indices = match indices {
             Some(index) => Named::of(self.root, index, beside)?.indices(buffers, beside)?,
@@ -334,14 +354,14 @@ impl Of<'_> {
             return Err(refused(beside, format!("{rule}, and index {k} is {}", indices[k])));
         }
         // As many faces as indices where they are a strip; index buffers for each attribute, and the rows.
-        let bytes = 4 * size_of::<[u32; 3]>() + size_of::<[f32; 11]>();
+        let bytes = 4 * size_of::<[u32; 3]>() + size_of::<[f32; 15]>();
         buffers.budget.spend(indices.len() as u64, bytes, &beside.place())?;
         let mut faces =
             faces(&indices, self.mode(beside)?).map_err(|rule| refused(beside, rule))?;
         if is_mirrored {
             faces.iter_mut().for_each(|face| face.swap(1, 2));
         }
-        Ok(Piece { material, faces, positions, normals, colors, coordinates })
+        Ok(Piece { material, faces, positions, normals, tangents, colors, coordinates })
     }
 }
 
@@ -358,6 +378,20 @@ impl Read {
         }
         let rows = Named::of(root, index, beside)?.rows(&[3], false, buffers, beside)?;
         Ok(self.vectors.entry(index.value()).or_insert(rows.into()).clone())
+    }
+
+    fn tangents(
+        &mut self,
+        root: &Root,
+        index: Index<Accessor>,
+        buffers: &mut Buffers<'_>,
+        beside: &Beside<'_>,
+    ) -> Result<Rows<4>, SceneError> {
+        if let Some(rows) = self.tangents.get(&index.value()) {
+            return Ok(rows.clone());
+        }
+        let rows = Named::of(root, index, beside)?.rows(&[4], false, buffers, beside)?;
+        Ok(self.tangents.entry(index.value()).or_insert(rows.into()).clone())
     }
 
     fn colors(

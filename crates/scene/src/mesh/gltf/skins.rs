@@ -1,8 +1,8 @@
 //! Skins: vertices stand where their joints put them.
 //!
 //! `p' = M p` with `M = sum_j w_j W_j B_j`: W_j is the matrix of joint j to the world, B_j its inverse bind
-//! matrix, and the weights w_j sum to 1. Normals go along by the inverse transpose of M. The matrix
-//! of the node that shows the mesh counts for nothing, so what comes out stands in the world.
+//! matrix, and the weights w_j sum to 1. Normals go along by the inverse transpose of M, tangents by M.
+//! The matrix of the node that shows the mesh counts for nothing, so what comes out stands in the world.
 //!
 //! # Source
 //! Khronos Group, glTF 2.0 Specification, section 3.7.3.
@@ -166,6 +166,16 @@ impl Bend {
         }
     }
 
+    /// Tangents of the bent surface.
+    pub(super) fn tangents(&self, rows: &mut [[f64; 4]]) {
+        for (row, matrix) in rows.iter_mut().zip(&self.0) {
+            let [x, y, z, sign] = *row;
+            let [x, y, z] = matrix.transform_vector3(DVec3::new(x, y, z)).to_array();
+            // The bitangent goes with the surface, and the cross product the other way in a mirror.
+            *row = [x, y, z, if matrix.determinant() < 0.0 { -sign } else { sign }];
+        }
+    }
+
     /// Normals of the bent surface.
     pub(super) fn normals(&self, rows: &mut [[f64; 3]]) {
         for (row, matrix) in rows.iter_mut().zip(&self.0) {
@@ -184,7 +194,10 @@ impl Bend {
     }
 }
 
-/// Whether a primitive has joints.
+/// Whether a primitive has joints or weights of joints.
 pub(super) fn has_joints(primitive: &Primitive) -> bool {
-    primitive.attributes.contains_key(&Checked::Valid(Semantic::Joints(0)))
+    let is_of_joints = |what: &Checked<Semantic>| {
+        matches!(what, Checked::Valid(Semantic::Joints(_) | Semantic::Weights(_)))
+    };
+    primitive.attributes.keys().any(is_of_joints)
 }

@@ -2,7 +2,10 @@
 
 use std::collections::HashMap;
 
+use bokashi_render_ops::TextureBorder;
+
 use crate::mesh::beside::Beside;
+use crate::model::Borders;
 use crate::picture::{Picture, Samples};
 
 /// An image of a material, as a statement names it.
@@ -14,12 +17,15 @@ pub(super) struct Map {
     pub(super) factor: f32,
     /// Whether `-o`, `-s` or `-t` move it.
     pub(super) is_moved: bool,
+    /// What `-clamp` says.
+    pub(super) borders: Borders,
 }
 
 impl Map {
     /// The image with these arguments; nothing where no path is among them.
     pub(super) fn of(arguments: &str) -> Option<Self> {
         let (mut left, mut factor, mut is_moved) = (arguments.trim(), 1.0, false);
+        let mut borders = Borders::default();
         while let Some((option, after)) = word(left).filter(|(word, _)| word.starts_with('-')) {
             let (least, most) = match option {
                 "-blendu" | "-blendv" | "-boost" | "-cc" | "-clamp" | "-imfchan" | "-texres"
@@ -40,11 +46,18 @@ impl Map {
                 if let ("-bm", Ok(number)) = (option, number) {
                     factor = number;
                 }
+                if option == "-clamp" {
+                    // As other readers have it. The format has the plain material beyond the edges.
+                    let is_clamped = value.eq_ignore_ascii_case("on");
+                    let border =
+                        if is_clamped { TextureBorder::Clamp } else { TextureBorder::Wrap };
+                    borders = [border; 2];
+                }
                 left = after;
             }
         }
         let is_file = !left.is_empty() && factor.is_finite();
-        is_file.then(|| Self { file: left.to_owned(), factor, is_moved })
+        is_file.then(|| Self { file: left.to_owned(), factor, is_moved, borders })
     }
 }
 

@@ -7,6 +7,7 @@
 //!   become one with roughness in green and metallic in blue. Without them a material is a dielectric of
 //!   roughness 1.
 //! - `norm`: a normal map, with the factor of its option `-bm`.
+//! - `-clamp on` of an image: beyond its edges it goes on as on them.
 //!
 //! Left out with a note: height maps (`map_Bump`, `bump`), an opacity map, and images that are missing or
 //! whose options shift or scale them. Left out without: what is older than physically based materials, such
@@ -186,6 +187,15 @@ fn material(
     let normal_image = image(&described.normal_map)?;
     let (roughness, metallic) = (image(&described.roughness_map)?, image(&described.metallic_map)?);
     let metallic_roughness_image = packed.of([roughness, metallic], beside);
+    let borders = |map: &Option<Map>| map.as_ref().map(|map| map.borders);
+    let pair = [borders(&described.roughness_map), borders(&described.metallic_map)];
+    if let [Some(roughness), Some(metallic)] = pair
+        && roughness != metallic
+    {
+        beside
+            .notes
+            .add("`-clamp` of an image of metallic was left out: that of roughness is for both");
+    }
     // Where an image says it, the factor is 1.
     let factor = |image: Option<usize>| image.map(|_| 1.0);
     let [r, g, b] = described.color.unwrap_or([1.0; 3]);
@@ -193,10 +203,13 @@ fn material(
         name: name.to_owned(),
         base_color: [r, g, b, described.opacity.unwrap_or(1.0)],
         base_color_image,
+        base_color_borders: borders(&described.color_map).unwrap_or_default(),
         metallic: described.metallic.or(factor(metallic)).unwrap_or(0.0),
         roughness: described.roughness.or(factor(roughness)).unwrap_or(1.0),
         metallic_roughness_image,
+        metallic_roughness_borders: pair[0].or(pair[1]).unwrap_or_default(),
         normal_image,
+        normal_borders: borders(&described.normal_map).unwrap_or_default(),
         normal_scale: described.normal_map.as_ref().map_or(1.0, |map| map.factor),
     })
 }

@@ -287,6 +287,7 @@ impl Parts {
             colors: colors.map(|faces| Corners { rows: &self.colors, faces }),
             coordinates: coordinates.map(|faces| Corners { rows: &self.coordinates, faces }),
             normals: normals.map(|faces| Corners { rows: &self.normals, faces }),
+            tangents: None,
         }
     }
 

@@ -217,6 +217,7 @@ impl Contents {
             colors: (!self.colors.is_empty()).then(|| vectors(&self.colors)),
             coordinates,
             normals: (!self.normals.is_empty()).then(|| vectors(&self.normals)),
+            tangents: None,
         }
     }
 }

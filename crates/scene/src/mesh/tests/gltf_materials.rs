@@ -1,5 +1,6 @@
 //! What is read of the materials and images of glTF files.
 
+use bokashi_render_ops::TextureBorder;
 use serde_json::{Value, json};
 
 use super::gltf::{Change, File};
@@ -88,16 +89,27 @@ fn coordinates_are_those_of_the_images_with_their_transform() {
 #[test]
 fn what_is_left_out_is_noted() {
     let mut file = with_material(json!({
-        "emissiveFactor": [1, 0, 0], "alphaMode": "MASK",
+        "emissiveFactor": [1, 0, 0], "emissiveTexture": {"index": 0}, "alphaMode": "MASK",
+        "alphaCutoff": 0.25, "extensions": {"KHR_materials_clearcoat": {}},
         "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}
     }));
-    file.root["extensionsUsed"] = json!(["KHR_materials_clearcoat"]);
     file.root["cameras"] = json!([{"type": "perspective", "perspective": {"yfov": 1, "znear": 1}}]);
     file.root["animations"] = json!([{"channels": [], "samplers": []}]);
     file.root["textures"][0] = json!({"source": 1, "sampler": 0});
-    file.root["samplers"] = json!([{"wrapS": 33071}]);
+    file.root["samplers"] = json!([{"magFilter": 9728}]);
+    let number = file.floats(&[[0.0, 0.0]; 4], "VEC2");
+    file.primitive()["attributes"]["TEXCOORD_1"] = json!(number);
     let notes = file.read().unwrap().notes.join("; ");
-    for expected in ["clearcoat", "cameras", "animations", "emits", "invisible", "edges"] {
+    for expected in [
+        "the extension \"KHR_materials_clearcoat\" of a material",
+        "cameras",
+        "animations",
+        "light that",
+        "image of light",
+        "below the opacity 0.25",
+        "filters",
+        "coordinates that no image uses",
+    ] {
         assert!(notes.contains(expected), "{expected}: {notes}");
     }
 }
@@ -114,7 +126,15 @@ fn broken_textures_and_images_are_errors_and_missing_ones_notes() {
     assert_eq!(model.notes, ["the image \"no.png\" is missing and was left out"]);
     let model = of(|root| root["textures"][0] = json!({})).unwrap();
     assert!(model.notes[0].contains("a texture has no image"), "{:?}", model.notes);
-    let cases: [(Change, &str); 5] = [
+    let cases: [(Change, &str); 7] = [
+        (|root| root["textures"][0]["sampler"] = json!(0), "0 samplers, and a texture names 0"),
+        (
+            |root| {
+                root["textures"][0]["sampler"] = json!(0);
+                root["samplers"] = json!([{"wrapT": 7}]);
+            },
+            "a wrap mode is 10497, 33071 or 33648, and one of sampler 0 is another",
+        ),
         (|root| root["textures"] = json!([]), "0 textures, and a material names 0"),
         (|root| root["textures"][0]["source"] = json!(2), "2 images, and a texture names 2"),
         (|root| root["images"][1] = json!({}), "a buffer view or a URI, and image 1 has neither"),
@@ -125,6 +145,28 @@ fn broken_textures_and_images_are_errors_and_missing_ones_notes() {
         let error = said(of(change));
         assert!(error.contains(expected), "{expected}: {error}");
     }
+}
+
+#[test]
+fn images_go_on_as_their_samplers_say() {
+    let mut file = with_material(json!({
+        "normalTexture": {"index": 1},
+        "pbrMetallicRoughness": {
+            "baseColorTexture": {"index": 0}, "metallicRoughnessTexture": {"index": 2}
+        }
+    }));
+    file.root["textures"] = json!([
+        {"source": 1, "sampler": 1}, {"source": 1, "sampler": 0}, {"source": 1}
+    ]);
+    file.root["samplers"] =
+        json!([{"wrapS": 10497, "wrapT": 33071}, {"wrapS": 33648, "minFilter": 9987}]);
+    let model = file.read().unwrap();
+    let material = &model.materials[0];
+    assert_eq!(material.base_color_borders, [TextureBorder::Mirror, TextureBorder::Wrap]);
+    assert_eq!(material.normal_borders, [TextureBorder::Wrap, TextureBorder::Clamp]);
+    assert_eq!(material.metallic_roughness_borders, [TextureBorder::Wrap; 2]);
+    assert_eq!(model.images.len(), 1);
+    assert!(model.notes.is_empty(), "{:?}", model.notes);
 }
 
 #[test]

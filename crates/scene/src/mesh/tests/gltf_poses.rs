@@ -163,6 +163,33 @@ fn normals_of_a_skin_go_by_the_inverse_transpose_and_mirrors_turn_faces() {
 }
 
 #[test]
+fn tangents_are_read_and_moved_by_poses() {
+    let mut file = with_skin();
+    let tangents = file.floats(&[[0.0, 0.0, 2.0, -1.0]; 4], "VEC4");
+    file.primitive()["attributes"]["TANGENT"] = json!(tangents);
+    let found = |file: &File| of_corners(&only(&file.read().unwrap()).tangents)[0];
+    assert_eq!(found(&file), [0.0, 0.0, 1.0, -1.0]);
+    let lean = file.floats(&[[0.0, 1.5, 0.0]; 4], "VEC3");
+    file.primitive()["targets"] = json!([{"TANGENT": lean}]);
+    file.root["meshes"][0]["weights"] = json!([1]);
+    assert_eq!(found(&file), [0.0, 0.6, 0.8, -1.0]);
+    // The other joint has z twice as long, and then y mirrored.
+    set_weights(&mut file, [0.0, 1.0, 0.0, 0.0]);
+    let long = DVec3::new(0.0, 1.5, 4.0).normalize().as_vec3();
+    let near = |found: [f32; 4], expected: [f32; 4]| {
+        assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{found:?}");
+    };
+    near(found(&file), [0.0, long.y, long.z, -1.0]);
+    file.root["nodes"][3]["scale"] = json!([1, -1, 2]);
+    near(found(&file), [0.0, -long.y, long.z, 1.0]);
+    // The format has no tangents without normals.
+    file.primitive()["attributes"].as_object_mut().unwrap().remove("NORMAL");
+    let model = file.read().unwrap();
+    assert!(only(&model).tangents.is_none());
+    assert!(model.notes.iter().any(|note| note.contains("tangents of a mesh without normals")));
+}
+
+#[test]
 fn weights_sum_to_1_or_are_divided_by_their_sum() {
     let mut file = with_skin();
     set_weights(&mut file, [0.5, 0.0, 0.0, 0.0]);

@@ -1,6 +1,7 @@
 //! Mesh files, as bytes that are built here.
 
 mod gltf;
+mod gltf_keys;
 mod gltf_materials;
 mod gltf_poses;
 mod hostile;

@@ -2,6 +2,8 @@
 
 use std::io::BufReader;
 
+use bokashi_render_ops::TextureBorder;
+
 use super::{at_corners, of_corners, only, read, read_with, said};
 use crate::error::{Place, SceneError};
 use crate::mesh::MeshKind::Obj;
@@ -135,7 +137,7 @@ fn materials_have_images_and_factors() {
                 map_Kd -o 0 0 0 -clamp on images\\the color.png\n\
                 norm -bm 2 images/normal.png\nmap_Bump height.png\n\
                 newmtl packed\nmap_Pr images/rough.png\nmap_Pm images/normal.png\n\
-                newmtl same\nmap_Kd images/rough.png\n";
+                newmtl same\nmap_Kd -clamp off images/rough.png\n";
     let text = format!(
         "mtllib sub/the material.mtl\n{TRIANGLE}usemtl a b\nf 1 2 3\nusemtl packed\nf 1 3 2\n\
          usemtl same\nf 1 2 3\n"
@@ -157,11 +159,14 @@ fn materials_have_images_and_factors() {
     assert_eq!(a.base_color, [0.5, 0.25, 1.0, 0.75]);
     assert_eq!([a.roughness, a.metallic, a.normal_scale], [0.5, 0.75, 2.0]);
     assert_eq!(image(a.base_color_image), [1, 2, 3]);
+    assert_eq!(a.base_color_borders, [TextureBorder::Clamp; 2]);
+    assert_eq!(a.normal_borders, [TextureBorder::Wrap; 2]);
     assert_eq!(image(a.normal_image), [4, 5, 6]);
     // Roughness in green, metallic in blue: the first channels of both.
     assert_eq!(image(packed.metallic_roughness_image), [255, 7, 4]);
     assert_eq!([packed.roughness, packed.metallic], [1.0, 1.0]);
     assert_eq!(image(same.base_color_image), [7, 8, 9]);
+    assert_eq!(same.base_color_borders, [TextureBorder::Wrap; 2]);
     assert_eq!([same.roughness, same.metallic], [1.0, 0.0]);
     assert_eq!(model.images.len(), 4);
     let notes = model.notes.join("; ");

@@ -18,6 +18,7 @@ fn bare<'a>(rows: &'a [[f32; 3]], faces: &[[u32; 3]]) -> Raw<'a> {
         colors: None,
         coordinates: None,
         normals: None,
+        tangents: None,
     }
 }
 
