@@ -13,8 +13,8 @@ use bokashi_render_ops::{
     Assembly, Background, Blur, Border, Coverage, Detail, Filter, Kernel, Light, Material, Mesh,
     Pose, RasterOptions, Reference, RenderError, Sampler, Sampling, Size, Surface, Texture,
     TextureFilter, Weighting, affine_inverse, antialias, composite, distort, downsample, eye_depth,
-    face_normals, gaussian_blur, interpolate, irradiance, perturbed_normals, pinhole, project,
-    project_instances, rasterize, reflect, rigid, sample_texture, se3, shade, srgb_encode,
+    face_normals, fisheye, gaussian_blur, interpolate, irradiance, perturbed_normals, pinhole,
+    project, project_instances, rasterize, reflect, rigid, sample_texture, se3, shade, srgb_encode,
     tangents, transform_normals, transform_points, vertex_normals,
 };
 use glam::DMat4;
@@ -221,6 +221,7 @@ fn camera_step(
     let view = affine_inverse(affine_inverse(rigid(rotation, translation)?)?)?;
     let view = se3(increment, &DMat4::IDENTITY)?.matmul(view)?;
     let bent = distort(transform_points(positions, view)?, lens)?;
+    let bent = fisheye(bent, lens.slice(0, 0..4)?)?;
     let camera = pinhole(intrinsics, Size::square(32), 0.1, 10.0)?;
     let beside = project_instances(positions, view.reshape([1, 4, 4])?, camera)?;
     let clip = Var::concat(&[project(bent, camera, None)?, beside], 0)?;

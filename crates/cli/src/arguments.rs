@@ -217,7 +217,7 @@ pub(crate) struct NewArguments {
     /// Mesh to copy, with the files that it names [default: a sphere to start from]
     #[arg(long, value_name = "MESH")]
     pub(crate) from: Option<PathBuf>,
-    /// Folder of images to copy, with transforms.json or sparse/0 and masks if it has them
+    /// Folder of images to copy, with transforms.json or sparse and masks if it has them
     #[arg(long, value_name = "FOLDER")]
     pub(crate) images: Option<PathBuf>,
     #[command(flatten)]

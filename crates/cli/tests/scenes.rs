@@ -204,9 +204,12 @@ fn masks_that_some_images_lack_are_left_out_and_said() {
 
 #[test]
 fn a_reconstruction_of_colmap_is_taken_as_it_lies() {
-    for (model, images) in
-        [("sparse/0", "images/"), ("colmap/sparse/0", "images/"), ("sparse/0", "")]
-    {
+    for (model, images) in [
+        ("sparse/0", "images/"),
+        ("colmap/sparse/0", "images/"),
+        ("sparse/0", ""),
+        ("sparse", "images/"),
+    ] {
         let place = tempfile::tempdir().unwrap();
         let folder = place.path();
         write(folder, &format!("in/{model}/cameras.txt"), "1 PINHOLE 32 32 48 48 16 16\n");
@@ -221,6 +224,55 @@ fn a_reconstruction_of_colmap_is_taken_as_it_lies() {
         assert_eq!(fit.scene().views.len(), 2, "{model}");
         said(folder, &["inspect", "a/scene.toml"]);
     }
+}
+
+#[test]
+fn the_largest_of_several_reconstructions_is_copied_and_named() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    let one = "1 1 0 0 0 0 0 4 1 a.png\n\n";
+    let two = format!("{one}2 0.7071 0 0.7071 0 0 0 4 1 b.png\n\n");
+    for (model, shots) in [("sparse/0", one), ("sparse/1", &two)] {
+        write(folder, &format!("in/{model}/cameras.txt"), "1 PINHOLE 128 128 192 192 64 64\n");
+        write(folder, &format!("in/{model}/images.txt"), shots);
+        write(folder, &format!("in/{model}/points3D.txt"), "");
+    }
+    for name in ["a", "b", "c"] {
+        write(folder, &format!("in/images/{name}.png"), disk(32, 32, 4));
+    }
+    let told = said(folder, &["new", "a", "--images", "in"]);
+    for rule in [
+        "note: sparse has several models: sparse/1 with 2 images is taken, and sparse/0 with 1 image",
+        "note: images: 1 image has no camera, and is left out: c.png\n",
+        "note: 2 images are 4 times smaller than their cameras, and focal lengths",
+    ] {
+        assert_eq!(told.matches(rule).count(), 1, "{told}");
+    }
+    let fit = step(folder, "a/scene.toml");
+    let cameras: Vec<_> = fit.scene().views.iter().map(|view| view.camera).collect();
+    assert_eq!(cameras.len(), 2);
+    assert_eq!((cameras[0].size.width, cameras[0].intrinsics), (32, [48.0, 48.0, 15.5, 15.5]));
+    let told = said(folder, &["inspect", "a/scene.toml"]);
+    assert!(told.contains("note: 2 images are 4 times smaller"), "{told}");
+}
+
+#[test]
+fn edges_that_a_lens_bends_are_said_in_pixels() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    let text = "[[meshes]]\nshape = \"plane\"\nplace = { scale = 2.0 }\n[[views]]\nname = \"v\"\n\
+        camera = { size = [320, 240], focal = 200, distortion = [-0.3, 0, 0, 0, 0], position = [0, 0, 4] }\n";
+    // A byte order mark, as programs of Windows write one.
+    write(folder, "scene.toml", format!("\u{feff}{text}"));
+    let rule = "note: the lens of 1 view bends edges of faces that are drawn with straight ones: smaller faces \
+                are nearer; an edge of \"plane\" in view \"v\" is off by 7.5 pixels\n";
+    for words in [&["inspect", "scene.toml"][..], &["render", "scene.toml", "--out", "out"]] {
+        let told = said(folder, words);
+        assert!(told.contains(rule), "{told}");
+    }
+    write(folder, "fine.toml", text.replace("scale = 2.0 }", "scale = 2.0 }\nfaces = 5000"));
+    let told = said(folder, &["inspect", "fine.toml"]);
+    assert!(!told.contains("bends edges"), "{told}");
 }
 
 #[test]

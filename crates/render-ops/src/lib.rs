@@ -105,7 +105,7 @@ pub use assembly::{Assembly, Place};
 pub use background::Background;
 pub use border::Border;
 pub use boundary::BoundaryCounts;
-pub use camera::{affine_inverse, distort, orthographic, pinhole, rigid, se3};
+pub use camera::{affine_inverse, distort, fisheye, orthographic, pinhole, rigid, se3};
 pub use composite::composite;
 pub use composite_layers::{Layer, composite_layers};
 pub use coverage::{Coverage, Culled};

@@ -7,7 +7,7 @@ use glam::DMat4;
 use crate::antialias::antialias;
 use crate::background::Background;
 use crate::border::Border;
-use crate::camera::{affine_inverse, distort, orthographic, pinhole, rigid, se3};
+use crate::camera::{affine_inverse, distort, fisheye, orthographic, pinhole, rigid, se3};
 use crate::composite::composite;
 use crate::composite_layers::{Layer, composite_layers};
 use crate::depth::depth;
@@ -56,7 +56,7 @@ fn every_operation<T: Scalar>(x: Var<'_, T>) -> Result<(), RenderError> {
     let intrinsics =
         pinhole(x, Size::square(1), 0.1, 1.0)? + orthographic(x, Size::square(1), 0.1, 1.0)?;
     let view = affine_inverse(rigid(x, x)?.matmul(se3(x, &DMat4::IDENTITY)?)?)?;
-    let points = distort(transform_points(x, view)?, x)?;
+    let points = fisheye(distort(transform_points(x, view)?, x)?, x)?;
     let pose = Some(Pose { rotation: x, translation: x });
     let clip = project(points, intrinsics, pose)? + project(points, &DMat4::IDENTITY, pose)?;
     let clip = clip + project_instances(points, x, intrinsics)?;

@@ -12,6 +12,9 @@ use crate::error::{Place, SceneError};
 use crate::file::{read_found, read_start};
 use crate::memory::Memory;
 
+/// A byte order mark in UTF-8.
+const MARK: &[u8] = &[0xef, 0xbb, 0xbf];
+
 /// A folder, and all that is read of it.
 ///
 /// Paths are relative to it, or absolute and in it. Links are followed before that is checked. So a file
@@ -149,13 +152,17 @@ impl Folder {
         read_start(&given, &found, most)
     }
 
-    /// The text of the file at `path`.
+    /// The text of the file at `path`. A byte order mark before it, as programs of Windows write one, is left out.
     ///
     /// # Errors
     /// As [`Folder::read`]; [`SceneError::Content`] for what is not UTF-8.
     pub fn read_text(&self, path: impl AsRef<Path>) -> Result<String, SceneError> {
         let place = Place::of(self.join(path.as_ref()));
-        let text = String::from_utf8(self.read(path)?);
+        let mut bytes = self.read(path)?;
+        if bytes.starts_with(MARK) {
+            bytes.drain(..MARK.len());
+        }
+        let text = String::from_utf8(bytes);
         text.map_err(|error| SceneError::content(place, format!("text is UTF-8: {error}")))
     }
 }
@@ -190,6 +197,16 @@ mod tests {
         assert!(matches!(absolute, Err(SceneError::Outside { .. })));
         assert!(matches!(folder.read("missing"), Err(SceneError::Read { .. })));
         assert!(matches!(folder.read("images"), Err(SceneError::Read { .. })));
+    }
+
+    #[test]
+    fn a_byte_order_mark_is_no_text() {
+        let place = tempfile::tempdir().unwrap();
+        fs::write(place.path().join("a.json"), "\u{feff}{}").unwrap();
+        fs::write(place.path().join("b.json"), "{}\u{feff}").unwrap();
+        let folder = Folder::new(place.path()).unwrap();
+        assert_eq!(folder.read_text("a.json").unwrap(), "{}");
+        assert_eq!(folder.read_text("b.json").unwrap(), "{}\u{feff}");
     }
 
     #[test]

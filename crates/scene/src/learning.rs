@@ -8,6 +8,7 @@ use bokashi_fit::{
     Variables, edge_length_error, laplacian_error, normal_error, total_variation,
 };
 
+use crate::cameras::Distortion;
 use crate::description::{LearnMaps, LightPlace, Positive};
 use crate::error::{Place, SceneError};
 use crate::memory::OF_LEARNT_NUMBER;
@@ -220,8 +221,14 @@ impl Learnt {
             self.add(Parameter::new("intrinsics", Tensor::zeros([4])), rate(own.rate, 2e-3))?;
         }
         if let Some(own) = &learn.distortion {
-            let first = scene.views.first().map_or([0.0; 5], |view| view.camera.distortion);
-            let start = Tensor::from(first.map(|x| x as f32));
+            let mut lenses = scene.views.iter().map(|view| view.camera.distortion);
+            let first = lenses.next().unwrap_or(Distortion::NONE);
+            if !lenses.all(|lens| lens.is_kind_of(&first)) {
+                let rule = "a `distortion` that is learnt is of one kind of lens";
+                return Err(wrong(scene, format!("{rule}, and views have several")));
+            }
+            let first = first.coefficients();
+            let start = Tensor::from_flat_fn([first.len()], |k| first[k] as f32);
             self.add(Parameter::new("distortion", start), rate(own.rate, 2e-3))?;
         }
         if let Some(own) = &learn.lights {

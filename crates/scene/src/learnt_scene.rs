@@ -75,7 +75,8 @@ impl Renderer {
                     [fx * by(0).exp(), fy * by(1).exp(), cx + by(2) * width, cy + by(3) * width];
             }
             if let Some(learnt) = &distortion {
-                camera.distortion = std::array::from_fn(|k| learnt.data()[k].into());
+                let own: Vec<f64> = learnt.data().iter().map(|&x| x.into()).collect();
+                camera.distortion = camera.distortion.with_coefficients(&own);
             }
         }
         for (at, light) in scene.description.lights.iter_mut().enumerate() {

@@ -42,8 +42,8 @@ pub use bokashi_fit::{Parameters, Stepped, Stored};
 /// What lies beyond the edges of an image.
 pub use bokashi_render_ops::TextureBorder;
 pub use cameras::{
-    Camera, ColmapPoint, NamedView, read_colmap, read_colmap_points, read_transforms,
-    transforms_json,
+    Camera, CameraFile, ColmapPoint, Distortion, NamedView, find_colmap, read_colmap,
+    read_colmap_points, read_transforms, transforms_json,
 };
 pub use error::{Place, SceneError};
 pub use file::{MOST_BYTES, check_results, write_result};
@@ -60,7 +60,7 @@ pub use model::{Borders, Geometry, Indexed, MaterialFile, Model, NO_ROW, Placed,
 #[cfg(feature = "ndarray")]
 pub use ndarray;
 pub use object::{Attribute, Object, SurfaceLook};
-pub use outline::{Outline, gaze, named_files, share_seen};
+pub use outline::{BentEdge, Outline, gaze, lens_note, most_bent_edges, named_files, share_seen};
 pub use picture::{ColorSpace, Depth, MOST_SAMPLES, Picture, Samples, is_guarded};
 pub use rendered::Rendered;
 pub use renderer::{Drawn, Renderer};

@@ -126,7 +126,7 @@ impl Scene {
         for entry in &description.meshes {
             objects.extend(source.objects(entry, is_lit, &mut notes)?);
         }
-        let views = source.views(&description)?;
+        let views = source.views(&description, &mut notes)?;
         for SceneView { camera: Camera { size, .. }, .. } in &views {
             let (what, found) = ("pixels of a view", size.width as u64 * size.height as u64);
             if found > MOST_SAMPLES {
@@ -135,6 +135,7 @@ impl Scene {
             }
         }
         check_views(&source.folder, &views, OF_DRAWN_PIXEL)?;
+        notes.extend(one_lens(&description, &views));
         check_names("a mesh", objects.iter().map(|object| &object.name), path)?;
         check_names("a view", views.iter().map(|view| &view.name), path)?;
         let environment = source.environment(&description)?;
@@ -194,6 +195,19 @@ pub(crate) fn check_views(
     let Size { width, height } = largest.camera.size;
     let what = || format!("the view {:?} of {width} x {height}", largest.name);
     folder.memory().check(pixels(largest).saturating_mul(of_pixel), &Place::of(place), what)
+}
+
+/// A note where one lens is learnt for views that have several.
+fn one_lens(description: &Description, views: &[SceneView]) -> Option<String> {
+    description.learn.distortion.as_ref()?;
+    let (first, rest) = views.split_first()?;
+    let others = rest.iter().filter(|view| view.camera.distortion != first.camera.distortion);
+    let others = others.count();
+    (others > 0).then(|| {
+        let rule = "`learn.distortion` learns one lens for all views";
+        let name = &first.name;
+        format!("{rule}: it starts from that of {name:?}, and {others} others are left out")
+    })
 }
 
 /// Names are those of parameters and files: there is each of them once.
@@ -385,12 +399,16 @@ impl Source {
     }
 
     /// All views: those of the scene's file, then those of files of cameras.
-    fn views(&self, description: &Description) -> Result<Vec<SceneView>, SceneError> {
+    fn views(
+        &self,
+        description: &Description,
+        notes: &mut Vec<String>,
+    ) -> Result<Vec<SceneView>, SceneError> {
         let own = description.views.iter().map(|entry| self.view(entry));
         let mut views = own.collect::<Result<Vec<_>, _>>()?;
         let Some(entry) = &description.cameras else { return Ok(views) };
         let cameras = entry.get_ref();
-        let named = match (&cameras.transforms, &cameras.colmap) {
+        let file = match (&cameras.transforms, &cameras.colmap) {
             (Some(file), None) => read_transforms(&self.folder, file)?,
             (None, Some(model)) => {
                 let images = cameras.images.as_deref().unwrap_or(Path::new("images"));
@@ -401,6 +419,8 @@ impl Source {
                 return Err(self.wrong(entry, rule));
             }
         };
+        let named = file.views;
+        notes.extend(file.notes);
         let every = cameras.held_out_every.map(|every| every.0);
         let taken: HashSet<_> = views.iter().map(|view| view.name.clone()).collect();
         let unnamed = names(&named, &taken);

@@ -1,11 +1,13 @@
 //! The camera that an entry of a scene describes.
 
 use bokashi_render_ops::Size;
-use bokashi_render_ops::camera::{look_at, opengl_to_opencv_pose, opengl_to_opencv_view};
+use bokashi_render_ops::camera::{
+    fisheye_limit, fisheye_radius, look_at, opengl_to_opencv_pose, opengl_to_opencv_view,
+};
 use glam::{DMat3, DMat4, DVec3, DVec4};
 
-use crate::cameras::Camera;
-use crate::description::{CameraEntry, Convention, Finite};
+use crate::cameras::{Camera, Distortion};
+use crate::description::{CameraEntry, Coefficients, Convention, Finite};
 
 /// How far from a rotation a pose may be, entry by entry.
 const RIGID_TOLERANCE: f64 = 1e-3;
@@ -21,8 +23,22 @@ pub(crate) fn camera(
     [width, height]: [usize; 2],
 ) -> Result<Camera, &'static str> {
     let extent = [width, height].map(|extent| extent as f64);
+    let distortion = match (own.distortion, own.fisheye) {
+        (None, None) => Distortion::NONE,
+        (Some(Coefficients::Five(own)), None) => Distortion::Polynomial(own.map(|x| x.0)),
+        (Some(Coefficients::Eight(own)), None) => Distortion::Rational(own.map(|x| x.0)),
+        (None, Some(own)) => Distortion::Fisheye(own.map(|x| x.0)),
+        (Some(_), Some(_)) => return Err("a lens has either `distortion` or `fisheye`"),
+    };
     let focal = match (own.focal, own.angle) {
         (Some(focal), None) => focal.0,
+        (None, Some(angle)) if let Distortion::Fisheye(lens) = distortion => {
+            let half = 0.5 * angle.0.to_radians();
+            if half > fisheye_limit(lens) {
+                return Err("the `angle` of a fisheye is one that its coefficients reach");
+            }
+            [0.5 * extent[0] / fisheye_radius(half, lens); 2]
+        }
         (None, Some(angle)) if angle.0 < 180.0 => {
             [0.5 * extent[0] / (0.5 * angle.0.to_radians()).tan(); 2]
         }
@@ -30,7 +46,6 @@ pub(crate) fn camera(
     };
     let middle = extent.map(|extent| 0.5 * (extent - 1.0));
     let center = own.center.map_or(middle, |center| center.map(|x| x.0));
-    let distortion = own.distortion.map_or([0.0; 5], |lens| lens.map(|x| x.0));
     let size = Size { width, height };
     let intrinsics = [focal[0], focal[1], center[0], center[1]];
     let camera = Camera { size, intrinsics, distortion, view: view(own)? };
@@ -79,8 +94,26 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_angle_of_a_fisheye_is_what_its_image_sees() {
+        let text = "angle = 200\nfisheye = [0.1, 0, 0, 0]\nposition = [0, 0, 3]";
+        let own: CameraEntry = toml::from_str(text).unwrap();
+        let camera = camera(&own, [100, 80]).unwrap();
+        let angle = 2.0 * camera.angle_at(0, 50.0).unwrap().to_degrees();
+        assert!((angle - 200.0).abs() < 1e-9, "{angle}");
+        let own = |numbers: &str| {
+            let text = format!("distortion = {numbers}\nfocal = 3\nposition = [0, 0, 3]");
+            toml::from_str::<CameraEntry>(&text).map_err(|error| error.message().to_owned())
+        };
+        assert!(own("[1, 2, 3, 4, 5, 6, 7, 8]").is_ok());
+        // Four would be a fisheye's.
+        let rule = "a list of 5 or 8 finite numbers is needed here";
+        assert!(own("[1, 2, 3, 4]").unwrap_err().contains(rule));
+    }
+
+    #[test]
     fn numbers_that_leave_their_range_are_refused() {
         let place = "position = [0, 0, 3]";
+        let fisheye = "fisheye = [0, 0, 0, 0]";
         let rows = |x: &str| {
             format!(
                 "focal = 3\npose = [[1, 0, 0, {x}], [0, 1, 0, {x}], [0, 0, 1, {x}], [0, 0, 0, 1]]"
@@ -90,6 +123,12 @@ mod tests {
             (format!("angle = 40\n{place}"), ""),
             (format!("angle = 1e-320\n{place}"), "these are too extreme"),
             (format!("angle = 180\n{place}"), "an `angle` below 180 degrees"),
+            (format!("angle = 299\n{fisheye}\n{place}"), ""),
+            (format!("angle = 301\n{fisheye}\n{place}"), "one that its coefficients reach"),
+            (
+                format!("focal = 3\n{fisheye}\ndistortion = [0, 0, 0, 0, 0]\n{place}"),
+                "either `distortion` or `fisheye`",
+            ),
             (
                 "focal = 3\nposition = [1e308, 1e308, 1e308]".to_owned(),
                 "another place than its own",

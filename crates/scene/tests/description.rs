@@ -122,7 +122,7 @@ fn a_key_that_a_page_lacks_is_found() {
         ("tolerance = 1e-3\n", "LensEntry.tolerance"),
         ("patience = 300\n", "StopEntry.patience"),
         ("direction = [1, 2, 1]", "directional.direction"),
-        ("colmap = \"sparse/0\"\n", "CamerasEntry.colmap"),
+        ("colmap = \"sparse\"\n", "CamerasEntry.colmap"),
         ("up = [0, 0, -1]\n", "CameraEntry.up"),
         ("normals = 1e-3\n", "LearnVertices.normals"),
     ];

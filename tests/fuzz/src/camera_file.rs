@@ -16,14 +16,14 @@ pub fn camera_file(bytes: &[u8]) -> usize {
     match how % 3 {
         0 => beside(images.into_iter().chain([("t.json", bytes)]), |folder| {
             let views = match read_transforms(folder, "t.json") {
-                Ok(views) => views,
+                Ok(file) => file.views,
                 Err(error) => return in_short(&error),
             };
             check(&views);
             let written = transforms_json(&views);
             beside(images.into_iter().chain([("t.json", written.as_bytes())]), |folder| {
                 let back = read_transforms(folder, "t.json").expect("what was written can be read");
-                assert_eq!(back.len(), views.len());
+                assert_eq!(back.views.len(), views.len());
                 views.len()
             })
         }),
@@ -50,9 +50,9 @@ fn reconstruction<'f>(files: impl IntoIterator<Item = (&'f str, &'f [u8])>) -> u
     beside(files, |folder| {
         let count =
             |result: Result<usize, SceneError>| result.unwrap_or_else(|error| in_short(&error));
-        let views = count(read_colmap(folder, "m", "images").map(|views| {
-            check(&views);
-            views.len()
+        let views = count(read_colmap(folder, "m", "images").map(|file| {
+            check(&file.views);
+            file.views.len()
         }));
         views
             + count(read_colmap_points(folder, "m").map(|points| {
@@ -66,8 +66,8 @@ fn reconstruction<'f>(files: impl IntoIterator<Item = (&'f str, &'f [u8])>) -> u
 fn check(views: &[NamedView]) {
     for (at, view) in views.iter().enumerate() {
         let camera = &view.camera;
-        let numbers = camera.intrinsics.into_iter().chain(camera.distortion);
-        assert!(numbers.into_iter().all(f64::is_finite), "{camera:?}");
+        let mut numbers = camera.intrinsics.iter().chain(camera.distortion.coefficients());
+        assert!(numbers.all(|number| number.is_finite()), "{camera:?}");
         assert!(camera.view.is_finite() && camera.opencv_pose().is_finite(), "{camera:?}");
         assert!(camera.size.width > 0 && camera.size.height > 0, "{camera:?}");
         assert!(views[..at].iter().all(|other| other.name != view.name), "{:?}", view.name);

@@ -42,8 +42,8 @@ pub fn scene_file(bytes: &[u8]) -> usize {
         };
         for view in &scene.views {
             let camera = &view.camera;
-            let numbers = camera.intrinsics.into_iter().chain(camera.distortion);
-            assert!(numbers.into_iter().all(f64::is_finite), "{camera:?}");
+            let mut numbers = camera.intrinsics.iter().chain(camera.distortion.coefficients());
+            assert!(numbers.all(|number| number.is_finite()), "{camera:?}");
             assert!(camera.view.is_finite(), "{camera:?}");
         }
         for object in &scene.objects {

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use bokashi_scene::{Camera, Picture, SceneError, gaze, read_transforms};
+use bokashi_scene::{Camera, CameraFile, Distortion, Picture, SceneError, gaze, read_transforms};
 use glam::{DMat3, DVec3};
 use serde_json::json;
 
@@ -19,11 +19,12 @@ const ROUNDING: f64 = 1e-9;
 /// What is in the `transforms.json` called `file`.
 pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
     let (folder, name) = in_scene(file)?;
-    let views = read_transforms(&folder, name)?;
+    let CameraFile { views, notes } = read_transforms(&folder, name)?;
     let mut findings = Findings::new("a file of cameras");
     let mut whole = Section::default();
     whole.plain("views", views.len());
     findings.whole(whole);
+    notes.iter().for_each(|note| findings.note(note));
     if views.is_empty() {
         findings.problem("a file of cameras has frames, and this has none");
     }
@@ -56,7 +57,8 @@ pub(super) fn add_cameras(findings: &mut Findings, cameras: &[Camera]) {
     let mut lenses: Vec<(Camera, usize)> = Vec::new();
     let mut seen = HashMap::new();
     for camera in cameras {
-        let numbers = camera.intrinsics.into_iter().chain(camera.distortion);
+        // Kinds of lenses have different numbers of coefficients.
+        let numbers = camera.intrinsics.iter().chain(camera.distortion.coefficients());
         let bits: Vec<u64> = numbers.map(|number| (number + 0.0).to_bits()).collect();
         let next = lenses.len();
         let at = *seen.entry((camera.size.width, camera.size.height, bits)).or_insert(next);
@@ -76,11 +78,18 @@ pub(super) fn add_cameras(findings: &mut Findings, cameras: &[Camera]) {
             false => format!("{} across, {} down", number(fx), number(fy)),
         };
         section.fact("focal", text, json!([fx, fy]));
-        let angle = 2.0 * (0.5 * size.width as f64 / fx).atan().to_degrees();
-        section.fact("angle", format!("{} degrees across", number(angle)), angle);
+        if let Some(half) = camera.angle_at(0, 0.5 * size.width as f64) {
+            let angle = 2.0 * half.to_degrees();
+            section.fact("angle", format!("{} degrees across", number(angle)), angle);
+        }
         section.fact("center", numbers([cx, cy]), json!([cx, cy]));
-        if camera.distortion != [0.0; 5] {
-            section.fact("distortion", numbers(camera.distortion), json!(camera.distortion));
+        if !camera.distortion.is_none() {
+            let own = camera.distortion.coefficients();
+            let label = match camera.distortion {
+                Distortion::Fisheye(_) => "fisheye",
+                _ => "distortion",
+            };
+            section.fact(label, numbers(own.iter().copied()), json!(own));
         }
         findings.part("cameras", section);
     }

@@ -5,7 +5,7 @@ use std::path::Path;
 use bokashi_scene::description::{
     Learn, LearnMaps, LearnNumbers, LearnObjects, LearnVertices, Stage,
 };
-use bokashi_scene::{Object, Scene, SceneError, SceneFit, SurfaceLook};
+use bokashi_scene::{Object, Scene, SceneError, SceneFit, SurfaceLook, lens_note};
 use glam::DVec3;
 use serde_json::json;
 
@@ -55,6 +55,9 @@ pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
             true => findings.problem(note),
             false => findings.note(note),
         }
+    }
+    if let Some(note) = lens_note(&scene)? {
+        findings.note(note);
     }
     if scene.objects.is_empty() {
         findings.problem("a scene has a mesh, and this has none");

@@ -112,7 +112,10 @@ fn last_words(file: &Path, copies: &Copies<'_>, template: &Template<'_>, scene: 
     text += &format!("  masks    {}\n", template.masks());
     text += &format!("  learnt   {}\n", template.learnt());
     text += &format!("  copied   {}\n", count(copies.count(), "file"));
-    for note in scene.notes.iter().chain(template.photographs.into_iter().flat_map(|p| &p.notes)) {
+    // The scene may say again what was said of the files that were copied.
+    let of_images = template.photographs.into_iter().flat_map(|p| &p.notes);
+    let of_images = of_images.filter(|note| !scene.notes.contains(note));
+    for note in scene.notes.iter().chain(of_images) {
         text += &format!("note: {note}\n");
     }
     let path = shell(file);

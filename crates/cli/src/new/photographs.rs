@@ -4,7 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use bokashi_scene::{
-    Camera, Folder, NamedView, Picture, Place, SceneError, read_colmap, read_transforms,
+    Camera, CameraFile, Folder, NamedView, Picture, Place, SceneError, find_colmap, read_colmap,
+    read_transforms,
 };
 use rayon::prelude::*;
 
@@ -12,8 +13,8 @@ use super::copies::Copies;
 
 /// Files of cameras, the first of which is taken.
 const TRANSFORMS: [&str; 2] = ["transforms.json", "transforms_train.json"];
-/// Folders of COLMAP's models, likewise.
-const MODELS: [&str; 2] = ["sparse/0", "colmap/sparse/0"];
+/// Folders of COLMAP's models, or of numbered folders with models, likewise.
+const MODELS: [&str; 2] = ["sparse", "colmap/sparse"];
 /// What is read of a model, as binary files or text.
 const OF_MODELS: [&str; 3] = ["cameras", "images", "points3D"];
 /// The endings of images' names.
@@ -58,18 +59,21 @@ impl Photographs {
         let folder = Folder::new(images)?;
         let is_there = |path: &Path| folder.find(path).is_ok();
         let transforms = TRANSFORMS.into_iter().map(Path::new).find(|path| is_there(path));
-        let is_model = |model: &&Path| {
+        let is_model = |model: &Path| {
             ["bin", "txt"].iter().any(|end| is_there(&model.join("cameras").with_extension(end)))
         };
-        let model = MODELS.into_iter().map(Path::new).find(is_model);
+        let models = MODELS.into_iter().map(|path| find_colmap(&folder, path));
+        let model = models.into_iter().find(|(path, _)| is_model(path));
+        let (model, several) = model.map_or((None, None), |(path, note)| (Some(path), note));
+        let model = model.as_deref();
         let of_model = match folder.find("images").is_ok_and(|found| found.is_dir()) {
             true => Path::new("images"),
             false => Path::new(""),
         };
-        let views = match (transforms, model) {
+        let CameraFile { views, notes } = match (transforms, model) {
             (Some(file), _) => read_transforms(&folder, file)?,
             (None, Some(model)) => read_colmap(&folder, model, of_model)?,
-            (None, None) => Vec::new(),
+            (None, None) => CameraFile::default(),
         };
         let has_cameras = transforms.is_some() || model.is_some();
         let files: Vec<_> = match has_cameras {
@@ -92,7 +96,7 @@ impl Photographs {
             mask_folder: home.join("masks"),
             has_opacity: have_opacity(&folder, &files)?,
             cameras: views.iter().map(|view| view.camera).collect(),
-            notes: Vec::new(),
+            notes: several.into_iter().filter(|_| transforms.is_none()).chain(notes).collect(),
         };
         for file in &files {
             photographs.images.push(copies.add(&folder, file, &home)?);

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use bokashi_fit::{FitError, Given, Ranks, agree, agreed, check_alike};
 use bokashi_report::{ReportError, add_page};
-use bokashi_scene::{Scene, SceneError, SceneFit, SeenView, ViewScore, check_results};
+use bokashi_scene::{Scene, SceneError, SceneFit, SeenView, ViewScore, check_results, lens_note};
 use bokashi_write::place_below;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
@@ -89,7 +89,8 @@ fn run_until(asked: &Asked, ranks: &Ranks<f32>, interrupt: &Interrupt) -> Result
     let begun = begin(asked, is_first, &writing, interrupt);
     let scene = agreed(&**ranks, begun)?;
     check_alike(&**ranks, &settings_of(asked)).map_err(|error| failed(error.into()))?;
-    let notes = scene.notes.clone();
+    let bent = lens_note(&scene).map_err(|error| failed(error.into()))?;
+    let notes: Vec<_> = scene.notes.iter().cloned().chain(bent).collect();
     let fit = match &asked.resume {
         Some(file) => {
             let file = file.as_ref().unwrap_or(&checkpoint);

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use bokashi_scene::{Scene, SceneError, check_results, write_result};
+use bokashi_scene::{Scene, SceneError, check_results, lens_note, write_result};
 
 use crate::failure::Failure;
 use crate::output::say;
@@ -41,6 +41,12 @@ pub(crate) fn render(
     check_results(out, &scene.rendered_names(&all)).map_err(failed)?;
     std::fs::create_dir_all(out)
         .map_err(|error| Failure::Work(format!("{} could not be made: {error}", out.display())))?;
+    if !quiet {
+        let bent = lens_note(&scene).map_err(|error| failed(error.into()))?;
+        for note in scene.notes.iter().chain(&bent) {
+            say(&format!("note: {note}\n"))?;
+        }
+    }
     for rendered in scene.rendered(&all).map_err(failed)? {
         let rendered = rendered.map_err(failed)?;
         for (name, bytes) in &rendered.files {

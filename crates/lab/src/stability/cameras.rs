@@ -1,10 +1,12 @@
 //! Cameras at their limits: intrinsics, motions, lenses, instances.
 
 use bokashi_core::{Scalar, Tape, Tensor, Var};
-use bokashi_render_ops::camera::{distortion_radius, look_at, perspective, to_tensor};
+use bokashi_render_ops::camera::{
+    distortion_radius, fisheye_limit, look_at, perspective, to_tensor,
+};
 use bokashi_render_ops::glam::{DMat4, DQuat, DVec3};
 use bokashi_render_ops::{
-    Assembly, Mesh, Size, affine_inverse, distort, orthographic, pinhole, project,
+    Assembly, Mesh, Size, affine_inverse, distort, fisheye, orthographic, pinhole, project,
     project_instances, rasterize, rigid, se3, transform_points,
 };
 
@@ -219,6 +221,38 @@ pub(super) fn beyond_the_lens<T: Scalar>() -> Outcome {
     Ok(Found::exactly(outcome, wrong).and(finite, "a number is not finite"))
 }
 
+/// Fisheyes that turn round before 90 degrees, go on to 150 degrees, and show angles as radii.
+const FISHEYES: [[f64; 4]; 3] =
+    [[-0.15, -0.01, 0.003, -0.002], [0.05, -0.01, 0.003, -0.0001], [0.0; 4]];
+
+pub(super) fn beyond_the_fisheye<T: Scalar>() -> Outcome {
+    let (mut wrong, mut finite) = (0, true);
+    for lens in FISHEYES {
+        let limit = fisheye_limit(lens);
+        let at = |angle: f64| [0.8 * angle.sin(), 0.6 * angle.sin(), angle.cos()];
+        // All the way round to the axis behind the camera.
+        let outward: Vec<_> =
+            (1..200).map(|k| at(std::f64::consts::PI * k as f64 / 200.0)).collect();
+        let beside = [1.0 - 1e-9, 1.0 + 1e-9].map(|share| at(share * limit));
+        let axis = [1.0, -1.0, 0.0].map(|z| [0.0, 0.0, z]);
+        let tape = Tape::<T>::new();
+        let all = points(&tape, &[&outward[..], &beside, &axis].concat());
+        let coefficients = vector(&tape, &lens);
+        let out = fisheye(all, coefficients)?;
+        let found = numbers(&out.value());
+        // The angle at which a pinhole would see it.
+        let seen = |k: usize| found[3 * k].hypot(found[3 * k + 1]).atan2(found[3 * k + 2]);
+        wrong += (1..outward.len()).filter(|&k| seen(k) <= seen(k - 1)).count();
+        let rim = outward.len();
+        wrong += usize::from((seen(rim) - seen(rim + 1)).abs() > 1e-6);
+        let ends = found[3 * (rim + 2)..].chunks(3);
+        wrong += ends.filter(|p| p[..2] != [0.0, 0.0]).count();
+        finite &= out.value().is_finite() && has_finite_slopes(out, &[all, coefficients])?;
+    }
+    let outcome = "what lies farther out is shown farther out, up to the axis behind; finite";
+    Ok(Found::exactly(outcome, wrong).and(finite, "a number is not finite"))
+}
+
 pub(super) fn extreme_lenses<T: Scalar>() -> Outcome {
     let mut results = Vec::new();
     let tape = Tape::<T>::new();
@@ -226,6 +260,11 @@ pub(super) fn extreme_lenses<T: Scalar>() -> Outcome {
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         let rule = "distort needs coefficients within -1e100 and 1e100";
         let said = told(distort(some, vector(&tape, &[0.0, 0.0, bad, 0.0, 0.0])));
+        results.push((said, format!("{rule}, got {bad}")));
+        let said = told(distort(some, vector(&tape, &[0.0, 0.0, 0.0, 0.0, 0.0, bad, 0.0, 0.0])));
+        results.push((said, format!("{rule}, got {bad}")));
+        let rule = "fisheye needs coefficients within -1e100 and 1e100";
+        let said = told(fisheye(some, vector(&tape, &[0.0, bad, 0.0, 0.0])));
         results.push((said, format!("{rule}, got {bad}")));
     }
     let refused = Found::refused(results);
@@ -239,6 +278,22 @@ pub(super) fn extreme_lenses<T: Scalar>() -> Outcome {
             let rows = [[1e-3, 2e-3, 1.0], [0.5, 0.25, 1.0], [1e6, 1.0, 1.0], [1.0, 1.0, -1.0]];
             let all = points(&tape, &rows);
             let out = distort(all, coefficients)?;
+            finite &=
+                out.value().is_finite() && out.sum().backward()?.get_or_zeros(all).is_finite();
+        }
+        let rows = [[1e-3, 2e-3, 1.0], [0.5, 0.25, 1.0], [1.0, 1.0, -1.0], [0.0, 0.0, -1.0]];
+        let all = points(&tape, &[&rows[..], &[[0.0; 3], [1e-30, 0.0, 1e-30]]].concat());
+        for at in 0..4 {
+            let mut lens = [0.0; 4];
+            lens[at] = size;
+            let out = fisheye(all, vector(&tape, &lens))?;
+            finite &=
+                out.value().is_finite() && out.sum().backward()?.get_or_zeros(all).is_finite();
+        }
+        for at in 5..8 {
+            let mut lens = [0.0; 8];
+            lens[at] = size;
+            let out = distort(all, vector(&tape, &lens))?;
             finite &=
                 out.value().is_finite() && out.sum().backward()?.get_or_zeros(all).is_finite();
         }

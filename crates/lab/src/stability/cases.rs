@@ -186,4 +186,5 @@ pub(super) static CASES: &[Case] = cases! {
     186 "regularizers: degenerate faces", "finite", losses::degenerate_faces;
     187 "regularizers: no face, no vertex", "0, no gradient", losses::meshes_of_nothing;
     188 "losses: refused input", "an error", losses::refused;
+    189 "fisheye: outside, behind the eye", "outside stays outside", cameras::beyond_the_fisheye;
 };

@@ -1,43 +1,34 @@
-//! Points as a lens shows them.
+//! Points as a lens of polynomials shows them.
 //!
 //! # Forward
 //! `(X, Y, Z)` becomes `(x'' Z, y'' Z, Z)`: see `distortion`.
 //!
 //! # Backward
-//! By the slopes of both coordinates, from `distortion`. The gradients of the coefficients are sums over
-//! the points, in [`Scalar::Wide`], in pieces of a fixed size.
+//! See `bend`, with the slopes of `distortion`.
 //!
 //! # Where it is not smooth, and source
 //! See `distortion`.
 
-use std::ops::Range;
+use bokashi_core::{Scalar, Var};
 
-use bokashi_core::parallel::{for_each_piece_mut, merge_ranges};
-use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Var};
-
+use super::bend::{Bend, LensKind};
 use super::distortion::Distortion;
 use crate::error::RenderError;
-use crate::moments::POINTS_PER_PIECE;
-
-const NAME: &str = "distort";
-
-/// Coefficients beyond it would leave the range of the numbers.
-const LARGEST: f64 = 1e100;
 
 /// `points: [V, 3]` in OpenCV's camera coordinates as a lens shows them: `[V, 3]`, (x'' Z, y'' Z, Z) with
 /// the distorted normalized coordinates. A [`pinhole`](crate::pinhole()) then takes them to clip space.
 ///
-/// `coefficients: [5]` are OpenCV's, in its order: (k1, k2, p1, p2, k3). Both inputs have a gradient. Edges
-/// stay straight: a mesh needs faces small enough to bend.
+/// `coefficients` are OpenCV's, in its order: `[5]`, (k1, k2, p1, p2, k3), or `[8]`, (k1, k2, p1, p2, k3, k4,
+/// k5, k6). Both inputs have a gradient. Edges stay straight: a mesh needs faces small enough to bend.
 ///
-/// The polynomial holds up to the radius where it would bring points back into the image
+/// The formula holds up to the radius where it would bring points back into the image
 /// ([`distortion_radius`](crate::camera::distortion_radius)). From there on the map goes on linearly along
 /// each ray from the centre, also behind the camera, so that points outside the image stay outside.
 ///
 /// Coefficients of 0 that have no gradient are the identity: the points themselves are returned.
 ///
 /// # Errors
-/// [`RenderError::Shape`] unless the points are `[V, 3]` and the coefficients `[5]`;
+/// [`RenderError::Shape`] unless the points are `[V, 3]` and the coefficients `[5]` or `[8]`;
 /// `TensorError::Value` for a coefficient that is not finite, or beyond 1e100;
 /// `TensorError::ForeignVariable` for variables of two tapes.
 #[inline(never)]
@@ -45,95 +36,133 @@ pub fn distort<'t, T: Scalar>(
     points: Var<'t, T>,
     coefficients: Var<'t, T>,
 ) -> Result<Var<'t, T>, RenderError> {
-    points.tape().apply(Distort, &[points, coefficients])
+    match *coefficients.shape() {
+        [8] => points.tape().apply(Bend::<_, 8>(Polynomials), &[points, coefficients]),
+        _ => points.tape().apply(Bend::<_, 5>(Polynomials), &[points, coefficients]),
+    }
 }
 
-/// Inputs: points `[V, 3]`, coefficients `[5]`. Output: points `[V, 3]`.
-struct Distort;
+/// A lens of polynomials.
+#[derive(Debug, Clone, Copy)]
+struct Polynomials;
 
-fn lens_of<T: Scalar>(coefficients: &[T]) -> Distortion<T::Wide> {
-    Distortion::of(std::array::from_fn(|k| coefficients[k].widen()))
+impl LensKind<5> for Polynomials {
+    const NAME: &'static str = "distort";
+    const RULE: &'static str = "coefficients of shape [5] or [8]";
+    const HAS_IDENTITY: bool = true;
+    type Lens<S: Scalar> = Distortion<S>;
 }
 
-impl<T: Scalar> Op<T> for Distort {
-    type Saved = ();
-    type Error = RenderError;
+impl LensKind<8> for Polynomials {
+    const NAME: &'static str = "distort";
+    const RULE: &'static str = "coefficients of shape [5] or [8]";
+    const HAS_IDENTITY: bool = true;
+    type Lens<S: Scalar> = Distortion<S>;
+}
 
-    fn name(&self) -> &'static str {
-        NAME
+#[cfg(test)]
+mod tests {
+    use bokashi_core::{Tape, Tensor};
+
+    use super::*;
+    use crate::camera::difference_quotients::assert_slopes;
+    use crate::camera::{distortion_radius, undistorted};
+    use glam::DVec2;
+
+    /// The first turns round at about 1.5, the second never does up to 16, and the denominator of the third falls
+    /// to 0 at 2.
+    const LENSES: [[f64; 8]; 3] = [
+        [-0.28, 0.07, 0.003, -0.002, -0.01, 0.12, -0.03, 0.004],
+        [0.5, 0.2, -0.01, 0.02, 0.01, 0.8, 0.35, 0.02],
+        [0.1, 0.0, 0.001, 0.002, 0.0, -0.25, 0.0, 0.0],
+    ];
+    const POINTS: [[f64; 3]; 5] =
+        [[0.3, -0.4, 2.0], [1.1, 0.9, 1.6], [0.0, 0.0, 3.0], [-1.0, 0.5, 1.0], [0.2, 1.9, 2.0]];
+
+    fn distorted(lens: &[f64], points: &[[f64; 3]]) -> Tensor<f64> {
+        let tape = Tape::new();
+        let points = tape.constant(&Tensor::from(points.to_vec()));
+        distort(points, tape.constant(&Tensor::from(lens))).unwrap().value()
     }
 
-    fn forward(
-        &self,
-        inputs: &Inputs<'_, T>,
-        outputs: &mut Outputs<'_, T>,
-        _saved: &mut (),
-    ) -> Result<(), RenderError> {
-        if !matches!(**inputs.shape(0), [_, 3]) {
-            return Err(RenderError::of_shape(NAME, "points of shape [V, 3]", inputs.shape(0)));
-        }
-        if **inputs.shape(1) != [5] {
-            return Err(RenderError::of_shape(NAME, "coefficients of shape [5]", inputs.shape(1)));
-        }
-        let (points, coefficients) = (inputs.data(0), inputs.data(1));
-        let is_lost = |entry: &&T| !(-LARGEST..=LARGEST).contains(&entry.to_f64());
-        if let Some(lost) = coefficients.iter().find(is_lost) {
-            let rule = "coefficients within -1e100 and 1e100";
-            return Err(RenderError::of_value(NAME, rule, lost.to_f64()));
-        }
-        if !inputs.needs(1) && coefficients.iter().all(|entry| entry.is_same(T::ZERO)) {
-            outputs.pass(0, "coefficients are 0");
-            return Ok(());
-        }
-        let lens = lens_of(coefficients);
-        let out = outputs.push(inputs.shape(0));
-        for_each_piece_mut(out, 3 * POINTS_PER_PIECE, |piece, out| {
-            let points = &points.as_chunks::<3>().0[piece * POINTS_PER_PIECE..];
-            for (out, point) in out.as_chunks_mut::<3>().0.iter_mut().zip(points) {
-                let [x, y] = lens.apply(point.map(T::widen));
-                *out = [T::narrow(x), T::narrow(y), point[2]];
-            }
-        });
-        Ok(())
-    }
-
-    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING.input(0).input(1)
-    }
-
-    fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
-        let lens = lens_of(kept.input(1));
-        let points = kept.input(0).as_chunks::<3>().0;
-        let bars = kept.only_upstream().as_chunks::<3>().0;
-        if let Some(points_bar) = gradients.get(0) {
-            for_each_piece_mut(points_bar.entries(), 3 * POINTS_PER_PIECE, |piece, entries| {
-                let first = piece * POINTS_PER_PIECE;
-                let own = points[first..].iter().zip(&bars[first..]);
-                for (entries, (point, bar)) in entries.as_chunks_mut::<3>().0.iter_mut().zip(own) {
-                    let [by_x, by_y] = lens.slopes(point.map(T::widen)).by_point;
-                    for k in 0..3 {
-                        let sum = by_x[k] * bar[0].widen() + by_y[k] * bar[1].widen();
-                        let own = if k == 2 { bar[2].widen() } else { T::Wide::ZERO };
-                        entries[k] += T::narrow(sum + own);
-                    }
-                }
-            });
-        }
-        let Some(coefficients_bar) = gradients.get(1) else { return };
-        let mut total = [T::Wide::ZERO; 5];
-        let work = |range: Range<usize>| {
-            let mut sums = [T::Wide::ZERO; 5];
-            for (point, bar) in points[range.clone()].iter().zip(&bars[range]) {
-                let [by_x, by_y] = lens.slopes(point.map(T::widen)).by_coefficient;
-                for (k, sum) in sums.iter_mut().enumerate() {
-                    *sum += by_x[k] * bar[0].widen() + by_y[k] * bar[1].widen();
+    #[test]
+    fn eight_coefficients_are_those_of_opencv() {
+        // cv2.projectPoints of POINTS with the first two lenses, OpenCV 5.0.0: the identity for the camera matrix,
+        // rotation and translation 0.
+        let expected = [
+            [
+                [0.1459401415960859, -0.19456602212811452],
+                [0.5203775178308085, 0.4294218043615706],
+                [0.0, 0.0],
+                [-0.6754634317862165, 0.34023171589310824],
+                [0.07182173002778289, 0.7023814352639374],
+            ],
+            [
+                [0.14999097974651796, -0.19894630632869062],
+                [0.5905530183211757, 0.4623771854445982],
+                [0.0, 0.0],
+                [-0.681797583081571, 0.34089879154078545],
+                [0.09680296540499733, 0.7371281713474747],
+            ],
+        ];
+        for (lens, expected) in LENSES.iter().zip(expected) {
+            let found = distorted(lens, &POINTS);
+            for (k, ([x, y], [_, _, z])) in expected.into_iter().zip(POINTS).enumerate() {
+                let own = [0, 1, 2].map(|j| found[[k, j]]);
+                for (own, expected) in own.into_iter().zip([x * z, y * z, z]) {
+                    assert!((own - expected).abs() < 1e-14, "{own} and not {expected}");
                 }
             }
-            sums
+        }
+    }
+
+    #[test]
+    fn five_coefficients_are_the_first_of_eight() {
+        let [five, rest] = [[-0.35, 0.03, 0.003, -0.002, -0.002], [0.0; 5]];
+        let eight = [&five[..], &rest[..3]].concat();
+        let points = [&POINTS[..], &[[3.0, 1.0, 0.5], [1.0, -2.0, -1.0]]].concat();
+        assert_eq!(distorted(&five, &points), distorted(&eight, &points));
+    }
+
+    #[test]
+    fn the_rim_is_before_a_pole() {
+        let expected = 2.0 * (1.0_f64 - 1e-3).sqrt();
+        assert!((distortion_radius(LENSES[2]) / expected - 1.0).abs() < 1e-14);
+        let found = distorted(&LENSES[2], &[[1.9, 0.5, 1.0], [2.5, 0.0, 1.0], [0.5, 0.5, -1.0]]);
+        assert!(found.is_finite());
+        assert_eq!(distortion_radius(LENSES[1]), 16.0);
+        // The radial part of the first is largest there.
+        let rim = distortion_radius(LENSES[0]);
+        let [k1, k2, _, _, k3, k4, k5, k6] = LENSES[0];
+        let radius = |r: f64| {
+            let s = r * r;
+            let upper = 1.0 + s * (k1 + s * (k2 + s * k3));
+            r * upper / (1.0 + s * (k4 + s * (k5 + s * k6)))
         };
-        merge_ranges(points.len(), POINTS_PER_PIECE, work, |sums: [T::Wide; 5]| {
-            total.iter_mut().zip(sums).for_each(|(total, sum)| *total += sum);
-        });
-        coefficients_bar.add_each(|k| T::narrow(total[k]));
+        let most = (1..16000).map(|k| 1e-3 * k as f64).find(|&r| radius(r + 1e-3) < radius(r));
+        assert!((most.unwrap() - rim).abs() < 2e-3, "{rim} and not {most:?}");
+    }
+
+    #[test]
+    fn slopes_are_those_of_difference_quotients() {
+        let more = [[2.0, -3.0, 0.5], [-1.0, 4.0, -2.0], [0.5, 0.25, 0.0]];
+        for lens in LENSES {
+            let points = [&POINTS[..], &more].concat();
+            assert_slopes(&points, &lens, |points, lens| distort(points, lens).unwrap());
+        }
+    }
+
+    #[test]
+    fn undistorting_a_distorted_point_gives_the_point_back() {
+        for lens in LENSES {
+            for k in 0..50 {
+                let reach = distortion_radius(lens).min(1.6);
+                let point = 0.018 * reach * k as f64 * DVec2::from_angle(0.1 * k as f64);
+                let shown = distorted(&lens, &[[point.x, point.y, 1.0]]);
+                let shown = DVec2::new(shown.data()[0], shown.data()[1]);
+                let found = undistorted(shown, lens).expect("the lens shows it");
+                assert!(found.abs_diff_eq(point, 1e-9), "{found} and not {point}");
+            }
+        }
     }
 }

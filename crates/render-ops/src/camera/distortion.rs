@@ -1,58 +1,73 @@
-//! The distortion of a lens, and where its polynomial holds.
+//! The distortion of a lens, and where its formula holds.
 //!
 //! # Forward
 //! A point (X, Y, Z) in camera coordinates has the normalized coordinates `x = X / Z`, `y = Y / Z`, and
-//! `s = r^2 = x^2 + y^2`. With `f(s) = 1 + k1 s + k2 s^2 + k3 s^3` the lens shows it at
+//! `s = r^2 = x^2 + y^2`. With `f = n / d`, `n(s) = 1 + k1 s + k2 s^2 + k3 s^3` and
+//! `d(s) = 1 + k4 s + k5 s^2 + k6 s^3` the lens shows it at
 //!
 //! - `x'' = x f(s) + t_x`, `t_x = 2 p1 x y + p2 (s + 2 x^2)`,
 //! - `y'' = y f(s) + t_y`, `t_y = p1 (s + 2 y^2) + 2 p2 x y`.
 //!
-//! The polynomial is fitted to what the sensor saw. Far outside, `r f(r^2)` may turn round, and would
+//! The formula is fitted to what the sensor saw. Far outside, `r f(r^2)` may turn round, and would
 //! bring points back into the image. So it holds up to the *rim*, the first radius at which that
-//! happens, and at most up to [`FARTHEST`]. From there on the map goes on linearly along each ray from
-//! the centre: with `m = rim / r`, the point m (x, y) is on the rim, and what it is shown at is divided
-//! by m. Times Z that is `rho / rim` times the distorted point `rim n` of the rim, with `rho = |(X, Y)|` and
-//! `n = (X, Y) / rho`. It does not depend on Z, so it goes on to Z = 0, and behind the camera.
+//! happens or d falls below [`LEAST`], and at most up to [`FARTHEST`]. With `n = sum_i n_i s^i` and d alike,
+//! the slope of `r f(r^2)` has the sign of `sum_ij (1 + 2 i - 2 j) n_i d_j s^(i + j)`. From the rim on the map
+//! goes on linearly along each ray from the centre: with `m = rim / r`, the point m (x, y) is on the rim, and
+//! what it is shown at is divided by m. Times Z that is `rho / rim` times the distorted point `rim n` of the rim,
+//! with `rho = |(X, Y)|` and `n = (X, Y) / rho`. It does not depend on Z, so it goes on to Z = 0, and behind the
+//! camera.
 //!
 //! # Where it is not smooth
 //! At the rim, where slopes jump; on the axis behind the camera, where p1 and p2 leave a kink; and
-//! where the rim leaps as coefficients change, because the polynomial begins to turn round or does so no
+//! where the rim leaps as coefficients change, because the formula begins to turn round or does so no
 //! longer.
 //!
 //! # Source
 //! Brown, *Decentering distortion of lenses*, Photogrammetric Engineering 32(3), 1966; the order and
-//! signs of the coefficients are those of OpenCV's module `calib3d`. What lies beyond the rim is ours.
+//! signs of the coefficients, and the denominator, are those of OpenCV's module `calib3d`. What lies beyond the
+//! rim is ours.
 
 use bokashi_core::Scalar;
 
-/// The largest radius at which the polynomial holds: 86 degrees off the axis.
+use super::bend::{LensMap, Slopes};
+use super::turning::{Turn, bisected, polynomial, polynomial_slope};
+
+/// The largest radius at which the formula holds: 86 degrees off the axis.
 const FARTHEST: f64 = 16.0;
 
+/// The least denominator: from there on points would soon leave the range of the numbers.
+const LEAST: f64 = 1e-3;
+
 /// The radius, in normalized coordinates (the tangent of the angle off the axis), up to which
-/// [`distort`](crate::distort()) follows the polynomial of `coefficients` = (k1, k2, p1, p2, k3). It is the
-/// first radius r at which `r (1 + k1 r^2 + k2 r^4 + k3 r^6)` stops to grow, and at most 16.
-pub fn distortion_radius(coefficients: [f64; 5]) -> f64 {
-    Distortion::of(coefficients).rim
+/// [`distort`](crate::distort()) follows the formula of `coefficients` = (k1, k2, p1, p2, k3), and perhaps k4, k5,
+/// k6: `N` is 5 or 8. It is the first radius r at which the radial part `r f(r^2)` stops to grow, and at most 16.
+pub fn distortion_radius<const N: usize>(coefficients: [f64; N]) -> f64 {
+    Distortion::of(all(coefficients)).rim
+}
+
+/// All eight coefficients of a lens: those that it lacks are 0.
+pub(super) fn all<S: Scalar, const N: usize>(coefficients: [S; N]) -> [S; 8] {
+    const { assert!(N == 5 || N == 8, "a lens has 5 or 8 coefficients") };
+    std::array::from_fn(|k| if k < N { coefficients[k] } else { S::ZERO })
 }
 
 /// The coefficients of a lens.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Distortion<S> {
-    /// k1, k2, k3.
-    radial: [S; 3],
+    /// 1, k1, k2, k3, and 1, k4, k5, k6.
+    parts: [[S; 4]; 2],
     /// p1, p2.
     tangential: [S; 2],
     rim: S,
-    /// How the rim moves with k1, k2 and k3.
-    rim_slopes: [S; 3],
+    /// How the rim moves with k1, k2, k3, and with k4, k5, k6.
+    rim_slopes: [[S; 3]; 2],
 }
 
-/// How a distorted point moves with its point, and with the coefficients.
-pub(super) struct Slopes<S> {
-    /// Of the two distorted coordinates by X, Y and Z.
-    pub(super) by_point: [[S; 3]; 2],
-    /// Of the two distorted coordinates by each coefficient.
-    pub(super) by_coefficient: [[S; 5]; 2],
+/// f(s), its slope, and 1 / d(s).
+struct Factor<S> {
+    f: S,
+    slope: S,
+    share: S,
 }
 
 /// Where a point is.
@@ -66,37 +81,61 @@ enum Place<S> {
 }
 
 impl<S: Scalar> Distortion<S> {
-    pub(super) fn of([k1, k2, p1, p2, k3]: [S; 5]) -> Self {
-        let radial = [k1, k2, k3];
-        let [three, five, seven] = [3.0, 5.0, 7.0].map(S::from_f64);
-        let mut rim = S::from_f64(FARTHEST);
-        let mut rim_slopes = [S::ZERO; 3];
-        if let Some(found) = turning_point(radial.map(S::to_f64)) {
-            let [a, b, c] = [three * k1, five * k2, seven * k3];
-            let growth = |s: S| S::ONE + s * (a + s * (b + s * c));
-            let slope = |s: S| a + s * (b + b + three * c * s);
-            let s = S::from_f64(found);
-            let terms = [a, (b + b) * s, three * c * s * s];
-            let size: f64 = terms.iter().map(|term| term.to_f64().abs()).sum();
-            rim = s.sqrt();
-            // Where it is 0 within rounding, the polynomial hardly turns round: the rim is about to leap.
-            if slope(s).to_f64().abs() > f64::EPSILON * size {
-                // The coefficients' derivatives, where numbers carry them: by Newton's method.
-                let moved = growth(s) - S::from_f64(growth(s).to_f64());
-                let s = s - moved / slope(s);
-                rim = s.sqrt();
-                let scale = -(S::ONE / (slope(s) * (rim + rim)));
-                rim_slopes = [three * s, five * s * s, seven * s * s * s].map(|by| scale * by);
-            }
+    pub(super) fn of([k1, k2, p1, p2, k3, k4, k5, k6]: [S; 8]) -> Self {
+        let parts = [[S::ONE, k1, k2, k3], [S::ONE, k4, k5, k6]];
+        let mut lens = Self {
+            parts,
+            tangential: [p1, p2],
+            rim: S::from_f64(FARTHEST),
+            rim_slopes: [[S::ZERO; 3]; 2],
+        };
+        let [upper, lower] = parts;
+        let factor = |i: usize, j: usize| S::from_f64(1.0 + 2.0 * i as f64 - 2.0 * j as f64);
+        let mut growth = [S::ZERO; 7];
+        for (i, j) in (0..4).flat_map(|i| (0..4).map(move |j| (i, j))) {
+            growth[i + j] += factor(i, j) * upper[i] * lower[j];
         }
-        Self { radial, tangential: [p1, p2], rim, rim_slopes }
+        let mut above = lower;
+        above[0] = S::from_f64(1.0 - LEAST);
+        let end = FARTHEST * FARTHEST;
+        let turns = [Turn::of(&growth, end), Turn::of(&above, end)];
+        let is_first = match &turns {
+            [Some(turn), Some(fall)] => turn.at <= fall.at,
+            [turn, _] => turn.is_some(),
+        };
+        let [turn, fall] = turns;
+        let Some(Turn { at: s, scale }) = (if is_first { turn } else { fall }) else { return lens };
+        lens.rim = s.sqrt();
+        let Some(scale) = scale else { return lens };
+        // The slopes of what is 0 at the rim, by each coefficient.
+        let powers = [S::ONE, s, s * s, s * s * s];
+        let sum = |of: &dyn Fn(usize) -> S| (0..4).map(of).sum::<S>();
+        let slopes = match is_first {
+            true => [1, 2, 3].map(|k| {
+                let of_upper = sum(&|j| factor(k, j) * lower[j] * powers[j]);
+                let of_lower = sum(&|i| factor(i, k) * upper[i] * powers[i]);
+                [powers[k] * of_upper, powers[k] * of_lower]
+            }),
+            false => [1, 2, 3].map(|k| [S::ZERO, powers[k]]),
+        };
+        let scale = scale / (lens.rim + lens.rim);
+        lens.rim_slopes = [0, 1].map(|part| slopes.map(|by| scale * by[part]));
+        lens
     }
 
-    /// f(s), and its slope.
-    fn factor(&self, s: S) -> [S; 2] {
-        let [k1, k2, k3] = self.radial;
-        let (two, three) = (S::from_f64(2.0), S::from_f64(3.0));
-        [S::ONE + s * (k1 + s * (k2 + s * k3)), k1 + s * (two * k2 + s * (three * k3))]
+    fn factor(&self, s: S) -> Factor<S> {
+        let [upper, lower] = &self.parts;
+        let share = S::ONE / polynomial(lower, s);
+        let f = polynomial(upper, s) * share;
+        let slope = (polynomial_slope(upper, s) - f * polynomial_slope(lower, s)) * share;
+        Factor { f, slope, share }
+    }
+
+    /// f by k1, k2, k3, and by k4, k5, k6, without what the rim does.
+    fn factor_slopes(&self, s: S) -> [[S; 3]; 2] {
+        let Factor { f, share, .. } = self.factor(s);
+        let powers = [s, s * s, s * s * s].map(|power| power * share);
+        [powers, powers.map(|power| -(f * power))]
     }
 
     /// t_x and t_y by p1, and by p2.
@@ -130,16 +169,16 @@ impl<S: Scalar> Distortion<S> {
     }
 
     /// The distorted point's X and Y; its Z is the point's.
-    pub(super) fn apply(&self, point: [S; 3]) -> [S; 2] {
+    pub(super) fn shown(&self, point: [S; 3]) -> [S; 2] {
         let [x, y, z] = point;
         match self.place(point) {
             Place::Inside(seen) => {
-                let [f, _] = self.factor(seen[0] * seen[0] + seen[1] * seen[1]);
+                let Factor { f, .. } = self.factor(seen[0] * seen[0] + seen[1] * seen[1]);
                 let [tx, ty] = self.tangential(seen);
                 [x * f + z * tx, y * f + z * ty]
             }
             Place::Outside(n, rho) => {
-                let [f, _] = self.factor(self.rim * self.rim);
+                let Factor { f, .. } = self.factor(self.rim * self.rim);
                 let [tx, ty] = self.tangential(n).map(|t| self.rim * rho * t);
                 [x * f + tx, y * f + ty]
             }
@@ -147,23 +186,27 @@ impl<S: Scalar> Distortion<S> {
         }
     }
 
-    pub(super) fn slopes(&self, point: [S; 3]) -> Slopes<S> {
+    /// Of X and Y by the point, and by all eight coefficients.
+    pub(super) fn shown_slopes(&self, point: [S; 3]) -> ([[S; 3]; 2], [[S; 8]; 2]) {
         match self.place(point) {
             Place::Inside(seen) => self.slopes_inside(point, seen),
             Place::Outside(n, rho) => self.slopes_outside(n, rho),
             Place::Behind => {
-                let [f, _] = self.factor(self.rim * self.rim);
-                let by_point = [[f, S::ZERO, S::ZERO], [S::ZERO, f, S::ZERO]];
-                Slopes { by_point, by_coefficient: [[S::ZERO; 5]; 2] }
+                let Factor { f, .. } = self.factor(self.rim * self.rim);
+                ([[f, S::ZERO, S::ZERO], [S::ZERO, f, S::ZERO]], [[S::ZERO; 8]; 2])
             }
         }
     }
 
-    fn slopes_inside(&self, [big_x, big_y, z]: [S; 3], [x, y]: [S; 2]) -> Slopes<S> {
+    fn slopes_inside(
+        &self,
+        [big_x, big_y, z]: [S; 3],
+        [x, y]: [S; 2],
+    ) -> ([[S; 3]; 2], [[S; 8]; 2]) {
         let [p1, p2] = self.tangential;
         let (two, six) = (S::from_f64(2.0), S::from_f64(6.0));
         let s = x * x + y * y;
-        let [f, slope] = self.factor(s);
+        let Factor { f, slope, .. } = self.factor(s);
         let [tx, ty] = self.tangential([x, y]);
         let mixed = two * (x * y * slope + p1 * x + p2 * y);
         let across = f + two * x * x * slope + two * p1 * y + six * p2 * x;
@@ -172,22 +215,20 @@ impl<S: Scalar> Distortion<S> {
         let radial = -(two * s * slope);
         let by_z = [radial * x - tx, radial * y - ty];
         let [by_p1, by_p2] = Self::tangents([x, y]);
-        let powers = [s, s * s, s * s * s];
+        let by_factor = self.factor_slopes(s);
         let row = |k: usize, along: S| {
-            let [k1, k2, k3] = powers.map(|power| along * power);
-            [k1, k2, z * by_p1[k], z * by_p2[k], k3]
+            let [[k1, k2, k3], [k4, k5, k6]] = by_factor.map(|part| part.map(|by| along * by));
+            [k1, k2, z * by_p1[k], z * by_p2[k], k3, k4, k5, k6]
         };
-        Slopes {
-            by_point: [[across, mixed, by_z[0]], [mixed, down, by_z[1]]],
-            by_coefficient: [row(0, big_x), row(1, big_y)],
-        }
+        let by_point = [[across, mixed, by_z[0]], [mixed, down, by_z[1]]];
+        (by_point, [row(0, big_x), row(1, big_y)])
     }
 
-    fn slopes_outside(&self, [x, y]: [S; 2], rho: S) -> Slopes<S> {
+    fn slopes_outside(&self, [x, y]: [S; 2], rho: S) -> ([[S; 3]; 2], [[S; 8]; 2]) {
         let ([p1, p2], rim) = (self.tangential, self.rim);
         let (two, five) = (S::from_f64(2.0), S::from_f64(5.0));
         let square = rim * rim;
-        let [f, slope] = self.factor(square);
+        let Factor { f, slope, .. } = self.factor(square);
         let (xxx, yyy) = (x * x * x, y * y * y);
         let by_point = [
             [
@@ -202,60 +243,52 @@ impl<S: Scalar> Distortion<S> {
             ],
         ];
         let (t, [by_p1, by_p2]) = (self.tangential([x, y]), Self::tangents([x, y]));
-        let powers = [square, square * square, square * square * square];
+        let by_factor = self.factor_slopes(square);
         let row = |k: usize, along: S| {
             let by_rim = along * (two * rim * slope) + t[k];
-            let [k1, k2, k3] =
-                std::array::from_fn(|j| rho * (along * powers[j] + by_rim * self.rim_slopes[j]));
-            [k1, k2, rim * rho * by_p1[k], rim * rho * by_p2[k], k3]
+            let [[k1, k2, k3], [k4, k5, k6]] = [0, 1].map(|part| {
+                [0, 1, 2]
+                    .map(|j| rho * (along * by_factor[part][j] + by_rim * self.rim_slopes[part][j]))
+            });
+            [k1, k2, rim * rho * by_p1[k], rim * rho * by_p2[k], k3, k4, k5, k6]
         };
-        Slopes { by_point, by_coefficient: [row(0, x), row(1, y)] }
+        (by_point, [row(0, x), row(1, y)])
     }
 }
+
+macro_rules! of_coefficients {
+    ($($count:literal),*) => { $(
+        impl<S: Scalar> LensMap<S, $count> for Distortion<S> {
+            fn of(coefficients: [S; $count]) -> Self {
+                Self::of(all(coefficients))
+            }
+
+            fn apply(&self, point: [S; 3]) -> [S; 3] {
+                let [x, y] = self.shown(point);
+                [x, y, point[2]]
+            }
+
+            fn slopes(&self, point: [S; 3]) -> Slopes<S, $count> {
+                let ([by_x, by_y], rows) = self.shown_slopes(point);
+                let [of_x, of_y] = rows.map(|row| std::array::from_fn(|k| row[k]));
+                Slopes {
+                    by_point: [by_x, by_y, [S::ZERO, S::ZERO, S::ONE]],
+                    by_coefficient: [of_x, of_y, [S::ZERO; $count]],
+                }
+            }
+        }
+    )* };
+}
+
+of_coefficients!(5, 8);
 
 impl Distortion<f64> {
     /// A point that the lens, without p1 and p2, shows at the radius `shown`: its radius.
     pub(super) fn radius_of(&self, shown: f64) -> f64 {
-        let [f, _] = self.factor(self.rim * self.rim);
+        let Factor { f, .. } = self.factor(self.rim * self.rim);
         if shown >= self.rim * f {
             return shown / f;
         }
-        bisected(0.0, self.rim, |r| r * self.factor(r * r)[0] <= shown)
-    }
-}
-
-/// The square of the first radius, below [`FARTHEST`], at which `r f(r^2)` turns round: where its slope
-/// `1 + 3 k1 s + 5 k2 s^2 + 7 k3 s^3` becomes negative.
-fn turning_point([k1, k2, k3]: [f64; 3]) -> Option<f64> {
-    let (a, b, c) = (3.0 * k1, 5.0 * k2, 7.0 * k3);
-    let slope = |s: f64| 1.0 + s * (a + s * (b + s * c));
-    // Between the two points where the cubic turns, and beyond them, it goes one way.
-    let root = (b * b - 3.0 * a * c).sqrt();
-    let q = -(b + root.copysign(b));
-    let mut ends = [q / (3.0 * c), a / q, FARTHEST * FARTHEST];
-    for end in &mut ends {
-        if !(0.0..=FARTHEST * FARTHEST).contains(end) {
-            *end = 0.0;
-        }
-    }
-    ends.sort_unstable_by(f64::total_cmp);
-    let mut low = 0.0;
-    for end in ends {
-        if slope(end) < 0.0 {
-            return Some(bisected(low, end, |s| slope(s) > 0.0));
-        }
-        low = end;
-    }
-    None
-}
-
-/// The last number from `low` to `high` for which `holds`, where it holds up to a point.
-fn bisected(mut low: f64, mut high: f64, holds: impl Fn(f64) -> bool) -> f64 {
-    loop {
-        let middle = 0.5 * low + 0.5 * high;
-        if middle <= low || middle >= high {
-            return low;
-        }
-        *(if holds(middle) { &mut low } else { &mut high }) = middle;
+        bisected(0.0, self.rim, |r| r * self.factor(r * r).f <= shown)
     }
 }

@@ -38,9 +38,14 @@
 //! [`opengl_to_opencv_view`]. `docs/notation.md` has all conventions in one table.
 
 mod affine_inverse;
+mod bend;
 mod conventions;
+#[cfg(test)]
+mod difference_quotients;
 mod distort;
 mod distortion;
+mod equidistant;
+mod fisheye;
 mod orthographic;
 mod pinhole;
 mod rigid;
@@ -49,6 +54,7 @@ mod se3;
 mod stumpff;
 #[cfg(test)]
 mod tests;
+mod turning;
 mod undistorted;
 
 pub use self::affine_inverse::affine_inverse;
@@ -58,6 +64,8 @@ pub use self::conventions::{
 };
 pub use self::distort::distort;
 pub use self::distortion::distortion_radius;
+pub use self::equidistant::{fisheye_angle, fisheye_limit, fisheye_radius};
+pub use self::fisheye::fisheye;
 pub use self::orthographic::orthographic;
 pub use self::pinhole::pinhole;
 pub use self::rigid::rigid;

@@ -545,7 +545,7 @@ fn what_cannot_be_is_refused_with_rule_and_value() {
         (distort(good, of(&[0.0; 5])), "distort needs points of shape [V, 3], got shape [4]"),
         (
             distort(tape.leaf(&Tensor::zeros([2, 3])), good),
-            "distort needs coefficients of shape [5], got shape [4]",
+            "distort needs coefficients of shape [5] or [8], got shape [4]",
         ),
         (
             distort(tape.leaf(&Tensor::zeros([2, 3])), of(&[0.0, inf, 0.0, 0.0, 0.0])),

@@ -5,7 +5,7 @@
 
 use glam::{DMat2, DVec2};
 
-use super::distortion::Distortion;
+use super::distortion::{Distortion, all};
 
 /// Steps at most.
 const STEPS: usize = 64;
@@ -17,16 +17,16 @@ const HALVINGS: usize = 40;
 const TOLERANCE: f64 = 1e-12;
 
 /// The normalized camera coordinates (x, y) that [`distort`](crate::distort()) of `coefficients` =
-/// (k1, k2, p1, p2, k3) shows at `point`. `None` where Newton's method finds none: for numbers that are
+/// (k1, k2, p1, p2, k3), and perhaps k4, k5, k6, shows at `point`: `N` is 5 or 8. `None` where Newton's method finds none: for numbers that are
 /// not finite, and where p1 and p2 are so large that the lens shows nothing there.
-pub fn undistorted(point: DVec2, coefficients: [f64; 5]) -> Option<DVec2> {
-    let lens = Distortion::of(coefficients);
-    let residual = |at: DVec2| DVec2::from(lens.apply([at.x, at.y, 1.0])) - point;
+pub fn undistorted<const N: usize>(point: DVec2, coefficients: [f64; N]) -> Option<DVec2> {
+    let lens = Distortion::of(all(coefficients));
+    let residual = |at: DVec2| DVec2::from(lens.shown([at.x, at.y, 1.0])) - point;
     let length = point.length();
     let mut at = if length == 0.0 { point } else { point * (lens.radius_of(length) / length) };
     let mut left = residual(at);
     for _ in 0..STEPS {
-        let [across, down] = lens.slopes([at.x, at.y, 1.0]).by_point;
+        let ([across, down], _) = lens.shown_slopes([at.x, at.y, 1.0]);
         let slopes = DMat2::from_cols_array(&[across[0], down[0], across[1], down[1]]);
         let step = slopes.inverse() * left;
         let tries = (0..HALVINGS).map(|k| at - step * f64::powi(0.5, k as i32));

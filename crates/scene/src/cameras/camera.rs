@@ -6,8 +6,10 @@
 use std::path::PathBuf;
 
 use bokashi_render_ops::Size;
-use bokashi_render_ops::camera::{opencv_to_opengl_pose, opengl_to_opencv_pose};
+use bokashi_render_ops::camera::{fisheye_angle, opencv_to_opengl_pose, opengl_to_opencv_pose};
 use glam::{DMat3, DMat4, DQuat, DVec2, DVec3};
+
+use super::distortion::Distortion;
 
 /// From the corner of the first pixel to its centre.
 const HALF: f64 = 0.5;
@@ -19,8 +21,8 @@ pub struct Camera {
     pub size: Size,
     /// (fx, fy, cx, cy) in pixels. The centre of the first pixel is (0, 0).
     pub intrinsics: [f64; 4],
-    /// Of the lens: (k1, k2, p1, p2, k3), OpenCV's order.
-    pub distortion: [f64; 5],
+    /// Of the lens.
+    pub distortion: Distortion,
     /// World to camera coordinates: x right, y down, z forward. A rotation and a translation.
     pub view: DMat4,
 }
@@ -40,7 +42,7 @@ pub struct NamedView {
 impl Camera {
     /// A camera without distortion that stands at the origin and looks along z.
     pub const fn new(size: Size, intrinsics: [f64; 4]) -> Self {
-        Self { size, intrinsics, distortion: [0.0; 5], view: DMat4::IDENTITY }
+        Self { size, intrinsics, distortion: Distortion::NONE, view: DMat4::IDENTITY }
     }
 
     /// This camera where a pose of OpenCV's convention, camera to world, has it.
@@ -72,30 +74,50 @@ impl Camera {
 
     /// Whether all of its numbers are finite, those of its pose too.
     pub fn is_finite(&self) -> bool {
-        let numbers = self.intrinsics.iter().chain(&self.distortion);
+        let numbers = self.intrinsics.iter().chain(self.distortion.coefficients());
         numbers.into_iter().all(|number| number.is_finite())
             && self.view.is_finite()
             && self.opencv_pose().is_finite()
     }
 
     /// Where a point of the world is seen, in OpenCV's pixels: 1/2 less than the pixels of this
-    /// project. None in the camera's plane and behind it.
-    ///
-    /// The polynomial of the lens is followed everywhere. The operation `distort` leaves it far
-    /// outside, where the polynomial would bring points back into the image.
+    /// project. None where the camera can't see: in the plane of a pinhole and behind it, and
+    /// beyond where the formula of the lens holds.
     pub fn pixel(&self, point: DVec3) -> Option<DVec2> {
-        let seen = self.view.transform_point3(point);
-        if seen.z.is_nan() || seen.z <= 0.0 {
-            return None;
-        }
-        let [x, y] = [seen.x / seen.z, seen.y / seen.z];
-        let s = x * x + y * y;
-        let [k1, k2, p1, p2, k3] = self.distortion;
-        let radial = 1.0 + s * (k1 + s * (k2 + s * k3));
-        let shown_x = x * radial + 2.0 * p1 * x * y + p2 * (s + 2.0 * x * x);
-        let shown_y = y * radial + p1 * (s + 2.0 * y * y) + 2.0 * p2 * x * y;
+        self.pixels()(point)
+    }
+
+    /// [`Camera::pixel`] for many points: what they have in common is worked out once.
+    pub fn pixels(&self) -> impl Fn(DVec3) -> Option<DVec2> {
+        let (view, shows) = (self.view, self.distortion.shows());
         let [fx, fy, cx, cy] = self.intrinsics;
-        Some(DVec2::new(fx * shown_x + cx, fy * shown_y + cy))
+        move |point| {
+            let shown = shows(view.transform_point3(point))?;
+            Some(DVec2::new(fx * shown.x + cx, fy * shown.y + cy))
+        }
+    }
+
+    /// The angle in radians between the axis and what is seen so many pixels from the principal
+    /// point along x, or with `k = 1` along y. Only a fisheye's lens is minded. None beyond where
+    /// its formula holds.
+    pub fn angle_at(&self, k: usize, pixels: f64) -> Option<f64> {
+        let radius = pixels / self.intrinsics[k];
+        match self.distortion {
+            Distortion::Fisheye(own) => {
+                fisheye_angle(radius.abs(), own).map(|angle| angle.copysign(radius))
+            }
+            _ => Some(radius.atan()),
+        }
+    }
+
+    /// The camera of the same images, made larger or smaller.
+    pub fn resized(&self, size: Size) -> Self {
+        let share = |new: usize, old: usize| new as f64 / old as f64;
+        let by = [share(size.width, self.size.width), share(size.height, self.size.height)];
+        let [fx, fy, cx, cy] = self.intrinsics;
+        let center = |c: f64, by: f64| (c + HALF) * by - HALF;
+        let intrinsics = [fx * by[0], fy * by[1], center(cx, by[0]), center(cy, by[1])];
+        Self { size, intrinsics, ..*self }
     }
 
     /// The camera of images with a `k`-th of the rows and columns, each pixel the mean of a block. What is left

@@ -1,13 +1,14 @@
 //! `transforms.json`, as NeRF's synthetic scenes, instant-ngp and nerfstudio have it.
 //!
 //! # What is read
-//! - Of all frames, or of a frame by itself: `fl_x`, `fl_y`, `cx`, `cy`, `w`, `h`, `k1`, `k2`,
-//!   `k3`, `p1`, `p2`, and `camera_angle_x`, `camera_angle_y`, the whole angles of view in radians.
+//! - Of all frames, or of a frame by itself: `fl_x`, `fl_y`, `cx`, `cy`, `w`, `h`, `k1` to `k6`,
+//!   `p1`, `p2`, and `camera_angle_x`, `camera_angle_y`, the whole angles of view in radians.
 //!   A focal length goes before an angle, what a frame says before what is said of all. Without
 //!   `fl_y` and its angle pixels are square. Without `cx` and `cy` the principal point is the
 //!   middle.
 //! - `camera_model`: PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL or OPENCV, OPENCV by default.
-//!   Any of them has the coefficients that are given.
+//!   Any of them has the coefficients that are given, k1, k2, k3, p1, p2. FULL_OPENCV has k4, k5 and k6, too.
+//!   OPENCV_FISHEYE has k1 to k4 of OpenCV's module `fisheye`, as instant-ngp's `is_fisheye` has.
 //! - `frames`, each with `file_path`, from the folder of this file, and `transform_matrix`, camera
 //!   to world, of 3 or 4 rows. A path may lack its ending: `.png`, `.jpg`, `.jpeg` and `.exr` are
 //!   tried. Where `w` or `h` is missing, both are those of the image.
@@ -15,27 +16,36 @@
 //! Camera coordinates are OpenGL's, and the corner of the first pixel is (0, 0).
 //!
 //! # What is left out
-//! Lenses of other kinds, which are refused: fisheyes, `k4`. All other keys, which are ignored, as
-//! `aabb_scale` and `applied_transform`: the world is the one in which the poses are given.
+//! What makes another camera is refused: coefficients that the model lacks, instant-ngp's `ftheta_p0` to
+//! `ftheta_p4`, `latlong` and `rolling_shutter`, and axes of other programs, `from_mitsuba` and `from_na`.
+//! Keys that say nothing of a camera or an image are ignored, as `aabb_scale` and `applied_transform`: the world is
+//! the one in which the poses are given. A note names all keys that are not known: see `keys`.
 //!
 //! # Source
-//! The code of Mildenhall et al., *NeRF*, 2020; the documentation of instant-ngp and of nerfstudio.
+//! The code of Mildenhall et al., *NeRF*, 2020, of instant-ngp (`src/nerf_loader.cu`, `scripts/colmap2nerf.py`) and
+//! of nerfstudio (`data/dataparsers/nerfstudio_dataparser.py`).
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use bokashi_render_ops::Size;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use super::camera::{Camera, NamedView, from_corner, to_corner};
+use super::camera_file::CameraFile;
+use super::distortion::Distortion;
+use super::keys::{self, Keys};
 use super::rotation::pose;
 use crate::error::{Place, SceneError};
 use crate::folder::Folder;
 use crate::picture::Picture;
 use crate::words;
 
-/// Models whose lens is that of OpenCV, with some coefficients 0.
+/// Models whose lens is that of OpenCV, with some coefficients 0; and those of others.
 const MODELS: [&str; 5] = ["PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"];
+const RATIONAL: &str = "FULL_OPENCV";
+const FISHEYE: &str = "OPENCV_FISHEYE";
 /// What a path may lack.
 const ENDINGS: [&str; 5] = ["", ".png", ".jpg", ".jpeg", ".exr"];
 /// The most columns or rows of an image.
@@ -60,11 +70,26 @@ struct Lens {
     cy: Option<f64>,
     k1: Option<f64>,
     k2: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     p1: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     p2: Option<f64>,
     k3: Option<f64>,
-    #[serde(skip_serializing)]
+    #[serde(skip_serializing_if = "Option::is_none")]
     k4: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    k5: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    k6: Option<f64>,
+    // Of any kind, and refused where they say something.
+    #[serde(skip_serializing)]
+    latlong: Option<Value>,
+    #[serde(skip_serializing)]
+    rolling_shutter: Option<Value>,
+    #[serde(skip_serializing)]
+    from_mitsuba: Option<Value>,
+    #[serde(skip_serializing)]
+    from_na: Option<Value>,
 }
 
 /// What else is said of a frame.
@@ -97,26 +122,27 @@ struct Written {
 
 /// The views of the file `path` in `folder`, in the file's order. A view's name is its `file_path`.
 ///
-/// A pose that is a rotation only to 0.001 becomes the nearest rotation.
+/// A pose that is a rotation only to 0.001 becomes the nearest rotation. Cameras of images that are smaller than
+/// they by a whole factor are scaled with them; a note says so, and another names keys that are not known.
 ///
 /// # Errors
 /// - [`SceneError::Read`] and [`SceneError::Outside`] where the file can't be read, or an image
 ///   lies outside the folder.
 /// - [`SceneError::Content`] for what is no such file, with its line and column; for a frame
-///   without an image in the folder, with another frame's image, with a camera that is not a
-///   pinhole with OpenCV's lens, or with a pose that is further from a rotation.
-pub fn read_transforms(
-    folder: &Folder,
-    path: impl AsRef<Path>,
-) -> Result<Vec<NamedView>, SceneError> {
+///   without an image in the folder, with another frame's image, with a camera of a lens that
+///   OpenCV has not, or with a pose that is further from a rotation.
+pub fn read_transforms(folder: &Folder, path: impl AsRef<Path>) -> Result<CameraFile, SceneError> {
     let path = path.as_ref();
     let text = folder.read_text(path)?;
     let place = Place::of(folder.join(path));
-    // Thrice, since what serde flattens has no line. A frame has a path and a matrix, so that there are not
+    // Piece by piece, since what serde flattens has no line. A frame has a path and a matrix, so that there are not
     // many more than the text has lines.
     let frames: Frames<Frame> = parsed(&text, &place)?;
     let common: Lens = parsed(&text, &place)?;
     let lenses: Frames<Lens> = parsed(&text, &place)?;
+    let (all, own): (Keys, Frames<Keys>) = (parsed(&text, &place)?, parsed(&text, &place)?);
+    let notes =
+        keys::notes(&all, &own.frames).map_err(|rule| SceneError::content(place.clone(), rule))?;
     let mut names = BTreeSet::new();
     let views = lenses.frames.into_iter().zip(frames.frames).map(|(lens, frame)| {
         let file_path = frame.file_path.replace('\\', "/");
@@ -146,7 +172,8 @@ pub fn read_transforms(
         }
         Ok(NamedView { name, image, camera })
     });
-    views.collect()
+    let views = views.collect::<Result<_, _>>()?;
+    Ok(CameraFile { views, notes }.sized(folder))
 }
 
 /// The text of a `transforms.json` with these views, in the order given. Reading it again answers
@@ -217,11 +244,24 @@ fn size_of(size: [f64; 2]) -> Result<Size, String> {
 impl Lens {
     fn of(camera: &Camera) -> Self {
         let [fx, fy, cx, cy] = to_corner(camera.intrinsics).map(Some);
-        let [k1, k2, p1, p2, k3] = camera.distortion.map(Some);
         let [w, h] = [camera.size.width, camera.size.height].map(|extent| Some(extent as f64));
-        let camera_model = Some("OPENCV".to_owned());
-        let lens = Self { camera_model, w, h, k1, k2, p1, p2, k3, ..Self::default() };
-        Self { fl_x: fx, fl_y: fy, cx, cy, ..lens }
+        let lens = Self { w, h, fl_x: fx, fl_y: fy, cx, cy, ..Self::default() };
+        match camera.distortion {
+            Distortion::Polynomial(own) => {
+                let [k1, k2, p1, p2, k3] = own.map(Some);
+                let camera_model = Some("OPENCV".to_owned());
+                Self { camera_model, k1, k2, p1, p2, k3, ..lens }
+            }
+            Distortion::Rational(own) => {
+                let [k1, k2, p1, p2, k3, k4, k5, k6] = own.map(Some);
+                let camera_model = Some(RATIONAL.to_owned());
+                Self { camera_model, k1, k2, p1, p2, k3, k4, k5, k6, ..lens }
+            }
+            Distortion::Fisheye(own) => {
+                let [k1, k2, k3, k4] = own.map(Some);
+                Self { camera_model: Some(FISHEYE.to_owned()), k1, k2, k3, k4, ..lens }
+            }
+        }
     }
 
     /// What is said here, and where nothing is, what is said of all frames.
@@ -247,25 +287,78 @@ impl Lens {
             p2: self.p2.or(all.p2),
             k3: self.k3.or(all.k3),
             k4: self.k4.or(all.k4),
+            k5: self.k5.or(all.k5),
+            k6: self.k6.or(all.k6),
+            latlong: self.latlong.or_else(|| all.latlong.clone()),
+            rolling_shutter: self.rolling_shutter.or_else(|| all.rolling_shutter.clone()),
+            from_mitsuba: self.from_mitsuba.or_else(|| all.from_mitsuba.clone()),
+            from_na: self.from_na.or_else(|| all.from_na.clone()),
         }
+    }
+
+    /// The lens by its model and coefficients.
+    fn distortion(&self) -> Result<Distortion, String> {
+        let numbers = |own: &[Option<f64>]| -> Vec<f64> {
+            own.iter().copied().map(Option::unwrap_or_default).collect()
+        };
+        let of = |kind: Distortion, own: &[Option<f64>]| kind.with_coefficients(&numbers(own));
+        let &Self { k1, k2, k3, k4, k5, k6, p1, p2, .. } = self;
+        let named = self.camera_model.as_deref();
+        let is_fisheye = named == Some(FISHEYE);
+        if let (Some(model), Some(flag)) = (named, self.is_fisheye)
+            && is_fisheye != flag
+        {
+            return Err(format!("camera_model is {model}, and is_fisheye is {flag}"));
+        }
+        let (lens, more) = if is_fisheye || self.is_fisheye == Some(true) {
+            let lens = of(Distortion::Fisheye([0.0; 4]), &[k1, k2, k3, k4]);
+            (lens, [("p1", p1), ("p2", p2), ("k5", k5), ("k6", k6)])
+        } else if named == Some(RATIONAL) {
+            let all = [k1, k2, p1, p2, k3, k4, k5, k6];
+            (of(Distortion::Rational([0.0; 8]), &all), [("", None); 4])
+        } else if named.is_none_or(|model| MODELS.contains(&model)) {
+            let lens = of(Distortion::NONE, &[k1, k2, p1, p2, k3]);
+            (lens, [("k4", k4), ("k5", k5), ("k6", k6), ("", None)])
+        } else {
+            let all = MODELS.into_iter().chain([RATIONAL, FISHEYE]).collect::<Vec<_>>().join(", ");
+            let model = named.unwrap_or_default();
+            return Err(format!("a camera_model is {all}, and this is {model}"));
+        };
+        match more.into_iter().find_map(|(key, own)| Some((key, own.filter(|own| *own != 0.0)?))) {
+            None => Ok(lens),
+            Some((key, own)) => {
+                let rule = match lens {
+                    Distortion::Fisheye(_) => "a fisheye has k1, k2, k3 and k4",
+                    _ => "a lens has k1, k2, k3, p1 and p2, and more only as FULL_OPENCV",
+                };
+                Err(format!("{rule}, and {key} is {own}"))
+            }
+        }
+    }
+
+    /// Refuses what makes another camera.
+    fn check(&self) -> Result<(), String> {
+        let says_something = |own: &&Value| match own {
+            Value::Null | Value::Bool(false) => false,
+            Value::Array(all) => all.iter().any(|own| own.as_f64() != Some(0.0)),
+            _ => true,
+        };
+        let rule = "a camera is one of OpenCV's, and all of its image is taken at once";
+        let rules = [
+            ("latlong", &self.latlong, rule),
+            ("rolling_shutter", &self.rolling_shutter, rule),
+            ("from_mitsuba", &self.from_mitsuba, "poses are those of NeRF's axes"),
+            ("from_na", &self.from_na, "poses are those of NeRF's axes"),
+        ];
+        let found =
+            rules.into_iter().find(|(_, own, _)| own.as_ref().is_some_and(|v| says_something(&v)));
+        found.map_or(Ok(()), |(key, _, rule)| Err(format!("{rule}, and {key} says something else")))
     }
 
     /// The camera at the origin.
     fn camera(&self, size: Size) -> Result<Camera, String> {
-        if let Some(model) = &self.camera_model
-            && !MODELS.contains(&model.as_str())
-        {
-            let rule = format!("a camera_model is {}", MODELS.join(", "));
-            return Err(format!("{rule}, and this is {model}"));
-        }
-        if self.is_fisheye == Some(true) {
-            return Err(
-                "a camera is a pinhole with OpenCV's lens, and is_fisheye is true".to_owned()
-            );
-        }
-        if let Some(k4) = self.k4.filter(|k4| *k4 != 0.0) {
-            return Err(format!("a lens has k1, k2, k3, p1 and p2, and k4 is {k4}"));
-        }
+        self.check()?;
+        let distortion = self.distortion()?;
         let extents = [size.width as f64, size.height as f64];
         let of_angle = |angle: Option<f64>, extent: f64| match angle {
             Some(angle) if 0.0 < angle && angle < std::f64::consts::PI => {
@@ -292,8 +385,6 @@ impl Lens {
         }
         let cx = self.cx.unwrap_or(extents[0] / 2.0);
         let cy = self.cy.unwrap_or(extents[1] / 2.0);
-        let coefficients = [self.k1, self.k2, self.p1, self.p2, self.k3];
-        let distortion = coefficients.map(Option::unwrap_or_default);
         Ok(Camera { distortion, ..Camera::new(size, from_corner([fx, fy, cx, cy])) })
     }
 }

@@ -28,7 +28,9 @@ pub use look::{
 };
 pub use meshes::{MaterialEntry, MeshEntry, Placement, Rotation, Shape};
 pub use numbers::{Count, Finite, NotNegative, Positive, Share};
-pub use views::{CameraEntry, CamerasEntry, ColorSpaceName, Convention, Focal, ViewEntry};
+pub use views::{
+    CameraEntry, CamerasEntry, Coefficients, ColorSpaceName, Convention, Focal, ViewEntry,
+};
 
 use crate::error::{Place, SceneError};
 use crate::words::{self, Keyed};

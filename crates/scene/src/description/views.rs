@@ -44,13 +44,15 @@ pub struct CameraEntry {
     pub size: Option<[Count; 2]>,
     /// Focal lengths along x and y, in pixels: one number stands for both.
     pub focal: Option<Focal>,
-    /// The horizontal angle of view in degrees, in place of `focal`.
+    /// The horizontal angle of view in degrees, in place of `focal`; a fisheye's is what it sees.
     pub angle: Option<Positive>,
     /// The principal point, in pixels, with the *centre* of the first pixel at (0, 0), as OpenCV has it; by
     /// default the middle of the image.
     pub center: Option<[Finite; 2]>,
-    /// Coefficients of the lens, k1, k2, p1, p2, k3, as OpenCV has them.
-    pub distortion: Option<[Finite; 5]>,
+    /// Coefficients of the lens, k1, k2, p1, p2, k3, as OpenCV has them; and k4, k5, k6 after them.
+    pub distortion: Option<Coefficients>,
+    /// In place of `distortion`: coefficients of a fisheye, k1, k2, k3, k4, as OpenCV's module `fisheye` has them.
+    pub fisheye: Option<[Finite; 4]>,
     /// Four rows of the matrix from the camera's coordinates to the world's.
     pub pose: Option<[[Finite; 4]; 4]>,
     /// The camera's coordinates.
@@ -86,6 +88,16 @@ impl From<FocalNumbers> for Focal {
     }
 }
 
+/// Coefficients of a lens, five or eight.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(untagged, expecting = "a list of 5 or 8 finite numbers is needed here")]
+pub enum Coefficients {
+    /// k1, k2, p1, p2, k3.
+    Five([Finite; 5]),
+    /// k1, k2, p1, p2, k3, k4, k5, k6.
+    Eight([Finite; 8]),
+}
+
 /// Which way a camera's axes point.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -103,7 +115,7 @@ pub enum Convention {
 pub struct CamerasEntry {
     /// A `transforms.json`, as tools for radiance fields write it.
     pub transforms: Option<PathBuf>,
-    /// A folder with COLMAP's `cameras` and `images`, as text or binary.
+    /// A folder with COLMAP's `cameras` and `images`, as text or binary, or with such folders called 0, 1 and so on.
     pub colmap: Option<PathBuf>,
     /// The folder of COLMAP's images; by default `images`.
     pub images: Option<PathBuf>,

@@ -1,8 +1,10 @@
 //! What cameras look at.
 
+use std::f64::consts::{FRAC_PI_2, PI};
+
 use glam::{DMat3, DVec3};
 
-use crate::cameras::Camera;
+use crate::cameras::{Camera, Distortion};
 use crate::object::Object;
 
 /// From the centre of a pixel to its border.
@@ -14,8 +16,9 @@ const LEAST_SPREAD: f64 = 1e-6;
 /// image; 0 for an object without any. Nothing is asked about what hides them.
 pub fn share_seen(object: &Object, camera: &Camera) -> f64 {
     let [width, height] = [camera.size.width, camera.size.height].map(|extent| extent as f64);
+    let pixels = camera.pixels();
     let is_seen = |place: DVec3| {
-        camera.pixel(place).is_some_and(|at| {
+        pixels(place).is_some_and(|at| {
             (-HALF..width - HALF).contains(&at.x) && (-HALF..height - HALF).contains(&at.y)
         })
     };
@@ -54,16 +57,27 @@ pub fn gaze(cameras: &[Camera]) -> Option<(DVec3, f64)> {
     let center = across.inverse() * sum;
     let radii = cameras.iter().map(|camera| {
         let at = camera.view.transform_point3(center);
-        let [fx, fy, cx, cy] = camera.intrinsics;
+        let [.., cx, cy] = camera.intrinsics;
         let [width, height] = [camera.size.width, camera.size.height].map(|extent| extent as f64);
-        // The planes through the eye and the sides of the image, as distances to them.
+        // The axis, how far it is from the principal point to a side of the image, and the place along it.
         let sides = [
-            [fx, cx + HALF, at.x],
-            [fx, width - HALF - cx, -at.x],
-            [fy, cy + HALF, at.y],
-            [fy, height - HALF - cy, -at.y],
+            (0, cx + HALF, at.x),
+            (0, width - HALF - cx, -at.x),
+            (1, cy + HALF, at.y),
+            (1, height - HALF - cy, -at.y),
         ];
-        let gaps = sides.map(|[f, reach, along]| (f * along + reach * at.z) / f.hypot(reach));
+        if let Distortion::Fisheye(_) = camera.distortion {
+            // The angle that is left between the ball's middle and the nearest side.
+            let angles = sides.map(|(k, reach, _)| camera.angle_at(k, reach).unwrap_or(PI));
+            let off = at.truncate().length().atan2(at.z);
+            let gap = angles.into_iter().fold(PI, f64::min) - off;
+            return at.length() * gap.min(FRAC_PI_2).sin();
+        }
+        // The planes through the eye and the sides of the image, as distances to them.
+        let gaps = sides.map(|(k, reach, along)| {
+            let f = camera.intrinsics[k];
+            (f * along + reach * at.z) / f.hypot(reach)
+        });
         gaps.into_iter().fold(at.z, f64::min)
     });
     let radius = radii.fold(f64::INFINITY, f64::min);

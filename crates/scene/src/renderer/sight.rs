@@ -4,12 +4,12 @@ use bokashi_core::{Tape, Tensor, Var};
 use bokashi_fit::FitError;
 use bokashi_render_ops::camera::{from_tensor, to_tensor};
 use bokashi_render_ops::{
-    Camera as Projection, Size, affine_inverse, distort, pinhole, project, transform_points,
+    Camera as Projection, Size, affine_inverse, pinhole, project, transform_points,
 };
 use glam::DVec3;
 
 use super::frame::Frame;
-use crate::cameras::Camera;
+use crate::cameras::{Camera, Distortion};
 use crate::values::Values;
 
 /// A view's camera at one size of its image.
@@ -28,8 +28,8 @@ pub(super) struct Seen<'t> {
     view: Projection<'t, f32>,
     /// From the camera to clip space.
     lens: Projection<'t, f32>,
-    /// `[5]`; `None` without.
-    distortion: Option<Var<'t, f32>>,
+    /// The kind of lens, and its coefficients; `None` without.
+    distortion: Option<(Distortion, Var<'t, f32>)>,
 }
 
 impl<'t> Seen<'t> {
@@ -54,9 +54,9 @@ impl<'t> Seen<'t> {
         };
         let (view, lens) = (self.view, self.lens);
         Ok(match (self.distortion, view, lens) {
-            (Some(distortion), ..) => {
-                let seen = distort(transform_points(world, on_tape(view))?, distortion)?;
-                project(seen, lens, None)?
+            (Some((kind, coefficients)), ..) => {
+                let seen = transform_points(world, on_tape(view))?;
+                project(kind.bend(seen, coefficients)?, lens, None)?
             }
             (None, Projection::Fixed(view), Projection::Fixed(lens)) => {
                 project(world, &(lens * view), None)?
@@ -70,12 +70,15 @@ impl Sight<'_> {
     /// The matrices in a step.
     pub(super) fn seen<'t>(&self, values: &Values<'t, '_>) -> Result<Seen<'t>, FitError> {
         let tape = values.tape;
-        let is_straight = self.camera.distortion == [0.0; 5];
+        let kind = self.camera.distortion;
         let distortion = match values.learnt("distortion") {
-            None if is_straight => None,
-            learnt => Some(learnt.unwrap_or_else(|| {
-                tape.constant(&Tensor::from(self.camera.distortion.map(|x| x as f32)))
-            })),
+            None if kind.is_none() => None,
+            Some(learnt) => Some((kind, learnt)),
+            None => {
+                let own = kind.coefficients();
+                let own = Tensor::from_flat_fn([own.len()], |k| own[k] as f32);
+                Some((kind, tape.constant(&own)))
+            }
         };
         let (view, lens) = (self.view_matrix(values)?, self.lens_matrix(values, self.camera.size)?);
         Ok(Seen { tape, view, lens, distortion })

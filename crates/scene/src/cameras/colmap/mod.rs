@@ -1,9 +1,10 @@
 //! Reconstructions of COLMAP: `cameras`, `images` and `points3D`, as text or binary.
 //!
 //! # What is read
-//! Cameras of the models SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL and OPENCV; the poses of
-//! images; places and colours of points. Where both kinds of files are there, the binary ones are
-//! read, as COLMAP does.
+//! Cameras of the models SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV,
+//! SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE and OPENCV_FISHEYE; the poses of images; places and
+//! colours of points. Where both kinds of files are there, the binary ones are read, as COLMAP
+//! does. A model is in the folder itself or in one of its numbered folders, as in `sparse`.
 //!
 //! # Conventions
 //! A pose is a quaternion (w, x, y, z) of any length but 0 and a translation, world to camera, in
@@ -11,13 +12,15 @@
 //! point.
 //!
 //! # What is left out
-//! Other models, which are refused. Features and tracks; `rigs` and `frames`, whose poses `images`
+//! Other models, as FOV and THIN_PRISM_FISHEYE, which are refused. Features and tracks; `rigs` and `frames`, whose poses `images`
 //! repeats.
 //!
 //! # Source
 //! The documentation of COLMAP, *Output format*, and its `src/colmap/scene/reconstruction_io`.
 
 mod binary;
+mod files;
+mod found;
 mod records;
 #[cfg(test)]
 mod tests;
@@ -26,20 +29,21 @@ mod text;
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use self::files::{Found, read, shots};
+pub use self::found::find_colmap;
 pub use self::records::ColmapPoint;
 use self::records::{Lens, Shot};
-use super::camera::NamedView;
-use crate::error::{Place, SceneError};
+use crate::cameras::camera::NamedView;
+use crate::cameras::camera_file::CameraFile;
+use crate::error::SceneError;
 use crate::folder::Folder;
 
-/// A file's contents.
-enum Found {
-    Binary(Vec<u8>),
-    Text(String),
-}
-
-/// The views of the reconstruction in the folder `path`, sorted by the names of their images.
-/// `images` is the folder of the images. Both lie in `folder`.
+/// The views of the reconstruction in the folder `path`, or in one of its numbered folders
+/// ([`find_colmap`]), sorted by the names of their images. `images` is the folder of the images.
+/// Both lie in `folder`.
+///
+/// Cameras of images that are smaller than they by a whole factor are scaled with them; a note says so. Other notes
+/// name further models, and images without a camera.
 ///
 /// # Errors
 /// - [`SceneError::Read`] and [`SceneError::Outside`] where a file or an image can't be found, or
@@ -50,8 +54,10 @@ pub fn read_colmap(
     folder: &Folder,
     path: impl AsRef<Path>,
     images: impl AsRef<Path>,
-) -> Result<Vec<NamedView>, SceneError> {
-    let (found, place) = read(folder, path.as_ref(), "cameras")?;
+) -> Result<CameraFile, SceneError> {
+    let (path, note) = find_colmap(folder, path);
+    let mut notes: Vec<_> = note.into_iter().collect();
+    let (found, place) = read(folder, &path, "cameras")?;
     let lenses = match found {
         Found::Binary(bytes) => binary::lenses(&bytes, &place)?,
         Found::Text(text) => text::lenses(&text, &place)?,
@@ -63,11 +69,7 @@ pub fn read_colmap(
             return Err(SceneError::content(place, found));
         }
     }
-    let (found, place) = read(folder, path.as_ref(), "images")?;
-    let shots = match found {
-        Found::Binary(bytes) => binary::shots(&bytes, &place)?,
-        Found::Text(text) => text::shots(&text, &place)?,
-    };
+    let (shots, place) = shots(folder, &path)?;
     let mut views = BTreeMap::new();
     for Shot { rotation, translation, camera, name } in shots {
         let content =
@@ -82,7 +84,11 @@ pub fn read_colmap(
             let rule = "a pose is a finite quaternion other than 0, and a finite translation";
             return Err(content(format!("{rule}, and this is {rotation} and {translation}")));
         }
-        let image = images.as_ref().join(&name);
+        // Of Windows, where there is no such name here.
+        let image = [name.clone(), name.replace('\\', "/")].map(|name| images.as_ref().join(name));
+        let [image, other] = image;
+        let image =
+            if folder.find(&image).is_err() && folder.find(&other).is_ok() { other } else { image };
         folder.find(&image)?;
         let camera = found.with_rotation_and_translation(rotation / length, translation);
         if !camera.is_finite() {
@@ -94,11 +100,13 @@ pub fn read_colmap(
             return Err(content("images have names of their own, and this is repeated".to_owned()));
         }
     }
-    Ok(views.into_values().collect())
+    let views: Vec<_> = views.into_values().collect();
+    notes.extend(found::without_camera(folder, images.as_ref(), &views));
+    Ok(CameraFile { views, notes }.sized(folder))
 }
 
 /// The points of the reconstruction in the folder `path`, which lies in `folder`, sorted by their
-/// numbers.
+/// numbers. As for [`read_colmap`], a numbered folder of it may hold them.
 ///
 /// # Errors
 /// - [`SceneError::Read`] and [`SceneError::Outside`] where the file can't be read.
@@ -107,7 +115,8 @@ pub fn read_colmap_points(
     folder: &Folder,
     path: impl AsRef<Path>,
 ) -> Result<Vec<ColmapPoint>, SceneError> {
-    let (found, place) = read(folder, path.as_ref(), "points3D")?;
+    let (path, _) = find_colmap(folder, path);
+    let (found, place) = read(folder, &path, "points3D")?;
     let mut points = match found {
         Found::Binary(bytes) => binary::points(&bytes, &place)?,
         Found::Text(text) => text::points(&text, &place)?,
@@ -118,14 +127,4 @@ pub fn read_colmap_points(
         return Err(SceneError::content(place, found));
     }
     Ok(points.into_iter().map(|numbered| numbered.point).collect())
-}
-
-/// The file `name`, binary or text, and where it lies.
-fn read(folder: &Folder, path: &Path, name: &str) -> Result<(Found, Place), SceneError> {
-    let binary = path.join(format!("{name}.bin"));
-    if folder.find(&binary).is_ok() {
-        return Ok((Found::Binary(folder.read(&binary)?), Place::of(folder.join(binary))));
-    }
-    let text = path.join(format!("{name}.txt"));
-    Ok((Found::Text(folder.read_text(&text)?), Place::of(folder.join(text))))
 }

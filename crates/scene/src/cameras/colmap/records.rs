@@ -4,6 +4,7 @@ use bokashi_render_ops::Size;
 use glam::{DQuat, DVec3};
 
 use crate::cameras::camera::{Camera, from_corner};
+use crate::cameras::distortion::Distortion;
 
 /// COLMAP's models by their numbers in binary files, and the parameters of those that are read.
 pub(super) const MODELS: [(&str, Option<usize>); 11] = [
@@ -12,11 +13,11 @@ pub(super) const MODELS: [(&str, Option<usize>); 11] = [
     ("SIMPLE_RADIAL", Some(4)),
     ("RADIAL", Some(5)),
     ("OPENCV", Some(8)),
-    ("OPENCV_FISHEYE", None),
-    ("FULL_OPENCV", None),
+    ("OPENCV_FISHEYE", Some(8)),
+    ("FULL_OPENCV", Some(12)),
     ("FOV", None),
-    ("SIMPLE_RADIAL_FISHEYE", None),
-    ("RADIAL_FISHEYE", None),
+    ("SIMPLE_RADIAL_FISHEYE", Some(4)),
+    ("RADIAL_FISHEYE", Some(5)),
     ("THIN_PRISM_FISHEYE", None),
 ];
 /// The most columns or rows of an image.
@@ -79,12 +80,31 @@ pub(super) fn camera(
         let rule = format!("an image has from 1 to {LONGEST} columns and rows");
         return Err(format!("{rule}, and this is {width} x {height}"));
     }
-    let (intrinsics, distortion) = match (model, parameters) {
-        ("SIMPLE_PINHOLE", &[f, cx, cy]) => ([f, f, cx, cy], [0.0; 5]),
-        ("PINHOLE", &[fx, fy, cx, cy]) => ([fx, fy, cx, cy], [0.0; 5]),
-        ("SIMPLE_RADIAL", &[f, cx, cy, k]) => ([f, f, cx, cy], [k, 0.0, 0.0, 0.0, 0.0]),
-        ("RADIAL", &[f, cx, cy, k1, k2]) => ([f, f, cx, cy], [k1, k2, 0.0, 0.0, 0.0]),
-        ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => ([fx, fy, cx, cy], [k1, k2, p1, p2, 0.0]),
+    // The rest of the parameters: those of the lens in OpenCV's order.
+    let (intrinsics, kind, rest) = match (model, parameters) {
+        ("SIMPLE_PINHOLE", &[f, cx, cy]) => ([f, f, cx, cy], Distortion::NONE, &[][..]),
+        ("PINHOLE", &[fx, fy, cx, cy]) => ([fx, fy, cx, cy], Distortion::NONE, &[][..]),
+        ("SIMPLE_RADIAL", [f, cx, cy, rest @ ..]) if rest.len() == 1 => {
+            ([*f, *f, *cx, *cy], Distortion::NONE, rest)
+        }
+        ("RADIAL", [f, cx, cy, rest @ ..]) if rest.len() == 2 => {
+            ([*f, *f, *cx, *cy], Distortion::NONE, rest)
+        }
+        ("OPENCV", [fx, fy, cx, cy, rest @ ..]) if rest.len() == 4 => {
+            ([*fx, *fy, *cx, *cy], Distortion::NONE, rest)
+        }
+        ("FULL_OPENCV", [fx, fy, cx, cy, rest @ ..]) if rest.len() == 8 => {
+            ([*fx, *fy, *cx, *cy], Distortion::Rational([0.0; 8]), rest)
+        }
+        ("OPENCV_FISHEYE", [fx, fy, cx, cy, rest @ ..]) if rest.len() == 4 => {
+            ([*fx, *fy, *cx, *cy], Distortion::Fisheye([0.0; 4]), rest)
+        }
+        ("SIMPLE_RADIAL_FISHEYE", [f, cx, cy, rest @ ..]) if rest.len() == 1 => {
+            ([*f, *f, *cx, *cy], Distortion::Fisheye([0.0; 4]), rest)
+        }
+        ("RADIAL_FISHEYE", [f, cx, cy, rest @ ..]) if rest.len() == 2 => {
+            ([*f, *f, *cx, *cy], Distortion::Fisheye([0.0; 4]), rest)
+        }
         _ => {
             let rule = format!("a camera of the model {model} has {count} parameters");
             return Err(format!("{rule}, and this has {}", parameters.len()));
@@ -98,5 +118,6 @@ pub(super) fn camera(
         return Err(format!("focal lengths are above 0, and these are {fx} and {fy}"));
     }
     let size = Size { width: width as usize, height: height as usize };
+    let distortion = kind.with_coefficients(rest);
     Ok(Camera { distortion, ..Camera::new(size, from_corner(intrinsics)) })
 }

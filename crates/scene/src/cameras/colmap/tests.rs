@@ -5,8 +5,14 @@ use glam::DVec3;
 
 use super::*;
 use crate::cameras::tests::{assert_seen, scene, write};
-use crate::cameras::{Camera, read_transforms, transforms_json};
+use crate::cameras::{Camera, CameraFile, Distortion, NamedView, read_transforms, transforms_json};
+use crate::error::Place;
 
+/// COLMAP's fisheyes, and its quotient of polynomials.
+const WIDE_CAMERAS: &str = "1 OPENCV_FISHEYE 100 80 100 200 50 40 0.1 0.2 0.3 0.4\n\
+    2 RADIAL_FISHEYE 100 80 100 50 40 0.1 0.2\n\
+    3 SIMPLE_RADIAL_FISHEYE 100 80 100 50 40 0.1\n\
+    4 FULL_OPENCV 100 80 100 200 50 40 1 2 3 4 5 6 7 8\n";
 const CAMERAS: &str = "# Camera list with one line of data per camera:\n\
     #   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n\
     # Number of cameras: 5\n\
@@ -34,7 +40,7 @@ const NAMES: [&str; 5] =
 fn text_files(cameras: &str, images: &str) -> Result<Vec<NamedView>, SceneError> {
     let texts = [("sparse/0/cameras.txt", cameras), ("sparse/0/images.txt", images)];
     let (_place, folder) = scene(&texts, &NAMES);
-    read_colmap(&folder, "sparse/0", "images")
+    read_colmap(&folder, "sparse/0", "images").map(|file| file.views)
 }
 
 /// Binary files of the same contents.
@@ -92,7 +98,7 @@ fn binary_files(binary: &Binary) -> Result<Vec<NamedView>, SceneError> {
     let (place, folder) = scene(&[("cameras.txt", "no camera"), ("images.txt", "none")], &NAMES);
     write(place.path(), "cameras.bin", &binary.cameras);
     write(place.path(), "images.bin", &binary.images);
-    read_colmap(&folder, "", "images")
+    read_colmap(&folder, "", "images").map(|file| file.views)
 }
 
 #[test]
@@ -134,7 +140,7 @@ fn text_and_binary_files_agree() {
 fn the_same_scene_as_transforms_has_the_same_cameras() {
     let views = text_files(CAMERAS, IMAGES).unwrap();
     let (_place, folder) = scene(&[("t.json", &transforms_json(&views))], &NAMES);
-    let found = read_transforms(&folder, "t.json").unwrap();
+    let found = read_transforms(&folder, "t.json").unwrap().views;
     for (found, view) in found.iter().zip(&views) {
         assert_eq!(found.image, view.image);
         for point in [DVec3::ZERO, DVec3::new(0.3, -0.4, 0.5), DVec3::new(-0.2, 0.9, -0.7)] {
@@ -155,7 +161,7 @@ fn a_pose_by_hand_is_the_same_from_both_formats() {
     let json = r#"{"w": 100, "h": 80, "fl_x": 100, "cx": 50, "cy": 40, "frames": [{"file_path":
         "images/a.png", "transform_matrix": [[1,0,0,0],[0,1,0,0],[0,0,1,4],[0,0,0,1]]}]}"#;
     let (_place, folder) = scene(&[("t.json", json)], &NAMES);
-    let transforms = read_transforms(&folder, "t.json").unwrap();
+    let transforms = read_transforms(&folder, "t.json").unwrap().views;
     let [a, b]: [Camera; 2] = [colmap[0].camera, transforms[0].camera];
     assert!(a.view.abs_diff_eq(b.view, 1e-12), "{} {}", a.view, b.view);
     assert_eq!((a.intrinsics, a.size, a.distortion), (b.intrinsics, b.size, b.distortion));
@@ -165,8 +171,8 @@ fn a_pose_by_hand_is_the_same_from_both_formats() {
 fn text_files_that_are_broken_are_refused_with_their_line() {
     for (cameras, rule) in [
         (
-            "1 FULL_OPENCV 4 2 1 1 1 1 0 0 0 0 0 0 0 0",
-            "cameras.txt:1: a camera has a model of SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, and this is FULL_OPENCV",
+            "1 FOV 4 2 1 1 1 1 0.1",
+            "cameras.txt:1: a camera has a model of SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, OPENCV_FISHEYE, FULL_OPENCV, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, and this is FOV",
         ),
         ("\n#\n1 SOMETHING 4 2 1", "cameras.txt:3: a camera has a model of"),
         ("1 PINHOLE 4 2 1 1 1", "a camera of the model PINHOLE has 4 parameters, and this has 3"),
@@ -200,6 +206,15 @@ fn text_files_that_are_broken_are_refused_with_their_line() {
         ("1 1 0 0 0 0 0 2 1 a.png\n\n2 1 0 0 0 0 0 2 1 a.png", "and this is repeated"),
         ("1 1 0 0 0 0 0 2 1 f.png", "f.png could not be read"),
         ("x", "an image's number is a number in its range"),
+        // Lines of points are left out: the second image would be taken for the first one's points.
+        (
+            "1 1 0 0 0 0 0 2 1 a.png\n2 1 0 0 0 0 0 2 1 c.png\n",
+            "images.txt:2: after an image's line comes one of its points, of three numbers each or empty",
+        ),
+        (
+            "1 1 0 0 0 0 0 2 1 a.png\n\n2 1 0 0 0 0 0 2 1 c.png\n3 1 0 0 0 0 0 2 1 of three words.png\n",
+            "images.txt:4: after an image's line",
+        ),
     ] {
         let said = text_files(camera, images).unwrap_err().to_string();
         assert!(said.contains(rule), "{said}");
@@ -244,8 +259,8 @@ fn counts_beyond_the_file_take_no_memory() {
     assert!(said(&images).contains("and their count is 18446744073709551615"), "{}", said(&images));
     // Models by their numbers.
     for (model, name) in [
-        (6_u32, "FULL_OPENCV"),
-        (5, "OPENCV_FISHEYE"),
+        (7_u32, "FOV"),
+        (10, "THIN_PRISM_FISHEYE"),
         (99, "number 99"),
         (u32::MAX, "number 4294967295"),
     ] {
@@ -306,4 +321,64 @@ fn files_with_a_wrong_byte_have_an_answer() {
             }
         }
     }
+}
+
+#[test]
+fn fisheyes_and_quotients_have_opencvs_coefficients() {
+    let shot = |k: u32, name: &str| format!("{k} 1 0 0 0 0 0 2 {k} {name}\n\n");
+    let images = ["a", "c", "d", "e"].map(|name| format!("{name}.png"));
+    let images: String = (1..).zip(&images).map(|(k, name)| shot(k, name)).collect();
+    let views = text_files(WIDE_CAMERAS, &images).unwrap();
+    let lenses: Vec<_> = views.iter().map(|view| view.camera.distortion).collect();
+    let expected = [
+        Distortion::Fisheye([0.1, 0.2, 0.3, 0.4]),
+        Distortion::Fisheye([0.1, 0.2, 0.0, 0.0]),
+        Distortion::Fisheye([0.1, 0.0, 0.0, 0.0]),
+        Distortion::Rational([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]),
+    ];
+    assert_eq!(lenses, expected);
+    assert_eq!(views[1].camera.intrinsics, [100.0, 100.0, 49.5, 39.5]);
+    assert_eq!(views[3].camera.intrinsics, [100.0, 200.0, 49.5, 39.5]);
+}
+
+#[test]
+fn the_largest_model_is_taken_and_all_are_named() {
+    let camera = "1 PINHOLE 100 80 100 100 50 40\n";
+    let one = "1 1 0 0 0 0 0 2 1 a.png\n\n";
+    let two = format!("{one}2 1 0 0 0 0 0 3 1 c.png\n\n");
+    let texts = [
+        ("sparse/0/cameras.txt", camera),
+        ("sparse/0/images.txt", one),
+        ("sparse/1/cameras.txt", camera),
+        ("sparse/1/images.txt", &two),
+        ("sparse/10/cameras.txt", camera),
+        ("sparse/10/images.txt", "broken"),
+        // No name that COLMAP gives.
+        ("sparse/02/cameras.txt", camera),
+        ("single/0/cameras.txt", camera),
+        ("single/0/images.txt", &two),
+        ("flat/cameras.txt", camera),
+        ("flat/images.txt", one),
+    ];
+    let (_place, folder) = scene(&texts, &["images/a.png", "images/c.png", "images/sub/x.png"]);
+    let CameraFile { views, notes } = read_colmap(&folder, "sparse", "images").unwrap();
+    assert_eq!(views.len(), 2);
+    let several = "sparse has several models: sparse/1 with 2 images is taken, and sparse/0 with 1 image, \
+                   sparse/10 with 0 images left out";
+    let without = "images: 1 image has no camera, and is left out: sub/x.png";
+    assert_eq!(notes, [several, without]);
+    let single = read_colmap(&folder, "single", "images").unwrap();
+    assert_eq!((single.views.len(), single.notes), (2, vec![without.to_owned()]));
+    let flat = read_colmap(&folder, "flat", "images").unwrap();
+    let without = "images: 2 images have no camera, and are left out: c.png, sub/x.png";
+    assert_eq!((flat.views.len(), flat.notes), (1, vec![without.to_owned()]));
+    let said = read_colmap(&folder, "images", "images").unwrap_err().to_string();
+    assert!(said.contains("images/cameras.txt could not be read"), "{said}");
+}
+
+#[test]
+fn a_name_of_windows_is_a_path() {
+    let images = "1 1 0 0 0 0 0 2 1 sub\\b b.png\n\n";
+    let views = text_files("1 PINHOLE 100 80 100 100 50 40\n", images).unwrap();
+    assert_eq!(views[0].image, PathBuf::from("images/sub/b b.png"));
 }

@@ -90,9 +90,24 @@ pub(super) fn shots(text: &str, place: &Place) -> Result<Vec<Shot>, SceneError> 
             return Err(record.error("an image's name is missing"));
         }
         shots.push(Shot { rotation, translation, camera, name });
-        lines.next();
+        if let Some((at, features)) = lines.next()
+            && !are_features(features)
+        {
+            let rule =
+                "after an image's line comes one of its points, of three numbers each or empty";
+            let place = Place { line: Some(at + 1), ..place.clone() };
+            return Err(SceneError::content(place, format!("{rule}, and this is neither")));
+        }
     }
     Ok(shots)
+}
+
+/// Whether a line can be that of an image's features: `X Y POINT3D_ID`, again and again. The name in an image's
+/// line begins with its tenth word.
+fn are_features(line: &str) -> bool {
+    let is_number = |word: &str| word.parse::<f64>().is_ok();
+    line.split_whitespace().count().is_multiple_of(3)
+        && line.split_whitespace().take(12).all(is_number)
 }
 
 /// What follows the first `count` words of a line.

@@ -13,7 +13,7 @@ use bokashi_render_ops::{
     LensOptions, Light, Material, RasterOptions, Reference, Sampler, Surface, Texture,
     TextureFilter, Weighting, affine_inverse, antialias, composite, composite_layers, depth,
     depth_layers, depth_of_field, differentials, distort, downsample, eye_depth, face_normals,
-    gaussian_blur, interpolate, interpolate_differentials, irradiance, orthographic, over,
+    fisheye, gaussian_blur, interpolate, interpolate_differentials, irradiance, orthographic, over,
     perturbed_normals, pinhole, project, project_instances, rasterize, rasterize_behind, reflect,
     rigid, sample_cube_map, sample_texture, se3, shade, srgb_decode, srgb_encode, tangents,
     transform_normals, transform_points, vertex_normals,
@@ -88,6 +88,8 @@ pub(super) fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T, Scene>> {
     add("transform_points", &[positions, &inputs.affine], |_, v| Ok(transform_points(v[0], v[1])?));
     let lens = Tensor::from([-0.25, 0.0625, 0.001953125, -0.00390625, 0.0078125]);
     add("distort", &[positions, &lens], |_, v| Ok(distort(v[0], v[1])?));
+    let angles = Tensor::from([0.0625, -0.015625, 0.00390625, -0.0009765625]);
+    add("fisheye", &[positions, &angles], |_, v| Ok(fisheye(v[0], v[1])?));
     add("project_instances", &[positions, &inputs.instances], |scene, v| {
         Ok(project_instances(v[0], v[1], &scene.camera)?)
     });

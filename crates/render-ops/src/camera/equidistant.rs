@@ -1,0 +1,242 @@
+//! A fisheye: angles off the axis become radii.
+//!
+//! # Forward
+//! A point P = (X, Y, Z) at the distance d from the eye lies at the angle `theta = atan2(rho, Z)` off the axis, with
+//! `rho = |(X, Y)|`. The lens shows it at the radius `theta_d = theta p(theta^2)`,
+//! `p(s) = 1 + k1 s + k2 s^2 + k3 s^3 + k4 s^4`, in the direction of (X, Y). A pinhole shows that at (g X, g Y, d),
+//! with `g = theta_d / sin(theta)`.
+//!
+//! The polynomial is fitted to what the sensor saw. So it holds up to the *rim*, the first angle at which theta_d
+//! stops to grow, and at most up to [`WIDEST`]. From there on directions turn evenly until the axis behind
+//! the camera stays where it is: with `tau = pi - theta`, and the radius R of the rim, P goes to
+//! `(g X, g Y, d h)`, where `g = sin(c tau) / (C sin(tau))`, `h = -cos(c tau) / C`, `C = (1 + R^2)^(-1/2)` and
+//! `c = (pi - atan(R)) / (pi - rim)`. So the sphere of directions is mapped on itself without a tear, and what
+//! lies beyond the rim leaves the image through infinity, as it does for a pinhole.
+//!
+//! # Slopes
+//! With an angle a off the axis, before the camera or behind it, and `b = |Z| / Z` there,
+//! `dg/dP = E (b X Z / d^3, b Y Z / d^3, -b rho^2 / d^3)` with `E = (dg/da) / sin(a)`, which is smooth on the axis.
+//! `sin(a) / a` and its slope by a^2 are Stumpff's `c_1`, and a^2 is a series near the axis.
+//!
+//! # Where it is not smooth
+//! At the rim, where slopes jump; where the rim leaps as coefficients change, because the polynomial begins to turn
+//! round or does so no longer; at the eye itself.
+//!
+//! # Source
+//! Kannala and Brandt, *A generic camera model and calibration method for conventional, wide-angle, and fish-eye
+//! lenses*, IEEE Transactions on Pattern Analysis and Machine Intelligence 28(8), 2006, with the coefficients of
+//! OpenCV's module `fisheye`, COLMAP's OPENCV_FISHEYE and nerfstudio. What lies beyond the rim is ours.
+
+use std::f64::consts::PI;
+
+use bokashi_core::Scalar;
+
+use super::bend::{LensMap, Slopes};
+use super::stumpff::{slopes, stumpff};
+use super::turning::{Turn, bisected, polynomial, polynomial_slope};
+
+/// The largest angle at which the polynomial holds: 150 degrees.
+const WIDEST: f64 = PI * 5.0 / 6.0;
+
+/// Below this `tan^2`, the square of an angle is a series, to rounding.
+const SERIES_UP_TO: f64 = 1e-6;
+
+/// Squares of coordinates beyond it, and below its reciprocal, would leave the range of the numbers.
+const FAR: f64 = 1e100;
+
+/// The angle off the axis, in radians, up to which [`fisheye`](crate::fisheye()) follows the polynomial of
+/// `coefficients` = (k1, k2, k3, k4). It is the first angle at which the radius that is shown stops to grow, and
+/// at most 150 degrees.
+pub fn fisheye_limit(coefficients: [f64; 4]) -> f64 {
+    Equidistant::of(coefficients).rim
+}
+
+/// The radius, in normalized coordinates, at which a fisheye of `coefficients` = (k1, k2, k3, k4) shows what lies
+/// `angle` radians off the axis.
+pub fn fisheye_radius(angle: f64, coefficients: [f64; 4]) -> f64 {
+    let lens = Equidistant::of(coefficients);
+    angle * polynomial(&lens.coefficients, angle * angle)
+}
+
+/// The angle off the axis, in radians, of what a fisheye of `coefficients` = (k1, k2, k3, k4) shows at `radius`, in
+/// normalized coordinates. `None` where it shows nothing: see [`fisheye_limit`].
+pub fn fisheye_angle(radius: f64, coefficients: [f64; 4]) -> Option<f64> {
+    let lens = Equidistant::of(coefficients);
+    let radius_at = |angle: f64| angle * polynomial(&lens.coefficients, angle * angle);
+    let is_shown = (0.0..=radius_at(lens.rim)).contains(&radius);
+    is_shown.then(|| bisected(0.0, lens.rim, |angle| radius_at(angle) <= radius))
+}
+
+/// The coefficients of a fisheye.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Equidistant<S> {
+    /// 1, k1, k2, k3, k4.
+    coefficients: [S; 5],
+    rim: S,
+    /// R.
+    rim_radius: S,
+    /// c and 1 / C.
+    turn: S,
+    stretch: S,
+    /// How atan(R) and c move with each coefficient.
+    rim_slopes: [[S; 4]; 2],
+}
+
+/// How a point is shown at the angle a off the axis before the camera, or behind it.
+struct Shown<S> {
+    /// Points are divided by it first.
+    unit: S,
+    /// 1 before the camera, up to the rim; -1 behind it.
+    side: S,
+    /// X, Y, Z, and the distance.
+    point: [S; 3],
+    distance: S,
+    /// a^2, and `sin(a) / a`.
+    square: S,
+    ratio: S,
+    /// g and h.
+    scale: [S; 2],
+    /// Their slopes by a, divided by `sin(a)`.
+    scale_slopes: [S; 2],
+}
+
+/// `atan(t)^2` of `t^2`, near 0.
+fn squared_angle<S: Scalar>(t: S) -> S {
+    let [a, b] = [2.0 / 3.0, 23.0 / 45.0].map(S::from_f64);
+    t * (S::ONE - t * (a - t * b))
+}
+
+/// `sin(a) / a` of a^2, its slope by a^2, and `cos(a)`.
+fn ratio<S: Scalar>(square: S) -> [S; 3] {
+    let all = stumpff(square);
+    [all[0], slopes(&all)[0], S::ONE - square * all[1]]
+}
+
+impl<S: Scalar> Equidistant<S> {
+    fn of([k1, k2, k3, k4]: [S; 4]) -> Self {
+        let coefficients = [S::ONE, k1, k2, k3, k4];
+        let odd = |k: usize| S::from_f64(2.0 * k as f64 + 1.0);
+        let growth: [S; 5] = std::array::from_fn(|k| odd(k) * coefficients[k]);
+        let (mut rim, mut scale) = (S::from_f64(WIDEST), S::ZERO);
+        if let Some(turn) = Turn::of(&growth, WIDEST * WIDEST) {
+            rim = turn.at.sqrt();
+            scale = turn.scale.map_or(S::ZERO, |scale| scale / (rim + rim));
+        }
+        let square = rim * rim;
+        let rim_radius = rim * polynomial(&coefficients, square);
+        let behind = S::from_f64(PI) - rim;
+        let turn = (S::from_f64(PI) - rim_radius.atan2(S::ONE)) / behind;
+        let one_and_square = S::ONE + rim_radius * rim_radius;
+        let mut power = S::ONE;
+        let slopes: [[S; 2]; 4] = std::array::from_fn(|k| {
+            power = power * square;
+            // Where theta_d turns round, it does not move with the rim.
+            let of_angle = rim * power / one_and_square;
+            let of_rim = scale * odd(k + 1) * power;
+            [of_angle, (turn * of_rim - of_angle) / behind]
+        });
+        Self {
+            coefficients,
+            rim,
+            rim_radius,
+            turn,
+            stretch: one_and_square.sqrt(),
+            rim_slopes: [0, 1].map(|of| slopes.map(|own| own[of])),
+        }
+    }
+
+    /// Where a point is, and how it is shown. `None` at the eye.
+    fn shown(&self, point: [S; 3]) -> Option<Shown<S>> {
+        let largest = point.iter().map(|x| x.to_f64().abs()).fold(0.0, f64::max);
+        if largest == 0.0 {
+            return None;
+        }
+        let is_usual = (1.0 / FAR..=FAR).contains(&largest);
+        let unit = if is_usual { S::ONE } else { S::from_f64(largest) };
+        let [x, y, z] = if is_usual { point } else { point.map(|x| x / unit) };
+        let across = x * x + y * y;
+        // The square of the angle between a point and the axis on its side.
+        let square = |z: S| {
+            let is_near = z > S::ZERO && across <= S::from_f64(SERIES_UP_TO) * z * z;
+            if is_near {
+                return squared_angle(across / (z * z));
+            }
+            let angle = across.sqrt().atan2(z);
+            angle * angle
+        };
+        let before = square(z);
+        let is_inside = before <= self.rim * self.rim;
+        let side = if is_inside { S::ONE } else { -S::ONE };
+        let square = if is_inside { before } else { square(-z) };
+        let [own, own_slope, _] = ratio(square);
+        let two = S::from_f64(2.0);
+        let (scale, scale_slopes) = if is_inside {
+            let p = polynomial(&self.coefficients, square);
+            let p_slope = polynomial_slope(&self.coefficients, square);
+            let g = p / own;
+            ([g, S::ONE], [two * (p_slope - g * own_slope) / (own * own), S::ZERO])
+        } else {
+            let (c, stretch) = (self.turn, self.stretch);
+            let [turned, turned_slope, cosine] = ratio(c * c * square);
+            let g = c * stretch * turned / own;
+            let g_slope = (c * c * c * stretch * turned_slope - g * own_slope) / own;
+            ([g, -(cosine * stretch)], [two * g_slope / own, c * g])
+        };
+        let distance = (across + z * z).sqrt();
+        Some(Shown {
+            unit,
+            side,
+            point: [x, y, z],
+            distance,
+            square,
+            ratio: own,
+            scale,
+            scale_slopes,
+        })
+    }
+}
+
+impl<S: Scalar> LensMap<S, 4> for Equidistant<S> {
+    fn of(coefficients: [S; 4]) -> Self {
+        Self::of(coefficients)
+    }
+
+    fn apply(&self, point: [S; 3]) -> [S; 3] {
+        let Some(Shown { unit, point: [x, y, _], distance, scale: [g, h], .. }) = self.shown(point)
+        else {
+            return [S::ZERO; 3];
+        };
+        [g * x, g * y, distance * h].map(|own| unit * own)
+    }
+
+    fn slopes(&self, point: [S; 3]) -> Slopes<S, 4> {
+        let Some(shown) = self.shown(point) else {
+            let row = |at: usize| std::array::from_fn(|k| if k == at { S::ONE } else { S::ZERO });
+            return Slopes { by_point: [0, 1, 2].map(row), by_coefficient: [[S::ZERO; 4]; 3] };
+        };
+        let Shown { unit, side, point: [x, y, z], distance: d, square, ratio, .. } = shown;
+        let ([g, h], [e, h_slope]) = (shown.scale, shown.scale_slopes);
+        let across = x * x + y * y;
+        let by_across = side * z * e / (d * d * d);
+        let by_along = -(side * across * e / (d * d * d));
+        let outwards = (h + h_slope * side * z / d) / d;
+        let along = h * z / d - side * h_slope * across / (d * d);
+        let by_point = [
+            [g + x * x * by_across, x * y * by_across, x * by_along],
+            [x * y * by_across, g + y * y * by_across, y * by_along],
+            [x * outwards, y * outwards, along],
+        ];
+        let [angles, turns] = &self.rim_slopes;
+        let mut power = S::ONE;
+        let moves: [[S; 2]; 4] = std::array::from_fn(|k| {
+            power = power * square;
+            if side > S::ZERO {
+                return [power / ratio, S::ZERO];
+            }
+            let by_angle = self.rim_radius * angles[k];
+            [g * by_angle - h / ratio * turns[k], h * by_angle + square * g * ratio * turns[k]]
+        });
+        let of = |along: S, which: usize| moves.map(|own| unit * along * own[which]);
+        Slopes { by_point, by_coefficient: [of(x, 0), of(y, 0), of(d, 1)] }
+    }
+}
