@@ -70,6 +70,8 @@ fn mean_errors() {
     );
     check(laws("mean absolute error", Absolute, values(), large(&[MANY; 2])));
     check(laws("mean Huber error", Huber, values(), large(&[MANY; 2])));
+    subject!(Charbonnier: |x| mean_error(x[0], x[1], Penalty::Charbonnier { scale: 0.5 })?);
+    check(laws("mean Charbonnier error", Charbonnier, values(), large(&[MANY; 2])));
 }
 
 /// The relative error takes its denominator as a constant: here it is one.
@@ -284,7 +286,7 @@ fn regularizers_of_vertices() {
 
 #[test]
 fn regularizers_of_textures() {
-    subject!(Smooth: |x| total_variation(x[0], 0.1)?);
+    subject!(Smooth: |x| total_variation(x[0], Penalty::Charbonnier { scale: 0.1 })?);
     subject!(Plain: |x| {
         let texture = x[0].value();
         let [height, width, channels] = [0, 1, 2].map(|axis| texture.shape()[axis]);
@@ -298,7 +300,7 @@ fn regularizers_of_textures() {
                 }
             }
         }
-        Outcome::from(total_variation(x[0], 0.0)?).with_state(rises)
+        Outcome::from(total_variation(x[0], Penalty::Absolute)?).with_state(rises)
     });
     // Of equal neighbours, or nearly so, there are enough by chance.
     let texture = |shape: &'static [usize]| {

@@ -100,9 +100,73 @@ pub mod prelude {
         normal_error, psnr, pyramid_error, silhouette_error, squared_error, ssim, ssim_error,
         total_variation, views, weighted_error,
     };
-    // All operations, their types and their error; cameras, and glam itself.
     pub use bokashi_render_ops::camera::{look_at, perspective};
-    pub use bokashi_render_ops::*;
+    // All operations, their types and their error. No module: it would hide a crate of the same name, and a
+    // program may have a glam of its own.
+    pub use bokashi_render_ops::{
+        Adjacency, Assembly, Background, Blur, Border, BoundaryCounts, Camera, Composite, Coverage,
+        Creases, CubeMap, Cull, Culled, CustomFilter, DepthImage, Detail, Environment, EyeDepth,
+        Filter, Focused, Fragments, Kernel, LEAST_ROUGHNESS, Layer, Lens, LensOptions, Light,
+        MOST_PROBES, Material, Mesh, Picture, PixelLoss, Place, Pose, Prefilter, Radius,
+        RasterOptions, Reference, RenderError, Sampler, Sampling, Size, StillFragments, Surface,
+        Texture, TextureBorder, TextureFilter, Weighting, affine_inverse, antialias, composite,
+        composite_layers, depth, depth_layers, depth_of_field, differentials, distort, downsample,
+        exposure, eye_depth, face_normals, gaussian_blur, interpolate, interpolate_differentials,
+        interpolate_differentials_indexed, interpolate_indexed, irradiance, mark_creases,
+        mark_creases_indexed, orthographic, over, perturbed_normals, pinhole, project,
+        project_instances, rasterize, rasterize_behind, reflect, rigid, sample_cube_map,
+        sample_texture, se3, shade, srgb_decode, srgb_encode, tangents, transform_normals,
+        transform_points, vertex_normals,
+    };
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    /// Modules that a user's program may have.
+    mod theirs {
+        pub(super) mod glam {
+            pub(in crate::tests) const IS_THEIRS: bool = true;
+        }
+        pub(super) mod camera {
+            pub(in crate::tests) const IS_THEIRS: bool = true;
+        }
+    }
+
+    /// Names of two globs that are one would not compile.
+    mod program {
+        use super::theirs::*;
+        #[allow(unused_imports, reason = "the question is what its names hide")]
+        use crate::prelude::*;
+
+        pub(super) fn uses_theirs() -> bool {
+            glam::IS_THEIRS && camera::IS_THEIRS
+        }
+    }
+
+    #[test]
+    fn the_prelude_hides_no_module_of_a_users() {
+        assert!(program::uses_theirs());
+    }
+
+    #[test]
+    fn the_prelude_has_all_of_the_rendering_operations() {
+        // What `pub use a::{B, c};` and `pub use a::b;` hand on.
+        let source = include_str!("../../render-ops/src/lib.rs");
+        let uses = source.split("pub use ").skip(1).filter_map(|rest| rest.split(';').next());
+        let names = uses.flat_map(|path| {
+            let list = path.rsplit_once("::").map_or("", |(_, names)| names);
+            list.trim_matches(['{', '}']).split(',').map(str::trim)
+        });
+        let (_, prelude) =
+            include_str!("lib.rs").split_once("pub use bokashi_render_ops::{").unwrap();
+        let prelude: BTreeSet<&str> =
+            prelude.split(';').next().unwrap().split([',', '}']).map(str::trim).collect();
+        for name in names.filter(|name| !name.is_empty()) {
+            assert!(prelude.contains(name), "the prelude lacks {name}");
+        }
+    }
 }
 
 /// The program in the README is compiled.

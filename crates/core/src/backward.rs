@@ -31,16 +31,25 @@ impl<'t, T: Scalar> Gradients<'t, T> {
     /// - it is zero, because nothing that the pass started from depends on the variable;
     /// - it is not known, because the variable is a constant: what was recorded without a gradient
     ///   has none.
+    ///
+    /// # Panics
+    /// For a variable of another tape, whose gradient is none of these.
+    #[track_caller]
     pub fn get(&self, variable: Var<'t, T>) -> Option<&Tensor<T>> {
-        if !std::ptr::eq(variable.tape, self.tape) {
-            return None;
-        }
+        assert!(
+            std::ptr::eq(variable.tape, self.tape),
+            "gradients need a variable of their own tape, got one of another tape"
+        );
         let at = self.results.binary_search_by_key(&variable.index, |&(index, _)| index).ok()?;
         self.results[at].1.as_ref()
     }
 
     /// The gradient with respect to `variable`, in its shape, zeros where [`Gradients::get`] has
     /// none.
+    ///
+    /// # Panics
+    /// As [`Gradients::get`].
+    #[track_caller]
     pub fn get_or_zeros(&self, variable: Var<'t, T>) -> Tensor<T> {
         let zeros = || Tensor::zeros(variable.shape());
         self.get(variable).cloned().unwrap_or_else(zeros)
@@ -454,6 +463,22 @@ mod tests {
         ];
         let message = "backward needs variables of one tape, got one of another";
         assert!(refused.into_iter().all(|result| result.unwrap_err().to_string() == message));
-        assert!(x.sum().backward().unwrap().get(foreign).is_none());
+    }
+
+    #[test]
+    fn gradients_asked_of_another_tape_are_no_zeros() {
+        let (tape, other) = (Tape::new(), Tape::new());
+        // Both are the first values of their tapes.
+        let (x, foreign) = (tape.leaf_scalar(2.0), other.leaf_scalar(1.0));
+        let gradients = x.backward().unwrap();
+        assert_eq!(gradients.get_or_zeros(x).item(), 1.0);
+        let asked: [&dyn Fn() -> bool; 2] = [&|| gradients.get(foreign).is_some(), &|| {
+            gradients.get_or_zeros(foreign).item() > 0.0
+        }];
+        for ask in asked {
+            let panic = std::panic::catch_unwind(std::panic::AssertUnwindSafe(ask)).unwrap_err();
+            let message = "gradients need a variable of their own tape, got one of another tape";
+            assert_eq!(panic.downcast_ref::<&str>(), Some(&message));
+        }
     }
 }

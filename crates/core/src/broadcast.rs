@@ -61,7 +61,7 @@ impl<T: Scalar, F: Binary<T>> Op<T> for Broadcast<F> {
             operation: F::NAME,
             shapes: Box::new([left.clone(), right.clone()]),
         })?;
-        let z = outputs.push(&shape);
+        let z = outputs.try_push(F::NAME, &shape)?;
         if *left == shape && right.size() == 1 {
             let y = y[0];
             for_each_zipped_mut(z, [x], |z, [x]| *z = self.0.value(x, y));
@@ -198,7 +198,12 @@ pub(crate) fn value_and_slopes<T: Scalar>(
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
+    use crate::mask::Mask;
+    use crate::ops::Padding;
+    use crate::sparse::SparseMatrix;
     use crate::tape::Tape;
     use crate::tensor::Tensor;
 
@@ -258,6 +263,43 @@ mod tests {
         let [z, x_bar, y_bar] = product(&[1], &[0]);
         assert_eq!((z.size(), y_bar.size()), (0, 0));
         assert_eq!(x_bar.data(), [0.0]);
+    }
+
+    #[test]
+    fn what_no_memory_holds_is_refused_and_the_tape_goes_on() {
+        let tape = Tape::<f32>::new();
+        let (column, row) = (tape.leaf_full([1 << 20, 1], 2.0), tape.leaf_full([1 << 20], 3.0));
+        let count = tape.len();
+        let error = column.try_mul(row).unwrap_err();
+        let message = "mul needs memory for its output, got shape [1048576, 1048576]";
+        assert_eq!(error.to_string(), message);
+        // Others whose outputs outgrow their inputs.
+        let wide = row.reshape([1, 1 << 20]).unwrap();
+        let hollow = tape.leaf(&Tensor::zeros([0, 1 << 20, 1 << 20]));
+        let rows: Arc<[u32]> = Arc::from(vec![0; 1 << 20]);
+        let (mask, flat) = (Mask::full([1 << 20, 1], true), Mask::full([1 << 20], true));
+        let stacked = |axes: &[usize]| wide.reshape(axes).unwrap();
+        let results = [
+            column.is_less(row).map(|_| row),
+            mask.select(row, row),
+            column.matmul(wide),
+            wide.gather_rows(&rows),
+            wide.scatter_add_rows(&Arc::from([7]), 1 << 20),
+            SparseMatrix::new(1 << 20, 1, []).unwrap().product(wide),
+            row.pad(0, [1 << 40, 0], Padding::Wrap),
+            stacked(&[1 << 20, 1, 1]).dot(stacked(&[1, 1 << 20, 1]), 2),
+            hollow.sum_axis(0),
+            hollow.norm(0),
+        ];
+        for result in results {
+            let message = result.unwrap_err().to_string();
+            assert!(message.contains(" needs memory for its output, got shape ["), "{message}");
+        }
+        let message = "and needs memory for its output, got shape [1048576, 1048576]";
+        assert_eq!(mask.and(&flat).unwrap_err().to_string(), message);
+        // Since then there are a leaf, and three reshapes of another.
+        assert_eq!(tape.len(), count + 4);
+        assert_eq!((row + row).sum().item(), 6.0 * (1 << 20) as f32);
     }
 
     #[test]

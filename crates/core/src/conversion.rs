@@ -104,6 +104,18 @@ impl<T: Scalar, const N: usize> TryFrom<&Tensor<T>> for Vec<[T; N]> {
     }
 }
 
+/// The rows of a matrix `[n, N]`.
+///
+/// # Errors
+/// [`TensorError::Shape`] for any other shape.
+impl<T: Scalar, const N: usize> TryFrom<Tensor<T>> for Vec<[T; N]> {
+    type Error = TensorError;
+
+    fn try_from(tensor: Tensor<T>) -> Result<Self, TensorError> {
+        (&tensor).try_into()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -137,9 +149,10 @@ mod tests {
     fn what_came_from_rows_goes_back_to_them() {
         let rows = vec![[1.0_f64, 2.0, 3.0], [4.0, 5.0, 6.0]];
         let matrix = Tensor::from(rows.clone());
-        assert_eq!(Vec::<[f64; 3]>::try_from(&matrix), Ok(rows));
+        assert_eq!(Vec::<[f64; 3]>::try_from(&matrix).as_ref(), Ok(&rows));
+        assert_eq!(Vec::<[f64; 3]>::try_from(matrix.clone()), Ok(rows));
         assert_eq!(matrix.as_ref(), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
-        let error = Vec::<[f64; 2]>::try_from(&matrix).unwrap_err();
+        let error = Vec::<[f64; 2]>::try_from(matrix.clone()).unwrap_err();
         assert_eq!(error.to_string(), "rows needs shape [n, 2], got shape [2, 3]");
         assert_eq!(Vec::from(matrix), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
     }

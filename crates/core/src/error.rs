@@ -78,6 +78,13 @@ pub enum TensorError {
         /// The extent of the axis.
         extent: usize,
     },
+    /// There is no room for an operation's output.
+    Memory {
+        /// The operation.
+        operation: &'static str,
+        /// The shape of the output.
+        shape: Shape,
+    },
     /// A parameter of an operation breaks its rule.
     Value {
         /// The operation.
@@ -164,6 +171,9 @@ impl fmt::Display for TensorError {
             }
             Self::Value { operation, rule, value } => {
                 write!(f, "{operation} needs {rule}, got {value}")
+            }
+            Self::Memory { operation, shape } => {
+                write!(f, "{operation} needs memory for its output, got shape {shape}")
             }
             Self::Bounds { operation, low, high } => {
                 write!(f, "{operation} needs bounds with low <= high, got {low} and {high}")

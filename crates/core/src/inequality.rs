@@ -37,7 +37,7 @@ impl<T: Scalar, F: Fn(T, T) -> bool + Copy + Send + Sync + 'static> Op<T> for Co
         })?;
         let walk = Walk::new(axes([&shape, left, right]).map(|(n, [_, i, j])| (n, [i, j])));
         let is_whole = left == right;
-        let truth = saved.renew(shape);
+        let truth = saved.renew(shape, self.name)?;
         let holds = |truth: &mut bool, [x, y]: [T; 2]| *truth = (self.holds)(x, y);
         if is_whole {
             for_each_zipped_mut(truth, [x, y], holds);

@@ -24,7 +24,10 @@
 //! Operators and reading panic, at the caller's line. `x + y` panics where `x.try_add(y)` returns the
 //! error, and so for `-`, `*` and `/`. `t[[i, j]]` panics outside the shape, and `item()` for anything
 //! but a single entry. A constructor from a shape alone (`zeros`, `full`, `from_fn`) panics where the
-//! shape has more entries than fit an index.
+//! shape has more entries than fit into memory. So does a gradient that is asked of another tape.
+//!
+//! An output that can be far larger than the inputs, such as that of a broadcast, is refused before its
+//! memory is taken: where the allocator has none, and from 2^40 entries on.
 //!
 //! # An operation of your own
 //!

@@ -48,17 +48,17 @@ impl Mask {
     /// The array of `shape` whose k-th entry in row-major order is `entry(k)`.
     ///
     /// # Panics
-    /// Where the shape has more entries than fit an index.
+    /// Where the shape has more entries than fit into memory.
     pub fn from_flat_fn(shape: impl Into<Shape>, entry: impl FnMut(usize) -> bool) -> Self {
         let shape = shape.into();
-        let truth = Arc::new((0..shape.size()).map(entry).collect());
+        let truth = Arc::new((0..shape.size_to_fill::<bool>()).map(entry).collect());
         Self { shape, truth }
     }
 
     /// The array of `shape` whose entry at `[i, j, ...]` is `entry([i, j, ...])`.
     ///
     /// # Panics
-    /// Where the shape has more entries than fit an index.
+    /// Where the shape has more entries than fit into memory.
     pub fn from_fn<const N: usize>(
         shape: [usize; N],
         mut entry: impl FnMut([usize; N]) -> bool,
@@ -75,7 +75,7 @@ impl Mask {
     /// The array of `shape` with every entry `truth`.
     ///
     /// # Panics
-    /// Where the shape has more entries than fit an index.
+    /// Where the shape has more entries than fit into memory.
     pub fn full(shape: impl Into<Shape>, truth: bool) -> Self {
         Self::from_flat_fn(shape, |_| truth)
     }
@@ -133,7 +133,10 @@ impl Mask {
             let shapes = Box::new([self.shape.clone(), other.shape.clone()]);
             return Err(TensorError::Broadcast { operation, shapes });
         };
-        let mut truth = Vec::with_capacity(shape.size());
+        let Some(size) = shape.size_in_memory::<bool>() else {
+            return Err(TensorError::Memory { operation, shape });
+        };
+        let mut truth = Vec::with_capacity(size);
         let walk = axes([&shape, &self.shape, &other.shape]);
         Walk::new(walk).for_each(|[_, i, j]| truth.push(of(self.truth[i], other.truth[j])));
         Ok(Self { shape, truth: Arc::new(truth) })
@@ -141,14 +144,24 @@ impl Mask {
 
     /// Makes this a mask of `shape` and gives its entries for writing: those that were there, where
     /// nobody else holds them.
-    pub(crate) fn renew(&mut self, shape: Shape) -> &mut [bool] {
+    ///
+    /// # Errors
+    /// [`TensorError::Memory`] for more of them than there is room for.
+    pub(crate) fn renew(
+        &mut self,
+        shape: Shape,
+        operation: &'static str,
+    ) -> Result<&mut [bool], TensorError> {
+        let Some(size) = shape.size_in_memory::<bool>() else {
+            return Err(TensorError::Memory { operation, shape });
+        };
         if Arc::get_mut(&mut self.truth).is_none() {
             self.truth = Arc::default();
         }
         let truth = Arc::get_mut(&mut self.truth).expect("nobody else holds it");
-        truth.resize(shape.size(), false);
+        truth.resize(size, false);
         self.shape = shape;
-        truth
+        Ok(truth)
     }
 }
 

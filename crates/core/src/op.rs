@@ -182,6 +182,23 @@ impl<T: Scalar> Outputs<'_, T> {
         place.renew(shape.as_ref(), self.pool)
     }
 
+    /// [`Outputs::push`], for an output that can be far larger than the inputs: refused before memory is taken
+    /// that there is not.
+    ///
+    /// # Errors
+    /// [`TensorError::Memory`] where no index counts the entries, or the allocator has no room for them.
+    pub fn try_push(
+        &mut self,
+        operation: &'static str,
+        shape: impl AsRef<[usize]>,
+    ) -> Result<&mut [T], TensorError> {
+        let shape = shape.as_ref();
+        if !self.pool.has_room(shape) {
+            return Err(TensorError::Memory { operation, shape: shape.into() });
+        }
+        Ok(self.push(shape))
+    }
+
     /// Adds an output for each of `shapes`, as [`Outputs::push`] does, and gives the entries of
     /// all of them at once.
     pub fn push_all<const N: usize>(&mut self, shapes: [Shape; N]) -> [&mut [T]; N] {

@@ -17,6 +17,7 @@
 use std::sync::Arc;
 
 use crate::scalar::Scalar;
+use crate::shape::Shape;
 
 /// The class from which on buffers are large: of 2^18 entries.
 const LARGE: usize = 18;
@@ -62,6 +63,24 @@ impl<T: Scalar> Pool<T> {
         buffer
     }
 
+    /// Whether there is room for a value of `shape`. Where that is large, a buffer waits for it then.
+    pub(crate) fn has_room(&mut self, shape: &[usize]) -> bool {
+        let Some(length) = Shape::from(shape).bounded_size() else { return false };
+        if !is_large(length) {
+            return true;
+        }
+        let class = class_of(length);
+        let waits = |class: usize| self.classes.get(class).is_some_and(|of| !of.is_empty());
+        if waits(class) || waits(class + 1) {
+            return true;
+        }
+        self.drop_smaller(class);
+        let mut buffer = Vec::new();
+        let has_room = buffer.try_reserve_exact(1 << class).is_ok();
+        self.give(buffer);
+        has_room
+    }
+
     /// A buffer of class `class` for `length` entries, or of the next class.
     #[inline(never)]
     fn take_large(&mut self, class: usize, length: usize) -> Vec<T> {
@@ -71,13 +90,18 @@ impl<T: Scalar> Pool<T> {
         if let Some(buffer) = self.classes.get_mut(class + 1).and_then(Vec::pop) {
             return buffer;
         }
+        self.drop_smaller(class);
+        Vec::with_capacity(1 << class)
+    }
+
+    /// Drops smaller buffers that wait, as far as they make up one of class `class`.
+    fn drop_smaller(&mut self, class: usize) {
         let mut missing = 1 << class;
         for smaller in (LARGE..class.min(self.classes.len())).rev() {
             while missing >= 1 << smaller && self.classes[smaller].pop().is_some() {
                 missing -= 1 << smaller;
             }
         }
-        Vec::with_capacity(1 << class)
     }
 
     /// Takes a buffer back.
@@ -131,6 +155,20 @@ fn class_of(length: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn room_is_made_once_and_there_is_none_beyond_all_memory() {
+        let mut pool = Pool::<f64>::default();
+        for shape in [&[1 << 20, 1 << 20][..], &[1 << 40], &[1 << 63], &[1 << 40, 1 << 40]] {
+            assert!(!pool.has_room(shape), "{shape:?}");
+        }
+        assert!(pool.has_room(&[0, 1 << 40, 1 << 40]) && pool.has_room(&[1 << 17]));
+        assert_eq!(pool.count(), 0);
+        assert!(pool.has_room(&[600, 1000]) && pool.has_room(&[1000, 600]));
+        assert_eq!(pool.count(), 1);
+        let buffer = pool.take(600_000);
+        assert_eq!((buffer.len(), buffer.capacity(), pool.count()), (600_000, 1 << 20, 0));
+    }
 
     #[test]
     fn a_returned_buffer_is_taken_again() {

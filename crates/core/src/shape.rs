@@ -5,6 +5,12 @@ use std::ops::Deref;
 
 use smallvec::SmallVec;
 
+/// No array has so many entries: an allocator may promise the memory, but no machine has it.
+const TOO_MANY: u64 = 1 << 40;
+
+/// From so many entries on the allocator is asked first.
+const MANY: usize = 1 << 18;
+
 /// Extents per axis, outermost first; `[]` is a scalar. Up to four axes need no allocation.
 #[derive(Eq, Default)]
 pub struct Shape(SmallVec<[usize; 4]>);
@@ -25,6 +31,30 @@ impl Shape {
             return Some(0);
         }
         self.0.iter().try_fold(1_usize, |size, &extent| size.checked_mul(extent))
+    }
+
+    /// [`Shape::size`], or `None` from [`TOO_MANY`] entries on.
+    pub(crate) fn bounded_size(&self) -> Option<usize> {
+        self.checked_size().filter(|&size| (size as u64) < TOO_MANY)
+    }
+
+    /// The same, of a new buffer for entries of type T: `None` also where the allocator has none of that
+    /// size.
+    pub(crate) fn size_in_memory<T>(&self) -> Option<usize> {
+        let size = self.bounded_size()?;
+        let is_small = size < MANY;
+        (is_small || Vec::<T>::new().try_reserve_exact(size).is_ok()).then_some(size)
+    }
+
+    /// [`Shape::size`] of a new array with entries of type T.
+    ///
+    /// # Panics
+    /// Where there is no memory for it.
+    pub(crate) fn size_to_fill<T>(&self) -> usize {
+        let size = self.size_in_memory::<T>();
+        size.unwrap_or_else(|| {
+            panic!("a shape needs fewer entries than fit into memory, got {self}")
+        })
     }
 
     /// Whether the extents are `axes`.
@@ -209,6 +239,17 @@ mod tests {
     #[should_panic(expected = "fewer entries than fit an index, got [4294967296, 4294967296]")]
     fn a_size_beyond_any_index_never_wraps_around() {
         let _ = shape(&[1 << 32, 1 << 32]).size();
+    }
+
+    #[test]
+    fn no_memory_holds_a_trillion_entries() {
+        for axes in [&[1 << 20, 1 << 20][..], &[1 << 40], &[1 << 63], &[1 << 40, 1 << 40]] {
+            let found = [shape(axes).bounded_size(), shape(axes).size_in_memory::<bool>()];
+            assert_eq!(found, [None; 2]);
+        }
+        let small = shape(&[1 << 10, 1 << 10]);
+        assert_eq!([small.bounded_size(), small.size_in_memory::<f64>()], [Some(1 << 20); 2]);
+        assert_eq!(shape(&[(1 << 40) - 1]).bounded_size(), Some((1 << 40) - 1));
     }
 
     #[test]

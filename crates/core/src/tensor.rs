@@ -36,7 +36,7 @@ impl<T: Scalar> Tensor<T> {
     /// ```
     ///
     /// # Panics
-    /// Where the shape has more entries than fit an index.
+    /// Where the shape has more entries than fit into memory.
     pub fn from_fn<const N: usize>(
         shape: [usize; N],
         mut entry: impl FnMut([usize; N]) -> T,
@@ -58,20 +58,20 @@ impl<T: Scalar> Tensor<T> {
     /// The array of `shape` whose k-th entry in row-major order is `entry(k)`.
     ///
     /// # Panics
-    /// Where the shape has more entries than fit an index.
+    /// Where the shape has more entries than fit into memory.
     pub fn from_flat_fn(shape: impl Into<Shape>, entry: impl FnMut(usize) -> T) -> Self {
         let shape = shape.into();
-        let data = (0..shape.size()).map(entry).collect();
+        let data = (0..shape.size_to_fill::<T>()).map(entry).collect();
         Self { shape, data: Arc::new(data) }
     }
 
     /// The array of `shape` with every entry `value`.
     ///
     /// # Panics
-    /// Where the shape has more entries than fit an index.
+    /// Where the shape has more entries than fit into memory.
     pub fn full(shape: impl Into<Shape>, value: T) -> Self {
         let shape = shape.into();
-        let data = vec![value; shape.size()];
+        let data = vec![value; shape.size_to_fill::<T>()];
         Self { shape, data: Arc::new(data) }
     }
 

@@ -115,6 +115,9 @@ impl<T: Scalar> Tape<T> {
     }
 
     fn push_full(&self, needs: bool, shape: Shape, number: T) -> Var<'_, T> {
+        if shape.size_in_memory::<T>().is_none() {
+            panic!("a shape needs fewer entries than fit into memory, got {shape}");
+        }
         self.push(needs, |value, pool| value.renew(&shape, pool).fill(number))
     }
 

@@ -40,10 +40,14 @@ fn every_loss<T: Scalar>(x: Var<'_, T>) -> Result<(), FitError> {
         Penalty::Squared,
         Penalty::Absolute,
         Penalty::Huber { delta: 1.0 },
+        Penalty::Charbonnier { scale: 1.0 },
         Penalty::Relative { epsilon: 1.0 },
     ];
     for penalty in penalties {
         mean_error(x, x, penalty)?;
+        if !matches!(penalty, Penalty::Relative { .. }) {
+            total_variation(x, penalty)?;
+        }
     }
     let topology = Topology::new(&[], 0)?;
     let rigidity = Rigidity::new(&topology, &x.value(), RigidWeights::Uniform)?;
@@ -52,7 +56,6 @@ fn every_loss<T: Scalar>(x: Var<'_, T>) -> Result<(), FitError> {
         ssim_error(x, x, 1.0)?,
         silhouette_error(x, x)?,
         depth_error(x, x, None, DepthAlignment::None)?,
-        total_variation(x, 0.0)?,
         laplacian_error(x, &topology.uniform_laplacian())?,
         laplacian_error(x, &topology.cotangent_laplacian(&x.value())?)?,
         edge_length_error(x, &topology, 0.0)?,

@@ -111,6 +111,16 @@ pub enum RenderError {
         pixels: usize,
     },
 
+    /// What varies over a surface was asked of the fragments of an outline.
+    #[error(
+        "{operation} needs fragments at pixel centres or with exact coverage, got those of an outline, \
+         which show attributes that are the same at all vertices and nothing else"
+    )]
+    Outline {
+        /// The operation.
+        operation: &'static str,
+    },
+
     /// Layers in depth were asked for with exact coverage.
     #[error(
         "{operation} needs fragments at pixel centres, got exact coverage, \

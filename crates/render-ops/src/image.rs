@@ -61,7 +61,7 @@ impl<T: Scalar> Op<T> for Image {
     ) -> Result<(), RenderError> {
         let (size, channels) = (self.coverage.size(), inputs.shape(0)[1]);
         let (values, background) = (inputs.data(0), inputs.data(1));
-        let image = outputs.push([size.height, size.width, channels]);
+        let image = outputs.try_push("image", [size.height, size.width, channels])?;
         self.coverage.for_each_gap(self.rim(), |gap| {
             let first = gap.start;
             let entries = gap.start * channels..gap.end * channels;

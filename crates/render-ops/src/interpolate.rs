@@ -41,6 +41,7 @@ pub fn interpolate<'t, T: Scalar>(
 /// - [`RenderError::FaceCount`] unless `indices` has as many faces as the mesh that was rasterized.
 /// - [`RenderError::Shape`] unless the attributes are `[A, C]` with A its number of vertices, and for
 ///   fragments that are not whole.
+/// - [`RenderError::Outline`] for attributes that vary, on fragments of an outline.
 /// - `TensorError::ForeignVariable` for variables of several tapes.
 #[inline(never)]
 pub fn interpolate_indexed<'t, T: Scalar>(
@@ -50,6 +51,12 @@ pub fn interpolate_indexed<'t, T: Scalar>(
 ) -> Result<Var<'t, T>, RenderError> {
     let coverage = fragments.checked_coverage("interpolate", attributes.tape())?;
     let op = Interpolate(Attributes::new(indices, coverage)?);
+    if op.0.coverage.is_outline {
+        op.0.channels("interpolate", &attributes.shape())?;
+        if !is_uniform(attributes, indices) {
+            op.0.coverage.check_shaded("interpolate")?;
+        }
+    }
     let tape = attributes.tape();
     let mut barycentrics = fragments.barycentrics;
     if barycentrics.needs_gradient()
@@ -97,7 +104,7 @@ impl<T: Scalar> Op<T> for Interpolate {
     ) -> Result<(), RenderError> {
         let channels = self.0.channels("interpolate", inputs.shape(0))?;
         let (attributes, barycentrics) = (inputs.data(0), inputs.data(1));
-        let values = outputs.push([self.0.coverage.count(), channels]);
+        let values = outputs.try_push("interpolate", [self.0.coverage.count(), channels])?;
         self.0.for_each_face_mut(
             attributes,
             values,

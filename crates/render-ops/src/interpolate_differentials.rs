@@ -82,7 +82,7 @@ impl<T: Scalar> Op<T> for InterpolateDifferentials {
             return Err(RenderError::Shape { operation: NAME, rule, shape });
         }
         let (attributes, slopes) = (inputs.data(0), inputs.data(1).as_chunks::<4>().0);
-        let out = outputs.push([count, channels, 2]);
+        let out = outputs.try_push(NAME, [count, channels, 2])?;
         self.0.for_each_face_mut(
             attributes,
             out,

@@ -149,7 +149,7 @@ impl<T: Scalar> Op<T> for ProjectInstances<T::Wide> {
         let models = matrices.chunks_exact(16).map(matrix::of_entries);
         products.extend(models.map(|model| matrix::product(&camera, &model)));
         let (products, points) = (&products[..], positions.as_chunks::<3>().0);
-        let clip = outputs.push([rows, 4]);
+        let clip = outputs.try_push(NAME, [rows, 4])?;
         for_each_piece_mut(clip, 4 * POINTS_PER_PIECE, |piece, clip| {
             let clip = clip.as_chunks_mut::<4>().0;
             let first = piece * POINTS_PER_PIECE;

@@ -169,6 +169,17 @@ mod tests {
     }
 
     #[test]
+    fn the_line_ends_where_the_standard_says() {
+        let tape = Tape::<f64>::new();
+        let decoded = srgb_decode(tape.leaf(&Tensor::from([0.0395, 0.0404, 0.0405]))).unwrap();
+        let power = |y: f64| ((y + 0.055) / 1.055_f64).powf(2.4);
+        assert_eq!(decoded.value(), Tensor::from([0.0395 / 12.92, 0.0404 / 12.92, power(0.0405)]));
+        // 12.92 x 0.0031308 is 0.04045; with 0.03928 the line would end at 0.00304.
+        let encoded = srgb_encode(tape.leaf(&Tensor::from([0.00305, 0.0031307]))).unwrap();
+        assert_eq!(encoded.value(), Tensor::from([12.92 * 0.00305, 12.92 * 0.0031307]));
+    }
+
+    #[test]
     fn decoding_is_the_inverse_of_encoding_and_both_are_odd() {
         let tape = Tape::<f64>::new();
         let x = tape.leaf(&Tensor::from(NUMBERS));

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use bokashi_core::{SparseMatrix, Tape, Tensor, Var};
 use bokashi_fit::{
-    FitError, Mapping, Parameter, Parameters, Preconditioner, RigidWeights, Rigidity, Topology,
-    Variables, edge_length_error, laplacian_error, normal_error, total_variation,
+    FitError, Mapping, Parameter, Parameters, Penalty, Preconditioner, RigidWeights, Rigidity,
+    Topology, Variables, edge_length_error, laplacian_error, normal_error, total_variation,
 };
 
 use crate::cameras::Distortion;
@@ -51,7 +51,9 @@ impl Regularizer {
             }
             Rule::Normals(topology) => normal_error(value, topology)?,
             // Rounded where neighbours differ by less than a step of 8 bits.
-            Rule::TotalVariation => total_variation(value, 1.0 / 255.0)?,
+            Rule::TotalVariation => {
+                total_variation(value, Penalty::Charbonnier { scale: 1.0 / 255.0 })?
+            }
         };
         Ok(error * self.weight)
     }

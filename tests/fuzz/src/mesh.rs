@@ -5,8 +5,8 @@ use std::cell::Cell;
 use arbitrary::{Result, Unstructured};
 use bokashi_core::{Scalar, Tensor};
 use bokashi_render_ops::{
-    Background, Cull, Fragments, Mesh, RasterOptions, Sampling, Size, antialias, composite, depth,
-    interpolate, interpolate_indexed, rasterize,
+    Background, Cull, Fragments, Mesh, RasterOptions, RenderError, Sampling, Size, antialias,
+    composite, depth, interpolate, interpolate_indexed, rasterize,
 };
 
 use super::number::{Range, expanded};
@@ -72,7 +72,11 @@ pub(super) fn check_pieces<T: Scalar>(fragments: &Fragments<'_, T>) {
 /// Weights within the face, depths within the view, one fragment per pixel.
 pub(super) fn check_fragments<T: Scalar>(fragments: &Fragments<'_, T>) {
     let slack = if size_of::<T>() == 4 { 1e-5 } else { 1e-12 };
-    let depth = depth(fragments).expect("fragments that are whole").value();
+    let depth = match depth(fragments) {
+        // Its fragments are of no place.
+        Err(RenderError::Outline { .. }) => Tensor::zeros([fragments.coverage.count()]),
+        depth => depth.expect("fragments that are whole").value(),
+    };
     let centers = fragments.coverage.centers();
     let weights = fragments.barycentrics.value();
     // The weights of a piece are rounded the more coarsely the smaller it is.
@@ -118,7 +122,13 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> Result<usize> {
     // The third weight of a piece is what is missing to 1: of a vertex that is nearly all of w it
     // has to be more than rounding for a depth.
     let has_depths = sampling == Sampling::Center
-        || clip.data().iter().skip(3).step_by(4).all(|w| (0.01..100.0).contains(&w.abs().to_f64()));
+        || sampling == Sampling::Exact
+            && clip
+                .data()
+                .iter()
+                .skip(3)
+                .step_by(4)
+                .all(|w| (0.01..100.0).contains(&w.abs().to_f64()));
     let options = RasterOptions::new(size).cull(cull).sampling(sampling);
 
     let inputs = [clip, attributes, behind];
@@ -130,7 +140,13 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> Result<usize> {
         check_fragments(&fragments);
         check_pieces(&fragments);
         reached.set(fragments.coverage.count());
+        let count = fragments.coverage.count();
         let surface = match &attribute_mesh {
+            // One colour, that of the first vertex.
+            _ if sampling == Sampling::Outline => {
+                let ones = clip.tape().constant_full([count, 1], T::ONE);
+                ones.try_mul(attributes.slice(0, 0..1)?)?
+            }
             Some(mesh) => interpolate_indexed(attributes, mesh, &fragments)?,
             None => interpolate(attributes, &fragments)?,
         };
@@ -140,8 +156,8 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> Result<usize> {
             _ => Background::Image(behind),
         };
         // Darker with depth, so that depths have gradients too.
-        let depth = depth(&fragments)?.reshape([fragments.coverage.count(), 1])?;
-        let surface = if has_depths { surface * depth } else { surface };
+        let surface =
+            if has_depths { surface * depth(&fragments)?.reshape([count, 1])? } else { surface };
         let picture = composite(surface, &fragments, background)?;
         match sampling {
             Sampling::Center => antialias(picture)?.image(),

@@ -48,7 +48,7 @@ impl<T: Scalar> Op<T> for Concat {
             return Ok(());
         }
         let length = |i: usize| inputs.shape(i)[self.axis] * inner;
-        join(inputs, length, outputs.push(shape.with(self.axis, extent)));
+        join(inputs, length, outputs.try_push(Self::NAME, shape.with(self.axis, extent))?);
         Ok(())
     }
 

@@ -210,7 +210,8 @@ impl<T: Scalar> Op<T> for Cross {
     ) -> Result<(), TensorError> {
         let full = self.full(inputs.shape(0), inputs.shape(1))?;
         let operands = [0, 1].map(|i| (inputs.data(i), inputs.shape(i)));
-        self.of_all(&full, operands, outputs.push(&full), |z, component| *z = component);
+        let z = outputs.try_push(Self::NAME, &full)?;
+        self.of_all(&full, operands, z, |z, component| *z = component);
         Ok(())
     }
 

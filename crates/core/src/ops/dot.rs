@@ -73,7 +73,7 @@ impl<T: Scalar> Op<T> for Dot {
         let (left, right) = (inputs.shape(0), inputs.shape(1));
         let (x, y) = (inputs.data(0), inputs.data(1));
         let full = self.full(left, right)?;
-        let z = outputs.push(reduced(&full, self.axis)?);
+        let z = outputs.try_push(Self::NAME, reduced(&full, self.axis)?)?;
         if let (Some(of_x), Some(of_y)) = (self.steps(left, &full), self.steps(right, &full)) {
             let operands = [(x, of_x), (y, of_y)];
             let operands = operands.map(|(entries, steps)| Operand { entries, steps });

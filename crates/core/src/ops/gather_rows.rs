@@ -41,7 +41,7 @@ impl<T: Scalar> Op<T> for GatherRows {
         let (x, shape) = (inputs.data(0), inputs.shape(0));
         let [_, extent, inner] = blocks(shape, 0, Self::NAME)?;
         check(&self.rows, extent, Self::NAME)?;
-        let y = outputs.push(shape.with(0, self.rows.len()));
+        let y = outputs.try_push(Self::NAME, shape.with(0, self.rows.len()))?;
         for_each_line_mut(y, inner, [], |r, y, []| {
             y.copy_from_slice(&x[self.rows[r] as usize * inner..][..inner]);
         });

@@ -33,7 +33,7 @@ impl<T: Scalar> Op<T> for MatrixProduct {
     ) -> Result<(), TensorError> {
         let [m, k, n] = extents(inputs.shape(0), inputs.shape(1))?;
         let (x, y) = (inputs.data(0), inputs.data(1));
-        let z = outputs.push([m, n]);
+        let z = outputs.try_push("matmul", [m, n])?;
         z.fill(T::ZERO);
         for_each_row(z, n, k, |i, z| {
             for p in 0..k {

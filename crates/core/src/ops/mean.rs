@@ -53,7 +53,7 @@ impl<T: Scalar> Op<T> for Mean {
                 outputs.push(Shape::default())[0] = T::narrow(total / count);
             }
             Some(axis) => {
-                let means = outputs.push(reduced(shape, axis)?);
+                let means = outputs.try_push(Self::NAME, reduced(shape, axis)?)?;
                 sum_along(x, blocks, means, |total| T::narrow(total / count));
             }
         }

@@ -41,7 +41,7 @@ impl<T: Scalar> Op<T> for Norm {
     ) -> Result<(), TensorError> {
         let (x, shape) = (inputs.data(0), inputs.shape(0));
         let blocks = blocks(shape, self.axis, Self::NAME)?;
-        let y = outputs.push(reduced(shape, self.axis)?);
+        let y = outputs.try_push(Self::NAME, reduced(shape, self.axis)?)?;
         lengths(x, blocks, y, |length| T::narrow(length.value()));
         Ok(())
     }

@@ -148,7 +148,7 @@ impl<T: Scalar> Op<T> for Pad<T> {
             }
             _ => T::ZERO,
         };
-        let y = outputs.push(shape.with(self.axis, padded));
+        let y = outputs.try_push(Self::NAME, shape.with(self.axis, padded))?;
         let [before, _] = self.beyond;
         for_each_run_mut(y, [padded, inner], before..before + extent, |block, p, within, y| {
             match self.padding.source(p, before, extent) {

@@ -47,15 +47,11 @@ impl<T: Scalar> Op<T> for ScatterAddRows {
         }
         check(&self.rows, count, operation)?;
         let summed = shape.with(0, count);
-        let Some(size) = summed.checked_size() else {
-            return Err(TensorError::Length { shape: summed, entries: x.len() });
-        };
-        if size == 0 {
-            outputs.push(summed);
+        let y = outputs.try_push(operation, summed)?;
+        if y.is_empty() {
             return Ok(());
         }
         let lists = saved.of(&self.rows, count);
-        let y = outputs.push(summed);
         sum_listed_rows(lists, None, x, inner, y, |y, sum| *y = T::narrow(sum));
         Ok(())
     }
@@ -94,8 +90,8 @@ impl<T: Scalar> Var<'_, T> {
     ///
     /// # Errors
     /// [`TensorError::Axis`] for a scalar; [`TensorError::Shape`] unless there is a row per index;
-    /// [`TensorError::Index`] unless each of `rows` is below `count`; [`TensorError::Length`] for sums
-    /// of more entries than fit an index; [`TensorError::Value`] for 2^32 rows or more.
+    /// [`TensorError::Index`] unless each of `rows` is below `count`; [`TensorError::Memory`] for sums
+    /// that take more than there is; [`TensorError::Value`] for 2^32 rows or more.
     pub fn scatter_add_rows(self, rows: &Arc<[u32]>, count: usize) -> Result<Self, TensorError> {
         self.tape.apply(ScatterAddRows { rows: Arc::clone(rows), count }, &[self])
     }
@@ -177,7 +173,8 @@ mod tests {
         let message = "scatter_add_rows needs indices within an axis of extent 3, got 3";
         assert_eq!(of(&[0, 3, 9], 3).unwrap_err().to_string(), message);
         assert!(tape.leaf_scalar(0.0).scatter_add_rows(&Arc::from([]), 1).is_err());
-        let message = "shape [9223372036854775808, 2] needs more entries than fit an index, got 6";
+        let message =
+            "scatter_add_rows needs memory for its output, got shape [9223372036854775808, 2]";
         assert_eq!(of(&[0, 0, 0], 1 << 63).unwrap_err().to_string(), message);
 
         let none = tape.leaf(&Tensor::zeros([0, 2]));

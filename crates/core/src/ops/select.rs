@@ -107,7 +107,7 @@ impl<T: Scalar> Op<T> for Select {
         let (x, y) = (inputs.data(0), inputs.data(1));
         let all = axes([&full, self.mask.shape(), left, right]);
         let walk = Walk::new(all.map(|(extent, [_, m, i, j])| (extent, [m, i, j])));
-        let z = outputs.push(&full);
+        let z = outputs.try_push(Self::NAME, &full)?;
         if let &[(columns, [0, 1, 1]), (_, [1, right_row, left_row])] = walk.axes()
             && (left_row, right_row) == (columns, columns)
         {
@@ -266,6 +266,6 @@ mod tests {
         let address = mask.data().as_ptr();
         tape.reset();
         let mut mask = mask;
-        assert_eq!(mask.renew([2].into()).as_ptr(), address);
+        assert_eq!(mask.renew([2].into(), "is_less").unwrap().as_ptr(), address);
     }
 }

@@ -54,10 +54,7 @@ impl<T: Scalar> Op<T> for SparseProduct<T> {
         }
         let inner = shape[1..].iter().product();
         let product = shape.with(0, self.matrix.rows());
-        if product.checked_size().is_none() {
-            return Err(TensorError::Length { shape: product, entries: inputs.data(0).len() });
-        }
-        let y = outputs.push(product);
+        let y = outputs.try_push(Self::NAME, product)?;
         multiply(self.matrix.by_rows(), inputs.data(0), inner, y, |y, product| *y = product);
         Ok(())
     }
@@ -80,8 +77,8 @@ impl<T: Scalar> SparseMatrix<T> {
     /// matrix is shared.
     ///
     /// # Errors
-    /// [`TensorError::Shape`] unless `x` has such a shape; [`TensorError::Length`] for a product of more
-    /// entries than fit an index.
+    /// [`TensorError::Shape`] unless `x` has such a shape; [`TensorError::Memory`] for a product that
+    /// takes more than there is.
     pub fn product<'t>(&self, x: Var<'t, T>) -> Result<Var<'t, T>, TensorError> {
         x.tape().apply(SparseProduct { matrix: self.clone() }, &[x])
     }

@@ -44,7 +44,7 @@ impl<T: Scalar> Op<T> for Stack {
             return Ok(());
         }
         let [_, _, inner] = blocks(&stacked, self.axis, Self::NAME)?;
-        join(inputs, |_| inner, outputs.push(stacked));
+        join(inputs, |_| inner, outputs.try_push(Self::NAME, stacked)?);
         Ok(())
     }
 

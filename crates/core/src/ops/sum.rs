@@ -40,7 +40,8 @@ impl<T: Scalar> Op<T> for Sum {
             return Ok(());
         };
         let blocks = blocks(shape, axis, Self::NAME)?;
-        sum_along(x, blocks, outputs.push(reduced(shape, axis)?), T::narrow);
+        let sums = outputs.try_push(Self::NAME, reduced(shape, axis)?)?;
+        sum_along(x, blocks, sums, T::narrow);
         Ok(())
     }
 

@@ -240,6 +240,28 @@ mod tests {
     }
 
     #[test]
+    fn scale_and_shift_are_those_of_what_counts() {
+        let tape = Tape::<f64>::new();
+        let depths = tape.leaf(&Tensor::from([1.0, 2.0, 4.0, 0.0, 5.0, 7.0]));
+        // 2 d + 3, but for a background, a hole, and a pixel that is masked.
+        let reference = tape.constant(&Tensor::from([5.0, 7.0, 11.0, 90.0, 0.0, 80.0]));
+        let mask = Mask::from_flat_fn([6], |k| k < 5);
+        let error = |alignment| depth_error(depths, reference, Some(&mask), alignment).unwrap();
+        assert!(error(DepthAlignment::ScaleAndShift).item() < 1e-14);
+        // By hand: the scale is 63 / 21, and the errors are 2, 1 and 1.
+        approx::assert_relative_eq!(
+            error(DepthAlignment::Scale).item(),
+            4.0 / 3.0,
+            epsilon = 1e-14
+        );
+        approx::assert_relative_eq!(
+            error(DepthAlignment::None).item(),
+            16.0 / 3.0,
+            epsilon = 1e-14
+        );
+    }
+
+    #[test]
     fn an_aligned_error_does_not_know_scale_and_shift_and_its_gradient_neither() {
         let tape = Tape::<f64>::new();
         let reference = tape.constant(&Tensor::from_flat_fn([500], |k| motley(7 * k)));

@@ -2,7 +2,7 @@
 //!
 //! | file | losses |
 //! |---|---|
-//! | `penalty` | means of squared, absolute, Huber and relative errors, over all entries, weights or a mask |
+//! | `penalty` | means of squared, absolute, Huber, Charbonnier and relative errors, over all entries, weights or a mask |
 //! | `ssim`, `multiscale_ssim` | structural similarity, at one scale or at several |
 //! | `silhouette` | intersection over union of soft masks |
 //! | `depth` | absolute errors of depths, up to scale and shift |
@@ -22,6 +22,7 @@ pub use self::depth::{DepthAlignment, depth_error};
 pub use self::halved::halved;
 pub use self::metrics::{iou, psnr, ssim};
 pub use self::multiscale_ssim::multiscale_ssim_error;
+pub(crate) use self::penalty::{Absolute, Charbonnier, Huber, Rule, Squared, positive};
 pub use self::penalty::{Penalty, masked_error, mean_error, weighted_error};
 pub use self::pyramid::pyramid_error;
 pub use self::silhouette::silhouette_error;

@@ -2,8 +2,8 @@
 //!
 //! # Forward
 //! With the mean `m_j` of `cs` (see `ssim`) of both images halved j times, and of `l cs` at the last of M
-//! levels: the error is `1 - prod_j m_j^(w_j)`. The weights of the paper's five levels are 0.0448,
-//! 0.2856, 0.3001, 0.2363 and 0.1333. Fewer levels share them out: the first M over their sum.
+//! levels: the error is `1 - prod_j m_j^(w_j)`. Five levels have the paper's weights as they are printed: 0.0448,
+//! 0.2856, 0.3001, 0.2363 and 0.1333, which add up to 1.0001. Fewer levels have the first M over their sum.
 //!
 //! # Where it is not smooth
 //! A power of a negative mean is no number, and near 0 its slope is infinite. So below 0.01 the power
@@ -29,6 +29,14 @@ fn power<T: Scalar>(mean: Var<'_, T>, weight: f64) -> Result<Var<'_, T>, TensorE
     let held = mean.clamp(T::from_f64(LOWEST), T::from_f64(f64::INFINITY))?;
     let slope = T::from_f64(weight * LOWEST.powf(weight - 1.0));
     held.powf(T::from_f64(weight)).try_add((mean.try_sub(held)?) * slope)
+}
+
+/// The exponents of so many levels.
+fn weights(levels: usize) -> Vec<f64> {
+    let own = &WEIGHTS[..levels];
+    // All five are what others' programs have: as printed, and not divided by their sum.
+    let total = if levels == WEIGHTS.len() { 1.0 } else { own.iter().sum() };
+    own.iter().map(|weight| weight / total).collect()
 }
 
 /// How many levels images of `extent` pixels along their shorter side allow.
@@ -73,16 +81,16 @@ pub fn multiscale_ssim_error<'t, T: Scalar>(
         let rule = format!("{rule} level{}", if levels == 1 { "" } else { "s" }).into();
         return Err(TensorError::Shape { operation, rule, shape });
     }
-    let total: f64 = WEIGHTS[..levels].iter().sum();
+    let weights = weights(levels);
     let (mut image, mut reference) = (image, reference);
     let mut product: Option<Var<'t, T>> = None;
-    for (level, weight) in WEIGHTS[..levels].iter().enumerate() {
+    for (level, weight) in weights.into_iter().enumerate() {
         if level > 0 {
             (image, reference) = (halved(image)?, halved(reference)?);
         }
         let luminance = level + 1 == levels;
         let error = image.tape().apply(Ssim { luminance, peak }, &[image, reference])?;
-        let factor = power(error.affine(-T::ONE, T::ONE), weight / total)?;
+        let factor = power(error.affine(-T::ONE, T::ONE), weight)?;
         product = Some(match product {
             None => factor,
             Some(product) => product.try_mul(factor)?,
@@ -125,12 +133,14 @@ mod tests {
             means.push([of(false), of(true)]);
             (a, b) = (halved(a).unwrap(), halved(b).unwrap());
         }
+        // By hand, in ten-thousandths: as printed, and the first four over 8668, three over 6305, ...
+        let totals = [448.0, 3304.0, 6305.0, 8668.0, 10000.0];
+        let printed = [448.0, 2856.0, 3001.0, 2363.0, 1333.0];
         for levels in 1..=5 {
-            let total: f64 = WEIGHTS[..levels].iter().sum();
             let product = (0..levels).map(|level| {
                 let mean = means[level][usize::from(level + 1 == levels)];
                 assert!(mean > LOWEST, "{mean}");
-                mean.powf(WEIGHTS[level] / total)
+                mean.powf(printed[level] / totals[levels - 1])
             });
             let expected = 1.0 - product.product::<f64>();
             let error = found(&x, &y, Some(levels));

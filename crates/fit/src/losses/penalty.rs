@@ -15,6 +15,8 @@
 //!
 //! # Source
 //! Huber, *Robust estimation of a location parameter*, Annals of Mathematical Statistics 35(1), 1964.
+//! Charbonnier et al., *Two deterministic half-quadratic regularization algorithms for computed imaging*, ICIP
+//! 1994; it is computed as `d^2 / (sqrt(d^2 + s^2) + s)`, so that small differences keep their digits.
 //! Relative: Lehtinen et al., *Noise2Noise: learning image restoration without clean data*, ICML 2018,
 //! section 3.3; their denominator is `(x + 0.01)^2`.
 
@@ -39,6 +41,12 @@ pub enum Penalty {
         /// Where the line begins, above 0.
         delta: f64,
     },
+    /// `sqrt(d^2 + scale^2) - scale`: as `|d|`, with its kink at 0 rounded. Differences well below the scale count
+    /// by their square.
+    Charbonnier {
+        /// What is a small difference, above 0.
+        scale: f64,
+    },
     /// `d^2 / (x^2 + epsilon)`: for radiance of high range, where bright pixels would outweigh all
     /// others. The gradient takes the denominator as a constant: otherwise too bright an image could
     /// be made better by more brightness. So the expectation over noise in the reference is right.
@@ -49,8 +57,8 @@ pub enum Penalty {
 }
 
 /// A penalty in numbers: its value and its slope by the difference.
-trait Rule<S>: Copy + Send + Sync + 'static {
-    /// The operation's name.
+pub(crate) trait Rule<S>: Copy + Send + Sync + 'static {
+    /// The name of its mean.
     const NAME: &'static str;
 
     /// f of the entry x and the difference d.
@@ -61,12 +69,15 @@ trait Rule<S>: Copy + Send + Sync + 'static {
 }
 
 #[derive(Clone, Copy)]
-struct Squared;
+pub(crate) struct Squared;
 #[derive(Clone, Copy)]
-struct Absolute;
+pub(crate) struct Absolute;
 /// With its delta.
 #[derive(Clone, Copy)]
-struct Huber<S>(S);
+pub(crate) struct Huber<S>(pub(crate) S);
+/// With its scale.
+#[derive(Clone, Copy)]
+pub(crate) struct Charbonnier<S>(pub(crate) S);
 /// With the root of its epsilon.
 #[derive(Clone, Copy)]
 struct Relative<S>(S);
@@ -112,6 +123,21 @@ impl<S: Scalar> Rule<S> for Huber<S> {
     #[inline(always)]
     fn slope(self, _x: S, d: S) -> S {
         if d.abs() > self.0 { sign(d) * self.0 } else { d }
+    }
+}
+
+impl<S: Scalar> Rule<S> for Charbonnier<S> {
+    const NAME: &'static str = "mean_charbonnier_error";
+
+    #[inline(always)]
+    fn value(self, _x: S, d: S) -> S {
+        let square = d * d;
+        square / ((square + self.0 * self.0).sqrt() + self.0)
+    }
+
+    #[inline(always)]
+    fn slope(self, _x: S, d: S) -> S {
+        d / (d * d + self.0 * self.0).sqrt()
     }
 }
 
@@ -350,7 +376,7 @@ fn add_rows<T: Scalar>(
 }
 
 /// `number` in the precision of the fit, where it is finite and above 0 there.
-fn positive<T: Scalar>(
+pub(crate) fn positive<T: Scalar>(
     operation: &'static str,
     name: &'static str,
     number: f64,
@@ -376,6 +402,10 @@ fn record<'t, T: Scalar>(
             let rule = Huber(positive::<T>("mean_huber_error", "delta", delta)?);
             tape.apply(MeanError { rule, weights }, inputs)
         }
+        Penalty::Charbonnier { scale } => {
+            let rule = Charbonnier(positive::<T>("mean_charbonnier_error", "scale", scale)?);
+            tape.apply(MeanError { rule, weights }, inputs)
+        }
         Penalty::Relative { epsilon } => {
             let rule = Relative(positive::<T>("mean_relative_error", "epsilon", epsilon)?.sqrt());
             tape.apply(MeanError { rule, weights }, inputs)
@@ -388,7 +418,7 @@ fn record<'t, T: Scalar>(
 ///
 /// # Errors
 /// [`TensorError::Mismatch`] unless both have the same shape; [`TensorError::Shape`] for images without
-/// an entry; [`TensorError::Value`] for a delta or epsilon that is not finite and above 0.
+/// an entry; [`TensorError::Value`] for a delta, scale or epsilon that is not finite and above 0.
 pub fn mean_error<'t, T: Scalar>(
     image: Var<'t, T>,
     reference: Var<'t, T>,
@@ -405,7 +435,7 @@ pub fn mean_error<'t, T: Scalar>(
 ///
 /// # Errors
 /// [`TensorError::Mismatch`] for shapes that do not fit; [`TensorError::Value`] for a weight that is
-/// negative or not finite, for weights whose sum overflows, and for a delta or epsilon that is not
+/// negative or not finite, for weights whose sum overflows, and for a delta, scale or epsilon that is not
 /// finite and above 0.
 pub fn weighted_error<'t, T: Scalar>(
     image: Var<'t, T>,
@@ -423,8 +453,8 @@ pub fn weighted_error<'t, T: Scalar>(
 /// shows nothing.
 ///
 /// # Errors
-/// [`TensorError::Mismatch`] for shapes that do not fit; [`TensorError::Value`] for a delta or epsilon
-/// that is not finite and above 0.
+/// [`TensorError::Mismatch`] for shapes that do not fit; [`TensorError::Value`] for a delta, scale or
+/// epsilon that is not finite and above 0.
 pub fn masked_error<'t, T: Scalar>(
     image: Var<'t, T>,
     reference: Var<'t, T>,
@@ -440,10 +470,11 @@ mod tests {
 
     use super::*;
 
-    const ALL: [Penalty; 4] = [
+    const ALL: [Penalty; 5] = [
         Penalty::Squared,
         Penalty::Absolute,
         Penalty::Huber { delta: 0.5 },
+        Penalty::Charbonnier { scale: 6.0 },
         Penalty::Relative { epsilon: 0.25 },
     ];
 
@@ -455,6 +486,7 @@ mod tests {
             Penalty::Absolute => [d.abs(), if d == 0.0 { 0.0 } else { d.signum() }],
             Penalty::Huber { delta } if d.abs() <= delta => [0.5 * d * d, d],
             Penalty::Huber { delta } => [delta * (d.abs() - 0.5 * delta), delta * d.signum()],
+            Penalty::Charbonnier { scale } => [d.hypot(scale) - scale, d / d.hypot(scale)],
             Penalty::Relative { epsilon } => {
                 [d * d / (x * x + epsilon), 2.0 * d / (x * x + epsilon)]
             }

@@ -97,17 +97,17 @@ mod tests {
     #[test]
     fn the_error_and_its_gradient_are_those_worked_out_by_hand() {
         let tape = Tape::<f64>::new();
-        let a = tape.leaf(&Tensor::from([1.0, 0.5, 0.0, 0.25]));
-        let b = tape.leaf(&Tensor::from([1.0, 1.0, 0.5, 0.0]));
+        let a = tape.leaf(&Tensor::from([1.0, 0.5, 0.0, 0.25, 0.5]));
+        let b = tape.leaf(&Tensor::from([1.0, 1.0, 0.5, 0.0, 0.5]));
         let loss = silhouette_error(a, b).unwrap();
-        // I = 1.5; U = 1 + 1 + 0.5 + 0.25 = 2.75.
-        approx::assert_relative_eq!(loss.item(), 1.25 / 2.75, max_relative = 1e-15);
+        // I = 1 + 0.5 + 0.25 = 1.75; U = 1 + 1 + 0.5 + 0.25 + 0.75 = 3.5: of two halves 3/4 are covered.
+        approx::assert_relative_eq!(loss.item(), 1.75 / 3.5, max_relative = 1e-15);
         let gradients = loss.backward().unwrap();
         for (variable, other) in [(a, b), (b, a)] {
             let other = other.value();
             for (k, &found) in gradients.get_or_zeros(variable).data().iter().enumerate() {
                 let other = other.data()[k];
-                let expected = (1.5 * (1.0 - other) - 2.75 * other) / (2.75 * 2.75);
+                let expected = (1.75 * (1.0 - other) - 3.5 * other) / (3.5 * 3.5);
                 approx::assert_relative_eq!(found, expected, max_relative = 1e-14);
             }
         }

@@ -238,6 +238,21 @@ mod tests {
     }
 
     #[test]
+    fn an_edge_between_wide_angles_has_no_weight() {
+        // A thin rhombus with its longer diagonal: the angles at its tips are wide, and their cotangents
+        // negative.
+        let topology = Topology::new(&[[0, 1, 2], [1, 0, 3]], 4).unwrap();
+        let rest = [[-2.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, -0.5, 0.0]];
+        let rest = Tensor::from(rest);
+        let rigidity = Rigidity::new(&topology, &rest, RigidWeights::Cotangent).unwrap();
+        for (edge, weight) in &rigidity.0.rest {
+            // By hand: half of the cotangent of the one angle that a side faces, 2 / 0.5.
+            let expected = if edge[1] == 0.0 { 0.0 } else { 2.0 };
+            approx::assert_relative_eq!(*weight, expected, max_relative = 1e-14);
+        }
+    }
+
+    #[test]
     fn what_is_moved_and_turned_is_rigid_and_what_is_scaled_is_not() {
         let (topology, rest) = sheet();
         for weights in [RigidWeights::Uniform, RigidWeights::Cotangent] {

@@ -2,15 +2,14 @@
 //!
 //! # Forward
 //! `L = (1 / n) sum (f(x_(i+1)jc - x_ijc) + f(x_i(j+1)c - x_ijc))` over all neighbours along columns and
-//! rows, n entries, with `f(d) = sqrt(d^2 + s^2) - s`, which is `|d|` for s = 0. Rounding of small
-//! differences is avoided by `f(d) = d^2 / (sqrt(d^2 + s^2) + s)`.
+//! rows, n entries, with a penalty f of differences (`losses::penalty`).
 //!
 //! # Backward
-//! With `f'(d) = d / sqrt(d^2 + s^2)`, each entry gathers what its four differences have:
+//! Each entry gathers what its four differences have:
 //! `x_bar = (f'(x - left) - f'(right - x) + f'(x - above) - f'(below - x)) L_bar / n`.
 //!
 //! # Where it is not smooth
-//! For s = 0 where neighbours are equal; the slope is taken as 0 there.
+//! With `f(d) = |d|` where neighbours are equal; the slope is taken as 0 there.
 //!
 //! # Source
 //! Rudin, Osher and Fatemi, *Nonlinear total variation based noise removal algorithms*, Physica D 60,
@@ -19,33 +18,13 @@
 use bokashi_core::parallel::{ENTRIES_PER_PIECE, for_each_piece_mut, merge_ranges};
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, TensorError, Var};
 
-use crate::sign::sign;
+use crate::losses::{Absolute, Charbonnier, Huber, Penalty, Rule, Squared, positive};
 
 const NAME: &str = "total_variation";
 
 /// Input: a texture `[H, W, C]`.
-struct TotalVariation {
-    /// s.
-    smoothing: f64,
-}
-
-/// `f(d)`.
-#[inline(always)]
-fn value<S: Scalar>(d: S, s: S) -> S {
-    if s == S::ZERO {
-        return d.abs();
-    }
-    let square = d * d;
-    square / ((square + s * s).sqrt() + s)
-}
-
-/// `f'(d)`.
-#[inline(always)]
-fn slope<S: Scalar>(d: S, s: S) -> S {
-    if s == S::ZERO {
-        return sign(d);
-    }
-    d / (d * d + s * s).sqrt()
+struct TotalVariation<R> {
+    rule: R,
 }
 
 /// Entries of a row, of a pixel, and rows of a piece of work.
@@ -62,7 +41,7 @@ impl Layout {
     }
 }
 
-impl<T: Scalar> Op<T> for TotalVariation {
+impl<T: Scalar, R: Rule<T::Wide>> Op<T> for TotalVariation<R> {
     type Saved = ();
     type Error = TensorError;
 
@@ -82,9 +61,9 @@ impl<T: Scalar> Op<T> for TotalVariation {
             return Err(TensorError::Shape { operation: NAME, rule, shape: shape.clone() });
         }
         let Layout { row, channels, per_piece } = Layout::new(shape);
-        let s = T::Wide::from_f64(self.smoothing);
         let between = |from: &[T], to: &[T]| -> T::Wide {
-            from.iter().zip(to).map(|(from, to)| value(to.widen() - from.widen(), s)).sum()
+            let pairs = from.iter().zip(to);
+            pairs.map(|(from, to)| self.rule.value(to.widen(), to.widen() - from.widen())).sum()
         };
         let rows = |rows: std::ops::Range<usize>| {
             rows.fold(T::Wide::ZERO, |total, i| {
@@ -108,9 +87,8 @@ impl<T: Scalar> Op<T> for TotalVariation {
         let Some(bar) = gradients.get(0) else { return };
         let x = kept.input(0);
         let Layout { row, channels, per_piece } = Layout::new(kept.input_shape(0));
-        let s = T::Wide::from_f64(self.smoothing);
         let factor = kept.only_upstream()[0].widen() / T::Wide::from_f64(x.len() as f64);
-        let between = |from: T, to: T| slope(to.widen() - from.widen(), s);
+        let between = |from: T, to: T| self.rule.slope(to.widen(), to.widen() - from.widen());
         let (bar, fresh) = bar.entries_or_fresh();
         for_each_piece_mut(bar, per_piece * row, |piece, bar| {
             for (i, bar) in bar.chunks_mut(row).enumerate() {
@@ -138,23 +116,36 @@ impl<T: Scalar> Op<T> for TotalVariation {
     }
 }
 
-/// The total variation of a texture `[H, W, C]` by rows and columns: the sum of the absolute differences
-/// of neighbours, over the number of entries; returns `[]`. A `smoothing` above 0 rounds the kink at 0:
-/// differences well below it count by their square.
+/// The total variation of a texture `[H, W, C]` by rows and columns: the sum of the penalties of the differences
+/// of neighbours, over the number of entries; returns `[]`. [`Penalty::Absolute`] is the usual one;
+/// [`Penalty::Charbonnier`] rounds its kink.
 ///
 /// # Errors
 /// [`TensorError::Shape`] unless the texture is `[H, W, C]` with at least one entry;
-/// [`TensorError::Value`] for a smoothing that is not finite and from 0 up.
+/// [`TensorError::Value`] for a delta or scale that is not finite and above 0, and for
+/// [`Penalty::Relative`]: of two neighbours none is the reference.
 #[inline(never)]
 pub fn total_variation<T: Scalar>(
     texture: Var<'_, T>,
-    smoothing: f64,
+    penalty: Penalty,
 ) -> Result<Var<'_, T>, TensorError> {
-    if !(smoothing >= 0.0 && smoothing.is_finite()) {
-        let rule = "a finite smoothing from 0 up".into();
-        return Err(TensorError::Value { operation: NAME, rule, value: smoothing });
+    let (tape, inputs) = (texture.tape(), &[texture]);
+    match penalty {
+        Penalty::Squared => tape.apply(TotalVariation { rule: Squared }, inputs),
+        Penalty::Absolute => tape.apply(TotalVariation { rule: Absolute }, inputs),
+        Penalty::Huber { delta } => {
+            let rule = Huber(positive::<T>(NAME, "delta", delta)?);
+            tape.apply(TotalVariation { rule }, inputs)
+        }
+        Penalty::Charbonnier { scale } => {
+            let rule = Charbonnier(positive::<T>(NAME, "scale", scale)?);
+            tape.apply(TotalVariation { rule }, inputs)
+        }
+        Penalty::Relative { epsilon } => {
+            let rule = "a penalty of differences alone, and no relative one".into();
+            Err(TensorError::Value { operation: NAME, rule, value: epsilon })
+        }
     }
-    texture.tape().apply(TotalVariation { smoothing }, &[texture])
 }
 
 #[cfg(test)]
@@ -169,24 +160,28 @@ mod tests {
         // Two channels: the first one varies, the second one is flat.
         let entries = [1.0, 9.0, 4.0, 9.0, 2.0, 9.0, 2.0, 9.0];
         let x = tape.leaf(&Tensor::new([2, 2, 2], entries.to_vec()).unwrap());
-        let error = total_variation(x, 0.0).unwrap();
+        let error = total_variation(x, Penalty::Absolute).unwrap();
         // |4 - 1| + |2 - 2| along rows, |2 - 1| + |2 - 4| along columns.
         assert_eq!(error.item(), 6.0 / 8.0);
         let gradient = error.backward().unwrap().get_or_zeros(x);
         assert_eq!(gradient.data(), [-2.0, 0.0, 2.0, 0.0, 1.0, 0.0, -1.0, 0.0].map(|g| g / 8.0));
-        let smooth = total_variation(x, 4.0).unwrap();
+        let of = |penalty| total_variation(x, penalty).unwrap().item();
         let f = |d: f64| (d * d + 16.0).sqrt() - 4.0;
         let expected = (f(3.0) + f(1.0) + f(2.0)) / 8.0;
-        approx::assert_relative_eq!(smooth.item(), expected, max_relative = 1e-14);
+        let smooth = of(Penalty::Charbonnier { scale: 4.0 });
+        approx::assert_relative_eq!(smooth, expected, max_relative = 1e-14);
+        assert_eq!(of(Penalty::Squared), (9.0 + 1.0 + 4.0) / 8.0);
+        // The line begins at 2: 2 (3 - 1), and half of the squares of 1 and 2.
+        assert_eq!(of(Penalty::Huber { delta: 2.0 }), (4.0 + 0.5 + 2.0) / 8.0);
     }
 
     #[test]
     fn a_flat_texture_has_none_and_steps_far_apart_add_up() {
         let tape = Tape::<f32>::new();
         for shape in [[1, 1, 1], [1, 7, 2], [9, 1, 3], [300, 200, 3]] {
-            for smoothing in [0.0, 1e-3] {
+            for penalty in [Penalty::Absolute, Penalty::Charbonnier { scale: 1e-3 }] {
                 let flat = tape.leaf(&Tensor::full(shape, 0.7));
-                let error = total_variation(flat, smoothing).unwrap();
+                let error = total_variation(flat, penalty).unwrap();
                 assert_eq!(error.item(), 0.0);
                 let gradient = error.backward().unwrap().get_or_zeros(flat);
                 assert!(gradient.data().iter().all(|g| *g == 0.0));
@@ -194,23 +189,30 @@ mod tests {
         }
         // A step along a column of 300 rows, in several pieces of work.
         let step = Tensor::from_fn([300, 200, 1], |[i, ..]| if i < 100 { 0.0 } else { 1.0_f32 });
-        let error = total_variation(tape.leaf(&step), 0.0).unwrap();
+        let error = total_variation(tape.leaf(&step), Penalty::Absolute).unwrap();
         assert_eq!(error.item(), (200.0 / 60_000.0) as f32);
     }
 
     #[test]
     fn what_does_not_fit_is_refused() {
         let tape = Tape::<f64>::new();
-        let said = |shape: &[usize], smoothing| {
-            total_variation(tape.leaf(&Tensor::zeros(shape)), smoothing).unwrap_err().to_string()
+        let said = |shape: &[usize], penalty| {
+            total_variation(tape.leaf(&Tensor::zeros(shape)), penalty).unwrap_err().to_string()
         };
         for shape in [&[0, 3, 1][..], &[3, 3], &[2, 2, 0]] {
             let rule = "total_variation needs a texture [H, W, C] of at least one entry";
-            assert_eq!(said(shape, 0.0), format!("{rule}, got shape {shape:?}"));
+            assert_eq!(said(shape, Penalty::Absolute), format!("{rule}, got shape {shape:?}"));
         }
-        for bad in [-1.0, f64::NAN, f64::INFINITY] {
-            let message = format!("total_variation needs a finite smoothing from 0 up, got {bad}");
-            assert_eq!(said(&[2, 2, 1], bad), message);
+        for bad in [-1.0, 0.0, f64::NAN, f64::INFINITY] {
+            let rule = |name| {
+                let rule = format!("a finite {name} above 0 in the precision of the fit");
+                format!("total_variation needs {rule}, got {bad}")
+            };
+            assert_eq!(said(&[2, 2, 1], Penalty::Charbonnier { scale: bad }), rule("scale"));
+            assert_eq!(said(&[2, 2, 1], Penalty::Huber { delta: bad }), rule("delta"));
         }
+        let message =
+            "total_variation needs a penalty of differences alone, and no relative one, got 0.01";
+        assert_eq!(said(&[2, 2, 1], Penalty::Relative { epsilon: 0.01 }), message);
     }
 }

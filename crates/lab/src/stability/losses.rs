@@ -10,10 +10,11 @@ use bokashi_fit::{
 use super::row::{Failure, Found, Outcome, told};
 use super::scene::{largest, motley, numbers, rounding};
 
-const PENALTIES: [Penalty; 4] = [
+const PENALTIES: [Penalty; 5] = [
     Penalty::Squared,
     Penalty::Absolute,
     Penalty::Huber { delta: 0.5 },
+    Penalty::Charbonnier { scale: 0.5 },
     Penalty::Relative { epsilon: 0.01 },
 ];
 
@@ -51,7 +52,7 @@ pub(super) fn without_a_pixel<T: Scalar>() -> Outcome {
         format!("multiscale_ssim_error needs {windows} for 1 level, {shape}"),
     ));
     results.push((
-        told(total_variation(none, 0.0)),
+        told(total_variation(none, Penalty::Absolute)),
         format!("total_variation needs a texture [H, W, C] of at least one entry, {shape}"),
     ));
     let mut wrong = usize::from(*halved(none)?.shape() != [0, 2, 3]);
@@ -77,8 +78,8 @@ pub(super) fn constant_images<T: Scalar>() -> Outcome {
         for loss in [
             ssim_error(x, y, 1.0)?,
             multiscale_ssim_error(x, y, 1.0, None)?,
-            total_variation(x, 0.0)?,
-            total_variation(x, 1e-3)?,
+            total_variation(x, Penalty::Absolute)?,
+            total_variation(x, Penalty::Charbonnier { scale: 1e-3 })?,
         ] {
             let (loss, gradients) = run(loss, &[x, y])?;
             wrong += usize::from(loss != 0.0 || largest(gradients) != 0.0);
@@ -166,9 +167,10 @@ pub(super) fn of_any_size<T: Scalar>() -> Outcome {
             (mean_error(x, y, Penalty::Squared)?, factor * factor),
             (mean_error(x, y, Penalty::Absolute)?, factor),
             (mean_error(x, y, Penalty::Huber { delta: 0.25 * factor })?, factor * factor),
+            (mean_error(x, y, Penalty::Charbonnier { scale: 0.25 * factor })?, factor),
             (mean_error(x, y, relative)?, 1.0),
-            (total_variation(x, 0.0)?, factor),
-            (total_variation(x, 0.1 * factor)?, factor),
+            (total_variation(x, Penalty::Absolute)?, factor),
+            (total_variation(x, Penalty::Charbonnier { scale: 0.1 * factor })?, factor),
             (depth_error(x, y, None, DepthAlignment::None)?, factor),
             (depth_error(x, y, None, DepthAlignment::ScaleAndShift)?, factor),
             (ssim_error(x, y, factor)?, 1.0),

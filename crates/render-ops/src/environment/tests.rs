@@ -77,8 +77,8 @@ fn an_environment_that_is_the_same_everywhere_is_an_ambient_light() {
 fn irradiance_of_the_first_bands_is_the_integral() {
     // Radiance of the bands up to 2, and of band 3, which a cosine does not see.
     let radiance = |[x, y, z]: Vector3<f64>| {
-        2.0 + 0.3 * x - 0.7 * y + 0.5 * z + 0.4 * x * y - 0.2 * z * x
-            + 0.6 * z * z
+        2.0 + 0.3 * x - 0.7 * y + 0.5 * z + 0.4 * x * y - 0.2 * z * x + 0.6 * z * z - 0.35 * y * z
+            + 0.25 * x * x
             + 0.9 * x * y * z
     };
     let (size, tape) = (64, Tape::<f64>::new());

@@ -305,6 +305,7 @@ impl<T: Scalar> Op<T> for Rasterize {
 
         let Saved { coverage, visibility, .. } = saved;
         let coverage = recycled(coverage, &self.mesh, self.options.size);
+        coverage.is_outline = self.options.sampling == Sampling::Outline;
         visibility.run(clip, self.options, inputs.needs(0), self.front.as_deref(), coverage);
         let pieces = coverage.count() - coverage.centers();
         let barycentrics = [coverage.count(), 2].into();

@@ -29,9 +29,12 @@ pub enum Sampling {
     Exact,
     /// As [`Sampling::Exact`] where a surface ends before the background, else as
     /// [`Sampling::Center`]: for silhouette masks. How much of a pixel is covered is exact, and so is its
-    /// gradient. What is covered of a pixel is one piece, shaded at one place. Folds, seams and
-    /// intersections in front of a surface that fills the pixel are left alone, which on fine meshes are
-    /// most of the cost.
+    /// gradient. Folds, seams and intersections in front of a surface that fills the pixel are left alone,
+    /// which on fine meshes are most of the cost.
+    ///
+    /// What is covered of a pixel is one piece, and of no place in it. So such fragments show one colour:
+    /// attributes that vary over the surface, depths and differentials are refused
+    /// ([`RenderError::Outline`](crate::RenderError::Outline)).
     Outline,
 }
 

@@ -329,7 +329,7 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Op<T> for Sample<C, K> {
             });
             lookup.known = Some(&saved.levels);
         }
-        let out = outputs.push([count, channels]);
+        let out = outputs.try_push(C::OPERATION, [count, channels])?;
         let texels = |level: usize| inputs.data(self.kind.first_level() + level);
         let levels = levels(&extents, texels, channels);
         let values = Values { lookup, levels: &levels };

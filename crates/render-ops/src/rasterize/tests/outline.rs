@@ -5,6 +5,10 @@ use super::*;
 use crate::background::Background;
 use crate::boundary::BoundaryCounts;
 use crate::composite::composite;
+use crate::depth::depth;
+use crate::differentials::differentials;
+use crate::error::RenderError;
+use crate::eye_depth::eye_depth;
 use crate::interpolate::interpolate;
 
 /// A sheet of 5 x 4 vertices, some of them far off, so that it folds and passes through itself; and
@@ -85,6 +89,38 @@ proptest! {
         }
         prop_assert!(counts.pixels <= most.pixels);
     }
+}
+
+#[test]
+fn an_outline_shows_one_colour_and_nothing_that_varies() {
+    let (tape, size) = (Tape::<f64>::new(), Size::square(8));
+    let clip = vec![[-0.7, -0.8, 0.2, 1.0], [0.9, -0.6, 0.0, 1.5], [0.1, 0.8, -0.3, 1.0]];
+    let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
+    let options = exact(size).sampling(Sampling::Outline);
+    let fragments = rasterize(tape.leaf(&tensor(&clip)), &mesh, options).unwrap();
+    let one_colour = Tensor::from([[0.25, 0.5]; 3]);
+    let surface = interpolate(tape.leaf(&one_colour), &fragments).unwrap();
+    for (k, entry) in surface.value().data().iter().enumerate() {
+        approx::assert_relative_eq!(*entry, [0.25, 0.5][k % 2], max_relative = 1e-14);
+    }
+    let varying = tape.leaf(&Tensor::from([[0.25, 0.5], [0.25, 0.5], [0.25, 0.75]]));
+    let told = |result: Result<_, RenderError>| result.map(drop).unwrap_err().to_string();
+    for (message, name) in [
+        (told(interpolate(varying, &fragments)), "interpolate"),
+        (told(interpolate(varying, &fragments.still().on(&tape))), "interpolate"),
+        (told(depth(&fragments)), "depth"),
+        (told(eye_depth(&fragments).map(|found| found.values())), "eye_depth"),
+        (told(differentials(&fragments)), "differentials"),
+    ] {
+        let rule = "needs fragments at pixel centres or with exact coverage, got those of an outline, \
+                    which show attributes that are the same at all vertices and nothing else";
+        assert_eq!(message, format!("{name} {rule}"));
+    }
+    let message = told(interpolate(tape.leaf(&Tensor::zeros([2, 1])), &fragments));
+    assert!(message.contains("shape"), "{message}");
+    // A place of the same tape that was an outline's is one of centres again.
+    let centers = rasterize(tape.leaf(&tensor(&clip)), &mesh, size).unwrap();
+    assert!(interpolate(varying, &centers).is_ok());
 }
 
 /// A face before another face that fills the image; then the same beside the other's edge.

@@ -232,7 +232,7 @@ pub(super) fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T, Scene>> {
         Ok(depth_error(v[0], v[1], None, DepthAlignment::ScaleAndShift)?)
     });
     add("halved", &[image], |_, v| Ok(halved(v[0])?));
-    add("total_variation", &[image], |_, v| Ok(total_variation(v[0], 0.0)?));
+    add("total_variation", &[image], |_, v| Ok(total_variation(v[0], Penalty::Absolute)?));
     add("edge_length_error", &[positions], |scene, v| {
         Ok(edge_length_error(v[0], &topology(scene)?, 0.125)?)
     });
