@@ -390,6 +390,9 @@ fn what_is_wrong_with_a_mesh_is_said_and_ends_with_1() {
     assert_eq!(error, "bokashi: model/quad.obj: 5 problems\n");
     let json: Value = serde_json::from_slice(&fs::read(folder.join("a.json")).unwrap()).unwrap();
     assert_eq!(json["problems"].as_array().unwrap().len(), 5);
+    write(folder, "model/maps/my skin.png", "RIFF\x1a\0\0\0WEBPVP8L");
+    let [told, _] = ended(folder, &["inspect", "model/quad.obj"], 1);
+    assert!(told.contains("problem: the image \"maps/my skin.png\" can't be read"), "{told}");
     assert_eq!(json["geometries"][0]["surface"]["repeated_faces"], 1);
     assert_eq!(json["kind"], "mesh");
 }

@@ -156,6 +156,7 @@ impl Object {
         Geometry {
             name: self.name.clone(),
             positions: rows(&self.positions),
+            offset: self.offset,
             faces: self.mesh.faces().to_vec(),
             colors: self.colors.as_ref().map(indexed),
             coordinates: self.coordinates.as_ref().map(indexed),

@@ -54,7 +54,7 @@ pub use glam;
 /// What images in memory can be made of and into.
 pub use image;
 pub use memory::{limit_memory, memory_limit};
-pub use mesh::{MeshKind, glb, ply, read_model, read_model_bytes};
+pub use mesh::{MeshKind, MeshOptions, glb, ply, read_model, read_model_bytes, read_model_with};
 pub use model::{Borders, Geometry, Indexed, MaterialFile, Model, NO_ROW, Placed, Submesh};
 /// The arrays of [`arrays::tensor_of_ndarray`].
 #[cfg(feature = "ndarray")]

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use bokashi_render_ops::TextureBorder;
-use glam::DMat4;
+use glam::{DMat4, DVec3};
 
 use crate::picture::Picture;
 
@@ -39,6 +39,9 @@ pub struct Geometry {
     pub name: String,
     /// Positions, in its own coordinates.
     pub positions: Vec<[f32; 3]>,
+    /// What was taken off the positions of a file, since `f32` would lose bits of them far from the origin.
+    /// [`Placed::transform`] has it, too.
+    pub offset: DVec3,
     /// Vertices of each face, counter-clockwise seen from outside.
     pub faces: Vec<[u32; 3]>,
     /// Linear colours.

@@ -58,6 +58,8 @@ pub struct Object {
     pub mesh: Mesh,
     /// Vertices `[V, 3]`, in its own coordinates.
     pub positions: Tensor<f32>,
+    /// What was taken off the positions of its file. Its places have it.
+    pub offset: DVec3,
     /// Linear colours, `[A, 3]`.
     pub colors: Option<Attribute>,
     /// Texture coordinates, `[A, 2]`, each at one vertex.
@@ -137,6 +139,7 @@ impl Object {
         Ok(Self {
             name,
             positions: rows(&geometry.positions),
+            offset: geometry.offset,
             colors: geometry.colors.as_ref().map(attribute).transpose()?,
             coordinates: coordinates.as_ref().map(attribute).transpose()?,
             normals: geometry.normals.as_ref().map(attribute).transpose()?,

@@ -20,7 +20,7 @@ use crate::error::{Place, SceneError};
 use crate::file::is_file_name;
 use crate::folder::Folder;
 use crate::memory::{OF_DRAWN_PIXEL, OF_FACE, OF_NEW_TEXEL, OF_TEXEL};
-use crate::mesh::{MeshKind, read_counted};
+use crate::mesh::{MeshKind, MeshOptions, read_counted};
 use crate::model::{Borders, MaterialFile, Model, Placed};
 use crate::object::{Object, SurfaceLook, vectors};
 use crate::picture::{ColorSpace, MOST_SAMPLES, Picture};
@@ -248,12 +248,14 @@ impl Source {
         let own = entry.get_ref();
         let (model, default) = match (&own.file, own.shape) {
             (Some(file), None) if own.faces.is_none() => {
-                let model = read_counted(&self.folder, file)?;
+                let vertex_color_space = own.vertex_color_space.map(color_space);
+                let options = MeshOptions { vertex_color_space, weld: own.weld };
+                let model = read_counted(&self.folder, file, options)?;
                 let said = |note: &String| format!("{}: {note}", file.display());
                 notes.extend(model.notes.iter().map(said));
                 (model, stem(file))
             }
-            (None, Some(shape)) => {
+            (None, Some(shape)) if own.vertex_color_space.is_none() && own.weld.is_none() => {
                 let faces = own.faces.map_or(FACES, |faces| faces.0);
                 self.at_most(entry, "faces of a shape", MOST_FACES, faces as u64)?;
                 let what = || format!("a shape of {faces} faces");
@@ -270,7 +272,8 @@ impl Source {
                 (model, name)
             }
             _ => {
-                let rule = "a mesh has either `file`, or `shape` and perhaps `faces`";
+                let rule = "a mesh has either `file` and perhaps `vertex_color_space`, or `shape` and perhaps \
+                            `faces`";
                 return Err(self.wrong(entry, rule));
             }
         };

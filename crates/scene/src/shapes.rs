@@ -5,6 +5,8 @@
 
 use std::f32::consts::FRAC_PI_4;
 
+use glam::DVec3;
+
 use crate::model::{Geometry, Indexed, Submesh};
 
 /// The part of a side's place in the texture that lies around the side.
@@ -137,6 +139,7 @@ fn geometry(
         name: name.to_owned(),
         positions,
         submeshes: vec![Submesh { material: None, faces: 0..faces.len() }],
+        offset: DVec3::ZERO,
         faces,
         colors: None,
         coordinates: Some(coordinates),

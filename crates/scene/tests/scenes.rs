@@ -6,7 +6,9 @@ use std::sync::Arc;
 
 use bokashi_core::{Tape, Tensor};
 use bokashi_scene::glam::{DMat4, DVec3};
-use bokashi_scene::{Picture, Place, Renderer, Samples, Scene, SceneFit, Values, most_bent_edges};
+use bokashi_scene::{
+    Folder, Picture, Place, Renderer, Samples, Scene, SceneFit, Values, most_bent_edges, read_model,
+};
 
 /// Columns and rows of all images here.
 const SIZE: [usize; 2] = [24, 16];
@@ -400,4 +402,91 @@ fn the_edge_that_a_lens_bends_most_is_found() {
     let expected = 200.0 * (side - corner * 0.5_f64.sqrt());
     let found = edge("", "fisheye = [0, 0, 0, 0]");
     assert!((found[0].pixels - expected).abs() < 1e-5, "{} {expected}", found[0].pixels);
+}
+
+/// The sphere of a scene as an OBJ file, with `offset` added to its positions.
+fn sphere_at(folder: &Path, name: &str, offset: DVec3) {
+    let scene = load(folder, "[[meshes]]\nshape = \"sphere\"\nfaces = 300\n");
+    let mut text = String::new();
+    for row in scene.objects[0].positions.data().chunks_exact(3) {
+        // So many bits that the sum with the offset has all of them.
+        let row = [0, 1, 2].map(|k| (f64::from(row[k]) * 1048576.0).round() / 1048576.0);
+        let [x, y, z] = (DVec3::from(row) + offset).to_array();
+        text.push_str(&format!("v {x:?} {y:?} {z:?}\n"));
+    }
+    for face in scene.objects[0].mesh.faces() {
+        let [a, b, c] = face.map(|vertex| vertex + 1);
+        text.push_str(&format!("f {a} {b} {c}\n"));
+    }
+    fs::write(folder.join(name), text).unwrap();
+}
+
+#[test]
+fn a_mesh_of_a_map_is_drawn_learnt_and_written_as_one_at_the_origin() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    png(folder);
+    let offset = DVec3::new(500_000.0, 4_649_776.0, 100.0);
+    let of = |file: &str, at: DVec3| {
+        sphere_at(folder, file, at);
+        let [x, y, z] = (-at).to_array();
+        let text = format!(
+            "[[meshes]]\nfile = \"{file}\"\nname = \"ball\"\nplace = {{ translation = [{x}, {y}, {z}] }}\n\
+             [[views]]\nimage = \"a.png\"\ncamera = {{ position = [0.5, 0.4, 4], angle = 40 }}\n\
+             [learn.vertices]\n[stop]\nsteps = 3\n"
+        );
+        let mut fit = SceneFit::new(load(folder, &text)).unwrap();
+        let mut images = vec![fit.seen(0).unwrap().image];
+        while fit.step().unwrap().is_some() {}
+        images.push(fit.seen(0).unwrap().image);
+        let out = folder.join("out").join(file);
+        fit.learnt().unwrap().save_results(&out).unwrap();
+        let notes = fit.scene().notes.clone();
+        (images, value(&fit, "vertices/ball"), Folder::new(out).unwrap(), notes)
+    };
+    let (near, far) = (of("near.obj", DVec3::ZERO), of("far.obj", offset));
+    assert_eq!(near.0, far.0);
+    assert_eq!(near.1, far.1);
+    assert!(near.3.is_empty() && far.3[0].contains("[500000.0, 4649776.0, 100.0]"), "{:?}", far.3);
+    // In the world they are the same, and in the mesh's own coordinates they are where its file had them.
+    let model = |folder: &Folder, file: &str| read_model(folder, file).unwrap();
+    assert_eq!(model(&near.2, "mesh.glb"), model(&far.2, "mesh.glb"));
+    let written = [&near, &far].map(|own| model(&own.2, "ball.ply").geometries.remove(0));
+    assert_eq!([written[0].offset, written[1].offset], [DVec3::ZERO, offset]);
+    assert_eq!(written[0].positions, written[1].positions);
+    assert_eq!(written[0].faces, written[1].faces);
+
+    // Without a place the world is that of the file.
+    let scene = load(folder, "[[meshes]]\nfile = \"far.obj\"\n");
+    scene.save_results(folder.join("out")).unwrap();
+    let again = model(&Folder::new(folder.join("out")).unwrap(), "mesh.glb");
+    assert_eq!(again.placed[0].transform, DMat4::from_translation(offset));
+    assert_eq!(again.geometries[0].faces.len(), scene.objects[0].mesh.faces().len());
+}
+
+#[test]
+fn vertex_colours_are_of_the_space_that_the_scene_names_and_are_written_as_srgb() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let text = "v 0 0 0 .5 .5 .5\nv 1 0 0 .5 .5 .5\nv 0 1 0 .5 .5 .5\nf 1 2 3\n";
+    fs::write(folder.join("a.obj"), text).unwrap();
+    let of = |file: &str, space: &str| {
+        let scene = load(folder, &format!("[[meshes]]\nfile = \"{file}\"\n{space}"));
+        scene.save_results(folder.join("out")).unwrap();
+        fs::copy(folder.join("out/a.ply"), folder.join("a.ply")).unwrap();
+        scene.objects[0].colors.as_ref().unwrap().rows.data()[0]
+    };
+    // The same grey as a byte of 128, to within the steps of bytes.
+    for (space, light) in [("linear", 0.5), ("srgb", 0.214_041)] {
+        let found = of("a.obj", &format!("vertex_color_space = \"{space}\"\n"));
+        assert!((found - light).abs() < 1e-6, "{space}: {found}");
+        let again = of("a.ply", "");
+        assert!((again - light).abs() < 4e-3, "{space}: {again}");
+    }
+    assert_eq!(of("a.obj", ""), of("a.obj", "vertex_color_space = \"srgb\"\n"));
+    let file = folder.join("scene.toml");
+    let shape = "[[meshes]]\nshape = \"cube\"\nvertex_color_space = \"srgb\"\n";
+    fs::write(&file, shape).unwrap();
+    let error = Scene::load(&file).unwrap_err().to_string();
+    assert!(error.contains("vertex_color_space"), "{error}");
 }

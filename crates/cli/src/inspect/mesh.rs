@@ -9,8 +9,10 @@ use super::beside::beside;
 use super::findings::{Findings, Section};
 use crate::digits::{count, number, numbers};
 
-/// What notes about files that are missing say.
-pub(super) const MISSING: &str = "is missing";
+/// Whether a note is about another file that the mesh file names and that is not used.
+pub(super) fn is_problem(note: &str) -> bool {
+    note.contains("is missing") || note.contains("can't be read")
+}
 
 /// What is in the mesh file `file`.
 pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
@@ -32,7 +34,7 @@ pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
         findings.part("materials", inspect_material(&model, k, material));
     }
     for note in &model.notes {
-        match note.contains(MISSING) {
+        match is_problem(note) {
             true => findings.problem(note),
             false => findings.note(note),
         }

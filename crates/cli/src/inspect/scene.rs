@@ -51,7 +51,7 @@ pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
     let cameras: Vec<_> = scene.views.iter().map(|view| view.camera).collect();
     add_cameras(&mut findings, &cameras);
     for note in &scene.notes {
-        match note.contains(super::mesh::MISSING) {
+        match super::mesh::is_problem(note) {
             true => findings.problem(note),
             false => findings.note(note),
         }

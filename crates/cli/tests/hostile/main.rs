@@ -168,11 +168,17 @@ fn meshes_are_refused() {
     let nan = ply([0.0, f32::NAN, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0], [0, 1, 2]);
     let huge = |count: &str| PLY.replace("vertex 3", &format!("vertex {count}")).into_bytes();
     let binary = [
-        (whole[..whole.len() - 1].to_vec(), "face 0 has the properties of the header"),
+        (
+            whole[..whole.len() - 1].to_vec(),
+            "face 0 has the property \"vertex_indices\", and the file ends",
+        ),
         (whole[..PLY.len() + 20].to_vec(), "the elements' rows need 37 bytes, and 20 follow"),
         (whole[..PLY.len() - 5].to_vec(), "a header ends with the line end_header"),
         (nan, "positions are finite, and vertex 0 is at [0.0, NaN, 0.0]"),
-        (ply(TRIANGLE, [0, 1, -1]), "face 0 has the properties of the header"),
+        (
+            ply(TRIANGLE, [0, 1, -1]),
+            "face 0 has vertices that are whole numbers from 0 on, and this is -1",
+        ),
         (ply(TRIANGLE, [0, 1, 3]), "the file has 3 vertices, and a face names vertex 3"),
         (ply(TRIANGLE, [0, 1, 1]), "a face that names a vertex twice was left out"),
         (huge("4294967295"), "the elements' rows need 51539607541 bytes"),

@@ -195,6 +195,7 @@ mod tests {
         Geometry {
             name: String::new(),
             positions: vec![[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]],
+            offset: DVec3::ZERO,
             faces: vec![[0, 1, 2]],
             colors: Some(Indexed { rows: vec![[0.25; 3], [0.5; 3]], faces: vec![[0, 1, 1]] }),
             coordinates: None,

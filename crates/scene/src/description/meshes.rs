@@ -7,6 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::numbers::{Count, Finite, Positive, Share};
+use super::views::ColorSpaceName;
 
 /// A mesh, and where it stands.
 #[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
@@ -20,6 +21,12 @@ pub struct MeshEntry {
     pub shape: Option<Shape>,
     /// About how many faces the shape has.
     pub faces: Option<Count>,
+    /// How the file's numbers of vertex colours stand for light. By default sRGB for OBJ and PLY, and linear
+    /// for glTF.
+    pub vertex_color_space: Option<ColorSpaceName>,
+    /// Whether vertices of the file in one place are one vertex. By default those of PLY and glTF are, which
+    /// double vertices where texture coordinates, normals or materials have a seam; those of OBJ have numbers.
+    pub weld: Option<bool>,
     /// Where it stands.
     #[serde(default)]
     pub place: Placement,

@@ -7,6 +7,7 @@ use crate::error::{Place, SceneError};
 use crate::folder::Folder;
 use crate::memory::Memory;
 use crate::mesh::notes::{self, Notes};
+use crate::mesh::options::MeshOptions;
 use crate::picture::Picture;
 
 /// A mesh file's surroundings: other files, the images that were read, and notes.
@@ -17,15 +18,16 @@ pub(super) struct Beside<'a> {
     path: PathBuf,
     /// The images of files, each once.
     pub(super) images: Vec<Picture>,
-    /// By the path without links, the number of the image.
-    numbers: HashMap<PathBuf, usize>,
+    /// By the path without links, the number of the image; none where it can't be read.
+    numbers: HashMap<PathBuf, Option<usize>>,
     pub(super) notes: Notes,
+    pub(super) options: MeshOptions,
 }
 
 impl<'a> Beside<'a> {
-    pub(super) fn new(folder: &'a Folder, path: &Path) -> Self {
+    pub(super) fn new(folder: &'a Folder, path: &Path, options: MeshOptions) -> Self {
         let (images, numbers) = (Vec::new(), HashMap::new());
-        Self { folder, path: path.to_owned(), images, numbers, notes: Notes::default() }
+        Self { folder, path: path.to_owned(), images, numbers, notes: Notes::default(), options }
     }
 
     /// What the files of the folder have taken.
@@ -69,20 +71,43 @@ impl<'a> Beside<'a> {
         self.folder.read(self.path_of(name))
     }
 
-    /// The number of the image in the file called `name`. A missing file is noted and has none.
+    /// The number of the image in the file called `name`. A file that is missing or is no image that is read
+    /// is noted and has none.
     pub(super) fn image(&mut self, name: &str) -> Result<Option<usize>, SceneError> {
         let Some(path) = self.find(name)? else {
-            let name = notes::name(name);
-            self.notes.add(format!("the image {name:?} is missing and was left out"));
+            let name = notes::quoted(name);
+            self.notes.add(format!("the image {name} is missing and was left out"));
             return Ok(None);
         };
         if let Some(&number) = self.numbers.get(&path) {
-            return Ok(Some(number));
+            return Ok(number);
         }
-        let bytes = self.read(name)?;
-        let picture = Picture::decode_within(&bytes, self.memory(), &self.place_of(name))?;
-        self.numbers.insert(path, self.images.len());
-        self.images.push(picture);
+        let number = self.decode(&self.read(name)?, &self.place_of(name), &notes::quoted(name))?;
+        self.numbers.insert(path, number);
+        Ok(number)
+    }
+
+    /// The number of the image with these bytes, which notes call `name`.
+    pub(super) fn decode(
+        &mut self,
+        bytes: &[u8],
+        place: &Place,
+        name: &str,
+    ) -> Result<Option<usize>, SceneError> {
+        match Picture::decode_within(bytes, self.memory(), place) {
+            Ok(picture) => self.images.push(picture),
+            Err(SceneError::Content { message, .. }) => {
+                self.notes
+                    .add(format!("the image {name} can't be read and was left out: {message}"));
+                return Ok(None);
+            }
+            Err(error) => return Err(error),
+        }
         Ok(Some(self.images.len() - 1))
     }
+}
+
+/// A path of a line without quotation marks around it.
+pub(super) fn unquoted(path: &str) -> &str {
+    path.strip_prefix('"').and_then(|path| path.strip_suffix('"')).unwrap_or(path)
 }

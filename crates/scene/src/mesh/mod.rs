@@ -11,10 +11,14 @@
 
 mod beside;
 mod check;
+mod colors;
+mod far;
 mod gltf;
 mod notes;
 mod obj;
+mod options;
 mod ply;
+mod polygons;
 #[cfg(test)]
 mod tests;
 mod unweld;
@@ -24,6 +28,7 @@ mod write_ply;
 
 use std::path::Path;
 
+pub use self::options::MeshOptions;
 pub use self::write_glb::glb;
 pub use self::write_ply::ply;
 use crate::error::{Place, SceneError};
@@ -74,18 +79,34 @@ impl MeshKind {
 /// another one outside the folder; [`SceneError::TooLarge`] where a file asks for more memory than its
 /// length allows; [`SceneError::Memory`] where its images are larger than the process may have.
 pub fn read_model(folder: &Folder, path: impl AsRef<Path>) -> Result<Model, SceneError> {
-    read_counted(&folder.anew(), path.as_ref())
+    read_model_with(folder, path, MeshOptions::default())
 }
 
-/// As [`read_model`], where what the folder's files take counts together.
-pub(crate) fn read_counted(folder: &Folder, path: &Path) -> Result<Model, SceneError> {
+/// As [`read_model`], with what `options` say about the file.
+///
+/// # Errors
+/// As [`read_model`].
+pub fn read_model_with(
+    folder: &Folder,
+    path: impl AsRef<Path>,
+    options: MeshOptions,
+) -> Result<Model, SceneError> {
+    read_counted(&folder.anew(), path.as_ref(), options)
+}
+
+/// As [`read_model_with`], where what the folder's files take counts together.
+pub(crate) fn read_counted(
+    folder: &Folder,
+    path: &Path,
+    options: MeshOptions,
+) -> Result<Model, SceneError> {
     let kind = MeshKind::of(path).map_err(|error| match error {
         SceneError::Content { message, .. } => {
             SceneError::content(Place::of(folder.join(path)), message)
         }
         other => other,
     })?;
-    read_model_bytes(&folder.read(path)?, kind, folder, path)
+    read_bytes(&folder.read(path)?, kind, folder, path, options)
 }
 
 /// The mesh file with these `bytes`. `path` is where the file would lie in `folder`: in errors, and for
@@ -99,7 +120,17 @@ pub fn read_model_bytes(
     folder: &Folder,
     path: impl AsRef<Path>,
 ) -> Result<Model, SceneError> {
-    let mut beside = Beside::new(folder, path.as_ref());
+    read_bytes(bytes, kind, folder, path.as_ref(), MeshOptions::default())
+}
+
+fn read_bytes(
+    bytes: &[u8],
+    kind: MeshKind,
+    folder: &Folder,
+    path: &Path,
+    options: MeshOptions,
+) -> Result<Model, SceneError> {
+    let mut beside = Beside::new(folder, path, options);
     let model = match kind {
         MeshKind::Obj => obj::read(bytes, &mut beside),
         MeshKind::Ply => ply::read(bytes, &mut beside),

@@ -15,6 +15,8 @@ use std::borrow::Cow;
 use std::collections::hash_map::RandomState;
 use std::hash::BuildHasher;
 
+use glam::DVec3;
+
 use crate::error::{Place, SceneError};
 use crate::mesh::notes::Notes;
 use crate::model::{Geometry, Indexed, NO_ROW, Submesh};
@@ -108,10 +110,11 @@ impl Welder {
         // The format that has them has none without normals.
         let tangents = raw.tangents.filter(|_| normals.is_some());
         let tangents = self.attribute(tangents, own, tangent, "tangents", notes);
-        let faces = local;
+        let (faces, offset) = (local, DVec3::ZERO);
         Ok(Some(Geometry {
             name,
             positions,
+            offset,
             faces,
             colors,
             coordinates,

@@ -203,8 +203,9 @@ fn covered<const N: usize>(own: &Indexed<N>, submeshes: &[Submesh]) -> Vec<bool>
 
 fn node(placed: &Placed, meshes: usize) -> Result<Value, SceneError> {
     check_number("geometry", placed.geometry, meshes)?;
-    let matrix = placed.transform.to_cols_array().map(|number| number as f32);
-    if !matrix.iter().all(|number| number.is_finite()) {
+    // Readers of doubles have all of it: a place may be far from the origin.
+    let matrix = placed.transform.to_cols_array();
+    if !matrix.iter().all(|&number| (number as f32).is_finite()) {
         let found = format!("a matrix is finite, and that of {:?} is {matrix:?}", placed.name);
         return Err(SceneError::content(place(), found));
     }

@@ -1,10 +1,13 @@
 //! PLY, binary and little endian: what [`super::read_model`] reads of it.
 //!
 //! A PLY file indexes all attributes alike. So a vertex is written once for each combination of attributes that
-//! corners give it. Colours are 8 bits, encoded by sRGB's curve, as viewers expect it; v is up.
+//! corners give it. Colours are 8 bits, encoded by sRGB's curve, as viewers expect it; v is up. Positions are doubles, with what was taken off those of the file, where they lie far
+//! from the origin.
+
+use glam::{DVec3, Vec3};
 
 use super::check::check;
-use super::ply::encoded;
+use super::colors::encoded;
 use super::unweld::{Unwelded, row_or};
 use crate::error::SceneError;
 use crate::model::Geometry;
@@ -16,12 +19,14 @@ use crate::model::Geometry;
 pub fn ply(geometry: &Geometry) -> Result<Vec<u8>, SceneError> {
     check(geometry)?;
     let unwelded = Unwelded::of(geometry);
-    let Geometry { positions, colors, coordinates, normals, .. } = geometry;
+    let Geometry { positions, offset, colors, coordinates, normals, .. } = geometry;
     let mut header = format!(
         "ply\nformat binary_little_endian 1.0\nelement vertex {}\n",
         unwelded.vertices.len()
     );
-    header.push_str("property float x\nproperty float y\nproperty float z\n");
+    let is_far = *offset != DVec3::ZERO;
+    let kind = if is_far { "double" } else { "float" };
+    header.push_str(&format!("property {kind} x\nproperty {kind} y\nproperty {kind} z\n"));
     if normals.is_some() {
         header.push_str("property float nx\nproperty float ny\nproperty float nz\n");
     }
@@ -35,7 +40,14 @@ pub fn ply(geometry: &Geometry) -> Result<Vec<u8>, SceneError> {
     header.push_str("property list uchar int vertex_indices\nend_header\n");
     let mut bytes = header.into_bytes();
     for &[position, color, coordinate, normal, _] in &unwelded.vertices {
-        push(&mut bytes, &positions[position as usize]);
+        let position = positions[position as usize];
+        match is_far {
+            true => {
+                let whole = Vec3::from(position).as_dvec3() + *offset;
+                bytes.extend(whole.to_array().iter().flat_map(|number| number.to_le_bytes()));
+            }
+            false => push(&mut bytes, &position),
+        }
         if let Some(normals) = normals {
             push(&mut bytes, &row_or(normals, normal, [0.0; 3]));
         }

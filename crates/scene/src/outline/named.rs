@@ -65,7 +65,7 @@ struct Found<'f> {
 impl Found<'_> {
     /// Adds the file called `name`; returns whether there is one.
     fn add(&mut self, beside: &Path, name: &str) -> Result<bool, SceneError> {
-        let name = name.trim();
+        let name = name.trim().trim_matches('"');
         if name.is_empty() {
             return Ok(false);
         }
@@ -81,10 +81,21 @@ impl Found<'_> {
         Ok(is_file)
     }
 
+    /// Adds the file that `text` names, perhaps before options; returns whether there is one.
+    fn add_before_options(&mut self, beside: &Path, text: &str) -> Result<bool, SceneError> {
+        let ends = text.match_indices(" -").map(|(at, _)| at).take(MOST_WORDS);
+        for end in [text.len()].into_iter().chain(ends) {
+            if self.add(beside, &text[..end])? {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
     /// Adds a material file, or several, and the images that they name.
     fn add_library(&mut self, beside: &Path, names: &str) -> Result<(), SceneError> {
         let names = match self.add(beside, names)? {
-            true => vec![names.trim()],
+            true => vec![names.trim().trim_matches('"')],
             false => names.split_whitespace().collect(),
         };
         for name in names {
@@ -96,13 +107,14 @@ impl Found<'_> {
             for line in String::from_utf8_lossy(&self.folder.read(&path)?).lines() {
                 let mut left = line.trim();
                 let keyword = left.split_whitespace().next().unwrap_or_default();
-                if !(keyword.starts_with("map_") || ["norm", "bump", "disp"].contains(&keyword)) {
+                let keyword = keyword.to_ascii_lowercase();
+                if !(keyword.starts_with("map_") || ["norm", "bump", "disp"].contains(&&*keyword)) {
                     continue;
                 }
                 for _ in 0..MOST_WORDS {
                     let Some((_, rest)) = left.split_once(char::is_whitespace) else { break };
                     left = rest.trim_start();
-                    if self.add(beside, left)? {
+                    if self.add_before_options(beside, left)? {
                         break;
                     }
                 }
@@ -171,8 +183,11 @@ mod tests {
     #[test]
     fn an_obj_file_names_material_files_and_these_name_images() {
         let files: &[(&str, &[u8])] = &[
-            ("scene/m/a.obj", b"mtllib sub/a b.mtl\nmtllib c.mtl d.mtl\n"),
-            ("scene/m/sub/a b.mtl", b"newmtl x\nmap_Kd -s 1 1 1 -bm 2 my photo.png\nKd 1 1 1\n"),
+            ("scene/m/a.obj", b"mtllib \"sub/a b.mtl\"\nmtllib c.mtl d.mtl\n"),
+            (
+                "scene/m/sub/a b.mtl",
+                b"newmtl x\nMAP_kd -s 1 1 1 -bm 2 my photo.png -o 1 -mm 0 1\nKd 1 1 1\n",
+            ),
             ("scene/m/sub/my photo.png", b""),
             ("scene/m/d.mtl", b"\tmap_Pr  ..\\textures\\rough.png\nnorm gone.png\nmap_Ks\n"),
             ("scene/textures/rough.png", b""),

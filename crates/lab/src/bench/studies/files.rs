@@ -5,7 +5,7 @@ use bokashi_scene::{
     Folder, Geometry, Indexed, MeshKind, Model, Placed, SceneError, Submesh, glb, ply,
     read_model_bytes,
 };
-use glam::DMat4;
+use glam::{DMat4, DVec3};
 
 use crate::bench::effort::USUAL;
 use crate::bench::sampling::{Contestant, interleaved};
@@ -93,6 +93,7 @@ fn sheet(side: u32) -> Model {
         name: String::new(),
         positions: positions.collect(),
         submeshes: vec![Submesh { material: None, faces: 0..faces.len() }],
+        offset: DVec3::ZERO,
         faces,
         colors: None,
         coordinates: Some(coordinates),

@@ -10,7 +10,6 @@ use super::budget::Budget;
 use super::uri::{self, Target};
 use crate::error::SceneError;
 use crate::mesh::beside::Beside;
-use crate::picture::Picture;
 
 /// The buffers of a file. Each is read when it is first used.
 #[derive(Debug)]
@@ -22,7 +21,7 @@ pub(super) struct Buffers<'r> {
     /// The bytes of files, by the path without links.
     files: HashMap<PathBuf, Rc<[u8]>>,
     /// By buffer, begin and end, the number of the image there.
-    images: HashMap<[usize; 3], usize>,
+    images: HashMap<[usize; 3], Option<usize>>,
     pub(super) budget: Budget,
 }
 
@@ -121,7 +120,7 @@ impl<'r> Buffers<'r> {
         Ok(View { buffer, number: view.buffer.value(), begin, end, stride })
     }
 
-    /// The number of an image in the model; nothing where its file is missing, which is noted.
+    /// The number of an image in the model; nothing where its file is missing or can't be read, which is noted.
     pub(super) fn image(
         &mut self,
         number: usize,
@@ -139,23 +138,18 @@ impl<'r> Buffers<'r> {
                 let view = self.view(index, beside)?;
                 let key = [view.number, view.begin, view.end];
                 if let Some(&found) = self.images.get(&key) {
-                    return Ok(Some(found));
+                    return Ok(found);
                 }
                 self.budget.spend_image(view.bytes().len(), &place)?;
-                self.images.insert(key, beside.images.len());
-                view.bytes().to_vec()
+                let found = beside.decode(view.bytes(), &place, &number.to_string())?;
+                self.images.insert(key, found);
+                return Ok(found);
             }
             (None, None) => {
                 let rule = "an image has a buffer view or a URI";
                 return Err(refused(format!("{rule}, and image {number} has neither")));
             }
         };
-        let picture = Picture::decode_within(&bytes, beside.memory(), &place);
-        let picture = picture.map_err(|error| match error {
-            SceneError::Content { message, .. } => refused(format!("image {number}: {message}")),
-            other => other,
-        })?;
-        beside.images.push(picture);
-        Ok(Some(beside.images.len() - 1))
+        beside.decode(&bytes, &place, &number.to_string())
     }
 }

@@ -2,7 +2,8 @@
 //!
 //! - Triangles, strips and fans, with indices of 8, 16 or 32 bits or none.
 //! - `POSITION`, `NORMAL` and `TANGENT`, of any type that `KHR_mesh_quantization` allows.
-//! - `COLOR_0`, linear, of integers (which are fractions) or floats; an opacity is left out.
+//! - `COLOR_0`, linear unless the caller says otherwise, of integers (which are fractions) or floats; an opacity is
+//!   left out.
 //! - The set of `TEXCOORD` that the material's images use; the first one without an image. v runs down, as
 //!   everywhere here.
 //!
@@ -29,9 +30,11 @@ use super::posed::{Posed, Rows, Vertices};
 use super::poses::Poses;
 use crate::error::SceneError;
 use crate::mesh::beside::Beside;
+use crate::mesh::colors::decoded;
 use crate::mesh::notes::name;
 use crate::mesh::weld::{Corners, Raw, Welder};
 use crate::model::{Geometry, Model, NO_ROW, Submesh};
+use crate::picture::ColorSpace;
 
 /// What tells primitives apart: accessors of positions, normals, tangents, colours, coordinates and indices, the
 /// mode, the material, and the pose where it moves vertices.
@@ -220,7 +223,7 @@ impl Surface {
         let raw = Raw {
             name,
             submeshes: self.submeshes.clone(),
-            is_welded: true,
+            is_welded: beside.options.weld.unwrap_or(true),
             positions: places,
             colors: corners(&colors, &self.colors),
             coordinates: corners(&coordinates, &self.coordinates),
@@ -408,7 +411,12 @@ impl Read {
         if rows.iter().any(|row| row[3] != 1.0) {
             beside.notes.add("opacities of vertices were left out");
         }
-        let rows: Vec<[f32; 3]> = rows.into_iter().map(|[r, g, b, _]| [r, g, b]).collect();
+        let light = |number: f32| match beside.options.vertex_color_space {
+            Some(ColorSpace::Srgb) => decoded(number.into()),
+            Some(ColorSpace::Linear) | None => number,
+        };
+        let rows: Vec<[f32; 3]> =
+            rows.into_iter().map(|[r, g, b, _]| [r, g, b].map(light)).collect();
         Ok(self.colors.entry(index.value()).or_insert(rows.into()).clone())
     }
 

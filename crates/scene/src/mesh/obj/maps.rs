@@ -4,60 +4,92 @@ use std::collections::HashMap;
 
 use bokashi_render_ops::TextureBorder;
 
-use crate::mesh::beside::Beside;
+use crate::mesh::beside::{Beside, unquoted};
 use crate::model::Borders;
 use crate::picture::{Picture, Samples};
 
 /// An image of a material, as a statement names it.
-#[derive(Debug, PartialEq)]
+#[derive(Debug, Default, PartialEq)]
 pub(super) struct Map {
     /// The path.
     pub(super) file: String,
     /// What `-bm` says.
     pub(super) factor: f32,
-    /// Whether `-o`, `-s` or `-t` move it.
-    pub(super) is_moved: bool,
     /// What `-clamp` says.
     pub(super) borders: Borders,
+    /// The options that say something and are left out.
+    pub(super) left_out: Vec<&'static str>,
 }
 
+/// The options, the least and the most arguments of each, and the numbers or words that say nothing.
+const OPTIONS: [(&str, usize, usize, &[&str]); 13] = [
+    ("-blendu", 1, 1, &["on"]),
+    ("-blendv", 1, 1, &["on"]),
+    ("-boost", 1, 1, &["0"]),
+    ("-bm", 1, 1, &["1"]),
+    ("-cc", 1, 1, &["off"]),
+    ("-clamp", 1, 1, &["off"]),
+    ("-imfchan", 1, 1, &[]),
+    ("-mm", 2, 2, &["0", "1"]),
+    ("-o", 1, 3, &["0", "0", "0"]),
+    ("-s", 1, 3, &["1", "1", "1"]),
+    ("-t", 1, 3, &["0", "0", "0"]),
+    ("-texres", 1, 1, &[]),
+    ("-type", 1, 1, &[]),
+];
+
 impl Map {
-    /// The image with these arguments; nothing where no path is among them.
+    /// The image with these arguments; nothing where no path is among them. Options stand before the path,
+    /// and some programs write them after it.
     pub(super) fn of(arguments: &str) -> Option<Self> {
-        let (mut left, mut factor, mut is_moved) = (arguments.trim(), 1.0, false);
-        let mut borders = Borders::default();
-        while let Some((option, after)) = word(left).filter(|(word, _)| word.starts_with('-')) {
-            let (least, most) = match option {
-                "-blendu" | "-blendv" | "-boost" | "-cc" | "-clamp" | "-imfchan" | "-texres"
-                | "-type" | "-bm" => (1, 1),
-                "-mm" => (2, 2),
-                "-o" | "-s" | "-t" => (1, 3),
-                // A path that begins so.
-                _ => break,
+        let mut map = Self { factor: 1.0, ..Self::default() };
+        let file = map.options(arguments.trim());
+        let mut ends = file.match_indices(" -").map(|(at, _)| at);
+        let is_end = |&at: &usize| Self::default().options(&file[at..]).is_empty();
+        let end = ends.find(is_end).unwrap_or(file.len());
+        map.options(&file[end..]);
+        map.file = unquoted(file[..end].trim()).to_owned();
+        (!map.file.is_empty()).then_some(map)
+    }
+
+    /// Takes the options that `text` begins with, and returns what follows them.
+    fn options<'t>(&mut self, text: &'t str) -> &'t str {
+        let mut left = text;
+        while let Some((first, after)) = word(left) {
+            // What is no option is a path that begins so.
+            let Some(&(option, least, most, nothing)) =
+                OPTIONS.iter().find(|(option, ..)| option.eq_ignore_ascii_case(first))
+            else {
+                break;
             };
-            is_moved |= most == 3;
             left = after;
+            let mut says_nothing = true;
             for k in 0..most {
                 let Some((value, after)) = word(left) else { break };
                 let number = value.parse::<f32>();
                 if k >= least && number.is_err() {
                     break;
                 }
-                if let ("-bm", Ok(number)) = (option, number) {
-                    factor = number;
+                says_nothing &= nothing.get(k).is_some_and(|nothing| match &number {
+                    Ok(number) => nothing.parse() == Ok(*number),
+                    Err(_) => nothing.eq_ignore_ascii_case(value),
+                });
+                if let ("-bm", Ok(number)) = (option, number)
+                    && number.is_finite()
+                {
+                    self.factor = number;
                 }
-                if option == "-clamp" {
+                if option == "-clamp" && value.eq_ignore_ascii_case("on") {
                     // As other readers have it. The format has the plain material beyond the edges.
-                    let is_clamped = value.eq_ignore_ascii_case("on");
-                    let border =
-                        if is_clamped { TextureBorder::Clamp } else { TextureBorder::Wrap };
-                    borders = [border; 2];
+                    (self.borders, says_nothing) = ([TextureBorder::Clamp; 2], true);
                 }
                 left = after;
             }
+            if !says_nothing {
+                self.left_out.push(option);
+            }
         }
-        let is_file = !left.is_empty() && factor.is_finite();
-        is_file.then(|| Self { file: left.to_owned(), factor, is_moved, borders })
+        left
     }
 }
 

@@ -9,23 +9,26 @@
 //! - `norm`: a normal map, with the factor of its option `-bm`.
 //! - `-clamp on` of an image: beyond its edges it goes on as on them.
 //!
-//! Left out with a note: height maps (`map_Bump`, `bump`), an opacity map, and images that are missing or
-//! whose options shift or scale them. Left out without: what is older than physically based materials, such
-//! as `Ka`, `Ks`, `Ns` and `illum`.
+//! Keywords are of any case. An image is multiplied by its number, and so a material whose `Kd` is 0 is black
+//! beside an image: a note says so.
+//!
+//! A note names what is left out: height maps (`map_Bump`, `bump`), an opacity map, images that are missing or
+//! can't be read, options of images, and all other keywords, such as `Ka`, `Ks`, `Ns` and `illum` of older
+//! models.
 //!
 //! A material that no file has is noted, and a mesh with it has none.
 //!
 //! # Sources
 //! Wavefront Technologies, Advanced Visualizer, MTL material format; the PBR extension of Clara.io.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
 use std::path::Path;
 
 use super::maps::{Map, Packed};
 use super::statements::{Statements, numbers, rest, text};
 use crate::error::{Place, SceneError};
-use crate::mesh::beside::Beside;
-use crate::mesh::notes::name;
+use crate::mesh::beside::{Beside, unquoted};
+use crate::mesh::notes::{left_out, name};
 use crate::model::MaterialFile;
 
 /// A material as a file describes it.
@@ -39,8 +42,10 @@ struct Described {
     metallic_map: Option<Map>,
     roughness_map: Option<Map>,
     normal_map: Option<Map>,
-    /// The keywords that were left out.
+    /// What was left out.
     left_out: Vec<&'static str>,
+    /// Keywords that were left out.
+    others: BTreeSet<String>,
 }
 
 /// The materials `used` of the files `libraries`, and for each used name the number of its material.
@@ -53,7 +58,8 @@ pub(super) fn read(
     let mut seen = HashSet::new();
     for library in libraries {
         // A path may have spaces, and a line several paths.
-        let mut names = vec![library.as_str()];
+        let library = unquoted(library);
+        let mut names = vec![library];
         if beside.find(library)?.is_none() && library.contains(char::is_whitespace) {
             names = library.split_whitespace().collect();
         }
@@ -69,14 +75,20 @@ pub(super) fn read(
         }
     }
     let (mut materials, mut numbers, mut packed) = (Vec::new(), Vec::new(), Packed::default());
+    let mut others = BTreeSet::new();
     for name in used {
         numbers.push(described.get(name).map(|_| materials.len()));
         match described.get(name) {
             Some((folder, described)) => {
+                others.extend(described.others.iter().map(String::as_str));
                 materials.push(material(name, folder, described, &mut packed, beside)?);
             }
             None => beside.notes.add(format!("the material {name:?} is missing and was left out")),
         }
+    }
+    if !others.is_empty() {
+        let others: Vec<&str> = others.into_iter().collect();
+        beside.notes.add(left_out(["statement", "statements"], &others, " of materials"));
     }
     Ok((materials, numbers))
 }
@@ -85,33 +97,36 @@ pub(super) fn read(
 fn read_file(
     file: &str,
     described: &mut HashMap<String, (String, Described)>,
-    beside: &Beside<'_>,
+    beside: &mut Beside<'_>,
 ) -> Result<(), SceneError> {
     let (bytes, path) = (beside.read(file)?, beside.place_of(file).path);
     let slashes = file.replace('\\', "/");
     let folder = Path::new(&slashes).parent().unwrap_or(Path::new(""));
     let folder = folder.to_string_lossy().into_owned();
     let mut current = None;
+    let mut finish = |current: Option<(String, Described)>, beside: &mut Beside<'_>| {
+        let Some((name, finished)) = current else { return };
+        if described.insert(name.clone(), (folder.clone(), finished)).is_some() {
+            let note = format!("the material {name:?} is described again: the last time counts");
+            beside.notes.add(note);
+        }
+    };
     for (number, line) in Statements::of(&text(&bytes, &Place::of(&path))?) {
-        let mut words = line.split_whitespace();
-        match (words.next(), &mut current) {
-            (None, _) => {}
-            (Some("newmtl"), current) => {
-                if let Some((name, finished)) = current.take() {
-                    described.insert(name, (folder.clone(), finished));
-                }
-                *current = Some((name(rest(&line, "newmtl")), Described::default()));
+        let Some(keyword) = line.split_whitespace().next() else { continue };
+        let arguments = rest(&line, keyword);
+        match (&*keyword.to_ascii_lowercase(), &mut current) {
+            ("newmtl", current) => {
+                finish(current.take(), beside);
+                *current = Some((name(arguments), Described::default()));
             }
-            (Some(keyword), Some((_, material))) => {
-                material.set(keyword, rest(&line, keyword), || Place::line(&path, number))?;
+            (_, Some((_, material))) => {
+                material.set(keyword, arguments, || Place::line(&path, number))?;
             }
-            // What comes before the first name belongs to no material.
-            (Some(_), None) => {}
+            (word, None) if word.starts_with('#') => {}
+            (_, None) => beside.notes.add("statements before the first material were left out"),
         }
     }
-    if let Some((name, finished)) = current {
-        described.insert(name, (folder, finished));
-    }
+    finish(current, beside);
     Ok(())
 }
 
@@ -127,8 +142,8 @@ impl Described {
             let ([number], count) = numbers(arguments.split_whitespace(), keyword, &place)?;
             Ok((count == 1).then_some(number))
         };
-        match keyword {
-            "Kd" => match arguments.starts_with("spectral") || arguments.starts_with("xyz") {
+        match &*keyword.to_ascii_lowercase() {
+            "kd" => match arguments.starts_with("spectral") || arguments.starts_with("xyz") {
                 true => self.left_out.push("Kd of another colour space"),
                 false => {
                     let words = arguments.split_whitespace();
@@ -146,17 +161,27 @@ impl Described {
             },
             "d" if arguments.starts_with('-') => self.left_out.push("d -halo"),
             "d" => self.opacity = number()?.or(self.opacity),
-            "Tr" => self.opacity = number()?.map(|number| 1.0 - number).or(self.opacity),
-            "Pm" => self.metallic = number()?.or(self.metallic),
-            "Pr" => self.roughness = number()?.or(self.roughness),
-            "map_Kd" => self.color_map = Map::of(arguments),
-            "map_Pm" => self.metallic_map = Map::of(arguments),
-            "map_Pr" => self.roughness_map = Map::of(arguments),
-            "norm" => self.normal_map = Map::of(arguments),
-            "map_Bump" | "map_bump" | "bump" => self.left_out.push("a height map"),
+            "tr" => self.opacity = number()?.map(|number| 1.0 - number).or(self.opacity),
+            "pm" => self.metallic = number()?.or(self.metallic),
+            "pr" => self.roughness = number()?.or(self.roughness),
+            "map_kd" => self.color_map = Map::of(arguments),
+            "map_pm" => self.metallic_map = Map::of(arguments),
+            "map_pr" => self.roughness_map = Map::of(arguments),
+            "norm" => {
+                self.normal_map = Map::of(arguments);
+                if let Some(map) = self.normal_map.as_mut().filter(|map| map.factor != 1.0) {
+                    map.left_out.retain(|&option| option != "-bm");
+                }
+            }
+            "map_bump" | "bump" => self.left_out.push("a height map"),
             "map_d" => self.left_out.push("an opacity map"),
-            "map_Ke" => self.left_out.push("an image of emitted light"),
-            _ => {}
+            "map_ke" => self.left_out.push("an image of emitted light"),
+            // No light of its own.
+            "ke" if arguments.split_whitespace().all(|word| word.parse() == Ok(0.0)) => {}
+            _ if keyword.starts_with('#') => {}
+            _ => {
+                self.others.insert(name(keyword));
+            }
         }
         Ok(())
     }
@@ -175,8 +200,8 @@ fn material(
     }
     let mut image = |map: &Option<Map>| -> Result<Option<usize>, SceneError> {
         let Some(map) = map else { return Ok(None) };
-        if map.is_moved {
-            beside.notes.add("shift and scale of an image were left out");
+        for option in &map.left_out {
+            beside.notes.add(format!("the option {option} of an image was left out"));
         }
         beside.image(&match folder {
             "" => map.file.clone(),
@@ -186,6 +211,10 @@ fn material(
     let base_color_image = image(&described.color_map)?;
     let normal_image = image(&described.normal_map)?;
     let (roughness, metallic) = (image(&described.roughness_map)?, image(&described.metallic_map)?);
+    if base_color_image.is_some() && described.color == Some([0.0; 3]) {
+        let note = format!("the material {name:?} is black: its Kd of 0 multiplies its image");
+        beside.notes.add(note);
+    }
     let metallic_roughness_image = packed.of([roughness, metallic], beside);
     let borders = |map: &Option<Map>| map.as_ref().map(|map| map.borders);
     let pair = [borders(&described.roughness_map), borders(&described.metallic_map)];

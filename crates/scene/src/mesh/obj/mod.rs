@@ -1,20 +1,19 @@
 //! Wavefront OBJ.
 //!
 //! # What is read
-//! - `v` with three numbers, with a fourth that divides them, or with a linear colour: `v x y z r g b`. An
-//!   opacity after the colour is left out.
+//! - `v` with three numbers, with a fourth that divides them, or with a colour: `v x y z r g b`, which becomes
+//!   light as in [`colors`](crate::mesh::colors).
 //! - `vt u v`. v is **up** in OBJ: 1 - v is the coordinate here.
 //! - `vn`, and `f` with `v`, `v/t`, `v//n` or `v/t/n` at each corner. Numbers count from 1, and negative
-//!   ones back from the latest. A polygon becomes a fan of triangles around its first corner, which covers
-//!   it where it is convex.
+//!   ones back from the latest. A polygon becomes triangles as in [`polygons`](crate::mesh::polygons).
 //! - `o`, `usemtl` and `mtllib`. The faces of an object are a mesh, of one material or several. Objects that
 //!   share vertices are one mesh, since some programs write an object per material. Groups (`g`) are not told
 //!   apart: they would tear a surface into parts that move by themselves.
 //! - A backslash at the end of a line continues it.
 //!
 //! Colours, coordinates or normals that some corners of a mesh lack are left out, and so are points, lines,
-//! curves and surfaces: a note says so. Smoothing groups are ignored. Materials are those of
-//! [`materials`].
+//! curves, surfaces, smoothing groups and statements that are unknown: a note says so. Materials are those
+//! of [`materials`].
 //!
 //! # Why no library reads it
 //! tobj 4.0 has no line numbers in errors, gives a corner without a coordinate its neighbour's, shifts
@@ -36,7 +35,7 @@ use self::statements::text;
 use crate::error::SceneError;
 use crate::mesh::beside::Beside;
 use crate::mesh::weld::Welder;
-use crate::model::{MaterialFile, Model, Placed};
+use crate::model::{Geometry, MaterialFile, Model, Placed};
 use crate::picture::Picture;
 
 /// The model of an OBJ file with these bytes.
@@ -45,12 +44,15 @@ pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Model, Scene
     let (materials, numbers) = materials::read(&parts.libraries, &parts.materials, beside)?;
     let (mut welder, mut model) = (Welder::default(), Model { materials, ..Model::default() });
     let place = beside.place();
+    // Vertices have numbers, so that no seam needs several of them.
+    let is_welded = beside.options.weld.unwrap_or(false);
     for surface in parts.surfaces(&mut beside.notes) {
-        let raw = parts.raw(&surface, &numbers, &mut beside.notes);
+        let raw = parts.raw(&surface, &numbers, is_welded, &mut beside.notes);
         if let Some(geometry) = welder.weld(raw, &place, &mut beside.notes)? {
-            let (name, transform) = (geometry.name.clone(), DMat4::IDENTITY);
+            let offset = parts.near.offset;
+            let (name, transform) = (geometry.name.clone(), DMat4::from_translation(offset));
             model.placed.push(Placed { name, geometry: model.geometries.len(), transform });
-            model.geometries.push(geometry);
+            model.geometries.push(Geometry { offset, ..geometry });
         }
     }
     keep_used_images(&mut model, std::mem::take(&mut beside.images));

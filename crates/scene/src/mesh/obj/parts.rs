@@ -1,16 +1,21 @@
 //! The parts of an OBJ file: the faces of each object with each material.
 
 use std::borrow::Cow;
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
 use std::iter::repeat_n;
+use std::mem;
 use std::str::SplitWhitespace;
 
 use super::statements::{Statements, numbers, rest};
 use crate::error::SceneError;
 use crate::mesh::beside::Beside;
-use crate::mesh::notes::{Notes, name};
+use crate::mesh::colors::{self, Written};
+use crate::mesh::far::Near;
+use crate::mesh::notes::{Notes, left_out, name};
+use crate::mesh::polygons::Polygons;
 use crate::mesh::weld::{Corners, Raw};
 use crate::model::{NO_ROW, Submesh};
+use crate::picture::ColorSpace;
 
 /// The most meshes of a file: one takes kilobytes, and a few letters make it.
 const MOST_PARTS: usize = 100_000;
@@ -31,12 +36,14 @@ pub(super) struct Part {
     faces: [Vec<[u32; 3]>; 3],
     /// How many corners have no coordinate, and no normal.
     missing: [usize; 2],
+    polygons: Polygons,
 }
 
 /// All of an OBJ file.
 #[derive(Debug, Default)]
 pub(super) struct Parts {
-    positions: Vec<[f32; 3]>,
+    positions: Vec<[f64; 3]>,
+    pub(super) near: Near,
     /// As many as positions, or none.
     colors: Vec<[f32; 3]>,
     coordinates: Vec<[f32; 2]>,
@@ -47,6 +54,10 @@ pub(super) struct Parts {
     pub(super) libraries: Vec<String>,
     /// The largest number of each kind that a corner names, and its line.
     largest: [(u32, usize); 3],
+    /// The words that begin statements which were left out.
+    left_out: BTreeSet<String>,
+    /// The first two smoothing groups that differ; none is "off".
+    smoothing: Vec<String>,
 }
 
 impl Parts {
@@ -61,8 +72,11 @@ impl Parts {
                 Some("v") => parts.vertex(words, number, beside)?,
                 Some("vt") => {
                     let place = || beside.line(number);
-                    let ([u, v, _], count) = numbers::<3>(words, "a texture coordinate", place)?;
+                    let ([u, v, w], count) = numbers(words, "a texture coordinate", place)?;
                     check_count(count, 1, "a texture coordinate", number, beside)?;
+                    if w != 0.0_f32 {
+                        beside.notes.add("third texture coordinates were left out");
+                    }
                     parts.coordinates.push([u, 1.0 - v]);
                 }
                 Some("vn") => {
@@ -86,8 +100,8 @@ impl Parts {
                             return Err(SceneError::TooLarge { place, what, most, found });
                         }
                         let (name, faces) = (object.clone(), Default::default());
-                        let missing = [0; 2];
-                        parts.list.push(Part { object: objects, name, material, faces, missing });
+                        let (missing, polygons) = ([0; 2], Polygons::default());
+                        parts.list.push(Part { object: objects, name, material, faces, missing, polygons });
                     }
                     parts.list[part].add(&corners);
                 }
@@ -110,34 +124,74 @@ impl Parts {
                 Some("curv" | "curv2" | "surf") => {
                     beside.notes.add("free-form curves and surfaces were left out");
                 }
-                _ => {}
+                Some("s") => parts.smoothing(words.next().unwrap_or_default()),
+                // Groups are not told apart.
+                Some("g") | None => {}
+                Some(word) if word.starts_with('#') => {}
+                Some(other) => {
+                    parts.left_out.insert(name(other));
+                }
             }
         }
         parts.check(beside)?;
+        parts.finish(&mut beside.notes, beside.options.vertex_color_space);
         Ok(parts)
+    }
+
+    /// The faces that follow are of this smoothing group.
+    fn smoothing(&mut self, group: &str) {
+        let group = if group == "0" { "off" } else { group };
+        if self.smoothing.len() < 2 && !self.smoothing.iter().any(|other| other == group) {
+            self.smoothing.push(name(group));
+        }
+    }
+
+    /// Cuts polygons, and brings numbers into their form.
+    fn finish(&mut self, notes: &mut Notes, space: Option<ColorSpace>) {
+        for part in &mut self.list {
+            let [positions, coordinates, normals] = &mut part.faces;
+            part.polygons.cut(&self.positions, &mut [positions, coordinates, normals], notes);
+        }
+        let named = self.list.iter().flat_map(|part| part.faces[0].iter().flatten().copied());
+        self.near = Near::of(&mem::take(&mut self.positions), named, notes);
+        let colors = mem::take(&mut self.colors);
+        let space = space.unwrap_or(ColorSpace::Srgb);
+        self.colors = colors::linear(colors, Written::Fractions, space, notes);
+        let has_creases =
+            self.smoothing.len() > 1 || self.smoothing.iter().any(|group| group == "off");
+        if has_creases && self.list.iter().any(|part| part.missing[1] > 0) {
+            notes.add("smoothing groups were left out: surfaces without normals are smooth");
+        }
+        if !self.left_out.is_empty() {
+            let names: Vec<&str> = self.left_out.iter().map(String::as_str).collect();
+            notes.add(left_out(["statement", "statements"], &names, ""));
+        }
     }
 
     fn vertex(
         &mut self,
         words: SplitWhitespace<'_>,
         number: usize,
-        beside: &Beside<'_>,
+        beside: &mut Beside<'_>,
     ) -> Result<(), SceneError> {
         let ([x, y, z, rest @ ..], count) =
-            numbers::<7>(words, "a vertex", || beside.line(number))?;
+            numbers::<f64, 7>(words, "a vertex", || beside.line(number))?;
         check_count(count, 3, "a vertex", number, beside)?;
         let mut position = [x, y, z];
-        if count == 4 {
-            position = position.map(|x| x / rest[0]);
+        match count {
+            4 => position = position.map(|x| x / rest[0]),
+            5 => beside.notes.add("of a vertex with five numbers two were left out"),
+            7 if rest[3] != 1.0 => beside.notes.add("opacities of vertices were left out"),
+            _ => {}
         }
-        if !position.iter().all(|x| x.is_finite()) {
+        if !position.iter().all(|&x| (x as f32).is_finite()) {
             let found = format!("a position is finite, and this is {position:?}");
             return Err(SceneError::content(beside.line(number), found));
         }
         // With the first colour the vertices before it turn out to have none.
         if count >= 6 {
             self.colors.resize(self.positions.len(), NO_COLOR);
-            self.colors.push([rest[0], rest[1], rest[2]]);
+            self.colors.push([rest[0], rest[1], rest[2]].map(|x| x as f32));
         } else if !self.colors.is_empty() {
             self.colors.push(NO_COLOR);
         }
@@ -255,6 +309,7 @@ impl Parts {
         &'a self,
         parts: &[&'a Part],
         materials: &[Option<usize>],
+        is_welded: bool,
         notes: &mut Notes,
     ) -> Raw<'a> {
         let mut submeshes: Vec<Submesh> = Vec::with_capacity(parts.len());
@@ -282,8 +337,8 @@ impl Parts {
         Raw {
             name: parts.first().map_or(String::new(), |part| part.name.clone()),
             submeshes,
-            is_welded: false,
-            positions: Corners { rows: &self.positions, faces: positions.unwrap_or_default() },
+            is_welded,
+            positions: Corners { rows: &self.near.positions, faces: positions.unwrap_or_default() },
             colors: colors.map(|faces| Corners { rows: &self.colors, faces }),
             coordinates: coordinates.map(|faces| Corners { rows: &self.coordinates, faces }),
             normals: normals.map(|faces| Corners { rows: &self.normals, faces }),
@@ -321,6 +376,7 @@ impl Parts {
 impl Part {
     /// Adds a face with these corners, as a fan of triangles.
     fn add(&mut self, corners: &[[u32; 3]]) {
+        self.polygons.add(self.faces[0].len(), corners.len());
         for pair in corners[1..].windows(2) {
             let triangle = [corners[0], pair[0], pair[1]];
             for (k, faces) in self.faces.iter_mut().enumerate() {

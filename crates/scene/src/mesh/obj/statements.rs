@@ -1,7 +1,7 @@
 //! The statements of OBJ and MTL files: lines, joined where a backslash continues them.
 
 use std::borrow::Cow;
-use std::str::{Lines, SplitWhitespace};
+use std::str::{FromStr, Lines, SplitWhitespace};
 
 use crate::error::{Place, SceneError};
 use crate::mesh::notes::name;
@@ -46,17 +46,21 @@ impl<'t> Iterator for Statements<'t> {
 }
 
 /// The numbers among `words`, which are all numbers, at most `N` of them; and how many there are.
-pub(super) fn numbers<const N: usize>(
+pub(super) fn numbers<T, const N: usize>(
     words: SplitWhitespace<'_>,
     what: &str,
     place: impl Fn() -> Place,
-) -> Result<([f32; N], usize), SceneError> {
-    let mut numbers = [0.0; N];
+) -> Result<([T; N], usize), SceneError>
+where
+    T: FromStr + Default + Copy + Into<f64>,
+{
+    let mut numbers = [T::default(); N];
     let mut count = 0;
     // A comment may follow what a line says.
     for word in words.take_while(|word| !word.starts_with('#')) {
-        let found = match word.parse::<f32>() {
-            Ok(number) if number.is_finite() => number,
+        let found = match word.parse::<T>() {
+            // In the end they are those of `f32`.
+            Ok(number) if (number.into() as f32).is_finite() => number,
             _ => {
                 let found = format!("{what} has finite numbers, and {:?} is none", name(word));
                 return Err(SceneError::content(place(), found));

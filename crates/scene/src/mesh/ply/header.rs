@@ -1,151 +1,264 @@
 //! The header of a PLY file, checked against what follows it before memory is taken.
 
-use ply_rs_bw::parser::{ParseError, Parser, Reader};
-use ply_rs_bw::ply::{DefaultElement, ElementDef, Encoding, Header, PropertyType, ScalarType};
+use std::collections::HashSet;
 
 use crate::error::SceneError;
-use crate::mesh::beside::Beside;
+use crate::mesh::beside::{Beside, unquoted};
 use crate::mesh::notes::name;
-
-/// So many characters of a library's message are kept: it has names that are as long as a file likes.
-const LONGEST_MESSAGE: usize = 200;
 
 /// The longest header that is read, in bytes.
 const LONGEST_HEADER: usize = 1 << 20;
+/// The words that begin a line of a header.
+const KEYWORDS: [&str; 7] =
+    ["ply", "format", "comment", "obj_info", "element", "property", "end_header"];
 
-/// A file whose header was read.
-#[derive(Debug)]
-pub(super) struct Opened<'b> {
-    pub(super) header: Header,
-    /// The bytes after the header that were not read yet.
-    pub(super) left: &'b [u8],
-    /// The number of the line that was read last, in an ascii file.
-    pub(super) line: usize,
+/// How rows are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Encoding {
+    Ascii,
+    LittleEndian,
+    BigEndian,
 }
 
-impl<'b> Opened<'b> {
-    pub(super) fn new(bytes: &'b [u8], beside: &Beside<'_>) -> Result<Self, SceneError> {
+/// The type of a number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Number {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+}
+
+impl Number {
+    fn of(name: &str) -> Option<Self> {
+        Some(match name {
+            "char" | "int8" => Self::I8,
+            "uchar" | "uint8" => Self::U8,
+            "short" | "int16" => Self::I16,
+            "ushort" | "uint16" => Self::U16,
+            "int" | "int32" => Self::I32,
+            "uint" | "uint32" => Self::U32,
+            "float" | "float32" => Self::F32,
+            "double" | "float64" => Self::F64,
+            _ => return None,
+        })
+    }
+
+    /// How many bytes it has in a binary file.
+    pub(super) fn bytes(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::F64 => 8,
+        }
+    }
+
+    /// The least and the largest whole number; nothing for fractions.
+    pub(super) fn range(self) -> Option<[f64; 2]> {
+        Some(match self {
+            Self::I8 => [i8::MIN.into(), i8::MAX.into()],
+            Self::U8 => [0.0, u8::MAX.into()],
+            Self::I16 => [i16::MIN.into(), i16::MAX.into()],
+            Self::U16 => [0.0, u16::MAX.into()],
+            Self::I32 => [i32::MIN.into(), i32::MAX.into()],
+            Self::U32 => [0.0, u32::MAX.into()],
+            Self::F32 | Self::F64 => return None,
+        })
+    }
+}
+
+/// A property of an element: a number, or a list of them after its length.
+#[derive(Debug)]
+pub(super) struct Property {
+    pub(super) name: String,
+    pub(super) number: Number,
+    pub(super) length: Option<Number>,
+}
+
+/// Rows of the same properties.
+#[derive(Debug)]
+pub(super) struct Element {
+    pub(super) name: String,
+    pub(super) count: usize,
+    pub(super) properties: Vec<Property>,
+}
+
+/// What a header says.
+#[derive(Debug)]
+pub(super) struct Header {
+    pub(super) encoding: Encoding,
+    pub(super) elements: Vec<Element>,
+    /// What the comments `TextureFile` name.
+    pub(super) images: Vec<String>,
+    /// How many lines and bytes it has.
+    pub(super) lines: usize,
+    pub(super) bytes: usize,
+}
+
+impl Header {
+    /// That of a file with these bytes.
+    pub(super) fn read(bytes: &[u8], beside: &Beside<'_>) -> Result<Self, SceneError> {
         let refused = |found: String| SceneError::content(beside.place(), found);
         if !bytes.starts_with(b"ply") {
             return Err(refused(
                 "a PLY file begins with the line ply, and this does not".to_owned(),
             ));
         }
-        let mut end = 0;
-        let mut lines = 0;
-        let mut promised = [0_usize; 2];
+        let (mut encoding, mut elements, mut images) = (None, Vec::<Element>::new(), Vec::new());
+        let (mut end, mut lines) = (0, 0);
+        // With how many elements there were before.
+        let mut names = HashSet::new();
         loop {
             let left = &bytes[end..bytes.len().min(LONGEST_HEADER)];
             let Some(length) = left.iter().position(|&byte| byte == b'\n') else {
                 let rule = "a header ends with the line end_header";
                 return Err(refused(format!("{rule}, and {end} bytes of lines have none")));
             };
-            let line = left[..length].trim_ascii();
             end += length + 1;
             lines += 1;
-            promised[0] += usize::from(line.starts_with(b"element"));
-            promised[1] += usize::from(line.starts_with(b"property"));
-            if line == b"end_header" {
-                break;
-            }
+            // Comments are in any encoding.
+            let line = String::from_utf8_lossy(&left[..length]);
+            let mut words = line.split_whitespace();
+            let found = match words.next() {
+                Some("end_header") => break,
+                Some("format") => match Self::encoding(&line) {
+                    Ok(found) => {
+                        encoding = Some(found);
+                        Ok(())
+                    }
+                    Err(found) => Err(found),
+                },
+                Some("element") => Element::of(words).and_then(|own| {
+                    let found = is_new(&mut names, 0, &own.name, "elements");
+                    elements.push(own);
+                    found
+                }),
+                Some("property") => Property::of(words).and_then(|own| {
+                    let found = is_new(&mut names, elements.len(), &own.name, "properties");
+                    let rule = "a property follows its element, and this has none";
+                    elements.last_mut().ok_or(rule)?.properties.push(own);
+                    found
+                }),
+                Some("comment") => {
+                    let text = line.trim_start()["comment".len()..].trim();
+                    if let Some(file) = text.strip_prefix("TextureFile") {
+                        images.push(unquoted(file.trim()).to_owned());
+                    }
+                    Ok(())
+                }
+                Some("obj_info") | None => Ok(()),
+                Some("ply") if lines == 1 => Ok(()),
+                Some(other) => {
+                    let rule = format!("a line of a header begins with {}", KEYWORDS.join(", "));
+                    Err(format!("{rule}, and this begins with {:?}", name(other)))
+                }
+            };
+            found.map_err(|found| SceneError::content(beside.line(lines), found))?;
         }
-        // Comments are in any encoding.
-        let text = String::from_utf8_lossy(&bytes[..end]);
-        let header = Parser::<DefaultElement>::new().read_header(&mut Reader::new(text.as_bytes()));
-        let header = header.map_err(|error| match error.line() {
-            Some(line) => {
-                let found = unknown(&text, line).unwrap_or_else(|| {
-                    format!("a header has the lines of the format: {}", message(&error))
-                });
-                SceneError::content(beside.line(line), found)
-            }
-            None => refused(message(&error)),
-        })?;
-        let properties = |element: &ElementDef| element.properties.len();
-        let found = [header.elements.len(), header.elements.values().map(properties).sum()];
-        // The library keeps the last of two that are called the same, with the rows of both to read.
-        if found != promised {
-            let rule = "elements have different names, and so have the properties of an element";
-            return Err(refused(format!("{rule}, and some of this header are the same")));
-        }
-        let opened = Self { header, left: &bytes[end..], line: lines };
-        opened.check_counts(beside)?;
-        Ok(opened)
+        let Some(encoding) = encoding else {
+            let rule = "a header has a line that begins with format";
+            return Err(refused(format!("{rule}, and this has none")));
+        };
+        let header = Self { encoding, elements, images, lines, bytes: end };
+        header.check_counts(bytes.len() - end).map_err(refused)?;
+        Ok(header)
     }
 
-    /// Refuses counts of rows that can't be in the bytes that follow.
-    fn check_counts(&self, beside: &Beside<'_>) -> Result<(), SceneError> {
-        let is_ascii = self.header.encoding == Encoding::Ascii;
+    fn encoding(line: &str) -> Result<Encoding, String> {
+        let words: Vec<&str> = line.split_whitespace().skip(1).collect();
+        match words[..] {
+            ["ascii", "1.0"] => Ok(Encoding::Ascii),
+            ["binary_little_endian", "1.0"] => Ok(Encoding::LittleEndian),
+            ["binary_big_endian", "1.0"] => Ok(Encoding::BigEndian),
+            _ => {
+                let rule = "a format is ascii, binary_little_endian or binary_big_endian, and 1.0";
+                Err(format!("{rule}, and this is {:?}", name(&words.join(" "))))
+            }
+        }
+    }
+
+    /// Refuses counts of rows that can't be in so many bytes after the header.
+    fn check_counts(&self, left: usize) -> Result<(), String> {
+        let is_ascii = self.encoding == Encoding::Ascii;
         let mut needed = 0_u64;
-        for ElementDef { name, count, properties } in self.header.elements.values() {
-            let least: u64 = match is_ascii {
+        for Element { name: own, count, properties } in &self.elements {
+            let least: usize = match is_ascii {
                 // A digit and what separates it from the next.
-                true => 2 * properties.len() as u64,
-                false => properties.values().map(|property| least_bytes(&property.data_type)).sum(),
+                true => 2 * properties.len(),
+                // A list may be empty.
+                false => {
+                    properties.iter().map(|own| own.length.unwrap_or(own.number).bytes()).sum()
+                }
             };
             if least == 0 && *count > 0 {
-                let found = format!("{name:?} has {count} rows of none");
-                let rule = "an element has properties";
-                return Err(SceneError::content(beside.place(), format!("{rule}, and {found}")));
+                let found = format!("{:?} has {count} rows of none", name(own));
+                return Err(format!("an element has properties, and {found}"));
             }
-            needed = needed.saturating_add((*count as u64).saturating_mul(least));
+            needed = needed.saturating_add((*count as u64).saturating_mul(least as u64));
         }
         // The last line of an ascii file may have no end.
-        let left = self.left.len() as u64 + u64::from(is_ascii);
-        if needed > left {
-            let found = format!("need {needed} bytes, and {} follow the header", self.left.len());
-            let found = format!("the elements' rows {found}");
-            return Err(SceneError::content(beside.place(), found));
+        if needed > left as u64 + u64::from(is_ascii) {
+            let found = format!("need {needed} bytes, and {left} follow the header");
+            return Err(format!("the elements' rows {found}"));
         }
         Ok(())
     }
+}
 
-    /// The next line that says something: the empty one after the last where there is none.
-    pub(super) fn next_line(&mut self) -> &'b [u8] {
-        loop {
-            let end = self.left.iter().position(|&byte| byte == b'\n');
-            let (line, left) = match end {
-                Some(end) => (&self.left[..end], &self.left[end + 1..]),
-                None => (self.left, &[][..]),
-            };
-            self.left = left;
-            self.line += 1;
-            let line = line.trim_ascii();
-            if !line.is_empty() || left.is_empty() {
-                return line;
+/// Refuses a name that is among `names` of the same `part`, which it joins.
+fn is_new(
+    names: &mut HashSet<(usize, String)>,
+    part: usize,
+    own: &str,
+    what: &str,
+) -> Result<(), String> {
+    match names.insert((part, own.to_owned())) {
+        true => Ok(()),
+        false => Err(format!("{what} have different names, and {:?} is repeated", name(own))),
+    }
+}
+
+impl Element {
+    /// That of the words after the first one of its line.
+    fn of<'w>(words: impl Iterator<Item = &'w str>) -> Result<Self, String> {
+        let words: Vec<&str> = words.collect();
+        let rule = "an element has a name and a count";
+        let [own, count] = words[..] else {
+            return Err(format!("{rule}, and this has {} words", words.len()));
+        };
+        let Ok(count) = count.parse() else {
+            return Err(format!("{rule}, and {:?} is no count", name(count)));
+        };
+        Ok(Self { name: own.to_owned(), count, properties: Vec::new() })
+    }
+}
+
+impl Property {
+    /// That of the words after the first one of its line.
+    fn of<'w>(words: impl Iterator<Item = &'w str>) -> Result<Self, String> {
+        let words: Vec<&str> = words.collect();
+        let (length, number, own) = match words[..] {
+            ["list", length, number, own] => (Some(length), number, own),
+            [number, own] => (None, number, own),
+            _ => {
+                let rule = "a property is a type and a name, or list, two types and a name";
+                return Err(format!("{rule}, and this has {} words", words.len()));
             }
+        };
+        let of = |word: &str| {
+            let rule = "a type is char, uchar, short, ushort, int, uint, float or double, or int8 to \
+                        uint32, float32 or float64";
+            Number::of(word).ok_or(format!("{rule}, and this is {:?}", name(word)))
+        };
+        let (length, number) = (length.map(of).transpose()?, of(number)?);
+        if length.is_some_and(|length| length.range().is_none()) {
+            return Err("the length of a list is a whole number, and this has fractions".to_owned());
         }
+        Ok(Self { name: own.to_owned(), number, length })
     }
-}
-
-/// What is wrong with a line of a header that begins with none of the format's words.
-fn unknown(header: &str, line: usize) -> Option<String> {
-    const KEYWORDS: [&str; 7] =
-        ["ply", "format", "comment", "obj_info", "element", "property", "end_header"];
-    let first = header.lines().nth(line.checked_sub(1)?)?.split_whitespace().next()?;
-    let rule = format!("a line of a header begins with {}", KEYWORDS.join(", "));
-    let is_unknown = !KEYWORDS.contains(&first);
-    is_unknown.then(|| format!("{rule}, and this begins with {:?}", name(first)))
-}
-
-/// The least bytes that a property has in a row of a binary file: a list may be empty.
-fn least_bytes(property: &PropertyType) -> u64 {
-    let (PropertyType::Scalar(scalar) | PropertyType::List(scalar, _)) = property;
-    match scalar {
-        ScalarType::Char | ScalarType::UChar => 1,
-        ScalarType::Short | ScalarType::UShort => 2,
-        ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
-        ScalarType::Double => 8,
-    }
-}
-
-/// What the library says, without the line's number, which the place has, and the line itself.
-pub(super) fn message(error: &ParseError) -> String {
-    let text = error.to_string();
-    let text = text.lines().next().unwrap_or_default();
-    let text = match error.line().and_then(|line| text.strip_prefix(&format!("Line {line}: "))) {
-        Some(rest) => rest,
-        None => text,
-    };
-    text.chars().take(LONGEST_MESSAGE).collect()
 }

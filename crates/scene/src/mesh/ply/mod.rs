@@ -1,262 +1,392 @@
 //! PLY, ascii and binary.
 //!
 //! # What is read
-//! - Of the element `vertex`: `x`, `y`, `z`; `nx`, `ny`, `nz`; `red`, `green`, `blue`, also with
-//!   `diffuse_` before; `s`, `t`, or `u`, `v`, or `texture_u`, `texture_v`, or `texture_s`, `texture_t`.
+//! - Of the element `vertex`: `x`, `y`, `z`; `nx`, `ny`, `nz`; colours, which are `red`, `green`, `blue`,
+//!   also with `diffuse_` before, or `r`, `g`, `b`; `s`, `t`, or `u`, `v`, or `texture_u`, `texture_v`, or
+//!   `texture_s`, `texture_t`.
 //! - Of the element `face`: the list `vertex_indices` or `vertex_index`, and the list `texcoord` with two
-//!   numbers for each corner, which comes before coordinates at vertices. A polygon becomes a fan of triangles
-//!   around its first corner, which covers it where it is convex.
-//! - The comment `TextureFile` with the path of an image, as MeshLab writes it: the base colour.
+//!   numbers for each corner, which comes before coordinates at vertices. Colours of faces are read where
+//!   vertices have none. A polygon becomes triangles as in [`polygons`](crate::mesh::polygons).
+//! - The element `tristrips`: a list of vertices in which -1 ends a strip. Of two neighbouring triangles of
+//!   a strip one is turned.
+//! - The comment `TextureFile` with the path of an image, as MeshLab writes it: the base colour. All faces
+//!   have the first one; those whose `texnumber` is another one are noted.
 //!
-//! Colours of type `uchar` or `ushort` are encoded by sRGB's curve, from 0 to 255 or 65535; colours of type
-//! `float` are linear. Texture coordinates have v **up**, as in OBJ: 1 - v is the coordinate here.
+//! Numbers are of any type; in an ascii file also `2.`, `.5`, `nan` and `inf`. Colours become light as in
+//! [`colors`]. Texture coordinates have v **up**, as in OBJ: 1 - v is the coordinate here.
 //!
-//! Opacities, colours of faces, further images, triangle strips and other elements are left out, most with a
-//! note. Numbers of an ascii file have a digit before and after the point, and are finite: so the library
-//! has it.
+//! Opacities, `alpha`, are left out: a note says so where one is not full. A note names all other elements and
+//! properties.
+//!
+//! # Why no library reads it
+//! ply-rs-bw 4.0 refuses `2.`, `.5` and `nan` in ascii files, names no word that it can't read, and reads
+//! numbers where types must fit the program's. The tests compare with it.
 //!
 //! # Source
 //! Greg Turk, The PLY Polygon File Format.
 
 mod header;
 mod rows;
-mod srgb;
 
 use std::borrow::Cow;
+use std::mem;
 
 use glam::DMat4;
-use ply_rs_bw::parser::Parser;
-use ply_rs_bw::ply::{ElementDef, Encoding, PropertyAccess};
 
-use self::header::{Opened, message};
-use self::rows::{Face, Skipped, Vertex};
-pub(super) use self::srgb::encoded;
+use self::header::{Element, Header, Number};
+use self::rows::{Named, Row, Rows};
 use crate::error::SceneError;
 use crate::mesh::beside::Beside;
+use crate::mesh::colors::{self, Written};
+use crate::mesh::far::Near;
 use crate::mesh::notes::name;
+use crate::mesh::polygons::Polygons;
 use crate::mesh::weld::{Corners, Raw, Welder};
-use crate::model::{MaterialFile, Model, Placed, Submesh};
+use crate::model::{Geometry, MaterialFile, Model, Placed, Submesh};
+use crate::picture::ColorSpace;
+
+/// The names of colours.
+const COLORS: [[&str; 3]; 3] =
+    [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diffuse_blue"], ["r", "g", "b"]];
+/// The names of texture coordinates.
+const COORDINATES: [[&str; 2]; 4] =
+    [["s", "t"], ["u", "v"], ["texture_u", "texture_v"], ["texture_s", "texture_t"]];
+/// The names of opacities.
+const OPACITIES: [[&str; 1]; 3] = [["alpha"], ["diffuse_alpha"], ["a"]];
+/// The names of the vertices of a face or a strip.
+const VERTICES: [&str; 2] = ["vertex_indices", "vertex_index"];
+
+/// Colours as a file has them, and how.
+type Colors = Option<(Written, Vec<[f32; 3]>)>;
 
 /// The vertices and faces of a file.
 #[derive(Debug, Default)]
 struct Contents {
-    positions: Vec<[f32; 3]>,
+    positions: Vec<[f64; 3]>,
+    near: Near,
     normals: Vec<[f32; 3]>,
-    colors: Vec<[f32; 3]>,
+    /// At vertices.
+    colors: Colors,
     coordinates: Vec<[f32; 2]>,
     faces: Vec<[u32; 3]>,
+    /// The polygon that each face is of.
+    polygon_faces: Vec<[u32; 3]>,
+    polygon_colors: Colors,
     /// The coordinates at the corners of faces: a row for each corner of a polygon.
     corner_coordinates: Vec<[f32; 2]>,
     corner_faces: Vec<[u32; 3]>,
     /// Whether a face has no coordinates at its corners.
     has_bare_faces: bool,
+    polygons: Polygons,
 }
 
 /// The model of a PLY file with these bytes.
 pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Model, SceneError> {
-    let mut opened = Opened::new(bytes, beside)?;
-    let definitions: Vec<ElementDef> = opened.header.elements.values().cloned().collect();
-    let found = match definitions.iter().find(|element| element.name == "face") {
+    let header = Header::read(bytes, beside)?;
+    let is_surface = |own: &&Element| matches!(&*own.name, "face" | "tristrips");
+    let found = match header.elements.iter().filter(is_surface).map(|own| own.count).max() {
         None => Some("a mesh has the element face, and this has none: it is a cloud of points"),
-        Some(faces) if faces.count == 0 => Some("a mesh has faces, and this has 0"),
+        Some(0) => Some("a mesh has faces, and this has 0"),
         Some(_) => None,
     };
     if let Some(found) = found {
         return Err(SceneError::content(beside.place(), found));
     }
-    let mut contents = Contents::default();
-    for element in &definitions {
+    let (mut contents, mut rows) = (Contents::default(), Rows::after(&header, bytes));
+    for element in &header.elements {
         match &*element.name {
-            "vertex" => contents.read_vertices(element, &mut opened, beside)?,
-            "face" => contents.read_faces(element, &mut opened, beside)?,
+            "vertex" => contents.read_vertices(element, &mut rows, beside)?,
+            "face" => contents.read_faces(element, &mut rows, beside)?,
+            "tristrips" => contents.read_strips(element, &mut rows, beside)?,
             other => {
-                opened.rows::<Skipped>(element, beside, |_, _| Ok(()))?;
+                rows.read(element, beside, |_, _| Ok(()))?;
                 beside.notes.add(format!("the element {:?} was left out", name(other)));
             }
         }
     }
-    contents.check(beside)?;
+    contents.finish(beside)?;
     let mut model = Model::default();
-    let material = material(&opened, &mut model, beside)?;
+    let material = material(&header, &mut model, beside)?;
     let geometry =
-        Welder::default().weld(contents.raw(material), &beside.place(), &mut beside.notes)?;
-    model.geometries.extend(geometry);
-    let (name, transform) = (String::new(), DMat4::IDENTITY);
+        Welder::default().weld(contents.raw(material, beside.options.weld.unwrap_or(true)), &beside.place(), &mut beside.notes)?;
+    let offset = contents.near.offset;
+    model.geometries.extend(geometry.map(|geometry| Geometry { offset, ..geometry }));
+    let (name, transform) = (String::new(), DMat4::from_translation(offset));
     model.placed.push(Placed { name, geometry: 0, transform });
-    model.images = std::mem::take(&mut beside.images);
-    model.notes = std::mem::take(&mut beside.notes).finish();
+    model.images = mem::take(&mut beside.images);
+    model.notes = mem::take(&mut beside.notes).finish();
     Ok(model)
 }
 
 /// The number of the material with the image that the header names.
 fn material(
-    opened: &Opened<'_>,
+    header: &Header,
     model: &mut Model,
     beside: &mut Beside<'_>,
 ) -> Result<Option<usize>, SceneError> {
-    let mut files =
-        opened.header.comments.iter().filter_map(|c| c.trim().strip_prefix("TextureFile"));
-    let Some(file) = files.next() else { return Ok(None) };
-    if files.next().is_some() {
+    let Some(file) = header.images.first() else { return Ok(None) };
+    if header.images.len() > 1 {
         beside.notes.add("images after the first one were left out");
     }
-    let base_color_image = beside.image(file.trim())?;
+    let base_color_image = beside.image(file)?;
     model.materials.push(MaterialFile { base_color_image, metallic: 0.0, ..Default::default() });
     Ok(Some(0))
+}
+
+/// How colours are written; nothing where their types differ, which is noted.
+fn written(named: &Named<'_>, colors: [usize; 3], beside: &mut Beside<'_>) -> Option<Written> {
+    let written = colors.map(|property| match named.number(property) {
+        Number::I8 | Number::U8 => Written::Bytes,
+        number if number.range().is_some() => Written::Whole,
+        _ => Written::Fractions,
+    });
+    if written[0] != written[1] || written[1] != written[2] {
+        beside.notes.add("colours were left out: red, green and blue differ in type");
+        return None;
+    }
+    Some(written[0])
+}
+
+/// Opacities, which nobody uses: they say something where one is not full.
+struct Opacity {
+    property: Option<[usize; 1]>,
+    /// What stands for full opacity.
+    full: [f64; 2],
+    is_full: bool,
+}
+
+impl Opacity {
+    fn of(named: &mut Named<'_>) -> Self {
+        let property = named.scalars(&OPACITIES);
+        let full = match property.map(|[own]| named.number(own)) {
+            Some(Number::F32 | Number::F64) => [1.0, 255.0],
+            _ => [255.0, 65535.0],
+        };
+        Self { property, full, is_full: true }
+    }
+
+    fn see(&mut self, row: &Row) {
+        self.is_full &= self.property.is_none_or(|own| self.full.contains(&row.scalars(own)[0]));
+    }
+
+    fn note(self, of: &str, beside: &mut Beside<'_>) {
+        if !self.is_full {
+            beside.notes.add(format!("opacities of {of} were left out"));
+        }
+    }
+}
+
+/// The number of a vertex.
+fn vertex(number: f64, what: &str, row: usize) -> Result<u32, String> {
+    match number.fract() == 0.0 && number >= 0.0 && number < f64::from(u32::MAX) {
+        true => Ok(number as u32),
+        false => {
+            let rule = format!("{what} {row} has vertices that are whole numbers from 0 on");
+            Err(format!("{rule}, and this is {number}"))
+        }
+    }
 }
 
 impl Contents {
     fn read_vertices(
         &mut self,
-        element: &ElementDef,
-        opened: &mut Opened<'_>,
+        element: &Element,
+        rows: &mut Rows<'_>,
         beside: &mut Beside<'_>,
     ) -> Result<(), SceneError> {
-        let [has_positions, has_normals, has_colors, has_coordinates] = rows::groups(element);
-        if !has_positions {
+        let mut named = Named::of(element);
+        let Some(position) = named.scalars(&[["x", "y", "z"]]) else {
             let found = "a vertex has the properties x, y and z, and these lack some";
             return Err(SceneError::content(beside.place(), found));
-        }
-        if element.properties.contains_key("alpha") {
-            beside.notes.add("opacities of vertices were left out");
-        }
-        opened.rows::<Vertex>(element, beside, |vertex, _| {
-            self.positions.push(vertex.position);
-            if has_normals {
-                self.normals.push(vertex.normal);
+        };
+        let normal = named.scalars(&[["nx", "ny", "nz"]]);
+        let color = named.scalars(&COLORS);
+        let color = color.and_then(|own| Some((own, written(&named, own, beside)?)));
+        let coordinate = named.scalars(&COORDINATES);
+        let mut opacity = Opacity::of(&mut named);
+        named.note_others(beside);
+        let mut colors = Vec::new();
+        rows.read(element, beside, |row, _| {
+            self.positions.push(row.scalars(position));
+            opacity.see(row);
+            if let Some(normal) = normal {
+                self.normals.push(row.scalars(normal).map(|x| x as f32));
             }
-            if has_colors {
-                self.colors.push(vertex.color);
+            if let Some((color, _)) = color {
+                colors.push(row.scalars(color).map(|x| x as f32));
             }
-            if has_coordinates {
-                self.coordinates.push([vertex.coordinate[0], 1.0 - vertex.coordinate[1]]);
+            if let Some(coordinate) = coordinate {
+                let [u, v] = row.scalars(coordinate).map(|x| x as f32);
+                self.coordinates.push([u, 1.0 - v]);
             }
             Ok(())
-        })
+        })?;
+        self.colors = color.map(|(_, written)| (written, colors));
+        opacity.note("vertices", beside);
+        Ok(())
     }
 
     fn read_faces(
         &mut self,
-        element: &ElementDef,
-        opened: &mut Opened<'_>,
+        element: &Element,
+        rows: &mut Rows<'_>,
         beside: &mut Beside<'_>,
     ) -> Result<(), SceneError> {
-        let has = |name| element.properties.contains_key(name);
-        if !has("vertex_indices") && !has("vertex_index") {
+        let mut named = Named::of(element);
+        let Some(vertices) = named.list(&VERTICES) else {
             let found = "a face has the property vertex_indices, and these have none";
             return Err(SceneError::content(beside.place(), found));
-        }
-        if has("red") {
-            beside.notes.add("colours of faces were left out");
-        }
-        if has("texnumber") {
-            beside.notes.add("all faces have the first image: others were left out");
-        }
-        let mut left_out = 0;
-        opened.rows::<Face>(element, beside, |face, number| {
-            let Face { vertices, coordinates } = face;
-            if vertices.len() < 3 {
+        };
+        let coordinates = named.list(&["texcoord"]);
+        let image = named.scalars(&[["texnumber"]]);
+        let color = named.scalars(&COLORS);
+        let color = color.and_then(|own| Some((own, written(&named, own, beside)?)));
+        let mut opacity = Opacity::of(&mut named);
+        named.note_others(beside);
+        let (mut left_out, mut of_others, mut colors) = (0, 0, Vec::new());
+        let mut corners = Vec::new();
+        rows.read(element, beside, |row, number| {
+            opacity.see(row);
+            corners.clear();
+            for &own in row.list(vertices) {
+                corners.push(vertex(own, "face", number)?);
+            }
+            if let Some((color, _)) = color {
+                colors.push(row.scalars(color).map(|x| x as f32));
+            }
+            if corners.len() < 3 {
                 left_out += 1;
                 return Ok(());
             }
-            for pair in vertices[1..].windows(2) {
-                self.faces.push([vertices[0], pair[0], pair[1]]);
+            of_others += usize::from(image.is_some_and(|image| row.scalars(image) != [0.0]));
+            self.polygons.add(self.faces.len(), corners.len());
+            for pair in corners[1..].windows(2) {
+                self.faces.push([corners[0], pair[0], pair[1]]);
+                if color.is_some() {
+                    self.polygon_faces.push([number as u32; 3]);
+                }
             }
+            let coordinates = coordinates.map_or(&[][..], |own| row.list(own));
             if coordinates.is_empty() {
                 self.has_bare_faces = true;
-            } else if coordinates.len() != 2 * vertices.len() {
-                let corners = vertices.len();
+            } else if coordinates.len() != 2 * corners.len() {
+                let corners = corners.len();
                 let rule =
                     format!("face {number} has two coordinates at each of {corners} corners");
                 return Err(format!("{rule}, and these are {}", coordinates.len()));
             } else {
                 let row = self.corner_coordinates.len() as u32;
-                let rows = coordinates.chunks_exact(2).map(|pair| [pair[0], 1.0 - pair[1]]);
-                self.corner_coordinates.extend(rows);
-                for k in 1..vertices.len() as u32 - 1 {
+                let rows = coordinates.as_chunks().0.iter();
+                self.corner_coordinates.extend(rows.map(|&[u, v]| [u as f32, 1.0 - v as f32]));
+                for k in 1..corners.len() as u32 - 1 {
                     self.corner_faces.push([row, row + k, row + k + 1]);
                 }
             }
             Ok(())
         })?;
-        if self.has_bare_faces && !self.corner_coordinates.is_empty() {
-            beside.notes.add("coordinates at corners were left out: not all faces have some");
-        }
+        self.polygon_colors = color.map(|(_, written)| (written, colors));
+        opacity.note("faces", beside);
+        beside.notes.count(
+            "a face names another image than the first one, which stands for all",
+            of_others,
+        );
         beside.notes.count("a face with fewer than three corners was left out", left_out);
         Ok(())
     }
 
-    /// Refuses faces that name vertices beyond the last.
-    fn check(&self, beside: &Beside<'_>) -> Result<(), SceneError> {
-        let count = self.positions.len();
-        match self.faces.iter().flatten().find(|&&vertex| vertex as usize >= count) {
-            Some(vertex) => {
-                let found =
-                    format!("the file has {count} vertices, and a face names vertex {vertex}");
-                Err(SceneError::content(beside.place(), found))
+    fn read_strips(
+        &mut self,
+        element: &Element,
+        rows: &mut Rows<'_>,
+        beside: &mut Beside<'_>,
+    ) -> Result<(), SceneError> {
+        let mut named = Named::of(element);
+        let Some(vertices) = named.list(&VERTICES) else {
+            let found = "a strip has the property vertex_indices, and these have none";
+            return Err(SceneError::content(beside.place(), found));
+        };
+        named.note_others(beside);
+        self.has_bare_faces |= element.count > 0;
+        rows.read(element, beside, |row, number| {
+            for strip in row.list(vertices).split(|&own| own == -1.0) {
+                let mut last = [0; 2];
+                for (k, &own) in strip.iter().enumerate() {
+                    let own = vertex(own, "strip", number)?;
+                    let [a, b] = last;
+                    // A vertex twice in a row turns a strip or leads on, and is no face.
+                    if k >= 2 && a != b && b != own && own != a {
+                        self.faces.push(if k % 2 == 0 { [a, b, own] } else { [b, a, own] });
+                    }
+                    last = [b, own];
+                }
             }
-            None => Ok(()),
-        }
+            Ok(())
+        })
     }
 
-    fn raw(&self, material: Option<usize>) -> Raw<'_> {
+    /// Refuses faces that name vertices beyond the last, cuts polygons, and brings numbers into their form.
+    fn finish(&mut self, beside: &mut Beside<'_>) -> Result<(), SceneError> {
+        let count = self.positions.len();
+        if let Some(vertex) = self.faces.iter().flatten().find(|&&own| own as usize >= count) {
+            let found = format!("the file has {count} vertices, and a face names vertex {vertex}");
+            return Err(SceneError::content(beside.place(), found));
+        }
+        if self.has_bare_faces && !self.corner_coordinates.is_empty() {
+            beside.notes.add("coordinates at corners were left out: not all faces have some");
+            self.corner_coordinates.clear();
+        }
+        let mut faces = vec![&mut self.faces];
+        if !self.corner_coordinates.is_empty() {
+            faces.push(&mut self.corner_faces);
+        }
+        self.polygons.cut(&self.positions, &mut faces, &mut beside.notes);
+        let named = self.faces.iter().flatten().copied();
+        self.near = Near::of(&mem::take(&mut self.positions), named, &mut beside.notes);
+
+        // Colours at vertices come before those of faces.
+        if self.polygon_colors.is_some()
+            && (self.colors.is_some() || self.polygon_faces.len() < self.faces.len())
+        {
+            beside
+                .notes
+                .add("colours of faces were left out: vertices have some, or strips have none");
+            self.polygon_colors = None;
+        }
+        let space = beside.options.vertex_color_space.unwrap_or(ColorSpace::Srgb);
+        for own in [&mut self.colors, &mut self.polygon_colors] {
+            if let Some((written, rows)) = own.take() {
+                let rows = colors::linear(rows, written, space, &mut beside.notes);
+                *own = (!rows.is_empty()).then_some((written, rows));
+            }
+        }
+        Ok(())
+    }
+
+    fn raw(&self, material: Option<usize>, is_welded: bool) -> Raw<'_> {
         let faces = || Cow::Borrowed(self.faces.as_slice());
         let at_vertices = Corners { rows: &self.coordinates, faces: faces() };
         let corner_faces = Cow::Borrowed(self.corner_faces.as_slice());
         let at_corners = Corners { rows: &self.corner_coordinates, faces: corner_faces };
-        let coordinates = match self.corner_coordinates.is_empty() || self.has_bare_faces {
+        let coordinates = match self.corner_coordinates.is_empty() {
             true => Some(at_vertices).filter(|_| !self.coordinates.is_empty()),
             false => Some(at_corners),
         };
         let vectors = |rows| Corners { rows, faces: faces() };
+        let polygon_faces = Cow::Borrowed(self.polygon_faces.as_slice());
+        let colors = match (&self.colors, &self.polygon_colors) {
+            (Some((_, rows)), _) => Some(vectors(rows)),
+            (None, Some((_, rows))) => Some(Corners { rows, faces: polygon_faces }),
+            (None, None) => None,
+        };
         Raw {
             name: String::new(),
             submeshes: vec![Submesh { material, faces: 0..self.faces.len() }],
-            is_welded: true,
-            positions: vectors(&self.positions),
-            colors: (!self.colors.is_empty()).then(|| vectors(&self.colors)),
+            is_welded,
+            positions: vectors(&self.near.positions),
+            colors,
             coordinates,
             normals: (!self.normals.is_empty()).then(|| vectors(&self.normals)),
             tangents: None,
         }
-    }
-}
-
-impl Opened<'_> {
-    /// Gives each row of an element, which are the next in the file, to `take` with its number.
-    fn rows<E: PropertyAccess>(
-        &mut self,
-        element: &ElementDef,
-        beside: &Beside<'_>,
-        mut take: impl FnMut(E, usize) -> Result<(), String>,
-    ) -> Result<(), SceneError> {
-        let parser = Parser::<E>::new();
-        let (kind, mut line) = (name(&element.name), String::new());
-        for number in 0..element.count {
-            let row = match self.header.encoding {
-                Encoding::Ascii => {
-                    let text = self.next_line();
-                    line.clear();
-                    line.push_str(&String::from_utf8_lossy(text));
-                    parser.read_ascii_element(&line, element)
-                }
-                Encoding::BinaryLittleEndian => {
-                    parser.read_little_endian_element(&mut self.left, element)
-                }
-                Encoding::BinaryBigEndian => {
-                    parser.read_big_endian_element(&mut self.left, element)
-                }
-            };
-            let place = || match self.header.encoding {
-                Encoding::Ascii => beside.line(self.line),
-                _ => beside.place(),
-            };
-            let row = row.map_err(|error| {
-                let found = format!("{kind} {number} has the properties of the header");
-                SceneError::content(place(), format!("{found}, and: {}", message(&error)))
-            })?;
-            take(row, number).map_err(|found| SceneError::content(place(), found))?;
-        }
-        Ok(())
     }
 }

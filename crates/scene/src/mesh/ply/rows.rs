@@ -1,117 +1,231 @@
-//! Rows of a PLY file, as the library gives them: a property at a time, by its name.
+//! Rows of a PLY file as numbers, and which property is which of them.
 
-use ply_rs_bw::ply::{ElementDef, Property, PropertyAccess, PropertyAccessResult};
+use std::str;
 
-use super::srgb::decoded;
+use super::header::{Element, Encoding, Header, Number, Property};
+use crate::error::{Place, SceneError};
+use crate::mesh::beside::Beside;
+use crate::mesh::notes::{left_out, name};
 
-/// The names of a vertex' properties, by what they are and in the order of their numbers.
-const POSITION: [&[&str]; 3] = [&["x"], &["y"], &["z"]];
-const NORMAL: [&[&str]; 3] = [&["nx"], &["ny"], &["nz"]];
-const COLOR: [&[&str]; 3] =
-    [&["red", "diffuse_red"], &["green", "diffuse_green"], &["blue", "diffuse_blue"]];
-const COORDINATE: [&[&str]; 2] =
-    [&["s", "u", "texture_u", "texture_s"], &["t", "v", "texture_v", "texture_t"]];
-
-/// A vertex.
+/// The numbers of a row, those of each property after those of the one before.
 #[derive(Debug, Default)]
-pub(super) struct Vertex {
-    pub(super) position: [f32; 3],
-    pub(super) normal: [f32; 3],
-    /// Linear.
-    pub(super) color: [f32; 3],
-    /// As the file has it: v up.
-    pub(super) coordinate: [f32; 2],
+pub(super) struct Row {
+    numbers: Vec<f64>,
+    /// For each property where its numbers end.
+    ends: Vec<usize>,
 }
 
-/// A polygon.
-#[derive(Debug, Default)]
-pub(super) struct Face {
-    pub(super) vertices: Vec<u32>,
-    pub(super) coordinates: Vec<f32>,
+impl Row {
+    /// The numbers of the property with this number.
+    pub(super) fn list(&self, property: usize) -> &[f64] {
+        let begin = if property == 0 { 0 } else { self.ends[property - 1] };
+        &self.numbers[begin..self.ends[property]]
+    }
+
+    /// The numbers of properties that are no lists.
+    pub(super) fn scalars<const N: usize>(&self, properties: [usize; N]) -> [f64; N] {
+        properties.map(|property| self.list(property)[0])
+    }
 }
 
-/// A row that is read over.
+/// The properties of an element, and which of them somebody reads.
 #[derive(Debug)]
-pub(super) struct Skipped;
-
-/// Whether vertices have positions, normals, colours and coordinates.
-pub(super) fn groups(element: &ElementDef) -> [bool; 4] {
-    let has = |names: &&[&str]| names.iter().any(|name| element.properties.contains_key(*name));
-    [
-        POSITION.iter().all(has),
-        NORMAL.iter().all(has),
-        COLOR.iter().all(has),
-        COORDINATE.iter().all(has),
-    ]
+pub(super) struct Named<'e> {
+    element: &'e Element,
+    is_read: Vec<bool>,
 }
 
-/// Where among `slots` a property belongs.
-fn slot<'s, const N: usize>(
-    slots: &'s mut [f32; N],
-    names: [&[&str]; N],
-    name: &str,
-) -> Option<&'s mut f32> {
-    let number = names.iter().position(|names| names.contains(&name))?;
-    Some(&mut slots[number])
-}
-
-impl PropertyAccess for Vertex {
-    fn new() -> Self {
-        Self::default()
+impl<'e> Named<'e> {
+    pub(super) fn of(element: &'e Element) -> Self {
+        Self { element, is_read: vec![false; element.properties.len()] }
     }
 
-    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
-        let Some(number) = property.to_f32_lossy() else { return PropertyAccessResult::Ignored };
-        let Self { position, normal, color, coordinate } = self;
-        if let Some(slot) = slot(position, POSITION, name)
-            .or_else(|| slot(normal, NORMAL, name))
-            .or_else(|| slot(coordinate, COORDINATE, name))
-        {
-            *slot = number;
-        } else if let Some(slot) = slot(color, COLOR, name) {
-            *slot = match property {
-                Property::UChar(number) => decoded(f64::from(number) / 255.0),
-                Property::UShort(number) => decoded(f64::from(number) / 65535.0),
-                Property::Float(_) | Property::Double(_) => number,
-                _ => return PropertyAccessResult::UnsupportedType,
+    fn find(&self, is_list: bool, sought: &str) -> Option<usize> {
+        let is_it = |own: &Property| own.length.is_some() == is_list && own.name == sought;
+        self.element.properties.iter().position(is_it)
+    }
+
+    /// The list with the first of these names that there is.
+    pub(super) fn list(&mut self, names: &[&str]) -> Option<usize> {
+        let found = names.iter().find_map(|own| self.find(true, own))?;
+        self.is_read[found] = true;
+        Some(found)
+    }
+
+    /// The numbers with the first of these sets of names that is there as a whole.
+    pub(super) fn scalars<const N: usize>(&mut self, sets: &[[&str; N]]) -> Option<[usize; N]> {
+        let found = sets.iter().find_map(|names| {
+            let found = names.map(|own| self.find(false, own));
+            found.iter().all(Option::is_some).then(|| found.map(Option::unwrap_or_default))
+        })?;
+        found.iter().for_each(|&property| self.is_read[property] = true);
+        Some(found)
+    }
+
+    /// The type of a property.
+    pub(super) fn number(&self, property: usize) -> Number {
+        self.element.properties[property].number
+    }
+
+    /// Notes which properties nobody reads.
+    pub(super) fn note_others(self, beside: &mut Beside<'_>) {
+        let all = self.element.properties.iter().zip(self.is_read);
+        let others: Vec<&str> =
+            all.filter(|(_, is_read)| !is_read).map(|(own, _)| own.name.as_str()).collect();
+        if !others.is_empty() {
+            let of = format!(" of the element {:?}", name(&self.element.name));
+            beside.notes.add(left_out(["property", "properties"], &others, &of));
+        }
+    }
+}
+
+/// The rows of a file that were not read yet.
+#[derive(Debug)]
+pub(super) struct Rows<'b> {
+    encoding: Encoding,
+    left: &'b [u8],
+    /// The number of the line that was read last.
+    line: usize,
+}
+
+impl<'b> Rows<'b> {
+    /// Those after a header.
+    pub(super) fn after(header: &Header, bytes: &'b [u8]) -> Self {
+        Self { encoding: header.encoding, left: &bytes[header.bytes..], line: header.lines }
+    }
+
+    /// Gives each row of an element, which are the next in the file, to `take` with its number.
+    pub(super) fn read(
+        &mut self,
+        element: &Element,
+        beside: &Beside<'_>,
+        mut take: impl FnMut(&Row, usize) -> Result<(), String>,
+    ) -> Result<(), SceneError> {
+        let mut row = Row::default();
+        for number in 0..element.count {
+            row.numbers.clear();
+            row.ends.clear();
+            let read = self.row(element, &mut row);
+            let kind = || format!("{} {number}", name(&element.name));
+            read.map_err(|found| format!("{} {found}", kind()))
+                .and_then(|()| take(&row, number))
+                .map_err(|found| SceneError::content(self.place(beside), found))?;
+        }
+        Ok(())
+    }
+
+    fn place(&self, beside: &Beside<'_>) -> Place {
+        match self.encoding {
+            Encoding::Ascii => beside.line(self.line),
+            _ => beside.place(),
+        }
+    }
+
+    /// Reads a row; an error is what the row has and should not.
+    fn row(&mut self, element: &Element, row: &mut Row) -> Result<(), String> {
+        let mut words = match self.encoding {
+            Encoding::Ascii => {
+                let line = self.next_line();
+                Some(line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()))
+            }
+            _ => None,
+        };
+        for own in &element.properties {
+            let mut next = |number: Number| match &mut words {
+                Some(words) => words
+                    .next()
+                    .ok_or_else(|| {
+                        format!("has the property {:?}, and the line ends", name(&own.name))
+                    })
+                    .and_then(|word| of_word(word, number, &own.name)),
+                None => self.binary(number).ok_or_else(|| {
+                    format!("has the property {:?}, and the file ends", name(&own.name))
+                }),
             };
-        } else {
-            return PropertyAccessResult::Ignored;
+            let count = match own.length {
+                None => 1.0,
+                Some(length) => next(length)?,
+            };
+            if count < 0.0 {
+                return Err(format!("has a list of a length from 0 on, and this is {count}"));
+            }
+            // Each number has bytes of its own, so that a long list meets the end.
+            for _ in 0..count as u64 {
+                let number = next(own.number)?;
+                row.numbers.push(number);
+            }
+            row.ends.push(row.numbers.len());
         }
-        PropertyAccessResult::Set
+        match words.and_then(|mut words| words.next()) {
+            Some(word) => {
+                let word = name(&String::from_utf8_lossy(word));
+                Err(format!("has the properties of the header, and {word:?} follows them"))
+            }
+            None => Ok(()),
+        }
     }
 
-    fn set_float(&mut self, name: &str, number: f32) -> PropertyAccessResult {
-        self.set_property(name, Property::Float(number))
+    fn binary(&mut self, number: Number) -> Option<f64> {
+        let (bytes, left) = self.left.split_at_checked(number.bytes())?;
+        self.left = left;
+        let mut little = [0; 8];
+        little[..bytes.len()].copy_from_slice(bytes);
+        if self.encoding == Encoding::BigEndian {
+            little[..bytes.len()].reverse();
+        }
+        let [a, b, c, d, ..] = little;
+        Some(match number {
+            Number::I8 => i8::from_le_bytes([a]).into(),
+            Number::U8 => a.into(),
+            Number::I16 => i16::from_le_bytes([a, b]).into(),
+            Number::U16 => u16::from_le_bytes([a, b]).into(),
+            Number::I32 => i32::from_le_bytes([a, b, c, d]).into(),
+            Number::U32 => u32::from_le_bytes([a, b, c, d]).into(),
+            Number::F32 => f32::from_le_bytes([a, b, c, d]).into(),
+            Number::F64 => f64::from_le_bytes(little),
+        })
+    }
+
+    /// The next line that says something: the empty one after the last where there is none.
+    fn next_line(&mut self) -> &'b [u8] {
+        loop {
+            let end = self.left.iter().position(|&byte| byte == b'\n');
+            let (line, left) = match end {
+                Some(end) => (&self.left[..end], &self.left[end + 1..]),
+                None => (self.left, &[][..]),
+            };
+            self.left = left;
+            self.line += 1;
+            let line = line.trim_ascii();
+            if !line.is_empty() || left.is_empty() {
+                return line;
+            }
+        }
     }
 }
 
-impl PropertyAccess for Face {
-    fn new() -> Self {
-        Self::default()
-    }
-
-    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
-        match name {
-            "vertex_indices" | "vertex_index" => match property.to_u32_list() {
-                Some(vertices) => self.vertices = vertices,
-                None => return PropertyAccessResult::UnsupportedType,
-            },
-            "texcoord" => match property {
-                Property::ListFloat(numbers) => self.coordinates = numbers,
-                Property::ListDouble(numbers) => {
-                    self.coordinates = numbers.into_iter().map(|number| number as f32).collect();
-                }
-                _ => return PropertyAccessResult::UnsupportedType,
-            },
-            _ => return PropertyAccessResult::Ignored,
+/// The number of a word.
+fn of_word(word: &[u8], number: Number, property: &str) -> Result<f64, String> {
+    let text = str::from_utf8(word).unwrap_or_default();
+    let refused = |rule: &str| {
+        let found = name(&String::from_utf8_lossy(word));
+        Err(format!("has {rule} as {:?}, and {found:?} is none", name(property)))
+    };
+    let found = match text.parse::<f64>() {
+        Ok(found) => found,
+        Err(_) if is_odd_nan(text) => f64::NAN,
+        Err(_) => return refused("a number"),
+    };
+    match number.range() {
+        Some([least, most]) if found.fract() != 0.0 || !(least..=most).contains(&found) => {
+            refused(&format!("a whole number from {least} to {most}"))
         }
-        PropertyAccessResult::Set
+        _ => Ok(found),
     }
 }
 
-impl PropertyAccess for Skipped {
-    fn new() -> Self {
-        Self
-    }
+/// Whether a word is one of those that C's libraries print for what is no number.
+fn is_odd_nan(text: &str) -> bool {
+    let text = text.trim_start_matches(['+', '-']).to_ascii_lowercase();
+    text.starts_with("nan(") || text.starts_with("1.#")
 }

@@ -97,7 +97,10 @@ fn headers_with_huge_counts_take_no_memory() {
         .to_vec();
     bytes.extend([0; 12]);
     bytes.extend([255; 12]);
-    assert!(said(read(Ply, bytes)).contains("face 0 has the properties of the header"));
+    assert!(
+        said(read(Ply, bytes))
+            .contains("face 0 has the property \"vertex_indices\", and the file ends")
+    );
     // A length of a GLB or a chunk beyond the file, and one that is too small for its header.
     for (place, lengths) in [(8, vec![0, 11, 13, u32::MAX]), (12, vec![0, 3, u32::MAX])] {
         for length in lengths {
@@ -207,4 +210,28 @@ fn text_that_is_none_is_refused_in_short() {
     assert!(said(read(Obj, text)).len() < 1000);
     let uri = json!({"asset": {"version": "2.0"}, "buffers": [{"uri": format!("{long}:a")}]});
     assert!(read(Gltf, uri.to_string()).is_err());
+}
+
+#[test]
+fn notes_about_very_many_long_names_are_short() {
+    let mut header =
+        "element vertex 1\nproperty float x\nproperty float y\nproperty float z\n".to_owned();
+    for element in 0..200 {
+        header.push_str(&format!("element {element} 0\n"));
+        (0..10)
+            .for_each(|k| header.push_str(&format!("property int {}{k}\n", "\u{1}".repeat(300))));
+    }
+    for k in 0..50 {
+        header.push_str(&format!("element face{k} 0\nproperty int {}{k}\n", "\u{1}".repeat(300)));
+    }
+    header.push_str("element face 1\nproperty list uchar int vertex_indices\n");
+    (0..500).for_each(|k| header.push_str(&format!("property int {}{k}\n", "\u{1}".repeat(200))));
+    let row = "0 ".repeat(500);
+    let text = format!("ply\nformat ascii 1.0\n{header}end_header\n0 0 0\n3 0 0 0 {row}\n");
+    let _ = said(read(Ply, &text));
+    let text = text.replace("element vertex 1", "element vertex 3");
+    let text = text.replace("0 0 0\n3 0 0 0", "0 0 0\n1 0 0\n0 1 0\n3 0 1 2");
+    let notes = read(Ply, text).unwrap().notes;
+    assert!(notes.iter().map(String::len).sum::<usize>() < 1 << 16);
+    assert!(notes.last().unwrap().contains("further notes"), "{notes:?}");
 }

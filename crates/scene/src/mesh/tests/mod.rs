@@ -7,6 +7,7 @@ mod gltf_poses;
 mod hostile;
 mod obj;
 mod ply;
+mod polygons;
 mod weld;
 mod written;
 

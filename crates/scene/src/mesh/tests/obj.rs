@@ -7,7 +7,8 @@ use bokashi_render_ops::TextureBorder;
 use super::{at_corners, of_corners, only, read, read_with, said};
 use crate::error::{Place, SceneError};
 use crate::mesh::MeshKind::Obj;
-use crate::model::NO_ROW;
+use crate::mesh::colors::decoded;
+use crate::model::{Model, NO_ROW};
 use crate::picture::{Picture, Samples};
 
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
@@ -50,11 +51,21 @@ fn faces_may_come_before_their_vertices_and_lines_go_on() {
 }
 
 #[test]
-fn colours_follow_positions_and_a_fourth_number_divides() {
-    let text = "v 0 0 0 0.5 0.25 1\nv 1 0 0 0 0 0 1\nv 0 1 0 1 1 1\nf 1 2 3\n";
-    let model = read(Obj, text).unwrap();
-    let expected = [[0.5, 0.25, 1.0], [0.0; 3], [1.0; 3]];
-    assert_eq!(of_corners(&only(&model).colors), expected);
+fn colours_follow_positions_as_srgb_and_a_fourth_number_divides() {
+    let of = |white: f32| {
+        let numbers = [0.5, 0.25, 1.0].map(|x| x * white);
+        let [r, g, b] = numbers;
+        let text = format!("v 0 0 0 {r} {g} {b}\nv 1 0 0 0 0 0 1\nv 0 1 0 0 0 0\nf 1 2 3\n");
+        let model = read(Obj, text).unwrap();
+        (of_corners(&only(&model).colors), model.notes)
+    };
+    // By the curve of IEC 61966-2-1.
+    let expected = [0.214_041_14, 0.050_876_09, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+    for (white, notes) in [(1.0, 0), (255.0, 1)] {
+        let (found, said) = of(white);
+        approx::assert_abs_diff_eq!(found.as_flattened(), &expected[..], epsilon = 1e-6);
+        assert_eq!(said.len(), notes, "{said:?}");
+    }
     let text = "v 0 0 0\nv 2 0 0 2\nv 0 1 0\nf 1 2 3\n";
     assert_eq!(only(&read(Obj, text).unwrap()).positions[1], [1.0, 0.0, 0.0]);
 }
@@ -67,7 +78,8 @@ fn attributes_that_some_corners_lack_are_left_out_of_that_mesh_alone() {
     let model = read(Obj, text).unwrap();
     let [a, b] = &model.geometries[..] else { panic!("{}", model.geometries.len()) };
     assert!(a.colors.is_none() && a.coordinates.is_none() && a.normals.is_none());
-    assert_eq!(of_corners(&b.colors), [[1.0; 3], [0.5; 3], [0.0; 3]]);
+    let grey = decoded(0.5);
+    assert_eq!(of_corners(&b.colors), [[1.0; 3], [grey; 3], [0.0; 3]]);
     assert_eq!([&*a.name, &*b.name], ["a", "b"]);
     assert_eq!(model.notes.len(), 3, "{:?}", model.notes);
 }
@@ -170,11 +182,13 @@ fn materials_have_images_and_factors() {
     assert_eq!([same.roughness, same.metallic], [1.0, 0.0]);
     assert_eq!(model.images.len(), 4);
     let notes = model.notes.join("; ");
-    assert!(notes.contains("height map") && notes.contains("shift and scale"), "{notes}");
+    let expected =
+        "a height map of a material was left out; the option -clamp of an image was left out";
+    assert_eq!(notes, expected);
 }
 
 #[test]
-fn missing_files_are_notes_and_broken_ones_are_errors() {
+fn missing_and_broken_images_are_notes_and_those_outside_are_errors() {
     let text = format!("mtllib m.mtl\n{TRIANGLE}usemtl m\nf 1 2 3\n");
     let folder = tempfile::tempdir().unwrap();
     let model = read_with(Obj, &text, &[], folder.path()).unwrap();
@@ -183,8 +197,14 @@ fn missing_files_are_notes_and_broken_ones_are_errors() {
     let model = read_with(Obj, &text, &[mtl], folder.path()).unwrap();
     assert_eq!(model.notes, ["the image \"a.png\" is missing and was left out"]);
     assert_eq!(model.materials[0].base_color_image, None);
-    let error = said(read_with(Obj, &text, &[mtl, ("a.png", b"no image")], folder.path()));
-    assert!(error.contains("a.png"), "{error}");
+    // TGA and WebP, which are not read, and a PNG that is cut short.
+    let webp = b"RIFF\x1a\0\0\0WEBPVP8L";
+    for broken in [&b"\0\0\x02\0"[..], webp, &png(&[1, 2, 3])[..40]] {
+        let model = read_with(Obj, &text, &[mtl, ("a.png", broken)], folder.path()).unwrap();
+        let note = "the image \"a.png\" can't be read and was left out: ";
+        assert!(model.notes.len() == 1 && model.notes[0].starts_with(note), "{:?}", model.notes);
+        assert_eq!([model.materials.len(), model.images.len()], [1, 0]);
+    }
     let leaves: (&str, &[u8]) = ("m.mtl", b"newmtl m\nmap_Kd ../../../../../../etc/passwd\n");
     let found = read_with(Obj, &text, &[leaves], folder.path());
     assert!(matches!(found, Err(SceneError::Outside { .. })), "{found:?}");
@@ -198,6 +218,7 @@ fn errors_have_the_line_and_the_rule() {
         ("v 1 2 nan\n", "mesh:1: a vertex has finite numbers, and \"nan\" is none"),
         ("\nv 1 2 3e50\n", "mesh:2: a vertex has finite numbers, and \"3e50\" is none"),
         ("v 1 2 3 0\n", "mesh:1: a position is finite, and this is [inf, inf, inf]"),
+        ("v 1 2 3 1e-300\n", "mesh:1: a position is finite, and this is ["),
         ("v 1 2 3 4 5 6 7 8\n", "mesh:1: a vertex has at most 7 numbers, and there are more"),
         ("vt\n", "mesh:1: a texture coordinate has 1 numbers or more, and this has 0"),
         ("v 0 0 0\n\\\n\nf 1 1 2\n", "mesh:4: the file has 1 of the kind \"vertex\", and a face"),
@@ -231,7 +252,8 @@ fn errors_have_the_line_and_the_rule() {
 fn triangles_are_those_of_tobj() {
     let mut text = String::new();
     for k in 0..60 {
-        let [x, y, z] = [k * 7 % 11, k * 5 % 13, k];
+        // Corners that follow each other on a parabola are a convex polygon.
+        let [x, y, z] = [k, k * k, 2 * k];
         text.push_str(&format!("v {x} {y}.5 {z}e-1\nvt 0.{k} 0.5\nvn 0.6 0 -0.8\n"));
     }
     for k in 1..50 {
@@ -271,4 +293,94 @@ fn a_file_without_faces_says_what_else_it_has_in_short() {
     let many: String = (0..50).map(|k| format!("usemtl {k}\n")).collect();
     let many = said(read(Obj, many));
     assert!(many.ends_with("\"2\" is missing and was left out; and more was left out"), "{many}");
+}
+
+#[test]
+fn keywords_are_of_any_case_and_options_may_follow_the_path() {
+    let text = format!("mtllib \"a m.mtl\"\n{TRIANGLE}usemtl m\nf 1 2 3\n");
+    let folder = tempfile::tempdir().unwrap();
+    let image = png(&[1, 2, 3]);
+    let of = |line: &str| {
+        let mtl = format!("# by hand\nNewMtl m\n{line}\n");
+        let files: [(&str, &[u8]); 2] = [("a m.mtl", mtl.as_bytes()), ("a -b c.png", &image)];
+        let model = read_with(Obj, &text, &files, folder.path()).unwrap();
+        assert_eq!(model.materials[0].base_color_image, Some(0), "{line}: {:?}", model.notes);
+        model.notes
+    };
+    let none: [&str; 0] = [];
+    for line in [
+        "map_kd a -b c.png",
+        "MAP_KD a -b c.png",
+        "map_Kd \"a -b c.png\"",
+        "map_Kd a -b c.png -s 1 1 1",
+        "map_Kd -o 0 0 0 a -b c.png -S 1.0 1 1 -mm 0 1 -clamp OFF",
+        "map_Kd a -b c.png\nKd 1 1 1\nKe 0 0 0",
+    ] {
+        assert_eq!(of(line), none, "{line}");
+    }
+    let moved = "the option -s of an image was left out";
+    assert_eq!(of("map_Kd a -b c.png -s 2 2 2"), [moved]);
+    assert_eq!(of("map_Kd -clamp off -s 2 2 a -b c.png -mm 0 1"), [moved]);
+    assert_eq!(of("map_Kd -mm 0.5 1 a -b c.png"), ["the option -mm of an image was left out"]);
+    // The format says so.
+    let black = "the material \"m\" is black: its Kd of 0 multiplies its image";
+    assert_eq!(of("Kd 0 0 0\nmap_Kd a -b c.png"), [black]);
+    let twice = "the material \"m\" is described again: the last time counts";
+    assert_eq!(of("Kd 0 1 0\nnewmtl m\nmap_Kd a -b c.png"), [twice]);
+}
+
+/// What is read of an OBJ file with these lines more, beside a material with these.
+fn with(lines: &str, of_material: &str) -> Model {
+    let text = format!("mtllib m.mtl\n{TRIANGLE}usemtl m\n{lines}\nf 1 2 3\n");
+    let mtl = format!("newmtl m\nKd 1 0 0\n{of_material}\n");
+    let folder = tempfile::tempdir().unwrap();
+    read_with(Obj, text, &[("m.mtl", mtl.as_bytes())], folder.path()).unwrap()
+}
+
+#[test]
+fn each_statement_is_read_or_a_note_names_it() {
+    let bare = with("", "");
+    assert!(bare.notes.is_empty(), "{:?}", bare.notes);
+    // Of the format's words those that are not read, and some that are none.
+    let words = "vp deg bmat step cstype parm trim hole scrv sp end con mg bevel c_interp d_interp lod \
+                 shadow_obj trace_obj ctech stech maplib usemap call csh V F vx fx hello ß";
+    for word in words.split_whitespace() {
+        let model = with(&format!("{word} 1 2 3"), "");
+        let expected = format!("the statement {word:?} was left out");
+        assert_eq!(model.notes, [expected]);
+        assert_eq!(Model { notes: vec![], ..model }, bare);
+    }
+    let words = "Ka Ks Ke Ns Ni Tf illum sharpness Pc Pcr Ps aniso anisor map_Ka map_Ks map_Ns map_aat \
+                 disp decal refl map_refl hello";
+    for word in words.split_whitespace() {
+        let model = with("", &format!("{word} 1 2 3"));
+        let expected = format!("the statement {word:?} of materials was left out");
+        assert_eq!(model.notes, [expected]);
+        assert_eq!(Model { notes: vec![], ..model }, bare);
+    }
+    let both = with("b 1\na 2\nb 3", "d 1\nb 2\na 3");
+    let expected = [
+        "the statements \"a\", \"b\" were left out",
+        "the statements \"a\", \"b\" of materials were left out",
+    ];
+    assert_eq!(both.notes, expected);
+    // Numbers beyond those that are read.
+    for (lines, part) in [
+        ("vt 0 0 0.5", "third texture coordinates"),
+        ("v 0 0 0 1 1", "five numbers"),
+        ("v 0 0 0 1 1 1 0.5", "opacities"),
+        ("s off", "smoothing groups"),
+        ("s 1\nf 1 2 3\ns 2", "smoothing groups"),
+        ("p 1", "points"),
+        ("l 1 2", "lines"),
+        ("curv 1 2", "curves"),
+    ] {
+        let notes = with(lines, "").notes;
+        assert!(notes.len() == 1 && notes[0].contains(part), "{lines}: {notes:?}");
+    }
+    // What says nothing that is not done.
+    for lines in ["vt 0 0 0", "v 0 0 0 1 1 1 1", "s 1", "g a b", "# hello", ""] {
+        let notes = with(lines, "").notes;
+        assert!(notes.is_empty(), "{lines}: {notes:?}");
+    }
 }

@@ -17,6 +17,7 @@ fn pyramid() -> Geometry {
     Geometry {
         name: "pyramid".to_owned(),
         positions: vec![[0.0, 1.0, 0.1], [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1e-20]],
+        offset: DVec3::ZERO,
         faces: vec![[2, 1, 0], [0, 1, 3], [3, 2, 0]],
         colors: Some(Indexed {
             rows: vec![[0.0, 0.5, 1.0], [0.1, 0.2, 0.3]],
@@ -58,6 +59,7 @@ fn model() -> Model {
     let bare = Geometry {
         name: String::new(),
         positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+        offset: DVec3::ZERO,
         faces: vec![[0, 1, 2]],
         colors: None,
         coordinates: None,
