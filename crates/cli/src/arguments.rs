@@ -52,6 +52,35 @@ pub(crate) enum Command {
     Inspect(InspectArguments),
     /// A folder with a scene to begin with: a mesh, images, cameras, and scene.toml.
     New(NewArguments),
+    /// A script with which a shell completes commands and options.
+    ///
+    /// For bash: bokashi completions bash > ~/.local/share/bash-completion/completions/bokashi
+    ///
+    /// For zsh: bokashi completions zsh > _bokashi, in a folder of $fpath
+    ///
+    /// For fish: bokashi completions fish > ~/.config/fish/completions/bokashi.fish
+    #[command(verbatim_doc_comment)]
+    Completions(CompletionsArguments),
+    /// Manual pages, for man.
+    ///
+    /// To read one: bokashi man > bokashi.1 && man ./bokashi.1
+    Man(ManArguments),
+}
+
+/// The options of `completions`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct CompletionsArguments {
+    /// The shell
+    #[arg(value_name = "SHELL")]
+    pub(crate) shell: clap_complete::Shell,
+}
+
+/// The options of `man`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct ManArguments {
+    /// The page of this command [default: of the program, which names the others]
+    #[arg(value_name = "COMMAND")]
+    pub(crate) command: Option<String>,
 }
 
 /// The options of every command.
@@ -236,12 +265,9 @@ impl Request {
     /// The options that every command of fits has.
     pub(crate) fn common(&self) -> &Common {
         match &self.command {
-            None
-            | Some(
-                Command::Samples(_) | Command::Render(_) | Command::Inspect(_) | Command::New(_),
-            ) => &self.common,
             Some(Command::Fit(fit)) => &fit.common,
             Some(Command::Reproduce(reproduce)) => &reproduce.common,
+            _ => &self.common,
         }
     }
 
@@ -301,7 +327,7 @@ impl Request {
             Command::Render(own) => own.memory.memory,
             Command::Inspect(own) => own.memory.memory,
             Command::New(own) => own.memory.memory,
-            Command::Reproduce(_) | Command::Samples(_) => None,
+            _ => None,
         }
     }
 
@@ -555,7 +581,7 @@ mod tests {
             ("fit scene.toml --seed 3", "'--seed <N>'", "[SCENE.TOML]"),
             ("fit --time 3", "<SCENE.TOML>", "required"),
             ("inspect a.obj --memory 8", "'8'", "needs a size in KiB, MiB, GiB or TiB"),
-            ("inspect a.obj --memory -8GiB", "'-8GiB'", "--help"),
+            ("inspect a.obj --memory -8GiB", "'-8'", "--help"),
             ("inspect a.obj --memory 0GiB", "'0GiB'", "such as 8GiB"),
             ("inspect a.obj --memory NaNGiB", "'NaNGiB'", "such as 8GiB"),
             ("fit --memory 8GiB", "<SCENE.TOML>", "required"),

@@ -8,6 +8,7 @@ pub mod failure;
 mod inspect;
 pub mod interrupt;
 pub mod live;
+mod manual;
 mod new;
 pub mod output;
 pub mod panics;

@@ -21,7 +21,11 @@ pub fn say(text: &str) -> Result<(), Failure> {
     print(&plain(text))
 }
 
-fn print(text: &str) -> Result<(), Failure> {
+/// Writes to standard output what the program has made whole, without a name of others in it.
+///
+/// # Errors
+/// As [`say`].
+pub(crate) fn print(text: &str) -> Result<(), Failure> {
     let mut output = io::stdout().lock();
     let said = output.write_all(text.as_bytes()).and_then(|()| output.flush());
     said.map_err(|error| unwritten("standard output", &error))

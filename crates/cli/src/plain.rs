@@ -5,6 +5,7 @@
 //! writing (Unicode's bidirectional controls), since they make a text look like another.
 
 use std::borrow::Cow;
+use std::path::Path;
 
 /// `text` with nothing in it that steers a terminal but its line feeds and tabs.
 pub(crate) fn plain(text: &str) -> Cow<'_, str> {
@@ -15,6 +16,16 @@ pub(crate) fn plain(text: &str) -> Cow<'_, str> {
 pub(crate) fn plain_json(json: &str) -> Cow<'_, str> {
     // All of them are below 2^16.
     escaped(json, |c| format!("\\u{:04x}", u32::from(c)))
+}
+
+/// A path as a shell takes it, in a command that is to be copied.
+pub(crate) fn shell_word(path: &Path) -> String {
+    let text = path.display().to_string();
+    let is_plain = |c: char| c.is_alphanumeric() || "/._-+,:@%=".contains(c);
+    match text.chars().all(is_plain) && !text.starts_with('-') && !text.is_empty() {
+        true => text,
+        false => format!("'{}'", text.replace('\'', "'\\''")),
+    }
 }
 
 fn escaped(text: &str, shown: impl Fn(char) -> String) -> Cow<'_, str> {
@@ -40,6 +51,20 @@ mod tests {
         let shown = "a\\u{1b}[31m\\u{9b}2J\\u{d}\\u{7f}\\u{202e}\\u{7}\\u{0}ü\tb\n";
         assert_eq!(plain(text), shown);
         assert!(matches!(plain("plain ü\n"), Cow::Borrowed(_)));
+    }
+
+    #[test]
+    fn a_path_is_one_word_of_a_shell() {
+        for (path, word) in [
+            ("a/b_c-1.toml", "a/b_c-1.toml"),
+            ("my scene.toml", "'my scene.toml'"),
+            ("a;rm -rf $(b)", "'a;rm -rf $(b)'"),
+            ("it's", "'it'\\''s'"),
+            ("-rf", "'-rf'"),
+            ("", "''"),
+        ] {
+            assert_eq!(shell_word(Path::new(path)), word);
+        }
     }
 
     #[test]

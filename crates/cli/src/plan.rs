@@ -90,9 +90,6 @@ fn experiments(request: &Request) -> Vec<CubeSettings> {
             let settings = new(Experiment::Joint, Preset::Paper);
             SIGMAS.map(|sigma_target| CubeSettings { sigma_target, ..settings.clone() }).to_vec()
         }
-        Some(Command::Samples(_) | Command::Render(_) | Command::Inspect(_) | Command::New(_)) => {
-            Vec::new()
-        }
         Some(Command::Fit(fit)) => {
             let settings = new(fit.experiment, fit.preset);
             vec![CubeSettings {
@@ -104,6 +101,8 @@ fn experiments(request: &Request) -> Vec<CubeSettings> {
             }]
         }
         Some(Command::Reproduce(reproduce)) => of_paper(reproduce.seeds, new),
+        // No fits of the paper's.
+        Some(_) => Vec::new(),
     }
 }
 

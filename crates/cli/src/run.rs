@@ -15,9 +15,11 @@ use crate::arguments::{Command, FitArguments, Request, USUAL_OUT};
 use crate::failure::Failure;
 use crate::inspect;
 use crate::interrupt::{Interrupt, Writing, end_when_interrupted};
+use crate::manual;
 use crate::new;
 use crate::output::{is_standard_output, say, say_json};
 use crate::places::Places;
+use crate::plain::shell_word;
 use crate::plan::{Planned, plan};
 use crate::progress::{Bar, name};
 use crate::samples;
@@ -47,6 +49,8 @@ pub fn run(request: &Request) -> Result<(), Failure> {
         }
         Some(Command::Inspect(arguments)) => return inspect::run(arguments),
         Some(Command::New(arguments)) => return new::run(arguments),
+        Some(Command::Completions(own)) => return manual::completions(own),
+        Some(Command::Man(own)) => return manual::man(own),
         _ => {}
     }
     let out = request.out();
@@ -132,7 +136,7 @@ fn fit_all(
                 "interrupted at step {} of {}; it goes on with: bokashi fit --resume {}",
                 outcome.steps,
                 settings.steps,
-                file.display()
+                shell_word(file)
             );
             return Err(Failure::Interrupted { signal, said });
         }

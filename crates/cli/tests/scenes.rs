@@ -592,10 +592,18 @@ fn a_fit_that_can_t_go_on_is_saved() {
     let whole = outcome(folder, "--out whole");
     // Results without a place, and an image that is broken when its turn comes.
     let how = "; the fit is saved, go on with: bokashi fit photos/scene.toml --out part --resume";
-    write(folder, "part/views", "");
+    let picture = folder.join("part/views/00-result.png");
+    write(folder, "part/views/00-result.png", "");
+    let mut mode = fs::metadata(&picture).unwrap().permissions();
+    mode.set_readonly(true);
+    fs::set_permissions(&picture, mode).unwrap();
     let [_, said] = ended(folder, &["fit", "photos/scene.toml", "--out", "part"], 1);
-    assert!(said.contains("part/views could not be written: ") && said.contains(how), "{said}");
-    fs::remove_file(folder.join("part/views")).unwrap();
+    assert!(said.contains("00-result.png could not be written: ") && said.contains(how), "{said}");
+    fs::remove_dir_all(folder.join("part/views")).unwrap();
+    // What is known before the fit ends it there.
+    write(folder, "file/views", "");
+    let [_, said] = ended(folder, &["fit", "photos/scene.toml", "--out", "file"], 1);
+    assert!(said.contains("file/views is not a folder") && !said.contains("saved"), "{said}");
     let rest = outcome(folder, "--out part --resume");
     assert_eq!(rest["parameters_hash"], whole["parameters_hash"]);
     let image = fs::read(folder.join("photos/images/02.png")).unwrap();

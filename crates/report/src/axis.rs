@@ -63,6 +63,8 @@ impl Axis {
             (low, high)
         };
         let high = if high - low < 0.5 { low + 1.0 } else { high };
+        // Sideways a range may lie between two ticks: it goes on to the next one.
+        let high = high.max((low / stride).ceil() * stride);
         let mut ticks = Vec::new();
         let mut tick = (low / stride).ceil() * stride;
         while tick <= high + 1e-9 {
@@ -192,6 +194,17 @@ mod tests {
                 let axis = Axis::new(scale, [low, high].into_iter(), true);
                 assert!((2..=21).contains(&axis.ticks.len()), "{low} {high} {axis:?}");
                 assert!(axis.ends.start < axis.ends.end, "{low} {high} {axis:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn an_axis_has_a_tick_wherever_its_values_lie() {
+        for (low, high) in [(2.0, 9.5), (0.02, 0.07), (1.1, 1.2), (11.0, 99.0), (1.0, 5.0)] {
+            for scale in [Scale::Logarithmic, Scale::Seconds, Scale::Counts] {
+                let axis = Axis::new(scale, [low, high].into_iter(), false);
+                assert!(!axis.ticks.is_empty(), "{low} {high} {axis:?}");
+                assert!(axis.ticks.iter().all(|tick| *tick <= axis.ends.end + 1e-9));
             }
         }
     }

@@ -82,7 +82,7 @@ pub fn write_result(
 ///
 /// # Errors
 /// As [`write_result`]; [`SceneError::Write`] for two results that would be one file.
-pub fn check_results(out: &Path, paths: &[PathBuf]) -> Result<(), SceneError> {
+pub(crate) fn check_results(out: &Path, paths: &[PathBuf]) -> Result<(), SceneError> {
     let mut seen = HashSet::new();
     for path in paths {
         let failed = |error| unwritten(&out.join(path), error);
@@ -94,11 +94,6 @@ pub fn check_results(out: &Path, paths: &[PathBuf]) -> Result<(), SceneError> {
     Ok(())
 }
 
-fn unwritten(path: &Path, error: io::Error) -> SceneError {
+pub(crate) fn unwritten(path: &Path, error: io::Error) -> SceneError {
     SceneError::Write { path: path.to_owned(), error }
-}
-
-/// Whether a file of a folder can have this name.
-pub(crate) fn is_file_name(name: &str) -> bool {
-    !name.is_empty() && !name.contains(['/', '\\', '\0']) && name != "." && name != ".."
 }

@@ -9,11 +9,13 @@ mod cameras;
 pub mod description;
 mod error;
 mod file;
+mod file_names;
 mod fitting;
 mod folder;
 mod given;
 mod learning;
 mod learnt_scene;
+mod loading;
 mod memory;
 mod mesh;
 mod model;
@@ -46,13 +48,14 @@ pub use cameras::{
     read_colmap_points, read_transforms, transforms_json,
 };
 pub use error::{Place, SceneError};
-pub use file::{MOST_BYTES, check_results, write_result};
+pub use file::{MOST_BYTES, write_result};
 pub use fitting::{SceneFit, SeenView, ViewScore};
 pub use folder::Folder;
 /// Matrices and vectors of cameras and places.
 pub use glam;
 /// What images in memory can be made of and into.
 pub use image;
+pub use loading::{LoadedMesh, load_image, load_mesh};
 pub use memory::{limit_memory, memory_limit};
 pub use mesh::{MeshKind, MeshOptions, glb, ply, read_model, read_model_bytes, read_model_with};
 pub use model::{Borders, Geometry, Indexed, MaterialFile, Model, NO_ROW, Placed, Submesh};

@@ -8,7 +8,7 @@ use bokashi_render_ops::Mesh;
 use glam::{DMat4, DVec3};
 
 use crate::error::SceneError;
-use crate::file::is_file_name;
+use crate::file_names::is_file_name;
 use crate::model::{Borders, Geometry, Indexed, MaterialFile, Model, NO_ROW, Submesh};
 use crate::picture::{ColorSpace, Picture};
 use crate::values::of_object;

@@ -1,6 +1,8 @@
 //! What a scene leaves behind: its objects, cameras and numbers as files that other programs read.
 
+use std::collections::HashSet;
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use bokashi_core::Tensor;
@@ -8,16 +10,17 @@ use glam::DMat4;
 use serde_json::{Map, Value, json};
 
 use crate::cameras::transforms_json;
-use crate::description::{LightPlace, Tone};
+use crate::description::{Description, LightPlace, Tone};
 use crate::error::{Place, SceneError};
-use crate::file::write_result;
+use crate::file::{check_results, unwritten, write_result};
 use crate::mesh::{glb, ply};
 use crate::object::SurfaceLook;
+use crate::outline::named_files;
 use crate::picture::{ColorSpace, Picture};
 use crate::scene::Scene;
 
 impl Scene {
-    /// Writes the scene's objects to `mesh.glb` and to a PLY file each, its cameras to `transforms.json`, its
+    /// Writes the scene's objects to `mesh.glb` and to a PLY file each, textures that are learnt to a PNG each, its cameras to `transforms.json`, its
     /// environment to `environment.exr`, and its numbers to `numbers.json`, all in the folder `out`, which is
     /// made where it is missing. Paths of images start at `out`. Each file is written whole or not at all.
     ///
@@ -40,6 +43,9 @@ impl Scene {
                 write(&format!("{}.ply", geometry.name), &ply(geometry)?)?;
             }
         }
+        for (name, texels) in self.learnt_textures() {
+            write(&name, &texture_png(texels, &name)?)?;
+        }
         let mut cameras = self.cameras();
         let way = self.folder.seen_from(out)?;
         cameras.iter_mut().for_each(|view| view.image = way.join(&view.image));
@@ -60,9 +66,76 @@ impl Scene {
     /// The names of all files that [`Scene::save_results`] may write, to be checked before a fit.
     pub fn result_names(&self) -> Vec<PathBuf> {
         let usual = ["mesh.glb", "transforms.json", "environment.exr", "numbers.json"];
-        let meshes =
-            self.objects.iter().map(|object| PathBuf::from(format!("{}.ply", object.name)));
-        usual.into_iter().map(PathBuf::from).chain(meshes).collect()
+        let meshes = self.objects.iter().map(|object| format!("{}.ply", object.name));
+        let textures = self.learnt_textures().map(|(name, _)| name);
+        usual
+            .into_iter()
+            .map(String::from)
+            .chain(meshes)
+            .chain(textures)
+            .map(PathBuf::from)
+            .collect()
+    }
+
+    /// Of each texture that is learnt the name of its file, and its texels.
+    fn learnt_textures(&self) -> impl Iterator<Item = (String, &Tensor<f32>)> {
+        let learnt = self.description.learn.texture.as_ref();
+        let is_learnt = move |name: &String| {
+            learnt.is_some_and(|own| own.meshes.as_ref().is_none_or(|all| all.contains(name)))
+        };
+        let objects = self.objects.iter().filter(move |object| is_learnt(&object.name));
+        objects
+            .filter_map(|object| Some((texture_name(&object.name), object.look.texture.as_ref()?)))
+    }
+
+    /// Checks that results can be written to these paths below the folder `out`, before the work that makes
+    /// them, and that none takes the place of a file that the scene reads.
+    ///
+    /// # Errors
+    /// [`SceneError::Write`] for the first that can't, for two results that would be one file, and for a file
+    /// of the scene.
+    pub fn check_results(
+        &self,
+        out: impl AsRef<Path>,
+        paths: &[PathBuf],
+    ) -> Result<(), SceneError> {
+        let out = out.as_ref();
+        check_results(out, paths)?;
+        let there =
+            paths.iter().filter_map(|path| Some((path, fs::canonicalize(out.join(path)).ok()?)));
+        let there: Vec<_> = there.collect();
+        if there.is_empty() {
+            return Ok(());
+        }
+        let read = self.files();
+        match there.iter().find(|(_, file)| read.contains(file)) {
+            None => Ok(()),
+            Some((path, _)) => {
+                let rule = "a result has another place than a file that the scene reads";
+                Err(unwritten(&out.join(path), io::Error::other(rule)))
+            }
+        }
+    }
+
+    /// The files that the scene reads, without links.
+    fn files(&self) -> HashSet<PathBuf> {
+        let Description { meshes, cameras, environment, .. } = &self.description;
+        let meshes = || meshes.iter().map(|entry| entry.get_ref());
+        let files = meshes().filter_map(|own| own.file.as_ref());
+        let named = files.clone().flat_map(|file| {
+            let beside = file.parent().unwrap_or(Path::new("")).to_owned();
+            let named = named_files(&self.folder, file).unwrap_or_default();
+            named.into_iter().map(move |name| beside.join(name))
+        });
+        let maps = meshes().flat_map(|own| [&own.material.texture, &own.material.normals]);
+        let views = self.views.iter().flat_map(|own| [&own.image, &own.mask]);
+        let cameras = cameras.iter().filter_map(|own| own.get_ref().transforms.as_ref());
+        let environment = environment.iter().filter_map(|own| own.get_ref().image.as_ref());
+        let name = self.path.file_name().map(PathBuf::from);
+        let all =
+            files.clone().chain(maps.chain(views).flatten()).chain(cameras).chain(environment);
+        let all = all.cloned().chain(named).chain(name);
+        all.filter_map(|file| self.folder.find(file).ok()).collect()
     }
 
     /// The numbers that no mesh or camera holds, by name.
@@ -120,6 +193,19 @@ impl Scene {
     }
 }
 
+/// What the file of the texture of an object is called.
+fn texture_name(object: &str) -> String {
+    format!("{object}-texture.png")
+}
+
+/// Linear texels `[H, W, 3]` as a PNG of sRGB colours. `name` names it in errors.
+///
+/// # Errors
+/// [`SceneError::Render`] for a tensor of another shape.
+fn texture_png(texels: &Tensor<f32>, name: &str) -> Result<Vec<u8>, SceneError> {
+    Picture::of_color(texels, ColorSpace::Srgb)?.encode_png(&Place::of(name))
+}
+
 /// The rows of a matrix.
 fn rows(matrix: &DMat4) -> Value {
     let rows = matrix.transpose().to_cols_array_2d();
@@ -142,5 +228,58 @@ mod tests {
         assert!(written.contains(&place.path().join("environment.exr")));
         fs::write(&file, "[environment]\nimage = \"environment.exr\"\n").unwrap();
         assert_eq!(Scene::load(&file).unwrap().environment, Some(texels));
+    }
+    /// A scene of a plane with a texture that is learnt.
+    fn textured(folder: &Path) -> Scene {
+        let text = "[[meshes]]\nname = \"a\"\nshape = \"plane\"\nmaterial = { texture_size = 2 }\n\
+                    [[meshes]]\nname = \"b\"\nshape = \"plane\"\nmaterial = { texture_size = 2 }\n\
+                    [learn.texture]\nmeshes = [\"a\"]\n";
+        fs::write(folder.join("scene.toml"), text).unwrap();
+        Scene::load(folder.join("scene.toml")).unwrap()
+    }
+
+    #[test]
+    fn a_learnt_texture_is_written_as_photographs_are() {
+        let place = tempfile::tempdir().unwrap();
+        let mut scene = textured(place.path());
+        let texels = Tensor::from_flat_fn([2, 2, 3], |k| k as f32 / 11.0);
+        scene.objects[0].look.texture = Some(texels.clone());
+        let out = place.path().join("out");
+        let written = scene.save_results(&out).unwrap();
+        assert!(written.contains(&out.join("a-texture.png")));
+        assert!(!written.contains(&out.join("b-texture.png")));
+        let names = scene.result_names();
+        assert!(
+            written.iter().all(|file| names.contains(&file.strip_prefix(&out).unwrap().into()))
+        );
+        let bytes = fs::read(out.join("a-texture.png")).unwrap();
+        let read = Picture::decode(&bytes, &Place::of("a-texture.png")).unwrap();
+        assert_eq!(read.channels, 3);
+        // Half a step of 8 bits, where sRGB is flattest.
+        approx::assert_abs_diff_eq!(
+            read.color(ColorSpace::Srgb).data(),
+            texels.data(),
+            epsilon = 0.006
+        );
+    }
+
+    #[test]
+    fn no_result_takes_the_place_of_what_the_scene_reads() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = place.path();
+        let scene = textured(folder);
+        fs::write(folder.join("mesh.glb"), crate::mesh::glb(&scene.model().unwrap()).unwrap())
+            .unwrap();
+        fs::create_dir(folder.join("out")).unwrap();
+        fs::write(folder.join("out/mesh.glb"), "an earlier result").unwrap();
+        fs::write(folder.join("own.toml"), "[[meshes]]\nfile = \"mesh.glb\"\n").unwrap();
+        let scene = Scene::load(folder.join("own.toml")).unwrap();
+        let names = scene.result_names();
+        scene.check_results(folder.join("out"), &names).unwrap();
+        let said = scene.check_results(folder, &names).unwrap_err().to_string();
+        assert!(said.ends_with("another place than a file that the scene reads"), "{said}");
+        assert!(said.contains("mesh.glb could not be written"), "{said}");
+        let own = [PathBuf::from("own.toml")];
+        assert!(scene.check_results(folder, &own).is_err());
     }
 }

@@ -17,7 +17,7 @@ use crate::description::{
     self, ColorSpaceName, Description, MaterialEntry, MeshEntry, Shape, SurfaceModel, ViewEntry,
 };
 use crate::error::{Place, SceneError};
-use crate::file::is_file_name;
+use crate::file_names::{is_file_name, notes_of_names};
 use crate::folder::Folder;
 use crate::memory::{OF_DRAWN_PIXEL, OF_FACE, OF_NEW_TEXEL, OF_TEXEL};
 use crate::mesh::{MeshKind, MeshOptions, read_counted};
@@ -138,6 +138,8 @@ impl Scene {
         notes.extend(one_lens(&description, &views));
         check_names("a mesh", objects.iter().map(|object| &object.name), path)?;
         check_names("a view", views.iter().map(|view| &view.name), path)?;
+        notes.extend(notes_of_names("the meshes", objects.iter().map(|object| &object.name)));
+        notes.extend(notes_of_names("the views", views.iter().map(|view| &view.name)));
         let environment = source.environment(&description)?;
         let Source { path, folder, .. } = source;
         let files = folder.files_read().into_iter().filter(|(file, _)| *file != name);

@@ -79,6 +79,10 @@ pub fn check_inside(folder: &Path, path: impl AsRef<Path>) -> io::Result<()> {
             let said = format!("a name of {length} bytes is too long for a file");
             return Err(io::Error::new(ErrorKind::InvalidFilename, said));
         }
+        if way.exists() && !way.is_dir() {
+            let said = format!("{} is not a folder", way.display());
+            return Err(io::Error::new(ErrorKind::NotADirectory, said));
+        }
         way.push(part);
         let end = resolved(&way)?;
         if !end.starts_with(&root) {
@@ -104,6 +108,8 @@ mod tests {
         assert_eq!(written, folder.join("views/b.png"));
         assert_eq!(fs::read(written).unwrap(), b"b");
         assert!(check_below(&folder, "views").unwrap_err().to_string().ends_with("is a folder"));
+        let said = check_below(&folder, "views/b.png/c").unwrap_err().to_string();
+        assert!(said.ends_with("b.png is not a folder"), "{said}");
     }
 
     #[test]

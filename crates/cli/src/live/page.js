@@ -46,7 +46,7 @@
     return Array.from({ length: Math.floor(high / step + 1e-9) - first + 1 }, (_, k) => (first + k) * step);
   }
 
-  // Powers of ten in a range of logarithms, and numbers between where that gives few.
+  // Powers of ten in a range of logarithms, and round numbers between where that gives few.
   function powers(low, high, count) {
     const skip = Math.ceil((high - low) / count), factors = high - low < 1.5 ? [1, 2, 5] : [1];
     const all = [];
@@ -54,7 +54,7 @@
       if (power % skip === 0) all.push(...factors.map((factor) => Math.log10(factor) + power));
     }
     const inside = all.filter((at) => at >= low && at <= high);
-    return inside.length > 1 ? inside : ticks(low, high, 3);
+    return inside.length > 1 ? inside : ticks(10 ** low, 10 ** high, 3).map(Math.log10);
   }
 
   function draw(svg, curve, logarithmic) {
@@ -73,7 +73,11 @@
     };
     const right = Math.max(...drawn.map((point) => point[0]), 1e-3);
     const [low, high] = range(drawn.map((point) => point[1]), logarithmic ? 0.1 : 0.5);
-    const box = { left: 56, right: width - 14, top: 8, bottom: height - 24 };
+    const levels = logarithmic ? powers(low, high, 5) : ticks(low, high, 4);
+    const labels = levels.map((at) => digits(logarithmic ? 10 ** at : at).replace(/\.?0+e/, "e"));
+    // As wide as the longest label: a digit takes some 7 pixels.
+    const left = 14 + 7 * Math.max(...labels.map((label) => label.length), 3);
+    const box = { left, right: width - 14, top: 8, bottom: height - 24 };
     const x = (at) => box.left + at / right * (box.right - box.left);
     const y = (at) => box.bottom - (at - low) / (high - low) * (box.bottom - box.top);
     const add = (name, attributes, text) => {
@@ -81,13 +85,13 @@
       for (const key in attributes) made.setAttribute(key, attributes[key]);
       if (text !== undefined) made.textContent = text;
     };
-    for (const at of logarithmic ? powers(low, high, 5) : ticks(low, high, 4)) {
+    levels.forEach((at, k) => {
       add("line", { x1: box.left, x2: box.right, y1: y(at), y2: y(at) });
-      const label = digits(logarithmic ? 10 ** at : at);
-      add("text", { x: box.left - 8, y: y(at) + 4, "text-anchor": "end" }, label);
-    }
+      add("text", { x: box.left - 8, y: y(at) + 4, "text-anchor": "end" }, labels[k]);
+    });
     for (const at of ticks(0, right, width < 400 ? 3 : 5)) {
-      add("text", { x: x(at), y: height - 6, "text-anchor": "middle" }, digits(at));
+      const label = digits(at), half = 3.5 * label.length;
+      add("text", { x: Math.min(x(at), width - half), y: height - 6, "text-anchor": "middle" }, label);
     }
     // What has no place cuts the line in two.
     let run = [];

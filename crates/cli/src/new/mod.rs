@@ -21,6 +21,7 @@ use crate::arguments::NewArguments;
 use crate::digits::count;
 use crate::failure::Failure;
 use crate::output::say;
+use crate::plain::shell_word;
 
 /// The scene's file.
 const SCENE: &str = "scene.toml";
@@ -118,7 +119,7 @@ fn last_words(file: &Path, copies: &Copies<'_>, template: &Template<'_>, scene: 
     for note in scene.notes.iter().chain(of_images) {
         text += &format!("note: {note}\n");
     }
-    let path = shell(file);
+    let path = shell_word(file);
     text += match template.needs_cameras() {
         true => "\nFill in the camera of each view in it: all stand in one place so far. Then:\n",
         false => "\nNext:\n",
@@ -129,14 +130,4 @@ fn last_words(file: &Path, copies: &Copies<'_>, template: &Template<'_>, scene: 
         None => format!("  bokashi render {path}\n"),
     };
     text
-}
-
-/// A path as a shell takes it.
-fn shell(path: &Path) -> String {
-    let text = path.display().to_string();
-    let is_plain = |c: char| c.is_alphanumeric() || "/._-+,:@%=".contains(c);
-    match text.chars().all(is_plain) && !text.starts_with('-') {
-        true => text,
-        false => format!("'{}'", text.replace('\'', "'\\''")),
-    }
 }

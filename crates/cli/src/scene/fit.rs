@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use bokashi_fit::{FitError, Given, Ranks, agree, agreed, check_alike};
 use bokashi_report::{ReportError, add_page};
-use bokashi_scene::{Scene, SceneError, SceneFit, SeenView, ViewScore, check_results, lens_note};
+use bokashi_scene::{Scene, SceneError, SceneFit, SeenView, ViewScore, lens_note};
 use bokashi_write::place_below;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
@@ -19,6 +19,7 @@ use crate::interrupt::{Interrupt, Writing, end_when_interrupted};
 use crate::live::{Ended, Live, Snapshot, View};
 use crate::output::{is_standard_output, say, say_json};
 use crate::places::Places;
+use crate::plain::shell_word;
 use crate::threads::start_threads;
 
 /// The file in the folder of results that a fit goes on from.
@@ -196,7 +197,7 @@ fn begin(
     end_when_interrupted(writing, Some(interrupt))?;
     let scene = Scene::load(&asked.scene).map_err(failed)?;
     if is_first {
-        check_results(&asked.out, &results(&scene)).map_err(failed)?;
+        scene.check_results(&asked.out, &results(&scene)).map_err(failed)?;
     }
     Ok(scene)
 }
@@ -352,7 +353,7 @@ impl Running<'_> {
 
     /// The command that goes on from the checkpoint.
     fn how_to_go_on(&self) -> String {
-        let (scene, out) = (self.asked.scene.display(), self.asked.out.display());
+        let (scene, out) = (shell_word(&self.asked.scene), shell_word(&self.asked.out));
         let program = match self.ranks.size() {
             1 => "bokashi".to_owned(),
             size => format!("mpirun -n {size} bokashi-mpi"),

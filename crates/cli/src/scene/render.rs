@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use bokashi_scene::{Scene, SceneError, check_results, lens_note, write_result};
+use bokashi_scene::{Scene, SceneError, lens_note, write_result};
 
 use crate::failure::Failure;
 use crate::output::say;
@@ -38,7 +38,7 @@ pub(crate) fn render(
             }
         },
     };
-    check_results(out, &scene.rendered_names(&all)).map_err(failed)?;
+    scene.check_results(out, &scene.rendered_names(&all)).map_err(failed)?;
     std::fs::create_dir_all(out)
         .map_err(|error| Failure::Work(format!("{} could not be made: {error}", out.display())))?;
     if !quiet {

@@ -19,6 +19,7 @@ pub(crate) fn run(request: &Request) -> Result<(), Failure> {
     };
     Places {
         out: request.out(),
+        is_out_named: true,
         report,
         files: request.json().map(|file| ("--json", file)).into_iter().collect(),
         read: request.read(),
