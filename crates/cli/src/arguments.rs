@@ -16,7 +16,7 @@ use crate::threads::MOST_THREADS;
 /// Learns a cube and its blur from pictures, by gradient descent through a renderer.
 ///
 /// Without a command: the paper's experiment 5.3 (vertices, colours and sigma together) for all
-/// four sigmas, one seed each, with a report in out/.
+/// four sigmas, at the paper's rates and at tuned ones, one seed each, with a report in out/.
 #[derive(Debug, Parser)]
 #[command(name = "bokashi", version, args_conflicts_with_subcommands = true)]
 #[command(after_help = EXIT_STATUSES)]

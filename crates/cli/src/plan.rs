@@ -87,8 +87,14 @@ fn experiments(request: &Request) -> Vec<CubeSettings> {
     };
     match &request.command {
         None => {
-            let settings = new(Experiment::Joint, Preset::Paper);
-            SIGMAS.map(|sigma_target| CubeSettings { sigma_target, ..settings.clone() }).to_vec()
+            let of = |preset| {
+                let with = move |sigma_target| CubeSettings {
+                    sigma_target,
+                    ..new(Experiment::Joint, preset)
+                };
+                SIGMAS.map(with)
+            };
+            [Preset::Paper, Preset::Tuned].into_iter().flat_map(of).collect()
         }
         Some(Command::Fit(fit)) => {
             let settings = new(fit.experiment, fit.preset);
@@ -171,9 +177,13 @@ mod tests {
     }
 
     #[test]
-    fn the_default_is_experiment_5_3_for_four_sigmas() {
+    fn the_default_is_experiment_5_3_for_four_sigmas_at_the_papers_rates_and_at_tuned_ones() {
         let all = planned("");
-        assert_eq!(all.iter().map(|fit| fit.sigma_target).collect::<Vec<_>>(), SIGMAS);
+        for (fits, preset) in all.chunks(4).zip([Preset::Paper, Preset::Tuned]) {
+            assert_eq!(fits.iter().map(|fit| fit.sigma_target).collect::<Vec<_>>(), SIGMAS);
+            assert!(fits.iter().all(|fit| fit.preset == preset));
+        }
+        assert_eq!(all.len(), 8);
         assert!(all.iter().all(|fit| fit.experiment == Experiment::Joint));
     }
 

@@ -281,12 +281,12 @@ fn a_report_is_a_page_that_needs_nothing_else_with_tables_and_pictures_beside_it
 }
 
 #[test]
-fn without_a_command_four_sigmas_are_fitted_into_out() {
+fn without_a_command_four_sigmas_are_fitted_at_two_sets_of_rates_into_out() {
     let folder = folder();
     let output = bokashi(folder.path(), "--steps 2");
     assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), String::new()));
     let table = fs::read_to_string(folder.path().join("out/fits.csv")).expect("a table");
-    assert_eq!(table.lines().count(), 5);
+    assert_eq!(table.lines().count(), 9);
 }
 
 #[cfg(target_os = "linux")]

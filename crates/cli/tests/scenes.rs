@@ -110,6 +110,7 @@ fn photographs_with_cameras_and_opacity_are_ready_for_a_fit_of_a_sphere() {
     let fit = step(folder, "ball/scene.toml");
     assert_eq!(names(&fit), ["vertices/object", "texture/object"]);
     let scene = fit.scene();
+    assert!(scene.objects[0].mesh.faces().len().abs_diff(5000) < 500);
     assert_eq!(scene.description.loss.silhouette.unwrap().0, 1.0);
     assert_eq!(scene.views.iter().filter(|view| view.held_out).count(), 2);
     // Where the cameras look, and seen whole.
@@ -119,6 +120,37 @@ fn photographs_with_cameras_and_opacity_are_ready_for_a_fit_of_a_sphere() {
     assert!(told.contains("at least      100 % of an object's vertices"), "{told}");
     assert!(told.lines().all(|line| line.chars().count() <= 80), "{told}");
     assert!(!told.contains("problem"), "{told}");
+}
+
+/// A recipe that is there as a comment works without its comment signs.
+#[test]
+fn the_recipe_for_a_pose_that_is_far_off_can_be_taken_as_it_stands() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    photographs(folder, 9, 4);
+    textured(folder);
+    said(folder, &["new", "ball", "--images", "photos"]);
+    said(folder, &["new", "quad", "--from", "model/quad.obj", "--images", "photos"]);
+    for name in ["ball", "quad"] {
+        let file = folder.join(name).join("scene.toml");
+        let text = fs::read_to_string(&file).unwrap();
+        let keys = ["[", "steps = ", "reduce = ", "views_per_step = ", "learn = ", "silhouette = "];
+        let is_light = |line: &str| line.contains("[lights]");
+        let bare = |line: &str| match line.strip_prefix("# ") {
+            Some(own) if keys.iter().any(|key| own.starts_with(key)) && !is_light(own) => {
+                own.to_owned()
+            }
+            _ => line.to_owned(),
+        };
+        let lines: Vec<_> = text.lines().map(bare).collect();
+        fs::write(&file, lines.join("\n")).unwrap();
+        let fit = step(folder, &format!("{name}/scene.toml"));
+        let description = &fit.scene().description;
+        assert_eq!(description.stages.len(), 2, "{text}");
+        assert_eq!(description.stages[0].learn, Some(vec!["pose".to_owned()]));
+        assert_eq!(description.loss.silhouette.unwrap().0, 1.0);
+        assert!(names(&fit).iter().any(|own| own.starts_with("pose/")), "{:?}", names(&fit));
+    }
 }
 
 #[test]
@@ -484,7 +516,7 @@ fn images_cameras_and_saved_fits_are_told() {
     step(folder, "a/scene.toml").save(folder.join("fit.safetensors")).unwrap();
     let told = said(folder, &["inspect", "fit.safetensors"]);
     assert!(told.contains("  steps done    1\n"), "{told}");
-    assert!(told.contains("parameter \"vertices/object\"\n  shape         [602,3]\n"), "{told}");
+    assert!(told.contains("parameter \"vertices/object\"\n  shape         [2402,3]\n"), "{told}");
     let clear =
         Picture { width: 1, height: 1, channels: 4, samples: Samples::U8(vec![255, 255, 255, 0]) };
     write(folder, "clear.png", clear.encode_png(&Place::of("a")).unwrap());
@@ -584,6 +616,40 @@ fn a_fit_of_a_scene_ends_in_the_same_bits_however_it_is_run() {
     assert!(said.contains("a saved fit needs the scene's parameters"), "{said}");
 }
 
+/// What a page and the terminal say beside the numbers.
+#[test]
+fn a_fit_names_its_worst_views_and_says_that_its_loss_still_fell() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    staged(folder);
+    let text = fs::read_to_string(folder.join("photos/scene.toml")).unwrap();
+    let text = text
+        .replace("steps = 5", "steps = 80")
+        .replace("views_per_step = 2", "views_per_step = 4\nrates = 0.3");
+    write(folder, "photos/scene.toml", text);
+    // A name that HTML has another meaning for.
+    fs::rename(folder.join("photos"), folder.join("a<b&c")).unwrap();
+    let told = said(folder, &["fit", "a<b&c/scene.toml"]);
+    assert!(told.contains("\nThe loss still fell by "), "{told}");
+    let worst = told.lines().find_map(|line| line.strip_prefix("Worst views: ")).unwrap();
+    let ratios: Vec<f64> = worst
+        .trim_end_matches('.')
+        .split("; ")
+        .map(|own| own.trim_end_matches(" dB").rsplit(' ').next().unwrap().parse().unwrap())
+        .collect();
+    assert!(ratios.len() == 3 && ratios.is_sorted(), "{worst}");
+    let is_said = "\nViews that are held out keep the cameras of the scene's file: ";
+    assert!(told.contains(is_said), "{told}");
+    let [inspected, _] = ended(folder, &["inspect", "a<b&c/scene.toml"], 0);
+    assert!(inspected.contains("keep the cameras of the scene's file"), "{inspected}");
+    let page = fs::read_to_string(folder.join("out/index.html")).unwrap();
+    assert!(page.contains("<title>Bokashi: a&lt;b&amp;c/scene.toml</title>"));
+    assert!(page.contains("<h1>a&lt;b&amp;c/scene.toml</h1>"));
+    for words in ["The loss still fell by ", worst.split(' ').next().unwrap(), is_said.trim()] {
+        assert!(page.contains(&words.replace('\'', "&#39;")) || page.contains(words), "{words}");
+    }
+}
+
 #[test]
 fn a_fit_that_can_t_go_on_is_saved() {
     let place = tempfile::tempdir().unwrap();
@@ -625,6 +691,7 @@ fn a_fit_of_a_scene_leaves_what_other_programs_read() {
     let expected = [
         "changed",
         "left_out",
+        "loss_fell_at_end",
         "loss_final",
         "loss_initial",
         "ms_per_step_median",

@@ -1,7 +1,7 @@
 //! What a fit of a scene was given: its files and settings, each in words. So a resumed fit names what was
 //! changed meanwhile, and ranks of a job what they have not in common.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 use bokashi_core::Tensor;
@@ -19,47 +19,50 @@ impl Scene {
         self.given_among(&Alone).expect("one rank is like itself")
     }
 
-    /// As [`Scene::given`], of a fit that ranks share, which all were given the same. Each image is read by two of
-    /// them: by the one whose steps need it, and by one that compares.
+    /// As [`Scene::given`], of a fit that ranks share, which all were given the same. An image is read by the ranks
+    /// that need it, in steps or to measure and draw its view, and by the rank before each of them.
     ///
     /// # Errors
     /// [`FitError::Unlike`], on all ranks.
     pub(crate) fn given_among(&self, ranks: &dyn Communicator<f32>) -> Result<Given, FitError> {
         let mut given = self.given_but_images();
         check_alike(ranks, &given)?;
-        let images: BTreeSet<_> =
-            self.views.iter().flat_map(|view| [&view.image, &view.mask]).flatten().collect();
-        let images: Vec<&PathBuf> = images.into_iter().collect();
         let (rank, size) = (ranks.rank(), ranks.size());
-        let digest = |file: &&PathBuf| match self.folder.digest(file) {
-            Ok(said) => said,
-            Err(_) => "nothing that can be read".to_owned(),
+        let mut own = self.needed_by(rank, size);
+        own.extend(self.needed_by((rank + 1) % size, size));
+        let line = |file: &&PathBuf| match self.folder.digest(file) {
+            Ok(said) => format!("{}\0{said}\0", file.display()),
+            Err(_) => format!("{}\0nothing that can be read\0", file.display()),
         };
-        let said = |rank| images[block(images.len(), rank, size)].iter().map(digest);
-        // Alone there is nobody to compare with.
-        let others = (size > 1).then(|| said((rank + 1) % size)).into_iter().flatten();
-        let words: Vec<_> = said(rank).chain(others).collect();
-        let all = agree::<_, FitError>(ranks, Ok(words.join("\n").into_bytes()))?;
-        let all: Vec<_> = all.iter().map(|words| String::from_utf8_lossy(words)).collect();
-        for rank in 0..size {
-            let own = &images[block(images.len(), rank, size)];
-            let before = (rank + size - 1) % size;
-            let skipped = block(images.len(), before, size).len();
-            let compared = all[before].lines().skip(if size > 1 { skipped } else { 0 });
-            for ((file, own), other) in own.iter().zip(all[rank].lines()).zip(compared) {
-                let name = file.display().to_string();
-                if own != other {
-                    let (own, other) = (own.to_owned(), other.to_owned());
-                    return Err(FitError::Unlike {
-                        name,
-                        ranks: [rank, before],
-                        values: [own, other],
-                    });
+        let words: String = own.iter().map(line).collect();
+        let all = agree::<_, FitError>(ranks, Ok(words.into_bytes()))?;
+        let mut known = BTreeMap::new();
+        for (rank, words) in all.iter().enumerate() {
+            let words: Vec<_> = words.split(|&byte| byte == 0).collect();
+            for pair in words.chunks_exact(2) {
+                let [file, said] =
+                    [pair[0], pair[1]].map(|own| String::from_utf8_lossy(own).into_owned());
+                let (first, before) = known.entry(file.clone()).or_insert((rank, said.clone()));
+                if *before != said {
+                    let (ranks, values) = ([rank, *first], [said, before.clone()]);
+                    return Err(FitError::Unlike { name: file, ranks, values });
                 }
-                given.insert(name, own.to_owned());
             }
         }
+        given.extend(known.into_iter().map(|(file, (_, said))| (file, said)));
         Ok(given)
+    }
+
+    /// The images and masks that a rank reads: of its views in steps, of those it measures, and of those it draws.
+    fn needed_by(&self, rank: usize, size: usize) -> BTreeSet<&PathBuf> {
+        let of = |is_own: fn(&SceneView) -> bool| {
+            let own: Vec<_> = self.views.iter().filter(|view| is_own(view)).collect();
+            own[block(own.len(), rank, size)].to_vec()
+        };
+        let learnt_from = of(|view| view.image.is_some() && !view.held_out);
+        let held_out = of(|view| view.image.is_some() && view.held_out);
+        let views = learnt_from.into_iter().chain(held_out).chain(of(|_| true));
+        views.flat_map(|view| [&view.image, &view.mask]).flatten().collect()
     }
 
     fn given_but_images(&self) -> Given {

@@ -13,6 +13,7 @@ use super::cameras::add_cameras;
 use super::findings::{Findings, Section};
 use super::views::inspect_views;
 use crate::digits::{count, number, numbers};
+use crate::scene::HELD_OUT;
 
 /// Steps of a fit that does not say.
 const STEPS: usize = 1000;
@@ -187,6 +188,9 @@ fn inspect_fit(findings: &mut Findings, scene: Scene) {
         section.fact(*key, text, json!(rate));
     }
     findings.named("learnt", section);
+    if description.learn.cameras.is_some() && scene.views.iter().any(|view| view.held_out) {
+        findings.note(HELD_OUT);
+    }
     let stages = description.stages.as_slice();
     if stages.is_empty() {
         let steps = description.stop.steps.map_or(STEPS, |steps| steps.0);

@@ -21,6 +21,8 @@ const HELD_OUT: usize = 8;
 const VIEWS: usize = 4;
 /// Images are made smaller at first, where they are longer.
 const LONGEST: usize = 600;
+/// For a pose that is far off, images are made so small.
+const COARSE: usize = 32;
 
 /// What is there to begin with.
 #[derive(Debug, Clone, Copy)]
@@ -126,7 +128,7 @@ impl Template<'_> {
             return format!(
                 "# The mesh to start from. With a file: file = \"mesh.obj\" in place of shape and faces.\n\
                  [[meshes]]\nname = \"object\"\nshape = \"sphere\"  # or \"cube\", \"plane\"\n\
-                 faces = 1280\n{place}# A texture of one colour to start from, in texels along a side.\n\
+                 faces = 5000\n{place}# A texture of one colour to start from, in texels along a side.\n\
                  material = {{ texture_size = 256 }}\n"
             );
         };
@@ -217,7 +219,7 @@ impl Template<'_> {
 
     fn learn(&self) -> String {
         let vertices = "# Places of vertices. Smoothing makes steps large and smooth: more of it, smoother.\n\
-             [learn.vertices]\nsmoothing = 20.0\n\n";
+             [learn.vertices]\nsmoothing = 10.0\n\n";
         let texture = "[learn.texture]\n\
              # Neighbouring texels are alike, where no view says otherwise.\ntotal_variation = 1e-3\n";
         let said = match self.start.map(|start| start.paint) {
@@ -228,6 +230,9 @@ impl Template<'_> {
                 "{vertices}# One colour: the mesh has no texture coordinates.\n[learn.texture]\n"
             ),
         };
+        let pose = "# Where the mesh stands, if it does not lie on the images yet. See [[stages]] below, too.\n\
+             # [learn.pose]\n";
+        let said = format!("{said}\n{pose}");
         match self.photographs {
             Some(_) => said,
             None => {
@@ -240,7 +245,7 @@ impl Template<'_> {
         let mut said = "[loss]\nkind = \"squared\"  # or \"absolute\", \"huber\"\n".to_owned();
         if self.compares_masks() {
             said += "# The weight of silhouettes beside colours.\nsilhouette = 1.0\n";
-        } else if self.learns_shape() {
+        } else {
             said += "# The weight of silhouettes beside colours: it needs masks, or images with opacity.\n\
                  # silhouette = 1.0\n";
         }
@@ -252,11 +257,19 @@ impl Template<'_> {
         let images = self.photographs.map_or(1, |own| own.images.len());
         let views = images.min(VIEWS);
         let reduce = self.photographs.map_or(1, |own| reduce(&own.sizes));
+        // Of the shorter side some 32 pixels are left.
+        let coarse = self.photographs.map_or(1, |own| coarse(&own.sizes));
+        let learnt = "learn = [\"pose\"]";
+        let first = format!(
+            "# From a pose that is 20 to 40 degrees off: first the pose, by silhouettes of small images.\n\
+             # It needs [learn.pose] and silhouette = 1.0 above, and masks.\n\
+             # [[stages]]\n# steps = 200\n# reduce = {coarse}\n# views_per_step = {views}\n# {learnt}\n\n"
+        );
         if reduce == 1 {
-            return format!("[stop]\nsteps = {steps}\nviews_per_step = {views}\n");
+            return format!("{first}[[stages]]\nsteps = {steps}\nviews_per_step = {views}\n");
         }
         format!(
-            "# First with smaller images, which take less time.\n\
+            "{first}# With smaller images, which take less time, and then as they are.\n\
              [[stages]]\nsteps = {steps}\nreduce = {reduce}\nviews_per_step = {views}\n\n\
              [[stages]]\nsteps = {}\nviews_per_step = {views}\nrates = 0.3\n",
             steps / 5
@@ -269,6 +282,18 @@ fn reduce(sizes: &[[usize; 2]]) -> usize {
     let longest = sizes.iter().flatten().copied().max().unwrap_or(1);
     let mut reduce = 1;
     while longest / reduce > LONGEST
+        && sizes.iter().flatten().all(|extent| extent.is_multiple_of(2 * reduce))
+    {
+        reduce *= 2;
+    }
+    reduce
+}
+
+/// How many times smaller images of these sizes become for a pose: down to some 32 pixels.
+fn coarse(sizes: &[[usize; 2]]) -> usize {
+    let shortest = sizes.iter().flatten().copied().min().unwrap_or(1);
+    let mut reduce = 1;
+    while shortest / (2 * reduce) >= COARSE
         && sizes.iter().flatten().all(|extent| extent.is_multiple_of(2 * reduce))
     {
         reduce *= 2;

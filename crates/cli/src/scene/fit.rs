@@ -11,7 +11,7 @@ use bokashi_scene::{Scene, SceneError, SceneFit, SeenView, ViewScore, lens_note}
 use bokashi_write::place_below;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use super::outcome::{Outcome, mean_held_out, values};
+use super::outcome::{Outcome, fall, mean_held_out, values};
 use super::page::{self, Curves, PAGE};
 use super::pictures::{KINDS, Pictures, block, data, path};
 use crate::failure::{Failure, one_line};
@@ -137,6 +137,7 @@ fn run_until(asked: &Asked, ranks: &Ranks<f32>, interrupt: &Interrupt) -> Result
         curves: Curves::default(),
         step_ms: Vec::new(),
         losses: None,
+        stage_losses: Vec::new(),
         sent: 0,
         first_step: fit.steps_done(),
         fit,
@@ -234,6 +235,8 @@ struct Running<'a> {
     step_ms: Vec<f64>,
     /// The first and the last.
     losses: Option<[f64; 2]>,
+    /// Those of the stage.
+    stage_losses: Vec<f64>,
     /// What all ranks together sent for gradients, in bytes.
     sent: u64,
     first: Vec<(String, bokashi_scene::Tensor<f32>)>,
@@ -274,11 +277,16 @@ impl Running<'_> {
             if self.fit.steps_done().is_multiple_of(every) {
                 self.measure()?;
             }
+            let stage = self.fit.stage();
             let stepped = self.fit.step();
             let Some(stepped) = stepped.map_err(|error| self.failed_step(error))? else { break };
             self.sent += self.fit.bytes_sent();
             let loss = stepped.loss;
             self.step_ms.push(stepped.ms);
+            if self.fit.stage() != stage {
+                self.stage_losses.clear();
+            }
+            self.stage_losses.push(loss);
             self.losses = Some([self.losses.map_or(loss, |[first, _]| first), loss]);
             keep(&mut self.curves.losses, (self.started.elapsed().as_secs_f64(), loss));
             if let Some(bar) = &self.bar {
@@ -499,6 +507,7 @@ impl Running<'_> {
             first: self.first.clone(),
             scores,
             left_out,
+            fell: fall(&self.stage_losses),
         };
         if let Some(live) = &self.live {
             let said = outcome.said();
@@ -535,7 +544,14 @@ impl Running<'_> {
                 }
             };
             let said = outcome.said();
-            say(&format!("{said}{loss}{held_out}{ranks}\nReport: {}\n", page.display()))?;
+            say(&format!("{said}{loss}{held_out}{ranks}\n"))?;
+            let ended = self.fit.ended().map(|rule| format!("It ended by a rule: {rule}."));
+            let held_out = outcome.held_out_in_words(&self.fit).map(str::to_owned);
+            let more = [ended, outcome.fell_in_words(), outcome.worst_in_words(&self.fit)];
+            for words in more.into_iter().chain([held_out]).flatten() {
+                say(&format!("{words}\n"))?;
+            }
+            say(&format!("Report: {}\n", page.display()))?;
         }
         if self.live.is_some() {
             std::thread::sleep(LAST_LOOK);

@@ -7,4 +7,5 @@ mod pictures;
 mod render;
 
 pub(crate) use self::fit::{Asked, run};
+pub(crate) use self::outcome::HELD_OUT;
 pub(crate) use self::render::render;

@@ -6,6 +6,10 @@ use bokashi_scene::Tensor;
 use bokashi_scene::{SceneFit, ViewScore};
 use serde_json::{Map, Value, json};
 
+/// Of views that are held out, where cameras are learnt.
+pub(crate) const HELD_OUT: &str = "Views that are held out keep the cameras of the scene's file: `learn.cameras` moves \
+     the others, and scores of held-out views have the error of their cameras in them.";
+
 /// A parameter's numbers are listed up to so many; of more, their norm.
 const MOST_LISTED: usize = 16;
 
@@ -24,6 +28,36 @@ pub(super) struct Outcome {
     pub(super) first: Vec<(String, Tensor<f32>)>,
     pub(super) scores: Vec<ViewScore>,
     pub(super) left_out: Vec<(&'static str, String)>,
+    /// The share by which the loss still fell at the end, if it did: see [`fall`].
+    pub(super) fell: Option<f64>,
+}
+
+/// So many views are named that are matched worst.
+const WORST: usize = 3;
+/// A quarter of the last stage has at least so many steps, or nothing is said of it.
+const LEAST_STEPS: usize = 10;
+/// A loss that fell by less is at its end.
+const LEAST_FALL: f64 = 0.02;
+
+/// The share by which a loss still fell from the third to the last quarter of `losses`, those of the last stage.
+/// `None` where it did not, or where views that differ from step to step hide it: both means are known to their
+/// standard errors.
+pub(super) fn fall(losses: &[f64]) -> Option<f64> {
+    let quarter = losses.len() / 4;
+    if quarter < LEAST_STEPS {
+        return None;
+    }
+    let mean_and_error = |losses: &[f64]| {
+        let count = losses.len() as f64;
+        let mean = losses.iter().sum::<f64>() / count;
+        let squares = losses.iter().map(|loss| (loss - mean).powi(2)).sum::<f64>();
+        (mean, squares / (count * (count - 1.0)))
+    };
+    let late = &losses[losses.len() - 2 * quarter..];
+    let (before, before_error) = mean_and_error(&late[..quarter]);
+    let (last, last_error) = mean_and_error(&late[quarter..]);
+    let is_sure = before - last > 3.0 * (before_error + last_error).sqrt();
+    Some(1.0 - last / before).filter(|&share| is_sure && share > LEAST_FALL)
 }
 
 /// The parameters of a fit by name.
@@ -53,6 +87,34 @@ impl Outcome {
             before => format!(", {} of them now,", steps - before),
         };
         format!("{steps} steps{now} in {:.1} s, {ms:.2} ms each", self.time.as_secs_f64())
+    }
+
+    /// That the loss still fell, in words, and what to do about it.
+    pub(super) fn fell_in_words(&self) -> Option<String> {
+        let percent = 100.0 * self.fell?;
+        Some(format!(
+            "The loss still fell by {percent:.0} % in the last quarter: more steps make it smaller."
+        ))
+    }
+
+    /// The views that are matched worst, in words; nothing where there are no more than these.
+    pub(super) fn worst_in_words(&self, fit: &SceneFit) -> Option<String> {
+        let score = |own: &ViewScore| own.psnr.map(|psnr| (psnr, own.view));
+        let mut all: Vec<_> = self.scores.iter().filter_map(score).collect();
+        all.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let named = all.iter().take(WORST).map(|&(psnr, view)| {
+            let own = &fit.scene().views[view];
+            format!("{}{} {psnr:.1} dB", own.name, if own.held_out { ", held out," } else { "" })
+        });
+        let named = named.collect::<Vec<_>>().join("; ");
+        (all.len() > WORST).then(|| format!("Worst views: {named}."))
+    }
+
+    /// What a score of a view that is held out means where cameras are learnt.
+    pub(super) fn held_out_in_words(&self, fit: &SceneFit) -> Option<&'static str> {
+        let scene = fit.scene();
+        let is_held_out = scene.views.iter().any(|view| view.held_out);
+        (is_held_out && scene.description.learn.cameras.is_some()).then_some(HELD_OUT)
     }
 
     pub(super) fn json(&self, fit: &SceneFit) -> Value {
@@ -94,6 +156,7 @@ impl Outcome {
             "parameters_hash": hash(&last),
             "left_out": left_out.collect::<Value>(),
             "changed": fit.changed(),
+            "loss_fell_at_end": self.fell,
         })
     }
 }
@@ -125,6 +188,23 @@ fn hash(values: &[(String, Tensor<f32>)]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_loss_that_still_falls_is_told_from_one_that_does_not() {
+        let noise = |k: usize| 1.0 + 0.3 * (12.9898 * k as f64).sin();
+        let of = |loss: &dyn Fn(usize) -> f64| fall(&(0..400).map(loss).collect::<Vec<_>>());
+        // Over a quarter, 100 steps, it falls by this share.
+        let share = 1.0 - (-0.5_f64).exp();
+        let found = of(&|k| (-0.005 * k as f64).exp()).unwrap();
+        assert!((found - share).abs() < 1e-9, "{found}");
+        let found = of(&|k| noise(k) * (-0.005 * k as f64).exp()).unwrap();
+        assert!((found - share).abs() < 0.1, "{found}");
+        assert_eq!(of(&noise), None);
+        assert_eq!(of(&|_| 1.0), None);
+        assert_eq!(of(&|k| 1.0 + (-0.05 * k as f64).exp()), None);
+        assert_eq!(of(&|k| k as f64), None);
+        assert_eq!(fall(&[2.0, 1.0]), None);
+    }
 
     #[test]
     fn the_hash_is_of_all_bits() {

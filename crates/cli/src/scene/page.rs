@@ -42,12 +42,20 @@ pub(super) fn render(
     });
     let document = Document {
         title: format!("Bokashi: {name}"),
-        heading: escaped(&name),
-        introduction: format!("<p>{}.{held_out}</p>", outcome.said()),
+        heading: name,
+        introduction: format!("<p>{}.{held_out}{}</p>", outcome.said(), remarks(fit, outcome)),
         sections,
         footer: footer(),
     };
     Ok(document.html())
+}
+
+/// What else to know of the fit, as HTML after a sentence.
+fn remarks(fit: &SceneFit, outcome: &Outcome) -> String {
+    let ended = fit.ended().map(|rule| format!("It ended by a rule: {rule}."));
+    let held_out = outcome.held_out_in_words(fit).map(str::to_owned);
+    let all = [ended, outcome.fell_in_words(), outcome.worst_in_words(fit), held_out].into_iter();
+    all.flatten().map(|words| format!(" {}", escaped(&words))).collect()
 }
 
 fn panels(curves: &Curves) -> Vec<Panel> {
@@ -148,7 +156,10 @@ fn learnt(fit: &SceneFit, outcome: &Outcome) -> String {
             numbers(&last)
         );
     }
-    html.push_str("</tbody></table></div>");
+    html.push_str(
+        "</tbody></table></div><p><code>mesh.glb</code> stands in the world. A <code>.ply</code> has its mesh's \
+         own coordinates: <code>places</code> in <code>numbers.json</code> are the matrices that bring it there.</p>",
+    );
     html
 }
 

@@ -487,7 +487,7 @@ fn descriptions_are_refused() {
         (format!("{}a = 1", "a.".repeat(1_000_000)), ": ", "a value lies in at most"),
         (format!("[{}a]", "a.".repeat(1_000_000)), ": ", "a value lies in at most"),
         (format!("seed = {}", "{a=".repeat(1_000_000)), ":1:", "a value lies in at most"),
-        (scene().replace("steps = 1", "steps = nan"), ":8:9: ", "a whole number, 1 or above"),
+        (scene().replace("steps = 1", "steps = nan"), ":8:9: ", "a whole number from 1 to"),
         (scene().replace("focal = 3", "focal = inf"), ":5:20: ", "a finite number above 0"),
         (scene().replace("0.3", "nan"), ":5:34: ", "a finite number is needed here"),
         (camera_of("angle = 1e-320, position = [0, 0, 4]"), ":3:1: ", "too extreme"),

@@ -14,7 +14,7 @@ use std::path::Path;
 
 use bokashi_fit::Given;
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 use serde_json::Value;
 use toml::Spanned;
 
@@ -50,7 +50,7 @@ pub struct Description {
     #[schemars(with = "Vec<MeshEntry>")]
     pub meshes: Vec<Spanned<MeshEntry>>,
     /// Views, one by one.
-    #[serde(default, skip_serializing)]
+    #[serde(default, serialize_with = "left_out")]
     #[schemars(with = "Vec<ViewEntry>")]
     pub views: Vec<Spanned<ViewEntry>>,
     /// Views from a file of cameras.
@@ -122,6 +122,11 @@ impl Description {
             SceneError::content(place, said(error.message()))
         })
     }
+}
+
+/// Views are described as they are loaded, not as they are written.
+fn left_out<S: Serializer>(_: &[Spanned<ViewEntry>], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_none()
 }
 
 /// Adds what `value` holds, under its keys. Numbers of a list stand together.

@@ -1,26 +1,63 @@
 //! Numbers and words with a rule, which a file's parser checks where they stand.
 
+use std::fmt;
+
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::de::Visitor;
+use serde::{Deserialize, Deserializer, Serialize};
+
+/// A number, and how a message says it: of a large whole number the nearest that has 53 bits is another one.
+struct Written {
+    number: f64,
+    said: String,
+}
+
+impl<'de> Deserialize<'de> for Written {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct OfNumber;
+
+        impl Visitor<'_> for OfNumber {
+            type Value = Written;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("f64")
+            }
+
+            fn visit_i64<E>(self, number: i64) -> Result<Written, E> {
+                Ok(Written { number: number as f64, said: number.to_string() })
+            }
+
+            fn visit_u64<E>(self, number: u64) -> Result<Written, E> {
+                Ok(Written { number: number as f64, said: number.to_string() })
+            }
+
+            fn visit_f64<E>(self, number: f64) -> Result<Written, E> {
+                Ok(Written { number, said: number.to_string() })
+            }
+        }
+
+        deserializer.deserialize_f64(OfNumber)
+    }
+}
 
 /// Makes a number with a rule: its name, the rule in words, the test, and what a schema says.
 macro_rules! numbers {
     ($($(#[$doc:meta])* $name:ident: $kind:ty, $rule:literal, $test:expr, [$($schema:tt)*];)*) => {$(
         $(#[$doc])*
         #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize, JsonSchema)]
-        #[serde(try_from = "f64")]
+        #[serde(try_from = "Written")]
         // In its place: an editor shows what the key is, not what the number is.
-        #[schemars(inline, extend($($schema)*))]
+        #[schemars(inline, with = "f64", extend($($schema)*))]
         pub struct $name(pub $kind);
 
-        impl TryFrom<f64> for $name {
+        impl TryFrom<Written> for $name {
             type Error = String;
 
-            fn try_from(number: f64) -> Result<Self, String> {
+            fn try_from(Written { number, said }: Written) -> Result<Self, String> {
                 let is_kept: fn(f64) -> bool = $test;
                 match is_kept(number) {
                     true => Ok(Self(number as $kind)),
-                    false => Err(format!("{} is needed here, and this is {number}", $rule)),
+                    false => Err(format!("{} is needed here, and this is {said}", $rule)),
                 }
             }
         }
@@ -36,7 +73,7 @@ numbers! {
     NotNegative: f64, "a finite number, 0 or above,", |x| x >= 0.0 && x.is_finite(), ["minimum" = 0];
     /// A number from 0 to 1.
     Share: f64, "a number from 0 to 1", |x| (0.0..=1.0).contains(&x), ["minimum" = 0, "maximum" = 1];
-    /// A whole number, 1 or above.
-    Count: usize, "a whole number, 1 or above,", |x| (1.0..=1e9).contains(&x) && x.fract() == 0.0,
+    /// A whole number from 1 to a thousand million.
+    Count: usize, "a whole number from 1 to 1000000000", |x| (1.0..=1e9).contains(&x) && x.fract() == 0.0,
         ["type" = "integer", "format" = "uint", "minimum" = 1, "maximum" = 1_000_000_000];
 }

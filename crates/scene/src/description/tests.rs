@@ -24,7 +24,15 @@ fn an_unknown_key_is_refused_with_the_nearest_name() {
 #[test]
 fn numbers_against_their_rule_are_refused_where_they_stand() {
     let rows = [
-        ("[stop]\nsteps = 0\n", "2:9: a whole number, 1 or above, is needed here, and this is 0"),
+        (
+            "[stop]\nsteps = 0\n",
+            "2:9: a whole number from 1 to 1000000000 is needed here, and this is 0",
+        ),
+        // As it stands there: the nearest number of 53 bits is another one.
+        (
+            "[stop]\nsteps = 9223372036854775807\n",
+            "2:9: a whole number from 1 to 1000000000 is needed here, and this is 9223372036854775807",
+        ),
         ("[stop]\nsteps = 1.5\n", "2:9: "),
         ("[pipeline]\nblur = -1\n", "2:8: a finite number above 0 is needed here, and this is -1"),
         ("[pipeline]\nblur = nan\n", "2:8: "),

@@ -1,4 +1,5 @@
 //! Laws of fits of scenes.
 
+mod metamorphic;
 mod ranks;
 mod resuming;

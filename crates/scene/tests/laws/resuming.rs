@@ -364,24 +364,31 @@ fn a_fit_made_longer_continues_the_longer_schedule() {
             "[[meshes]]\nshape = \"cube\"\n[learn.pose]\n[stop]\nsteps = {steps}\nviews_per_step = 4\n"
         )
     };
-    let mut fit = SceneFit::new(scene(place.path(), &text(4))).unwrap();
-    fit.run(|_| ()).unwrap();
-    fit.save(&saved).unwrap();
-    let step_of = |steps: usize| {
-        let mut fit = SceneFit::resume(scene(place.path(), &text(steps)), &saved).unwrap();
-        assert_eq!(fit.changed(), [format!("`stop.steps`: {steps} from now on, and 4 before")]);
-        let before = fit.parameters().value("pose/cube").unwrap();
-        fit.step().unwrap().unwrap();
-        let after = fit.parameters().value("pose/cube").unwrap();
-        let moves = after.data().iter().zip(before.data()).map(|(a, b)| f64::from((a - b).abs()));
-        moves.fold(0.0, f64::max)
+    let factor = |step: f64, steps: f64| {
+        0.01 + 0.99 * 0.5 * (1.0 + (std::f64::consts::PI * step / steps).cos())
     };
-    // Steps of Adam are in proportion to the rate, which is half of it in the middle of a cosine, and nearly
-    // a hundredth, the last step's of the short schedule, nowhere.
-    let factor =
-        |steps: f64| 0.01 + 0.99 * 0.5 * (1.0 + (std::f64::consts::PI * 4.0 / steps).cos());
-    let ratio = step_of(8) / step_of(400);
-    assert!((ratio / (factor(8.0) / factor(400.0)) - 1.0).abs() < 0.01, "{ratio}");
+    // In the middle of the new schedule, and its last step.
+    for (done, steps) in [(4, 8), (4, 5), (20, 21)] {
+        let mut fit = SceneFit::new(scene(place.path(), &text(done))).unwrap();
+        fit.run(|_| ()).unwrap();
+        fit.save(&saved).unwrap();
+        let step_of = |steps: usize| {
+            let mut fit = SceneFit::resume(scene(place.path(), &text(steps)), &saved).unwrap();
+            let said = format!("`stop.steps`: {steps} from now on, and {done} before");
+            assert_eq!(fit.changed(), [said]);
+            let pose = |fit: &SceneFit| fit.parameters().value("pose/cube").unwrap();
+            let before = pose(&fit);
+            fit.step().unwrap().unwrap();
+            let after = pose(&fit);
+            let moves = after.data().iter().zip(before.data());
+            moves.map(|(a, b)| f64::from((a - b).abs())).fold(0.0, f64::max)
+        };
+        // Steps of Adam are in proportion to the rate.
+        let ratio = step_of(steps) / step_of(100_000);
+        let [done, steps] = [done, steps].map(|own| own as f64);
+        let expected = factor(done, steps) / factor(done, 1e5);
+        assert!((ratio / expected - 1.0).abs() < 0.01, "{ratio} at step {done} of {steps}");
+    }
 }
 
 #[test]
