@@ -8,6 +8,8 @@ use bokashi_scene::{Folder, Picture, Place, Samples, Scene, SceneFit, read_model
 use glam::{DMat4, DVec3};
 use serde_json::{Value, json};
 
+mod photographs;
+
 fn bokashi(folder: &Path, words: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_bokashi"));
     command.args(words).current_dir(folder).stdin(Stdio::null());
@@ -468,7 +470,7 @@ fn what_is_wrong_with_a_scene_is_said() {
         "\"again\": it has the image of \"masked\"",
         "view \"right\": masks count in the loss",
         "view \"away\": no object lies in front of its camera",
-        "black.png: a mask shows an object, and this is black",
+        "black.png: a mask tells objects from background, and this has no object",
         "masked.png: an image has the size of its camera, 64 x 32, and this is 32 x 32",
         "gone.png could not be read",
         "a stage learns some of texture, and not \"verts\"",
@@ -533,7 +535,7 @@ fn files_that_can_t_be_read_are_one_sentence_with_their_name() {
         ("a.ply", b"", "a.ply: "),
         ("a.glb", b"glTF", "a.glb: "),
         ("a.png", b"\x89PNG\r\n\x1a\n", "a.png: "),
-        ("a.exr", b"", "a.exr: an image is a PNG, JPEG or EXR file, and the file is empty"),
+        ("a.exr", b"", "a.exr: an image is a PNG, JPEG, EXR or HDR file, and the file is empty"),
         ("a.toml", b"[[meshes]]\nfile = 3\n", "a.toml:2:8: "),
         ("b.toml", b"[learn]\ntextur = {}\n", "b.toml:2:1: unknown key `textur`"),
         ("a.json", b"{\n\"frames\": 1}", "a.json:2:11: "),

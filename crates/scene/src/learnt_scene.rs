@@ -141,7 +141,8 @@ impl Scene {
     pub fn cameras(&self) -> Vec<NamedView> {
         let views = self.views.iter().filter_map(|view| {
             let image = view.image.clone()?;
-            Some(NamedView { name: view.name.clone(), image, camera: view.camera })
+            let (name, mask) = (view.name.clone(), view.mask.clone());
+            Some(NamedView { name, image, mask, camera: view.camera })
         });
         views.collect()
     }

@@ -7,6 +7,7 @@
 pub mod arrays;
 mod cameras;
 pub mod description;
+mod environment;
 mod error;
 mod file;
 mod file_names;
@@ -16,6 +17,7 @@ mod given;
 mod learning;
 mod learnt_scene;
 mod loading;
+mod mask_files;
 mod memory;
 mod mesh;
 mod model;
@@ -56,6 +58,7 @@ pub use glam;
 /// What images in memory can be made of and into.
 pub use image;
 pub use loading::{LoadedMesh, load_image, load_mesh};
+pub use mask_files::find_mask;
 pub use memory::{limit_memory, memory_limit};
 pub use mesh::{MeshKind, MeshOptions, glb, ply, read_model, read_model_bytes, read_model_with};
 pub use model::{Borders, Geometry, Indexed, MaterialFile, Model, NO_ROW, Placed, Submesh};
@@ -64,7 +67,9 @@ pub use model::{Borders, Geometry, Indexed, MaterialFile, Model, NO_ROW, Placed,
 pub use ndarray;
 pub use object::{Attribute, Object, SurfaceLook};
 pub use outline::{BentEdge, Outline, gaze, lens_note, most_bent_edges, named_files, share_seen};
-pub use picture::{ColorSpace, Depth, MOST_SAMPLES, Picture, Samples, is_guarded};
+pub use picture::{
+    ColorSpace, Depth, MOST_SAMPLES, Mask, MaskKind, Picture, Samples, Turn, is_guarded,
+};
 pub use rendered::Rendered;
 pub use renderer::{Drawn, Renderer};
 pub use scene::{Scene, SceneView};

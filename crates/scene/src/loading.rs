@@ -11,7 +11,7 @@ use crate::file::read_file;
 use crate::folder::Folder;
 use crate::memory::Memory;
 use crate::mesh::read_model;
-use crate::model::{Geometry, Indexed, Model};
+use crate::model::{Geometry, Indexed, Model, Submesh};
 use crate::object::{Attribute, SurfaceLook};
 use crate::picture::{ColorSpace, Picture};
 
@@ -102,7 +102,10 @@ impl LoadedMesh {
         };
         let normals = joined(&parts, "normals", |own| own.normals.as_ref(), turn, &mut notes)?;
 
-        let mut looks: Vec<Look> = parts.iter().map(|(own, _)| Look::of(own, model)).collect();
+        let looks = parts.iter().flat_map(|(own, _)| {
+            own.submeshes.iter().map(move |submesh| Look::of(own, submesh, model))
+        });
+        let mut looks: Vec<Look> = looks.collect();
         looks.dedup();
         let look = match looks[..] {
             [only] => only,
@@ -139,14 +142,15 @@ struct Look {
 }
 
 impl Look {
-    fn of(own: &Geometry, model: &Model) -> Self {
-        match own.material.and_then(|k| model.materials.get(k)) {
+    fn of(own: &Geometry, submesh: &Submesh, model: &Model) -> Self {
+        let has_colors = own.colors.as_ref().is_some_and(|own| own.covers(&submesh.faces));
+        match submesh.material.and_then(|k| model.materials.get(k)) {
             Some(material) => {
                 let [red, green, blue, _] = material.base_color;
                 Self { base_color: [red, green, blue], image: material.base_color_image }
             }
             // Colours stand for themselves.
-            None if own.colors.is_some() => Self { base_color: [1.0; 3], image: None },
+            None if has_colors => Self { base_color: [1.0; 3], image: None },
             None => Self { base_color: SurfaceLook::plain().base_color, image: None },
         }
     }
@@ -167,10 +171,15 @@ fn joined<'m, const N: usize>(
     moved: impl Fn(&DMat4, [f32; N]) -> [f32; N],
     notes: &mut Vec<String>,
 ) -> Result<Option<Attribute>, SceneError> {
-    let missing = parts.iter().filter(|(geometry, _)| own(geometry).is_none()).count();
+    let submeshes = parts.iter().flat_map(|(geometry, _)| {
+        geometry.submeshes.iter().map(move |submesh| (*geometry, submesh))
+    });
+    let covers = |(geometry, submesh): &(&'m Geometry, &Submesh)| {
+        own(geometry).is_some_and(|own| own.covers(&submesh.faces))
+    };
+    let (count, missing) = (submeshes.clone().count(), submeshes.filter(|k| !covers(k)).count());
     if missing > 0 {
-        if missing < parts.len() {
-            let count = parts.len();
+        if missing < count {
             notes.push(format!("{missing} of {count} surfaces have no {what}: they were left out"));
         }
         return Ok(None);

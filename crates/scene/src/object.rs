@@ -64,7 +64,8 @@ pub struct Object {
     pub colors: Option<Attribute>,
     /// Texture coordinates, `[A, 2]`, each at one vertex.
     pub coordinates: Option<Attribute>,
-    /// Unit normals of the file, `[A, 3]`: they hold as long as vertices stay where they are.
+    /// Unit normals of the file, `[A, 3]`. Where vertices are learnt, normals follow from the faces, and these say
+    /// which corners share one.
     pub normals: Option<Attribute>,
     /// Unit tangents of the file and signs of bitangents, `[A, 4]`. Without them, and where vertices are
     /// learnt, tangents follow from the coordinates.

@@ -48,7 +48,10 @@ impl Scene {
         }
         let mut cameras = self.cameras();
         let way = self.folder.seen_from(out)?;
-        cameras.iter_mut().for_each(|view| view.image = way.join(&view.image));
+        for view in &mut cameras {
+            view.image = way.join(&view.image);
+            view.mask = view.mask.take().map(|mask| way.join(mask));
+        }
         if !cameras.is_empty() {
             write("transforms.json", transforms_json(&cameras).as_bytes())?;
         }
@@ -84,8 +87,11 @@ impl Scene {
             learnt.is_some_and(|own| own.meshes.as_ref().is_none_or(|all| all.contains(name)))
         };
         let objects = self.objects.iter().filter(move |object| is_learnt(&object.name));
-        objects
-            .filter_map(|object| Some((texture_name(&object.name), object.look.texture.as_ref()?)))
+        objects.flat_map(|object| {
+            object.looks.iter().filter_map(|look| {
+                Some((texture_name(&object.look_name(look)), look.texture.as_ref()?))
+            })
+        })
     }
 
     /// Checks that results can be written to these paths below the folder `out`, before the work that makes

@@ -4,7 +4,7 @@
 
 use std::collections::HashSet;
 use std::ops::RangeInclusive;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use bokashi_core::Tensor;
 use bokashi_fit::Given;
@@ -12,13 +12,15 @@ use bokashi_render_ops::Size;
 use glam::{DMat4, DVec3};
 use toml::Spanned;
 
-use crate::cameras::{Camera, NamedView, read_colmap, read_transforms};
+use crate::cameras::{Camera, read_colmap, read_transforms};
 use crate::description::{
     self, ColorSpaceName, Description, MaterialEntry, MeshEntry, Shape, SurfaceModel, ViewEntry,
 };
+use crate::environment::of_panorama;
 use crate::error::{Place, SceneError};
 use crate::file_names::{is_file_name, notes_of_names};
 use crate::folder::Folder;
+use crate::mask_files::{find_mask, usual_mask};
 use crate::memory::{OF_DRAWN_PIXEL, OF_FACE, OF_NEW_TEXEL, OF_TEXEL};
 use crate::mesh::{MeshKind, MeshOptions, read_counted};
 use crate::model::{Borders, MaterialFile, Model, Placed};
@@ -34,7 +36,7 @@ pub struct SceneView {
     pub name: String,
     /// The image, in the scene's folder.
     pub image: Option<PathBuf>,
-    /// An image that is white where the objects are.
+    /// An image that shows where the objects are: see [`Mask`](crate::Mask).
     pub mask: Option<PathBuf>,
     /// How numbers of the image stand for light, where the format does not tell.
     pub color_space: Option<ColorSpace>,
@@ -74,6 +76,8 @@ const MOST_FACES: u64 = 10_000_000;
 /// Texels along a side of an environment; and where a scene does not say.
 const SIDES: RangeInclusive<usize> = 8..=256;
 const SIDE: usize = 16;
+/// Likewise of a panorama.
+const PANORAMA: RangeInclusive<usize> = 8..=64;
 
 /// What a scene's file says, and where it says it.
 struct Source {
@@ -400,7 +404,7 @@ impl Source {
     }
 
     fn image(&self, file: &Path) -> Result<Picture, SceneError> {
-        Picture::decode(&self.folder.read(file)?, &Place::of(self.folder.join(file)))
+        Picture::read(&self.folder, file)
     }
 
     /// All views: those of the scene's file, then those of files of cameras.
@@ -409,8 +413,24 @@ impl Source {
         description: &Description,
         notes: &mut Vec<String>,
     ) -> Result<Vec<SceneView>, SceneError> {
-        let own = description.views.iter().map(|entry| self.view(entry));
-        let mut views = own.collect::<Result<Vec<_>, _>>()?;
+        let entries = || description.views.iter().map(Spanned::get_ref);
+        let given = entries().filter_map(|own| own.name.clone()).collect();
+        let unnamed = entries().filter(|own| own.name.is_none());
+        let unnamed = unnamed.filter_map(|own| own.image.as_deref());
+        let mut unnamed = names(unnamed, &given).into_iter();
+        let mut views = Vec::with_capacity(description.views.len());
+        for entry in &description.views {
+            let own = entry.get_ref();
+            let name = match (&own.name, &own.image) {
+                (Some(name), _) => Some(name.clone()),
+                (None, Some(_)) => unnamed.next(),
+                (None, None) => None,
+            };
+            let Some(name) = name else {
+                return Err(self.wrong(entry, "a view without an image has a `name`"));
+            };
+            views.push(self.view(entry, name)?);
+        }
         let Some(entry) = &description.cameras else { return Ok(views) };
         let cameras = entry.get_ref();
         let file = match (&cameras.transforms, &cameras.colmap) {
@@ -426,19 +446,25 @@ impl Source {
         };
         let named = file.views;
         notes.extend(file.notes);
+        let masked = named.iter().filter(|view| view.mask.is_some()).count();
+        if masked > 0 {
+            let said =
+                format!("the masks that `mask_path` names, {masked}, show where objects are");
+            notes.push(format!(
+                "{said}: black is background here, and in nerfstudio it does not count"
+            ));
+        }
         let every = cameras.held_out_every.map(|every| every.0);
         let taken: HashSet<_> = views.iter().map(|view| view.name.clone()).collect();
-        let unnamed = names(&named, &taken);
+        let unnamed = names(named.iter().map(|view| view.image.as_path()), &taken);
         for (at, (own, name)) in named.into_iter().zip(unnamed).enumerate() {
-            let mask = cameras.masks.as_ref().and_then(|folder| {
-                let file = own.image.file_name()?;
-                let png = folder.join(Path::new(file).with_extension("png"));
-                Some(if self.folder.find(folder.join(file)).is_ok() {
-                    folder.join(file)
-                } else {
-                    png
-                })
-            });
+            let mask = match &cameras.masks {
+                None => own.mask,
+                // One that is missing is missed when its turn comes.
+                Some(masks) => find_mask(&self.folder, masks, &own.image)
+                    .or(own.mask)
+                    .or_else(|| Some(usual_mask(masks, &own.image))),
+            };
             views.push(SceneView {
                 name,
                 image: Some(own.image),
@@ -451,11 +477,8 @@ impl Source {
         Ok(views)
     }
 
-    fn view(&self, entry: &Spanned<ViewEntry>) -> Result<SceneView, SceneError> {
+    fn view(&self, entry: &Spanned<ViewEntry>, name: String) -> Result<SceneView, SceneError> {
         let own = entry.get_ref();
-        let Some(name) = own.name.clone().or_else(|| own.image.as_deref().map(stem)) else {
-            return Err(self.wrong(entry, "a view without an image has a `name`"));
-        };
         let size = match (own.camera.size, &own.image) {
             (Some(size), _) => size.map(|extent| extent.0),
             (None, Some(file)) => Picture::size_in(&self.folder, file)?,
@@ -485,25 +508,35 @@ impl Source {
             }
         };
         match (&own.image, own.color) {
-            (Some(file), None) if own.size.is_none() => {
+            (Some(file), None) => {
                 let image = self.image(file)?;
-                let side = image.width;
-                if image.height != 6 * side {
-                    let rule = "a cube map has its six faces one below the other";
-                    let found =
-                        format!("{rule}, and {} is {side} x {}", file.display(), image.height);
-                    return Err(self.wrong(entry, found));
-                }
+                let [width, height] = [image.width, image.height];
                 let texels = image.color(ColorSpace::of(&image));
-                let shape = [6, check(side)?, side, 3];
-                Ok(Some(Tensor::from_flat_fn(shape, |k| texels.data()[k])))
+                match own.size {
+                    None if height == 6 * width => {
+                        let shape = [6, check(width)?, width, 3];
+                        Ok(Some(Tensor::from_flat_fn(shape, |k| texels.data()[k])))
+                    }
+                    size if width == 2 * height => {
+                        // At the horizon a texel is as wide as a pixel.
+                        let usual = *PANORAMA.end().min(&(width / 4).max(*PANORAMA.start()));
+                        let side = size.map_or(1 << usual.ilog2(), |size| size.0);
+                        Ok(Some(of_panorama(&texels, check(side)?)))
+                    }
+                    _ => {
+                        let rule = "an environment's image is a panorama, twice as wide as high, or \
+                             without `size` six faces, one below the other";
+                        let found = format!("{rule}, and {} is {width} x {height}", file.display());
+                        Err(self.wrong(entry, found))
+                    }
+                }
             }
             (None, Some(color)) => {
                 let side = check(own.size.map_or(SIDE, |size| size.0))?;
                 Ok(Some(Tensor::from_flat_fn([6, side, side, 3], |k| color[k % 3].0 as f32)))
             }
             _ => {
-                let rule = "an environment has either `image`, or `color` and perhaps `size`";
+                let rule = "an environment has either `image` or `color`, and perhaps `size`";
                 Err(self.wrong(entry, rule))
             }
         }
@@ -517,21 +550,31 @@ fn color_space(name: ColorSpaceName) -> ColorSpace {
     }
 }
 
-/// A name for each view of a file of cameras: its image's, with the folders above it where images of
-/// several folders have the same name.
-fn names(views: &[NamedView], taken: &HashSet<String>) -> Vec<String> {
-    let stems: Vec<_> = views.iter().map(|view| stem(&view.image)).collect();
-    let (mut seen, mut is_alike) = (taken.clone(), false);
-    for stem in &stems {
-        is_alike |= !seen.insert(stem.clone());
-    }
-    if !is_alike {
-        return stems;
-    }
-    let whole = |view: &NamedView| {
-        let path = view.image.with_extension("");
-        let parts = path.components().map(|part| part.as_os_str().to_string_lossy().into_owned());
+/// A name for each image: its file's without the ending, with the folders above it where that is another's
+/// name, and then with the ending.
+fn names<'a>(images: impl Iterator<Item = &'a Path>, taken: &HashSet<String>) -> Vec<String> {
+    let images: Vec<_> = images.collect();
+    let whole = |image: &Path| {
+        let parts = image.components().filter_map(|part| match part {
+            Component::Normal(name) => Some(name.to_string_lossy().into_owned()),
+            _ => None,
+        });
         parts.collect::<Vec<_>>().join("-")
     };
-    views.iter().map(whole).collect()
+    let ways: [&dyn Fn(&Path) -> String; 3] =
+        [&stem, &|image| whole(&image.with_extension("")), &|image| match image.extension() {
+            Some(ending) => {
+                format!("{}-{}", whole(&image.with_extension("")), ending.to_string_lossy())
+            }
+            None => whole(image),
+        }];
+    let mut found = Vec::new();
+    for way in ways {
+        found = images.iter().map(|image| way(image)).collect();
+        let mut seen = taken.clone();
+        if found.iter().all(|name| seen.insert(name.clone())) {
+            break;
+        }
+    }
+    found
 }

@@ -13,7 +13,7 @@ use bokashi_render_ops::{PixelLoss, RenderError, Size};
 
 use crate::description::{LossKind, Tone};
 use crate::error::{Place, SceneError};
-use crate::picture::{ColorSpace, Picture, Samples};
+use crate::picture::{ColorSpace, Mask, Picture, Samples};
 use crate::renderer::Renderer;
 
 /// The memory of decoded images, in bytes.
@@ -102,24 +102,21 @@ impl Targets {
     pub(crate) fn mask(&self, view: usize) -> Result<Option<Tensor<f32>>, SceneError> {
         let own = &self.renderer.scene().views[view];
         match (&own.mask, &own.image) {
-            (None, Some(image)) => Ok(self.picture(image, own.camera.size)?.0.opacity()),
-            (Some(mask), _) => Ok(self.picture(mask, own.camera.size)?.0.channel(0)),
+            (None, Some(image)) => Ok(self.picture(image, own.camera.size)?.opacity()),
+            (Some(mask), _) => Ok(Some(self.mask_of(mask, own.camera.size)?)),
             (None, None) => Ok(None),
         }
     }
 
-    /// The image of a file, which has this size; and where it is.
-    fn picture(&self, file: &Path, size: Size) -> Result<(Picture, Place), SceneError> {
-        let folder = &self.renderer.scene().folder;
-        let place = Place::of(folder.join(file));
-        let picture = Picture::decode(&folder.read(file)?, &place)?;
-        let Size { width, height } = size;
-        if [picture.width, picture.height] != [width, height] {
-            let rule = format!("an image has the size of its view, {width} x {height}");
-            let message = format!("{rule}, and this is {} x {}", picture.width, picture.height);
-            return Err(SceneError::content(place, message));
-        }
-        Ok((picture, place))
+    /// The image of a file, which has this size.
+    fn picture(&self, file: &Path, size: Size) -> Result<Picture, SceneError> {
+        Picture::read_sized(&self.renderer.scene().folder, file, [size.width, size.height])
+    }
+
+    /// What the file of a mask says, `[H, W]`.
+    fn mask_of(&self, file: &Path, size: Size) -> Result<Tensor<f32>, SceneError> {
+        let place = Place::of(self.renderer.scene().folder.join(file));
+        Ok(Mask::of(&self.picture(file, size)?, &place)?.share)
     }
 
     fn decoded(&self, view: usize, reduce: usize) -> Result<Target, SceneError> {
@@ -130,31 +127,33 @@ impl Targets {
                 format!("a view that is compared has an image, and {:?} has none", own.name);
             return Err(SceneError::content(Place::of(scene.folder.path()), message));
         };
-        let (picture, place) = self.picture(file, own.camera.size)?;
+        let picture = self.picture(file, own.camera.size)?;
         let space = own.color_space.unwrap_or_else(|| ColorSpace::of(&picture));
         let mut mask = match &own.mask {
             None => picture.opacity(),
-            Some(file) => self.picture(file, own.camera.size)?.0.channel(0),
+            Some(file) => Some(self.mask_of(file, own.camera.size)?),
         };
         let tone = scene.description.pipeline.tone;
         let with_mask = self.has_mask(view);
         if with_mask && mask.is_none() {
             let rule =
                 "masks count in the loss, and this image has no opacity and the view no mask";
-            return Err(SceneError::content(place, rule));
+            return Err(SceneError::content(Place::of(scene.folder.join(file)), rule));
         }
         let is_eight_bit = matches!(picture.samples, Samples::U8(_));
-        let mut image = if tone == Tone::Srgb && mask.is_none() && reduce == 1 && is_eight_bit {
+        let is_encoded = tone == Tone::Srgb && space == ColorSpace::Srgb;
+        let mut image = if is_encoded && mask.is_none() && reduce == 1 && is_eight_bit {
             // As it stands in the file: decoding and encoding would change nothing.
             picture.color(ColorSpace::Linear)
         } else {
-            let mut light = picture.color(space);
-            if let Some(mask) = &mask {
-                // OpenEXR's colours are multiplied already.
-                let is_multiplied =
-                    own.mask.is_none() && matches!(picture.samples, Samples::F32(_));
-                light = self.before_background(&light, mask, is_multiplied);
-            }
+            let mut light = match &mask {
+                None => picture.color(space),
+                // OpenEXR's colours are multiplied by their own opacity already.
+                Some(mask) if own.mask.is_none() && matches!(picture.samples, Samples::F32(_)) => {
+                    self.before_background(&picture.color(space), mask, true)
+                }
+                Some(mask) => self.before_background(&picture.straight_color(space), mask, false),
+            };
             if reduce > 1 {
                 light = reduced(&light, reduce);
                 mask = mask.map(|mask| reduced(&mask, reduce));
@@ -257,5 +256,193 @@ pub(crate) fn fit_error(error: SceneError) -> FitError {
         SceneError::Fit(error) => error,
         SceneError::Render(error) => error.into(),
         error => FitError::operation(error),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+    use crate::picture::Depth;
+    use crate::scene::Scene;
+
+    const SIZE: [usize; 2] = [7, 5];
+    const BEHIND: [f32; 3] = [0.5, 0.25, 1.0];
+
+    /// Where a view has its mask.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    enum Cover {
+        Nowhere,
+        Opacity,
+        File,
+        /// The file counts.
+        Both,
+    }
+
+    /// An image of a combination: its depth, channels of colour, cover, and what the scene says of its space.
+    type Case = (Depth, usize, Cover, Option<ColorSpace>);
+
+    fn cases() -> Vec<Case> {
+        let mut all = Vec::new();
+        for depth in [Depth::Eight, Depth::Sixteen, Depth::ThirtyTwo] {
+            for channels in [1, 3] {
+                for cover in [Cover::Nowhere, Cover::Opacity, Cover::File, Cover::Both] {
+                    for space in [None, Some(ColorSpace::Srgb), Some(ColorSpace::Linear)] {
+                        all.push((depth, channels, cover, space));
+                    }
+                }
+            }
+        }
+        all
+    }
+
+    /// A whole number of the file, of 255, for a pixel's channel; that of gray is that of red.
+    fn number(pixel: usize, channel: usize, channels: usize) -> f64 {
+        let channel = if channels == 1 { 0 } else { channel };
+        ((pixel * 37 + channel * 101 + pixel * pixel) % 256) as f64
+    }
+
+    /// Opacity of 255, nowhere 0 where colours are divided by it; and the file's mask, which differs from it.
+    fn opacity(pixel: usize) -> f64 {
+        [255.0, 51.0, 102.0, 204.0][pixel % 4]
+    }
+
+    fn mask(pixel: usize) -> f64 {
+        [0.0, 255.0, 255.0, 51.0, 153.0][pixel % 5]
+    }
+
+    /// The curve of sRGB, written anew.
+    fn decode(y: f64) -> f64 {
+        if y <= 0.04045 { y / 12.92 } else { ((y + 0.055) / 1.055).powf(2.4) }
+    }
+
+    fn encode(x: f64) -> f64 {
+        if x <= 0.0031308 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
+    }
+
+    fn is_linear(&(depth, _, _, space): &Case) -> bool {
+        match space {
+            None => depth == Depth::ThirtyTwo,
+            Some(space) => space == ColorSpace::Linear,
+        }
+    }
+
+    fn picture(case: &Case) -> Picture {
+        let &(depth, channels, cover, _) = case;
+        let has_opacity = matches!(cover, Cover::Opacity | Cover::Both);
+        let all = channels + usize::from(has_opacity);
+        let [width, height] = SIZE;
+        // In shares of the largest.
+        let sample = |k: usize| {
+            let (pixel, channel) = (k / all, k % all);
+            let own = number(pixel, channel, channels) / 255.0;
+            match (channel == channels, depth) {
+                (true, _) => opacity(pixel) / 255.0,
+                // Light is multiplied by opacity before it becomes a number.
+                (false, Depth::ThirtyTwo) if has_opacity => match is_linear(case) {
+                    true => own * opacity(pixel) / 255.0,
+                    false => encode(decode(own) * opacity(pixel) / 255.0),
+                },
+                (false, _) => own,
+            }
+        };
+        let shares = (0..width * height * all).map(sample);
+        let samples = match depth {
+            Depth::Eight => Samples::U8(shares.map(|x| (x * 255.0).round() as u8).collect()),
+            Depth::Sixteen => Samples::U16(shares.map(|x| (x * 65535.0).round() as u16).collect()),
+            Depth::ThirtyTwo => Samples::F32(shares.map(|x| x as f32).collect()),
+        };
+        Picture { width, height, channels: all, samples }
+    }
+
+    /// What a view is compared with, by the definitions: a pixel of so many times so many, as light before the
+    /// background, in the tone; and the mean of its mask.
+    fn expected(case: &Case, tone: Tone, reduce: usize, [row, column]: [usize; 2]) -> [f64; 4] {
+        let &(_, channels, cover, _) = case;
+        let mut sums = [0.0; 4];
+        for n in 0..reduce * reduce {
+            let pixel = (row * reduce + n / reduce) * SIZE[0] + column * reduce + n % reduce;
+            let share = match cover {
+                Cover::Nowhere => 1.0,
+                Cover::Opacity => opacity(pixel) / 255.0,
+                Cover::File | Cover::Both => mask(pixel) / 255.0,
+            };
+            for channel in 0..3 {
+                let own = number(pixel, channel, channels) / 255.0;
+                let light = if is_linear(case) { own } else { decode(own) };
+                sums[channel] += share * light + (1.0 - share) * f64::from(BEHIND[channel]);
+            }
+            sums[3] += share;
+        }
+        let mut means = sums.map(|sum| sum / (reduce * reduce) as f64);
+        if tone == Tone::Srgb {
+            means[..3].iter_mut().for_each(|mean| *mean = encode(mean.clamp(0.0, 1.0)));
+        }
+        means
+    }
+
+    #[test]
+    fn a_number_of_a_file_means_the_same_in_each_combination() {
+        let place = tempfile::tempdir().unwrap();
+        let write = |name: &str, bytes: Vec<u8>| fs::write(place.path().join(name), bytes).unwrap();
+        let [width, height] = SIZE;
+        let samples = Samples::U8((0..width * height).map(|pixel| mask(pixel) as u8).collect());
+        let file = Picture { width, height, channels: 1, samples };
+        write("mask.png", file.encode_png(&Place::of("mask")).unwrap());
+        let mut views = String::new();
+        for (k, case) in cases().iter().enumerate() {
+            let (name, own) = (Place::of("image"), picture(case));
+            match case.0 {
+                Depth::ThirtyTwo => write(&format!("{k}"), own.encode_exr(&name).unwrap()),
+                _ => write(&format!("{k}"), own.encode_png(&name).unwrap()),
+            }
+            views += &format!(
+                "[[views]]\nimage = \"{k}\"\ncamera = {{ position = [0, 0, 3], angle = 40 }}\n"
+            );
+            if matches!(case.2, Cover::File | Cover::Both) {
+                views += "mask = \"mask.png\"\n";
+            }
+            views += match case.3 {
+                None => "",
+                Some(ColorSpace::Srgb) => "color_space = \"srgb\"\n",
+                Some(ColorSpace::Linear) => "color_space = \"linear\"\n",
+            };
+        }
+        for (tone, name) in [(Tone::Srgb, "srgb"), (Tone::Linear, "linear")] {
+            for silhouette in [0, 1] {
+                let text = format!(
+                    "[[meshes]]\nshape = \"cube\"\n[pipeline]\ntone = \"{name}\"\n\
+                     background = {BEHIND:?}\n[loss]\nsilhouette = {silhouette}\n{views}"
+                );
+                let file = place.path().join("scene.toml");
+                fs::write(&file, text).unwrap();
+                let renderer = Renderer::new(Arc::new(Scene::load(&file).unwrap())).unwrap();
+                let targets = Targets::new(Arc::new(renderer), true);
+                for (view, case) in cases().iter().enumerate() {
+                    for reduce in [1, 2, 3] {
+                        let target = targets.get(view, reduce);
+                        if silhouette == 1 && case.2 == Cover::Nowhere {
+                            let said = target.err().map(|error| error.to_string());
+                            assert!(said.is_some_and(|said| said.contains("masks count")));
+                            continue;
+                        }
+                        let image = target.unwrap().image.clone();
+                        let size = [SIZE[1] / reduce, SIZE[0] / reduce];
+                        assert_eq!(**image.shape(), [size[0], size[1], 3 + silhouette]);
+                        for pixel in 0..size[0] * size[1] {
+                            let at = [pixel / size[1], pixel % size[1]];
+                            let expected = expected(case, tone, reduce, at);
+                            for channel in 0..3 + silhouette {
+                                let found = f64::from(image[[at[0], at[1], channel]]);
+                                let off = (found - expected[channel]).abs();
+                                let what = format!("{case:?} {name} {reduce} {at:?} {channel}");
+                                assert!(off < 1e-5, "{what}: {found} for {}", expected[channel]);
+                            }
+                        }
+                    }
+                }
+            }
+        }
     }
 }

@@ -7,7 +7,8 @@ use std::sync::Arc;
 use bokashi_core::{Tape, Tensor};
 use bokashi_scene::glam::{DMat4, DVec3};
 use bokashi_scene::{
-    Folder, Picture, Place, Renderer, Samples, Scene, SceneFit, Values, most_bent_edges, read_model,
+    Folder, Geometry, Indexed, MaterialFile, Model, Picture, Place, Placed, Renderer, Samples, Scene, SceneFit,
+    Submesh, Values, glb, most_bent_edges, read_model,
 };
 
 /// Columns and rows of all images here.
@@ -186,6 +187,58 @@ fn masks_have_the_names_of_their_images_or_end_in_png() {
     write("masks/b.png", b"");
     write("masks/b.exr", b"");
     assert_eq!(mask(), Some("masks/b.exr".into()));
+}
+
+#[test]
+fn an_environment_is_a_panorama_or_six_faces() {
+    use bokashi_scene::image::codecs::hdr::HdrEncoder;
+    use bokashi_scene::image::{ExtendedColorType, ImageEncoder as _};
+    let place = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: &[u8]| fs::write(place.path().join(name), bytes).unwrap();
+    // Powers of two have no rounding in such a file: 2 above the horizon, 1/4 below it.
+    let numbers = (0..64 * 32 * 3).map(|k| if k / 3 / 64 < 16 { 2.0_f32 } else { 0.25 });
+    let bytes: Vec<u8> = numbers.flat_map(|x| x.to_ne_bytes()).collect();
+    let mut hdr = Vec::new();
+    HdrEncoder::new(&mut hdr).write_image(&bytes, 64, 32, ExtendedColorType::Rgb32F).unwrap();
+    write("sky.hdr", &hdr);
+    // Twice as bright: its numbers were halved.
+    let start = hdr.iter().position(|&byte| byte == b'\n').unwrap() + 1;
+    write("dark.hdr", &[&hdr[..start], b"EXPOSURE=0.5\n", &hdr[start..]].concat());
+    let exr = |width: usize, height: usize| {
+        let samples = Samples::F32(vec![1.0; width * height * 3]);
+        let picture = Picture { width, height, channels: 3, samples };
+        picture.encode_exr(&Place::of("sky.exr")).unwrap()
+    };
+    write("sky.exr", &exr(64, 32));
+    write("faces.exr", &exr(8, 48));
+    write("cross.exr", &exr(32, 24));
+    let load = |text: &str| {
+        fs::write(place.path().join("scene.toml"), format!("[environment]\n{text}\n")).unwrap();
+        Scene::load(place.path().join("scene.toml")).map_err(|error| error.to_string())
+    };
+    for (text, side, above, below) in [
+        ("image = \"sky.hdr\"", 16, 2.0, 0.25),
+        ("image = \"sky.hdr\"\nsize = 32", 32, 2.0, 0.25),
+        ("image = \"dark.hdr\"\nsize = 8", 8, 4.0, 0.5),
+        ("image = \"sky.exr\"", 16, 1.0, 1.0),
+        ("image = \"faces.exr\"", 8, 1.0, 1.0),
+    ] {
+        let texels = load(text).unwrap().environment.unwrap();
+        assert_eq!(**texels.shape(), [6, side, side, 3], "{text}");
+        // All of +y, the middle of -y, and both halves of +z.
+        assert!((0..side * side).all(|k| texels[[2, k / side, k % side, 1]] == above), "{text}");
+        assert_eq!(texels[[3, side / 2, side / 2, 0]], below, "{text}");
+        assert_eq!([texels[[4, 0, 0, 2]], texels[[4, side - 1, 0, 2]]], [above, below], "{text}");
+    }
+    for (text, rule) in [
+        ("image = \"faces.exr\"\nsize = 8", "or without `size` six faces"),
+        ("image = \"cross.exr\"", "twice as wide as high, or without `size` six faces"),
+        ("image = \"sky.hdr\"\nsize = 24", "a power of two from 8 to 256, and this is 24"),
+        ("image = \"sky.hdr\"\ncolor = [1, 1, 1]", "either `image` or `color`"),
+    ] {
+        let said = load(text).unwrap_err();
+        assert!(said.contains(rule), "{text}: {said}");
+    }
 }
 
 /// The loss of the first step of a scene of one view, whose loss has these keys.
@@ -489,4 +542,49 @@ fn vertex_colours_are_of_the_space_that_the_scene_names_and_are_written_as_srgb(
     fs::write(&file, shape).unwrap();
     let error = Scene::load(&file).unwrap_err().to_string();
     assert!(error.contains("vertex_color_space"), "{error}");
+}
+
+#[test]
+fn what_a_scene_does_not_do_of_its_meshes_is_noted() {
+    let folder = tempfile::tempdir().unwrap();
+    let faces = vec![[0, 1, 2]];
+    let one = vec![[0; 3]];
+    let triangle = Geometry {
+        name: String::new(),
+        positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+        offset: DVec3::ZERO,
+        faces: faces.clone(),
+        colors: None,
+        coordinates: Some(Indexed { rows: vec![[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], faces }),
+        normals: Some(Indexed { rows: vec![[0.0, 0.0, 1.0]], faces: one.clone() }),
+        tangents: Some(Indexed { rows: vec![[1.0, 0.0, 0.0, 1.0]], faces: one }),
+        submeshes: vec![Submesh { material: Some(0), faces: 0..1 }],
+    };
+    let notes = |geometry: Geometry, rest: &str| {
+        let material = MaterialFile { normal_image: Some(0), ..MaterialFile::default() };
+        let placed = Placed { name: String::new(), geometry: 0, transform: DMat4::IDENTITY };
+        let model = Model {
+            geometries: vec![geometry],
+            materials: vec![material],
+            images: vec![picture(false)],
+            placed: vec![placed],
+            notes: vec![],
+        };
+        fs::write(folder.path().join("a.glb"), glb(&model).unwrap()).unwrap();
+        load(folder.path(), &format!("[[meshes]]\nfile = \"a.glb\"\n{rest}")).notes
+    };
+    let light = "[[lights]]\nkind = \"ambient\"\ncolor = [1, 1, 1]\n";
+    assert_eq!(notes(triangle.clone(), light), Vec::<String>::new());
+    let learnt = format!("{light}[learn.vertices]\n");
+    let rebuilt =
+        "a: its vertices are learnt, so tangents follow from its coordinates, not from its file";
+    assert_eq!(notes(triangle.clone(), &learnt), [rebuilt]);
+    assert_eq!(notes(triangle.clone(), &format!("{learnt}meshes = []\n")), Vec::<String>::new());
+    let bare = Geometry { coordinates: None, ..triangle.clone() };
+    let without = "a: images of its material were left out, as it has no texture coordinates";
+    assert_eq!(notes(bare, light), [without]);
+    let flat = Geometry { normals: None, tangents: None, ..triangle };
+    let smooth = "a: its file has no normals: they are smooth, where glTF has flat ones";
+    assert_eq!(notes(flat.clone(), light), [smooth]);
+    assert_eq!(notes(flat, ""), Vec::<String>::new(), "nothing is lit");
 }

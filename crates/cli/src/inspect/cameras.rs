@@ -23,6 +23,10 @@ pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
     let mut findings = Findings::new("a file of cameras");
     let mut whole = Section::default();
     whole.plain("views", views.len());
+    let masks = views.iter().filter_map(|view| view.mask.as_deref()).collect::<Vec<_>>();
+    if !masks.is_empty() {
+        whole.plain("masks", masks.len());
+    }
     findings.whole(whole);
     notes.iter().for_each(|note| findings.note(note));
     if views.is_empty() {
@@ -44,6 +48,11 @@ pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
                 }
             }
             Err(error) => wrong.push(error.to_string()),
+        }
+    }
+    for mask in masks {
+        if let Err(error) = folder.find(mask) {
+            wrong.push(error.to_string());
         }
     }
     findings.all_of_a_kind(wrong);

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use bokashi_scene::{Picture, Place, Samples, SceneError};
+use bokashi_scene::{Mask, MaskKind, Picture, Place, Samples, SceneError};
 use serde_json::{Value, json};
 
 use super::beside::beside;
@@ -12,7 +12,8 @@ use crate::digits::{number, percent};
 /// What is in the image `file`.
 pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
     let (folder, name) = beside(file)?;
-    let picture = Picture::decode(&folder.read(name)?, &Place::of(file))?;
+    let (bytes, place) = (folder.read(name)?, Place::of(file));
+    let picture = Picture::decode(&bytes, &place)?;
     let mut findings = Findings::new("an image");
     let mut section = Section::default();
     let [width, height] = [picture.width, picture.height];
@@ -51,7 +52,21 @@ pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
             }
         }
     }
+    match Mask::of(&picture, &place) {
+        Ok(mask) if mask.kind != MaskKind::Even => {
+            let text =
+                format!("{} of the pixels are the object, by {}", percent(mask.mean()), mask.kind);
+            let value = json!({ "share": mask.mean(), "by": mask.kind.to_string() });
+            section.fact("as a mask", text, value);
+        }
+        _ => {
+            section.fact("as a mask", "it tells no objects from background", Value::Null);
+        }
+    }
     findings.whole(section);
+    for remark in Picture::remarks(&bytes, &place)? {
+        findings.note(remark);
+    }
     Ok(findings)
 }
 

@@ -25,7 +25,7 @@ type Kind = (&'static [&'static str], fn(&Path) -> Result<Findings, SceneError>)
 /// What is read.
 const KINDS: [Kind; 5] = [
     (&["obj", "ply", "gltf", "glb"], mesh::inspect),
-    (&["png", "jpg", "jpeg", "exr"], image::inspect),
+    (&["png", "jpg", "jpeg", "exr", "hdr"], image::inspect),
     (&["toml"], scene::inspect),
     (&["json"], cameras::inspect),
     (&["safetensors"], saved::inspect),

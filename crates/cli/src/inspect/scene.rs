@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use bokashi_scene::description::{
-    Learn, LearnMaps, LearnNumbers, LearnObjects, LearnVertices, Stage,
+    Description, Learn, LearnMaps, LearnNumbers, LearnObjects, LearnVertices, Stage,
 };
-use bokashi_scene::{Object, Scene, SceneError, SceneFit, SurfaceLook, lens_note};
+use bokashi_scene::{Object, Picture, Scene, SceneError, SceneFit, SurfaceLook, lens_note};
 use glam::DVec3;
 use serde_json::json;
 
@@ -60,6 +60,12 @@ pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
     if let Some(note) = lens_note(&scene)? {
         findings.note(note);
     }
+    for file in named_images(description) {
+        // It was read when the scene was loaded.
+        for remark in Picture::remarks_in(&scene.folder, file).unwrap_or_default() {
+            findings.note(format!("{}: {remark}", scene.folder.join(file).display()));
+        }
+    }
     if scene.objects.is_empty() {
         findings.problem("a scene has a mesh, and this has none");
     }
@@ -69,6 +75,14 @@ pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
     inspect_views(&mut findings, &scene);
     inspect_fit(&mut findings, scene);
     Ok(findings)
+}
+
+/// The images that a scene's file names beside its views: textures, normal maps, the environment.
+fn named_images(description: &Description) -> impl Iterator<Item = &Path> {
+    let materials = description.meshes.iter().map(|entry| &entry.get_ref().material);
+    let maps = materials.flat_map(|own| [&own.texture, &own.normals]);
+    let sky = description.environment.as_ref().map(|entry| &entry.get_ref().image);
+    maps.chain(sky).filter_map(|file| file.as_deref())
 }
 
 fn inspect_object(object: &Object) -> Section {

@@ -3,21 +3,25 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use bokashi_scene::{Picture, Place, Scene, SceneError, SceneView, share_seen};
+use bokashi_scene::{Mask, MaskKind, Picture, Place, Scene, SceneView, share_seen};
 use rayon::prelude::*;
 use serde_json::json;
 
 use super::cameras::same_places;
 use super::findings::{Findings, Section};
-use crate::digits::percent;
+use crate::digits::{count, percent};
 
 /// What was found about a view.
 #[derive(Debug, Default)]
 struct Found {
     /// What is wrong with its files.
     problems: Vec<String>,
+    /// What its files say that is not done, with the file.
+    remarks: Vec<(String, String)>,
     /// Whether masks are asked for, and it has none.
     lacks_mask: bool,
+    /// The share of pixels that are the object, and how that is said.
+    mask: Option<(f64, MaskKind)>,
     /// Of each object the share of vertices in the image.
     seen: Vec<f64>,
 }
@@ -33,6 +37,8 @@ pub(super) fn inspect_views(findings: &mut Findings, scene: &Scene) {
         section.silent("name", json!(view.name));
         section.silent("image", json!(view.image));
         section.silent("mask", json!(view.mask));
+        section.silent("mask share", json!(found.mask.map(|(share, _)| share)));
+        section.silent("mask says it by", json!(found.mask.map(|(_, kind)| kind.to_string())));
         section.silent("held out", json!(view.held_out));
         section.silent("seen", json!(found.seen));
         findings.part("views", section);
@@ -50,7 +56,12 @@ pub(super) fn inspect_views(findings: &mut Findings, scene: &Scene) {
         );
         findings.named("seen", section);
     }
+    let masks = views.iter().zip(&found).filter_map(|(view, found)| {
+        found.mask.map(|(share, kind)| (view.name.as_str(), share, kind))
+    });
+    add_masks(findings, masks.collect());
     findings.all_of_a_kind(found.iter().flat_map(|found| found.problems.iter().cloned()));
+    add_remarks(findings, found.iter().flat_map(|found| &found.remarks));
     let name = |k: usize| &views[k].name;
     let lacking = (0..views.len()).filter(|&k| found[k].lacks_mask);
     let rule = "masks count in the loss, and its image has no opacity and it has no mask";
@@ -66,25 +77,74 @@ pub(super) fn inspect_views(findings: &mut Findings, scene: &Scene) {
     });
     let rule = "it lies in front of no camera and inside no image";
     findings.all_of_a_kind(unseen.map(|(_, own)| format!("object {:?}: {rule}", own.name)));
-    findings.all_of_a_kind(repeated(views));
+    findings.all_of_a_kind(repeated(views, "image", |view| view.image.as_deref()));
+    findings.all_of_a_kind(repeated(views, "mask", |view| view.mask.as_deref()));
     let with_images: Vec<_> = views.iter().filter(|view| view.image.is_some()).collect();
     let names: Vec<_> = with_images.iter().map(|view| view.name.as_str()).collect();
     let cameras: Vec<_> = with_images.iter().map(|view| view.camera).collect();
     findings.all_of_a_kind(same_places(&names, &cameras));
 }
 
-/// Views that have the image of an earlier one.
-fn repeated(views: &[SceneView]) -> Vec<String> {
+/// Adds which share of pixels masks say are the object, and how they say it.
+fn add_masks(findings: &mut Findings, masks: Vec<(&str, f64, MaskKind)>) {
+    let by_share = |a: &&(&str, f64, MaskKind), b: &&(&str, f64, MaskKind)| a.1.total_cmp(&b.1);
+    let (Some(least), Some(most)) = (masks.iter().min_by(by_share), masks.iter().max_by(by_share))
+    else {
+        return;
+    };
+    let mut section = Section::new("what masks show");
+    for (label, (name, share, _)) in [("at least", least), ("at most", most)] {
+        let text = format!("{} of pixels are the object, in {name:?}", percent(*share));
+        section.fact(label, text, *share);
+    }
+    let mut ways: Vec<(String, usize)> = Vec::new();
+    for (_, _, kind) in &masks {
+        let kind = kind.to_string();
+        match ways.iter_mut().find(|(other, _)| *other == kind) {
+            Some((_, count)) => *count += 1,
+            None => ways.push((kind, 1)),
+        }
+    }
+    let text = ways.iter().map(|(kind, count)| format!("{kind} ({count})"));
+    let value: serde_json::Map<_, _> =
+        ways.iter().map(|(kind, count)| (kind.clone(), json!(count))).collect();
+    section.fact("they say by", text.collect::<Vec<_>>().join(", "), value);
+    findings.named("masks", section);
+}
+
+/// Adds what files say that is not done: each remark once, with the first file and how many others.
+fn add_remarks<'f>(findings: &mut Findings, remarks: impl Iterator<Item = &'f (String, String)>) {
+    let mut all: Vec<(&str, &str, usize)> = Vec::new();
+    for (file, remark) in remarks {
+        match all.iter_mut().find(|(_, other, _)| other == remark) {
+            Some((_, _, others)) => *others += 1,
+            None => all.push((file, remark, 0)),
+        }
+    }
+    for (file, remark, others) in all {
+        findings.note(match others {
+            0 => format!("{file}: {remark}"),
+            _ => format!("{file} and {} more: {remark}", count(others, "file")),
+        });
+    }
+}
+
+/// Views that have the image or the mask of an earlier one.
+fn repeated<'v>(
+    views: &'v [SceneView],
+    what: &str,
+    file: impl Fn(&'v SceneView) -> Option<&'v Path>,
+) -> Vec<String> {
     let mut first: HashMap<&Path, &str> = HashMap::new();
     let mut said = Vec::new();
     for view in views {
-        let Some(image) = view.image.as_deref() else { continue };
-        match first.get(image) {
+        let Some(file) = file(view) else { continue };
+        match first.get(file) {
             Some(other) => {
-                let rule = format!("it has the image of {other:?}, {}", image.display());
+                let rule = format!("it has the {what} of {other:?}, {}", file.display());
                 said.push(format!("view {:?}: {rule}", view.name));
             }
-            None => drop(first.insert(image, &view.name)),
+            None => drop(first.insert(file, &view.name)),
         }
     }
     said
@@ -96,38 +156,44 @@ fn look(scene: &Scene, view: &SceneView) -> Found {
         ..Found::default()
     };
     let size = [view.camera.size.width, view.camera.size.height];
-    let mut decoded = |file: &Path| match decode(scene, file, size) {
+    let mut read = |file: &Path| match Picture::read_sized(&scene.folder, file, size) {
         Ok(picture) => Some(picture),
         Err(error) => {
             found.problems.push(error.to_string());
             None
         }
     };
-    let image = view.image.as_deref().and_then(&mut decoded);
-    let mask = view.mask.as_deref().and_then(&mut decoded);
-    if let (Some(mask), Some(file)) = (&mask, &view.mask) {
-        let shown = mask.channel(0).is_some_and(|mask| mask.data().iter().any(|&x| x > 0.0));
-        if !shown {
-            let place = scene.folder.join(file);
-            found
-                .problems
-                .push(format!("{}: a mask shows an object, and this is black", place.display()));
-        }
+    let image = view.image.as_deref().and_then(&mut read);
+    let picture = view.mask.as_deref().and_then(&mut read);
+    for file in [&view.image, &view.mask].into_iter().flatten() {
+        // What can't be read was said.
+        let remarks = Picture::remarks_in(&scene.folder, file).unwrap_or_default();
+        let file = scene.folder.join(file).display().to_string();
+        found.remarks.extend(remarks.into_iter().map(|remark| (file.clone(), remark)));
     }
+    let mask = match (&image, &picture, &view.mask) {
+        (_, Some(picture), Some(file)) => {
+            let place = Place::of(scene.folder.join(file));
+            Some((Mask::of(picture, &place), place))
+        }
+        (Some(image), None, None) => Mask::of_opacity(image).map(|mask| {
+            (Ok(mask), Place::of(scene.folder.join(view.image.as_deref().unwrap_or(Path::new("")))))
+        }),
+        _ => None,
+    };
     let counts = scene.description.loss.silhouette.is_some_and(|weight| weight.0 > 0.0);
+    match mask {
+        Some((Ok(mask), place)) => {
+            found.mask = Some((mask.mean(), mask.kind));
+            // Opacity may say nothing where nobody asks it.
+            if let Some(fault) = mask.fault().filter(|_| counts || view.mask.is_some()) {
+                found.problems.push(format!("{place}: {fault}"));
+            }
+        }
+        Some((Err(error), _)) => found.problems.push(error.to_string()),
+        None => {}
+    }
     let has_opacity = image.as_ref().is_some_and(|image| image.channels % 2 == 0);
     found.lacks_mask = counts && image.is_some() && view.mask.is_none() && !has_opacity;
     found
-}
-
-/// The image of a file, which has this size.
-fn decode(scene: &Scene, file: &Path, [width, height]: [usize; 2]) -> Result<Picture, SceneError> {
-    let place = Place::of(scene.folder.join(file));
-    let picture = Picture::decode(&scene.folder.read(file)?, &place)?;
-    if [picture.width, picture.height] == [width, height] {
-        return Ok(picture);
-    }
-    let rule = format!("an image has the size of its camera, {width} x {height}");
-    let message = format!("{rule}, and this is {} x {}", picture.width, picture.height);
-    Err(SceneError::Content { place, message })
 }

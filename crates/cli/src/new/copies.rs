@@ -1,11 +1,12 @@
 //! Files that are copied into the folder of a new scene.
 
 use std::collections::BTreeMap;
+use std::fmt::Display;
 use std::fs;
 use std::io;
 use std::path::{Component, Path, PathBuf};
 
-use bokashi_scene::{Folder, Place, SceneError};
+use bokashi_scene::{Folder, Picture, Place, SceneError};
 use bokashi_write::{check_below, resolved};
 
 use super::made::Made;
@@ -16,7 +17,34 @@ use crate::failure::Failure;
 pub(super) struct Copies<'d> {
     folder: &'d Path,
     /// By the place in the folder, where a file comes from.
-    all: BTreeMap<PathBuf, PathBuf>,
+    all: BTreeMap<PathBuf, Origin>,
+}
+
+/// Where a file comes from.
+#[derive(Debug)]
+enum Origin {
+    /// It is that file, byte by byte.
+    Copy(PathBuf),
+    /// It is a PNG of that image, turned as viewers turn it.
+    Upright(PathBuf),
+}
+
+impl Origin {
+    /// The bytes of the file.
+    fn bytes(&self) -> Result<Vec<u8>, Failure> {
+        let (Self::Copy(from) | Self::Upright(from)) = self;
+        let failed = |error: &dyn Display| Failure::Work(format!("{}: {error}", from.display()));
+        let bytes = fs::read(from).map_err(|error| failed(&error))?;
+        match self {
+            Self::Copy(_) => Ok(bytes),
+            Self::Upright(_) => {
+                let place = Place::of(from);
+                let picture = Picture::decode_upright(&bytes, &place);
+                let png = picture.and_then(|picture| picture.encode_png(&place));
+                png.map_err(|error| Failure::Work(error.to_string()))
+            }
+        }
+    }
 }
 
 impl<'d> Copies<'d> {
@@ -61,8 +89,27 @@ impl<'d> Copies<'d> {
             let message = "names in a scene are UTF-8, and this is not".to_owned();
             return Err(SceneError::Content { place: Place::of(from), message });
         }
-        self.all.insert(to.clone(), from);
+        self.all.insert(to.clone(), Origin::Copy(from));
         Ok(to)
+    }
+
+    /// Adds the image at `path` in `source` as a PNG that is turned as viewers turn it. Returns where it will be:
+    /// images of a scene are as they are stored.
+    ///
+    /// # Errors
+    /// As [`Copies::add`].
+    pub(super) fn add_upright(
+        &mut self,
+        source: &Folder,
+        path: &Path,
+        home: &Path,
+    ) -> Result<PathBuf, SceneError> {
+        let plain = self.add(source, path, home)?;
+        let Some(Origin::Copy(from)) = self.all.remove(&plain) else { return Ok(plain) };
+        let stem = plain.file_stem().unwrap_or_default().to_string_lossy();
+        let upright = plain.with_file_name(format!("{stem}-upright.png"));
+        self.all.insert(upright.clone(), Origin::Upright(from));
+        Ok(upright)
     }
 
     /// How many files are copied.
@@ -86,8 +133,9 @@ impl<'d> Copies<'d> {
             if fs::symlink_metadata(&place).is_err() {
                 return true;
             }
-            let is_same = fs::canonicalize(&place).is_ok_and(|place| place == *from)
-                || fs::read(&place).is_ok_and(|there| fs::read(from).is_ok_and(|own| own == there));
+            let is_itself = |from: &Path| fs::canonicalize(&place).is_ok_and(|place| place == from);
+            let is_same = matches!(from, Origin::Copy(from) if is_itself(from))
+                || fs::read(&place).is_ok_and(|there| from.bytes().is_ok_and(|own| own == there));
             if !is_same {
                 taken.get_or_insert(place);
             }
@@ -108,8 +156,7 @@ impl<'d> Copies<'d> {
     /// [`Failure::Work`] where a file can't be read or written.
     pub(super) fn write(&self, made: &mut Made<'_>) -> Result<(), Failure> {
         for (to, from) in &self.all {
-            let unread = |error| Failure::Work(format!("{}: {error}", from.display()));
-            made.write(to, &fs::read(from).map_err(unread)?)?;
+            made.write(to, &from.bytes()?)?;
         }
         Ok(())
     }

@@ -1,15 +1,18 @@
 //! The images of a new scene, with the cameras and masks that lie beside them.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use bokashi_scene::{
-    Camera, CameraFile, Folder, NamedView, Picture, Place, SceneError, find_colmap, read_colmap,
-    read_transforms,
+    Camera, CameraFile, Folder, Mask, NamedView, Picture, Place, SceneError, find_colmap,
+    find_mask, read_colmap, read_transforms,
 };
 use rayon::prelude::*;
 
 use super::copies::Copies;
+use super::shell::shell;
+use crate::digits::count;
 
 /// Files of cameras, the first of which is taken.
 const TRANSFORMS: [&str; 2] = ["transforms.json", "transforms_train.json"];
@@ -18,7 +21,18 @@ const MODELS: [&str; 2] = ["sparse", "colmap/sparse"];
 /// What is read of a model, as binary files or text.
 const OF_MODELS: [&str; 3] = ["cameras", "images", "points3D"];
 /// The endings of images' names.
-const IMAGES: [&str; 4] = ["png", "jpg", "jpeg", "exr"];
+const IMAGES: [&str; 5] = ["png", "jpg", "jpeg", "exr", "hdr"];
+/// Those of images that are not read, without those of cameras' raw files, and of these.
+const OTHERS: [&str; 14] = [
+    "heic", "heif", "avif", "webp", "bmp", "tif", "tiff", "gif", "jp2", "jxl", "tga", "psd", "ppm",
+    "pnm",
+];
+const RAW: [&str; 9] = ["dng", "cr2", "cr3", "nef", "arw", "raf", "orf", "rw2", "pef"];
+/// Folders beside photographs that have none. Others are nerfstudio's `images_2` and so on, the same photographs
+/// made smaller.
+const ELSEWHERE: [&str; 4] = ["masks", "sparse", "colmap", "stereo"];
+/// Names that a note has; others are counted.
+const NAMED: usize = 3;
 
 /// Where the cameras of images are.
 #[derive(Debug)]
@@ -38,6 +52,8 @@ pub(super) struct Photographs {
     pub(super) images: Vec<PathBuf>,
     /// Of each image its mask, where all have one.
     pub(super) masks: Option<Vec<PathBuf>>,
+    /// Whether the file of cameras names a mask for each.
+    pub(super) has_named_masks: bool,
     /// The folder of masks, likewise.
     pub(super) mask_folder: PathBuf,
     /// Whether all images have opacity.
@@ -70,36 +86,72 @@ impl Photographs {
             true => Path::new("images"),
             false => Path::new(""),
         };
-        let CameraFile { views, notes } = match (transforms, model) {
+        let CameraFile { views, notes: of_cameras } = match (transforms, model) {
             (Some(file), _) => read_transforms(&folder, file)?,
             (None, Some(model)) => read_colmap(&folder, model, of_model)?,
             (None, None) => CameraFile::default(),
         };
         let has_cameras = transforms.is_some() || model.is_some();
+        let listed = Listed::of(&folder)?;
+        let mut notes: Vec<_> = listed.left_out().into_iter().collect();
         let files: Vec<_> = match has_cameras {
             true => views.iter().map(|view| view.image.clone()).collect(),
-            false => listed(&folder)?,
+            false => listed.images.clone(),
         };
         if files.is_empty() {
-            let message = "a folder of images has some of .png .jpg .jpeg .exr, and this has none";
-            let place = Place::of(images);
-            return Err(SceneError::Content { place, message: message.to_owned() });
+            let rule =
+                "a folder of images has some of .png .jpg .jpeg .exr .hdr, and this has none";
+            let message = [&[rule.to_owned()][..], &notes].concat().join("; ");
+            return Err(SceneError::Content { place: Place::of(images), message });
+        }
+        if has_cameras {
+            let known: BTreeSet<_> = files.iter().map(|file| folder.find(file).ok()).collect();
+            let is_unknown = |file: &&PathBuf| !known.contains(&folder.find(file).ok());
+            let unknown: Vec<_> = listed.images.iter().filter(is_unknown).collect();
+            if let Some(names) = named(&unknown) {
+                notes.push(format!("images without a camera were left out: {names}"));
+            }
+        }
+        // Cameras of other programs are those of the pixels as they are stored.
+        let turned: Vec<bool> = match has_cameras {
+            true => vec![false; files.len()],
+            false => {
+                let turns = files.par_iter().map(|file| is_turned(&folder, file));
+                turns.collect::<Result<_, _>>()?
+            }
+        };
+        let own: Vec<_> = files.iter().zip(&turned).filter(|(_, turned)| **turned).collect();
+        let own: Vec<_> = own.into_iter().map(|(file, _)| file).collect();
+        if let Some(names) = named(&own) {
+            notes.push(format!(
+                "images were turned as viewers show them, which their Exif data say, and copied as \
+                 PNG: {names}"
+            ));
         }
         // Images in folders of their own keep them; others get one.
         let is_nested = files.iter().all(|file| file.components().count() > 1);
         let home = copies.home(&folder, if is_nested { "" } else { "images" });
         let mut photographs = Self {
             source: Source::Nowhere,
-            sizes: sizes(&folder, &files, &views)?,
+            sizes: sizes(&folder, &files, &views, &turned)?,
             images: Vec::new(),
             masks: None,
+            has_named_masks: false,
             mask_folder: home.join("masks"),
-            has_opacity: have_opacity(&folder, &files)?,
+            has_opacity: false,
             cameras: views.iter().map(|view| view.camera).collect(),
-            notes: several.into_iter().filter(|_| transforms.is_none()).chain(notes).collect(),
+            notes: several
+                .into_iter()
+                .filter(|_| transforms.is_none())
+                .chain(of_cameras)
+                .chain(notes)
+                .collect(),
         };
-        for file in &files {
-            photographs.images.push(copies.add(&folder, file, &home)?);
+        for (file, turned) in files.iter().zip(turned) {
+            photographs.images.push(match turned {
+                true => copies.add_upright(&folder, file, &home)?,
+                false => copies.add(&folder, file, &home)?,
+            });
         }
         if let Some(file) = transforms {
             photographs.source = Source::Transforms(copies.add(&folder, file, &home)?);
@@ -112,28 +164,45 @@ impl Photographs {
             }
             photographs.source = Source::Colmap(home.join(model), home.join(of_model));
         }
-        photographs.add_masks(&folder, &files, &home, copies)?;
+        let named: Option<Vec<_>> = views.iter().map(|view| view.mask.clone()).collect();
+        photographs.add_masks(&folder, (&files, named), &home, copies)?;
+        photographs.find_opacity(&folder, &files)?;
         Ok(photographs)
     }
 
-    /// Adds the masks, if each image has one.
+    /// Finds out whether all images have opacity that shows objects in one of them. The first image that has none
+    /// ends the search.
+    fn find_opacity(&mut self, folder: &Folder, files: &[PathBuf]) -> Result<(), SceneError> {
+        let mut shows = false;
+        for file in files {
+            let Some(mask) = Mask::of_opacity(&Picture::read(folder, file)?) else { return Ok(()) };
+            shows |= mask.fault().is_none();
+        }
+        self.has_opacity = shows;
+        if !shows && self.masks.is_none() {
+            let note = "the opacity of the images is the same everywhere, so it was left out";
+            self.notes.push(note.to_owned());
+        }
+        Ok(())
+    }
+
+    /// Adds the masks, if each image has one: in the folder of masks, or else those that the file of cameras names.
     fn add_masks(
         &mut self,
         folder: &Folder,
-        files: &[PathBuf],
+        (files, named): (&[PathBuf], Option<Vec<PathBuf>>),
         home: &Path,
         copies: &mut Copies<'_>,
     ) -> Result<(), SceneError> {
         let masks = Path::new("masks");
         if !folder.find(masks).is_ok_and(|found| found.is_dir()) {
+            for mask in named.iter().flatten() {
+                copies.add(folder, mask, home)?;
+            }
+            self.has_named_masks = named.is_some_and(|masks| !masks.is_empty());
             return Ok(());
         }
-        let mask = |file: &PathBuf| {
-            let own = masks.join(file.file_name()?);
-            let png = own.with_extension("png");
-            [own, png].into_iter().find(|path| folder.find(path).is_ok_and(|found| found.is_file()))
-        };
-        let found: Vec<_> = files.iter().map(mask).collect();
+        let found: Vec<_> = files.iter().map(|file| find_mask(folder, masks, file)).collect();
         let missing = found.iter().filter(|mask| mask.is_none()).count();
         if missing > 0 {
             let rule = "masks count where each image has one";
@@ -142,61 +211,139 @@ impl Photographs {
             self.notes.push(note);
             return Ok(());
         }
-        let added = found.iter().flatten().map(|mask| copies.add(folder, mask, home));
-        self.masks = Some(added.collect::<Result<_, _>>()?);
+        let mut added = Vec::with_capacity(found.len());
+        for mask in found.iter().flatten() {
+            added.push(match is_turned(folder, mask)? {
+                true if matches!(self.source, Source::Nowhere) => {
+                    copies.add_upright(folder, mask, home)?
+                }
+                _ => copies.add(folder, mask, home)?,
+            });
+        }
+        self.masks = Some(added);
         Ok(())
     }
 
     /// Whether silhouettes can be compared.
     pub(super) fn has_masks(&self) -> bool {
-        self.masks.is_some() || self.has_opacity
+        self.masks.is_some() || self.has_named_masks || self.has_opacity
     }
 }
 
-/// The images right inside the folder, or where there are none, inside its folder `images`; by their names.
-fn listed(folder: &Folder) -> Result<Vec<PathBuf>, SceneError> {
-    for inside in ["", "images"] {
+/// What a folder and those in it hold.
+#[derive(Debug, Default)]
+struct Listed {
+    /// Images, by their names.
+    images: Vec<PathBuf>,
+    /// How many images there are that are not read, by their endings and folders.
+    others: BTreeMap<(String, PathBuf), usize>,
+}
+
+impl Listed {
+    fn of(folder: &Folder) -> Result<Self, SceneError> {
+        let mut listed = Self::default();
+        listed.add(folder, Path::new(""))?;
+        listed.images.sort();
+        Ok(listed)
+    }
+
+    /// Adds what is in the folder `inside`. Links to folders are not followed.
+    fn add(&mut self, folder: &Folder, inside: &Path) -> Result<(), SceneError> {
         let place = folder.join(inside);
-        if !inside.is_empty() && !place.is_dir() {
-            continue;
-        }
+        let place = if place.as_os_str().is_empty() { folder.path().to_owned() } else { place };
         let failed = |error| SceneError::Read { path: place.clone(), error };
-        let mut files = Vec::new();
         for entry in fs::read_dir(&place).map_err(failed)? {
-            let path = Path::new(inside).join(entry.map_err(failed)?.file_name());
+            let entry = entry.map_err(failed)?;
+            let (name, kind) = (entry.file_name(), entry.file_type().map_err(failed)?);
+            let (path, name) = (inside.join(&name), name.to_string_lossy().to_lowercase());
             let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-            if IMAGES.contains(&&*ending) && folder.join(&path).is_file() {
-                files.push(path);
+            if name.starts_with('.') {
+                continue;
+            }
+            if kind.is_dir() {
+                let smaller = name.strip_prefix("images_").map(str::parse::<u32>);
+                let is_elsewhere = ELSEWHERE.contains(&&*name) || matches!(smaller, Some(Ok(_)));
+                if !(is_elsewhere && inside.as_os_str().is_empty()) {
+                    self.add(folder, &path)?;
+                }
+            } else if IMAGES.contains(&&*ending) && folder.join(&path).is_file() {
+                self.images.push(path);
+            } else if OTHERS.contains(&&*ending) || RAW.contains(&&*ending) {
+                // As it is written: a shell minds capitals.
+                let ending = path.extension().unwrap_or_default().to_string_lossy();
+                *self.others.entry((ending.into_owned(), place.clone())).or_default() += 1;
             }
         }
-        if !files.is_empty() {
-            files.sort();
-            return Ok(files);
-        }
+        Ok(())
     }
-    Ok(Vec::new())
+
+    /// What is said of images that are not read.
+    fn left_out(&self) -> Option<String> {
+        let mut kinds: BTreeMap<String, usize> = BTreeMap::new();
+        for ((ending, _), count) in &self.others {
+            *kinds.entry(ending.to_lowercase()).or_default() += count;
+        }
+        let all: usize = kinds.values().sum();
+        let (raw, others): (Vec<_>, Vec<_>) =
+            self.others.keys().partition(|(ending, _)| RAW.contains(&&*ending.to_lowercase()));
+        let kinds = kinds.iter().map(|(ending, count)| format!("{count} .{ending}"));
+        let rule = "images are PNG, JPEG, EXR or HDR";
+        let mut said = format!(
+            "{} left out, {}: {rule}",
+            count(all, "image"),
+            kinds.collect::<Vec<_>>().join(", ")
+        );
+        if !others.is_empty() {
+            let files = others.iter().map(|(ending, place)| {
+                let place = shell(place);
+                format!("{}/*.{ending}", place.trim_end_matches('/'))
+            });
+            let files = files.collect::<Vec<_>>().join(" ");
+            said += &format!("; ImageMagick makes PNGs: magick mogrify -format png {files}");
+        }
+        if !raw.is_empty() {
+            said += "; a camera's raw files are developed first";
+        }
+        (all > 0).then_some(said)
+    }
 }
 
-/// Columns and rows of each image: those of its camera, or of its file.
+/// The first of some files, and how many others there are; nothing of none.
+fn named(files: &[&PathBuf]) -> Option<String> {
+    let first = files.iter().take(NAMED).map(|file| file.display().to_string());
+    let first = first.collect::<Vec<_>>().join(", ");
+    match files.len() {
+        0 => None,
+        all if all > NAMED => Some(format!("{first} and {} more", all - NAMED)),
+        _ => Some(first),
+    }
+}
+
+/// Whether viewers turn an image before they show it.
+fn is_turned(folder: &Folder, file: &Path) -> Result<bool, SceneError> {
+    let place = Place::of(folder.join(file));
+    Ok(Picture::turn_of(&folder.read(file)?, &place)?.is_some())
+}
+
+/// Columns and rows of each image: those of its camera, or of its file, turned or not.
 fn sizes(
     folder: &Folder,
     files: &[PathBuf],
     views: &[NamedView],
+    turned: &[bool],
 ) -> Result<Vec<[usize; 2]>, SceneError> {
     if !views.is_empty() {
         let sizes = views.iter().map(|view| view.camera.size);
         return Ok(sizes.map(|size| [size.width, size.height]).collect());
     }
-    files.par_iter().map(|file| Picture::size_in(folder, file)).collect()
-}
-
-/// Whether all images have opacity. The first that has none ends the search.
-fn have_opacity(folder: &Folder, files: &[PathBuf]) -> Result<bool, SceneError> {
-    for file in files {
-        let picture = Picture::decode(&folder.read(file)?, &Place::of(folder.join(file)))?;
-        if picture.opacity().is_none() {
-            return Ok(false);
-        }
-    }
-    Ok(true)
+    let size = |(file, turned): (&PathBuf, &bool)| {
+        let size = Picture::size_in(folder, file)?;
+        let place = Place::of(folder.join(file));
+        let turn = match turned {
+            true => Picture::turn_of(&folder.read(file)?, &place)?,
+            false => None,
+        };
+        Ok(turn.map_or(size, |turn| turn.size(size)))
+    };
+    files.par_iter().zip(turned).map(size).collect()
 }

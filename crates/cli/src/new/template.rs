@@ -48,7 +48,7 @@ impl Template<'_> {
     /// Where the masks come from, for the last words.
     pub(super) fn masks(&self) -> &'static str {
         match self.photographs {
-            Some(own) if own.masks.is_some() => "a file for each image",
+            Some(own) if own.masks.is_some() || own.has_named_masks => "a file for each image",
             Some(own) if own.has_opacity => "the opacity of the images",
             Some(_) if self.learns_shape() => "none: without them a shape is hard to learn",
             _ => "none",

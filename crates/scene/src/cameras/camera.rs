@@ -35,6 +35,8 @@ pub struct NamedView {
     /// The image's file, relative to the scene's folder; absolute where the file of cameras has it
     /// so.
     pub image: PathBuf,
+    /// The mask's file, as `image`, where the file of cameras names one.
+    pub mask: Option<PathBuf>,
     /// The camera.
     pub camera: Camera,
 }

@@ -12,6 +12,8 @@
 //! - `frames`, each with `file_path`, from the folder of this file, and `transform_matrix`, camera
 //!   to world, of 3 or 4 rows. A path may lack its ending: `.png`, `.jpg`, `.jpeg` and `.exr` are
 //!   tried. Where `w` or `h` is missing, both are those of the image.
+//! - nerfstudio's `mask_path` of a frame. There a mask is black where pixels do not count; here they
+//!   count as background.
 //!
 //! Camera coordinates are OpenGL's, and the corner of the first pixel is (0, 0).
 //!
@@ -96,6 +98,7 @@ struct Lens {
 #[derive(Debug, Deserialize)]
 struct Frame {
     file_path: String,
+    mask_path: Option<String>,
     transform_matrix: Vec<Vec<f64>>,
 }
 
@@ -108,6 +111,8 @@ struct Frames<F> {
 #[derive(Debug, Serialize)]
 struct WrittenFrame {
     file_path: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    mask_path: Option<String>,
     #[serde(flatten)]
     lens: Option<Lens>,
     transform_matrix: [[f64; 4]; 4],
@@ -156,6 +161,8 @@ pub fn read_transforms(folder: &Folder, path: impl AsRef<Path>) -> Result<Camera
             ));
         }
         let image = image_of(folder, path, &name, &place)?;
+        let mask = frame.mask_path.filter(|mask| !mask.is_empty());
+        let mask = mask.map(|mask| mask_of(folder, path, &mask));
         let lens = lens.or(&common);
         let size = match (lens.w, lens.h) {
             (Some(width), Some(height)) => size_of([width, height]).map_err(content)?,
@@ -170,7 +177,7 @@ pub fn read_transforms(folder: &Folder, path: impl AsRef<Path>) -> Result<Camera
             let rule = "a camera's angles and pose give finite numbers, and these are too extreme";
             return Err(content(rule.to_owned()));
         }
-        Ok(NamedView { name, image, camera })
+        Ok(NamedView { name, image, mask, camera })
     });
     let views = views.collect::<Result<_, _>>()?;
     Ok(CameraFile { views, notes }.sized(folder))
@@ -185,13 +192,19 @@ pub fn transforms_json(views: &[NamedView]) -> String {
     let first = lenses.next();
     let is_shared = lenses.all(|lens| Some(&lens) == first.as_ref());
     let frames = views.iter().map(|view| WrittenFrame {
-        file_path: view.image.to_string_lossy().replace('\\', "/"),
+        file_path: slashes(&view.image),
+        mask_path: view.mask.as_deref().map(slashes),
         lens: (!is_shared).then(|| Lens::of(&view.camera)),
         transform_matrix: view.camera.opengl_pose().transpose().to_cols_array_2d(),
     });
     let written = Written { frames: frames.collect(), lens: first.filter(|_| is_shared) };
     // Strings and numbers always have a text.
     serde_json::to_string_pretty(&written).unwrap_or_default()
+}
+
+/// A path as the file has it.
+fn slashes(path: &Path) -> String {
+    path.to_string_lossy().replace('\\', "/")
 }
 
 fn parsed<'t, F: Deserialize<'t>>(text: &'t str, place: &Place) -> Result<F, SceneError> {
@@ -201,6 +214,17 @@ fn parsed<'t, F: Deserialize<'t>>(text: &'t str, place: &Place) -> Result<F, Sce
         let said = words::of_json(&error);
         SceneError::content(place, format!("a file of cameras is JSON with frames: {said}"))
     })
+}
+
+/// The file of a mask, whose path is given as that of an image. One that is missing is missed when its turn
+/// comes.
+fn mask_of(folder: &Folder, path: &Path, mask: &str) -> PathBuf {
+    let mask = mask.replace('\\', "/");
+    let beside = path.parent().unwrap_or(Path::new(""));
+    beside
+        .strip_prefix(folder.path())
+        .unwrap_or(beside)
+        .join(mask.strip_prefix("./").unwrap_or(&mask))
 }
 
 /// The file of an image, whose path is given from the folder of the file of cameras.

@@ -173,11 +173,12 @@ impl LightEntry {
 #[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EnvironmentEntry {
-    /// The six faces of a cube map, +x, -x, +y, -y, +z, -z, one below the other in one image. Its side is a
-    /// power of two from 8 to 256.
+    /// A panorama, twice as wide as high, whose middle is +x and whose top is +y; or the six faces of a cube map,
+    /// +x, -x, +y, -y, +z, -z, one below the other.
     pub image: Option<PathBuf>,
     /// The same light from everywhere, in place of an image.
     pub color: Option<[NotNegative; 3]>,
-    /// Texels along a side of the cube map for `color`; by default 16.
+    /// Texels along a side of the cube map, a power of two from 8 to 256; by default 16 for `color`, and up to 64
+    /// for a panorama, as it has pixels.
     pub size: Option<super::numbers::Count>,
 }

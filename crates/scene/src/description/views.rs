@@ -13,11 +13,11 @@ use super::numbers::{Count, Finite, Positive};
 pub struct ViewEntry {
     /// What the results call it; by default the image's name without its ending.
     pub name: Option<String>,
-    /// PNG, JPEG or EXR. A view without an image can be rendered and not learnt from.
+    /// PNG, JPEG, EXR or HDR, as it is stored. A view without an image can be rendered and not learnt from.
     pub image: Option<PathBuf>,
-    /// An image that is white where the objects are, in place of the image's own opacity.
+    /// An image that shows where the objects are, by shades, labels or opacity, in place of the image's own opacity.
     pub mask: Option<PathBuf>,
-    /// How numbers of the image stand for light; by default linear for EXR and sRGB for others.
+    /// How numbers of the image stand for light; by default linear for EXR and HDR, and sRGB for others.
     pub color_space: Option<ColorSpaceName>,
     /// Whether it is measured and never learnt from.
     #[serde(default)]
@@ -119,9 +119,9 @@ pub struct CamerasEntry {
     pub colmap: Option<PathBuf>,
     /// The folder of COLMAP's images; by default `images`.
     pub images: Option<PathBuf>,
-    /// A folder of masks, each with the name of its image.
+    /// A folder of masks, in a tree like that of the images and with their names.
     pub masks: Option<PathBuf>,
-    /// How numbers of the images stand for light; by default linear for EXR and sRGB for others.
+    /// How numbers of the images stand for light; by default linear for EXR and HDR, and sRGB for others.
     pub color_space: Option<ColorSpaceName>,
     /// Each so many-th view is measured and never learnt from, the first among them.
     pub held_out_every: Option<Count>,

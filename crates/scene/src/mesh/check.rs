@@ -10,8 +10,9 @@ pub(super) fn place() -> Place {
 
 /// Refuses a geometry whose index buffers or numbers break a rule.
 pub(super) fn check(geometry: &Geometry) -> Result<(), SceneError> {
-    let Geometry { name, positions, faces, colors, coordinates, normals, tangents, submeshes } =
-        geometry;
+    let Geometry {
+        name, positions, faces, colors, coordinates, normals, tangents, submeshes, ..
+    } = geometry;
     if faces.is_empty() {
         return Err(refused(name, "has a face or more, and this has none"));
     }

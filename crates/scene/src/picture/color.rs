@@ -121,6 +121,25 @@ impl Picture {
         }
     }
 
+    /// The colours as [`Picture::color`], not multiplied by the image's own opacity: samples of 32 bits, which are,
+    /// are divided by it where it is above 0.
+    ///
+    /// # Panics
+    /// As [`Picture::color`].
+    pub fn straight_color(&self, space: ColorSpace) -> Tensor<f32> {
+        let color = self.color(space);
+        match (&self.samples, self.opacity()) {
+            (Samples::F32(_), Some(opacity)) => {
+                let (color, opacity) = (color.data(), opacity.data());
+                Tensor::from_flat_fn([self.height, self.width, 3], |k| match opacity[k / 3] {
+                    share if share > 0.0 => color[k] / share,
+                    _ => color[k],
+                })
+            }
+            _ => color,
+        }
+    }
+
     /// The opacity, from 0 to 1: `[H, W]`. None where the image has two or four channels less.
     ///
     /// # Panics

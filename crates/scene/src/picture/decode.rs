@@ -10,8 +10,9 @@ use std::path::Path;
 use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
-use super::open_exr;
 use super::samples::{DENSEST, MOST_SAMPLES, Picture, Samples, check_size, claim, guarded};
+use super::turn::Turn;
+use super::{open_exr, radiance};
 use crate::error::{Place, SceneError};
 use crate::folder::Folder;
 use crate::memory::Memory;
@@ -33,15 +34,29 @@ const PNG_SIZE: Range<usize> = 16..24;
 
 /// A format of images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Format {
+pub(super) enum Format {
     Png,
     Jpeg,
     Exr,
+    Radiance,
 }
+
+/// Formats that are not read: where a file has which bytes, and what to call it.
+const OTHERS: [(usize, &[u8], &str); 9] = [
+    (0, b"GIF8", "a GIF"),
+    (0, b"BM", "a BMP"),
+    (0, b"II*\0", "a TIFF, or a camera's raw file"),
+    (0, b"MM\0*", "a TIFF, or a camera's raw file"),
+    (8, b"WEBP", "a WebP"),
+    (8, b"avif", "an AVIF"),
+    (4, b"ftyp", "a HEIC"),
+    (0, b"\xff\x0a", "a JPEG XL"),
+    (4, b"JXL ", "a JPEG XL"),
+];
 
 impl Format {
     /// The format of a file, by its first bytes.
-    fn of(bytes: &[u8], place: &Place) -> Result<Self, SceneError> {
+    pub(super) fn of(bytes: &[u8], place: &Place) -> Result<Self, SceneError> {
         let begins = |magic: &[u8]| bytes.starts_with(magic);
         if begins(b"\x89PNG\r\n\x1a\n") {
             return Ok(Self::Png);
@@ -52,18 +67,37 @@ impl Format {
         if begins(&[0x76, 0x2f, 0x31, 0x01]) {
             return Ok(Self::Exr);
         }
+        if radiance::MARKS.into_iter().any(begins) {
+            return Ok(Self::Radiance);
+        }
+        let is = |(at, magic, _): &(usize, &[u8], &str)| {
+            bytes.get(*at..).is_some_and(|bytes| bytes.starts_with(magic))
+        };
+        if let Some((_, _, name)) = OTHERS.iter().find(|other| is(other)) {
+            let rule = "an image is a PNG, JPEG, EXR or HDR file";
+            return Err(SceneError::content(place.clone(), format!("{rule}, and this is {name}")));
+        }
         let first: Vec<String> = bytes.iter().take(4).map(|byte| format!("{byte:02x}")).collect();
         let found = match first.is_empty() {
             true => "the file is empty".to_owned(),
             false => format!("the file begins with the bytes {}", first.join(" ")),
         };
-        let found = format!("an image is a PNG, JPEG or EXR file, and {found}");
+        let found = format!("an image is a PNG, JPEG, EXR or HDR file, and {found}");
         Err(SceneError::content(place.clone(), found))
+    }
+
+    /// The format of the library whose files may have Exif data.
+    fn with_exif(self) -> Option<ImageFormat> {
+        match self {
+            Self::Png => Some(ImageFormat::Png),
+            Self::Jpeg => Some(ImageFormat::Jpeg),
+            Self::Exr | Self::Radiance => None,
+        }
     }
 }
 
 impl Picture {
-    /// The image of a PNG, JPEG or EXR file of these `bytes`. `place` names the file in errors.
+    /// The image of a PNG, JPEG, EXR or HDR file of these `bytes`, as it is stored. `place` names the file in errors.
     ///
     /// # Errors
     /// [`SceneError::Content`] for another format, for a file that is cut short or broken, and for
@@ -79,11 +113,41 @@ impl Picture {
         memory: &Memory,
         place: &Place,
     ) -> Result<Self, SceneError> {
-        match Format::of(bytes, place)? {
-            Format::Png => guarded(place, || decoded(bytes, ImageFormat::Png, memory, place)),
-            Format::Jpeg => guarded(place, || decoded(bytes, ImageFormat::Jpeg, memory, place)),
-            Format::Exr => guarded(place, || open_exr::decode(bytes, memory, place)),
-        }
+        let of_format = |format| guarded(place, || decoded(bytes, format, memory, place));
+        Ok(match Format::of(bytes, place)? {
+            Format::Png => of_format(ImageFormat::Png)?.0,
+            Format::Jpeg => of_format(ImageFormat::Jpeg)?.0,
+            Format::Exr => guarded(place, || open_exr::decode(bytes, memory, place))?,
+            Format::Radiance => guarded(place, || radiance::decode(bytes, memory, place))?,
+        })
+    }
+
+    /// As [`Picture::decode`], turned as viewers turn it.
+    ///
+    /// # Errors
+    /// As [`Picture::decode`].
+    pub fn decode_upright(bytes: &[u8], place: &Place) -> Result<Self, SceneError> {
+        let Some(format) = Format::of(bytes, place)?.with_exif() else {
+            return Self::decode(bytes, place);
+        };
+        let (picture, orientation) =
+            guarded(place, || decoded(bytes, format, &Memory::default(), place))?;
+        let mut image = picture.into_image()?;
+        image.apply_orientation(orientation);
+        Self::of_image(image)
+    }
+
+    /// How viewers turn the image of these `bytes` before they show it; `None` for one that is shown as it is
+    /// stored. Exif data that can't be read turn nothing.
+    ///
+    /// # Errors
+    /// As [`Picture::size_of`].
+    pub fn turn_of(bytes: &[u8], place: &Place) -> Result<Option<Turn>, SceneError> {
+        let Some(format) = Format::of(bytes, place)?.with_exif() else { return Ok(None) };
+        guarded(place, || {
+            let mut decoder = opened(bytes, bytes.len(), format, place)?;
+            Ok(Turn::of(orientation(&mut decoder)))
+        })
     }
 
     /// The columns and rows of the image that [`Picture::decode`] answers, from the header alone.
@@ -122,11 +186,12 @@ pub(super) fn size_of_start(
         Format::Png => guarded(place, || size(bytes, length, ImageFormat::Png, place)),
         Format::Jpeg => guarded(place, || size(bytes, length, ImageFormat::Jpeg, place)),
         Format::Exr => guarded(place, || open_exr::size_of(bytes, length, place)),
+        Format::Radiance => guarded(place, || radiance::size_of(bytes, length, place)),
     }
 }
 
 /// A decoder that has read the header of an image that is not too large for a file of `length` bytes.
-fn opened<'b>(
+pub(super) fn opened<'b>(
     bytes: &'b [u8],
     length: usize,
     format: ImageFormat,
@@ -159,23 +224,17 @@ fn size(
     format: ImageFormat,
     place: &Place,
 ) -> Result<[usize; 2], SceneError> {
-    let mut decoder = opened(bytes, length, format, place)?;
-    let (width, height) = decoder.dimensions();
-    let size = [width as usize, height as usize];
-    // The five others leave an image as wide as it is.
-    use Orientation::{Rotate90, Rotate90FlipH, Rotate270, Rotate270FlipH};
-    Ok(match orientation(&mut decoder) {
-        Rotate90 | Rotate90FlipH | Rotate270 | Rotate270FlipH => [size[1], size[0]],
-        _ => size,
-    })
+    let (width, height) = opened(bytes, length, format, place)?.dimensions();
+    Ok([width as usize, height as usize])
 }
 
+/// The image as it is stored, and how it is to be turned.
 fn decoded(
     bytes: &[u8],
     format: ImageFormat,
     memory: &Memory,
     place: &Place,
-) -> Result<Picture, SceneError> {
+) -> Result<(Picture, Orientation), SceneError> {
     if format == ImageFormat::Jpeg && !has_end(bytes) {
         let found = "a JPEG has a marker at the end of its pixels, and this is cut short";
         return Err(SceneError::content(place.clone(), found));
@@ -184,15 +243,13 @@ fn decoded(
     let (width, height) = decoder.dimensions();
     claim([width.into(), height.into()], decoder.total_bytes(), memory, place)?;
     let orientation = orientation(&mut decoder);
-    let image = DynamicImage::from_decoder(decoder).map_err(|error| broken(&error, place));
-    let mut image = image?;
-    image.apply_orientation(orientation);
+    let image = DynamicImage::from_decoder(decoder).map_err(|error| broken(&error, place))?;
     let picture = Picture::of_image(image)?;
     if let Samples::F32(_) = picture.samples {
         let found = "samples of PNG and JPEG have 8 or 16 bits, and these have 32";
         return Err(SceneError::content(place.clone(), found));
     }
-    Ok(picture)
+    Ok((picture, orientation))
 }
 
 /// How an image is to be turned. Exif data that can't be read turns nothing.
@@ -225,4 +282,130 @@ fn has_end(bytes: &[u8]) -> bool {
         }
     }
     rest.windows(2).any(|pair| pair == [0xff, END])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn decoded(bytes: &[u8]) -> Picture {
+        Picture::decode(bytes, &Place::of("a")).unwrap()
+    }
+
+    /// A PNG of one row with these bytes, of a kind and a depth, with what is transparent and the palette.
+    fn png(
+        (color, depth): (png::ColorType, png::BitDepth),
+        width: u32,
+        row: &[u8],
+        transparent: &[u8],
+        palette: &[u8],
+    ) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, width, 1);
+        encoder.set_color(color);
+        encoder.set_depth(depth);
+        if !palette.is_empty() {
+            encoder.set_palette(palette.to_vec());
+        }
+        if !transparent.is_empty() {
+            encoder.set_trns(transparent.to_vec());
+        }
+        encoder.write_header().unwrap().write_image_data(row).unwrap();
+        bytes
+    }
+
+    #[test]
+    fn each_kind_of_png_becomes_its_numbers() {
+        use png::BitDepth::{Eight, Four, One, Sixteen, Two};
+        use png::ColorType::{Grayscale, GrayscaleAlpha, Indexed, Rgb};
+        let palette = [10, 20, 30, 40, 50, 60, 70, 80, 90];
+        // Bits of gray fill the range: 85 is 255 / 3, and 17 is 255 / 15.
+        let rows: [(_, _, &[u8], &[u8], &[u8], usize, &[u8]); 8] = [
+            ((Grayscale, One), 3, &[0b1010_0000], &[], &[], 1, &[255, 0, 255]),
+            ((Grayscale, Two), 4, &[0b0001_1011], &[], &[], 1, &[0, 85, 170, 255]),
+            ((Grayscale, Four), 2, &[0x2f], &[], &[], 1, &[34, 255]),
+            // The gray 1 of 3 is transparent.
+            ((Grayscale, Two), 2, &[0b0110_0000], &[0, 1], &[], 2, &[85, 0, 170, 255]),
+            ((Indexed, Two), 2, &[0b1000_0000], &[], &palette, 3, &[70, 80, 90, 10, 20, 30]),
+            // The first colour has an opacity of 7.
+            ((Indexed, Four), 2, &[0x01], &[7], &palette, 4, &[10, 20, 30, 7, 40, 50, 60, 255]),
+            ((GrayscaleAlpha, Eight), 1, &[9, 8], &[], &[], 2, &[9, 8]),
+            (
+                (Rgb, Eight),
+                2,
+                &[1, 2, 3, 4, 5, 6],
+                &[0, 4, 0, 5, 0, 6],
+                &[],
+                4,
+                &[1, 2, 3, 255, 4, 5, 6, 0],
+            ),
+        ];
+        for (kind, width, row, transparent, palette, channels, expected) in rows {
+            let found = decoded(&png(kind, width, row, transparent, palette));
+            assert_eq!((found.width, found.channels), (width as usize, channels), "{kind:?}");
+            assert_eq!(found.samples, Samples::U8(expected.to_vec()), "{kind:?}");
+        }
+        let row = [0x12, 0x34, 0xff, 0xff];
+        let found = decoded(&png((Grayscale, Sixteen), 2, &row, &[], &[]));
+        assert_eq!(found.samples, Samples::U16(vec![0x1234, 0xffff]));
+        let found = decoded(&png((Grayscale, Sixteen), 2, &row, &[0x12, 0x34], &[]));
+        assert_eq!(found.samples, Samples::U16(vec![0x1234, 0, 0xffff, 0xffff]));
+    }
+
+    /// A JPEG of 8 x 8 pixels of one colour in four inks, as Adobe's programs write it: 255 is no ink.
+    fn inks(levels: [u8; 4]) -> Vec<u8> {
+        let mut bytes = vec![0xff, 0xd8];
+        let mut segment = |marker: u8, body: &[u8]| {
+            bytes.extend([0xff, marker, 0, body.len() as u8 + 2]);
+            bytes.extend(body);
+        };
+        segment(0xee, b"Adobe\0\x64\0\0\0\0\0");
+        segment(0xdb, &[&[0][..], &[1; 64]].concat());
+        let parts = (1..=4).flat_map(|part| [part, 0x11, 0]);
+        segment(0xc0, &[8, 0, 8, 0, 8, 4].into_iter().chain(parts).collect::<Vec<_>>());
+        // Twelve codes of 4 bits for lengths of means, one of 1 bit for the end of a block.
+        let [mut means, mut others] = [[0_u8; 17]; 2];
+        (means[4], others[0], others[1]) = (12, 0x10, 1);
+        segment(0xc4, &means.into_iter().chain(0..12).collect::<Vec<_>>());
+        segment(0xc4, &others.into_iter().chain([0]).collect::<Vec<_>>());
+        let parts = (1..=4).flat_map(|part| [part, 0]);
+        segment(0xda, &[4].into_iter().chain(parts).chain([0, 63, 0]).collect::<Vec<_>>());
+        let mut bits = String::new();
+        for level in levels {
+            // The mean is 8 times how far the level lies above 128.
+            let mean = 8 * (i32::from(level) - 128);
+            let length = (32 - mean.unsigned_abs().leading_zeros()) as usize;
+            let shown = if mean < 0 { mean + (1 << length) - 1 } else { mean };
+            bits += &format!("{length:04b}");
+            if length > 0 {
+                bits += &format!("{shown:0length$b}");
+            }
+            bits.push('0');
+        }
+        bits += &"1".repeat((8 - bits.len() % 8) % 8);
+        for byte in bits.as_bytes().chunks(8) {
+            let byte = byte.iter().fold(0, |byte, bit| byte << 1 | (bit - b'0'));
+            bytes.push(byte);
+            if byte == 0xff {
+                bytes.push(0);
+            }
+        }
+        bytes.extend([0xff, 0xd9]);
+        bytes
+    }
+
+    #[test]
+    fn four_inks_become_red_green_and_blue() {
+        for (levels, expected) in [
+            ([255, 255, 255, 255], [255, 255, 255]),
+            ([255, 128, 64, 200], [200, 100, 50]),
+            ([10, 20, 30, 0], [0, 0, 0]),
+        ] {
+            let found = decoded(&inks(levels));
+            assert_eq!([found.width, found.height, found.channels], [8, 8, 3]);
+            let Samples::U8(samples) = found.samples else { panic!("bytes") };
+            let off = samples.iter().enumerate().map(|(k, &x)| x.abs_diff(expected[k % 3]));
+            assert!(off.max() <= Some(1), "{levels:?}: {:?}", &samples[..3]);
+        }
+    }
 }

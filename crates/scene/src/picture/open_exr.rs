@@ -12,6 +12,7 @@ use exr::prelude::{
 };
 
 use super::samples::{DENSEST, Picture, Samples, check_size, claim};
+use super::usual::{is_srgb, of_aspect};
 use crate::error::{Place, SceneError};
 use crate::memory::Memory;
 
@@ -25,27 +26,27 @@ const DENSEST_DATA: u64 = 516;
 /// Names of the channels, for one to four of them.
 const NAMES: [&[&str]; 4] = [&["Y"], &["Y", "A"], &["R", "G", "B"], &["R", "G", "B", "A"]];
 
-/// The channels of a layer that make an image.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Chosen<'h> {
-    /// R, G and B.
-    Color,
+/// The channels of a part that make an image.
+#[derive(Debug, Clone, PartialEq, Eq)]
+enum Chosen {
+    /// R, G and B after this beginning of their names, which is empty or ends with a point.
+    Color(String),
     /// A single channel of this name.
-    Gray(&'h Text),
+    Gray(Text),
 }
 
-impl<'h> Chosen<'h> {
-    fn of(header: &'h Header) -> Option<Self> {
+impl Chosen {
+    fn of(header: &Header) -> Option<Self> {
         if header.deep {
             return None;
         }
-        if ["R", "G", "B"].into_iter().all(|name| has(header, name)) {
-            return Some(Self::Color);
+        if is_color(header, "") {
+            return Some(Self::Color(String::new()));
         }
         match header.channels.list.as_slice() {
-            [only] => Some(Self::Gray(&only.name)),
+            [only] => Some(Self::Gray(only.name.clone())),
             [opacity, gray] if opacity.name == *"A" && gray.name == *"Y" => {
-                Some(Self::Gray(&gray.name))
+                Some(Self::Gray(gray.name.clone()))
             }
             _ => None,
         }
@@ -56,29 +57,67 @@ fn has(header: &Header, name: &str) -> bool {
     header.channels.list.iter().any(|channel| channel.name == *name)
 }
 
-/// A file whose header has been read and is not too large for its `length`, and the number of its layer.
+/// Whether a part has R, G and B after this beginning.
+fn is_color(header: &Header, layer: &str) -> bool {
+    ["R", "G", "B"].into_iter().all(|name| has(header, &format!("{layer}{name}")))
+}
+
+/// The beginnings of names that a part has before R, G and B, each with its last point.
+fn layers(header: &Header) -> Vec<String> {
+    let names = header.channels.list.iter().map(|channel| channel.name.to_string());
+    let layers = names.filter_map(|name| name.strip_suffix(".R").map(|layer| format!("{layer}.")));
+    layers.filter(|layer| !header.deep && is_color(header, layer)).collect()
+}
+
+/// The part that is read, by its number, and its channels.
+///
+/// # Errors
+/// [`SceneError::Content`] where there is none, or one of several layers.
+fn chosen(headers: &[Header], place: &Place) -> Result<(usize, Chosen), SceneError> {
+    let found = headers.iter().enumerate().find_map(|(k, header)| Some((k, Chosen::of(header)?)));
+    // A part is found by the names of its channels, the first one that has them.
+    let found = found.filter(|(k, chosen)| match chosen {
+        Chosen::Color(_) => true,
+        Chosen::Gray(name) => {
+            let is_same = |channel: &ChannelDescription| channel.name == *name;
+            !headers[..*k].iter().any(|header| header.channels.list.iter().any(is_same))
+        }
+    });
+    let has_gray = matches!(found, Some((_, Chosen::Gray(_))));
+    let all = headers.iter().enumerate();
+    let all = all.flat_map(|(k, header)| layers(header).into_iter().map(move |own| (k, own)));
+    let all: Vec<_> = all.collect();
+    match (found, all.as_slice()) {
+        (Some(found), _) if !has_gray => Ok(found),
+        (_, [(k, layer)]) => Ok((*k, Chosen::Color(layer.clone()))),
+        (Some(found), []) => Ok(found),
+        (None, []) => {
+            let rule = "an EXR image has the channels R, G and B, or Y and A, or a single channel";
+            let found = format!("{rule}, and no flat layer of this file has");
+            Err(SceneError::content(place.clone(), found))
+        }
+        (_, several) => {
+            let names = several.iter().map(|(_, layer)| layer.trim_end_matches('.'));
+            let names = names.collect::<Vec<_>>().join(", ");
+            let rule = "of an EXR image the only layer with R, G and B is read";
+            let found = format!("{rule}, and this has {}: {names}", several.len());
+            Err(SceneError::content(place.clone(), found))
+        }
+    }
+}
+
+/// A file whose header has been read and is not too large for its `length`, the number of the part that is read,
+/// and its channels.
 fn opened<'b>(
     bytes: &'b [u8],
     length: usize,
     place: &Place,
-) -> Result<(File<'b>, usize), SceneError> {
+) -> Result<(File<'b>, usize, Chosen), SceneError> {
     let content = |found: String| SceneError::content(place.clone(), found);
     let reader =
         exr::block::read(Cursor::new(bytes), false).map_err(|error| broken(&error, place))?;
     let headers = reader.headers();
-    let found = headers.iter().enumerate().find_map(|(k, header)| Some((k, Chosen::of(header)?)));
-    // A layer is found by the names of its channels, the first one that has them.
-    let found = found.filter(|(k, chosen)| match chosen {
-        Chosen::Color => true,
-        Chosen::Gray(name) => {
-            let is_same = |channel: &ChannelDescription| channel.name == **name;
-            !headers[..*k].iter().any(|header| header.channels.list.iter().any(is_same))
-        }
-    });
-    let Some((layer, _)) = found else {
-        let rule = "an EXR image has the channels R, G and B, or Y and A, or a single channel";
-        return Err(content(format!("{rule}, and no flat layer of this file has")));
-    };
+    let (layer, chosen) = chosen(headers, place)?;
     let header = &headers[layer];
     if let Compression::DWAA(_) | Compression::DWAB(_) = header.compression {
         // Their decoder takes as much memory as a block says.
@@ -99,7 +138,7 @@ fn opened<'b>(
         let size = [size.width() as u64, size.height() as u64];
         check_size(size, count as u64, (length, densest), place)?;
     }
-    Ok((reader, layer))
+    Ok((reader, layer, chosen))
 }
 
 /// The columns and rows of the display window, of a file of `length` bytes that begins with `bytes`.
@@ -108,15 +147,71 @@ pub(super) fn size_of(
     length: usize,
     place: &Place,
 ) -> Result<[usize; 2], SceneError> {
-    let (reader, layer) = opened(bytes, length, place)?;
+    let (reader, layer, _) = opened(bytes, length, place)?;
     let size = reader.headers()[layer].shared_attributes.display_window.size;
     Ok([size.width(), size.height()])
 }
 
+/// What a file says that is not done.
+pub(super) fn remarks(bytes: &[u8], place: &Place) -> Result<Vec<String>, SceneError> {
+    let (reader, layer, chosen) = opened(bytes, bytes.len(), place)?;
+    let headers = reader.headers();
+    let (header, shared) = (&headers[layer], &headers[layer].shared_attributes);
+    let mut said = Vec::new();
+    if let Some(own) = shared.chromaticities {
+        let all = [own.white, own.red, own.green, own.blue];
+        let all: Vec<f32> = all.iter().flat_map(|place| [place.x(), place.y()]).collect();
+        if !<[f32; 8]>::try_from(all).is_ok_and(is_srgb) {
+            said.push("it says other primaries than sRGB's, which is left out".to_owned());
+        }
+    }
+    said.extend(of_aspect(shared.pixel_aspect.into()));
+    let display = shared.display_window;
+    let (size, position) = (header.layer_size, header.own_attributes.layer_position);
+    if size != display.size || position != display.position {
+        let [data, shown] = [size, display.size].map(|own| format!("{} x {}", own.0, own.1));
+        let rule = "what lies outside is left out, and what is missing is 0";
+        said.push(format!("it shows a window of {shown} of {data} pixels: {rule}"));
+    }
+    if header.own_attributes.environment_map.is_some() {
+        said.push("it says which environment map it is, which is left out".to_owned());
+    }
+    // Channels that are no part of the image.
+    let is_read = |name: &Text| match &chosen {
+        Chosen::Gray(own) => name == own || *own == *"Y" && *name == *"A",
+        Chosen::Color(layer) => {
+            ["R", "G", "B", "A"].iter().any(|own| *name == *format!("{layer}{own}"))
+        }
+    };
+    let others = header.channels.list.iter().map(|channel| &channel.name);
+    let others: Vec<_> = others.filter(|name| !is_read(name)).map(Text::to_string).collect();
+    if !others.is_empty() {
+        said.push(format!("other channels are left out: {}", named(&others)));
+    }
+    let parts = headers.iter().enumerate().filter(|(k, _)| *k != layer).map(|(k, header)| {
+        let name = &header.own_attributes.layer_name;
+        name.as_ref().map_or_else(|| format!("number {}", k + 1), Text::to_string)
+    });
+    let parts: Vec<_> = parts.collect();
+    if !parts.is_empty() {
+        said.push(format!("other parts are left out: {}", named(&parts)));
+    }
+    Ok(said)
+}
+
+/// The first of some names, and how many others there are.
+fn named(names: &[String]) -> String {
+    const SHOWN: usize = 8;
+    let shown = names[..names.len().min(SHOWN)].join(", ");
+    match names.len().saturating_sub(SHOWN) {
+        0 => shown,
+        more => format!("{shown} and {more} more"),
+    }
+}
+
 pub(super) fn decode(bytes: &[u8], memory: &Memory, place: &Place) -> Result<Picture, SceneError> {
-    let (reader, layer) = opened(bytes, bytes.len(), place)?;
+    let (reader, layer, chosen) = opened(bytes, bytes.len(), place)?;
     let header = &reader.headers()[layer];
-    let has_alpha = has(header, "A");
     let display = header.shared_attributes.display_window;
     let (size, position) = (header.layer_size, header.own_attributes.layer_position);
     let bytes =
@@ -126,18 +221,17 @@ pub(super) fn decode(bytes: &[u8], memory: &Memory, place: &Place) -> Result<Pic
     // The data window is there for a time.
     let window = || format!("a data window of {} x {}", size.width(), size.height());
     memory.check(bytes(size), place, window)?;
-    let (channels, samples) = match Chosen::of(header) {
-        Some(Chosen::Gray(name)) => {
-            let name = name.clone();
+    let (channels, samples) = match chosen {
+        Chosen::Gray(name) => {
             // A channel may be asked for once.
             let is_alpha = name == *"A";
             let other = if is_alpha { "Y" } else { "A" };
-            let channels = if has_alpha && !is_alpha { 2 } else { 1 };
+            let channels = if has(header, "A") && !is_alpha { 2 } else { 1 };
             (channels, gray(reader, name, other, channels, size))
         }
-        _ => {
-            let channels = if has_alpha { 4 } else { 3 };
-            (channels, color(reader, channels, size))
+        Chosen::Color(layer) => {
+            let channels = if has(header, &format!("{layer}A")) { 4 } else { 3 };
+            (channels, color(reader, &layer, channels, size))
         }
     };
     let samples = samples.map_err(|error| broken(&error, place))?;
@@ -156,10 +250,16 @@ pub(super) fn decode(bytes: &[u8], memory: &Memory, place: &Place) -> Result<Pic
     Ok(Picture { width, height, channels, samples: Samples::F32(samples) })
 }
 
-/// R, G, B, and A where there are four channels, of the data window.
-fn color(reader: File<'_>, channels: usize, size: Vec2<usize>) -> exr::error::Result<Vec<f32>> {
+/// R, G, B, and A where there are four channels, of a layer's data window.
+fn color(
+    reader: File<'_>,
+    layer: &str,
+    channels: usize,
+    size: Vec2<usize>,
+) -> exr::error::Result<Vec<f32>> {
+    let [r, g, b, a] = ["R", "G", "B", "A"].map(|name| Text::from(&*format!("{layer}{name}")));
     let names = read().no_deep_data().largest_resolution_level().specific_channels();
-    let names = names.required("R").required("G").required("B").optional("A", 1.0_f32);
+    let names = names.required(r).required(g).required(b).optional(a, 1.0_f32);
     let pixels = names.collect_pixels(
         move |_, _| blank(size, channels),
         move |samples: &mut Vec<f32>, at, (r, g, b, a): (f32, f32, f32, f32)| {
@@ -257,4 +357,61 @@ pub(super) fn encode(picture: &Picture, place: &Place) -> Result<Vec<u8>, SceneE
 
 fn broken(error: &exr::error::Error, place: &Place) -> SceneError {
     SceneError::content(place.clone(), format!("the image can't be decoded: {error}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An image of 2 x 1 pixels with these channels, whose numbers are 1, 2 and so on.
+    fn file(names: &[&str]) -> Vec<u8> {
+        let list = names.iter().enumerate().map(|(k, name)| {
+            let samples = FlatSamples::F32(vec![k as f32 + 1.0, k as f32 + 1.5]);
+            AnyChannel::new(*name, samples)
+        });
+        let list = AnyChannels::sort(list.collect());
+        let image = Image::from_encoded_channels((2, 1), Encoding::SMALL_LOSSLESS, list);
+        let mut bytes = Vec::new();
+        image.write().non_parallel().to_buffered(Cursor::new(&mut bytes)).unwrap();
+        bytes
+    }
+
+    fn place() -> Place {
+        Place::of("a.exr")
+    }
+
+    #[test]
+    fn the_only_layer_with_colours_is_read() {
+        let blender = ["ViewLayer.Combined.R", "ViewLayer.Combined.G", "ViewLayer.Combined.B"];
+        let others = ["ViewLayer.Depth.Z", "ViewLayer.Normal.X", "ViewLayer.Normal.Y"];
+        for (more, channels) in [("ViewLayer.Combined.A", 4), ("ViewLayer.Mist.Z", 3)] {
+            let names = [&blender[..], &[more], &others].concat();
+            let bytes = file(&names);
+            let picture = Picture::decode(&bytes, &place()).unwrap();
+            assert_eq!([picture.width, picture.height, picture.channels], [2, 1, channels]);
+            let expected = [[1.0, 2.0, 3.0, 4.0], [1.5, 2.5, 3.5, 4.5]];
+            let expected = expected.iter().flat_map(|pixel| pixel[..channels].to_vec()).collect();
+            assert_eq!(picture.samples, Samples::F32(expected));
+            assert_eq!(Picture::size_of(&bytes, &place()).unwrap(), [2, 1]);
+            let said = Picture::remarks(&bytes, &place()).unwrap();
+            assert!(said.len() == 1 && said[0].contains("ViewLayer.Depth.Z"), "{said:?}");
+        }
+    }
+
+    #[test]
+    fn of_several_layers_the_one_without_a_name_is_read_or_none() {
+        let two = ["a.R", "a.G", "a.B", "b.R", "b.G", "b.B"];
+        let said = Picture::decode(&file(&two), &place()).unwrap_err().to_string();
+        let rule = "of an EXR image the only layer with R, G and B is read, and this has 2: a, b";
+        assert_eq!(said, format!("a.exr: {rule}"));
+        let bytes = file(&[&["R", "G", "B"][..], &two].concat());
+        let picture = Picture::decode(&bytes, &place()).unwrap();
+        assert_eq!(picture.samples, Samples::F32(vec![1.0, 2.0, 3.0, 1.5, 2.5, 3.5]));
+        let said = Picture::remarks(&bytes, &place()).unwrap();
+        assert_eq!(said, ["other channels are left out: a.B, a.G, a.R, b.B, b.G, b.R"]);
+        // A layer that lacks one is none.
+        let bytes = file(&["a.R", "a.G", "b.R", "b.G", "b.B"]);
+        assert_eq!(Picture::decode(&bytes, &place()).unwrap().samples.count(), 6);
+        assert!(Picture::remarks(&file(&["R", "G", "B", "A"]), &place()).unwrap().is_empty());
+    }
 }

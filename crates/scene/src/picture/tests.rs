@@ -109,24 +109,53 @@ fn palettes_and_single_bits_become_channels_of_eight_bits() {
 }
 
 #[test]
-fn a_jpeg_is_turned_as_its_exif_data_say() {
-    let upright = Picture::decode(&jpeg(32, 16), &place()).unwrap();
-    assert_eq!((upright.width, upright.height, upright.channels), (32, 16, 1));
+fn a_jpeg_is_read_as_it_is_stored_and_turned_on_demand() {
     let at = |picture: &Picture, row: usize, column: usize| {
         picture.channel(0).unwrap()[[row, column]] * 255.0
     };
-    assert!((at(&upright, 8, 4) - 20.0).abs() < 4.0 && (at(&upright, 8, 28) - 230.0).abs() < 4.0);
-    // A quarter to the right: what was on the left is on top.
-    let turned = turned_jpeg(6);
-    assert_eq!(Picture::size_of(&turned, &place()).unwrap(), [16, 32]);
-    let turned = Picture::decode(&turned, &place()).unwrap();
-    assert_eq!((turned.width, turned.height), (16, 32));
-    assert!((at(&turned, 4, 8) - 20.0).abs() < 4.0 && (at(&turned, 28, 8) - 230.0).abs() < 4.0);
-    // Half of a turn.
-    let turned = turned_jpeg(3);
-    assert_eq!(Picture::size_of(&turned, &place()).unwrap(), [32, 16]);
-    let turned = Picture::decode(&turned, &place()).unwrap();
-    assert!((at(&turned, 8, 28) - 20.0).abs() < 4.0);
+    let stored = Picture::decode(&jpeg(32, 16), &place()).unwrap();
+    assert_eq!((stored.width, stored.height, stored.channels), (32, 16, 1));
+    assert!((at(&stored, 8, 4) - 20.0).abs() < 4.0 && (at(&stored, 8, 28) - 230.0).abs() < 4.0);
+    assert_eq!(Picture::turn_of(&jpeg(32, 16), &place()).unwrap(), None);
+    // Where the dark half is once viewers turned it: (row, column), and a place in the light half.
+    let rows = [
+        (1, [32, 16], (8, 4), (8, 28)),
+        (2, [32, 16], (8, 28), (8, 4)),
+        (3, [32, 16], (8, 28), (8, 4)),
+        (4, [32, 16], (8, 4), (8, 28)),
+        (5, [16, 32], (4, 8), (28, 8)),
+        (6, [16, 32], (4, 8), (28, 8)),
+        (7, [16, 32], (28, 8), (4, 8)),
+        (8, [16, 32], (28, 8), (4, 8)),
+    ];
+    for (orientation, size, dark, light) in rows {
+        let bytes = turned_jpeg(orientation);
+        assert_eq!(Picture::size_of(&bytes, &place()).unwrap(), [32, 16]);
+        assert_eq!(Picture::decode(&bytes, &place()).unwrap(), stored, "{orientation}");
+        let turn = Picture::turn_of(&bytes, &place()).unwrap();
+        assert_eq!(turn.map_or([32, 16], |turn| turn.size([32, 16])), size, "{orientation}");
+        let upright = Picture::decode_upright(&bytes, &place()).unwrap();
+        assert_eq!([upright.width, upright.height], size, "{orientation}");
+        assert!((at(&upright, dark.0, dark.1) - 20.0).abs() < 4.0, "{orientation}");
+        assert!((at(&upright, light.0, light.1) - 230.0).abs() < 4.0, "{orientation}");
+        let remarks = Picture::remarks(&bytes, &place()).unwrap();
+        assert_eq!(remarks.len(), usize::from(orientation != 1), "{remarks:?}");
+    }
+}
+
+#[test]
+fn an_image_of_another_size_is_refused_and_exif_data_are_named() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = Folder::new(place.path()).unwrap();
+    std::fs::write(place.path().join("a.jpg"), turned_jpeg(6)).unwrap();
+    std::fs::write(place.path().join("b.jpg"), jpeg(32, 16)).unwrap();
+    assert!(Picture::read_sized(&folder, "a.jpg", [32, 16]).is_ok());
+    let said = Picture::read_sized(&folder, "a.jpg", [16, 32]).unwrap_err().to_string();
+    let rule = "an image has the size of its camera, 16 x 32, and this is 32 x 16; viewers turn it by a \
+        quarter to the right, as its Exif data say";
+    assert!(said.contains(rule), "{said}");
+    let said = Picture::read_sized(&folder, "b.jpg", [16, 32]).unwrap_err().to_string();
+    assert!(said.ends_with("16 x 32, and this is 32 x 16"), "{said}");
 }
 
 #[test]
@@ -273,6 +302,19 @@ fn light_is_that_of_the_operation_on_the_tape() {
     for k in 0..256 {
         assert_eq!(light[[0, k, 0]], expected[[k]] as f32, "{k}");
     }
+    // All numbers of 16 bits, of which some lie between the seam and where older texts have it.
+    let samples = Samples::U16((0..=u16::MAX).collect());
+    let light = Picture { width: 256, height: 256, channels: 1, samples }.color(ColorSpace::Srgb);
+    let all = tape.constant(&Tensor::from_flat_fn([1 << 16], |k| k as f64 / 65535.0));
+    let expected = srgb_decode(all).unwrap().value();
+    for k in 0..1 << 16 {
+        assert_eq!(light.data()[3 * k], expected[[k]] as f32, "{k}");
+    }
+    assert_eq!(light.data()[3 * 2621], (2621.0 / 65535.0 / 12.92) as f32);
+    let light = Tensor::new([1, 1, 1], vec![0.0031_f32]).unwrap();
+    let back = Picture::of_light(&light, ColorSpace::Srgb, Depth::ThirtyTwo).unwrap();
+    assert_eq!(back.samples, Samples::F32(vec![(f64::from(0.0031_f32) * 12.92) as f32]));
+    let light = picture.color(ColorSpace::Srgb);
     // Samples of 16 and 32 bits follow the same curve.
     let wide = Picture { samples: Samples::U16((0..=255).map(|k| k * 257).collect()), ..picture };
     assert_eq!(wide.color(ColorSpace::Srgb), light);
@@ -327,10 +369,14 @@ fn tensors_that_are_no_images_are_refused() {
 
 #[test]
 fn files_that_are_no_images_are_refused_with_the_rule() {
-    let rule = "scene/image: an image is a PNG, JPEG or EXR file, and the file";
+    let rule = "scene/image: an image is a PNG, JPEG, EXR or HDR file, and the file";
     assert_eq!(message(b""), format!("{rule} is empty"));
     assert_eq!(message(b"hello"), format!("{rule} begins with the bytes 68 65 6c 6c"));
-    assert_eq!(message(b"GIF"), format!("{rule} begins with the bytes 47 49 46"));
+    let rule = "scene/image: an image is a PNG, JPEG, EXR or HDR file, and this is";
+    assert_eq!(message(b"GIF89a"), format!("{rule} a GIF"));
+    assert_eq!(message(b"RIFF\x10\0\0\0WEBPVP8 "), format!("{rule} a WebP"));
+    assert_eq!(message(b"\0\0\0\x18ftypheic"), format!("{rule} a HEIC"));
+    assert_eq!(message(b"\0\0\0\x1cftypavif"), format!("{rule} an AVIF"));
     assert!(Picture::size_of(b"hello", &place()).is_err());
     let exr = plain_exr(
         vec![("X", FlatSamples::F32(vec![0.0])), ("Z", FlatSamples::F32(vec![0.0]))],
@@ -483,7 +529,7 @@ fn the_size_of_a_file_is_found_however_long_its_header() {
     for count in 0..4 {
         let file = late_exif(&comment.repeat(count));
         std::fs::write(place.path().join("a.jpg"), &file).unwrap();
-        assert_eq!(Picture::size_in(&folder, "a.jpg").unwrap(), [16, 32], "{count}");
+        assert_eq!(Picture::size_in(&folder, "a.jpg").unwrap(), [32, 16], "{count}");
     }
     // A header is enough: what follows is read when its turn comes.
     let long = [&small_files()[0][..], &vec![0; 1 << 20]].concat();

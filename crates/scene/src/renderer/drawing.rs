@@ -15,7 +15,7 @@ use super::frame::Frame;
 use super::kept::Kept;
 use super::lighting::Lighting;
 use super::looks::{Asked, LookUp, LooksAtVertices};
-use super::normals::{Normals, NormalsAtVertices};
+use super::normals::{Moved, Normals, NormalsAtVertices};
 use super::parts::Parts;
 use super::sight::Sight;
 use crate::description::{CullName, Silhouettes, SurfaceModel, Tone};
@@ -210,7 +210,8 @@ impl Renderer {
         values: &Values<'t, '_>,
         world: Var<'t, f32>,
     ) -> Result<AtVertices<'t, '_>, FitError> {
-        let normals = self.lighting.is_lit().then(|| self.normals.at_vertices(world));
+        let moved = Moved { objects: &self.scene.objects, frame: &self.frame, values };
+        let normals = self.lighting.is_lit().then(|| self.normals.at_vertices(world, moved));
         Ok(AtVertices {
             looks: self.looks.at_vertices(&self.parts, &self.scene.objects, values)?,
             normals: normals.transpose()?,
@@ -339,8 +340,7 @@ impl Renderer {
         let at = at_vertices.looks;
         let looks = self.looks.at(&self.parts, objects, values, at, fragments, asked)?;
         let Some(normals) = at_vertices.normals else { return Ok(looks.base_color) };
-        let given = self.normals.given(objects, &self.frame, values)?;
-        let normals = self.normals.at(normals, fragments, looks.normals, given)?;
+        let normals = self.normals.at(normals, fragments, looks.normals)?;
         let positions = interpolate(world, fragments)?;
         let views = eye.try_sub(positions)?;
         let surface = Surface { normals, views, positions: Some(positions) };
@@ -350,10 +350,12 @@ impl Renderer {
     /// Normals of the surface at the fragments in the world, `[N, 3]`, of any length, without normal maps.
     pub(crate) fn normals<'t>(
         &self,
+        values: &Values<'t, '_>,
         world: Var<'t, f32>,
         fragments: &Fragments<'t, f32>,
     ) -> Recorded<'t> {
-        self.normals.at(self.normals.at_vertices(world)?, fragments, None, None)
+        let moved = Moved { objects: &self.scene.objects, frame: &self.frame, values };
+        self.normals.at(self.normals.at_vertices(world, moved)?, fragments, None)
     }
 
     /// Which of the instances of all objects a face belongs to.

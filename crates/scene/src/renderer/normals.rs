@@ -1,13 +1,19 @@
 //! Normals of the surface, and what a normal map makes of them.
+//!
+//! Normals and tangents of a file hold as long as the vertices stay where they are. Where vertices are learnt,
+//! normals follow from the faces, shared by the corners that share one in the file; tangents follow from texture
+//! coordinates.
 
 use std::collections::HashMap;
+use std::ops::Range;
 use std::sync::Arc;
 
 use bokashi_core::{Tensor, Var};
 use bokashi_fit::FitError;
 use bokashi_render_ops::camera::to_tensor;
 use bokashi_render_ops::{
-    Fragments, Mesh, Weighting, interpolate_indexed, perturbed_normals, tangents, vertex_normals,
+    Fragments, Mesh, Weighting, interpolate_indexed, perturbed_normals, tangents,
+    transform_normals, vertex_normals,
 };
 use glam::DMat4;
 
@@ -25,6 +31,8 @@ pub(super) struct Normals {
     mesh: Mesh,
     /// The vertex of each normal, where these are not the vertices themselves.
     vertices: Option<Arc<[u32]>>,
+    /// The normals of each instance, one after another, and those of them that are of a file.
+    pieces: Vec<(Range<usize>, Option<Given>)>,
     tangents: Option<Tangents>,
 }
 
@@ -33,6 +41,16 @@ pub(super) struct Normals {
 pub(super) struct NormalsAtVertices<'t, 'a> {
     corners: Var<'t, f32>,
     pub(super) normals: Indexed<'t, 'a>,
+    /// Tangents of files, `[A, 4]`.
+    tangents: Option<Var<'t, f32>>,
+}
+
+/// What moves directions of files into the world.
+#[derive(Clone, Copy)]
+pub(super) struct Moved<'t, 'a> {
+    pub(super) objects: &'a [Object],
+    pub(super) frame: &'a Frame,
+    pub(super) values: &'a Values<'t, 'a>,
 }
 
 /// Tangents of the objects with a normal map, and an empty tangent for all others. Row A is empty; the rows
@@ -49,22 +67,22 @@ struct Tangents {
     given: Vec<Given>,
 }
 
-/// Tangents of an object's file, as an instance has them.
+/// Directions of an object's file, as an instance has them.
 struct Given {
     object: usize,
     place: DMat4,
-    /// `[A, 3]`, in the object's own coordinates.
-    directions: Tensor<f32>,
-    /// `[A, 1]`, in the world.
-    signs: Tensor<f32>,
+    is_mirrored: bool,
+    /// Normals `[A, 3]` or tangents `[A, 4]`, in the object's own coordinates.
+    rows: Tensor<f32>,
 }
 
 impl Normals {
     pub(super) fn of(parts: &Parts, scene: &Scene) -> Result<Self, SceneError> {
         let objects = &scene.objects;
-        let mut all = Self { mesh: parts.assembly.mesh().clone(), vertices: None, tangents: None };
+        let mesh = parts.assembly.mesh().clone();
+        let mut all = Self { mesh, vertices: None, pieces: Vec::new(), tangents: None };
         if objects.iter().any(|object| object.normals.is_some()) {
-            all.split(parts, objects)?;
+            all.split(parts, scene)?;
         }
         if objects.iter().any(has_map) {
             all.tangents = Some(Tangents::of(parts, scene, &all.mesh)?);
@@ -73,24 +91,33 @@ impl Normals {
     }
 
     /// Gives each pair of a vertex and a normal of its file a normal of its own.
-    fn split(&mut self, parts: &Parts, objects: &[Object]) -> Result<(), SceneError> {
+    fn split(&mut self, parts: &Parts, scene: &Scene) -> Result<(), SceneError> {
         let (mut faces, mut vertices) = (Vec::new(), Vec::new());
         let mut first = 0;
         for part in &parts.all {
-            let corners = corners(part, &objects[part.object])?;
-            for _ in &part.places {
+            let object = &scene.objects[part.object];
+            let corners = corners(part, object)?;
+            let own = object.normals.as_ref().filter(|_| !scene.learns_vertices(object));
+            for place in &part.places {
                 let mut seen = HashMap::new();
+                let (start, mut rows) = (vertices.len(), Vec::new());
                 faces.extend(part.mesh.faces().iter().zip(corners.faces()).map(
                     |(vertex, normal)| {
                         [0, 1, 2].map(|k| {
                             *seen.entry((vertex[k], normal[k])).or_insert_with(|| {
                                 vertices.push(first + vertex[k]);
+                                rows.push(normal[k] as usize);
                                 vertices.len() as u32 - 1
                             })
                         })
                     },
                 ));
                 first += part.mesh.vertex_count() as u32;
+                let given = own.map(|own| {
+                    let number = |k: usize| own.rows.data()[3 * rows[k / 3] + k % 3];
+                    Given::of(part, *place, Tensor::from_flat_fn([rows.len(), 3], number))
+                });
+                self.pieces.push((start..vertices.len(), given));
             }
         }
         self.mesh = Mesh::new(faces, vertices.len())?;
@@ -102,45 +129,49 @@ impl Normals {
     pub(super) fn at_vertices<'t>(
         &self,
         world: Var<'t, f32>,
+        moved: Moved<'t, '_>,
     ) -> Result<NormalsAtVertices<'t, '_>, FitError> {
         let corners = match &self.vertices {
             Some(vertices) => world.gather_rows(vertices)?,
             None => world,
         };
-        let rows = vertex_normals(corners, &self.mesh, Weighting::Angle)?;
-        Ok(NormalsAtVertices { corners, normals: Indexed { rows, indices: &self.mesh } })
-    }
-
-    /// The tangents of files in the world, `[A, 4]`.
-    pub(super) fn given<'t>(
-        &self,
-        objects: &[Object],
-        frame: &Frame,
-        values: &Values<'t, '_>,
-    ) -> Result<Option<Var<'t, f32>>, FitError> {
+        let of_faces = || vertex_normals(corners, &self.mesh, Weighting::Angle);
+        let rows = match self.pieces.iter().any(|(_, given)| given.is_some()) {
+            false => of_faces()?,
+            true => {
+                let mut others = None;
+                let rows = self.pieces.iter().map(|(range, given)| match (given, others) {
+                    (Some(own), _) => own.normals(moved),
+                    (None, Some(others)) => Ok(Var::slice(others, 0, range.clone())?),
+                    (None, None) => Ok(others.insert(of_faces()?).slice(0, range.clone())?),
+                });
+                Var::concat(&rows.collect::<Result<Vec<_>, FitError>>()?, 0)?
+            }
+        };
         let given = self.tangents.iter().flat_map(|own| &own.given);
-        let all = given.map(|own| own.in_world(&objects[own.object], frame, values));
-        let all = all.collect::<Result<Vec<_>, _>>()?;
-        Ok(match all.as_slice() {
-            [] => None,
-            [only] => Some(*only),
-            _ => Some(Var::concat(&all, 0)?),
+        let tangents = given.map(|own| own.tangents(moved)).collect::<Result<Vec<_>, _>>()?;
+        Ok(NormalsAtVertices {
+            corners,
+            normals: Indexed { rows, indices: &self.mesh },
+            tangents: match tangents.as_slice() {
+                [] => None,
+                all => Some(Var::concat(all, 0)?),
+            },
         })
     }
 
     /// Normals at the fragments in the world, `[N, 3]`, of any length. `map` has what normal maps say at the
-    /// fragments, `[N, 3]`, and `given` the tangents of files.
+    /// fragments, `[N, 3]`.
     pub(super) fn at<'t>(
         &self,
-        NormalsAtVertices { corners, normals }: NormalsAtVertices<'t, '_>,
+        NormalsAtVertices { corners, normals, tangents }: NormalsAtVertices<'t, '_>,
         fragments: &Fragments<'t, f32>,
         map: Option<Var<'t, f32>>,
-        given: Option<Var<'t, f32>>,
     ) -> Recorded<'t> {
         let smooth = interpolate_indexed(normals.rows, normals.indices, fragments)?;
         match (map, &self.tangents) {
             (Some(map), Some(own)) => {
-                let tangents = own.at(corners, normals.rows, given, fragments)?;
+                let tangents = own.at(corners, normals.rows, tangents, fragments)?;
                 Ok(perturbed_normals(smooth, tangents, map)?)
             }
             _ => Ok(smooth),
@@ -174,7 +205,7 @@ impl Tangents {
                     };
                     shown.extend(wound.faces().iter().map(|face| face.each_ref().map(row)));
                     given_rows += count;
-                    given.push(Given::of(part, *place, &own.rows));
+                    given.push(Given::of(part, *place, own.rows.clone()));
                 }
                 continue;
             }
@@ -246,33 +277,37 @@ impl Tangents {
 }
 
 impl Given {
-    fn of(part: &Part, place: DMat4, rows: &Tensor<f32>) -> Self {
-        let count = rows.shape()[0];
-        // The bitangent goes with the surface, and the cross product the other way in a mirror.
-        let sign = if part.is_mirrored { -1.0 } else { 1.0 };
-        Self {
-            object: part.object,
-            place,
-            directions: Tensor::from_flat_fn([count, 3], |k| rows.data()[k / 3 * 4 + k % 3]),
-            signs: Tensor::from_flat_fn([count, 1], |k| sign * rows.data()[4 * k + 3]),
-        }
+    fn of(part: &Part, place: DMat4, rows: Tensor<f32>) -> Self {
+        Self { object: part.object, place, is_mirrored: part.is_mirrored, rows }
     }
 
-    /// In the world, `[A, 4]`.
-    fn in_world<'t>(
-        &self,
-        object: &Object,
-        frame: &Frame,
-        values: &Values<'t, '_>,
-    ) -> Recorded<'t> {
-        let tape = values.tape;
-        let matrix = match values.learnt(&of_object("pose", &object.name)) {
+    /// From the object's own coordinates to the world's.
+    fn matrix<'t>(&self, moved: Moved<'t, '_>) -> Recorded<'t> {
+        let Moved { objects, frame, values } = moved;
+        let name = &objects[self.object].name;
+        Ok(match values.learnt(&of_object("pose", name)) {
             Some(pose) => frame.moved(pose, frame.middles[self.object], &self.place)?,
-            None => tape.constant(&to_tensor(&self.place)),
-        };
-        let linear = matrix.slice(0, 0..3)?.slice(1, 0..3)?.transpose()?;
-        let directions = tape.constant(&self.directions).matmul(linear)?;
-        Ok(Var::concat(&[directions, tape.constant(&self.signs)], 1)?)
+            None => values.tape.constant(&to_tensor(&self.place)),
+        })
+    }
+
+    /// Normals in the world, `[A, 3]`.
+    fn normals<'t>(&self, moved: Moved<'t, '_>) -> Recorded<'t> {
+        let own = moved.values.tape.constant(&self.rows);
+        let normals = transform_normals(own, self.matrix(moved)?)?;
+        // The operation turns them with the corners of faces, which are turned back here.
+        Ok(if self.is_mirrored { -normals } else { normals })
+    }
+
+    /// Tangents in the world, `[A, 4]`.
+    fn tangents<'t>(&self, moved: Moved<'t, '_>) -> Recorded<'t> {
+        let own = moved.values.tape.constant(&self.rows);
+        let linear = self.matrix(moved)?.slice(0, 0..3)?.slice(1, 0..3)?.transpose()?;
+        let directions = own.slice(1, 0..3)?.matmul(linear)?;
+        let signs = own.slice(1, 3..4)?;
+        // The bitangent goes with the surface, and the cross product the other way in a mirror.
+        let signs = if self.is_mirrored { -signs } else { signs };
+        Ok(Var::concat(&[directions, signs], 1)?)
     }
 }
 

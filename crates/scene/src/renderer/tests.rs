@@ -48,6 +48,18 @@ fn image_with(model: &Model, rest: &str, pose: Option<[f32; 6]>) -> Tensor<f32> 
     first
 }
 
+/// The image of the only view of a scene without files, made smaller so many times.
+fn of_text(text: &str, reduce: usize) -> Tensor<f32> {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("scene.toml");
+    fs::write(&file, text).unwrap();
+    let renderer = Renderer::new(Arc::new(Scene::load(&file).unwrap())).unwrap();
+    let tape = Tape::new();
+    let values = Values { tape: &tape, learnt: None };
+    let drawn = renderer.draw(&values, 0, reduce, false).unwrap();
+    renderer.image(&values, &drawn, reduce).unwrap().value()
+}
+
 /// The red of the pixel that sees a point of the plane z = 0.
 fn seen(image: &Tensor<f32>, x: f64, y: f64) -> f32 {
     let focal = 32.0 / 22.5_f64.to_radians().tan();
@@ -228,25 +240,28 @@ fn each_material_of_a_mesh_is_seen_on_its_own_faces() {
     assert_abs_diff_eq!(seen(&image, 0.5, 0.5), 0.5 * lit(DVec3::Z), epsilon = 1e-6);
 }
 
+/// The texel among `count` that stands in the place of one.
+fn brought_back(at: f64, count: usize, border: TextureBorder) -> usize {
+    let count = count as f64;
+    (match border {
+        TextureBorder::Wrap => at.rem_euclid(count),
+        TextureBorder::Mirror => {
+            let phase = at.rem_euclid(2.0 * count);
+            phase.min(2.0 * count - 1.0 - phase)
+        }
+        _ => at.clamp(0.0, count - 1.0),
+    }) as usize
+}
+
 /// Of a texture with these rows of 0 and 1, what a bilinear sample at (u, v) is, from the definition.
 fn bilinear<const N: usize>(rows: &[[u8; N]], [u, v]: [f64; 2], borders: Borders) -> f64 {
-    let at = |at: f64, count: usize, border: TextureBorder| {
-        let count = count as f64;
-        (match border {
-            TextureBorder::Wrap => at.rem_euclid(count),
-            TextureBorder::Mirror => {
-                let phase = at.rem_euclid(2.0 * count);
-                phase.min(2.0 * count - 1.0 - phase)
-            }
-            _ => at.clamp(0.0, count - 1.0),
-        }) as usize
-    };
     let [x, y] = [u * N as f64 - 0.5, v * rows.len() as f64 - 0.5];
     let mut sum = 0.0;
     for (i, j) in [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)] {
         let [row, column] = [y.floor() + i, x.floor() + j];
         let weight = (1.0 - (x - column).abs()) * (1.0 - (y - row).abs());
-        let texel = rows[at(row, rows.len(), borders[1])][at(column, N, borders[0])];
+        let texel =
+            rows[brought_back(row, rows.len(), borders[1])][brought_back(column, N, borders[0])];
         sum += weight * f64::from(texel);
     }
     sum
@@ -290,4 +305,204 @@ fn textures_go_on_beyond_their_edges_as_their_files_say() {
             }
         }
     }
+}
+
+#[test]
+fn a_blur_shrinks_with_the_image() {
+    let scene = |rest: &str| {
+        format!(
+            "[[meshes]]\nshape = \"cube\"\nmaterial = {{ base_color = [1, 0.5, 0.2] }}\n[[views]]\nname = \"a\"\n\
+             [views.camera]\nsize = [96, 96]\nangle = 40\nposition = [2, 3, 5]\n\
+             [pipeline]\ntone = \"linear\"\n{rest}"
+        )
+    };
+    // Behind a lens the width of the blur jumps at silhouettes, in whole pixels.
+    let lens = "[pipeline.lens]\naperture = 4\nfocus = 20\n";
+    for (rest, bound) in [("blur = 6\n", 1e-3), (lens, 0.01)] {
+        let whole = of_text(&scene(rest), 1);
+        for reduce in [2, 3] {
+            let small = of_text(&scene(rest), reduce);
+            let side = 96 / reduce;
+            // Means over blocks of the whole image.
+            let mean = |row: usize, column: usize, k: usize| {
+                let block = (0..reduce * reduce)
+                    .map(|n| whole[[row * reduce + n / reduce, column * reduce + n % reduce, k]]);
+                block.sum::<f32>() / (reduce * reduce) as f32
+            };
+            let all = (0..side * side * 3).map(|at| (at / 3 / side, at / 3 % side, at % 3));
+            let off = all.map(|(i, j, k)| (small[[i, j, k]] - mean(i, j, k)).abs());
+            let off = off.sum::<f32>() / (side * side * 3) as f32;
+            assert!(off < bound, "{rest:?} {reduce}: {off}");
+        }
+    }
+}
+
+#[test]
+fn light_of_lamps_and_of_an_environment_adds_up() {
+    let scene = "[[meshes]]\nshape = \"sphere\"\nmaterial = { roughness = 0.4, metallic = 0.3 }\n\
+        [[views]]\nname = \"a\"\n[views.camera]\nsize = [32, 32]\nangle = 40\nposition = [0, 1, 3]\n\
+        [pipeline]\ntone = \"linear\"\n";
+    let lamp = "[[lights]]\nkind = \"directional\"\ndirection = [1, 2, 3]\ncolor = [1, 2, 3]\n";
+    let sky = "[environment]\ncolor = [0.5, 0.25, 1]\nsize = 8\n";
+    let [both, lamp, sky] =
+        [format!("{scene}{lamp}{sky}"), format!("{scene}{lamp}"), format!("{scene}{sky}")]
+            .map(|text| of_text(&text, 1));
+    let mean = |image: &Tensor<f32>| image.data().iter().sum::<f32>() / image.size() as f32;
+    assert!(mean(&lamp) > 0.02 && mean(&sky) > 0.02);
+    for (k, both) in both.data().iter().enumerate() {
+        assert_abs_diff_eq!(*both, lamp.data()[k] + sky.data()[k], epsilon = 1e-5);
+    }
+}
+
+#[test]
+fn texture_base_colour_and_colours_at_vertices_are_multiplied() {
+    // 188 is 0.5029 of the light.
+    let image = Picture { width: 1, height: 1, channels: 3, samples: Samples::U8(vec![188; 3]) };
+    let texel = 0.502_886_f32;
+    for has_image in [false, true] {
+        for has_colors in [false, true] {
+            let mut model = walls([128, 128, 255], &[(0, DMat4::IDENTITY)]);
+            model.images.push(image.clone());
+            model.materials[0].base_color_image = has_image.then_some(1);
+            let wall = &mut model.geometries[0];
+            let faces = wall.faces.clone();
+            wall.colors = has_colors.then(|| Indexed { rows: vec![[0.25, 0.5, 0.75]; 4], faces });
+            let found = self::image(&model, "surface = \"unlit\"\n");
+            let of_image = if has_image { texel } else { 1.0 };
+            let of_colors = if has_colors { 0.25 } else { 1.0 };
+            assert_abs_diff_eq!(seen(&found, 0.0, 0.0), 0.8 * of_image * of_colors, epsilon = 1e-4);
+        }
+    }
+}
+
+/// An image of three by three of these images, as it goes on beyond its edges.
+fn continued(image: &Picture, borders: Borders) -> Picture {
+    let Samples::U8(samples) = &image.samples else { panic!("bytes") };
+    let [width, height] = [3 * image.width, 3 * image.height];
+    let pixel = |k: usize| {
+        let at =
+            |k: usize, count: usize, border| brought_back(k as f64 - count as f64, count, border);
+        let row = at(k / width, image.height, borders[1]);
+        let column = at(k % width, image.width, borders[0]);
+        &samples[3 * (row * image.width + column)..][..3]
+    };
+    let samples = (0..width * height).flat_map(pixel).copied().collect();
+    Picture { width, height, channels: 3, samples: Samples::U8(samples) }
+}
+
+#[test]
+fn maps_of_normals_and_roughness_go_on_as_their_files_say() {
+    use TextureBorder::{Clamp, Mirror, Wrap};
+    let map = |bytes: [[u8; 3]; 6]| Picture {
+        width: 3,
+        height: 2,
+        channels: 3,
+        samples: Samples::U8(bytes.as_flattened().to_vec()),
+    };
+    let normals = map([
+        [180, 90, 230],
+        [100, 128, 250],
+        [128, 128, 255],
+        [90, 160, 230],
+        [128, 60, 220],
+        [200, 150, 200],
+    ]);
+    let roughness =
+        map([[0, 255, 0], [0, 90, 200], [0, 120, 0], [0, 70, 255], [0, 200, 30], [0, 100, 100]]);
+    let rest = "surface = \"metallic-roughness\"\ntexture_filter = \"bilinear\"\n\
+                silhouettes = \"aliased\"\n[[lights]]\nkind = \"directional\"\n\
+                direction = [1, 2, 9]\ncolor = [3, 3, 3]\n";
+    let drawn = |images: [Picture; 2], material: MaterialFile, is_wide: bool| {
+        let mut model = walls([0; 3], &[(0, DMat4::IDENTITY)]);
+        model.images = images.to_vec();
+        model.materials = vec![MaterialFile {
+            base_color: [0.8, 0.8, 0.8, 1.0],
+            normal_image: Some(0),
+            metallic_roughness_image: Some(1),
+            ..material
+        }];
+        model.geometries.truncate(1);
+        if is_wide {
+            let coordinates = model.geometries[0].coordinates.as_mut().unwrap();
+            coordinates.rows.as_flattened_mut().iter_mut().for_each(|x| *x = 3.0 * *x - 1.0);
+        }
+        image(&model, rest)
+    };
+    for (own, other) in [([Clamp, Mirror], [Wrap, Clamp]), ([Mirror, Wrap], [Clamp, Wrap])] {
+        let material = MaterialFile {
+            normal_borders: own,
+            metallic_roughness_borders: other,
+            ..MaterialFile::default()
+        };
+        let found = drawn([normals.clone(), roughness.clone()], material, true);
+        let images = [continued(&normals, own), continued(&roughness, other)];
+        let expected = drawn(images, MaterialFile::default(), false);
+        let mut lit = 0;
+        for (pixel, (found, expected)) in
+            found.data().chunks(3).zip(expected.data().chunks(3)).enumerate()
+        {
+            // At its own edges the image of nine goes on in another way.
+            let focal = 32.0 / 22.5_f64.to_radians().tan();
+            let [x, y] = [pixel % 64, pixel / 64].map(|k| (k as f64 - 31.5) * 10.0 / focal);
+            if x.abs().max(y.abs()) < 0.8 {
+                lit += usize::from(found[0] > 0.05);
+                assert_abs_diff_eq!(found[0], expected[0], epsilon = 2e-4);
+            }
+        }
+        assert!(lit > 50, "{lit}");
+    }
+}
+
+/// The walls without a normal map, with normals of their file that lean.
+fn leaning_walls(normal: DVec3, placed: &[(usize, DMat4)]) -> Model {
+    let mut model = walls([0; 3], placed);
+    let wall = &mut model.geometries[0];
+    let one = vec![[0; 3]; wall.faces.len()];
+    wall.normals = Some(Indexed { rows: vec![normal.as_vec3().to_array()], faces: one });
+    model
+}
+
+#[test]
+fn normals_of_the_file_go_along_with_the_instances_and_mirrors() {
+    let lean = DVec3::new(0.48, 0.36, 0.8);
+    let at = |x: f64, y: f64| DMat4::from_translation(DVec3::new(x, y, 0.0));
+    let turn = DMat4::from_rotation_z(0.5 * std::f64::consts::PI);
+    let mirror = DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0));
+    let flat = DMat4::from_scale(DVec3::new(1.0, 1.0, 0.5));
+    let mut model = leaning_walls(
+        lean,
+        &[
+            (0, at(-2.1, 1.1)),
+            (0, at(0.0, 1.1) * mirror),
+            (0, at(2.1, 1.1) * turn),
+            (0, at(-2.1, -1.1) * flat),
+            (2, at(0.0, -1.1)),
+        ],
+    );
+    // Another wall, whose normals follow from its faces.
+    let plain = Geometry { normals: None, ..model.geometries[0].clone() };
+    model.geometries.push(plain);
+    let expected = [
+        (-2.1, 1.1, lean),
+        (0.0, 1.1, DVec3::new(-lean.x, lean.y, lean.z)),
+        (2.1, 1.1, DVec3::new(-lean.y, lean.x, lean.z)),
+        (-2.1, -1.1, DVec3::new(lean.x, lean.y, 2.0 * lean.z)),
+        (0.0, -1.1, DVec3::Z),
+    ];
+    let given = image(&model, LIGHT);
+    for (x, y, normal) in expected {
+        assert_abs_diff_eq!(seen(&given, x, y), lit(normal), epsilon = 1e-6);
+    }
+}
+
+#[test]
+fn normals_of_the_file_turn_with_a_learnt_pose_and_give_way_where_vertices_are_learnt() {
+    let lean = DVec3::new(0.48, 0.36, 0.8);
+    let model = leaning_walls(lean, &[(0, DMat4::IDENTITY)]);
+    let quarter = [0.0, 0.0, 0.0, 0.0, 0.0, std::f32::consts::FRAC_PI_2];
+    let turned = image_with(&model, LIGHT, Some(quarter));
+    let expected = lit(DVec3::new(-lean.y, lean.x, lean.z));
+    assert_abs_diff_eq!(seen(&turned, 0.0, 0.0), expected, epsilon = 1e-6);
+    let learnt = image(&model, &format!("{LIGHT}[learn.vertices]\n"));
+    assert_abs_diff_eq!(seen(&learnt, 0.0, 0.0), lit(DVec3::Z), epsilon = 1e-6);
 }

@@ -95,7 +95,7 @@ pub fn read_colmap(
             let rule = "a pose leads to finite places, and this is too extreme";
             return Err(content(format!("{rule}: {rotation} and {translation}")));
         }
-        let view = NamedView { name: name.clone(), image, camera };
+        let view = NamedView { name: name.clone(), image, mask: None, camera };
         if views.insert(name.clone(), view).is_some() {
             return Err(content("images have names of their own, and this is repeated".to_owned()));
         }

@@ -47,7 +47,9 @@ fn a_synthetic_scene_has_angles_and_the_sizes_of_its_images() {
     );
     let (_place, folder) = scene(&[("sub/transforms_train.json", &text)], &["sub/train/r_0.png"]);
     let views = read_transforms(&folder, "sub/transforms_train.json").unwrap().views;
-    let [NamedView { name, image, camera }] = views.as_slice() else { panic!("{views:?}") };
+    let [NamedView { name, image, mask: None, camera }] = views.as_slice() else {
+        panic!("{views:?}")
+    };
     assert_eq!((name.as_str(), image), ("train/r_0", &PathBuf::from("sub/train/r_0.png")));
     assert_eq!(camera.size, Size { width: 4, height: 2 });
     // The middle of the image is (2, 1) from its corner.
@@ -229,7 +231,7 @@ fn what_is_written_is_read_again() {
         let distortion = distortion[if focal == 40.2 { 0 } else { k }];
         let camera = Camera { distortion, ..camera };
         let (name, image) = (format!("{k}.png"), PathBuf::from(format!("{k}.png")));
-        NamedView { name, image, camera: camera.with_opengl_pose(pose) }
+        NamedView { name, image, mask: None, camera: camera.with_opengl_pose(pose) }
     };
     let shared: Vec<NamedView> = (0..3).map(|k| view(k, 40.2)).collect();
     let own: Vec<NamedView> = (0..3).map(|k| view(k, 41.2 + k as f64)).collect();

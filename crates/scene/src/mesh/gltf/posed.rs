@@ -72,8 +72,8 @@ impl<'r> Posed<'r> {
         let bytes = attributes * size_of::<[f64; 6]>();
         buffers.budget.spend(count as u64, bytes, &beside.place())?;
         let mut positions = wide(&own.positions);
-        let mut normals = own.normals.as_deref().map(wide);
-        let mut tangents = own.tangents.as_deref().map(wide);
+        let mut normals = own.normals.as_ref().map(|rows| wide(rows));
+        let mut tangents = own.tangents.as_ref().map(|rows| wide(rows));
         for (weight, target) in self.weighted() {
             self.add(weight, target.positions, Some(&mut positions), buffers, beside)?;
             self.add(weight, target.normals, normals.as_mut(), buffers, beside)?;
@@ -148,7 +148,7 @@ impl<'r> Posed<'r> {
     }
 }
 
-fn wide<const N: usize>(rows: &Vec<[f32; N]>) -> Vec<[f64; N]> {
+fn wide<const N: usize>(rows: &[[f32; N]]) -> Vec<[f64; N]> {
     rows.iter().map(|row| row.map(f64::from)).collect()
 }
 

@@ -101,7 +101,14 @@ impl Parts {
                         }
                         let (name, faces) = (object.clone(), Default::default());
                         let (missing, polygons) = ([0; 2], Polygons::default());
-                        parts.list.push(Part { object: objects, name, material, faces, missing, polygons });
+                        parts.list.push(Part {
+                            object: objects,
+                            name,
+                            material,
+                            faces,
+                            missing,
+                            polygons,
+                        });
                     }
                     parts.list[part].add(&corners);
                 }

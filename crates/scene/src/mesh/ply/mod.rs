@@ -107,8 +107,11 @@ pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Model, Scene
     contents.finish(beside)?;
     let mut model = Model::default();
     let material = material(&header, &mut model, beside)?;
-    let geometry =
-        Welder::default().weld(contents.raw(material, beside.options.weld.unwrap_or(true)), &beside.place(), &mut beside.notes)?;
+    let geometry = Welder::default().weld(
+        contents.raw(material, beside.options.weld.unwrap_or(true)),
+        &beside.place(),
+        &mut beside.notes,
+    )?;
     let offset = contents.near.offset;
     model.geometries.extend(geometry.map(|geometry| Geometry { offset, ..geometry }));
     let (name, transform) = (String::new(), DMat4::from_translation(offset));

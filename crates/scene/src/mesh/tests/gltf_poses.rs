@@ -135,6 +135,39 @@ fn a_skinned_mesh_stands_where_its_joints_put_it() {
 }
 
 #[test]
+fn joints_and_weights_may_be_replaced_in_places() {
+    let mut file = with_skin();
+    // All zero but that of vertex 2.
+    let mut sparse = |kind: u32, value: usize| {
+        let index = file.accessor(&[2], 5121, "SCALAR", 1);
+        let [indices, values] =
+            [index, value].map(|k| file.root["accessors"][k]["bufferView"].clone());
+        file.list("accessors").push(json!({
+            "componentType": kind, "count": 4, "type": "VEC4", "sparse": {
+                "count": 1, "indices": {"bufferView": indices, "componentType": 5121},
+                "values": {"bufferView": values}
+            }
+        }));
+        file.list("accessors").len() - 1
+    };
+    let joints = sparse(5121, 3);
+    let weights = sparse(5126, 4);
+    // The bytes of accessor 3 begin with joint 0 and joint 1.
+    file.primitive()["attributes"]["JOINTS_0"] = json!(joints);
+    file.primitive()["attributes"]["WEIGHTS_0"] = json!(weights);
+    let second = file.floats(&[[0.0, 1.0, 0.0, 0.0]; 4], "VEC4");
+    file.root["accessors"][weights]["bufferView"] =
+        file.root["accessors"][second]["bufferView"].clone();
+    let places = only(&file.read().unwrap()).positions.clone();
+    // Joint 0 where nothing is replaced, for there the second number is joint 0, too.
+    assert_eq!(places[1], [3.0, 0.0, 7.0]);
+    assert_eq!(places[2], [3.0, 3.0, 7.0]);
+    let values = file.root["accessors"][second]["bufferView"].clone();
+    file.root["accessors"][weights]["sparse"]["values"]["bufferView"] = values;
+    assert_eq!(only(&file.read().unwrap()).positions[2], [1.0, 11.0, 0.0]);
+}
+
+#[test]
 fn inverse_bind_matrices_come_before_the_joints() {
     let mut file = with_skin();
     let matrices = [DVec3::new(-1.0, 0.0, 0.0), DVec3::ZERO].map(DMat4::from_translation);

@@ -198,7 +198,7 @@ fn a_hole_that_a_slit_leads_to_stays_a_hole() {
 #[test]
 fn a_polygon_of_very_many_corners_takes_time_in_proportion() {
     let start = std::time::Instant::now();
-    let count = 100_000;
+    let count = 20_000;
     // A saw with corners on straight sides.
     let mut points: Vec<[f64; 2]> =
         (0..count).map(|k| [f64::from(k), [0.0, 1.0, 2.0, 1.0][k as usize % 4]]).collect();
@@ -207,4 +207,30 @@ fn a_polygon_of_very_many_corners_takes_time_in_proportion() {
     assert_eq!(only(&model).faces.len(), points.len() - 2);
     assert!(model.notes.is_empty(), "{:?}", model.notes);
     assert!(start.elapsed().as_secs() < 30, "{:?}", start.elapsed());
+}
+
+/// Corners on a coarse grid meet, lie on sides and on lines very often.
+#[test]
+fn any_polygon_is_covered_once_or_counted() {
+    let (mut state, mut whole, mut large) = (3, 0, 0);
+    for case in 0..4000 {
+        let count = 4 + case % 9;
+        let mut at = || (5.0 * random(&mut state)).floor();
+        let points: Vec<DVec3> = (0..count).map(|_| DVec3::new(at(), at(), 0.0)).collect();
+        let doubled: DVec3 = (0..count).map(|k| points[k].cross(points[(k + 1) % count])).sum();
+        let mut obj: String =
+            points.iter().map(|p| format!("v {} {} {}\n", p.x, p.y, p.z)).collect();
+        // Beside it a face that is left where the polygon is none.
+        obj.push_str("v 9 9 0\nv 10 9 0\nv 9 10 0\nf -1 -2 -3\nf");
+        (1..=count).for_each(|k| write!(obj, " {k}").unwrap());
+        let model = read(Obj, obj).unwrap();
+        if model.notes.iter().any(|note| note.contains("crosses itself")) {
+            continue;
+        }
+        let (_, length) = areas(only(&model));
+        assert!((length - 1.0 - doubled.length()).abs() < 1e-5, "{points:?}: {length} {doubled}");
+        whole += 1;
+        large += usize::from(count > 4 && doubled != DVec3::ZERO);
+    }
+    assert!(whole > 300 && large > 100, "{whole} {large}");
 }
