@@ -35,8 +35,8 @@ use super::turning::{Turn, bisected, polynomial, polynomial_slope};
 /// The largest radius at which the formula holds: 86 degrees off the axis.
 const FARTHEST: f64 = 16.0;
 
-/// The least denominator: from there on points would soon leave the range of the numbers.
-const LEAST: f64 = 1e-3;
+/// The least denominator: where a difference of numbers around 1 comes nearer to 0, slopes lose their digits.
+const LEAST: f64 = 0.05;
 
 /// The radius, in normalized coordinates (the tangent of the angle off the axis), up to which
 /// [`distort`](crate::distort()) follows the formula of `coefficients` = (k1, k2, p1, p2, k3), and perhaps k4, k5,

@@ -129,7 +129,7 @@ impl<S: Scalar> Equidistant<S> {
         let one_and_square = S::ONE + rim_radius * rim_radius;
         let mut power = S::ONE;
         let slopes: [[S; 2]; 4] = std::array::from_fn(|k| {
-            power = power * square;
+            power *= square;
             // Where theta_d turns round, it does not move with the rim.
             let of_angle = rim * power / one_and_square;
             let of_rim = scale * odd(k + 1) * power;
@@ -229,7 +229,7 @@ impl<S: Scalar> LensMap<S, 4> for Equidistant<S> {
         let [angles, turns] = &self.rim_slopes;
         let mut power = S::ONE;
         let moves: [[S; 2]; 4] = std::array::from_fn(|k| {
-            power = power * square;
+            power *= square;
             if side > S::ZERO {
                 return [power / ratio, S::ZERO];
             }
