@@ -1,6 +1,6 @@
 //! Arbitrary files as images.
 
-use bokashi_scene::{ColorSpace, Picture, Place, Samples};
+use bokashi_scene::{ColorSpace, Mask, Picture, Place, Samples};
 
 use super::files::in_short;
 
@@ -37,6 +37,15 @@ pub fn image_file(bytes: &[u8]) -> usize {
     for space in [ColorSpace::Srgb, ColorSpace::Linear] {
         let light = picture.color(space);
         assert_eq!(light.shape().to_vec(), [picture.height, picture.width, 3]);
+    }
+    let remarks = Picture::remarks(bytes, &place).expect("what was read is told of");
+    assert!(remarks.iter().all(|remark| remark.len() < 2000), "{remarks:?}");
+    let turn = Picture::turn_of(bytes, &place).expect("what was read is told of");
+    let upright = Picture::decode_upright(bytes, &place).expect("what was read can be turned");
+    assert_eq!([upright.width, upright.height], turn.map_or(size, |turn| turn.size(size)));
+    match Mask::of(&picture, &place) {
+        Ok(mask) => assert!(mask.share.data().iter().all(|share| (0.0..=1.0).contains(share))),
+        Err(error) => drop(in_short(&error)),
     }
     picture.pixels()
 }

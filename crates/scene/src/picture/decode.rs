@@ -292,14 +292,12 @@ mod tests {
         Picture::decode(bytes, &Place::of("a")).unwrap()
     }
 
-    /// A PNG of one row with these bytes, of a kind and a depth, with what is transparent and the palette.
-    fn png(
-        (color, depth): (png::ColorType, png::BitDepth),
-        width: u32,
-        row: &[u8],
-        transparent: &[u8],
-        palette: &[u8],
-    ) -> Vec<u8> {
+    type Kind = (png::ColorType, png::BitDepth);
+    /// What a PNG is made of, and the channels and samples that it becomes.
+    type Row<'r> = (Kind, u32, [&'r [u8]; 3], usize, &'r [u8]);
+
+    /// A PNG of one row with these bytes, what is transparent, and the palette.
+    fn png((color, depth): Kind, width: u32, [row, transparent, palette]: [&[u8]; 3]) -> Vec<u8> {
         let mut bytes = Vec::new();
         let mut encoder = png::Encoder::new(&mut bytes, width, 1);
         encoder.set_color(color);
@@ -320,35 +318,27 @@ mod tests {
         use png::ColorType::{Grayscale, GrayscaleAlpha, Indexed, Rgb};
         let palette = [10, 20, 30, 40, 50, 60, 70, 80, 90];
         // Bits of gray fill the range: 85 is 255 / 3, and 17 is 255 / 15.
-        let rows: [(_, _, &[u8], &[u8], &[u8], usize, &[u8]); 8] = [
-            ((Grayscale, One), 3, &[0b1010_0000], &[], &[], 1, &[255, 0, 255]),
-            ((Grayscale, Two), 4, &[0b0001_1011], &[], &[], 1, &[0, 85, 170, 255]),
-            ((Grayscale, Four), 2, &[0x2f], &[], &[], 1, &[34, 255]),
+        let rows: [Row<'_>; 8] = [
+            ((Grayscale, One), 3, [&[0b1010_0000], &[], &[]], 1, &[255, 0, 255]),
+            ((Grayscale, Two), 4, [&[0b0001_1011], &[], &[]], 1, &[0, 85, 170, 255]),
+            ((Grayscale, Four), 2, [&[0x2f], &[], &[]], 1, &[34, 255]),
             // The gray 1 of 3 is transparent.
-            ((Grayscale, Two), 2, &[0b0110_0000], &[0, 1], &[], 2, &[85, 0, 170, 255]),
-            ((Indexed, Two), 2, &[0b1000_0000], &[], &palette, 3, &[70, 80, 90, 10, 20, 30]),
+            ((Grayscale, Two), 2, [&[0b0111_0000], &[0, 1], &[]], 2, &[85, 0, 255, 255]),
+            ((Indexed, Two), 2, [&[0b1000_0000], &[], &palette], 3, &[70, 80, 90, 10, 20, 30]),
             // The first colour has an opacity of 7.
-            ((Indexed, Four), 2, &[0x01], &[7], &palette, 4, &[10, 20, 30, 7, 40, 50, 60, 255]),
-            ((GrayscaleAlpha, Eight), 1, &[9, 8], &[], &[], 2, &[9, 8]),
-            (
-                (Rgb, Eight),
-                2,
-                &[1, 2, 3, 4, 5, 6],
-                &[0, 4, 0, 5, 0, 6],
-                &[],
-                4,
-                &[1, 2, 3, 255, 4, 5, 6, 0],
-            ),
+            ((Indexed, Four), 2, [&[0x01], &[7], &palette], 4, &[10, 20, 30, 7, 40, 50, 60, 255]),
+            ((GrayscaleAlpha, Eight), 1, [&[9, 8], &[], &[]], 2, &[9, 8]),
+            ((Rgb, Eight), 1, [&[4, 5, 6], &[0, 4, 0, 5, 0, 6], &[]], 4, &[4, 5, 6, 0]),
         ];
-        for (kind, width, row, transparent, palette, channels, expected) in rows {
-            let found = decoded(&png(kind, width, row, transparent, palette));
+        for (kind, width, parts, channels, expected) in rows {
+            let found = decoded(&png(kind, width, parts));
             assert_eq!((found.width, found.channels), (width as usize, channels), "{kind:?}");
             assert_eq!(found.samples, Samples::U8(expected.to_vec()), "{kind:?}");
         }
         let row = [0x12, 0x34, 0xff, 0xff];
-        let found = decoded(&png((Grayscale, Sixteen), 2, &row, &[], &[]));
+        let found = decoded(&png((Grayscale, Sixteen), 2, [&row, &[], &[]]));
         assert_eq!(found.samples, Samples::U16(vec![0x1234, 0xffff]));
-        let found = decoded(&png((Grayscale, Sixteen), 2, &row, &[0x12, 0x34], &[]));
+        let found = decoded(&png((Grayscale, Sixteen), 2, [&row, &[0x12, 0x34], &[]]));
         assert_eq!(found.samples, Samples::U16(vec![0x1234, 0, 0xffff, 0xffff]));
     }
 

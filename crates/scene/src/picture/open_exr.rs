@@ -202,7 +202,9 @@ pub(super) fn remarks(bytes: &[u8], place: &Place) -> Result<Vec<String>, SceneE
 /// The first of some names, and how many others there are.
 fn named(names: &[String]) -> String {
     const SHOWN: usize = 8;
-    let shown = names[..names.len().min(SHOWN)].join(", ");
+    const LONGEST: usize = 60;
+    let first = names.iter().take(SHOWN).map(|name| name.chars().take(LONGEST).collect::<String>());
+    let shown = first.collect::<Vec<_>>().join(", ");
     match names.len().saturating_sub(SHOWN) {
         0 => shown,
         more => format!("{shown} and {more} more"),

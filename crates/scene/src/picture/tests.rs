@@ -477,11 +477,13 @@ fn the_densest_files_are_read() {
 }
 
 /// A small file of each format.
-fn small_files() -> [Vec<u8>; 3] {
+fn small_files() -> [Vec<u8>; 4] {
     let samples = (0..18).map(|k| k as f32).collect();
     let exr = Picture { width: 3, height: 2, channels: 3, samples: Samples::F32(samples) };
     let png = numbered(3).encode_png(&place()).unwrap();
-    [png, jpeg(16, 16), exr.encode_exr(&place()).unwrap()]
+    let head = b"#?RADIANCE\nEXPOSURE=2\nPRIMARIES=.64 .33 .3 .6 .15 .06 .3 .3\n\n-Y 1 +X 2\n";
+    let radiance = [&head[..], &[128, 0, 0, 129, 128, 128, 128, 131]].concat();
+    [png, jpeg(16, 16), exr.encode_exr(&place()).unwrap(), radiance]
 }
 
 #[test]
@@ -507,7 +509,7 @@ fn late_exif(before: &[u8]) -> Vec<u8> {
 
 #[test]
 fn the_start_of_a_file_has_the_size_of_the_whole_or_none() {
-    let [png, _, exr] = small_files();
+    let [png, _, exr, _] = small_files();
     for file in [png, turned_jpeg(6), late_exif(&[0xff, 0xfe, 0, 4, 1, 2]), exr] {
         let whole = Picture::size_of(&file, &place()).unwrap();
         let sizes = (0..file.len())
@@ -550,6 +552,11 @@ fn files_with_a_wrong_byte_have_an_answer() {
                     assert!(picture.checked(&place()).is_ok());
                     let size = Picture::size_of(&bytes, &place()).unwrap();
                     assert_eq!(size, [picture.width, picture.height]);
+                    assert!(Picture::remarks(&bytes, &place()).is_ok());
+                    assert!(Picture::decode_upright(&bytes, &place()).is_ok());
+                    if let Ok(mask) = Mask::of(&picture, &place()) {
+                        assert!(mask.share.data().iter().all(|x| (0.0..=1.0).contains(x)));
+                    }
                 }
             }
         }
