@@ -136,7 +136,15 @@ fn the_recipe_for_a_pose_that_is_far_off_can_be_taken_as_it_stands() {
     for name in ["ball", "quad"] {
         let file = folder.join(name).join("scene.toml");
         let text = fs::read_to_string(&file).unwrap();
-        let keys = ["[", "steps = ", "reduce = ", "views_per_step = ", "learn = ", "silhouette = "];
+        let keys = [
+            "[",
+            "rates = ",
+            "steps = ",
+            "reduce = ",
+            "views_per_step = ",
+            "learn = ",
+            "silhouette = ",
+        ];
         let is_light = |line: &str| line.contains("[lights]");
         let bare = |line: &str| match line.strip_prefix("# ") {
             Some(own) if keys.iter().any(|key| own.starts_with(key)) && !is_light(own) => {

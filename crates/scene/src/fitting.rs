@@ -634,6 +634,7 @@ mod tests {
     use super::*;
     use crate::picture::{Picture, Samples};
     use bokashi_fit::on_ranks;
+    use std::collections::BTreeMap;
     use std::fs;
 
     #[test]
@@ -666,6 +667,50 @@ mod tests {
             assert!(found.iter().all(|(bits, _)| *bits == expected), "{size} ranks");
             // Each image is on one rank.
             assert_eq!(found.into_iter().flat_map(|(_, views)| views).collect::<Vec<_>>(), all);
+        }
+    }
+
+    /// The table of docs/scene.md, against what a fit takes where its scene says nothing.
+    #[test]
+    fn usual_rates_are_those_of_the_page() {
+        let page = include_str!("../../../docs/scene.md");
+        let rows = page.lines().skip_while(|line| !line.contains("| usual rate |")).skip(2);
+        let mut said = BTreeMap::new();
+        for row in rows.take_while(|line| line.starts_with('|')) {
+            let cells: Vec<_> = row.split('|').collect();
+            let first = cells[3].split_whitespace().next().unwrap();
+            let rate: f64 = first.trim_end_matches(';').parse().unwrap();
+            let names = cells[1].split('`').skip(1).step_by(2);
+            said.extend(names.map(|name| (name.to_owned(), rate)));
+        }
+        let place = tempfile::tempdir().unwrap();
+        let samples = Samples::U8(vec![90; 12 * 12 * 3]);
+        let picture = Picture { width: 12, height: 12, channels: 3, samples };
+        let file = place.path().join("a.png");
+        fs::write(&file, picture.encode_png(&Place::of(&file)).unwrap()).unwrap();
+        let mut text = "[[views]]\nimage = \"a.png\"\n\
+             camera = { position = [0, 0, 4], angle = 40.0 }\n[[meshes]]\nshape = \"cube\"\n\
+             material = { vertex_colors = true }\n[environment]\ncolor = [1, 1, 1]\n\
+             [[lights]]\nkind = \"directional\"\ndirection = [0, 0, 1]\ncolor = [1, 1, 1]\n\
+             [pipeline]\nblur = 1.0\nlens = { aperture = 1.0, focus = 4.0 }\n"
+            .to_owned();
+        said.keys().for_each(|key| text += &format!("[learn.{key}]\n"));
+        fs::write(place.path().join("scene.toml"), text).unwrap();
+        let scene = Scene::load(place.path().join("scene.toml")).unwrap();
+        let fit = SceneFit::new(scene).unwrap();
+        let mut found = BTreeMap::new();
+        for (name, rate) in &fit.rates {
+            // Of a cube from -1 to 1.
+            let unit = if kind_of(name) == "vertices" { 3.0_f64.sqrt() } else { 1.0 };
+            found.insert(kind_of(name).to_owned(), rate / unit);
+        }
+        assert_eq!(found.keys().collect::<Vec<_>>(), said.keys().collect::<Vec<_>>());
+        for (key, rate) in said {
+            assert!(
+                (found[&key] / rate - 1.0).abs() < 1e-12,
+                "{key}: {rate} on the page, {}",
+                found[&key]
+            );
         }
     }
 }

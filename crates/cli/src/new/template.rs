@@ -22,7 +22,7 @@ const VIEWS: usize = 4;
 /// Images are made smaller at first, where they are longer.
 const LONGEST: usize = 600;
 /// For a pose that is far off, images are made so small.
-const COARSE: usize = 32;
+const COARSE: usize = 16;
 
 /// What is there to begin with.
 #[derive(Debug, Clone, Copy)]
@@ -257,13 +257,13 @@ impl Template<'_> {
         let images = self.photographs.map_or(1, |own| own.images.len());
         let views = images.min(VIEWS);
         let reduce = self.photographs.map_or(1, |own| reduce(&own.sizes));
-        // Of the shorter side some 32 pixels are left.
+        // Of the shorter side some 16 pixels are left.
         let coarse = self.photographs.map_or(1, |own| coarse(&own.sizes));
         let learnt = "learn = [\"pose\"]";
         let first = format!(
-            "# From a pose that is 20 to 40 degrees off: first the pose, by silhouettes of small images.\n\
+            "# From a pose that is up to 90 degrees off: first the pose, by silhouettes of small images.\n\
              # It needs [learn.pose] and silhouette = 1.0 above, and masks.\n\
-             # [[stages]]\n# steps = 200\n# reduce = {coarse}\n# views_per_step = {views}\n# {learnt}\n\n"
+             # [[stages]]\n# steps = 300\n# reduce = {coarse}\n# views_per_step = {views}\n# rates = 3.0\n# {learnt}\n\n"
         );
         if reduce == 1 {
             return format!("{first}[[stages]]\nsteps = {steps}\nviews_per_step = {views}\n");
@@ -289,7 +289,7 @@ fn reduce(sizes: &[[usize; 2]]) -> usize {
     reduce
 }
 
-/// How many times smaller images of these sizes become for a pose: down to some 32 pixels.
+/// How many times smaller images of these sizes become for a pose: down to some 16 pixels.
 fn coarse(sizes: &[[usize; 2]]) -> usize {
     let shortest = sizes.iter().flatten().copied().min().unwrap_or(1);
     let mut reduce = 1;
@@ -338,6 +338,7 @@ mod tests {
         assert_eq!(reduce(&[[4032, 3024]]), 8);
         assert_eq!(reduce(&[[4032, 3025]]), 1);
         assert_eq!(reduce(&[]), 1);
+        assert_eq!([128, 800, 1000, 31].map(|side| coarse(&[[side, side]])), [8, 32, 8, 1]);
     }
 
     #[test]
