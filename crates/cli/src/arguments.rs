@@ -475,6 +475,21 @@ mod tests {
     }
 
     #[test]
+    fn help_fits_a_terminal_of_eighty_columns() {
+        let mut all = Request::command().term_width(80);
+        all.build();
+        let names: Vec<_> = all.get_subcommands().map(|own| own.get_name().to_owned()).collect();
+        let mut texts = vec![all.render_long_help().to_string()];
+        for name in &names {
+            let own = all.find_subcommand_mut(name).expect("a command");
+            texts.push(own.clone().term_width(80).render_long_help().to_string());
+        }
+        for line in texts.iter().flat_map(|text| text.lines()) {
+            assert!(line.chars().count() <= 80, "{line}");
+        }
+    }
+
+    #[test]
     fn without_a_command_the_report_goes_to_out() {
         let request = read("").expect("nothing is needed");
         assert!(request.command.is_none());

@@ -13,9 +13,13 @@ const PROGRAM: &str = "bokashi";
 /// # Errors
 /// As [`print`].
 pub(crate) fn completions(arguments: &CompletionsArguments) -> Result<(), Failure> {
+    print(&script(arguments.shell))
+}
+
+fn script(shell: clap_complete::Shell) -> String {
     let mut script = Vec::new();
-    clap_complete::generate(arguments.shell, &mut Request::command(), PROGRAM, &mut script);
-    print(&String::from_utf8_lossy(&script))
+    clap_complete::generate(shell, &mut Request::command(), PROGRAM, &mut script);
+    String::from_utf8_lossy(&script).into_owned()
 }
 
 /// Prints the manual page of the program, or of one of its commands.
@@ -50,6 +54,20 @@ fn page(name: Option<&str>) -> Result<String, Failure> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn shells_complete_every_command_and_option() {
+        use clap_complete::Shell::{Bash, Fish, Zsh};
+        for shell in [Bash, Zsh, Fish] {
+            let script = script(shell);
+            for own in Request::command().get_subcommands() {
+                assert!(script.contains(own.get_name()), "{shell}: {}", own.get_name());
+                for option in own.get_arguments().filter_map(clap::Arg::get_long) {
+                    assert!(script.contains(option), "{shell}: --{option}");
+                }
+            }
+        }
+    }
 
     #[test]
     fn every_command_has_a_page_that_names_its_options() {

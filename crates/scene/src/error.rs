@@ -8,8 +8,6 @@ use std::path::{Path, PathBuf};
 use bokashi_fit::FitError;
 use bokashi_render_ops::RenderError;
 
-use crate::memory::shown as bytes;
-
 /// The most characters of a path or a message: both may have names that are as long as a file likes.
 const LONGEST: usize = 1000;
 
@@ -27,6 +25,15 @@ fn short(text: &str) -> Cow<'_, str> {
 /// A path in a message.
 fn shown(path: &Path) -> String {
     short(&path.display().to_string()).into_owned()
+}
+
+/// A number of bytes for people.
+fn bytes(count: u64) -> String {
+    let units = [(40, "TiB"), (30, "GiB"), (20, "MiB"), (10, "KiB")];
+    match units.into_iter().find(|(power, _)| count >> power > 0) {
+        Some((power, unit)) => format!("{:.1} {unit}", count as f64 / (1_u64 << power) as f64),
+        None => format!("{count} bytes"),
+    }
 }
 
 /// A place in a file: the file, and where that is known a line and a column, both from 1 on.
@@ -152,5 +159,12 @@ mod tests {
         assert_eq!(short(&whole), whole);
         let error = SceneError::Read { path: long.into(), error: io::ErrorKind::NotFound.into() };
         assert!(error.to_string().chars().count() < LONGEST + 100);
+    }
+
+    #[test]
+    fn bytes_are_shown_in_units() {
+        assert_eq!(bytes(1023), "1023 bytes");
+        assert_eq!(bytes(3 << 29), "1.5 GiB");
+        assert_eq!(bytes(1 << 20), "1.0 MiB");
     }
 }

@@ -37,12 +37,12 @@ pub(crate) fn notes_of_names<'a>(
 
 fn is_portable(name: &str) -> bool {
     let first = name.split('.').next().unwrap_or(name).trim_end().to_lowercase();
-    let is_numbered = |kind: &&str| {
-        first.strip_prefix(*kind).is_some_and(|rest| matches!(rest.as_bytes(), [b'1'..=b'9']))
+    let is_numbered = |kind: &str| {
+        first.strip_prefix(kind).is_some_and(|rest| matches!(rest.as_bytes(), [b'1'..=b'9']))
     };
     !name.contains(|c: char| FORBIDDEN.contains(&c) || c.is_ascii_control())
         && !DEVICES.contains(&&*first)
-        && !NUMBERED.iter().any(|kind| is_numbered(&kind))
+        && !NUMBERED.iter().any(|kind| is_numbered(kind))
 }
 
 #[cfg(test)]

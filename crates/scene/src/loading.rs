@@ -262,11 +262,13 @@ mod tests {
         Geometry {
             name: String::new(),
             positions: vec![[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]],
+            offset: DVec3::ZERO,
             faces: vec![[0, 1, 2]],
             colors: Some(Indexed { rows: vec![[0.25; 3], [0.5; 3]], faces: vec![[0, 1, 1]] }),
             coordinates: None,
             normals: Some(Indexed { rows: vec![[0.6, 0.0, 0.8]], faces: vec![[0, 0, 0]] }),
-            material: None,
+            tangents: None,
+            submeshes: vec![Submesh { material: None, faces: 0..1 }],
         }
     }
 

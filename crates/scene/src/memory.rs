@@ -144,15 +144,6 @@ impl Memory {
     }
 }
 
-/// A number of bytes for people.
-pub(crate) fn shown(bytes: u64) -> String {
-    let units = [(40, "TiB"), (30, "GiB"), (20, "MiB"), (10, "KiB")];
-    match units.into_iter().find(|(power, _)| bytes >> power > 0) {
-        Some((power, unit)) => format!("{:.1} {unit}", bytes as f64 / (1_u64 << power) as f64),
-        None => format!("{bytes} bytes"),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -198,12 +189,5 @@ mod tests {
         if cfg!(target_os = "linux") {
             assert!(available().is_some_and(|bytes| bytes > 1 << 20));
         }
-    }
-
-    #[test]
-    fn bytes_are_shown_in_units() {
-        assert_eq!(shown(1023), "1023 bytes");
-        assert_eq!(shown(3 << 29), "1.5 GiB");
-        assert_eq!(shown(1 << 20), "1.0 MiB");
     }
 }

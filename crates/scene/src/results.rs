@@ -249,7 +249,7 @@ mod tests {
         let place = tempfile::tempdir().unwrap();
         let mut scene = textured(place.path());
         let texels = Tensor::from_flat_fn([2, 2, 3], |k| k as f32 / 11.0);
-        scene.objects[0].look.texture = Some(texels.clone());
+        scene.objects[0].looks[0].texture = Some(texels.clone());
         let out = place.path().join("out");
         let written = scene.save_results(&out).unwrap();
         assert!(written.contains(&out.join("a-texture.png")));

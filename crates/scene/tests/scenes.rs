@@ -7,8 +7,8 @@ use std::sync::Arc;
 use bokashi_core::{Tape, Tensor};
 use bokashi_scene::glam::{DMat4, DVec3};
 use bokashi_scene::{
-    Folder, Geometry, Indexed, MaterialFile, Model, Picture, Place, Placed, Renderer, Samples, Scene, SceneFit,
-    Submesh, Values, glb, most_bent_edges, read_model,
+    Folder, Geometry, Indexed, MaterialFile, Model, Picture, Place, Placed, Renderer, Samples,
+    Scene, SceneFit, Submesh, Values, glb, most_bent_edges, read_model,
 };
 
 /// Columns and rows of all images here.

@@ -8,7 +8,7 @@ use std::fs;
 use std::io::{self, ErrorKind};
 use std::path::{Component, Path, PathBuf};
 
-use crate::{folder_of, resolved, write_whole};
+use crate::whole::{folder_of, resolved, write_whole};
 
 /// Writes `bytes` to `path` below `folder`, as [`write_whole`] does; folders on the way are made. Returns the
 /// whole path.

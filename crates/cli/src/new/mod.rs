@@ -4,7 +4,6 @@ mod copies;
 mod made;
 mod mesh;
 mod photographs;
-mod shell;
 mod template;
 
 use std::fs;
@@ -17,7 +16,6 @@ use self::copies::Copies;
 use self::made::Made;
 use self::mesh::Start;
 use self::photographs::Photographs;
-use self::shell::shell;
 use self::template::Template;
 use crate::arguments::NewArguments;
 use crate::digits::count;

@@ -11,8 +11,8 @@ use bokashi_scene::{
 use rayon::prelude::*;
 
 use super::copies::Copies;
-use super::shell::shell;
 use crate::digits::count;
+use crate::plain::shell_word;
 
 /// Files of cameras, the first of which is taken.
 const TRANSFORMS: [&str; 2] = ["transforms.json", "transforms_train.json"];
@@ -295,7 +295,7 @@ impl Listed {
         );
         if !others.is_empty() {
             let files = others.iter().map(|(ending, place)| {
-                let place = shell(place);
+                let place = shell_word(place);
                 format!("{}/*.{ending}", place.trim_end_matches('/'))
             });
             let files = files.collect::<Vec<_>>().join(" ");

@@ -342,9 +342,15 @@ fn what_is_packed_into_little_takes_little() {
     // A geometry for each few letters: time and memory in proportion.
     let objects = "o\nf 1 2 3\n";
     let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
-    write(folder, "a.obj", format!("{corners}{}", objects.repeat(60_000)));
-    let output = bokashi(folder, &["inspect", "a.obj"]);
-    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let own = format!("o\n{corners}f -3 -2 -1\n");
+    // Those that share vertices are one surface, with a face again and again: that is a problem.
+    for (all, status) in
+        [(own.repeat(60_000), 0), (format!("{corners}{}", objects.repeat(60_000)), 1)]
+    {
+        write(folder, "a.obj", all);
+        let output = bokashi(folder, &["inspect", "a.obj"]);
+        assert_eq!(output.status.code(), Some(status), "{}", text(&output.stderr));
+    }
     let (place, rule) = (format!("a.obj:{}", 3 + 2 * 100_001), "at most 100000 meshes of a file");
     let all = format!("{corners}{}", objects.repeat(500_000));
     inspect_refuses(folder, "a.obj", all, &place, rule);

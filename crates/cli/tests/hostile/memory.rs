@@ -52,13 +52,13 @@ fn sizes_are_refused_before_memory_is_taken() {
     names(&error, "3.png", "an image of 8192 x 8192 needs 128.0 MiB");
     write(folder, "0.png", png(2000));
     // One image that is in many textures.
-    let many = obj.replace("\nusemtl", "\no x\nusemtl");
-    let many = (1..count).fold(many, |text, k| text.replace(&format!("m{k}\n"), "m0\n"));
-    write(folder, "many.obj", many);
+    let mtl = (0..count).map(|k| format!("newmtl m{k}\nmap_Kd 0.png\n")).collect::<String>();
+    write(folder, "many.mtl", mtl);
+    write(folder, "many.obj", obj.replace("m.mtl", "many.mtl"));
     let own = scene("", 16, "[learn.vertices]");
     let own = own.replace("shape = \"plane\"", "file = \"many.obj\"");
     write(folder, "scene.toml", own);
-    names(&refused(folder, &["fit", "scene.toml"])[1], "many.obj", "textures of 4000000 texels");
+    names(&refused(folder, &["fit", "scene.toml"])[1], "many.obj", "textures of 20000000 texels");
     // What a scene itself asks for.
     let rows = [
         (

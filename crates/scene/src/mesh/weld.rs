@@ -104,12 +104,14 @@ impl Welder {
 
         let submeshes = submeshes_of_kept(submeshes, &kept);
         let own = (kept.as_slice(), submeshes.as_slice());
-        let colors = self.attribute(raw.colors, own, plain, "colours", notes);
-        let coordinates = self.attribute(raw.coordinates, own, plain, "coordinates", notes);
-        let normals = self.attribute(raw.normals, own, unit, "normals", notes);
-        // The format that has them has none without normals.
-        let tangents = raw.tangents.filter(|_| normals.is_some());
-        let tangents = self.attribute(tangents, own, tangent, "tangents", notes);
+        let any = |_: &Submesh| true;
+        let colors = self.attribute(raw.colors, own, any, plain, "colours", notes);
+        let coordinates = self.attribute(raw.coordinates, own, any, plain, "coordinates", notes);
+        let normals = self.attribute(raw.normals, own, any, unit, "normals", notes);
+        // The format that has tangents has none without normals.
+        let has_normals =
+            |k: &Submesh| normals.as_ref().is_some_and(|normals| normals.covers(&k.faces));
+        let tangents = self.attribute(raw.tangents, own, has_normals, tangent, "tangents", notes);
         let (faces, offset) = (local, DVec3::ZERO);
         Ok(Some(Geometry {
             name,
@@ -124,11 +126,13 @@ impl Welder {
         }))
     }
 
-    /// The welded attribute of the faces that are kept. A submesh with a row that can't be mended has none.
+    /// The welded attribute of the faces that are kept. A submesh with a row that can't be mended has none, and
+    /// one that has none of what belongs to it.
     fn attribute<const N: usize>(
         &mut self,
         corners: Option<Corners<'_, N>>,
         (kept, submeshes): (&[bool], &[Submesh]),
+        has_it: impl Fn(&Submesh) -> bool,
         mended: impl Fn([f32; N]) -> [f32; N],
         what: &str,
         notes: &mut Notes,
@@ -137,6 +141,9 @@ impl Welder {
         let mut faces = of_kept(&faces, kept);
         for submesh in submeshes {
             let own = &mut faces[submesh.faces.clone()];
+            if !has_it(submesh) {
+                own.fill([NO_ROW; 3]);
+            }
             let is_bad = |&row: &u32| {
                 row != NO_ROW && !mended(rows[row as usize]).iter().all(|x| x.is_finite())
             };

@@ -274,7 +274,7 @@ impl Parts {
         let objects = self.list.last().map_or(0, |part| part.object + 1);
         // The least of all objects that share vertices stands at the end of a chain.
         let mut leads: Vec<usize> = (0..objects).collect();
-        let mut owners = vec![NO_ROW; self.positions.len()];
+        let mut owners = vec![NO_ROW; self.near.positions.len()];
         for part in &self.list {
             for &vertex in part.faces[0].as_flattened() {
                 let owner = &mut owners[vertex as usize];

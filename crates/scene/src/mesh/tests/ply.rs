@@ -116,7 +116,8 @@ fn colours_are_of_the_space_that_the_caller_says() {
     let linear = [0.0, 0.2, 1.0];
     let srgb = linear.map(|number| decoded(f64::from(number)));
     let of = |file: &str, vertex_color_space| {
-        let model = read_model_with(&folder, file, MeshOptions { vertex_color_space }).unwrap();
+        let model =
+            read_model_with(&folder, file, MeshOptions { vertex_color_space, weld: None }).unwrap();
         of_corners(&only(&model).colors)[2]
     };
     for file in ["a.ply", "a.obj"] {

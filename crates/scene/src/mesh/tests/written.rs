@@ -52,6 +52,11 @@ fn patchwork() -> Geometry {
         rows: vec![[0.0, 0.0, 1.0]],
         faces: vec![[0; 3], [NO_ROW; 3], [NO_ROW; 3]],
     });
+    // Only where there are normals.
+    geometry.tangents = Some(Indexed {
+        rows: vec![[1.0, 0.0, 0.0, -1.0]],
+        faces: vec![[0; 3], [NO_ROW; 3], [NO_ROW; 3]],
+    });
     geometry
 }
 
