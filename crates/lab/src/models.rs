@@ -10,7 +10,8 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use bokashi_scene::{
-    Folder, Geometry, MeshKind, Model, SceneError, glb, ply, read_model, read_model_bytes,
+    Folder, Geometry, MeshKind, MeshOptions, Model, SceneError, glb, ply, read_model_bytes,
+    read_model_with,
 };
 use glam::DVec3;
 use serde::Serialize;
@@ -113,7 +114,9 @@ fn format_of(path: &Path) -> Option<&'static str> {
 }
 
 fn outcome(folder: &Folder, path: &Path) -> Outcome {
-    let model = match read_model(folder, path) {
+    // What is written doubles vertices at seams: only welded ones come back.
+    let options = MeshOptions { weld: Some(true), ..MeshOptions::default() };
+    let model = match read_model_with(folder, path, options) {
         Ok(model) => model,
         Err(error) => {
             let said = error.to_string();
@@ -135,12 +138,14 @@ fn outcome(folder: &Folder, path: &Path) -> Outcome {
 /// Whether a model's meshes are the same after they were written as GLB and read, and so are their faces as
 /// PLY, which has colours of 8 bits.
 fn comes_back(model: &Model, folder: &Folder) -> Result<bool, SceneError> {
-    let back = read_model_bytes(&glb(model)?, MeshKind::Gltf, folder, "written.glb")?;
+    let options = MeshOptions::default();
+    let back = read_model_bytes(&glb(model)?, MeshKind::Gltf, folder, "written.glb", options)?;
     // Nodes have what was taken off positions.
     let bare = |own: &Geometry| Geometry { offset: DVec3::ZERO, ..own.clone() };
     let mut same = back.geometries == model.geometries.iter().map(bare).collect::<Vec<_>>();
     for geometry in &model.geometries {
-        let back = read_model_bytes(&ply(geometry)?, MeshKind::Ply, folder, "written.ply")?;
+        let written = ply(geometry, &model.materials, |_| None)?;
+        let back = read_model_bytes(&written, MeshKind::Ply, folder, "written.ply", options)?;
         same &= back.geometries.len() == 1 && back.geometries[0].faces == geometry.faces;
     }
     Ok(same)
@@ -229,7 +234,9 @@ mod tests {
         let place = tempfile::tempdir().unwrap();
         let folder = Folder::new(place.path()).unwrap();
         let text = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt .25 0\nf 1/1 2/1 3/1\n";
-        let mut model = read_model_bytes(text, MeshKind::Obj, &folder, "a.obj").unwrap();
+        let mut model =
+            read_model_bytes(text, MeshKind::Obj, &folder, "a.obj", MeshOptions::default())
+                .unwrap();
         assert!(comes_back(&model, &folder).unwrap());
         // A vertex that no face names is not kept.
         model.geometries[0].positions.push([1.0; 3]);

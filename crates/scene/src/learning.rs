@@ -171,10 +171,13 @@ impl Learnt {
         for (kind, own, start) in kinds {
             let Some(own) = own else { continue };
             let mut maps = 0;
-            let chosen = chosen(scene, own.meshes.as_deref(), kind)?;
-            let looks =
-                chosen.iter().flat_map(|&object| object.looks.iter().map(move |k| (object, k)));
-            for (object, look) in looks {
+            for (object, look) in chosen_looks(scene, own.meshes.as_deref(), kind)? {
+                if kind == "texture" && look.lacks_texture {
+                    let rule = "a texture that is learnt is there";
+                    let found = "its file names one that is missing or can't be read";
+                    let name = object.look_name(look);
+                    return Err(wrong(scene, format!("{rule}, and of {name:?} {found}")));
+                }
                 let start = start(look);
                 let name = object.parameter(kind, look);
                 if start.shape().len() == 3 {
@@ -312,6 +315,34 @@ fn chosen<'s>(
         })
     };
     names.iter().map(find).collect()
+}
+
+/// The looks that a part of `learn` is about: those of the objects that it names, or single ones.
+fn chosen_looks<'s>(
+    scene: &'s Scene,
+    names: Option<&[String]>,
+    key: &str,
+) -> Result<Vec<(&'s Object, &'s SurfaceLook)>, SceneError> {
+    let objects = scene.objects.iter();
+    let all = objects.flat_map(|object| object.looks.iter().map(move |look| (object, look)));
+    let all: Vec<_> = all.collect();
+    let Some(names) = names else { return Ok(all) };
+    let mut found = Vec::new();
+    for name in names {
+        let is_named = |(object, look): &&(&Object, &SurfaceLook)| {
+            object.name == *name || object.look_name(look) == *name
+        };
+        let before = found.len();
+        found.extend(all.iter().filter(is_named));
+        if found.len() == before {
+            let mut known: Vec<_> = scene.objects.iter().map(|own| own.name.clone()).collect();
+            let several = all.iter().filter(|(object, _)| object.looks.len() > 1);
+            known.extend(several.map(|(object, look)| object.look_name(look)));
+            let rule = format!("`meshes` of `learn.{key}` are among {}", known.join(", "));
+            return Err(wrong(scene, format!("{rule}, and {name:?} is not")));
+        }
+    }
+    Ok(found)
 }
 
 /// The radius of an object in its own coordinates.

@@ -220,6 +220,7 @@ impl SurfaceLook {
             name: name.to_owned(),
             base_color: [red, green, blue, 1.0],
             base_color_image: color,
+            lacks_base_color_image: false,
             base_color_borders: self.texture_borders,
             metallic: if maps.is_some() { 1.0 } else { self.metallic },
             roughness: if maps.is_some() { 1.0 } else { self.roughness },

@@ -60,7 +60,9 @@ pub use image;
 pub use loading::{LoadedMesh, load_image, load_mesh};
 pub use mask_files::find_mask;
 pub use memory::{limit_memory, memory_limit};
-pub use mesh::{MeshKind, MeshOptions, glb, ply, read_model, read_model_bytes, read_model_with};
+pub use mesh::{
+    MeshKind, MeshOptions, ObjFiles, glb, obj, ply, read_model, read_model_bytes, read_model_with,
+};
 pub use model::{Borders, Geometry, Indexed, MaterialFile, Model, NO_ROW, Placed, Submesh};
 /// The arrays of [`arrays::tensor_of_ndarray`].
 #[cfg(feature = "ndarray")]

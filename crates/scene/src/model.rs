@@ -87,6 +87,8 @@ pub struct MaterialFile {
     pub base_color_image: Option<usize>,
     /// How that image goes on.
     pub base_color_borders: Borders,
+    /// Whether the file names such an image that was left out: it is missing, or can't be read.
+    pub lacks_base_color_image: bool,
     /// 0 for dielectrics, 1 for metals.
     pub metallic: f32,
     /// Perceptual roughness from 0 to 1.
@@ -118,6 +120,7 @@ impl Default for MaterialFile {
             base_color: [1.0; 4],
             base_color_image: None,
             base_color_borders: Borders::default(),
+            lacks_base_color_image: false,
             metallic: 1.0,
             roughness: 1.0,
             metallic_roughness_image: None,

@@ -33,6 +33,8 @@ pub struct SurfaceLook {
     pub base_color: [f32; 3],
     /// Base colours `[H, W, 3]`, linear.
     pub texture: Option<Tensor<f32>>,
+    /// Whether its file names a texture that was left out: it is missing, or can't be read.
+    pub lacks_texture: bool,
     /// How the texture goes on beyond its edges.
     pub texture_borders: Borders,
     /// From 0 to 1.
@@ -192,6 +194,7 @@ impl SurfaceLook {
             faces: 0..0,
             base_color: [0.5; 3],
             texture: None,
+            lacks_texture: false,
             texture_borders: Borders::default(),
             roughness: 1.0,
             metallic: 0.0,
@@ -266,6 +269,7 @@ impl SurfaceLook {
             faces: 0..0,
             base_color,
             texture: color,
+            lacks_texture: material.lacks_base_color_image,
             texture_borders: material.base_color_borders,
             roughness: material.roughness,
             metallic: material.metallic,

@@ -1,6 +1,6 @@
 //! What a scene leaves behind: its objects, cameras and numbers as files that other programs read.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -14,13 +14,14 @@ use crate::description::{Description, LightPlace, Tone};
 use crate::error::{Place, SceneError};
 use crate::file::{check_results, unwritten, write_result};
 use crate::mesh::{glb, ply};
+use crate::model::Model;
 use crate::object::SurfaceLook;
 use crate::outline::named_files;
 use crate::picture::{ColorSpace, Picture};
 use crate::scene::Scene;
 
 impl Scene {
-    /// Writes the scene's objects to `mesh.glb` and to a PLY file each, textures that are learnt to a PNG each, its cameras to `transforms.json`, its
+    /// Writes the scene's objects to `mesh.glb` and to a PLY file each, textures to a PNG each, its cameras to `transforms.json`, its
     /// environment to `environment.exr`, and its numbers to `numbers.json`, all in the folder `out`, which is
     /// made where it is missing. Paths of images start at `out`. Each file is written whole or not at all.
     ///
@@ -39,11 +40,13 @@ impl Scene {
         let model = self.model()?;
         if !model.geometries.is_empty() {
             write("mesh.glb", &glb(&model)?)?;
+            let files = self.texture_names(&model);
             for geometry in &model.geometries {
-                write(&format!("{}.ply", geometry.name), &ply(geometry)?)?;
+                let bytes = ply(geometry, &model.materials, |image| files.get(&image).cloned())?;
+                write(&format!("{}.ply", geometry.name), &bytes)?;
             }
         }
-        for (name, texels) in self.learnt_textures() {
+        for (name, texels) in self.textures() {
             write(&name, &texture_png(texels, &name)?)?;
         }
         let mut cameras = self.cameras();
@@ -70,7 +73,7 @@ impl Scene {
     pub fn result_names(&self) -> Vec<PathBuf> {
         let usual = ["mesh.glb", "transforms.json", "environment.exr", "numbers.json"];
         let meshes = self.objects.iter().map(|object| format!("{}.ply", object.name));
-        let textures = self.learnt_textures().map(|(name, _)| name);
+        let textures = self.textures().map(|(name, _)| name);
         usual
             .into_iter()
             .map(String::from)
@@ -80,18 +83,19 @@ impl Scene {
             .collect()
     }
 
-    /// Of each texture that is learnt the name of its file, and its texels.
-    fn learnt_textures(&self) -> impl Iterator<Item = (String, &Tensor<f32>)> {
-        let learnt = self.description.learn.texture.as_ref();
-        let is_learnt = move |name: &String| {
-            learnt.is_some_and(|own| own.meshes.as_ref().is_none_or(|all| all.contains(name)))
-        };
-        let objects = self.objects.iter().filter(move |object| is_learnt(&object.name));
-        objects.flat_map(|object| {
-            object.looks.iter().filter_map(|look| {
-                Some((texture_name(&object.look_name(look)), look.texture.as_ref()?))
-            })
+    /// Of each texture the name of its file, and its texels.
+    fn textures(&self) -> impl Iterator<Item = (String, &Tensor<f32>)> {
+        let looks = self.objects.iter();
+        let looks = looks.flat_map(|object| object.looks.iter().map(move |look| (object, look)));
+        looks.filter_map(|(object, look)| {
+            Some((texture_name(&object.look_name(look)), look.texture.as_ref()?))
         })
+    }
+
+    /// The names of the files of textures, by the numbers of their images in `model`, which is the scene's.
+    fn texture_names(&self, model: &Model) -> HashMap<usize, String> {
+        let images = model.materials.iter().filter_map(|material| material.base_color_image);
+        images.zip(self.textures().map(|(name, _)| name)).collect()
     }
 
     /// Checks that results can be written to these paths below the folder `out`, before the work that makes
@@ -199,9 +203,9 @@ impl Scene {
     }
 }
 
-/// What the file of the texture of an object is called.
-fn texture_name(object: &str) -> String {
-    format!("{object}-texture.png")
+/// What the file of a texture is called.
+fn texture_name(look: &str) -> String {
+    format!("{}-texture.png", look.replace('/', "-"))
 }
 
 /// Linear texels `[H, W, 3]` as a PNG of sRGB colours. `name` names it in errors.
@@ -221,6 +225,8 @@ fn rows(matrix: &DMat4) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::folder::Folder;
+    use crate::mesh::read_model;
 
     #[test]
     fn an_environment_is_read_again_as_it_was_written() {
@@ -245,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn a_learnt_texture_is_written_as_photographs_are() {
+    fn textures_are_written_as_photographs_are_and_named_by_their_meshes() {
         let place = tempfile::tempdir().unwrap();
         let mut scene = textured(place.path());
         let texels = Tensor::from_flat_fn([2, 2, 3], |k| k as f32 / 11.0);
@@ -253,7 +259,11 @@ mod tests {
         let out = place.path().join("out");
         let written = scene.save_results(&out).unwrap();
         assert!(written.contains(&out.join("a-texture.png")));
-        assert!(!written.contains(&out.join("b-texture.png")));
+        // Its PLY names it, learnt or not.
+        assert!(written.contains(&out.join("b-texture.png")));
+        let folder = Folder::new(&out).unwrap();
+        let model = read_model(&folder, "b.ply").unwrap();
+        assert_eq!((model.images.len(), model.materials.len()), (1, 1), "{:?}", model.notes);
         let names = scene.result_names();
         assert!(
             written.iter().all(|file| names.contains(&file.strip_prefix(&out).unwrap().into()))

@@ -367,6 +367,10 @@ impl Source {
             look.base_color = color.map(|x| x.0 as f32);
             look.texture = None;
         }
+        let says = [material.base_color.is_some(), material.texture.is_some()];
+        if says.contains(&true) || material.texture_size.is_some() {
+            look.lacks_texture = false;
+        }
         if let Some(roughness) = material.roughness {
             (look.roughness, look.roughness_metallic) = (roughness.0 as f32, None);
         }

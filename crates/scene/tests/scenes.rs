@@ -588,3 +588,124 @@ fn what_a_scene_does_not_do_of_its_meshes_is_noted() {
     assert_eq!(notes(flat.clone(), light), [smooth]);
     assert_eq!(notes(flat, ""), Vec::<String>::new(), "nothing is lit");
 }
+
+/// A ball of two materials, by the side of each face, as an OBJ beside `m.mtl`; its faces, those of the first
+/// material first.
+fn two_halves(folder: &Path) -> Vec<[u32; 3]> {
+    let scene = load(folder, "[[meshes]]\nshape = \"sphere\"\nfaces = 300\n");
+    let object = &scene.objects[0];
+    let point = |vertex: u32| &object.positions.data()[3 * vertex as usize..][..3];
+    let is_left = |face: &[u32; 3]| face.iter().map(|&vertex| point(vertex)[0]).sum::<f32>() < 0.0;
+    let mut faces = object.mesh.faces().to_vec();
+    faces.sort_by_key(|face| !is_left(face));
+    let mut text = "mtllib m.mtl\n".to_owned();
+    for row in object.positions.data().chunks_exact(3) {
+        text.push_str(&format!("v {} {} {}\n", row[0], row[1], row[2]));
+    }
+    for (name, is_of) in [("a", true), ("b", false)] {
+        text.push_str(&format!("usemtl {name}\n"));
+        for face in faces.iter().filter(|face| is_left(face) == is_of) {
+            let [a, b, c] = face.map(|vertex| vertex + 1);
+            text.push_str(&format!("f {a} {b} {c}\n"));
+        }
+    }
+    fs::write(folder.join("two.obj"), &text).unwrap();
+    let one: String = text
+        .lines()
+        .filter(|line| !line.starts_with("usemtl"))
+        .fold(String::new(), |text, line| text + line + "\n");
+    fs::write(folder.join("one.obj"), one).unwrap();
+    faces
+}
+
+const VIEW: &str =
+    "[[views]]\nimage = \"a.png\"\ncamera = { position = [0.5, 0.4, 4], angle = 40 }\n";
+
+#[test]
+fn a_surface_of_several_materials_is_learnt_as_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    png(folder);
+    let faces = two_halves(folder);
+    fs::write(folder.join("m.mtl"), "newmtl a\nKd .5 .5 .5\nnewmtl b\nKd .5 .5 .5\n").unwrap();
+    let fitted = |file: &str, learn: &str| {
+        let mut fit = SceneFit::new(load(
+            folder,
+            &format!(
+                "[[meshes]]\nfile = \"{file}.obj\"\nname = \"ball\"\n{VIEW}[[lights]]\nkind = \"directional\"\n\
+                 direction = [1, 2, 3]\ncolor = [2, 2, 2]\n[learn.vertices]\nsmoothing = 10.0\n\
+                 rigid = 0.1\nlaplacian = 0.1\n{learn}[stop]\nsteps = 5\n"
+            ),
+        ))
+        .unwrap();
+        while fit.step().unwrap().is_some() {}
+        fit
+    };
+    // With the same materials it is the mesh of one: the same vertices, and regularizers across the border.
+    let [one, two] = ["one", "two"].map(|file| fitted(file, ""));
+    let [a, b] = [&one, &two].map(|fit| value(fit, "vertices/ball"));
+    let off = |a: &[f32], b: &[f32]| {
+        assert_eq!(a.len(), b.len());
+        a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    };
+    assert!(off(&a, &b) < 1e-5, "{}", off(&a, &b));
+    assert!(off(&a, one.scene().objects[0].positions.data()) > 1e-3);
+    // Each material keeps what is learnt of it, by its own name.
+    let both = fitted("two", "[learn.texture]\n[learn.roughness]\nmeshes = [\"ball/b\"]\n");
+    let names: Vec<_> = both.parameters().iter().map(|own| own.name().to_owned()).collect();
+    let expected = ["vertices/ball", "texture/ball/a", "texture/ball/b", "roughness/ball/b"];
+    assert_eq!(names, expected);
+    let [left, right] = ["texture/ball/a", "texture/ball/b"].map(|name| value(&both, name));
+    assert_ne!(left, right);
+    let learnt = both.learnt().unwrap();
+    let looks = &learnt.objects[0].looks;
+    assert_eq!([&looks[0].base_color[..], &looks[1].base_color[..]], [&left[..], &right[..]]);
+    // What is written has them, and one set of vertices.
+    let out = folder.join("out");
+    learnt.save_results(&out).unwrap();
+    let out = Folder::new(&out).unwrap();
+    for file in ["mesh.glb", "ball.ply"] {
+        let model = read_model(&out, file).unwrap();
+        let [mesh] = &model.geometries[..] else { panic!("{file}: {}", model.geometries.len()) };
+        assert_eq!((mesh.faces.as_slice(), mesh.submeshes.len()), (faces.as_slice(), 2), "{file}");
+        for (submesh, expected) in mesh.submeshes.iter().zip([&left, &right]) {
+            let found = model.materials[submesh.material.unwrap()].base_color;
+            for (found, expected) in found.iter().zip(expected) {
+                assert!((found - expected).abs() < 5e-3, "{file}: {found} {expected}");
+            }
+        }
+    }
+    let text =
+        format!("[[meshes]]\nfile = \"two.obj\"\n{VIEW}[learn.texture]\nmeshes = [\"two/c\"]\n");
+    let error = SceneFit::new(load(folder, &text)).err().unwrap().to_string();
+    assert!(error.contains("are among two, two/a, two/b, and \"two/c\" is not"), "{error}");
+}
+
+#[test]
+fn a_texture_that_is_learnt_is_one_that_was_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    two_halves(folder);
+    png(folder);
+    let text = fs::read_to_string(folder.join("one.obj")).unwrap() + "vt 0 0\n";
+    let text = text.replacen("\nv ", "\nusemtl a\nv ", 1);
+    let with_places = |line: &str| match line.strip_prefix("f ") {
+        Some(corners) => corners.split(' ').fold("f".to_owned(), |all, k| all + &format!(" {k}/1")),
+        None => line.to_owned(),
+    };
+    let text = text.lines().map(with_places).collect::<Vec<_>>().join("\n");
+    fs::write(folder.join("a.obj"), text).unwrap();
+    fs::write(folder.join("a.tga"), [0; 18]).unwrap();
+    for (file, note) in [("a.tga", "can't be read"), ("b.png", "is missing")] {
+        fs::write(folder.join("m.mtl"), format!("newmtl a\nmap_Kd {file}\n")).unwrap();
+        let mesh = format!("{VIEW}[[meshes]]\nfile = \"a.obj\"\n");
+        let scene = load(folder, &format!("{mesh}[learn.vertices]\n"));
+        assert!(scene.notes.iter().any(|own| own.contains(note)), "{:?}", scene.notes);
+        assert!(SceneFit::new(scene).is_ok());
+        let error = SceneFit::new(load(folder, &format!("{mesh}[learn.texture]\n")));
+        let error = error.err().unwrap().to_string();
+        assert!(error.contains("a texture that is learnt is there, and of \"a\""), "{error}");
+        let own = format!("{mesh}material = {{ texture_size = 4 }}\n[learn.texture]\n");
+        assert!(SceneFit::new(load(folder, &own)).is_ok());
+    }
+}

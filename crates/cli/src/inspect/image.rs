@@ -59,6 +59,10 @@ pub(super) fn inspect(file: &Path) -> Result<Findings, SceneError> {
             let value = json!({ "share": mask.mean(), "by": mask.kind.to_string() });
             section.fact("as a mask", text, value);
         }
+        // Larger than the process may have: nothing is known.
+        Err(error @ SceneError::Memory { .. }) => {
+            section.fact("as a mask", error, Value::Null);
+        }
         _ => {
             section.fact("as a mask", "it tells no objects from background", Value::Null);
         }

@@ -35,6 +35,18 @@ pub(super) fn check(geometry: &Geometry) -> Result<(), SceneError> {
     attribute(name, "tangents", tangents.as_ref(), submeshes)
 }
 
+/// Refuses a number beyond the last of `count` parts of a model.
+pub(super) fn check_number(what: &str, number: usize, count: usize) -> Result<(), SceneError> {
+    match number < count {
+        true => Ok(()),
+        false => {
+            let found =
+                format!("the model has {count} of the kind {what:?}, and number {number} is named");
+            Err(SceneError::content(place(), found))
+        }
+    }
+}
+
 fn attribute<const N: usize>(
     name: &str,
     what: &str,

@@ -73,12 +73,16 @@ pub(super) fn decoded(number: f64) -> f32 {
 
 /// The number of a file, from 0 to 255, of light from 0 to 1. Light beyond is cut.
 pub(super) fn encoded(light: f32) -> u8 {
+    (255.0 * share(light)).round() as u8
+}
+
+/// The number of a file, from 0 to 1, of light from 0 to 1. Light beyond is cut.
+pub(super) fn share(light: f32) -> f64 {
     let light = f64::from(light.clamp(0.0, 1.0));
-    let number = match light <= 0.003_130_8 {
+    match light <= 0.003_130_8 {
         true => 12.92 * light,
         false => 1.055 * light.powf(1.0 / 2.4) - 0.055,
-    };
-    (255.0 * number).round() as u8
+    }
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 //!
 //! | format | read | written |
 //! |---|---|---|
-//! | Wavefront OBJ with MTL | [`read_model`] | |
+//! | Wavefront OBJ with MTL | [`read_model`] | [`obj()`] |
 //! | PLY, ascii and binary | [`read_model`] | [`ply()`] |
 //! | glTF 2.0, as text or GLB | [`read_model`] | [`glb()`] |
 //!
@@ -24,12 +24,14 @@ mod tests;
 mod unweld;
 mod weld;
 mod write_glb;
+mod write_obj;
 mod write_ply;
 
 use std::path::Path;
 
 pub use self::options::MeshOptions;
 pub use self::write_glb::glb;
+pub use self::write_obj::{ObjFiles, obj};
 pub use self::write_ply::ply;
 use crate::error::{Place, SceneError};
 use crate::folder::Folder;
@@ -106,11 +108,11 @@ pub(crate) fn read_counted(
         }
         other => other,
     })?;
-    read_bytes(&folder.read(path)?, kind, folder, path, options)
+    read_model_bytes(&folder.read(path)?, kind, folder, path, options)
 }
 
-/// The mesh file with these `bytes`. `path` is where the file would lie in `folder`: in errors, and for
-/// the files that it names.
+/// The mesh file with these `bytes`, of which `options` say more. `path` is where the file would lie in `folder`: in
+/// errors, and for the files that it names.
 ///
 /// # Errors
 /// As [`read_model`].
@@ -119,18 +121,9 @@ pub fn read_model_bytes(
     kind: MeshKind,
     folder: &Folder,
     path: impl AsRef<Path>,
-) -> Result<Model, SceneError> {
-    read_bytes(bytes, kind, folder, path.as_ref(), MeshOptions::default())
-}
-
-fn read_bytes(
-    bytes: &[u8],
-    kind: MeshKind,
-    folder: &Folder,
-    path: &Path,
     options: MeshOptions,
 ) -> Result<Model, SceneError> {
-    let mut beside = Beside::new(folder, path, options);
+    let mut beside = Beside::new(folder, path.as_ref(), options);
     let model = match kind {
         MeshKind::Obj => obj::read(bytes, &mut beside),
         MeshKind::Ply => ply::read(bytes, &mut beside),

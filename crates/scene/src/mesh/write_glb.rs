@@ -15,7 +15,7 @@ use std::mem;
 use bokashi_render_ops::TextureBorder;
 use serde_json::{Value, json};
 
-use super::check::{check, place};
+use super::check::{check, check_number, place};
 use super::unweld::{Unwelded, row_or};
 use crate::error::SceneError;
 use crate::model::{Borders, Geometry, Indexed, MaterialFile, Model, Placed, Submesh};
@@ -293,17 +293,6 @@ fn named_value(mut value: Value, name: &str) -> Value {
         value["name"] = json!(name);
     }
     value
-}
-
-fn check_number(what: &str, number: usize, count: usize) -> Result<(), SceneError> {
-    match number < count {
-        true => Ok(()),
-        false => {
-            let found =
-                format!("the model has {count} of the kind {what:?}, and number {number} is named");
-            Err(SceneError::content(place(), found))
-        }
-    }
 }
 
 /// Fills up to a multiple of [`ALIGNMENT`].

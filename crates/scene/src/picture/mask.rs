@@ -18,6 +18,10 @@ use bokashi_core::Tensor;
 use super::color::ColorSpace;
 use super::samples::{Picture, Samples};
 use crate::error::{Place, SceneError};
+use crate::memory::Memory;
+
+/// Bytes that a pixel of a mask takes while it is read: its colour twice, and numbers of it.
+const OF_MASK_PIXEL: u64 = 32;
 
 /// From here on a shade is white: JPEG and resampling leave less than 1.
 const WHITE: f32 = 0.9;
@@ -72,12 +76,16 @@ impl Mask {
     /// What the image of a mask's file says. `place` names the file in errors.
     ///
     /// # Errors
-    /// [`SceneError::Content`] for numbers that are below 0, beyond 1 or in no way a mask.
+    /// [`SceneError::Content`] for numbers that are below 0, beyond 1 or in no way a mask; [`SceneError::Memory`]
+    /// for more pixels than the process may have.
     ///
     /// # Panics
     /// As [`Picture::color`].
     pub fn of(picture: &Picture, place: &Place) -> Result<Self, SceneError> {
         let wrong = |message: String| SceneError::content(place.clone(), message);
+        let what = || format!("a mask of {} x {}", picture.width, picture.height);
+        let bytes = OF_MASK_PIXEL * picture.pixels() as u64;
+        Memory::default().check(bytes, place, what)?;
         let is_whole = !matches!(picture.samples, Samples::F32(_));
         let shape = [picture.height, picture.width];
         let of_numbers = |numbers: Vec<f32>| {

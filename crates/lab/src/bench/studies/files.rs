@@ -2,8 +2,8 @@
 
 use bokashi_fit::FitError;
 use bokashi_scene::{
-    Folder, Geometry, Indexed, MeshKind, Model, Placed, SceneError, Submesh, glb, ply,
-    read_model_bytes,
+    Folder, Geometry, Indexed, MeshKind, MeshOptions, Model, Placed, SceneError, Submesh, glb, obj,
+    ply, read_model_bytes,
 };
 use glam::{DMat4, DVec3};
 
@@ -46,7 +46,10 @@ pub(super) fn study(bench: &Bench) -> Result<Study, FitError> {
     let sheet = &model.geometries[0];
     let folder = Folder::new("").map_err(FitError::operation)?;
     for (name, kind, bytes) in files(&model).map_err(FitError::operation)? {
-        let read = || read_model_bytes(&bytes, kind, &folder, "mesh").map_err(FitError::operation);
+        let options = MeshOptions::default();
+        let read = || {
+            read_model_bytes(&bytes, kind, &folder, "mesh", options).map_err(FitError::operation)
+        };
         let reader = Contestant::new(bench.one(), || read().map(drop));
         let timing = interleaved(&mut [reader], bench.effort, USUAL).into_iter().collect();
         let timing: Result<Vec<_>, FitError> = timing;
@@ -109,26 +112,9 @@ fn files(model: &Model) -> Result<[File; 3], SceneError> {
     let sheet = &model.geometries[0];
     Ok([
         ("GLB", MeshKind::Gltf, glb(model)?),
-        ("PLY, binary", MeshKind::Ply, ply(sheet)?),
-        ("OBJ", MeshKind::Obj, obj(sheet).into_bytes()),
+        ("PLY, binary", MeshKind::Ply, ply(sheet, &[], |_| None)?),
+        ("OBJ", MeshKind::Obj, obj(model, "sheet")?.obj.into_bytes()),
     ])
-}
-
-/// The text of an OBJ file. Rust writes as many digits as give the same bits again.
-fn obj(geometry: &Geometry) -> String {
-    let mut text = String::from("vn 0 0 1\n");
-    for [x, y, z] in &geometry.positions {
-        text += &format!("v {x} {y} {z}\n");
-    }
-    let Some(coordinates) = &geometry.coordinates else { return text };
-    for [u, v] in &coordinates.rows {
-        text += &format!("vt {u} {}\n", 1.0 - v);
-    }
-    for (face, rows) in geometry.faces.iter().zip(&coordinates.faces) {
-        let [a, b, c] = [0, 1, 2].map(|k| format!("{}/{}/1", face[k] + 1, rows[k] + 1));
-        text += &format!("f {a} {b} {c}\n");
-    }
-    text
 }
 
 /// How many numbers at the corners of faces are others, or are in one geometry alone.
@@ -166,7 +152,8 @@ mod tests {
         assert_eq!((sheet.faces.len(), sheet.positions.len()), (18, 16));
         let folder = Folder::new("").unwrap();
         for (name, kind, bytes) in files(&model).unwrap() {
-            let mut back = read_model_bytes(&bytes, kind, &folder, "mesh").unwrap();
+            let mut back =
+                read_model_bytes(&bytes, kind, &folder, "mesh", MeshOptions::default()).unwrap();
             let back = &mut back.geometries[0];
             assert_eq!(numbers_off(sheet, back), 0, "{name}");
             // The first vertex is a corner of two faces.

@@ -197,6 +197,7 @@ fn material_of(
         base_color,
         base_color_image,
         base_color_borders: borders[0],
+        lacks_base_color_image: base_color_image.is_none() && surface.base_color_texture.is_some(),
         metallic: surface.metallic_factor.0,
         roughness: surface.roughness_factor.0,
         metallic_roughness_image,

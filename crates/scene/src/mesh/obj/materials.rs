@@ -31,6 +31,9 @@ use crate::mesh::beside::{Beside, unquoted};
 use crate::mesh::notes::{left_out, name};
 use crate::model::MaterialFile;
 
+/// What programs, and we, write for faces without a material.
+pub(in crate::mesh) const NO_MATERIAL: &str = "(null)";
+
 /// A material as a file describes it.
 #[derive(Debug, Default)]
 struct Described {
@@ -83,6 +86,7 @@ pub(super) fn read(
                 others.extend(described.others.iter().map(String::as_str));
                 materials.push(material(name, folder, described, &mut packed, beside)?);
             }
+            None if name.is_empty() || name == NO_MATERIAL => {}
             None => beside.notes.add(format!("the material {name:?} is missing and was left out")),
         }
     }
@@ -233,6 +237,7 @@ fn material(
         base_color: [r, g, b, described.opacity.unwrap_or(1.0)],
         base_color_image,
         base_color_borders: borders(&described.color_map).unwrap_or_default(),
+        lacks_base_color_image: base_color_image.is_none() && described.color_map.is_some(),
         metallic: described.metallic.or(factor(metallic)).unwrap_or(0.0),
         roughness: described.roughness.or(factor(roughness)).unwrap_or(1.0),
         metallic_roughness_image,

@@ -30,6 +30,7 @@ mod statements;
 
 use glam::DMat4;
 
+pub(super) use self::materials::NO_MATERIAL;
 use self::parts::Parts;
 use self::statements::text;
 use crate::error::SceneError;

@@ -9,8 +9,8 @@
 //!   vertices have none. A polygon becomes triangles as in [`polygons`](crate::mesh::polygons).
 //! - The element `tristrips`: a list of vertices in which -1 ends a strip. Of two neighbouring triangles of
 //!   a strip one is turned.
-//! - The comment `TextureFile` with the path of an image, as MeshLab writes it: the base colour. All faces
-//!   have the first one; those whose `texnumber` is another one are noted.
+//! - The comments `TextureFile`, the element `material`, and `material_index` or `texnumber` of faces: see
+//!   [`materials`].
 //!
 //! Numbers are of any type; in an ascii file also `2.`, `.5`, `nan` and `inf`. Colours become light as in
 //! [`colors`]. Texture coordinates have v **up**, as in OBJ: 1 - v is the coordinate here.
@@ -26,6 +26,7 @@
 //! Greg Turk, The PLY Polygon File Format.
 
 mod header;
+mod materials;
 mod rows;
 
 use std::borrow::Cow;
@@ -34,6 +35,7 @@ use std::mem;
 use glam::DMat4;
 
 use self::header::{Element, Header, Number};
+use self::materials::{Materials, NO_MATERIAL, NUMBERS, submeshes};
 use self::rows::{Named, Row, Rows};
 use crate::error::SceneError;
 use crate::mesh::beside::Beside;
@@ -42,7 +44,7 @@ use crate::mesh::far::Near;
 use crate::mesh::notes::name;
 use crate::mesh::polygons::Polygons;
 use crate::mesh::weld::{Corners, Raw, Welder};
-use crate::model::{Geometry, MaterialFile, Model, Placed, Submesh};
+use crate::model::{Geometry, Model, Placed, Submesh};
 use crate::picture::ColorSpace;
 
 /// The names of colours.
@@ -77,6 +79,8 @@ struct Contents {
     corner_faces: Vec<[u32; 3]>,
     /// Whether a face has no coordinates at its corners.
     has_bare_faces: bool,
+    /// The number of each face's material; empty where no face names one.
+    materials: Vec<u32>,
     polygons: Polygons,
 }
 
@@ -93,11 +97,13 @@ pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Model, Scene
         return Err(SceneError::content(beside.place(), found));
     }
     let (mut contents, mut rows) = (Contents::default(), Rows::after(&header, bytes));
+    let mut materials = Materials::default();
     for element in &header.elements {
         match &*element.name {
             "vertex" => contents.read_vertices(element, &mut rows, beside)?,
             "face" => contents.read_faces(element, &mut rows, beside)?,
             "tristrips" => contents.read_strips(element, &mut rows, beside)?,
+            "material" => materials.read(element, &mut rows, beside)?,
             other => {
                 rows.read(element, beside, |_, _| Ok(()))?;
                 beside.notes.add(format!("the element {:?} was left out", name(other)));
@@ -105,13 +111,19 @@ pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Model, Scene
         }
     }
     contents.finish(beside)?;
-    let mut model = Model::default();
-    let material = material(&header, &mut model, beside)?;
-    let geometry = Welder::default().weld(
-        contents.raw(material, beside.options.weld.unwrap_or(true)),
-        &beside.place(),
-        &mut beside.notes,
-    )?;
+    let materials = materials.finish(&header, beside)?;
+    let mut model = Model { materials, ..Model::default() };
+    if model.materials.is_empty() {
+        // Number 0 alone tells nothing apart.
+        if contents.materials.iter().any(|&own| own != NO_MATERIAL && own > 0) {
+            beside.notes.add("faces name materials or images, and the file has none");
+        }
+        contents.materials.clear();
+    }
+    let submeshes = contents.sort(model.materials.len());
+    let submeshes = submeshes.map_err(|found| SceneError::content(beside.place(), found))?;
+    let raw = contents.raw(submeshes, beside.options.weld.unwrap_or(true));
+    let geometry = Welder::default().weld(raw, &beside.place(), &mut beside.notes)?;
     let offset = contents.near.offset;
     model.geometries.extend(geometry.map(|geometry| Geometry { offset, ..geometry }));
     let (name, transform) = (String::new(), DMat4::from_translation(offset));
@@ -119,21 +131,6 @@ pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Model, Scene
     model.images = mem::take(&mut beside.images);
     model.notes = mem::take(&mut beside.notes).finish();
     Ok(model)
-}
-
-/// The number of the material with the image that the header names.
-fn material(
-    header: &Header,
-    model: &mut Model,
-    beside: &mut Beside<'_>,
-) -> Result<Option<usize>, SceneError> {
-    let Some(file) = header.images.first() else { return Ok(None) };
-    if header.images.len() > 1 {
-        beside.notes.add("images after the first one were left out");
-    }
-    let base_color_image = beside.image(file)?;
-    model.materials.push(MaterialFile { base_color_image, metallic: 0.0, ..Default::default() });
-    Ok(Some(0))
 }
 
 /// How colours are written; nothing where their types differ, which is noted.
@@ -241,12 +238,12 @@ impl Contents {
             return Err(SceneError::content(beside.place(), found));
         };
         let coordinates = named.list(&["texcoord"]);
-        let image = named.scalars(&[["texnumber"]]);
+        let material = named.scalars(&NUMBERS);
         let color = named.scalars(&COLORS);
         let color = color.and_then(|own| Some((own, written(&named, own, beside)?)));
         let mut opacity = Opacity::of(&mut named);
         named.note_others(beside);
-        let (mut left_out, mut of_others, mut colors) = (0, 0, Vec::new());
+        let (mut left_out, mut colors) = (0, Vec::new());
         let mut corners = Vec::new();
         rows.read(element, beside, |row, number| {
             opacity.see(row);
@@ -261,7 +258,18 @@ impl Contents {
                 left_out += 1;
                 return Ok(());
             }
-            of_others += usize::from(image.is_some_and(|image| row.scalars(image) != [0.0]));
+            if let Some(own) = material.map(|own| row.scalars(own)[0]) {
+                let own = match own {
+                    -1.0 => NO_MATERIAL,
+                    own => vertex(own, "face", number).map_err(|_| {
+                        let rule = "the number of a material is a whole number from 0 on, or -1";
+                        format!("{number}: {rule}, and this is {own}")
+                    })?,
+                };
+                // Faces of another element before have none.
+                self.materials.resize(self.faces.len(), NO_MATERIAL);
+                self.materials.resize(self.faces.len() + corners.len() - 2, own);
+            }
             self.polygons.add(self.faces.len(), corners.len());
             for pair in corners[1..].windows(2) {
                 self.faces.push([corners[0], pair[0], pair[1]]);
@@ -289,10 +297,6 @@ impl Contents {
         })?;
         self.polygon_colors = color.map(|(_, written)| (written, colors));
         opacity.note("faces", beside);
-        beside.notes.count(
-            "a face names another image than the first one, which stands for all",
-            of_others,
-        );
         beside.notes.count("a face with fewer than three corners was left out", left_out);
         Ok(())
     }
@@ -365,7 +369,23 @@ impl Contents {
         Ok(())
     }
 
-    fn raw(&self, material: Option<usize>, is_welded: bool) -> Raw<'_> {
+    /// Brings faces of one material together. `count` is the number of materials.
+    fn sort(&mut self, count: usize) -> Result<Vec<Submesh>, String> {
+        if !self.materials.is_empty() {
+            self.materials.resize(self.faces.len(), NO_MATERIAL);
+        }
+        let (order, submeshes) = submeshes(&self.materials, self.faces.len(), count)?;
+        if let Some(order) = order {
+            for own in [&mut self.faces, &mut self.corner_faces, &mut self.polygon_faces] {
+                if !own.is_empty() {
+                    *own = order.iter().map(|&face| own[face]).collect();
+                }
+            }
+        }
+        Ok(submeshes)
+    }
+
+    fn raw(&self, submeshes: Vec<Submesh>, is_welded: bool) -> Raw<'_> {
         let faces = || Cow::Borrowed(self.faces.as_slice());
         let at_vertices = Corners { rows: &self.coordinates, faces: faces() };
         let corner_faces = Cow::Borrowed(self.corner_faces.as_slice());
@@ -383,7 +403,7 @@ impl Contents {
         };
         Raw {
             name: String::new(),
-            submeshes: vec![Submesh { material, faces: 0..self.faces.len() }],
+            submeshes,
             is_welded,
             positions: vectors(&self.near.positions),
             colors,

@@ -34,7 +34,7 @@ fn files() -> Vec<(MeshKind, Vec<u8>)> {
     vec![
         (Obj, OBJ.into()),
         (Ply, PLY.into()),
-        (Ply, ply(&small().geometries[0]).unwrap()),
+        (Ply, ply(&small().geometries[0], &[], |_| None).unwrap()),
         (Gltf, square.text().into()),
         (Gltf, square.binary()),
         (Gltf, glb(&small()).unwrap()),

@@ -15,7 +15,7 @@ use std::path::Path;
 
 use crate::error::SceneError;
 use crate::folder::Folder;
-use crate::mesh::{MeshKind, read_model_bytes};
+use crate::mesh::{MeshKind, MeshOptions, read_model_bytes};
 use crate::model::{Geometry, Indexed, Model};
 
 /// What is read of these bytes, without other files.
@@ -35,7 +35,13 @@ fn read_with(
         std::fs::create_dir_all(folder.join(name).parent().unwrap()).unwrap();
         std::fs::write(folder.join(name), contents).unwrap();
     }
-    read_model_bytes(bytes.as_ref(), kind, &Folder::new(folder).unwrap(), "mesh")
+    read_model_bytes(
+        bytes.as_ref(),
+        kind,
+        &Folder::new(folder).unwrap(),
+        "mesh",
+        MeshOptions::default(),
+    )
 }
 
 /// The only mesh of a model.

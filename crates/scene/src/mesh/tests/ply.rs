@@ -327,7 +327,7 @@ fn each_property_is_read_or_a_note_names_it() {
     }
     assert!(with(&[], &[("int texnumber", "0")]).unwrap().notes.is_empty());
     let others = with(&[], &[("int texnumber", "1")]).unwrap().notes;
-    assert!(others[0].contains("names another image"), "{others:?}");
+    assert_eq!(others, ["faces name materials or images, and the file has none"]);
 }
 
 /// Whatever an element or a property that nobody reads is called, and of whatever type it is.
@@ -464,4 +464,38 @@ fn errors_have_the_place_and_the_rule() {
         let error = said(read(Ply, &text));
         assert!(error.contains(expected), "{text:?}: {error}");
     }
+}
+
+#[test]
+fn faces_have_the_materials_that_they_name() {
+    let file = |elements: &str, property: &str, faces: &str| {
+        format!(
+            "ply\nformat ascii 1.0\ncomment TextureFile a.png\ncomment TextureFile b.png\n\
+             element vertex 4\nproperty float x\nproperty float y\nproperty float z\n{elements}\
+             element face 3\nproperty list uchar int vertex_indices\nproperty int {property}\n\
+             end_header\n0 0 0\n1 0 0\n0 1 0\n1 1 0\n{faces}"
+        )
+    };
+    let images = "3 0 1 2 1\n3 1 3 2 0\n3 0 3 2 1\n";
+    let model = read(Ply, file("", "texnumber", images)).unwrap();
+    let mesh = only(&model);
+    assert_eq!(mesh.faces, [[0, 1, 2], [0, 3, 2], [1, 3, 2]]);
+    let found: Vec<_> = mesh.submeshes.iter().map(|k| (k.material, k.faces.clone())).collect();
+    assert_eq!(found, [(Some(1), 0..2), (Some(0), 2..3)]);
+    assert_eq!(model.materials.len(), 2);
+    let error = said(read(Ply, file("", "texnumber", &images.replace("2 0", "2 2"))));
+    assert!(error.contains("has 2 materials") && error.contains("names number 2"), "{error}");
+    let error = said(read(Ply, file("", "texnumber", &images.replace("2 0", "2 -2"))));
+    assert!(error.contains("a whole number from 0 on, or -1, and this is -2"), "{error}");
+    let rows = "element material 1\nproperty uchar diffuse_red\nproperty uchar diffuse_green\n\
+                property uchar diffuse_blue\nproperty float roughness\nproperty int texnumber\n";
+    let faces = "255 188 0 0.25 -1\n3 0 1 2 -1\n3 1 3 2 0\n3 0 3 2 -1\n";
+    let model = read(Ply, file(rows, "material_index", faces)).unwrap();
+    let found: Vec<_> =
+        only(&model).submeshes.iter().map(|k| (k.material, k.faces.clone())).collect();
+    assert_eq!(found, [(None, 0..2), (Some(0), 2..3)]);
+    let [material] = &model.materials[..] else { panic!("{:?}", model.materials) };
+    assert_eq!((material.roughness, material.metallic), (0.25, 0.0));
+    let [red, green, blue, _] = material.base_color;
+    assert!(red == 1.0 && (green - 0.5029).abs() < 1e-4 && blue == 0.0, "{green}");
 }

@@ -6,7 +6,7 @@ use glam::{DMat4, DVec3};
 use super::{read, read_with, said};
 use crate::error::SceneError;
 use crate::mesh::MeshKind::{Gltf, Obj, Ply};
-use crate::mesh::{glb, ply};
+use crate::mesh::{glb, obj, ply};
 use crate::model::{Geometry, Indexed, MaterialFile, Model, NO_ROW, Placed, Submesh};
 use crate::picture::{Picture, Samples};
 
@@ -76,6 +76,7 @@ fn model() -> Model {
         name: "painted".to_owned(),
         base_color: [0.1, 0.2, 0.3, 0.4],
         base_color_image: Some(1),
+        lacks_base_color_image: false,
         base_color_borders: [TextureBorder::Clamp, TextureBorder::Mirror],
         metallic: 0.25,
         roughness: 0.75,
@@ -164,7 +165,7 @@ fn an_empty_model_is_a_valid_file_without_a_mesh() {
 #[test]
 fn a_geometry_comes_back_from_ply() {
     let mut geometry = pyramid();
-    let bytes = ply(&geometry).unwrap();
+    let bytes = ply(&geometry, &[], |_| None).unwrap();
     let back = read(Ply, bytes).unwrap();
     geometry.name = String::new();
     geometry.submeshes[0].material = None;
@@ -179,10 +180,10 @@ fn a_geometry_comes_back_from_ply() {
     for (rounded, exact) in rounded.rows.iter().flatten().zip(colors.rows.iter().flatten()) {
         assert!((rounded - exact).abs() < 0.005, "{rounded} {exact}");
     }
-    let again = read(Ply, ply(&back.geometries[0]).unwrap()).unwrap();
+    let again = read(Ply, ply(&back.geometries[0], &[], |_| None).unwrap()).unwrap();
     assert_eq!(again, back);
     let bare = model().geometries.swap_remove(0);
-    assert_eq!(read(Ply, ply(&bare).unwrap()).unwrap().geometries, [bare]);
+    assert_eq!(read(Ply, ply(&bare, &[], |_| None).unwrap()).unwrap().geometries, [bare]);
 }
 
 #[test]
@@ -196,6 +197,62 @@ fn an_obj_file_comes_back_from_glb() {
     assert_eq!(model.geometries.len(), 2);
     assert_eq!(model.geometries[0].submeshes.len(), 2);
     assert_eq!(read(Gltf, glb(&model).unwrap()).unwrap(), model);
+}
+
+#[test]
+fn materials_come_back_from_ply_and_obj() {
+    let mut model = model();
+    model.materials[1].base_color = [0.1, 0.2, 0.3, 1.0];
+    let mesh = &model.geometries[2];
+    // An image of a file that is not there is noted, and the material stays.
+    let bytes = ply(mesh, &model.materials, |image| Some(format!("{image}.png"))).unwrap();
+    let back = read(Ply, bytes).unwrap();
+    let found: Vec<_> = back.geometries[0].submeshes.iter().map(|k| k.material).collect();
+    assert_eq!(found, [Some(0), None, Some(1)]);
+    assert_eq!(back.geometries[0].faces, mesh.faces);
+    for (found, expected) in back.materials.iter().zip([&model.materials[1], &model.materials[0]]) {
+        assert_eq!([found.roughness, found.metallic], [expected.roughness, expected.metallic]);
+        for (found, expected) in found.base_color.iter().zip(expected.base_color) {
+            assert!((found - expected).abs() < 0.005, "{found} {expected}");
+        }
+    }
+    let expected = "the image \"1.png\" is missing and was left out";
+    assert!(back.notes.iter().any(|note| note == expected), "{:?}", back.notes);
+
+    let files = obj(&model, "a").unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let mut beside = vec![("a.mtl", files.mtl.as_bytes())];
+    beside.extend(files.images.iter().map(|(name, bytes)| (&**name, &bytes[..])));
+    let back = read_with(Obj, &files.obj, &beside, folder.path()).unwrap();
+    assert_eq!(back.geometries.len(), model.placed.len());
+    for (found, placed) in back.geometries.iter().zip(&model.placed) {
+        let mesh = &model.geometries[placed.geometry];
+        let materials = |own: &Geometry| -> Vec<_> {
+            let own = own.submeshes.iter();
+            own.map(|k| (k.material.is_some(), k.faces.clone())).collect()
+        };
+        assert_eq!(materials(found), materials(mesh));
+        assert_eq!(found.faces, mesh.faces);
+        for (found, own) in found.positions.iter().zip(&mesh.positions) {
+            let own = glam::Vec3::from(*own).as_dvec3();
+            let expected = placed.transform.transform_point3(own).as_vec3().to_array();
+            assert_eq!(*found, expected);
+        }
+        let rows = |own: &Option<Indexed<2>>| own.as_ref().map(|own| own.faces.clone());
+        assert_eq!(rows(&found.coordinates), rows(&mesh.coordinates));
+        let rows = |own: &Option<Indexed<3>>| own.as_ref().map(|own| own.faces.clone());
+        assert_eq!(rows(&found.normals), rows(&mesh.normals));
+    }
+    let names: Vec<&str> = back.materials.iter().map(|own| &*own.name).collect();
+    let painted = &back.materials[names.iter().position(|name| *name == "painted").unwrap()];
+    let own = &model.materials[1];
+    assert_eq!(painted.base_color, own.base_color);
+    assert_eq!([painted.roughness, painted.metallic], [own.roughness, own.metallic]);
+    assert_eq!(painted.normal_scale, own.normal_scale);
+    let image = |own: Option<usize>, of: &Model| of.images[own.unwrap()].clone();
+    assert_eq!(image(painted.base_color_image, &back), image(own.base_color_image, &model));
+    assert_eq!(image(painted.normal_image, &back), image(own.normal_image, &model));
+    assert!(obj(&model, "a\nb").is_err());
 }
 
 #[test]
@@ -231,5 +288,5 @@ fn models_that_break_a_rule_are_not_written() {
     }
     let mut geometry = pyramid();
     geometry.normals.as_mut().unwrap().faces[0] = [7; 3];
-    assert!(ply(&geometry).unwrap_err().to_string().contains("has 3 normals"));
+    assert!(ply(&geometry, &[], |_| None).unwrap_err().to_string().contains("has 3 normals"));
 }

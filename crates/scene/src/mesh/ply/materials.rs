@@ -1,0 +1,166 @@
+//! Materials of PLY files, and which faces have which.
+//!
+//! - The comments `TextureFile` name images of base colours, as MeshLab writes them. Where there is no element
+//!   `material`, each is a material, and `texnumber` of a face is its number.
+//! - Rows of the element `material` are materials: `diffuse_red`, `diffuse_green` and `diffuse_blue`, or the same
+//!   without `diffuse_`, as colours at vertices; `roughness` and `metallic`; and `texnumber`, the number of a
+//!   comment's image, or -1. `material_index` of a face is the number of a row, or -1. Our own files are so; the
+//!   names are Turk's, beside the two of glTF.
+
+use super::header::{Element, Header};
+use super::rows::{Named, Rows};
+use super::{COLORS, written};
+use crate::error::SceneError;
+use crate::mesh::beside::Beside;
+use crate::mesh::colors;
+use crate::model::{MaterialFile, Submesh};
+use crate::picture::ColorSpace;
+
+/// Stands for a face without a material.
+pub(super) const NO_MATERIAL: u32 = u32::MAX;
+
+/// The names of what says which material a face has.
+pub(super) const NUMBERS: [[&str; 1]; 2] = [["material_index"], ["texnumber"]];
+
+/// A row of the element `material`.
+#[derive(Debug, Clone, Copy)]
+struct Described {
+    color: [f32; 3],
+    roughness: f32,
+    metallic: f32,
+    image: Option<usize>,
+}
+
+/// The materials of a file.
+#[derive(Debug, Default)]
+pub(super) struct Materials {
+    rows: Option<Vec<Described>>,
+}
+
+impl Materials {
+    /// Reads the element `material`.
+    pub(super) fn read(
+        &mut self,
+        element: &Element,
+        rows: &mut Rows<'_>,
+        beside: &mut Beside<'_>,
+    ) -> Result<(), SceneError> {
+        let mut named = Named::of(element);
+        let color = named.scalars(&COLORS);
+        let color = color.and_then(|own| Some((own, written(&named, own, beside)?)));
+        let [roughness, metallic, image] =
+            ["roughness", "metallic", "texnumber"].map(|own| named.scalars(&[[own]]));
+        named.note_others(beside);
+        let (mut found, mut colors) = (Vec::new(), Vec::new());
+        rows.read(element, beside, |row, number| {
+            let share = |own: Option<[usize; 1]>, what, usual| match own.map(|k| row.scalars(k)[0])
+            {
+                None => Ok(usual),
+                Some(own) if (0.0..=1.0).contains(&own) => Ok(own as f32),
+                Some(own) => {
+                    Err(format!("material {number} has {what} from 0 to 1, and this is {own}"))
+                }
+            };
+            colors.extend(color.map(|(own, _)| row.scalars(own).map(|x| x as f32)));
+            found.push(Described {
+                color: [1.0; 3],
+                roughness: share(roughness, "roughness", 1.0)?,
+                metallic: share(metallic, "metallic", 0.0)?,
+                image: image
+                    .map(|k| row.scalars(k)[0])
+                    .filter(|&own| own >= 0.0)
+                    .map(|k| k as usize),
+            });
+            Ok(())
+        })?;
+        if let Some((_, written)) = color {
+            let space = beside.options.vertex_color_space.unwrap_or(ColorSpace::Srgb);
+            let linear = colors::linear(colors, written, space, &mut beside.notes);
+            for (own, color) in found.iter_mut().zip(linear) {
+                own.color = color;
+            }
+        }
+        self.rows = Some(found);
+        Ok(())
+    }
+
+    /// The materials for a model, with the images that the header names.
+    pub(super) fn finish(
+        self,
+        header: &Header,
+        beside: &mut Beside<'_>,
+    ) -> Result<Vec<MaterialFile>, SceneError> {
+        let mut images = Vec::with_capacity(header.images.len());
+        for file in &header.images {
+            images.push(beside.image(file)?);
+        }
+        let Some(rows) = self.rows else {
+            let of_image = |base_color_image: Option<usize>| MaterialFile {
+                base_color_image,
+                lacks_base_color_image: base_color_image.is_none(),
+                metallic: 0.0,
+                ..MaterialFile::default()
+            };
+            return Ok(images.into_iter().map(of_image).collect());
+        };
+        let material = |(number, own): (usize, Described)| {
+            let Described { color: [red, green, blue], roughness, metallic, image } = own;
+            let base_color_image = match image.map(|image| images.get(image)) {
+                None => None,
+                Some(Some(found)) => *found,
+                Some(None) => {
+                    let count = images.len();
+                    let rule = format!("the file names {count} images, and material {number} has");
+                    let found = format!("{rule} number {}", image.unwrap_or_default());
+                    return Err(SceneError::content(beside.place(), found));
+                }
+            };
+            let base_color = [red, green, blue, 1.0];
+            Ok(MaterialFile {
+                base_color,
+                base_color_image,
+                lacks_base_color_image: base_color_image.is_none() && image.is_some(),
+                metallic,
+                roughness,
+                ..MaterialFile::default()
+            })
+        };
+        rows.into_iter().enumerate().map(material).collect()
+    }
+}
+
+/// The order of faces that brings those of one material together, as they come first, and the submeshes then.
+/// `numbers` has the material of each face; where it is empty all faces have the first of `count` materials.
+///
+/// # Errors
+/// The rule that a number breaks.
+pub(super) fn submeshes(
+    numbers: &[u32],
+    faces: usize,
+    count: usize,
+) -> Result<(Option<Vec<usize>>, Vec<Submesh>), String> {
+    if numbers.is_empty() {
+        let material = (count > 0).then_some(0);
+        return Ok((None, vec![Submesh { material, faces: 0..faces }]));
+    }
+    let is_beyond = |&&number: &&u32| number != NO_MATERIAL && number as usize >= count;
+    if let Some(number) = numbers.iter().find(is_beyond) {
+        let rule = format!("the file has {count} materials, numbered from 0 on");
+        return Err(format!("{rule}, and a face names number {number}"));
+    }
+    let mut ranks = std::collections::HashMap::new();
+    for &number in numbers {
+        let next = ranks.len();
+        ranks.entry(number).or_insert(next);
+    }
+    let mut order: Vec<usize> = (0..faces).collect();
+    order.sort_by_key(|&face| ranks[&numbers[face]]);
+    let mut submeshes: Vec<Submesh> = Vec::with_capacity(ranks.len());
+    for own in order.chunk_by(|&a, &b| numbers[a] == numbers[b]) {
+        let begin = submeshes.last().map_or(0, |last| last.faces.end);
+        let number = numbers[own[0]];
+        let material = (number != NO_MATERIAL).then_some(number as usize);
+        submeshes.push(Submesh { material, faces: begin..begin + own.len() });
+    }
+    Ok((Some(order), submeshes))
+}

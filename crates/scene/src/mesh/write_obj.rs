@@ -1,0 +1,223 @@
+//! Wavefront OBJ with MTL: what [`super::read_model`] reads of it.
+//!
+//! OBJ has an index for each attribute, so vertices are written once each, and so are materials with their images.
+//! A placed geometry is an object, in the world. Colours are fractions encoded by sRGB's curve, and v is up.
+//! Roughness and metallic are `Pr` and `Pm`, by the extension of Clara.io, and their images two gray ones.
+
+use std::collections::HashSet;
+use std::fmt::Write as _;
+
+use glam::{DMat3, DMat4, DVec3};
+
+use super::check::{check, check_number, place};
+use super::colors::share;
+use super::obj::NO_MATERIAL;
+use crate::error::SceneError;
+use crate::model::{MaterialFile, Model, NO_ROW};
+use crate::picture::{Picture, Samples};
+
+/// The files of a model, which lie side by side.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ObjFiles {
+    /// The OBJ.
+    pub obj: String,
+    /// The MTL, which the OBJ names.
+    pub mtl: String,
+    /// The images that the MTL names, as PNG.
+    pub images: Vec<(String, Vec<u8>)>,
+}
+
+/// The model as OBJ. `name` is that of its files, without an ending: `NAME.mtl`, and `NAME-1.png` and so on.
+///
+/// # Errors
+/// [`SceneError::Content`] where something names what is not there, a number is not finite, a geometry has no
+/// face, a name has a line feed, or an image has samples of 32 bits, which PNG does not have.
+pub fn obj(model: &Model, name: &str) -> Result<ObjFiles, SceneError> {
+    if name.is_empty() || name.contains(char::is_control) {
+        let rule = "the name of an OBJ has letters and no line feed";
+        return Err(SceneError::content(place(), format!("{rule}, and this is {name:?}")));
+    }
+    let mut files =
+        ObjFiles { obj: format!("mtllib {name}.mtl\n"), mtl: String::new(), images: Vec::new() };
+    let materials = names(&model.materials);
+    for (material, own) in model.materials.iter().zip(&materials) {
+        files.add_material(model, material, own, name)?;
+    }
+    // How many rows of positions, coordinates and normals there are before.
+    let mut firsts = [1; 3];
+    for (number, placed) in model.placed.iter().enumerate() {
+        check_number("geometry", placed.geometry, model.geometries.len())?;
+        files.add_object(model, &materials, number, &mut firsts)?;
+    }
+    Ok(files)
+}
+
+/// A name that fits into a line: its own, or else its number.
+fn one_line(name: &str, number: usize) -> String {
+    match name.trim().is_empty() || name.contains(char::is_control) {
+        true => (number + 1).to_string(),
+        false => name.trim().to_owned(),
+    }
+}
+
+/// Names of materials, each its own.
+fn names(materials: &[MaterialFile]) -> Vec<String> {
+    let mut seen = HashSet::new();
+    let own = materials.iter().enumerate().map(|(number, material)| {
+        let mut name = one_line(&material.name, number);
+        while !seen.insert(name.clone()) {
+            name = format!("{name}-{}", number + 1);
+        }
+        name
+    });
+    own.collect()
+}
+
+impl ObjFiles {
+    fn add_material(
+        &mut self,
+        model: &Model,
+        material: &MaterialFile,
+        own: &str,
+        name: &str,
+    ) -> Result<(), SceneError> {
+        let MaterialFile { base_color: [red, green, blue, opacity], roughness, metallic, .. } =
+            material;
+        let mut image = |picture: &Picture| {
+            let file = format!("{name}-{}.png", self.images.len() + 1);
+            self.images.push((file.clone(), picture.encode_png(&place())?));
+            Ok::<_, SceneError>(file)
+        };
+        let found = |number: Option<usize>| {
+            number.map_or(Ok(None), |number| {
+                check_number("image", number, model.images.len())?;
+                Ok::<_, SceneError>(Some(&model.images[number]))
+            })
+        };
+        let mut text = format!("newmtl {own}\n");
+        // Writing to a string cannot fail.
+        let _ =
+            writeln!(text, "Kd {red} {green} {blue}\nd {opacity}\nPr {roughness}\nPm {metallic}");
+        if let Some(picture) = found(material.base_color_image)? {
+            let _ = writeln!(text, "map_Kd {}", image(picture)?);
+        }
+        if let Some(picture) = found(material.metallic_roughness_image)? {
+            for (key, channel) in [("map_Pr", 1), ("map_Pm", 2)] {
+                let _ = writeln!(text, "{key} {}", image(&gray(picture, channel))?);
+            }
+        }
+        if let Some(picture) = found(material.normal_image)? {
+            let _ = writeln!(text, "norm -bm {} {}", material.normal_scale, image(picture)?);
+        }
+        self.mtl.push_str(&text);
+        Ok(())
+    }
+
+    fn add_object(
+        &mut self,
+        model: &Model,
+        materials: &[String],
+        number: usize,
+        firsts: &mut [usize; 3],
+    ) -> Result<(), SceneError> {
+        let placed = &model.placed[number];
+        let own = &model.geometries[placed.geometry];
+        check(own)?;
+        let text = &mut self.obj;
+        let _ = writeln!(text, "o {}", one_line(&placed.name, number));
+        // A vertex of OBJ has one colour.
+        let mut colors = vec![None; own.positions.len()];
+        if let Some(rows) = &own.colors {
+            let corners = own.faces.as_flattened().iter().zip(rows.faces.as_flattened());
+            for (&vertex, &row) in corners.filter(|(_, row)| **row != NO_ROW) {
+                colors[vertex as usize] = Some(rows.rows[row as usize]);
+            }
+        }
+        for (point, color) in own.positions.iter().zip(colors) {
+            let _ = match placed.transform == DMat4::IDENTITY {
+                // As many digits as give the same bits again.
+                true => write!(text, "v {} {} {}", point[0], point[1], point[2]),
+                false => {
+                    let point = DVec3::from(point.map(f64::from));
+                    let [x, y, z] = placed.transform.transform_point3(point).to_array();
+                    write!(text, "v {x} {y} {z}")
+                }
+            };
+            if let Some(color) = color {
+                let [red, green, blue] = color.map(share);
+                let _ = write!(text, " {red} {green} {blue}");
+            }
+            text.push('\n');
+        }
+        for [u, v] in own.coordinates.iter().flat_map(|own| &own.rows) {
+            let _ = writeln!(text, "vt {u} {}", 1.0 - v);
+        }
+        let turn = DMat3::from_mat4(placed.transform).inverse().transpose();
+        for normal in own.normals.iter().flat_map(|own| &own.rows) {
+            let _ = match turn == DMat3::IDENTITY {
+                true => writeln!(text, "vn {} {} {}", normal[0], normal[1], normal[2]),
+                false => {
+                    let normal = turn * DVec3::from(normal.map(f64::from));
+                    let [x, y, z] = normal.normalize_or_zero().to_array();
+                    writeln!(text, "vn {x} {y} {z}")
+                }
+            };
+        }
+        let is_mirrored = placed.transform.determinant() < 0.0;
+        for submesh in &own.submeshes {
+            let name = match submesh.material {
+                None => NO_MATERIAL,
+                Some(material) => {
+                    check_number("material", material, materials.len())?;
+                    &materials[material]
+                }
+            };
+            // It holds until the next one, through objects.
+            let _ = writeln!(text, "usemtl {name}");
+            let coordinates = own.coordinates.as_ref().filter(|own| own.covers(&submesh.faces));
+            let normals = own.normals.as_ref().filter(|own| own.covers(&submesh.faces));
+            for face in submesh.faces.clone() {
+                text.push('f');
+                for k in if is_mirrored { [0, 2, 1] } else { [0, 1, 2] } {
+                    let row = |first: usize, row: u32| (first + row as usize).to_string();
+                    let vertex = row(firsts[0], own.faces[face][k]);
+                    let of = |first, rows: Option<&[[u32; 3]]>| {
+                        rows.map(|rows| row(first, rows[face][k]))
+                    };
+                    let coordinate = of(firsts[1], coordinates.map(|own| own.faces.as_slice()));
+                    let normal = of(firsts[2], normals.map(|own| own.faces.as_slice()));
+                    let _ = match (coordinate, normal) {
+                        (None, None) => write!(text, " {vertex}"),
+                        (Some(own), None) => write!(text, " {vertex}/{own}"),
+                        (own, Some(normal)) => {
+                            write!(text, " {vertex}/{}/{normal}", own.unwrap_or_default())
+                        }
+                    };
+                }
+                text.push('\n');
+            }
+        }
+        let counts = [
+            own.positions.len(),
+            own.coordinates.as_ref().map_or(0, |own| own.rows.len()),
+            own.normals.as_ref().map_or(0, |own| own.rows.len()),
+        ];
+        firsts.iter_mut().zip(counts).for_each(|(first, count)| *first += count);
+        Ok(())
+    }
+}
+
+/// A channel of a picture as a gray one; of a gray one that channel.
+fn gray(picture: &Picture, channel: usize) -> Picture {
+    fn picked<S: Copy>(samples: &[S], channels: usize, channel: usize) -> Vec<S> {
+        samples.chunks_exact(channels).map(|pixel| pixel[channel]).collect()
+    }
+    let Picture { width, height, channels, .. } = *picture;
+    let channel = if channels < 3 { 0 } else { channel };
+    let samples = match &picture.samples {
+        Samples::U8(own) => Samples::U8(picked(own, channels, channel)),
+        Samples::U16(own) => Samples::U16(picked(own, channels, channel)),
+        Samples::F32(own) => Samples::F32(picked(own, channels, channel)),
+    };
+    Picture { width, height, channels: 1, samples }
+}
