@@ -7,9 +7,10 @@
 //!   comment's image, or -1. `material_index` of a face is the number of a row, or -1. Our own files are so; the
 //!   names are Turk's, beside the two of glTF.
 
+use std::collections::HashMap;
+
 use super::header::{Element, Header};
 use super::rows::{Named, Rows};
-use super::{COLORS, written};
 use crate::error::SceneError;
 use crate::mesh::beside::Beside;
 use crate::mesh::colors;
@@ -46,8 +47,7 @@ impl Materials {
         beside: &mut Beside<'_>,
     ) -> Result<(), SceneError> {
         let mut named = Named::of(element);
-        let color = named.scalars(&COLORS);
-        let color = color.and_then(|own| Some((own, written(&named, own, beside)?)));
+        let color = named.colors(beside);
         let [roughness, metallic, image] =
             ["roughness", "metallic", "texnumber"].map(|own| named.scalars(&[[own]]));
         named.note_others(beside);
@@ -148,7 +148,7 @@ pub(super) fn submeshes(
         let rule = format!("the file has {count} materials, numbered from 0 on");
         return Err(format!("{rule}, and a face names number {number}"));
     }
-    let mut ranks = std::collections::HashMap::new();
+    let mut ranks = HashMap::new();
     for &number in numbers {
         let next = ranks.len();
         ranks.entry(number).or_insert(next);

@@ -47,9 +47,6 @@ use crate::mesh::weld::{Corners, Raw, Welder};
 use crate::model::{Geometry, Model, Placed, Submesh};
 use crate::picture::ColorSpace;
 
-/// The names of colours.
-const COLORS: [[&str; 3]; 3] =
-    [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diffuse_blue"], ["r", "g", "b"]];
 /// The names of texture coordinates.
 const COORDINATES: [[&str; 2]; 4] =
     [["s", "t"], ["u", "v"], ["texture_u", "texture_v"], ["texture_s", "texture_t"]];
@@ -133,20 +130,6 @@ pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Model, Scene
     Ok(model)
 }
 
-/// How colours are written; nothing where their types differ, which is noted.
-fn written(named: &Named<'_>, colors: [usize; 3], beside: &mut Beside<'_>) -> Option<Written> {
-    let written = colors.map(|property| match named.number(property) {
-        Number::I8 | Number::U8 => Written::Bytes,
-        number if number.range().is_some() => Written::Whole,
-        _ => Written::Fractions,
-    });
-    if written[0] != written[1] || written[1] != written[2] {
-        beside.notes.add("colours were left out: red, green and blue differ in type");
-        return None;
-    }
-    Some(written[0])
-}
-
 /// Opacities, which nobody uses: they say something where one is not full.
 struct Opacity {
     property: Option<[usize; 1]>,
@@ -200,8 +183,7 @@ impl Contents {
             return Err(SceneError::content(beside.place(), found));
         };
         let normal = named.scalars(&[["nx", "ny", "nz"]]);
-        let color = named.scalars(&COLORS);
-        let color = color.and_then(|own| Some((own, written(&named, own, beside)?)));
+        let color = named.colors(beside);
         let coordinate = named.scalars(&COORDINATES);
         let mut opacity = Opacity::of(&mut named);
         named.note_others(beside);
@@ -239,8 +221,7 @@ impl Contents {
         };
         let coordinates = named.list(&["texcoord"]);
         let material = named.scalars(&NUMBERS);
-        let color = named.scalars(&COLORS);
-        let color = color.and_then(|own| Some((own, written(&named, own, beside)?)));
+        let color = named.colors(beside);
         let mut opacity = Opacity::of(&mut named);
         named.note_others(beside);
         let (mut left_out, mut colors) = (0, Vec::new());

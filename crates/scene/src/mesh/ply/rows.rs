@@ -5,7 +5,12 @@ use std::str;
 use super::header::{Element, Encoding, Header, Number, Property};
 use crate::error::{Place, SceneError};
 use crate::mesh::beside::Beside;
+use crate::mesh::colors::Written;
 use crate::mesh::notes::{left_out, name};
+
+/// The names of colours.
+const COLORS: [[&str; 3]; 3] =
+    [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diffuse_blue"], ["r", "g", "b"]];
 
 /// The numbers of a row, those of each property after those of the one before.
 #[derive(Debug, Default)]
@@ -60,6 +65,21 @@ impl<'e> Named<'e> {
         })?;
         found.iter().for_each(|&property| self.is_read[property] = true);
         Some(found)
+    }
+
+    /// Colours, and how they are written; nothing where their types differ, which is noted.
+    pub(super) fn colors(&mut self, beside: &mut Beside<'_>) -> Option<([usize; 3], Written)> {
+        let properties = self.scalars(&COLORS)?;
+        let written = properties.map(|property| match self.number(property) {
+            Number::I8 | Number::U8 => Written::Bytes,
+            number if number.range().is_some() => Written::Whole,
+            _ => Written::Fractions,
+        });
+        if written[0] != written[1] || written[1] != written[2] {
+            beside.notes.add("colours were left out: red, green and blue differ in type");
+            return None;
+        }
+        Some((properties, written[0]))
     }
 
     /// The type of a property.
