@@ -111,12 +111,12 @@ pub mod prelude {
         RasterOptions, Reference, RenderError, Sampler, Sampling, Size, StillFragments, Surface,
         Texture, TextureBorder, TextureFilter, Weighting, affine_inverse, antialias, composite,
         composite_layers, depth, depth_layers, depth_of_field, differentials, distort, downsample,
-        exposure, eye_depth, face_normals, gaussian_blur, interpolate, interpolate_differentials,
-        interpolate_differentials_indexed, interpolate_indexed, irradiance, mark_creases,
-        mark_creases_indexed, orthographic, over, perturbed_normals, pinhole, project,
-        project_instances, rasterize, rasterize_behind, reflect, rigid, sample_cube_map,
-        sample_texture, se3, shade, srgb_decode, srgb_encode, tangents, transform_normals,
-        transform_points, vertex_normals,
+        exposure, eye_depth, face_normals, fisheye, gaussian_blur, interpolate,
+        interpolate_differentials, interpolate_differentials_indexed, interpolate_indexed,
+        irradiance, mark_creases, mark_creases_indexed, orthographic, over, perturbed_normals,
+        pinhole, project, project_instances, rasterize, rasterize_behind, reflect, rigid,
+        sample_cube_map, sample_texture, se3, shade, srgb_decode, srgb_encode, tangents,
+        transform_normals, transform_points, vertex_normals,
     };
 }
 
