@@ -12,14 +12,14 @@ use std::sync::Arc;
 use bokashi_core::{Tape, Tensor, TensorError, Var, value_errors};
 use bokashi_fit::{
     Fit, FitError, FitSettings, Mapping, Optimizer, Parameter, Parameters, Ranks, Schedule, agree,
-    check_same, from_fn, mean_squared_error, on_ranks, views,
+    check_alike, check_same, from_fn, mean_squared_error, on_ranks, views,
 };
 use bokashi_render_ops::{
     Background, Blur, CubeMap, DepthImage, Detail, Fragments, Kernel, Layer, Lens, LensOptions,
     Light, Material, Mesh, Pose, Prefilter, Radius, RasterOptions, RenderError, Sampler, Sampling,
-    Size, Surface, Texture, TextureFilter, antialias, composite, composite_layers, depth_layers,
-    depth_of_field, gaussian_blur, interpolate, interpolate_indexed, irradiance, project,
-    rasterize, rasterize_behind, reflect, sample_cube_map, sample_texture, shade,
+    Size, Surface, Texture, TextureFilter, antialias, composite, composite_layers, depth as depths,
+    depth_layers, depth_of_field, gaussian_blur, interpolate, interpolate_indexed, irradiance,
+    project, rasterize, rasterize_behind, reflect, sample_cube_map, sample_texture, shade,
 };
 use glam::DMat4;
 
@@ -93,6 +93,10 @@ fn every_tensor_error_says_the_rule_and_the_value() {
             table.gather_rows(&rows).unwrap_err(),
             "gather_rows needs indices within an axis of extent 2, got 2",
         ),
+        (
+            zeros(&[1 << 20, 1]).try_add(zeros(&[1, 1 << 20])).unwrap_err(),
+            "add needs memory for its output, got shape [1048576, 1048576]",
+        ),
         (table.clamp(2.0, 1.0).unwrap_err(), "clamp needs bounds with low <= high, got 2 and 1"),
         (
             // What an operation of one's own may say: a rule that names its number.
@@ -148,6 +152,8 @@ fn every_render_error_says_the_rule_and_the_value() {
     let weightless = composite(values, &weightless, Background::Zero).map(drop);
     let exact = antialias(composite(values, &exact, Background::Zero).unwrap()).map(drop);
     let (points, image, depth) = (zeros(&[2, 3]), zeros(&[4, 4, 1]), zeros(&[4, 4]));
+    let outline = RasterOptions::new(Size::square(4)).sampling(Sampling::Outline);
+    let outline = rasterize(clip, fragments.coverage.mesh(), outline).unwrap();
     let lost = {
         let mut corners = corners;
         corners[5] = f64::INFINITY;
@@ -206,6 +212,11 @@ fn every_render_error_says_the_rule_and_the_value() {
         (
             Mesh::new(vec![], 1 << 31).unwrap_err(),
             "a mesh needs fewer than 2^31 faces and vertices, got 2147483648",
+        ),
+        (
+            depths(&outline).map(drop).unwrap_err(),
+            "depth needs fragments at pixel centres or with exact coverage, got those of an outline, which show \
+             attributes that are the same at all vertices and nothing else",
         ),
         (
             rasterize(lost, &mesh, Size::square(4)).unwrap_err(),
@@ -422,6 +433,13 @@ fn every_fit_error_says_the_rule_and_the_value() {
                 check_same(&**ranks, &Parameters::new().with(start).unwrap(), 12)
             }),
             "all ranks need the same parameters, got others on rank 1 at step 12",
+        ),
+        (
+            said_by_rank_0(|ranks| {
+                let size = (32 + 32 * ranks.rank()).to_string();
+                check_alike(&**ranks, &[("size".to_owned(), size)].into())
+            }),
+            "all ranks need the same files and settings, got another size on rank 1: it has 64, and rank 0 has 32",
         ),
     ];
     let met: BTreeSet<_> = table

@@ -311,7 +311,11 @@ impl<T: Scalar> Found<T> {
         for (same, ranges) in pixels.zip(ranges.chunks_exact(channels.max(1))) {
             let first = same[0].row as usize * channels;
             for (out, &[least, most]) in out[first..].iter_mut().zip(ranges) {
-                *out = out.maximum_or_nan(least).minimum_or_nan(most);
+                let off = out.maximum_or_nan(least).minimum_or_nan(most) - *out;
+                // Rounding alone: the sum has the value of the bound, and keeps its slope.
+                if off != T::ZERO && off.is_finite() {
+                    *out += T::from_f64(off.to_f64());
+                }
             }
             if same[0].sum <= T::Wide::ONE {
                 continue;

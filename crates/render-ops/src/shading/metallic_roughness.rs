@@ -295,8 +295,10 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
         let above = specular * f * factor;
         let (sum, of_base) = (bar[0] + bar[1] + bar[2], dot(bar, of.base));
         let (mut value, mut base_bar) = ([T::ZERO; 3], [T::ZERO; 3]);
-        // The gradients of a metal's share of `specular`, and of p.
-        let (mut metal_bar, mut p_bar) = (T::ZERO, T::ZERO);
+        // The gradients of a metal's share of `specular`, and of p; and how a metal's share is more than that of a
+        // dielectric, F(base) K(base) - F(0.04) K(0.04), without what cancels.
+        let (mut metal_bar, mut p_bar, mut more) = (T::ZERO, T::ZERO, T::ZERO);
+        let of_factor = shares.as_ref().map_or(T::ZERO, |shares| f * shares.excess);
         let mut shares_bars = [T::ZERO; 3];
         for c in 0..3 {
             let base = of.base[c];
@@ -304,6 +306,7 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
             let factor = shares.as_ref().map_or(one, |shares| shares.factor(base));
             value[c] = of.dielectric * (base * below + above) + metal * own * factor;
             metal_bar += bar[c] * own * factor;
+            more += bar[c] * (base - glass) * ((one - t.p) * factor + of_factor);
             let f_bar = bar[c] * metal * factor;
             p_bar += f_bar * (one - base);
             base_bar[c] = bar[c] * of.dielectric * below + f_bar * (one - t.p);
@@ -312,7 +315,7 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
                 base_bar[c] += shares.pull_back(base, T::ZERO, factor_bar, &mut shares_bars);
             }
         }
-        let metallic_bar = specular * metal_bar - (below * of_base + above * sum);
+        let metallic_bar = specular * more - below * of_base;
         let diffuse_bar = of.dielectric * (one - lost) * of_base;
         let specular_bar = of.dielectric * f * factor * sum + of.metallic * metal_bar;
         let mut f_bar = of.dielectric * specular * factor * sum;
@@ -383,12 +386,15 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
         let lost = shares.above(glass);
         let (of_base, sum) =
             (dot(bars.below, of.base), bars.above[0] + bars.above[1] + bars.above[2]);
-        let mut metallic_bar = -((T::ONE - lost) * of_base + lost * sum);
+        let mut metallic_bar = -((T::ONE - lost) * of_base);
+        let of_factor = shares.once(glass) * shares.excess;
         let mut shares_bars = [T::ZERO; 3];
         let mut base_bar = [T::ZERO; 3];
         for c in 0..3 {
             let (base, bar) = (of.base[c], bars.above[c]);
-            metallic_bar += bar * shares.above(base);
+            // s(base) - s(0.04), without what cancels.
+            let slope = (shares.single - shares.edge) * shares.factor(base) + of_factor;
+            metallic_bar += bar * (base - glass) * slope;
             base_bar[c] = bars.below[c] * of.dielectric * (T::ONE - lost)
                 + shares.pull_back(base, of.metallic * bar, T::ZERO, &mut shares_bars);
         }
