@@ -98,26 +98,39 @@ impl Normals {
             let object = &scene.objects[part.object];
             let corners = corners(part, object)?;
             let own = object.normals.as_ref().filter(|_| !scene.learns_vertices(object));
+            // Faces of a look without normals have the row beyond the last at their corners.
+            let count = object.normals.as_ref().map_or(0, |own| own.rows.shape()[0]);
+            let pairs = || {
+                let faces = part.mesh.faces().iter().zip(corners.faces());
+                faces.flat_map(|(vertex, normal)| [0, 1, 2].map(|k| (vertex[k], normal[k])))
+            };
             for place in &part.places {
                 let mut seen = HashMap::new();
                 let (start, mut rows) = (vertices.len(), Vec::new());
-                faces.extend(part.mesh.faces().iter().zip(corners.faces()).map(
-                    |(vertex, normal)| {
-                        [0, 1, 2].map(|k| {
-                            *seen.entry((vertex[k], normal[k])).or_insert_with(|| {
-                                vertices.push(first + vertex[k]);
-                                rows.push(normal[k] as usize);
-                                vertices.len() as u32 - 1
-                            })
-                        })
-                    },
-                ));
+                // Those that the file has first, then those that follow from faces.
+                let mut number = |is_given: bool, rows: &mut Vec<usize>| {
+                    for pair in pairs().filter(|pair| ((pair.1 as usize) < count) == is_given) {
+                        seen.entry(pair).or_insert_with(|| {
+                            vertices.push(first + pair.0);
+                            rows.push(pair.1 as usize);
+                            vertices.len() as u32 - 1
+                        });
+                    }
+                    vertices.len()
+                };
+                let middle = number(true, &mut rows);
+                let end = number(false, &mut Vec::new());
+                let all: Vec<u32> = pairs().map(|pair| seen[&pair]).collect();
+                faces.extend_from_slice(all.as_chunks::<3>().0);
                 first += part.mesh.vertex_count() as u32;
                 let given = own.map(|own| {
                     let number = |k: usize| own.rows.data()[3 * rows[k / 3] + k % 3];
                     Given::of(part, *place, Tensor::from_flat_fn([rows.len(), 3], number))
                 });
-                self.pieces.push((start..vertices.len(), given));
+                self.pieces.push((start..middle, given));
+                if middle < end {
+                    self.pieces.push((middle..end, None));
+                }
             }
         }
         self.mesh = Mesh::new(faces, vertices.len())?;
@@ -188,44 +201,33 @@ impl Tangents {
         for part in &parts.all {
             let object = &objects[part.object];
             let count = part.mesh.faces().len();
-            // Those of the file, where they are at all corners that need some.
-            let mut mapped = object.looks.iter().filter(|look| is_mapped(object, look));
-            let mut covers = |own: &&Attribute| mapped.all(|look| own.covers(&look.faces));
+            // Those of the file where it has some, else those that follow from coordinates.
             let of_file = object.tangents.as_ref().filter(|_| has_map(object));
-            let of_file = of_file.filter(&mut covers);
-            if let Some(own) = of_file.filter(|_| !scene.learns_vertices(object)) {
-                let wound = part.wound(&own.indices)?;
-                for place in &part.places {
-                    first += count;
-                    // Counted from the end: how many come before is not known yet.
-                    let count = own.rows.shape()[0] as u32;
-                    let row = |&row: &u32| match row < count {
-                        true => u32::MAX - 1 - (given_rows + row),
-                        false => u32::MAX,
-                    };
-                    shown.extend(wound.faces().iter().map(|face| face.each_ref().map(row)));
-                    given_rows += count;
-                    given.push(Given::of(part, *place, own.rows.clone()));
-                }
-                continue;
-            }
+            let of_file = of_file.filter(|_| !scene.learns_vertices(object));
+            let of_file = of_file.map(|own| Ok::<_, SceneError>((part.wound(&own.indices)?, own)));
+            let of_file = of_file.transpose()?;
             let own = object.coordinates_of_maps().filter(|_| has_map(object));
             let own = own.map(|own| Ok::<_, SceneError>((part.wound(&own.indices)?, &own.rows)));
             let own = own.transpose()?;
-            for _ in &part.places {
+            for place in &part.places {
                 let at = &corners.faces()[first..first + count];
                 first += count;
-                let Some((own, values)) = &own else {
-                    // No row: filled in below, when their number is known.
-                    shown.extend(vec![[u32::MAX; 3]; count]);
-                    continue;
-                };
                 let mut seen = HashMap::new();
-                for (face, (corner, coordinate)) in at.iter().zip(own.faces()).enumerate() {
-                    if !is_mapped(object, &object.looks[object.look_of(face)]) {
-                        shown.push([u32::MAX; 3]);
+                for (face, corner) in at.iter().enumerate() {
+                    let look = &object.looks[object.look_of(face)];
+                    let of_file = of_file.as_ref().filter(|(_, own)| own.covers(&look.faces));
+                    if let Some((wound, _)) = of_file {
+                        // Counted from the end: how many come before is not known yet.
+                        let row = |row: u32| u32::MAX - 1 - (given_rows + row);
+                        shown.push(wound.faces()[face].map(row));
                         continue;
                     }
+                    let Some((own, values)) = own.as_ref().filter(|_| is_mapped(object, look)) else {
+                        // No row: filled in below, when their number is known.
+                        shown.push([u32::MAX; 3]);
+                        continue;
+                    };
+                    let coordinate = own.faces()[face];
                     let split = [0, 1, 2].map(|k| {
                         *seen.entry((corner[k], coordinate[k])).or_insert_with(|| {
                             let at = 2 * coordinate[k] as usize;
@@ -236,6 +238,10 @@ impl Tangents {
                     faces.push(*corner);
                     shown.push(split);
                     indices.push(split);
+                }
+                if let Some((_, own)) = &of_file {
+                    given_rows += own.rows.shape()[0] as u32;
+                    given.push(Given::of(part, *place, own.rows.clone()));
                 }
             }
         }
