@@ -1,7 +1,8 @@
 //! A mesh and a photograph from files, and a pipeline of your own between them.
 //!
-//! `load_mesh` and `load_image` give tensors; no scene is described. The hand of `examples/scenes/hand` is drawn as
-//! the camera saw it. Learnt are a colour at each vertex and where the hand stands. Arguments: how many steps.
+//! `load_mesh` and `load_image` give tensors; no scene is described. The hand of `examples/scenes/hand` is drawn
+//! as the camera saw it. Learnt are a colour at each vertex and where the hand stands. The argument is how many
+//! steps there are.
 
 use std::error::Error;
 use std::path::Path;

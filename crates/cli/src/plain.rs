@@ -1,8 +1,8 @@
 //! Text of others on a terminal: what would steer it is shown, not obeyed.
 //!
 //! Names of files, meshes and materials, and what parsers quote, may have any characters. Escape sequences
-//! begin with a control character, which is written as Rust has it: `\u{1b}`. So are characters that turn the direction of
-//! writing (Unicode's bidirectional controls), since they make a text look like another.
+//! begin with a control character, which is written as Rust has it: `\u{1b}`. So are characters that turn the
+//! direction of writing (Unicode's bidirectional controls), since they make a text look like another.
 
 use std::borrow::Cow;
 use std::path::Path;

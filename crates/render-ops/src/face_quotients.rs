@@ -45,8 +45,8 @@ pub(crate) trait Quotient: Send + Sync + 'static {
 /// The quotient at each fragment, `[N]`.
 ///
 /// # Errors
-/// [`RenderError::Shape`] for fragments that are not whole; [`RenderError::Outline`]; `TensorError::ForeignVariable` for
-/// fragments of several tapes.
+/// [`RenderError::Shape`] for fragments that are not whole; [`RenderError::Outline`];
+/// `TensorError::ForeignVariable` for fragments of several tapes.
 pub(crate) fn quotients<'t, T: Scalar, Q: Quotient>(
     fragments: &Fragments<'t, T>,
 ) -> Result<Var<'t, T>, RenderError> {

@@ -151,7 +151,8 @@ impl SceneFit {
     }
 
     /// [`SceneFit::new`] of a fit that the ranks of a job share: in steps each computes the losses of
-    /// some of the views; of others it reads images only to compare what all ranks were given. All have the same parameters, to the bits of a fit alone.
+    /// some of the views; of others it reads images only to compare what all ranks were given. All have the same
+    /// parameters, to the bits of a fit alone.
     ///
     /// All ranks make the same calls of what says that they share it, and then an error of one is an error
     /// of all.

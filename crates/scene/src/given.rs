@@ -19,8 +19,8 @@ impl Scene {
         self.given_among(&Alone).expect("one rank is like itself")
     }
 
-    /// As [`Scene::given`], of a fit that ranks share, which all were given the same. An image is read by the ranks
-    /// that need it, in steps or to measure and draw its view, and by the rank before each of them.
+    /// As [`Scene::given`], of a fit that ranks share, which all were given the same. An image is read by the
+    /// ranks that need it, in steps or to measure and draw its view, and by the rank before each of them.
     ///
     /// # Errors
     /// [`FitError::Unlike`], on all ranks.

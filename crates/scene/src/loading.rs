@@ -51,9 +51,9 @@ pub fn load_mesh(path: impl AsRef<Path>) -> Result<LoadedMesh, SceneError> {
     LoadedMesh::of(&read_model(&folder, name)?, &Place::of(path))
 }
 
-/// The light of the image at `path`, a PNG, JPEG or EXR: `[H, W, C]`, with the channels that it has, one to four.
-/// The second of two and the fourth of four are opacity. Colours of PNG and JPEG are read as sRGB, those of EXR
-/// as linear; [`Picture`] reads others.
+/// The light of the image at `path`, a PNG, JPEG, EXR or HDR: `[H, W, C]`, with the channels that it has, one to
+/// four. The second of two and the fourth of four are opacity. Colours of PNG and JPEG are read as sRGB, those of
+/// EXR and HDR as linear; [`Picture`] reads others.
 ///
 /// # Errors
 /// [`SceneError::Read`] where the file can't be read; otherwise as [`Picture::decode`].

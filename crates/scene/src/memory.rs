@@ -1,9 +1,9 @@
 //! How much memory files may ask for.
 //!
 //! A few bytes of a packed image are very many pixels. So what is made of files is counted by the sizes that
-//! their headers say, before memory is taken, and held against a limit. By default that is half of what the process may
-//! have: of the machine's memory, its control group's, or the addresses that it may use, whichever is least. Counts
-//! are estimates from above for images and textures, and measured ones for drawing.
+//! their headers say, before memory is taken, and held against a limit. By default that is half of what the
+//! process may have: of the machine's memory, its control group's, or the addresses that it may use, whichever
+//! is least. Counts are estimates from above for images and textures, and measured ones for drawing.
 
 use std::fs;
 use std::path::Path;
@@ -18,8 +18,8 @@ const UNKNOWN: u64 = 4 << 30;
 pub(crate) const OF_TEXEL: u64 = 16;
 /// Bytes that a texel takes beside while its image becomes light.
 pub(crate) const OF_NEW_TEXEL: u64 = 12;
-/// Bytes of a number that is learnt: it, its gradient, what the optimizer and the tape keep, and its share of results.
-/// Measured: 200 per texel of three.
+/// Bytes of a number that is learnt: it, its gradient, what the optimizer and the tape keep, and its share of
+/// results. Measured: 200 per texel of three.
 pub(crate) const OF_LEARNT_NUMBER: u64 = 64;
 /// Bytes of a pixel that is drawn and written: measured, 144 with all its files.
 pub(crate) const OF_DRAWN_PIXEL: u64 = 144;

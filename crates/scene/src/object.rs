@@ -1,4 +1,5 @@
-//! A mesh of a scene as the engine takes it: tensors and index buffers.
+//! A mesh of a scene as the engine takes it: tensors and index buffers, where it stands, and what it is made of,
+//! a look for each material.
 
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;

@@ -1,4 +1,5 @@
-//! What a scene leaves behind: its objects, cameras and numbers as files that other programs read.
+//! What a scene leaves behind: its objects, textures, cameras and numbers as files that other programs read.
+//! They are checked before the work that makes them.
 
 use std::collections::{HashMap, HashSet};
 use std::fs;
@@ -21,9 +22,10 @@ use crate::picture::{ColorSpace, Picture};
 use crate::scene::Scene;
 
 impl Scene {
-    /// Writes the scene's objects to `mesh.glb` and to a PLY file each, textures to a PNG each, its cameras to `transforms.json`, its
-    /// environment to `environment.exr`, and its numbers to `numbers.json`, all in the folder `out`, which is
-    /// made where it is missing. Paths of images start at `out`. Each file is written whole or not at all.
+    /// Writes the scene's objects to `mesh.glb` and to a PLY file each, textures to a PNG each, its cameras to
+    /// `transforms.json`, its environment to `environment.exr`, and its numbers to `numbers.json`, all in the
+    /// folder `out`, which is made where it is missing. Paths of images start at `out`. Each file is written
+    /// whole or not at all.
     ///
     /// # Errors
     /// [`SceneError::Write`] where the file system refuses; [`SceneError::Content`] for what a format can't

@@ -36,8 +36,8 @@ pub fn place_below(folder: &Path, path: impl AsRef<Path>) -> io::Result<PathBuf>
 /// be missing.
 ///
 /// # Errors
-/// As [`check_inside`]; where something that is no regular file has the place: a device or a FIFO that came with the
-/// folder.
+/// As [`check_inside`]; where something that is no regular file has the place: a device or a FIFO that came with
+/// the folder.
 pub fn check_below(folder: &Path, path: impl AsRef<Path>) -> io::Result<()> {
     check_inside(folder, &path)?;
     let place = folder.join(path);

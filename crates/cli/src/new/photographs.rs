@@ -186,7 +186,8 @@ impl Photographs {
         Ok(())
     }
 
-    /// Adds the masks, if each image has one: in the folder of masks, or else those that the file of cameras names.
+    /// Adds the masks, if each image has one: those in the folder of masks, or else those that the file of
+    /// cameras names.
     fn add_masks(
         &mut self,
         folder: &Folder,

@@ -1,5 +1,5 @@
-//! What is small in a file and large in memory: each is refused by its size, before memory is taken. The limit of the
-//! system aborts a program that takes it first.
+//! What is small in a file and large in memory: each is refused by its size, before memory is taken. The limit
+//! of the system aborts a program that takes it first.
 
 use super::{MOST_KIB, bokashi, png_of, refused, text, write, zlib_of_zeros};
 

@@ -2,7 +2,7 @@
 //!
 //! | file | losses |
 //! |---|---|
-//! | `penalty` | means of squared, absolute, Huber, Charbonnier and relative errors, over all entries, weights or a mask |
+//! | `penalty` | means of squared, absolute, Huber, Charbonnier and relative errors, by weights or a mask too |
 //! | `ssim`, `multiscale_ssim` | structural similarity, at one scale or at several |
 //! | `silhouette` | intersection over union of soft masks |
 //! | `depth` | absolute errors of depths, up to scale and shift |

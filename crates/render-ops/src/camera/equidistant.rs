@@ -1,10 +1,10 @@
 //! A fisheye: angles off the axis become radii.
 //!
 //! # Forward
-//! A point P = (X, Y, Z) at the distance d from the eye lies at the angle `theta = atan2(rho, Z)` off the axis, with
-//! `rho = |(X, Y)|`. The lens shows it at the radius `theta_d = theta p(theta^2)`,
-//! `p(s) = 1 + k1 s + k2 s^2 + k3 s^3 + k4 s^4`, in the direction of (X, Y). A pinhole shows that at (g X, g Y, d),
-//! with `g = theta_d / sin(theta)`.
+//! A point P = (X, Y, Z) at the distance d from the eye lies at the angle `theta = atan2(rho, Z)` off the axis,
+//! with `rho = |(X, Y)|`. The lens shows it at the radius `theta_d = theta p(theta^2)`,
+//! `p(s) = 1 + k1 s + k2 s^2 + k3 s^3 + k4 s^4`, in the direction of (X, Y). A pinhole shows that at
+//! (g X, g Y, d), with `g = theta_d / sin(theta)`.
 //!
 //! The polynomial is fitted to what the sensor saw. So it holds up to the *rim*, the first angle at which theta_d
 //! stops to grow, and at most up to [`WIDEST`]. From there on directions turn evenly until the axis behind
@@ -15,12 +15,12 @@
 //!
 //! # Slopes
 //! With an angle a off the axis, before the camera or behind it, and `b = |Z| / Z` there,
-//! `dg/dP = E (b X Z / d^3, b Y Z / d^3, -b rho^2 / d^3)` with `E = (dg/da) / sin(a)`, which is smooth on the axis.
-//! `sin(a) / a` and its slope by a^2 are Stumpff's `c_1`, and a^2 is a series near the axis.
+//! `dg/dP = E (b X Z / d^3, b Y Z / d^3, -b rho^2 / d^3)` with `E = (dg/da) / sin(a)`, which is smooth on the
+//! axis. `sin(a) / a` and its slope by a^2 are Stumpff's `c_1`, and a^2 is a series near the axis.
 //!
 //! # Where it is not smooth
-//! At the rim, where slopes jump; where the rim leaps as coefficients change, because the polynomial begins to turn
-//! round or does so no longer; at the eye itself.
+//! At the rim, where slopes jump; where the rim leaps as coefficients change, because the polynomial begins to
+//! turn round or does so no longer; at the eye itself.
 //!
 //! # Source
 //! Kannala and Brandt, *A generic camera model and calibration method for conventional, wide-angle, and fish-eye
@@ -58,8 +58,8 @@ pub fn fisheye_radius(angle: f64, coefficients: [f64; 4]) -> f64 {
     angle * polynomial(&lens.coefficients, angle * angle)
 }
 
-/// The angle off the axis, in radians, of what a fisheye of `coefficients` = (k1, k2, k3, k4) shows at `radius`, in
-/// normalized coordinates. `None` where it shows nothing: see [`fisheye_limit`].
+/// The angle off the axis, in radians, of what a fisheye of `coefficients` = (k1, k2, k3, k4) shows at `radius`,
+/// in normalized coordinates. `None` where it shows nothing: see [`fisheye_limit`].
 pub fn fisheye_angle(radius: f64, coefficients: [f64; 4]) -> Option<f64> {
     let lens = Equidistant::of(coefficients);
     let radius_at = |angle: f64| angle * polynomial(&lens.coefficients, angle * angle);

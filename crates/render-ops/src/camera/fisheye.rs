@@ -190,7 +190,7 @@ mod tests {
 
     #[test]
     fn slopes_are_those_of_difference_quotients() {
-        // Beside the axis before and behind the camera, on both sides of where the series ends, and beyond the rim.
+        // Beside the axis before and behind the camera, on both sides of where the series ends; beyond the rim.
         let mut points = vec![[0.0, 0.0, 2.0], [0.0, 0.0, -1.5]];
         for angle in [1e-4, 9e-4, 1.1e-3, 0.5, 1.2, 1.5, FRAC_PI_2, 2.2, 2.8, PI - 1e-2] {
             points.push(at(angle, 2.0, 1.7));

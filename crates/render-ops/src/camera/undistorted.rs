@@ -17,8 +17,9 @@ const HALVINGS: usize = 40;
 const TOLERANCE: f64 = 1e-12;
 
 /// The normalized camera coordinates (x, y) that [`distort`](crate::distort()) of `coefficients` =
-/// (k1, k2, p1, p2, k3), and perhaps k4, k5, k6, shows at `point`: `N` is 5 or 8. `None` where Newton's method finds none: for numbers that are
-/// not finite, and where p1 and p2 are so large that the lens shows nothing there.
+/// (k1, k2, p1, p2, k3), and perhaps k4, k5, k6, shows at `point`: `N` is 5 or 8. `None` where Newton's method
+/// finds none: for numbers that are not finite, and where p1 and p2 are so large that the lens shows nothing
+/// there.
 pub fn undistorted<const N: usize>(point: DVec2, coefficients: [f64; N]) -> Option<DVec2> {
     let lens = Distortion::of(all(coefficients));
     let residual = |at: DVec2| DVec2::from(lens.shown([at.x, at.y, 1.0])) - point;

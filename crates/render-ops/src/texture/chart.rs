@@ -6,7 +6,8 @@
 //! (mirror), the nearest of `[0, 1]` (clamp).
 //!
 //! A cube map has six, in the order +x, -x, +y, -y, +z, -z. A direction d meets the face of its largest
-//! component m; of components that are as large, the first one. With the face's axes `a_s`, `a_t`: `s = (a_s . d / |m| + 1) / 2`, and t likewise.
+//! component m; of components that are as large, the first one. With the face's axes `a_s`, `a_t`:
+//! `s = (a_s . d / |m| + 1) / 2`, and t likewise.
 //!
 //! # Backward
 //! `ds/dd = (a_s - s' sign(m) e_m) / (2 |m|)`, `s' = a_s . d / |m|`. From pixel to pixel places change

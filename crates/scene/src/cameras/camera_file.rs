@@ -21,8 +21,8 @@ pub struct CameraFile {
 }
 
 impl CameraFile {
-    /// Scales the cameras of images that are smaller than they by a whole factor, as those of folders `images_2` to
-    /// `images_8`, and notes it. What else is wrong with an image is found when it is decoded.
+    /// Scales the cameras of images that are smaller than they by a whole factor, as those of folders `images_2`
+    /// to `images_8`, and notes it. What else is wrong with an image is found when it is decoded.
     pub(super) fn sized(mut self, folder: &Folder) -> Self {
         let mut counts = BTreeMap::new();
         let mut first = None;

@@ -77,8 +77,8 @@ impl Distortion {
         Ok(self.bend(tape.constant(points), coefficients)?.value())
     }
 
-    /// Normalized coordinates of what is seen, for points in camera coordinates. None where the lens shows nothing:
-    /// in the plane of a pinhole and behind it, and beyond where the lens's formula holds.
+    /// Normalized coordinates of what is seen, for points in camera coordinates. None where the lens shows
+    /// nothing: in the plane of a pinhole and behind it, and beyond where the lens's formula holds.
     pub(super) fn shows(self) -> impl Fn(DVec3) -> Option<DVec2> {
         let limit = match self {
             Self::Polynomial(own) => distortion_radius(own),

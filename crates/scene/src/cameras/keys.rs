@@ -33,8 +33,8 @@ const READ: [&str; 26] = [
     "transform_matrix",
     "w",
 ];
-/// Keys that say nothing of a camera or of how an image stands for light: where the scene lies in its program's own
-/// box, how that program works, what it found on its way, and other files.
+/// Keys that say nothing of a camera or of how an image stands for light: where the scene lies in its program's
+/// own box, how that program works, what it found on its way, and other files.
 const SILENT: [&str; 29] = [
     // NeRF's.
     "rotation",

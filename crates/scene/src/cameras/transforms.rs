@@ -20,12 +20,12 @@
 //! # What is left out
 //! What makes another camera is refused: coefficients that the model lacks, instant-ngp's `ftheta_p0` to
 //! `ftheta_p4`, `latlong` and `rolling_shutter`, and axes of other programs, `from_mitsuba` and `from_na`.
-//! Keys that say nothing of a camera or an image are ignored, as `aabb_scale` and `applied_transform`: the world is
-//! the one in which the poses are given. A note names all keys that are not known: see `keys`.
+//! Keys that say nothing of a camera or an image are ignored, as `aabb_scale` and `applied_transform`: the world
+//! is the one in which the poses are given. A note names all keys that are not known: see `keys`.
 //!
 //! # Source
-//! The code of Mildenhall et al., *NeRF*, 2020, of instant-ngp (`src/nerf_loader.cu`, `scripts/colmap2nerf.py`) and
-//! of nerfstudio (`data/dataparsers/nerfstudio_dataparser.py`).
+//! The code of Mildenhall et al., *NeRF*, 2020, of instant-ngp (`src/nerf_loader.cu`, `scripts/colmap2nerf.py`)
+//! and of nerfstudio (`data/dataparsers/nerfstudio_dataparser.py`).
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -140,8 +140,8 @@ pub fn read_transforms(folder: &Folder, path: impl AsRef<Path>) -> Result<Camera
     let path = path.as_ref();
     let text = folder.read_text(path)?;
     let place = Place::of(folder.join(path));
-    // Piece by piece, since what serde flattens has no line. A frame has a path and a matrix, so that there are not
-    // many more than the text has lines.
+    // Piece by piece, since what serde flattens has no line. A frame has a path and a matrix, so that there are
+    // not many more than the text has lines.
     let frames: Frames<Frame> = parsed(&text, &place)?;
     let common: Lens = parsed(&text, &place)?;
     let lenses: Frames<Lens> = parsed(&text, &place)?;

@@ -15,7 +15,8 @@ pub struct ViewEntry {
     pub name: Option<String>,
     /// PNG, JPEG, EXR or HDR, as it is stored. A view without an image can be rendered and not learnt from.
     pub image: Option<PathBuf>,
-    /// An image that shows where the objects are, by shades, labels or opacity, in place of the image's own opacity.
+    /// An image that shows where the objects are, by shades, labels or opacity. It takes the place of the
+    /// image's own opacity.
     pub mask: Option<PathBuf>,
     /// How numbers of the image stand for light; by default linear for EXR and HDR, and sRGB for others.
     pub color_space: Option<ColorSpaceName>,
@@ -115,7 +116,8 @@ pub enum Convention {
 pub struct CamerasEntry {
     /// A `transforms.json`, as tools for radiance fields write it.
     pub transforms: Option<PathBuf>,
-    /// A folder with COLMAP's `cameras` and `images`, as text or binary, or with such folders called 0, 1 and so on.
+    /// A folder with COLMAP's `cameras` and `images`, as text or binary, or with such folders that are called
+    /// 0, 1 and so on.
     pub colmap: Option<PathBuf>,
     /// The folder of COLMAP's images; by default `images`.
     pub images: Option<PathBuf>,

@@ -6,8 +6,10 @@
 //! | PLY, ascii and binary | [`read_model`] | [`ply()`] |
 //! | glTF 2.0, as text or GLB | [`read_model`] | [`glb()`] |
 //!
-//! Whatever the format, a [`Model`] holds triangles, vertices that lie in one place are one vertex, and
-//! attributes have index buffers of their own. What was left out or mended stands in [`Model::notes`].
+//! Whatever the format, a [`Model`] holds triangles, and attributes have index buffers of their own. A surface of
+//! several materials is one mesh with a submesh for each. Vertices of PLY and glTF that lie in one place are one
+//! vertex, and those of OBJ that have one number; [`MeshOptions::weld`] says otherwise. What was left out or
+//! mended stands in [`Model::notes`].
 
 mod beside;
 mod check;
@@ -111,8 +113,8 @@ pub(crate) fn read_counted(
     read_model_bytes(&folder.read(path)?, kind, folder, path, options)
 }
 
-/// The mesh file with these `bytes`, of which `options` say more. `path` is where the file would lie in `folder`: in
-/// errors, and for the files that it names.
+/// The mesh file with these `bytes`, of which `options` say more. `path` is where the file would lie in
+/// `folder`: in errors, and for the files that it names.
 ///
 /// # Errors
 /// As [`read_model`].

@@ -3,8 +3,10 @@
 //! A geometry is a mesh, each of its submeshes a primitive, and a placed one a node with its matrix. The
 //! primitives of a mesh share their vertices. glTF indexes all attributes alike, so a vertex is written once
 //! for each combination of attributes that corners give it.
-//! Images are PNG, and a texture is an image with its wrap modes. A material is opaque where its opacity is 1, and else blended. The format has factors of
-//! materials from 0 to 1: those beyond are cut. It has no matrices that shear, which some readers refuse.
+//!
+//! Images are PNG, and a texture is an image with its wrap modes. A material is opaque where its opacity is 1,
+//! and else blended. The format has factors of materials from 0 to 1: those beyond are cut. It has no matrices
+//! that shear, which some readers refuse.
 //!
 //! # Source
 //! Khronos Group, glTF 2.0 Specification.

@@ -2,8 +2,9 @@
 //!
 //! A PLY file indexes all attributes alike. So a vertex is written once for each combination of attributes that
 //! corners give it. Colours are 8 bits, encoded by sRGB's curve, as viewers expect it; v is up. Positions are
-//! doubles, with what was taken off those of the file, where they lie far from the origin. Materials are written as
-//! [`super::ply`] reads them.
+//! doubles where they lie far from the origin, and have what was taken off those of the file. Materials are the
+//! element `material` and the comments `TextureFile`: base colours with their images, roughness and metallic.
+//! Other images, wrap modes and tangents are left out.
 
 use glam::{DVec3, Vec3};
 
@@ -13,9 +14,9 @@ use super::unweld::{Unwelded, row_or};
 use crate::error::SceneError;
 use crate::model::{Geometry, MaterialFile, Submesh};
 
-/// A PLY file with the geometry and those materials of its model, `materials`, that its faces have; where there are
-/// none, faces have none. Its name is not in there. `image` gives the file of a base colour's image, by its number in
-/// the model, where there is one.
+/// A PLY file with the geometry, and with those of its model's `materials` that its faces have. Without
+/// `materials` faces have none. The file holds no names of meshes or materials. `image` gives the file of a base
+/// colour's image, by its number in the model, where there is one.
 ///
 /// # Errors
 /// [`SceneError::Content`] where a face names what is not there, a number is not finite, or no face is there.

@@ -121,8 +121,8 @@ impl Picture {
         }
     }
 
-    /// The colours as [`Picture::color`], not multiplied by the image's own opacity: samples of 32 bits, which are,
-    /// are divided by it where it is above 0.
+    /// The colours as [`Picture::color`], not multiplied by the image's own opacity. Samples of 32 bits are
+    /// multiplied by it in their file, and so are divided by it here where it is above 0.
     ///
     /// # Panics
     /// As [`Picture::color`].

@@ -97,7 +97,8 @@ impl Format {
 }
 
 impl Picture {
-    /// The image of a PNG, JPEG, EXR or HDR file of these `bytes`, as it is stored. `place` names the file in errors.
+    /// The image of a PNG, JPEG, EXR or HDR file of these `bytes`, as it is stored. Errors name the file by
+    /// `place`.
     ///
     /// # Errors
     /// [`SceneError::Content`] for another format, for a file that is cut short or broken, and for

@@ -12,8 +12,8 @@
 //! point.
 //!
 //! # What is left out
-//! Other models, as FOV and THIN_PRISM_FISHEYE, which are refused. Features and tracks; `rigs` and `frames`, whose poses `images`
-//! repeats.
+//! Other models, as FOV and THIN_PRISM_FISHEYE, which are refused. Features and tracks; `rigs` and `frames`,
+//! whose poses `images` repeats.
 //!
 //! # Source
 //! The documentation of COLMAP, *Output format*, and its `src/colmap/scene/reconstruction_io`.
@@ -42,8 +42,8 @@ use crate::folder::Folder;
 /// ([`find_colmap`]), sorted by the names of their images. `images` is the folder of the images.
 /// Both lie in `folder`.
 ///
-/// Cameras of images that are smaller than they by a whole factor are scaled with them; a note says so. Other notes
-/// name further models, and images without a camera.
+/// Cameras of images that are smaller than they by a whole factor are scaled with them; a note says so. Other
+/// notes name further models, and images without a camera.
 ///
 /// # Errors
 /// - [`SceneError::Read`] and [`SceneError::Outside`] where a file or an image can't be found, or

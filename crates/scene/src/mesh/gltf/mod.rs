@@ -10,7 +10,8 @@
 //! - Morph targets with the weights of the file, and skins: see [`poses`], [`posed`] and [`skins`].
 //!
 //! Left out with a note: animations, cameras, lights, points, lines, opacities of vertices, emission, occlusion,
-//! filters of textures, and all else that the text has: see [`keys`]. A required extension that is not known is an error.
+//! filters of textures, and all else that the text has: see [`keys`]. A required extension that is not known is
+//! an error.
 //!
 //! The library reads the JSON text. Its checks are not used: they panic where a primitive names an accessor
 //! that is not there, and refuse files without bounds of positions, which nothing here needs. So every

@@ -1,9 +1,9 @@
 //! Nodes: where meshes stand.
 //!
 //! The nodes below the default scene are read; where no scene is the default one, those of the first, with a
-//! note where there are more. What stands outside is noted. A file without scenes has all nodes, and one without nodes has each mesh once,
-//! as it is. A node has one parent at most and is not its own ancestor: so nodes
-//! are trees, which are walked without recursion.
+//! note where there are more. What stands outside is noted. A file without scenes has all nodes, and one without
+//! nodes has each mesh once, as it is. A node has one parent at most and is not its own ancestor: so nodes are
+//! trees, which are walked without recursion.
 
 use ::gltf::json::Root;
 use ::gltf::json::scene::Node;

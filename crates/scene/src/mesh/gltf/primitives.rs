@@ -2,8 +2,8 @@
 //!
 //! - Triangles, strips and fans, with indices of 8, 16 or 32 bits or none.
 //! - `POSITION`, `NORMAL` and `TANGENT`, of any type that `KHR_mesh_quantization` allows.
-//! - `COLOR_0`, linear unless the caller says otherwise, of integers (which are fractions) or floats; an opacity is
-//!   left out.
+//! - `COLOR_0`, linear unless the caller says otherwise, of integers (which are fractions) or floats; an opacity
+//!   is left out.
 //! - The set of `TEXCOORD` that the material's images use; the first one without an image. v runs down, as
 //!   everywhere here.
 //!
