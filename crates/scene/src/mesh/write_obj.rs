@@ -1,8 +1,8 @@
 //! Wavefront OBJ with MTL: what [`super::read_model`] reads of it.
 //!
-//! OBJ has an index for each attribute, so a vertex is written once, and so is a material with its images. A placed
-//! geometry is an object, in the world. Colours are fractions encoded by sRGB's curve, and v is up. Roughness and
-//! metallic are `Pr` and `Pm`, by the extension of Clara.io, and their images two gray ones.
+//! OBJ has an index for each attribute, so a vertex is written once, and so is a material with its images. A
+//! placed geometry is an object, in the world. Colours are fractions encoded by sRGB's curve, and v is up.
+//! Roughness and metallic are `Pr` and `Pm`, by the extension of Clara.io, and their images two gray ones.
 //!
 //! A vertex of OBJ has one colour: of several the last is written. Wrap modes and tangents are left out.
 
