@@ -9,9 +9,9 @@
 //! So the middle of the image is +x, and to the right of it comes +z: as in three.js, and as in Blender once its
 //! z is y, as its exporters have it.
 //!
-//! A texel of the cube map is the mean of the image over the solid angle that it has: each pixel is cut into
-//! parts that are small beside texels, and a part counts by its solid angle, `da (sin b1 - sin b0)`, in the texel
-//! in which its middle lies. So what shines from few pixels keeps its light, however few they are.
+//! A texel of the cube map is the mean of the image over the solid angle that it has. Each pixel is cut into
+//! parts that are small beside texels. A part counts by its solid angle, `da (sin b1 - sin b0)`, in the texel in
+//! which its middle lies. So what shines from few pixels keeps its light, however few they are.
 //!
 //! # Source
 //! `equirectUv` of three.js; `direction_to_equirectangular` of Blender's Cycles; OpenGL 4.6, section 8.13, for the

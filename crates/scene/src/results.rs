@@ -22,10 +22,10 @@ use crate::picture::{ColorSpace, Picture};
 use crate::scene::Scene;
 
 impl Scene {
-    /// Writes the scene's objects to `mesh.glb` and to a PLY file each, textures to a PNG each, its cameras to
-    /// `transforms.json`, its environment to `environment.exr`, and its numbers to `numbers.json`, all in the
-    /// folder `out`, which is made where it is missing. Paths of images start at `out`. Each file is written
-    /// whole or not at all.
+    /// Writes the scene's objects to `mesh.glb` and to a PLY file each, and textures to a PNG each. Cameras go to
+    /// `transforms.json`, the environment to `environment.exr`, and all other numbers to `numbers.json`. All of
+    /// them lie in the folder `out`, which is made where it is missing. Paths of images start at `out`. Each
+    /// file is written whole or not at all.
     ///
     /// # Errors
     /// [`SceneError::Write`] where the file system refuses; [`SceneError::Content`] for what a format can't
@@ -100,8 +100,8 @@ impl Scene {
         images.zip(self.textures().map(|(name, _)| name)).collect()
     }
 
-    /// Checks that results can be written to these paths below the folder `out`, before the work that makes
-    /// them, and that none takes the place of a file that the scene reads.
+    /// Checks, before the work that makes them, that results can be written to these paths below the folder
+    /// `out`. None takes the place of a file that the scene reads.
     ///
     /// # Errors
     /// [`SceneError::Write`] for the first that can't, for two results that would be one file, and for a file

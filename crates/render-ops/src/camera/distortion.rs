@@ -38,9 +38,10 @@ const FARTHEST: f64 = 16.0;
 /// The least denominator: where a difference of numbers around 1 comes nearer to 0, slopes lose their digits.
 const LEAST: f64 = 0.05;
 
-/// The radius, in normalized coordinates (the tangent of the angle off the axis), up to which
-/// [`distort`](crate::distort()) follows the formula of `coefficients` = (k1, k2, p1, p2, k3), and perhaps k4, k5,
-/// k6: `N` is 5 or 8. It is the first radius r at which the radial part `r f(r^2)` stops to grow, and at most 16.
+/// The radius up to which [`distort`](crate::distort()) follows the formula of `coefficients` =
+/// (k1, k2, p1, p2, k3), and perhaps k4, k5, k6: `N` is 5 or 8. It is in normalized coordinates, the tangent of
+/// the angle off the axis. It is the first radius r at which the radial part `r f(r^2)` stops to grow, or at which
+/// its denominator falls below 0.05, and at most 16.
 pub fn distortion_radius<const N: usize>(coefficients: [f64; N]) -> f64 {
     Distortion::of(all(coefficients)).rim
 }

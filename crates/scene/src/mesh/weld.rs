@@ -1,15 +1,15 @@
-//! Raw meshes of files become geometries. Vertices that lie in one place become one vertex, where that is asked
-//! for, so that no seam of a texture or between materials tears when they move.
+//! Raw meshes of files become geometries. Where it is asked for, vertices in one place become one vertex. So no
+//! seam of a texture or between materials tears when they move.
 //!
 //! Two rows of numbers are one where their bits are the same, with -0 as 0. Positions keep the order of
 //! the file, and so their numbers where none is left out. Rows of attributes come in the order in which
 //! the corners of the faces first name them. So what comes out depends only on what stands at the corners
 //! and on the order of the vertices, not on how a format indexes its attributes.
 //!
-//! Where it is not asked for, two positions are one where the file has one row for both, and a note counts the
+//! Where it is not asked for, two positions are one where the file has one row for both. A note counts the
 //! vertices that lie where another one does.
 //!
-//! Left out are faces that name a vertex twice, vertices that no face names, and attributes of a submesh
+//! Left out are faces that name a vertex twice, and vertices that no face names. A submesh loses an attribute
 //! with a number that is not finite, or with a normal or a tangent of length 0. A position that is not finite is
 //! an error.
 

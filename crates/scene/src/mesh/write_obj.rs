@@ -32,8 +32,9 @@ pub struct ObjFiles {
 /// The model as OBJ. `name` is that of its files, without an ending: `NAME.mtl`, and `NAME-1.png` and so on.
 ///
 /// # Errors
-/// [`SceneError::Content`] where something names what is not there, a number is not finite, a geometry has no
-/// face, a name has a line feed, or an image has samples of 32 bits, which PNG does not have.
+/// [`SceneError::Content`] where something names what is not there, a number is not finite, or a geometry has no
+/// face. So it is for a `name` without letters or with a line feed, and for an image with samples of 32 bits,
+/// which PNG does not have.
 pub fn obj(model: &Model, name: &str) -> Result<ObjFiles, SceneError> {
     if name.is_empty() || name.contains(char::is_control) {
         let rule = "the name of an OBJ has letters and no line feed";

@@ -1,4 +1,4 @@
-//! The parts of an OBJ file: the faces of each object with each material.
+//! The parts of an OBJ file, the faces of each object with each material, and the surfaces that they make.
 
 use std::borrow::Cow;
 use std::collections::{BTreeSet, HashMap, HashSet};
