@@ -172,14 +172,22 @@ impl Learnt {
             let Some(own) = own else { continue };
             let mut maps = 0;
             for (object, look) in chosen_looks(scene, own.meshes.as_deref(), kind)? {
-                if kind == "texture" && look.lacks_texture {
-                    let rule = "a texture that is learnt is there";
+                let name = object.parameter(kind, look);
+                // Looks of one material are learnt as one.
+                if self.rates.iter().any(|(own, _)| *own == name) {
+                    continue;
+                }
+                let lacks = match kind {
+                    "texture" => look.lacks_texture,
+                    _ => look.lacks_roughness_metallic,
+                };
+                if lacks {
+                    let rule = format!("an image that `learn.{kind}` learns is there");
                     let found = "its file names one that is missing or can't be read";
                     let name = object.look_name(look);
                     return Err(wrong(scene, format!("{rule}, and of {name:?} {found}")));
                 }
                 let start = start(look);
-                let name = object.parameter(kind, look);
                 if start.shape().len() == 3 {
                     maps += 1;
                     if let Some(weight) = own.total_variation {
@@ -230,7 +238,10 @@ impl Learnt {
             let first = lenses.next().unwrap_or(Distortion::NONE);
             if !lenses.all(|lens| lens.is_kind_of(&first)) {
                 let rule = "a `distortion` that is learnt is of one kind of lens";
-                return Err(wrong(scene, format!("{rule}, and views have several")));
+                let kinds = scene.views.iter().map(|view| view.camera.distortion.kind());
+                let kinds: std::collections::BTreeSet<_> = kinds.collect();
+                let found = kinds.into_iter().collect::<Vec<_>>().join(" and ");
+                return Err(wrong(scene, format!("{rule}, and those of the views are {found}")));
             }
             let first = first.coefficients();
             let start = Tensor::from_flat_fn([first.len()], |k| first[k] as f32);

@@ -1,5 +1,7 @@
 //! What a fit has learnt, put back into its scene; and a scene's objects as a model for a file.
 
+use std::collections::HashMap;
+
 use bokashi_core::{Tape, Tensor};
 use bokashi_fit::Parameters;
 use bokashi_render_ops::camera::from_tensor;
@@ -34,7 +36,7 @@ impl Renderer {
         let mut scene = self.scene().clone();
         let value = |name: &str| parameters.value(name).ok();
         let radius = self.radius();
-        for (object, &middle) in scene.objects.iter_mut().zip(self.middles()) {
+        for (object, middle) in scene.objects.iter_mut().zip(self.middles()) {
             let own = |kind: &str| value(&of_object(kind, &object.name));
             let (vertices, pose, colors) = (own("vertices"), own("pose"), own("colors"));
             let of_look = |look| {
@@ -113,20 +115,26 @@ impl Renderer {
 }
 
 impl Scene {
-    /// The objects with their materials, for [`glb`](crate::glb) and [`ply`](crate::ply). Normals are left
-    /// out: whoever shows the mesh makes them of its faces.
+    /// The objects with their materials, for [`glb`](crate::glb), [`obj`](crate::obj()) and [`ply`](crate::ply).
+    /// Where vertices are learnt, normals and tangents are left out: whoever shows the mesh makes them of its faces.
     ///
     /// # Errors
     /// None: those of images without pixels.
     pub fn model(&self) -> Result<Model, SceneError> {
         let mut model = Model::default();
         for (at, object) in self.objects.iter().enumerate() {
-            let first = model.materials.len();
+            // Looks of one name are one material.
+            let mut numbers = HashMap::new();
             for look in &object.looks {
-                let name = if object.looks.len() > 1 { &look.name } else { &object.name };
-                model.materials.push(look.material(name, &mut model.images)?);
+                if !numbers.contains_key(look.name.as_str()) {
+                    numbers.insert(look.name.as_str(), model.materials.len());
+                    let name = if object.looks.len() > 1 { &look.name } else { &object.name };
+                    model.materials.push(look.material(name, &mut model.images)?);
+                }
             }
-            model.geometries.push(object.geometry(first));
+            // Those of the file were of the surface as it was.
+            let keeps = !self.learns_vertices(object);
+            model.geometries.push(object.geometry(&numbers, keeps));
             model.placed.extend(object.places.iter().map(|&transform| Placed {
                 name: object.name.clone(),
                 geometry: at,
@@ -149,11 +157,12 @@ impl Scene {
 }
 
 impl Object {
-    /// The geometry; the materials of its looks begin at the number `first`.
-    fn geometry(&self, first: usize) -> Geometry {
-        let submeshes = self.looks.iter().enumerate();
-        let submeshes = submeshes
-            .map(|(k, look)| Submesh { material: Some(first + k), faces: look.faces.clone() });
+    /// The geometry; `materials` has the numbers of its looks by name. `keeps_normals` keeps normals and tangents.
+    fn geometry(&self, materials: &HashMap<&str, usize>, keeps_normals: bool) -> Geometry {
+        let submeshes = self.looks.iter().map(|look| Submesh {
+            material: materials.get(look.name.as_str()).copied(),
+            faces: look.faces.clone(),
+        });
         Geometry {
             name: self.name.clone(),
             positions: rows(&self.positions),
@@ -161,8 +170,8 @@ impl Object {
             faces: self.mesh.faces().to_vec(),
             colors: self.colors.as_ref().map(indexed),
             coordinates: self.coordinates.as_ref().map(indexed),
-            normals: None,
-            tangents: None,
+            normals: self.normals.as_ref().filter(|_| keeps_normals).map(indexed),
+            tangents: self.tangents.as_ref().filter(|_| keeps_normals).map(indexed),
             submeshes: submeshes.collect(),
         }
     }
@@ -226,6 +235,7 @@ impl SurfaceLook {
             roughness: if maps.is_some() { 1.0 } else { self.roughness },
             metallic_roughness_image: maps,
             metallic_roughness_borders: self.roughness_metallic_borders,
+            lacks_metallic_roughness_image: false,
             normal_image: normals,
             normal_borders: self.normal_map_borders,
             normal_scale: 1.0,

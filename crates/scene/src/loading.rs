@@ -11,7 +11,7 @@ use crate::file::read_file;
 use crate::folder::Folder;
 use crate::memory::Memory;
 use crate::mesh::read_model;
-use crate::model::{Geometry, Indexed, Model, Submesh};
+use crate::model::{Geometry, Indexed, MaterialFile, Model, Submesh, far_offset};
 use crate::object::{Attribute, SurfaceLook};
 use crate::picture::{ColorSpace, Picture};
 
@@ -23,8 +23,10 @@ const OF_CORNER: u64 = 96;
 pub struct LoadedMesh {
     /// Its faces, counter-clockwise seen from outside.
     pub mesh: Mesh,
-    /// Vertices `[V, 3]`.
+    /// Vertices `[V, 3]`, without `offset`.
     pub positions: Tensor<f32>,
+    /// What was taken off positions that lie far from the origin, as those of maps do: whole numbers, mostly 0.
+    pub offset: DVec3,
     /// Linear colours `[A, 3]`, where all surfaces have some.
     pub colors: Option<Attribute>,
     /// Texture coordinates `[A, 2]`, v down from row 0 of the texture, where all surfaces have some.
@@ -76,15 +78,19 @@ impl LoadedMesh {
         let what = || format!("a mesh of {corners} vertices and faces");
         Memory::default().check(corners.saturating_mul(OF_CORNER), place, what)?;
 
-        let (mut positions, mut faces) = (Vec::new(), Vec::new());
+        let (mut points, mut faces) = (Vec::<DVec3>::new(), Vec::new());
         for (own, matrix) in &parts {
-            let first = positions.len() as u32;
-            let moved = |&point: &[f32; 3]| {
-                matrix.transform_point3(Vec3::from(point).as_dvec3()).as_vec3().to_array()
-            };
-            positions.extend(own.positions.iter().map(moved));
+            let first = points.len() as u32;
+            let moved = |&point: &[f32; 3]| matrix.transform_point3(Vec3::from(point).as_dvec3());
+            points.extend(own.positions.iter().map(moved));
             faces.extend(turned(&own.faces, matrix).map(|face| face.map(|k| first + k)));
         }
+        let bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        let offset = far_offset(
+            points.iter().fold(bounds, |[least, most], &point| [least.min(point), most.max(point)]),
+        );
+        let near = |&point: &DVec3| (point - offset).as_vec3().to_array();
+        let positions: Vec<[f32; 3]> = points.iter().map(near).collect();
         let mut notes = model.notes.clone();
         let colors =
             joined(&parts, "colours", |own| own.colors.as_ref(), |_, row| row, &mut notes)?;
@@ -114,6 +120,10 @@ impl LoadedMesh {
                 Look { base_color: [1.0; 3], image: None }
             }
         };
+        if materials(&parts, model).any(says_more) {
+            let rest = "roughness, metallic, normal maps and opacity of materials were left out";
+            notes.push(format!("{rest}: a loaded mesh has its base colour alone"));
+        }
         let texture =
             look.image.filter(|_| coordinates.is_some()).and_then(|k| model.images.get(k));
         let texture = texture.map(|image| {
@@ -124,6 +134,7 @@ impl LoadedMesh {
         Ok(Self {
             mesh: Mesh::new(faces, positions.len())?,
             positions: Tensor::from_flat_fn([positions.len(), 3], |k| flat[k]),
+            offset,
             colors,
             coordinates,
             normals,
@@ -132,6 +143,23 @@ impl LoadedMesh {
             notes,
         })
     }
+}
+
+/// The materials of parts.
+fn materials<'m>(parts: &[Part<'m>], model: &'m Model) -> impl Iterator<Item = &'m MaterialFile> {
+    let numbers = parts.iter().flat_map(|(own, _)| own.materials().flatten());
+    numbers.filter_map(|number| model.materials.get(number))
+}
+
+/// Whether a material says more than its base colour.
+fn says_more(material: &MaterialFile) -> bool {
+    let MaterialFile { metallic, roughness, metallic_roughness_image, normal_image, .. } = material;
+    // A dielectric of roughness 1 is what a file without a word is.
+    let is_plain = (*metallic, *roughness) == (0.0, 1.0);
+    !is_plain
+        || metallic_roughness_image.is_some()
+        || normal_image.is_some()
+        || material.base_color[3] != 1.0
 }
 
 /// The base colour of a surface, and the number of its texture.

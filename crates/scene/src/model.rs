@@ -10,6 +10,22 @@ use crate::picture::Picture;
 /// Stands in the place of a row at the corners of a submesh that lacks the attribute.
 pub const NO_ROW: u32 = u32::MAX;
 
+/// Positions are far from the origin where the largest coordinate is so many times their extent: `f32` would lose
+/// 4 bits.
+const FAR: f64 = 16.0;
+
+/// What is taken off positions between these bounds, so that `f32` holds them: nothing where they are near the
+/// origin, else their middle, rounded to whole numbers that `f32` has. Formats with matrices of `f32` then have it,
+/// too.
+pub(crate) fn far_offset([least, most]: [DVec3; 2]) -> DVec3 {
+    let largest = least.abs().max(most.abs()).max_element();
+    let middle = (0.5 * (least + most)).as_vec3().round().as_dvec3();
+    // What is not finite is refused later.
+    let is_finite = [least, most, middle].iter().all(|row| row.is_finite());
+    let is_far = is_finite && largest > FAR * (most - least).max_element();
+    if is_far { middle } else { DVec3::ZERO }
+}
+
 /// How an image goes on beyond its edges: along u and along v.
 pub type Borders = [TextureBorder; 2];
 
@@ -97,6 +113,8 @@ pub struct MaterialFile {
     pub metallic_roughness_image: Option<usize>,
     /// How that image goes on.
     pub metallic_roughness_borders: Borders,
+    /// Whether the file names such an image that was left out.
+    pub lacks_metallic_roughness_image: bool,
     /// A normal map, by its number.
     pub normal_image: Option<usize>,
     /// How that image goes on.
@@ -125,6 +143,7 @@ impl Default for MaterialFile {
             roughness: 1.0,
             metallic_roughness_image: None,
             metallic_roughness_borders: Borders::default(),
+            lacks_metallic_roughness_image: false,
             normal_image: None,
             normal_borders: Borders::default(),
             normal_scale: 1.0,

@@ -36,6 +36,8 @@ pub struct SurfaceLook {
     pub texture: Option<Tensor<f32>>,
     /// Whether its file names a texture that was left out: it is missing, or can't be read.
     pub lacks_texture: bool,
+    /// Likewise of a map of roughness and metallic.
+    pub lacks_roughness_metallic: bool,
     /// How the texture goes on beyond its edges.
     pub texture_borders: Borders,
     /// From 0 to 1.
@@ -129,15 +131,21 @@ impl Object {
         let mesh = Mesh::new(geometry.faces.clone(), geometry.positions.len())?;
         let coordinates = geometry.coordinates.as_ref();
         let coordinates = coordinates.map(|own| of_vertices(own, &geometry.faces));
-        let mut names = HashSet::new();
+        // Faces of one material are one look to whoever learns it, whatever else they carry.
+        let (mut names, mut of_kinds) = (HashSet::new(), HashMap::new());
         let looks = geometry.submeshes.iter().enumerate().map(|(k, submesh)| {
             let look = SurfaceLook::of_submesh(submesh, geometry, model);
+            let kind = (submesh.material, look.has_maps(), look.base_color.map(f32::to_bits));
+            if let Some(name) = of_kinds.get(&kind).cloned() {
+                return SurfaceLook { name, ..look };
+            }
             let number = (k + 1).to_string();
             let mut name =
                 if is_file_name(&look.name) { look.name.clone() } else { number.clone() };
             while !names.insert(name.clone()) {
                 name = format!("{name}-{number}");
             }
+            of_kinds.insert(kind, name.clone());
             SurfaceLook { name, ..look }
         });
         Ok(Self {
@@ -196,6 +204,7 @@ impl SurfaceLook {
             base_color: [0.5; 3],
             texture: None,
             lacks_texture: false,
+            lacks_roughness_metallic: false,
             texture_borders: Borders::default(),
             roughness: 1.0,
             metallic: 0.0,
@@ -271,6 +280,7 @@ impl SurfaceLook {
             base_color,
             texture: color,
             lacks_texture: material.lacks_base_color_image,
+            lacks_roughness_metallic: material.lacks_metallic_roughness_image,
             texture_borders: material.base_color_borders,
             roughness: material.roughness,
             metallic: material.metallic,

@@ -89,8 +89,12 @@ impl Scene {
     fn textures(&self) -> impl Iterator<Item = (String, &Tensor<f32>)> {
         let looks = self.objects.iter();
         let looks = looks.flat_map(|object| object.looks.iter().map(move |look| (object, look)));
-        looks.filter_map(|(object, look)| {
-            Some((texture_name(&object.look_name(look)), look.texture.as_ref()?))
+        // Looks of one name are one material.
+        let mut seen = HashSet::new();
+        looks.filter_map(move |(object, look)| {
+            let name = object.look_name(look);
+            let texels = look.texture.as_ref()?;
+            seen.insert(name.clone()).then(|| (texture_name(&name), texels))
         })
     }
 
@@ -180,7 +184,9 @@ impl Scene {
                     "name": name, "base_color": base_color, "roughness": roughness, "metallic": metallic
                 })
             });
-            let places = object.places.iter().map(rows);
+            // From the coordinates of its file, which its PLY has, too.
+            let back = DMat4::from_translation(-object.offset);
+            let places = object.places.iter().map(|place| rows(&(*place * back)));
             let own = json!({
                 "materials": looks.collect::<Value>(),
                 "places": places.collect::<Value>(),

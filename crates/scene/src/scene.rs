@@ -23,7 +23,7 @@ use crate::folder::Folder;
 use crate::mask_files::{find_mask, usual_mask};
 use crate::memory::{OF_DRAWN_PIXEL, OF_FACE, OF_NEW_TEXEL, OF_TEXEL};
 use crate::mesh::{MeshKind, MeshOptions, read_counted};
-use crate::model::{Borders, MaterialFile, Model, Placed};
+use crate::model::{Borders, MaterialFile, Model, Placed, Submesh};
 use crate::object::{Object, SurfaceLook, vectors};
 use crate::picture::{ColorSpace, MOST_SAMPLES, Picture};
 use crate::shapes;
@@ -278,8 +278,8 @@ impl Source {
                 (model, name)
             }
             _ => {
-                let rule = "a mesh has either `file` and perhaps `vertex_color_space`, or `shape` and perhaps \
-                            `faces`";
+                let rule = "a mesh has either `file`, perhaps with `vertex_color_space` and `weld`, or `shape`, \
+                            perhaps with `faces`";
                 return Err(self.wrong(entry, rule));
             }
         };
@@ -310,7 +310,11 @@ impl Source {
                     notes.push(format!("{name}: {found}"));
                 }
             }
-            if is_lit && geometry.normals.is_none() && kind == Some(MeshKind::Gltf) {
+            let has_normals = |k: &Submesh| {
+                geometry.normals.as_ref().is_some_and(|normals| normals.covers(&k.faces))
+            };
+            let is_smooth = !geometry.submeshes.iter().all(has_normals);
+            if is_lit && is_smooth && kind == Some(MeshKind::Gltf) {
                 let found = "its file has no normals: they are smooth, where glTF has flat ones";
                 notes.push(format!("{name}: {found}"));
             }
@@ -373,9 +377,11 @@ impl Source {
         }
         if let Some(roughness) = material.roughness {
             (look.roughness, look.roughness_metallic) = (roughness.0 as f32, None);
+            look.lacks_roughness_metallic = false;
         }
         if let Some(metallic) = material.metallic {
             (look.metallic, look.roughness_metallic) = (metallic.0 as f32, None);
+            look.lacks_roughness_metallic = false;
         }
         look.texture = match (&material.texture, material.texture_size) {
             (None, None) => look.texture.take(),
@@ -450,14 +456,6 @@ impl Source {
         };
         let named = file.views;
         notes.extend(file.notes);
-        let masked = named.iter().filter(|view| view.mask.is_some()).count();
-        if masked > 0 {
-            let said =
-                format!("the masks that `mask_path` names, {masked}, show where objects are");
-            notes.push(format!(
-                "{said}: black is background here, and in nerfstudio it does not count"
-            ));
-        }
         let every = cameras.held_out_every.map(|every| every.0);
         let taken: HashSet<_> = views.iter().map(|view| view.name.clone()).collect();
         let unnamed = names(named.iter().map(|view| view.image.as_path()), &taken);

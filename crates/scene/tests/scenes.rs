@@ -430,7 +430,8 @@ fn every_kind_of_lens_is_learnt_and_drawn_again() {
         assert!(moved > 5e-3 && off < 1e-4, "{lens}: moved {moved}, off {off}");
     }
     let said = SceneFit::new(load(folder.path(), &head(lenses))).err().unwrap().to_string();
-    let rule = "a `distortion` that is learnt is of one kind of lens, and views have several";
+    let rule = "a `distortion` that is learnt is of one kind of lens, and those of the views are \
+                `distortion` of eight numbers and `fisheye`";
     assert!(said.contains(rule), "{said}");
 }
 
@@ -515,6 +516,11 @@ fn a_mesh_of_a_map_is_drawn_learnt_and_written_as_one_at_the_origin() {
     let again = model(&Folder::new(folder.join("out")).unwrap(), "mesh.glb");
     assert_eq!(again.placed[0].transform, DMat4::from_translation(offset));
     assert_eq!(again.geometries[0].faces.len(), scene.objects[0].mesh.faces().len());
+    // The PLY has the coordinates of the file, and the places lead from there.
+    let numbers = fs::read_to_string(folder.join("out/numbers.json")).unwrap();
+    let numbers: serde_json::Value = serde_json::from_str(&numbers).unwrap();
+    let rows = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
+    assert_eq!(numbers["objects"]["far"]["places"], serde_json::json!([rows]));
 }
 
 #[test]
@@ -704,8 +710,51 @@ fn a_texture_that_is_learnt_is_one_that_was_read() {
         assert!(SceneFit::new(scene).is_ok());
         let error = SceneFit::new(load(folder, &format!("{mesh}[learn.texture]\n")));
         let error = error.err().unwrap().to_string();
-        assert!(error.contains("a texture that is learnt is there, and of \"a\""), "{error}");
+        assert!(error.contains("`learn.texture` learns is there, and of \"a\""), "{error}");
         let own = format!("{mesh}material = {{ texture_size = 4 }}\n[learn.texture]\n");
         assert!(SceneFit::new(load(folder, &own)).is_ok());
+        fs::write(folder.join("m.mtl"), format!("newmtl a\nmap_Pm {file}\n")).unwrap();
+        let error = SceneFit::new(load(folder, &format!("{mesh}[learn.roughness]\n")));
+        let error = error.err().unwrap().to_string();
+        assert!(error.contains("`learn.roughness` learns is there"), "{error}");
     }
+}
+
+#[test]
+fn a_scene_far_from_the_origin_is_drawn_and_learnt_as_one_at_the_origin() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    png(folder);
+    let offset = DVec3::new(500_000.0, 4_649_776.0, 100.0);
+    let fitted = |file: &str, at: DVec3| {
+        sphere_at(folder, file, at);
+        let place = |own: [f64; 3]| format!("{:?}", (DVec3::from(own) + at).to_array());
+        let (eye, target) = (place([0.5, 0.4, 4.0]), place([0.0; 3]));
+        let lamp = place([2.0, 1.0, 3.0]);
+        let mut fit = SceneFit::new(load(
+            folder,
+            &format!(
+                "[[meshes]]\nfile = \"{file}\"\nname = \"ball\"\n[[views]]\nimage = \"a.png\"\n\
+                 camera = {{ position = {eye}, target = {target}, angle = 40 }}\n[[lights]]\n\
+                 kind = \"point\"\nposition = {lamp}\ncolor = [30, 30, 30]\n[learn.vertices]\n\
+                 [learn.pose]\n[learn.cameras]\n[stop]\nsteps = 3\n"
+            ),
+        ))
+        .unwrap();
+        let mut images = vec![fit.seen(0).unwrap().image];
+        while fit.step().unwrap().is_some() {}
+        images.push(fit.seen(0).unwrap().image);
+        // Put back, it is the same scene once more.
+        let again = SceneFit::new(fit.learnt().unwrap()).unwrap();
+        images.push(again.seen(0).unwrap().image);
+        (images, value(&fit, "vertices/ball"))
+    };
+    let (near, far) = (fitted("near.obj", DVec3::ZERO), fitted("far.obj", offset));
+    assert!(furthest(&near.0[0], &near.0[1]) > 1e-3);
+    for (near, far) in near.0.iter().zip(&far.0) {
+        assert!(furthest(near, far) < 1e-4, "{}", furthest(near, far));
+    }
+    assert!(furthest(&far.0[1], &far.0[2]) < 1e-4);
+    let off = near.1.iter().zip(&far.1).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(off < 1e-4, "{off}");
 }

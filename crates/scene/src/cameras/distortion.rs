@@ -46,6 +46,15 @@ impl Distortion {
         !matches!(self, Self::Fisheye(_)) && self.coefficients().iter().all(|&own| own == 0.0)
     }
 
+    /// How `scene.toml` says lenses of this formula.
+    pub(crate) fn kind(&self) -> &'static str {
+        match self {
+            Self::Polynomial(_) => "`distortion` of five numbers",
+            Self::Rational(_) => "`distortion` of eight numbers",
+            Self::Fisheye(_) => "`fisheye`",
+        }
+    }
+
     /// Whether another lens has the same formula.
     pub fn is_kind_of(&self, other: &Self) -> bool {
         std::mem::discriminant(self) == std::mem::discriminant(other)

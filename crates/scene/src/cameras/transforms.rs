@@ -49,7 +49,7 @@ const MODELS: [&str; 5] = ["PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL
 const RATIONAL: &str = "FULL_OPENCV";
 const FISHEYE: &str = "OPENCV_FISHEYE";
 /// What a path may lack.
-const ENDINGS: [&str; 5] = ["", ".png", ".jpg", ".jpeg", ".exr"];
+const ENDINGS: [&str; 6] = ["", ".png", ".jpg", ".jpeg", ".exr", ".hdr"];
 /// The most columns or rows of an image.
 const LONGEST: f64 = 65535.0;
 
@@ -146,7 +146,7 @@ pub fn read_transforms(folder: &Folder, path: impl AsRef<Path>) -> Result<Camera
     let common: Lens = parsed(&text, &place)?;
     let lenses: Frames<Lens> = parsed(&text, &place)?;
     let (all, own): (Keys, Frames<Keys>) = (parsed(&text, &place)?, parsed(&text, &place)?);
-    let notes =
+    let mut notes =
         keys::notes(&all, &own.frames).map_err(|rule| SceneError::content(place.clone(), rule))?;
     let mut names = BTreeSet::new();
     let views = lenses.frames.into_iter().zip(frames.frames).map(|(lens, frame)| {
@@ -179,7 +179,13 @@ pub fn read_transforms(folder: &Folder, path: impl AsRef<Path>) -> Result<Camera
         }
         Ok(NamedView { name, image, mask, camera })
     });
-    let views = views.collect::<Result<_, _>>()?;
+    let views = views.collect::<Result<Vec<NamedView>, _>>()?;
+    let masked = views.iter().filter(|view| view.mask.is_some()).count();
+    if masked > 0 {
+        let said = format!("the masks that `mask_path` names, {masked}, show where objects are");
+        notes
+            .push(format!("{said}: black is background here, and in nerfstudio it does not count"));
+    }
     Ok(CameraFile { views, notes }.sized(folder))
 }
 

@@ -103,6 +103,9 @@ impl<'a> Beside<'a> {
             }
             Err(error) => return Err(error),
         }
+        for remark in Picture::remarks(bytes, place).unwrap_or_default() {
+            self.notes.add(format!("the image {name}: {remark}"));
+        }
         Ok(Some(self.images.len() - 1))
     }
 }

@@ -8,9 +8,7 @@
 use glam::DVec3;
 
 use crate::mesh::notes::Notes;
-
-/// Positions are far where the largest coordinate is so many times their extent: `f32` would lose 6 bits.
-const FAR: f64 = 64.0;
+use crate::model::far_offset;
 
 /// Positions without their offset.
 #[derive(Debug, Default)]
@@ -21,25 +19,16 @@ pub(super) struct Near {
 
 impl Near {
     /// Those of `positions`; the vertices that are `named` say whether they are far.
-    ///
-    /// The offset is the middle of the extent, rounded to whole numbers that `f32` has, so that formats
-    /// with matrices of `f32` have it, too.
     pub(super) fn of(
         positions: &[[f64; 3]],
         named: impl Iterator<Item = u32>,
         notes: &mut Notes,
     ) -> Self {
         let bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-        let [least, most] = named.fold(bounds, |[least, most], vertex| {
+        let offset = far_offset(named.fold(bounds, |[least, most], vertex| {
             let position = DVec3::from(positions[vertex as usize]);
             [least.min(position), most.max(position)]
-        });
-        let largest = least.abs().max(most.abs()).max_element();
-        let middle = (0.5 * (least + most)).as_vec3().round().as_dvec3();
-        // What is not finite is refused later.
-        let is_finite = [least, most, middle].iter().all(|row| row.is_finite());
-        let is_far = is_finite && largest > FAR * (most - least).max_element();
-        let offset = if is_far { middle } else { DVec3::ZERO };
+        }));
         if offset != DVec3::ZERO {
             notes.add(format!(
                 "positions lie far from the origin: {:?} was taken off them, and what is written has it again",
@@ -76,7 +65,7 @@ mod tests {
 
     #[test]
     fn positions_near_the_origin_stay_as_they_are() {
-        let rows = [[63.0, 0.1, 0.0], [64.0, 0.0, 0.0]];
+        let rows = [[15.0, 0.1, 0.0], [16.0, 0.0, 0.0]];
         let (near, notes) = of(&rows);
         assert_eq!(near.positions, rows.map(|row| row.map(|x| x as f32)));
         assert_eq!((near.offset, notes), (DVec3::ZERO, 0));

@@ -9,13 +9,14 @@
 use std::collections::HashSet;
 use std::fmt::Write as _;
 
+use bokashi_render_ops::TextureBorder;
 use glam::{DMat3, DMat4, DVec3};
 
 use super::check::{check, check_number, place};
 use super::colors::share;
 use super::obj::NO_MATERIAL;
 use crate::error::SceneError;
-use crate::model::{MaterialFile, Model, NO_ROW};
+use crate::model::{Borders, MaterialFile, Model, NO_ROW};
 use crate::picture::{Picture, Samples};
 
 /// The files of a model, which lie side by side.
@@ -101,16 +102,24 @@ impl ObjFiles {
         // Writing to a string cannot fail.
         let _ =
             writeln!(text, "Kd {red} {green} {blue}\nd {opacity}\nPr {roughness}\nPm {metallic}");
+        // MTL has no mirrored images, and one border for both axes.
+        let clamp = |borders: Borders| match borders == [TextureBorder::Clamp; 2] {
+            true => "-clamp on ",
+            false => "",
+        };
         if let Some(picture) = found(material.base_color_image)? {
-            let _ = writeln!(text, "map_Kd {}", image(picture)?);
+            let _ =
+                writeln!(text, "map_Kd {}{}", clamp(material.base_color_borders), image(picture)?);
         }
         if let Some(picture) = found(material.metallic_roughness_image)? {
             for (key, channel) in [("map_Pr", 1), ("map_Pm", 2)] {
-                let _ = writeln!(text, "{key} {}", image(&gray(picture, channel))?);
+                let clamp = clamp(material.metallic_roughness_borders);
+                let _ = writeln!(text, "{key} {clamp}{}", image(&gray(picture, channel))?);
             }
         }
         if let Some(picture) = found(material.normal_image)? {
-            let _ = writeln!(text, "norm -bm {} {}", material.normal_scale, image(picture)?);
+            let (clamp, scale) = (clamp(material.normal_borders), material.normal_scale);
+            let _ = writeln!(text, "norm {clamp}-bm {scale} {}", image(picture)?);
         }
         self.mtl.push_str(&text);
         Ok(())

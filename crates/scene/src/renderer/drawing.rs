@@ -9,7 +9,7 @@ use bokashi_render_ops::{
     RenderError, Sampling, Size, Surface, antialias, composite, depth_of_field, exposure,
     eye_depth, gaussian_blur, interpolate, mark_creases_indexed, rasterize, srgb_encode,
 };
-use glam::DVec3;
+use glam::{DMat4, DVec3};
 
 use super::frame::Frame;
 use super::kept::Kept;
@@ -59,10 +59,11 @@ impl Renderer {
     /// # Errors
     /// [`SceneError::Render`] for meshes or an environment of a size that the engine refuses.
     pub fn new(scene: Arc<Scene>) -> Result<Self, SceneError> {
-        let parts = Parts::of(&scene.objects)?;
+        let frame = Frame::of(&scene);
+        let parts = Parts::of(&scene.objects, frame.origin)?;
         let filter = scene.description.pipeline.texture_filter;
         Ok(Self {
-            frame: Frame::of(&scene),
+            frame,
             looks: LookUp::of(&parts, &scene.objects, filter)?,
             normals: Normals::of(&parts, &scene)?,
             lighting: Lighting::of(&scene)?,
@@ -84,12 +85,12 @@ impl Renderer {
 
     /// The middle of the scene.
     pub(crate) fn center(&self) -> DVec3 {
-        self.frame.center
+        self.frame.origin + self.frame.center
     }
 
     /// The middles of objects in the world.
-    pub(crate) fn middles(&self) -> &[DVec3] {
-        &self.frame.middles
+    pub(crate) fn middles(&self) -> impl Iterator<Item = DVec3> {
+        self.frame.middles.iter().map(|middle| self.frame.origin + middle)
     }
 
     /// The size of a view whose image is made smaller `reduce` times along each axis.
@@ -174,7 +175,8 @@ impl Renderer {
     ) -> Result<Drawn<'t>, FitError> {
         let world = self.parts.world(&self.scene.objects, &self.frame, values)?;
         let at_vertices = self.at_vertices(values, world)?;
-        let camera = self.scene.views[view].camera.scaled(reduce);
+        let mut camera = self.scene.views[view].camera.scaled(reduce);
+        camera.view *= DMat4::from_translation(self.frame.origin);
         let seen = Sight { frame: &self.frame, view, camera }.seen(values)?;
         let fragments = match kept.and_then(|kept| kept.get(key)) {
             Some(still) => still.on(values.tape),
@@ -344,7 +346,7 @@ impl Renderer {
         let positions = interpolate(world, fragments)?;
         let views = eye.try_sub(positions)?;
         let surface = Surface { normals, views, positions: Some(positions) };
-        self.lighting.of_surface(&self.scene, values, &surface, &looks)
+        self.lighting.of_surface(&self.scene, values, self.frame.origin, &surface, &looks)
     }
 
     /// Normals of the surface at the fragments in the world, `[N, 3]`, of any length, without normal maps.

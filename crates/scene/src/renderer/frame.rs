@@ -5,12 +5,18 @@ use bokashi_render_ops::camera::to_tensor;
 use bokashi_render_ops::se3;
 use glam::{DMat4, DVec3};
 
+use crate::model::far_offset;
 use crate::object::Object;
 use crate::scene::Scene;
 use crate::values::Recorded;
 
 /// Measures of a scene as it was loaded.
+///
+/// Where the scene lies far from the origin, it is drawn nearer to it: `origin` is taken off all that has a place, so
+/// that numbers of `f32` keep their bits.
 pub(super) struct Frame {
+    pub(super) origin: DVec3,
+    /// Without the origin, as are `middles`.
     pub(super) center: DVec3,
     pub(super) radius: f64,
     pub(super) near: f64,
@@ -22,14 +28,17 @@ pub(super) struct Frame {
 impl Frame {
     pub(super) fn of(scene: &Scene) -> Self {
         let (center, radius) = scene.ball();
+        let origin = far_offset([center - radius, center + radius]);
         let pipeline = &scene.description.pipeline;
         let middle = |object: &Object| object.extent().map_or(center, |[a, b]| 0.5 * (a + b));
+        let middles = scene.objects.iter().map(|object| middle(object) - origin);
         Self {
-            center,
+            origin,
+            center: center - origin,
             radius,
             near: pipeline.near.map_or(2e-3 * radius, |near| near.0),
             far: pipeline.far.map_or(f64::INFINITY, |far| far.0),
-            middles: scene.objects.iter().map(middle).collect(),
+            middles: middles.collect(),
         }
     }
 

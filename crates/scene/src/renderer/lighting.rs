@@ -1,6 +1,9 @@
 //! From surfaces to light.
 
+use bokashi_core::Tensor;
+use bokashi_fit::FitError;
 use bokashi_render_ops::{Environment, Light, Material, Prefilter, Surface, shade};
+use glam::DVec3;
 
 use super::looks::Looks;
 use crate::description::{Finite, LightEntry, NotNegative, SurfaceModel};
@@ -33,11 +36,12 @@ impl Lighting {
         self.model != SurfaceModel::Unlit
     }
 
-    /// What a lit surface sends to the eye, `[N, 3]`.
+    /// What a lit surface sends to the eye, `[N, 3]`. `origin` was taken off places in the world.
     pub(super) fn of_surface<'t>(
         &self,
         scene: &Scene,
         values: &Values<'t, '_>,
+        origin: DVec3,
         surface: &Surface<'t, f32>,
         looks: &Looks<'t>,
     ) -> Recorded<'t> {
@@ -50,7 +54,7 @@ impl Lighting {
                 conserves_energy: false,
             },
         };
-        let lights = lights(scene, values);
+        let lights = lights(scene, values, origin)?;
         let mut light =
             (!lights.is_empty()).then(|| shade(surface, &material, &lights)).transpose()?;
         if let (Some(texels), Some(prefilter)) = (&scene.environment, &self.prefilter) {
@@ -66,23 +70,33 @@ impl Lighting {
     }
 }
 
-fn lights<'t>(scene: &Scene, values: &Values<'t, '_>) -> Vec<Light<'t, f32>> {
+fn lights<'t>(
+    scene: &Scene,
+    values: &Values<'t, '_>,
+    origin: DVec3,
+) -> Result<Vec<Light<'t, f32>>, FitError> {
     let lights = scene.description.lights.iter().enumerate().map(|(at, light)| {
         let color = |own: [NotNegative; 3]| {
             values.triple(&of_object("light", &at.to_string()), own.map(|x| x.0 as f32))
         };
-        let place = |own: [Finite; 3]| {
-            values.triple(&of_object("light_place", &at.to_string()), own.map(|x| x.0 as f32))
-        };
-        match *light {
+        let name = of_object("light_place", &at.to_string());
+        let place = |own: [Finite; 3]| values.triple(&name, own.map(|x| x.0 as f32));
+        let near = |own: DVec3| Tensor::from(own.as_vec3().to_array());
+        Ok(match *light {
             LightEntry::Ambient { color: own } => Light::Ambient { radiance: color(own) },
             LightEntry::Directional { direction, color: own } => {
                 Light::Directional { direction: place(direction), irradiance: color(own) }
             }
             LightEntry::Point { position, color: own } => {
-                Light::Point { position: place(position), intensity: color(own) }
+                let own_place = DVec3::from(position.map(|x| x.0));
+                let position = match values.learnt(&name) {
+                    Some(learnt) if origin == DVec3::ZERO => learnt,
+                    Some(learnt) => learnt.try_sub(values.tape.constant(&near(origin)))?,
+                    None => values.tape.constant(&near(own_place - origin)),
+                };
+                Light::Point { position, intensity: color(own) }
             }
-        }
+        })
     });
     lights.collect()
 }

@@ -222,7 +222,8 @@ impl Tangents {
                         shown.push(wound.faces()[face].map(row));
                         continue;
                     }
-                    let Some((own, values)) = own.as_ref().filter(|_| is_mapped(object, look)) else {
+                    let Some((own, values)) = own.as_ref().filter(|_| is_mapped(object, look))
+                    else {
                         // No row: filled in below, when their number is known.
                         shown.push([u32::MAX; 3]);
                         continue;

@@ -4,7 +4,7 @@ use bokashi_core::{Tensor, Var};
 use bokashi_fit::FitError;
 use bokashi_render_ops::camera::to_tensor;
 use bokashi_render_ops::{Assembly, Mesh, transform_points};
-use glam::DMat4;
+use glam::{DMat4, DVec3};
 
 use super::frame::Frame;
 use crate::error::SceneError;
@@ -17,6 +17,7 @@ pub(super) struct Part {
     pub(super) object: usize,
     pub(super) is_mirrored: bool,
     pub(super) mesh: Mesh,
+    /// To the world without its origin.
     pub(super) places: Vec<DMat4>,
 }
 
@@ -34,7 +35,9 @@ impl Part {
 }
 
 impl Parts {
-    pub(super) fn of(objects: &[Object]) -> Result<Self, SceneError> {
+    /// Of objects in a world whose `origin` was taken off.
+    pub(super) fn of(objects: &[Object], origin: DVec3) -> Result<Self, SceneError> {
+        let moved = DMat4::from_translation(-origin);
         let mut all = Vec::new();
         for (object, own) in objects.iter().enumerate() {
             for is_mirrored in [false, true] {
@@ -43,6 +46,7 @@ impl Parts {
                     places.filter(|place| (place.determinant() < 0.0) == is_mirrored).collect();
                 if !places.is_empty() {
                     let mesh = wound(&own.mesh, is_mirrored)?;
+                    let places = places.into_iter().map(|place| moved * place).collect();
                     all.push(Part { object, is_mirrored, mesh, places });
                 }
             }

@@ -506,3 +506,47 @@ fn normals_of_the_file_turn_with_a_learnt_pose_and_give_way_where_vertices_are_l
     let learnt = image(&model, &format!("{LIGHT}[learn.vertices]\n"));
     assert_abs_diff_eq!(seen(&learnt, 0.0, 0.0), lit(DVec3::Z), epsilon = 1e-6);
 }
+
+#[test]
+fn faces_without_normals_stand_beside_faces_with_normals_of_their_file() {
+    let mut model = walls([128, 128, 255], &[(0, DMat4::IDENTITY), (0, mirrored_at(2.5))]);
+    let tilted = DVec3::new(0.6, 0.0, 0.8);
+    let wall = &mut model.geometries[0];
+    wall.submeshes = vec![
+        Submesh { material: Some(0), faces: 0..1 },
+        Submesh { material: Some(0), faces: 1..2 },
+    ];
+    let rows = vec![tilted.as_vec3().to_array()];
+    wall.normals = Some(Indexed { rows, faces: vec![[0; 3], [NO_ROW; 3]] });
+    let image = image(&model, LIGHT);
+    assert_abs_diff_eq!(seen(&image, -0.5, -0.5), lit(tilted), epsilon = 1e-6);
+    assert_abs_diff_eq!(seen(&image, 0.5, 0.5), lit(DVec3::Z), epsilon = 1e-6);
+    // In a mirror, the first face is at the right.
+    let turned = DVec3::new(-0.6, 0.0, 0.8);
+    assert_abs_diff_eq!(seen(&image, 3.0, -0.5), lit(turned), epsilon = 1e-6);
+    assert_abs_diff_eq!(seen(&image, 2.0, 0.5), lit(DVec3::Z), epsilon = 1e-6);
+}
+
+fn mirrored_at(x: f64) -> DMat4 {
+    DMat4::from_translation(DVec3::new(x, 0.0, 0.0)) * DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0))
+}
+
+#[test]
+fn tangents_of_one_material_stay_where_another_has_none() {
+    // Along y in the file, and along x by coordinates.
+    let bytes = [228, 128, 200];
+    let [x, y, z] = bytes.map(|byte| 2.0 * f64::from(byte) / 255.0 - 1.0);
+    let mut model = walls(bytes, &[(1, DMat4::IDENTITY)]);
+    let wall = &mut model.geometries[1];
+    wall.submeshes = vec![
+        Submesh { material: Some(1), faces: 0..1 },
+        Submesh { material: Some(1), faces: 1..2 },
+    ];
+    wall.normals = Some(Indexed { rows: vec![[0.0, 0.0, 1.0]], faces: vec![[0; 3]; 2] });
+    let rows = vec![[0.0, 1.0, 0.0, 1.0]];
+    wall.tangents = Some(Indexed { rows, faces: vec![[0; 3], [NO_ROW; 3]] });
+    let image = image(&model, LIGHT);
+    // The bitangent is n x t = -x where the tangent is y.
+    assert_abs_diff_eq!(seen(&image, -0.5, -0.5), lit(DVec3::new(-y, x, z)), epsilon = 1e-6);
+    assert_abs_diff_eq!(seen(&image, 0.5, 0.5), lit(DVec3::new(x, y, z)), epsilon = 1e-6);
+}

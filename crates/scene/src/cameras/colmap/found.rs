@@ -9,7 +9,7 @@ use crate::cameras::camera::NamedView;
 use crate::folder::Folder;
 
 /// The endings of images' names.
-const IMAGES: [&str; 4] = ["png", "jpg", "jpeg", "exr"];
+const IMAGES: [&str; 5] = ["png", "jpg", "jpeg", "exr", "hdr"];
 /// The most folders in folders that are searched for images.
 const DEEPEST: usize = 8;
 /// Images that a note names.

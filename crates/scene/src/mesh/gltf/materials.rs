@@ -202,6 +202,8 @@ fn material_of(
         roughness: surface.roughness_factor.0,
         metallic_roughness_image,
         metallic_roughness_borders: borders[1],
+        lacks_metallic_roughness_image: metallic_roughness_image.is_none()
+            && surface.metallic_roughness_texture.is_some(),
         normal_image,
         normal_borders: borders[2],
         normal_scale: material.normal_texture.as_ref().map_or(1.0, |texture| texture.scale),

@@ -242,6 +242,8 @@ fn material(
         roughness: described.roughness.or(factor(roughness)).unwrap_or(1.0),
         metallic_roughness_image,
         metallic_roughness_borders: pair[0].or(pair[1]).unwrap_or_default(),
+        lacks_metallic_roughness_image: (roughness.is_none() && described.roughness_map.is_some())
+            || (metallic.is_none() && described.metallic_map.is_some()),
         normal_image,
         normal_borders: borders(&described.normal_map).unwrap_or_default(),
         normal_scale: described.normal_map.as_ref().map_or(1.0, |map| map.factor),

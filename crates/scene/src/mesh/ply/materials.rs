@@ -74,8 +74,7 @@ impl Materials {
             Ok(())
         })?;
         if let Some((_, written)) = color {
-            let space = beside.options.vertex_color_space.unwrap_or(ColorSpace::Srgb);
-            let linear = colors::linear(colors, written, space, &mut beside.notes);
+            let linear = colors::linear(colors, written, ColorSpace::Srgb, &mut beside.notes);
             for (own, color) in found.iter_mut().zip(linear) {
                 own.color = color;
             }

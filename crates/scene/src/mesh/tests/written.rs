@@ -77,6 +77,7 @@ fn model() -> Model {
         base_color: [0.1, 0.2, 0.3, 0.4],
         base_color_image: Some(1),
         lacks_base_color_image: false,
+        lacks_metallic_roughness_image: false,
         base_color_borders: [TextureBorder::Clamp, TextureBorder::Mirror],
         metallic: 0.25,
         roughness: 0.75,
@@ -227,11 +228,12 @@ fn materials_come_back_from_ply_and_obj() {
     assert_eq!(back.geometries.len(), model.placed.len());
     for (found, placed) in back.geometries.iter().zip(&model.placed) {
         let mesh = &model.geometries[placed.geometry];
-        let materials = |own: &Geometry| -> Vec<_> {
+        let materials = |own: &Geometry, of: &Model| -> Vec<_> {
             let own = own.submeshes.iter();
-            own.map(|k| (k.material.is_some(), k.faces.clone())).collect()
+            let name = |k: usize| of.materials[k].base_color;
+            own.map(|k| (k.material.map(name), k.faces.clone())).collect()
         };
-        assert_eq!(materials(found), materials(mesh));
+        assert_eq!(materials(found, &back), materials(mesh, &model));
         assert_eq!(found.faces, mesh.faces);
         for (found, own) in found.positions.iter().zip(&mesh.positions) {
             let own = glam::Vec3::from(*own).as_dvec3();
