@@ -519,7 +519,8 @@ fn a_mesh_of_a_map_is_drawn_learnt_and_written_as_one_at_the_origin() {
     // The PLY has the coordinates of the file, and the places lead from there.
     let numbers = fs::read_to_string(folder.join("out/numbers.json")).unwrap();
     let numbers: serde_json::Value = serde_json::from_str(&numbers).unwrap();
-    let rows = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
+    let rows =
+        [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
     assert_eq!(numbers["objects"]["far"]["places"], serde_json::json!([rows]));
 }
 

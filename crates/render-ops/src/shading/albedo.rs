@@ -112,7 +112,16 @@ pub(super) fn single<T: Scalar>(mu: T, roughness: T) -> (T, Slopes<T>) {
     (value, [by_x * x_by_mu, by_x * x_by_roughness + by_a * (roughness + roughness)])
 }
 
-/// The same with the factor `(1 - v . h)^5`: E1.
+/// What a lobe loses, `1 - E`, to the last digit: summed in wide numbers, since E is near 1.
+#[inline(always)]
+pub(super) fn lost<T: Scalar>(mu: T, roughness: T) -> T {
+    let (mu, roughness) = (mu.widen(), roughness.widen());
+    let (x, _) = spread(mu, roughness);
+    let a = roughness * roughness;
+    T::narrow(T::Wide::ONE - cubic(SINGLE[0], x, a).0 / cubic(SINGLE[1], x, a).0)
+}
+
+/// The share with the factor `(1 - v . h)^5`: E1.
 #[inline(always)]
 pub(super) fn edge<T: Scalar>(mu: T, roughness: T) -> (T, Slopes<T>) {
     let (x, [x_by_mu, x_by_roughness]) = spread(mu, roughness);

@@ -386,15 +386,27 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
         let lost = shares.above(glass);
         let (of_base, sum) =
             (dot(bars.below, of.base), bars.above[0] + bars.above[1] + bars.above[2]);
-        let mut metallic_bar = -((T::ONE - lost) * of_base);
+        // With s for what is reflected at the surface, metallic moves `above` by s(base) - s(0.04) and `below` by
+        // (s(0.04) - 1) base. Both are near 1 for white surfaces, so their sum is worked out for gradients that are
+        // alike, and what these differ by counts alone: with s(1) = 1, or s(1) = E,
+        // s(base) - s(0.04) + (s(0.04) - 1) base = (1 - base) (E1 - (E - E1) (1 / E - 1) base - s(0.04)), or
+        // -base (1 - E) - 0.04 (E - E1) (1 - base).
+        let one = T::ONE;
+        let spread = shares.single - shares.edge;
         let of_factor = shares.once(glass) * shares.excess;
+        let loss = if CONSERVING { T::ZERO } else { albedo::lost(nv, of.roughness) };
+        let mut metallic_bar = T::ZERO;
         let mut shares_bars = [T::ZERO; 3];
         let mut base_bar = [T::ZERO; 3];
         for c in 0..3 {
             let (base, bar) = (of.base[c], bars.above[c]);
-            // s(base) - s(0.04), without what cancels.
-            let slope = (shares.single - shares.edge) * shares.factor(base) + of_factor;
-            metallic_bar += bar * (base - glass) * slope;
+            let more = (base - glass) * (spread * shares.factor(base) + of_factor);
+            let both = if CONSERVING {
+                (one - base) * (shares.edge - spread * shares.excess * base - lost)
+            } else {
+                -(base * loss + glass * spread * (one - base))
+            };
+            metallic_bar += (bar - bars.below[c]) * more + bars.below[c] * both;
             base_bar[c] = bars.below[c] * of.dielectric * (T::ONE - lost)
                 + shares.pull_back(base, of.metallic * bar, T::ZERO, &mut shares_bars);
         }
