@@ -194,7 +194,8 @@ impl<T: Scalar> Shares<T> {
     fn new(nv: T, roughness: T, compensated: bool) -> Self {
         let (single, single_slopes) = albedo::single(nv, roughness);
         let (edge, edge_slopes) = albedo::edge(nv, roughness);
-        let excess = if compensated { T::ONE / single - T::ONE } else { T::ZERO };
+        // 1 / E - 1, without what cancels.
+        let excess = if compensated { albedo::lost(nv, roughness) / single } else { T::ZERO };
         Self { single, edge, excess, single_slopes, edge_slopes }
     }
 
@@ -389,11 +390,12 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
         // With s for what is reflected at the surface, metallic moves `above` by s(base) - s(0.04) and `below` by
         // (s(0.04) - 1) base. Both are near 1 for white surfaces, so their sum is worked out for gradients that are
         // alike, and what these differ by counts alone: with s(1) = 1, or s(1) = E,
-        // s(base) - s(0.04) + (s(0.04) - 1) base = (1 - base) (E1 - (E - E1) (1 / E - 1) base - s(0.04)), or
-        // -base (1 - E) - 0.04 (E - E1) (1 - base).
+        // s(base) - s(0.04) + (s(0.04) - 1) base = -(1 - base) ((E - E1) x base + 0.04 ((E - E1) K(0.04) + E1 x)),
+        // x = 1 / E - 1, or -base (1 - E) - 0.04 (E - E1) (1 - base).
         let one = T::ONE;
         let spread = shares.single - shares.edge;
         let of_factor = shares.once(glass) * shares.excess;
+        let rest = spread * shares.factor(glass) + shares.edge * shares.excess;
         let loss = if CONSERVING { T::ZERO } else { albedo::lost(nv, of.roughness) };
         let mut metallic_bar = T::ZERO;
         let mut shares_bars = [T::ZERO; 3];
@@ -402,7 +404,7 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
             let (base, bar) = (of.base[c], bars.above[c]);
             let more = (base - glass) * (spread * shares.factor(base) + of_factor);
             let both = if CONSERVING {
-                (one - base) * (shares.edge - spread * shares.excess * base - lost)
+                -((one - base) * (spread * shares.excess * base + glass * rest))
             } else {
                 -(base * loss + glass * spread * (one - base))
             };
