@@ -290,7 +290,8 @@ fn ranks_without_work_are_named() {
 /// other bits.
 #[test]
 fn a_rank_that_sees_other_files_or_settings_is_named_and_all_end() {
-    let changes: [(&str, fn(&Path)); 5] = [
+    type Change = fn(&Path);
+    let changes: [(&str, Change); 5] = [
         ("images/2.png", |folder| fs::write(folder.join("images/2.png"), disk(3)).unwrap()),
         ("`seed`", |folder| change(folder, "[[meshes]]", "[[meshes]]", "seed = 5\n")),
         ("`stop.views_per_step`", |folder| {

@@ -139,6 +139,7 @@ mod tests {
                 indices: Mesh::new(vec![[0, 1, 1], [0, 1, 1]], 2).unwrap(),
             }),
             positions: Tensor::from_flat_fn([4, 3], |k| flat[k]),
+            offset: DVec3::ZERO,
             mesh,
             coordinates: None,
             normals: None,
