@@ -12,10 +12,14 @@
 //! Left out are faces that name a vertex twice, and vertices that no face names. A submesh loses an attribute
 //! with a number that is not finite, or with a normal or a tangent of length 0. A position that is not finite is
 //! an error.
+//!
+//! Submeshes of one material that carry the same attributes are one, in the order in which they come first.
 
 use std::borrow::Cow;
+use std::collections::HashMap;
 use std::collections::hash_map::RandomState;
-use std::hash::BuildHasher;
+use std::hash::{BuildHasher, Hash};
+use std::ops::Range;
 
 use glam::DVec3;
 
@@ -107,13 +111,33 @@ impl Welder {
         let submeshes = submeshes_of_kept(submeshes, &kept);
         let own = (kept.as_slice(), submeshes.as_slice());
         let any = |_: &Submesh| true;
-        let colors = self.attribute(raw.colors, own, any, plain, "colours", notes);
-        let coordinates = self.attribute(raw.coordinates, own, any, plain, "coordinates", notes);
-        let normals = self.attribute(raw.normals, own, any, unit, "normals", notes);
+        let mut colors = checked(raw.colors, own, any, plain, "colours", notes);
+        let mut coordinates = checked(raw.coordinates, own, any, plain, "coordinates", notes);
+        let mut normals = checked(raw.normals, own, any, unit, "normals", notes);
         // The format that has tangents has none without normals.
-        let has_normals =
-            |k: &Submesh| normals.as_ref().is_some_and(|normals| normals.covers(&k.faces));
-        let tangents = self.attribute(raw.tangents, own, has_normals, tangent, "tangents", notes);
+        let has_normals = |k: &Submesh| has_row(&normals, k);
+        let mut tangents = checked(raw.tangents, own, has_normals, tangent, "tangents", notes);
+        let kind = |k: &Submesh| {
+            let vectors = [has_row(&colors, k), has_row(&normals, k), has_row(&tangents, k)];
+            (k.material, vectors, has_row(&coordinates, k))
+        };
+        let kinds = submeshes.iter().map(kind).collect();
+        let (submeshes, order) = joined(submeshes, kinds);
+        let indices = [
+            Some(&mut local),
+            colors.as_mut().map(|own| &mut own.1),
+            coordinates.as_mut().map(|own| &mut own.1),
+            normals.as_mut().map(|own| &mut own.1),
+            tangents.as_mut().map(|own| &mut own.1),
+        ];
+        let is_moved = !order.is_sorted_by_key(|faces| faces.start);
+        for own in indices.into_iter().flatten().filter(|_| is_moved) {
+            *own = order.iter().flat_map(|faces| own[faces.clone()].iter().copied()).collect();
+        }
+        let colors = self.numbered(colors, plain);
+        let coordinates = self.numbered(coordinates, plain);
+        let normals = self.numbered(normals, unit);
+        let tangents = self.numbered(tangents, tangent);
         let (faces, offset) = (local, DVec3::ZERO);
         Ok(Some(Geometry {
             name,
@@ -128,33 +152,13 @@ impl Welder {
         }))
     }
 
-    /// The welded attribute of the faces that are kept. A submesh with a row that can't be mended has none, and
-    /// one that has none of what belongs to it.
-    fn attribute<const N: usize>(
+    /// The welded attribute: each row that faces name once.
+    fn numbered<const N: usize>(
         &mut self,
-        corners: Option<Corners<'_, N>>,
-        (kept, submeshes): (&[bool], &[Submesh]),
-        has_it: impl Fn(&Submesh) -> bool,
+        checked: Option<Checked<'_, N>>,
         mended: impl Fn([f32; N]) -> [f32; N],
-        what: &str,
-        notes: &mut Notes,
     ) -> Option<Indexed<N>> {
-        let Corners { rows, faces } = corners?;
-        let mut faces = of_kept(&faces, kept);
-        for submesh in submeshes {
-            let own = &mut faces[submesh.faces.clone()];
-            if !has_it(submesh) {
-                own.fill([NO_ROW; 3]);
-            }
-            let is_bad = |&row: &u32| {
-                row != NO_ROW && !mended(rows[row as usize]).iter().all(|x| x.is_finite())
-            };
-            if own.as_flattened().iter().any(is_bad) {
-                let why = "a mesh's {} were left out: some are missing, not finite or of length 0";
-                notes.add(why.replace("{}", what));
-                own.fill([NO_ROW; 3]);
-            }
-        }
+        let (rows, faces) = checked?;
         let (named, mut local) = self.pick(rows.len(), &faces);
         if named.is_empty() {
             return None;
@@ -198,6 +202,66 @@ impl Welder {
         let faces = faces.iter().map(|face| face.map(&mut number)).collect();
         (named, faces)
     }
+}
+
+/// Rows of an attribute, and for each face that is kept the rows at its corners.
+type Checked<'a, const N: usize> = (&'a [[f32; N]], Vec<[u32; 3]>);
+
+/// An attribute of the faces that are kept. A submesh with a row that can't be mended has none, and one that has
+/// none of what belongs to it.
+fn checked<'a, const N: usize>(
+    corners: Option<Corners<'a, N>>,
+    (kept, submeshes): (&[bool], &[Submesh]),
+    has_it: impl Fn(&Submesh) -> bool,
+    mended: impl Fn([f32; N]) -> [f32; N],
+    what: &str,
+    notes: &mut Notes,
+) -> Option<Checked<'a, N>> {
+    let Corners { rows, faces } = corners?;
+    let mut faces = of_kept(&faces, kept);
+    for submesh in submeshes {
+        let own = &mut faces[submesh.faces.clone()];
+        if !has_it(submesh) {
+            own.fill([NO_ROW; 3]);
+        }
+        let is_bad =
+            |&row: &u32| row != NO_ROW && !mended(rows[row as usize]).iter().all(|x| x.is_finite());
+        if own.as_flattened().iter().any(is_bad) {
+            let why = "a mesh's {} were left out: some are missing, not finite or of length 0";
+            notes.add(why.replace("{}", what));
+            own.fill([NO_ROW; 3]);
+        }
+    }
+    Some((rows, faces))
+}
+
+fn has_row<const N: usize>(checked: &Option<Checked<'_, N>>, submesh: &Submesh) -> bool {
+    checked.as_ref().is_some_and(|(_, faces)| faces[submesh.faces.start][0] != NO_ROW)
+}
+
+/// The submeshes with those of one kind joined, in the order in which kinds come first; and the faces that then
+/// stand one after another.
+fn joined<K: Copy + Eq + Hash>(
+    submeshes: Vec<Submesh>,
+    kinds: Vec<K>,
+) -> (Vec<Submesh>, Vec<Range<usize>>) {
+    let mut numbers = HashMap::new();
+    let mut all: Vec<(Option<usize>, Vec<Range<usize>>)> = Vec::new();
+    for (submesh, kind) in submeshes.into_iter().zip(kinds) {
+        let number = *numbers.entry(kind).or_insert(all.len());
+        match all.get_mut(number) {
+            Some((_, faces)) => faces.push(submesh.faces),
+            None => all.push((submesh.material, vec![submesh.faces])),
+        }
+    }
+    let mut end = 0;
+    let joined = all.iter().map(|(material, faces)| {
+        let begin = end;
+        end += faces.iter().map(ExactSizeIterator::len).sum::<usize>();
+        Submesh { material: *material, faces: begin..end }
+    });
+    let joined = joined.collect();
+    (joined, all.into_iter().flat_map(|(_, faces)| faces).collect())
 }
 
 /// The faces that are kept.

@@ -114,7 +114,7 @@ pub(super) fn read(
             let piece = of.piece(key, &mut read, buffers, beside);
             pieces.push(piece.map_err(|error| in_mesh(error, number, Some(k)))?);
         }
-        let surface = Surface::from_pieces(pieces);
+        let surface = Surface::from_pieces(&pieces);
         buffers.budget.spend(surface.copies() as u64, size_of::<f32>(), &beside.place())?;
         let name = name(mesh.name.as_deref().unwrap_or_default());
         let welded = surface.weld(name, &mut welder, beside);
@@ -179,26 +179,18 @@ fn corners<'a, const N: usize>(
 }
 
 impl Surface {
-    /// Pieces of one material that carry the same attributes stand side by side, as one submesh.
-    fn from_pieces(mut pieces: Vec<Piece>) -> Self {
-        let mut ranks = HashMap::new();
-        for piece in &pieces {
-            let next = ranks.len();
-            ranks.entry(piece.kind()).or_insert(next);
-        }
-        pieces.sort_by_key(|piece| ranks[&piece.kind()]);
+    fn from_pieces(pieces: &[Piece]) -> Self {
         let mut all = Self::default();
-        for own in pieces.chunk_by(|a, b| a.kind() == b.kind()) {
+        for piece in pieces {
+            let Piece { faces, positions, normals, tangents, colors, coordinates, .. } = piece;
             let begin = all.positions.faces.len();
-            for Piece { faces, positions, normals, tangents, colors, coordinates, .. } in own {
-                all.positions.add(Some(positions), faces);
-                all.normals.add(normals.as_ref(), faces);
-                all.tangents.add(tangents.as_ref(), faces);
-                all.colors.add(colors.as_ref(), faces);
-                all.coordinates.add(coordinates.as_ref(), faces);
-            }
+            all.positions.add(Some(positions), faces);
+            all.normals.add(normals.as_ref(), faces);
+            all.tangents.add(tangents.as_ref(), faces);
+            all.colors.add(colors.as_ref(), faces);
+            all.coordinates.add(coordinates.as_ref(), faces);
             let faces = begin..all.positions.faces.len();
-            all.submeshes.push(Submesh { material: own[0].material, faces });
+            all.submeshes.push(Submesh { material: piece.material, faces });
         }
         all
     }
@@ -231,15 +223,6 @@ impl Surface {
             tangents: corners(&tangents, &self.tangents),
         };
         welder.weld(raw, &beside.place(), &mut beside.notes)
-    }
-}
-
-impl Piece {
-    /// What pieces of one submesh have in common: the material, and which attributes they carry.
-    fn kind(&self) -> (Option<usize>, [bool; 4]) {
-        let Self { material, normals, tangents, colors, coordinates, .. } = self;
-        let vectors = [normals.is_some(), tangents.is_some(), colors.is_some()];
-        (*material, [vectors[0], vectors[1], vectors[2], coordinates.is_some()])
     }
 }
 

@@ -268,8 +268,7 @@ impl Parts {
         Ok(())
     }
 
-    /// The parts of each surface. Objects that name the same vertices are one, since they would tear apart;
-    /// of a surface, parts of one material stand side by side.
+    /// The parts of each surface. Objects that name the same vertices are one, since they would tear apart.
     pub(super) fn surfaces(&self, notes: &mut Notes) -> Vec<Vec<&Part>> {
         let objects = self.list.last().map_or(0, |part| part.object + 1);
         // The least of all objects that share vertices stands at the end of a chain.
@@ -295,18 +294,12 @@ impl Parts {
                 None => surfaces.push(vec![part]),
             }
         }
-        for parts in &mut surfaces {
+        for parts in &surfaces {
             let others = parts.iter().map(|part| part.object).collect::<HashSet<_>>().len() - 1;
             notes.count(
                 "an object shares vertices with another one, and became one mesh with it",
                 others,
             );
-            let mut ranks = HashMap::new();
-            for part in parts.iter() {
-                let next = ranks.len();
-                ranks.entry(part.material).or_insert(next);
-            }
-            parts.sort_by_key(|part| ranks[&part.material]);
         }
         surfaces
     }
@@ -321,22 +314,13 @@ impl Parts {
     ) -> Raw<'a> {
         let mut submeshes: Vec<Submesh> = Vec::with_capacity(parts.len());
         let mut faces = [const { Vec::new() }; 4];
-        let (mut end, mut carried) = (0, [false; 4]);
+        let mut end = 0;
         for part in parts {
             let material = part.material.and_then(|material| materials[material]);
             let begin = end;
             end += part.faces[0].len();
-            let own = self.whole(part, notes);
-            let carries = own.map(|own| own.is_some());
-            // Those of several objects may be alike.
-            match submeshes.last_mut() {
-                Some(last) if last.material == material && carried == carries => {
-                    last.faces.end = end;
-                }
-                _ => submeshes.push(Submesh { material, faces: begin..end }),
-            }
-            carried = carries;
-            for (all, own) in faces.iter_mut().zip(own) {
+            submeshes.push(Submesh { material, faces: begin..end });
+            for (all, own) in faces.iter_mut().zip(self.whole(part, notes)) {
                 all.push(own);
             }
         }

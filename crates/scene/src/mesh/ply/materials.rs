@@ -7,8 +7,6 @@
 //!   comment's image, or -1. `material_index` of a face is the number of a row, or -1. Our own files are so; the
 //!   names are Turk's, beside the two of glTF.
 
-use std::collections::HashMap;
-
 use super::header::{Element, Header};
 use super::rows::{Named, Rows};
 use crate::error::SceneError;
@@ -128,8 +126,8 @@ impl Materials {
     }
 }
 
-/// The order of faces that brings those of one material together, as they come first, and the submeshes then.
-/// `numbers` has the material of each face; where it is empty all faces have the first of `count` materials.
+/// The submeshes of faces: those of one material in a row. `numbers` has the material of each face; where it is empty
+/// all faces have the first of `count` materials.
 ///
 /// # Errors
 /// The rule that a number breaks.
@@ -137,29 +135,21 @@ pub(super) fn submeshes(
     numbers: &[u32],
     faces: usize,
     count: usize,
-) -> Result<(Option<Vec<usize>>, Vec<Submesh>), String> {
+) -> Result<Vec<Submesh>, String> {
     if numbers.is_empty() {
-        let material = (count > 0).then_some(0);
-        return Ok((None, vec![Submesh { material, faces: 0..faces }]));
+        return Ok(vec![Submesh { material: (count > 0).then_some(0), faces: 0..faces }]);
     }
     let is_beyond = |&&number: &&u32| number != NO_MATERIAL && number as usize >= count;
     if let Some(number) = numbers.iter().find(is_beyond) {
         let rule = format!("the file has {count} materials, numbered from 0 on");
         return Err(format!("{rule}, and a face names number {number}"));
     }
-    let mut ranks = HashMap::new();
-    for &number in numbers {
-        let next = ranks.len();
-        ranks.entry(number).or_insert(next);
-    }
-    let mut order: Vec<usize> = (0..faces).collect();
-    order.sort_by_key(|&face| ranks[&numbers[face]]);
-    let mut submeshes: Vec<Submesh> = Vec::with_capacity(ranks.len());
-    for own in order.chunk_by(|&a, &b| numbers[a] == numbers[b]) {
-        let begin = submeshes.last().map_or(0, |last| last.faces.end);
-        let number = numbers[own[0]];
-        let material = (number != NO_MATERIAL).then_some(number as usize);
-        submeshes.push(Submesh { material, faces: begin..begin + own.len() });
-    }
-    Ok((Some(order), submeshes))
+    let mut end = 0;
+    let own = numbers.chunk_by(|a, b| a == b).map(|own| {
+        let begin = end;
+        end += own.len();
+        let material = (own[0] != NO_MATERIAL).then_some(own[0] as usize);
+        Submesh { material, faces: begin..end }
+    });
+    Ok(own.collect())
 }

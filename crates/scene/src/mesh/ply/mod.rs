@@ -117,7 +117,7 @@ pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Model, Scene
         }
         contents.materials.clear();
     }
-    let submeshes = contents.sort(model.materials.len());
+    let submeshes = contents.submeshes(model.materials.len());
     let submeshes = submeshes.map_err(|found| SceneError::content(beside.place(), found))?;
     let raw = contents.raw(submeshes, beside.options.weld.unwrap_or(true));
     let geometry = Welder::default().weld(raw, &beside.place(), &mut beside.notes)?;
@@ -350,20 +350,12 @@ impl Contents {
         Ok(())
     }
 
-    /// Brings faces of one material together. `count` is the number of materials.
-    fn sort(&mut self, count: usize) -> Result<Vec<Submesh>, String> {
+    /// The submeshes; `count` is the number of materials.
+    fn submeshes(&mut self, count: usize) -> Result<Vec<Submesh>, String> {
         if !self.materials.is_empty() {
             self.materials.resize(self.faces.len(), NO_MATERIAL);
         }
-        let (order, submeshes) = submeshes(&self.materials, self.faces.len(), count)?;
-        if let Some(order) = order {
-            for own in [&mut self.faces, &mut self.corner_faces, &mut self.polygon_faces] {
-                if !own.is_empty() {
-                    *own = order.iter().map(|&face| own[face]).collect();
-                }
-            }
-        }
-        Ok(submeshes)
+        submeshes(&self.materials, self.faces.len(), count)
     }
 
     fn raw(&self, submeshes: Vec<Submesh>, is_welded: bool) -> Raw<'_> {
