@@ -270,8 +270,13 @@ mod tests {
         // Its PLY names it, learnt or not.
         assert!(written.contains(&out.join("b-texture.png")));
         let folder = Folder::new(&out).unwrap();
-        let model = read_model(&folder, "b.ply").unwrap();
-        assert_eq!((model.images.len(), model.materials.len()), (1, 1), "{:?}", model.notes);
+        for name in ["a", "b"] {
+            let model = read_model(&folder, &format!("{name}.ply")).unwrap();
+            assert_eq!((model.images.len(), model.materials.len()), (1, 1), "{:?}", model.notes);
+            let file = format!("{name}-texture.png");
+            let bytes = fs::read(out.join(&file)).unwrap();
+            assert_eq!(model.images[0], Picture::decode(&bytes, &Place::of(&file)).unwrap());
+        }
         let names = scene.result_names();
         assert!(
             written.iter().all(|file| names.contains(&file.strip_prefix(&out).unwrap().into()))
