@@ -271,7 +271,7 @@ mod tests {
         assert!(written.contains(&out.join("b-texture.png")));
         let folder = Folder::new(&out).unwrap();
         for name in ["a", "b"] {
-            let model = read_model(&folder, &format!("{name}.ply")).unwrap();
+            let model = read_model(&folder, format!("{name}.ply")).unwrap();
             assert_eq!((model.images.len(), model.materials.len()), (1, 1), "{:?}", model.notes);
             let file = format!("{name}-texture.png");
             let bytes = fs::read(out.join(&file)).unwrap();
