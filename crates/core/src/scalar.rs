@@ -32,6 +32,8 @@ pub trait Scalar:
     const ZERO: Self;
     /// One.
     const ONE: Self;
+    /// Whether the processor has vectors of these numbers: kernels are then compiled for them, too.
+    const HAS_VECTORS: bool = false;
     /// The type for long sums and for geometry that decides coverage: twice the digits for
     /// `f32`, the type itself otherwise.
     type Wide: Scalar<Wide = Self::Wide>;
@@ -108,6 +110,7 @@ macro_rules! scalar {
         impl Scalar for $t {
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
+            const HAS_VECTORS: bool = true;
             type Wide = $wide;
 
             fn from_f64(value: f64) -> Self {

@@ -148,7 +148,7 @@ impl<'a, T: Scalar> Convolution<'a, T> {
         out: &mut [T],
         slope: &mut [T],
     ) {
-        pulp::Arch::new().dispatch(BandWork {
+        crate::dispatch::dispatch::<T, _>(BandWork {
             convolution: self,
             image,
             from,

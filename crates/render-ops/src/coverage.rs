@@ -6,6 +6,8 @@
 
 use std::ops::Range;
 
+use bokashi_core::Scalar;
+
 use crate::boundary::{Boundary, BoundaryCounts};
 use crate::error::RenderError;
 use crate::mesh::Mesh;
@@ -182,7 +184,7 @@ impl Coverage {
     /// fragments, and their entries of `entries`. Each fragment has as many entries. Bands may be
     /// worked on at the same time.
     #[inline(always)]
-    pub(crate) fn for_each_slot_mut<T: Send>(
+    pub(crate) fn for_each_slot_mut<T: Scalar>(
         &self,
         entries: &mut [T],
         work: impl Fn(&Runs, usize, Range<usize>, &mut [T]) + Sync,
@@ -193,7 +195,7 @@ impl Coverage {
             let (entries, others) = rest.split_at_mut(runs.count * width);
             rest = others;
             runs.for_each_band_mut(width, entries, |slots, first, entries| {
-                pulp::Arch::new().dispatch(
+                crate::dispatch::dispatch::<T, _>(
                     #[inline(always)]
                     || {
                         for slot in slots {

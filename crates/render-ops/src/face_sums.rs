@@ -202,7 +202,7 @@ impl Layout<'_> {
         emit: &mut impl FnMut(usize, &[T; N]),
     ) {
         let runs = self.runs;
-        pulp::Arch::new().dispatch(
+        crate::dispatch::dispatch::<T, _>(
             #[inline(always)]
             || {
                 let mut rest = entries;
@@ -285,7 +285,7 @@ impl Layout<'_> {
             many_narrow.resize(length, T::ZERO);
             (many.as_mut_slice(), many_narrow.as_mut_slice())
         };
-        pulp::Arch::new().dispatch(
+        crate::dispatch::dispatch::<T, _>(
             #[inline(always)]
             || {
                 let mut rest = entries;

@@ -116,7 +116,7 @@ fn halve<T: Scalar, const N: usize>(
     let length = columns * channels;
     let rows_per_piece = (TEXELS_PER_PIECE / columns).max(1);
     for_each_piece_mut(coarse, rows_per_piece * length, |piece, coarse| {
-        pulp::Arch::new().dispatch(
+        crate::dispatch::dispatch::<T, _>(
             #[inline(always)]
             || {
                 // Moved, so that the closure can run only once and is inlined here.
@@ -180,7 +180,7 @@ fn spread<T: Scalar, const N: usize>(
     let length = width * channels;
     let rows_per_piece = (TEXELS_PER_PIECE / width).max(1);
     for_each_piece_mut(fine_bar, rows_per_piece * length, |piece, fine_bar| {
-        pulp::Arch::new().dispatch(
+        crate::dispatch::dispatch::<T, _>(
             #[inline(always)]
             || {
                 // Moved, so that the closure can run only once and is inlined here.

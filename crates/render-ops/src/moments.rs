@@ -29,7 +29,7 @@ pub(crate) fn piece_moments<T: Scalar, const N: usize>(
 ) -> [[T::Wide; 4]; N] {
     // By columns: the gradient of a point is a vector of four, which a number multiplies.
     let mut columns = [[T::Wide::ZERO; 4]; 4];
-    pulp::Arch::new().dispatch(
+    crate::dispatch::dispatch::<T, _>(
         #[inline(always)]
         || {
             for (p, bar) in points.iter().zip(bars) {

@@ -147,7 +147,7 @@ impl<T: Scalar> Op<T> for Project<T::Wide> {
         let (positions, clip) = (inputs.data(0), outputs.push([inputs.shape(0)[0], 4]));
         for_each_piece_mut(clip, 4 * POINTS_PER_PIECE, |piece, clip| {
             let positions = &positions.as_chunks::<3>().0[piece * POINTS_PER_PIECE..];
-            pulp::Arch::new().dispatch(
+            crate::dispatch::dispatch::<T, _>(
                 #[inline(always)]
                 || {
                     for (p, clip) in positions.iter().zip(clip.as_chunks_mut::<4>().0) {
@@ -195,7 +195,7 @@ impl<T: Scalar> Op<T> for Project<T::Wide> {
             let entries = positions_bar.entries();
             for_each_piece_mut(entries, 3 * POINTS_PER_PIECE, |piece, entries| {
                 let rows = &clip_bar.as_chunks::<4>().0[piece * POINTS_PER_PIECE..];
-                pulp::Arch::new().dispatch(
+                crate::dispatch::dispatch::<T, _>(
                     #[inline(always)]
                     || {
                         for (p_bar, clip_bar) in entries.as_chunks_mut::<3>().0.iter_mut().zip(rows)

@@ -155,7 +155,7 @@ impl<T: Scalar> Op<T> for ProjectInstances<T::Wide> {
             let first = piece * POINTS_PER_PIECE;
             for_each_instance(first..first + clip.len(), vertices, |instance, own, place| {
                 let a = products[instance];
-                pulp::Arch::new().dispatch(
+                crate::dispatch::dispatch::<T, _>(
                     #[inline(always)]
                     || {
                         for (p, clip) in points[own].iter().zip(&mut clip[place]) {
@@ -268,7 +268,7 @@ fn add_positions_bar<T: Scalar>(
     block: &mut [[T; 3]],
 ) {
     let mut sums = [[T::Wide::ZERO; 3]; POINTS_PER_BLOCK];
-    pulp::Arch::new().dispatch(
+    crate::dispatch::dispatch::<T, _>(
         #[inline(always)]
         || {
             for (instance, a) in products.iter().enumerate() {

@@ -110,7 +110,7 @@ impl<T: Scalar> SquaredError<T> {
         let mut total = T::Wide::ZERO;
         let work = |slots: Range<usize>, first: usize, own: &mut [T]| {
             let x = &x_own[first * channels..][..own.len()];
-            pulp::Arch::new().dispatch(
+            crate::dispatch::dispatch::<T, _>(
                 #[inline(always)]
                 || {
                     let mut at = 0;

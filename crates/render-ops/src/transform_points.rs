@@ -61,7 +61,7 @@ impl<T: Scalar> Op<T> for TransformPoints {
         let out = outputs.push(inputs.shape(0));
         for_each_piece_mut(out, 3 * POINTS_PER_PIECE, |piece, out| {
             let points = &points.as_chunks::<3>().0[piece * POINTS_PER_PIECE..];
-            pulp::Arch::new().dispatch(
+            crate::dispatch::dispatch::<T, _>(
                 #[inline(always)]
                 || {
                     for (p, out) in points.iter().zip(out.as_chunks_mut::<3>().0) {
@@ -92,7 +92,7 @@ impl<T: Scalar> Op<T> for TransformPoints {
             let m = matrix::of_entries(kept.input(1));
             for_each_piece_mut(points_bar.entries(), 3 * POINTS_PER_PIECE, |piece, entries| {
                 let bars = &bars.as_chunks::<3>().0[piece * POINTS_PER_PIECE..];
-                pulp::Arch::new().dispatch(
+                crate::dispatch::dispatch::<T, _>(
                     #[inline(always)]
                     || {
                         for (p_bar, bar) in entries.as_chunks_mut::<3>().0.iter_mut().zip(bars) {

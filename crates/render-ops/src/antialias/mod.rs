@@ -442,7 +442,7 @@ impl<T: Scalar> Silhouettes<'_, T> {
             let OfSlot { face, counts, .. } = self.outlines.of_slot[slot];
             (face, counts)
         };
-        dispatch_256(
+        dispatch_256::<T, _>(
             #[inline(always)]
             || {
                 neighbors.for_each_pair(

@@ -123,7 +123,14 @@ impl<T: Scalar> Ladder<T> {
                     let convolution = self.convolution(rung, shape);
                     convolution.rows(image, 0, band * rows, memory, blurred, &mut []);
                     let sharp = image_rows;
-                    pulp::Arch::new().dispatch(Mix { places, rung, sharp, blurred, out, slopes });
+                    crate::dispatch::dispatch::<T, _>(Mix {
+                        places,
+                        rung,
+                        sharp,
+                        blurred,
+                        out,
+                        slopes,
+                    });
                 }
             });
             // From places to sigmas.
@@ -172,7 +179,7 @@ impl<T: Scalar> Ladder<T> {
                     }
                     let b_bar = &b_bar[seen.start * row..seen.end * row];
                     weighted.resize(b_bar.len(), T::ZERO);
-                    pulp::Arch::new().dispatch(Weigh { places, rung, b_bar, weighted });
+                    crate::dispatch::dispatch::<T, _>(Weigh { places, rung, b_bar, weighted });
                     convolution.rows(weighted, seen.start, first, memory, blurred, &mut []);
                     for (to, &blurred) in image_bar.iter_mut().zip(&*blurred) {
                         *to += blurred;

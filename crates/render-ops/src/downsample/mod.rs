@@ -126,7 +126,7 @@ impl<T: Scalar> Op<T> for Downsample {
         for_each_piece_mut(out, per_piece * out_row, |piece, out| {
             let (first, lines) = (piece * per_piece, Lines { window, width, channels });
             bands.with(|band| {
-                pulp::Arch::new().dispatch(Gather { lines, rows, image, first, band, out });
+                crate::dispatch::dispatch::<T, _>(Gather { lines, rows, image, first, band, out });
             });
         });
         Ok(())
@@ -154,13 +154,15 @@ impl<T: Scalar> Op<T> for Downsample {
         for_each_piece_mut(spread, per_piece * row, |piece, spread| {
             let (first, lines) = (piece * per_piece, Lines { window, width, channels });
             let from = &out_bar[first * out_row..];
-            bands.with(|band| pulp::Arch::new().dispatch(Spread { lines, from, band, spread }));
+            bands.with(|band| {
+                crate::dispatch::dispatch::<T, _>(Spread { lines, from, band, spread })
+            });
         });
         let (entries, fresh) = image_bar.entries_or_fresh();
         let per_piece = (PIECE / row).max(1);
         for_each_piece_mut(entries, per_piece * row, |piece, entries| {
             let first = piece * per_piece;
-            pulp::Arch::new().dispatch(Add { by_row, spread, first, row, fresh, entries });
+            crate::dispatch::dispatch::<T, _>(Add { by_row, spread, first, row, fresh, entries });
         });
     }
 

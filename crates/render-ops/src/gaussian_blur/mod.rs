@@ -222,7 +222,7 @@ fn dot<T: Scalar>(a: &[T], b: &[T], sums: &mut Vec<T::Wide>) -> T::Wide {
     sums.resize(a.len().div_ceil(PRODUCTS), T::Wide::ZERO);
     for_each_item_mut(sums, |k, sum| {
         let range = k * PRODUCTS..a.len().min((k + 1) * PRODUCTS);
-        *sum = pulp::Arch::new().dispatch(Dot(&a[range.clone()], &b[range]));
+        *sum = crate::dispatch::dispatch::<T, _>(Dot(&a[range.clone()], &b[range]));
     });
     sums.iter().copied().sum()
 }

@@ -241,7 +241,14 @@ impl<T: Scalar> Canvas<T> {
             }
         }
         let touched = [left as usize, right as usize + 1];
-        pulp::Arch::new().dispatch(DrawSpans { canvas: self, view, face, touched, ys, local });
+        crate::dispatch::dispatch::<T, _>(DrawSpans {
+            canvas: self,
+            view,
+            face,
+            touched,
+            ys,
+            local,
+        });
     }
 
     /// Draws the layer behind `front` into the band of `rows`.
@@ -269,7 +276,7 @@ impl<T: Scalar> Canvas<T> {
         let Self { search, bands, weights, slot_of, .. } = self;
         let Band { pieces, piece_fragments, .. } = &mut bands[at];
         let first = rows.start * view.size.width;
-        dispatch_256(
+        dispatch_256::<T, _>(
             #[inline(always)]
             || search.run(&BandFaces { view, rows, faces, weights }, pieces),
         );

@@ -320,7 +320,7 @@ impl<T: Scalar> Op<T> for Rasterize {
         let view = &visibility.drawn(&self.mesh, self.options);
         let of_bands = visibility.bands().map(|band| (2 * band.runs.count, band));
         let rest = fill_parts(barycentrics, of_bands, are_shared, |barycentrics, &band| {
-            pulp::Arch::new().dispatch(Weigh { view, band, barycentrics });
+            crate::dispatch::dispatch::<T, _>(Weigh { view, band, barycentrics });
         });
         if let Some(weights) = weights {
             let copy = |own: &mut [T], part: &&[T]| own.copy_from_slice(part);

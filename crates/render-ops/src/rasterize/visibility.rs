@@ -81,7 +81,7 @@ impl<T: Scalar> Visibility<T> {
         resize(&mut self.corners, count, || Corner::of(&[T::ZERO; 4], 0, size));
         for_each_piece_mut(&mut self.corners, ITEMS_PER_PIECE, |piece, corners| {
             let first = piece * ITEMS_PER_PIECE;
-            dispatch_256(
+            dispatch_256::<T, _>(
                 #[inline(always)]
                 || {
                     for (index, corner) in (first as u32..).zip(corners) {
@@ -103,7 +103,7 @@ impl<T: Scalar> Visibility<T> {
         let most_noise = most_rounding(corners, options.size);
         for_each_piece_mut(verdicts, ITEMS_PER_PIECE, |piece, verdicts| {
             let faces = &mesh.faces()[piece * ITEMS_PER_PIECE..];
-            dispatch_256(
+            dispatch_256::<T, _>(
                 #[inline(always)]
                 || {
                     let (options, most_noise) = (options, most_noise);
@@ -138,7 +138,7 @@ impl<T: Scalar> Visibility<T> {
         let count = faces.len().min(if threads > 1 { threads * CANVASES_PER_THREAD } else { 1 });
         canvases.resize_with(count, Canvas::default);
         for_each_item_mut(&mut canvases, |first, canvas| {
-            dispatch_256(Draw { canvas, view: &view, faces, first, step: count });
+            dispatch_256::<T, _>(Draw { canvas, view: &view, faces, first, step: count });
         });
         self.canvases = canvases;
     }

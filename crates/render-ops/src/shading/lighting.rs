@@ -105,6 +105,19 @@ impl<T: Scalar, M> Lighting<'_, T, M> {
         }
     }
 
+    /// [`Lighting::pull_back`] of all gradients.
+    #[inline(never)]
+    pub(super) fn pull_back_all<const K: usize>(
+        &self,
+        upstream: &Column<'_, T>,
+        rows: Range<usize>,
+        written: &mut Written<'_, T>,
+    ) where
+        M: Model<K>,
+    {
+        self.pull_back::<K, true>(upstream, rows, written);
+    }
+
     /// The gradients of a block's rows; what has no rows is added to the sums of the piece.
     #[inline(always)]
     fn pull_back_block<const K: usize, const GEOMETRY: bool>(

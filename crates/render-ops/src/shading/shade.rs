@@ -19,6 +19,7 @@ use super::material::Material;
 use super::matt::{BlinnPhong, Lambert, Phong};
 use super::metallic_roughness::MetallicRoughness;
 use super::model::Model;
+use crate::dispatch::{dispatch_256, dispatch_special};
 use crate::error::RenderError;
 
 /// The radiance that reaches the eye from `surface`, made of `material`, in the light of `lights`:
@@ -185,7 +186,7 @@ impl<T: Scalar, M: Model<K>, const K: usize> Op<T> for Shade<M, K> {
         let lighting = self.lighting(count, |i| inputs.shape(i), |i| inputs.data(i));
         let is_refused = AtomicBool::new(false);
         for_each_piece_mut(outputs.push([count, 3]), 3 * PIECE, |piece, out| {
-            let is_good = pulp::Arch::new().dispatch(
+            let is_good = dispatch_256::<T, _>(
                 #[inline(always)]
                 || {
                     let blocks = out.chunks_mut(3 * BLOCK).zip((piece * PIECE..).step_by(BLOCK));
@@ -242,15 +243,20 @@ impl<T: Scalar, M: Model<K>, const K: usize> Op<T> for Shade<M, K> {
             &Column { entries: kept.only_upstream(), first: 0, width: 3, is_uniform: false };
         let has_geometry = self.has_geometry(gradients);
         for_each_piece(0..count, written, &|rows, mut written| {
+            // Where there are no vectors, all gradients are found, whether they are wanted or not.
             if has_geometry {
-                pulp::Arch::new().dispatch(
+                dispatch_special::<T, _, _>(
+                    (rows, &mut written),
                     #[inline(always)]
-                    || lighting.pull_back::<K, true>(upstream, rows, &mut written),
+                    |(rows, written)| lighting.pull_back::<K, true>(upstream, rows, written),
+                    |(rows, written)| lighting.pull_back_all(upstream, rows, written),
                 );
             } else {
-                pulp::Arch::new().dispatch(
+                dispatch_special::<T, _, _>(
+                    (rows, &mut written),
                     #[inline(always)]
-                    || lighting.pull_back::<K, false>(upstream, rows, &mut written),
+                    |(rows, written)| lighting.pull_back::<K, false>(upstream, rows, written),
+                    |(rows, written)| lighting.pull_back_all(upstream, rows, written),
                 );
             }
         });

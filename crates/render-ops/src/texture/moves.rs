@@ -13,7 +13,7 @@ use super::footprint::Footprint;
 use super::lanes::LANES;
 use super::lookup::Lookup;
 use super::values::Values;
-use crate::dispatch::dispatch_256;
+use crate::dispatch::{dispatch_256, dispatch_special};
 
 /// Samples in one piece of work.
 const SAMPLES_PER_PIECE: usize = 1 << 11;
@@ -90,6 +90,7 @@ pub(super) fn add_moves<T: Scalar, C: Chart<K>, const K: usize, const N: usize, 
 
 /// Adds the gradients of the probes of some samples, from sample `start` on, to those of their
 /// coordinates and of their footprints; not to what is empty.
+#[inline(never)]
 fn pull_back_probes<T: Scalar, C: Chart<K>, const K: usize, const N: usize, const L: usize>(
     values: Values<'_, T, C, K>,
     start: usize,
@@ -97,51 +98,73 @@ fn pull_back_probes<T: Scalar, C: Chart<K>, const K: usize, const N: usize, cons
     coordinates: &mut [T],
     rows: &mut [T],
 ) {
-    dispatch_256(
+    dispatch_special::<T, _, _>(
+        (coordinates, rows),
         #[inline(always)]
-        || {
-            // Moved, so that the closure can run only once and is inlined here.
-            let (coordinates, rows) = (coordinates.as_chunks_mut::<K>().0, rows);
-            let chart = values.lookup.chart;
-            let width = width::<K>(values.lookup.filter.probes());
-            let count = coordinates.len().max(rows.len() / width);
-            values.pull_back::<N, L>(
-                start..start + count,
-                bars,
-                !rows.is_empty(),
-                #[inline(always)]
-                |probes, moves| {
-                    let mut own = [[T::ZERO; LANES]; K];
-                    chart.pull_back_all(&probes.coordinates, probes.count, &moves.at, &mut own);
-                    let first = probes.samples[0] - start;
-                    if width == 1 {
-                        // Each sample has a single probe.
-                        for (i, row) in coordinates.iter_mut().skip(first).take(LANES).enumerate() {
-                            for k in 0..K {
-                                row[k] += own[k][i];
-                            }
-                        }
-                        for (i, level) in rows.iter_mut().skip(first).take(LANES).enumerate() {
-                            *level += moves.levels[i];
-                        }
-                        return;
+        |(coordinates, rows)| add_probes::<T, C, K, N, L>(values, start, bars, coordinates, rows),
+        |(coordinates, rows)| add_probes_by_channel(values, start, bars, coordinates, rows),
+    );
+}
+
+/// [`pull_back_probes`], channel by channel.
+#[inline(never)]
+fn add_probes_by_channel<T: Scalar, C: Chart<K>, const K: usize>(
+    values: Values<'_, T, C, K>,
+    start: usize,
+    bars: &[T],
+    coordinates: &mut [T],
+    rows: &mut [T],
+) {
+    add_probes::<T, C, K, 1, 1>(values, start, bars, coordinates, rows);
+}
+
+#[inline(always)]
+fn add_probes<T: Scalar, C: Chart<K>, const K: usize, const N: usize, const L: usize>(
+    values: Values<'_, T, C, K>,
+    start: usize,
+    bars: &[T],
+    coordinates: &mut [T],
+    rows: &mut [T],
+) {
+    let coordinates = coordinates.as_chunks_mut::<K>().0;
+    let chart = values.lookup.chart;
+    let width = width::<K>(values.lookup.filter.probes());
+    let count = coordinates.len().max(rows.len() / width);
+    values.pull_back::<N, L>(
+        start..start + count,
+        bars,
+        !rows.is_empty(),
+        #[inline(always)]
+        |probes, moves| {
+            let mut own = [[T::ZERO; LANES]; K];
+            chart.pull_back_all(&probes.coordinates, probes.count, &moves.at, &mut own);
+            let first = probes.samples[0] - start;
+            if width == 1 {
+                // Each sample has a single probe.
+                for (i, row) in coordinates.iter_mut().skip(first).take(LANES).enumerate() {
+                    for k in 0..K {
+                        row[k] += own[k][i];
                     }
-                    for i in 0..probes.count {
-                        let n = probes.samples[i] - start;
-                        if let Some(row) = coordinates.get_mut(n) {
-                            for k in 0..K {
-                                row[k] += own[k][i];
-                            }
-                        }
-                        if let Some(row) = rows.get_mut(n * width..(n + 1) * width) {
-                            for k in 0..K {
-                                row[k] += probes.offsets[i] * own[k][i];
-                            }
-                            row[K] += moves.levels[i];
-                        }
+                }
+                for (i, level) in rows.iter_mut().skip(first).take(LANES).enumerate() {
+                    *level += moves.levels[i];
+                }
+                return;
+            }
+            for i in 0..probes.count {
+                let n = probes.samples[i] - start;
+                if let Some(row) = coordinates.get_mut(n) {
+                    for k in 0..K {
+                        row[k] += own[k][i];
                     }
-                },
-            );
+                }
+                if let Some(row) = rows.get_mut(n * width..(n + 1) * width) {
+                    for k in 0..K {
+                        row[k] += probes.offsets[i] * own[k][i];
+                    }
+                    row[K] += moves.levels[i];
+                }
+            }
         },
     );
 }
@@ -201,7 +224,7 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Footprints<'_, T, C, K> {
         let Lookup { differentials: Some(slopes), known: Some(levels), .. } = self.lookup else {
             return;
         };
-        dispatch_256(
+        dispatch_256::<T, _>(
             #[inline(always)]
             || {
                 // Moved, so that the closure can run only once and is inlined here.

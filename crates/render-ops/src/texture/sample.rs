@@ -1,5 +1,7 @@
 //! The operation that looks textures up.
 
+use std::ops::Range;
+
 use bokashi_core::parallel::for_each_piece_mut;
 use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Shape, Var};
 use smallvec::SmallVec;
@@ -12,7 +14,7 @@ use super::moves::{Wanted, add_moves};
 use super::options::{Detail, MOST_PROBES, Sampler, TextureFilter};
 use super::texels::{Terms, TexelSums};
 use super::values::{Level, Values};
-use crate::dispatch::dispatch_256;
+use crate::dispatch::{dispatch_256, dispatch_special};
 use crate::error::RenderError;
 
 /// Samples of a texture at `coordinates: [N, 2]`, in the order (u, v): `[N, C]`.
@@ -318,7 +320,7 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Op<T> for Sample<C, K> {
         if self.kind != Kind::Finest && inputs.any_needs() {
             saved.levels.resize(count, T::ZERO);
             for_each_piece_mut(&mut saved.levels, SAMPLES_PER_PIECE, |piece, levels| {
-                dispatch_256(
+                dispatch_256::<T, _>(
                     #[inline(always)]
                     || {
                         // Moved, so that the closure can run only once and is inlined here.
@@ -426,13 +428,22 @@ fn write<T: Scalar, C: Chart<K>, const K: usize, const N: usize, const L: usize>
     out: &mut [T],
 ) {
     for_each_piece_mut(out, SAMPLES_PER_PIECE * channels, |piece, out| {
-        dispatch_256(
+        let first = piece * SAMPLES_PER_PIECE;
+        dispatch_special::<T, _, _>(
+            (first..first + out.len() / channels, out),
             #[inline(always)]
-            || {
-                // Moved, so that the closure can run only once and is inlined here.
-                let (first, out) = (piece * SAMPLES_PER_PIECE, out);
-                values.write::<N, L>(first..first + out.len() / channels, out);
-            },
+            |(samples, out)| values.write::<N, L>(samples, out),
+            |(samples, out)| write_by_channel(values, samples, out),
         );
     });
+}
+
+/// Writes samples channel by channel.
+#[inline(never)]
+fn write_by_channel<T: Scalar, C: Chart<K>, const K: usize>(
+    values: Values<'_, T, C, K>,
+    samples: Range<usize>,
+    out: &mut [T],
+) {
+    values.write::<1, 1>(samples, out);
 }

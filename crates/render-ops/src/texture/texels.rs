@@ -22,7 +22,7 @@ use super::chart::Chart;
 use super::lanes::{LANES, Lanes};
 use super::lookup::{Lookup, Probes};
 use super::tiles::{Runs, Tiles};
-use crate::dispatch::dispatch_256;
+use crate::dispatch::dispatch_special;
 
 /// A part has at least so many probes.
 const PROBES_PER_PART: usize = 1 << 14;
@@ -172,39 +172,62 @@ impl<T: Scalar> TexelSums<T> {
         pieces: Range<usize>,
         sums: &mut Vec<T::Wide>,
     ) {
-        let &Terms { lookup, level, bars, channels } = terms;
-        let tiles = self.runs.tiles(level);
+        let tiles = self.runs.tiles(terms.level);
         let (texels, width) = (tiles.texels(), tiles.width);
         sums.clear();
         sums.resize(texels * texels * width, T::Wide::ZERO);
-        let runs = self.runs.runs(pieces).peekable();
-        dispatch_256(
+        dispatch_special::<T, _, _>(
+            (pieces, sums.as_mut_slice()),
             #[inline(always)]
-            || {
-                // Moved, so that the closure can run only once and is inlined here.
-                let mut runs = runs;
-                let (mut probes, mut cells) = (Probes::new(), Cells::new());
-                let (mut weights, origin) = (Weights::new(), tiles.origin(tile));
-                while runs.peek().is_some() {
-                    probes.count = 0;
-                    while let Some((first, count)) =
-                        runs.next_if(|(_, count)| probes.count + count <= LANES)
-                    {
-                        lookup.add(&mut probes, first, usize::MAX, count);
-                    }
-                    lookup.settle(&mut probes);
-                    let extents = &lookup.extents[level];
-                    cells.find(&probes.places, 0..probes.count, extents, lookup.rounding());
-                    weights.find(&probes, &cells, level, origin, texels);
-                    let (samples, shape) = (&probes.samples, [texels, width]);
-                    match channels / N {
-                        // Known beforehand, it costs nothing.
-                        1 => weights.add::<T, N, L>(samples, bars, 1, shape, sums),
-                        groups => weights.add::<T, N, L>(samples, bars, groups, shape, sums),
-                    }
-                }
-            },
+            |(pieces, sums)| self.sum_pieces::<C, K, N, L>(terms, tile, pieces, sums),
+            |(pieces, sums)| self.sum_by_channel(terms, tile, pieces, sums),
         );
+    }
+
+    /// Sums channel by channel. Numbers lie where they lie in groups: only a last group of three has a number more.
+    #[inline(never)]
+    fn sum_by_channel<C: Chart<K>, const K: usize>(
+        &self,
+        terms: &Terms<'_, T, C, K>,
+        tile: usize,
+        pieces: Range<usize>,
+        sums: &mut [T::Wide],
+    ) {
+        self.sum_pieces::<C, K, 1, 1>(terms, tile, pieces, sums);
+    }
+
+    #[inline(always)]
+    fn sum_pieces<C: Chart<K>, const K: usize, const N: usize, const L: usize>(
+        &self,
+        terms: &Terms<'_, T, C, K>,
+        tile: usize,
+        pieces: Range<usize>,
+        sums: &mut [T::Wide],
+    ) {
+        let &Terms { lookup, level, bars, channels } = terms;
+        let tiles = self.runs.tiles(level);
+        let (texels, width) = (tiles.texels(), tiles.width);
+        let mut runs = self.runs.runs(pieces).peekable();
+        let (mut probes, mut cells) = (Probes::new(), Cells::new());
+        let (mut weights, origin) = (Weights::new(), tiles.origin(tile));
+        while runs.peek().is_some() {
+            probes.count = 0;
+            while let Some((first, count)) =
+                runs.next_if(|(_, count)| probes.count + count <= LANES)
+            {
+                lookup.add(&mut probes, first, usize::MAX, count);
+            }
+            lookup.settle(&mut probes);
+            let extents = &lookup.extents[level];
+            cells.find(&probes.places, 0..probes.count, extents, lookup.rounding());
+            weights.find(&probes, &cells, level, origin, texels);
+            let (samples, shape) = (&probes.samples, [texels, width]);
+            match channels / N {
+                // Known beforehand, it costs nothing.
+                1 => weights.add::<T, N, L>(samples, bars, 1, shape, sums),
+                groups => weights.add::<T, N, L>(samples, bars, groups, shape, sums),
+            }
+        }
     }
 
     /// Adds the terms of a level to its gradient, `[faces, rows, columns, channels]`.

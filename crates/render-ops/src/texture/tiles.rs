@@ -150,7 +150,7 @@ impl Piece {
     ) {
         let Self { runs, tiles } = self;
         runs.clear();
-        dispatch_256(
+        dispatch_256::<T, _>(
             #[inline(always)]
             || {
                 // Moved, so that the closure can run only once and is inlined here.

@@ -443,7 +443,7 @@ fn sums_of_piece<T: Scalar>(b: &[T], r: &[T], slopes: &[T]) -> [T::Wide; 2] {
         let difference = b[k].widen() - r[k].widen();
         difference * difference
     });
-    [squares, pulp::Arch::new().dispatch(Products { b, r, slopes })]
+    [squares, crate::dispatch::dispatch::<T, _>(Products { b, r, slopes })]
 }
 
 /// `sum_k s_k 2 (b_k - r_k)`, compiled for the vectors that the processor has.

@@ -131,7 +131,7 @@ impl<'a, T: Scalar> Rational<'a, T> {
     ) {
         bench.with(|block| {
             let work = Columns { blur: self, image, strip, task, block, out };
-            pulp::Arch::new().dispatch(work);
+            crate::dispatch::dispatch::<T, _>(work);
         });
     }
 
@@ -145,7 +145,7 @@ impl<'a, T: Scalar> Rational<'a, T> {
     ) {
         bench.with(|block| {
             let work = Rows { blur: self, columns, band, task, block, out };
-            pulp::Arch::new().dispatch(work);
+            crate::dispatch::dispatch::<T, _>(work);
         });
     }
 }

@@ -140,7 +140,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
         let pieces = band.pieces;
         let (mut first, mut first_segment) = (0, 0);
         let of_pixels = pieces.pixels.iter().zip(&pieces.ends).zip(&pieces.segment_ends);
-        dispatch_256(
+        dispatch_256::<T, _>(
             #[inline(always)]
             || {
                 for ((&pixel, &end), &segment_end) in of_pixels {
