@@ -86,7 +86,7 @@ impl Preconditioner {
             let rule = "a lambda from 0 to 1e12".into();
             return Err(TensorError::Value { operation: NAME, rule, value: lambda });
         }
-        let factor = Factor::of(topology, lambda).map_err(|_| {
+        let factor = Factor::of(topology, lambda).ok_or_else(|| {
             let rule = "memory for its factor".into();
             let value = topology.vertex_count() as f64;
             TensorError::Value { operation: NAME, rule, value }
@@ -97,62 +97,90 @@ impl Preconditioner {
 
 #[cfg(feature = "precondition")]
 impl Factor {
-    fn of(topology: &Topology, lambda: f64) -> Result<Self, faer::sparse::linalg::LltError> {
-        use faer::dyn_stack::{MemBuffer, MemStack};
-        use faer::sparse::linalg::cholesky::{
-            CholeskySymbolicParams, SymbolicCholeskyRaw, SymmetricOrdering,
-            factorize_symbolic_cholesky,
-        };
-        use faer::sparse::linalg::{LltError, SupernodalThreshold};
-        use faer::sparse::{CreationError, FaerError, SparseColMat, Triplet};
-        use faer::{Par, Side};
-
+    /// The factor of `I + lambda L`, or none where there is no memory for it.
+    fn of(topology: &Topology, lambda: f64) -> Option<Self> {
         let count = topology.vertex_count();
-        if count == 0 {
-            return Ok(Self { starts: vec![0], ..Self::default() });
+        let order = order_of(topology)?;
+        let mut place = vec![0; count];
+        order.iter().enumerate().for_each(|(k, &vertex)| place[vertex as usize] = k);
+        // Row k of C begins at the entries of A; from each, it goes on along the tree in which the parent of
+        // a column is the first row below its diagonal.
+        let before = |k: usize| {
+            let others = topology.neighbors(order[k] as usize).iter();
+            others.map(|&other| place[other as usize]).filter(move |&other| other < k)
+        };
+        let (mut parent, mut seen) = (vec![usize::MAX; count], vec![usize::MAX; count]);
+        let mut lengths = vec![1; count];
+        for k in 0..count {
+            seen[k] = k;
+            for mut column in before(k) {
+                while seen[column] != k {
+                    if parent[column] == usize::MAX {
+                        parent[column] = k;
+                    }
+                    seen[column] = k;
+                    lengths[column] += 1;
+                    column = parent[column];
+                }
+            }
         }
-        let own = (0..count).map(|vertex| {
-            let degree = topology.neighbors(vertex).len() as f64;
-            Triplet::new(vertex as u32, vertex as u32, 1.0 + lambda * degree)
-        });
-        let edges = topology.edges().iter().map(|&[a, b]| Triplet::new(a, b, -lambda));
-        let triplets: Vec<_> = own.chain(edges).collect();
-        let upper = SparseColMat::<u32, f64>::try_new_from_triplets(count, count, &triplets);
-        let upper = upper.map_err(|error| match error {
-            CreationError::Generic(error) => LltError::Generic(error),
-            _ => LltError::Generic(FaerError::IndexOverflow),
-        })?;
-        // By columns and not by blocks of them: the substitution below reads them so.
-        let parameters = CholeskySymbolicParams {
-            supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SIMPLICIAL,
-            ..CholeskySymbolicParams::default()
-        };
-        let order = SymmetricOrdering::Amd;
-        let symbolic =
-            factorize_symbolic_cholesky(upper.symbolic(), Side::Upper, order, parameters)?;
-        let mut values = vec![0.0; symbolic.len_val()];
-        let memory = symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());
-        let mut memory =
-            MemBuffer::try_new(memory).map_err(|_| LltError::Generic(FaerError::OutOfMemory))?;
-        symbolic.factorize_numeric_llt::<f64>(
-            &mut values,
-            upper.as_ref(),
-            Side::Upper,
-            Default::default(),
-            Par::Seq,
-            MemStack::new(&mut memory),
-            Default::default(),
-        )?;
-        let SymbolicCholeskyRaw::Simplicial(structure) = symbolic.raw() else {
-            unreachable!("it was asked for by columns");
-        };
-        let order = match symbolic.perm() {
-            Some(order) => order.arrays().0.to_vec(),
-            None => (0..count as u32).collect(),
-        };
-        let starts = structure.col_ptr().iter().map(|&start| start as usize).collect();
-        Ok(Self { order, starts, rows: structure.row_idx().to_vec(), values })
+        let mut starts = Vec::with_capacity(count + 1);
+        starts.push(0);
+        lengths.iter().for_each(|length| starts.push(starts[starts.len() - 1] + length));
+        let (mut rows, mut values) = (Vec::new(), Vec::new());
+        rows.try_reserve_exact(starts[count]).ok()?;
+        values.try_reserve_exact(starts[count]).ok()?;
+        rows.resize(starts[count], 0);
+        values.resize(starts[count], 0.0);
+
+        // Row by row: `row` holds what is left of row k of A.
+        let mut ends = starts[..count].to_vec();
+        let (mut row, mut columns) = (vec![0.0; count], Vec::new());
+        seen.fill(usize::MAX);
+        for k in 0..count {
+            seen[k] = k;
+            columns.clear();
+            for mut column in before(k) {
+                row[column] = -lambda;
+                while seen[column] != k {
+                    seen[column] = k;
+                    columns.push(column);
+                    column = parent[column];
+                }
+            }
+            // A parent stands after its children.
+            columns.sort_unstable();
+            let mut own = 1.0 + lambda * topology.neighbors(order[k] as usize).len() as f64;
+            for &column in &columns {
+                let filled = starts[column]..ends[column];
+                let entry = row[column] / values[filled.start];
+                row[column] = 0.0;
+                for at in filled.skip(1) {
+                    row[rows[at] as usize] -= values[at] * entry;
+                }
+                own -= entry * entry;
+                (rows[ends[column]], values[ends[column]]) = (k as u32, entry);
+                ends[column] += 1;
+            }
+            // In exact numbers it is 1 or more.
+            (rows[ends[k]], values[ends[k]]) = (k as u32, own.max(f64::MIN_POSITIVE).sqrt());
+            ends[k] += 1;
+        }
+        Some(Self { order, starts, rows, values })
     }
+}
+
+/// An order of the vertices that keeps the factor sparse: of approximate minimum degree.
+#[cfg(feature = "precondition")]
+fn order_of(topology: &Topology) -> Option<Vec<u32>> {
+    let count = topology.vertex_count();
+    let (mut starts, mut rows) = (vec![0], Vec::new());
+    for vertex in 0..count {
+        rows.extend(topology.neighbors(vertex).iter().map(|&other| other as usize));
+        starts.push(rows.len());
+    }
+    let (order, ..) = amd::order(count, &starts, &rows, &amd::Control::default()).ok()?;
+    Some(order.into_iter().map(|vertex| vertex as u32).collect())
 }
 
 impl Factor {
