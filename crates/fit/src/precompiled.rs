@@ -33,7 +33,9 @@ macro_rules! losses_for_each_precision {
     };
 }
 
-losses_for_each_precision!(f32_losses: f32, f64_losses: f64);
+losses_for_each_precision!(f32_losses: f32);
+#[cfg(feature = "precompiled-f64")]
+losses_for_each_precision!(f64_losses: f64);
 
 fn every_loss<T: Scalar>(x: Var<'_, T>) -> Result<(), FitError> {
     let penalties = [

@@ -49,7 +49,22 @@ macro_rules! for_each_precision {
     };
 }
 
-for_each_precision!(f32_operations: f32, f64_operations: f64);
+for_each_precision!(f32_operations: f32);
+#[cfg(feature = "precompiled-f64")]
+for_each_precision!(f64_operations: f64);
+
+/// What fits of the cube and reports do in `f64`, too.
+pub fn f64_picture(tape: &Tape<f64>) -> Result<(), RenderError> {
+    let x = tape.constant(&Tensor::zeros([]));
+    let mesh = Mesh::new(Vec::new(), 0)?;
+    let clip = project(x, &DMat4::IDENTITY, None)?;
+    let fragments = rasterize(clip, &mesh, Size::square(1))?;
+    let picture = antialias(composite(interpolate(x, &fragments)?, &fragments, Background::Zero)?)?;
+    picture.squared_error(&Reference::new(&x.value(), &x.value())?)?;
+    picture.blurred(gaussian_blur(picture.image()?, x, &Blur::default())?, &Blur::default())?;
+    picture.blurred_squared_error(x, &Blur::default(), &x.value())?;
+    Ok(())
+}
 
 fn every_operation<T: Scalar>(x: Var<'_, T>) -> Result<(), RenderError> {
     let mesh = Mesh::new(Vec::new(), 0)?;
