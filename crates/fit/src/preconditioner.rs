@@ -42,7 +42,7 @@ struct Inner {
 /// C by columns, the diagonal entry of each first.
 #[derive(Default)]
 struct Factor {
-    /// Which vertex stands at each place of the permuted matrix.
+    /// The vertex of each row of the permuted matrix.
     order: Vec<u32>,
     starts: Vec<usize>,
     rows: Vec<u32>,
@@ -66,8 +66,9 @@ impl fmt::Debug for Preconditioner {
 impl PartialEq for Preconditioner {
     fn eq(&self, other: &Self) -> bool {
         let [a, b] = [&*self.0, &*other.0];
-        let of = |inner: &Inner| (inner.topology.vertex_count(), inner.lambda);
-        Arc::ptr_eq(&self.0, &other.0) || of(a) == of(b) && a.topology.edges() == b.topology.edges()
+        let size = |inner: &Inner| (inner.topology.vertex_count(), inner.lambda);
+        Arc::ptr_eq(&self.0, &other.0)
+            || size(a) == size(b) && a.topology.edges() == b.topology.edges()
     }
 }
 
@@ -86,7 +87,7 @@ impl Preconditioner {
             let rule = "a lambda from 0 to 1e12".into();
             return Err(TensorError::Value { operation: NAME, rule, value: lambda });
         }
-        let factor = Factor::of(topology, lambda).ok_or_else(|| {
+        let factor = Factor::new(topology, lambda).ok_or_else(|| {
             let rule = "memory for its factor".into();
             let value = topology.vertex_count() as f64;
             TensorError::Value { operation: NAME, rule, value }
@@ -97,90 +98,150 @@ impl Preconditioner {
 
 #[cfg(feature = "precondition")]
 impl Factor {
-    /// The factor of `I + lambda L`, or none where there is no memory for it.
-    fn of(topology: &Topology, lambda: f64) -> Option<Self> {
-        let count = topology.vertex_count();
-        let order = order_of(topology)?;
-        let mut place = vec![0; count];
-        order.iter().enumerate().for_each(|(k, &vertex)| place[vertex as usize] = k);
-        // Row k of C begins at the entries of A; from each, it goes on along the tree in which the parent of
-        // a column is the first row below its diagonal.
-        let before = |k: usize| {
-            let others = topology.neighbors(order[k] as usize).iter();
-            others.map(|&other| place[other as usize]).filter(move |&other| other < k)
-        };
-        let (mut parent, mut seen) = (vec![usize::MAX; count], vec![usize::MAX; count]);
-        let mut lengths = vec![1; count];
-        for k in 0..count {
-            seen[k] = k;
-            for mut column in before(k) {
-                while seen[column] != k {
-                    if parent[column] == usize::MAX {
-                        parent[column] = k;
-                    }
-                    seen[column] = k;
-                    lengths[column] += 1;
-                    column = parent[column];
-                }
-            }
-        }
-        let mut starts = Vec::with_capacity(count + 1);
-        starts.push(0);
-        lengths.iter().for_each(|length| starts.push(starts[starts.len() - 1] + length));
+    /// The factor of `A = I + lambda L`, row by row from the top; none where there is no memory for it.
+    fn new(topology: &Topology, lambda: f64) -> Option<Self> {
+        let matrix = Permuted::new(topology)?;
+        let count = matrix.order.len();
+        let tree = EliminationTree::new(&matrix);
+        let starts = tree.starts;
         let (mut rows, mut values) = (Vec::new(), Vec::new());
         rows.try_reserve_exact(starts[count]).ok()?;
         values.try_reserve_exact(starts[count]).ok()?;
         rows.resize(starts[count], 0);
         values.resize(starts[count], 0.0);
 
-        // Row by row: `row` holds what is left of row k of A.
+        // Where the next entry of each column goes, and row k of A less what the columns before have explained.
         let mut ends = starts[..count].to_vec();
         let (mut row, mut columns) = (vec![0.0; count], Vec::new());
-        seen.fill(usize::MAX);
+        let mut visited = vec![usize::MAX; count];
         for k in 0..count {
-            seen[k] = k;
             columns.clear();
-            for mut column in before(k) {
-                row[column] = -lambda;
-                while seen[column] != k {
-                    seen[column] = k;
-                    columns.push(column);
-                    column = parent[column];
-                }
-            }
-            // A parent stands after its children.
+            tree.parents
+                .visit(k, matrix.columns_before(k), &mut visited, |column| columns.push(column));
+            // A parent comes after its children.
             columns.sort_unstable();
-            let mut own = 1.0 + lambda * topology.neighbors(order[k] as usize).len() as f64;
+            matrix.columns_before(k).for_each(|column| row[column] = -lambda);
+            let mut diagonal = 1.0 + lambda * matrix.degree(k) as f64;
             for &column in &columns {
+                // c_kj = (a_kj - sum_i<j c_ki c_ji) / c_jj
                 let filled = starts[column]..ends[column];
                 let entry = row[column] / values[filled.start];
                 row[column] = 0.0;
-                for at in filled.skip(1) {
-                    row[rows[at] as usize] -= values[at] * entry;
+                for index in filled.skip(1) {
+                    row[rows[index] as usize] -= values[index] * entry;
                 }
-                own -= entry * entry;
+                diagonal -= entry * entry;
                 (rows[ends[column]], values[ends[column]]) = (k as u32, entry);
                 ends[column] += 1;
             }
             // In exact numbers it is 1 or more.
-            (rows[ends[k]], values[ends[k]]) = (k as u32, own.max(f64::MIN_POSITIVE).sqrt());
+            let root = diagonal.max(f64::MIN_POSITIVE).sqrt();
+            (rows[ends[k]], values[ends[k]]) = (k as u32, root);
             ends[k] += 1;
         }
-        Some(Self { order, starts, rows, values })
+        Some(Self { order: matrix.order, starts, rows, values })
     }
 }
 
-/// An order of the vertices that keeps the factor sparse: of approximate minimum degree.
+/// `I + lambda L` in an order of the vertices that keeps its factor sparse: approximate minimum degree.
 #[cfg(feature = "precondition")]
-fn order_of(topology: &Topology) -> Option<Vec<u32>> {
-    let count = topology.vertex_count();
-    let (mut starts, mut rows) = (vec![0], Vec::new());
-    for vertex in 0..count {
-        rows.extend(topology.neighbors(vertex).iter().map(|&other| other as usize));
-        starts.push(rows.len());
+struct Permuted<'a> {
+    topology: &'a Topology,
+    /// The vertex of each row.
+    order: Vec<u32>,
+    /// The row of each vertex.
+    rows: Vec<usize>,
+}
+
+#[cfg(feature = "precondition")]
+impl<'a> Permuted<'a> {
+    fn new(topology: &'a Topology) -> Option<Self> {
+        let count = topology.vertex_count();
+        let (mut starts, mut neighbors) = (vec![0], Vec::new());
+        for vertex in 0..count {
+            neighbors.extend(topology.neighbors(vertex).iter().map(|&other| other as usize));
+            starts.push(neighbors.len());
+        }
+        let (order, ..) = amd::order(count, &starts, &neighbors, &amd::Control::default()).ok()?;
+        let mut rows = vec![0; count];
+        order.iter().enumerate().for_each(|(row, &vertex)| rows[vertex] = row);
+        let order = order.into_iter().map(|vertex| vertex as u32).collect();
+        Some(Self { topology, order, rows })
     }
-    let (order, ..) = amd::order(count, &starts, &rows, &amd::Control::default()).ok()?;
-    Some(order.into_iter().map(|vertex| vertex as u32).collect())
+
+    fn neighbors(&self, row: usize) -> &[u32] {
+        self.topology.neighbors(self.order[row] as usize)
+    }
+
+    fn degree(&self, row: usize) -> usize {
+        self.neighbors(row).len()
+    }
+
+    /// The columns of the entries of a row before its diagonal.
+    fn columns_before(&self, row: usize) -> impl Iterator<Item = usize> {
+        let columns = self.neighbors(row).iter().map(|&other| self.rows[other as usize]);
+        columns.filter(move |&column| column < row)
+    }
+}
+
+/// Where the entries of the factor are.
+#[cfg(feature = "precondition")]
+struct EliminationTree {
+    parents: Parents,
+    /// Where each column starts, and the number of all entries.
+    starts: Vec<usize>,
+}
+
+/// The first row below the diagonal of each column of the factor; `usize::MAX` where there is none yet.
+#[cfg(feature = "precondition")]
+struct Parents(Vec<usize>);
+
+#[cfg(feature = "precondition")]
+impl EliminationTree {
+    fn new(matrix: &Permuted<'_>) -> Self {
+        let count = matrix.order.len();
+        let mut parents = Parents(vec![usize::MAX; count]);
+        let (mut visited, mut lengths) = (vec![usize::MAX; count], vec![1; count]);
+        let mut reached = Vec::new();
+        for k in 0..count {
+            // Row k is the first below the diagonal of each root that is reached.
+            reached.clear();
+            parents.visit(k, matrix.columns_before(k), &mut visited, |column| {
+                lengths[column] += 1;
+                reached.push(column);
+            });
+            for &column in &reached {
+                if parents.0[column] == usize::MAX {
+                    parents.0[column] = k;
+                }
+            }
+        }
+        let mut starts = Vec::with_capacity(count + 1);
+        starts.push(0);
+        lengths.iter().for_each(|length| starts.push(starts[starts.len() - 1] + length));
+        Self { parents, starts }
+    }
+}
+
+#[cfg(feature = "precondition")]
+impl Parents {
+    /// Calls `visit` once for each column with an entry in row `k` of the factor, before its diagonal: those of the
+    /// matrix, and all on the way from them toward the root. `visited` marks columns by rows.
+    fn visit(
+        &self,
+        k: usize,
+        columns: impl Iterator<Item = usize>,
+        visited: &mut [usize],
+        mut visit: impl FnMut(usize),
+    ) {
+        for mut column in columns {
+            while column < k && visited[column] != k {
+                visited[column] = k;
+                visit(column);
+                column = self.0[column];
+            }
+        }
+    }
 }
 
 impl Factor {
