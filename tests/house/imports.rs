@@ -1,5 +1,5 @@
 //! Imports run one way: between crates, between the files of a crate, and from floor to floor as the
-//! tables of docs/architecture.md have them.
+//! tables of docs/architecture-floors.md have them.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -28,10 +28,10 @@ fn roots(folder: &Path) -> Vec<PathBuf> {
     all.into_iter().filter(|file| file.is_file()).collect()
 }
 
-/// The tables of docs/architecture.md whose heading begins with `heading`: what the rest of the
+/// The tables of docs/architecture-floors.md whose heading begins with `heading`: what the rest of the
 /// heading names, and the floor of each name in the second column.
 fn tables(heading: &str) -> Vec<(String, Vec<(String, usize)>)> {
-    let page = fs::read_to_string(root().join("docs/architecture.md")).unwrap();
+    let page = fs::read_to_string(root().join("docs/architecture-floors.md")).unwrap();
     let sections = page.split("\n### ").filter_map(|section| section.strip_prefix(heading));
     let read = |section: &str| {
         let (subject, body) = section.split_once('\n').unwrap();
@@ -99,7 +99,7 @@ fn a_file_imports_only_from_its_own_floor_and_those_below() {
     for (name, folder) in &crates {
         let units = units(&[], &imports(&folder.join("src/lib.rs")));
         let has_table = tables.iter().any(|(subject, _)| subject == name);
-        assert!(has_table || units.is_empty(), "docs/architecture.md has no floors of {name}");
+        assert!(has_table || units.is_empty(), "docs/architecture-floors.md has no floors of {name}");
     }
     for (subject, floors) in tables {
         let (name, within) = subject.split_once(", ").unwrap_or((&subject, ""));
