@@ -99,7 +99,10 @@ fn a_file_imports_only_from_its_own_floor_and_those_below() {
     for (name, folder) in &crates {
         let units = units(&[], &imports(&folder.join("src/lib.rs")));
         let has_table = tables.iter().any(|(subject, _)| subject == name);
-        assert!(has_table || units.is_empty(), "docs/architecture-floors.md has no floors of {name}");
+        assert!(
+            has_table || units.is_empty(),
+            "docs/architecture-floors.md has no floors of {name}"
+        );
     }
     for (subject, floors) in tables {
         let (name, within) = subject.split_once(", ").unwrap_or((&subject, ""));
@@ -150,6 +153,10 @@ fn operations_do_not_import_operations() {
     }
 }
 
+/// A dependency of examples that none of them imports: with it the examples and the program are built with
+/// the same features of all crates, so that the engine is compiled once for both.
+const DEPENDENCY_FOR_FEATURES: (&str, &str) = ("bokashi-examples", "bokashi-cli");
+
 #[test]
 fn crates_depend_on_floors_below_alone() {
     let [(_, floors)] = &tables("The rooms' floors")[..] else { panic!("one table of rooms") };
@@ -162,10 +169,29 @@ fn crates_depend_on_floors_below_alone() {
         let manifest = fs::read_to_string(folder.join("Cargo.toml")).unwrap();
         // Those of its tests and benchmarks too.
         let others = manifest.lines().filter_map(|line| line.split(['.', ' ']).next());
-        for other in others.filter(|other| floor_of.contains_key(*other)) {
+        let others = others.filter(|other| floor_of.contains_key(*other));
+        for other in others.filter(|other| (name.as_str(), *other) != DEPENDENCY_FOR_FEATURES) {
             assert!(floor_of[other] < floor_of[name], "{name} depends on {other}");
         }
     }
+}
+
+#[test]
+fn no_example_imports_the_program() {
+    let mut folders = vec![root().join("examples")];
+    let mut count = 0;
+    while let Some(folder) = folders.pop() {
+        for path in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|ending| ending == "rs") {
+                let text = fs::read_to_string(&path).unwrap();
+                assert!(!text.contains("bokashi_cli"), "{} imports the program", path.display());
+                count += 1;
+            }
+        }
+    }
+    assert!(count > 10, "only {count} files were found");
 }
 
 /// What the tests above rest on: circles and floors are seen where there are some.

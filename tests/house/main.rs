@@ -1,5 +1,5 @@
-//! The house as docs/architecture-floors.md describes it: which files there are, and which of them import
-//! which.
+//! The house as docs/architecture-floors.md describes it: which files there are, and which of them
+//! import which.
 
 mod imports;
 mod manifest;
