@@ -3,7 +3,7 @@
 //! the documents name is there.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The names of the Rust files right inside `directory`.
 fn sources(directory: &Path) -> Vec<String> {
@@ -61,11 +61,9 @@ fn every_example_is_listed() {
 fn every_file_that_a_document_names_exists() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let mut named = 0;
-    let docs = fs::read_dir(root.join("docs")).unwrap().map(|entry| entry.unwrap().path());
-    let docs = docs.filter(|path| path.extension().is_some_and(|ending| ending == "md"));
-    for path in docs.chain([root.join("README.md")]) {
-        let document = path.display();
-        let text = fs::read_to_string(&path).unwrap();
+    for page in pages(&root) {
+        let document = page.display();
+        let text = fs::read_to_string(&page).unwrap();
         let words = text.split(|c: char| c.is_whitespace() || "`()[],;:".contains(c));
         let is_path = |word: &&str| {
             ["docs/", "examples/", "tests/", "crates/"]
@@ -79,4 +77,42 @@ fn every_file_that_a_document_names_exists() {
         assert!(!text.contains("@@"), "{document} holds a placeholder");
     }
     assert!(named > 10, "only {named} paths were found");
+}
+
+/// The pages in Markdown: those of the project's folder, of `docs` and of the laboratory.
+fn pages(root: &Path) -> Vec<PathBuf> {
+    let folders = [root.to_owned(), root.join("docs"), root.join("crates/lab/docs")];
+    let entries = folders.iter().flat_map(|folder| fs::read_dir(folder).unwrap());
+    let paths = entries.map(|entry| entry.unwrap().path());
+    paths.filter(|path| path.extension().is_some_and(|ending| ending == "md")).collect()
+}
+
+#[test]
+fn every_link_between_pages_leads_to_a_file_and_a_heading() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let mut count = 0;
+    for page in pages(&root) {
+        let text = fs::read_to_string(&page).unwrap();
+        let links = text.split("](").skip(1).filter_map(|rest| rest.split(')').next());
+        for link in links.filter(|link| !link.starts_with("http") && !link.contains(' ')) {
+            let (file, heading) = link.split_once('#').unwrap_or((link, ""));
+            let target = if file.is_empty() { page.clone() } else { page.with_file_name(file) };
+            assert!(target.exists(), "{} links to {link}, which is not there", page.display());
+            let is_heading = |line: &str| line.starts_with('#') && anchor(line) == heading;
+            assert!(
+                heading.is_empty() || fs::read_to_string(&target).unwrap().lines().any(is_heading),
+                "{} links to {link}, and there is no such heading",
+                page.display()
+            );
+            count += 1;
+        }
+    }
+    assert!(count > 10, "only {count} links were found");
+}
+
+/// The name under which readers of Markdown find a heading.
+fn anchor(heading: &str) -> String {
+    let title = heading.trim_start_matches('#').trim().to_lowercase();
+    let kept = title.chars().filter(|c| c.is_alphanumeric() || " -_".contains(*c));
+    kept.map(|c| if c == ' ' { '-' } else { c }).collect()
 }
