@@ -104,7 +104,7 @@ fn levenberg_marquardt_solves_every_problem_with_residual_zero() {
         assert_eq!(run.solved_to, LEVELS, "{} {:?} {}", run.problem, run.outcome, run.message);
         solved += 1;
     }
-    assert_eq!(solved, 20);
+    assert_eq!(solved, 7);
 }
 
 #[test]

@@ -114,8 +114,7 @@ fn a_bench_has_every_study_as_markdown_json_csv_and_a_page() {
     assert_eq!(found["quick"], true);
     let studies = found["studies"].as_array().expect("a list");
     let names: Vec<&str> = studies.iter().filter_map(|study| study["study"].as_str()).collect();
-    let all = "scenes meshes silhouettes masks fits photographs blur operations surfaces nodes multiply \
-               growth files memory";
+    let all = "scenes meshes silhouettes masks fits photographs blur operations surfaces nodes";
     assert_eq!(names.join(" "), all);
     let page = fs::read_to_string(folder.path().join("made/bench.html")).expect("a page");
     loads_nothing(&page);
@@ -157,13 +156,7 @@ fn a_bench_takes_meshes_from_files() {
 #[test]
 fn a_bench_sets_the_times_of_others_beside_ours() {
     let folder = folder();
-    let peers = r#"[{"study": "multiply", "name": "theirs", "length": 16,
-        "minimum_microseconds": 1.5, "median_microseconds": 2.0},
-        {"study": "multiply", "name": "other", "length": 16,
-        "minimum_microseconds": 3.5, "median_microseconds": 4.0},
-        {"study": "multiply", "name": "theirs", "length": 256,
-        "minimum_microseconds": 2.5, "median_microseconds": 3.0},
-        {"study": "scenes", "name": "DEODR", "scene": "cube@32",
+    let peers = r#"[{"study": "scenes", "name": "DEODR", "scene": "cube@32",
         "minimum_microseconds": 70000.0, "median_microseconds": 80000.0},
         {"study": "surfaces", "name": "PyTorch", "scene": "forward", "threads": 2,
         "minimum_microseconds": 6000.0, "median_microseconds": 7000.0, "error": 0.25},
@@ -172,13 +165,9 @@ fn a_bench_sets_the_times_of_others_beside_ours() {
     fs::write(folder.path().join("peers.json"), peers).expect("a file");
     let value = object(&lab(
         folder.path(),
-        "bench --quick --only scenes --only multiply --only surfaces --peers peers.json --json -",
+        "bench --quick --only scenes --only surfaces --peers peers.json --json -",
     ));
     let table = |study: usize, name: &str| value["studies"][study]["tables"][name].clone();
-    let row = &table(2, "multiply")[2];
-    assert_eq!((&row["name"], &row["length_16_nanoseconds"]), (&"theirs".into(), &1500.0.into()));
-    assert!(row["length_1_nanoseconds"].is_null() && row["length_256_nanoseconds"] == 2500.0);
-    assert_eq!(table(2, "multiply").as_array().map(Vec::len), Some(4));
     assert_eq!(table(0, "scenes")[0]["deodr_milliseconds"], 70.0);
     let surfaces = table(1, "surfaces");
     let theirs = surfaces.as_array().and_then(|rows| rows.last()).expect("rows");

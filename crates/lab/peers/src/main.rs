@@ -1,11 +1,9 @@
-//! Times of other people's code on the work that `bokashi-lab bench` times: on standard output as
+//! Times of other people's blurs on the images that `bokashi-lab bench` times: on standard output as
 //! JSON for `bokashi-lab bench --peers FILE`, on standard error as a table.
 //!
-//! One thread, f32. The slope between two chains is the time of a multiplication, so that what a
-//! step costs once does not count; a blur is forward alone, at the library's own truncation.
+//! One thread, f32. A blur is forward alone, at the library's truncation.
 
 mod blur;
-mod multiply;
 mod sampling;
 
 use serde::Serialize;
@@ -16,7 +14,6 @@ pub struct Figure {
     pub study: &'static str,
     pub name: &'static str,
     pub scene: Option<&'static str>,
-    pub length: Option<usize>,
     pub pixels: Option<usize>,
     pub sigma: Option<f64>,
     pub minimum_microseconds: f64,
@@ -25,13 +22,11 @@ pub struct Figure {
 }
 
 fn main() {
-    let mut figures = multiply::figures();
-    figures.extend(blur::figures());
+    let figures = blur::figures();
     for figure in &figures {
-        let Figure { study, name, length, pixels, sigma, .. } = figure;
-        let what = match (length, pixels, sigma) {
-            (Some(length), ..) => format!("length {length}"),
-            (_, Some(pixels), Some(sigma)) => format!("{pixels} px, sigma {sigma}"),
+        let Figure { study, name, pixels, sigma, .. } = figure;
+        let what = match (pixels, sigma) {
+            (Some(pixels), Some(sigma)) => format!("{pixels} px, sigma {sigma}"),
             _ => String::new(),
         };
         let error = figure.error.map_or(String::new(), |error| format!("error {error:.1e}"));

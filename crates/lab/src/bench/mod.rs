@@ -2,8 +2,8 @@
 //!
 //! [`bench()`] answers one question after the other. They ask for steps beside other renderers and on
 //! meshes from files, the gradient of silhouettes, masks, fits to an error and to photographs. They ask for
-//! blurs and operations by time and error, a pipeline node by node, the tape's own cost, growth, memory, and files. [`elision()`] sets steps
-//! that compute something beside steps that have no need of it.
+//! blurs and operations by time and error, and for a pipeline node by node. [`elision()`] sets steps that compute
+//! something beside steps that have no need of it.
 
 mod difference;
 mod effort;

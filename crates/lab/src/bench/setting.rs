@@ -15,14 +15,12 @@ use crate::bench::mesh_file::MeshFile;
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Peer {
-    /// Which study it belongs to: `scenes`, `multiply`, `blur` or `surfaces`.
+    /// Which study it belongs to: `scenes`, `blur` or `surfaces`.
     pub study: String,
     /// Whose code.
     pub name: String,
     /// The scene, for `scenes`; which passes, for `surfaces`.
     pub scene: Option<String>,
-    /// The number of entries, for `multiply`.
-    pub length: Option<usize>,
     /// Width and height in pixels, for `blur`.
     pub pixels: Option<usize>,
     /// The standard deviation in pixels, for `blur`.

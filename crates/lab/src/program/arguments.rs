@@ -32,8 +32,7 @@ pub(crate) enum Command {
     /// Prints shares of problems solved, errors and conditions; takes about a minute. Writes files
     /// only where --out or --json asks for them.
     Stiff(StiffArguments),
-    /// How fast, and at what error: beside other renderers, per operation, node by node, and how
-    /// cost and memory grow.
+    /// How fast, and at what error: beside other renderers, per operation, node by node.
     ///
     /// Prints tables as Markdown; takes a quarter of an hour. Its times are worth something on a
     /// machine that does nothing else, from a build with --release. Writes files only where --out or
@@ -281,7 +280,7 @@ mod tests {
             ("", "subcommand", "stability, stiff, bench, models"),
             ("stability --threads 0", "'0'", "needs a whole number from 1 to 1024"),
             ("stability --steps 3", "'--steps'", "--help"),
-            ("bench --only all", "'all'", "memory, scenes, meshes"),
+            ("bench --only all", "'all'", "scenes, meshes, silhouettes"),
             ("bench --only meshes", "--only meshes", "needs --mesh FILE"),
             ("bench --threads 2", "'--threads'", "--help"),
             ("stiff --seeds 0", "'0'", "needs a whole number from 1 to 1000"),

@@ -26,6 +26,11 @@ pub trait Residuals: Send + Sync + 'static {
     fn residuals<'t, T: Scalar>(&self, x: Var<'t, T>) -> Result<Var<'t, T>, FitError>;
 }
 
+/// Constants on the tape of `x`, of shape `[m]`.
+pub(super) fn constants<'t, T: Scalar>(x: Var<'t, T>, values: &[f64]) -> Var<'t, T> {
+    x.tape().constant(&Tensor::from_flat_fn([values.len()], |k| T::from_f64(values[k])))
+}
+
 /// [`Residuals`] behind a pointer: in each kind of number that the evaluations need.
 trait AnyResiduals: Send + Sync {
     fn plain<'t>(&self, x: Var<'t, f64>) -> Result<Var<'t, f64>, FitError>;

@@ -1,13 +1,9 @@
 //! One file per question.
 
 mod blur;
-mod files;
 mod fits;
-mod growth;
 mod masks;
-mod memory;
 mod meshes;
-mod multiply;
 mod nodes;
 mod operations;
 mod photographs;
@@ -26,10 +22,8 @@ type Do = fn(&Bench) -> Result<Study, FitError>;
 /// The study of meshes from files: without a file a full run leaves it out.
 pub const MESHES: &str = "meshes";
 
-/// Every study with its name, in the order of the report. The one about memory comes first in a
-/// process, while its peak is still low; see there.
-pub(super) const ALL: [(&str, Do); 14] = [
-    ("memory", memory::study),
+/// Every study with its name, in the order of the report.
+pub(super) const ALL: [(&str, Do); 10] = [
     ("scenes", scenes::study),
     (MESHES, meshes::study),
     ("silhouettes", silhouettes::study),
@@ -40,7 +34,4 @@ pub(super) const ALL: [(&str, Do); 14] = [
     ("operations", operations::study),
     ("surfaces", surfaces::study),
     ("nodes", nodes::study),
-    ("multiply", multiply::study),
-    ("growth", growth::study),
-    ("files", files::study),
 ];

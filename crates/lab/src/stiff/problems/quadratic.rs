@@ -18,8 +18,7 @@ use nalgebra::DMatrix;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::super::problem::{Problem, Residuals};
-use super::numbers::given;
+use super::super::problem::{Problem, Residuals, constants};
 
 /// The quadratic of `n` parameters and the given condition number of `J^T J`, rotated by `seed`.
 /// It starts at 0; its minimum is 0, at all ones.
@@ -50,7 +49,7 @@ struct Quadratic {
 impl Residuals for Quadratic {
     fn residuals<'t, T: Scalar>(&self, x: Var<'t, T>) -> Result<Var<'t, T>, FitError> {
         let off = (x - T::from_f64(1.0)).reshape([self.n, 1])?;
-        let matrix = given(x, &self.matrix).reshape([self.n, self.n])?;
+        let matrix = constants(x, &self.matrix).reshape([self.n, self.n])?;
         Ok(matrix.matmul(off)?.reshape([self.n])?)
     }
 }
