@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use super::modules::{Module, imports};
 
 fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
 /// The crates by name, with their folders.
