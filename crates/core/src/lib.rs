@@ -15,6 +15,23 @@
 //! # Ok::<(), bokashi_core::TensorError>(())
 //! ```
 //!
+//! # What there is
+//!
+//! | topic | what |
+//! |---|---|
+//! | a step | [`Tape`], [`Var`], [`Tensor`], [`Shape`]; [`leaf`](Tape::leaf), [`constant`](Tape::constant), [`leaf_scalar`](Tape::leaf_scalar), [`constant_scalar`](Tape::constant_scalar), [`reset`](Tape::reset) |
+//! | gradients | [`backward`](Var::backward), [`backward_to`](Var::backward_to), [`Tape::vjp`], [`detach`](Var::detach), [`Gradients`]; [`jvp`] and [`hvp`], products with a Jacobian and a Hessian, over [`Dual`] numbers |
+//! | pairs of entries, with broadcasting | `+`, `-`, `*`, `/`; [`try_add`](Var::try_add), [`try_sub`](Var::try_sub), [`try_mul`](Var::try_mul), [`try_div`](Var::try_div), [`pow`](Var::pow), [`minimum`](Var::minimum), [`maximum`](Var::maximum) |
+//! | each entry | [`exp`](Var::exp), [`ln`](Var::ln), [`sqrt`](Var::sqrt), [`square`](Var::square), [`powi`](Var::powi), [`powf`](Var::powf), [`sin`](Var::sin), [`cos`](Var::cos), [`tanh`](Var::tanh), [`sigmoid`](Var::sigmoid), [`softplus`](Var::softplus), [`relu`](Var::relu), [`abs`](Var::abs), [`clamp`](Var::clamp), [`affine`](Var::affine) |
+//! | truth values | [`is_less`](Var::is_less), [`is_at_most`](Var::is_at_most), [`is_greater`](Var::is_greater), [`is_at_least`](Var::is_at_least), [`is_finite`](Var::is_finite); [`Mask`], [`Mask::select`] |
+//! | sums and means | [`sum`](Var::sum), [`sum_axis`](Var::sum_axis), [`mean`](Var::mean), [`mean_axis`](Var::mean_axis); [`squared_error`], [`mean_squared_error`] |
+//! | vectors along an axis | [`dot`](Var::dot), [`cross`](Var::cross), [`norm`](Var::norm), [`normalize`](Var::normalize) |
+//! | matrices | [`matmul`](Var::matmul), [`transpose`](Var::transpose); [`SparseMatrix`], [`SparseMatrix::product`] |
+//! | shapes | [`reshape`](Var::reshape), [`keepdim`](Var::keepdim), [`permute`](Var::permute), [`slice`](Var::slice), [`pad`](Var::pad), [`concat`](Var::concat), [`stack`](Var::stack) |
+//! | rows by index | [`gather_rows`](Var::gather_rows), [`scatter_add_rows`](Var::scatter_add_rows) |
+//! | many parts | [`Tape::sum_over`]: a sum whose terms have tapes of their own, on many threads |
+//! | what happened | [`Tape::take_report`], [`TapeReport`]: calls, times, bytes, and what was left out; [`value_errors`] and [`gradient_errors`], one precision against another; [`Dependence`] |
+//!
 //! # What returns a `Result`, and what panics
 //!
 //! A method that can be refused, for a shape, an axis, a bound or a variable of another tape, returns

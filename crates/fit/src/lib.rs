@@ -24,8 +24,25 @@
 //! # Ok::<(), bokashi_fit::FitError>(())
 //! ```
 //!
-//! With the feature `render` a [`FitError`] can be made of an error of a rendering operation; with
-//! `save` a fit can be saved to a file and resumed from it, to the same bits.
+//! # What there is
+//!
+//! | topic | what |
+//! |---|---|
+//! | what is learnt | [`Parameters`], [`Parameter`] with a rate, a [`Mapping`] and perhaps a [`Preconditioner`]; [`Variables`] of a step |
+//! | what is fitted | [`Pipeline`]; [`from_fn`] makes one of a closure, [`views()`] one of many views |
+//! | the loop | [`Fit`], [`FitSettings`], [`Optimizer`] (gradient descent, Adam, AMSGrad), [`Schedule`] of rates, [`History`] |
+//! | losses | [`squared_error`], [`mean_squared_error`]; [`mean_error`], [`masked_error`] and [`weighted_error`] of a [`Penalty`]; [`ssim_error`], [`multiscale_ssim_error`], [`silhouette_error`], [`depth_error`], [`pyramid_error`] |
+//! | measures without a gradient | [`psnr`], [`ssim`], [`iou`] |
+//! | regularizers | [`laplacian_error`], [`edge_length_error`], [`normal_error`], [`Rigidity`] on a [`Topology`]; [`total_variation`] |
+//! | many machines | [`Communicator`]: what the ranks of a job say to each other |
+//!
+//! `docs/rates.md` says how to choose rates.
+//!
+//! # Features
+//!
+//! `parallel` and `render` are on by default. With `render` a [`FitError`] can be made of an error of a rendering
+//! operation; with `save` a fit can be saved to a file and resumed from it, to the same bits; with `precondition`
+//! `Preconditioner::new` makes steps smooth.
 
 mod best_rotation;
 mod communicator;

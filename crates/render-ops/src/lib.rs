@@ -26,6 +26,27 @@
 //! assert!(gradients.get(positions).is_some() && gradients.get(sigma).is_some());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
+//!
+//! # What there is
+//!
+//! | topic | operations and types |
+//! |---|---|
+//! | cameras | [`project()`], [`project_instances()`], [`Pose`]; on the tape [`pinhole()`], [`orthographic()`], [`rigid()`], [`se3`], [`affine_inverse()`]; lenses [`distort()`], [`fisheye()`]; fixed ones in [`camera`] |
+//! | meshes | [`Mesh`], [`Assembly`] of several; [`face_normals()`], [`vertex_normals()`], [`tangents()`], [`transform_points()`], [`transform_normals()`], [`perturbed_normals()`] |
+//! | visibility | [`rasterize()`] with [`RasterOptions`], [`Sampling`] and [`Cull`] gives [`Fragments`]; [`rasterize_behind()`], [`depth_layers()`] |
+//! | at fragments | [`interpolate()`], [`interpolate_indexed()`], [`depth()`], [`eye_depth()`], [`differentials()`], [`interpolate_differentials()`] |
+//! | textures | [`sample_texture()`] of a [`Texture`], [`sample_cube_map()`] of a [`CubeMap`], with a [`Sampler`] |
+//! | light | [`shade()`] a [`Surface`] of a [`Material`] under [`Light`]s; [`Environment`], [`irradiance()`], [`reflect()`] |
+//! | pictures | [`composite()`] before a [`Background`], [`antialias()`], [`Picture`], [`composite_layers()`], [`over()`] |
+//! | images | [`gaussian_blur()`], [`depth_of_field()`], [`downsample()`], [`srgb_encode()`], [`srgb_decode()`], [`exposure()`] |
+//! | losses of pictures | [`PixelLoss`] against a [`Reference`], at the cost of what is covered |
+//!
+//! Shapes are those of `docs/notation.md`: `V` vertices, `F` faces, `N` fragments, `C` channels. Which silhouettes
+//! suit which fit is in `docs/silhouettes.md`. Whatever a fit does not learn costs no gradient.
+//!
+//! # Features
+//!
+//! `parallel`, on by default, shares large kernels among threads; the bits stay the same without it.
 
 mod antialias;
 mod assembly;

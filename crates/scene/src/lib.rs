@@ -3,6 +3,26 @@
 //! File formats live here, and the engine's crates never depend on them. What is read of a file that
 //! somebody else wrote is checked: it is refused with the rule that it breaks, and takes memory in
 //! proportion to its length.
+//!
+//! A scene is a folder with a file `scene.toml`; `docs/scene.md` has its keys. To load one, learn what it names, and
+//! write what was learnt:
+//!
+//! ```no_run
+//! use bokashi_scene::{Scene, SceneError, SceneFit};
+//!
+//! let mut fit = SceneFit::new(Scene::load("vase/scene.toml")?)?;
+//! fit.run(|step| println!("step {}: loss {:.3e}", step.step, step.loss))?;
+//! fit.learnt()?.save_results("vase/out")?;
+//! # Ok::<(), SceneError>(())
+//! ```
+//!
+//! | topic | what |
+//! |---|---|
+//! | scenes and their fits | [`Scene`], [`SceneFit`]; [`description`] is `scene.toml` as types |
+//! | one file | [`load_mesh`], [`load_image`] |
+//! | arrays from and to NumPy, safetensors, ndarray, glam and images | [`arrays`] |
+//! | cameras of other programs | [`read_transforms`], [`read_colmap`] |
+//! | how much memory files may ask for | [`limit_memory`] |
 
 pub mod arrays;
 mod cameras;

@@ -1,20 +1,4 @@
-//! The operations on tensors, one file each.
-//!
-//! | file | operations |
-//! |---|---|
-//! | `add`, `sub`, `mul`, `div`, `pow`, `minimum`, `maximum` | pairs of entries, with broadcasting |
-//! | `affine` | `a x + b` with constants: `-x`, `x + 1`, `2 * x` |
-//! | `exp`, `ln`, `sqrt`, `powi`, `powf`, `sin`, `cos`, `tanh`, `sigmoid`, `softplus`, `relu`, `abs`, `clamp` | each entry |
-//! | `select` | one of two entries, by a mask, with broadcasting |
-//! | `sum`, `mean` | of all entries, or along an axis |
-//! | `cumulative_sum` | up to each entry of an axis |
-//! | `dot`, `cross`, `norm`, `normalize` | vectors along an axis |
-//! | `matmul`, `sparse_product` | product of two matrices; of a constant sparse one and a variable |
-//! | `reshape`, `keepdim`, `permute` | the same entries under another shape; `transpose` of a matrix |
-//! | `slice`, `pad` | part of an axis; an axis that goes on |
-//! | `gather_rows`, `scatter_add_rows` | rows by index |
-//! | `squared_error` | its sum or mean over all entries |
-//! | `concat`, `stack` | arrays one after another along an axis; along a new one |
+//! The operations on tensors, one file each; the [crate's page](crate#what-there-is) lists them by topic.
 
 mod abs;
 mod add;
