@@ -1,5 +1,5 @@
 //! The samples that people in this field know, from the public interface alone: one file each in
-//! `samples/`, under 100 lines. Each is an example of its own, and `bokashi samples` runs them all.
+//! `samples/`, under 100 lines. `bokashi samples` runs them.
 //!
 //! `stage/` has what they share: meshes, textures of our own, random numbers, figures of merit, a fit that is
 //! watched; and, for `material`, what of the pipeline does not change: fragments and lights.
@@ -47,7 +47,7 @@ pub struct Sample {
     pub run: fn(&Asked) -> Result<Vec<Found>, FitError>,
 }
 
-/// Names the sample that a file's `run` is: its `SAMPLE`, and the `main` that runs it as a program.
+/// Names the sample that a file's `run` is: its `SAMPLE`.
 /// Silhouettes are antialiased, unless a third word names another look.
 #[macro_export]
 macro_rules! sample {
@@ -62,11 +62,6 @@ macro_rules! sample {
             silhouettes: $crate::Silhouettes::$silhouettes,
             run,
         };
-
-        /// Runs it as a program.
-        pub fn main() -> Result<(), bokashi::prelude::FitError> {
-            $crate::main(&SAMPLE)
-        }
     };
 }
 
@@ -83,24 +78,3 @@ pub const SAMPLES: [Sample; 10] = [
     silhouette::SAMPLE,
     camera::SAMPLE,
 ];
-
-/// Runs one sample as a program: `[SEED [STEPS [SILHOUETTES]]]`. By default that is seed 0, as many steps
-/// as the sample needs, and silhouettes as it wants them.
-///
-/// # Errors
-/// Whatever the sample runs into; [`FitError::Setting`] for an argument that is none.
-pub fn main(sample: &Sample) -> Result<(), FitError> {
-    let mut words = std::env::args().skip(1);
-    let mut number = || {
-        let rule = "a seed and a number of steps, both whole";
-        let refused = |word: &String| FitError::setting("the command line", rule, word);
-        words.next().map(|word| word.parse::<u64>().map_err(|_| refused(&word))).transpose()
-    };
-    let (seed, most_steps) = (number()?.unwrap_or(0), number()?);
-    let silhouettes = words.next().map(|word| word.parse()).transpose()?;
-    let silhouettes = silhouettes.unwrap_or(sample.silhouettes);
-    for found in (sample.run)(&Asked { seed, silhouettes, most_steps })? {
-        println!("{found}");
-    }
-    Ok(())
-}
