@@ -1,6 +1,7 @@
 //! What the same bits cost: sums of numbers in the fits' tree, beside MPI's own allreduce.
 //!
-//! `mpirun -n 4 cargo run --release --example allreduce`, or the built example in place of cargo.
+//! `mpirun -n 4 cargo run --release --package bokashi-mpi --features mpi --example allreduce`, or the built
+//! example in place of cargo.
 //! A single number tells what a message costs by itself, a million how fast they travel.
 
 use bokashi_cli::summary::median;
