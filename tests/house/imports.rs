@@ -22,9 +22,9 @@ fn crates() -> BTreeMap<String, PathBuf> {
     named.collect()
 }
 
-/// The files that begin a crate: its library, and its program where that has files of its own.
+/// The files that begin a crate: its library, and its program.
 fn roots(folder: &Path) -> Vec<PathBuf> {
-    let all = ["src/lib.rs", "src/main.rs", "src/program/main.rs"].map(|file| folder.join(file));
+    let all = ["src/lib.rs", "src/main.rs"].map(|file| folder.join(file));
     all.into_iter().filter(|file| file.is_file()).collect()
 }
 
@@ -108,12 +108,7 @@ fn a_file_imports_only_from_its_own_floor_and_those_below() {
         let (name, within) = subject.split_once(", ").unwrap_or((&subject, ""));
         let within: Module =
             within.split('/').filter(|w| !w.is_empty()).map(str::to_owned).collect();
-        let source = crates[name].join("src");
-        let program = source.join("program/main.rs");
-        let found = match within.first() {
-            Some(first) if first == "program" => units(&[], &imports(&program)),
-            _ => units(&within, &imports(&source.join("lib.rs"))),
-        };
+        let found = units(&within, &imports(&crates[name].join("src/lib.rs")));
         let floor_of: BTreeMap<_, _> = floors.iter().cloned().collect();
         assert_eq!(floor_of.len(), floors.len(), "{subject} has a file on two floors");
         let listed: BTreeSet<_> = floor_of.keys().collect();

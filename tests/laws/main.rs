@@ -6,3 +6,4 @@ mod determinism_render;
 mod errors;
 mod golden;
 mod metamorphic;
+mod prelude;

@@ -4,6 +4,7 @@
 mod areas;
 pub mod bench;
 pub mod models;
+pub mod program;
 pub mod stability;
 pub mod stiff;
 

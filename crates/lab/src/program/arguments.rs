@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 
 use bokashi_cli::arguments::{Stopped, seeds, stopped, threads};
 use bokashi_cli::failure::{EXIT_STATUSES, Failure};
-use bokashi_lab::bench::{MESHES, STUDIES};
-use bokashi_lab::models::Expected;
 use clap::builder::PossibleValuesParser;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
+
+use crate::bench::{MESHES, STUDIES};
+use crate::models::Expected;
 
 /// Examines Bokashi: extreme cases, stiff problems, times beside errors, files of other people.
 #[derive(Debug, Parser)]

@@ -8,14 +8,14 @@ use bokashi_cli::about::about;
 use bokashi_cli::failure::Failure;
 use bokashi_cli::interrupt::Writing;
 use bokashi_cli::output::{is_standard_output, say, say_json};
-use bokashi_lab::bench::{
-    Effort, bench, elision, elision_markdown, json, markdown, read_mesh, read_peers,
-    write_elision_page, write_page,
-};
 use bokashi_report::{ReportError, escaped};
 use indicatif::ProgressBar;
 
-use crate::arguments::{BenchArguments, BenchCommand, BenchFiles};
+use super::arguments::{BenchArguments, BenchCommand, BenchFiles};
+use crate::bench::{
+    Effort, bench, elision, elision_markdown, json, markdown, read_mesh, read_peers,
+    write_elision_page, write_page,
+};
 
 /// Does what was asked for.
 pub(crate) fn run(arguments: &BenchArguments, writing: &Writing) -> Result<(), Failure> {

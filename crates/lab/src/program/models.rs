@@ -5,10 +5,10 @@ use std::sync::PoisonError;
 use bokashi_cli::failure::Failure;
 use bokashi_cli::interrupt::Writing;
 use bokashi_cli::output::{is_standard_output, say, say_json};
-use bokashi_lab::models::{markdown, walk, wrong};
 use indicatif::ProgressBar;
 
-use crate::arguments::ModelsArguments;
+use super::arguments::ModelsArguments;
+use crate::models::{markdown, walk, wrong};
 
 /// Loads all of them; a broken one, or counts that nobody expects, are a failure of the program.
 pub(crate) fn run(arguments: &ModelsArguments, writing: &Writing) -> Result<(), Failure> {

@@ -5,8 +5,8 @@ use bokashi_cli::interrupt::{Writing, end_when_interrupted};
 use bokashi_cli::places::Places;
 use bokashi_cli::threads::{start_threads, start_threads_apart};
 
-use crate::arguments::{Command, Request};
-use crate::{bench, models, stability, stiff};
+use super::arguments::{Command, Request};
+use super::{bench, models, stability, stiff};
 
 /// Does all that `request` asks for.
 pub(crate) fn run(request: &Request) -> Result<(), Failure> {

@@ -6,10 +6,10 @@ use std::sync::PoisonError;
 use bokashi_cli::failure::Failure;
 use bokashi_cli::interrupt::Writing;
 use bokashi_cli::output::{is_standard_output, say, say_json};
-use bokashi_lab::stability::{Row, grid, line, page, summary};
 use bokashi_report::add_page;
 
-use crate::arguments::StabilityArguments;
+use super::arguments::StabilityArguments;
+use crate::stability::{Row, grid, line, page, summary};
 
 /// Runs the grid; a row that fails is a failure of the program.
 pub(crate) fn run(arguments: &StabilityArguments, writing: &Writing) -> Result<(), Failure> {

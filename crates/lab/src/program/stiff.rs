@@ -6,11 +6,11 @@ use bokashi_cli::about::about;
 use bokashi_cli::failure::Failure;
 use bokashi_cli::interrupt::Writing;
 use bokashi_cli::output::{is_standard_output, say, say_json};
-use bokashi_lab::stiff::{StudySettings, study, table, write_page};
 use bokashi_report::escaped;
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::arguments::StiffArguments;
+use super::arguments::StiffArguments;
+use crate::stiff::{StudySettings, study, table, write_page};
 
 /// Does the trial and writes what was asked for.
 pub(crate) fn run(arguments: &StiffArguments, writing: &Writing) -> Result<(), Failure> {

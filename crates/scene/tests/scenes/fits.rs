@@ -1,7 +1,5 @@
 //! Fits of scenes whose pictures are made by another route: rays against balls, 8 x 8 of them in each pixel.
 
-mod rays;
-
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;

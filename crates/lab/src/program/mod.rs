@@ -1,4 +1,4 @@
-//! What examines Bokashi, from the command line: for those who work on it.
+//! The command line of the program `bokashi-lab`.
 
 mod arguments;
 mod bench;
@@ -14,7 +14,8 @@ use bokashi_cli::failure::ended;
 use bokashi_cli::output::say;
 use bokashi_cli::panics;
 
-fn main() -> ExitCode {
+/// Does what the command line asks for, and returns the status.
+pub fn main() -> ExitCode {
     panics::leave_guarded_out();
     let result = match arguments::parse(std::env::args_os()) {
         Ok(request) => run::run(&request),

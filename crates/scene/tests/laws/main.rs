@@ -1,5 +1,0 @@
-//! Laws of fits of scenes.
-
-mod metamorphic;
-mod ranks;
-mod resuming;

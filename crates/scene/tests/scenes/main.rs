@@ -1,0 +1,10 @@
+//! Scenes as their users have them: what their page says, what programs do with them, what fits of them learn,
+//! and the laws that hold for all fits.
+
+mod description;
+mod fits;
+mod metamorphic;
+mod programs;
+mod ranks;
+mod rays;
+mod resuming;
