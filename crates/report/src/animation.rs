@@ -3,10 +3,10 @@
 //!
 //! Only the rectangle that differs from the frame before is stored.
 
-use image::{RgbImage, imageops};
 use png::{BitDepth, BlendOp, ColorType, DisposeOp, Encoder};
 
 use crate::error::ReportError;
+use crate::rgb_image::RgbImage;
 
 /// How long the last frame stays, as a multiple of the others.
 const REST: u16 = 15;
@@ -17,9 +17,10 @@ const REST: u16 = 15;
 /// [`ReportError::Picture`] where there is no frame, or one is of another size.
 pub fn animation(frames: &[RgbImage], rate: u16) -> Result<Vec<u8>, ReportError> {
     let first = frames.first().ok_or_else(|| broken("an animation needs frames, got none"))?;
-    let (width, height) = first.dimensions();
-    if let Some(odd) = frames.iter().find(|frame| frame.dimensions() != (width, height)) {
-        let (w, h) = odd.dimensions();
+    let size = |frame: &RgbImage| [frame.width(), frame.height()];
+    let [width, height] = size(first);
+    if let Some(odd) = frames.iter().find(|frame| size(frame) != [width, height]) {
+        let [w, h] = size(odd);
         return Err(broken(format!("frames need one size, got {width}x{height} and {w}x{h}")));
     }
     let mut file = Vec::new();
@@ -43,8 +44,7 @@ pub fn animation(frames: &[RgbImage], rate: u16) -> Result<Vec<u8>, ReportError>
         }
         let delay = if at + 1 == frames.len() { REST } else { 1 };
         writer.set_frame_delay(delay, rate).map_err(broken)?;
-        let part = imageops::crop_imm(frame, x, y, w, h).to_image();
-        writer.write_image_data(part.as_raw()).map_err(broken)?;
+        writer.write_image_data(frame.crop([x, y, w, h]).bytes()).map_err(broken)?;
     }
     writer.finish().map_err(broken)?;
     Ok(file)
@@ -54,8 +54,9 @@ pub fn animation(frames: &[RgbImage], rate: u16) -> Result<Vec<u8>, ReportError>
 /// where none does.
 fn changed(before: &RgbImage, after: &RgbImage) -> [u32; 4] {
     let (mut left, mut top, mut right, mut bottom) = (u32::MAX, u32::MAX, 0, 0);
-    for (x, y, pixel) in after.enumerate_pixels() {
-        if before.get_pixel(x, y) != pixel {
+    let all = (0..after.height()).flat_map(|y| (0..after.width()).map(move |x| (x, y)));
+    for (x, y) in all {
+        if before.pixel(x, y) != after.pixel(x, y) {
             (left, top) = (left.min(x), top.min(y));
             (right, bottom) = (right.max(x + 1), bottom.max(y + 1));
         }
@@ -70,12 +71,10 @@ fn broken(error: impl ToString) -> ReportError {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use image::Rgb;
 
     fn frames() -> Vec<RgbImage> {
-        let frame = |at: u32| {
-            RgbImage::from_fn(8, 6, |x, y| Rgb([if (x, y) == (at, at) { 255 } else { 0 }; 3]))
-        };
+        let frame =
+            |at: u32| RgbImage::from_fn(8, 6, |x, y| [if (x, y) == (at, at) { 255 } else { 0 }; 3]);
         vec![frame(0), frame(1), frame(1), frame(5)]
     }
 
@@ -85,14 +84,15 @@ mod tests {
         let mut reader =
             png::Decoder::new(std::io::Cursor::new(&file)).read_info().expect("a header");
         assert_eq!(reader.info().animation_control().expect("animated").num_frames, 4);
-        let mut canvas = RgbImage::new(8, 6);
+        let mut canvas = RgbImage::from_pixel(8, 6, [0; 3]);
         let mut buffer = vec![0; reader.output_buffer_size().expect("a size")];
         for frame in frames() {
             let info = reader.next_frame(&mut buffer).expect("a frame");
             let place = *reader.info().frame_control().expect("a place");
-            let bytes = buffer[..info.buffer_size()].to_vec();
-            let part = RgbImage::from_raw(info.width, info.height, bytes).expect("whole");
-            imageops::replace(&mut canvas, &part, place.x_offset.into(), place.y_offset.into());
+            let pixels = buffer[..info.buffer_size()].as_chunks::<3>().0;
+            let pixel = |x, y| pixels[(y * info.width + x) as usize];
+            let part = RgbImage::from_fn(info.width, info.height, pixel);
+            canvas.replace(&part, [place.x_offset, place.y_offset]);
             assert_eq!(canvas, frame);
         }
     }
@@ -100,6 +100,8 @@ mod tests {
     #[test]
     fn no_frames_and_odd_frames_are_errors() {
         assert!(animation(&[], 12).is_err());
-        assert!(animation(&[RgbImage::new(2, 2), RgbImage::new(2, 3)], 12).is_err());
+        assert!(
+            animation(&[2, 3].map(|height| RgbImage::from_pixel(2, height, [0; 3])), 12).is_err()
+        );
     }
 }

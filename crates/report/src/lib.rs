@@ -14,6 +14,7 @@ mod markup;
 mod panel;
 mod picture;
 mod quartiles;
+mod rgb_image;
 mod viewer;
 
 pub use animation::animation;
@@ -26,4 +27,5 @@ pub use markup::{data_uri, escaped};
 pub use panel::{Panel, legend_line, row};
 pub use picture::{enlarged, picture_of, png, sheet};
 pub use quartiles::{quantiles, quartiles};
+pub use rgb_image::RgbImage;
 pub use viewer::{VIEWER_SCRIPT, ViewerMesh, ViewerTexture, viewer, viewer_data};

@@ -4,15 +4,14 @@
 //! knows none either. Values outside are clamped, and what is NaN shows as magenta, so that a
 //! broken picture looks broken.
 
-use std::io::Cursor;
-
 use bokashi_core::Tensor;
-use image::{ImageFormat, Rgb, RgbImage, imageops};
+use png::{BitDepth, ColorType, Compression, Encoder, EncodingError, Filter};
 
 use crate::error::ReportError;
+use crate::rgb_image::RgbImage;
 
 /// The colour of a pixel that is not a number.
-const BROKEN: Rgb<u8> = Rgb([255, 0, 255]);
+const BROKEN: [u8; 3] = [255, 0, 255];
 
 /// The picture of `image: [H, W, 3]`.
 ///
@@ -35,7 +34,7 @@ pub fn picture_of(image: &Tensor<f64>) -> Result<RgbImage, ReportError> {
         if pixel.iter().any(|value| value.is_nan()) {
             return BROKEN;
         }
-        Rgb(pixel.map(|value| (255.0 * value.clamp(0.0, 1.0)).round() as u8))
+        pixel.map(|value| (255.0 * value.clamp(0.0, 1.0)).round() as u8)
     }))
 }
 
@@ -44,11 +43,11 @@ pub fn picture_of(image: &Tensor<f64>) -> Result<RgbImage, ReportError> {
 pub fn enlarged(picture: &RgbImage, height: u32) -> RgbImage {
     let factor = (height / picture.height()).max(1);
     let (width, height) = (picture.width() * factor, picture.height() * factor);
-    imageops::resize(picture, width, height, imageops::FilterType::Nearest)
+    RgbImage::from_fn(width, height, |x, y| picture.pixel(x / factor, y / factor))
 }
 
 /// Rows of pictures with a gap between them, each centred in its cell.
-pub fn sheet(rows: &[Vec<RgbImage>], gap: u32, ground: Rgb<u8>) -> RgbImage {
+pub fn sheet(rows: &[Vec<RgbImage>], gap: u32, ground: [u8; 3]) -> RgbImage {
     let all = || rows.iter().flatten();
     let cell_width = all().map(RgbImage::width).max().unwrap_or(1);
     let cell_height = all().map(RgbImage::height).max().unwrap_or(1);
@@ -61,19 +60,31 @@ pub fn sheet(rows: &[Vec<RgbImage>], gap: u32, ground: Rgb<u8>) -> RgbImage {
         for (column, picture) in row.iter().enumerate() {
             let x = gap + column as u32 * (cell_width + gap) + (cell_width - picture.width()) / 2;
             let y = gap + line as u32 * (cell_height + gap) + (cell_height - picture.height()) / 2;
-            imageops::replace(&mut sheet, picture, x.into(), y.into());
+            sheet.replace(picture, [x, y]);
         }
     }
     sheet
 }
 
 /// A picture as a PNG file.
+///
+/// # Errors
+/// [`ReportError::Picture`] for a picture without rows.
 pub fn png(picture: &RgbImage) -> Result<Vec<u8>, ReportError> {
-    let mut file = Cursor::new(Vec::new());
-    picture
-        .write_to(&mut file, ImageFormat::Png)
-        .map_err(|error| ReportError::Picture(error.to_string()))?;
-    Ok(file.into_inner())
+    packed(picture).map_err(|error| ReportError::Picture(error.to_string()))
+}
+
+fn packed(picture: &RgbImage) -> Result<Vec<u8>, EncodingError> {
+    let mut file = Vec::new();
+    let mut encoder = Encoder::new(&mut file, picture.width(), picture.height());
+    encoder.set_color(ColorType::Rgb);
+    encoder.set_depth(BitDepth::Eight);
+    encoder.set_compression(Compression::Fast);
+    encoder.set_filter(Filter::Adaptive);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(picture.bytes())?;
+    writer.finish()?;
+    Ok(file)
 }
 
 #[cfg(test)]
@@ -85,8 +96,8 @@ mod tests {
         let values = vec![-1.0, 0.5, 2.0, f64::NAN, 0.0, 0.0];
         let image = Tensor::new([1, 2, 3], values).expect("six entries");
         let picture = picture_of(&image).expect("a picture");
-        assert_eq!(*picture.get_pixel(0, 0), Rgb([0, 128, 255]));
-        assert_eq!(*picture.get_pixel(1, 0), BROKEN);
+        assert_eq!(picture.pixel(0, 0), [0, 128, 255]);
+        assert_eq!(picture.pixel(1, 0), BROKEN);
     }
 
     #[test]
@@ -98,19 +109,19 @@ mod tests {
 
     #[test]
     fn enlarging_repeats_pixels() {
-        let small = RgbImage::from_fn(2, 1, |column, _| Rgb([column as u8; 3]));
+        let small = RgbImage::from_fn(2, 1, |column, _| [column as u8; 3]);
         let large = enlarged(&small, 3);
-        assert_eq!(large.dimensions(), (6, 3));
-        assert!(large.enumerate_pixels().all(|(x, _, pixel)| pixel[0] == (x / 3) as u8));
-        assert_eq!(enlarged(&large, 1).dimensions(), (6, 3));
+        assert_eq!((large.width(), large.height()), (6, 3));
+        assert_eq!(large, RgbImage::from_fn(6, 3, |column, _| [(column / 3) as u8; 3]));
+        assert_eq!(enlarged(&large, 1), large);
     }
 
     #[test]
     fn a_sheet_holds_ragged_rows() {
-        let tile = |side| RgbImage::from_pixel(side, side, Rgb([9; 3]));
-        let sheet = sheet(&[vec![tile(2), tile(4)], vec![tile(4)]], 1, Rgb([0; 3]));
-        assert_eq!(sheet.dimensions(), (11, 11));
-        assert_eq!(*sheet.get_pixel(2, 2), Rgb([9; 3]));
-        assert_eq!(*sheet.get_pixel(1, 1), Rgb([0; 3]));
+        let tile = |side| RgbImage::from_pixel(side, side, [9; 3]);
+        let sheet = sheet(&[vec![tile(2), tile(4)], vec![tile(4)]], 1, [0; 3]);
+        assert_eq!((sheet.width(), sheet.height()), (11, 11));
+        assert_eq!(sheet.pixel(2, 2), [9; 3]);
+        assert_eq!(sheet.pixel(1, 1), [0; 3]);
     }
 }

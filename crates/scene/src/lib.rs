@@ -75,7 +75,8 @@ pub use fitting::{SceneFit, SeenView, ViewScore};
 pub use folder::Folder;
 /// Matrices and vectors of cameras and places.
 pub use glam;
-/// What images in memory can be made of and into.
+/// The images of [`arrays::tensor_of_image`].
+#[cfg(feature = "image")]
 pub use image;
 pub use loading::{LoadedMesh, load_image, load_mesh};
 pub use mask_files::find_mask;
@@ -98,6 +99,6 @@ pub use scene::{Scene, SceneView};
 pub use values::Values;
 
 /// The programs in docs/arrays.md are compiled and run.
-#[cfg(doctest)]
+#[cfg(all(doctest, feature = "image"))]
 #[doc = include_str!("../../../docs/arrays.md")]
 struct Arrays;

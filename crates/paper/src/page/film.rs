@@ -4,8 +4,7 @@
 //! silhouette. Blur is shown as the fit sees it, at the size of the film. The bar at the foot
 //! runs over the steps, evenly in their logarithm, with a mark at each power of ten.
 
-use bokashi_report::{ReportError, animation, picture_of, png, sheet};
-use image::{Rgb, RgbImage};
+use bokashi_report::{ReportError, RgbImage, animation, picture_of, png, sheet};
 
 use super::digest::{Fit, Group};
 use super::gallery::target;
@@ -20,9 +19,9 @@ const TILE: usize = 176;
 /// Between the tiles.
 const GAP: u32 = 4;
 /// Behind the tiles.
-const GROUND: Rgb<u8> = Rgb([38, 40, 48]);
+const GROUND: [u8; 3] = [38, 40, 48];
 /// The bar, and its marks.
-const BAR: [Rgb<u8>; 2] = [Rgb([79, 179, 240]), Rgb([150, 154, 164])];
+const BAR: [[u8; 3]; 2] = [[79, 179, 240], [150, 154, 164]];
 /// Height of the bar's strip.
 const STRIP: u32 = 10;
 
@@ -90,23 +89,23 @@ fn tile(fit: &Fit, snapshot: &Snapshot, side: usize, view: &View) -> Result<RgbI
         .map_err(ReportError::content)?;
     let mut picture = picture_of(&picture)?;
     // Six bits per channel: half the bytes, and no step that an eye would see in motion.
-    picture.pixels_mut().for_each(|pixel| pixel.0 = pixel.0.map(|value| value & 0xFC));
+    picture.pixels_mut().for_each(|pixel| *pixel = pixel.map(|value| value & 0xFC));
     Ok(picture)
 }
 
 /// A frame with the bar of steps under it.
 fn with_bar(frame: &RgbImage, step: u64, steps: u64) -> RgbImage {
-    let (width, height) = frame.dimensions();
+    let (width, height) = (frame.width(), frame.height());
     let mut barred = RgbImage::from_pixel(width, height + STRIP, GROUND);
-    image::imageops::replace(&mut barred, frame, 0, 0);
+    barred.replace(frame, [0, 0]);
     let (left, length) = (GAP, width.saturating_sub(2 * GAP));
     let place = |step: u64| {
         let part = (step as f64 + 1.0).ln() / (steps.max(1) as f64 + 1.0).ln();
         left + (part.clamp(0.0, 1.0) * f64::from(length)) as u32
     };
-    let mut fill = |from: u32, to: u32, color: Rgb<u8>, [top, low]: [u32; 2]| {
+    let mut fill = |from: u32, to: u32, color: [u8; 3], [top, low]: [u32; 2]| {
         for (x, y) in (from..to.min(width)).flat_map(|x| (top..low).map(move |y| (x, height + y))) {
-            barred.put_pixel(x, y, color);
+            barred.set_pixel(x, y, color);
         }
     };
     fill(left, place(step), BAR[0], [2, STRIP - 4]);

@@ -6,8 +6,9 @@
 
 use std::fmt::Write as _;
 
-use bokashi_report::{ReportError, data_uri, enlarged, escaped, grouped, picture_of, png, sheet};
-use image::{Rgb, RgbImage};
+use bokashi_report::{
+    ReportError, RgbImage, data_uri, enlarged, escaped, grouped, picture_of, png, sheet,
+};
 
 use super::digest::{Fit, Group};
 use crate::{self as scenes, Experiment, Preset, Silhouettes, Snapshot, View};
@@ -68,7 +69,7 @@ pub(crate) fn file(group: &Group) -> Result<Option<Vec<u8>>, ReportError> {
     }
     let rows =
         if group.settings.experiment == Experiment::Sigma { vec![top] } else { vec![top, bottom] };
-    png(&sheet(&rows, 6, Rgb([96; 3]))).map(Some)
+    png(&sheet(&rows, 6, [96; 3])).map(Some)
 }
 
 /// The galleries of an experiment, one per group, as HTML; those with tuned rates folded, where

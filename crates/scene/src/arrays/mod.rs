@@ -8,7 +8,7 @@
 //! | `.safetensors` | [`read_safetensors`], [`write_safetensors`] |
 //! | crate `ndarray` | `tensor_of_ndarray`, `ndarray_view`, `ndarray_of`, with the feature `ndarray` |
 //! | vectors and matrices of [glam] | [`tensor_of_rows`], [`rows_of`] |
-//! | images of the crate [image] | [`tensor_of_image`], [`image_of`] |
+//! | images of the crate `image` | `tensor_of_image`, `image_of`, with the feature `image` |
 //!
 //! A file's array is a [`RawArray`], with numbers of any type; an [`ArrayFile`] has several by name.
 //! [`RawArray::tensor`] makes a tensor of it, and never rounds.
@@ -24,6 +24,7 @@
 //! ```
 
 mod array_file;
+#[cfg(feature = "image")]
 mod images;
 #[cfg(feature = "ndarray")]
 mod ndarray;
@@ -38,6 +39,7 @@ mod safetensors;
 mod tests;
 
 pub use self::array_file::ArrayFile;
+#[cfg(feature = "image")]
 pub use self::images::{image_of, tensor_of_image};
 #[cfg(feature = "ndarray")]
 pub use self::ndarray::{ndarray_of, ndarray_view, tensor_of_ndarray};

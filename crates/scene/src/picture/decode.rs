@@ -1,36 +1,17 @@
-//! Images from bytes.
-//!
-//! Sizes are checked before memory is taken for pixels. A JPEG must have its end marker, since its
-//! decoder would make up what is missing.
+//! Images from bytes. Sizes are checked before memory is taken for pixels.
 
-use std::io::Cursor;
-use std::ops::Range;
 use std::path::Path;
 
-use image::metadata::Orientation;
-use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
-
-use super::samples::{DENSEST, MOST_SAMPLES, Picture, Samples, check_size, claim, guarded};
+use super::header::Header;
+use super::samples::{Picture, guarded};
 use super::turn::Turn;
-use super::{open_exr, radiance};
+use super::{jpeg_file, open_exr, png_file, radiance};
 use crate::error::{Place, SceneError};
 use crate::folder::Folder;
 use crate::memory::Memory;
 
-/// The largest sample that the decoders of PNG and JPEG give, in bytes.
-const WIDEST_SAMPLE: u64 = 2;
-
-/// The most channels of a PNG.
-const MOST_CHANNELS: u64 = 4;
-
-/// The bytes that a PNG may take beside its pixels, for texts and a colour profile, which are left out.
-const BESIDE_PIXELS: u64 = 64 << 20;
-
 /// The bytes of a file in which its size is looked for first; few have it later.
 const START: u64 = 64 << 10;
-
-/// Where a PNG has its columns and rows.
-const PNG_SIZE: Range<usize> = 16..24;
 
 /// A format of images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -85,15 +66,6 @@ impl Format {
         let found = format!("an image is a PNG, JPEG, EXR or HDR file, and {found}");
         Err(SceneError::content(place.clone(), found))
     }
-
-    /// The format of the library whose files may have Exif data.
-    fn with_exif(self) -> Option<ImageFormat> {
-        match self {
-            Self::Png => Some(ImageFormat::Png),
-            Self::Jpeg => Some(ImageFormat::Jpeg),
-            Self::Exr | Self::Radiance => None,
-        }
-    }
 }
 
 impl Picture {
@@ -114,13 +86,13 @@ impl Picture {
         memory: &Memory,
         place: &Place,
     ) -> Result<Self, SceneError> {
-        let of_format = |format| guarded(place, || decoded(bytes, format, memory, place));
-        Ok(match Format::of(bytes, place)? {
-            Format::Png => of_format(ImageFormat::Png)?.0,
-            Format::Jpeg => of_format(ImageFormat::Jpeg)?.0,
-            Format::Exr => guarded(place, || open_exr::decode(bytes, memory, place))?,
-            Format::Radiance => guarded(place, || radiance::decode(bytes, memory, place))?,
-        })
+        let decode = match Format::of(bytes, place)? {
+            Format::Png => png_file::decode,
+            Format::Jpeg => jpeg_file::decode,
+            Format::Exr => open_exr::decode,
+            Format::Radiance => radiance::decode,
+        };
+        guarded(place, || decode(bytes, memory, place))
     }
 
     /// As [`Picture::decode`], turned as viewers turn it.
@@ -128,14 +100,11 @@ impl Picture {
     /// # Errors
     /// As [`Picture::decode`].
     pub fn decode_upright(bytes: &[u8], place: &Place) -> Result<Self, SceneError> {
-        let Some(format) = Format::of(bytes, place)?.with_exif() else {
-            return Self::decode(bytes, place);
-        };
-        let (picture, orientation) =
-            guarded(place, || decoded(bytes, format, &Memory::default(), place))?;
-        let mut image = picture.into_image()?;
-        image.apply_orientation(orientation);
-        Self::of_image(image)
+        let picture = Self::decode(bytes, place)?;
+        Ok(match Self::turn_of(bytes, place)? {
+            Some(turn) => turn.apply(&picture),
+            None => picture,
+        })
     }
 
     /// How viewers turn the image of these `bytes` before they show it; `None` for one that is shown as it is
@@ -144,11 +113,7 @@ impl Picture {
     /// # Errors
     /// As [`Picture::size_of`].
     pub fn turn_of(bytes: &[u8], place: &Place) -> Result<Option<Turn>, SceneError> {
-        let Some(format) = Format::of(bytes, place)?.with_exif() else { return Ok(None) };
-        guarded(place, || {
-            let mut decoder = opened(bytes, bytes.len(), format, place)?;
-            Ok(Turn::of(orientation(&mut decoder)))
-        })
+        Ok(header(bytes, bytes.len(), place)?.turn())
     }
 
     /// The columns and rows of the image that [`Picture::decode`] answers, from the header alone.
@@ -183,111 +148,24 @@ pub(super) fn size_of_start(
     length: usize,
     place: &Place,
 ) -> Result<[usize; 2], SceneError> {
-    match Format::of(bytes, place)? {
-        Format::Png => guarded(place, || size(bytes, length, ImageFormat::Png, place)),
-        Format::Jpeg => guarded(place, || size(bytes, length, ImageFormat::Jpeg, place)),
-        Format::Exr => guarded(place, || open_exr::size_of(bytes, length, place)),
-        Format::Radiance => guarded(place, || radiance::size_of(bytes, length, place)),
-    }
+    Ok(header(bytes, length, place)?.size)
 }
 
-/// A decoder that has read the header of an image that is not too large for a file of `length` bytes.
-pub(super) fn opened<'b>(
-    bytes: &'b [u8],
-    length: usize,
-    format: ImageFormat,
-    place: &Place,
-) -> Result<impl ImageDecoder + 'b, SceneError> {
-    let mut limits = Limits::no_limits();
-    limits.max_alloc = Some(MOST_SAMPLES * WIDEST_SAMPLE);
-    if format == ImageFormat::Png
-        && let Some(&[a, b, c, d, e, f, g, h]) = bytes.get(PNG_SIZE)
-    {
-        // Its decoder takes memory for a row at once, and as much as it may for a colour profile.
-        let size = [[a, b, c, d], [e, f, g, h]].map(|bytes| u32::from_be_bytes(bytes).into());
-        check_size(size, 1, (length, DENSEST), place)?;
-        let [width, height] = size;
-        limits.max_alloc = Some(width * height * MOST_CHANNELS * WIDEST_SAMPLE + BESIDE_PIXELS);
-    }
-    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
-    reader.limits(limits);
-    let decoder = reader.into_decoder().map_err(|error| broken(&error, place))?;
-    let (width, height) = decoder.dimensions();
-    let channels = decoder.color_type().channel_count();
-    let size = [width.into(), height.into()];
-    check_size(size, channels.into(), (length, DENSEST), place)?;
-    Ok(decoder)
-}
-
-fn size(
-    bytes: &[u8],
-    length: usize,
-    format: ImageFormat,
-    place: &Place,
-) -> Result<[usize; 2], SceneError> {
-    let (width, height) = opened(bytes, length, format, place)?.dimensions();
-    Ok([width as usize, height as usize])
-}
-
-/// The image as it is stored, and how it is to be turned.
-fn decoded(
-    bytes: &[u8],
-    format: ImageFormat,
-    memory: &Memory,
-    place: &Place,
-) -> Result<(Picture, Orientation), SceneError> {
-    if format == ImageFormat::Jpeg && !has_end(bytes) {
-        let found = "a JPEG has a marker at the end of its pixels, and this is cut short";
-        return Err(SceneError::content(place.clone(), found));
-    }
-    let mut decoder = opened(bytes, bytes.len(), format, place)?;
-    let (width, height) = decoder.dimensions();
-    claim([width.into(), height.into()], decoder.total_bytes(), memory, place)?;
-    let orientation = orientation(&mut decoder);
-    let image = DynamicImage::from_decoder(decoder).map_err(|error| broken(&error, place))?;
-    let picture = Picture::of_image(image)?;
-    if let Samples::F32(_) = picture.samples {
-        let found = "samples of PNG and JPEG have 8 or 16 bits, and these have 32";
-        return Err(SceneError::content(place.clone(), found));
-    }
-    Ok((picture, orientation))
-}
-
-/// How an image is to be turned. Exif data that can't be read turns nothing.
-fn orientation(decoder: &mut impl ImageDecoder) -> Orientation {
-    decoder.orientation().unwrap_or(Orientation::NoTransforms)
-}
-
-fn broken(error: &image::ImageError, place: &Place) -> SceneError {
-    SceneError::content(place.clone(), format!("the image can't be decoded: {error}"))
-}
-
-/// Whether a JPEG has the marker of its end after the beginning of its first scan. A scan has no
-/// such bytes by chance: after a byte 255 it has a 0 or the number of a restart.
-fn has_end(bytes: &[u8]) -> bool {
-    const START_OF_SCAN: u8 = 0xda;
-    const END: u8 = 0xd9;
-    // The segments before the scan, which say how long they are; the first marker has no segment.
-    let mut rest = bytes.get(2..).unwrap_or_default();
-    loop {
-        match *rest {
-            [0xff, 0xff, ..] => rest = &rest[1..],
-            [0xff, START_OF_SCAN, ..] => break,
-            [0xff, _, high, low, ..] => {
-                let length = usize::from(u16::from_be_bytes([high, low]));
-                rest = rest.get(2 + length.max(2)..).unwrap_or_default();
-            }
-            // Fill bytes that some cameras leave between segments.
-            [_, _, ..] => rest = &rest[1..],
-            _ => return false,
-        }
-    }
-    rest.windows(2).any(|pair| pair == [0xff, END])
+/// What a file of `length` bytes that begins with `bytes` says before its pixels.
+pub(super) fn header(bytes: &[u8], length: usize, place: &Place) -> Result<Header, SceneError> {
+    let read = match Format::of(bytes, place)? {
+        Format::Png => png_file::header,
+        Format::Jpeg => jpeg_file::header,
+        Format::Exr => open_exr::header,
+        Format::Radiance => radiance::header,
+    };
+    guarded(place, || read(bytes, length, place))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::picture::Samples;
 
     fn decoded(bytes: &[u8]) -> Picture {
         Picture::decode(bytes, &Place::of("a")).unwrap()

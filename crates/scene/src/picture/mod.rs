@@ -23,12 +23,16 @@
 //! PNG, W3C Recommendation, third edition; ITU-T T.81; the OpenEXR file layout of openexr.com; Ward,
 //! *Radiance file formats*.
 
+#[cfg(feature = "image")]
 mod buffers;
 mod color;
 mod decode;
-mod encode;
+mod exif;
+mod header;
+mod jpeg_file;
 mod mask;
 mod open_exr;
+mod png_file;
 mod radiance;
 mod remarks;
 mod samples;

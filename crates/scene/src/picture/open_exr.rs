@@ -11,7 +11,7 @@ use exr::prelude::{
     ReadLayers as _, Vec2, WritableImage as _, read,
 };
 
-use super::samples::{DENSEST, Picture, Samples, check_size, claim};
+use super::samples::{DENSEST, Picture, Samples, broken, check_size, claim};
 use super::usual::{is_srgb, of_aspect};
 use crate::error::{Place, SceneError};
 use crate::memory::Memory;
@@ -141,15 +141,15 @@ fn opened<'b>(
     Ok((reader, layer, chosen))
 }
 
-/// The columns and rows of the display window, of a file of `length` bytes that begins with `bytes`.
-pub(super) fn size_of(
+/// What a file of `length` bytes that begins with `bytes` says before its pixels: the size of the display window.
+pub(super) fn header(
     bytes: &[u8],
     length: usize,
     place: &Place,
-) -> Result<[usize; 2], SceneError> {
+) -> Result<super::header::Header, SceneError> {
     let (reader, layer, _) = opened(bytes, length, place)?;
     let size = reader.headers()[layer].shared_attributes.display_window.size;
-    Ok([size.width(), size.height()])
+    Ok(super::header::Header::from_size([size.width(), size.height()]))
 }
 
 /// What a file says that is not done.
@@ -330,7 +330,19 @@ fn shown(
     shown
 }
 
-pub(super) fn encode(picture: &Picture, place: &Place) -> Result<Vec<u8>, SceneError> {
+impl Picture {
+    /// An EXR file with the image's samples, compressed without loss: channels Y or R, G, B, and A; the same bytes
+    /// for the same image, on every machine. `place` names the file in errors.
+    ///
+    /// # Errors
+    /// [`SceneError::Content`] for samples of 8 or 16 bits and for those that are not finite,
+    /// without a pixel, and where the number of samples is not that of the pixels.
+    pub fn encode_exr(&self, place: &Place) -> Result<Vec<u8>, SceneError> {
+        encode(self.checked(place)?, place)
+    }
+}
+
+fn encode(picture: &Picture, place: &Place) -> Result<Vec<u8>, SceneError> {
     let content = |found: String| SceneError::content(place.clone(), found);
     let Samples::F32(samples) = &picture.samples else {
         return Err(content(
@@ -355,10 +367,6 @@ pub(super) fn encode(picture: &Picture, place: &Place) -> Result<Vec<u8>, SceneE
     let written = image.write().non_parallel().to_buffered(Cursor::new(&mut bytes));
     written.map_err(|error| content(format!("the image can't be encoded: {error}")))?;
     Ok(bytes)
-}
-
-fn broken(error: &exr::error::Error, place: &Place) -> SceneError {
-    SceneError::content(place.clone(), format!("the image can't be decoded: {error}"))
 }
 
 #[cfg(test)]

@@ -7,9 +7,8 @@
 
 use std::path::Path;
 
-use image::{ImageDecoder, ImageFormat};
-
-use super::decode::{Format, opened};
+use super::decode::{Format, header};
+use super::header::Header;
 use super::samples::{Picture, guarded};
 use super::usual::{is_srgb, of_aspect};
 use super::{open_exr, radiance};
@@ -32,14 +31,16 @@ impl Picture {
             Format::Exr => guarded(place, || open_exr::remarks(bytes, place)),
             Format::Radiance => guarded(place, || radiance::remarks(bytes, place)),
             Format::Png => {
-                let mut said = of_decoder(bytes, ImageFormat::Png, place)?;
+                let header = header(bytes, bytes.len(), place)?;
+                let mut said = Vec::from_iter(of_colors(&header));
                 said.extend(of_png(bytes, !said.is_empty()));
-                with_turn(said, bytes, place)
+                Ok(with_turn(said, &header))
             }
             Format::Jpeg => {
-                let mut said = of_decoder(bytes, ImageFormat::Jpeg, place)?;
+                let header = header(bytes, bytes.len(), place)?;
+                let mut said = Vec::from_iter(of_colors(&header));
                 said.extend(of_jfif(bytes));
-                with_turn(said, bytes, place)
+                Ok(with_turn(said, &header))
             }
         }
     }
@@ -54,39 +55,26 @@ impl Picture {
     }
 }
 
-fn with_turn(
-    mut said: Vec<String>,
-    bytes: &[u8],
-    place: &Place,
-) -> Result<Vec<String>, SceneError> {
-    if let Some(turn) = Picture::turn_of(bytes, place)? {
-        said.push(format!(
-            "viewers turn it {turn}, as its Exif data say, and it is read as it is stored"
-        ));
-    }
-    Ok(said)
+fn with_turn(mut said: Vec<String>, header: &Header) -> Vec<String> {
+    said.extend(header.turn().map(|turn| {
+        format!("viewers turn it {turn}, as its Exif data say, and it is read as it is stored")
+    }));
+    said
 }
 
 /// The colour profile, or what Exif data say in place of it.
-fn of_decoder(bytes: &[u8], format: ImageFormat, place: &Place) -> Result<Vec<String>, SceneError> {
-    guarded(place, || {
-        let mut decoder = opened(bytes, bytes.len(), format, place)?;
-        if let Some(profile) = decoder.icc_profile().ok().flatten() {
-            let name = profile_name(&profile).unwrap_or_default();
-            return Ok(match name.to_lowercase().contains("srgb") {
-                true => Vec::new(),
-                false => {
-                    vec![format!("it has the colour profile {name:?}, which is left out: {TAKEN}")]
-                }
-            });
-        }
-        let exif = decoder.exif_metadata().ok().flatten();
-        Ok(match exif.and_then(|exif| exif_color_space(&exif)) {
-            None | Some(1) => Vec::new(),
-            Some(_) => vec![format!(
-                "its Exif data say another colour space than sRGB, as Adobe RGB, which is left out: {TAKEN}"
-            )],
-        })
+fn of_colors(header: &Header) -> Option<String> {
+    if let Some(profile) = &header.profile {
+        let name = profile_name(profile).unwrap_or_default();
+        let is_usual = name.to_lowercase().contains("srgb");
+        return (!is_usual)
+            .then(|| format!("it has the colour profile {name:?}, which is left out: {TAKEN}"));
+    }
+    let space = header.exif()?.color_space()?;
+    (space != 1).then(|| {
+        format!(
+            "its Exif data say another colour space than sRGB, as Adobe RGB, which is left out: {TAKEN}"
+        )
     })
 }
 
@@ -176,34 +164,11 @@ fn profile_name(profile: &[u8]) -> Option<String> {
     Some(text.trim_end_matches('\0').chars().take(60).collect())
 }
 
-/// The tag `ColorSpace` of Exif data: 1 is sRGB, 65535 what has no number.
-fn exif_color_space(exif: &[u8]) -> Option<u16> {
-    const EXIF: u16 = 0x8769;
-    const COLOR_SPACE: u16 = 0xa001;
-    let is_little = exif.starts_with(b"II");
-    let short = |at: usize| {
-        let bytes = exif.get(at..at.checked_add(2)?)?.try_into().ok()?;
-        Some(if is_little { u16::from_le_bytes(bytes) } else { u16::from_be_bytes(bytes) })
-    };
-    let long = |at: usize| {
-        let bytes = exif.get(at..at.checked_add(4)?)?.try_into().ok()?;
-        let number = if is_little { u32::from_le_bytes(bytes) } else { u32::from_be_bytes(bytes) };
-        Some(number as usize)
-    };
-    // Where the value of a tag stands in the list at a place.
-    let find = |list: usize, tag: u16| {
-        let entries = (0..usize::from(short(list)?)).map(|k| list + 2 + 12 * k);
-        entries.into_iter().find(|&at| short(at) == Some(tag)).map(|at| at + 8)
-    };
-    let list = long(find(long(4)?, EXIF)?)?;
-    short(find(list, COLOR_SPACE)?)
-}
-
 #[cfg(test)]
 mod tests {
-    use crate::picture::Samples;
-
     use super::*;
+    use crate::picture::Samples;
+    use crate::picture::exif::Exif;
 
     fn png() -> Vec<u8> {
         let samples = Samples::U8(vec![1, 2, 3]);
@@ -339,11 +304,11 @@ mod tests {
                 long(0),
             ]
             .concat();
-            assert_eq!(exif_color_space(&exif), Some(space as u16));
+            assert_eq!(Exif::new(&exif).unwrap().color_space(), Some(space as u16));
             let all = said(&with_chunks(&[(b"eXIf", exif.clone())]));
             assert_eq!(all.len(), usize::from(space != 1), "{all:?}");
             for length in 0..exif.len() {
-                let _ = exif_color_space(&exif[..length]);
+                let _ = Exif::new(&exif[..length]).and_then(Exif::color_space);
             }
         }
     }

@@ -1,6 +1,7 @@
 //! An image in memory, and how large it may be.
 
 use std::cell::Cell;
+use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use crate::error::{Place, SceneError};
@@ -115,6 +116,11 @@ pub(super) fn claim(
     place: &Place,
 ) -> Result<(), SceneError> {
     memory.take(bytes, bytes, place, || format!("an image of {width} x {height}"))
+}
+
+/// The error of a decoder.
+pub(super) fn broken(error: &dyn fmt::Display, place: &Place) -> SceneError {
+    SceneError::content(place.clone(), format!("the image can't be decoded: {error}"))
 }
 
 thread_local! {

@@ -8,13 +8,13 @@ use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image, ImageAttributes, Layer, LayerAttributes,
     Vec2, WritableImage as _, f16,
 };
-use image::codecs::jpeg::JpegEncoder;
-use image::{ExtendedColorType, ImageEncoder as _};
 
 use super::decode::size_of_start;
 use super::*;
 use crate::error::{Place, SceneError};
 use crate::folder::Folder;
+
+mod kinds;
 
 fn place() -> Place {
     Place::of("scene/image")
@@ -31,12 +31,12 @@ fn numbered(channels: usize) -> Picture {
 }
 
 /// A JPEG whose left half is dark and whose right half is light.
-fn jpeg(width: u32, height: u32) -> Vec<u8> {
+fn jpeg(width: u16, height: u16) -> Vec<u8> {
     let pixels: Vec<u8> =
         (0..width * height).map(|k| if k % width < width / 2 { 20 } else { 230 }).collect();
     let mut bytes = Vec::new();
-    let encoder = JpegEncoder::new_with_quality(&mut bytes, 95);
-    encoder.write_image(&pixels, width, height, ExtendedColorType::L8).unwrap();
+    let encoder = jpeg_encoder::Encoder::new(&mut bytes, 95);
+    encoder.encode(&pixels, width, height, jpeg_encoder::ColorType::Luma).unwrap();
     bytes
 }
 

@@ -6,43 +6,69 @@
 use std::fmt;
 use std::path::Path;
 
-use image::metadata::Orientation;
-
-use super::samples::Picture;
+use super::samples::{Picture, Samples};
 use crate::error::{Place, SceneError};
 use crate::folder::Folder;
 
-/// How viewers turn a photograph before they show it.
+/// How viewers turn a photograph before they show it: the number of Exif data, 2 to 8.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Turn(pub(super) Orientation);
+pub struct Turn(u16);
 
 impl Turn {
     /// Nothing for an image that is shown as it is stored.
-    pub(super) fn of(orientation: Orientation) -> Option<Self> {
-        (orientation != Orientation::NoTransforms).then_some(Self(orientation))
+    pub(super) fn from_exif(orientation: u16) -> Option<Self> {
+        matches!(orientation, 2..=8).then_some(Self(orientation))
+    }
+
+    /// Whether rows become columns.
+    const fn swaps(self) -> bool {
+        self.0 >= 5
     }
 
     /// The columns and rows of an image of this size once it is turned.
     pub fn size(self, [width, height]: [usize; 2]) -> [usize; 2] {
-        use Orientation::{Rotate90, Rotate90FlipH, Rotate270, Rotate270FlipH};
-        match self.0 {
-            Rotate90 | Rotate90FlipH | Rotate270 | Rotate270FlipH => [height, width],
-            _ => [width, height],
+        if self.swaps() { [height, width] } else { [width, height] }
+    }
+
+    /// The image once it is turned.
+    pub(super) fn apply(self, picture: &Picture) -> Picture {
+        let size = [picture.width, picture.height];
+        let samples = match &picture.samples {
+            Samples::U8(samples) => Samples::U8(self.turned(samples, size, picture.channels)),
+            Samples::U16(samples) => Samples::U16(self.turned(samples, size, picture.channels)),
+            Samples::F32(samples) => Samples::F32(self.turned(samples, size, picture.channels)),
+        };
+        let [width, height] = self.size(size);
+        Picture { width, height, channels: picture.channels, samples }
+    }
+
+    fn turned<S: Copy>(self, samples: &[S], size: [usize; 2], channels: usize) -> Vec<S> {
+        let ([width, height], [new_width, new_height]) = (size, self.size(size));
+        // Counted from the right or from below, in the image as it is stored.
+        let [from_right, from_below] =
+            [matches!(self.0, 2 | 3 | 7 | 8), matches!(self.0, 3 | 4 | 6 | 7)];
+        let mut turned = Vec::with_capacity(samples.len());
+        for (row, column) in (0..new_height).flat_map(|row| (0..new_width).map(move |x| (row, x))) {
+            let [y, x] = if self.swaps() { [column, row] } else { [row, column] };
+            let y = if from_below { height - 1 - y } else { y };
+            let x = if from_right { width - 1 - x } else { x };
+            let start = (y * width + x) * channels;
+            turned.extend_from_slice(&samples[start..start + channels]);
         }
+        turned
     }
 }
 
 impl fmt::Display for Turn {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self.0 {
-            Orientation::NoTransforms => "not at all",
-            Orientation::Rotate90 => "by a quarter to the right",
-            Orientation::Rotate180 => "by a half",
-            Orientation::Rotate270 => "by a quarter to the left",
-            Orientation::FlipHorizontal => "left to right, as in a mirror",
-            Orientation::FlipVertical => "upside down, as in a mirror",
-            Orientation::Rotate90FlipH => "by a quarter to the right and then left to right",
-            Orientation::Rotate270FlipH => "by a quarter to the left and then left to right",
+            2 => "left to right, as in a mirror",
+            3 => "by a half",
+            4 => "upside down, as in a mirror",
+            5 => "by a quarter to the right and then left to right",
+            6 => "by a quarter to the right",
+            7 => "by a quarter to the left and then left to right",
+            _ => "by a quarter to the left",
         })
     }
 }
@@ -84,5 +110,33 @@ impl Picture {
             );
         }
         Err(SceneError::content(place, said))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_turn_puts_each_pixel_where_viewers_show_it() {
+        // Two rows of three pixels of two channels: 0 1 2 above 3 4 5.
+        let samples = Samples::U16((0..6).flat_map(|k| [k, 100 + k]).collect());
+        let picture = Picture { width: 3, height: 2, channels: 2, samples };
+        let rows: [(u16, usize, [u16; 6]); 7] = [
+            (2, 3, [2, 1, 0, 5, 4, 3]),
+            (3, 3, [5, 4, 3, 2, 1, 0]),
+            (4, 3, [3, 4, 5, 0, 1, 2]),
+            (5, 2, [0, 3, 1, 4, 2, 5]),
+            (6, 2, [3, 0, 4, 1, 5, 2]),
+            (7, 2, [5, 2, 4, 1, 3, 0]),
+            (8, 2, [2, 5, 1, 4, 0, 3]),
+        ];
+        for (orientation, width, expected) in rows {
+            let turned = Turn::from_exif(orientation).unwrap().apply(&picture);
+            assert_eq!([turned.width, turned.height], [width, 6 / width], "{orientation}");
+            let expected = expected.into_iter().flat_map(|k| [k, 100 + k]).collect();
+            assert_eq!(turned.samples, Samples::U16(expected), "{orientation}");
+        }
+        assert_eq!([0, 1, 9, 6 << 8].map(Turn::from_exif), [None; 4]);
     }
 }

@@ -1,7 +1,6 @@
 //! Photographs and masks as people have them: in folders, turned, in formats that are not read.
 
-use bokashi_scene::image::codecs::jpeg::JpegEncoder;
-use bokashi_scene::image::{ExtendedColorType, ImageEncoder as _};
+use jpeg_encoder::{ColorType, Encoder};
 
 use super::*;
 
@@ -9,8 +8,7 @@ use super::*;
 fn turned(orientation: u8) -> Vec<u8> {
     let pixels: Vec<u8> = (0..32 * 16).map(|k| if k % 32 < 16 { 20 } else { 230 }).collect();
     let mut plain = Vec::new();
-    let encoder = JpegEncoder::new_with_quality(&mut plain, 95);
-    encoder.write_image(&pixels, 32, 16, ExtendedColorType::L8).unwrap();
+    Encoder::new(&mut plain, 95).encode(&pixels, 32, 16, ColorType::Luma).unwrap();
     let mut exif = b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".to_vec();
     exif.extend([orientation, 0, 0, 0, 0, 0, 0, 0]);
     let length = u16::try_from(exif.len() + 2).unwrap().to_be_bytes();

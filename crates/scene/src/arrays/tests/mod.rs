@@ -1,6 +1,7 @@
 //! What all files of arrays keep: every bit, and their temper whatever bytes they meet.
 
 mod damaged;
+#[cfg(feature = "image")]
 mod images;
 #[cfg(feature = "ndarray")]
 mod ndarray;
