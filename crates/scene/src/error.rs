@@ -1,31 +1,13 @@
 //! What can go wrong with files of a scene.
 
-use std::borrow::Cow;
 use std::fmt;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
+pub use bokashi_description::Place;
+use bokashi_description::{DescriptionError, shortened, shortened_path};
 use bokashi_fit::FitError;
 use bokashi_render_ops::RenderError;
-
-/// The most characters of a path or a message: both may have names that are as long as a file likes.
-const LONGEST: usize = 1000;
-
-/// A text without its middle where it is long: messages begin with what they are about, and end with a rule.
-fn short(text: &str) -> Cow<'_, str> {
-    let count = text.chars().count();
-    if count <= LONGEST {
-        return Cow::Borrowed(text);
-    }
-    let end = |at: usize| text.char_indices().nth(at).map_or(text.len(), |(end, _)| end);
-    let (begin, rest) = (&text[..end(LONGEST / 2)], &text[end(count - LONGEST / 2)..]);
-    Cow::Owned(format!("{begin} ... {rest}"))
-}
-
-/// A path in a message.
-fn shown(path: &Path) -> String {
-    short(&path.display().to_string()).into_owned()
-}
 
 /// A number of bytes for people.
 fn bytes(count: u64) -> String {
@@ -36,43 +18,12 @@ fn bytes(count: u64) -> String {
     }
 }
 
-/// A place in a file: the file, and where that is known a line and a column, both from 1 on.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Place {
-    /// The file.
-    pub path: PathBuf,
-    /// The line.
-    pub line: Option<usize>,
-    /// The column, in characters.
-    pub column: Option<usize>,
-}
-
-impl Place {
-    /// All of a file.
-    pub fn of(path: impl AsRef<Path>) -> Self {
-        Self { path: path.as_ref().to_owned(), line: None, column: None }
-    }
-
-    /// A line of a file.
-    pub fn line(path: impl AsRef<Path>, line: usize) -> Self {
-        Self { line: Some(line), ..Self::of(path) }
-    }
-}
-
-impl fmt::Display for Place {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", shown(&self.path))?;
-        let numbers = [self.line, self.column].into_iter().map_while(|number| number);
-        numbers.into_iter().try_for_each(|number| write!(f, ":{number}"))
-    }
-}
-
 /// What can go wrong with files of a scene. Each message says the rule, then the value that broke it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SceneError {
     /// A file could not be read.
-    #[error("{path} could not be read: {error}", path = shown(path))]
+    #[error("{path} could not be read: {error}", path = shortened_path(path))]
     Read {
         /// The file.
         path: PathBuf,
@@ -80,7 +31,7 @@ pub enum SceneError {
         error: io::Error,
     },
     /// A file could not be written.
-    #[error("{path} could not be written: {error}", path = shown(path))]
+    #[error("{path} could not be written: {error}", path = shortened_path(path))]
     Write {
         /// The file or folder.
         path: PathBuf,
@@ -88,7 +39,7 @@ pub enum SceneError {
         error: io::Error,
     },
     /// A file that the scene names does not lie in the scene's folder.
-    #[error("files lie in the scene's folder {folder}; {path} does not", path = shown(path), folder = shown(folder))]
+    #[error("files lie in the scene's folder {folder}; {path} does not", path = shortened_path(path), folder = shortened_path(folder))]
     Outside {
         /// The file.
         path: PathBuf,
@@ -140,7 +91,20 @@ pub enum SceneError {
 impl SceneError {
     /// A file that does not hold what it should.
     pub(crate) fn content(place: Place, message: impl fmt::Display) -> Self {
-        Self::Content { place, message: short(&message.to_string()).into_owned() }
+        Self::Content { place, message: shortened(&message.to_string()).into_owned() }
+    }
+}
+
+impl From<DescriptionError> for SceneError {
+    fn from(error: DescriptionError) -> Self {
+        match error {
+            DescriptionError::TooLarge { place, what, most, found } => {
+                Self::TooLarge { place, what, most, found }
+            }
+            DescriptionError::Content { place, message } => Self::Content { place, message },
+            // The enum may grow; its messages begin with their places.
+            other => Self::Content { place: Place::of("scene.toml"), message: other.to_string() },
+        }
     }
 }
 
@@ -150,13 +114,12 @@ mod tests {
 
     #[test]
     fn long_messages_and_paths_lose_their_middle() {
+        const LONGEST: usize = 1000;
         let long = "ä".repeat(5000);
         let error = SceneError::content(Place::line(&long, 7), format!("a {long} z"));
         let said = error.to_string();
         assert!(said.starts_with("ää") && said.contains("ä:7: a ä") && said.ends_with("ä z"));
         assert_eq!(said.chars().count(), 2 * (LONGEST + 5) + 4);
-        let whole = "ä".repeat(LONGEST);
-        assert_eq!(short(&whole), whole);
         let error = SceneError::Read { path: long.into(), error: io::ErrorKind::NotFound.into() };
         assert!(error.to_string().chars().count() < LONGEST + 100);
     }

@@ -26,7 +26,6 @@
 
 pub mod arrays;
 mod cameras;
-pub mod description;
 mod environment;
 mod error;
 mod file;
@@ -55,10 +54,11 @@ mod stopping;
 mod targets;
 mod values;
 mod viewpoint;
-mod words;
 
 /// What images, positions and parameters are.
 pub use bokashi_core::Tensor;
+/// What `scene.toml` says.
+pub use bokashi_description as description;
 /// Fits that several processes share.
 pub use bokashi_fit::{Alone, Communicator, Ranks};
 /// What a fit learns, a step of it, and the numbers that files have.

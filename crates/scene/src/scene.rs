@@ -14,7 +14,7 @@ use toml::Spanned;
 
 use crate::cameras::{Camera, read_colmap, read_transforms};
 use crate::description::{
-    self, ColorSpaceName, Description, MaterialEntry, MeshEntry, Shape, SurfaceModel, ViewEntry,
+    ColorSpaceName, Description, MaterialEntry, MeshEntry, Shape, SurfaceModel, ViewEntry,
 };
 use crate::environment::of_panorama;
 use crate::error::{Place, SceneError};
@@ -88,7 +88,7 @@ struct Source {
 
 impl Source {
     fn place<T>(&self, entry: &Spanned<T>) -> Place {
-        description::place(&self.text, &self.path, entry.span().start)
+        Place::from_byte(&self.text, &self.path, entry.span().start)
     }
 
     fn wrong<T>(&self, entry: &Spanned<T>, message: impl std::fmt::Display) -> SceneError {

@@ -24,7 +24,7 @@ pub fn scene_file(bytes: &[u8]) -> usize {
     let Ok(text) = String::from_utf8(with_numbers(bytes)) else { return 0 };
     let description = match Description::parse(&text, Path::new("scene.toml")) {
         Ok(description) => description,
-        Err(error) => return in_short(&error),
+        Err(error) => return in_short(&error.into()),
     };
     if !is_short_work(&description) {
         return 0;

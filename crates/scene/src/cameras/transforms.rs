@@ -30,6 +30,7 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
+use bokashi_description::json_message;
 use bokashi_render_ops::Size;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -42,7 +43,6 @@ use super::rotation::pose;
 use crate::error::{Place, SceneError};
 use crate::folder::Folder;
 use crate::picture::Picture;
-use crate::words;
 
 /// Models whose lens is that of OpenCV, with some coefficients 0; and those of others.
 const MODELS: [&str; 5] = ["PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"];
@@ -217,7 +217,7 @@ fn parsed<'t, F: Deserialize<'t>>(text: &'t str, place: &Place) -> Result<F, Sce
     serde_json::from_str(text).map_err(|error| {
         let [line, column] = [error.line(), error.column()].map(|at| Some(at).filter(|at| *at > 0));
         let place = Place { line, column, ..place.clone() };
-        let said = words::of_json(&error);
+        let said = json_message(&error);
         SceneError::content(place, format!("a file of cameras is JSON with frames: {said}"))
     })
 }

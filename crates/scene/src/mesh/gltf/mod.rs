@@ -33,8 +33,7 @@ mod skins;
 mod uri;
 
 use ::gltf::json;
-use serde::Deserialize;
-use serde_json::Value;
+use bokashi_description::{gltf_root, gltf_version, json_message};
 use serde_json::error::Category;
 
 use self::budget::Budget;
@@ -45,7 +44,6 @@ use crate::error::{Place, SceneError};
 use crate::mesh::beside::Beside;
 use crate::mesh::notes::name;
 use crate::model::Model;
-use crate::words;
 
 /// The first bytes of a GLB.
 const MAGIC: &[u8] = b"glTF";
@@ -89,9 +87,9 @@ pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Model, Scene
     let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&text);
     let objects = text.iter().filter(|&&byte| byte == b'{').count();
     Budget::of(bytes.len()).spend(objects as u64, BYTES_OF_AN_OBJECT, &place)?;
-    let root = parsed(text).map_err(|error| {
+    let root = gltf_root(text).map_err(|error| {
         // A file of version 1 has other parts altogether.
-        if let Some(version) = version(text).filter(|version| !is_read(version)) {
+        if let Some(version) = gltf_version(text).filter(|version| !is_read(version)) {
             return refused(wrong_version(name(&version)));
         }
         let rule = match error.classify() {
@@ -101,14 +99,14 @@ pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Model, Scene
         let [line, column] = [error.line(), error.column()]
             .map(|number| Some(number).filter(|&number| !is_binary && number > 0));
         let place = Place { line, column, ..place.clone() };
-        SceneError::content(place, format!("{rule}: {}", words::of_json(&error)))
+        SceneError::content(place, format!("{rule}: {}", json_message(&error)))
     })?;
     let version = root.asset.min_version.as_ref().unwrap_or(&root.asset.version);
     if !is_read(version) {
         return Err(refused(wrong_version(name(version))));
     }
     check_extensions(&root, beside)?;
-    keys::note(text, &mut beside.notes).map_err(|error| refused(words::of_json(&error)))?;
+    keys::note(text, &mut beside.notes).map_err(|error| refused(json_message(&error)))?;
     let mut buffers = Buffers::new(&root, chunk.as_deref(), bytes.len());
     let nodes = Nodes::new(&root, &mut beside.notes).map_err(&refused)?;
     let mut model = Model::default();
@@ -119,34 +117,6 @@ pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Model, Scene
     model.images = std::mem::take(&mut beside.images);
     model.notes = std::mem::take(&mut beside.notes).finish();
     Ok(model)
-}
-
-/// The parts that a text has. The library asks each scene for a list of nodes, which may be missing.
-fn parsed(text: &[u8]) -> serde_json::Result<json::Root> {
-    let error = match serde_json::from_slice(text) {
-        Err(error) if error.to_string().starts_with("missing field `nodes`") => error,
-        found => return found,
-    };
-    let mut whole: Value = serde_json::from_slice(text)?;
-    let scenes = whole.get_mut("scenes").and_then(Value::as_array_mut).ok_or(error)?;
-    for scene in scenes.iter_mut().filter_map(Value::as_object_mut) {
-        scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
-    }
-    serde_json::from_value(whole)
-}
-
-/// The version that a text says, whatever else it has: a text or, before version 2, a number.
-fn version(text: &[u8]) -> Option<String> {
-    #[derive(Deserialize)]
-    struct Head {
-        asset: Asset,
-    }
-    #[derive(Deserialize)]
-    struct Asset {
-        version: Value,
-    }
-    let Head { asset: Asset { version } } = serde_json::from_slice(text).ok()?;
-    Some(version.as_str().map_or_else(|| version.to_string(), str::to_owned))
 }
 
 /// Whether a file of this version is read.

@@ -6,8 +6,8 @@ use glam::{DMat4, DQuat, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::numbers::{Count, Finite, Positive, Share};
-use super::views::ColorSpaceName;
+use crate::numbers::{Count, Finite, Positive, Share};
+use crate::views::ColorSpaceName;
 
 /// A mesh, and where it stands.
 #[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]

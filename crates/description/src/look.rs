@@ -6,7 +6,7 @@ use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::numbers::{Finite, NotNegative, Positive};
+use crate::numbers::{Count, Finite, NotNegative, Positive};
 
 /// Which operations make a picture. What is absent costs nothing.
 #[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
@@ -180,5 +180,5 @@ pub struct EnvironmentEntry {
     pub color: Option<[NotNegative; 3]>,
     /// Texels along a side of the cube map, a power of two from 8 to 256; by default 16 for `color`, and up to 64
     /// for a panorama, as it has pixels.
-    pub size: Option<super::numbers::Count>,
+    pub size: Option<Count>,
 }

@@ -54,13 +54,6 @@ fn numbers_against_their_rule_are_refused_where_they_stand() {
 }
 
 #[test]
-fn columns_count_characters() {
-    let text = "# ä\nseed = \"ä\"\n";
-    assert_eq!(place(text, Path::new("a"), text.find("seed").unwrap()).to_string(), "a:2:1");
-    assert_eq!(place("ää b", Path::new("a"), 5).to_string(), "a:1:4");
-}
-
-#[test]
 fn nesting_without_end_is_an_error() {
     let deep = format!("seed = {}", "[".repeat(1_000_000));
     assert!(said_of(&deep).starts_with("scene.toml:1:"));

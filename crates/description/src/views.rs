@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::numbers::{Count, Finite, Positive};
+use crate::numbers::{Count, Finite, Positive};
 
 /// A view: an image, and the camera that took it.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]

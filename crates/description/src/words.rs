@@ -18,7 +18,7 @@ pub(crate) enum Keyed {
 }
 
 /// What a parser of JSON says. The place, which its error has apart, is left out.
-pub(crate) fn of_json(error: &serde_json::Error) -> String {
+pub fn json_message(error: &serde_json::Error) -> String {
     let text = error.to_string();
     said(text.rsplit_once(" at line ").map_or(&text, |(said, _)| said), Keyed::Object)
 }
@@ -153,11 +153,11 @@ mod tests {
         ];
         for (text, expected) in rows {
             let error = serde_json::from_str::<Values>(text).unwrap_err();
-            assert_eq!(of_json(&error), expected, "{text}: {error}");
+            assert_eq!(json_message(&error), expected, "{text}: {error}");
         }
         let deep = "[".repeat(1000);
         let error = serde_json::from_str::<serde_json::Value>(&deep).unwrap_err();
-        assert_eq!(of_json(&error), "a value lies in at most 128 others, and this in more");
+        assert_eq!(json_message(&error), "a value lies in at most 128 others, and this in more");
     }
 
     #[test]
@@ -187,7 +187,7 @@ mod tests {
     fn long_values_are_cut_between_letters() {
         let text = format!("{{\"flag\": \"{}\"}}", "ä".repeat(1000));
         let error = serde_json::from_str::<Values>(&text).unwrap_err();
-        let said = of_json(&error);
+        let said = json_message(&error);
         assert!(said.ends_with("ä...") && said.chars().count() < 300, "{said}");
     }
 }

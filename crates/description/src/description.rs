@@ -3,36 +3,21 @@
 //! Every number has its rule in its type, so that the parser knows where it stands. `docs/scene.md` has a
 //! complete example, and [`schema`] lets editors complete one.
 
-mod learn;
-mod look;
-mod meshes;
-mod numbers;
-mod schema;
-mod views;
-
+use std::collections::BTreeMap;
 use std::path::Path;
 
-use bokashi_fit::Given;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize, Serializer};
 use serde_json::Value;
 use toml::Spanned;
 
-pub use learn::{
-    Learn, LearnMaps, LearnNumbers, LearnObjects, LearnVertices, LossEntry, LossKind, Stage,
-    StopEntry,
-};
-pub use look::{
-    CullName, EnvironmentEntry, FilterName, LensEntry, LightEntry, LightPlace, PipelineEntry,
-    Silhouettes, SurfaceModel, Tone,
-};
-pub use meshes::{MaterialEntry, MeshEntry, Placement, Rotation, Shape};
-pub use numbers::{Count, Finite, NotNegative, Positive, Share};
-pub use views::{
-    CameraEntry, CamerasEntry, Coefficients, ColorSpaceName, Convention, Focal, ViewEntry,
-};
-
-use crate::error::{Place, SceneError};
+use crate::error::DescriptionError;
+use crate::learn::{Learn, LossEntry, Stage, StopEntry};
+use crate::look::{EnvironmentEntry, LightEntry, PipelineEntry};
+use crate::meshes::MeshEntry;
+use crate::place::{Place, shortened};
+use crate::schema::schema_of;
+use crate::views::{CamerasEntry, ViewEntry};
 use crate::words::{self, Keyed};
 
 /// The most bytes of a description, and the most tables and lists in it: a view has a handful, and each takes
@@ -86,14 +71,14 @@ pub struct Description {
 ///
 /// `#:schema ./scene.schema.json` in its first line tells it, where that file holds the schema.
 pub fn schema() -> String {
-    schema::schema_of::<Description>()
+    schema_of::<Description>()
 }
 
 impl Description {
     /// All keys but those of views, each with its value in words: `learn.vertices.rate` is `0.01`. What is
     /// absent is left out.
-    pub(crate) fn keys(&self) -> Given {
-        let mut all = Given::new();
+    pub fn keys(&self) -> BTreeMap<String, String> {
+        let mut all = BTreeMap::new();
         let whole = serde_json::to_value(self).expect("a description is words and numbers");
         collect(&whole, String::new(), &mut all);
         all
@@ -102,24 +87,30 @@ impl Description {
     /// What `text` says; `path` is the file's, for errors.
     ///
     /// # Errors
-    /// [`SceneError::Content`] with line and column, for text that is no TOML, an unknown key, and a value
-    /// against its rule; [`SceneError::TooLarge`] for a text that would take a gigabyte.
-    pub fn parse(text: &str, path: &Path) -> Result<Self, SceneError> {
+    /// [`DescriptionError::Content`] with line and column, for text that is no TOML, an unknown key, and a value
+    /// against its rule; [`DescriptionError::TooLarge`] for a text that would take a gigabyte.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, DescriptionError> {
         let opened = text.bytes().filter(|byte| b"[{".contains(byte)).count() as u64;
         for (what, most, found) in [
             ("bytes of a description", MOST_BYTES, text.len() as u64),
             ("tables and lists of a description", MOST_TABLES, opened),
         ] {
             if found > most {
-                return Err(SceneError::TooLarge { place: Place::of(path), what, most, found });
+                return Err(DescriptionError::TooLarge {
+                    place: Place::of(path),
+                    what,
+                    most,
+                    found,
+                });
             }
         }
         toml::from_str(text).map_err(|error| {
             let place = match error.span() {
-                Some(span) => place(text, path, span.start),
+                Some(span) => Place::from_byte(text, path, span.start),
                 None => Place::of(path),
             };
-            SceneError::content(place, said(error.message()))
+            let message = shortened(&said(error.message())).into_owned();
+            DescriptionError::Content { place, message }
         })
     }
 }
@@ -130,7 +121,7 @@ fn left_out<S: Serializer>(_: &[Spanned<ViewEntry>], serializer: S) -> Result<S:
 }
 
 /// Adds what `value` holds, under its keys. Numbers of a list stand together.
-fn collect(value: &Value, key: String, all: &mut Given) {
+fn collect(value: &Value, key: String, all: &mut BTreeMap<String, String>) {
     match value {
         Value::Object(own) => {
             for (name, value) in own {
@@ -150,15 +141,6 @@ fn collect(value: &Value, key: String, all: &mut Given) {
         Value::Null => {}
         other => drop(all.insert(key, other.to_string())),
     }
-}
-
-/// Where a byte of the text stands.
-pub(crate) fn place(text: &str, path: &Path, byte: usize) -> Place {
-    let before = &text.as_bytes()[..byte.min(text.len())];
-    let line = before.iter().filter(|&&letter| letter == b'\n').count() + 1;
-    let start = before.iter().rposition(|&letter| letter == b'\n').map_or(0, |at| at + 1);
-    let column = String::from_utf8_lossy(&before[start..]).chars().count() + 1;
-    Place { path: path.to_owned(), line: Some(line), column: Some(column) }
 }
 
 /// What the parser says, and where it refuses a name, the nearest that it knows.

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::numbers::{Count, NotNegative, Positive, Share};
+use crate::numbers::{Count, NotNegative, Positive, Share};
 
 /// What is learnt. What is absent stays as it is and costs no gradient.
 #[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]

@@ -1,0 +1,36 @@
+//! Descriptions of scenes as texts: `scene.toml`, whose keys are checked one by one, its schema for editors, and
+//! the JSON of glTF.
+//!
+//! Parsers are long and run once per file. So they are a crate of their own, which needs nothing of the engine:
+//! it is compiled beside the engine, and for size rather than speed.
+
+mod description;
+mod error;
+mod gltf_json;
+mod learn;
+mod look;
+mod meshes;
+mod numbers;
+mod place;
+mod schema;
+mod views;
+mod words;
+
+pub use description::{Description, schema};
+pub use error::DescriptionError;
+pub use gltf_json::{gltf_root, gltf_version};
+pub use learn::{
+    Learn, LearnMaps, LearnNumbers, LearnObjects, LearnVertices, LossEntry, LossKind, Stage,
+    StopEntry,
+};
+pub use look::{
+    CullName, EnvironmentEntry, FilterName, LensEntry, LightEntry, LightPlace, PipelineEntry,
+    Silhouettes, SurfaceModel, Tone,
+};
+pub use meshes::{MaterialEntry, MeshEntry, Placement, Rotation, Shape};
+pub use numbers::{Count, Finite, NotNegative, Positive, Share};
+pub use place::{Place, shortened, shortened_path};
+pub use views::{
+    CameraEntry, CamerasEntry, Coefficients, ColorSpaceName, Convention, Focal, ViewEntry,
+};
+pub use words::json_message;
