@@ -15,7 +15,10 @@ fn noise(count: usize) -> Vec<u8> {
     std::iter::repeat_n((), count).scan(7, |state, ()| step(state)).collect()
 }
 
-/// A PNG of 19 x 5 pixels. A palette has 3 colours to the power of its bits, so that each index is one of them.
+/// A kind of PNG, what is transparent, and what its numbers are.
+type Row<'r> = (ColorType, BitDepth, &'r [u8], (usize, u32));
+
+/// A PNG of 19 x 5 pixels. A palette has a colour for each index.
 fn png_file(color: ColorType, depth: BitDepth, transparent: &[u8]) -> Vec<u8> {
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, 19, 5);
@@ -69,7 +72,7 @@ fn numbers(bytes: &[u8]) -> (usize, u32) {
 fn a_png_of_each_kind_has_the_numbers_that_it_had() {
     use BitDepth::{Eight, Four, One, Sixteen, Two};
     use ColorType::{Grayscale, GrayscaleAlpha, Indexed, Rgb, Rgba};
-    let rows: [(ColorType, BitDepth, &[u8], (usize, u32)); 22] = [
+    let rows: [Row<'_>; 22] = [
         (Grayscale, One, &[], (1, 0xde21_2292)),
         (Grayscale, Two, &[], (1, 0xe995_1bf3)),
         (Grayscale, Four, &[], (1, 0xc71b_12d4)),
