@@ -46,8 +46,8 @@ impl Scene {
         let fragments = rasterize(clip, &self.sphere.mesh, options)?;
         // Of a sphere around 0 the places are its normals, too.
         let places = interpolate(vertices, &fragments)?;
-        let mirrored = reflect(places - vector(eye), places)?.normalize(1)?;
-        let cosines = mirrored.dot(vector(lamp), 1)?.relu().keepdim(1)?;
+        let mirrored = reflect(places - vector(eye), places)?.normalize()?;
+        let cosines = mirrored.dot(vector(lamp))?.relu().keepdim(1)?;
         let light = |[map, color, exponent]: [Var<'t, f32>; 3]| -> Result<_, FitError> {
             let map = CubeMap::new(map)?;
             let seen = sample_cube_map(&map, mirrored, Detail::Finest, Sampler::new())?;

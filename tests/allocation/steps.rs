@@ -76,13 +76,13 @@ fn record(tape: &Tape<f32>, parameters: &Leaves) -> Result<f32, TensorError> {
 
     let (row, bound) = (tape.leaf(&parameters.row), tape.constant_scalar(0.3));
     let chosen = image.is_less(bound)?.select(image, bound)?.relu();
-    let lengths = image.norm(1)? + image.dot(row, 1)? + image.dot(chosen, 1)?;
-    let unit = (image + 0.1).normalize(1)?.cross(row, 1)? * (row.square() + 1.0).pow(row)?;
-    let sums = unit.cumulative_sum(0)?.scatter_add_rows(&parameters.groups, 7)?.powf(3.0);
+    let lengths = image.norm()? + image.dot(row)? + image.dot(chosen)?;
+    let unit = (image + 0.1).normalize()?.cross(row)? * (row.square() + 1.0).pow(row)?;
+    let sums = unit.scatter_add_rows(&parameters.groups, 7)?.powf(3.0);
     let other = parameters.matrix.product(Var::stack(&[lengths, lengths], 1)?)?;
     let planes = image.transpose()?;
     let other = other.pad(0, [2, 3], Padding::Mirror)?.keepdim(0)?.mean()?;
-    let vectors = other + planes.norm(0)?.sum() + planes.normalize(0)?.sum() + sums.mean()?;
+    let vectors = other + planes.norm()?.sum() + planes.normalize()?.sum() + sums.mean()?;
 
     let first = shapes.mean()? + joined.sum() - shapes.detach().sum();
     let second =

@@ -4,7 +4,6 @@
 //! digits, it is formed again from `2^-e x_k`, with `2^e` the size of the largest entry. In `f32` no
 //! sum of squares is, since it is formed in [`Scalar::Wide`].
 
-use crate::inner_product::{Operand, inner_products};
 use crate::scalar::Scalar;
 use crate::summation::sum;
 
@@ -88,32 +87,6 @@ pub(crate) fn length<T: Scalar>(x: &[T]) -> Length<T::Wide> {
         sum::<T>(x.len(), square)
     };
     Length::new(squares, || x.iter().map(|x| x.widen()))
-}
-
-/// The lengths of the lines of `x: [outer, extent, inner]` along the middle axis, each through `finish`
-/// at its place of `lengths: [outer, inner]`.
-pub(crate) fn lengths<T: Scalar, S: Send>(
-    x: &[T],
-    blocks: [usize; 3],
-    lengths: &mut [S],
-    finish: impl Fn(Length<T::Wide>) -> S + Send + Sync,
-) {
-    if lengths.is_empty() {
-        return;
-    }
-    let [_, extent, inner] = blocks;
-    let whole = Operand::whole(x, blocks);
-    inner_products([whole; 2], blocks, lengths, |place, squares| {
-        let first = place / inner * extent * inner + place % inner;
-        let entries = || (0..extent).map(|k| x[first + k * inner].widen());
-        finish(Length::new(squares, entries))
-    });
-}
-
-impl<W: Scalar> Default for Length<W> {
-    fn default() -> Self {
-        Self { size: W::ZERO, exponent: 0 }
-    }
 }
 
 #[cfg(test)]

@@ -25,7 +25,7 @@
 //! | each entry | [`exp`](Var::exp), [`ln`](Var::ln), [`sqrt`](Var::sqrt), [`square`](Var::square), [`powi`](Var::powi), [`powf`](Var::powf), [`sin`](Var::sin), [`cos`](Var::cos), [`tanh`](Var::tanh), [`sigmoid`](Var::sigmoid), [`softplus`](Var::softplus), [`relu`](Var::relu), [`abs`](Var::abs), [`clamp`](Var::clamp), [`affine`](Var::affine) |
 //! | truth values | [`is_less`](Var::is_less), [`is_at_most`](Var::is_at_most), [`is_greater`](Var::is_greater), [`is_at_least`](Var::is_at_least), [`is_finite`](Var::is_finite); [`Mask`], [`Mask::select`] |
 //! | sums and means | [`sum`](Var::sum), [`sum_axis`](Var::sum_axis), [`mean`](Var::mean), [`mean_axis`](Var::mean_axis); [`squared_error`], [`mean_squared_error`] |
-//! | vectors along an axis | [`dot`](Var::dot), [`cross`](Var::cross), [`norm`](Var::norm), [`normalize`](Var::normalize) |
+//! | vectors along the last axis | [`dot`](Var::dot), [`cross`](Var::cross), [`norm`](Var::norm), [`normalize`](Var::normalize) |
 //! | matrices | [`matmul`](Var::matmul), [`transpose`](Var::transpose); [`SparseMatrix`], [`SparseMatrix::product`] |
 //! | shapes | [`reshape`](Var::reshape), [`keepdim`](Var::keepdim), [`permute`](Var::permute), [`slice`](Var::slice), [`pad`](Var::pad), [`concat`](Var::concat), [`stack`](Var::stack) |
 //! | rows by index | [`gather_rows`](Var::gather_rows), [`scatter_add_rows`](Var::scatter_add_rows) |
@@ -69,7 +69,6 @@ mod error;
 mod gradient;
 mod grouping;
 mod inequality;
-mod inner_product;
 mod joining;
 mod length;
 mod listed_rows;
@@ -97,6 +96,7 @@ mod tensor;
 mod unwinding;
 mod value;
 mod var;
+mod vectors;
 mod walk;
 
 pub mod ops;

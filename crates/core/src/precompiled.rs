@@ -51,8 +51,8 @@ fn every_operation<T: Scalar>(x: Var<'_, T>) -> Result<(), TensorError> {
         x.minimum(x)?,
         x.maximum(x)?,
         mask.select(x, x)?,
-        x.dot(x, 0)?,
-        x.cross(x, 0)?,
+        x.dot(x)?,
+        x.cross(x)?,
     ];
     let entries = [x.exp(), x.ln(), x.sqrt(), x.powi(2), x.powf(T::ONE), x.sin(), x.cos()];
     let further = [x.tanh(), x.sigmoid(), x.softplus(), x.relu(), x.abs(), -x];
@@ -61,9 +61,8 @@ fn every_operation<T: Scalar>(x: Var<'_, T>) -> Result<(), TensorError> {
         x.sum_axis(0)?,
         x.mean()?,
         x.mean_axis(0)?,
-        x.cumulative_sum(0)?,
-        x.norm(0)?,
-        x.normalize(0)?,
+        x.norm()?,
+        x.normalize()?,
         x.matmul(x)?,
         SparseMatrix::new(0, 0, [])?.product(x)?,
         squared_error(x, x)?,

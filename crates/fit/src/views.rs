@@ -70,7 +70,7 @@ impl<T, F: fmt::Debug> fmt::Debug for Views<T, F> {
 /// let seen = directions.map(|d| 3.0 * d[0] - 2.0 * d[1]);
 /// let mut pipeline = views(4, |view, tape, variables| {
 ///     let direction = tape.constant(&Tensor::new([2], directions[view.index].to_vec())?);
-///     let coordinate = variables.get("point")?.dot(direction, 0)?;
+///     let coordinate = variables.get("point")?.dot(direction)?;
 ///     Ok(squared_error(coordinate, tape.constant_scalar(seen[view.index]))?)
 /// })
 /// .per_step(2)

@@ -100,7 +100,7 @@ fn rendered(renderer: &Renderer, view: usize) -> Result<Rendered, SceneError> {
     add("-depth", "png", &nearness)?;
 
     let normals = renderer.normals(&values, drawn.world, &drawn.fragments)?;
-    let normals = dense(coverage, &normals.normalize(1).map_err(FitError::from)?.value(), 3);
+    let normals = dense(coverage, &normals.normalize().map_err(FitError::from)?.value(), 3);
     add("-normals", "exr", &Picture::of_numbers(&normals)?)?;
     let shown = normals.data().iter().map(|x| (127.5 * (x + 1.0)).round() as u8);
     let shown = Picture { width, height, channels: 3, samples: Samples::U8(shown.collect()) };

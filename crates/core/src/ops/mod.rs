@@ -7,7 +7,6 @@ mod clamp;
 mod concat;
 mod cos;
 mod cross;
-mod cumulative_sum;
 mod div;
 mod dot;
 mod exp;

@@ -282,13 +282,12 @@ pub(super) fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T, Scene>> {
             Ok::<_, FitError>(part[0].slice(1, 4 * k..4 * (k + 1))?.square().sum())
         })
     });
-    add("cumulative_sum", &[positive], |_, v| Ok(v[0].cumulative_sum(0)?));
-    add("dot", &[signed, positive], |_, v| Ok(v[0].dot(v[1], 1)?));
+    add("dot", &[signed, positive], |_, v| Ok(v[0].dot(v[1])?));
     let [left, right] = &inputs.vectors;
-    add("dot, three and a row", &[left, &inputs.row], |_, v| Ok(v[0].dot(v[1], 1)?));
-    add("cross", &[left, right], |_, v| Ok(v[0].cross(v[1], 1)?));
-    add("norm", &[left], |_, v| Ok(v[0].norm(1)?));
-    add("normalize", &[left], |_, v| Ok(v[0].normalize(1)?));
+    add("dot, three and a row", &[left, &inputs.row], |_, v| Ok(v[0].dot(v[1])?));
+    add("cross", &[left, right], |_, v| Ok(v[0].cross(v[1])?));
+    add("norm", &[left], |_, v| Ok(v[0].norm()?));
+    add("normalize", &[left], |_, v| Ok(v[0].normalize()?));
     add("sparse_product", &[left], |_, v| {
         // Each row beside the next five of a ring.
         let rows = v[0].shape()[0];
