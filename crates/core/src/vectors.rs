@@ -39,31 +39,45 @@ pub(crate) fn common_shape(
 /// The vectors of an array, in the order of a shape that it broadcasts to.
 pub(crate) struct Vectors<'a, T> {
     entries: &'a [T],
-    /// How far vectors lie apart, 0 where there is one; unless `starts` says where they lie.
-    step: usize,
-    starts: Option<Walk<1>>,
+    starts: Walk<1>,
+}
+
+/// How the vectors of two arrays lie beside each other: loops over the first three ways are quick.
+pub(crate) enum Pairs<'a, T> {
+    /// As many on both sides.
+    Many([&'a [T]; 2]),
+    /// Many, and one for all of them.
+    ManyAndOne(&'a [T], &'a [T]),
+    /// One for all, and many.
+    OneAndMany(&'a [T], &'a [T]),
+    Any([Vectors<'a, T>; 2]),
+}
+
+impl<'a, T> Pairs<'a, T> {
+    /// Those of arrays with these shapes, whose common shape is `full`.
+    pub(crate) fn new(operands: [(&'a [T], &Shape); 2], full: &Shape) -> Self {
+        let [(x, x_shape), (y, y_shape)] = operands;
+        let extent = full.last();
+        match (x_shape == full, y_shape == full) {
+            (true, true) => Self::Many([x, y]),
+            (true, false) if Some(&y.len()) == extent => Self::ManyAndOne(x, y),
+            (false, true) if Some(&x.len()) == extent => Self::OneAndMany(x, y),
+            _ => Self::Any(operands.map(|operand| Vectors::new(operand, full))),
+        }
+    }
 }
 
 impl<'a, T> Vectors<'a, T> {
     /// Those of an array of `shape`, repeated along the axes that it has not of `full`.
     pub(crate) fn new((entries, shape): (&'a [T], &Shape), full: &Shape) -> Self {
         let outer = axes([full, shape]).take(full.rank() - 1);
-        let starts = Walk::new(outer.map(|(extent, [_, step])| (extent, [step])));
-        let (step, starts) = match *starts.axes() {
-            [] => (0, None),
-            [(_, [step])] => (step, None),
-            _ => (0, Some(starts)),
-        };
-        Self { entries, step, starts }
+        Self { entries, starts: Walk::new(outer.map(|(extent, [_, step])| (extent, [step]))) }
     }
 
     /// The vector at `row` of the full shape, of so many components.
     #[inline(always)]
     pub(crate) fn row(&self, row: usize, components: usize) -> &'a [T] {
-        let start = match &self.starts {
-            None => row * self.step,
-            Some(starts) => starts.at(row)[0],
-        };
+        let [start] = self.starts.at(row);
         &self.entries[start..][..components]
     }
 }

@@ -14,7 +14,7 @@ use crate::op::{Inputs, Keep, Kept, Op, Outputs};
 use crate::scalar::Scalar;
 use crate::shape::Shape;
 use crate::var::Var;
-use crate::vectors::{Vectors, common_shape};
+use crate::vectors::{Pairs, common_shape};
 use crate::walk::axes;
 
 /// The axes after each of the three, in a circle.
@@ -49,12 +49,24 @@ fn for_each_component<T: Scalar>(
     operands: [(&[T], &Shape); 2],
     put: impl Fn(&mut T, T) + Send + Sync,
 ) {
-    let [x, y] = operands.map(|operand| Vectors::new(operand, full));
-    for_each_short_line_mut::<T, 3, 0>(z, [], |row, z, []| {
-        let (x, y) = (x.row(row, 3), y.row(row, 3));
+    let put_all = |z: &mut [T], x: &[T], y: &[T]| {
         let components = [0, 1, 2].map(|i| T::narrow(component(x, y, i)));
         z.iter_mut().zip(components).for_each(|(z, component)| put(z, component));
-    });
+    };
+    match Pairs::new(operands, full) {
+        Pairs::Many(many) => for_each_short_line_mut::<T, 3, 2>(z, many, |_, z, [x, y]| {
+            put_all(z, x, y);
+        }),
+        Pairs::ManyAndOne(x, y) => for_each_short_line_mut::<T, 3, 1>(z, [x], |_, z, [x]| {
+            put_all(z, x, y);
+        }),
+        Pairs::OneAndMany(x, y) => for_each_short_line_mut::<T, 3, 1>(z, [y], |_, z, [y]| {
+            put_all(z, x, y);
+        }),
+        Pairs::Any([x, y]) => for_each_short_line_mut::<T, 3, 0>(z, [], |row, z, []| {
+            put_all(z, x.row(row, 3), y.row(row, 3));
+        }),
+    }
 }
 
 /// Adds `x × y`, summed over copies, to the gradient of an operand of `shape`.

@@ -12,7 +12,7 @@ use crate::op::{Inputs, Keep, Kept, Op, Outputs};
 use crate::scalar::Scalar;
 use crate::summation::sum;
 use crate::var::Var;
-use crate::vectors::{Vectors, common_shape, for_each_vector};
+use crate::vectors::{Pairs, Vectors, common_shape, for_each_vector};
 use crate::walk::axes;
 
 /// From so many terms on a sum is formed in several parts side by side.
@@ -49,11 +49,21 @@ impl<T: Scalar> Op<T> for Dot {
     ) -> Result<(), TensorError> {
         let full = common_shape(inputs.shape(0), inputs.shape(1), NAME)?;
         let last = full.rank() - 1;
-        let [x, y] = [0, 1].map(|i| Vectors::new((inputs.data(i), inputs.shape(i)), &full));
-        let z = outputs.try_push(NAME, reduced(&full, last)?)?;
-        for_each_vector(z, full[last], |row, components| {
-            T::narrow(inner_product(x.row(row, components), y.row(row, components)))
-        });
+        let pairs = Pairs::new([0, 1].map(|i| (inputs.data(i), inputs.shape(i))), &full);
+        let (z, n) = (outputs.try_push(NAME, reduced(&full, last)?)?, full[last]);
+        match pairs {
+            Pairs::Many([x, y]) => for_each_vector(z, n, |row, n| {
+                T::narrow(inner_product(&x[row * n..][..n], &y[row * n..][..n]))
+            }),
+            Pairs::ManyAndOne(many, one) | Pairs::OneAndMany(one, many) => {
+                for_each_vector(z, n, |row, n| {
+                    T::narrow(inner_product(&many[row * n..][..n], &one[..n]))
+                });
+            }
+            Pairs::Any([x, y]) => for_each_vector(z, n, |row, n| {
+                T::narrow(inner_product(x.row(row, n), y.row(row, n)))
+            }),
+        }
         Ok(())
     }
 
@@ -84,15 +94,23 @@ impl<T: Scalar> Op<T> for Dot {
                 add_over_copies(x_bar.entries(), axes, term);
                 continue;
             }
-            let y = Vectors::new((y, y_shape), &full);
             let (x_bar, fresh) = x_bar.entries_or_fresh();
-            for_each_line_mut(x_bar, full[last], [], |row, x_bar, []| {
-                let z_bar = z_bar[row];
-                for (x_bar, &y) in x_bar.iter_mut().zip(y.row(row, full[last])) {
+            let add = |x_bar: &mut [T], y: &[T], z_bar: T| {
+                for (x_bar, &y) in x_bar.iter_mut().zip(y) {
                     let term = y * z_bar;
                     *x_bar = if fresh { term } else { *x_bar + term };
                 }
-            });
+            };
+            if *y_shape == full {
+                for_each_line_mut(x_bar, full[last], [y], |row, x_bar, [y]| {
+                    add(x_bar, y, z_bar[row]);
+                });
+            } else {
+                let y = Vectors::new((y, y_shape), &full);
+                for_each_line_mut(x_bar, full[last], [], |row, x_bar, []| {
+                    add(x_bar, y.row(row, full[last]), z_bar[row]);
+                });
+            }
         }
     }
 }
