@@ -4,6 +4,9 @@
 //! 1e-4, and keeps what looks better. The second half is Adam. The set-up is that of the sample `pose` of
 //! Laine et al. 2020.
 
+use std::ops::ControlFlow;
+
+use bokashi::fit::{Rules, StepState, before_update};
 use bokashi::glam::{DQuat, DVec3};
 use bokashi::prelude::*;
 use bokashi_examples::stage::{Random, Shape, cube};
@@ -82,17 +85,17 @@ fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
     let mut fit = Fit::new(Parameters::new().with(rotation)?, settings)?;
     let mut image = target.clone();
     let quaternion = |q: &Tensor<f32>| DQuat::from_array([0, 1, 2, 3].map(|k| q.data()[k].into()));
-    fit.run_with(
-        &mut from_fn(|tape: &Tape<f32>, variables| {
-            let found = scene.image(variables.get("rotation")?)?;
-            image = found.value();
-            Ok(squared_error(found, tape.constant(&target))?)
-        }),
-        |seen| {
-            curve.add(off(quaternion(seen.parameters.get("rotation").expect("it is there").raw())));
-            std::ops::ControlFlow::Continue(())
-        },
-    )?;
+    let mut pipeline = from_fn(|tape: &Tape<f32>, variables| {
+        let found = scene.image(variables.get("rotation")?)?;
+        image = found.value();
+        Ok(squared_error(found, tape.constant(&target))?)
+    });
+    let mut watch = before_update(|state: &StepState<'_, f32, ()>| {
+        let rotation = state.parameters.get("rotation").expect("it is there");
+        curve.add(off(quaternion(rotation.raw())));
+        ControlFlow::Continue(())
+    });
+    fit.drive(&mut pipeline, &Rules::default(), &mut [&mut watch])?;
     let found = Found::last("angle to the truth, in degrees", Goal::Below(0.5), steps, curve);
     Ok(vec![found.picture("target", &target).picture("found", &image)])
 }

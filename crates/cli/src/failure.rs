@@ -4,6 +4,7 @@ use std::fmt;
 use std::process::ExitCode;
 
 use bokashi_fit::FitError;
+use bokashi_scene::SceneError;
 
 use crate::plain::plain;
 
@@ -31,7 +32,7 @@ pub enum Failure {
         /// The signal's number.
         signal: i32,
         /// What is to be told of it.
-        said: String,
+        message: String,
     },
     /// Whoever read standard output went away, as `head` does: status 141, without a word, as if
     /// the signal `SIGPIPE` had ended it.
@@ -41,6 +42,12 @@ pub enum Failure {
 /// What went wrong with a fit, or on another rank of the job that does it.
 impl From<FitError> for Failure {
     fn from(error: FitError) -> Self {
+        Self::Work(error.to_string())
+    }
+}
+
+impl From<SceneError> for Failure {
+    fn from(error: SceneError) -> Self {
         Self::Work(error.to_string())
     }
 }
@@ -70,7 +77,7 @@ impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::CommandLine(text) => f.write_str(&plain(text.trim_end())),
-            Self::Use(text) | Self::Work(text) | Self::Interrupted { said: text, .. } => {
+            Self::Use(text) | Self::Work(text) | Self::Interrupted { message: text, .. } => {
                 f.write_str(&one_line(text))
             }
             Self::Closed => f.write_str("standard output is closed"),
@@ -110,9 +117,9 @@ mod tests {
 
     #[test]
     fn a_signal_is_128_and_its_number() {
-        let said = String::new();
+        let message = String::new();
         for (signal, status) in [(1, 129), (2, 130), (15, 143)] {
-            assert_eq!(Failure::Interrupted { signal, said: said.clone() }.status(), status);
+            assert_eq!(Failure::Interrupted { signal, message: message.clone() }.status(), status);
         }
         assert_eq!(Failure::Closed.status(), 141);
     }

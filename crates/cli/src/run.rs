@@ -87,9 +87,9 @@ pub fn run_among(request: &Request, ranks: &Ranks<f32>) -> Result<(), Failure> {
 }
 
 /// The fit of a scene that is asked for, if it is one.
-fn of_scene(own: &FitArguments) -> Option<scene::Asked> {
+fn of_scene(own: &FitArguments) -> Option<scene::FitOptions> {
     let is_given = |name: &str| own.given.iter().any(|given| given == name);
-    Some(scene::Asked {
+    Some(scene::FitOptions {
         scene: own.scene.clone()?,
         out: own.common.out.clone().unwrap_or_else(|| USUAL_OUT.into()),
         is_out_named: own.common.out.is_some(),
@@ -132,13 +132,13 @@ fn fit_all(
             && outcome.steps < settings.steps
         {
             bar.clear();
-            let said = format!(
+            let message = format!(
                 "interrupted at step {} of {}; it goes on with: bokashi fit --resume {}",
                 outcome.steps,
                 settings.steps,
                 shell_word(file)
             );
-            return Err(Failure::Interrupted { signal, said });
+            return Err(Failure::Interrupted { signal, message });
         }
         if let Some(alternative) = planned.alternative {
             // An error is what such a fit may be there to show.

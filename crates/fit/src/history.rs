@@ -2,6 +2,8 @@
 
 use bokashi_core::Scalar;
 
+use crate::stopping::Stop;
+
 /// A step as it was before its update; the last step of a history is the final state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Step<M> {
@@ -13,21 +15,6 @@ pub struct Step<M> {
     pub loss: f64,
     /// The errors against the truth, `()` where it is unknown.
     pub measure: M,
-}
-
-/// Why a fit stopped.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stop {
-    /// It did all its steps.
-    Steps,
-    /// The loss fell below the limit.
-    LossBelow,
-    /// The loss found no new minimum for too many steps.
-    NoProgress,
-    /// Every entry of the gradient fell below the limit.
-    GradientBelow,
-    /// The callback asked for it.
-    Callback,
 }
 
 /// Entries of a parameter that an update should have moved and did not.
@@ -61,8 +48,9 @@ pub struct History<M> {
 const MOST_RESERVED: u64 = 1 << 20;
 
 impl<M> History<M> {
-    /// An empty history with room for the states before and after each of `steps` updates.
-    pub(crate) fn with_room_for(steps: u64) -> Self {
+    /// An empty history, a [`Listener`](crate::Listener), with room for the states before and after each of
+    /// `steps` updates.
+    pub fn with_room_for(steps: u64) -> Self {
         let room = steps.min(MOST_RESERVED) as usize + 1;
         Self {
             steps: Vec::with_capacity(room),

@@ -66,15 +66,19 @@ mod regularizers;
 pub mod saved;
 mod schedule;
 mod sign;
+mod stopping;
 mod topology;
 mod views;
 
 pub use bokashi_core::{mean_squared_error, squared_error};
 pub use communicator::{Alone, Communicator, Ranks, agree, agreed, block, check_alike, check_same};
 pub use error::{FitError, OperationError, Origin, Quantity};
-pub use fit::{Fit, FitSettings, StepState, Stepped};
+pub use fit::{
+    AfterStep, Answer, BeforeUpdate, Fit, FitSettings, Fitting, Listener, Observer, Rules,
+    StepState, Stepped, Steps, after_step, before_update, drive,
+};
 pub use given::{Difference, Given, differences, said};
-pub use history::{History, Step, Stop, Vanished};
+pub use history::{History, Step, Vanished};
 pub use in_memory::on_ranks;
 pub use losses::{
     DepthAlignment, Penalty, depth_error, halved, iou, masked_error, mean_error,
@@ -91,5 +95,6 @@ pub use regularizers::{
 #[cfg(feature = "save")]
 pub use saved::Stored;
 pub use schedule::Schedule;
+pub use stopping::{LossRules, Losses, Stop};
 pub use topology::Topology;
 pub use views::{View, Views, views};

@@ -4,6 +4,7 @@ use std::marker::PhantomData;
 
 use bokashi_core::{Scalar, Tape, Var};
 
+use crate::communicator::{Alone, Communicator};
 use crate::error::FitError;
 use crate::parameter::{Parameters, Variables};
 
@@ -64,6 +65,11 @@ pub trait Pipeline<T: Scalar> {
         tape: &'t Tape<T>,
         variables: &Variables<'t, T>,
     ) -> Result<Var<'t, T>, FitError>;
+
+    /// The ranks that share the pipeline's steps.
+    fn ranks(&self) -> &dyn Communicator<T> {
+        &Alone
+    }
 
     /// Measures the parameters against the truth.
     fn measure(&self, parameters: &Parameters<T>) -> Self::Measure {

@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use bokashi_core::{Scalar, Tape, Var};
 
-use crate::communicator::{Ranks, block};
+use crate::communicator::{Alone, Communicator, Ranks, block};
 use crate::error::{FitError, Quantity};
 use crate::mixing::{GOLDEN, mixed};
 use crate::parameter::Variables;
@@ -211,6 +211,10 @@ where
             format!("{per_step} of {count} views per step from seed {seed}")
         };
         Err(FitError::saved(words(&self.state()), words(state)))
+    }
+
+    fn ranks(&self) -> &dyn Communicator<T> {
+        self.ranks.as_deref().unwrap_or(&Alone)
     }
 
     fn loss<'t>(

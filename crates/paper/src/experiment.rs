@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use bokashi_core::Scalar;
 use bokashi_fit::{Fit, FitError};
 
-use super::first_order::drive;
+use super::first_order::run_to_end;
 use super::outcome::{Outcome, Progress};
 use super::pipeline::CubePipeline;
 use super::second_order;
@@ -34,9 +34,9 @@ fn run<T: Scalar>(
     if settings.preset == Preset::SecondOrder {
         return second_order::run::<T>(settings, on_step);
     }
-    let (pipeline, parameters) = CubePipeline::<T>::new(settings)?;
+    let (mut pipeline, parameters) = CubePipeline::<T>::new(settings)?;
     let mut fit = Fit::new(parameters, settings.fit_settings())?;
-    drive(settings, pipeline, &mut fit, &mut |progress, _| on_step(progress))
+    run_to_end(settings, &mut pipeline, &mut fit, None, on_step)
 }
 
 #[cfg(test)]

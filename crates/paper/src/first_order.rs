@@ -1,68 +1,86 @@
-//! Fits of the cube by gradients alone, and what is kept of them.
+//! Fits of the cube by gradients alone, and what is kept of any fit of it.
 
+use std::iter::Peekable;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-use bokashi_core::{Scalar, Tensor};
-use bokashi_fit::{Fit, FitError, History, Parameter, Parameters, Step, StepState};
+use bokashi_core::Scalar;
+use bokashi_fit::{
+    Answer, Fit, FitError, Fitting, History, Listener, Parameters, Rules, Step, StepState, Steps,
+    Stop,
+};
 
 use super::outcome::{Outcome, Progress, Record, Snapshot, snapshot_steps};
 use super::pipeline::{COLORS, CubeMeasure, CubePipeline, VERTICES};
 use super::settings::{CubeSettings, Experiment};
 
-/// The history and the snapshots of a fit, and what it learnt, by name.
-type Learnt = (History<CubeMeasure>, Vec<Snapshot>, Vec<(String, Tensor<f64>)>);
+/// What is called with every step.
+pub(super) type OnStep<'a> = dyn FnMut(Progress) -> ControlFlow<()> + 'a;
 
-/// A new fit of `settings` as a part of a longer one.
-pub(super) fn run_first_order<T: Scalar>(
-    settings: &CubeSettings,
-    on_step: &mut dyn FnMut(Progress) -> ControlFlow<()>,
-) -> Result<Learnt, FitError> {
-    let (pipeline, parameters) = CubePipeline::<T>::new(settings)?;
-    let mut fit = Fit::new(parameters, settings.fit_settings())?;
-    let seen = &mut |progress, _: &StepState<'_, T, CubeMeasure>| on_step(progress);
-    let (history, snapshots) = drive_history(settings, pipeline, &mut fit, seen)?;
-    let value = |parameter: &Parameter<T>| (parameter.name().to_owned(), parameter.value().cast());
-    Ok((history, snapshots, fit.parameters().iter().map(value).collect()))
+/// A fit of the cube by gradients, under way.
+pub(super) type CubeFitting<'a, T> = Fitting<'a, T, CubePipeline<T>>;
+
+/// Keeps the cube along the way, and tells how the fit goes; in fits of several parts it is a listener of each.
+pub(super) struct Film<'a> {
+    settings: &'a CubeSettings,
+    on_step: &'a mut OnStep<'a>,
+    /// The steps with a snapshot; `None`: all of them.
+    pub(super) due: Option<Peekable<std::vec::IntoIter<u64>>>,
+    pub(super) snapshots: Vec<Snapshot>,
+    last: Option<Step<CubeMeasure>>,
 }
 
-/// What is called with every step.
-type OnStep<'a, T> = dyn FnMut(Progress, &StepState<'_, T, CubeMeasure>) -> ControlFlow<()> + 'a;
+impl<'a> Film<'a> {
+    /// A film of a fit of `settings`, or of its first `steps` steps.
+    pub(super) fn new(settings: &'a CubeSettings, steps: u64, on_step: &'a mut OnStep<'a>) -> Self {
+        let due = Some(snapshot_steps(steps).into_iter().peekable());
+        Self { settings, on_step, due, snapshots: Vec::new(), last: None }
+    }
+}
 
-/// Runs `fit`, new or resumed, to its end.
-pub(super) fn drive<T: Scalar>(
+impl<S: Steps<Measure = CubeMeasure>> Listener<S> for Film<'_> {
+    fn before_update(&mut self, state: &StepState<'_, S::Number, CubeMeasure>) -> Answer<S::Error> {
+        let step = state.step;
+        let is_due = self.due.as_mut().is_none_or(|due| {
+            // A fit that goes on from a file begins late.
+            while due.next_if(|&due| due < step.step).is_some() {}
+            due.next_if_eq(&step.step).is_some()
+        });
+        if is_due {
+            self.snapshots.push(snapshot(state.parameters, step));
+        }
+        self.last = Some(*step);
+        Ok((self.on_step)(progress(self.settings, step, state.ms)))
+    }
+
+    fn end(&mut self, fit: &S, _stop: Stop) -> Result<(), S::Error> {
+        // What no update followed is the final state.
+        let last = self.last.filter(|last| last.step == fit.steps_done());
+        let known = self.snapshots.last().map(|snapshot| snapshot.step);
+        if let Some(last) = last.filter(|last| known != Some(last.step)) {
+            self.snapshots.push(snapshot(fit.parameters(), &last));
+        }
+        Ok(())
+    }
+}
+
+/// Runs `fit`, new or resumed, to its end, with a listener that saves it where there is one.
+pub(super) fn run_to_end<'a, T: Scalar>(
     settings: &CubeSettings,
-    pipeline: CubePipeline<T>,
-    fit: &mut Fit<T>,
-    on_step: &mut OnStep<'_, T>,
+    pipeline: &'a mut CubePipeline<T>,
+    fit: &'a mut Fit<T>,
+    saving: Option<&mut dyn Listener<CubeFitting<'a, T>>>,
+    on_step: &mut OnStep<'_>,
 ) -> Result<Outcome, FitError> {
     let start = Instant::now();
-    let (history, snapshots) = drive_history(settings, pipeline, fit, on_step)?;
+    let mut history = History::with_room_for(settings.steps.saturating_sub(fit.steps_done()));
+    let mut film = Film::new(settings, settings.steps, on_step);
+    let mut listeners: Vec<&mut dyn Listener<_>> = vec![&mut history];
+    listeners.extend(saving.map(|own| own as &mut dyn Listener<_>));
+    listeners.push(&mut film);
+    fit.drive(pipeline, &Rules::default(), &mut listeners)?;
+    let snapshots = film.snapshots;
     Ok(outcome(settings, &history, snapshots, start.elapsed().as_secs_f64()))
-}
-
-/// Runs `fit` to its end, and keeps its history and its snapshots.
-fn drive_history<T: Scalar>(
-    settings: &CubeSettings,
-    mut pipeline: CubePipeline<T>,
-    fit: &mut Fit<T>,
-    on_step: &mut OnStep<'_, T>,
-) -> Result<(History<CubeMeasure>, Vec<Snapshot>), FitError> {
-    let done = fit.steps_done();
-    let due = snapshot_steps(settings.steps).into_iter().filter(|&step| step >= done);
-    let mut due = due.peekable();
-    let mut snapshots = Vec::new();
-    let history = fit.run_with(&mut pipeline, |seen| {
-        if due.next_if_eq(&seen.step.step).is_some() {
-            snapshots.push(snapshot(seen.parameters, seen.step));
-        }
-        on_step(progress(settings, seen.step, seen.ms), seen)
-    })?;
-    let last = history.last();
-    if snapshots.last().is_none_or(|snapshot| snapshot.step != last.step) {
-        snapshots.push(snapshot(fit.parameters(), last));
-    }
-    Ok((history, snapshots))
 }
 
 /// What a callback sees of `step`, `ms` after the one before it.

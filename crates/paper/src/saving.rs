@@ -9,10 +9,13 @@ use std::path::{Path, PathBuf};
 
 use bokashi_core::Tape;
 use bokashi_fit::saved::{Stored, precision_and_state, read};
-use bokashi_fit::{Fit, FitError, FitSettings, Parameters, Pipeline, Step};
+use bokashi_fit::{
+    Answer, Fit, FitError, FitSettings, Fitting, Listener, Parameters, Pipeline, Step, StepState,
+    Stop,
+};
 
 use super::experiment::run_cube;
-use super::first_order::{drive, record};
+use super::first_order::{CubeFitting, record, run_to_end};
 use super::outcome::{Outcome, Progress};
 use super::pipeline::CubePipeline;
 use super::settings::{CubeSettings, Precision, Preset};
@@ -99,31 +102,40 @@ fn run<T: Stored>(
     saving: &Saving,
     on_step: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<Outcome, FitError> {
-    let (pipeline, mut fit) = begin::<T>(settings, saving)?;
+    let (mut pipeline, mut fit) = begin::<T>(settings, saving)?;
     let start = fit.steps_done();
-    let mut failed = None;
-    let mut outcome = drive(settings, pipeline, &mut fit, &mut |progress, seen| {
-        let due = saving.every.is_some_and(|every| progress.step % every == 0);
-        if let Some(path) = saving.save.as_ref().filter(|_| due && progress.step > start)
-            && let Err(error) = seen.save(path)
-        {
-            failed = Some(error);
-            return ControlFlow::Break(());
-        }
-        on_step(progress)
-    })?;
-    if let Some(error) = failed {
-        return Err(error);
-    }
-    if let Some(path) = &saving.save {
-        fit.save(path)?;
-    }
+    let mut checkpoint =
+        saving.save.as_deref().map(|path| Checkpoint { path, every: saving.every, start });
+    let listener = checkpoint.as_mut().map(|own| own as &mut dyn Listener<CubeFitting<'_, T>>);
+    let mut outcome = run_to_end(settings, &mut pipeline, &mut fit, listener, on_step)?;
     if start > 0 {
         let first = initial::<T>(settings)?;
         outcome.loss_initial = first.loss;
         outcome.vertex_error_initial = record(settings, &first).vertex_error;
     }
     Ok(outcome)
+}
+
+/// Saves a fit to a file at its end, whatever ended it, and after every so many updates.
+struct Checkpoint<'a> {
+    path: &'a Path,
+    every: Option<u64>,
+    /// The updates that were done before.
+    start: u64,
+}
+
+impl<T: Stored, P: Pipeline<T>> Listener<Fitting<'_, T, P>> for Checkpoint<'_> {
+    fn before_update(&mut self, state: &StepState<'_, T, P::Measure>) -> Answer<FitError> {
+        let step = state.step.step;
+        if step > self.start && self.every.is_some_and(|every| step % every == 0) {
+            state.save(self.path)?;
+        }
+        Ok(ControlFlow::Continue(()))
+    }
+
+    fn end(&mut self, fit: &Fitting<'_, T, P>, _stop: Stop) -> Result<(), FitError> {
+        fit.fit().save(self.path)
+    }
 }
 
 /// The fit in the file `path`, where it is that of `settings`, whose `start` is as a new fit's.

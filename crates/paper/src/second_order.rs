@@ -26,12 +26,15 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use bokashi_core::{Dual, Scalar, Tensor};
-use bokashi_fit::{FitError, Parameters, Pipeline as _, Step};
+use bokashi_fit::{
+    Fit, FitError, History, Observer, Parameters, Pipeline as _, Rules, Step, StepState, Stepped,
+    Steps, Stop, drive,
+};
 
 use super::cube::{VERTEX_COUNT, View};
-use super::first_order::{outcome, progress, run_first_order, snapshot};
-use super::outcome::{Outcome, Progress};
-use super::pipeline::{COLORS, CubePipeline, SIGMA, VERTICES};
+use super::first_order::{Film, OnStep, outcome};
+use super::outcome::Outcome;
+use super::pipeline::{COLORS, CubeMeasure, CubePipeline, SIGMA, VERTICES};
 use super::settings::{CubeSettings, Experiment, Preset};
 use super::views::CubeViews;
 
@@ -58,50 +61,94 @@ fn first_part(settings: &CubeSettings) -> CubeSettings {
 /// As [`super::run_cube`].
 pub(super) fn run<T: Scalar>(
     settings: &CubeSettings,
-    on_step: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+    on_step: &mut OnStep<'_>,
 ) -> Result<Outcome, FitError> {
     let start = Instant::now();
     let first = first_part(settings);
-    let (mut history, mut snapshots, learnt) = run_first_order::<T>(&first, &mut |progress| {
-        // The state at the end of this part is the first one of the next.
-        if progress.step == first.steps {
-            return ControlFlow::Continue(());
+    let mut history = History::with_room_for(first.steps);
+    let mut film = Film::new(settings, first.steps, on_step);
+    let (mut pipeline, parameters) = CubePipeline::<T>::new(&first)?;
+    let mut fit = Fit::new(parameters, first.fit_settings())?;
+    // The state at the end of this part is the first one of the next.
+    let rules = Rules { steps: Some(first.steps), ..Rules::default() };
+    let stop = fit.drive(&mut pipeline, &rules, &mut [&mut history, &mut film])?;
+    if stop == Stop::Steps {
+        film.due = None;
+        let mut rest = LevenbergMarquardt::new(settings, fit.parameters(), first.steps, start)?;
+        drive(&mut rest, &Rules::default(), &mut [&mut history, &mut film])?;
+    }
+    Ok(outcome(settings, &history, film.snapshots, start.elapsed().as_secs_f64()))
+}
+
+/// The second part of a fit, under way.
+struct LevenbergMarquardt<'a> {
+    settings: &'a CubeSettings,
+    /// For its errors against the truth.
+    pipeline: CubePipeline<f64>,
+    cube: Parameters<f64>,
+    damping: f64,
+    step: u64,
+    /// When the first part began.
+    start: Instant,
+    /// Of the last step.
+    ms: f64,
+}
+
+impl<'a> LevenbergMarquardt<'a> {
+    /// The part of a fit that goes on with `learnt` after `step` steps.
+    fn new<T: Scalar>(
+        settings: &'a CubeSettings,
+        learnt: &Parameters<T>,
+        step: u64,
+        start: Instant,
+    ) -> Result<Self, FitError> {
+        let (pipeline, mut cube) = CubePipeline::<f64>::new(settings)?;
+        for parameter in learnt.iter() {
+            cube.set_value(parameter.name(), &parameter.value().cast())?;
         }
-        on_step(Progress { steps: settings.steps, ..progress })
-    })?;
-    if history.last().step < first.steps {
-        return Ok(outcome(settings, &history, snapshots, start.elapsed().as_secs_f64()));
+        Ok(Self { settings, pipeline, cube, damping: DAMPING[0], step, start, ms: 0.0 })
     }
-    history.steps.pop();
-    history.preparation_ms.pop();
-    snapshots.pop();
-    let (pipeline, mut cube) = CubePipeline::<f64>::new(settings)?;
-    for (name, value) in learnt {
-        cube.set_value(&name, &value)?;
+}
+
+impl Steps for LevenbergMarquardt<'_> {
+    type Number = f64;
+    type Measure = CubeMeasure;
+    type Error = FitError;
+
+    fn steps_done(&self) -> u64 {
+        self.step
     }
-    let mut damping = DAMPING[0];
-    let mut last_ms = 0.0;
-    let mut step = first.steps;
-    loop {
+
+    fn parameters(&self) -> &Parameters<f64> {
+        &self.cube
+    }
+
+    fn step(
+        &mut self,
+        observer: &mut Observer<'_, f64, CubeMeasure>,
+    ) -> Result<ControlFlow<Stop, Stepped>, FitError> {
+        let (settings, step) = (self.settings, self.step);
         let target = Instant::now();
         let views = CubeViews::new(settings, &views(settings, step))?;
-        history.preparation_ms.push(1e3 * target.elapsed().as_secs_f64());
+        let preparation_ms = 1e3 * target.elapsed().as_secs_f64();
         let before = Instant::now();
-        let residuals = squares(&views, &cube)?;
-        let seconds = start.elapsed().as_secs_f64();
+        let residuals = squares(&views, &self.cube)?;
+        let seconds = self.start.elapsed().as_secs_f64();
         // The loss of one view, as in the first part.
         let loss = residuals / views.count() as f64;
-        let seen = Step { step, seconds, loss, measure: pipeline.measure(&cube) };
-        snapshots.push(snapshot(&cube, &seen));
-        let shown = progress(settings, &seen, last_ms);
-        history.steps.push(seen);
-        if on_step(shown).is_break() || step >= settings.steps {
-            return Ok(outcome(settings, &history, snapshots, start.elapsed().as_secs_f64()));
+        let seen = Step { step, seconds, loss, measure: self.pipeline.measure(&self.cube) };
+        let state = StepState::new(&seen, &self.cube, self.ms, preparation_ms);
+        if let ControlFlow::Break(stop) = observer(&state) {
+            return Ok(ControlFlow::Break(stop));
         }
-        damping = improve(&mut cube, &views, residuals, damping)?;
-        last_ms = 1e3 * before.elapsed().as_secs_f64();
-        history.step_ms.push(last_ms);
-        step = (step + UPDATES_PER_STEP).min(settings.steps);
+        if step >= settings.steps {
+            return Ok(ControlFlow::Break(Stop::Steps));
+        }
+        self.damping = improve(&mut self.cube, &views, residuals, self.damping)?;
+        self.ms = 1e3 * before.elapsed().as_secs_f64();
+        self.step = (step + UPDATES_PER_STEP).min(settings.steps);
+        let (ms, vanished) = (self.ms, 0);
+        Ok(ControlFlow::Continue(Stepped { step, loss, ms, preparation_ms, vanished }))
     }
 }
 
@@ -256,7 +303,7 @@ mod tests {
     use bokashi_core::Tape;
 
     use super::*;
-    use crate::run_cube;
+    use crate::{Progress, run_cube};
 
     fn settings(experiment: Experiment) -> CubeSettings {
         let new = CubeSettings::new(experiment, Preset::SecondOrder);

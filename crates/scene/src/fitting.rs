@@ -6,7 +6,7 @@ use std::sync::Arc;
 use bokashi_core::{Mask, Tape, Tensor, Var};
 use bokashi_fit::{
     Alone, Fit, FitError, FitSettings, Given, Optimizer, Parameters, Penalty, Pipeline,
-    Preconditioner, Ranks, Schedule, Stepped, Variables, View, Views, agree, agreed, block,
+    Preconditioner, Ranks, Schedule, Stepped, Stop, Variables, View, Views, agree, agreed, block,
     check_alike, check_same, iou, mean_error, psnr, saved, ssim, ssim_error, views,
 };
 
@@ -184,6 +184,27 @@ impl SceneFit {
         agreed(&*ranks, fit)?.begun()
     }
 
+    /// [`SceneFit::among`], or [`SceneFit::resume_among`] of the file `resume`, of the scene that `load` gives: it
+    /// is told whether this is the first of the ranks. `settings` are what a program was asked for, by name.
+    ///
+    /// # Errors
+    /// Those of `load` and of the fit; [`FitError::Unlike`] where ranks have other settings, with which they
+    /// would wait for each other for ever.
+    pub fn begin_among<E: From<FitError> + From<SceneError> + ToString>(
+        ranks: &Ranks<f32>,
+        settings: &Given,
+        resume: Option<&Path>,
+        load: impl FnOnce(bool) -> Result<Scene, E>,
+    ) -> Result<Self, E> {
+        let scene = agreed(&**ranks, load(ranks.rank() == 0))?;
+        check_alike(&**ranks, settings)?;
+        let ranks = Arc::clone(ranks);
+        Ok(match resume {
+            Some(path) => Self::resume_among(scene, path, ranks)?,
+            None => Self::among(scene, ranks)?,
+        })
+    }
+
     /// The fit that was saved to the file `path`. It goes on to the same bits as if it had not been
     /// interrupted, where the scene is the same. What was changed in the scene takes effect from the next
     /// step on, as if the fit had been so from its start: [`SceneFit::changed`] names it.
@@ -198,9 +219,7 @@ impl SceneFit {
 
     fn of(scene: Scene, saved_fit: Option<&[u8]>, ranks: Ranks<f32>) -> Result<Self, SceneError> {
         check_views(&scene.folder, &scene.views, OF_FITTED_PIXEL)?;
-        let learnt_from = scene.views.iter().enumerate();
-        let learnt_from = learnt_from.filter(|(_, view)| view.image.is_some() && !view.held_out);
-        let learnt_from: Arc<[usize]> = learnt_from.map(|(at, _)| at).collect();
+        let learnt_from: Arc<[usize]> = scene.views_with_image(false).collect();
         if learnt_from.is_empty() {
             let rule = "a fit has a view with an image that is not held out";
             let message = format!("{rule}, and none of {} views is one", scene.views.len());
@@ -302,10 +321,15 @@ impl SceneFit {
         self.pipeline.rules.ended()
     }
 
+    /// [`SceneFit::ended`], not in words.
+    pub(crate) fn rule(&self) -> Option<Stop> {
+        self.pipeline.rules.stop()
+    }
+
     /// Whether all runs of the fit together took the seconds that the scene gives it. Clocks of ranks do not
     /// agree: the first decides.
-    pub fn time_is_up(&self) -> bool {
-        self.pipeline.rules.time_is_up()
+    pub fn is_time_up(&self) -> bool {
+        self.pipeline.rules.is_time_up()
     }
 
     /// The scene.
@@ -409,6 +433,27 @@ impl SceneFit {
     /// As [`Fit::save`].
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), SceneError> {
         Ok(self.fit.save(path)?)
+    }
+
+    /// Whether this is the rank that speaks and writes, of those that share the fit.
+    pub fn is_first(&self) -> bool {
+        self.ranks.rank() == 0
+    }
+
+    /// Does `work` on the first of the ranks, all of which make this call. They return when it is done.
+    ///
+    /// # Errors
+    /// Its error, on all of them.
+    pub fn on_first<E: From<FitError> + ToString>(
+        &self,
+        work: impl FnOnce() -> Result<(), E>,
+    ) -> Result<(), E> {
+        agreed(&*self.ranks, if self.is_first() { work() } else { Ok(()) })
+    }
+
+    /// How many ranks share the fit.
+    pub fn size(&self) -> usize {
+        self.ranks.size()
     }
 
     /// What drawing a view leaves out, and why, by operation.

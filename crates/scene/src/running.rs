@@ -1,13 +1,17 @@
-//! Fits of scenes from their start to their end, by the rules that their files have.
+//! Fits of scenes as what is driven: from their start to their end, by the rules that their files have.
 
-use bokashi_fit::{FitError, Stepped, agree};
+use std::ops::ControlFlow;
+
+use bokashi_fit::{
+    Communicator, Observer, Parameters, Rules, Stepped, Steps, Stop, after_step, drive,
+};
 
 use crate::error::SceneError;
 use crate::fitting::SceneFit;
 
 impl SceneFit {
     /// Steps until all steps are done, or until a rule of the scene's `[stop]` says stop. `seen` is told of
-    /// each step. Of several ranks the first decides when time is up.
+    /// each step. With rules of a run and other listeners: [`drive`].
     ///
     /// ```no_run
     /// use bokashi_scene::{Scene, SceneFit};
@@ -21,18 +25,48 @@ impl SceneFit {
     /// # Errors
     /// As [`SceneFit::step`].
     pub fn run(&mut self, mut seen: impl FnMut(&Stepped)) -> Result<(), SceneError> {
-        while self.ended().is_none() && !self.is_out_of_time()? {
-            let Some(step) = self.step()? else { break };
-            seen(&step);
-        }
-        Ok(())
+        let mut listener = after_step(|stepped: &Stepped| {
+            seen(stepped);
+            ControlFlow::Continue(())
+        });
+        drive(self, &Rules::default(), &mut [&mut listener]).map(drop)
+    }
+}
+
+/// A scene's rules act before a step, on the losses of those that are done; its states before updates are shown to
+/// nobody.
+impl Steps for SceneFit {
+    type Number = f32;
+    type Measure = ();
+    type Error = SceneError;
+
+    fn steps_done(&self) -> u64 {
+        self.steps_done()
     }
 
-    /// Whether the first rank says that time is up, which it never is before the first step.
-    fn is_out_of_time(&self) -> Result<bool, SceneError> {
-        let ranks = self.ranks();
-        let is_up = self.steps_done() > 0 && self.time_is_up() && ranks.rank() == 0;
-        let is_up = agree::<_, FitError>(&**ranks, Ok(vec![u8::from(is_up)]))?;
-        Ok(is_up.iter().any(|said| *said == [1]))
+    fn parameters(&self) -> &Parameters<f32> {
+        self.parameters()
+    }
+
+    fn ranks(&self) -> &dyn Communicator<f32> {
+        &**self.ranks()
+    }
+
+    fn stop(&self) -> Option<Stop> {
+        self.rule().or((self.steps_done() >= self.steps()).then_some(Stop::Steps))
+    }
+
+    fn is_time_up(&self) -> bool {
+        self.is_time_up()
+    }
+
+    fn step(
+        &mut self,
+        _observer: &mut Observer<'_, f32, ()>,
+    ) -> Result<ControlFlow<Stop, Stepped>, SceneError> {
+        Ok(match self.step()? {
+            Some(stepped) => ControlFlow::Continue(stepped),
+            None => ControlFlow::Break(Stop::Steps),
+        })
     }
 }

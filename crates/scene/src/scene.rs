@@ -111,6 +111,13 @@ impl Source {
 }
 
 impl Scene {
+    /// The views that have an image, by their indices: those that are held out, or the others.
+    pub fn views_with_image(&self, are_held_out: bool) -> impl Iterator<Item = usize> {
+        let views = self.views.iter().enumerate();
+        let views = views.filter(move |(_, view)| view.held_out == are_held_out);
+        views.filter(|(_, view)| view.image.is_some()).map(|(index, _)| index)
+    }
+
     /// The scene of the file at `path`; all its files lie in that file's folder.
     ///
     /// # Errors

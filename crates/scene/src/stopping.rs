@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use bokashi_fit::{LossRules, Losses, Stop};
 use serde::{Deserialize, Serialize};
 
 use crate::description::StopEntry;
@@ -25,65 +26,74 @@ pub(crate) struct Seen {
 /// What `[stop]` of a scene says beside the number of steps.
 #[derive(Debug, Clone)]
 pub(crate) struct StopRules {
-    loss_below: Option<f64>,
-    patience: Option<u64>,
+    rules: LossRules,
+    losses: Losses,
     seconds: Option<f64>,
+    /// Of the runs before this one.
+    seconds_before: f64,
     started: Instant,
-    seen: Seen,
 }
 
 impl StopRules {
     /// The rules of a fit that starts, or goes on, now.
     pub(crate) fn new(stop: &StopEntry, seen: Seen) -> Self {
+        let below = stop.loss_below.map(|loss| loss.0);
+        let patience = stop.patience.map(|patience| patience.0 as u64);
+        let Seen { last_loss, least_loss, waited, seconds } = seen;
         Self {
-            loss_below: stop.loss_below.map(|loss| loss.0),
-            patience: stop.patience.map(|patience| patience.0 as u64),
+            rules: LossRules { below, patience },
+            losses: Losses { last: last_loss, least: least_loss, waited },
             seconds: stop.seconds.map(|seconds| seconds.0),
+            seconds_before: seconds,
             started: Instant::now(),
-            seen,
         }
     }
 
     /// What there is to save.
     pub(crate) fn seen(&self) -> Seen {
-        Seen { seconds: self.seconds.map_or(0.0, |_| self.elapsed()), ..self.seen }
+        let Losses { last, least, waited } = self.losses;
+        let seconds = self.seconds.map_or(0.0, |_| self.elapsed());
+        Seen { last_loss: last, least_loss: least, waited, seconds }
     }
 
     /// Of all runs.
     fn elapsed(&self) -> f64 {
-        self.seen.seconds + self.started.elapsed().as_secs_f64()
+        self.seconds_before + self.started.elapsed().as_secs_f64()
     }
 
     /// Counts a step.
     pub(crate) fn count(&mut self, loss: f64) {
-        self.seen.last_loss = Some(loss);
-        if self.seen.least_loss.is_none_or(|least| loss < least) {
-            (self.seen.least_loss, self.seen.waited) = (Some(loss), 0);
-        } else {
-            self.seen.waited = self.seen.waited.saturating_add(1);
-        }
+        self.losses.count(loss);
     }
 
     /// Begins a stage, whose losses are others.
     pub(crate) fn begin_stage(&mut self) {
-        (self.seen.least_loss, self.seen.waited) = (None, 0);
+        self.losses.restart();
     }
 
     /// Whether the time is up that the fit may take. Clocks of several ranks do not agree: one decides.
-    pub(crate) fn time_is_up(&self) -> bool {
+    pub(crate) fn is_time_up(&self) -> bool {
         self.seconds.is_some_and(|most| self.elapsed() >= most)
     }
 
-    /// The rule, in words, that ended the fit with its last step, by losses alone: the same on all ranks.
+    /// The rule that stops the fit after its last step, by losses alone: the same on all ranks.
+    pub(crate) fn stop(&self) -> Option<Stop> {
+        self.rules.stop(&self.losses)
+    }
+
+    /// [`StopRules::stop`] in words.
     pub(crate) fn ended(&self) -> Option<String> {
-        let Seen { last_loss, waited, .. } = self.seen;
-        if let (Some(below), Some(last)) = (self.loss_below, last_loss)
-            && last < below
-        {
-            return Some(format!("`stop.loss_below` is {below}, and the last loss was {last:.3e}"));
+        let (LossRules { below, patience }, Losses { last, waited, .. }) =
+            (self.rules, self.losses);
+        match (self.stop()?, below, last, patience) {
+            (Stop::LossBelow, Some(below), Some(last), _) => {
+                Some(format!("`stop.loss_below` is {below}, and the last loss was {last:.3e}"))
+            }
+            (_, _, _, patience) => Some(format!(
+                "no smaller loss came in {waited} steps, and `stop.patience` is {}",
+                patience?
+            )),
         }
-        let patience = self.patience.filter(|&patience| waited >= patience)?;
-        Some(format!("no smaller loss came in {waited} steps, and `stop.patience` is {patience}"))
     }
 }
 
@@ -127,11 +137,11 @@ mod tests {
     #[test]
     fn seconds_of_all_runs_count_where_they_are_limited() {
         let stop = |seconds| StopEntry { seconds: Some(Positive(seconds)), ..StopEntry::default() };
-        assert!(StopRules::new(&stop(1e-12), Seen::default()).time_is_up());
+        assert!(StopRules::new(&stop(1e-12), Seen::default()).is_time_up());
         let earlier = Seen { seconds: 60.0, ..Seen::default() };
-        assert!(StopRules::new(&stop(60.0), earlier).time_is_up());
+        assert!(StopRules::new(&stop(60.0), earlier).is_time_up());
         let later = StopRules::new(&stop(1e6), earlier);
-        assert!(!later.time_is_up());
+        assert!(!later.is_time_up());
         assert!(later.seen().seconds >= 60.0);
         // Files of fits without a limit do not know the time.
         assert_eq!(StopRules::new(&StopEntry::default(), earlier).seen(), Seen::default());

@@ -1,11 +1,16 @@
 //! `bokashi fit scene.toml` and `bokashi render scene.toml`: a user's own meshes, images and cameras.
 
+mod checkpoint;
 mod fit;
+mod live_page;
 mod outcome;
 mod page;
 mod pictures;
+mod progress_bar;
+mod record;
 mod render;
+mod results;
 
-pub(crate) use self::fit::{Asked, run};
+pub(crate) use self::fit::{FitOptions, run};
 pub(crate) use self::outcome::HELD_OUT;
 pub(crate) use self::render::render;

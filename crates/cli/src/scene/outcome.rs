@@ -79,7 +79,7 @@ impl Outcome {
     }
 
     /// How many steps there were, and how long they took, in words.
-    pub(super) fn said(&self) -> String {
+    pub(super) fn message(&self) -> String {
         let Self { steps, steps_before, .. } = self;
         let Some(ms) = self.ms_per_step() else { return format!("{steps} steps, done before") };
         let now = match steps_before {

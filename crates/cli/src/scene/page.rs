@@ -43,7 +43,7 @@ pub(super) fn render(
     let document = Document {
         title: format!("Bokashi: {name}"),
         heading: name,
-        introduction: format!("{}.{held_out}{}", outcome.said(), remarks(fit, outcome)),
+        introduction: format!("{}.{held_out}{}", outcome.message(), remarks(fit, outcome)),
         sections,
         footer: footer(),
     };

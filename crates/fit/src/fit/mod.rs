@@ -1,13 +1,16 @@
-//! The fit loop.
+//! A fit: the parameters, the state of the optimizer, and the steps between them.
 //!
 //! A step prepares the pipeline, records its loss, and, unless a rule says stop, runs backward and
 //! updates the parameters. What a history holds of a step is its state before the update, so its
 //! first entry is where the fit started and its last is where it ended, of which no update followed.
 
 mod diagnosis;
+mod drive;
+mod listeners;
 mod settings;
 #[cfg(feature = "save")]
 mod state;
+mod step;
 #[cfg(test)]
 mod tests;
 
@@ -17,45 +20,20 @@ use std::time::Instant;
 use bokashi_core::{Scalar, Tape};
 
 use self::diagnosis::{all_below, check_ways, record_loss, with_origin};
+pub use self::drive::{Answer, Listener, Observer, Rules, Steps, drive};
+pub use self::listeners::{AfterStep, BeforeUpdate, after_step, before_update};
 pub use self::settings::FitSettings;
 #[cfg(feature = "save")]
 pub(crate) use self::state::LoopState;
 #[cfg(feature = "save")]
 use self::state::PipelineState;
+pub use self::step::{StepState, Stepped};
+use crate::communicator::Communicator;
 use crate::error::FitError;
-use crate::history::{History, Step, Stop, Vanished};
+use crate::history::{History, Step};
 use crate::parameter::Parameters;
 use crate::pipeline::Pipeline;
-
-/// What a callback sees of a step, before its update.
-#[derive(Debug)]
-pub struct StepState<'a, T, M> {
-    /// Step, seconds, loss and errors.
-    pub step: &'a Step<M>,
-    /// The parameters.
-    pub parameters: &'a Parameters<T>,
-    /// Milliseconds of the last update: forward, backward and optimizer; 0 before the first.
-    pub ms: f64,
-    /// What else there is to save.
-    #[cfg(feature = "save")]
-    pub(crate) loop_state: LoopState<'a>,
-}
-
-/// What a step driven by hand gives back.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Stepped {
-    /// How many updates came before.
-    pub step: u64,
-    /// The loss before the update.
-    pub loss: f64,
-    /// Milliseconds of forward, backward and optimizer.
-    pub ms: f64,
-    /// Milliseconds of the preparation.
-    pub preparation_ms: f64,
-    /// How many entries of all parameters the update left as they were though it was not zero; by
-    /// parameter: [`Parameter::vanished`](crate::Parameter::vanished).
-    pub vanished: usize,
-}
+use crate::stopping::{Losses, Stop};
 
 /// A fit under way: the parameters, the state of the optimizer and a tape.
 #[derive(Debug)]
@@ -64,8 +42,8 @@ pub struct Fit<T: Scalar> {
     parameters: Parameters<T>,
     settings: FitSettings,
     step: u64,
-    /// The least loss of a run that is not at its end, and its step.
-    best: (f64, u64),
+    /// The losses of a run that is not at its end.
+    losses: Losses,
     /// Whether every parameter is known to have a way to the loss.
     is_checked: bool,
     /// The pipeline's state before the preparation of the step.
@@ -73,15 +51,6 @@ pub struct Fit<T: Scalar> {
     pipeline: PipelineState,
     /// What it took to recycle the last step's memory: part of the step that uses it.
     reset_ms: f64,
-}
-
-/// The least loss where there was none yet.
-const NO_LOSS: f64 = f64::INFINITY;
-
-/// How a step ended.
-enum Advance {
-    Updated(Stepped),
-    Stopped(Stop),
 }
 
 impl<T: Scalar> Fit<T> {
@@ -96,7 +65,7 @@ impl<T: Scalar> Fit<T> {
             parameters,
             settings,
             step: 0,
-            best: (NO_LOSS, 0),
+            losses: Losses::default(),
             is_checked: false,
             #[cfg(feature = "save")]
             pipeline: PipelineState::default(),
@@ -116,16 +85,16 @@ impl<T: Scalar> Fit<T> {
             is_known: known.is_some(),
             is_due: known.is_some(),
         };
-        let LoopState { settings, step, best, .. } = loop_state;
+        let LoopState { settings, step, losses, .. } = loop_state;
         // It was checked when it started; what is optional is not saved.
-        Ok(Self { step, best, is_checked: true, pipeline, ..Self::new(parameters, settings)? })
+        Ok(Self { step, losses, is_checked: true, pipeline, ..Self::new(parameters, settings)? })
     }
 
     /// What the fit is besides its parameters.
     #[cfg(feature = "save")]
     pub(crate) fn loop_state(&self) -> LoopState<'_> {
-        let Self { settings, step, best, pipeline, .. } = self;
-        LoopState { settings: *settings, step: *step, best: *best, pipeline: pipeline.known() }
+        let Self { settings, step, losses, pipeline, .. } = self;
+        LoopState { settings: *settings, step: *step, losses: *losses, pipeline: pipeline.known() }
     }
 
     /// The settings.
@@ -189,17 +158,17 @@ impl<T: Scalar> Fit<T> {
     pub fn step<P: Pipeline<T>>(&mut self, pipeline: &mut P) -> Result<Stepped, FitError> {
         let preparation_ms = self.prepare(pipeline)?;
         match self.advance(pipeline, None, |_, _, _| ControlFlow::Continue(()))? {
-            Advance::Updated(stepped) => {
-                self.best = (NO_LOSS, self.step);
+            ControlFlow::Continue(stepped) => {
+                self.losses = Losses::default();
                 #[cfg(feature = "save")]
                 self.pipeline.save(pipeline);
                 Ok(Stepped { preparation_ms, ..stepped })
             }
-            Advance::Stopped(_) => unreachable!("no rule was given"),
+            ControlFlow::Break(_) => unreachable!("no rule was given"),
         }
     }
 
-    /// Steps until a rule says stop.
+    /// Steps until a rule of the settings says stop.
     ///
     /// # Errors
     /// As [`Fit::step`].
@@ -207,88 +176,45 @@ impl<T: Scalar> Fit<T> {
         &mut self,
         pipeline: &mut P,
     ) -> Result<History<P::Measure>, FitError> {
-        self.run_with(pipeline, |_| ControlFlow::Continue(()))
+        let mut history = History::with_room_for(self.settings.steps.saturating_sub(self.step));
+        self.drive(pipeline, &Rules::default(), &mut [&mut history])?;
+        Ok(history)
     }
 
-    /// Steps until a rule or `on_step` says stop. `on_step` sees every state before its update, and
-    /// the final one. A run after one that `on_step` stopped goes on with it; it sees the state
-    /// that it was stopped in again.
+    /// Steps until a rule of the settings, one of `rules` or a listener says stop: see [`drive`]. Listeners see
+    /// every state before its update, and the final one where a rule of the settings stops there. A drive after
+    /// one that a listener stopped goes on with it; it shows the state that it was stopped in again.
+    ///
+    /// ```
+    /// use bokashi_core::Tensor;
+    /// use bokashi_fit::{Fit, FitSettings, Parameter, Parameters, Rules, Stop, StepState};
+    /// use bokashi_fit::{before_update, from_fn};
+    /// use std::ops::ControlFlow;
+    ///
+    /// let x = Parameter::new("x", Tensor::scalar(3.0)).rate(0.1);
+    /// let mut fit = Fit::<f64>::new(Parameters::new().with(x)?, FitSettings::default())?;
+    /// let mut losses = Vec::new();
+    /// let mut curve = before_update(|state: &StepState<'_, f64, ()>| {
+    ///     losses.push(state.step.loss);
+    ///     ControlFlow::Continue(())
+    /// });
+    /// let mut square = from_fn(|_tape, variables| Ok(variables.get("x")?.square()));
+    /// let rules = Rules { steps: Some(20), ..Rules::default() };
+    /// assert_eq!(fit.drive(&mut square, &rules, &mut [&mut curve])?, Stop::Steps);
+    /// assert_eq!(losses.len(), 20);
+    /// # Ok::<(), bokashi_fit::FitError>(())
+    /// ```
     ///
     /// # Errors
-    /// As [`Fit::step`].
-    pub fn run_with<P: Pipeline<T>>(
-        &mut self,
-        pipeline: &mut P,
-        mut on_step: impl FnMut(&StepState<'_, T, P::Measure>) -> ControlFlow<()>,
-    ) -> Result<History<P::Measure>, FitError> {
-        let start = Instant::now();
-        let settings = self.settings;
-        let mut history = History::with_room_for(settings.steps.saturating_sub(self.step));
-        let mut last_ms = 0.0;
-        loop {
-            let step = self.step;
-            history.preparation_ms.push(self.prepare(pipeline)?);
-            let steps = &mut history.steps;
-            let mut best = self.best;
-            #[cfg(feature = "save")]
-            let saved = std::mem::take(&mut self.pipeline);
-            let observe = |pipeline: &P, parameters: &Parameters<T>, loss: f64| {
-                let seconds = start.elapsed().as_secs_f64();
-                let measure = pipeline.measure(parameters);
-                steps.push(Step { step, seconds, loss, measure });
-                let seen = StepState {
-                    step: &steps[steps.len() - 1],
-                    parameters,
-                    ms: last_ms,
-                    #[cfg(feature = "save")]
-                    loop_state: LoopState { settings, step, best, pipeline: saved.known() },
-                };
-                if on_step(&seen).is_break() {
-                    return ControlFlow::Break(Stop::Callback);
-                }
-                if settings.loss_below.is_some_and(|limit| loss < limit) {
-                    return ControlFlow::Break(Stop::LossBelow);
-                }
-                if loss < best.0 {
-                    best = (loss, step);
-                }
-                if settings.patience.is_some_and(|patience| step - best.1 >= patience) {
-                    return ControlFlow::Break(Stop::NoProgress);
-                }
-                if step >= settings.steps {
-                    return ControlFlow::Break(Stop::Steps);
-                }
-                ControlFlow::Continue(())
-            };
-            let advanced = self.advance(pipeline, settings.gradient_below, observe);
-            #[cfg(feature = "save")]
-            {
-                self.pipeline = saved;
-            }
-            self.best = best;
-            match advanced? {
-                Advance::Updated(stepped) => {
-                    last_ms = stepped.ms;
-                    history.step_ms.push(last_ms);
-                    if stepped.vanished > 0 {
-                        let list = self.parameters.list.iter().enumerate();
-                        let list = list.filter(|(_, parameter)| parameter.vanished > 0);
-                        history.vanished.extend(list.map(|(at, parameter)| Vanished {
-                            step: stepped.step,
-                            parameter: at,
-                            entries: parameter.vanished,
-                        }));
-                    }
-                }
-                Advance::Stopped(stop) => {
-                    history.stop = stop;
-                    if stop != Stop::Callback {
-                        self.best = (NO_LOSS, self.step);
-                    }
-                    return Ok(history);
-                }
-            }
-        }
+    /// As [`Fit::step`], and those of listeners.
+    pub fn drive<'a, P: Pipeline<T>>(
+        &'a mut self,
+        pipeline: &'a mut P,
+        rules: &Rules<'_>,
+        listeners: &mut [&mut dyn Listener<Fitting<'a, T, P>>],
+    ) -> Result<Stop, FitError> {
+        let mut fitting = Fitting { fit: self, pipeline, start: Instant::now(), ms: 0.0 };
+        drive(&mut fitting, rules, listeners)
     }
 
     /// Prepares the next step; returns the milliseconds it took.
@@ -316,7 +242,7 @@ impl<T: Scalar> Fit<T> {
         pipeline: &mut P,
         gradient_below: Option<f64>,
         observe: impl FnOnce(&P, &Parameters<T>, f64) -> ControlFlow<Stop>,
-    ) -> Result<Advance, FitError> {
+    ) -> Result<ControlFlow<Stop, Stepped>, FitError> {
         let Self { tape, parameters, settings, step, is_checked, reset_ms, .. } = self;
         let start = Instant::now();
         let variables = parameters.record(tape);
@@ -324,7 +250,7 @@ impl<T: Scalar> Fit<T> {
         let value = loss.item().to_f64();
         let forward_ms = milliseconds_since(start);
         if let ControlFlow::Break(stop) = observe(pipeline, parameters, value) {
-            return Ok(Advance::Stopped(stop));
+            return Ok(ControlFlow::Break(stop));
         }
 
         let start = Instant::now();
@@ -333,7 +259,7 @@ impl<T: Scalar> Fit<T> {
             check_ways(parameters, &variables, loss)?;
         }
         if gradient_below.is_some_and(|limit| all_below(limit, &variables, &gradients)) {
-            return Ok(Advance::Stopped(Stop::GradientBelow));
+            return Ok(ControlFlow::Break(Stop::GradientBelow));
         }
         let factor = settings.schedule.factor(*step);
         let updated = settings.optimizer.update(parameters, &variables, &gradients, factor);
@@ -343,7 +269,91 @@ impl<T: Scalar> Fit<T> {
         let vanished = parameters.list.iter().map(|parameter| parameter.vanished).sum();
         let stepped = Stepped { step: *step, loss: value, ms, preparation_ms: 0.0, vanished };
         *step += 1;
-        Ok(Advance::Updated(stepped))
+        Ok(ControlFlow::Continue(stepped))
+    }
+}
+
+/// A fit with its pipeline, as [`Fit::drive`] steps it.
+#[derive(Debug)]
+pub struct Fitting<'a, T: Scalar, P> {
+    fit: &'a mut Fit<T>,
+    pipeline: &'a mut P,
+    start: Instant,
+    /// Of the last update.
+    ms: f64,
+}
+
+impl<T: Scalar, P> Fitting<'_, T, P> {
+    /// The fit.
+    pub fn fit(&self) -> &Fit<T> {
+        self.fit
+    }
+
+    /// The pipeline.
+    pub fn pipeline(&self) -> &P {
+        self.pipeline
+    }
+}
+
+impl<T: Scalar, P: Pipeline<T>> Steps for Fitting<'_, T, P> {
+    type Number = T;
+    type Measure = P::Measure;
+    type Error = FitError;
+
+    fn steps_done(&self) -> u64 {
+        self.fit.step
+    }
+
+    fn parameters(&self) -> &Parameters<T> {
+        &self.fit.parameters
+    }
+
+    fn ranks(&self) -> &dyn Communicator<T> {
+        self.pipeline.ranks()
+    }
+
+    fn step(
+        &mut self,
+        observer: &mut Observer<'_, T, P::Measure>,
+    ) -> Result<ControlFlow<Stop, Stepped>, FitError> {
+        let Self { fit, pipeline, start, ms } = self;
+        let preparation_ms = fit.prepare(*pipeline)?;
+        let (step, settings) = (fit.step, fit.settings);
+        let mut losses = fit.losses;
+        #[cfg(feature = "save")]
+        let saved = std::mem::take(&mut fit.pipeline);
+        let observe = |pipeline: &P, parameters: &Parameters<T>, loss: f64| {
+            let seconds = start.elapsed().as_secs_f64();
+            let seen = Step { step, seconds, loss, measure: pipeline.measure(parameters) };
+            let state = StepState {
+                step: &seen,
+                parameters,
+                ms: *ms,
+                preparation_ms,
+                #[cfg(feature = "save")]
+                loop_state: Some(LoopState { settings, step, losses, pipeline: saved.known() }),
+            };
+            observer(&state)?;
+            losses.count(loss);
+            match settings.loss_rules().stop(&losses) {
+                Some(stop) => ControlFlow::Break(stop),
+                None if step >= settings.steps => ControlFlow::Break(Stop::Steps),
+                None => ControlFlow::Continue(()),
+            }
+        };
+        let advanced = fit.advance(*pipeline, settings.gradient_below, observe);
+        #[cfg(feature = "save")]
+        {
+            fit.pipeline = saved;
+        }
+        let advanced = advanced?;
+        match &advanced {
+            // It goes on with this state, whose loss will be counted then.
+            ControlFlow::Break(Stop::Callback) => {}
+            ControlFlow::Break(_) => fit.losses = Losses::default(),
+            ControlFlow::Continue(stepped) => (fit.losses, *ms) = (losses, stepped.ms),
+        }
+        Ok(advanced.map_continue(|stepped| Stepped { preparation_ms, ..stepped }))
     }
 }
 

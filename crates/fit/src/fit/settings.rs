@@ -3,6 +3,7 @@
 use crate::error::FitError;
 use crate::optimizer::Optimizer;
 use crate::schedule::Schedule;
+use crate::stopping::LossRules;
 
 /// How to fit, and when to stop.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,6 +38,11 @@ impl Default for FitSettings {
 }
 
 impl FitSettings {
+    /// The rules that stop a fit by its losses.
+    pub(super) fn loss_rules(&self) -> LossRules {
+        LossRules { below: self.loss_below, patience: self.patience }
+    }
+
     pub(crate) fn check(&self) -> Result<(), FitError> {
         self.optimizer.check()?;
         self.schedule.check()?;

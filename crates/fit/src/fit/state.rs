@@ -4,6 +4,7 @@ use bokashi_core::Scalar;
 
 use super::settings::FitSettings;
 use crate::pipeline::Pipeline;
+use crate::stopping::Losses;
 
 /// What a fit is besides its parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -11,8 +12,8 @@ pub(crate) struct LoopState<'a> {
     pub(crate) settings: FitSettings,
     /// How many updates are done.
     pub(crate) step: u64,
-    /// The least loss of the run so far, and its step.
-    pub(crate) best: (f64, u64),
+    /// The losses of the run before this step.
+    pub(crate) losses: Losses,
     /// The pipeline's state before the preparation of the step; `None` before the first.
     pub(crate) pipeline: Option<&'a [u8]>,
 }

@@ -5,10 +5,13 @@ use std::ops::ControlFlow;
 use bokashi_core::{Scalar, Tape, Tensor, Var, squared_error};
 
 use super::*;
+use crate::history::Vanished;
+use crate::in_memory::on_ranks;
 use crate::optimizer::Optimizer;
 use crate::parameter::{Mapping, Parameter, Variables};
 use crate::pipeline::from_fn;
 use crate::schedule::Schedule;
+use crate::views::views;
 
 /// `sum (x - c)^2` with `c = (1, -2)`, which moves by `drift` each step.
 struct Bowl {
@@ -133,16 +136,133 @@ fn each_rule_stops_before_the_update_that_it_spares() {
 }
 
 #[test]
-fn a_callback_sees_every_state_and_can_stop() {
+fn a_listener_sees_every_state_and_can_stop() {
     let mut fit = Fit::<f64>::new(start(0.25), descent(10)).unwrap();
     let mut seen = Vec::new();
-    let history = fit.run_with(&mut Bowl::new(0.0), |state| {
+    let mut listener = before_update(|state: &StepState<'_, f64, f64>| {
         seen.push((state.step.step, state.parameters.get("x").unwrap().raw().data()[0]));
         if state.step.step == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
+    let mut history = History::with_room_for(4);
+    let mut bowl = Bowl::new(0.0);
+    let stop = fit.drive(&mut bowl, &Rules::default(), &mut [&mut listener, &mut history]);
     assert_eq!(seen, [(0, 0.0), (1, 0.5), (2, 0.75), (3, 0.875)]);
-    let history = history.unwrap();
-    assert_eq!((history.stop, history.steps.len()), (Stop::Callback, 4));
+    assert_eq!((stop, history.stop, history.steps.len()), (Ok(Stop::Callback), Stop::Callback, 4));
+}
+
+/// The calls of a drive, in order; `breaks` after so many updates.
+struct Calls {
+    names: Vec<String>,
+    breaks: u64,
+}
+
+impl<S: Steps> Listener<S> for Calls {
+    fn begin(&mut self, fit: &S) -> Answer<S::Error> {
+        self.names.push(format!("begin {}", fit.steps_done()));
+        Ok(ControlFlow::Continue(()))
+    }
+
+    fn before_update(&mut self, state: &StepState<'_, S::Number, S::Measure>) -> Answer<S::Error> {
+        self.names.push(format!("before {}", state.step.step));
+        Ok(ControlFlow::Continue(()))
+    }
+
+    fn after_step(&mut self, fit: &S, stepped: &Stepped) -> Answer<S::Error> {
+        self.names.push(format!("after {}", stepped.step));
+        match fit.steps_done() < self.breaks {
+            true => Ok(ControlFlow::Continue(())),
+            false => Ok(ControlFlow::Break(())),
+        }
+    }
+
+    fn end(&mut self, fit: &S, stop: Stop) -> Result<(), S::Error> {
+        self.names.push(format!("end {} {stop:?}", fit.steps_done()));
+        Ok(())
+    }
+}
+
+#[test]
+fn a_drive_calls_its_listeners_in_order_and_looks_at_nothing_that_its_rules_spare() {
+    let driven = |rules: Rules<'_>, breaks| {
+        let mut fit = Fit::<f64>::new(start(0.25), descent(10)).unwrap();
+        let mut calls = Calls { names: Vec::new(), breaks };
+        let mut bowl = Bowl::new(0.0);
+        let stop = fit.drive(&mut bowl, &rules, &mut [&mut calls]).unwrap();
+        assert_eq!(bowl.prepared.len() as u64, fit.steps_done());
+        (calls.names.join(", "), stop)
+    };
+    let step = "before 0, after 0, before 1, after 1";
+    let signals = std::cell::Cell::new(0);
+    let signal = || {
+        signals.set(signals.get() + 1);
+        (signals.get() == 3).then_some(15)
+    };
+    for (rules, breaks, stop) in [
+        (Rules { steps: Some(2), ..Rules::default() }, 9, Stop::Steps),
+        (Rules::default(), 2, Stop::Callback),
+        (Rules { interrupt: Some(&signal), ..Rules::default() }, 9, Stop::Interrupted(15)),
+    ] {
+        let expected = format!("begin 0, {step}, end 2 {stop:?}");
+        assert_eq!(driven(rules, breaks), (expected, stop));
+    }
+    let late = Rules { seconds: Some(0.0), ..Rules::default() };
+    assert_eq!(driven(late, 9), ("begin 0, end 0 Time".to_owned(), Stop::Time));
+}
+
+#[test]
+fn ranks_stop_together_by_the_first_ones_clock_and_listeners_and_by_any_ones_signal_and_error() {
+    /// A listener of one rank alone that fails or breaks after its second step.
+    struct Moody(Result<(), FitError>, bool);
+    impl<S: Steps<Error = FitError>> Listener<S> for Moody {
+        fn is_shared(&self) -> bool {
+            self.1
+        }
+        fn after_step(&mut self, fit: &S, _stepped: &Stepped) -> Answer<FitError> {
+            match fit.steps_done() {
+                2 => self.0.clone().map(ControlFlow::Break),
+                _ => Ok(ControlFlow::Continue(())),
+            }
+        }
+    }
+    type Rig<'a> = dyn Fn(usize, &mut Rules<'_>) -> Option<Moody> + Sync + 'a;
+    let ends = |rig: &Rig<'_>| {
+        on_ranks::<f64, _>(3, |ranks| {
+            let rank = ranks.rank();
+            let mut fit = Fit::<f64>::new(start(0.25), descent(10)).unwrap();
+            let mut pipeline =
+                views(3, |_, _, variables| Ok(variables.get("x")?.square().sum())).among(ranks);
+            let mut rules = Rules { steps: Some(5), ..Rules::default() };
+            let mut moody = rig(rank, &mut rules);
+            let mut all: Vec<&mut dyn Listener<_>> = Vec::new();
+            all.extend(moody.as_mut().map(|own| own as &mut dyn Listener<_>));
+            let stop = fit.drive(&mut pipeline, &rules, &mut all);
+            (stop.map_err(|error| error.to_string()), fit.steps_done())
+        })
+    };
+    assert_eq!(ends(&|_, _| None), vec![(Ok(Stop::Steps), 5); 3]);
+    let clock = |of: usize| {
+        ends(&move |rank, rules: &mut Rules<'_>| {
+            rules.seconds = Some(if rank == of { 0.0 } else { 1e9 });
+            None
+        })
+    };
+    assert_eq!(clock(0), vec![(Ok(Stop::Time), 0); 3]);
+    assert_eq!(clock(1), vec![(Ok(Stop::Steps), 5); 3]);
+    let signal = ends(&|rank, rules| {
+        if rank == 2 {
+            rules.interrupt = Some(&|| Some(2));
+        }
+        None
+    });
+    assert_eq!(signal, vec![(Ok(Stop::Interrupted(2)), 0); 3]);
+    // Not shared: only the first is asked.
+    let asked = ends(&|_, _| Some(Moody(Ok(()), false)));
+    assert_eq!(asked, vec![(Ok(Stop::Callback), 2); 3]);
+    let error = FitError::setting("disk", "room", 0);
+    let failed = ends(&|rank, _| (rank == 1).then(|| Moody(Err(error.clone()), true)));
+    let message = "disk needs room, got 0".to_owned();
+    let elsewhere = (Err(format!("rank 1: {message}")), 2);
+    assert_eq!(failed, [elsewhere.clone(), (Err(message), 2), elsewhere]);
 }
 
 #[test]

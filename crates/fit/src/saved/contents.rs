@@ -9,6 +9,7 @@ use crate::optimizer::Optimizer;
 use crate::parameter::{Mapping, Parameter, Parameters};
 use crate::preconditioner::Preconditioner;
 use crate::schedule::Schedule;
+use crate::stopping::Losses;
 
 /// The version of what follows.
 const VERSION: u64 = 2;
@@ -77,7 +78,9 @@ impl Contents {
         loop_state: &LoopState<'_>,
         parameters: &Parameters<T>,
     ) -> Self {
-        let (least_loss, least_loss_step) = loop_state.best;
+        let Losses { least, waited, .. } = loop_state.losses;
+        // The last loss is that of the step before.
+        let least_loss_step = least.map_or(loop_state.step, |_| loop_state.step - 1 - waited);
         let described = |parameter: &Parameter<T>| Described {
             name: parameter.name().to_owned(),
             rate: parameter.rate,
@@ -103,7 +106,7 @@ impl Contents {
                 gradient_below: text(gradient_below),
             },
             step: loop_state.step,
-            least_loss: Some(least_loss).filter(|loss| loss.is_finite()),
+            least_loss: least,
             least_loss_step,
             updates: parameters.updates,
             parameters: parameters.list.iter().map(described).collect(),
@@ -132,9 +135,9 @@ impl Contents {
         pipeline: Option<&'a [u8]>,
     ) -> Result<LoopState<'a>, FitError> {
         check_updates([self.step, self.updates].into_iter())?;
-        let least = self.least_loss.unwrap_or(f64::INFINITY);
         if self.least_loss_step > self.step {
             let (of, step) = (self.least_loss_step, self.step);
+            let least = self.least_loss.unwrap_or(f64::INFINITY);
             let found = format!("{least} of step {of} of {step}");
             return Err(FitError::saved("a least loss of a step that was done", found));
         }
@@ -151,8 +154,12 @@ impl Contents {
             gradient_below: limit(gradient_below)?,
         };
         settings.check()?;
-        let best = (least, self.least_loss_step);
-        Ok(LoopState { settings, step: self.step, best, pipeline })
+        let (least, waited) = match self.least_loss {
+            Some(least) => (Some(least), (self.step - self.least_loss_step).saturating_sub(1)),
+            None => (None, 0),
+        };
+        let losses = Losses { last: None, least, waited };
+        Ok(LoopState { settings, step: self.step, losses, pipeline })
     }
 }
 

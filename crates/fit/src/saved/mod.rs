@@ -139,9 +139,11 @@ impl<T: Stored, M> StepState<'_, T, M> {
     /// Saves the fit as it is in this step: as [`Fit::save`], while it runs.
     ///
     /// # Errors
-    /// As [`Fit::save`].
+    /// As [`Fit::save`]; [`FitError::Saved`] for a step of something else than a fit.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), FitError> {
-        write(path.as_ref(), &encode(&self.loop_state, self.parameters)?)
+        let other = || FitError::saved("steps of a fit by gradients", "others");
+        let loop_state = self.loop_state.as_ref().ok_or_else(other)?;
+        write(path.as_ref(), &encode(loop_state, self.parameters)?)
     }
 }
 

@@ -7,7 +7,7 @@ use crate::optimizer::Optimizer;
 use crate::parameter::{Mapping, Variables};
 use crate::pipeline::{Pipeline, from_fn};
 use crate::schedule::Schedule;
-use crate::{FitSettings, History, Stop};
+use crate::{FitSettings, History, Rules, Stop, before_update};
 use std::ops::ControlFlow;
 
 /// A bowl around a centre that a sequential generator moves: how it goes on depends on all that
@@ -119,6 +119,18 @@ fn refused<T: Stored>(bytes: &[u8]) -> String {
     Fit::<T>::from_bytes(bytes).unwrap_err().to_string()
 }
 
+/// The history of a run that `on_step` may stop.
+fn stopped<T: Stored>(
+    fit: &mut Fit<T>,
+    pipeline: &mut Wandering,
+    on_step: impl FnMut(&StepState<'_, T, ()>) -> ControlFlow<()>,
+) -> History<()> {
+    let mut history = History::with_room_for(0);
+    let mut listener = before_update(on_step);
+    fit.drive(pipeline, &Rules::default(), &mut [&mut history, &mut listener]).unwrap();
+    history
+}
+
 #[test]
 fn a_resumed_fit_goes_on_to_the_same_bits() {
     fn check<T: Stored>() {
@@ -132,14 +144,14 @@ fn a_resumed_fit_goes_on_to_the_same_bits() {
                 for stop in [0, 1, 17, 40] {
                     let mut first = Fit::<T>::new(parameters(), settings).unwrap();
                     let mut saved = Vec::new();
-                    let run = first.run_with(&mut Wandering::new(1), |seen| {
+                    let history = stopped(&mut first, &mut Wandering::new(1), |seen| {
                         if seen.step.step < stop {
                             return ControlFlow::Continue(());
                         }
-                        saved = encode(&seen.loop_state, seen.parameters).unwrap();
+                        saved = encode(&seen.loop_state.unwrap(), seen.parameters).unwrap();
                         ControlFlow::Break(())
                     });
-                    assert_eq!(losses(&run.unwrap()), all[..=stop as usize]);
+                    assert_eq!(losses(&history), all[..=stop as usize]);
                     // While it runs, and once it has stopped, the same file.
                     assert_eq!(first.to_bytes().unwrap(), saved);
                     drop(first);
@@ -192,7 +204,7 @@ fn patience_counts_on_where_it_was() {
             true => ControlFlow::Break(()),
             false => ControlFlow::Continue(()),
         };
-        let history = fit.run_with(&mut Wandering::new(3), on_step).unwrap();
+        let history = stopped(fit, &mut Wandering::new(3), on_step);
         (history.stop, fit.steps_done())
     };
     let (stop, end) = run(&mut Fit::new(parameters(), settings).unwrap(), u64::MAX);
@@ -456,13 +468,12 @@ fn a_file_is_saved_whole_and_read_back() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("fit");
     let mut fit = Fit::<f32>::new(parameters(), settings(ADAM, Schedule::Constant)).unwrap();
-    fit.run_with(&mut Wandering::new(1), |seen| {
+    stopped(&mut fit, &mut Wandering::new(1), |seen| {
         if seen.step.step % 16 == 0 {
             seen.save(&path).unwrap();
         }
         ControlFlow::Continue(())
-    })
-    .unwrap();
+    });
     assert_eq!(Fit::<f32>::resume(&path).unwrap().steps_done(), 32);
     fit.save(&path).unwrap();
     assert_eq!(std::fs::read(&path).unwrap(), fit.to_bytes().unwrap());

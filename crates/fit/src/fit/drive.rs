@@ -1,0 +1,222 @@
+//! The loop of every fit: steps until a rule says stop, and listeners that see how it goes.
+//!
+//! # The order of calls
+//! ```text
+//! begin
+//!   |
+//!   +--> ranks agree --> rules --> step: prepare, loss --> before_update --> update --> after_step --+
+//!   ^                      | stop                              | stop                                |
+//!   |                      +------------> end <----------------+                                     |
+//!   +------------------------------------------------------------------------------------------------+
+//! ```
+//! Rules of [`Rules`] act before a step, and nothing is computed that they spare. What steps may have rules of
+//! its own ([`Steps::stop`], and those of [`FitSettings`](super::FitSettings), which act before the update).
+//!
+//! # Ranks
+//! All ranks of a job drive the same fit with the same rules. What only one of them knows is agreed on before
+//! each step: the clock of the first decides on time, and a signal to any rank, an error of a listener on any
+//! rank, and a wish of the first one's listeners end the loop on all of them.
+
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+use bokashi_core::Scalar;
+
+use super::step::{StepState, Stepped};
+use crate::communicator::{Alone, Communicator, agree, agreed};
+use crate::error::FitError;
+use crate::parameter::Parameters;
+use crate::stopping::Stop;
+
+/// What sees the state of a step before its update, and may say why there is none.
+pub type Observer<'a, T, M> = dyn FnMut(&StepState<'_, T, M>) -> ControlFlow<Stop> + 'a;
+
+/// What a listener answers: whether the fit goes on.
+pub type Answer<E> = Result<ControlFlow<()>, E>;
+
+/// What is fitted step by step: see [`drive`].
+pub trait Steps {
+    /// The numbers of the parameters.
+    type Number: Scalar;
+    /// The errors of the parameters against the truth.
+    type Measure;
+    /// What can go wrong.
+    type Error: From<FitError> + ToString;
+
+    /// How many updates are done.
+    fn steps_done(&self) -> u64;
+
+    /// The parameters.
+    fn parameters(&self) -> &Parameters<Self::Number>;
+
+    /// Does a step: prepares it, computes its loss, shows its state to `observer`, and updates the parameters
+    /// unless the observer breaks or a rule of the fit's own stops it. What shares its steps among ranks may
+    /// leave the observer out.
+    ///
+    /// # Errors
+    /// Whatever is wrong with the step. Parameters are then as they were.
+    fn step(
+        &mut self,
+        observer: &mut Observer<'_, Self::Number, Self::Measure>,
+    ) -> Result<ControlFlow<Stop, Stepped>, Self::Error>;
+
+    /// Why there is no further step, by what was done: the same on all ranks.
+    fn stop(&self) -> Option<Stop> {
+        None
+    }
+
+    /// Whether the time is up that the fit itself may take. Of several ranks the first decides.
+    fn is_time_up(&self) -> bool {
+        false
+    }
+
+    /// The ranks that share the fit.
+    fn ranks(&self) -> &dyn Communicator<Self::Number> {
+        &Alone
+    }
+}
+
+/// Who is told how a fit goes.
+///
+/// `S` is what steps; most listeners are listeners of any. Of several ranks the first calls its listeners, and
+/// the others those that are shared.
+pub trait Listener<S: Steps> {
+    /// Whether all ranks call it: for what they do together. Its answers are then the same on all of them.
+    fn is_shared(&self) -> bool {
+        false
+    }
+
+    /// Called once, before the first step.
+    ///
+    /// # Errors
+    /// They end the fit.
+    fn begin(&mut self, fit: &S) -> Answer<S::Error> {
+        let _ = fit;
+        Ok(ControlFlow::Continue(()))
+    }
+
+    /// Called in each step that shows its state, before the update. A break stops the fit without it.
+    ///
+    /// # Errors
+    /// They end the fit.
+    fn before_update(&mut self, state: &StepState<'_, S::Number, S::Measure>) -> Answer<S::Error> {
+        let _ = state;
+        Ok(ControlFlow::Continue(()))
+    }
+
+    /// Called after each step. A break stops the fit before the next one.
+    ///
+    /// # Errors
+    /// They end the fit.
+    fn after_step(&mut self, fit: &S, stepped: &Stepped) -> Answer<S::Error> {
+        let _ = (fit, stepped);
+        Ok(ControlFlow::Continue(()))
+    }
+
+    /// Called once, when the fit has stopped without an error.
+    ///
+    /// # Errors
+    /// They are those of the drive.
+    fn end(&mut self, fit: &S, stop: Stop) -> Result<(), S::Error> {
+        let _ = (fit, stop);
+        Ok(())
+    }
+}
+
+/// When a fit stops, beside the rules of its own.
+#[derive(Clone, Copy, Default)]
+pub struct Rules<'a> {
+    /// The most updates, those before included. The state after the last one is not looked at any more.
+    pub steps: Option<u64>,
+    /// The most seconds of this run. Of several ranks the clock of the first counts.
+    pub seconds: Option<f64>,
+    /// Asked before each step for the number of a signal that wants the fit to stop.
+    pub interrupt: Option<&'a dyn Fn() -> Option<i32>>,
+}
+
+/// Steps until a rule or a listener says stop.
+///
+/// # Errors
+/// Those of steps and listeners: of several ranks, an error of one is an error of all.
+pub fn drive<S: Steps>(
+    fit: &mut S,
+    rules: &Rules<'_>,
+    listeners: &mut [&mut dyn Listener<S>],
+) -> Result<Stop, S::Error> {
+    let start = Instant::now();
+    let is_first = fit.ranks().rank() == 0;
+    let called = listeners.iter_mut().filter(|own| is_first || own.is_shared());
+    let mut listeners: Vec<_> = called.collect();
+    let mut answer = ask_all(&mut listeners, |own| own.begin(fit));
+    let stop = loop {
+        let is_time_up = rules.seconds.is_some_and(|most| start.elapsed().as_secs_f64() >= most)
+            || fit.steps_done() > 0 && fit.is_time_up();
+        let call = agreed_call(fit.ranks(), rules, answer, is_time_up)?;
+        let is_done = rules.steps.is_some_and(|most| fit.steps_done() >= most);
+        let stop = fit.stop().or(is_done.then_some(Stop::Steps)).or(call);
+        if let Some(stop) = stop {
+            break stop;
+        }
+        let mut failed = None;
+        let stepped =
+            fit.step(&mut |state| match ask_all(&mut listeners, |own| own.before_update(state)) {
+                Ok(flow) => flow.map_break(|()| Stop::Callback),
+                Err(error) => {
+                    failed = Some(error);
+                    ControlFlow::Break(Stop::Callback)
+                }
+            })?;
+        match (failed, stepped) {
+            (Some(error), _) => return Err(error),
+            (None, ControlFlow::Break(stop)) => break stop,
+            (None, ControlFlow::Continue(stepped)) => {
+                answer = ask_all(&mut listeners, |own| own.after_step(fit, &stepped));
+            }
+        }
+    };
+    let ended = listeners.iter_mut().try_for_each(|own| own.end(fit, stop));
+    agreed(fit.ranks(), ended).map(|()| stop)
+}
+
+/// What `ask` gets from all listeners, each of which is asked though another wants to stop.
+fn ask_all<S: Steps, L: Listener<S> + ?Sized, E>(
+    listeners: &mut [&mut &mut L],
+    mut ask: impl FnMut(&mut L) -> Answer<E>,
+) -> Answer<E> {
+    let mut flow = ControlFlow::Continue(());
+    for own in listeners {
+        if ask(own)?.is_break() {
+            flow = ControlFlow::Break(());
+        }
+    }
+    Ok(flow)
+}
+
+/// Why the fit stops before its next step, by what a rank alone knows. All ranks are told the same.
+fn agreed_call<T, E: From<FitError> + ToString>(
+    ranks: &dyn Communicator<T>,
+    rules: &Rules<'_>,
+    answer: Answer<E>,
+    is_time_up: bool,
+) -> Result<Option<Stop>, E> {
+    // Numbers of signals are small.
+    let signal = rules.interrupt.and_then(|signal| signal()).map_or(0, i32::unsigned_abs) as u8;
+    let own = answer.map(|flow| [signal, flow.is_break().into(), is_time_up.into()]);
+    let (signal, of_first) = if ranks.size() == 1 {
+        // Nothing is allocated for one rank.
+        let own = own?;
+        (own[0], own)
+    } else {
+        let all = agree(ranks, own.map(Vec::from))?;
+        let signals = all.iter().filter_map(|own| own.first().copied());
+        let signal = signals.into_iter().find(|&signal| signal != 0).unwrap_or(0);
+        let of_first = all.first().and_then(|own| own.first_chunk());
+        (signal, of_first.copied().unwrap_or_default())
+    };
+    Ok(match of_first {
+        _ if signal != 0 => Some(Stop::Interrupted(signal.into())),
+        [_, 1, _] => Some(Stop::Callback),
+        [_, _, 1] => Some(Stop::Time),
+        _ => None,
+    })
+}

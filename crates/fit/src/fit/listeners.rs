@@ -1,0 +1,81 @@
+//! Listeners of any fit: its history, and functions.
+
+use std::ops::ControlFlow;
+
+use super::drive::{Answer, Listener, Steps};
+use super::step::{StepState, Stepped};
+use crate::history::{History, Vanished};
+use crate::stopping::Stop;
+
+/// On each rank, which all return it.
+impl<S: Steps<Measure: Clone>> Listener<S> for History<S::Measure> {
+    fn is_shared(&self) -> bool {
+        true
+    }
+
+    fn before_update(&mut self, state: &StepState<'_, S::Number, S::Measure>) -> Answer<S::Error> {
+        self.steps.push(state.step.clone());
+        self.preparation_ms.push(state.preparation_ms);
+        Ok(ControlFlow::Continue(()))
+    }
+
+    fn after_step(&mut self, fit: &S, stepped: &Stepped) -> Answer<S::Error> {
+        self.step_ms.push(stepped.ms);
+        if stepped.vanished > 0 {
+            let all = fit.parameters().iter().enumerate();
+            self.vanished.extend(all.filter(|(_, own)| own.vanished() > 0).map(|(index, own)| {
+                Vanished { step: stepped.step, parameter: index, entries: own.vanished() }
+            }));
+        }
+        Ok(ControlFlow::Continue(()))
+    }
+
+    fn end(&mut self, _fit: &S, stop: Stop) -> Result<(), S::Error> {
+        self.stop = stop;
+        Ok(())
+    }
+}
+
+/// A function as a [`Listener`]: see [`before_update`].
+#[derive(Debug, Clone, Copy)]
+pub struct BeforeUpdate<F>(F);
+
+/// A function as a [`Listener`]: see [`after_step`].
+#[derive(Debug, Clone, Copy)]
+pub struct AfterStep<F>(F);
+
+/// A listener that calls `function` with the state of each step before its update, on all ranks.
+pub fn before_update<T, M, F>(function: F) -> BeforeUpdate<F>
+where
+    F: FnMut(&StepState<'_, T, M>) -> ControlFlow<()>,
+{
+    BeforeUpdate(function)
+}
+
+/// A listener that calls `function` after each step, on all ranks.
+pub fn after_step<F: FnMut(&Stepped) -> ControlFlow<()>>(function: F) -> AfterStep<F> {
+    AfterStep(function)
+}
+
+impl<S: Steps, F> Listener<S> for BeforeUpdate<F>
+where
+    F: FnMut(&StepState<'_, S::Number, S::Measure>) -> ControlFlow<()>,
+{
+    fn is_shared(&self) -> bool {
+        true
+    }
+
+    fn before_update(&mut self, state: &StepState<'_, S::Number, S::Measure>) -> Answer<S::Error> {
+        Ok((self.0)(state))
+    }
+}
+
+impl<S: Steps, F: FnMut(&Stepped) -> ControlFlow<()>> Listener<S> for AfterStep<F> {
+    fn is_shared(&self) -> bool {
+        true
+    }
+
+    fn after_step(&mut self, _fit: &S, stepped: &Stepped) -> Answer<S::Error> {
+        Ok((self.0)(stepped))
+    }
+}
