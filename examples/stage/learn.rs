@@ -1,8 +1,6 @@
 //! A fit that is watched.
 
-use std::ops::ControlFlow;
-
-use bokashi::fit::{Answer, Listener, Rules, Stepped, Steps, Stop};
+use bokashi::fit::{Fitting, Rules, Steps as _, every as each};
 use bokashi::prelude::*;
 
 use super::found::Curve;
@@ -20,53 +18,15 @@ pub fn learn<P: Pipeline<f32>, const N: usize>(
     every: u64,
     figures: impl Fn(&Parameters<f32>) -> Result<[f64; N], FitError>,
 ) -> Result<(Parameters<f32>, [Curve; N]), FitError> {
-    let curves = [(); N].map(|()| Curve::starting_now());
-    let mut watched = Watched { every, figures, curves };
+    let mut curves = [(); N].map(|()| Curve::starting_now());
     let mut fit = Fit::new(parameters, settings)?;
-    let rules = Rules { steps: Some(settings.steps), ..Rules::default() };
-    fit.drive(pipeline, &rules, &mut [&mut watched])?;
-    Ok((fit.into_parameters(), watched.curves))
-}
-
-/// A listener that takes figures.
-struct Watched<F, const N: usize> {
-    every: u64,
-    figures: F,
-    curves: [Curve; N],
-}
-
-impl<F, const N: usize> Watched<F, N>
-where
-    F: Fn(&Parameters<f32>) -> Result<[f64; N], FitError>,
-{
-    fn look(&mut self, parameters: &Parameters<f32>) -> Answer<FitError> {
-        for (curve, figure) in self.curves.iter_mut().zip((self.figures)(parameters)?) {
+    let mut watch = each(every, |fit: &Fitting<'_, f32, P>| {
+        for (curve, figure) in curves.iter_mut().zip(figures(fit.parameters())?) {
             curve.add(figure);
         }
-        Ok(ControlFlow::Continue(()))
-    }
-}
-
-impl<S, F, const N: usize> Listener<S> for Watched<F, N>
-where
-    S: Steps<Number = f32, Error = FitError>,
-    F: Fn(&Parameters<f32>) -> Result<[f64; N], FitError>,
-{
-    fn begin(&mut self, fit: &S) -> Answer<FitError> {
-        self.look(fit.parameters())
-    }
-
-    fn after_step(&mut self, fit: &S, _stepped: &Stepped) -> Answer<FitError> {
-        match fit.steps_done().is_multiple_of(self.every) {
-            true => self.look(fit.parameters()),
-            false => Ok(ControlFlow::Continue(())),
-        }
-    }
-
-    fn end(&mut self, fit: &S, _stop: Stop) -> Result<(), FitError> {
-        match fit.steps_done().is_multiple_of(self.every) {
-            true => Ok(()),
-            false => self.look(fit.parameters()).map(drop),
-        }
-    }
+        Ok(())
+    });
+    let rules = Rules { steps: Some(settings.steps), ..Rules::default() };
+    fit.drive(pipeline, &rules, &mut [&mut watch])?;
+    Ok((fit.into_parameters(), curves))
 }

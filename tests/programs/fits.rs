@@ -1,5 +1,5 @@
 //! The paper's experiments end where they should: a sample of seeds of each, and every choice that
-//! the paper leaves open. `bokashi reproduce` does all seeds.
+//! the paper leaves open. `bokashi paper reproduce` does all seeds.
 
 use std::ops::ControlFlow;
 

@@ -1,13 +1,12 @@
 //! What the program is asked to do: its commands and options.
 
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use bokashi_examples::{SAMPLES, Silhouettes as Shown};
 use bokashi_paper::{Experiment, Precision, Preset, Saving, Silhouettes};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::error::{ContextKind, ContextValue, ErrorKind};
-use clap::parser::ValueSource;
 use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 
 use crate::failure::{EXIT_STATUSES, Failure};
@@ -33,15 +32,10 @@ pub(crate) const USUAL_OUT: &str = "out";
 /// What to do other than the default.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// One fit: of a scene of your own (docs/scene.md), or without one of the paper's cube, which then
-    /// writes files only where --out, --json or --save asks for them.
+    /// A fit of a scene of your own: meshes, images, cameras, and what is learnt (docs/scene.md).
     Fit(FitArguments),
-    /// All of the paper's experiments 5.1, 5.2 and 5.3, with a report in out/.
-    ///
-    /// 5.1 at 8, 16 and 32 px, with antialias, exact and aliased; 5.2 and 5.3 for sigma 1, 1.4, 2.8
-    /// and 4. With the paper's learning rates, and with tuned ones for 5.1 (32 px, antialias) and
-    /// 5.3. Then, once, in f64: what other choices do where the paper leaves one open.
-    Reproduce(ReproduceArguments),
+    /// The paper's experiments on a cube: one fit, or all of them.
+    Paper(PaperArguments),
     /// The samples that people know, with what each has to reach: a cube of a few pixels, poses,
     /// textures, light, lenses, silhouettes, cameras.
     Samples(SamplesArguments),
@@ -83,19 +77,19 @@ pub(crate) struct ManArguments {
     pub(crate) command: Option<String>,
 }
 
-/// The options of every command.
+/// The options of every command that fits the cube.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct Common {
-    /// Updates per fit
-    #[arg(long, value_name = "N", default_value_t = 10_000, value_parser = steps)]
-    pub(crate) steps: u64,
-    /// Numbers to compute with
-    #[arg(long, value_name = "WORD", default_value = "f32", value_parser = words::<Precision>(&["f32", "f64"]))]
-    pub(crate) precision: Precision,
+    /// Updates per fit [default: 10000]
+    #[arg(long, value_name = "N", value_parser = steps)]
+    pub(crate) steps: Option<u64>,
+    /// Numbers to compute with [default: f32]
+    #[arg(long, value_name = "WORD", value_parser = words::<Precision>(&["f32", "f64"]))]
+    pub(crate) precision: Option<Precision>,
     /// Threads [default: one per core]; results are the same bits for any number
     #[arg(long, value_name = "N", value_parser = threads)]
     pub(crate) threads: Option<usize>,
-    /// Folder for the report [default: out, for fit: no report]
+    /// Folder for the report [default: out, for paper fit: no report]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
     /// No progress bar and no summary
@@ -103,59 +97,110 @@ pub(crate) struct Common {
     pub(crate) quiet: bool,
 }
 
+impl Common {
+    /// Updates per fit.
+    pub(crate) fn steps(&self) -> u64 {
+        self.steps.unwrap_or(10_000)
+    }
+
+    /// Numbers to compute with.
+    pub(crate) fn precision(&self) -> Precision {
+        self.precision.unwrap_or(Precision::F32)
+    }
+}
+
 /// The options of `fit`.
 #[derive(Debug, Clone, Args)]
-#[command(group = clap::ArgGroup::new("saved").args(["save", "scene"]).multiple(true))]
 pub(crate) struct FitArguments {
-    /// Your own scene: meshes, images, cameras, and what is learnt. Results go to --out, by default out/;
-    /// it ends as the scene says, and --steps can end it earlier
-    #[arg(value_name = "SCENE.TOML", conflicts_with_all = ["experiment", "preset", "resolution", "sigma", "seed", "silhouettes", "precision", "save"])]
-    pub(crate) scene: Option<PathBuf>,
-    /// Of a scene: stop after so many seconds
-    #[arg(long, value_name = "SECONDS", requires = "scene", value_parser = seconds)]
+    /// The scene; the fit ends as it says, and --steps and --time can end it earlier
+    #[arg(value_name = "SCENE.TOML")]
+    pub(crate) scene: PathBuf,
+    /// Stop after so many steps, those before --resume included
+    #[arg(long, value_name = "N", value_parser = steps)]
+    pub(crate) steps: Option<u64>,
+    /// Stop after so many seconds
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub(crate) time: Option<f64>,
-    /// Of a scene: a page on this port of 127.0.0.1 that shows the fit as it goes [default: any free port]
-    #[arg(long, value_name = "PORT", requires = "scene", num_args = 0..=1, default_missing_value = "0")]
+    /// A page on this port of 127.0.0.1 that shows the fit as it goes [default: any free port]
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0")]
     pub(crate) live: Option<u16>,
-    /// What is learnt: vertices and colours (5.1), sigma (5.2), or all of them (5.3)
-    #[arg(long, value_name = "WORD", default_value = "joint", value_parser = words::<Experiment>(&["vertices", "sigma", "joint"]))]
-    pub(crate) experiment: Experiment,
+    /// File for the outcome as a JSON object; - for standard output, and then nothing else there
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
+    /// Save the fit in --out after every N steps; it is saved each minute and at its end anyway
+    #[arg(long, value_name = "N", value_parser = steps)]
+    pub(crate) save_every: Option<u64>,
+    /// Saved fit to go on with, to the same bits as if it had not ended [default: the checkpoint in --out]
+    #[arg(long, value_name = "FILE", num_args = 0..=1)]
+    pub(crate) resume: Option<Option<PathBuf>>,
+    #[command(flatten)]
+    pub(crate) memory: MostMemory,
+    /// Threads [default: one per core]; results are the same bits for any number
+    #[arg(long, value_name = "N", value_parser = threads)]
+    pub(crate) threads: Option<usize>,
+    /// Folder for results and the report [default: out]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// No progress bar and no summary
+    #[arg(long)]
+    pub(crate) quiet: bool,
+}
+
+/// The options of `paper`.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct PaperArguments {
+    #[command(subcommand)]
+    pub(crate) command: PaperCommand,
+}
+
+/// What to do of the paper's experiments.
+#[derive(Debug, Clone, Subcommand)]
+pub(crate) enum PaperCommand {
+    /// One fit of the cube, which writes files only where --out, --json or --save asks for them.
+    Fit(CubeArguments),
+    /// All of the paper's experiments 5.1, 5.2 and 5.3, with a report in out/.
+    ///
+    /// 5.1 at 8, 16 and 32 px, with antialias, exact and aliased; 5.2 and 5.3 for sigma 1, 1.4, 2.8
+    /// and 4. With the paper's learning rates, and with tuned ones for 5.1 (32 px, antialias) and
+    /// 5.3. Then, once, in f64: what other choices do where the paper leaves one open.
+    Reproduce(ReproduceArguments),
+}
+
+/// The options of `paper fit`. A setting that is not given has its usual value, or that of the saved fit.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct CubeArguments {
+    /// What is learnt: vertices and colours (5.1), sigma (5.2), or all of them (5.3) [default: joint]
+    #[arg(long, value_name = "WORD", value_parser = words::<Experiment>(&["vertices", "sigma", "joint"]))]
+    pub(crate) experiment: Option<Experiment>,
     /// Learning rates: as printed in the paper, larger ones that fall over the run, or those and
-    /// then second-order steps
-    #[arg(long, value_name = "WORD", default_value = "paper", value_parser = words::<Preset>(&["paper", "tuned", "second-order"]))]
-    pub(crate) preset: Preset,
-    /// Width and height of the images, in pixels
-    #[arg(long, value_name = "N", default_value_t = 32, value_parser = resolution)]
-    pub(crate) resolution: usize,
+    /// then second-order steps [default: paper]
+    #[arg(long, value_name = "WORD", value_parser = words::<Preset>(&["paper", "tuned", "second-order"]))]
+    pub(crate) preset: Option<Preset>,
+    /// Width and height of the images, in pixels [default: 32]
+    #[arg(long, value_name = "N", value_parser = resolution)]
+    pub(crate) resolution: Option<usize>,
     /// Blur of the reference image, in pixels [default: 4]; not for --experiment vertices
     #[arg(long, value_name = "S", value_parser = sigma, allow_negative_numbers = true)]
     pub(crate) sigma: Option<f64>,
-    /// Seed of the start and of the poses
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = seed)]
-    pub(crate) seed: u64,
+    /// Seed of the start and of the poses [default: 0]
+    #[arg(long, value_name = "N", value_parser = seed)]
+    pub(crate) seed: Option<u64>,
     /// Silhouettes, in the learnt image and in the reference image: of pixel centres alone,
-    /// blended, or of all that lies in a pixel
-    #[arg(long, value_name = "WORD", default_value = "antialias", value_parser = words::<Silhouettes>(&["aliased", "antialias", "exact"]))]
-    pub(crate) silhouettes: Silhouettes,
+    /// blended, or of all that lies in a pixel [default: antialias]
+    #[arg(long, value_name = "WORD", value_parser = words::<Silhouettes>(&["aliased", "antialias", "exact"]))]
+    pub(crate) silhouettes: Option<Silhouettes>,
     /// File for the outcome as a JSON object; - for standard output, and then nothing else there
     #[arg(long, value_name = "FILE")]
     pub(crate) json: Option<PathBuf>,
     /// File to save the fit to at its end, or when it is interrupted, to go on with --resume
     #[arg(long, value_name = "FILE")]
     pub(crate) save: Option<PathBuf>,
-    /// Save after every N updates, too; a scene's fit is saved in --out
-    #[arg(long, value_name = "N", requires = "saved", value_parser = steps)]
+    /// Save after every N updates, too
+    #[arg(long, value_name = "N", requires = "save", value_parser = steps)]
     pub(crate) save_every: Option<u64>,
-    /// Saved fit to go on with, to the same bits as if it had not ended; settings are the file's. Of a scene:
-    /// by default the checkpoint in --out
-    #[arg(long, value_name = "FILE", num_args = 0..=1)]
-    pub(crate) resume: Option<Option<PathBuf>>,
-    /// Of a scene: memory that its files may ask for, such as 8GiB [default: half of what there is]
-    #[arg(long, value_name = "SIZE", requires = "scene", value_parser = bytes)]
-    pub(crate) memory: Option<u64>,
-    /// The names of the options that the command line has.
-    #[arg(skip)]
-    pub(crate) given: Vec<String>,
+    /// Saved fit to go on with, to the same bits as if it had not ended; settings are the file's
+    #[arg(long, value_name = "FILE")]
+    pub(crate) resume: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) common: Common,
 }
@@ -182,7 +227,7 @@ pub(crate) struct RenderArguments {
     pub(crate) quiet: bool,
 }
 
-/// The options of `reproduce`.
+/// The options of `paper reproduce`.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct ReproduceArguments {
     /// Seeds per experiment and setting, counted from 0
@@ -261,79 +306,65 @@ pub(crate) struct MostMemory {
     pub(crate) memory: Option<u64>,
 }
 
-impl Request {
-    /// The options that every command of fits has.
-    pub(crate) fn common(&self) -> &Common {
-        match &self.command {
-            Some(Command::Fit(fit)) => &fit.common,
-            Some(Command::Reproduce(reproduce)) => &reproduce.common,
-            _ => &self.common,
-        }
-    }
+/// Fits of the cube that are asked for.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct CubeRequest<'a> {
+    pub(crate) common: &'a Common,
+    /// Of a single fit.
+    pub(crate) fit: Option<&'a CubeArguments>,
+    /// Of all experiments: seeds for each.
+    pub(crate) seeds: Option<u64>,
+}
 
+impl<'a> CubeRequest<'a> {
     /// Where the report goes; `None`: there is none.
-    pub(crate) fn out(&self) -> Option<PathBuf> {
-        let out = self.common().out.clone();
-        match &self.command {
-            Some(Command::Fit(_)) => out,
-            _ => Some(out.unwrap_or_else(|| USUAL_OUT.into())),
-        }
-    }
-
-    /// Whether the user named the folder of the report.
-    pub(crate) fn is_out_named(&self) -> bool {
-        self.common().out.is_some()
+    pub(crate) fn out(&self) -> Option<&'a Path> {
+        let usual = self.fit.is_none().then_some(Path::new(USUAL_OUT));
+        self.common.out.as_deref().or(usual)
     }
 
     /// Where the outcome goes as JSON.
-    pub(crate) fn json(&self) -> Option<&PathBuf> {
-        match &self.command {
-            Some(Command::Fit(fit)) => fit.json.as_ref(),
-            _ => None,
-        }
-    }
-
-    /// Where the fit is saved.
-    pub(crate) fn save(&self) -> Option<&PathBuf> {
-        match &self.command {
-            Some(Command::Fit(fit)) => fit.save.as_ref(),
-            _ => None,
-        }
-    }
-
-    /// The saved fit to go on with.
-    pub(crate) fn resume(&self) -> Option<&PathBuf> {
-        match &self.command {
-            Some(Command::Fit(fit)) => fit.resume.as_ref().and_then(Option::as_ref),
-            _ => None,
-        }
+    pub(crate) fn json(&self) -> Option<&'a Path> {
+        self.fit?.json.as_deref()
     }
 
     /// Where the fit is saved, and what it goes on from.
     pub(crate) fn saving(&self) -> Saving {
+        self.fit.map_or_else(Saving::default, |fit| Saving {
+            resume: fit.resume.clone(),
+            save: fit.save.clone(),
+            every: fit.save_every,
+        })
+    }
+}
+
+impl Request {
+    /// The fits of the cube that are asked for, if it is that.
+    pub(crate) fn cube(&self) -> Option<CubeRequest<'_>> {
+        let common = &self.common;
         match &self.command {
-            Some(Command::Fit(fit)) => {
-                let resume = fit.resume.clone().flatten();
-                Saving { resume, save: fit.save.clone(), every: fit.save_every }
-            }
-            _ => Saving::default(),
+            None => Some(CubeRequest { common, fit: None, seeds: None }),
+            Some(Command::Paper(paper)) => Some(match &paper.command {
+                PaperCommand::Fit(fit) => {
+                    CubeRequest { common: &fit.common, fit: Some(fit), seeds: None }
+                }
+                PaperCommand::Reproduce(ReproduceArguments { seeds, common }) => {
+                    CubeRequest { common, fit: None, seeds: Some(*seeds) }
+                }
+            }),
+            Some(_) => None,
         }
     }
 
-    /// How many bytes of memory files may ask for, where that is said.
+    /// How many bytes of memory files may ask for, where that is given.
     pub(crate) fn memory(&self) -> Option<u64> {
         match self.command.as_ref()? {
-            Command::Fit(own) => own.memory,
-            Command::Render(own) => own.memory.memory,
-            Command::Inspect(own) => own.memory.memory,
-            Command::New(own) => own.memory.memory,
+            Command::Fit(fit) => fit.memory.memory,
+            Command::Render(render) => render.memory.memory,
+            Command::Inspect(inspect) => inspect.memory.memory,
+            Command::New(new) => new.memory.memory,
             _ => None,
         }
-    }
-
-    /// How many threads to compute with; `None`: one per core.
-    pub(crate) fn threads(&self) -> Option<usize> {
-        self.common().threads
     }
 }
 
@@ -350,30 +381,20 @@ pub enum Stopped {
 pub fn parse(
     arguments: impl IntoIterator<Item = impl Into<OsString> + Clone>,
 ) -> Result<Request, Stopped> {
-    let stopped = |error| stopped(error, &Request::command());
-    let matches = Request::command().try_get_matches_from(arguments).map_err(stopped)?;
-    let mut request = Request::from_arg_matches(&matches).map_err(stopped)?;
-    if let (Some(Command::Fit(fit)), Some((_, matches))) =
-        (&mut request.command, matches.subcommand())
-    {
-        let names = matches.ids().map(|id| id.as_str());
-        let given = |name: &&str| matches.value_source(name) == Some(ValueSource::CommandLine);
-        fit.given = names.filter(given).map(str::to_owned).collect();
+    let words: Vec<OsString> = arguments.into_iter().map(Into::into).collect();
+    let all = Request::command();
+    // A wrong word after a command with commands of its own is held against those.
+    let first = words.get(1).and_then(|word| all.find_subcommand(word));
+    let command = first.filter(|first| first.has_subcommands()).unwrap_or(&all);
+    let stopped = |error| stopped(error, command);
+    let matches = all.clone().try_get_matches_from(&words).map_err(stopped)?;
+    let request = Request::from_arg_matches(&matches).map_err(stopped)?;
+    let cube = request.cube().and_then(|cube| cube.fit);
+    if cube.is_some_and(|fit| fit.sigma.is_some() && fit.experiment == Some(Experiment::Vertices)) {
+        let rule = "--sigma needs --experiment sigma or joint: vertices are learnt without blur";
+        return Err(Stopped::Wrong(Failure::Use(rule.to_owned())));
     }
-    match &request.command {
-        Some(Command::Fit(fit))
-            if fit.sigma.is_some() && fit.experiment == Experiment::Vertices =>
-        {
-            let rule =
-                "--sigma needs --experiment sigma or joint: vertices are learnt without blur";
-            Err(Stopped::Wrong(Failure::Use(rule.to_owned())))
-        }
-        Some(Command::Fit(fit)) if fit.scene.is_none() && fit.resume == Some(None) => {
-            let rule = "--resume needs the file of a saved fit, but for a fit of a scene";
-            Err(Stopped::Wrong(Failure::Use(rule.to_owned())))
-        }
-        _ => Ok(request),
-    }
+    Ok(request)
 }
 
 /// What a parser's error comes to: help and versions are asked for, all else is wrong. Where no
@@ -478,12 +499,13 @@ mod tests {
     fn help_fits_a_terminal_of_eighty_columns() {
         let mut all = Request::command().term_width(80);
         all.build();
-        let names: Vec<_> = all.get_subcommands().map(|own| own.get_name().to_owned()).collect();
-        let mut texts = vec![all.render_long_help().to_string()];
-        for name in &names {
-            let own = all.find_subcommand_mut(name).expect("a command");
-            texts.push(own.clone().term_width(80).render_long_help().to_string());
+        let mut texts = Vec::new();
+        let mut open = vec![all];
+        while let Some(command) = open.pop() {
+            open.extend(command.get_subcommands().cloned());
+            texts.push(command.term_width(80).render_long_help().to_string());
         }
+        assert!(texts.len() > 10);
         for line in texts.iter().flat_map(|text| text.lines()) {
             assert!(line.chars().count() <= 80, "{line}");
         }
@@ -493,40 +515,56 @@ mod tests {
     fn without_a_command_the_report_goes_to_out() {
         let request = read("").expect("nothing is needed");
         assert!(request.command.is_none());
-        assert_eq!(request.out(), Some("out".into()));
-        assert_eq!(request.common().steps, 10_000);
+        let cube = request.cube().expect("fits of the cube");
+        assert_eq!((cube.out(), cube.common.steps()), (Some(Path::new("out")), 10_000));
         let request = read("--out here --quiet --steps 5").expect("options without a command");
-        assert_eq!((request.out(), request.common().steps), (Some("here".into()), 5));
+        let cube = request.cube().expect("fits of the cube");
+        assert_eq!((cube.out(), cube.common.steps()), (Some(Path::new("here")), 5));
     }
 
     #[test]
-    fn a_fit_has_the_papers_defaults_and_writes_nothing() {
-        let request = read("fit").expect("nothing is needed");
-        assert_eq!((request.out(), request.json()), (None, None));
-        let Some(Command::Fit(fit)) = request.command else { panic!("fit") };
-        assert_eq!((fit.experiment, fit.preset), (Experiment::Joint, Preset::Paper));
-        assert_eq!((fit.resolution, fit.seed), (32, 0));
-        assert_eq!(fit.silhouettes, Silhouettes::Antialias);
-        assert_eq!((fit.sigma, fit.common.threads), (None, None));
-        assert_eq!(fit.common.precision, Precision::F32);
+    fn a_fit_of_the_cube_writes_nothing_that_is_not_asked_for() {
+        let request = read("paper fit").expect("nothing is needed");
+        let cube = request.cube().expect("a fit of the cube");
+        assert_eq!((cube.out(), cube.json(), cube.saving()), (None, None, Saving::default()));
+        assert_eq!((cube.common.threads, cube.common.precision()), (None, Precision::F32));
     }
 
     #[test]
-    fn every_option_of_a_fit_is_read() {
-        let line = "fit --experiment sigma --preset tuned --resolution 16 --sigma 2.8 --steps 7 \
+    fn every_option_of_a_fit_of_the_cube_is_read() {
+        let line = "paper fit --experiment sigma --preset tuned --resolution 16 --sigma 2.8 --steps 7 \
              --seed 3 --silhouettes exact --precision f64 --threads 2 --out a --json - --quiet \
              --save b --save-every 4 --resume c";
         let request = read(line).expect("all of them");
-        assert_eq!(request.out(), Some("a".into()));
-        let Some(Command::Fit(fit)) = request.command else { panic!("fit") };
-        assert_eq!((fit.experiment, fit.preset), (Experiment::Sigma, Preset::Tuned));
-        assert_eq!((fit.resolution, fit.sigma, fit.seed), (16, Some(2.8), 3));
-        assert_eq!((fit.common.steps, fit.common.threads), (7, Some(2)));
-        assert_eq!(fit.common.precision, Precision::F64);
-        assert_eq!(fit.json, Some("-".into()));
-        assert!(fit.silhouettes == Silhouettes::Exact && fit.common.quiet);
-        assert_eq!((fit.save, fit.save_every), (Some("b".into()), Some(4)));
-        assert_eq!(fit.resume, Some(Some("c".into())));
+        let cube = request.cube().expect("a fit of the cube");
+        let (common, fit) = (cube.common, cube.fit.expect("one"));
+        assert_eq!((fit.experiment, fit.preset), (Some(Experiment::Sigma), Some(Preset::Tuned)));
+        assert_eq!((fit.resolution, fit.sigma, fit.seed), (Some(16), Some(2.8), Some(3)));
+        assert_eq!((common.steps(), common.threads), (7, Some(2)));
+        assert_eq!((common.precision(), common.quiet), (Precision::F64, true));
+        assert_eq!(fit.silhouettes, Some(Silhouettes::Exact));
+        assert_eq!((cube.out(), cube.json()), (Some(Path::new("a")), Some(Path::new("-"))));
+        let saving = Saving { resume: Some("c".into()), save: Some("b".into()), every: Some(4) };
+        assert_eq!(cube.saving(), saving);
+    }
+
+    #[test]
+    fn every_option_of_a_fit_of_a_scene_is_read() {
+        let line = "fit a.toml --steps 7 --time 2.5 --live --json - --save-every 4 --resume c \
+             --memory 8GiB --threads 2 --out a --quiet";
+        let Some(Command::Fit(fit)) = read(line).expect("all of them").command else {
+            panic!("fit")
+        };
+        assert_eq!((fit.scene, fit.steps, fit.time), ("a.toml".into(), Some(7), Some(2.5)));
+        assert_eq!((fit.live, fit.json, fit.save_every), (Some(0), Some("-".into()), Some(4)));
+        assert_eq!((fit.resume, fit.threads), (Some(Some("c".into())), Some(2)));
+        assert_eq!(
+            (fit.memory.memory, fit.out, fit.quiet),
+            (Some(8 << 30), Some("a".into()), true)
+        );
+        let resumed = read("fit a.toml --resume").expect("the checkpoint").command;
+        let Some(Command::Fit(fit)) = resumed else { panic!("fit") };
+        assert_eq!((fit.resume, fit.live, fit.steps), (Some(None), None, None));
     }
 
     #[test]
@@ -542,45 +580,38 @@ mod tests {
     }
 
     #[test]
-    fn options_that_were_given_are_told_from_defaults() {
-        let Some(Command::Fit(fit)) = read("fit --seed 0 --steps 10000").expect("both").command
-        else {
-            panic!("fit")
-        };
-        for (option, expected) in [("seed", true), ("steps", true), ("resolution", false)] {
-            assert_eq!(fit.given.iter().any(|name| name == option), expected, "{option}");
-        }
-    }
-
-    #[test]
-    fn reproduce_has_twenty_seeds() {
-        let request = read("reproduce").expect("nothing is needed");
-        assert_eq!(request.out(), Some("out".into()));
-        let Some(Command::Reproduce(reproduce)) = request.command else { panic!("reproduce") };
-        assert_eq!(reproduce.seeds, 20);
+    fn reproducing_has_twenty_seeds_and_a_report() {
+        let request = read("paper reproduce").expect("nothing is needed");
+        let cube = request.cube().expect("fits of the cube");
+        assert_eq!((cube.seeds, cube.out()), (Some(20), Some(Path::new("out"))));
     }
 
     #[test]
     fn bad_use_says_what_is_allowed() {
         let table = [
-            ("fit --experiment all", "'all'", "[possible values: vertices, sigma, joint]"),
-            ("fit --preset best", "'best'", "[possible values: paper, tuned, second-order]"),
-            ("fit --silhouettes sharp", "'sharp'", "[possible values: aliased, antialias, exact]"),
-            ("fit --no-antialias", "'--no-antialias'", "--help"),
-            ("fit --precision f16", "'f16'", "[possible values: f32, f64]"),
-            ("fit --resolution 0", "'0'", "needs a whole number from 1 to 4096"),
-            ("fit --resolution 3.5", "'3.5'", "needs a whole number from 1 to 4096"),
-            ("fit --resolution 99999999999999999999", "--resolution", "from 1 to 4096"),
-            ("fit --sigma 0", "'0'", "needs a number of pixels above 0 and up to 1000"),
-            ("fit --sigma -1", "'-1'", "needs a number of pixels above 0 and up to 1000"),
-            ("fit --sigma NaN", "'NaN'", "needs a number of pixels above 0 and up to 1000"),
-            ("fit --sigma inf", "'inf'", "needs a number of pixels above 0 and up to 1000"),
-            ("fit --experiment vertices --sigma 1", "--sigma", "--experiment sigma or joint"),
-            ("fit --steps 0", "'0'", "needs a whole number from 1 to 10000000"),
-            ("fit --save-every 3", "--save <FILE>", "required"),
-            ("fit --save a --save-every 0", "'0'", "needs a whole number from 1 to 10000000"),
-            ("fit --seed 0.5", "'0.5'", "needs a whole number from 0 to"),
-            ("fit --threads 0", "'0'", "needs a whole number from 1 to 1024"),
+            ("paper fit --experiment all", "'all'", "[possible values: vertices, sigma, joint]"),
+            ("paper fit --preset best", "'best'", "[possible values: paper, tuned, second-order]"),
+            ("paper fit --silhouettes sharp", "'sharp'", "values: aliased, antialias, exact]"),
+            ("paper fit --no-antialias", "'--no-antialias'", "--help"),
+            ("paper fit --precision f16", "'f16'", "[possible values: f32, f64]"),
+            ("paper fit --resolution 0", "'0'", "needs a whole number from 1 to 4096"),
+            ("paper fit --resolution 3.5", "'3.5'", "needs a whole number from 1 to 4096"),
+            ("paper fit --resolution 99999999999999999999", "--resolution", "from 1 to 4096"),
+            ("paper fit --sigma 0", "'0'", "needs a number of pixels above 0 and up to 1000"),
+            ("paper fit --sigma -1", "'-1'", "needs a number of pixels above 0 and up to 1000"),
+            ("paper fit --sigma NaN", "'NaN'", "needs a number of pixels above 0 and up to 1000"),
+            ("paper fit --sigma inf", "'inf'", "needs a number of pixels above 0 and up to 1000"),
+            ("paper fit --experiment vertices --sigma 1", "--sigma", "sigma or joint"),
+            ("paper fit --steps 0", "'0'", "needs a whole number from 1 to 10000000"),
+            ("paper fit --save-every 3", "--save <FILE>", "required"),
+            ("paper fit --save a --save-every 0", "'0'", "a whole number from 1 to 10000000"),
+            ("paper fit --seed 0.5", "'0.5'", "needs a whole number from 0 to"),
+            ("paper fit --threads 0", "'0'", "needs a whole number from 1 to 1024"),
+            ("paper fit --steps", "a value is required", "--steps <N>"),
+            ("paper fit --stepz 3", "'--stepz'", "'--steps'"),
+            ("paper fit --resume", "a value is required", "--resume <FILE>"),
+            ("paper fit scene.toml", "'scene.toml'", "--help"),
+            ("paper reproduce --seeds 0", "'0'", "needs a whole number from 1 to 1000"),
             ("samples --only cub", "'cub'", "cube"),
             (
                 "samples --silhouettes soft",
@@ -588,19 +619,16 @@ mod tests {
                 "[possible values: aliased, antialias, exact]",
             ),
             ("samples --seeds 0", "'0'", "needs a whole number from 1 to 1000"),
-            ("reproduce --seeds 0", "'0'", "needs a whole number from 1 to 1000"),
-            ("fit --steps", "a value is required", "--steps <N>"),
-            ("fit --stepz 3", "'--stepz'", "'--steps'"),
             ("fitt", "'fitt'", "fit"),
+            ("fit", "<SCENE.TOML>", "not provided"),
+            ("fit --time 3", "<SCENE.TOML>", "not provided"),
             ("fit scene.toml extra", "'extra'", "--help"),
-            ("fit scene.toml --seed 3", "'--seed <N>'", "[SCENE.TOML]"),
-            ("fit --time 3", "<SCENE.TOML>", "required"),
+            ("fit scene.toml --seed 3", "'--seed'", "--help"),
+            ("fit scene.toml --steps 0", "'0'", "needs a whole number from 1 to 10000000"),
             ("inspect a.obj --memory 8", "'8'", "needs a size in KiB, MiB, GiB or TiB"),
             ("inspect a.obj --memory -8GiB", "'-8'", "--help"),
             ("inspect a.obj --memory 0GiB", "'0GiB'", "such as 8GiB"),
             ("inspect a.obj --memory NaNGiB", "'NaNGiB'", "such as 8GiB"),
-            ("fit --memory 8GiB", "<SCENE.TOML>", "required"),
-            ("fit --resume", "the file of a saved fit", "of a scene"),
             ("--seed 3", "'--seed'", "--help"),
         ];
         for (line, what, allowed) in table {
@@ -612,14 +640,17 @@ mod tests {
     #[test]
     fn a_wrong_word_is_answered_with_the_parsers_whole_message_and_the_nearest_right_one() {
         let usage = "Usage: bokashi [OPTIONS]\n       bokashi <COMMAND>\n";
-        for (line, tip) in [
-            ("fitt", "tip: a similar subcommand exists: 'fit'"),
-            ("sampels", "tip: a similar subcommand exists: 'samples'"),
-            ("fooo", "tip: the commands are fit, reproduce, samples"),
+        let of_paper = "Usage: bokashi paper <COMMAND>\n";
+        for (line, tip, usage) in [
+            ("fitt", "tip: a similar subcommand exists: 'fit'", usage),
+            ("sampels", "tip: a similar subcommand exists: 'samples'", usage),
+            ("fooo", "tip: the commands are fit, paper, samples", usage),
+            ("paper fooo", "tip: the commands are fit, reproduce", of_paper),
         ] {
             let text = wrong(line);
+            let word = line.split(' ').next_back().unwrap();
             assert!(
-                text.starts_with(&format!("error: unrecognized subcommand '{line}'")),
+                text.starts_with(&format!("error: unrecognized subcommand '{word}'")),
                 "{text}"
             );
             assert!(text.contains(tip) && text.contains(usage), "{text}");
@@ -629,7 +660,8 @@ mod tests {
 
     #[test]
     fn help_and_version_are_no_failures() {
-        for line in ["--help", "-h", "--version", "-V", "help", "fit --help", "reproduce -h"] {
+        for line in ["--help", "-h", "--version", "-V", "help", "fit --help", "paper reproduce -h"]
+        {
             let Err(Stopped::Shown(text)) = read(line) else { panic!("{line}") };
             assert!(text.contains("bokashi"), "{line}: {text}");
         }

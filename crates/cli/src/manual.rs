@@ -36,7 +36,8 @@ fn page(name: Option<&str>) -> Result<String, Failure> {
     all.build();
     let command = match name {
         None => all,
-        Some(name) => match all.find_subcommand(name) {
+        // A command of a command is named as its page is: `paper-fit`.
+        Some(name) => match name.split('-').try_fold(&all, |all, word| all.find_subcommand(word)) {
             Some(own) => own.clone(),
             None => {
                 let names: Vec<_> = all.get_subcommands().map(clap::Command::get_name).collect();
@@ -55,12 +56,27 @@ fn page(name: Option<&str>) -> Result<String, Failure> {
 mod tests {
     use super::*;
 
+    /// All commands, those of commands too, by the names of their pages.
+    fn commands() -> Vec<(String, clap::Command)> {
+        let mut all = Vec::new();
+        let mut open = vec![(String::new(), Request::command())];
+        while let Some((name, command)) = open.pop() {
+            for own in command.get_subcommands() {
+                let name = format!("{name}-{}", own.get_name());
+                let name = name.trim_start_matches('-').to_owned();
+                open.push((name.clone(), own.clone()));
+                all.push((name, own.clone()));
+            }
+        }
+        all
+    }
+
     #[test]
     fn shells_complete_every_command_and_option() {
         use clap_complete::Shell::{Bash, Fish, Zsh};
         for shell in [Bash, Zsh, Fish] {
             let script = script(shell);
-            for own in Request::command().get_subcommands() {
+            for (_, own) in commands() {
                 assert!(script.contains(own.get_name()), "{shell}: {}", own.get_name());
                 for option in own.get_arguments().filter_map(clap::Arg::get_long) {
                     assert!(script.contains(option), "{shell}: --{option}");
@@ -73,16 +89,22 @@ mod tests {
     fn every_command_has_a_page_that_names_its_options() {
         let whole = page(None).unwrap();
         assert!(whole.contains(".TH bokashi 1") && whole.contains("Exit status:"), "{whole}");
-        for own in Request::command().get_subcommands() {
-            let name = own.get_name();
-            assert!(whole.contains(&format!("bokashi\\-{name}(1)")), "{name}: {whole}");
-            let text = page(Some(name)).unwrap();
+        let commands = commands();
+        assert!(commands.iter().any(|(name, _)| name == "paper-reproduce"));
+        for (name, own) in commands {
+            let above = match name.rsplit_once('-') {
+                Some((above, _)) => page(Some(above)).unwrap(),
+                None => whole.clone(),
+            };
+            let escaped = name.replace('-', "\\-");
+            assert!(above.contains(&format!("bokashi\\-{escaped}(1)")), "{name}: {above}");
+            let text = page(Some(&name)).unwrap();
             assert!(text.contains(&format!(".TH bokashi-{name} 1")), "{text}");
             for option in own.get_arguments().filter_map(clap::Arg::get_long) {
                 assert!(text.contains(&option.replace('-', "\\-")), "{name} --{option}: {text}");
             }
         }
-        let said = page(Some("fitt")).unwrap_err().to_string();
-        assert!(said.starts_with("man needs one of the commands fit, reproduce"), "{said}");
+        let message = page(Some("fitt")).unwrap_err().to_string();
+        assert!(message.starts_with("man needs one of the commands fit, paper"), "{message}");
     }
 }

@@ -3,7 +3,7 @@
 use bokashi_fit::FitError;
 use bokashi_paper::{Alternative, CubeSettings, Experiment, Preset, Silhouettes, alternatives};
 
-use crate::arguments::{Command, FitArguments, Request};
+use crate::arguments::{CubeArguments, CubeRequest};
 use crate::failure::Failure;
 
 /// The target sigmas of the paper's experiments 5.2 and 5.3, in pixels.
@@ -23,93 +23,77 @@ pub(crate) struct Planned {
 ///
 /// # Errors
 /// [`Failure::Use`] for a fit that cannot be saved, or cannot go on from where it should.
-pub(crate) fn plan(request: &Request) -> Result<Vec<Planned>, Failure> {
-    let mut fits = experiments(request);
-    if let Some(Command::Fit(fit)) = &request.command {
-        resume(fit, &mut fits[0])?;
-        let refused = |error: FitError| Failure::Use(error.to_string());
-        request.saving().check(&fits[0]).map_err(refused)?;
-    }
-    let fits = fits.into_iter();
-    let fits = fits.map(|settings| Planned { settings, alternative: None });
-    let others = match &request.command {
-        Some(Command::Reproduce(reproduce)) => alternatives(reproduce.common.steps),
-        _ => Vec::new(),
-    };
-    let others = others
-        .into_iter()
-        .map(|(alternative, settings)| Planned { settings, alternative: Some(alternative) });
-    Ok(fits.chain(others).collect())
-}
-
-/// Makes `settings`, those of the command line, the ones of the saved fit that goes on: what the
-/// command line gives has to agree, but for the number of steps.
-fn resume(fit: &FitArguments, settings: &mut CubeSettings) -> Result<(), Failure> {
-    let Some(path) = fit.resume.iter().flatten().next() else { return Ok(()) };
-    let refused = |error: FitError| Failure::Use(format!("--resume {}: {error}", path.display()));
-    let mut saved = CubeSettings::saved_in(path).map_err(refused)?;
-    let agrees = |option: &str, saved: String, given: String| {
-        if saved == given || !fit.given.iter().any(|name| name == option) {
-            return Ok(());
-        }
-        let option = option.replace('_', "-");
-        let rule = format!("--{option} needs to be that of the saved fit, {saved}, got {given}");
-        Err(Failure::Use(rule))
-    };
-    let words = |settings: &CubeSettings| {
-        [
-            ("experiment", settings.experiment.to_string()),
-            ("preset", settings.preset.to_string()),
-            ("resolution", settings.resolution.to_string()),
-            ("sigma", settings.sigma_target.to_string()),
-            ("seed", settings.seed.to_string()),
-            ("silhouettes", settings.silhouettes.to_string()),
-            ("precision", settings.precision.to_string()),
-        ]
-    };
-    for ((option, saved), (_, given)) in words(&saved).into_iter().zip(words(settings)) {
-        agrees(option, saved, given)?;
-    }
-    if fit.given.iter().any(|name| name == "steps") {
-        saved.steps = settings.steps;
-    }
-    *settings = saved;
-    Ok(())
-}
-
-/// The settings of the experiments that `request` asks for.
-fn experiments(request: &Request) -> Vec<CubeSettings> {
-    let common = request.common();
+pub(crate) fn plan(request: &CubeRequest<'_>) -> Result<Vec<Planned>, Failure> {
+    let CubeRequest { common, fit, seeds } = *request;
     let new = |experiment, preset| CubeSettings {
-        steps: common.steps,
-        precision: common.precision,
+        steps: common.steps(),
+        precision: common.precision(),
         ..CubeSettings::new(experiment, preset)
     };
-    match &request.command {
-        None => {
-            let of = |preset| {
-                let with = move |sigma_target| CubeSettings {
-                    sigma_target,
-                    ..new(Experiment::Joint, preset)
-                };
-                SIGMAS.map(with)
-            };
-            [Preset::Paper, Preset::Tuned].into_iter().flat_map(of).collect()
-        }
-        Some(Command::Fit(fit)) => {
-            let settings = new(fit.experiment, fit.preset);
-            vec![CubeSettings {
-                resolution: fit.resolution,
-                sigma_target: fit.sigma.unwrap_or(settings.sigma_target),
-                seed: fit.seed,
-                silhouettes: fit.silhouettes,
-                ..settings
-            }]
-        }
-        Some(Command::Reproduce(reproduce)) => of_paper(reproduce.seeds, new),
-        // No fits of the paper's.
-        Some(_) => Vec::new(),
+    let planned = |settings| Planned { settings, alternative: None };
+    if let Some(fit) = fit {
+        let settings = resumed(fit)?.unwrap_or_else(|| settings_of(fit));
+        let refused = |error: FitError| Failure::Use(error.to_string());
+        request.saving().check(&settings).map_err(refused)?;
+        return Ok(vec![planned(settings)]);
     }
+    let Some(seeds) = seeds else {
+        let of = |preset| {
+            SIGMAS
+                .map(|sigma_target| CubeSettings { sigma_target, ..new(Experiment::Joint, preset) })
+        };
+        let both = [Preset::Paper, Preset::Tuned].into_iter().flat_map(of);
+        return Ok(both.map(planned).collect());
+    };
+    let others = alternatives(common.steps()).into_iter();
+    let others =
+        others.map(|(alternative, settings)| Planned { settings, alternative: Some(alternative) });
+    Ok(of_paper(seeds, new).into_iter().map(planned).chain(others).collect())
+}
+
+/// The settings of a new fit.
+fn settings_of(fit: &CubeArguments) -> CubeSettings {
+    let experiment = fit.experiment.unwrap_or(Experiment::Joint);
+    let settings = CubeSettings::new(experiment, fit.preset.unwrap_or(Preset::Paper));
+    CubeSettings {
+        steps: fit.common.steps(),
+        precision: fit.common.precision(),
+        resolution: fit.resolution.unwrap_or(32),
+        sigma_target: fit.sigma.unwrap_or(settings.sigma_target),
+        seed: fit.seed.unwrap_or(0),
+        silhouettes: fit.silhouettes.unwrap_or(Silhouettes::Antialias),
+        ..settings
+    }
+}
+
+/// The settings of the saved fit that goes on: what the command line gives has to agree with them, but for the
+/// number of steps.
+fn resumed(fit: &CubeArguments) -> Result<Option<CubeSettings>, Failure> {
+    let Some(path) = &fit.resume else { return Ok(None) };
+    let refused = |error: FitError| Failure::Use(format!("--resume {}: {error}", path.display()));
+    let saved = CubeSettings::saved_in(path).map_err(refused)?;
+    let pairs = [
+        ("experiment", saved.experiment.to_string(), words(&fit.experiment)),
+        ("preset", saved.preset.to_string(), words(&fit.preset)),
+        ("resolution", saved.resolution.to_string(), words(&fit.resolution)),
+        ("sigma", saved.sigma_target.to_string(), words(&fit.sigma)),
+        ("seed", saved.seed.to_string(), words(&fit.seed)),
+        ("silhouettes", saved.silhouettes.to_string(), words(&fit.silhouettes)),
+        ("precision", saved.precision.to_string(), words(&fit.common.precision)),
+    ];
+    for (option, saved, given) in pairs {
+        if let Some(given) = given.filter(|given| *given != saved) {
+            let rule = format!("--{option} needs to be that of the saved fit, {saved}");
+            return Err(Failure::Use(format!("{rule}, got {given}")));
+        }
+    }
+    let steps = fit.common.steps.unwrap_or(saved.steps);
+    Ok(Some(CubeSettings { steps, ..saved }))
+}
+
+/// An option's value in words, where it is given.
+fn words(value: &Option<impl ToString>) -> Option<String> {
+    value.as_ref().map(ToString::to_string)
 }
 
 /// The paper's experiments for seeds from 0 on, each setting `new` but for what sets it apart.
@@ -135,7 +119,7 @@ fn of_paper(seeds: u64, new: impl Fn(Experiment, Preset) -> CubeSettings) -> Vec
     all.iter().flat_map(|settings| (0..seeds).map(move |seed| with(settings, seed))).collect()
 }
 
-/// The fits of `bokashi reproduce` in f32, as names and as arguments of `bokashi fit`. A name ends with
+/// The fits of `bokashi paper reproduce` in f32, as names and as arguments of `bokashi paper fit`. A name ends with
 /// the seed. Fits that show other choices are left out: no arguments stand for them.
 pub fn fits_of_paper(seeds: u64, steps: u64) -> Vec<(String, Vec<String>)> {
     let new = |experiment, preset| CubeSettings { steps, ..CubeSettings::new(experiment, preset) };
@@ -167,7 +151,8 @@ mod tests {
 
     fn all_planned(line: &str) -> Vec<Planned> {
         let words = std::iter::once("bokashi").chain(line.split_whitespace());
-        plan(&parse(words).expect("a good command line")).expect("no saved fit")
+        let request = parse(words).expect("a good command line");
+        plan(&request.cube().expect("fits of the cube")).expect("no saved fit")
     }
 
     /// The experiments, without what shows other choices.
@@ -190,7 +175,7 @@ mod tests {
     #[test]
     fn a_fit_is_one_fit() {
         for silhouettes in [Silhouettes::Aliased, Silhouettes::Antialias, Silhouettes::Exact] {
-            let line = "fit --sigma 0.5 --seed 9 --resolution 8 --silhouettes";
+            let line = "paper fit --sigma 0.5 --seed 9 --resolution 8 --silhouettes";
             let all = planned(&format!("{line} {silhouettes}"));
             let [fit] = &all[..] else { panic!("one") };
             let found = (fit.silhouettes, fit.sigma_target, fit.seed, fit.resolution);
@@ -200,7 +185,7 @@ mod tests {
 
     #[test]
     fn reproducing_covers_every_figure_of_the_paper_and_both_presets() {
-        let all = planned("reproduce --seeds 2 --steps 3 --precision f64");
+        let all = planned("paper reproduce --seeds 2 --steps 3 --precision f64");
         let count =
             |what: &dyn Fn(&CubeSettings) -> bool| all.iter().filter(|fit| what(fit)).count();
         assert_eq!(all.len(), 2 * (9 + 1 + 4 + 4 + 4));
@@ -224,10 +209,10 @@ mod tests {
         assert_eq!(names.len(), fits.len());
         assert_eq!(fits[1].0, "vertices-paper-8-antialias-1");
         let one = |(_, arguments): &(String, Vec<String>)| {
-            planned(&format!("fit {}", arguments.join(" "))).remove(0)
+            planned(&format!("paper fit {}", arguments.join(" "))).remove(0)
         };
         let all: Vec<_> = fits.iter().map(one).collect();
-        assert_eq!(all, planned("reproduce --seeds 2 --steps 7"));
+        assert_eq!(all, planned("paper reproduce --seeds 2 --steps 7"));
     }
 
     #[test]
@@ -236,11 +221,11 @@ mod tests {
             let all = all_planned(line).into_iter();
             all.filter(|fit| fit.alternative.is_some()).collect::<Vec<_>>()
         };
-        for line in ["reproduce --seeds 1 --steps 3", "reproduce --seeds 5 --steps 3"] {
+        for line in ["paper reproduce --seeds 1 --steps 3", "paper reproduce --seeds 5 --steps 3"] {
             let others = others(line);
             assert_eq!(others.len(), alternatives(3).len());
             assert!(others.iter().all(|fit| fit.settings.steps == 3 && fit.settings.seed == 0));
         }
-        assert!(others("").is_empty() && others("fit").is_empty());
+        assert!(others("").is_empty() && others("paper fit").is_empty());
     }
 }

@@ -11,7 +11,7 @@ use bokashi_report::ReportError;
 use bokashi_scene::limit_memory;
 
 use crate::about::about;
-use crate::arguments::{Command, FitArguments, Request, USUAL_OUT};
+use crate::arguments::{Command, CubeRequest, FitArguments, Request, USUAL_OUT};
 use crate::failure::Failure;
 use crate::inspect;
 use crate::interrupt::{Interrupt, Writing, end_when_interrupted};
@@ -42,32 +42,35 @@ pub fn run(request: &Request) -> Result<(), Failure> {
             return scene::render(&own.scene, view, out, is_named, threads, own.quiet);
         }
         Some(Command::Fit(own)) => {
-            if let Some(asked) = of_scene(own) {
-                let alone: Ranks<f32> = Arc::new(Alone);
-                return scene::run(&asked, &alone);
-            }
+            let alone: Ranks<f32> = Arc::new(Alone);
+            return scene::run(&scene_fit(own), &alone);
         }
         Some(Command::Inspect(arguments)) => return inspect::run(arguments),
         Some(Command::New(arguments)) => return new::run(arguments),
         Some(Command::Completions(own)) => return manual::completions(own),
         Some(Command::Man(own)) => return manual::man(own),
-        _ => {}
+        Some(Command::Paper(_)) | None => {}
     }
-    let out = request.out();
-    let json = request.json().map(|file| ("--json", file.as_path()));
-    let save = request.save().map(|file| ("--save", file.as_path()));
+    request.cube().map_or(Ok(()), |cube| fit_cubes(&cube))
+}
+
+/// Does fits of the cube.
+fn fit_cubes(request: &CubeRequest<'_>) -> Result<(), Failure> {
+    let saving = request.saving();
+    let json = request.json().map(|file| ("--json", file));
+    let save = saving.save.as_deref().map(|file| ("--save", file));
     Places {
-        out: out.as_deref(),
-        is_out_named: request.is_out_named(),
+        out: request.out(),
+        is_out_named: request.common.out.is_some(),
         report: &REPORT,
         files: json.into_iter().chain(save).collect(),
-        read: request.resume().map(|file| ("--resume", file.as_path())).into_iter().collect(),
+        read: saving.resume.as_deref().map(|file| ("--resume", file)).into_iter().collect(),
     }
     .check()?;
     let plan = plan(request)?;
-    start_threads(request.threads())?;
+    start_threads(request.common.threads)?;
     let (writing, interrupt) = (Writing::default(), Interrupt::default());
-    end_when_interrupted(&writing, request.save().map(|_| &interrupt))?;
+    end_when_interrupted(&writing, saving.save.is_some().then_some(&interrupt))?;
     fit_all(request, &plan, &writing, &interrupt)
 }
 
@@ -78,41 +81,38 @@ pub fn run(request: &Request) -> Result<(), Failure> {
 /// As [`run`]; [`Failure::Use`] for a request that ranks do not share.
 pub fn run_among(request: &Request, ranks: &Ranks<f32>) -> Result<(), Failure> {
     request.memory().into_iter().for_each(limit_memory);
-    let asked = match &request.command {
-        Some(Command::Fit(own)) => of_scene(own),
-        _ => None,
-    };
-    let rule = || Failure::Use("ranks share a fit of a scene: fit SCENE.TOML".to_owned());
-    scene::run(&asked.ok_or_else(rule)?, ranks)
+    match &request.command {
+        Some(Command::Fit(own)) => scene::run(&scene_fit(own), ranks),
+        _ => Err(Failure::Use("ranks share a fit of a scene: fit SCENE.TOML".to_owned())),
+    }
 }
 
-/// The fit of a scene that is asked for, if it is one.
-fn of_scene(own: &FitArguments) -> Option<scene::FitOptions> {
-    let is_given = |name: &str| own.given.iter().any(|given| given == name);
-    Some(scene::FitOptions {
-        scene: own.scene.clone()?,
-        out: own.common.out.clone().unwrap_or_else(|| USUAL_OUT.into()),
-        is_out_named: own.common.out.is_some(),
-        steps: is_given("steps").then_some(own.common.steps),
+/// The fit of a scene that is asked for.
+fn scene_fit(own: &FitArguments) -> scene::FitOptions {
+    scene::FitOptions {
+        scene: own.scene.clone(),
+        out: own.out.clone().unwrap_or_else(|| USUAL_OUT.into()),
+        is_out_named: own.out.is_some(),
+        steps: own.steps,
         seconds: own.time,
         resume: own.resume.clone(),
         save_every: own.save_every,
         json: own.json.clone(),
-        threads: own.common.threads,
+        threads: own.threads,
         live: own.live,
-        quiet: own.common.quiet,
-    })
+        quiet: own.quiet,
+    }
 }
 
 /// Every fit, one after the other, so that none disturbs another's times.
 fn fit_all(
-    request: &Request,
+    request: &CubeRequest<'_>,
     plan: &[Planned],
     writing: &Writing,
     interrupt: &Interrupt,
 ) -> Result<(), Failure> {
     let saving = request.saving();
-    let quiet = request.common().quiet;
+    let quiet = request.common.quiet;
     let mut report = request.out().map(|_| Report::new(about("bokashi")));
     let (mut summary, mut json, mut failures) = (Summary::default(), None, Vec::new());
     let mut bar = Bar::new(plan, quiet);
@@ -128,12 +128,12 @@ fn fit_all(
         });
         bar.end(settings.steps);
         if let (Some(file), Some(signal), Ok(outcome)) =
-            (request.save(), interrupt.signal(), &outcome)
+            (&saving.save, interrupt.signal(), &outcome)
             && outcome.steps < settings.steps
         {
             bar.clear();
             let message = format!(
-                "interrupted at step {} of {}; it goes on with: bokashi fit --resume {}",
+                "interrupted at step {} of {}; it goes on with: bokashi paper fit --resume {}",
                 outcome.steps,
                 settings.steps,
                 shell_word(file)
@@ -170,7 +170,7 @@ fn fit_all(
     let written = write(request, report.as_ref(), json.as_deref(), writing);
     bar.clear();
     let page = written?;
-    if !quiet && !request.json().is_some_and(|file| is_standard_output(file)) {
+    if !quiet && !request.json().is_some_and(is_standard_output) {
         let page = page.map(|page| format!("\nReport: {page}\n")).unwrap_or_default();
         say(&format!("{}{page}", summary.table()))?;
     }
@@ -186,7 +186,7 @@ fn fit_all(
 
 /// Writes what was asked for; returns the path of the report's page.
 fn write(
-    request: &Request,
+    request: &CubeRequest<'_>,
     report: Option<&Report>,
     json: Option<&str>,
     writing: &Writing,
@@ -199,6 +199,6 @@ fn write(
         say_json(file, json)?;
     }
     let (Some(rendered), Some(out)) = (rendered, request.out()) else { return Ok(None) };
-    let page = rendered.write(&out).map_err(failed)?;
+    let page = rendered.write(out).map_err(failed)?;
     Ok(Some(page.display().to_string()))
 }

@@ -30,7 +30,7 @@
 //! |---|---|
 //! | what is learnt | [`Parameters`], [`Parameter`] with a rate, a [`Mapping`] and perhaps a [`Preconditioner`]; [`Variables`] of a step |
 //! | what is fitted | [`Pipeline`]; [`from_fn`] makes one of a closure, [`views()`] one of many views |
-//! | the loop | [`Fit`], [`FitSettings`], [`Optimizer`] (gradient descent, Adam, AMSGrad), [`Schedule`] of rates, [`History`] |
+//! | the loop | [`Fit`], [`FitSettings`], [`Optimizer`] (gradient descent, Adam, AMSGrad), [`Schedule`] of rates, [`History`]; [`drive`] with [`Rules`] and [`Listener`]s |
 //! | losses | [`squared_error`], [`mean_squared_error`]; [`mean_error`], [`masked_error`] and [`weighted_error`] of a [`Penalty`]; [`ssim_error`], [`multiscale_ssim_error`], [`silhouette_error`], [`depth_error`], [`pyramid_error`] |
 //! | measures without a gradient | [`psnr`], [`ssim`], [`iou`] |
 //! | regularizers | [`laplacian_error`], [`edge_length_error`], [`normal_error`], [`Rigidity`] on a [`Topology`]; [`total_variation`] |
@@ -74,8 +74,8 @@ pub use bokashi_core::{mean_squared_error, squared_error};
 pub use communicator::{Alone, Communicator, Ranks, agree, agreed, block, check_alike, check_same};
 pub use error::{FitError, OperationError, Origin, Quantity};
 pub use fit::{
-    AfterStep, Answer, BeforeUpdate, Fit, FitSettings, Fitting, Listener, Observer, Rules,
-    StepState, Stepped, Steps, after_step, before_update, drive,
+    AfterStep, Answer, BeforeUpdate, Every, Fit, FitSettings, Fitting, Listener, Observer, Rules,
+    StepState, Stepped, Steps, after_step, before_update, drive, every,
 };
 pub use given::{Difference, Given, differences, said};
 pub use history::{History, Step, Vanished};

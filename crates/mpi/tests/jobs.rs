@@ -484,10 +484,10 @@ fn what_is_wrong_on_one_rank_ends_all_with_its_message() {
 
     let (_, said) = failed(2, &["fit", "none.toml"]);
     assert!(said.contains("bokashi-mpi: ") && said.contains("none.toml"), "{said}");
-    let (status, said) = failed(2, &["fit", "--seed", "0.5"]);
+    let (status, said) = failed(2, &["fit", "scene.toml", "--steps", "0.5"]);
     assert_eq!(status, Some(2), "{said}");
-    let (_, said) = failed(2, &["fit", "--seed", "3"]);
-    assert!(said.contains("ranks share a fit of a scene"), "{said}");
+    let (status, said) = failed(2, &["fit", "--threads", "1"]);
+    assert!(status == Some(2) && said.contains("<SCENE.TOML>"), "{said}");
 }
 
 #[test]
@@ -504,7 +504,8 @@ fn ranks_take_the_fits_of_a_sweep_and_one_that_fails_harms_no_other() {
         ("cube-2", vec!["--resolution", "8", "--steps", "3", "--seed", "2"]),
     ];
     for (name, arguments) in &fits {
-        list += &format!("[[fit]]\nname = {name:?}\narguments = {arguments:?}\n");
+        let paper = name.starts_with("cube");
+        list += &format!("[[fit]]\nname = {name:?}\npaper = {paper}\narguments = {arguments:?}\n");
     }
     fs::write(folder.join("sweep.toml"), list).unwrap();
     for size in [1, 3] {
@@ -567,7 +568,7 @@ fn the_papers_experiments_are_a_sweep() {
     // What a fit reaches is what it reaches alone.
     let arguments = "--experiment joint --preset tuned --sigma 2.8 --steps 2 --json fit.json";
     let mut alone = Command::new(env!("CARGO_BIN_EXE_bokashi-mpi"));
-    alone.args(["alone", "fit"]).args(arguments.split(' ')).current_dir(folder);
+    alone.args(["alone", "paper", "fit"]).args(arguments.split(' ')).current_dir(folder);
     assert!(alone.output().unwrap().status.success());
     let loss = |file: &str| {
         let json: Value = serde_json::from_slice(&fs::read(folder.join(file)).unwrap()).unwrap();

@@ -12,7 +12,7 @@ use super::live_page::LivePage;
 use super::outcome::values;
 use super::page::PAGE;
 use super::progress_bar::Bar;
-use super::record::{HeldOut, Record, Recorder};
+use super::record::{Record, Recorder, held_out};
 use super::results::{Results, files, save_views};
 use crate::failure::Failure;
 use crate::interrupt::{Interrupt, Writing, end_when_interrupted};
@@ -131,7 +131,7 @@ fn steps_of(
     let mut recorder = Recorder(record);
     let mut bar = Bar::new(options.quiet || !fit.is_first(), steps, record);
     let mut checkpoint = Checkpoint::new(&options.out, options.save_every, bar.warner());
-    let mut held_out = HeldOut::new(steps, record);
+    let mut held_out = held_out(steps, record);
     let mut listeners: Vec<&mut dyn Listener<SceneFit>> =
         vec![&mut recorder, &mut bar, &mut checkpoint];
     listeners.extend(page.map(|page| page as &mut dyn Listener<SceneFit>));

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-use bokashi_fit::{Answer, Listener, Stepped, Stop};
+use bokashi_fit::{Answer, Listener, Stepped, every};
 use bokashi_scene::{SceneError, SceneFit};
 
 use super::outcome::mean_held_out;
@@ -73,60 +73,18 @@ impl Listener<SceneFit> for Recorder<'_> {
     }
 }
 
-/// Measures the views that are held out, now and then, for the curve of a record. Ranks share it.
-pub(super) struct HeldOut<'a> {
-    record: &'a RefCell<Record>,
-    every: u64,
-    /// The step of the last measurement.
-    measured: Option<u64>,
-}
-
-impl<'a> HeldOut<'a> {
-    /// Of a fit of `steps` in all.
-    pub(super) fn new(steps: u64, record: &'a RefCell<Record>) -> Self {
-        Self { record, every: (steps / MEASUREMENTS).max(1), measured: None }
-    }
-
-    fn measure(&mut self, fit: &SceneFit) -> Result<(), SceneError> {
+/// A listener that measures the views that are held out, now and then over a fit of `steps`, for the curve of
+/// `record`. Ranks share it.
+pub(super) fn held_out(steps: u64, record: &RefCell<Record>) -> impl Listener<SceneFit> {
+    every((steps / MEASUREMENTS).max(1), |fit: &SceneFit| {
         let scores = fit.scores(&fit.scene().views_with_image(true).collect::<Vec<_>>())?;
         if let Some(psnr) = mean_held_out(fit, &scores) {
-            let mut record = self.record.borrow_mut();
+            let mut record = record.borrow_mut();
             let seconds = record.seconds();
             record.curves.held_out.push((seconds, psnr));
         }
-        self.measured = Some(fit.steps_done());
         Ok(())
-    }
-
-    fn measure_where_due(&mut self, fit: &SceneFit) -> Answer<SceneError> {
-        if fit.steps_done().is_multiple_of(self.every) {
-            self.measure(fit)?;
-        }
-        Ok(ControlFlow::Continue(()))
-    }
-}
-
-impl Listener<SceneFit> for HeldOut<'_> {
-    fn is_shared(&self) -> bool {
-        true
-    }
-
-    fn begin(&mut self, fit: &SceneFit) -> Answer<SceneError> {
-        self.measure_where_due(fit)
-    }
-
-    fn after_step(&mut self, fit: &SceneFit, _stepped: &Stepped) -> Answer<SceneError> {
-        self.measure_where_due(fit)
-    }
-
-    fn end(&mut self, fit: &SceneFit, stop: Stop) -> Result<(), SceneError> {
-        // Who is interrupted does not wait.
-        match stop {
-            Stop::Interrupted(_) => Ok(()),
-            _ if self.measured == Some(fit.steps_done()) => Ok(()),
-            _ => self.measure(fit),
-        }
-    }
+    })
 }
 
 /// Adds a point to a curve, which stays short.

@@ -77,7 +77,7 @@ fn object(output: &Output) -> Value {
 #[test]
 fn json_on_standard_output_is_one_object_with_every_key() {
     let folder = folder();
-    let value = object(&bokashi(folder.path(), "fit --resolution 8 --steps 12 --json -"));
+    let value = object(&bokashi(folder.path(), "paper fit --resolution 8 --steps 12 --json -"));
     let object = value.as_object().expect("an object");
     for key in KEYS {
         assert!(object.contains_key(key), "{key}");
@@ -97,7 +97,7 @@ fn json_on_standard_output_is_one_object_with_every_key() {
 #[test]
 fn keys_that_do_not_apply_are_null() {
     let folder = folder();
-    let line = "fit --resolution 8 --steps 2 --json - --experiment";
+    let line = "paper fit --resolution 8 --steps 2 --json - --experiment";
     let vertices = object(&bokashi(folder.path(), &format!("{line} vertices")));
     assert!(vertices["sigma_target"].is_null() && vertices["sigma_final"].is_null());
     assert!(vertices["vertex_error_final"].is_number());
@@ -110,7 +110,8 @@ fn keys_that_do_not_apply_are_null() {
 fn the_same_seed_gives_the_same_bits_for_any_number_of_threads() {
     let folder = folder();
     let run = |threads: usize| {
-        let line = format!("fit --resolution 16 --steps 30 --json - --quiet --threads {threads}");
+        let line =
+            format!("paper fit --resolution 16 --steps 30 --json - --quiet --threads {threads}");
         let value = object(&bokashi(folder.path(), &line));
         let history = value["history"].as_array().expect("a list");
         let step = |step: &Value| (step["loss"].clone(), step["vertex_error"].clone());
@@ -152,23 +153,24 @@ fn is_one_line(said: &str) -> bool {
 #[test]
 fn a_command_line_that_cannot_be_read_is_status_2_and_the_parsers_message() {
     let table = [
-        ("fit --experiment all", "vertices, sigma, joint"),
-        ("fit --resolution 0", "from 1 to 4096"),
-        ("fit --sigma 0", "above 0"),
-        ("fit --sigma -1", "above 0"),
-        ("fit --sigma NaN", "above 0"),
-        ("fit --steps 0", "from 1"),
-        ("fit --threads 0", "from 1"),
-        ("fit --threads 1025", "to 1024"),
-        ("fit --precision f16", "f32, f64"),
-        ("fit --unknown", "--help"),
-        ("fit --save-every 3", "--save <FILE>"),
-        ("dance", "the commands are fit, reproduce"),
+        ("paper fit --experiment all", "vertices, sigma, joint"),
+        ("paper fit --resolution 0", "from 1 to 4096"),
+        ("paper fit --sigma 0", "above 0"),
+        ("paper fit --sigma -1", "above 0"),
+        ("paper fit --sigma NaN", "above 0"),
+        ("paper fit --steps 0", "from 1"),
+        ("paper fit --threads 0", "from 1"),
+        ("paper fit --threads 1025", "to 1024"),
+        ("paper fit --precision f16", "f32, f64"),
+        ("paper fit --unknown", "--help"),
+        ("paper fit --save-every 3", "--save <FILE>"),
+        ("dance", "the commands are fit, paper, samples"),
+        ("paper dance", "the commands are fit, reproduce"),
         ("fooo", "Usage: bokashi [OPTIONS]\n       bokashi <COMMAND>\n"),
         ("fitt", "similar subcommand exists: 'fit'"),
         ("stability", "--help"),
         ("bench", "--help"),
-        ("reproduce --seeds 0", "from 1"),
+        ("paper reproduce --seeds 0", "from 1"),
     ];
     refuses(&table, |said| {
         said.starts_with("error: ") && said.ends_with("For more information, try '--help'.\n")
@@ -178,24 +180,30 @@ fn a_command_line_that_cannot_be_read_is_status_2_and_the_parsers_message() {
 #[test]
 fn a_wrong_request_is_status_2_and_one_line() {
     let table = [
-        ("fit --steps 1 --out file", "--out"),
-        ("fit --steps 1 --out file/below", "--out"),
+        ("paper fit --steps 1 --out file", "--out"),
+        ("paper fit --steps 1 --out file/below", "--out"),
         ("--steps 1 --out file", "--out"),
-        ("fit --steps 1 --json .", "--json"),
-        ("fit --steps 1 --json no/such/folder.json", "--json"),
-        ("fit --steps 1 --json file/below", "--json"),
-        ("fit --experiment vertices --sigma 1", "--sigma needs --experiment sigma or joint"),
-        ("fit --steps 1 --preset second-order --save kept", "needs a first-order preset"),
-        ("fit --steps 1 --json a --save a", "--save needs another file than --json, got a"),
-        ("fit --steps 1 --json a --save no/.././a", "--save needs"),
-        ("fit --steps 1 --json file --resume file", "--json needs another file than --resume"),
-        ("fit --steps 1 --out d --save d", "--save needs another file than --out, got d"),
-        ("fit --steps 1 --out a/b --json a", "--json needs another file than --out, got a"),
+        ("paper fit --steps 1 --json .", "--json"),
+        ("paper fit --steps 1 --json no/such/folder.json", "--json"),
+        ("paper fit --steps 1 --json file/below", "--json"),
+        ("paper fit --experiment vertices --sigma 1", "--sigma needs --experiment sigma or joint"),
+        ("paper fit --steps 1 --preset second-order --save kept", "needs a first-order preset"),
+        ("paper fit --steps 1 --json a --save a", "--save needs another file than --json, got a"),
+        ("paper fit --steps 1 --json a --save no/.././a", "--save needs"),
         (
-            "fit --steps 1 --out . --json index.html",
+            "paper fit --steps 1 --json file --resume file",
+            "--json needs another file than --resume",
+        ),
+        ("paper fit --steps 1 --out d --save d", "--save needs another file than --out, got d"),
+        ("paper fit --steps 1 --out a/b --json a", "--json needs another file than --out, got a"),
+        (
+            "paper fit --steps 1 --out . --json index.html",
             "--json needs a file that is not of the report",
         ),
-        ("fit --steps 1 --out . --save fits.csv", "--save needs a file that is not of the report"),
+        (
+            "paper fit --steps 1 --out . --save fits.csv",
+            "--save needs a file that is not of the report",
+        ),
     ];
     refuses(&table, is_one_line);
 }
@@ -204,7 +212,7 @@ fn a_wrong_request_is_status_2_and_one_line() {
 fn more_threads_than_can_be_started_are_refused_wherever_they_are_asked_for() {
     let folder = folder();
     let mut command = Command::new(env!("CARGO_BIN_EXE_bokashi"));
-    command.args(["fit", "--resolution", "8", "--steps", "1"]).current_dir(folder.path());
+    command.args(["paper", "fit", "--resolution", "8", "--steps", "1"]).current_dir(folder.path());
     let output = command.env("RAYON_NUM_THREADS", "999999").output().expect("it starts");
     let said = text(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{said}");
@@ -218,7 +226,14 @@ fn more_threads_than_can_be_started_are_refused_wherever_they_are_asked_for() {
 #[test]
 fn help_and_version_are_status_0() {
     let folder = folder();
-    for line in ["--help", "fit --help", "reproduce --help", "--version"] {
+    for line in [
+        "--help",
+        "fit --help",
+        "paper --help",
+        "paper fit --help",
+        "paper reproduce --help",
+        "--version",
+    ] {
         let output = bokashi(folder.path(), line);
         assert_eq!(output.status.code(), Some(0), "{line}");
         assert!(text(&output.stdout).contains("bokashi"), "{line}");
@@ -229,12 +244,12 @@ fn help_and_version_are_status_0() {
 #[test]
 fn quiet_prints_nothing_and_a_fit_writes_only_what_it_is_asked_for() {
     let folder = folder();
-    let output = bokashi(folder.path(), "fit --resolution 8 --steps 3 --quiet");
+    let output = bokashi(folder.path(), "paper fit --resolution 8 --steps 3 --quiet");
     assert_eq!(output.status.code(), Some(0));
     assert!(output.stdout.is_empty() && output.stderr.is_empty());
     assert!(files(folder.path()).is_empty());
 
-    let line = "fit --resolution 8 --steps 3 --quiet --json fit.json";
+    let line = "paper fit --resolution 8 --steps 3 --quiet --json fit.json";
     let output = bokashi(folder.path(), line);
     assert!(output.stdout.is_empty() && output.stderr.is_empty());
     assert_eq!(files(folder.path()), ["fit.json"]);
@@ -243,7 +258,7 @@ fn quiet_prints_nothing_and_a_fit_writes_only_what_it_is_asked_for() {
 #[test]
 fn a_fit_ends_with_its_errors_and_times() {
     let folder = folder();
-    let output = bokashi(folder.path(), "fit --resolution 8 --steps 3");
+    let output = bokashi(folder.path(), "paper fit --resolution 8 --steps 3");
     let said = text(&output.stdout);
     assert!(said.contains("vertices") && said.contains("ms/step"), "{said}");
     assert!(output.stderr.is_empty(), "no bar without a terminal");
@@ -252,7 +267,7 @@ fn a_fit_ends_with_its_errors_and_times() {
 #[test]
 fn a_report_is_a_page_that_needs_nothing_else_with_tables_and_pictures_beside_it() {
     let folder = folder();
-    let line = "fit --resolution 8 --steps 20 --sigma 1.4 --out made/here";
+    let line = "paper fit --resolution 8 --steps 20 --sigma 1.4 --out made/here";
     let output = bokashi(folder.path(), line);
     assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), String::new()));
     assert!(text(&output.stdout).contains("Report: "));
@@ -295,7 +310,7 @@ fn a_full_disk_is_status_1_and_one_line() {
     let folder = folder();
     let full = fs::OpenOptions::new().write(true).open("/dev/full").expect("a full device");
     let mut command = Command::new(env!("CARGO_BIN_EXE_bokashi"));
-    command.args(["fit", "--resolution", "8", "--steps", "2", "--json", "-"]);
+    command.args(["paper", "fit", "--resolution", "8", "--steps", "2", "--json", "-"]);
     let output = command.current_dir(folder.path()).stdout(full).output().expect("it starts");
     assert_eq!(output.status.code(), Some(1));
     assert_eq!(text(&output.stderr).lines().count(), 1);
@@ -381,7 +396,7 @@ fn timeless(mut value: Value, step: u64) -> (Value, Vec<Value>) {
 #[test]
 fn a_saved_fit_goes_on_to_the_same_bits() {
     let folder = folder();
-    let fit = "fit --resolution 8 --seed 3 --sigma 1.4";
+    let fit = "paper fit --resolution 8 --seed 3 --sigma 1.4";
     for (precision, silhouettes) in [("f32", "antialias"), ("f64", "exact")] {
         let run = |line: &str| object(&bokashi(folder.path(), &format!("{line} --json -")));
         let precise = format!("{fit} --precision {precision} --silhouettes {silhouettes}");
@@ -390,15 +405,15 @@ fn a_saved_fit_goes_on_to_the_same_bits() {
         assert_eq!(files(folder.path()), ["kept"]);
         // By the file alone, with its options repeated, and on another number of threads.
         for line in [
-            "fit --resume kept --steps 20".to_owned(),
+            "paper fit --resume kept --steps 20".to_owned(),
             format!("{precise} --resume kept --steps 20"),
-            "fit --resume kept --steps 20 --threads 3".to_owned(),
+            "paper fit --resume kept --steps 20 --threads 3".to_owned(),
         ] {
             assert_eq!(timeless(run(&line), 0), timeless(whole.clone(), 7), "{line}");
         }
         // And on from there, in the same file.
-        run("fit --resume kept --steps 12 --save kept");
-        let rest = run("fit --resume kept --steps 20 --save kept --save-every 3");
+        run("paper fit --resume kept --steps 12 --save kept");
+        let rest = run("paper fit --resume kept --steps 20 --save kept --save-every 3");
         assert_eq!(timeless(rest, 0), timeless(whole, 12));
     }
 }
@@ -406,21 +421,24 @@ fn a_saved_fit_goes_on_to_the_same_bits() {
 #[test]
 fn a_file_that_cannot_be_resumed_is_bad_use_in_one_line() {
     let folder = folder();
-    let saved = bokashi(folder.path(), "fit --resolution 8 --steps 5 --save kept --quiet");
+    let saved = bokashi(folder.path(), "paper fit --resolution 8 --steps 5 --save kept --quiet");
     assert_eq!((saved.status.code(), text(&saved.stderr)), (Some(0), String::new()));
     let bytes = fs::read(folder.path().join("kept")).expect("saved");
     fs::write(folder.path().join("short"), &bytes[..bytes.len() - 1]).expect("written");
     fs::write(folder.path().join("foreign"), b"{}").expect("written");
     for (line, allowed) in [
-        ("fit --resume missing", "missing could not be read"),
-        ("fit --resume foreign", "a saved fit needs a safetensors file, got 2 bytes"),
-        ("fit --resume short", "a saved fit needs"),
-        ("fit --resume kept --seed 1", "--seed needs to be that of the saved fit, 0, got 1"),
-        ("fit --resume kept --silhouettes exact", "the saved fit, antialias, got exact"),
-        ("fit --resume kept --precision f64", "the saved fit, f32, got f64"),
-        ("fit --resume kept --steps 4", "steps needs no fewer than are already done, got 4 of 5"),
-        ("fit --resume kept --preset second-order", "the saved fit, paper, got second-order"),
-        ("fit --save no/such/folder/kept", "--save needs a file to write to"),
+        ("paper fit --resume missing", "missing could not be read"),
+        ("paper fit --resume foreign", "a saved fit needs a safetensors file, got 2 bytes"),
+        ("paper fit --resume short", "a saved fit needs"),
+        ("paper fit --resume kept --seed 1", "--seed needs to be that of the saved fit, 0, got 1"),
+        ("paper fit --resume kept --silhouettes exact", "the saved fit, antialias, got exact"),
+        ("paper fit --resume kept --precision f64", "the saved fit, f32, got f64"),
+        (
+            "paper fit --resume kept --steps 4",
+            "steps needs no fewer than are already done, got 4 of 5",
+        ),
+        ("paper fit --resume kept --preset second-order", "the saved fit, paper, got second-order"),
+        ("paper fit --save no/such/folder/kept", "--save needs a file to write to"),
     ] {
         let output = bokashi(folder.path(), line);
         let said = text(&output.stderr);
@@ -441,7 +459,7 @@ fn heedful() -> Command {
 /// A long fit in `folder` with more options, under way: it has saved itself.
 #[cfg(target_os = "linux")]
 fn under_way(folder: &Path, options: &str) -> std::process::Child {
-    let fit = "fit --resolution 16 --steps 200000 --experiment sigma --quiet --save kept";
+    let fit = "paper fit --resolution 16 --steps 200000 --experiment sigma --quiet --save kept";
     let mut command = heedful();
     command.args(fit.split_whitespace()).args(["--save-every", "50"]);
     command.args(options.split_whitespace()).current_dir(folder).stdin(Stdio::null());
@@ -482,7 +500,7 @@ fn a_signal_ends_a_fit_with_128_and_its_number() {
 fn a_signal_that_was_ignored_stays_ignored() {
     let folder = folder();
     let program = env!("CARGO_BIN_EXE_bokashi");
-    let fit = "fit --resolution 16 --steps 3000 --experiment sigma --quiet --json out.json";
+    let fit = "paper fit --resolution 16 --steps 3000 --experiment sigma --quiet --json out.json";
     // The shell tells its number, which the program keeps.
     let script = format!("trap '' HUP; echo $$; exec '{program}' {fit}");
     let mut command = Command::new("sh");
@@ -504,7 +522,7 @@ fn a_file_that_never_ends_is_left_at_the_second_signal() {
     let fifo = folder.path().join("fifo");
     assert!(Command::new("mkfifo").arg(&fifo).status().expect("mkfifo").success());
     let mut command = heedful();
-    let fit = "fit --resolution 8 --steps 2 --quiet --json fifo";
+    let fit = "paper fit --resolution 8 --steps 2 --quiet --json fifo";
     command.args(fit.split_whitespace()).current_dir(folder.path());
     let mut child = command.spawn().expect("it starts");
     // Until it ends: the first ones wait for a reader of the FIFO, who never comes.
@@ -527,7 +545,7 @@ fn a_reader_that_goes_away_ends_the_program_without_a_word() {
     let folder = folder();
     let mut command = Command::new(env!("CARGO_BIN_EXE_bokashi"));
     // Long enough: until it has started, a program of another test holds the pipe's other end, too.
-    command.args(["fit", "--resolution", "8", "--steps", "5000", "--json", "-"]);
+    command.args(["paper", "fit", "--resolution", "8", "--steps", "5000", "--json", "-"]);
     command.current_dir(folder.path()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().expect("it starts");
     drop(child.stdout.take());
@@ -539,7 +557,7 @@ fn a_reader_that_goes_away_ends_the_program_without_a_word() {
 #[test]
 fn what_is_no_regular_file_is_written_in_place() {
     let folder = folder();
-    let fit = "fit --resolution 8 --steps 2 --quiet --json";
+    let fit = "paper fit --resolution 8 --steps 2 --quiet --json";
     let value = object(&bokashi(folder.path(), &format!("{fit} /dev/stdout")));
     assert_eq!(value["steps"], 2);
     let output = bokashi(folder.path(), &format!("{fit} /dev/stderr"));
@@ -569,7 +587,7 @@ fn a_link_is_followed_a_mode_is_kept_and_a_read_only_file_is_refused() {
     fs::write(at("end"), "old").expect("a file");
     fs::set_permissions(at("end"), mode(0o600)).expect("its mode");
     symlink("end", at("link")).expect("a link");
-    let line = "fit --resolution 8 --steps 2 --quiet --json link --save kept";
+    let line = "paper fit --resolution 8 --steps 2 --quiet --json link --save kept";
     assert_eq!(bokashi(folder.path(), line).status.code(), Some(0));
     assert!(fs::symlink_metadata(at("link")).expect("there").is_symlink());
     let found = fs::metadata(at("end")).expect("there");
@@ -581,7 +599,7 @@ fn a_link_is_followed_a_mode_is_kept_and_a_read_only_file_is_refused() {
     assert_eq!(output.status.code(), Some(2));
     let said = text(&output.stderr);
     assert!(is_one_line(&said) && said.trim_end().ends_with("end is read-only"), "{said}");
-    let twice = bokashi(folder.path(), "fit --resolution 8 --steps 2 --json end --save link");
+    let twice = bokashi(folder.path(), "paper fit --resolution 8 --steps 2 --json end --save link");
     assert_eq!(twice.status.code(), Some(2));
     assert_eq!(files(folder.path()), ["end", "kept", "link"]);
 }
@@ -592,7 +610,7 @@ fn what_a_killed_run_left_behind_is_removed_by_the_next() {
     let folder = folder();
     let stray = folder.path().join(".kept.bokashi-k1ll3d");
     fs::write(&stray, "half a file").expect("a file");
-    let line = "fit --resolution 8 --steps 2 --quiet --save";
+    let line = "paper fit --resolution 8 --steps 2 --quiet --save";
     assert_eq!(bokashi(folder.path(), &format!("{line} other")).status.code(), Some(0));
     assert_eq!(files(folder.path()), [".kept.bokashi-k1ll3d", "other"]);
     assert_eq!(bokashi(folder.path(), &format!("{line} kept")).status.code(), Some(0));
@@ -611,7 +629,10 @@ fn an_interrupted_fit_is_saved_and_goes_on_to_the_same_bits() {
     let said = text(&output.stderr);
     assert_eq!(output.status.code(), Some(130), "{said}");
     let rest = said.strip_prefix("bokashi: interrupted at step ").expect("where it was");
-    assert!(said.trim_end().ends_with("it goes on with: bokashi fit --resume kept"), "{said}");
+    assert!(
+        said.trim_end().ends_with("it goes on with: bokashi paper fit --resume kept"),
+        "{said}"
+    );
     let done: u64 = rest.split(' ').next().expect("a number").parse().expect("a number");
     assert!(done < 200_000);
     // The file and nothing else: no outcome of half a fit, no temporary file.
@@ -619,8 +640,8 @@ fn an_interrupted_fit_is_saved_and_goes_on_to_the_same_bits() {
 
     let steps = done + 20;
     let short = format!("--steps {steps} --json -");
-    let rest = object(&bokashi(folder.path(), &format!("fit --resume kept {short}")));
-    let whole = "fit --resolution 16 --experiment sigma";
+    let rest = object(&bokashi(folder.path(), &format!("paper fit --resume kept {short}")));
+    let whole = "paper fit --resolution 16 --experiment sigma";
     let whole = object(&bokashi(folder.path(), &format!("{whole} {short}")));
     assert_eq!(timeless(rest, 0), timeless(whole, done));
 }

@@ -36,6 +36,15 @@ impl<S: Steps<Measure: Clone>> Listener<S> for History<S::Measure> {
     }
 }
 
+/// A function as a [`Listener`]: see [`every`].
+#[derive(Debug, Clone, Copy)]
+pub struct Every<F> {
+    steps: u64,
+    function: F,
+    /// The steps that were done at the last call.
+    called: Option<u64>,
+}
+
 /// A function as a [`Listener`]: see [`before_update`].
 #[derive(Debug, Clone, Copy)]
 pub struct BeforeUpdate<F>(F);
@@ -43,6 +52,58 @@ pub struct BeforeUpdate<F>(F);
 /// A function as a [`Listener`]: see [`after_step`].
 #[derive(Debug, Clone, Copy)]
 pub struct AfterStep<F>(F);
+
+/// A listener that calls `function` before the first step, after each `steps` of the fit (1 or more) and at the end,
+/// on all ranks; not at an end by a signal, which does not wait. A fit that goes on from a file is called with its
+/// next multiple first.
+pub fn every<S, F>(steps: u64, function: F) -> Every<F>
+where
+    S: Steps,
+    F: FnMut(&S) -> Result<(), S::Error>,
+{
+    Every { steps, function, called: None }
+}
+
+impl<F> Every<F> {
+    fn call<S>(&mut self, fit: &S) -> Result<(), S::Error>
+    where
+        S: Steps,
+        F: FnMut(&S) -> Result<(), S::Error>,
+    {
+        if self.called.replace(fit.steps_done()) != Some(fit.steps_done()) {
+            (self.function)(fit)?;
+        }
+        Ok(())
+    }
+}
+
+impl<S, F> Listener<S> for Every<F>
+where
+    S: Steps,
+    F: FnMut(&S) -> Result<(), S::Error>,
+{
+    fn is_shared(&self) -> bool {
+        true
+    }
+
+    fn begin(&mut self, fit: &S) -> Answer<S::Error> {
+        if fit.steps_done().is_multiple_of(self.steps) {
+            self.call(fit)?;
+        }
+        Ok(ControlFlow::Continue(()))
+    }
+
+    fn after_step(&mut self, fit: &S, _stepped: &Stepped) -> Answer<S::Error> {
+        self.begin(fit)
+    }
+
+    fn end(&mut self, fit: &S, stop: Stop) -> Result<(), S::Error> {
+        match stop {
+            Stop::Interrupted(_) => Ok(()),
+            _ => self.call(fit),
+        }
+    }
+}
 
 /// A listener that calls `function` with the state of each step before its update, on all ranks.
 pub fn before_update<T, M, F>(function: F) -> BeforeUpdate<F>

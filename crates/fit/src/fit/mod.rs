@@ -21,7 +21,7 @@ use bokashi_core::{Scalar, Tape};
 
 use self::diagnosis::{all_below, check_ways, record_loss, with_origin};
 pub use self::drive::{Answer, Listener, Observer, Rules, Steps, drive};
-pub use self::listeners::{AfterStep, BeforeUpdate, after_step, before_update};
+pub use self::listeners::{AfterStep, BeforeUpdate, Every, after_step, before_update, every};
 pub use self::settings::FitSettings;
 #[cfg(feature = "save")]
 pub(crate) use self::state::LoopState;

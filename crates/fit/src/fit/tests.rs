@@ -210,6 +210,29 @@ fn a_drive_calls_its_listeners_in_order_and_looks_at_nothing_that_its_rules_spar
 }
 
 #[test]
+fn what_is_called_every_so_many_steps_is_called_once_at_the_end() {
+    let called = |steps, rules: Rules<'_>, before| {
+        let mut fit = Fit::<f64>::new(start(0.25), descent(10)).unwrap();
+        let mut bowl = Bowl::new(0.0);
+        (0..before).for_each(|_| assert!(fit.step(&mut bowl).is_ok()));
+        let mut calls = Vec::new();
+        let mut listener = every(steps, |fit: &Fitting<'_, f64, Bowl>| {
+            calls.push(fit.steps_done());
+            Ok(())
+        });
+        fit.drive(&mut bowl, &rules, &mut [&mut listener]).unwrap();
+        calls
+    };
+    let rules = Rules { steps: Some(6), ..Rules::default() };
+    assert_eq!(called(4, rules, 0), [0, 4, 6]);
+    assert_eq!(called(3, rules, 0), [0, 3, 6]);
+    assert_eq!(called(3, rules, 2), [3, 6]);
+    assert_eq!(called(4, rules, 6), [6]);
+    let rules = Rules { interrupt: Some(&|| Some(2)), ..Rules::default() };
+    assert_eq!(called(4, rules, 5), [0; 0]);
+}
+
+#[test]
 fn ranks_stop_together_by_the_first_ones_clock_and_listeners_and_by_any_ones_signal_and_error() {
     /// A listener of one rank alone that fails or breaks after its second step.
     struct Moody(Result<(), FitError>, bool);

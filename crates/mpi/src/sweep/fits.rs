@@ -13,7 +13,10 @@ use serde::Deserialize;
 pub struct Fit {
     /// The folder of its results.
     pub name: String,
-    /// What comes after `bokashi fit`, but for where results go.
+    /// Whether it is a fit of the paper's cube, and not of a scene.
+    #[serde(default)]
+    pub paper: bool,
+    /// What comes after `bokashi fit`, or `bokashi paper fit`, but for where results go.
     pub arguments: Vec<String>,
 }
 
@@ -40,7 +43,7 @@ pub fn read(path: &Path) -> Result<Vec<Fit>, Failure> {
 
 fn check(fits: &[Fit]) -> Result<(), String> {
     let mut names = HashSet::new();
-    for Fit { name, arguments } in fits {
+    for Fit { name, arguments, .. } in fits {
         let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
         if name.is_empty() || name.starts_with('.') || !name.chars().all(is_plain) {
             let rule = "a name has letters, digits, '-', '_' and '.', and does not begin with '.'";
@@ -60,13 +63,16 @@ fn check(fits: &[Fit]) -> Result<(), String> {
     }
 }
 
-/// The paper's experiments 5.1, 5.2 and 5.3 for so many seeds, as `bokashi reproduce` has them, but for
+/// The paper's experiments 5.1, 5.2 and 5.3 for so many seeds, as `bokashi paper reproduce` has them, but for
 /// the fits in f64 that try other choices. Each fit has one thread.
 pub fn of_paper(seeds: u64, steps: u64) -> Vec<Fit> {
     let fits = fits_of_paper(seeds, steps).into_iter();
     let one_thread = ["--threads", "1"].map(str::to_owned);
-    fits.map(|(name, arguments)| Fit { name, arguments: [arguments, one_thread.to_vec()].concat() })
-        .collect()
+    let fit = |(name, arguments)| {
+        let arguments = [arguments, one_thread.to_vec()].concat();
+        Fit { name, paper: true, arguments }
+    };
+    fits.map(fit).collect()
 }
 
 #[cfg(test)]
@@ -82,7 +88,11 @@ mod tests {
 
     #[test]
     fn a_list_that_can_not_be_done_is_refused() {
-        let fit = |name: &str, word: &str| Fit { name: name.into(), arguments: vec![word.into()] };
+        let fit = |name: &str, word: &str| Fit {
+            name: name.into(),
+            paper: false,
+            arguments: vec![word.into()],
+        };
         for (fits, said) in [
             (vec![], "at least one fit"),
             (vec![fit("a", ""), fit("a", "")], "two are \"a\""),

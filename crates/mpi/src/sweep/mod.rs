@@ -49,13 +49,14 @@ struct Running {
 
 impl Running {
     fn start(fits: &[Fit], fit: usize, out: &Path) -> Result<Self, String> {
-        let Fit { name, arguments } = &fits[fit];
+        let Fit { name, paper, arguments } = &fits[fit];
         let folder = out.join(name);
         let failed = |error: std::io::Error| format!("it could not be started: {error}");
         fs::create_dir_all(&folder).map_err(failed)?;
         let said = File::create(folder.join("said.txt")).map_err(failed)?;
         let mut command = Command::new(std::env::current_exe().map_err(failed)?);
-        command.args([ALONE, "fit"]).args(arguments).arg("--quiet");
+        let paper = paper.then_some("paper");
+        command.arg(ALONE).args(paper).arg("fit").args(arguments).arg("--quiet");
         command.arg("--out").arg(&folder).arg("--json").arg(folder.join("fit.json"));
         command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(said);
         let child = command.spawn().map_err(failed)?;
@@ -123,8 +124,8 @@ pub fn run(
     let failed: Vec<_> = ended.iter().filter(|ended| ended.failure.is_some()).collect();
     if let Some(&signal) = signal {
         let done = ended.len() - failed.len();
-        let said = format!("interrupted with {done} of {} fits done", fits.len());
-        return Err(Failure::Interrupted { signal: signal.into(), said });
+        let message = format!("interrupted with {done} of {} fits done", fits.len());
+        return Err(Failure::Interrupted { signal: signal.into(), message });
     }
     match failed.first() {
         None => Ok(()),
