@@ -2,6 +2,7 @@
 //! for meshes of every kind: closed, loose, through each other, in one plane, far smaller than a
 //! pixel, far larger than the image.
 
+use bokashi_catalogue::scenes::{Scene, scenes};
 use bokashi_core::{Scalar, Tape, Tensor};
 use bokashi_lab::visible_areas;
 use bokashi_render_ops::{
@@ -10,8 +11,6 @@ use bokashi_render_ops::{
 use proptest::prelude::*;
 use proptest::strategy::Union;
 use proptest::test_runner::{RngAlgorithm, TestRng, TestRunner};
-
-use crate::scenes::{Scene, scenes};
 
 /// Scenes of every kind, perhaps made smaller or larger around the middle of the image, perhaps with
 /// each face drawn twice.

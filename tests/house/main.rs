@@ -4,3 +4,4 @@
 mod imports;
 mod manifest;
 mod modules;
+mod operations;

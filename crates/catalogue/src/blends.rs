@@ -6,20 +6,17 @@ use bokashi_render_ops::{Coverage, Fragments, Size, depth};
 
 /// One blend of neighbouring pixels.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Blend {
+pub struct Blend {
     /// The first pixel and the second one, on its right or below.
-    pub(crate) pair: [usize; 2],
+    pub pair: [usize; 2],
     /// The vertices of the edge, the smaller index first.
-    pub(crate) edge: [u32; 2],
+    pub edge: [u32; 2],
     /// The share of the second pixel mixed into the first where positive, of the first into the
     /// second where negative.
-    pub(crate) alpha: f64,
+    pub alpha: f64,
     /// Whether the edge passes beyond the centre of one of the pixels.
-    pub(crate) clamped: bool,
+    pub clamped: bool,
 }
-
-/// The pair, the edge, whether its first pixel is blended, and whether the share is at a limit.
-pub(crate) type Choice = ([usize; 2], [u32; 2], bool, bool);
 
 impl Blend {
     fn choice(&self) -> Choice {
@@ -27,13 +24,16 @@ impl Blend {
     }
 }
 
+/// The pair, the edge, whether its first pixel is blended, and whether the share is at a limit.
+pub type Choice = ([usize; 2], [u32; 2], bool, bool);
+
 /// What does not move where vertices move by very little, blend after blend.
-pub(crate) fn choices<T: Scalar>(fragments: &Fragments<'_, T>, clip: &Tensor<f64>) -> Vec<Choice> {
+pub fn choices<T: Scalar>(fragments: &Fragments<'_, T>, clip: &Tensor<f64>) -> Vec<Choice> {
     blends(fragments, clip).iter().map(Blend::choice).collect()
 }
 
 /// The blends of a picture of `fragments`, whose vertices are `clip: [V, 4]`.
-pub(crate) fn blends<T: Scalar>(fragments: &Fragments<'_, T>, clip: &Tensor<f64>) -> Vec<Blend> {
+pub fn blends<T: Scalar>(fragments: &Fragments<'_, T>, clip: &Tensor<f64>) -> Vec<Blend> {
     let Size { width, height } = fragments.coverage.size();
     let depth = depth(fragments).unwrap().value();
     let coverage = &fragments.coverage;
@@ -59,7 +59,7 @@ pub(crate) fn blends<T: Scalar>(fragments: &Fragments<'_, T>, clip: &Tensor<f64>
 }
 
 /// The face that a pixel's centre sees, and how deep.
-type Seen = (usize, f64);
+pub type Seen = (usize, f64);
 
 fn blend(
     coverage: &Coverage,

@@ -11,19 +11,22 @@ use proptest::prelude::*;
 
 /// Faces, clip positions and an image size.
 #[derive(Debug, Clone)]
-pub(super) struct Scene {
-    pub(super) mesh: Mesh,
+pub struct Scene {
+    /// The faces.
+    pub mesh: Mesh,
     /// `[V, 4]`.
-    pub(super) clip: Tensor<f64>,
-    pub(super) size: Size,
+    pub clip: Tensor<f64>,
+    /// Of the image.
+    pub size: Size,
 }
 
-pub(super) fn size(width: usize, height: usize) -> Size {
+/// The size of an image.
+pub fn size(width: usize, height: usize) -> Size {
     Size { width, height }
 }
 
 /// Images of a few pixels to a few dozen, a row and a column among them.
-pub(super) fn sizes() -> impl Strategy<Value = Size> {
+pub fn sizes() -> impl Strategy<Value = Size> {
     let extents = prop_oneof![
         4 => (4..13_usize, 4..13_usize),
         1 => (2..13_usize, Just(1)),
@@ -32,14 +35,18 @@ pub(super) fn sizes() -> impl Strategy<Value = Size> {
     extents.prop_map(|(width, height)| size(width, height))
 }
 
-pub(super) fn scene(vertices: Vec<[f64; 4]>, faces: Vec<[u32; 3]>, size: Size) -> Scene {
+/// A scene of vertices in clip space and of faces.
+///
+/// # Panics
+/// Where a face names a vertex that is not there.
+pub fn scene(vertices: Vec<[f64; 4]>, faces: Vec<[u32; 3]>, size: Size) -> Scene {
     let mesh = Mesh::new(faces, vertices.len()).unwrap();
     let clip = Tensor::from_flat_fn([vertices.len(), 4], |k| vertices[k / 4][k % 4]);
     Scene { mesh, clip, size }
 }
 
 /// Three faces that share no vertex.
-pub(super) fn loose(triangle: BoxedStrategy<[[f64; 4]; 3]>) -> BoxedStrategy<Scene> {
+pub fn loose(triangle: BoxedStrategy<[[f64; 4]; 3]>) -> BoxedStrategy<Scene> {
     (vec(triangle, 3), sizes())
         .prop_map(|(triangles, size)| {
             let faces = (0..3).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
@@ -50,7 +57,7 @@ pub(super) fn loose(triangle: BoxedStrategy<[[f64; 4]; 3]>) -> BoxedStrategy<Sce
 
 /// Three faces on pixel centres and corners, off by so little that a difference quotient can still
 /// stay on one side: a face that passes through a centre has no derivative.
-pub(super) fn beside_pixel_centres() -> BoxedStrategy<Scene> {
+pub fn beside_pixel_centres() -> BoxedStrategy<Scene> {
     let offset = || prop_oneof![1e-4..1e-3, -1e-3..-1e-4];
     let nudged = (aligned(8), [offset(), offset(), offset(), offset(), offset(), offset()]);
     let nudged = nudged.prop_map(|(mut triangle, offsets)| {
@@ -63,7 +70,7 @@ pub(super) fn beside_pixel_centres() -> BoxedStrategy<Scene> {
 }
 
 /// A closed mesh seen by a camera: all around, from within, through the near plane.
-pub(super) fn closed() -> BoxedStrategy<Scene> {
+pub fn closed() -> BoxedStrategy<Scene> {
     (closed_mesh(), camera(), sizes())
         .prop_map(|(mesh, camera, size)| {
             let camera = DMat4::from_cols_array_2d(&camera);
@@ -74,7 +81,7 @@ pub(super) fn closed() -> BoxedStrategy<Scene> {
 }
 
 /// Kinds of scenes.
-pub(super) fn scenes() -> Vec<(&'static str, BoxedStrategy<Scene>)> {
+pub fn scenes() -> Vec<(&'static str, BoxedStrategy<Scene>)> {
     vec![
         ("faces", loose(well_shaped())),
         ("slivers", loose(sliver())),
@@ -86,6 +93,6 @@ pub(super) fn scenes() -> Vec<(&'static str, BoxedStrategy<Scene>)> {
 }
 
 /// Numbers of which no two are alike, for images of a size that is known only later.
-pub(super) fn motley(k: usize) -> f64 {
+pub fn motley(k: usize) -> f64 {
     ((k * 7919 + 13) % 1009) as f64 / 1009.0 - 0.5
 }

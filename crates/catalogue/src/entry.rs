@@ -1,0 +1,38 @@
+//! What is known of one operation.
+
+use bokashi_check::Check;
+
+/// An operation, or a few with one subject: everything that a harness needs to examine it.
+#[derive(Debug, Clone)]
+pub struct Entry {
+    name: &'static str,
+    cases: u32,
+    checks: Vec<Check>,
+}
+
+impl Entry {
+    /// An entry that has no check so far, and 24 cases for each.
+    pub(crate) fn new(name: &'static str) -> Self {
+        Self { name, cases: 24, checks: Vec::new() }
+    }
+
+    /// How many cases are drawn for each check that follows.
+    pub(crate) fn cases(self, cases: u32) -> Self {
+        Self { cases, ..self }
+    }
+
+    /// Adds a subject, a strategy for its inputs, and what it refuses.
+    pub(crate) fn check(&mut self, check: Check) {
+        self.checks.push(check.cases(self.cases));
+    }
+
+    /// The name of the operation, or of the family.
+    pub fn name(&self) -> &'static str {
+        self.name
+    }
+
+    /// Subjects, strategies for their inputs, and wrong inputs.
+    pub fn checks(&self) -> &[Check] {
+        &self.checks
+    }
+}

@@ -1,0 +1,71 @@
+//! Affine matrices, inverted and moving points: `affine_inverse` and `transform_points`.
+
+use bokashi_check::strategy::{number, tensor, unit_quaternion};
+use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_core::{Scalar, Tape, Tensor, TensorError, Var};
+use bokashi_render_ops::{affine_inverse, transform_points};
+use glam::DMat4;
+use proptest::prelude::*;
+
+use crate::entry::Entry;
+use crate::inputs::leaf;
+use crate::scenes::motley;
+
+pub(crate) fn entry() -> Entry {
+    let mut entry = Entry::new("affine");
+    let inverses = affine_rows().prop_map(|rows| Case::new(Affine, [Input::leaf(rows)]));
+    entry.check(
+        Check::of_cases("affine_inverse", inverses)
+            .refuses_midway("a singular matrix", Case::new(Affine, [leaf([3, 4], 1.0)]))
+            .refuses_midway("five columns", Case::new(Affine, [leaf([3, 5], 1.0)])),
+    );
+    let moved = |points: Tensor<f64>, rows| Case::new(Affine, [points, rows].map(Input::leaf));
+    let some = (tensor([5, 3], number()), affine_rows()).prop_map(move |(p, rows)| moved(p, rows));
+    // More than a piece of points.
+    let many =
+        affine_rows().prop_map(move |rows| moved(Tensor::from_flat_fn([20_000, 3], motley), rows));
+    let flat = Case::new(Affine, [leaf([5, 2], 0.5), leaf([3, 4], 1.0)]);
+    entry.check(
+        Check::of_cases("transform_points", some)
+            .large(1, many)
+            .refuses_midway("points of two coordinates", flat),
+    );
+    entry
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Affine;
+
+impl Subject for Affine {
+    /// The rows of an affine matrix; with points before it, which it moves.
+    fn apply<'t, T: Scalar>(
+        &self,
+        _tape: &'t Tape<T>,
+        inputs: &[Var<'t, T>],
+    ) -> Result<Outcome<'t, T>, Refusal> {
+        Ok(match *inputs {
+            [points, rows] => transform_points(points, affine(rows)?)?.into(),
+            _ => affine_inverse(affine(inputs[0])?)?.into(),
+        })
+    }
+}
+
+/// `[3, 4]` with the row that makes it an affine matrix: that row is no variable.
+fn affine<'t, T: Scalar>(rows: Var<'t, T>) -> Result<Var<'t, T>, TensorError> {
+    let last = Tensor::from_flat_fn([1, 4], |k| if k == 3 { T::ONE } else { T::ZERO });
+    Var::concat(&[rows, rows.tape().constant(&last)], 0)
+}
+
+/// The rows of a motion times a matrix of any kind that is not close to a singular one.
+fn affine_rows() -> impl Strategy<Value = Tensor<f64>> {
+    let entries = (unit_quaternion(), [0.3..2.0, 0.3..2.0, 0.3..2.0], tensor([3], number()));
+    entries.prop_map(|(q, scale, shift)| {
+        let turn = DMat4::from_quat(glam::DQuat::from_array(q));
+        let matrix = turn * DMat4::from_scale(scale.into()) * turn;
+        let columns = matrix.to_cols_array_2d();
+        Tensor::from_flat_fn([3, 4], |k| match k % 4 {
+            3 => shift.data()[k / 4],
+            column => columns[column][k / 4],
+        })
+    })
+}

@@ -1,0 +1,52 @@
+//! Images along edges that move.
+
+use bokashi_check::strategy::image_of;
+use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_core::{Scalar, Tape, Var};
+use bokashi_render_ops::{Composite, Size, antialias, rasterize};
+use proptest::prelude::*;
+
+use crate::blends;
+use crate::entry::Entry;
+use crate::inputs::{leaf, wide};
+use crate::scenes::{Scene, scene, scenes, size};
+
+pub(crate) fn entry() -> Entry {
+    let mut entry = Entry::new("antialias");
+    for (kind, scenes) in scenes() {
+        let cases = scenes.prop_flat_map(|scene| {
+            let Size { width, height } = scene.size;
+            image_of([height, width, 2]).prop_map(move |image| {
+                let inputs = [scene.clip.clone(), image].map(Input::leaf);
+                Case::new(Antialias { scene: scene.clone() }, inputs)
+            })
+        });
+        let face = scene(vec![[0.0, 0.0, 0.0, 1.0]; 3], vec![[0, 1, 2]], size(4, 4));
+        let another_size = [Input::leaf(face.clip.clone()), leaf([4, 5, 1], 0.5)];
+        entry.check(Check::of_cases(format!("antialias {kind}"), cases).refuses_midway(
+            "an image of another size",
+            Case::new(Antialias { scene: face }, another_size),
+        ));
+    }
+    entry
+}
+
+#[derive(Debug)]
+struct Antialias {
+    scene: Scene,
+}
+
+impl Subject for Antialias {
+    /// Clip positions and an image.
+    fn apply<'t, T: Scalar>(
+        &self,
+        _tape: &'t Tape<T>,
+        inputs: &[Var<'t, T>],
+    ) -> Result<Outcome<'t, T>, Refusal> {
+        let fragments = rasterize(inputs[0], &self.scene.mesh, self.scene.size)?;
+        let choices = blends::choices(&fragments, &wide(inputs[0]));
+        let image = antialias(Composite::of_image(inputs[1], &fragments)?)?.image()?;
+        let ids = fragments.coverage.triangle_ids();
+        Ok(Outcome::from(image).with_state(ids).with_state(choices))
+    }
+}

@@ -1,0 +1,47 @@
+//! Irradiance of coefficients and normals.
+
+use bokashi_check::strategy::{number, tensor};
+use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_core::{Scalar, Tape, Tensor, Var};
+use bokashi_render_ops::irradiance;
+use proptest::prelude::*;
+
+use crate::entry::Entry;
+use crate::inputs::leaf;
+use crate::materials::{ROWS, directions};
+use crate::scenes::motley;
+
+pub(crate) fn entry() -> Entry {
+    let mut entry = Entry::new("irradiance");
+    let of = |coefficients: Input, normals: Input| Case::new(Irradiance, [coefficients, normals]);
+    let cases = (1..4_usize).prop_flat_map(move |channels| {
+        let inputs = (tensor([9, channels], number()), directions(ROWS));
+        inputs.prop_map(move |(coefficients, normals)| {
+            of(Input::leaf(coefficients), Input::leaf(normals))
+        })
+    });
+    let rows = |extents: [usize; 2], k: usize| {
+        Input::leaf(Tensor::from_flat_fn(extents, move |i| motley(11 * i + k) + 0.2))
+    };
+    entry.check(
+        Check::of_cases("irradiance", cases)
+            .large(1, Just(of(rows([9, 3], 1), rows([9000, 3], 2))))
+            .refuses("four coefficients", of(leaf([4, 3], 1.0), leaf([2, 3], 1.0)))
+            .refuses("a normal of no length", of(leaf([9, 3], 1.0), leaf([2, 3], 0.0))),
+    );
+    entry
+}
+
+#[derive(Debug)]
+struct Irradiance;
+
+impl Subject for Irradiance {
+    /// Coefficients and normals.
+    fn apply<'t, T: Scalar>(
+        &self,
+        _tape: &'t Tape<T>,
+        inputs: &[Var<'t, T>],
+    ) -> Result<Outcome<'t, T>, Refusal> {
+        Ok(irradiance(inputs[0], inputs[1])?.into())
+    }
+}

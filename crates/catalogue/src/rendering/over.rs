@@ -1,0 +1,48 @@
+//! One image over another.
+
+use bokashi_check::strategy::{number, tensor};
+use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_core::{Scalar, Tape, Tensor, Var};
+use bokashi_render_ops::over;
+use proptest::prelude::*;
+use proptest::sample::select;
+
+use crate::entry::Entry;
+use crate::inputs::leaf;
+use crate::scenes::motley;
+
+pub(crate) fn entry() -> Entry {
+    let mut entry = Entry::new("over");
+    let channels = select(&[1_usize, 2, 4][..]);
+    let cases = channels.prop_flat_map(|channels| {
+        let shape = (1..5_usize, 1..5_usize).prop_map(move |(h, w)| [h, w, channels]);
+        shape.prop_flat_map(|shape| {
+            [tensor(shape, number()), tensor(shape, number())]
+                .prop_map(|images| Case::new(Over, images.map(Input::leaf)))
+        })
+    });
+    let large = [3, 9].map(|by| Tensor::from_flat_fn([120, 90, 4], |k| motley(by * k)));
+    entry.check(
+        Check::of_cases("over", cases)
+            .large(1, Just(Case::new(Over, large.map(Input::leaf))))
+            .refuses(
+                "images of two sizes",
+                Case::new(Over, [leaf([2, 2, 3], 0.5), leaf([2, 3, 3], 0.5)]),
+            ),
+    );
+    entry
+}
+
+#[derive(Debug)]
+struct Over;
+
+impl Subject for Over {
+    /// Two images.
+    fn apply<'t, T: Scalar>(
+        &self,
+        _tape: &'t Tape<T>,
+        inputs: &[Var<'t, T>],
+    ) -> Result<Outcome<'t, T>, Refusal> {
+        Ok(over(inputs[0], inputs[1])?.into())
+    }
+}

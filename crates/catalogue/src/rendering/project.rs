@@ -1,0 +1,118 @@
+//! Positions to clip space, by a camera that is fixed or learnt, with and without a pose.
+
+use bokashi_check::strategy::{camera, number, tensor, unit_quaternion};
+use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_core::{Scalar, Tape, Tensor, Var};
+use bokashi_render_ops::{Pose, project};
+use glam::DMat4;
+use proptest::prelude::*;
+
+use crate::entry::Entry;
+use crate::inputs::leaf;
+use crate::scenes::motley;
+
+pub(crate) fn entry() -> Entry {
+    let mut entry = Entry::new("project");
+    project_with_and_without_a_pose(&mut entry);
+    project_by_a_camera_that_is_learnt(&mut entry);
+    entry
+}
+
+#[derive(Debug)]
+struct Project {
+    camera: [[f64; 4]; 4],
+}
+
+impl Subject for Project {
+    /// Positions, or positions with a rotation and a translation.
+    fn apply<'t, T: Scalar>(
+        &self,
+        _tape: &'t Tape<T>,
+        inputs: &[Var<'t, T>],
+    ) -> Result<Outcome<'t, T>, Refusal> {
+        let camera = DMat4::from_cols_array_2d(&self.camera);
+        let pose = match *inputs {
+            [_, rotation, translation] => Some(Pose { rotation, translation }),
+            _ => None,
+        };
+        Ok(project(inputs[0], &camera, pose)?.into())
+    }
+}
+
+fn project_with_and_without_a_pose(entry: &mut Entry) {
+    let positions = |count| tensor([count, 3], number()).prop_map(Input::leaf);
+    let bare = (camera(), positions(5));
+    let bare = bare.prop_map(|(camera, p)| Case::new(Project { camera }, [p]));
+    let not_a_point = Input::leaf(Tensor::zeros([5, 4]));
+    let mut blind = DMat4::IDENTITY.to_cols_array_2d();
+    blind[2][1] = f64::NAN;
+    entry.check(
+        Check::of_cases("project", bare)
+            .refuses("points of four coordinates", project_by(identity(), &[not_a_point]))
+            .refuses("a camera that is not finite", project_by(blind, &[leaf([2, 3], 0.5)])),
+    );
+    let posed = (camera(), positions(4), unit_quaternion(), 0.5..2.0, tensor([3], number()));
+    let posed = posed.prop_map(|(camera, p, q, length, t)| {
+        let rotation = Tensor::from_flat_fn([4], |k| length * q[k]);
+        Case::new(Project { camera }, [p, Input::leaf(rotation), Input::leaf(t)])
+    });
+    let points = leaf([2, 3], 0.5);
+    let no_rotation = [points.clone(), leaf([4], 0.0), leaf([3], 0.0)];
+    let no_shift = [points, leaf([4], 1.0), leaf([2], 0.0)];
+    entry.check(
+        Check::of_cases("project with a pose", posed)
+            .refuses("a quaternion of zeros", project_by(identity(), &no_rotation))
+            .refuses("a translation of two entries", project_by(identity(), &no_shift)),
+    );
+}
+
+fn identity() -> [[f64; 4]; 4] {
+    DMat4::IDENTITY.to_cols_array_2d()
+}
+
+fn project_by(camera: [[f64; 4]; 4], inputs: &[Input]) -> Case {
+    Case::new(Project { camera }, inputs)
+}
+
+#[derive(Debug, Clone, Copy)]
+struct ProjectByVariable;
+
+impl Subject for ProjectByVariable {
+    /// Positions and a camera; or positions, a rotation, a translation and a camera.
+    fn apply<'t, T: Scalar>(
+        &self,
+        _tape: &'t Tape<T>,
+        inputs: &[Var<'t, T>],
+    ) -> Result<Outcome<'t, T>, Refusal> {
+        Ok(match *inputs {
+            [positions, rotation, translation, camera] => {
+                project(positions, camera, Some(Pose { rotation, translation }))?.into()
+            }
+            _ => project(inputs[0], inputs[1], None)?.into(),
+        })
+    }
+}
+
+fn project_by_a_camera_that_is_learnt(entry: &mut Entry) {
+    let matrix = |camera: [[f64; 4]; 4]| Tensor::from_fn([4, 4], |[i, k]| camera[k][i]);
+    let of = |inputs: Vec<Tensor<f64>>| {
+        Case::new(ProjectByVariable, inputs.into_iter().map(Input::leaf).collect::<Vec<_>>())
+    };
+    let bare = (camera(), tensor([5, 3], number()));
+    let bare = bare.prop_map(move |(camera, p)| of(vec![p, matrix(camera)]));
+    let many = camera().prop_map(move |camera| {
+        of(vec![Tensor::from_flat_fn([20_000, 3], motley), matrix(camera)])
+    });
+    let points = Tensor::full([2, 3], 0.5);
+    entry.check(
+        Check::of_cases("project by a variable", bare)
+            .large(1, many)
+            .refuses("a camera of three rows", of(vec![points.clone(), Tensor::zeros([3, 4])]))
+            .refuses("a camera not finite", of(vec![points, Tensor::full([4, 4], f64::NAN)])),
+    );
+    let posed = (camera(), tensor([4, 3], number()), unit_quaternion(), tensor([3], number()));
+    let posed = posed.prop_map(move |(camera, p, q, t)| {
+        of(vec![p, Tensor::from(q.map(|entry| 1.3 * entry)), t, matrix(camera)])
+    });
+    entry.check(Check::of_cases("project by a variable, with a pose", posed));
+}

@@ -1,0 +1,48 @@
+//! Normals at vertices, by area and by angle.
+
+use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_core::{Scalar, Tape, Var};
+use bokashi_render_ops::{Mesh, Weighting, vertex_normals};
+use proptest::prelude::*;
+
+use crate::entry::Entry;
+use crate::inputs::leaf;
+use crate::surfaces::{Surface, surfaces, vanishing};
+
+pub(crate) fn entry() -> Entry {
+    let mut entry = Entry::new("vertex_normals");
+    for weighting in [Weighting::Area, Weighting::Angle] {
+        let of = move |surface: &Surface, positions: Input| {
+            Case::new(VertexNormals { mesh: surface.mesh.clone(), weighting }, [positions])
+        };
+        for (kind, surfaces) in surfaces() {
+            let cases = surfaces.prop_map(move |surface| of(&surface, surface.leaf()));
+            let (small, large) = (Surface::sheet(1), Surface::sheet(48));
+            entry.check(
+                Check::of_cases(format!("vertex_normals of {kind}, {weighting:?}"), cases)
+                    .large(1, Just(of(&large, large.leaf())))
+                    .refuses("another number of vertices", of(&small, leaf([3, 3], 1.0)))
+                    .refuses("a position that is no number", of(&small, leaf([4, 3], f64::NAN))),
+            );
+        }
+    }
+    entry
+}
+
+#[derive(Debug)]
+struct VertexNormals {
+    mesh: Mesh,
+    weighting: Weighting,
+}
+
+impl Subject for VertexNormals {
+    /// Positions.
+    fn apply<'t, T: Scalar>(
+        &self,
+        _tape: &'t Tape<T>,
+        inputs: &[Var<'t, T>],
+    ) -> Result<Outcome<'t, T>, Refusal> {
+        let normals = vertex_normals(inputs[0], &self.mesh, self.weighting)?;
+        Ok(Outcome::from(normals).with_state(vanishing(normals, 3)))
+    }
+}
