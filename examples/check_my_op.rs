@@ -80,8 +80,8 @@ fn main() {
     };
     let vector = [Input::leaf(Tensor::full([3], 1.0))];
     let right = RowNorm { is_wrong: false };
-    let check =
-        Check::new("row norm", right, inputs()).refuses("a vector", Case::new(right, vector));
+    let check = Check::new("row norm", right, inputs())
+        .refuses("row norm needs a matrix, got shape [3]", Case::new(right, vector));
     check.assert();
     println!("{}", check.kills().expect("no law is broken"));
 

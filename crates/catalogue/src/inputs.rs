@@ -23,3 +23,8 @@ pub(crate) fn leaves_of_shapes(shapes: &[&[usize]]) -> BoxedStrategy<Vec<Input>>
 pub(crate) fn leaves(tensors: impl IntoIterator<Item = Tensor<f64>>) -> Vec<Input> {
     tensors.into_iter().map(Input::leaf).collect()
 }
+
+/// A leaf of ones, but one entry.
+pub(crate) fn with_one<const N: usize>(axes: [usize; N], k: usize, entry: f64) -> Input {
+    Input::leaf(Tensor::from_flat_fn(axes, |other| if other == k { entry } else { 1.0 }))
+}

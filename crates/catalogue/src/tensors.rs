@@ -107,7 +107,8 @@ fn halves(subject: impl Subject, shapes: &[&[usize]]) -> Case {
 macro_rules! operation {
     ($name:ident $({
         $law:ident: $inputs:expr, |$x:ident| $output:expr
-        $(, large $large:expr)? $(, refuses $what:literal $refused:expr)*
+        $(, large $large:expr)? $(, refuses $message:literal $refused:expr)*
+        $(, otherwise |$w:ident| $other:expr, refuses $said:literal $shapes:expr)*
     })+) => {
         pub(crate) mod $name {
             #[allow(unused_imports, reason = "not every row names everything")]
@@ -122,7 +123,13 @@ macro_rules! operation {
                         let many = large(&$large).prop_map(|inputs| Case::new(Operation, inputs));
                         let check = check.large(1, many);
                     )?
-                    $(let check = check.refuses($what, halves(Operation, &$refused));)*
+                    $(let check = check.refuses($message, halves(Operation, &$refused));)*
+                    $(
+                        let check = {
+                            subject!(Other: |$w| $other);
+                            check.refuses($said, halves(Other, &$shapes))
+                        };
+                    )*
                     entry.check(check);
                 })+
                 entry
@@ -252,7 +259,13 @@ operation!(abs
 operation!(clamp
     { clamp: one(around(&[-1.0, 0.5], -2.0..2.0)),
         |x| kinked(x[0].clamp(T::from_f64(-1.0), T::from_f64(0.5))?, x[0], &[-1.0, 0.5]),
-        large [MANY] }
+        large [MANY],
+        otherwise |x| x[0].clamp(T::from_f64(2.0), T::ONE)?,
+            refuses "clamp needs bounds with low <= high, got 2 and 1" [&[][..]],
+        otherwise |x| x[0].clamp(T::from_f64(f64::NAN), T::ONE)?,
+            refuses "clamp needs bounds with low <= high, got NaN and 1" [&[][..]],
+        otherwise |x| x[0].clamp(T::ZERO, T::from_f64(f64::NAN))?,
+            refuses "clamp needs bounds with low <= high, got 0 and NaN" [&[][..]] }
 );
 
 operation!(sum
@@ -267,7 +280,8 @@ operation!(sum
 operation!(mean
     { mean: not_empty(), |x| x[0].mean()?, large [MANY], refuses "no entries" [&[0][..]] }
     { mean_axis_0: of_shape(&[3, 9]), |x| x[0].mean_axis(0)?, large [MANY],
-        refuses "no entries along the axis" [&[0, 2][..]] }
+        refuses "no entries along the axis" [&[0, 2][..]],
+        otherwise |x| x[0].mean_axis(2)?, refuses "?mean axis" [&[2, 0][..]] }
     { mean_axis_1: of_shape(&[3, 9]), |x| x[0].mean_axis(1)?, large [MANY] }
     { mean_axis_of_extent_1: of_shape(&[3, 1, 2]), |x| x[0].mean_axis(1)? }
 );
@@ -339,12 +353,22 @@ operation!(keepdim
 operation!(permute
     { transpose: of_shape(&[2, 3]), |x| x[0].transpose()?, refuses "a vector" [&[7][..]] }
     { permute: of_shape(&[2, 3, 4]), |x| x[0].permute(&[2, 0, 1])?, large [&[20, 30, 70]],
-        refuses "another number of axes" [&[2, 3][..]] }
+        refuses "another number of axes" [&[2, 3][..]],
+        otherwise |x| x[0].permute(&[0, 0])?,
+            refuses "permute needs each axis of shape [2, 3] once, got axes [0, 0]" [&[2, 3][..]],
+        otherwise |x| x[0].permute(&[0])?,
+            refuses "permute needs each axis of shape [2, 3] once, got axes [0]" [&[2, 3][..]],
+        otherwise |x| x[0].permute(&[0, 2])?,
+            refuses "permute needs each axis of shape [2, 3] once, got axes [0, 2]" [&[2, 3][..]] }
 );
 
 operation!(slice
     { slice_of_rows: of_shape(&[4, 3]), |x| x[0].slice(0, 1..3)?, large [MANY],
-        refuses "beyond the extent" [&[2, 9][..]] }
+        refuses "beyond the extent" [&[2, 9][..]],
+        otherwise |x| x[0].slice(1, 1..4)?,
+            refuses "slice needs a range within an axis of extent 3, got 1..4" [&[2, 3][..]],
+        otherwise |x| x[0].slice(1, std::ops::Range { start: 2, end: 1 })?,
+            refuses "slice needs a range within an axis of extent 3, got 2..1" [&[2, 3][..]] }
     { slice_of_columns: of_shape(&[2, 4, 3]), |x| x[0].slice(1, 1..4)?,
         refuses "no such axis" [&[9][..]] }
 );
@@ -362,7 +386,9 @@ operation!(pad
 operation!(stack
     { stack: parts(&[&[2, 3], &[2, 3], &[2, 3]]), |x| Var::stack(x, 2)?, large [MANY, MANY],
         refuses "shapes that differ" [&[2, 3][..], &[3, 2]],
-        refuses "an axis beyond the rank" [&[2][..]] }
+        refuses "an axis beyond the rank" [&[2][..]],
+        otherwise |x| Var::stack(&x[..0], 0)?,
+            refuses "stack needs at least one part, got 0 inputs" [&[][..]] }
     { stack_of_rows: parts(&[&[2, 3], &[2, 3]]), |x| Var::stack(x, 0)?, large [MANY, MANY] }
     { stack_of_one_with_itself: of_shape(&[3]), |x| Var::stack(&[x[0], x[0]], 1)? }
 );
@@ -371,7 +397,11 @@ operation!(concat
     { concat_of_rows: parts(&[&[1, 3], &[0, 3], &[2, 3]]), |x| Var::concat(x, 0)?,
         refuses "other extents that differ" [&[2, 3][..], &[2, 4]] }
     { concat_of_columns: parts(&[&[2, 1, 2], &[2, 3, 2]]), |x| Var::concat(x, 1)?,
-        large [&[4000, 5, 2], &[4000, 1, 2]], refuses "ranks that differ" [&[2, 3][..], &[3]] }
+        large [&[4000, 5, 2], &[4000, 1, 2]], refuses "ranks that differ" [&[2, 3][..], &[3]],
+        refuses "?ranks turned" [&[3][..], &[2, 3]],
+        otherwise |x| Var::concat(x, 2)?, refuses "?axis" [&[2, 3][..]],
+        otherwise |x| Var::concat(&x[..0], 0)?,
+            refuses "concat needs at least one part, got 0 inputs" [&[][..]] }
     { concat_with_itself: of_shape(&[2, 2]), |x| Var::concat(&[x[0], x[0], x[0]], 1)? }
 );
 
@@ -404,13 +434,17 @@ operation!(sparse_product
     { sparse_product_with_a_list: of_shape(&[3]), |x| {
         let entries = [(0, 0, 2.0), (0, 2, -1.0), (3, 1, 0.5)];
         SparseMatrix::new(4, 3, entries)?.cast::<T>().product(x[0])?
-}, refuses "another extent" [&[4][..]], refuses "three axes" [&[3, 1, 1][..]] }
+}, refuses "another extent" [&[4][..]], refuses "three axes" [&[3, 1, 1][..]],
+    refuses "sparse_product needs shape [3] or [3, C], got shape []" [&[][..]],
+    refuses "sparse_product needs shape [3] or [3, C], got shape [2, 3]" [&[2, 3][..]] }
 );
 
 operation!(squared_error
     { squared_error: parts(&[&[5, 3], &[5, 3]]), |x| {
         [bokashi_core::squared_error(x[0], x[1])?, bokashi_core::mean_squared_error(x[0], x[1])?]
-}, large [MANY, MANY], refuses "another shape" [&[2, 3][..], &[3, 2]] }
+}, large [MANY, MANY], refuses "another shape" [&[2, 3][..], &[3, 2]],
+        otherwise |x| bokashi_core::mean_squared_error(x[0], x[1])?,
+            refuses "mean_squared_error needs at least one entry, got shape [0, 3]" [&[0, 3][..], &[0, 3]] }
 );
 
 operation!(compositions

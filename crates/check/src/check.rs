@@ -11,7 +11,7 @@ use crate::laws;
 use crate::mutation::{Kills, kills};
 use crate::run::caught;
 use crate::shrink::{Found, shrink};
-use crate::subject::{AnySubject, Case, Input, Subject};
+use crate::subject::{AnySubject, Case, Input, Refusal, Subject};
 use crate::trial::{Tally, Trial, Unfit};
 
 /// The share of the points of a difference check that may be left out.
@@ -71,19 +71,19 @@ impl Check {
         Self { large: Some((strategy.boxed(), cases)), ..self }
     }
 
-    /// Wrong input, and what is wrong with it: the subject must refuse it, and leave the tape as it
-    /// was.
+    /// Wrong input, and the message of its error: the subject must refuse it, and leave the tape as
+    /// it was.
     #[must_use]
-    pub fn refuses(mut self, what: impl Into<String>, case: Case) -> Self {
-        self.refused.push(Refused { what: what.into(), case, is_pipeline: false });
+    pub fn refuses(mut self, message: impl Into<String>, case: Case) -> Self {
+        self.refused.push(Refused { message: message.into(), case, is_pipeline: false });
         self
     }
 
     /// [`Check::refuses`] for a pipeline: its first operations stay on the tape where a later
     /// operation refuses, but what was recorded before it must be as it was.
     #[must_use]
-    pub fn refuses_midway(mut self, what: impl Into<String>, case: Case) -> Self {
-        self.refused.push(Refused { what: what.into(), case, is_pipeline: true });
+    pub fn refuses_midway(mut self, message: impl Into<String>, case: Case) -> Self {
+        self.refused.push(Refused { message: message.into(), case, is_pipeline: true });
         self
     }
 
@@ -118,10 +118,10 @@ impl Check {
                 }
             }
         }
-        for Refused { what, case, is_pipeline } in &self.refused {
+        for refused in &self.refused {
             let Some(right) = &right else { break };
-            let tally = laws::refuses(case, *is_pipeline, right).map_err(|mut broken| {
-                broken.what = format!("{what}: {}", broken.what);
+            let Refused { message, case, is_pipeline } = refused;
+            let tally = laws::refuses(case, message, *is_pipeline, right).map_err(|broken| {
                 self.failure(Law::Refusals, broken, format!("{:?}", case.inputs))
             })?;
             add(&mut tallies, Law::Refusals, tally);
@@ -134,6 +134,12 @@ impl Check {
         };
         self.enough(&report)?;
         Ok(report)
+    }
+
+    /// For each wrong input the message that its error has to have, and the error; `None` where there is
+    /// none.
+    pub fn refusals(&self) -> impl Iterator<Item = (&str, Option<Refusal>)> {
+        self.refused.iter().map(|refused| (&*refused.message, refused.case.error()))
     }
 
     /// [`Check::run`], with a line about what was compared on standard output.
@@ -236,7 +242,8 @@ impl Check {
 /// Wrong input.
 #[derive(Debug, Clone)]
 struct Refused {
-    what: String,
+    /// What its error says.
+    message: String,
     case: Case,
     /// Whether operations before the one that refuses stay on the tape.
     is_pipeline: bool,

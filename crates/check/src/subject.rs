@@ -135,6 +135,13 @@ impl Case {
     pub fn new(subject: impl Subject, inputs: impl Into<Vec<Input>>) -> Self {
         Self { subject: Arc::new(subject), inputs: inputs.into() }
     }
+
+    /// The error with which the subject refuses the inputs, in `f64`; `None` where it takes them.
+    pub(crate) fn error(&self) -> Option<Refusal> {
+        let tape = Tape::new();
+        let inputs: Vec<_> = self.inputs.iter().map(|input| tape.leaf(&input.tensor)).collect();
+        self.subject.apply_f64(&tape, &inputs).err()
+    }
 }
 
 /// A [`Subject`] whose type is forgotten, so that the laws are compiled once and not for every

@@ -1,11 +1,12 @@
 //! Depths, up to scale and shift.
 
-use bokashi_check::{Outcome, subject};
+use bokashi_check::{Case, Outcome, subject};
 use bokashi_core::{Scalar, Tensor, Var};
 use bokashi_fit::{DepthAlignment, depth_error};
 use proptest::prelude::*;
 
 use crate::entry::Entry;
+use crate::inputs::leaf;
 use crate::references::{kinked, large, laws, pair, two_of_three};
 
 pub(crate) fn entry() -> Entry {
@@ -38,7 +39,11 @@ pub(crate) fn entry() -> Entry {
     });
     let depths = || pair(&[3, 4], (0.5..3.0).boxed());
     let many = || large(&[&[150, 121][..]; 2]);
-    entry.check(laws("depth", Plain, depths(), many()));
+    let apart = [leaf([2, 3], 1.0), leaf([3, 2], 1.0)];
+    entry.check(laws("depth", Plain, depths(), many()).refuses(
+        "depth_error needs depths and a reference of one shape, got shapes [2, 3] and [3, 2]",
+        Case::new(Plain, apart),
+    ));
     entry.check(laws("depth up to scale", Scale, depths(), many()));
     entry.check(laws("depth up to scale and shift", ScaleAndShift, depths(), many()));
     entry

@@ -16,10 +16,10 @@ pub(crate) fn entry() -> Entry {
         pyramid_error(x[0], x[1], 3, |x, y| mean_error(x, y, Penalty::Squared))?
     });
     let image = tensor([5, 4, 2], number()).prop_map(|x| vec![Input::leaf(x)]).boxed();
-    entry.check(
-        laws("halved", Halved, image, large(&[&[70, 91, 6]]))
-            .refuses("a matrix", Case::new(Halved, vec![leaf([3, 3], 1.0)])),
-    );
+    entry.check(laws("halved", Halved, image, large(&[&[70, 91, 6]])).refuses(
+        "halved needs an image of shape [H, W, C], got shape [3, 3]",
+        Case::new(Halved, vec![leaf([3, 3], 1.0)]),
+    ));
     entry.check(laws(
         "pyramid",
         Pyramid,

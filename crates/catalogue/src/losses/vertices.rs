@@ -27,11 +27,26 @@ pub(crate) fn entry() -> Entry {
         (subjects, rest)
     };
     let names = ["laplacian", "edges", "edges of a length", "normals", "rigidity", "by cotangents"];
+    let refused = [
+        "sparse_product",
+        "edge_length_error",
+        "edge_length_error",
+        "normal_error",
+        "rigidity",
+        "rigidity",
+    ];
     let ((small, rest), (large, large_rest)) = (of(2), of(48));
-    for ((name, small), large) in names.into_iter().zip(small).zip(large) {
+    for (((name, operation), small), large) in names.into_iter().zip(refused).zip(small).zip(large)
+    {
         let rest = rest.clone();
         let moved = tensor(&[11, 3][..], (-0.3..0.3).boxed());
-        let refused = Case::new(small.clone(), vec![leaf([10, 3], 1.0)]);
+        let few = Case::new(small.clone(), vec![leaf([10, 3], 1.0)]);
+        let targets = match &small {
+            OfVertices::Edges(topology, _) => [-1.0, f64::NAN, f64::INFINITY]
+                .map(|target| (target, OfVertices::Edges(topology.clone(), target)))
+                .to_vec(),
+            _ => Vec::new(),
+        };
         let cases = moved.prop_map(move |moved| {
             let at = |k: usize| rest.data()[k] + moved.data()[k];
             Case::new(small.clone(), vec![Input::leaf(Tensor::from_flat_fn([11, 3], at))])
@@ -39,11 +54,17 @@ pub(crate) fn entry() -> Entry {
         let motley = |k: usize| ((k * 7919 + 13) % 1009) as f64 / 1009.0;
         let shifted = |k: usize| large_rest.data()[k] + 0.3 * motley(k);
         let positions = Tensor::from_flat_fn(large_rest.shape(), shifted);
-        entry.check(
-            Check::of_cases(name, cases)
-                .large(1, Just(Case::new(large, vec![Input::leaf(positions)])))
-                .refuses("another number of vertices", refused),
-        );
+        let rule = match operation {
+            "sparse_product" => "shape [11] or [11, C]",
+            _ => "positions of shape [11, 3]",
+        };
+        let check = Check::of_cases(name, cases)
+            .large(1, Just(Case::new(large, vec![Input::leaf(positions)])))
+            .refuses(format!("{operation} needs {rule}, got shape [10, 3]"), few);
+        entry.check(targets.into_iter().fold(check, |check, (target, edges)| {
+            let rule = "edge_length_error needs a finite target length from 0 up, got";
+            check.refuses(format!("{rule} {target}"), Case::new(edges, [leaf([11, 3], 0.5)]))
+        }));
     }
     entry
 }

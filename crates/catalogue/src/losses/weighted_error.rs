@@ -6,7 +6,7 @@ use bokashi_fit::{Penalty, masked_error, weighted_error};
 use proptest::prelude::*;
 
 use crate::entry::Entry;
-use crate::inputs::leaf;
+use crate::inputs::{leaf, with_one};
 use crate::references::{MANY, ROWS, SMALL, kinked, large, laws, pair, two_of_three};
 
 pub(crate) fn entry() -> Entry {
@@ -29,11 +29,18 @@ pub(crate) fn entry() -> Entry {
             inputs
         })
     };
-    let negative = vec![leaf([3, 2], 1.0), leaf([3, 2], 0.5), leaf([3], -1.0)];
-    entry.check(
-        laws("weighted error", Weighted, weighted().boxed(), large(&[MANY, MANY, ROWS]))
-            .refuses("negative weights", Case::new(Weighted, negative)),
-    );
+    let by = |weights: Input| Case::new(Weighted, [leaf([2, 3], 1.0), leaf([2, 3], 0.5), weights]);
+    let check = laws("weighted error", Weighted, weighted().boxed(), large(&[MANY, MANY, ROWS]))
+        .refuses(
+            "mean_squared_error needs weights of the shape of the image, or of its first axes, \
+             got shapes [2, 3] and [3]",
+            by(leaf([3], 1.0)),
+        )
+        .refuses("mean_squared_error needs weights of a finite sum, got inf", by(leaf([2], 1e308)));
+    entry.check([-1.0, f64::NAN, f64::INFINITY].into_iter().fold(check, |check, bad| {
+        let message = format!("mean_squared_error needs finite weights from 0 up, got {bad}");
+        check.refuses(message, by(with_one([2], 1, bad)))
+    }));
     let many = large(&[MANY, MANY, ROWS]);
     entry.check(laws("weighted Huber error", WeightedHuber, weighted().boxed(), many));
     entry.check(laws("masked error", Masked, pair(SMALL, number()), large(&[MANY; 2])));

@@ -1,7 +1,7 @@
 //! Affine matrices, inverted and moving points: `affine_inverse` and `transform_points`.
 
 use bokashi_check::strategy::{number, tensor, unit_quaternion};
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject, subject};
 use bokashi_core::{Scalar, Tape, Tensor, TensorError, Var};
 use bokashi_render_ops::{affine_inverse, transform_points};
 use glam::DMat4;
@@ -14,21 +14,58 @@ use crate::scenes::motley;
 pub(crate) fn entry() -> Entry {
     let mut entry = Entry::new("affine");
     let inverses = affine_rows().prop_map(|rows| Case::new(Affine, [Input::leaf(rows)]));
+    subject!(Inverse: |x| affine_inverse(x[0])?);
+    subject!(Moved: |x| transform_points(x[0], x[1])?);
+    let inverse = |matrix: [f64; 16]| {
+        Case::new(Inverse, [Input::leaf(Tensor::from_flat_fn([4, 4], |k| matrix[k]))])
+    };
+    let with = |changes: &[(usize, f64)]| {
+        let mut matrix = DMat4::IDENTITY.to_cols_array();
+        changes.iter().for_each(|&(k, entry)| matrix[k] = entry);
+        matrix
+    };
+    let rows = |entry: fn(usize) -> f64| with(&[0, 1, 2, 4, 5, 6, 8, 9, 10].map(|k| (k, entry(k))));
+    let determinant =
+        "affine_inverse needs a linear part whose determinant is not 0 within rounding, got 0";
     entry.check(
         Check::of_cases("affine_inverse", inverses)
-            .refuses_midway("a singular matrix", Case::new(Affine, [leaf([3, 4], 1.0)]))
-            .refuses_midway("five columns", Case::new(Affine, [leaf([3, 5], 1.0)])),
+            .refuses(
+                "affine_inverse needs a matrix of shape [4, 4], got shape [4]",
+                Case::new(Inverse, [leaf([4], 1.0)]),
+            )
+            .refuses(
+                "a camera matrix needs finite entries, got NaN in row 1, column 0",
+                inverse(with(&[(4, f64::NAN)])),
+            )
+            .refuses(
+                "affine_inverse needs a matrix with the last row (0, 0, 0, 1), got -1",
+                inverse(with(&[(14, -1.0), (15, 0.0)])),
+            )
+            .refuses(determinant, inverse(rows(|k| (k + 1) as f64)))
+            .refuses(determinant, inverse(rows(|_| 0.0))),
     );
+    let moved_by = |points, matrix: [f64; 16]| {
+        Case::new(Moved, [points, Input::leaf(Tensor::from_flat_fn([4, 4], |k| matrix[k]))])
+    };
     let moved = |points: Tensor<f64>, rows| Case::new(Affine, [points, rows].map(Input::leaf));
     let some = (tensor([5, 3], number()), affine_rows()).prop_map(move |(p, rows)| moved(p, rows));
     // More than a piece of points.
     let many =
         affine_rows().prop_map(move |rows| moved(Tensor::from_flat_fn([20_000, 3], motley), rows));
-    let flat = Case::new(Affine, [leaf([5, 2], 0.5), leaf([3, 4], 1.0)]);
+    let last_row = "transform_points needs a matrix with the last row (0, 0, 0, 1), got";
     entry.check(
         Check::of_cases("transform_points", some)
             .large(1, many)
-            .refuses_midway("points of two coordinates", flat),
+            .refuses(format!("{last_row} 0.5"), moved_by(leaf([2, 3], 0.5), with(&[(12, 0.5)])))
+            .refuses(format!("{last_row} 2"), moved_by(leaf([2, 3], 0.5), with(&[(15, 2.0)])))
+            .refuses(
+                "transform_points needs a matrix of shape [4, 4], got shape [3, 4]",
+                Case::new(Moved, [leaf([2, 3], 0.5), leaf([3, 4], 1.0)]),
+            )
+            .refuses(
+                "transform_points needs points of shape [V, 3], got shape [6]",
+                moved_by(leaf([6], 0.5), with(&[])),
+            ),
     );
     entry
 }

@@ -2,13 +2,13 @@
 
 use bokashi_check::strategy::image_of;
 use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
-use bokashi_core::{Scalar, Tape, Var};
+use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{Composite, Size, antialias, rasterize};
 use proptest::prelude::*;
 
 use crate::blends;
 use crate::entry::Entry;
-use crate::inputs::{leaf, wide};
+use crate::inputs::wide;
 use crate::scenes::{Scene, scene, scenes, size};
 
 pub(crate) fn entry() -> Entry {
@@ -22,11 +22,15 @@ pub(crate) fn entry() -> Entry {
             })
         });
         let face = scene(vec![[0.0, 0.0, 0.0, 1.0]; 3], vec![[0, 1, 2]], size(4, 4));
-        let another_size = [Input::leaf(face.clip.clone()), leaf([4, 5, 1], 0.5)];
-        entry.check(Check::of_cases(format!("antialias {kind}"), cases).refuses_midway(
-            "an image of another size",
-            Case::new(Antialias { scene: face }, another_size),
-        ));
+        let check = Check::of_cases(format!("antialias {kind}"), cases);
+        let shapes = [&[4, 5, 1][..], &[4, 4], &[16, 2], &[4, 4, 0]];
+        entry.check(shapes.into_iter().fold(check, |check, shape| {
+            let inputs = [face.clip.clone(), Tensor::zeros(shape)].map(Input::leaf);
+            check.refuses_midway(
+                format!("composite needs an image of shape [4, 4, C], C > 0, got shape {shape:?}"),
+                Case::new(Antialias { scene: face.clone() }, inputs),
+            )
+        }));
     }
     entry
 }

@@ -1,33 +1,56 @@
 //! Fragments before every background, as images.
 
 use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
-use bokashi_core::{Scalar, Tape, Var};
+use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{Background, composite};
 use proptest::prelude::*;
 
 use crate::entry::Entry;
 use crate::fragments::{fixed_count, fixed_fragments};
-use crate::inputs::{leaf, leaves_of_shapes};
+use crate::inputs::leaves_of_shapes;
 
 pub(crate) fn entry() -> Entry {
     let mut entry = Entry::new("composite");
     let fragments = [fixed_count(), 2];
     for background in [None, Some(&[2][..]), Some(&[4, 6, 2])] {
         let shapes: Vec<&[usize]> = [&fragments[..]].into_iter().chain(background).collect();
-        let of = |inputs: Vec<Input>| Case::new(Image, inputs);
-        let one_more = of(vec![leaf([fragments[0] + 1, 2], 0.5)]);
-        let turned = of(vec![leaf(fragments, 0.5), leaf([6, 4, 2], 0.5)]);
-        entry.check(
-            Check::of_cases("image", leaves_of_shapes(&shapes).prop_map(of))
-                .refuses_midway("a value without a fragment", one_more)
-                .refuses_midway("a background of another size", turned),
-        );
+        let is_color = shapes.last().is_some_and(|shape| shape.len() == 1);
+        let of = move |inputs: Vec<Input>| Case::new(Image { is_color }, inputs);
+        entry.check(refusing(Check::of_cases("image", leaves_of_shapes(&shapes).prop_map(of))));
     }
     entry
 }
 
+fn refusing(check: Check) -> Check {
+    let count = fixed_count();
+    let zeros = |shape: &[usize]| Input::leaf(Tensor::zeros(shape));
+    let shapes = [&[count][..], &[count + 1, 2], &[count, 0], &[count, 2, 1]];
+    let check = shapes.into_iter().fold(check, |check, shape| {
+        check.refuses_midway(
+            format!("composite needs values of shape [{count}, C], C > 0, got shape {shape:?}"),
+            Case::new(Image { is_color: true }, [zeros(shape)]),
+        )
+    });
+    let colors: [&[usize]; 7] = [&[], &[3], &[1], &[6, 4, 2], &[4, 6, 1], &[4, 6, 2], &[48]];
+    let images: [&[usize]; 7] = [&[], &[3], &[1], &[2], &[6, 4, 2], &[4, 6, 1], &[48]];
+    let rules = [
+        (true, colors, "a background colour of shape [2]"),
+        (false, images, "a background image of shape [4, 6, 2]"),
+    ];
+    let wrong = rules.into_iter().flat_map(|(is_color, shapes, rule)| {
+        shapes
+            .map(|shape| (is_color, shape, format!("composite needs {rule}, got shape {shape:?}")))
+    });
+    wrong.fold(check, |check, (is_color, shape, message)| {
+        let case = Case::new(Image { is_color }, [zeros(&[count, 2]), zeros(shape)]);
+        check.refuses_midway(message, case)
+    })
+}
+
 #[derive(Debug, Clone, Copy)]
-struct Image;
+struct Image {
+    is_color: bool,
+}
 
 impl Subject for Image {
     /// Fragments' values, and perhaps a background: a colour or an image.
@@ -37,7 +60,7 @@ impl Subject for Image {
         inputs: &[Var<'t, T>],
     ) -> Result<Outcome<'t, T>, Refusal> {
         let background = match *inputs {
-            [_, background] if background.shape().rank() == 1 => Background::Color(background),
+            [_, background] if self.is_color => Background::Color(background),
             [_, background] => Background::Image(background),
             _ => Background::Zero,
         };

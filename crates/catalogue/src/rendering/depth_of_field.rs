@@ -8,7 +8,7 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 
 use crate::entry::Entry;
-use crate::inputs::{leaf, wide};
+use crate::inputs::{leaf, wide, with_one};
 use crate::scenes::motley;
 
 pub(crate) fn entry() -> Entry {
@@ -33,20 +33,40 @@ pub(crate) fn entry() -> Entry {
                 Case::new(DepthOfField { options }, inputs.map(Input::leaf))
             },
         );
-        let by = |depth: Input, aperture: f64, focus: f64| {
-            let inputs = [leaf([3, 3, 1], 0.5), depth, leaf([], aperture), leaf([], focus)];
-            Case::new(DepthOfField { options }, inputs)
-        };
-        entry.check(
-            Check::of_cases(format!("depth_of_field, {radius:?}"), cases)
-                .large(1, Just(large_view(options)))
-                .refuses("a negative depth", by(leaf([3, 3], -1.0), 1.0, 2.0))
-                .refuses("a negative aperture", by(leaf([3, 3], 1.0), -1.0, 2.0))
-                .refuses("a focus of 0", by(leaf([3, 3], 1.0), 1.0, 0.0))
-                .refuses("depths of another size", by(leaf([3, 2], 1.0), 1.0, 2.0)),
-        );
+        let check = Check::of_cases(format!("depth_of_field, {radius:?}"), cases);
+        entry.check(refusing(check.large(1, Just(large_view(options))), options));
     }
     entry
+}
+
+fn refusing(check: Check, options: LensOptions) -> Check {
+    let right = [leaf([3, 3, 1], 0.5), leaf([3, 3], 1.0), leaf([], 1.0), leaf([], 2.0)];
+    let with = |k: usize, input: Input| {
+        let mut inputs = right.clone();
+        inputs[k] = input;
+        Case::new(DepthOfField { options }, inputs)
+    };
+    let by = |options| Case::new(DepthOfField { options }, right.clone());
+    let endless = LensOptions { largest_sigma: f64::INFINITY, ..options };
+    let wide = LensOptions { radius: Radius::Fixed(20_000), ..options };
+    let rows = [
+        (
+            "an image of shape [H, W, C] with at least one entry, got shape [3, 3]",
+            with(0, leaf([3, 3], 0.5)),
+        ),
+        ("a depth image of shape [3, 3], got shape [3, 3, 1]", with(1, leaf([3, 3, 1], 1.0))),
+        ("a single number for the aperture, got shape [3, 3]", with(2, leaf([3, 3], 1.0))),
+        ("a single number for the focus, got shape [3, 3]", with(3, leaf([3, 3], 1.0))),
+        ("a finite aperture of at least 0, got -1", with(2, leaf([], -1.0))),
+        ("a finite and positive focus, got 0", with(3, leaf([], 0.0))),
+        ("depths from 0 up, got -0.5 at pixel 7", with(1, with_one([3, 3], 7, -0.5))),
+        ("depths from 0 up, got NaN at pixel 7", with(1, with_one([3, 3], 7, f64::NAN))),
+        ("a finite largest sigma of at least 0, got inf", by(endless)),
+        ("a window radius of at most 16384, got 20000", by(wide)),
+    ];
+    rows.into_iter().fold(check, |check, (rule, case)| {
+        check.refuses(format!("depth_of_field needs {rule}"), case)
+    })
 }
 
 #[derive(Debug)]

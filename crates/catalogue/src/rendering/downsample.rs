@@ -38,12 +38,49 @@ pub(crate) fn entry() -> Entry {
         entry.check(
             Check::of_cases(format!("downsample, {filter:?}"), cases)
                 .large(1, Just(by(3, large)))
-                .refuses("a factor of 0", by(0, leaf([4, 4, 1], 0.5)))
-                .refuses("rows that are left over", by(2, leaf([5, 4, 1], 0.5)))
-                .refuses("an image without channels", by(2, leaf([4, 4], 0.5))),
+                .refuses(
+                    "downsample needs a factor of at least 1, got 0",
+                    by(0, leaf([4, 4, 1], 0.5)),
+                ),
         );
     }
+    entry.check(refusing());
     entry
+}
+
+/// Whatever the filter: shapes; and filters that are none.
+fn refusing() -> Check {
+    let by = |k: usize, filter: Filter, shape: &[usize]| {
+        let image = Input::leaf(Tensor::full(shape, 0.5));
+        Case::new(Downsample { k, filter, border: Border::Mirror }, [image])
+    };
+    let right = image_of([4, 6, 1]).prop_map(move |image| {
+        let subject = Downsample { k: 2, filter: Filter::Box, border: Border::Mirror };
+        Case::new(subject, [Input::leaf(image)])
+    });
+    let check = Check::of_cases("downsample", right)
+        .refuses(
+            "downsample needs a filter radius above 0 and up to 64 output pixels, got 0",
+            by(2, Filter::Lanczos(0), &[4, 4, 1]),
+        )
+        .refuses(
+            "downsample needs filter weights with a finite sum other than 0, got 0",
+            by(2, Filter::custom(1.0, |x| x), &[4, 4, 1]),
+        );
+    let shapes: [(&[usize], usize); 7] = [
+        (&[4, 6, 1], 4),
+        (&[6, 4, 1], 4),
+        (&[4, 4], 2),
+        (&[0, 4, 1], 2),
+        (&[4, 4, 0], 2),
+        (&[4, 4, 1], 8),
+        (&[4, 4, 1], usize::MAX),
+    ];
+    shapes.into_iter().fold(check, |check, (shape, k)| {
+        let rule = "downsample needs an image of shape [H, W, C] with at least one entry, H and W";
+        let message = format!("{rule} multiples of {k}, got shape {shape:?}");
+        check.refuses(message, by(k, Filter::Box, shape))
+    })
 }
 
 #[derive(Debug, Clone)]

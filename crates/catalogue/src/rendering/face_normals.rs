@@ -6,7 +6,7 @@ use bokashi_render_ops::{Mesh, face_normals};
 use proptest::prelude::*;
 
 use crate::entry::Entry;
-use crate::inputs::leaf;
+use crate::inputs::{leaf, with_one};
 use crate::surfaces::{Surface, surfaces, vanishing};
 
 pub(crate) fn entry() -> Entry {
@@ -20,9 +20,18 @@ pub(crate) fn entry() -> Entry {
         entry.check(
             Check::of_cases(format!("face_normals of {kind}"), cases)
                 .large(1, Just(of(&large, large.leaf())))
-                .refuses("another number of vertices", of(&small, leaf([5, 3], 1.0)))
-                .refuses("points of four coordinates", of(&small, leaf([4, 4], 1.0)))
-                .refuses("an infinite position", of(&small, leaf([4, 3], f64::INFINITY))),
+                .refuses(
+                    "face_normals needs positions of shape [4, 3], got shape [5, 3]",
+                    of(&small, leaf([5, 3], 1.0)),
+                )
+                .refuses(
+                    "face_normals needs positions of shape [4, 3], got shape [12]",
+                    of(&small, leaf([12], 1.0)),
+                )
+                .refuses(
+                    "face_normals needs finite numbers in row 1 of the positions, got NaN",
+                    of(&small, with_one([4, 3], 4, f64::NAN)),
+                ),
         );
     }
     entry

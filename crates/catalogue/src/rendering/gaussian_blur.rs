@@ -62,18 +62,56 @@ fn gaussian_blur_of_an_image_by_a_sigma(entry: &mut Entry) {
                 Case::new(GaussianBlur { blur: Blur { kernel, border, radius } }, inputs)
             });
             let blur = Blur { kernel, border: Border::Mirror, radius };
-            let by = |sigma: Input| Case::new(GaussianBlur { blur }, [leaf([3, 3, 1], 0.5), sigma]);
-            let flat = [leaf([3, 3], 0.5), leaf([], 1.0)];
-            entry.check(
-                Check::of_cases(format!("gaussian_blur, {kernel:?}, {radius:?}"), cases)
-                    .large(1, Just(large_blur(blur)))
-                    .refuses("a negative sigma", by(leaf([], -1.0)))
-                    .refuses("a sigma that is no number", by(leaf([], f64::NAN)))
-                    .refuses("two sigmas", by(leaf([2], 1.0)))
-                    .refuses("an image without channels", Case::new(GaussianBlur { blur }, flat)),
-            );
+            let name = format!("gaussian_blur, {kernel:?}, {radius:?}");
+            let check = Check::of_cases(name, cases).large(1, Just(large_blur(blur)));
+            entry.check(refusing(check, blur));
         }
     }
+}
+
+/// Sigmas, shapes, radii and tolerances that no blur of a kernel can be made by.
+fn refusing(check: Check, blur: Blur) -> Check {
+    let of = |blur: Blur, image: &[usize], sigma: Input| {
+        Case::new(GaussianBlur { blur }, [Input::leaf(Tensor::full(image, 0.5)), sigma])
+    };
+    let by = |sigma| of(blur, &[3, 3, 1], leaf([], sigma));
+    let (rule, limits): (_, &[f64]) = match blur.kernel {
+        Kernel::Unnormalized => {
+            let rule = "a finite and positive sigma for the unnormalized kernel";
+            (rule, &[0.0, -0.0, -1.0, f64::NAN, f64::INFINITY])
+        }
+        _ => {
+            let rule = "a finite sigma of at least 0";
+            (rule, &[-1.0, -1e-300, f64::NAN, f64::INFINITY, f64::NEG_INFINITY])
+        }
+    };
+    let check = limits.iter().fold(check, |check, &sigma| {
+        check.refuses(format!("gaussian_blur needs {rule}, got sigma {sigma}"), by(sigma))
+    });
+    let check = match blur.kernel {
+        Kernel::Unnormalized => check.refuses("?overflow", by(1e-200)),
+        _ => check,
+    };
+    // At sigma 0 too, where the blur is the identity.
+    let sigma = if blur.kernel == Kernel::Unnormalized { 2.0 } else { 0.0 };
+    let shapes = [&[3, 3][..], &[3, 3, 0], &[0, 3, 1], &[3, 3, 1, 1]];
+    let check = shapes.into_iter().fold(check, |check, shape| {
+        let rule = "gaussian_blur needs an image of shape [H, W, C] with at least one entry";
+        check.refuses(format!("{rule}, got shape {shape:?}"), of(blur, shape, leaf([], sigma)))
+    });
+    let check = check.refuses(
+        "gaussian_blur needs a single number for sigma, got shape [2]",
+        of(blur, &[3, 3, 1], leaf([2], 1.0)),
+    );
+    let with = |radius| of(Blur { radius, ..blur }, &[3, 3, 1], leaf([], sigma));
+    let check = [0.0, -1.0, 1.0, 2.0, f64::NAN].into_iter().fold(check, |check, tolerance| {
+        let message = format!("gaussian_blur needs a tolerance between 0 and 1, got {tolerance}");
+        check.refuses(message, with(Radius::Tolerance(tolerance)))
+    });
+    check.refuses(
+        "gaussian_blur needs a window radius of at most 16384, got 16385",
+        with(Radius::Fixed(16_385)),
+    )
 }
 
 fn gaussian_blur_by_tridiagonal_systems(entry: &mut Entry) {

@@ -1,7 +1,7 @@
 //! Attributes at fragments.
 
 use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
-use bokashi_core::{Scalar, Tape, Var};
+use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{Mesh, interpolate, interpolate_indexed};
 use proptest::prelude::*;
 
@@ -16,13 +16,23 @@ pub(crate) fn entry() -> Entry {
         let inputs = leaves_of_shapes(&[&[4, channels], &[fragments, 2]]);
         let subject = Interpolate { indices: None };
         let of = move |inputs: Vec<Input>| Case::new(subject.clone(), inputs);
-        let of_five = of(vec![leaf([5, channels], 1.0), leaf([fragments, 2], 0.3)]);
-        let one_short = of(vec![leaf([4, channels], 1.0), leaf([fragments - 1, 2], 0.3)]);
-        entry.check(
-            Check::of_cases("interpolate", inputs.prop_map(of))
-                .refuses_midway("another number of vertices", of_five)
-                .refuses_midway("a fragment without weights", one_short),
+        let few = fragments - 1;
+        let one_short = of(vec![leaf([4, channels], 1.0), leaf([few, 2], 0.3)]);
+        let wrong = of.clone();
+        let check = Check::of_cases("interpolate", inputs.prop_map(of)).refuses_midway(
+            format!(
+                "interpolate needs barycentrics of shape [{fragments}, 2], got shape [{few}, 2]"
+            ),
+            one_short,
         );
+        let shapes = [&[4][..], &[3, 2], &[4, 0], &[4, 1, 1]];
+        entry.check(shapes.into_iter().fold(check, |check, shape| {
+            let attributes = Input::leaf(Tensor::zeros(shape));
+            check.refuses_midway(
+                format!("interpolate needs attributes of shape [4, C], C > 0, got shape {shape:?}"),
+                wrong(vec![attributes, leaf([fragments, 2], 0.3)]),
+            )
+        }));
     }
     // More attributes than vertices, one of them used by both faces, one by none, one twice.
     let indices = Some(Mesh::new(vec![[5, 0, 2], [2, 3, 3]], 6).unwrap());
@@ -30,10 +40,16 @@ pub(crate) fn entry() -> Entry {
         (leaves_of_shapes(&[&[6, 2], &[fragments, 2]]), Interpolate { indices });
     let of = move |inputs: Vec<Input>| Case::new(subject.clone(), inputs);
     let of_five = of(vec![leaf([5, 2], 1.0), leaf([fragments, 2], 0.3)]);
+    let single = Interpolate { indices: Some(Mesh::new(vec![[0, 1, 2]], 3).unwrap()) };
+    let single = Case::new(single, [leaf([3, 1], 1.0), leaf([fragments, 2], 0.3)]);
     let name = "interpolate with an index buffer of its own";
     entry.check(
         Check::of_cases(name, inputs.prop_map(of))
-            .refuses_midway("fewer attributes than indices", of_five),
+            .refuses_midway(
+                "interpolate needs attributes of shape [6, C], C > 0, got shape [5, 2]",
+                of_five,
+            )
+            .refuses_midway("indices need one face per face of the mesh, 2, got 1", single),
     );
     entry
 }

@@ -7,7 +7,7 @@ use bokashi_render_ops::irradiance;
 use proptest::prelude::*;
 
 use crate::entry::Entry;
-use crate::inputs::leaf;
+use crate::inputs::{leaf, with_one};
 use crate::materials::{ROWS, directions};
 use crate::scenes::motley;
 
@@ -26,8 +26,22 @@ pub(crate) fn entry() -> Entry {
     entry.check(
         Check::of_cases("irradiance", cases)
             .large(1, Just(of(rows([9, 3], 1), rows([9000, 3], 2))))
-            .refuses("four coefficients", of(leaf([4, 3], 1.0), leaf([2, 3], 1.0)))
-            .refuses("a normal of no length", of(leaf([9, 3], 1.0), leaf([2, 3], 0.0))),
+            .refuses(
+                "irradiance needs coefficients of shape [9, C], got shape [4, 3]",
+                of(leaf([4, 3], 1.0), leaf([2, 3], 1.0)),
+            )
+            .refuses(
+                "irradiance needs directions other than zero, got zero in row 1",
+                of(leaf([9, 3], 1.0), Input::leaf(Tensor::from([[1.0; 3], [0.0; 3]]))),
+            )
+            .refuses(
+                "irradiance needs finite normals, got NaN in row 0",
+                of(leaf([9, 3], 1.0), with_one([1, 3], 1, f64::NAN)),
+            )
+            .refuses(
+                "irradiance needs normals of shape [N, 3], got shape [3]",
+                of(leaf([9, 3], 1.0), leaf([3], 1.0)),
+            ),
     );
     entry
 }

@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use proptest::sample::select;
 
 use crate::entry::Entry;
-use crate::inputs::{leaf, wide};
+use crate::inputs::{leaf, wide, with_one};
 use crate::scenes::motley;
 
 pub(crate) fn entry() -> Entry {
@@ -75,15 +75,25 @@ fn distort_points_before_and_behind_a_lens(entry: &mut Entry) {
     let rational = rational.prop_map(|(points, lens)| {
         Case::new(Distort, [Tensor::from(points), lens].map(Input::leaf))
     });
-    entry.check(
-        Check::of_cases("distort by a quotient", rational)
-            .refuses("seven coefficients", of(leaf([2, 3], 1.0), leaf([7], 0.1))),
-    );
+    entry.check(Check::of_cases("distort by a quotient", rational).refuses(
+        "distort needs coefficients of shape [5] or [8], got shape [7]",
+        of(leaf([2, 3], 1.0), leaf([7], 0.1)),
+    ));
     entry.check(
         Check::of_cases("distort", cases)
             .large(1, many)
-            .refuses("four coefficients", of(leaf([2, 3], 1.0), leaf([4], 0.1)))
-            .refuses("points of four coordinates", of(leaf([2, 4], 1.0), leaf([5], 0.1))),
+            .refuses(
+                "distort needs coefficients of shape [5] or [8], got shape [4]",
+                of(leaf([2, 3], 1.0), leaf([4], 0.1)),
+            )
+            .refuses(
+                "distort needs points of shape [V, 3], got shape [4]",
+                of(leaf([4], 1.0), leaf([5], 0.1)),
+            )
+            .refuses(
+                "distort needs coefficients within -1e100 and 1e100, got inf",
+                of(leaf([2, 3], 0.0), with_one([5], 1, f64::INFINITY)),
+            ),
     );
 }
 
@@ -128,7 +138,17 @@ fn a_fisheye_shows_points_on_all_sides(entry: &mut Entry) {
     entry.check(
         Check::of_cases("fisheye", cases)
             .large(1, many)
-            .refuses("five coefficients", of(leaf([2, 3], 1.0), leaf([5], 0.1)))
-            .refuses("points of four coordinates", of(leaf([2, 4], 1.0), leaf([4], 0.1))),
+            .refuses(
+                "fisheye needs coefficients of shape [4], got shape [5]",
+                of(leaf([2, 3], 1.0), leaf([5], 0.1)),
+            )
+            .refuses(
+                "fisheye needs points of shape [V, 3], got shape [2, 4]",
+                of(leaf([2, 4], 1.0), leaf([4], 0.1)),
+            )
+            .refuses(
+                "fisheye needs coefficients within -1e100 and 1e100, got NaN",
+                of(leaf([2, 3], 0.0), with_one([4], 2, f64::NAN)),
+            ),
     );
 }

@@ -18,13 +18,23 @@ pub(crate) fn entry() -> Entry {
         let rotation = Tensor::from(q.map(|entry| length * entry));
         Case::new(Motion { fixed: None }, [rotation, t].map(Input::leaf))
     });
-    let of = |rotation, translation| {
-        Case::new(Motion { fixed: None }, [leaf([rotation], 0.0), leaf([translation], 0.0)])
-    };
+    let of = |rotation, translation| Case::new(Motion { fixed: None }, [rotation, translation]);
+    let far = Input::leaf(Tensor::from([0.0, f64::INFINITY, 0.0]));
     entry.check(
         Check::of_cases("rigid", turns)
-            .refuses("a quaternion of zeros", of(4, 3))
-            .refuses("a rotation of three entries", of(3, 3)),
+            .refuses(
+                "rigid needs a rotation of shape [4], got shape [3]",
+                of(leaf([3], 1.0), leaf([3], 0.0)),
+            )
+            .refuses(
+                "rigid needs a translation of shape [3], got shape [4]",
+                of(leaf([4], 1.0), leaf([4], 1.0)),
+            )
+            .refuses(
+                "a rotation needs a finite quaternion other than zero, got (0, 0, 0, 0)",
+                of(leaf([4], 0.0), leaf([3], 0.0)),
+            )
+            .refuses("rigid needs a finite translation, got inf", of(leaf([4], 1.0), far)),
     );
     // Angles of 0, next to it, on both sides of where the series end, and far beyond half a turn.
     let length = select(&[0.0, 1e-9, 1e-3, 0.4, 1.0, 1.7][..]);
@@ -34,12 +44,29 @@ pub(crate) fn entry() -> Entry {
         let increment = Tensor::from_flat_fn([6], entry);
         Case::new(Motion { fixed: Some(fixed) }, [Input::leaf(increment)])
     });
-    let fixed = Some(DMat4::IDENTITY.to_cols_array_2d());
-    let of = |increment| Case::new(Motion { fixed }, [increment]);
+    let of = |fixed: DMat4, increment| {
+        Case::new(Motion { fixed: Some(fixed.to_cols_array_2d()) }, [increment])
+    };
+    let with = |entry: f64, k: usize| {
+        let increment = Tensor::from_flat_fn([6], |other| if other == k { entry } else { 0.0 });
+        of(DMat4::IDENTITY, Input::leaf(increment))
+    };
+    let mut lost = DMat4::IDENTITY;
+    lost.x_axis.y = f64::NAN;
+    let far = format!("-1{}", "0".repeat(51));
+    let range = "se3 needs an increment within -1e50 and 1e50, got";
     entry.check(
         Check::of_cases("se3", increments)
-            .refuses("five entries", of(leaf([5], 0.0)))
-            .refuses("an increment that is not finite", of(leaf([6], f64::NAN))),
+            .refuses(
+                "se3 needs an increment of shape [6], got shape [5]",
+                of(DMat4::IDENTITY, leaf([5], 0.0)),
+            )
+            .refuses(format!("{range} {far}"), with(-1e51, 3))
+            .refuses(format!("{range} NaN"), with(f64::NAN, 1))
+            .refuses(
+                "a camera matrix needs finite entries, got NaN in row 1, column 0",
+                of(lost, leaf([6], 0.0)),
+            ),
     );
     entry
 }

@@ -26,8 +26,12 @@ pub(crate) fn entry() -> Entry {
         Check::of_cases("over", cases)
             .large(1, Just(Case::new(Over, large.map(Input::leaf))))
             .refuses(
-                "images of two sizes",
-                Case::new(Over, [leaf([2, 2, 3], 0.5), leaf([2, 3, 3], 0.5)]),
+                "over needs an image behind of shape [2, 3, 4], got shape [3, 2, 4]",
+                Case::new(Over, [leaf([2, 3, 4], 0.5), leaf([3, 2, 4], 0.5)]),
+            )
+            .refuses(
+                "over needs images of shape [.., C], C > 0, got shape [2, 0]",
+                Case::new(Over, [leaf([2, 0], 0.5), leaf([2, 0], 0.5)]),
             ),
     );
     entry

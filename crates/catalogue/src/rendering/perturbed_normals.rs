@@ -44,10 +44,25 @@ pub(crate) fn entry() -> Entry {
         Check::of_cases("perturbed_normals", cases)
             .large(1, Just(of(rows(3), rows(4), rows(3))))
             .refuses(
-                "tangents of three",
+                "perturbed_normals needs normals of shape [.., 3], got shape [2, 4]",
+                of(leaf([2, 4], 1.0), leaf([2, 4], 1.0), leaf([2, 3], 1.0)),
+            )
+            .refuses(
+                "perturbed_normals needs normals of shape [.., 3], got shape []",
+                of(leaf([], 1.0), leaf([4], 1.0), leaf([3], 1.0)),
+            )
+            .refuses(
+                "perturbed_normals needs tangents of shape [2, 4], got shape [2, 3]",
                 of(leaf([2, 3], 1.0), leaf([2, 3], 1.0), leaf([2, 3], 1.0)),
             )
-            .refuses("other rows", of(leaf([2, 3], 1.0), leaf([2, 4], 1.0), leaf([3, 3], 1.0))),
+            .refuses(
+                "perturbed_normals needs tangents of shape [2, 4], got shape [3, 4]",
+                of(leaf([2, 3], 1.0), leaf([3, 4], 1.0), leaf([2, 3], 1.0)),
+            )
+            .refuses(
+                "perturbed_normals needs map values of shape [5, 2, 3], got shape [10, 3]",
+                of(leaf([5, 2, 3], 1.0), leaf([5, 2, 4], 1.0), leaf([10, 3], 1.0)),
+            ),
     );
     entry
 }

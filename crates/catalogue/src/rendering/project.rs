@@ -43,13 +43,18 @@ fn project_with_and_without_a_pose(entry: &mut Entry) {
     let positions = |count| tensor([count, 3], number()).prop_map(Input::leaf);
     let bare = (camera(), positions(5));
     let bare = bare.prop_map(|(camera, p)| Case::new(Project { camera }, [p]));
-    let not_a_point = Input::leaf(Tensor::zeros([5, 4]));
     let mut blind = DMat4::IDENTITY.to_cols_array_2d();
     blind[2][1] = f64::NAN;
     entry.check(
         Check::of_cases("project", bare)
-            .refuses("points of four coordinates", project_by(identity(), &[not_a_point]))
-            .refuses("a camera that is not finite", project_by(blind, &[leaf([2, 3], 0.5)])),
+            .refuses(
+                "project needs positions of shape [V, 3], got shape [6]",
+                project_by(identity(), &[leaf([6], 0.5)]),
+            )
+            .refuses(
+                "a camera matrix needs finite entries, got NaN in row 1, column 2",
+                project_by(blind, &[leaf([2, 3], 0.5)]),
+            ),
     );
     let posed = (camera(), positions(4), unit_quaternion(), 0.5..2.0, tensor([3], number()));
     let posed = posed.prop_map(|(camera, p, q, length, t)| {
@@ -58,11 +63,22 @@ fn project_with_and_without_a_pose(entry: &mut Entry) {
     });
     let points = leaf([2, 3], 0.5);
     let no_rotation = [points.clone(), leaf([4], 0.0), leaf([3], 0.0)];
-    let no_shift = [points, leaf([4], 1.0), leaf([2], 0.0)];
+    let three = [points.clone(), leaf([3], 0.5), leaf([3], 0.0)];
+    let no_shift = [points, leaf([4], 0.5), leaf([4], 0.0)];
     entry.check(
         Check::of_cases("project with a pose", posed)
-            .refuses("a quaternion of zeros", project_by(identity(), &no_rotation))
-            .refuses("a translation of two entries", project_by(identity(), &no_shift)),
+            .refuses(
+                "a rotation needs a finite quaternion other than zero, got (0, 0, 0, 0)",
+                project_by(identity(), &no_rotation),
+            )
+            .refuses(
+                "project needs a rotation of shape [4], got shape [3]",
+                project_by(identity(), &three),
+            )
+            .refuses(
+                "project needs a translation of shape [3], got shape [4]",
+                project_by(identity(), &no_shift),
+            ),
     );
 }
 
@@ -104,11 +120,18 @@ fn project_by_a_camera_that_is_learnt(entry: &mut Entry) {
         of(vec![Tensor::from_flat_fn([20_000, 3], motley), matrix(camera)])
     });
     let points = Tensor::full([2, 3], 0.5);
+    let blind = Tensor::from_flat_fn([4, 4], |k| if k == 9 { f64::NAN } else { 0.0 });
     entry.check(
         Check::of_cases("project by a variable", bare)
             .large(1, many)
-            .refuses("a camera of three rows", of(vec![points.clone(), Tensor::zeros([3, 4])]))
-            .refuses("a camera not finite", of(vec![points, Tensor::full([4, 4], f64::NAN)])),
+            .refuses(
+                "project needs a camera matrix of shape [4, 4], got shape [3, 4]",
+                of(vec![points.clone(), Tensor::zeros([3, 4])]),
+            )
+            .refuses(
+                "a camera matrix needs finite entries, got NaN in row 2, column 1",
+                of(vec![points, blind]),
+            ),
     );
     let posed = (camera(), tensor([4, 3], number()), unit_quaternion(), tensor([3], number()));
     let posed = posed.prop_map(move |(camera, p, q, t)| {

@@ -32,24 +32,40 @@ pub(crate) fn entry() -> Entry {
         let matrices = Tensor::from_flat_fn([instances, 4, 4], |k| motley(3 * k));
         of(Some(camera), vec![Tensor::from_flat_fn([vertices, 3], motley), matrices])
     });
-    let refused = |positions: [usize; 2], matrices: [usize; 2]| {
-        of(
-            None,
-            vec![
-                Tensor::full(positions, 0.5),
-                Tensor::full(matrices, 0.5),
-                Tensor::full([4, 4], 0.5),
-            ],
-        )
+    let refused = |positions: &[usize], matrices: &[usize], camera: &[usize]| {
+        let inputs = [positions, matrices, camera].map(|shape| Tensor::full(shape, 0.5));
+        of(None, inputs.to_vec())
     };
+    let points = || Tensor::full([2, 3], 0.5);
+    let lost = Tensor::from_flat_fn([3, 4, 4], |k| if k == 37 { f64::NAN } else { 1.0 });
+    let mut far = DMat4::IDENTITY.to_cols_array_2d();
+    far[0][2] = f64::INFINITY;
     entry.check(
         Check::of_cases("project_instances", fixed)
             .large(2, many)
-            .refuses("a matrix without an instance", refused([2, 3], [4, 4])),
+            .refuses(
+                "project_instances needs matrices of shape [I, 4, 4], got shape [4, 4]",
+                refused(&[2, 3], &[4, 4], &[4, 4]),
+            )
+            .refuses(
+                "project_instances needs finite entries of matrix 2, got NaN",
+                of(Some(DMat4::IDENTITY.to_cols_array_2d()), vec![points(), lost]),
+            )
+            .refuses(
+                "a camera matrix needs finite entries, got inf in row 2, column 0",
+                of(Some(far), vec![points(), Tensor::full([1, 4, 4], 0.5)]),
+            ),
     );
     entry.check(
         Check::of_cases("project_instances by a variable", learnt)
-            .refuses("points of two coordinates", refused([2, 2], [4, 4])),
+            .refuses(
+                "project_instances needs positions of shape [V, 3], got shape [6]",
+                refused(&[6], &[1, 4, 4], &[4, 4]),
+            )
+            .refuses(
+                "project_instances needs a camera matrix of shape [4, 4], got shape [4]",
+                refused(&[2, 3], &[1, 4, 4], &[4]),
+            ),
     );
     entry
 }

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
-use bokashi_core::{Scalar, Tape, Var};
+use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{depth, rasterize};
 use proptest::prelude::*;
 
@@ -19,21 +19,36 @@ pub(crate) fn entry() -> Entry {
                 let clip = Input::leaf(scene.clip.clone());
                 Case::new(Rasterize { scene, outputs: outputs.clone() }, [clip])
             });
-            let [face] = [[[0.0, 0.0, 0.0, 1.0]; 3]];
-            let one = scene(face.to_vec(), vec![[0, 1, 2]], size(4, 4));
-            let of_one = |clip| Case::new(Rasterize { scene: one.clone(), outputs: 0..1 }, [clip]);
-            let none = Scene { size: size(0, 4), ..one.clone() };
-            let on_none = Rasterize { scene: none, outputs: 0..1 };
-            entry.check(
-                Check::of_cases(format!("rasterize {kind} to {what}"), cases)
-                    .refuses("another number of vertices", of_one(leaf([2, 4], 1.0)))
-                    .refuses("points of three coordinates", of_one(leaf([3, 3], 1.0)))
-                    .refuses("an infinite position", of_one(leaf([3, 4], f64::INFINITY)))
-                    .refuses("no pixels", Case::new(on_none, [leaf([3, 4], 1.0)])),
-            );
+            entry.check(refusing(Check::of_cases(format!("rasterize {kind} to {what}"), cases)));
         }
     }
     entry
+}
+
+fn refusing(check: Check) -> Check {
+    let one = scene(vec![[0.0, 0.0, 0.0, 1.0]; 4], vec![[0, 1, 2]], size(4, 4));
+    let of_one = |clip| Case::new(Rasterize { scene: one.clone(), outputs: 0..1 }, [clip]);
+    let none = Rasterize { scene: Scene { size: size(0, 5), ..one.clone() }, outputs: 0..1 };
+    let check = check.refuses(
+        "an image needs at least one pixel and fewer than 2^32 - 1, got 0 x 5",
+        Case::new(none, [leaf([4, 4], 1.0)]),
+    );
+    // A vertex that no face uses is refused too.
+    let with = |bad: f64| [0.5, bad, 0.0, 1.0];
+    let check =
+        [f64::NAN, f64::INFINITY, f64::NEG_INFINITY].into_iter().fold(check, |check, bad| {
+            let clip = |k: usize| if k < 12 { 1.0 } else { with(bad)[k - 12] };
+            check.refuses(
+                format!("clip positions need to be finite, got (0.5, {bad}, 0, 1) at vertex 3"),
+                of_one(Input::leaf(Tensor::from_flat_fn([4, 4], clip))),
+            )
+        });
+    [&[16][..], &[4, 3], &[2, 4], &[4, 4, 1]].into_iter().fold(check, |check, shape| {
+        check.refuses(
+            format!("rasterize needs clip positions of shape [4, 4], got shape {shape:?}"),
+            of_one(Input::leaf(Tensor::zeros(shape))),
+        )
+    })
 }
 
 #[derive(Debug)]

@@ -21,8 +21,14 @@ pub(crate) fn entry() -> Entry {
     entry.check(
         Check::of_cases("reflect", cases)
             .large(1, Just(of(rows(1), rows(2))))
-            .refuses("directions of two", of(leaf([2, 2], 1.0), leaf([2, 2], 1.0)))
-            .refuses("other rows", of(leaf([2, 3], 1.0), leaf([3, 3], 1.0))),
+            .refuses(
+                "reflect needs directions of shape [.., 3], got shape [2]",
+                of(leaf([2], 1.0), leaf([2], 1.0)),
+            )
+            .refuses(
+                "reflect needs normals of shape [2, 3], one for each direction, got shape [3]",
+                of(leaf([2, 3], 1.0), leaf([3], 1.0)),
+            ),
     );
     entry
 }

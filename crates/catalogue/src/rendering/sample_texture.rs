@@ -10,7 +10,7 @@ use proptest::sample::select;
 
 use crate::entry::Entry;
 use crate::footprints::{cells, samplers, slopes, texture_inputs};
-use crate::inputs::{leaf, wide};
+use crate::inputs::{leaf, wide, with_one};
 use crate::scenes::motley;
 
 pub(crate) fn entry() -> Entry {
@@ -40,16 +40,20 @@ pub(crate) fn entry() -> Entry {
             Check::of_cases(format!("sample_texture, {name}"), cases)
                 .large(1, Just(many_samples(sampler)))
                 .refuses_midway(
-                    "coordinates of three entries",
-                    of(leaf([2, 3], 0.5), leaf([2, 2, 2], 0.1)),
+                    "sample_texture needs coordinates of shape [N, 2], got shape [3]",
+                    of(leaf([3], 0.5), leaf([2, 2, 2], 0.1)),
                 )
                 .refuses_midway(
-                    "coordinates that are no number",
-                    of(leaf([2, 2], f64::NAN), leaf([2, 2, 2], 0.1)),
+                    "sample_texture needs finite coordinates, got NaN in row 1",
+                    of(with_one([2, 2], 2, f64::NAN), leaf([2, 2, 2], 0.1)),
                 )
                 .refuses_midway(
-                    "differentials of other samples",
-                    of(leaf([2, 2], 0.5), leaf([3, 2, 2], 0.1)),
+                    "sample_texture needs differentials of shape [3, 2, 2], got shape [3, 2]",
+                    of(leaf([3, 2], 0.5), leaf([3, 2], 0.1)),
+                )
+                .refuses_midway(
+                    "sample_texture needs from 1 to 8 probes, got 9",
+                    many_samples(Sampler::new().filter(TextureFilter::Anisotropic { probes: 9 })),
                 ),
         );
     }

@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use proptest::sample::select;
 
 use crate::entry::Entry;
-use crate::inputs::{leaf, leaves, wide};
+use crate::inputs::{leaf, leaves, wide, with_one};
 use crate::materials::{MODELS, Model, ROWS, directions, facing, flat, strengths};
 use crate::scenes::motley;
 
@@ -50,12 +50,49 @@ pub(crate) fn entry() -> Entry {
         entry.check(
             Check::of_cases(format!("shade, {name}"), cases)
                 .large(1, Just(many(model)))
-                .refuses("normals of two", of(0, leaf([2, 2], 1.0)))
-                .refuses("views of other rows", of(1, leaf([3, 3], 1.0)))
-                .refuses_midway("a normal of no length", of(0, leaf([2, 3], 0.0)))
-                .refuses_midway("a position that is no number", of(2, leaf([2, 3], f64::NAN)))
-                .refuses("a negative irradiance", of(4, leaf([3], -1.0)))
-                .refuses("a direction of no length", of(3, leaf([3], 0.0))),
+                .refuses(
+                    "shade needs normals of shape [N, 3], got shape [3]",
+                    of(0, leaf([3], 1.0)),
+                )
+                .refuses(
+                    "shade needs views of shape [2, 3] or [3], got shape [1, 3]",
+                    of(1, leaf([1, 3], 1.0)),
+                )
+                .refuses_midway(
+                    "shade needs positions of shape [2, 3], got shape [1, 3]",
+                    of(2, leaf([1, 3], 1.0)),
+                )
+                .refuses_midway("?", of(8, leaf([1, 3], 0.5)))
+                .refuses_midway(
+                    "shade needs directions other than zero, got zero in row 1",
+                    of(0, Input::leaf(Tensor::from([[1.0; 3], [0.0; 3]]))),
+                )
+                .refuses_midway(
+                    "shade needs finite views, got inf in row 0",
+                    of(1, with_one([2, 3], 1, f64::INFINITY)),
+                )
+                .refuses_midway("??", of(8, leaf([3], f64::NAN)))
+                .refuses_midway(
+                    "shade needs finite positions, got NaN in row 0",
+                    of(2, leaf([2, 3], f64::NAN)),
+                )
+                .refuses(
+                    "shade needs a light's direction other than zero, got 0",
+                    of(3, leaf([3], 0.0)),
+                )
+                .refuses(
+                    "shade needs an irradiance of 0 or more, got -0.5",
+                    of(4, with_one([3], 1, -0.5)),
+                )
+                .refuses_midway(
+                    "shade needs a light's position that is finite, got NaN",
+                    of(5, leaf([3], f64::NAN)),
+                )
+                .refuses_midway(
+                    "shade needs finite inverse squares of distances to a point light, got inf in \
+                     row 1",
+                    of(5, Input::leaf(Tensor::from_flat_fn([3], |i| motley(i + 7)))),
+                ),
         );
     }
     entry

@@ -34,13 +34,30 @@ pub(crate) fn entry() -> Entry {
         };
         let few = Mesh::new(vec![], 8).unwrap();
         let few = Case::new(Tangents { indices: few, ..subject.clone() }, right.clone());
+        let [first, ..] = *subject.indices.faces() else { panic!("a sheet has faces") };
+        let shared = Mesh::new(vec![first; 2], 8).unwrap();
+        let shared = Case::new(Tangents { indices: shared, ..subject.clone() }, right.clone());
         entry.check(
             Check::of_cases(format!("tangents of {kind}"), cases)
                 .large(1, Just(of(&Surface::sheet(48), &noise)))
-                .refuses("another number of positions", wrong(0, leaf([5, 3], 1.0)))
-                .refuses("normals of four coordinates", wrong(1, leaf([4, 4], 1.0)))
-                .refuses("a coordinate that is no number", wrong(2, leaf([8, 2], f64::NAN)))
-                .refuses("another number of faces", few),
+                .refuses(
+                    "tangents needs positions of shape [4, 3], got shape [5, 3]",
+                    wrong(0, leaf([5, 3], 1.0)),
+                )
+                .refuses(
+                    "tangents needs normals of shape [4, 3], got shape [4, 4]",
+                    wrong(1, leaf([4, 4], 1.0)),
+                )
+                .refuses(
+                    "tangents needs texture coordinates of shape [8, 2], got shape [5, 2]",
+                    wrong(2, leaf([5, 2], 1.0)),
+                )
+                .refuses(
+                    "tangents needs finite numbers in row 0 of the texture coordinates, got NaN",
+                    wrong(2, leaf([8, 2], f64::NAN)),
+                )
+                .refuses("indices need one face per face of the mesh, 2, got 0", few)
+                .refuses("?shared", shared),
         );
     }
     entry

@@ -24,8 +24,22 @@ pub(crate) fn entry() -> Entry {
         entry.check(
             Check::of_cases(format!("transform_normals by {side} x {side}"), cases)
                 .large(1, Just(of(Input::leaf(many), Input::leaf(matrix))))
-                .refuses("rows of four", of(leaf([2, 4], 1.0), leaf([side, side], 1.0)))
-                .refuses("a matrix of another shape", of(leaf([2, 3], 1.0), leaf([3, 4], 1.0))),
+                .refuses(
+                    "transform_normals needs normals of shape [.., 3], got shape [2, 4]",
+                    of(leaf([2, 4], 1.0), leaf([side, side], 1.0)),
+                )
+                .refuses(
+                    "transform_normals needs normals of shape [.., 3], got shape []",
+                    of(leaf([], 1.0), leaf([side, side], 1.0)),
+                )
+                .refuses(
+                    "transform_normals needs a matrix of shape [4, 4] or [3, 3], got shape [3, 4]",
+                    of(leaf([2, 3], 1.0), leaf([3, 4], 1.0)),
+                )
+                .refuses(
+                    "transform_normals needs a matrix of shape [4, 4] or [3, 3], got shape [9]",
+                    of(leaf([3], 1.0), leaf([9], 1.0)),
+                ),
         );
     }
     entry

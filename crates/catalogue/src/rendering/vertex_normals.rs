@@ -6,7 +6,7 @@ use bokashi_render_ops::{Mesh, Weighting, vertex_normals};
 use proptest::prelude::*;
 
 use crate::entry::Entry;
-use crate::inputs::leaf;
+use crate::inputs::{leaf, with_one};
 use crate::surfaces::{Surface, surfaces, vanishing};
 
 pub(crate) fn entry() -> Entry {
@@ -21,8 +21,18 @@ pub(crate) fn entry() -> Entry {
             entry.check(
                 Check::of_cases(format!("vertex_normals of {kind}, {weighting:?}"), cases)
                     .large(1, Just(of(&large, large.leaf())))
-                    .refuses("another number of vertices", of(&small, leaf([3, 3], 1.0)))
-                    .refuses("a position that is no number", of(&small, leaf([4, 3], f64::NAN))),
+                    .refuses(
+                        "vertex_normals needs positions of shape [4, 3], got shape [3, 3]",
+                        of(&small, leaf([3, 3], 1.0)),
+                    )
+                    .refuses(
+                        "vertex_normals needs finite numbers in row 0 of the positions, got inf",
+                        of(&small, leaf([4, 3], f64::INFINITY)),
+                    )
+                    .refuses(
+                        "vertex_normals needs finite numbers in row 2 of the positions, got NaN",
+                        of(&small, with_one([4, 3], 7, f64::NAN)),
+                    ),
             );
         }
     }

@@ -49,10 +49,15 @@ pub(super) fn compare<T: bokashi_core::Scalar>(
     Ok(())
 }
 
-/// Wrong inputs are an error and leave the tape as it was. The tape is no longer than before,
+/// Wrong inputs are an error with this message, and leave the tape as it was. The tape is no longer than before,
 /// except for the first operations of a pipeline, and a step that was recorded before gives `right`
 /// its gradients to the same bits.
-pub(crate) fn refuses(wrong: &Case, is_pipeline: bool, right: &Trial) -> Result<Tally, Broken> {
+pub(crate) fn refuses(
+    wrong: &Case,
+    message: &str,
+    is_pipeline: bool,
+    right: &Trial,
+) -> Result<Tally, Broken> {
     let refused = |error: &dyn std::fmt::Display| Broken::said(error.to_string());
     let mut tally = Tally::default();
     let tape = Tape::<f64>::new();
@@ -62,9 +67,14 @@ pub(crate) fn refuses(wrong: &Case, is_pipeline: bool, right: &Trial) -> Result<
     let wrong_inputs = place(&tape, &point(&wrong.inputs));
     let before = tape.len();
     match caught(|| wrong.subject.apply_f64(&tape, &wrong_inputs).map(|_| ())) {
-        Ok(Err(_)) => tally.compared += 1,
-        Ok(Ok(())) => return Err(Broken::said("it was taken")),
-        Err(panic) => return Err(Broken::said(format!("it panicked: {panic}"))),
+        Ok(Err(error)) if error.to_string() == message => tally.compared += 1,
+        Ok(Err(error)) => {
+            return Err(Broken::said(format!("the error is \"{error}\", not \"{message}\"")));
+        }
+        Ok(Ok(())) => return Err(Broken::said(format!("it was taken, without \"{message}\""))),
+        Err(panic) => {
+            return Err(Broken::said(format!("it panicked, without \"{message}\": {panic}")));
+        }
     }
     let after = tape.len();
     if after != before && !is_pipeline {
