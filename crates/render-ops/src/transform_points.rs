@@ -134,27 +134,4 @@ mod tests {
             }
         }
     }
-
-    #[test]
-    fn a_matrix_that_would_need_a_division_is_refused() {
-        let tape = Tape::<f32>::new();
-        let points = tape.leaf(&Tensor::zeros([2, 3]));
-        let by = |matrix: Tensor<f32>| {
-            transform_points(points, tape.leaf(&matrix))
-                .map(drop)
-                .map_err(|error| error.to_string())
-        };
-        let unit = |k: usize| f32::from(u8::from([0, 5, 10, 15].contains(&k)));
-        assert_eq!(by(Tensor::from_flat_fn([4, 4], unit)), Ok(()));
-        for (at, entry) in [(12, 0.5), (15, 2.0)] {
-            let matrix = Tensor::from_flat_fn([4, 4], |k| if k == at { entry } else { unit(k) });
-            let rule = "transform_points needs a matrix with the last row (0, 0, 0, 1)";
-            assert_eq!(by(matrix), Err(format!("{rule}, got {entry}")));
-        }
-        let rule = "transform_points needs a matrix of shape [4, 4], got shape [3, 4]";
-        assert_eq!(by(Tensor::zeros([3, 4])), Err(rule.to_owned()));
-        let flat = tape.leaf(&Tensor::zeros([6]));
-        let error = transform_points(flat, flat).unwrap_err().to_string();
-        assert_eq!(error, "transform_points needs points of shape [V, 3], got shape [6]");
-    }
 }

@@ -163,20 +163,4 @@ mod tests {
             assert!(Direction::of([1.0, bad, 0.0]).unwrap().unit[1].is_nan());
         }
     }
-
-    #[test]
-    fn the_gradient_of_a_direction_is_a_difference_quotient() {
-        let value = |v: [f64; 3]| dot(Direction::of(v).unwrap().unit, B);
-        let gradient = Direction::of(A).unwrap().pull_back(B);
-        for k in 0..3 {
-            let moved = |h: f64| {
-                let mut v = A;
-                v[k] += h;
-                value(v)
-            };
-            let quotient = (moved(1e-6) - moved(-1e-6)) / 2e-6;
-            assert_relative_eq!(gradient[k], quotient, max_relative = 1e-8);
-        }
-        assert_relative_eq!(dot(gradient, A), 0.0, epsilon = 1e-15);
-    }
 }

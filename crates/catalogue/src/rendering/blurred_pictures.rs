@@ -14,7 +14,7 @@ use crate::scenes::size;
 pub(crate) fn entry() -> Entry {
     let mut entry = Entry::new("blurred_pictures");
     for is_error in [false, true] {
-        blurred(&mut entry, is_error);
+        in_both_ways(&mut entry, is_error);
     }
     entry
 }
@@ -68,7 +68,7 @@ fn in_blur(size: Size, (kernel, border): (Kernel, Border), is_error: bool, sigma
     Case::new(BlurredPicture { size, blur, is_error }, inputs)
 }
 
-fn blurred(entry: &mut Entry, is_error: bool) {
+fn in_both_ways(entry: &mut Entry, is_error: bool) {
     for way in [(Kernel::Sampled, Border::Zero), (Kernel::Discrete, Border::Mirror)] {
         let cases = (1..9_usize, 1..9_usize, 0.4..2.0).prop_map(move |(width, height, sigma)| {
             in_blur(size(width, height), way, is_error, sigma)

@@ -107,24 +107,6 @@ mod tests {
     }
 
     #[test]
-    fn parts_must_agree_outside_the_joined_axis() {
-        let tape = Tape::<f64>::new();
-        let [x, y, z] = [&[2, 3][..], &[2, 4], &[2]].map(|axes| tape.constant_full(axes, 0.0));
-        let message = "concat needs shapes that agree outside the joined axis, \
-                       got shapes [2, 3] and [2, 4]";
-        assert_eq!(Var::concat(&[x, y], 0).unwrap_err().to_string(), message);
-        assert!(Var::concat(&[x, y], 1).is_ok());
-        assert!(Var::concat(&[x, z], 0).is_err() && Var::concat(&[z, x], 1).is_err());
-        assert!(Var::concat(&[x], 2).is_err());
-    }
-
-    #[test]
-    fn there_must_be_a_part() {
-        let error = Var::<'_, f64>::concat(&[], 0).unwrap_err();
-        assert_eq!(error.to_string(), "concat needs at least one part, got 0 inputs");
-    }
-
-    #[test]
     fn more_than_64_parts_are_joined() {
         let tape = Tape::new();
         let parts: Vec<_> = (0..100).map(|k| tape.leaf(&Tensor::full([1], k as f64))).collect();

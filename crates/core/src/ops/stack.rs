@@ -116,16 +116,4 @@ mod tests {
         let gradients = (y * 3.0).sum().backward().unwrap();
         assert_eq!(gradients.get(x), Some(&Tensor::full([2, 3], 3.0)));
     }
-
-    #[test]
-    fn parts_have_one_shape_and_the_axis_is_at_hand() {
-        let tape = Tape::<f64>::new();
-        let [x, y] = [[2, 3], [3, 2]].map(|shape| tape.constant_full(shape, 0.0));
-        let message = "stack needs parts of one shape, got shapes [2, 3] and [3, 2]";
-        assert_eq!(Var::stack(&[x, y], 0).unwrap_err().to_string(), message);
-        let message = "stack needs a new axis up to the rank 2, got 3";
-        assert_eq!(Var::stack(&[x, x], 3).unwrap_err().to_string(), message);
-        let message = "stack needs at least one part, got 0 inputs";
-        assert_eq!(Var::<f64>::stack(&[], 0).unwrap_err().to_string(), message);
-    }
 }

@@ -160,7 +160,5 @@ mod tests {
             assert_eq!(*y.shape(), half);
             assert_eq!(y.sum().backward().unwrap().get_or_zeros(x), x.value());
         }
-        let error = halved(tape.leaf(&Tensor::zeros([3, 3]))).unwrap_err().to_string();
-        assert_eq!(error, "halved needs an image of shape [H, W, C], got shape [3, 3]");
     }
 }

@@ -327,11 +327,6 @@ mod tests {
     #[test]
     fn what_does_not_fit_is_refused() {
         let (topology, rest) = sheet();
-        let rigidity = Rigidity::new(&topology, &rest, RigidWeights::default()).unwrap();
-        let tape = Tape::<f64>::new();
-        let error = rigidity.error(tape.leaf(&Tensor::zeros([25, 3]))).unwrap_err();
-        let message = "rigidity needs positions of shape [26, 3], got shape [25, 3]";
-        assert_eq!(error.to_string(), message);
         let lost = rest.map(|x| if x == 0.0 { f64::NAN } else { x });
         assert!(Rigidity::new(&topology, &lost, RigidWeights::Uniform).is_err());
     }

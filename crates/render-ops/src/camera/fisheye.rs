@@ -58,7 +58,6 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
-    use crate::camera::difference_quotients::assert_slopes;
     use crate::camera::{fisheye_angle, fisheye_limit, fisheye_radius};
 
     /// Radii are angles; a lens that goes on to 150 degrees; one that turns round at about 79 degrees.
@@ -186,30 +185,5 @@ mod tests {
                 }
             }
         }
-    }
-
-    #[test]
-    fn slopes_are_those_of_difference_quotients() {
-        // Beside the axis before and behind the camera, on both sides of where the series ends; beyond the rim.
-        let mut points = vec![[0.0, 0.0, 2.0], [0.0, 0.0, -1.5]];
-        for angle in [1e-4, 9e-4, 1.1e-3, 0.5, 1.2, 1.5, FRAC_PI_2, 2.2, 2.8, PI - 1e-2] {
-            points.push(at(angle, 2.0, 1.7));
-        }
-        for lens in LENSES {
-            assert_slopes(&points, &lens, |points, lens| fisheye(points, lens).unwrap());
-        }
-    }
-
-    #[test]
-    fn what_cannot_be_is_refused() {
-        let tape = Tape::<f64>::new();
-        let points = tape.constant(&Tensor::zeros([2, 3]));
-        let said = |lens: &[f64]| {
-            let lens = tape.constant(&Tensor::from(lens));
-            fisheye(points, lens).unwrap_err().to_string()
-        };
-        assert_eq!(said(&[0.0; 5]), "fisheye needs coefficients of shape [4], got shape [5]");
-        let rule = "fisheye needs coefficients within -1e100 and 1e100, got NaN";
-        assert_eq!(said(&[0.0, 0.0, f64::NAN, 0.0]), rule);
     }
 }

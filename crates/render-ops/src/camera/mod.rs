@@ -40,8 +40,6 @@
 mod affine_inverse;
 mod bend;
 mod conventions;
-#[cfg(test)]
-mod difference_quotients;
 mod distort;
 mod distortion;
 mod equidistant;

@@ -238,23 +238,6 @@ fn what_nothing_can_be_made_of_is_refused() {
         assert_eq!(found, format!("{rule} {}", texels(shape).shape()));
         assert_eq!(prefilter.cube_map(texels(shape)).unwrap_err().to_string(), found);
     }
-    let said = |coefficients: &[usize], normals: &[[f64; 3]]| {
-        irradiance(texels(coefficients), rows(&tape, normals)).unwrap_err().to_string()
-    };
-    assert_eq!(
-        said(&[4, 3], &NORMALS),
-        "irradiance needs coefficients of shape [9, C], got shape [4, 3]"
-    );
-    assert_eq!(
-        said(&[9, 3], &[NORMALS[0], [0.0; 3]]),
-        "irradiance needs directions other than zero, got zero in row 1"
-    );
-    assert_eq!(
-        said(&[9, 3], &[[1.0, f64::NAN, 0.0]]),
-        "irradiance needs finite normals, got NaN in row 0"
-    );
-    let flat = irradiance(texels(&[9, 3]), texels(&[3])).unwrap_err().to_string();
-    assert_eq!(flat, "irradiance needs normals of shape [N, 3], got shape [3]");
 }
 
 #[test]

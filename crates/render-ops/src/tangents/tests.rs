@@ -266,36 +266,3 @@ fn an_edge_along_the_normal_makes_no_angle() {
     assert!((found[1].0 - DVec3::X).length() < 1e-15 && found[2] == (DVec3::ZERO, 1.0));
     assert!(bars.iter().flatten().all(|bar| bar.is_finite()));
 }
-
-#[test]
-fn wrong_input_is_refused_with_rule_and_value() {
-    let tape = Tape::<f64>::new();
-    let mesh = Mesh::new(vec![[0, 1, 2], [0, 2, 3]], 4).unwrap();
-    let zeros = |shape: [usize; 2]| tape.leaf(&Tensor::zeros(shape));
-    let full = |shape: [usize; 2], entry: f64| tape.leaf(&Tensor::full(shape, entry));
-    let said = |p, n, c, indices: &Mesh| tangents(p, n, c, indices, &mesh).unwrap_err().to_string();
-    let [p, c] = [zeros([4, 3]), zeros([4, 2])];
-    assert_eq!(
-        said(zeros([4, 2]), p, c, &mesh),
-        "tangents needs positions of shape [4, 3], got shape [4, 2]"
-    );
-    assert_eq!(
-        said(p, zeros([5, 3]), c, &mesh),
-        "tangents needs normals of shape [4, 3], got shape [5, 3]"
-    );
-    assert_eq!(
-        said(p, p, zeros([5, 2]), &mesh),
-        "tangents needs texture coordinates of shape [4, 2], got shape [5, 2]"
-    );
-    assert_eq!(
-        said(p, p, full([4, 2], f64::NAN), &mesh),
-        "tangents needs finite numbers in row 0 of the texture coordinates, got NaN"
-    );
-    let one = Mesh::new(vec![[0, 1, 2]], 4).unwrap();
-    assert_eq!(said(p, p, c, &one), "indices need one face per face of the mesh, 2, got 1");
-    let shared = Mesh::new(vec![[0, 1, 2], [0, 1, 2]], 4).unwrap();
-    assert_eq!(
-        said(p, p, c, &shared),
-        "tangents needs texture coordinate 1 at no vertex but 1, got 2"
-    );
-}

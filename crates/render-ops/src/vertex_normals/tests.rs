@@ -203,17 +203,3 @@ fn a_needle_beside_others_keeps_the_digits_of_the_sum() {
         assert!(error < 1e-13, "{error:e}");
     }
 }
-
-#[test]
-fn wrong_positions_are_refused_with_rule_and_value() {
-    let tape = Tape::<f64>::new();
-    let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
-    let refused = |shape: &[usize], entry: f64| {
-        let positions = tape.leaf(&Tensor::full(shape, entry));
-        vertex_normals(positions, &mesh, Weighting::Area).unwrap_err().to_string()
-    };
-    let rule = "vertex_normals needs positions of shape [3, 3], got shape";
-    assert_eq!(refused(&[2, 3], 0.5), format!("{rule} [2, 3]"));
-    let message = "vertex_normals needs finite numbers in row 0 of the positions, got inf";
-    assert_eq!(refused(&[3, 3], f64::INFINITY), message);
-}

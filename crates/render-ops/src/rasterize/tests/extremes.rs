@@ -326,41 +326,6 @@ fn a_mesh_without_faces_is_background() {
     assert_eq!(gradient::<f32>(&vec![[0.0, 0.0, 0.0, 1.0]], &[], WIDE), [0.0; 4]);
 }
 
-#[test]
-fn a_position_that_is_not_finite_is_refused_by_its_vertex() {
-    let mut clip = layered().0;
-    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-        clip[3] = [0.5, bad, 0.0, 1.0];
-        // A vertex that no face uses is refused too.
-        let error = try_draw::<f64>(&clip, &[[0, 1, 2]], WIDE).unwrap_err();
-        let message =
-            format!("clip positions need to be finite, got (0.5, {bad}, 0, 1) at vertex 3");
-        assert_eq!(error.to_string(), message);
-    }
-}
-
-#[test]
-fn wrong_sizes_and_shapes_are_refused() {
-    let (clip, faces) = layered();
-    let empty = Size { width: 0, height: 5 };
-    let error = try_draw::<f32>(&clip, &faces, empty).unwrap_err();
-    assert_eq!(
-        error.to_string(),
-        "an image needs at least one pixel and fewer than 2^32 - 1, got 0 x 5"
-    );
-    let tape = Tape::<f32>::new();
-    let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
-    for shape in [vec![12], vec![4, 3], vec![2, 4], vec![3, 4, 1]] {
-        let clip = tape.leaf(&Tensor::zeros(shape.as_slice()));
-        let before = tape.len();
-        let error = rasterize(clip, &mesh, WIDE).unwrap_err();
-        assert!(
-            error.to_string().starts_with("rasterize needs clip positions of shape [3, 4], got")
-        );
-        assert_eq!(tape.len(), before);
-    }
-}
-
 /// A quadrilateral of whole numbers times `unit`: exact down to the smallest number there is.
 fn whole_numbers(unit: f64) -> Clip {
     let whole = [
