@@ -140,47 +140,48 @@ macro_rules! operation {
 
 operation!(add
     { add: pair(number(), number()), |x| x[0].try_add(x[1])?, large [MANY, ROW],
-        refuses "extents that differ" [&[2, 3][..], &[2, 4]] }
+        refuses "add needs shapes that broadcast, got [2, 3] and [2, 4]" [&[2, 3][..], &[2, 4]] }
 );
 
 operation!(sub
     { sub: pair(number(), number()), |x| x[0].try_sub(x[1])?, large [ROW, MANY],
-        refuses "extents that differ" [&[2][..], &[3]] }
+        refuses "sub needs shapes that broadcast, got [2] and [3]" [&[2][..], &[3]] }
 );
 
 operation!(mul
     { mul: pair(number(), number()), |x| x[0].try_mul(x[1])?, large [MANY, MANY],
-        refuses "extents that differ" [&[4, 1][..], &[3, 3]] }
+        refuses "mul needs shapes that broadcast, got [4, 1] and [3, 3]" [&[4, 1][..], &[3, 3]] }
     { square_by_one_input_twice: one(number()), |x| x[0].try_mul(x[0])? }
 );
 
 operation!(div
     { div: pair(number(), non_zero()), |x| x[0].try_div(x[1])?, large [MANY, &[5, 1]],
-        refuses "extents that differ" [&[2][..], &[0]] }
+        refuses "div needs shapes that broadcast, got [2] and [0]" [&[2][..], &[0]] }
     { div_by_a_number: one(number()), |x| x[0] / T::from_f64(3.0) }
 );
 
 operation!(minimum
     { minimum: pair(around(&[0.5], -2.0..2.0), around(&[0.5], -2.0..2.0)),
         |x| kinked(x[0].minimum(x[1])?, x[0].try_sub(x[1])?, &[0.0]), large [MANY, ROW],
-        refuses "extents that differ" [&[2][..], &[3]] }
+        refuses "minimum needs shapes that broadcast, got [2] and [3]" [&[2][..], &[3]] }
 );
 
 operation!(maximum
     { maximum: pair(around(&[0.5], -2.0..2.0), around(&[0.5], -2.0..2.0)),
         |x| kinked(x[0].maximum(x[1])?, x[0].try_sub(x[1])?, &[0.0]), large [MANY, MANY],
-        refuses "extents that differ" [&[2][..], &[3]] }
+        refuses "maximum needs shapes that broadcast, got [2] and [3]" [&[2][..], &[3]] }
 );
 
 operation!(pow
     { pow: pair(within(0.1..3.0), number()), |x| x[0].pow(x[1])?, large [MANY, ROW],
-        refuses "extents that differ" [&[2][..], &[3]] }
+        refuses "pow needs shapes that broadcast, got [2] and [3]" [&[2][..], &[3]] }
 );
 
 operation!(select
     { select: pair(number(), number()), |x| {
         Mask::from_flat_fn(x[0].shape(), |k| k % 3 > 0).select(x[0], x[1])?
-}, large [MANY, ROW], refuses "extents that differ" [&[2, 3][..], &[2, 4]] }
+}, large [MANY, ROW],
+        refuses "select needs shapes that broadcast, got [2, 3] and [2, 4]" [&[2, 3][..], &[2, 4]] }
     { select_by_a_mask_of_another_shape: parts(&[&[2, 1], &[3]]), |x| {
         Mask::from_fn([4, 1, 3], |[i, _, k]| (i + k) % 3 == 0).select(x[0], x[1])?
 }, large [&[9001, 1], &[3]] }
@@ -271,33 +272,35 @@ operation!(clamp
 operation!(sum
     { sum: one(number()), |x| x[0].sum(), large [MANY] }
     { sum_axis_0: of_shape(&[3, 2, 4]), |x| x[0].sum_axis(0)?, large [MANY],
-        refuses "no such axis" [&[][..]] }
+        refuses "sum needs an axis below the rank 0, got axis 0 of shape []" [&[][..]] }
     { sum_axis_1: of_shape(&[3, 2, 4]), |x| x[0].sum_axis(1)?, large [MANY],
-        refuses "no such axis" [&[3][..]] }
+        refuses "sum needs an axis below the rank 1, got axis 1 of shape [3]" [&[3][..]] }
     { sum_axis_2: of_shape(&[3, 2, 4]), |x| x[0].sum_axis(2)? }
 );
 
 operation!(mean
-    { mean: not_empty(), |x| x[0].mean()?, large [MANY], refuses "no entries" [&[0][..]] }
+    { mean: not_empty(), |x| x[0].mean()?, large [MANY],
+        refuses "mean needs at least one entry to take the mean of, got shape [0]" [&[0][..]] }
     { mean_axis_0: of_shape(&[3, 9]), |x| x[0].mean_axis(0)?, large [MANY],
-        refuses "no entries along the axis" [&[0, 2][..]],
-        otherwise |x| x[0].mean_axis(2)?, refuses "?mean axis" [&[2, 0][..]] }
+        refuses "mean needs at least one entry to take the mean of, got shape [0, 2]" [&[0, 2][..]],
+        otherwise |x| x[0].mean_axis(2)?,
+        refuses "mean needs an axis below the rank 2, got axis 2 of shape [2, 0]" [&[2, 0][..]] }
     { mean_axis_1: of_shape(&[3, 9]), |x| x[0].mean_axis(1)?, large [MANY] }
     { mean_axis_of_extent_1: of_shape(&[3, 1, 2]), |x| x[0].mean_axis(1)? }
 );
 
 operation!(cumulative_sum
     { cumulative_sum: of_shape(&[3, 2, 4]), |x| x[0].cumulative_sum(1)?, large [MANY],
-        refuses "no such axis" [&[3][..]] }
+        refuses "cumulative_sum needs an axis below the rank 1, got axis 1 of shape [3]" [&[3][..]] }
     { cumulative_sum_of_rows: of_shape(&[7, 2]), |x| x[0].cumulative_sum(0)?, large [&[40_000, 3]] }
     { cumulative_sum_of_a_list: of_shape(&[9]), |x| x[0].cumulative_sum(0)?, large [&[50_000]],
-        refuses "a scalar" [&[][..]] }
+        refuses "cumulative_sum needs an axis below the rank 0, got axis 0 of shape []" [&[][..]] }
 );
 
 operation!(dot
     { dot: parts(&[&[4, 3], &[4, 3]]), |x| x[0].dot(x[1], 1)?, large [&[9001, 3], &[9001, 3]],
-        refuses "extents that differ" [&[2, 3][..], &[2, 4]],
-        refuses "no such axis" [&[3][..], &[3]] }
+        refuses "dot needs shapes that broadcast, got [2, 3] and [2, 4]" [&[2, 3][..], &[2, 4]],
+        refuses "dot needs an axis below the rank 1, got axis 1 of shape [3]" [&[3][..], &[3]] }
     { dot_with_a_row: parts(&[&[5, 3], &[3]]), |x| x[0].dot(x[1], 1)?, large [&[9001, 3], &[3]] }
     { dot_of_columns: parts(&[&[3, 4], &[3, 1]]), |x| x[0].dot(x[1], 0)?,
         large [&[3, 20_000], &[3, 1]] }
@@ -310,8 +313,9 @@ operation!(dot
 
 operation!(cross
     { cross: parts(&[&[4, 3], &[4, 3]]), |x| x[0].cross(x[1], 1)?, large [&[9001, 3], &[9001, 3]],
-        refuses "two components" [&[2, 2][..], &[2, 2]],
-        refuses "extents that differ" [&[2, 3][..], &[5, 3]] }
+        refuses "cross needs extent 3 along axis 1 of the common shape, got shapes [2, 2] and [2, 2]"
+            [&[2, 2][..], &[2, 2]],
+        refuses "cross needs shapes that broadcast, got [2, 3] and [5, 3]" [&[2, 3][..], &[5, 3]] }
     { cross_with_a_row: parts(&[&[3], &[5, 3]]), |x| x[0].cross(x[1], 1)?, large [&[3], &[9001, 3]] }
     { cross_of_columns: parts(&[&[3, 4], &[3, 1]]), |x| x[0].cross(x[1], 0)?,
         large [&[3, 9001], &[3, 1]] }
@@ -321,7 +325,7 @@ operation!(cross
 
 operation!(norm
     { norm: vectors(&[4, 3]), |x| x[0].norm(1)?, large [&[9001, 3]],
-        refuses "no such axis" [&[3][..]] }
+        refuses "norm needs an axis below the rank 1, got axis 1 of shape [3]" [&[3][..]] }
     { norm_of_columns: vectors(&[3, 4]), |x| x[0].norm(0)?, large [&[3, 20_000]] }
     { norm_of_a_long_list: vectors(&[11]), |x| x[0].norm(0)?, large [&[50_000]] }
     { norm_of_one: one(non_zero()), |x| x[0].keepdim(0)?.norm(0)? }
@@ -329,31 +333,34 @@ operation!(norm
 
 operation!(normalize
     { normalize: vectors(&[4, 3]), |x| x[0].normalize(1)?, large [&[9001, 3]],
-        refuses "no such axis" [&[3][..]] }
+        refuses "normalize needs an axis below the rank 1, got axis 1 of shape [3]" [&[3][..]] }
     { normalize_columns: vectors(&[3, 4]), |x| x[0].normalize(0)?, large [&[3, 20_000]] }
     { normalize_a_long_list: vectors(&[11]), |x| x[0].normalize(0)?, large [&[50_000]] }
 );
 
 operation!(matmul
     { matmul: matrices(), |x| x[0].matmul(x[1])?, large [&[150, 130], &[130, 140]],
-        refuses "inner extents that differ" [&[2, 3][..], &[2, 3]],
-        refuses "a vector" [&[3][..], &[3, 3]] }
+        refuses "matmul needs shapes [m, k] and [k, n], got shapes [2, 3] and [2, 3]"
+            [&[2, 3][..], &[2, 3]],
+        refuses "matmul needs shapes [m, k] and [k, n], got shapes [3] and [3, 3]" [&[3][..], &[3, 3]] }
     { matmul_with_itself: of_shape(&[3, 3]), |x| x[0].matmul(x[0])? }
 );
 
 operation!(reshape
     { reshape: of_shape(&[2, 3]), |x| x[0].reshape([3, 1, 2])?,
-        refuses "another number of entries" [&[7][..]] }
+        refuses "shape [3, 1, 2] needs 6 entries, got 7" [&[7][..]] }
 );
 
 operation!(keepdim
-    { keepdim: of_shape(&[2, 3]), |x| x[0].keepdim(1)?, refuses "beyond the rank" [&[][..]] }
+    { keepdim: of_shape(&[2, 3]), |x| x[0].keepdim(1)?,
+        refuses "keepdim needs a new axis up to the rank 0, got 1" [&[][..]] }
 );
 
 operation!(permute
-    { transpose: of_shape(&[2, 3]), |x| x[0].transpose()?, refuses "a vector" [&[7][..]] }
+    { transpose: of_shape(&[2, 3]), |x| x[0].transpose()?,
+        refuses "transpose needs each axis of shape [7] once, got axes [1, 0]" [&[7][..]] }
     { permute: of_shape(&[2, 3, 4]), |x| x[0].permute(&[2, 0, 1])?, large [&[20, 30, 70]],
-        refuses "another number of axes" [&[2, 3][..]],
+        refuses "permute needs each axis of shape [2, 3] once, got axes [2, 0, 1]" [&[2, 3][..]],
         otherwise |x| x[0].permute(&[0, 0])?,
             refuses "permute needs each axis of shape [2, 3] once, got axes [0, 0]" [&[2, 3][..]],
         otherwise |x| x[0].permute(&[0])?,
@@ -364,18 +371,18 @@ operation!(permute
 
 operation!(slice
     { slice_of_rows: of_shape(&[4, 3]), |x| x[0].slice(0, 1..3)?, large [MANY],
-        refuses "beyond the extent" [&[2, 9][..]],
+        refuses "slice needs a range within an axis of extent 2, got 1..3" [&[2, 9][..]],
         otherwise |x| x[0].slice(1, 1..4)?,
             refuses "slice needs a range within an axis of extent 3, got 1..4" [&[2, 3][..]],
         otherwise |x| x[0].slice(1, std::ops::Range { start: 2, end: 1 })?,
             refuses "slice needs a range within an axis of extent 3, got 2..1" [&[2, 3][..]] }
     { slice_of_columns: of_shape(&[2, 4, 3]), |x| x[0].slice(1, 1..4)?,
-        refuses "no such axis" [&[9][..]] }
+        refuses "slice needs an axis below the rank 1, got axis 1 of shape [9]" [&[9][..]] }
 );
 
 operation!(pad
     { pad: of_shape(&[2, 3, 2]), |x| x[0].pad(1, [4, 8], Padding::Mirror)?, large [&[7, 90, 60]],
-        refuses "nothing to repeat" [&[2, 0][..]] }
+        refuses "pad needs an entry along the axis to repeat, got shape [2, 0]" [&[2, 0][..]] }
     { pad_with_a_constant: of_shape(&[3]),
         |x| x[0].pad(0, [2, 1], Padding::Constant(T::ONE))?,
         large [&[50_000]] }
@@ -385,8 +392,8 @@ operation!(pad
 
 operation!(stack
     { stack: parts(&[&[2, 3], &[2, 3], &[2, 3]]), |x| Var::stack(x, 2)?, large [MANY, MANY],
-        refuses "shapes that differ" [&[2, 3][..], &[3, 2]],
-        refuses "an axis beyond the rank" [&[2][..]],
+        refuses "stack needs parts of one shape, got shapes [2, 3] and [3, 2]" [&[2, 3][..], &[3, 2]],
+        refuses "stack needs a new axis up to the rank 1, got 2" [&[2][..]],
         otherwise |x| Var::stack(&x[..0], 0)?,
             refuses "stack needs at least one part, got 0 inputs" [&[][..]] }
     { stack_of_rows: parts(&[&[2, 3], &[2, 3]]), |x| Var::stack(x, 0)?, large [MANY, MANY] }
@@ -395,11 +402,15 @@ operation!(stack
 
 operation!(concat
     { concat_of_rows: parts(&[&[1, 3], &[0, 3], &[2, 3]]), |x| Var::concat(x, 0)?,
-        refuses "other extents that differ" [&[2, 3][..], &[2, 4]] }
+        refuses "concat needs shapes that agree outside the joined axis, got shapes [2, 3] and [2, 4]"
+            [&[2, 3][..], &[2, 4]] }
     { concat_of_columns: parts(&[&[2, 1, 2], &[2, 3, 2]]), |x| Var::concat(x, 1)?,
-        large [&[4000, 5, 2], &[4000, 1, 2]], refuses "ranks that differ" [&[2, 3][..], &[3]],
-        refuses "?ranks turned" [&[3][..], &[2, 3]],
-        otherwise |x| Var::concat(x, 2)?, refuses "?axis" [&[2, 3][..]],
+        large [&[4000, 5, 2], &[4000, 1, 2]],
+        refuses "concat needs shapes that agree outside the joined axis, got shapes [2, 3] and [3]"
+            [&[2, 3][..], &[3]],
+        refuses "concat needs an axis below the rank 1, got axis 1 of shape [3]" [&[3][..], &[2, 3]],
+        otherwise |x| Var::concat(x, 2)?,
+        refuses "concat needs an axis below the rank 2, got axis 2 of shape [2, 3]" [&[2, 3][..]],
         otherwise |x| Var::concat(&x[..0], 0)?,
             refuses "concat needs at least one part, got 0 inputs" [&[][..]] }
     { concat_with_itself: of_shape(&[2, 2]), |x| Var::concat(&[x[0], x[0], x[0]], 1)? }
@@ -407,9 +418,10 @@ operation!(concat
 
 operation!(gather_rows
     { gather_rows: of_shape(&[4, 2]), |x| x[0].gather_rows(&Arc::from([3, 0, 3, 3, 1]))?,
-        large [MANY], refuses "an index beyond the rows" [&[3, 2][..]] }
+        large [MANY],
+        refuses "gather_rows needs indices within an axis of extent 3, got 3" [&[3, 2][..]] }
     { gather_entries: of_shape(&[3]), |x| x[0].gather_rows(&Arc::from([2, 2]))?,
-        refuses "a scalar" [&[][..]] }
+        refuses "gather_rows needs an axis below the rank 0, got axis 0 of shape []" [&[][..]] }
 );
 
 operation!(scatter_add_rows
@@ -420,7 +432,8 @@ operation!(scatter_add_rows
         },
         large [&[20_000, 3]] }
     { scatter_add_entries: of_shape(&[3]), |x| x[0].scatter_add_rows(&Arc::from([1, 1, 0]), 3)?,
-        refuses "a row too many" [&[4][..]], refuses "a scalar" [&[][..]] }
+        refuses "scatter_add_rows needs 3 rows, one per index, got shape [4]" [&[4][..]],
+        refuses "scatter_add_rows needs an axis below the rank 0, got axis 0 of shape []" [&[][..]] }
 );
 
 operation!(sparse_product
@@ -434,7 +447,9 @@ operation!(sparse_product
     { sparse_product_with_a_list: of_shape(&[3]), |x| {
         let entries = [(0, 0, 2.0), (0, 2, -1.0), (3, 1, 0.5)];
         SparseMatrix::new(4, 3, entries)?.cast::<T>().product(x[0])?
-}, refuses "another extent" [&[4][..]], refuses "three axes" [&[3, 1, 1][..]],
+},
+        refuses "sparse_product needs shape [3] or [3, C], got shape [4]" [&[4][..]],
+        refuses "sparse_product needs shape [3] or [3, C], got shape [3, 1, 1]" [&[3, 1, 1][..]],
     refuses "sparse_product needs shape [3] or [3, C], got shape []" [&[][..]],
     refuses "sparse_product needs shape [3] or [3, C], got shape [2, 3]" [&[2, 3][..]] }
 );
@@ -442,9 +457,11 @@ operation!(sparse_product
 operation!(squared_error
     { squared_error: parts(&[&[5, 3], &[5, 3]]), |x| {
         [bokashi_core::squared_error(x[0], x[1])?, bokashi_core::mean_squared_error(x[0], x[1])?]
-}, large [MANY, MANY], refuses "another shape" [&[2, 3][..], &[3, 2]],
+}, large [MANY, MANY],
+        refuses "squared_error needs an image and a reference of one shape, got shapes [2, 3] and [3, 2]"
+            [&[2, 3][..], &[3, 2]],
         otherwise |x| bokashi_core::mean_squared_error(x[0], x[1])?,
-            refuses "mean_squared_error needs at least one entry, got shape [0, 3]" [&[0, 3][..], &[0, 3]] }
+        refuses "mean_squared_error needs at least one entry, got shape [0, 3]" [&[0, 3][..], &[0, 3]] }
 );
 
 operation!(compositions
@@ -464,5 +481,5 @@ operation!(sum_over
             let scaled = x[0].try_mul(x[1])? * T::from_f64(0.3 + k as f64);
             Ok::<_, TensorError>(scaled.sin().sum())
         })?
-    }, refuses "shapes that don't broadcast" [&[2][..], &[3]] }
+    }, refuses "mul needs shapes that broadcast, got [2] and [3]" [&[2][..], &[3]] }
 );

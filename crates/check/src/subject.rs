@@ -10,6 +10,9 @@ use bokashi_core::{Dual, Scalar, Tape, Tensor, Var};
 /// Why a subject refused its inputs: whatever error its operations return.
 pub type Refusal = Box<dyn Error + Send + Sync>;
 
+/// What recording a subject gives.
+pub type Applied<'t, T> = Result<Outcome<'t, T>, Refusal>;
+
 /// An operation or a whole pipeline under test.
 ///
 /// It is written for any [`Scalar`], because the checker runs it in `f32`, in `f64`, and over
@@ -20,11 +23,7 @@ pub trait Subject: Debug + Send + Sync + 'static {
     ///
     /// # Errors
     /// Inputs for which the subject is not defined.
-    fn apply<'t, T: Scalar>(
-        &self,
-        tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal>;
+    fn apply<'t, T: Scalar>(&self, tape: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T>;
 }
 
 /// What a subject computed.
@@ -155,9 +154,6 @@ pub(crate) trait AnySubject: Debug + Send + Sync {
         inputs: &[Var<'t, Dual<f64>>],
     ) -> Applied<'t, Dual<f64>>;
 }
-
-/// What recording a subject gives.
-pub(crate) type Applied<'t, T> = Result<Outcome<'t, T>, Refusal>;
 
 impl<S: Subject> AnySubject for S {
     fn apply_f32<'t>(&self, tape: &'t Tape<f32>, inputs: &[Var<'t, f32>]) -> Applied<'t, f32> {

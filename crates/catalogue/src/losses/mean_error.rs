@@ -1,7 +1,7 @@
 //! Mean errors by every penalty.
 
 use bokashi_check::strategy::{around, number, tensor};
-use bokashi_check::{Case, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Input, Subject};
 use bokashi_core::{Scalar, Tape, Var};
 use bokashi_fit::{Penalty, mean_error};
 use proptest::prelude::*;
@@ -62,11 +62,7 @@ struct MeanError(Penalty);
 
 impl Subject for MeanError {
     /// An image and a reference.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let error = mean_error(inputs[0], inputs[1], self.0)?;
         let kinks: &[f64] = match self.0 {
             Penalty::Absolute => &[0.0],

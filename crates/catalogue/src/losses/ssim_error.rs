@@ -1,6 +1,6 @@
 //! Structural similarity, on one scale and on several.
 
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_fit::{multiscale_ssim_error, ssim_error};
 use proptest::prelude::*;
@@ -38,11 +38,7 @@ struct Similarity {
 
 impl Subject for Similarity {
     /// Two images.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let (x, y) = (inputs[0], inputs[1]);
         Ok(match self.levels {
             None => ssim_error(x, y, self.peak)?.into(),

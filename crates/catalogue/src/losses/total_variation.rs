@@ -1,7 +1,7 @@
 //! Regularizers of textures.
 
 use bokashi_check::strategy::tensor;
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject, subject};
+use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject, subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_fit::{Penalty, total_variation};
 use proptest::prelude::*;
@@ -44,11 +44,7 @@ struct Smooth(Penalty);
 
 impl Subject for Smooth {
     /// A texture.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         Ok(total_variation(inputs[0], self.0)?.into())
     }
 }

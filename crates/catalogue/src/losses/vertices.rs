@@ -1,7 +1,7 @@
 //! Regularizers of vertices.
 
 use bokashi_check::strategy::tensor;
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_fit::{
     RigidWeights, Rigidity, Topology, edge_length_error, laplacian_error, normal_error,
@@ -102,11 +102,7 @@ enum OfVertices {
 
 impl Subject for OfVertices {
     /// Positions.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let positions = inputs[0];
         Ok(Outcome::from(match self {
             Self::Laplacian(topology) => laplacian_error(positions, &topology.uniform_laplacian())?,

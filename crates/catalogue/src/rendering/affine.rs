@@ -1,7 +1,7 @@
 //! Affine matrices, inverted and moving points: `affine_inverse` and `transform_points`.
 
 use bokashi_check::strategy::{number, tensor, unit_quaternion};
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject, subject};
+use bokashi_check::{Applied, Case, Check, Input, Subject, subject};
 use bokashi_core::{Scalar, Tape, Tensor, TensorError, Var};
 use bokashi_render_ops::{affine_inverse, transform_points};
 use glam::DMat4;
@@ -75,11 +75,7 @@ struct Affine;
 
 impl Subject for Affine {
     /// The rows of an affine matrix; with points before it, which it moves.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         Ok(match *inputs {
             [points, rows] => transform_points(points, affine(rows)?)?.into(),
             _ => affine_inverse(affine(inputs[0])?)?.into(),

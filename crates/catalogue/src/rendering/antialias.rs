@@ -1,7 +1,7 @@
 //! Images along edges that move.
 
 use bokashi_check::strategy::image_of;
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{Composite, Size, antialias, rasterize};
 use proptest::prelude::*;
@@ -42,11 +42,7 @@ struct Antialias {
 
 impl Subject for Antialias {
     /// Clip positions and an image.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let fragments = rasterize(inputs[0], &self.scene.mesh, self.scene.size)?;
         let choices = blends::choices(&fragments, &wide(inputs[0]));
         let image = antialias(Composite::of_image(inputs[1], &fragments)?)?.image()?;

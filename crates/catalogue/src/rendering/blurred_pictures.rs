@@ -1,6 +1,6 @@
 //! Pictures that are blurred, and squared errors of them.
 
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
     Background, Blur, Border, Fragments, Kernel, Mesh, Radius, RenderError, Size, antialias,
@@ -42,11 +42,7 @@ fn two_faces<T: Scalar>(tape: &Tape<T>, size: Size) -> Result<Fragments<'_, T>, 
 
 impl Subject for BlurredPicture {
     /// Values at fragments, and a sigma.
-    fn apply<'t, T: Scalar>(
-        &self,
-        tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, tape: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let fragments = two_faces(tape, self.size)?;
         let picture = antialias(composite(inputs[0], &fragments, Background::Zero)?)?;
         if !self.is_error {

@@ -1,6 +1,6 @@
 //! Fragments before every background, as images.
 
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{Background, composite};
 use proptest::prelude::*;
@@ -54,11 +54,7 @@ struct Image {
 
 impl Subject for Image {
     /// Fragments' values, and perhaps a background: a colour or an image.
-    fn apply<'t, T: Scalar>(
-        &self,
-        tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, tape: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let background = match *inputs {
             [_, background] if self.is_color => Background::Color(background),
             [_, background] => Background::Image(background),

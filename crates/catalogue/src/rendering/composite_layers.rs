@@ -1,6 +1,6 @@
 //! Layers in depth before every background.
 
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{Background, Layer, composite_layers, depth_layers, rasterize};
 use proptest::prelude::*;
@@ -51,11 +51,7 @@ struct Layers {
 impl Subject for Layers {
     /// Colours and alphas of all faces, and a background. The geometry stays, so that layers have as many
     /// fragments in any precision.
-    fn apply<'t, T: Scalar>(
-        &self,
-        tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, tape: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let clip = tape.constant(&self.scene.clip.cast());
         let layers = depth_layers(clip, &self.scene.mesh, self.scene.size, Some(3))?;
         let ids: Vec<_> = layers.iter().map(|layer| layer.coverage.triangle_ids()).collect();

@@ -1,6 +1,6 @@
 //! Depth of fragments.
 
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{Mesh, depth, rasterize};
 use proptest::prelude::*;
@@ -31,11 +31,7 @@ struct Depth {
 
 impl Subject for Depth {
     /// Clip positions.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let fragments = rasterize(inputs[0], &self.scene.mesh, self.scene.size)?;
         let depth = depth(&fragments)?;
         Ok(Outcome::from(depth).with_state(fragments.coverage.triangle_ids()))

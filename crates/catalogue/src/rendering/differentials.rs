@@ -1,6 +1,6 @@
 //! How barycentrics and attributes change from pixel to pixel.
 
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
     RasterOptions, Sampling, differentials, interpolate_differentials,
@@ -26,11 +26,7 @@ struct Differentials {
 
 impl Subject for Differentials {
     /// Clip positions, and perhaps attributes, whose own differentials come out then.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let options = RasterOptions::new(self.scene.size).sampling(self.sampling);
         let fragments = rasterize(inputs[0], &self.scene.mesh, options)?;
         let slopes = differentials(&fragments)?;

@@ -1,7 +1,7 @@
 //! Smaller images, by every filter.
 
 use bokashi_check::strategy::image_of;
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{Border, Filter, downsample};
 use proptest::prelude::*;
@@ -92,11 +92,7 @@ struct Downsample {
 
 impl Subject for Downsample {
     /// An image.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         Ok(downsample(inputs[0], self.k, &self.filter, self.border)?.into())
     }
 }

@@ -1,7 +1,7 @@
 //! Materials in an environment of texels.
 
 use bokashi_check::strategy::{number, tensor};
-use bokashi_check::{Case, Check, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Var};
 use bokashi_render_ops::{Environment, Prefilter, Surface};
 use glam::DVec3;
@@ -33,11 +33,7 @@ struct InEnvironment {
 
 impl Subject for InEnvironment {
     /// Texels, normals, views and a material.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let prefilter = self.prefilter.cast();
         let environment = Environment::of_texels(inputs[0], &prefilter)?;
         let surface = Surface { normals: inputs[1], views: inputs[2], positions: None };

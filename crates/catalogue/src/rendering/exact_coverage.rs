@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use bokashi_check::strategy::{number, tensor};
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Outcome, Refusal, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
     Background, Coverage, RasterOptions, Sampling, Size, composite, depth, eye_depth, interpolate,
@@ -111,11 +111,7 @@ struct Pieces {
 }
 
 impl Subject for Pieces {
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let fragments = rasterize(inputs[0], &self.scene.mesh, options(&self.scene))?;
         let weight = fragments.weight.ok_or("exact coverage has weights")?;
         let coverage = &fragments.coverage;
@@ -161,11 +157,7 @@ struct Picture {
 
 impl Subject for Picture {
     /// Clip positions, colours, and perhaps a background.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let background = match *inputs {
             [_, _, background] if background.shape().rank() == 1 => Background::Color(background),
             [_, _, background] => Background::Image(background),

@@ -1,7 +1,7 @@
 //! Distances along the view axis.
 
 use bokashi_check::strategy::{number, tensor};
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{Fragments, RasterOptions, RenderError, Sampling, eye_depth, rasterize};
 use proptest::prelude::*;
@@ -24,11 +24,7 @@ struct OfScene {
 
 impl Subject for OfScene {
     /// Clip positions.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let fragments = rasterize(inputs[0], &self.scene.mesh, self.scene.size)?;
         let distances = eye_depth(&fragments)?;
         let image = distances.image(&fragments, 9.0)?.distances();
@@ -59,11 +55,7 @@ fn exact_fragments<T: Scalar>(tape: &Tape<T>) -> Result<Fragments<'_, T>, Render
 
 impl Subject for OfPieces {
     /// Barycentrics and weights of exact coverage, variables of their own.
-    fn apply<'t, T: Scalar>(
-        &self,
-        tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, tape: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let (barycentrics, weight) = (inputs[0], Some(inputs[1]));
         let fragments = Fragments { barycentrics, weight, ..exact_fragments(tape)? };
         let distances = eye_depth(&fragments)?;
@@ -84,7 +76,7 @@ fn eye_depth_by_the_weights_of_pieces(entry: &mut Entry) {
             cases.prop_map(move |(b, w)| of([b, w])),
         )
         .refuses_midway(
-            "a piece without weights",
+            format!("eye_depth needs weights of shape [{pieces}], got shape [{}]", pieces - 1),
             of([Tensor::zeros([count, 2]), Tensor::zeros([pieces - 1])]),
         ),
     );

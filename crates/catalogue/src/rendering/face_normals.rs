@@ -1,6 +1,6 @@
 //! Normals of closed meshes and loose faces.
 
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Var};
 use bokashi_render_ops::{Mesh, face_normals};
 use proptest::prelude::*;
@@ -44,11 +44,7 @@ struct FaceNormals {
 
 impl Subject for FaceNormals {
     /// Positions.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let normals = face_normals(inputs[0], &self.mesh)?;
         Ok(Outcome::from(normals).with_state(vanishing(normals, 3)))
     }

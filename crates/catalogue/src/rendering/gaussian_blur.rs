@@ -1,7 +1,7 @@
 //! Images blurred by a sigma, by windows and by tridiagonal systems.
 
 use bokashi_check::strategy::{image, sigma};
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{Blur, Border, Kernel, Radius, RenderError, gaussian_blur};
 use proptest::prelude::*;
@@ -25,11 +25,7 @@ struct GaussianBlur {
 
 impl Subject for GaussianBlur {
     /// An image and a sigma.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let state = match self.blur.radius {
             // Where the window is fixed, taps that are cut off as negligible are no kink.
             Radius::Fixed(_) => 0,
@@ -89,7 +85,10 @@ fn refusing(check: Check, blur: Blur) -> Check {
         check.refuses(format!("gaussian_blur needs {rule}, got sigma {sigma}"), by(sigma))
     });
     let check = match blur.kernel {
-        Kernel::Unnormalized => check.refuses("?overflow", by(1e-200)),
+        Kernel::Unnormalized => {
+            let rule = "a sigma at which the unnormalized kernel does not overflow";
+            check.refuses(format!("gaussian_blur needs {rule}, got sigma {}", 1e-200), by(1e-200))
+        }
         _ => check,
     };
     // At sigma 0 too, where the blur is the identity.
@@ -109,7 +108,7 @@ fn refusing(check: Check, blur: Blur) -> Check {
         check.refuses(message, with(Radius::Tolerance(tolerance)))
     });
     check.refuses(
-        "gaussian_blur needs a window radius of at most 16384, got 16385",
+        "gaussian_blur needs a window radius of at most 16384 pixels, got 16385",
         with(Radius::Fixed(16_385)),
     )
 }

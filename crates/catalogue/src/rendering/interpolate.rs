@@ -1,6 +1,6 @@
 //! Attributes at fragments.
 
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{Mesh, interpolate, interpolate_indexed};
 use proptest::prelude::*;
@@ -60,11 +60,7 @@ struct Interpolate {
 }
 
 impl Subject for Interpolate {
-    fn apply<'t, T: Scalar>(
-        &self,
-        tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, tape: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let fragments = fixed_fragments(tape, Some(inputs[1]))?;
         Ok(match &self.indices {
             None => interpolate(inputs[0], &fragments)?.into(),

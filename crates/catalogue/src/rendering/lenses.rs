@@ -1,6 +1,6 @@
 //! Points before, beside and behind a lens: `distort` and `fisheye`.
 
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::camera::{distortion_radius, fisheye_limit};
 use bokashi_render_ops::{distort, fisheye};
@@ -23,11 +23,7 @@ struct Distort;
 
 impl Subject for Distort {
     /// Points and coefficients.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let (points, coefficients) = (wide(inputs[0]), wide(inputs[1]));
         let out = distort(inputs[0], inputs[1])?;
         // What a lens of five lacks is 0.
@@ -102,11 +98,7 @@ struct Fisheye;
 
 impl Subject for Fisheye {
     /// Points and coefficients.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let (points, coefficients) = (wide(inputs[0]), wide(inputs[1]));
         let out = fisheye(inputs[0], inputs[1])?;
         let limit = fisheye_limit(std::array::from_fn(|k| coefficients.data()[k]));

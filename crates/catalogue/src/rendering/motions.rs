@@ -1,7 +1,7 @@
 //! Motions by quaternions and by increments: `rigid` and `se3`.
 
 use bokashi_check::strategy::{camera, number, tensor, unit_quaternion};
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{rigid, se3};
 use glam::DMat4;
@@ -78,11 +78,7 @@ struct Motion {
 
 impl Subject for Motion {
     /// A rotation and a translation, or an increment before a fixed matrix.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         Ok(match &self.fixed {
             None => rigid(inputs[0], inputs[1])?.into(),
             Some(fixed) => se3(inputs[0], &DMat4::from_cols_array_2d(fixed))?.into(),

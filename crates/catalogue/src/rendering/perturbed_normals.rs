@@ -1,6 +1,6 @@
 //! Normals of normal maps, in frames of every kind.
 
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::perturbed_normals;
 use glam::DVec3;
@@ -72,11 +72,7 @@ struct PerturbedNormals;
 
 impl Subject for PerturbedNormals {
     /// Normals, tangents and map values.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let out = perturbed_normals(inputs[0], inputs[1], inputs[2])?;
         let tangents = wide(inputs[1]);
         let kind = |row: &[f64]| (row[3] < 0.0, row[..3] == [0.0; 3]);

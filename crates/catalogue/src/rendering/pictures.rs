@@ -1,6 +1,6 @@
 //! Pictures before every background, with their losses.
 
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
     Background, PixelLoss, Reference, antialias, composite, interpolate, rasterize,
@@ -29,11 +29,7 @@ struct Pictures {
 
 impl Subject for Pictures {
     /// Clip positions, attributes, and perhaps a background.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let size = self.scene.size;
         let fragments = rasterize(inputs[0], &self.scene.mesh, size)?;
         let choices = choices(&fragments, &wide(inputs[0]));

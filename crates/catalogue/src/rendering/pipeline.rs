@@ -1,7 +1,7 @@
 //! The whole pipeline, from positions to a blurred picture.
 
 use bokashi_check::strategy::{camera, closed_mesh, number, tensor, unit_quaternion};
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
     Background, Blur, Border, Kernel, Mesh, Pose, Radius, Size, antialias, composite,
@@ -34,11 +34,7 @@ struct Pipeline {
 
 impl Subject for Pipeline {
     /// Positions, rotation, translation, colours, background and sigma.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let &[positions, rotation, translation, colors, background, sigma] = inputs else {
             return Err("six inputs".into());
         };

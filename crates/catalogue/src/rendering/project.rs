@@ -1,7 +1,7 @@
 //! Positions to clip space, by a camera that is fixed or learnt, with and without a pose.
 
 use bokashi_check::strategy::{camera, number, tensor, unit_quaternion};
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{Pose, project};
 use glam::DMat4;
@@ -25,11 +25,7 @@ struct Project {
 
 impl Subject for Project {
     /// Positions, or positions with a rotation and a translation.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let camera = DMat4::from_cols_array_2d(&self.camera);
         let pose = match *inputs {
             [_, rotation, translation] => Some(Pose { rotation, translation }),
@@ -95,11 +91,7 @@ struct ProjectByVariable;
 
 impl Subject for ProjectByVariable {
     /// Positions and a camera; or positions, a rotation, a translation and a camera.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         Ok(match *inputs {
             [positions, rotation, translation, camera] => {
                 project(positions, camera, Some(Pose { rotation, translation }))?.into()

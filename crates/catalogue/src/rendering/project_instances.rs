@@ -1,7 +1,7 @@
 //! Positions to clip space, once for each matrix.
 
 use bokashi_check::strategy::{camera, number, tensor};
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::project_instances;
 use glam::DMat4;
@@ -77,11 +77,7 @@ struct Instances {
 
 impl Subject for Instances {
     /// Positions and matrices, and perhaps a camera.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         Ok(match &self.fixed {
             None => project_instances(inputs[0], inputs[1], inputs[2])?.into(),
             Some(fixed) => {

@@ -1,7 +1,7 @@
 //! Projections by intrinsics: `pinhole` and `orthographic`.
 
 use bokashi_check::strategy::{non_zero, number};
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{Size, orthographic, pinhole};
 use proptest::prelude::*;
@@ -46,11 +46,7 @@ struct Projection {
 
 impl Subject for Projection {
     /// Intrinsics.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let &Self { size, near, far, .. } = self;
         Ok(match self.is_pinhole {
             true => pinhole(inputs[0], size, near, far)?.into(),

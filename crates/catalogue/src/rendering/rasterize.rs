@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{depth, rasterize};
 use proptest::prelude::*;
@@ -58,11 +58,7 @@ struct Rasterize {
 }
 
 impl Subject for Rasterize {
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let fragments = rasterize(inputs[0], &self.scene.mesh, self.scene.size)?;
         let all = [fragments.barycentrics, depth(&fragments)?];
         let outputs = all[self.outputs.clone()].to_vec();

@@ -1,6 +1,6 @@
 //! The layer behind the first.
 
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{Mesh, rasterize, rasterize_behind};
 use proptest::prelude::*;
@@ -38,11 +38,7 @@ struct Behind {
 
 impl Subject for Behind {
     /// Clip positions.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let front = rasterize(inputs[0], &self.scene.mesh, self.scene.size)?;
         let behind = rasterize_behind(&front, self.scene.size)?;
         let ids = [&front, &behind].map(|layer| layer.coverage.triangle_ids());

@@ -1,7 +1,7 @@
 //! Directions mirrored by normals.
 
 use bokashi_check::strategy::{number, tensor};
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::reflect;
 use proptest::prelude::*;
@@ -38,11 +38,7 @@ struct Reflect;
 
 impl Subject for Reflect {
     /// Directions and normals.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         Ok(reflect(inputs[0], inputs[1])?.into())
     }
 }

@@ -1,7 +1,7 @@
 //! Samples of cube maps, by differentials and a bias.
 
 use bokashi_check::strategy::{number, tensor};
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{CubeMap, Detail, Sampler, TextureFilter, sample_cube_map};
 use proptest::collection::vec;
@@ -40,8 +40,14 @@ pub(crate) fn entry() -> Entry {
         };
         entry.check(
             Check::of_cases(format!("sample_cube_map, {name}"), cases)
-                .refuses_midway("directions of two entries", of(leaf([2, 2], 0.5)))
-                .refuses_midway("a direction of no length", of(leaf([2, 3], 0.0))),
+                .refuses_midway(
+                    "sample_cube_map needs directions of shape [N, 3], got shape [2, 2]",
+                    of(leaf([2, 2], 0.5)),
+                )
+                .refuses_midway(
+                    "sample_cube_map needs directions other than zero, got zero in row 0",
+                    of(leaf([2, 3], 0.0)),
+                ),
         );
     }
     entry
@@ -55,11 +61,7 @@ struct SampleCubeMap {
 
 impl Subject for SampleCubeMap {
     /// Texels, directions, differentials and a bias.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let &[texels, directions, differentials, bias] = inputs else {
             return Err("four inputs".into());
         };

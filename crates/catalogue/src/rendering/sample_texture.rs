@@ -1,7 +1,7 @@
 //! Samples of textures, by differentials and a bias.
 
 use bokashi_check::strategy::{number, tensor};
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{Detail, Sampler, Texture, TextureBorder, TextureFilter, sample_texture};
 use proptest::collection::vec;
@@ -69,11 +69,7 @@ struct SampleTexture {
 
 impl Subject for SampleTexture {
     /// Texels, coordinates, differentials and a bias.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let &[texels, coordinates, differentials, bias] = inputs else {
             return Err("four inputs".into());
         };

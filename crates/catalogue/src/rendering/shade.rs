@@ -1,6 +1,6 @@
 //! All lights on all materials.
 
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{Light, Surface, shade};
 use glam::DVec3;
@@ -47,6 +47,10 @@ pub(crate) fn entry() -> Entry {
             inputs[change] = with;
             Case::new(Shade { model }, inputs)
         };
+        let colors = match model {
+            Model::MetallicRoughness { .. } => "base colours",
+            _ => "colours",
+        };
         entry.check(
             Check::of_cases(format!("shade, {name}"), cases)
                 .large(1, Just(many(model)))
@@ -62,7 +66,10 @@ pub(crate) fn entry() -> Entry {
                     "shade needs positions of shape [2, 3], got shape [1, 3]",
                     of(2, leaf([1, 3], 1.0)),
                 )
-                .refuses_midway("?", of(8, leaf([1, 3], 0.5)))
+                .refuses_midway(
+                    format!("shade needs {colors} of shape [2, 3] or [3], got shape [1, 3]"),
+                    of(8, leaf([1, 3], 0.5)),
+                )
                 .refuses_midway(
                     "shade needs directions other than zero, got zero in row 1",
                     of(0, Input::leaf(Tensor::from([[1.0; 3], [0.0; 3]]))),
@@ -71,7 +78,10 @@ pub(crate) fn entry() -> Entry {
                     "shade needs finite views, got inf in row 0",
                     of(1, with_one([2, 3], 1, f64::INFINITY)),
                 )
-                .refuses_midway("??", of(8, leaf([3], f64::NAN)))
+                .refuses_midway(
+                    format!("shade needs finite {colors}, got NaN in row 0"),
+                    of(8, leaf([3], f64::NAN)),
+                )
                 .refuses_midway(
                     "shade needs finite positions, got NaN in row 0",
                     of(2, leaf([2, 3], f64::NAN)),
@@ -113,11 +123,7 @@ fn sides(n: DVec3, v: DVec3, l: DVec3) -> [bool; 5] {
 impl Subject for Shade {
     /// Normals, views, positions, a direction, an irradiance, a light's position, an intensity, a
     /// radiance, and the material.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let &[normals, views, positions, direction, irradiance, position, intensity, radiance, ..] =
             inputs
         else {

@@ -1,7 +1,7 @@
 //! Fragments that outlive a step.
 
 use bokashi_check::strategy::{number, tensor};
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{Background, DepthImage, antialias, composite, eye_depth, interpolate};
 use proptest::prelude::*;
@@ -18,10 +18,10 @@ pub(crate) fn entry() -> Entry {
         Case::new(OfStillFragments, [colors, distances].map(Input::leaf))
     });
     let few = [leaf([3, 3], 0.5), Input::leaf(Tensor::from_flat_fn([2, 3], motley))];
-    entry.check(
-        Check::of_cases("still fragments", cases)
-            .refuses_midway("another number of vertices", Case::new(OfStillFragments, few)),
-    );
+    entry.check(Check::of_cases("still fragments", cases).refuses_midway(
+        "interpolate needs attributes of shape [4, C], C > 0, got shape [3, 3]",
+        Case::new(OfStillFragments, few),
+    ));
     entry
 }
 
@@ -30,11 +30,7 @@ struct OfStillFragments;
 
 impl Subject for OfStillFragments {
     /// Colours, and distances of an image that come from elsewhere.
-    fn apply<'t, T: Scalar>(
-        &self,
-        tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, tape: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let elsewhere = Tape::new();
         let fragments = fixed_fragments(&elsewhere, None)?.still().on(tape);
         let surface = interpolate(inputs[0], &fragments)?;

@@ -1,6 +1,6 @@
 //! Tangents of textures whose coordinates have indices apart from those of positions.
 
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{Mesh, Weighting, tangents, vertex_normals};
 use glam::DVec3;
@@ -57,7 +57,7 @@ pub(crate) fn entry() -> Entry {
                     wrong(2, leaf([8, 2], f64::NAN)),
                 )
                 .refuses("indices need one face per face of the mesh, 2, got 0", few)
-                .refuses("?shared", shared),
+                .refuses("tangents needs texture coordinate 1 at no vertex but 1, got 3", shared),
         );
     }
     entry
@@ -72,11 +72,7 @@ struct Tangents {
 
 impl Subject for Tangents {
     /// Positions, normals and texture coordinates.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let out = tangents(inputs[0], inputs[1], inputs[2], &self.indices, &self.mesh)?;
         // On which side of a face each normal lies, and which way the texture is turned there.
         let [positions, normals] = [0, 1].map(|i| wide(inputs[i]));

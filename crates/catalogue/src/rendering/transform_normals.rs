@@ -1,7 +1,7 @@
 //! Normals moved by matrices of both shapes.
 
 use bokashi_check::strategy::{number, tensor};
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::transform_normals;
 use glam::DMat3;
@@ -50,11 +50,7 @@ struct TransformNormals;
 
 impl Subject for TransformNormals {
     /// Normals and a matrix.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let normals = transform_normals(inputs[0], inputs[1])?;
         Ok(Outcome::from(normals).with_state(vanishing(normals, 3)))
     }

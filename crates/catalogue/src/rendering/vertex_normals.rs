@@ -1,6 +1,6 @@
 //! Normals at vertices, by area and by angle.
 
-use bokashi_check::{Case, Check, Input, Outcome, Refusal, Subject};
+use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Var};
 use bokashi_render_ops::{Mesh, Weighting, vertex_normals};
 use proptest::prelude::*;
@@ -47,11 +47,7 @@ struct VertexNormals {
 
 impl Subject for VertexNormals {
     /// Positions.
-    fn apply<'t, T: Scalar>(
-        &self,
-        _tape: &'t Tape<T>,
-        inputs: &[Var<'t, T>],
-    ) -> Result<Outcome<'t, T>, Refusal> {
+    fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let normals = vertex_normals(inputs[0], &self.mesh, self.weighting)?;
         Ok(Outcome::from(normals).with_state(vanishing(normals, 3)))
     }
