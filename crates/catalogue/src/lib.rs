@@ -34,7 +34,7 @@ macro_rules! for_each_operation {
     ($walk:ident) => {
         $walk! {
             tensors:
-                abs add affine clamp compositions concat cos cross cumulative_sum div
+                abs add affine clamp compositions concat cos cross div
                 dot exp gather_rows keepdim ln matmul maximum mean minimum mul norm
                 normalize pad permute pow powf powi relu reshape scatter_add_rows select
                 sigmoid sin slice softplus sparse_product sqrt squared_error stack sub

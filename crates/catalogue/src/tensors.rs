@@ -284,53 +284,44 @@ operation!(mean
     { mean_axis_of_extent_1: of_shape(&[3, 1, 2]), |x| x[0].mean_axis(1)? }
 );
 
-operation!(cumulative_sum
-    { cumulative_sum: of_shape(&[3, 2, 4]), |x| x[0].cumulative_sum(1)?, large [MANY],
-        refuses "cumulative_sum needs an axis below the rank 1, got axis 1 of shape [3]" [&[3][..]] }
-    { cumulative_sum_of_rows: of_shape(&[7, 2]), |x| x[0].cumulative_sum(0)?, large [&[40_000, 3]] }
-    { cumulative_sum_of_a_list: of_shape(&[9]), |x| x[0].cumulative_sum(0)?, large [&[50_000]],
-        refuses "cumulative_sum needs an axis below the rank 0, got axis 0 of shape []" [&[][..]] }
-);
-
 operation!(dot
-    { dot: parts(&[&[4, 3], &[4, 3]]), |x| x[0].dot(x[1], 1)?, large [&[9001, 3], &[9001, 3]],
-        refuses "dot needs shapes that broadcast, got [2, 3] and [2, 4]" [&[2, 3][..], &[2, 4]],
-        refuses "dot needs an axis below the rank 1, got axis 1 of shape [3]" [&[3][..], &[3]] }
-    { dot_with_a_row: parts(&[&[5, 3], &[3]]), |x| x[0].dot(x[1], 1)?, large [&[9001, 3], &[3]] }
-    { dot_of_columns: parts(&[&[3, 4], &[3, 1]]), |x| x[0].dot(x[1], 0)?,
+    { dot: parts(&[&[4, 3], &[4, 3]]), |x| x[0].dot(x[1])?, large [&[9001, 3], &[9001, 3]],
+        refuses "dot needs vectors of as many components along the last axes, got shapes [2, 3] and [2, 4]"
+            [&[2, 3][..], &[2, 4]],
+        refuses "dot needs shapes that broadcast, got [2, 3] and [4, 3]" [&[2, 3][..], &[4, 3]],
+        refuses "dot needs vectors of as many components along the last axes, got shapes [] and []"
+            [&[][..], &[]] }
+    { dot_with_a_row: parts(&[&[5, 3], &[3]]), |x| x[0].dot(x[1])?, large [&[9001, 3], &[3]] }
+    { dot_of_columns: parts(&[&[3, 4], &[3, 1]]), |x| x[0].transpose()?.dot(x[1].transpose()?)?,
         large [&[3, 20_000], &[3, 1]] }
-    { dot_of_long_lists: parts(&[&[11], &[11]]), |x| x[0].dot(x[1], 0)?, large [&[50_000], &[50_000]] }
-    { dot_of_shapes_that_broadcast: parts(&[&[2, 1, 3], &[4, 1]]), |x| x[0].dot(x[1], 2)?,
-        large [&[20, 1, 300], &[40, 1]] }
-    { dot_along_a_repeated_axis: parts(&[&[2, 3, 2], &[1, 2]]), |x| x[0].dot(x[1], 1)? }
-    { dot_with_itself: of_shape(&[4, 3]), |x| x[0].dot(x[0], 1)? }
+    { dot_of_long_lists: parts(&[&[11], &[11]]), |x| x[0].dot(x[1])?, large [&[50_000], &[50_000]] }
+    { dot_of_shapes_that_broadcast: parts(&[&[2, 1, 3], &[4, 3]]), |x| x[0].dot(x[1])?,
+        large [&[20, 1, 300], &[40, 300]] }
+    { dot_with_itself: of_shape(&[4, 3]), |x| x[0].dot(x[0])? }
 );
 
 operation!(cross
-    { cross: parts(&[&[4, 3], &[4, 3]]), |x| x[0].cross(x[1], 1)?, large [&[9001, 3], &[9001, 3]],
-        refuses "cross needs extent 3 along axis 1 of the common shape, got shapes [2, 2] and [2, 2]"
+    { cross: parts(&[&[4, 3], &[4, 3]]), |x| x[0].cross(x[1])?, large [&[9001, 3], &[9001, 3]],
+        refuses "cross needs vectors of three components along the last axes, got shapes [2, 2] and [2, 2]"
             [&[2, 2][..], &[2, 2]],
         refuses "cross needs shapes that broadcast, got [2, 3] and [5, 3]" [&[2, 3][..], &[5, 3]] }
-    { cross_with_a_row: parts(&[&[3], &[5, 3]]), |x| x[0].cross(x[1], 1)?, large [&[3], &[9001, 3]] }
-    { cross_of_columns: parts(&[&[3, 4], &[3, 1]]), |x| x[0].cross(x[1], 0)?,
-        large [&[3, 9001], &[3, 1]] }
-    { cross_of_shapes_that_broadcast: parts(&[&[2, 1, 3], &[4, 3]]), |x| x[0].cross(x[1], 2)?,
+    { cross_with_a_row: parts(&[&[3], &[5, 3]]), |x| x[0].cross(x[1])?, large [&[3], &[9001, 3]] }
+    { cross_of_shapes_that_broadcast: parts(&[&[2, 1, 3], &[4, 3]]), |x| x[0].cross(x[1])?,
         large [&[70, 1, 3], &[90, 3]] }
 );
 
 operation!(norm
-    { norm: vectors(&[4, 3]), |x| x[0].norm(1)?, large [&[9001, 3]],
-        refuses "norm needs an axis below the rank 1, got axis 1 of shape [3]" [&[3][..]] }
-    { norm_of_columns: vectors(&[3, 4]), |x| x[0].norm(0)?, large [&[3, 20_000]] }
-    { norm_of_a_long_list: vectors(&[11]), |x| x[0].norm(0)?, large [&[50_000]] }
-    { norm_of_one: one(non_zero()), |x| x[0].keepdim(0)?.norm(0)? }
+    { norm: vectors(&[4, 3]), |x| x[0].norm()?, large [&[9001, 3]],
+        refuses "norm needs vectors along a last axis, got shape []" [&[][..]] }
+    { norm_of_columns: vectors(&[3, 4]), |x| x[0].transpose()?.norm()?, large [&[3, 20_000]] }
+    { norm_of_a_long_list: vectors(&[11]), |x| x[0].norm()?, large [&[50_000]] }
+    { norm_of_one: one(non_zero()), |x| x[0].keepdim(x[0].shape().rank())?.norm()? }
 );
 
 operation!(normalize
-    { normalize: vectors(&[4, 3]), |x| x[0].normalize(1)?, large [&[9001, 3]],
-        refuses "normalize needs an axis below the rank 1, got axis 1 of shape [3]" [&[3][..]] }
-    { normalize_columns: vectors(&[3, 4]), |x| x[0].normalize(0)?, large [&[3, 20_000]] }
-    { normalize_a_long_list: vectors(&[11]), |x| x[0].normalize(0)?, large [&[50_000]] }
+    { normalize: vectors(&[4, 3]), |x| x[0].normalize()?, large [&[9001, 3]],
+        refuses "normalize needs vectors along a last axis, got shape []" [&[][..]] }
+    { normalize_a_long_list: vectors(&[11]), |x| x[0].normalize()?, large [&[50_000]] }
 );
 
 operation!(matmul

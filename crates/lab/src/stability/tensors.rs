@@ -26,7 +26,8 @@ pub(super) fn vectors_of_zero<T: Scalar>() -> Outcome {
         let vector = |k: usize| if axis == 1 { k / 3 } else { k % 6 };
         let x = tape.leaf(&tensor(&shape, |k| if vector(k) % 2 == 0 { 0.0 } else { motley(k) }));
         let rows = if axis == 1 { x } else { x.transpose()? };
-        let directions = if axis == 1 { rows.normalize()? } else { rows.normalize()?.transpose()? };
+        let directions =
+            if axis == 1 { rows.normalize()? } else { rows.normalize()?.transpose()? };
         for y in [directions, rows.norm()?.keepdim(axis)?.try_mul(x)?] {
             let upstream = tensor(&shape, |k| 1.0 + motley(3 * k));
             let gradients = tape.vjp(&[(y, &upstream)])?;
@@ -205,11 +206,8 @@ pub(super) fn sums_that_cancel<T: Scalar>() -> Outcome {
     let all: Arc<[u32]> = vec![0; n].into();
     let sum = SparseMatrix::new(1, n, (0..n as u32).map(|k| (0, k, T::ONE)))?;
     let exact = n as f64 / 3.0 * small;
-    let sums = [
-        list.dot(ones)?,
-        rows.scatter_add_rows(&all, 2)?.slice(0, 0..1)?,
-        sum.product(rows)?,
-    ];
+    let sums =
+        [list.dot(ones)?, rows.scatter_add_rows(&all, 2)?.slice(0, 0..1)?, sum.product(rows)?];
     // The adjoints sum, too: of an entry that was repeated, padded, gathered, chosen.
     let one = tape.leaf_full([1], T::ONE);
     let repeated = [
