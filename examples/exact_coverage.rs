@@ -23,19 +23,16 @@ fn disc() -> Result<(Mesh, Tensor<f64>), Box<dyn Error>> {
 }
 
 /// The brightness of the disc's picture, in pixels, and its derivative with respect to the radius.
-fn brightness(radius: f64, sampling: Sampling, smooth: bool) -> Result<[f64; 2], Box<dyn Error>> {
+fn brightness(radius: f64, silhouettes: Silhouettes) -> Result<[f64; 2], Box<dyn Error>> {
     let (mesh, unit) = disc()?;
     let tape = Tape::new();
     let radius = tape.leaf(&Tensor::scalar(radius));
     let scale = Tensor::new([4], vec![1.0, 1.0, 0.0, 0.0])?;
     let middle = Tensor::new([4], vec![0.03, -0.01, 0.0, 1.0])?;
     let clip = tape.constant(&unit) * tape.constant(&scale) * radius + tape.constant(&middle);
-    let options = RasterOptions::new(Size::square(PIXELS)).sampling(sampling);
-    let fragments = rasterize(clip, &mesh, options)?;
+    let options = RasterOptions::new(Size::square(PIXELS)).silhouettes(silhouettes);
     let white = tape.constant(&Tensor::from_flat_fn([mesh.vertex_count(), 1], |_| 1.0));
-    let picture = composite(interpolate(white, &fragments)?, &fragments, Background::Zero)?;
-    let picture = if smooth { antialias(picture)? } else { picture.into() };
-    let sum = picture.image()?.sum();
+    let sum = render(clip, &mesh, white, options, Background::Zero)?.image()?.sum();
     Ok([sum.item(), sum.backward()?.get_or_zeros(radius).data()[0]])
 }
 
@@ -44,12 +41,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     let area = 0.5 * f64::from(CORNERS) * (2.0 * PI / f64::from(CORNERS)).sin();
     let [truth, slope] = [area * radius * radius, 2.0 * area * radius].map(|x| x * half * half);
     println!("{:15} {truth:10.5} {slope:12.5}", "truth");
-    for (name, sampling, smooth) in [
-        ("pixel centres", Sampling::Center, false),
-        ("antialias", Sampling::Center, true),
-        ("exact coverage", Sampling::Exact, false),
+    for (name, silhouettes) in [
+        ("pixel centres", Silhouettes::Aliased),
+        ("antialias", Silhouettes::Antialias),
+        ("exact coverage", Silhouettes::Exact),
     ] {
-        let [found, derivative] = brightness(radius, sampling, smooth)?;
+        let [found, derivative] = brightness(radius, silhouettes)?;
         println!("{name:15} {found:10.5} {derivative:12.5}");
     }
     Ok(())

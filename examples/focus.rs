@@ -36,7 +36,7 @@ fn photo<'t>(boards: &StillFragments<f64>, lens: Lens<'t, f64>) -> Result<Var<'t
     let stripe = |pixel: usize| 0.2 + 0.6 * (pixel % SIZE.width / 3 % 2) as f64;
     let stripes: Vec<_> = fragments.coverage.pixels().map(|pixel| [stripe(pixel)]).collect();
     let stripes = tape.constant(&Tensor::from(stripes));
-    let sharp = antialias(composite(stripes, &fragments, Background::Zero)?)?.image()?;
+    let sharp = fragments.picture(stripes, Background::Zero)?.image()?;
     let distances = eye_depth(&fragments)?.image(&fragments, 50.0)?;
     Ok(depth_of_field(sharp, distances, lens, &LensOptions::default())?.image)
 }

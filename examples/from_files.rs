@@ -38,16 +38,14 @@ impl Scene {
         Ok(Self { mesh: hand.mesh, positions: hand.positions, photo, camera })
     }
 
-    fn picture<'t>(&self, variables: &Variables<'t, f32>) -> Result<Var<'t, f32>, FitError> {
+    fn picture<'t>(&self, variables: &Variables<'t, f32>) -> Result<Picture<'t, f32>, FitError> {
         let (colors, place) = (variables.get("colors")?, variables.get("place")?);
         let cloth = colors.tape().constant(&Tensor::from(CLOTH));
         let vertices = colors.tape().constant(&self.positions) + place;
         let clip = project(vertices, &self.camera, None)?;
         let size = Size { width: self.photo.shape()[1], height: self.photo.shape()[0] };
-        let exact = RasterOptions::new(size).sampling(Sampling::Exact);
-        let fragments = rasterize(clip, &self.mesh, exact)?;
-        let surface = interpolate(colors, &fragments)?;
-        Ok(composite(surface, &fragments, Background::Color(cloth))?.image()?)
+        let exact = RasterOptions::new(size).silhouettes(Silhouettes::Exact);
+        Ok(render(clip, &self.mesh, colors, exact, Background::Color(cloth))?)
     }
 }
 
@@ -66,9 +64,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         .with(Parameter::new("colors", colors).mapping(Mapping::Sigmoid).rate(0.05))?
         .with(Parameter::new("place", place).rate(0.002))?;
     let mut fit = Fit::new(parameters, FitSettings { steps, ..FitSettings::default() })?;
-    let history = fit.run(&mut from_fn(|tape, variables| {
-        let image = scene.picture(variables)?;
-        Ok(squared_error(image, tape.constant(&scene.photo))?)
+    let photo = PixelLoss::squared(&scene.photo, &Tensor::from(CLOTH))?;
+    let history = fit.run(&mut from_fn(|_: &Tape<f32>, variables| {
+        Ok(scene.picture(variables)?.loss(&photo)?)
     }))?;
 
     let [first, last] = [history.initial().loss, history.last().loss];

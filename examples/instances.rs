@@ -59,14 +59,9 @@ impl Scene {
         let floor = project(tape.constant(&self.floor), &self.camera, None)?;
         let cubes = project_instances(tape.constant(&self.cube), models, &self.camera)?;
         let clip = Var::concat(&[floor, cubes], 0)?;
-        let colors = tape.constant(&self.colors);
-        let size = Size::square(96);
-        let exact = RasterOptions::new(size).sampling(Sampling::Exact);
-        let creased =
-            mark_creases_indexed(self.assembly.mesh(), clip, colors, &self.indices, exact)?;
-        let fragments = rasterize(clip, &creased, exact)?;
-        let surface = interpolate_indexed(colors, &self.indices, &fragments)?;
-        Ok(composite(surface, &fragments, Background::Zero)?.into())
+        let colors = (tape.constant(&self.colors), &self.indices);
+        let exact = RasterOptions::new(Size::square(96)).silhouettes(Silhouettes::Exact);
+        Ok(render(clip, self.assembly.mesh(), colors, exact, Background::Zero)?)
     }
 }
 
@@ -78,7 +73,7 @@ fn main() -> Result<(), FitError> {
     let tape = Tape::new();
     let truth = [quaternion(turn), Tensor::from(place.to_array())].map(|of| tape.constant(&of));
     let photo = scene.picture(truth[0], truth[1])?.image()?.value();
-    let photo = Reference::new(&photo, &Tensor::zeros([3]))?;
+    let photo = PixelLoss::squared(&photo, &Tensor::zeros([3]))?;
 
     let start = Tensor::from((place + DVec3::new(0.25, -0.1, 0.2)).to_array());
     let parameters = Parameters::new()
@@ -89,7 +84,7 @@ fn main() -> Result<(), FitError> {
         Fit::new(parameters, FitSettings { steps: 400, schedule, ..FitSettings::default() })?;
     let history = fit.run(&mut from_fn(|_: &Tape<f64>, variables| {
         let picture = scene.picture(variables.get("rotation")?, variables.get("translation")?)?;
-        Ok(picture.squared_error(&photo)?)
+        Ok(picture.loss(&photo)?)
     }))?;
     let [q, at] = [fit.parameters().value("rotation")?, fit.parameters().value("translation")?];
     let q = DQuat::from_slice(q.data()).normalize();

@@ -30,7 +30,8 @@ pub mod silhouette;
 #[path = "samples/triangle.rs"]
 pub mod triangle;
 
-pub use stage::{Asked, Curve, Found, Goal, Silhouettes};
+pub use bokashi::prelude::Silhouettes;
+pub use stage::{Asked, Curve, Found, Goal};
 
 use bokashi::prelude::FitError;
 

@@ -36,17 +36,13 @@ impl Scene {
         &self,
         pose: Pose<'t, T>,
         sigma: Var<'t, T>,
-    ) -> Result<Var<'t, T>, FitError> {
+    ) -> Result<Blurred<'t, T>, FitError> {
         let tape: &Tape<T> = sigma.tape();
         let clip = project(tape.constant(&self.vertices.cast()), &self.camera, Some(pose))?;
         let colors = tape.constant(&self.colors.cast());
-        let size = Size::square(64);
-        let exact = RasterOptions::new(size).sampling(Sampling::Exact);
-        let creased = mark_creases(&self.mesh, clip, colors, exact)?;
-        let fragments = rasterize(clip, &creased, exact)?;
-        let surface = interpolate(colors, &fragments)?;
-        let picture = composite(surface, &fragments, Background::Zero)?;
-        Ok(gaussian_blur(picture.image()?, sigma, &Blur::default())?)
+        let exact = RasterOptions::new(Size::square(64)).silhouettes(Silhouettes::Exact);
+        let picture = render(clip, &self.mesh, colors, exact, Background::Zero)?;
+        Ok(picture.blurred(sigma, &Blur::default()))
     }
 }
 
@@ -62,7 +58,8 @@ fn main() -> Result<(), FitError> {
         rotation: tape.constant(&quaternion(rotation)),
         translation: tape.constant(&vector(translation)),
     };
-    let photo = scene.picture(truth, tape.constant_scalar(1.5))?.value();
+    let photo = scene.picture(truth, tape.constant_scalar(1.5))?.image()?.value();
+    let photo = PixelLoss::squared(&photo, &Tensor::zeros([3]))?;
 
     let turned = quaternion(DQuat::from_axis_angle(DVec3::Y, 0.5) * rotation);
     let moved = vector(translation + DVec3::new(-0.15, 0.15, 0.15));
@@ -73,10 +70,10 @@ fn main() -> Result<(), FitError> {
     let schedule = Schedule::Cosine { steps: 500, floor: 0.0 };
     let settings = FitSettings { steps: 500, schedule, ..FitSettings::default() };
     let mut fit = Fit::new(parameters, settings)?;
-    let history = fit.run(&mut from_fn(|tape, variables| {
+    let history = fit.run(&mut from_fn(|_: &Tape<f64>, variables| {
         let (rotation, translation) = (variables.get("rotation")?, variables.get("translation")?);
-        let image = scene.picture(Pose { rotation, translation }, variables.get("sigma")?)?;
-        Ok(squared_error(image, tape.constant(&photo))?)
+        let picture = scene.picture(Pose { rotation, translation }, variables.get("sigma")?)?;
+        Ok(picture.loss(&photo)?)
     }))?;
 
     let learnt = |name| fit.parameters().value(name);

@@ -6,7 +6,7 @@
 use bokashi::glam::DMat4;
 use bokashi::prelude::*;
 use bokashi_examples::stage::{Random, Shape, cluster, learn, motley, root_mean_square};
-use bokashi_examples::{Asked, Found, Goal, Silhouettes};
+use bokashi_examples::{Asked, Found, Goal};
 
 bokashi_examples::sample!("camera", "calibrates twelve cameras by pictures of a known object");
 
@@ -36,10 +36,10 @@ impl Scene {
 
     fn image<'t>(&self, cameras: &Cameras<'_, 't>, k: usize) -> Result<Var<'t, f32>, FitError> {
         let clip = self.clip(cameras, k)?;
-        let options = self.silhouettes.options(Size::square(SIDE)).cull(Cull::Back);
-        let fragments = rasterize(clip, &self.balls.mesh, options)?;
-        let surface = interpolate(clip.tape().constant(&self.colors), &fragments)?;
-        Ok(self.silhouettes.picture(surface, &fragments, Background::Zero)?.image()?)
+        let options = RasterOptions::new(Size::square(SIDE)).cull(Cull::Back);
+        let (options, colors) =
+            (options.silhouettes(self.silhouettes), clip.tape().constant(&self.colors));
+        Ok(render(clip, &self.balls.mesh, colors, options, Background::Zero)?.image()?)
     }
 
     /// The vertices in pixels, before all cameras.

@@ -7,7 +7,7 @@
 use bokashi::glam::{DMat4, DVec3};
 use bokashi::prelude::*;
 use bokashi_examples::stage::{Random, Shape, cube, learn, vertex_distance};
-use bokashi_examples::{Asked, Found, Goal, Silhouettes};
+use bokashi_examples::{Asked, Found, Goal};
 
 bokashi_examples::sample!("cube", "learns a cube's vertices and colours from tiny pictures", Exact);
 
@@ -26,12 +26,10 @@ impl Scene {
         vertices: Var<'t, f32>,
         colors: Var<'t, f32>,
     ) -> Result<Var<'t, f32>, RenderError> {
-        let (silhouettes, size) = (self.silhouettes, Size::square(self.side));
         let clip = project(vertices, camera, None)?;
-        let mesh = silhouettes.mesh(&self.cube.mesh, clip, (colors, &self.colored), size)?;
-        let fragments = rasterize(clip, &mesh, silhouettes.options(size))?;
-        let surface = interpolate_indexed(colors, &self.colored, &fragments)?;
-        silhouettes.picture(surface, &fragments, Background::Zero)?.image()
+        let options = RasterOptions::new(Size::square(self.side)).silhouettes(self.silhouettes);
+        let colors = (colors, &self.colored);
+        render(clip, &self.cube.mesh, colors, options, Background::Zero)?.image()
     }
 }
 

@@ -7,7 +7,7 @@
 use bokashi::glam::Vec3;
 use bokashi::prelude::*;
 use bokashi_examples::stage::{Boards, Random, learn, relative_error};
-use bokashi_examples::{Asked, Found, Goal, Silhouettes};
+use bokashi_examples::{Asked, Found, Goal};
 
 bokashi_examples::sample!("depth-of-field", "learns a lens, then a scene, from one photo", Exact);
 
@@ -33,12 +33,14 @@ impl Scene {
         let [vertices, depths] = [&shape.vertices, depths].map(|at| tape.constant(at));
         let camera = perspective(0.7, 4.0 / 3.0, 0.1, 50.0);
         let clip = project(vertices + moves * depths, &camera, None)?;
-        let fragments = rasterize(clip, &shape.mesh, self.silhouettes.options(SIZE))?;
-        let places = interpolate(tape.constant(places), &fragments)?;
+        let options = RasterOptions::new(SIZE).silhouettes(self.silhouettes);
+        let places = tape.constant(places);
+        let fragments = rasterize(clip, &shape.mesh, options.creases(&[places.into()]))?;
+        let places = interpolate(places, &fragments)?;
         // Stripes along and across, in other ways for each channel.
         let waves = tape.constant(&Tensor::from([[21.0, 3.0, 14.0], [4.0, 27.0, 17.0]]));
         let stripes = places.matmul(waves)?.sin() * 0.4 + 0.5;
-        let sharp = self.silhouettes.picture(stripes, &fragments, Background::Zero)?.image()?;
+        let sharp = fragments.picture(stripes, Background::Zero)?.image()?;
         let distances = eye_depth(&fragments)?.image(&fragments, 50.0)?;
         let lens = Lens { aperture, focus };
         Ok(depth_of_field(sharp, distances, lens, &LensOptions::default())?.image)

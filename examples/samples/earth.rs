@@ -7,7 +7,7 @@
 use bokashi::glam::{DMat4, DVec3};
 use bokashi::prelude::*;
 use bokashi_examples::stage::{Random, Shape, globe, learn, sphere};
-use bokashi_examples::{Asked, Found, Goal, Silhouettes};
+use bokashi_examples::{Asked, Found, Goal};
 
 bokashi_examples::sample!("earth", "learns the texture of a sphere seen from near and far");
 
@@ -30,9 +30,11 @@ impl Scene {
     ) -> Result<Var<'t, f32>, RenderError> {
         let tape = texture.levels()[0].tape();
         let clip = project(tape.constant(&self.sphere.vertices), camera, None)?;
-        let options = self.silhouettes.options(Size::square(side)).cull(Cull::Back);
-        let fragments = rasterize(clip, &self.sphere.mesh, options)?;
+        let options = RasterOptions::new(Size::square(side)).cull(Cull::Back);
+        let options = options.silhouettes(self.silhouettes);
         let coordinates = tape.constant(&self.coordinates);
+        let creases = [coordinates.into()];
+        let fragments = rasterize(clip, &self.sphere.mesh, options.creases(&creases))?;
         let places = interpolate(coordinates, &fragments)?;
         let detail = if texture.levels().len() > 1 {
             let steps = differentials(&fragments)?;
@@ -42,7 +44,7 @@ impl Scene {
             Detail::Finest
         };
         let surface = sample_texture(texture, places, detail, Sampler::new())?;
-        self.silhouettes.picture(surface, &fragments, Background::Zero)?.image()
+        fragments.picture(surface, Background::Zero)?.image()
     }
 }
 

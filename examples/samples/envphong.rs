@@ -9,7 +9,7 @@
 use bokashi::glam::{DMat4, DVec3};
 use bokashi::prelude::*;
 use bokashi_examples::stage::{Random, Shape, column, learn, relative_error, sky, sphere};
-use bokashi_examples::{Asked, Found, Goal, Silhouettes};
+use bokashi_examples::{Asked, Found, Goal};
 
 bokashi_examples::sample!("envphong", "learns what a sphere mirrors, and its highlight");
 
@@ -41,7 +41,9 @@ impl Scene {
         let camera = perspective(2.0 * 0.4_f64.atan(), 1.0, 1.0, 200.0) * view;
         let (eye, lamp) = (view.inverse().w_axis.truncate(), random.direction());
         let vertices = tape.constant(&self.sphere.vertices);
-        let options = self.silhouettes.options(Size::square(SIDE)).cull(Cull::Back);
+        let shown = [vertices.into()];
+        let options = RasterOptions::new(Size::square(SIDE)).cull(Cull::Back);
+        let options = options.silhouettes(self.silhouettes).creases(&shown);
         let clip = project(vertices, &camera, None)?;
         let fragments = rasterize(clip, &self.sphere.mesh, options)?;
         // Of a sphere around 0 the places are its normals, too.
@@ -56,8 +58,7 @@ impl Scene {
         // Pictures with the same silhouettes: their difference is the picture of the difference.
         let truth = [0, 1, 2].map(|k| tape.constant(&self.truth[k]));
         let off = light(found)? - light(truth)?;
-        let picture = self.silhouettes.picture(off, &fragments, Background::Zero)?;
-        Ok(picture.image()?.square().mean()?)
+        Ok(fragments.picture(off, Background::Zero)?.image()?.square().mean()?)
     }
 }
 

@@ -5,7 +5,7 @@
 use bokashi::glam::DVec3;
 use bokashi::prelude::*;
 use bokashi_examples::stage::{Random, Shape, cube, learn};
-use bokashi_examples::{Asked, Found, Goal, Silhouettes};
+use bokashi_examples::{Asked, Found, Goal};
 
 bokashi_examples::sample!("far-start", "finds an object that starts far from its picture");
 
@@ -26,12 +26,9 @@ impl Scene {
         let pose = Pose { rotation: tape.constant(&Tensor::from(turn)), translation };
         let camera = perspective(0.7, 1.0, 0.1, 50.0);
         let clip = project(tape.constant(&self.cube.vertices), &camera, Some(pose))?;
-        let (silhouettes, cube, size) = (self.silhouettes, &self.cube.mesh, Size::square(SIDE));
+        let options = RasterOptions::new(Size::square(SIDE)).silhouettes(self.silhouettes);
         let colors = tape.constant(&self.cube.vertices.map(|x| x + 0.5));
-        let mesh = silhouettes.mesh(cube, clip, (colors, cube), size)?;
-        let fragments = rasterize(clip, &mesh, silhouettes.options(size))?;
-        let surface = interpolate(colors, &fragments)?;
-        silhouettes.picture(surface, &fragments, Background::Zero)?.image()
+        render(clip, &self.cube.mesh, colors, options, Background::Zero)?.image()
     }
 }
 

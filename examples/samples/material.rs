@@ -7,7 +7,7 @@
 
 use bokashi::prelude::*;
 use bokashi_examples::stage::{Random, StillLights, StillSurface, learn, planet, sky, substance};
-use bokashi_examples::{Asked, Found, Goal, Silhouettes};
+use bokashi_examples::{Asked, Found, Goal};
 
 bokashi_examples::sample!("material", "learns what an object is made of, from 16 pictures");
 
@@ -20,7 +20,6 @@ const MAPS: [&str; 3] = ["base colour", "roughness", "metallic"];
 struct Scene {
     views: Vec<StillSurface>,
     lights: StillLights,
-    silhouettes: Silhouettes,
 }
 
 impl Scene {
@@ -42,13 +41,13 @@ impl Scene {
         let (environment, lamp) = self.lights.on(tape)?;
         let light = environment.shade(&surface, &material)? + shade(&surface, &material, &[lamp])?;
         let fragments = view.fragments.on(tape);
-        let image = self.silhouettes.picture(light, &fragments, Background::Zero)?.image()?;
+        let image = fragments.picture(light, Background::Zero)?.image()?;
         Ok(srgb_encode(image.clamp(0.0, 1.0)?)?)
     }
 }
 
 fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
-    let (random, silhouettes) = (&mut Random::new(asked.seed, 0), asked.silhouettes);
+    let random = &mut Random::new(asked.seed, 0);
     let parameters = |maps: [Tensor<f32>; 3], mapping: Mapping| {
         MAPS.into_iter().zip(maps).try_fold(Parameters::new(), |list, (name, map)| {
             list.with(Parameter::new(name, map).mapping(mapping).rate(0.1))
@@ -56,10 +55,11 @@ fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
     };
     let truth = parameters(substance(TEXELS, random), Mapping::Identity)?;
     let lights = StillLights::new(&sky(64, random), random.direction())?;
-    let (object, options) = (planet()?, silhouettes.options(Size::square(256)).cull(Cull::Back));
+    let options = RasterOptions::new(Size::square(256)).cull(Cull::Back);
+    let (object, options) = (planet()?, options.silhouettes(asked.silhouettes));
     let all = 0..LEARNT + HELD_OUT;
     let seen = all.clone().map(|_| StillSurface::new(&object, 3.2 * random.direction(), options));
-    let scene = Scene { views: seen.collect::<Result<_, _>>()?, lights, silhouettes };
+    let scene = Scene { views: seen.collect::<Result<_, _>>()?, lights };
     let still = |k: usize, maps: &Parameters<f32>| -> Result<_, FitError> {
         Ok(scene.image(k, &maps.record(&Tape::new()))?.value())
     };

@@ -10,7 +10,7 @@ use bokashi::fit::{Rules, StepState, before_update};
 use bokashi::glam::{DQuat, DVec3};
 use bokashi::prelude::*;
 use bokashi_examples::stage::{Random, Shape, cube};
-use bokashi_examples::{Asked, Curve, Found, Goal, Silhouettes};
+use bokashi_examples::{Asked, Curve, Found, Goal};
 
 bokashi_examples::sample!("pose", "finds how a cube with flat sides is turned");
 
@@ -39,12 +39,9 @@ impl Scene {
         let projection = perspective(2.0 * 0.4_f64.atan(), 1.0, 1.0, 50.0);
         let pose = Pose { rotation, translation };
         let clip = project(tape.constant(&self.cube.vertices), &projection, Some(pose))?;
-        let (silhouettes, size) = (self.silhouettes, Size::square(SIDE));
-        let colors = tape.constant(&Tensor::from(COLORS));
-        let mesh = silhouettes.mesh(&self.cube.mesh, clip, (colors, &self.colored), size)?;
-        let fragments = rasterize(clip, &mesh, silhouettes.options(size))?;
-        let surface = interpolate_indexed(colors, &self.colored, &fragments)?;
-        silhouettes.picture(surface, &fragments, Background::Zero)?.image()
+        let options = RasterOptions::new(Size::square(SIDE)).silhouettes(self.silhouettes);
+        let colors = (tape.constant(&Tensor::from(COLORS)), &self.colored);
+        render(clip, &self.cube.mesh, colors, options, Background::Zero)?.image()
     }
 }
 

@@ -7,7 +7,7 @@
 use bokashi::glam::{DMat4, DVec3};
 use bokashi::prelude::*;
 use bokashi_examples::stage::{Random, Shape, ball, bunny, learn, surface_distance};
-use bokashi_examples::{Asked, Found, Goal, Silhouettes};
+use bokashi_examples::{Asked, Found, Goal};
 
 bokashi_examples::sample!("silhouette", "makes a bunny of a sphere by twenty silhouettes");
 
@@ -28,10 +28,10 @@ fn mask<'t>(
     silhouettes: Silhouettes,
 ) -> Result<Var<'t, f32>, RenderError> {
     let clip = project(vertices, camera, None)?;
-    let fragments = rasterize(clip, mesh, silhouettes.options(Size::square(SIDE)))?;
-    let white = Tensor::full([fragments.barycentrics.shape()[0], 1], 1.0);
-    let white = vertices.tape().constant(&white);
-    silhouettes.picture(white, &fragments, Background::Zero)?.image()
+    let options = RasterOptions::new(Size::square(SIDE)).silhouettes(silhouettes);
+    let fragments = rasterize(clip, mesh, options.creases(&[]))?;
+    let white = vertices.tape().constant_full([fragments.coverage.count(), 1], 1.0);
+    fragments.picture(white, Background::Zero)?.image()
 }
 
 fn camera(random: &mut Random) -> DMat4 {

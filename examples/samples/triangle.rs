@@ -14,10 +14,9 @@ fn run(asked: &Asked) -> Result<Vec<Found>, FitError> {
     let colors = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     let clip = tape.constant(&Tensor::from(corners.to_vec()));
     let mesh = Mesh::new(vec![[0, 1, 2]], 3)?;
-    let fragments = rasterize(clip, &mesh, asked.silhouettes.options(Size::square(SIDE)))?;
-    let surface = interpolate(tape.constant(&Tensor::from(colors.to_vec())), &fragments)?;
-    let picture = asked.silhouettes.picture(surface, &fragments, Background::Zero)?;
-    let image = picture.image()?.value();
+    let colors = tape.constant(&Tensor::from(colors.to_vec()));
+    let options = RasterOptions::new(Size::square(SIDE)).silhouettes(asked.silhouettes);
+    let image = render(clip, &mesh, colors, options, Background::Zero)?.image()?.value();
 
     // The same from the formula: the barycentrics of each pixel's centre.
     let truth = Tensor::from_fn([SIDE, SIDE, 3], |[row, column, channel]| {

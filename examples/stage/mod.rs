@@ -11,7 +11,7 @@ mod random;
 mod sky;
 mod surface;
 
-pub use asked::{Asked, Silhouettes};
+pub use asked::Asked;
 pub use found::{Curve, Found, Goal};
 pub use globe::{globe, motley, substance};
 pub use learn::learn;

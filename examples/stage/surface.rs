@@ -29,7 +29,9 @@ impl StillSurface {
         let view = look_at(eye, DVec3::ZERO, eye.any_orthogonal_vector());
         let camera = perspective(0.7, 1.0, 0.1, 10.0) * view;
         let vertices = tape.constant(&shape.vertices);
-        let fragments = rasterize(project(vertices, &camera, None)?, &shape.mesh, options)?;
+        let clip = project(vertices, &camera, None)?;
+        let shown = [normals, places].map(|rows| tape.constant(rows).into());
+        let fragments = rasterize(clip, &shape.mesh, options.creases(&shown))?;
         let eye = tape.constant(&Tensor::from(eye.as_vec3().to_array()));
         Ok(Self {
             normals: interpolate(tape.constant(normals), &fragments)?.value(),

@@ -11,10 +11,10 @@ use bokashi_fit::{Fit, FitError, FitSettings, Parameter, Parameters, from_fn, sq
 use bokashi_paper::FACES;
 use bokashi_render_ops::{
     Assembly, Background, Blur, Border, Coverage, Detail, Filter, Kernel, Light, Material, Mesh,
-    Pose, RasterOptions, Reference, RenderError, Sampler, Sampling, Size, Surface, Texture,
-    TextureFilter, Weighting, affine_inverse, antialias, composite, distort, downsample, eye_depth,
-    face_normals, fisheye, gaussian_blur, interpolate, irradiance, perturbed_normals, pinhole,
-    project, project_instances, rasterize, reflect, rigid, sample_texture, se3, shade, srgb_encode,
+    PixelLoss, Pose, RasterOptions, RenderError, Sampler, Sampling, Size, Surface, Texture,
+    TextureFilter, Weighting, affine_inverse, distort, downsample, eye_depth, face_normals,
+    fisheye, gaussian_blur, interpolate, irradiance, perturbed_normals, pinhole, project,
+    project_instances, rasterize, reflect, rigid, sample_texture, se3, shade, srgb_encode,
     tangents, transform_normals, transform_points, vertex_normals,
 };
 use glam::DMat4;
@@ -99,7 +99,7 @@ struct Scene {
     rotation: Tensor<f32>,
     translation: Tensor<f32>,
     background: Tensor<f32>,
-    target: Tensor<f32>,
+    target: PixelLoss<f32>,
     sampling: Sampling,
     /// Whether the picture is blurred and compared before a constant colour, without its image.
     is_blurred_by_rows: bool,
@@ -114,7 +114,8 @@ impl Scene {
             rotation: entries(&[0.1, 0.3, 0.2, 0.9]),
             translation: entries(&[0.1, 0.0, -3.0]),
             background: entries(&[0.2, 0.1, 0.3]),
-            target: Tensor::full([side, side, 3], 0.5),
+            target: PixelLoss::squared(&Tensor::full([side, side, 3], 0.5), &Tensor::zeros([3]))
+                .unwrap(),
             sampling,
             is_blurred_by_rows: false,
         }
@@ -131,34 +132,29 @@ impl Scene {
         let [vertices, rotation, translation, background] = leaves.map(|of| tape.leaf_copied(of));
         let sigma = tape.leaf_scalar(1.2);
         let variables = [vertices, rotation, translation, background, sigma];
-        let gradients = self.loss(tape, variables)?.backward()?;
+        let gradients = self.loss(variables)?.backward()?;
         let of = [vertices, rotation, background, sigma].map(|leaf| gradients.get(leaf));
         Ok(of.into_iter().map(|gradient| gradient.expect("each is used").data()[0]).sum())
     }
 
     fn loss<'t>(
         &self,
-        tape: &'t Tape<f32>,
         [vertices, rotation, translation, background, sigma]: [Var<'t, f32>; 5],
     ) -> Result<Var<'t, f32>, FitError> {
         let pose = Pose { rotation, translation };
         let clip = project(vertices, &perspective(0.7, 1.0, 1.0, 50.0), Some(pose))?;
-        let size = Size::square(self.target.shape()[0]);
+        let size = Size::square(self.target.reference().shape()[0]);
         let options = RasterOptions::new(size).sampling(self.sampling);
-        let fragments = rasterize(clip, &self.mesh, options)?;
+        let fragments = rasterize(clip, &self.mesh, options.creases(&[]))?;
         let surface = interpolate(vertices, &fragments)?;
         let behind = if self.is_blurred_by_rows { background.detach() } else { background };
-        let picture = composite(surface, &fragments, Background::Color(behind))?;
-        let picture = match self.sampling {
-            Sampling::Center => antialias(picture)?,
-            _ => picture.into(),
-        };
+        let picture = fragments.picture(surface, Background::Color(behind))?;
         if self.is_blurred_by_rows {
-            let loss = picture.blurred_squared_error(sigma, &Blur::default(), &self.target)?;
+            let loss = picture.blurred(sigma, &Blur::default()).loss(&self.target)?;
             return Ok(loss + background.square().sum());
         }
         let image = gaussian_blur(picture.image()?, sigma, &Blur::default())?;
-        Ok(squared_error(image, tape.constant(&self.target))?)
+        Ok(self.target.evaluate(image)?)
     }
 }
 
@@ -419,7 +415,7 @@ fn a_steady_step_of_training_allocates_nothing() {
             .and_then(|all| all.with(Parameter::new("sigma", Tensor::scalar(1.2))));
         let mut fit = Fit::new(parameters.unwrap(), FitSettings::default()).unwrap();
         let mut pipeline =
-            from_fn(|tape, variables| scene.loss(tape, std::array::from_fn(|at| variables[at])));
+            from_fn(|_, variables| scene.loss(std::array::from_fn(|at| variables[at])));
         let mut before = f64::INFINITY;
         assert_nothing_allocated_from_step_3(|| {
             let loss = fit.step(&mut pipeline).unwrap().loss;
@@ -514,7 +510,7 @@ fn a_steady_step_on_surfaces_allocates_nothing() {
 struct Sheets {
     mesh: Mesh,
     vertices: Tensor<f32>,
-    reference: Reference<f32>,
+    reference: PixelLoss<f32>,
     options: RasterOptions,
     /// Whether colours are known, and only the shape is learnt.
     has_fixed_colors: bool,
@@ -557,7 +553,7 @@ impl Sheets {
         Self {
             mesh,
             vertices: Tensor::new([count, 3], corners).unwrap(),
-            reference: Reference::new(&image, &Tensor::zeros([3])).unwrap(),
+            reference: PixelLoss::squared(&image, &Tensor::zeros([3])).unwrap(),
             options: Size::square(pixels).into(),
             has_fixed_colors: false,
         }
@@ -578,15 +574,11 @@ impl Sheets {
     fn record(&self, tape: &Tape<f32>) -> Result<Found, FitError> {
         let vertices = tape.leaf_copied(&self.vertices);
         let clip = project(vertices, &perspective(0.7, 1.0, 1.0, 50.0), None)?;
-        let fragments = rasterize(clip, &self.mesh, self.options)?;
+        let fragments = rasterize(clip, &self.mesh, self.options.creases(&[]))?;
         let colors = if self.has_fixed_colors { tape.constant(&self.vertices) } else { vertices };
         let surface = interpolate(colors, &fragments)?;
-        let picture = composite(surface, &fragments, Background::Zero)?;
-        let picture = match self.options.sampling {
-            Sampling::Center => antialias(picture)?,
-            _ => picture.into(),
-        };
-        let loss = picture.squared_error(&self.reference)?;
+        let picture = fragments.picture(surface, Background::Zero)?;
+        let loss = picture.loss(&self.reference)?;
         let gradients = loss.backward()?;
         assert!(gradients.get(vertices).is_some());
         Ok(self.found(&fragments.coverage, loss.item()))
@@ -633,6 +625,8 @@ impl Sheets {
 #[test]
 fn a_steady_step_of_one_band_with_exact_coverage_allocates_nothing_on_several_threads() {
     let sheets = Sheets::new(6, 1, 48).exactly();
+    // What the background costs is summed once.
+    sheets.step(&mut Tape::new()).unwrap();
     for threads in [2, 4] {
         let (before, Found { bands, .. }) = sheets.allocated(threads, 4);
         let (after, _) = sheets.allocated(threads, 20);
@@ -667,6 +661,8 @@ fn steady_steps_on_several_threads_allocate_sums_by_face_and_band() {
     // pixel or per face, it would not fit in.
     for (side, hidden, pixels) in [(2, 0, 48), (2, 0, 512), (40, 0, 300), (2, 250, 200)] {
         let sheets = Sheets::new(side, hidden, pixels);
+        // What the background costs is summed once.
+        sheets.step(&mut Tape::new()).unwrap();
         for threads in [2, 4] {
             let (start, steps) = (4, 16);
             let (before, _) = sheets.allocated(threads, start);

@@ -30,7 +30,7 @@ fn gradients_of_closed_meshes_are_difference_quotients() {
             let run = |clip: &Tensor<f64>, is_wanted: bool| {
                 let tape = Tape::new();
                 let [clip, colors] = [tape.leaf(clip), tape.leaf(&colors)];
-                let options = RasterOptions::new(scene.size).sampling(Sampling::Exact);
+                let options = RasterOptions::new(scene.size).sampling(Sampling::Exact).creases(&[]);
                 let fragments = rasterize(clip, &scene.mesh, options).unwrap();
                 let surface = interpolate(colors, &fragments).unwrap();
                 let composite = composite(surface, &fragments, Background::Zero).unwrap();

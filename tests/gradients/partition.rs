@@ -38,7 +38,7 @@ fn covered<T: Scalar>(scene: &Scene, slack: f64) -> Result<Vec<f64>, TestCaseErr
     let clip =
         tape.leaf(&Tensor::from_flat_fn(scene.clip.shape(), |k| T::from_f64(scene.clip.data()[k])));
     let options = RasterOptions::new(scene.size).sampling(Sampling::Exact);
-    let fragments = rasterize(clip, &scene.mesh, options).unwrap();
+    let fragments = rasterize(clip, &scene.mesh, options.creases(&[])).unwrap();
     let weights = fragments.weight.unwrap().value();
     let mut covered = vec![0.0; scene.size.pixels()];
     for (n, pixel) in fragments.coverage.pixels().enumerate() {

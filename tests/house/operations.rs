@@ -53,8 +53,8 @@ fn rendering() -> [Vec<String>; 2] {
         let names = path.split("::").last().unwrap_or_default().split(',');
         names.map(|name| name.trim_matches(|c: char| "{}".contains(c) || c.is_whitespace()))
     });
-    // Which edges are creases has no gradient.
-    let others = ["glam", "mark_creases", "mark_creases_indexed"];
+    // It records what the others do.
+    let others = ["glam", "render"];
     let is_operation =
         |name: &&str| name.starts_with(|c: char| c.is_ascii_lowercase()) && !others.contains(name);
     let functions: Vec<_> = functions.filter(is_operation).map(str::to_owned).collect();

@@ -2,8 +2,8 @@
 
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
-    Background, Blur, Border, DepthImage, Kernel, Lens, LensOptions, Mesh, Pose, RasterOptions,
-    Reference, RenderError, Sampling, Size, antialias, composite, depth, depth_of_field,
+    Background, Blur, Border, DepthImage, Kernel, Lens, LensOptions, Mesh, PixelLoss, Pose,
+    RasterOptions, RenderError, Sampling, Size, antialias, composite, depth, depth_of_field,
     gaussian_blur, interpolate, project, rasterize,
 };
 use glam::dcamera::rh::proj::opengl::perspective;
@@ -61,7 +61,7 @@ impl Sphere {
         let smooth = picture.image()?;
         let blurred = gaussian_blur(smooth, sigma, &Blur::default())?;
         let options = RasterOptions::new(self.size).sampling(Sampling::Exact);
-        let exact = rasterize(clip, &self.mesh, options)?;
+        let exact = rasterize(clip, &self.mesh, options.creases(&[]))?;
         let counts = exact.coverage.boundary_counts();
         assert!(counts.pixels > 0 && counts.pieces > counts.pixels, "{counts:?}");
         let exact_surface = interpolate(colors, &exact)?;
@@ -74,7 +74,7 @@ impl Sphere {
         let errors = (0..8).map(|k| {
             let goal = |at: usize| T::from_f64(((at + k) * 7919 % 83) as f64 / 83.0);
             let goal = Tensor::from_flat_fn([height, width, 3], goal);
-            let error = dark.squared_error(&Reference::new(&goal, &Tensor::zeros([3]))?)?;
+            let error = dark.loss(&PixelLoss::squared(&goal, &Tensor::zeros([3]))?)?;
             Ok(error.reshape([1])?)
         });
         let errors = Var::concat(&errors.collect::<Result<Vec<_>, RenderError>>()?, 0)?;

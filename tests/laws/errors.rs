@@ -16,9 +16,9 @@ use bokashi_fit::{
 };
 use bokashi_render_ops::{
     Background, Blur, Detail, Fragments, Layer, Mesh, Prefilter, RasterOptions, RenderError,
-    Sampler, Sampling, Size, Texture, TextureFilter, antialias, composite, composite_layers,
-    depth as depths, depth_layers, gaussian_blur, interpolate, rasterize, rasterize_behind,
-    sample_texture,
+    Sampler, Sampling, Silhouettes, Size, Texture, TextureFilter, antialias, composite,
+    composite_layers, depth as depths, depth_layers, gaussian_blur, interpolate, rasterize,
+    rasterize_behind, sample_texture,
 };
 
 /// The names of the variants of `pub enum <name>` in a source file.
@@ -120,7 +120,7 @@ fn every_render_error_says_the_rule_and_the_value() {
     let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
     let fragments = rasterize(clip, &mesh, Size::square(4)).unwrap();
     let options = RasterOptions::new(fragments.coverage.size()).sampling(Sampling::Exact);
-    let exact = rasterize(clip, fragments.coverage.mesh(), options).unwrap();
+    let exact = rasterize(clip, fragments.coverage.mesh(), options.creases(&[])).unwrap();
     let pixels = exact.coverage.boundary_counts().pixels;
     let values = tape.leaf(&Tensor::zeros([exact.coverage.count(), 1]));
     let pieces = exact.coverage.count() - exact.coverage.centers();
@@ -169,6 +169,15 @@ fn every_render_error_says_the_rule_and_the_value() {
             exact.unwrap_err(),
             "antialias needs one fragment per pixel, got exact coverage with [pixels] boundary \
              pixels",
+        ),
+        (
+            rasterize(clip, &mesh, options).unwrap_err(),
+            "rasterize with exact coverage needs the attributes that will be shown, \
+             `options.creases(&[colors.into()])`, or `&[]` for none that varies, got options alone",
+        ),
+        (
+            "soft".parse::<Silhouettes>().unwrap_err(),
+            "silhouettes need to be aliased, antialias or exact, got \"soft\"",
         ),
         (
             looked_up(Sampler::new().filter(eight_probes)),

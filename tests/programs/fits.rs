@@ -5,12 +5,9 @@ use std::ops::ControlFlow;
 
 use bokashi_core::{Scalar, Tape, Tensor};
 use bokashi_fit::{Fit, FitError, FitSettings, Parameter, Parameters, from_fn, squared_error};
-use bokashi_paper::{
-    CubeSettings, Experiment, Outcome, Precision, Preset, STUCK, Silhouettes, run_cube,
-};
+use bokashi_paper::{CubeSettings, Experiment, Outcome, Precision, Preset, STUCK, run_cube};
 use bokashi_render_ops::{
-    Background, Border, Kernel, Mesh, RasterOptions, Sampling, Size, antialias, composite,
-    interpolate, rasterize,
+    Background, Border, Kernel, Mesh, RasterOptions, Silhouettes, Size, render,
 };
 
 fn run(settings: &CubeSettings) -> Outcome {
@@ -112,34 +109,18 @@ fn the_same_seed_gives_the_same_bits_on_any_number_of_threads() {
     }
 }
 
-/// How a silhouette gets its gradient.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Edges {
-    Aliased,
-    Antialiased,
-    Exact,
-}
-
 /// Two steps of a fit of a white triangle, `offset` to the right, to a black image.
-fn fit_silhouette<T: Scalar>(edges: Edges, offset: f64) -> Result<(), FitError> {
+fn fit_silhouette<T: Scalar>(silhouettes: Silhouettes, offset: f64) -> Result<(), FitError> {
     let corners = [[-0.5, -0.6, 0.0, 1.0], [0.7, -0.4, 0.0, 1.0], [0.1, 0.65, 0.0, 1.0]];
     let clip = Tensor::from_fn([3, 4], |[corner, axis]| {
         T::from_f64(corners[corner][axis] + if axis == 0 { offset } else { 0.0 })
     });
     let parameters = Parameters::new().with(Parameter::new("clip", clip))?;
     let mesh = Mesh::new(vec![[0, 1, 2]], 3)?;
-    let size = Size::square(16);
-    let sampling = if edges == Edges::Exact { Sampling::Exact } else { Sampling::Center };
-    let options = RasterOptions::new(size).sampling(sampling);
+    let options = RasterOptions::new(Size::square(16)).silhouettes(silhouettes);
     let mut pipeline = from_fn(|tape: &Tape<T>, variables| {
-        let clip = variables.get("clip")?;
-        let fragments = rasterize(clip, &mesh, options)?;
-        let surface = interpolate(tape.constant_full([3, 1], T::ONE), &fragments)?;
-        let picture = composite(surface, &fragments, Background::Zero)?;
-        let picture = match edges {
-            Edges::Antialiased => antialias(picture)?,
-            Edges::Aliased | Edges::Exact => picture.into(),
-        };
+        let white = tape.constant_full([3, 1], T::ONE);
+        let picture = render(variables.get("clip")?, &mesh, white, options, Background::Zero)?;
         Ok(squared_error(picture.image()?, tape.constant_full([16, 16, 1], T::ZERO))?)
     });
     let settings = FitSettings { steps: 2, ..FitSettings::default() };
@@ -153,12 +134,12 @@ fn a_silhouette_that_gets_no_gradient_is_refused_and_where_it_ends_is_named() {
     // In view, and out of sight.
     for offset in [0.0, 5.0] {
         for refused in [
-            fit_silhouette::<f32>(Edges::Aliased, offset),
-            fit_silhouette::<f64>(Edges::Aliased, offset),
+            fit_silhouette::<f32>(Silhouettes::Aliased, offset),
+            fit_silhouette::<f64>(Silhouettes::Aliased, offset),
         ] {
             assert_eq!(refused.unwrap_err().to_string(), message);
         }
-        for edges in [Edges::Antialiased, Edges::Exact] {
+        for edges in [Silhouettes::Antialias, Silhouettes::Exact] {
             fit_silhouette::<f32>(edges, offset).unwrap();
             fit_silhouette::<f64>(edges, offset).unwrap();
         }

@@ -20,20 +20,16 @@
 //!         &self,
 //!         tape: &'t Tape<f64>,
 //!         variables: &Variables<'t, f64>,
-//!     ) -> Result<Var<'t, f64>, FitError> {
+//!     ) -> Result<Blurred<'t, f64>, FitError> {
 //!         let pose = Pose {
 //!             rotation: variables.get("rotation")?,
 //!             translation: variables.get("translation")?,
 //!         };
 //!         let clip = project(tape.constant(&self.vertices), &self.camera, Some(pose))?;
 //!         let colors = tape.constant(&self.colors);
-//!         let size = Size::square(32);
-//!         let exact = RasterOptions::new(size).sampling(Sampling::Exact);
-//!         let creased = mark_creases(&self.mesh, clip, colors, exact)?;
-//!         let fragments = rasterize(clip, &creased, exact)?;
-//!         let surface = interpolate(colors, &fragments)?;
-//!         let picture = composite(surface, &fragments, Background::Zero)?;
-//!         Ok(gaussian_blur(picture.image()?, variables.get("sigma")?, &Blur::default())?)
+//!         let exact = RasterOptions::new(Size::square(32)).silhouettes(Silhouettes::Exact);
+//!         let picture = render(clip, &self.mesh, colors, exact, Background::Zero)?;
+//!         Ok(picture.blurred(variables.get("sigma")?, &Blur::default()))
 //!     }
 //! }
 //!
@@ -61,13 +57,13 @@
 //!
 //!     let tape = Tape::new();
 //!     let truth = parameters([0.1, 0.3, -0.1, 0.9, 0.2, -0.1, -4.0], 1.5)?;
-//!     let photo = scene.picture(&tape, &truth.record(&tape))?.value();
+//!     let photo = scene.picture(&tape, &truth.record(&tape))?.image()?.value();
+//!     let photo = PixelLoss::squared(&photo, &Tensor::zeros([3]))?;
 //!
 //!     let start = parameters([0.0, 0.2, 0.0, 1.0, 0.1, 0.0, -3.9], 3.0)?;
 //!     let settings = FitSettings { steps: 100, ..FitSettings::default() };
 //!     let history = Fit::new(start, settings)?.run(&mut from_fn(|tape, variables| {
-//!         let image = scene.picture(tape, variables)?;
-//!         Ok(squared_error(image, tape.constant(&photo))?)
+//!         Ok(scene.picture(tape, variables)?.loss(&photo)?)
 //!     }))?;
 //!     assert!(history.last().loss < 0.1 * history.initial().loss);
 //!     Ok(())
@@ -104,19 +100,19 @@ pub mod prelude {
     // All operations, their types and their error. No module: it would hide a crate of the same name, and a
     // program may have a glam of its own.
     pub use bokashi_render_ops::{
-        Adjacency, Assembly, Background, Blur, Border, BoundaryCounts, Camera, Composite, Coverage,
-        Creases, CubeMap, Cull, Culled, CustomFilter, DepthImage, Detail, Environment, EyeDepth,
+        Adjacency, Assembly, Background, Blur, Blurred, Border, BoundaryCounts, Camera, Composite,
+        Coverage, CubeMap, Cull, Culled, CustomFilter, DepthImage, Detail, Environment, EyeDepth,
         Filter, Focused, Fragments, Kernel, LEAST_ROUGHNESS, Layer, Lens, LensOptions, Light,
         MOST_PROBES, Material, Mesh, Picture, PixelLoss, Place, Pose, Prefilter, Radius,
-        RasterOptions, Reference, RenderError, Sampler, Sampling, Size, StillFragments, Surface,
-        Texture, TextureBorder, TextureFilter, Weighting, affine_inverse, antialias, composite,
-        composite_layers, depth, depth_layers, depth_of_field, differentials, distort, downsample,
-        exposure, eye_depth, face_normals, fisheye, gaussian_blur, interpolate,
-        interpolate_differentials, interpolate_differentials_indexed, interpolate_indexed,
-        irradiance, mark_creases, mark_creases_indexed, orthographic, over, perturbed_normals,
-        pinhole, project, project_instances, rasterize, rasterize_behind, reflect, rigid,
-        sample_cube_map, sample_texture, se3, shade, srgb_decode, srgb_encode, tangents,
-        transform_normals, transform_points, vertex_normals,
+        RasterOptions, Rasterization, RenderError, Sampler, Sampling, Silhouettes, Size,
+        StillFragments, Surface, Texture, TextureBorder, TextureFilter, VertexAttributes,
+        Weighting, affine_inverse, antialias, composite, composite_layers, depth, depth_layers,
+        depth_of_field, differentials, distort, downsample, exposure, eye_depth, face_normals,
+        fisheye, gaussian_blur, interpolate, interpolate_differentials,
+        interpolate_differentials_indexed, interpolate_indexed, irradiance, orthographic, over,
+        perturbed_normals, pinhole, project, project_instances, rasterize, rasterize_behind,
+        reflect, render, rigid, sample_cube_map, sample_texture, se3, shade, srgb_decode,
+        srgb_encode, tangents, transform_normals, transform_points, vertex_normals,
     };
 }
 

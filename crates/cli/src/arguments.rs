@@ -3,7 +3,7 @@
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-use bokashi_examples::{SAMPLES, Silhouettes as Shown};
+use bokashi_examples::SAMPLES;
 use bokashi_paper::{Experiment, Precision, Preset, Saving, Silhouettes};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::error::{ContextKind, ContextValue, ErrorKind};
@@ -250,8 +250,8 @@ pub(crate) struct SamplesArguments {
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = seed)]
     pub(crate) first_seed: u64,
     /// Silhouettes [default: exact for cube and depth-of-field, antialias for the others]
-    #[arg(long, value_name = "WORD", value_parser = words::<Shown>(&["aliased", "antialias", "exact"]))]
-    pub(crate) silhouettes: Option<Shown>,
+    #[arg(long, value_name = "WORD", value_parser = words::<Silhouettes>(&["aliased", "antialias", "exact"]))]
+    pub(crate) silhouettes: Option<Silhouettes>,
     /// Most updates per fit, to see that all of it runs [default: what each sample needs]
     #[arg(long, value_name = "N", value_parser = steps)]
     pub(crate) steps: Option<u64>,

@@ -21,11 +21,12 @@ mod views;
 
 pub use alternative::{Alternative, Choice, alternatives};
 pub use automorphism::automorphisms;
+pub use bokashi_render_ops::Silhouettes;
 pub use cube::{FACES, VERTEX_COUNT, View, random_start, truth};
 pub use experiment::run_cube;
 pub use outcome::{Outcome, Progress, Record, STUCK, Snapshot};
 pub use picture::{edges, outline, picture};
 pub use pipeline::{CubeMeasure, CubePipeline};
 pub use saving::{Saving, run_cube_saving};
-pub use settings::{CubeSettings, Experiment, Precision, Preset, Rates, Silhouettes};
+pub use settings::{CubeSettings, Experiment, Precision, Preset, Rates};
 pub use views::CubeViews;

@@ -2,7 +2,9 @@
 
 use bokashi_core::Tensor;
 
-use super::settings::{Experiment, Precision, Preset, Silhouettes};
+use bokashi_render_ops::Silhouettes;
+
+use super::settings::{Experiment, Precision, Preset};
 
 /// A fit with a larger vertex error at its end has not found the cube. Between a fit that
 /// converges (1e-2 at worst) and one that is stuck (0.1 at least) lies a gap.

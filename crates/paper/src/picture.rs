@@ -2,13 +2,12 @@
 
 use bokashi_core::{Tape, Tensor};
 use bokashi_fit::FitError;
-use bokashi_render_ops::{Blur, Border, Kernel, Radius};
+use bokashi_render_ops::{Blur, Border, Kernel, Radius, Silhouettes};
 use glam::DVec4;
 
 use super::cube::{FACES, VERTEX_COUNT, View};
 use super::outcome::Snapshot;
 use super::scene::Scene;
-use super::settings::Silhouettes;
 
 /// The cube `snapshot` in front of black, `[size, size, 3]`, row 0 on top. Where there is a `sigma`,
 /// in pixels of this picture, it is blurred. The snapshot's own sigma, which is in pixels of the fit,

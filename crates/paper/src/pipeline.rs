@@ -7,7 +7,7 @@
 
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_fit::{FitError, Parameter, Parameters, Pipeline, Variables};
-use bokashi_render_ops::{Blur, Reference};
+use bokashi_render_ops::{Blur, PixelLoss};
 
 use super::automorphism::automorphisms;
 use super::cube::{FACES, VERTEX_COUNT, View, random_start, truth};
@@ -44,7 +44,9 @@ pub struct CubePipeline<T: Scalar> {
     truth: Snapshot,
     /// The truth in `T`: vertices, colours, sigma.
     target_inputs: (Tensor<T>, Tensor<T>, Option<T>),
-    target: Option<Target<T>>,
+    target: Option<PixelLoss<T>>,
+    /// The background, `[3]`.
+    black: Tensor<T>,
     /// Of targets that no fit prepares.
     target_tape: Tape<T>,
     automorphisms: Vec<Vec<usize>>,
@@ -77,6 +79,7 @@ impl<T: Scalar> CubePipeline<T> {
             ),
             truth,
             target: None,
+            black: Tensor::zeros([3]),
             target_tape: Tape::new(),
             automorphisms: automorphisms(&FACES, VERTEX_COUNT),
         };
@@ -107,33 +110,7 @@ impl<T: Scalar> CubePipeline<T> {
 
     /// The target image of the step that was prepared last, `[H, W, 3]`.
     pub fn target(&self) -> Option<&Tensor<T>> {
-        self.target.as_ref().map(Target::image)
-    }
-}
-
-/// What a step's picture is compared with.
-#[derive(Debug)]
-enum Target<T: Scalar> {
-    /// A sparse picture: pixels of the background cost nothing.
-    Picture(Reference<T>),
-    /// A blurred image, `[H, W, 3]`.
-    Image(Tensor<T>),
-}
-
-impl<T: Scalar> Target<T> {
-    fn image(&self) -> &Tensor<T> {
-        match self {
-            Self::Picture(reference) => reference.image(),
-            Self::Image(image) => image,
-        }
-    }
-
-    /// The image, where nobody else holds the reference.
-    fn into_image(self) -> Option<Tensor<T>> {
-        match self {
-            Self::Picture(reference) => reference.into_image(),
-            Self::Image(image) => Some(image),
-        }
+        self.target.as_ref().map(PixelLoss::reference)
     }
 }
 
@@ -162,7 +139,7 @@ impl<T: Scalar> Pipeline<T> for CubePipeline<T> {
         } else if self.target.is_some() {
             return Ok(());
         }
-        if let Some(image) = self.target.take().and_then(Target::into_image) {
+        if let Some(image) = self.target.take().and_then(PixelLoss::into_reference) {
             tape.recycle(image);
         }
         let camera = self.view.camera();
@@ -172,10 +149,7 @@ impl<T: Scalar> Pipeline<T> for CubePipeline<T> {
             let sigma = sigma.map(|sigma| tape.constant_scalar(sigma));
             Ok(self.scene.image(&camera, vertices, colors, sigma)?.value())
         })?;
-        self.target = Some(match self.target_inputs.2 {
-            None => Target::Picture(Reference::new(&image, &Tensor::zeros([3]))?),
-            Some(_) => Target::Image(image),
-        });
+        self.target = Some(PixelLoss::squared(&image, &self.black)?);
         Ok(())
     }
 
@@ -186,15 +160,9 @@ impl<T: Scalar> Pipeline<T> for CubePipeline<T> {
     ) -> Result<Var<'t, T>, FitError> {
         let (vertices, colors) = (variables.get(VERTICES)?, variables.get(COLORS)?);
         let camera = self.view.camera();
-        match self.target.as_ref().expect("a step is prepared before its loss is recorded") {
-            Target::Picture(reference) => {
-                Ok(self.scene.picture(&camera, vertices, colors)?.squared_error(reference)?)
-            }
-            Target::Image(image) => {
-                let sigma = variables.get(SIGMA)?;
-                self.scene.blurred_squared_error(&camera, vertices, colors, sigma, image)
-            }
-        }
+        let target = self.target.as_ref().expect("a step is prepared before its loss is recorded");
+        let sigma = self.target_inputs.2.map(|_| variables.get(SIGMA)).transpose()?;
+        self.scene.loss(&camera, vertices, colors, sigma, target)
     }
 
     fn measure(&self, parameters: &Parameters<T>) -> CubeMeasure {

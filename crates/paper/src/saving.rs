@@ -244,8 +244,9 @@ impl CubeSettings {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Silhouettes;
     use crate::run_cube;
-    use crate::settings::{Experiment, Rates, Silhouettes};
+    use crate::settings::{Experiment, Rates};
     use bokashi_fit::Mapping;
     use bokashi_fit::Optimizer;
     use bokashi_fit::Schedule;

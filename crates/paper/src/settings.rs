@@ -4,7 +4,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use bokashi_fit::{FitError, FitSettings, Mapping, Optimizer, Schedule};
-use bokashi_render_ops::{Border, Kernel, Radius};
+use bokashi_render_ops::{Border, Kernel, Radius, Silhouettes};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// The paper's experiments.
@@ -34,19 +34,6 @@ pub enum Preset {
     /// the time, of 150 updates. Made for 32 px: at 16 px its steps can undo what the first half
     /// learnt, see crates/lab/docs/stiff.md.
     SecondOrder,
-}
-
-/// How the edge of a surface looks, in the learnt image and in the target.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Silhouettes {
-    /// A pixel shows what lies at its centre: silhouettes have no gradient.
-    Aliased,
-    /// The same, with the pixels at silhouettes blended: the paper's.
-    #[default]
-    Antialias,
-    /// A pixel shows all that lies in it: silhouettes have the gradient of the covered areas.
-    Exact,
 }
 
 /// The numbers that a fit computes with.
@@ -96,14 +83,6 @@ words!(
     Paper = "paper",
     Tuned = "tuned",
     SecondOrder = "second-order"
-);
-words!(
-    Silhouettes,
-    "silhouettes",
-    "one of aliased, antialias, exact",
-    Aliased = "aliased",
-    Antialias = "antialias",
-    Exact = "exact"
 );
 words!(Precision, "precision", "f32 or f64", F32 = "f32", F64 = "f64");
 
@@ -261,7 +240,7 @@ impl CubeSettings {
             sigma_start: 2.0,
             steps: 10_000,
             seed: 0,
-            silhouettes: Silhouettes::default(),
+            silhouettes: Silhouettes::Antialias,
             precision: Precision::F32,
             rates: None,
             schedule: None,
@@ -339,9 +318,6 @@ mod tests {
         }
         for preset in [Preset::Paper, Preset::Tuned, Preset::SecondOrder] {
             assert_eq!(preset.to_string().parse(), Ok(preset));
-        }
-        for silhouettes in [Silhouettes::Aliased, Silhouettes::Antialias, Silhouettes::Exact] {
-            assert_eq!(silhouettes.to_string().parse(), Ok(silhouettes));
         }
         for precision in [Precision::F32, Precision::F64] {
             assert_eq!(precision.to_string().parse(), Ok(precision));

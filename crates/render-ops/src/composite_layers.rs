@@ -276,7 +276,8 @@ mod tests {
 
     use super::*;
     use crate::mesh::Mesh;
-    use crate::rasterize::{RasterOptions, Sampling, depth_layers, rasterize};
+    use crate::raster_options::{RasterOptions, Sampling};
+    use crate::rasterize::{depth_layers, rasterize};
     use crate::size::Size;
 
     const SIZE: Size = Size { width: 9, height: 7 };
@@ -399,7 +400,7 @@ mod tests {
             "a layer needs the size of the layer in front, 9 x 7, got 4 x 4"
         );
         let exact = RasterOptions::new(SIZE).sampling(Sampling::Exact);
-        let pieces = rasterize(clip, &mesh, exact).unwrap();
+        let pieces = rasterize(clip, &mesh, exact.creases(&[])).unwrap();
         let rule = "needs fragments at pixel centres, got exact coverage, \
                     whose pieces say nothing of what lies behind them";
         assert_eq!(say(&[&pieces], 0), format!("composite_layers {rule}"));

@@ -32,6 +32,8 @@ pub struct Coverage {
     /// looked for.
     pub(crate) pieces: Runs,
     pub(crate) boundary: Boundary,
+    /// Whether pictures of it are antialiased.
+    pub(crate) antialias: bool,
     /// Whether a boundary pixel is resolved by its outline alone.
     pub(crate) is_outline: bool,
     /// Per face of the mesh, drawn or not: the sign of its area as it is seen, y up; 0 where it is
@@ -63,6 +65,7 @@ impl Coverage {
             covered: Vec::new(),
             pieces: Runs::default(),
             boundary: Boundary::default(),
+            antialias: false,
             is_outline: false,
             orientations: Vec::new(),
         }

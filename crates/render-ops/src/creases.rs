@@ -17,112 +17,47 @@
 //! B per pixel, puts it up to B / 8 off its mean; an edge at which the value jumps by J, up to J / 2.
 
 use bokashi_core::parallel::for_each_piece_mut;
-use bokashi_core::{Scalar, Tensor, TensorError, Var};
+use bokashi_core::{Scalar, Tensor, Var};
 
 use crate::error::RenderError;
 use crate::homogeneous::{Vertex, determinant, edge};
 use crate::mesh::{Mesh, Neighbor};
-use crate::rasterize::{Cull, RasterOptions};
+use crate::raster_options::{Cull, RasterOptions};
 use crate::size::Size;
+use crate::vertex_attributes::VertexAttributes;
 
 /// Faces in one piece of work.
 const FACES_PER_PIECE: usize = 1 << 11;
 
-/// Which edges count as creases.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Creases {
-    /// The image's size in pixels.
-    pub size: Size,
-    /// How far a pixel that shows its centre may be off its mean because of an edge, as a share of the
-    /// attribute's range. The range is the largest of its channels'.
-    pub tolerance: f64,
-    /// Which faces are not drawn, as `rasterize` is told: edges between two of them are no creases.
-    pub cull: Cull,
-}
-
-impl Creases {
-    /// In an image of `size` in which all faces are drawn, with a tolerance of 2e-3.
-    pub const fn new(size: Size) -> Self {
-        Self { size, tolerance: 2e-3, cull: Cull::None }
-    }
-
-    /// The same with another tolerance.
-    #[must_use]
-    pub const fn tolerance(self, tolerance: f64) -> Self {
-        Self { tolerance, ..self }
-    }
-
-    /// The same where some faces are not drawn.
-    #[must_use]
-    pub const fn cull(self, cull: Cull) -> Self {
-        Self { cull, ..self }
-    }
-}
-
-impl From<Size> for Creases {
-    fn from(size: Size) -> Self {
-        Self::new(size)
-    }
-}
-
-/// In an image that is rasterized with these options.
-impl From<RasterOptions> for Creases {
-    fn from(RasterOptions { size, cull, .. }: RasterOptions) -> Self {
-        Self::new(size).cull(cull)
-    }
-}
-
-/// `mesh` with its creases as seams, for [exact coverage](crate::Sampling::Exact): the edges at which
-/// `attributes: [V, C]` bend or jump in an image of the vertices `clip: [V, 4]`. See
-/// [`mark_creases_indexed`].
+/// `mesh` with its creases as seams: the edges at which `attributes` bend or jump in an image of the vertices
+/// `clip: [V, 4]`. Seams that the mesh has already stay. It allocates a byte per face.
 ///
 /// # Errors
-/// As [`mark_creases_indexed`].
-pub fn mark_creases<T: Scalar>(
-    mesh: &Mesh,
-    clip: Var<'_, T>,
-    attributes: Var<'_, T>,
-    creases: impl Into<Creases>,
-) -> Result<Mesh, RenderError> {
-    mark_creases_indexed(mesh, clip, attributes, mesh, creases)
-}
-
-/// [`mark_creases`] of attributes `[A, C]` with an index buffer of their own: face k of `indices` names the
-/// attributes of face k of `mesh`.
-///
-/// Seams that the mesh has already stay, so several attributes are looked at one after another. Attributes
-/// that are the same everywhere have no creases. Where an attribute is no number, all edges are, but for those
-/// between two culled faces. Which edges are creases is found anew for each image, and has no gradient. It
-/// allocates a byte per face.
-///
-/// `creases` is the size of the image, [`Creases`], or the options that `rasterize` gets. These tell as well which
-/// faces are culled, and save the search between them.
-///
-/// # Errors
-/// - [`RenderError::FaceCount`] unless `indices` has as many faces as the mesh.
+/// - [`RenderError::FaceCount`] unless the index buffer has as many faces as the mesh.
 /// - [`RenderError::Shape`] unless `clip` is `[V, 4]` with the mesh's number of vertices, and the
-///   attributes `[A, C]` with that of `indices`.
+///   attributes `[A, C]` with that of their index buffer.
 /// - `TensorError::Value` for a tolerance that is not positive.
-pub fn mark_creases_indexed<T: Scalar>(
+pub(crate) fn mark_creases<T: Scalar>(
     mesh: &Mesh,
     clip: Var<'_, T>,
-    attributes: Var<'_, T>,
-    indices: &Mesh,
-    creases: impl Into<Creases>,
+    attributes: VertexAttributes<'_, '_, T>,
+    options: &RasterOptions,
 ) -> Result<Mesh, RenderError> {
-    marked(mesh, &clip.value(), &attributes.value(), indices, creases.into())
+    let VertexAttributes { values, indices } = attributes;
+    marked(mesh, &clip.value(), &values.value(), indices.unwrap_or(mesh), options)
 }
 
-const NAME: &str = "mark_creases";
+/// The operation whose options name attributes.
+const NAME: &str = "rasterize";
 
-/// [`mark_creases_indexed`], compiled once.
+/// [`mark_creases`], compiled once.
 #[inline(never)]
 fn marked<T: Scalar>(
     mesh: &Mesh,
     clip: &Tensor<T>,
     attributes: &Tensor<T>,
     indices: &Mesh,
-    Creases { size, tolerance, cull }: Creases,
+    &RasterOptions { size, crease_tolerance: tolerance, cull, .. }: &RasterOptions,
 ) -> Result<Mesh, RenderError> {
     let [expected, given] = [mesh, indices].map(|mesh| mesh.faces().len());
     if given != expected {
@@ -140,8 +75,7 @@ fn marked<T: Scalar>(
         _ => return refused(format!("attributes of shape [{rows}, C], C > 0"), attributes),
     };
     if tolerance.is_nan() || tolerance <= 0.0 {
-        let rule = "a positive tolerance".into();
-        return Err(TensorError::Value { operation: NAME, rule, value: tolerance }.into());
+        return Err(RenderError::of_value(NAME, "a positive tolerance of creases", tolerance));
     }
     let range = range(attributes.data(), channels);
     if range == 0.0 {
@@ -363,7 +297,8 @@ mod tests {
             let clip = tape.constant(&Tensor::from(self.clip));
             let colors = tape.constant(&Tensor::from(self.colors));
             let mesh = Mesh::new(FACES.to_vec(), 4).unwrap();
-            mark_creases(&mesh, clip, colors, Creases::new(self.size).tolerance(tolerance)).unwrap()
+            let options = RasterOptions::new(self.size).crease_tolerance(tolerance);
+            mark_creases(&mesh, clip, colors.into(), &options).unwrap()
         }
 
         fn has_crease(&self, tolerance: f64) -> bool {
@@ -482,8 +417,8 @@ mod tests {
         let indices = Mesh::new(vec![[0, 0, 0], [1, 1, 1]], 3).unwrap();
         let has_crease = |step: f64, tolerance: f64| {
             let values = tape.constant(&Tensor::from([[0.0], [step], [1.0]]));
-            let creases = Creases::new(pair.size).tolerance(tolerance);
-            mark_creases_indexed(&mesh, clip, values, &indices, creases).unwrap().is_seam(0, 0)
+            let options = RasterOptions::new(pair.size).crease_tolerance(tolerance);
+            mark_creases(&mesh, clip, (values, &indices).into(), &options).unwrap().is_seam(0, 0)
         };
         assert!(has_crease(0.5, 0.24) && !has_crease(0.5, 0.26));
         // With vertices of their own at the edge they may be the same.
@@ -539,8 +474,8 @@ mod tests {
             let colors = tape.constant(&Tensor::from(pair.colors));
             let options = RasterOptions::new(pair.size).cull(cull);
             let not_drawn = rasterize(clip, &mesh, options).unwrap().coverage.culled().facing;
-            let all = mark_creases(&mesh, clip, colors, pair.size).unwrap();
-            let drawn = mark_creases(&mesh, clip, colors, options).unwrap();
+            let all = mark_creases(&mesh, clip, colors.into(), &pair.size.into()).unwrap();
+            let drawn = mark_creases(&mesh, clip, colors.into(), &options).unwrap();
             for (face, corner) in (0..2).flat_map(|face| [0, 1, 2].map(|corner| (face, corner))) {
                 let expected = all.is_seam(face, corner) && not_drawn < 2;
                 prop_assert_eq!(drawn.is_seam(face, corner), expected);
@@ -556,7 +491,7 @@ mod tests {
         let clip = tape.constant(&Tensor::from(pair.clip));
         for color in [0.0, 1.0] {
             let colors = tape.constant(&Tensor::from([[0.0], [0.0], [0.0], [color]]));
-            let marked = mark_creases(&mesh, clip, colors, pair.size).unwrap();
+            let marked = mark_creases(&mesh, clip, colors.into(), &pair.size.into()).unwrap();
             assert!(marked.is_seam(0, 1) && marked.is_seam(0, 0) == (color > 0.0));
             // They share what was built for the mesh.
             assert!(std::ptr::eq(mesh.adjacency(), marked.adjacency()));
@@ -570,8 +505,9 @@ mod tests {
         let clip = tape.constant(&Tensor::zeros([4, 4]));
         let message = |clip, shape: [usize; 2], indices: &Mesh, tolerance: f64| {
             let colors = tape.constant(&Tensor::zeros(shape));
-            let creases = Creases::new(Size::square(4)).tolerance(tolerance);
-            mark_creases_indexed(&mesh, clip, colors, indices, creases).unwrap_err().to_string()
+            let options = RasterOptions::new(Size::square(4)).crease_tolerance(tolerance);
+            let attributes = (colors, indices).into();
+            mark_creases(&mesh, clip, attributes, &options).unwrap_err().to_string()
         };
         let few = Mesh::new(vec![[0, 1, 2]], 4).unwrap();
         assert_eq!(
@@ -580,20 +516,18 @@ mod tests {
         );
         assert_eq!(
             message(tape.constant(&Tensor::zeros([3, 4])), [4, 3], &mesh, 1e-3),
-            "mark_creases needs clip positions of shape [4, 4], got shape [3, 4]"
+            "rasterize needs clip positions of shape [4, 4], got shape [3, 4]"
         );
         for shape in [[5, 3], [4, 0]] {
             assert_eq!(
                 message(clip, shape, &mesh, 1e-3),
-                format!(
-                    "mark_creases needs attributes of shape [4, C], C > 0, got shape {shape:?}"
-                )
+                format!("rasterize needs attributes of shape [4, C], C > 0, got shape {shape:?}")
             );
         }
         for tolerance in [0.0, -1.0, f64::NAN] {
             assert_eq!(
                 message(clip, [4, 3], &mesh, tolerance),
-                format!("mark_creases needs a positive tolerance, got {tolerance}")
+                format!("rasterize needs a positive tolerance of creases, got {tolerance}")
             );
         }
     }

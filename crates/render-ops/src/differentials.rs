@@ -289,7 +289,8 @@ mod tests {
 
     use super::*;
     use crate::mesh::Mesh;
-    use crate::rasterize::{RasterOptions, Sampling, rasterize};
+    use crate::raster_options::{RasterOptions, Sampling};
+    use crate::rasterize::rasterize;
 
     const SIZE: Size = Size { width: 9, height: 6 };
 
@@ -313,7 +314,7 @@ mod tests {
     ) -> Fragments<'_, f64> {
         let mesh = Mesh::new(vec![[0, 1, 2], [0, 2, 3]], 4).unwrap();
         let clip = tape.leaf(&Tensor::from_fn([4, 4], |[i, k]| clip(i, k)));
-        rasterize(clip, &mesh, options(sampling)).unwrap()
+        rasterize(clip, &mesh, options(sampling).creases(&[])).unwrap()
     }
 
     #[test]
@@ -325,7 +326,7 @@ mod tests {
         let clip = tape.leaf(&Tensor::from_fn([3, 4], |[i, k]| corners[i][k]));
         let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
         for sampling in [Sampling::Center, Sampling::Exact] {
-            let fragments = rasterize(clip, &mesh, options(sampling)).unwrap();
+            let fragments = rasterize(clip, &mesh, options(sampling).creases(&[])).unwrap();
             let found = differentials(&fragments).unwrap().value();
             assert!(found.size() > 40);
             for found in found.data().chunks_exact(4) {

@@ -121,6 +121,20 @@ pub enum RenderError {
         operation: &'static str,
     },
 
+    /// Exact coverage was asked for, and nobody said which attributes have creases.
+    #[error(
+        "rasterize with exact coverage needs the attributes that will be shown, \
+         `options.creases(&[colors.into()])`, or `&[]` for none that varies, got options alone"
+    )]
+    UnnamedCreases,
+
+    /// A word that names no kind of silhouettes.
+    #[error("silhouettes need to be aliased, antialias or exact, got {given:?}")]
+    Silhouettes {
+        /// The word given.
+        given: String,
+    },
+
     /// Layers in depth were asked for with exact coverage.
     #[error(
         "{operation} needs fragments at pixel centres, got exact coverage, \

@@ -119,7 +119,8 @@ mod tests {
     use crate::fixtures::surface;
     use crate::mesh::Mesh;
     use crate::project::project;
-    use crate::rasterize::{RasterOptions, Sampling, rasterize};
+    use crate::raster_options::{RasterOptions, Sampling};
+    use crate::rasterize::rasterize;
     use crate::size::Size;
 
     const SIZE: Size = Size { width: 9, height: 7 };
@@ -135,7 +136,7 @@ mod tests {
         let positions = tape.leaf(&Tensor::<f64>::from(CORNERS).cast());
         let clip = project(positions, &camera(), None).unwrap();
         let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
-        rasterize(clip, &mesh, RasterOptions::new(SIZE).sampling(sampling)).unwrap()
+        rasterize(clip, &mesh, RasterOptions::new(SIZE).sampling(sampling).creases(&[])).unwrap()
     }
 
     /// How far along the view axis the ray through a pixel's centre meets the face.

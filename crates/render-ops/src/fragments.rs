@@ -137,7 +137,8 @@ mod tests {
     use crate::eye_depth::eye_depth;
     use crate::interpolate::interpolate;
     use crate::mesh::Mesh;
-    use crate::rasterize::{RasterOptions, Sampling, rasterize};
+    use crate::raster_options::{RasterOptions, Sampling};
+    use crate::rasterize::rasterize;
     use crate::size::Size;
 
     fn fragments(tape: &Tape<f64>) -> (Var<'_, f64>, Fragments<'_, f64>) {
@@ -175,7 +176,8 @@ mod tests {
             let (still, expected) = {
                 let (clip, whole) = fragments(&tape);
                 let options = RasterOptions::new(Size::square(6)).sampling(sampling);
-                let fragments = rasterize(clip, whole.coverage.mesh(), options).unwrap();
+                let fragments =
+                    rasterize(clip, whole.coverage.mesh(), options.creases(&[])).unwrap();
                 (fragments.still(), drawn(&fragments))
             };
             for _ in 0..2 {
@@ -183,7 +185,7 @@ mod tests {
                 // What the step before has left is written over, but for what is still held.
                 let (clip, whole) = fragments(&tape);
                 let options = RasterOptions::new(Size::square(5)).sampling(sampling);
-                rasterize(clip * 0.7, whole.coverage.mesh(), options).unwrap();
+                rasterize(clip * 0.7, whole.coverage.mesh(), options.creases(&[])).unwrap();
                 let again = still.on(&tape);
                 assert!(!again.clip.needs_gradient() && !again.barycentrics.needs_gradient());
                 assert_eq!(drawn(&again), expected);
@@ -209,7 +211,7 @@ mod tests {
         let tape = Tape::new();
         let (clip, whole) = fragments(&tape);
         let options = RasterOptions::new(Size::square(6)).sampling(Sampling::Exact);
-        let exact = rasterize(clip, whole.coverage.mesh(), options).unwrap();
+        let exact = rasterize(clip, whole.coverage.mesh(), options.creases(&[])).unwrap();
         let values = tape.leaf(&Tensor::full([exact.coverage.count(), 1], 0.5));
         let pieces = exact.coverage.count() - exact.coverage.centers();
         let lost = Fragments { weight: None, ..exact };

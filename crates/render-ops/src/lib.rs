@@ -6,8 +6,7 @@
 //! ```
 //! use bokashi_core::{Tape, Tensor};
 //! use bokashi_render_ops::{
-//!     Background, Blur, Mesh, Size, antialias, composite, gaussian_blur, interpolate, project,
-//!     rasterize,
+//!     Background, Blur, Mesh, RasterOptions, Silhouettes, Size, project, render,
 //! };
 //!
 //! let mesh = Mesh::new(vec![[0, 1, 2]], 3)?;
@@ -18,10 +17,9 @@
 //! let sigma = tape.leaf_scalar(1.0);
 //!
 //! let clip = project(positions, &glam::DMat4::IDENTITY, None)?;
-//! let fragments = rasterize(clip, &mesh, Size::square(16))?;
-//! let surface = interpolate(colors, &fragments)?;
-//! let picture = antialias(composite(surface, &fragments, Background::Zero)?)?;
-//! let image = gaussian_blur(picture.image()?, sigma, &Blur::default())?;
+//! let options = RasterOptions::new(Size::square(16)).silhouettes(Silhouettes::Exact);
+//! let picture = render(clip, &mesh, colors, options, Background::Zero)?;
+//! let image = picture.blurred(sigma, &Blur::default()).image()?;
 //! let gradients = image.square().sum().backward()?;
 //! assert!(gradients.get(positions).is_some() && gradients.get(sigma).is_some());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -37,9 +35,10 @@
 //! | at fragments | [`interpolate()`], [`interpolate_indexed()`], [`depth()`], [`eye_depth()`], [`differentials()`], [`interpolate_differentials()`] |
 //! | textures | [`sample_texture()`] of a [`Texture`], [`sample_cube_map()`] of a [`CubeMap`], with a [`Sampler`] |
 //! | light | [`shade()`] a [`Surface`] of a [`Material`] under [`Light`]s; [`Environment`], [`irradiance()`], [`reflect()`] |
+//! | a picture in one call | [`render()`] with [`RasterOptions`] and [`Silhouettes`]; after a shader [`Fragments::picture`] |
 //! | pictures | [`composite()`] before a [`Background`], [`antialias()`], [`Picture`], [`composite_layers()`], [`over()`] |
 //! | images | [`gaussian_blur()`], [`depth_of_field()`], [`downsample()`], [`srgb_encode()`], [`srgb_decode()`], [`exposure()`] |
-//! | losses of pictures | [`PixelLoss`] against a [`Reference`], at the cost of what is covered |
+//! | losses of pictures | [`Picture::loss`] and [`Blurred::loss`] by a [`PixelLoss`], at the cost of what is covered |
 //!
 //! Shapes are those of `docs/notation.md`: `V` vertices, `F` faces, `N` fragments, `C` channels. Which silhouettes
 //! suit which fit is in `docs/silhouettes.md`. Whatever a fit does not learn costs no gradient.
@@ -87,6 +86,7 @@ mod homogeneous;
 mod image;
 mod interpolate;
 mod interpolate_differentials;
+mod losses;
 mod matrix;
 mod mesh;
 mod mipmaps;
@@ -102,9 +102,11 @@ pub mod precompiled;
 mod project;
 mod project_instances;
 mod projection;
+mod raster_options;
 mod rasterize;
-mod reference;
+mod reference_rows;
 mod reflect;
+mod render;
 mod rotation;
 mod rows;
 mod runs;
@@ -119,6 +121,7 @@ mod texture;
 mod transform_normals;
 mod transform_points;
 mod vector;
+mod vertex_attributes;
 mod vertex_normals;
 
 pub use antialias::antialias;
@@ -130,7 +133,6 @@ pub use camera::{affine_inverse, distort, fisheye, orthographic, pinhole, rigid,
 pub use composite::composite;
 pub use composite_layers::{Layer, composite_layers};
 pub use coverage::{Coverage, Culled};
-pub use creases::{Creases, mark_creases, mark_creases_indexed};
 pub use depth::depth;
 pub use depth_image::DepthImage;
 pub use depth_of_field::{Focused, Lens, LensOptions, depth_of_field};
@@ -142,7 +144,7 @@ pub use eye_depth::{EyeDepth, eye_depth};
 pub use face_normals::face_normals;
 pub use filter::{CustomFilter, Filter};
 pub use fragments::{Fragments, StillFragments};
-pub use gaussian_blur::gaussian_blur;
+pub use gaussian_blur::{Blurred, gaussian_blur};
 /// The matrices, vectors and quaternions that cameras and poses are made of.
 pub use glam;
 pub use interpolate::{interpolate, interpolate_indexed};
@@ -155,9 +157,10 @@ pub use pixel_loss::PixelLoss;
 pub use project::{Pose, project};
 pub use project_instances::project_instances;
 pub use projection::Camera;
-pub use rasterize::{Cull, RasterOptions, Sampling, depth_layers, rasterize, rasterize_behind};
-pub use reference::Reference;
+pub use raster_options::{Cull, RasterOptions, Rasterization, Sampling, Silhouettes};
+pub use rasterize::{depth_layers, rasterize, rasterize_behind};
 pub use reflect::reflect;
+pub use render::render;
 pub use shading::{LEAST_ROUGHNESS, Light, Material, Surface, shade};
 pub use size::Size;
 pub use srgb::{exposure, srgb_decode, srgb_encode};
@@ -169,4 +172,5 @@ pub use texture::{
 };
 pub use transform_normals::transform_normals;
 pub use transform_points::transform_points;
+pub use vertex_attributes::VertexAttributes;
 pub use vertex_normals::{Weighting, vertex_normals};

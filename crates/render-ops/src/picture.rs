@@ -177,8 +177,9 @@ mod tests {
     use crate::composite::composite;
     use crate::fragments::Fragments;
     use crate::mesh::Mesh;
-    use crate::rasterize::{RasterOptions, Sampling, rasterize};
-    use crate::reference::Reference;
+    use crate::pixel_loss::PixelLoss;
+    use crate::raster_options::{RasterOptions, Sampling};
+    use crate::rasterize::rasterize;
 
     const SIZE: Size = Size { width: 24, height: 17 };
 
@@ -194,7 +195,7 @@ mod tests {
         ];
         let clip = tape.leaf(&Tensor::from_flat_fn([6, 4], |k| T::from_f64(clip[k / 4][k % 4])));
         let mesh = Mesh::new(vec![[0, 1, 2], [3, 4, 5]], 6).unwrap();
-        rasterize(clip, &mesh, RasterOptions::new(SIZE).sampling(sampling)).unwrap()
+        rasterize(clip, &mesh, RasterOptions::new(SIZE).sampling(sampling).creases(&[])).unwrap()
     }
 
     fn leaf<'t, T: Scalar, const N: usize>(tape: &'t Tape<T>, axes: [usize; N]) -> Var<'t, T> {
@@ -290,13 +291,13 @@ mod tests {
                 .chain([own, learnt, Background::Zero].map(|background| (background, &constant)))
                 .chain([(own, &zero)])
             {
-                let reference = Reference::new(&goal, color).unwrap();
+                let reference = PixelLoss::squared(&goal, color).unwrap();
                 let picture = composite(values, &fragments, background).unwrap();
                 let picture = match sampling {
                     Sampling::Center => antialias(picture).unwrap(),
                     Sampling::Exact | Sampling::Outline => picture.into(),
                 };
-                let found = picture.squared_error(&reference).unwrap();
+                let found = picture.loss(&reference).unwrap();
                 let difference = picture.image().unwrap() - tape.constant(&goal);
                 let expected = difference.square().sum();
                 approx::assert_relative_eq!(found.item(), expected.item(), max_relative = 1e-13);
@@ -380,8 +381,8 @@ mod tests {
         let image = picture.image().unwrap();
         let sums = image.reshape([SIZE.pixels(), 2]).unwrap().sum_axis(0).unwrap();
         let goal = Tensor::zeros([SIZE.height, SIZE.width, 2]);
-        let reference = Reference::new(&goal, &Tensor::full([2], T::from_f64(0.5))).unwrap();
-        [sums, picture.squared_error(&reference).unwrap()]
+        let reference = PixelLoss::squared(&goal, &Tensor::full([2], T::from_f64(0.5))).unwrap();
+        [sums, picture.loss(&reference).unwrap()]
     }
 
     #[test]
@@ -421,7 +422,7 @@ mod tests {
                 mesh: &Mesh,
                 options: RasterOptions,
             ) -> Var<'t, T> {
-                let fragments = rasterize(clip, mesh, options).unwrap();
+                let fragments = rasterize(clip, mesh, options.creases(&[])).unwrap();
                 let white = [fragments.coverage.count(), 1];
                 let white = clip.tape().constant_full(white, T::ONE);
                 let picture = composite(white, &fragments, Background::Zero).unwrap();

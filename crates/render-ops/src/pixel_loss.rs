@@ -1,54 +1,60 @@
-//! Losses that are sums over pixels, of a user's own function.
+//! Losses that are sums over the pixels of an image.
 //!
 //! # Forward
-//! `L = sum_p f(x_p, r_p)` over all pixels p of the image, with a reference image r. At the pixels of
-//! a picture f is recorded with what is seen there. All other pixels see a constant background. The
-//! sum over them is made of sums over blocks that are worked out once (`reference`).
-//!
-//! # Backward
-//! The operations of f, at the pixels of the picture.
+//! `L = sum_p f(x_p, r_p)` over all pixels p, with a reference image r. It is the sum over the pixels of a picture
+//! and the sum over all others, where the background is seen. The second sum changes with the silhouettes
+//! alone. It is made of sums over blocks of pixels, which are worked out once.
 
 use std::fmt;
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
-use bokashi_core::{
-    Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Tape, Tensor, TensorError, Var, sum,
-};
+use bokashi_core::{Mask, Scalar, Tape, Tensor, Var, sum};
 
-use crate::coverage::Coverage;
 use crate::error::RenderError;
-use crate::picture::Picture;
-use crate::reference::{BLOCK, Blocks, checked_channels};
+use crate::size::Size;
+
+/// A loss `sum_p f(x_p, r_p)` over the pixels of an image, with a reference image: a squared error, or one by a
+/// rule of your own, absolute, robust or weighted. Cheap to clone.
+///
+/// [`Picture::loss`](crate::Picture::loss) is the loss of a picture, [`Blurred::loss`](crate::Blurred::loss) that
+/// of a blurred one, and [`PixelLoss::evaluate`] that of a dense image. Beside the reference image a squared error
+/// keeps a number for every 16 pixels, another rule one for each.
+#[derive(Clone)]
+pub struct PixelLoss<T: Scalar>(Arc<Inner<T>>);
+
+struct Inner<T: Scalar> {
+    rule: Rule<T>,
+    /// `[H, W, R]`. Where the mask is false, it is the background under a squared error, else zero.
+    reference: Tensor<T>,
+    /// `[C]`.
+    background: Tensor<T>,
+    /// `[H, W]`.
+    mask: Option<Mask>,
+    /// Per pixel f of the background; of squared errors none.
+    behind: Vec<T>,
+    /// Of squared errors made when they are asked for: a blurred picture has no background.
+    blocks: OnceLock<Blocks<T::Wide>>,
+}
 
 /// What is summed over pixels: of what is seen, `[n, C]`, and of the reference, `[n, R]`, a row each.
 type Function<T> =
     dyn for<'t> Fn(Var<'t, T>, Var<'t, T>) -> Result<Var<'t, T>, RenderError> + Send + Sync;
 
-/// A loss `sum_p f(x_p, r_p)` over the pixels of an image, with a reference image: an absolute
-/// error, a robust or a weighted one. Cheap to clone.
-///
-/// It keeps one number per pixel, beside the reference image. Its function knows no variables of a
-/// step: for a loss with a learnable scale take [`Picture::values`] and [`Picture::pixels`].
+/// What is summed over pixels.
 #[derive(Clone)]
-pub struct PixelLoss<T: Scalar>(Arc<Inner<T>>);
-
-struct Inner<T: Scalar> {
-    function: Box<Function<T>>,
-    reference: Tensor<T>,
-    background: Tensor<T>,
-    /// Per pixel: f of the background.
-    behind: Vec<T>,
-    blocks: Blocks<T::Wide>,
+pub(crate) enum Rule<T: Scalar> {
+    Squared,
+    Function(Arc<Function<T>>),
 }
 
 impl<T: Scalar> fmt::Debug for PixelLoss<T> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Inner { reference, background, .. } = &*self.0;
-        let (reference, background) = (reference.shape(), background.data());
+        let Inner { reference, background, mask, .. } = &*self.0;
         f.debug_struct("PixelLoss")
-            .field("reference", reference)
-            .field("background", &background)
+            .field("reference", reference.shape())
+            .field("background", &background.data())
+            .field("is_masked", &mask.is_some())
             .finish_non_exhaustive()
     }
 }
@@ -56,13 +62,32 @@ impl<T: Scalar> fmt::Debug for PixelLoss<T> {
 /// Pixels for which f is worked out at once.
 const PIXELS_AT_ONCE: usize = 1 << 14;
 
+const NAME: &str = "pixel_loss";
+
 impl<T: Scalar> PixelLoss<T> {
-    /// The loss against `reference: [H, W, R]` of pictures before a background of one colour,
-    /// `background: [C]`.
+    /// The sum of the squared errors against `reference: [H, W, C]` of pictures before a background of one
+    /// colour, `background: [C]`.
+    ///
+    /// # Errors
+    /// [`RenderError::Shape`] unless the reference is `[H, W, C]` and the background `[C]`, C > 0.
+    #[inline(never)]
+    pub fn squared(reference: &Tensor<T>, background: &Tensor<T>) -> Result<Self, RenderError> {
+        let channels = checked_channels(NAME, reference)?;
+        if **background.shape() != [channels] {
+            let rule = format!("a background of shape [{channels}]");
+            return Err(RenderError::of_shape(NAME, rule, background.shape()));
+        }
+        Self::with_rule(Rule::Squared, reference.clone(), background.clone(), None)
+    }
+
+    /// The loss by a rule of your own, against `reference: [H, W, R]` of pictures before a background of one
+    /// colour, `background: [C]`.
     ///
     /// `function` maps what is seen, `[n, C]`, and the reference at the same pixels, `[n, R]`, to n
     /// rows, each of them a function of its own two rows alone. The loss is the sum of all entries. A
-    /// further channel of the reference can be a weight.
+    /// further channel of the reference can be a weight. The function knows no variables of a step: for a loss
+    /// with a learnable scale take [`Picture::values`](crate::Picture::values) and
+    /// [`Picture::pixels`](crate::Picture::pixels).
     ///
     /// # Errors
     /// [`RenderError::Shape`] unless the reference is `[H, W, R]`, the background `[C]`, and what
@@ -75,243 +100,265 @@ impl<T: Scalar> PixelLoss<T> {
         + Sync
         + 'static,
     ) -> Result<Self, RenderError> {
-        let references = checked_channels("pixel_loss", reference)?;
-        let &[channels] = &**background.shape() else {
-            let (rule, shape) = ("a background of shape [C]".to_owned(), background.shape());
-            return Err(RenderError::Shape { operation: "pixel_loss", rule, shape: shape.clone() });
-        };
-        let mut behind = Vec::with_capacity(reference.size() / references);
-        let mut tape = Tape::new();
-        for rows in reference.data().chunks(PIXELS_AT_ONCE * references) {
-            let pixels = rows.len() / references;
-            let seen =
-                Tensor::from_flat_fn([pixels, channels], |k| background.data()[k % channels]);
-            let rows = Tensor::new([pixels, references], rows.to_vec())?;
-            let losses = function(tape.constant(&seen), tape.constant(&rows))?;
-            let width = checked_width(losses, pixels)?;
-            let of_pixel = |row: &[T]| T::narrow(row.iter().map(|entry| entry.widen()).sum());
-            let losses = losses.value();
-            behind.extend((0..pixels).map(|p| of_pixel(&losses.data()[p * width..][..width])));
-            tape.reset();
+        checked_channels(NAME, reference)?;
+        if background.shape().len() != 1 {
+            let rule = "a background of shape [C]";
+            return Err(RenderError::of_shape(NAME, rule, background.shape()));
         }
-        let of_block = |block: &[T]| sum::<T>(block.len(), |k| block[k].widen());
-        let blocks = Blocks::new(behind.chunks(BLOCK).map(of_block).collect());
-        Ok(Self(Arc::new(Inner {
-            function: Box::new(function),
-            reference: reference.clone(),
-            background: background.clone(),
-            behind,
-            blocks,
-        })))
+        let rule = Rule::Function(Arc::new(function));
+        Self::with_rule(rule, reference.clone(), background.clone(), None)
+    }
+
+    /// The same loss of the pixels at which `mask: [H, W]` is true. Of the others nothing is read: neither NaN nor
+    /// infinity comes through.
+    ///
+    /// # Errors
+    /// [`RenderError::Shape`] for a mask of another shape.
+    pub fn masked(&self, mask: &Mask) -> Result<Self, RenderError> {
+        let Inner { rule, reference, background, mask: before, .. } = &*self.0;
+        let [height, width] = [reference.shape()[0], reference.shape()[1]];
+        if **mask.shape() != [height, width] {
+            let rule = format!("a mask of shape [{height}, {width}]");
+            return Err(RenderError::of_shape(NAME, rule, mask.shape()));
+        }
+        let mask = before.as_ref().map_or_else(|| Ok(mask.clone()), |before| before.and(mask))?;
+        let channels = reference.shape()[2];
+        let unseen = |channel: usize| match rule {
+            Rule::Squared => background.data()[channel],
+            Rule::Function(_) => T::ZERO,
+        };
+        let reference = Tensor::from_flat_fn(reference.shape(), |k| {
+            if mask.data()[k / channels] { reference.data()[k] } else { unseen(k % channels) }
+        });
+        Self::with_rule(rule.clone(), reference, background.clone(), Some(mask))
+    }
+
+    fn with_rule(
+        rule: Rule<T>,
+        reference: Tensor<T>,
+        background: Tensor<T>,
+        mask: Option<Mask>,
+    ) -> Result<Self, RenderError> {
+        let behind = match &rule {
+            Rule::Squared => Vec::new(),
+            Rule::Function(f) => behind(&**f, &reference, &background, mask.as_ref())?,
+        };
+        let blocks = OnceLock::new();
+        Ok(Self(Arc::new(Inner { rule, reference, background, mask, behind, blocks })))
+    }
+
+    /// The reference image, `[H, W, R]`.
+    pub fn reference(&self) -> &Tensor<T> {
+        &self.0.reference
+    }
+
+    /// The reference image, given up; `None` where there is another clone of this loss.
+    pub fn into_reference(self) -> Option<Tensor<T>> {
+        Arc::into_inner(self.0).map(|inner| inner.reference)
+    }
+
+    pub(crate) fn rule(&self) -> &Rule<T> {
+        &self.0.rule
+    }
+
+    /// The colour that is seen beside pictures.
+    pub(crate) fn background(&self) -> &Tensor<T> {
+        &self.0.background
+    }
+
+    /// Which pixels count, if not all.
+    pub(crate) fn mask(&self) -> Option<&Mask> {
+        self.0.mask.as_ref()
+    }
+
+    /// # Errors
+    /// [`RenderError::Shape`] unless the loss is one of images of this size and as many channels.
+    pub(crate) fn check(&self, size: Size, channels: usize) -> Result<(), RenderError> {
+        let Size { width, height } = size;
+        let Inner { reference, background, .. } = &*self.0;
+        if reference.shape()[..2] != [height, width] {
+            let rule = format!("a reference image of shape [{height}, {width}, R]");
+            return Err(RenderError::of_shape(NAME, rule, reference.shape()));
+        }
+        if background.size() != channels {
+            let rule = format!("a background of shape [{channels}]");
+            return Err(RenderError::of_shape(NAME, rule, background.shape()));
+        }
+        Ok(())
+    }
+
+    /// The loss of the background over `pixels`.
+    pub(crate) fn behind(&self, pixels: Range<usize>) -> T::Wide {
+        let Inner { rule, reference, background, behind, blocks, .. } = &*self.0;
+        let (background, channels) = (background.data(), background.size());
+        let blocks = blocks.get_or_init(|| match rule {
+            Rule::Squared => {
+                let (repeated, blocks) = (background.repeat(BLOCK), reference.data());
+                let blocks = blocks.chunks(BLOCK * channels);
+                Blocks::new(blocks.map(|block| squared_error(&repeated, block)).collect())
+            }
+            Rule::Function(_) => {
+                let of_block = |block: &[T]| sum::<T>(block.len(), |k| block[k].widen());
+                Blocks::new(behind.chunks(BLOCK).map(of_block).collect())
+            }
+        });
+        blocks.sum(pixels, |pixels| match rule {
+            Rule::Squared => {
+                let pixels = &reference.data()[pixels.start * channels..pixels.end * channels];
+                pixels.chunks(channels).map(|pixel| squared_error(background, pixel)).sum()
+            }
+            Rule::Function(_) => behind[pixels].iter().map(|loss| loss.widen()).sum(),
+        })
     }
 }
 
+/// f of the background at each pixel.
+fn behind<T: Scalar>(
+    function: &Function<T>,
+    reference: &Tensor<T>,
+    background: &Tensor<T>,
+    mask: Option<&Mask>,
+) -> Result<Vec<T>, RenderError> {
+    let (references, channels) = (reference.shape()[2], background.size());
+    let mut behind = Vec::with_capacity(reference.size() / references);
+    let mut tape = Tape::new();
+    for rows in reference.data().chunks(PIXELS_AT_ONCE * references) {
+        let pixels = rows.len() / references;
+        let seen = Tensor::from_flat_fn([pixels, channels], |k| background.data()[k % channels]);
+        let rows = Tensor::new([pixels, references], rows.to_vec())?;
+        let losses = function(tape.constant(&seen), tape.constant(&rows))?;
+        let width = checked_width(losses, pixels)?;
+        let of_pixel = |row: &[T]| T::narrow(row.iter().map(|entry| entry.widen()).sum());
+        let losses = losses.value();
+        behind.extend((0..pixels).map(|p| of_pixel(&losses.data()[p * width..][..width])));
+        tape.reset();
+    }
+    if let Some(mask) = mask {
+        let losses = behind.iter_mut().zip(mask.data());
+        losses.filter(|(_, counts)| !**counts).for_each(|(loss, _)| *loss = T::ZERO);
+    }
+    Ok(behind)
+}
+
 /// K of losses of n rows: `[n]` or `[n, K]`.
-fn checked_width<T: Scalar>(losses: Var<'_, T>, rows: usize) -> Result<usize, RenderError> {
+pub(crate) fn checked_width<T: Scalar>(
+    losses: Var<'_, T>,
+    rows: usize,
+) -> Result<usize, RenderError> {
     match *losses.shape() {
         [given] if given == rows => Ok(1),
         [given, width] if given == rows => Ok(width),
         _ => {
             let rule = format!("a function that returns {rows} rows for as many pixels");
-            Err(RenderError::Shape { operation: "pixel_loss", rule, shape: losses.shape() })
+            Err(RenderError::of_shape(NAME, rule, &losses.shape()))
         }
     }
 }
 
-impl<'t, T: Scalar> Picture<'t, T> {
-    /// The loss of the whole image, picture and background; returns `[]`.
-    ///
-    /// Where the background is a constant colour, the same that the loss was made for, no pixel
-    /// beside the picture is visited; otherwise the image is made first.
-    ///
-    /// # Errors
-    /// [`RenderError::Shape`] unless the reference has the picture's size and the background's colour
-    /// its channels, and the loss's function returns a row per pixel; and what the function refuses.
-    /// What it has recorded by then stays on the tape.
-    pub fn loss(&self, loss: &PixelLoss<T>) -> Result<Var<'t, T>, RenderError> {
-        let Inner { function, reference, background, .. } = &*loss.0;
-        let (size, channels) = (self.coverage.size(), self.channels());
-        let refused = |rule: String, shape: &bokashi_core::Shape| {
-            Err(RenderError::Shape { operation: "pixel_loss", rule, shape: shape.clone() })
+/// C of an image `[H, W, C]`, C > 0.
+fn checked_channels<T: Scalar>(
+    operation: &'static str,
+    image: &Tensor<T>,
+) -> Result<usize, RenderError> {
+    match **image.shape() {
+        [_, _, channels] if channels > 0 => Ok(channels),
+        _ => {
+            let rule = "an image of shape [H, W, C], C > 0".to_owned();
+            Err(RenderError::Shape { operation, rule, shape: image.shape().clone() })
+        }
+    }
+}
+
+/// The squared error of some pixels against as many of `colors`.
+fn squared_error<T: Scalar>(colors: &[T], pixels: &[T]) -> T::Wide {
+    /// Partial sums, so that additions overlap.
+    const PARTS: usize = 8;
+    let mut parts = [T::Wide::ZERO; PARTS];
+    let square = |color: T, pixel: T| {
+        let difference = color.widen() - pixel.widen();
+        difference * difference
+    };
+    let (colors, pixels) = (&colors[..pixels.len()], pixels);
+    let whole = colors.as_chunks::<PARTS>().0.iter().zip(pixels.as_chunks::<PARTS>().0);
+    for (colors, pixels) in whole {
+        for part in 0..PARTS {
+            parts[part] += square(colors[part], pixels[part]);
+        }
+    }
+    let rest = colors.as_chunks::<PARTS>().1.iter().zip(pixels.as_chunks::<PARTS>().1);
+    for (part, (&color, &pixel)) in parts.iter_mut().zip(rest) {
+        *part += square(color, pixel);
+    }
+    parts.into_iter().sum()
+}
+
+/// Pixels in a block: fewer are visited on either side of a gap, and fewer blocks, and so many times
+/// as many pixels are left for blocks of blocks.
+const BLOCK: usize = 16;
+
+/// Sums over blocks of [`BLOCK`] pixels, in the order of rows, and over blocks of so many blocks.
+#[derive(Debug)]
+struct Blocks<S> {
+    short: Vec<S>,
+    long: Vec<S>,
+}
+
+impl<S: Scalar> Blocks<S> {
+    /// From the sums over blocks of [`BLOCK`] pixels.
+    fn new(short: Vec<S>) -> Self {
+        let long = short.chunks(BLOCK).map(|block| block.iter().copied().sum()).collect();
+        Self { short, long }
+    }
+
+    /// The sum over `pixels`, with `few` for pixels that make no block.
+    fn sum(&self, pixels: Range<usize>, few: impl Fn(Range<usize>) -> S) -> S {
+        // Blocks of one size within a range, and what is left of the range before and after.
+        let inner = |range: &Range<usize>, size: usize| {
+            let (first, end) = (range.start.div_ceil(size), range.end / size);
+            (first < end).then_some(first..end)
         };
-        if reference.shape()[..2] != [size.height, size.width] {
-            let rule = format!("a reference image of shape [{}, {}, R]", size.height, size.width);
-            return refused(rule, reference.shape());
-        }
-        if background.size() != channels {
-            let rule = format!("a background of shape [{channels}]");
-            return refused(rule, background.shape());
-        }
-        let tape = self.values.tape();
-        let references = reference.shape()[2];
-        if !self.is_before(background.data()) {
-            let rows = size.pixels();
-            let image = self.image()?.reshape([rows, channels])?;
-            let reference = tape.constant(reference).reshape([rows, references])?;
-            let losses = function(image, reference)?;
-            checked_width(losses, rows)?;
-            return Ok(losses.sum());
-        }
-        let at = AtPicture {
-            coverage: Arc::clone(&self.coverage),
-            rim: self.rim.clone(),
-            loss: loss.clone(),
-        };
-        let outputs = tape.record(at, &[])?;
-        tape.leave_out("pixel_loss", "pixels of the background: summed with the reference");
-        let losses = function(self.values, outputs[0])?;
-        checked_width(losses, self.values.shape()[0])?;
-        Ok(losses.sum().try_add(outputs[1])?)
-    }
-}
-
-/// No inputs. Outputs: the reference at the pixels of a picture, `[P, R]`, and the loss of all other
-/// pixels, `[]`.
-struct AtPicture<T: Scalar> {
-    coverage: Arc<Coverage>,
-    rim: Option<Arc<Vec<u32>>>,
-    loss: PixelLoss<T>,
-}
-
-impl<T: Scalar> Op<T> for AtPicture<T> {
-    type Saved = ();
-    type Error = TensorError;
-
-    fn name(&self) -> &'static str {
-        "pixel_loss"
-    }
-
-    fn forward(
-        &self,
-        _inputs: &Inputs<'_, T>,
-        outputs: &mut Outputs<'_, T>,
-        _saved: &mut (),
-    ) -> Result<(), TensorError> {
-        let Inner { reference, behind, blocks, .. } = &*self.loss.0;
-        let (coverage, channels) = (&*self.coverage, reference.shape()[2]);
-        let rim = self.rim.as_deref().map_or(&[][..], Vec::as_slice);
-        let entries = |pixels: Range<usize>| pixels.start * channels..pixels.end * channels;
-        let rows = outputs.push([coverage.centers() + rim.len(), channels]);
-        let (own, of_rim) = rows.split_at_mut(coverage.centers() * channels);
-        for run in &coverage.centers.runs {
-            let from = &reference.data()[entries(run.pixels())];
-            own[entries(run.fragments())].copy_from_slice(from);
-        }
-        for (row, &pixel) in of_rim.chunks_exact_mut(channels).zip(rim) {
-            row.copy_from_slice(&reference.data()[pixel as usize * channels..][..channels]);
-        }
-        let mut total = T::Wide::ZERO;
-        let few = |pixels: Range<usize>| behind[pixels].iter().map(|loss| loss.widen()).sum();
-        coverage.for_each_gap(rim, |gap| total += blocks.sum(gap, few));
-        outputs.push([])[0] = T::narrow(total);
-        Ok(())
-    }
-
-    fn keeps(&self, _inputs: &Inputs<'_, T>) -> Keep {
-        Keep::NOTHING
-    }
-
-    fn backward(&self, _: &Kept<'_, T>, _: &mut (), _: &mut Accumulators<'_, T>) {
-        // It has no input.
+        let total = |blocks: &[S]| -> S { blocks.iter().copied().sum() };
+        let Some(short) = inner(&pixels, BLOCK) else { return few(pixels) };
+        let ends = few(pixels.start..short.start * BLOCK) + few(short.end * BLOCK..pixels.end);
+        let Some(long) = inner(&short, BLOCK) else { return ends + total(&self.short[short]) };
+        ends + total(&self.short[short.start..long.start * BLOCK])
+            + total(&self.short[long.end * BLOCK..short.end])
+            + total(&self.long[long])
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::antialias::antialias;
-    use crate::background::Background;
-    use crate::composite::composite;
-    use crate::mesh::Mesh;
-    use crate::rasterize::rasterize;
-    use crate::size::Size;
-
-    const SIZE: Size = Size { width: 40, height: 33 };
-
-    fn picture<'t>(
-        tape: &'t Tape<f64>,
-        background: Background<'t, f64>,
-    ) -> (Var<'t, f64>, Picture<'t, f64>) {
-        let clip = [-0.8, -0.9, 0.0, 1.0, 0.9, -0.7, 0.0, 1.0, 0.1, 0.8, 0.0, 1.0];
-        let clip = tape.leaf(&Tensor::new([3, 4], clip.to_vec()).unwrap());
-        let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
-        let fragments = rasterize(clip, &mesh, SIZE).unwrap();
-        let values =
-            Tensor::from_flat_fn([fragments.coverage.count(), 2], |k| (k % 7) as f64 / 7.0);
-        let values = tape.leaf(&values);
-        (values, antialias(composite(values, &fragments, background).unwrap()).unwrap())
-    }
-
-    /// The reference's third channel is a weight.
-    fn weighted<'t>(
-        seen: Var<'t, f64>,
-        reference: Var<'t, f64>,
-    ) -> Result<Var<'t, f64>, RenderError> {
-        let difference = seen.try_sub(reference.slice(1, 0..2)?)?;
-        Ok((difference.square() + 0.01).sqrt().try_mul(reference.slice(1, 2..3)?)?)
-    }
-
-    fn reference() -> Tensor<f64> {
-        Tensor::from_flat_fn([SIZE.height, SIZE.width, 3], |k| (k * 13 % 29) as f64 / 29.0)
-    }
 
     #[test]
-    fn a_loss_is_that_of_the_image_whatever_the_background() {
-        let color = Tensor::new([2], vec![0.25, 0.75]).unwrap();
-        let loss = PixelLoss::new(&reference(), &color, weighted).unwrap();
-        let tape = Tape::new();
-        let rows = tape.constant(&reference()).reshape([SIZE.pixels(), 3]).unwrap();
-        let backgrounds = [
-            Background::Color(tape.constant(&color)),
-            Background::Color(tape.leaf(&color)),
-            Background::Zero,
-        ];
-        for (at, background) in backgrounds.into_iter().enumerate() {
-            let (values, picture) = picture(&tape, background);
-            let before = tape.take_report();
-            drop(before);
-            let found = picture.loss(&loss).unwrap();
-            let is_sparse = tape.take_report().left_out.iter().any(|of| of.name == "pixel_loss");
-            assert_eq!(is_sparse, at == 0);
-            let image = picture.image().unwrap().reshape([SIZE.pixels(), 2]).unwrap();
-            let expected = weighted(image, rows).unwrap().sum();
-            approx::assert_relative_eq!(found.item(), expected.item(), max_relative = 1e-13);
-            let [found, expected] = [found, expected].map(|loss| loss.backward().unwrap());
-            for variable in [values, picture.clip] {
-                let found = found.get_or_zeros(variable);
-                let expected = expected.get_or_zeros(variable);
-                for (&found, &expected) in found.data().iter().zip(expected.data()) {
-                    approx::assert_relative_eq!(found, expected, epsilon = 1e-12);
+    fn the_background_of_a_range_is_the_sum_over_its_pixels() {
+        // Long enough for blocks of blocks.
+        let pixels = 3 * BLOCK * BLOCK + 5 * BLOCK + 7;
+        let image = Tensor::from_flat_fn([1, pixels, 2], |k| (k % 11) as f64);
+        let loss = PixelLoss::squared(&image, &Tensor::new([2], vec![3.0, 8.0]).unwrap()).unwrap();
+        let square = |k: usize| (image.data()[k] - [3.0, 8.0][k % 2]).powi(2);
+        let ends = [0, 1, BLOCK - 1, BLOCK, BLOCK + 1, 3 * BLOCK, BLOCK * BLOCK];
+        let starts = ends.iter().flat_map(|&start| [start, start + BLOCK * BLOCK]);
+        for start in starts {
+            for end in ends.iter().flat_map(|&end| [start + end, pixels - end]) {
+                if start <= end && end <= pixels {
+                    // Whole numbers: sums are exact.
+                    let expected: f64 = (2 * start..2 * end).map(square).sum();
+                    assert_eq!(loss.behind(start..end), expected, "{start}..{end}");
                 }
             }
         }
     }
 
     #[test]
-    fn what_does_not_fit_is_refused() {
-        let color = Tensor::zeros([2]);
-        let message = |error: RenderError| error.to_string();
-        let error = PixelLoss::new(&Tensor::zeros([4, 5]), &color, weighted).map(drop);
-        assert_eq!(
-            message(error.unwrap_err()),
-            "pixel_loss needs an image of shape [H, W, C], C > 0, got shape [4, 5]"
-        );
-        let error = PixelLoss::new(&reference(), &color, |seen, _| Ok(seen.sum())).map(drop);
-        assert_eq!(
-            message(error.unwrap_err()),
-            "pixel_loss needs a function that returns 1320 rows for as many pixels, got shape []"
-        );
-        let tape = Tape::new();
-        let (_, picture) = picture(&tape, Background::Zero);
-        let narrow = PixelLoss::new(&Tensor::zeros([4, 5, 3]), &color, weighted).unwrap();
-        assert_eq!(
-            message(picture.loss(&narrow).unwrap_err()),
-            "pixel_loss needs a reference image of shape [33, 40, R], got shape [4, 5, 3]"
-        );
-        let other = PixelLoss::new(&reference(), &Tensor::zeros([1]), |x, _| Ok(x)).unwrap();
-        assert_eq!(
-            message(picture.loss(&other).unwrap_err()),
-            "pixel_loss needs a background of shape [2], got shape [1]"
-        );
+    fn wrong_shapes_are_refused() {
+        let image = Tensor::<f64>::zeros([4, 5, 3]);
+        let error = PixelLoss::squared(&Tensor::zeros([4, 5]), &Tensor::<f64>::zeros([3]))
+            .unwrap_err()
+            .to_string();
+        assert_eq!(error, "pixel_loss needs an image of shape [H, W, C], C > 0, got shape [4, 5]");
+        let error = PixelLoss::squared(&image, &Tensor::zeros([1])).unwrap_err().to_string();
+        assert_eq!(error, "pixel_loss needs a background of shape [3], got shape [1]");
     }
 }

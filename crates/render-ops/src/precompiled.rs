@@ -29,7 +29,6 @@ use crate::pixel_loss::PixelLoss;
 use crate::project::{Pose, project};
 use crate::project_instances::project_instances;
 use crate::rasterize::rasterize;
-use crate::reference::Reference;
 use crate::reflect::reflect;
 use crate::shading::{Light, Material, Surface, shade};
 use crate::size::Size;
@@ -60,9 +59,12 @@ pub fn f64_picture(tape: &Tape<f64>) -> Result<(), RenderError> {
     let clip = project(x, &DMat4::IDENTITY, None)?;
     let fragments = rasterize(clip, &mesh, Size::square(1))?;
     let picture = antialias(composite(interpolate(x, &fragments)?, &fragments, Background::Zero)?)?;
-    picture.squared_error(&Reference::new(&x.value(), &x.value())?)?;
-    picture.blurred(gaussian_blur(picture.image()?, x, &Blur::default())?, &Blur::default())?;
-    picture.blurred_squared_error(x, &Blur::default(), &x.value())?;
+    let loss = PixelLoss::squared(&x.value(), &x.value())?;
+    picture.loss(&loss)?;
+    let sigma = gaussian_blur(picture.image()?, x, &Blur::default())?;
+    let blurred = picture.blurred(sigma, &Blur::default());
+    blurred.loss(&loss)?;
+    blurred.image()?;
     Ok(())
 }
 
@@ -90,11 +92,12 @@ fn every_operation<T: Scalar>(x: Var<'_, T>) -> Result<(), RenderError> {
     composite_layers(&[layer], Background::Zero)?;
     over(samples[0], samples[1])?;
     let picture = antialias(composite(values, &fragments, Background::Color(x))?)?;
-    picture.squared_error(&Reference::new(&x.value(), &x.value())?)?;
+    let loss = PixelLoss::squared(&x.value(), &x.value())?;
+    picture.loss(&loss)?;
     picture.loss(&PixelLoss::new(&x.value(), &x.value(), |x, _| Ok(x))?)?;
     let image = gaussian_blur(picture.image()?, x, &Blur::default())?;
-    let image = image + picture.blurred(x, &Blur::default())?;
-    picture.blurred_squared_error(x, &Blur::default(), &x.value())?;
+    let blurred = picture.blurred(x, &Blur::default());
+    let image = image + blurred.image()? + blurred.loss(&loss)?;
     let distances = eye_depth(&fragments)?.image(&fragments, 1.0)?;
     let lens = Lens { aperture: x, focus: x };
     depth_of_field(image, distances, lens, &LensOptions::default())?;

@@ -2,7 +2,7 @@
 //!
 //! # Forward
 //! `L = sum_p |x_p - r_p|^2` over the pixels p of the picture, plus the background's squared error at
-//! all others, which the [`Reference`] knows. Squares and sums in [`Scalar::Wide`].
+//! all others, which the [`PixelLoss`] knows. Squares and sums in [`Scalar::Wide`].
 //!
 //! # Backward
 //! `x_bar_p = 2 (x_p - r_p) L_bar`. Where `L_bar` is 1, as in a fit, that is what the forward pass left,
@@ -11,40 +11,29 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use bokashi_core::{
-    Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, TensorError, Var, squared_error,
-};
+use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, TensorError, Var};
 
 use crate::coverage::Coverage;
-use crate::error::RenderError;
 use crate::picture::Picture;
-use crate::reference::Reference;
+use crate::pixel_loss::PixelLoss;
 
 impl<'t, T: Scalar> Picture<'t, T> {
-    /// The sum of the squared errors of the whole image, picture and background, against `reference`;
-    /// returns `[]`.
-    ///
-    /// Where the background is a constant colour, the same that the reference was made for, no pixel
-    /// beside the picture is visited; otherwise the image is made first.
-    ///
-    /// # Errors
-    /// [`RenderError::Shape`] unless the reference has the picture's size and channels.
+    /// The squared error of the picture with `values: [P, C]` in the place of its own, and of the background beside
+    /// it, against the reference of `loss`, which is one of squared errors before this background; returns `[]`.
     #[inline(never)]
-    pub fn squared_error(&self, reference: &Reference<T>) -> Result<Var<'t, T>, RenderError> {
-        let size = self.coverage.size();
-        let shape = [size.height, size.width, self.channels()];
-        reference.check("squared_error", &shape)?;
-        let tape = self.values.tape();
-        if !self.is_before(reference.background()) {
-            return Ok(squared_error(self.image()?, tape.constant(reference.image()))?);
-        }
+    pub(crate) fn squared_error(
+        &self,
+        values: Var<'t, T>,
+        loss: &PixelLoss<T>,
+    ) -> Result<Var<'t, T>, TensorError> {
         let op = SquaredError {
             coverage: Arc::clone(&self.coverage),
             rim: self.rim.clone(),
-            reference: reference.clone(),
+            loss: loss.clone(),
         };
+        let tape = values.tape();
         tape.leave_out("squared_error", "pixels of the background: summed with the reference");
-        Ok(tape.apply(op, &[self.values])?)
+        tape.apply(op, &[values])
     }
 }
 
@@ -52,7 +41,7 @@ impl<'t, T: Scalar> Picture<'t, T> {
 struct SquaredError<T: Scalar> {
     coverage: Arc<Coverage>,
     rim: Option<Arc<Vec<u32>>>,
-    reference: Reference<T>,
+    loss: PixelLoss<T>,
 }
 
 /// Entries that are subtracted at once.
@@ -99,7 +88,7 @@ fn sum_of_squares<T: Scalar>(entries: &[T]) -> T::Wide {
 impl<T: Scalar> SquaredError<T> {
     /// Writes `2 (x - r): [P, C]`; returns the sum of the squared errors of the picture's pixels.
     fn compare(&self, x: &[T], slopes: &mut [T]) -> T::Wide {
-        let reference = self.reference.image();
+        let reference = self.loss.reference();
         let (coverage, channels) = (&*self.coverage, reference.shape()[2]);
         let reference = reference.data();
         let runs = &coverage.centers;
@@ -163,7 +152,7 @@ impl<T: Scalar> Op<T> for SquaredError<T> {
             slopes.resize(x.len(), T::ZERO);
         }
         let mut total = self.compare(x, slopes);
-        self.coverage.for_each_gap(self.rim(), |gap| total += self.reference.behind(gap));
+        self.coverage.for_each_gap(self.rim(), |gap| total += self.loss.behind(gap));
         outputs.push([])[0] = T::narrow(total);
         Ok(())
     }
@@ -223,8 +212,8 @@ mod tests {
         let color = Tensor::full([3], 0.3);
         let background = Background::Color(tape.constant(&color));
         let picture = antialias(composite(values, &fragments, background).unwrap()).unwrap();
-        let reference = Reference::new(&picture.image().unwrap().value(), &color).unwrap();
-        let loss = picture.squared_error(&reference).unwrap();
+        let reference = PixelLoss::squared(&picture.image().unwrap().value(), &color).unwrap();
+        let loss = picture.loss(&reference).unwrap();
         assert_eq!(loss.item(), 0.0);
         let gradients = loss.backward().unwrap();
         assert!(gradients.get(values).unwrap().data().iter().all(|&bar| bar == 0.0));
@@ -236,7 +225,7 @@ mod tests {
         let clip = [-0.8, -0.9, 0.0, 1.0, 0.9, -0.7, 0.0, 1.0, 0.1, 0.8, 0.0, 1.0];
         let clip = Tensor::new([3, 4], clip.to_vec()).unwrap();
         let goal = Tensor::from_flat_fn([40, 40, 3], |k| (k * 7 % 31) as f32 / 31.0);
-        let reference = Reference::new(&goal, &Tensor::zeros([3])).unwrap();
+        let reference = PixelLoss::squared(&goal, &Tensor::zeros([3])).unwrap();
         let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
         let mut seen = Vec::new();
         // The second step finds the memory of the first.
@@ -250,7 +239,7 @@ mod tests {
                 let before = composite(values, &fragments, Background::Zero).unwrap();
                 let picture = antialias(before).unwrap();
                 let after = picture.values();
-                let loss = picture.squared_error(&reference).unwrap();
+                let loss = picture.loss(&reference).unwrap();
                 let leaves = [values, clip];
                 let of_all = |loss: Var<'_, f32>| {
                     let gradients = loss.backward_to(&[values, clip, after]).unwrap();
@@ -274,20 +263,5 @@ mod tests {
             tape.reset();
         }
         assert_eq!(seen[0], seen[1]);
-    }
-
-    #[test]
-    fn wrong_shapes_are_refused() {
-        let image = Tensor::<f64>::zeros([4, 5, 3]);
-        let reference = Reference::new(&image, &Tensor::zeros([3])).unwrap();
-        let tape = Tape::new();
-        let mesh = Mesh::new(vec![], 1).unwrap();
-        let clip = tape.leaf(&Tensor::zeros([1, 4]));
-        let fragments = rasterize(clip, &mesh, Size::square(4)).unwrap();
-        let values = tape.leaf(&Tensor::zeros([0, 3]));
-        let picture = composite(values, &fragments, Background::Zero).unwrap();
-        let error = picture.squared_error(&reference).unwrap_err().to_string();
-        let rule = "squared_error needs a reference image of shape [4, 4, 3]";
-        assert_eq!(error, format!("{rule}, got shape [4, 5, 3]"));
     }
 }

@@ -5,8 +5,8 @@ use std::cell::Cell;
 use arbitrary::{Result, Unstructured};
 use bokashi_core::{Scalar, Tensor};
 use bokashi_render_ops::{
-    Background, Cull, Fragments, Mesh, RasterOptions, RenderError, Sampling, Size, antialias,
-    composite, depth, interpolate, interpolate_indexed, rasterize,
+    Background, Cull, Fragments, Mesh, RasterOptions, RenderError, Sampling, Size, depth,
+    interpolate, interpolate_indexed, rasterize,
 };
 
 use super::number::{Range, expanded};
@@ -136,7 +136,7 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> Result<usize> {
     let reached = Cell::new(0);
     check(&inputs, range.is_stated(), upstream, |_, inputs| {
         let &[clip, attributes, behind] = inputs else { unreachable!("three inputs") };
-        let fragments = rasterize(clip, &mesh, options)?;
+        let fragments = rasterize(clip, &mesh, options.creases(&[]))?;
         check_fragments(&fragments);
         check_pieces(&fragments);
         reached.set(fragments.coverage.count());
@@ -158,11 +158,7 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> Result<usize> {
         // Darker with depth, so that depths have gradients too.
         let surface =
             if has_depths { surface * depth(&fragments)?.reshape([count, 1])? } else { surface };
-        let picture = composite(surface, &fragments, background)?;
-        match sampling {
-            Sampling::Center => antialias(picture)?.image(),
-            _ => picture.image(),
-        }
+        fragments.picture(surface, background)?.image()
     });
     Ok(reached.get())
 }

@@ -5,8 +5,7 @@ use std::cell::Cell;
 use arbitrary::Unstructured;
 use bokashi_core::{Scalar, Tensor};
 use bokashi_render_ops::{
-    Background, Mesh, Picture, RasterOptions, Reference, RenderError, Sampling, antialias,
-    composite, interpolate, rasterize,
+    Background, Mesh, PixelLoss, RasterOptions, RenderError, interpolate, rasterize,
 };
 
 use super::mesh::{check_pieces, faces, sampling, size};
@@ -41,7 +40,7 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> arbitrary::Result<usize> {
     let behind = if background > 1 { color.clone() } else { Tensor::zeros([channels]) };
     let sampling = sampling(bytes)?;
     let options = RasterOptions::new(size).sampling(sampling);
-    let Ok(reference) = Reference::new(&image, &behind) else { return Ok(0) };
+    let Ok(reference) = PixelLoss::squared(&image, &behind) else { return Ok(0) };
 
     let is_stated = range.is_stated();
     let tolerance = if size_of::<T>() == 4 { 1e-4 } else { 1e-12 };
@@ -57,16 +56,10 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> arbitrary::Result<usize> {
                 1 => Background::Color(behind),
                 _ => Background::Color(tape.constant(&behind.value())),
             };
-            let fragments = rasterize(clip, &mesh, options)?;
+            let fragments = rasterize(clip, &mesh, options.creases(&[]))?;
             check_pieces(&fragments);
             let surface = interpolate(attributes, &fragments)?;
-            let before = |background| -> Result<Picture<'_, T>, RenderError> {
-                let picture = composite(surface, &fragments, background)?;
-                match sampling {
-                    Sampling::Center => antialias(picture),
-                    _ => Ok(picture.into()),
-                }
-            };
+            let before = |background| fragments.picture(surface, background);
             let picture = before(background)?;
             reached.set(picture.values().shape()[0]);
             let color = match background {
@@ -78,8 +71,8 @@ fn run<T: Scalar>(bytes: &mut Unstructured<'_>) -> arbitrary::Result<usize> {
             let whole = before(Background::Image(tape.constant(&sky)))?.image()?;
             let [found, expected] = [picture.image()?.value(), whole.value()];
             assert_eq!(bits(found.data()), bits(expected.data()), "the picture");
-            let loss = picture.squared_error(&reference)?;
-            let terms = whole.try_sub(tape.constant(reference.image()))?.value();
+            let loss = picture.loss(&reference)?;
+            let terms = whole.try_sub(tape.constant(reference.reference()))?.value();
             let expected: f64 = terms.data().iter().map(|term| term.to_f64().powi(2)).sum();
             let is_close = (loss.item().to_f64() - expected).abs() <= tolerance * expected;
             assert!(is_close || !is_stated, "loss {} instead of {expected}", loss.item());

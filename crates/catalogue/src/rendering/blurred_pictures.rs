@@ -3,8 +3,8 @@
 use bokashi_check::{Applied, Case, Check, Input, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
-    Background, Blur, Border, Fragments, Kernel, Mesh, Radius, RenderError, Size, antialias,
-    composite, rasterize,
+    Background, Blur, Border, Fragments, Kernel, Mesh, PixelLoss, Radius, RenderError, Size,
+    antialias, composite, rasterize,
 };
 use proptest::prelude::*;
 
@@ -46,12 +46,13 @@ impl Subject for BlurredPicture {
         let fragments = two_faces(tape, self.size)?;
         let picture = antialias(composite(inputs[0], &fragments, Background::Zero)?)?;
         if !self.is_error {
-            return Ok(picture.blurred(inputs[1], &self.blur)?.into());
+            return Ok(picture.blurred(inputs[1], &self.blur).image()?.into());
         }
         let Size { width, height } = self.size;
         let goal = |k: usize| T::from_f64((k * 13 % 29) as f64 / 29.0);
         let goal = Tensor::from_flat_fn([height, width, 2], goal);
-        Ok(picture.blurred_squared_error(inputs[1], &self.blur, &goal)?.into())
+        let loss = PixelLoss::squared(&goal, &Tensor::zeros([2]))?;
+        Ok(picture.blurred(inputs[1], &self.blur).loss(&loss)?.into())
     }
 }
 

@@ -34,13 +34,13 @@ fn smooth_scenes() -> impl Iterator<Item = (&'static str, BoxedStrategy<Scene>)>
 }
 
 /// The picture, and where faces are seen.
-fn picture<'t, T: Scalar>(
+fn exact_picture<'t, T: Scalar>(
     scene: &Scene,
     clip: Var<'t, T>,
     colors: Var<'t, T>,
     background: Background<'t, T>,
 ) -> Result<(Var<'t, T>, Arc<Coverage>), Refusal> {
-    let fragments = rasterize(clip, &scene.mesh, options(scene))?;
+    let fragments = rasterize(clip, &scene.mesh, options(scene).creases(&[]))?;
     let surface = interpolate(colors, &fragments)?;
     let image = composite(surface, &fragments, background)?.image()?;
     Ok((image, fragments.coverage))
@@ -112,7 +112,7 @@ struct Pieces {
 
 impl Subject for Pieces {
     fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
-        let fragments = rasterize(inputs[0], &self.scene.mesh, options(&self.scene))?;
+        let fragments = rasterize(inputs[0], &self.scene.mesh, options(&self.scene).creases(&[]))?;
         let weight = fragments.weight.ok_or("exact coverage has weights")?;
         let coverage = &fragments.coverage;
         let pieces = coverage.centers()..coverage.count();
@@ -165,7 +165,7 @@ impl Subject for Picture {
         };
         let mesh = self.scene.mesh.with_seams(|_, _| self.has_seams);
         let scene = Scene { mesh, ..self.scene.clone() };
-        let (image, coverage) = picture(&scene, inputs[0], inputs[1], background)?;
+        let (image, coverage) = exact_picture(&scene, inputs[0], inputs[1], background)?;
         Ok(Outcome::from(image).with_state(state(&coverage, &wide(inputs[0]))))
     }
 }

@@ -50,7 +50,7 @@ struct OfPieces;
 fn exact_fragments<T: Scalar>(tape: &Tape<T>) -> Result<Fragments<'_, T>, RenderError> {
     let fixed = fixed_fragments(tape, None)?;
     let options = RasterOptions::new(fixed.coverage.size()).sampling(Sampling::Exact);
-    rasterize(fixed.clip, fixed.coverage.mesh(), options)
+    rasterize(fixed.clip, fixed.coverage.mesh(), options.creases(&[]))
 }
 
 impl Subject for OfPieces {

@@ -2,9 +2,7 @@
 
 use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
-use bokashi_render_ops::{
-    Background, PixelLoss, Reference, antialias, composite, interpolate, rasterize,
-};
+use bokashi_render_ops::{Background, PixelLoss, antialias, composite, interpolate, rasterize};
 use proptest::prelude::*;
 
 use crate::blends::choices;
@@ -44,7 +42,7 @@ impl Subject for Pictures {
         let goal = |k: usize| T::from_f64((k * 13 % 29) as f64 / 29.0);
         let goal = Tensor::from_flat_fn([size.height, size.width, picture.channels()], goal);
         let black = Tensor::zeros([2]);
-        let error = picture.squared_error(&Reference::new(&goal, &black)?)?;
+        let error = picture.loss(&PixelLoss::squared(&goal, &black)?)?;
         let robust = PixelLoss::new(&goal, &black, |seen, goal| {
             Ok((seen.try_sub(goal)?.square() + T::from_f64(0.1)).sqrt())
         })?;

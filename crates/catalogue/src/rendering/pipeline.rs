@@ -4,8 +4,8 @@ use bokashi_check::strategy::{camera, closed_mesh, number, tensor, unit_quaterni
 use bokashi_check::{Applied, Case, Check, Input, Outcome, Subject};
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_render_ops::{
-    Background, Blur, Border, Kernel, Mesh, Pose, Radius, Size, antialias, composite,
-    gaussian_blur, interpolate, project, rasterize,
+    Background, Blur, Border, Kernel, Mesh, Pose, Radius, Size, gaussian_blur, interpolate,
+    project, rasterize,
 };
 use glam::DMat4;
 use proptest::collection::vec;
@@ -43,9 +43,8 @@ impl Subject for Pipeline {
         let fragments = rasterize(clip, &self.mesh, self.size)?;
         let choices = blends::choices(&fragments, &wide(clip));
         let surface = interpolate(colors, &fragments)?;
-        let picture = antialias(composite(surface, &fragments, Background::Color(background))?)?;
-        let image = picture.image()?;
-        let image = gaussian_blur(image, sigma, &self.blur)?;
+        let picture = fragments.picture(surface, Background::Color(background))?;
+        let image = gaussian_blur(picture.image()?, sigma, &self.blur)?;
         let ids = fragments.coverage.triangle_ids();
         Ok(Outcome::from(image.square()).with_state(ids).with_state(choices))
     }

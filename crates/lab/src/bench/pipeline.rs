@@ -3,10 +3,9 @@
 use std::hint::black_box;
 
 use bokashi_core::{Gradients, Scalar, Tape, Tensor, Var};
-use bokashi_fit::{FitError, squared_error};
+use bokashi_fit::FitError;
 use bokashi_render_ops::{
-    Background, Composite, Cull, Fragments, Picture, RasterOptions, Reference, Sampling, antialias,
-    composite, interpolate, mark_creases, project, rasterize,
+    Background, Cull, Fragments, Picture, PixelLoss, RasterOptions, interpolate, project, rasterize,
 };
 use rayon::ThreadPool;
 
@@ -18,10 +17,9 @@ pub(crate) struct Drawn<'t, T: Scalar> {
     pub(crate) clip: Var<'t, T>,
     pub(crate) fragments: Fragments<'t, T>,
     pub(crate) surface: Var<'t, T>,
-    pub(crate) composite: Composite<'t, T>,
 }
 
-/// The picture of `scene` with other positions and colours, as it is rasterized.
+/// The surface of `scene` with other positions and colours.
 pub(crate) fn drawn<'t, T: Scalar>(
     scene: &Scene,
     options: RasterOptions,
@@ -29,28 +27,22 @@ pub(crate) fn drawn<'t, T: Scalar>(
     colors: Var<'t, T>,
 ) -> Result<Drawn<'t, T>, FitError> {
     let clip = project(positions, &scene.camera, None)?;
-    let mesh = match scene.creases {
-        Some(creases) => mark_creases(&scene.mesh, clip, colors, creases.cull(options.cull))?,
-        None => scene.mesh.clone(),
-    };
-    let fragments = rasterize(clip, &mesh, options)?;
+    let shown = [colors.into()];
+    let creases = if scene.has_creases { &shown[..] } else { &[] };
+    let fragments = rasterize(clip, &scene.mesh, options.creases(creases))?;
     let surface = interpolate(colors, &fragments)?;
-    let composite = composite(surface, &fragments, Background::Zero)?;
-    Ok(Drawn { clip, fragments, surface, composite })
+    Ok(Drawn { clip, fragments, surface })
 }
 
-/// The picture of `scene` with other positions and colours; antialiased, unless its coverage is exact.
-fn picture<'t, T: Scalar>(
+/// The picture of `scene` with other positions and colours.
+pub(crate) fn picture<'t, T: Scalar>(
     scene: &Scene,
     options: RasterOptions,
     positions: Var<'t, T>,
     colors: Var<'t, T>,
 ) -> Result<Picture<'t, T>, FitError> {
-    let Drawn { composite, .. } = drawn(scene, options, positions, colors)?;
-    Ok(match options.sampling {
-        Sampling::Center => antialias(composite)?,
-        Sampling::Exact | Sampling::Outline => composite.into(),
-    })
+    let Drawn { fragments, surface, .. } = drawn(scene, options, positions, colors)?;
+    Ok(fragments.picture(surface, Background::Zero)?)
 }
 
 /// The antialiased image of `scene` with other positions and colours.
@@ -80,7 +72,7 @@ pub(crate) struct Learner<T: Scalar> {
     compared: Compared,
     positions: Tensor<T>,
     colors: Tensor<T>,
-    reference: Reference<T>,
+    reference: PixelLoss<T>,
     tape: Tape<T>,
 }
 
@@ -108,7 +100,7 @@ impl<T: Scalar> Learner<T> {
             picture(scene, options, positions, colors)?.image()?.value()
         };
         tape.reset();
-        let reference = Reference::new(&reference, &Tensor::zeros([3]))?;
+        let reference = PixelLoss::squared(&reference, &Tensor::zeros([3]))?;
         let positions = scene.jittered(SHIFT * scene.size.width as f64, 0).cast();
         let colors = scene.colors.map(|color: f64| T::from_f64((color + TINT).min(1.0)));
         Ok(Self { scene: scene.clone(), options, compared, positions, colors, reference, tape })
@@ -120,11 +112,8 @@ impl<T: Scalar> Learner<T> {
         let colors = self.tape.leaf(&self.colors);
         let picture = picture(&self.scene, self.options, positions, colors)?;
         let loss = match self.compared {
-            Compared::Picture => picture.squared_error(&self.reference)?,
-            Compared::Image => {
-                let reference = self.tape.constant(self.reference.image());
-                squared_error(picture.image()?, reference)?
-            }
+            Compared::Picture => picture.loss(&self.reference)?,
+            Compared::Image => self.reference.evaluate(picture.image()?)?,
         };
         let gradients: Gradients<'_, T> = loss.backward()?;
         black_box((loss.item(), gradients.get(positions), gradients.get(colors)));

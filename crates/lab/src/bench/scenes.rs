@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 use bokashi_core::Tensor;
 use bokashi_fit::FitError;
 use bokashi_paper::{FACES, View, truth};
-use bokashi_render_ops::{Creases, Mesh, Size};
+use bokashi_render_ops::{Mesh, Size};
 use glam::{DMat4, DVec2, DVec3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -22,8 +22,8 @@ pub struct Scene {
     pub(crate) colors: Tensor<f64>,
     pub(crate) camera: DMat4,
     pub(crate) size: Size,
-    /// Which edges are seams as it is drawn; otherwise those that the mesh marks.
-    pub(crate) creases: Option<Creases>,
+    /// Whether the creases of its colours are resolved, beside the seams that the mesh has.
+    pub(crate) has_creases: bool,
 }
 
 /// The radius of the spheres.
@@ -39,7 +39,7 @@ impl Scene {
     ) -> Result<Self, FitError> {
         let mesh = Mesh::new(faces, positions.shape()[0])?;
         let (camera, size) = (View::fixed().camera(), Size::square(pixels));
-        Ok(Self { name, mesh, positions, colors, camera, size, creases: None })
+        Ok(Self { name, mesh, positions, colors, camera, size, has_creases: false })
     }
 
     /// The largest scene of the table, 80,064 faces in 1024 x 1024 pixels, its adjacency built.

@@ -2,8 +2,8 @@
 
 use bokashi_core::{Scalar, Tape, Tensor};
 use bokashi_render_ops::{
-    Background, Fragments, Mesh, RasterOptions, RenderError, Sampling, Size, antialias, composite,
-    depth, eye_depth, interpolate, rasterize,
+    Background, Fragments, Mesh, RasterOptions, RenderError, Sampling, Size, depth, eye_depth,
+    interpolate, rasterize,
 };
 
 use super::row::{Found, Outcome, told};
@@ -23,7 +23,7 @@ fn face<T: Scalar>(
         T::from_f64([x * w, y * w, 0.0, w][k % 4])
     });
     let options = RasterOptions::new(SIZE).sampling(sampling);
-    rasterize(tape.leaf(&clip), &Mesh::new(vec![[0, 1, 2]], 3)?, options)
+    rasterize(tape.leaf(&clip), &Mesh::new(vec![[0, 1, 2]], 3)?, options.creases(&[]))
 }
 
 /// The distance of the face at a pixel's centre: 1 / w is linear between the corners on the screen.
@@ -106,11 +106,8 @@ pub(super) fn fragments_of_an_earlier_step<T: Scalar>() -> Outcome {
         let draw = |fragments: &Fragments<'_, T>| -> Result<(Vec<f64>, usize), RenderError> {
             let tape = fragments.clip.tape();
             let colors = tape.leaf(&Tensor::from_flat_fn([3, 2], |k| T::from_f64(motley(k))));
-            let picture = composite(interpolate(colors, fragments)?, fragments, Background::Zero)?;
-            let image = match sampling {
-                Sampling::Center => antialias(picture)?.image()?,
-                _ => picture.image()?,
-            };
+            let surface = interpolate(colors, fragments)?;
+            let image = fragments.picture(surface, Background::Zero)?.image()?;
             let distances = eye_depth(fragments)?.image(fragments, 9.0)?.distances();
             let all = [image.value(), distances.value(), depth(fragments)?.value()];
             let gradients = (image.sum() + distances.sum()).backward()?;

@@ -172,7 +172,7 @@ pub(super) fn refused<T: Scalar>() -> Outcome {
     let exact = RasterOptions::new(SIZE).sampling(Sampling::Exact);
     let layers = depth_layers(clip, &mesh, SIZE, None)?;
     let small = rasterize(clip, &mesh, Size::square(4))?;
-    let pieces = rasterize(clip, &mesh, exact)?;
+    let pieces = rasterize(clip, &mesh, exact.creases(&[]))?;
     let say = |fragments: &[&Fragments<'_, T>], short: usize| {
         let mut parts = Vec::new();
         for fragments in fragments {

@@ -2,7 +2,7 @@
 
 use bokashi_core::{Scalar, Tape, Tensor};
 use bokashi_render_ops::{
-    Background, Reference, Size, antialias, composite, interpolate, rasterize,
+    Background, PixelLoss, Size, antialias, composite, interpolate, rasterize,
 };
 
 use super::row::{Found, Outcome};
@@ -23,7 +23,7 @@ pub(super) fn against_the_image<T: Scalar>() -> Outcome {
             let colors = tape.leaf(&Tensor::from_flat_fn([3, 2], |k| T::from_f64(motley(k))));
             let goal = Tensor::from_flat_fn([height, width, 2], |k| T::from_f64(motley(3 * k + 1)));
             let behind = Tensor::from_flat_fn([2], |k| T::from_f64(motley(k + 7)));
-            let reference = Reference::new(&goal, &behind)?;
+            let reference = PixelLoss::squared(&goal, &behind)?;
             let sky = Tensor::from_flat_fn([height, width, 2], |k| behind.data()[k % 2]);
 
             let fragments = rasterize(positions, &scene.mesh()?, size)?;
@@ -34,7 +34,7 @@ pub(super) fn against_the_image<T: Scalar>() -> Outcome {
             wrong += usize::from(sparse.image()?.value() != dense.value());
             counts.push(fragments.coverage.count());
 
-            let found = sparse.squared_error(&reference)?;
+            let found = sparse.loss(&reference)?;
             let expected = (dense - tape.constant(&goal)).square().sum();
             let [loss, exact] = [found, expected].map(|loss| loss.item().to_f64());
             error = error.maximum_or_nan((loss / exact - 1.0).abs());

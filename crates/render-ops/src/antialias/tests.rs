@@ -7,7 +7,8 @@ use crate::background::Background;
 use crate::composite::composite;
 use crate::fragments::Fragments;
 use crate::mesh::Mesh;
-use crate::rasterize::{Cull, RasterOptions, Sampling, rasterize};
+use crate::raster_options::{Cull, RasterOptions, Sampling};
+use crate::rasterize::rasterize;
 use crate::size::Size;
 
 /// Vertices and faces.
@@ -476,7 +477,7 @@ fn exact_coverage_has_nothing_to_antialias() {
     let scene = star();
     let mesh = Mesh::new(scene.faces.clone(), scene.clip.len()).unwrap();
     let options = RasterOptions::new(SIZE).sampling(Sampling::Exact);
-    let fragments = rasterize(scene.positions(&tape), &mesh, options).unwrap();
+    let fragments = rasterize(scene.positions(&tape), &mesh, options.creases(&[])).unwrap();
     let values = tape.leaf(&Tensor::full([fragments.coverage.count(), 1], 0.5));
     let error = antialias(composite(values, &fragments, Background::Zero).unwrap()).unwrap_err();
     let pixels = fragments.coverage.boundary_counts().pixels;

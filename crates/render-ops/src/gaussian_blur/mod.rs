@@ -34,6 +34,7 @@
 //! kernel.
 
 mod of_picture;
+pub use self::of_picture::Blurred;
 mod rational;
 #[cfg(test)]
 mod tests;

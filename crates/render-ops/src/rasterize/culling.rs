@@ -8,10 +8,10 @@ use std::ops::Range;
 
 use bokashi_core::Scalar;
 
-use super::options::{Cull, RasterOptions};
 use super::order::{largest, least};
 use crate::homogeneous::{Vertex, determinant, edge, edge_error_bound};
 use crate::mesh::repeats_a_vertex;
+use crate::raster_options::{Cull, RasterOptions};
 use crate::size::Size;
 
 /// A vertex, and what every face at it asks of it.

@@ -28,7 +28,6 @@ mod blocks;
 mod canvas;
 mod culling;
 mod exact;
-mod options;
 mod order;
 mod prepared;
 mod pull_back;
@@ -45,15 +44,16 @@ use bokashi_core::{Accumulator, Accumulators, Inputs, Keep, Kept, Op, Outputs, S
 
 use self::canvas::Weigh;
 use self::exact::Adjoints;
-pub use self::options::{Cull, RasterOptions, Sampling};
 use self::pull_back::WeightPullBack;
 use self::visibility::Visibility;
 use crate::boundary::BoundaryCounts;
 use crate::coverage::Coverage;
+use crate::creases::mark_creases;
 use crate::error::RenderError;
 use crate::face_sums::{Layout, add_term};
 use crate::fragments::Fragments;
 use crate::mesh::Mesh;
+use crate::raster_options::{RasterOptions, Rasterization, Sampling};
 use crate::size::Size;
 
 /// The fragments of `mesh` with vertices `clip: [V, 4]` in clip space: a fragment for each pixel
@@ -61,20 +61,35 @@ use crate::size::Size;
 /// have no fragment at their centre. They have a fragment for each visible piece, behind all other
 /// fragments, and [`Fragments::weight`] is there.
 ///
+/// `how` is a [`Size`], [`RasterOptions`], or for exact coverage options with the attributes that will be shown:
+/// `rasterize(clip, &mesh, options.creases(&[colors.into()]))`. The mesh of the fragments' coverage then has the
+/// creases as seams.
+///
 /// Smaller z / w wins; where it is equal, the lower face index wins. Faces may reach behind the eye
 /// and through the near and far planes: the visible part is drawn. Faces whose area is zero within
 /// rounding are not drawn and are counted in [`Coverage::culled`].
 ///
 /// # Errors
-/// [`RenderError::ImageSize`] for an image without pixels; [`RenderError::Shape`] unless `clip` is
-/// `[V, 4]` with the mesh's number of vertices; [`RenderError::Position`] for a coordinate that is
-/// not finite.
-pub fn rasterize<'t, T: Scalar>(
+/// - [`RenderError::ImageSize`] for an image without pixels.
+/// - [`RenderError::Shape`] unless `clip` is `[V, 4]` with the mesh's number of vertices.
+/// - [`RenderError::Position`] for a coordinate that is not finite.
+/// - For [`Sampling::Exact`]: [`RenderError::UnnamedCreases`] where no attributes are named;
+///   [`RenderError::FaceCount`] and [`RenderError::Shape`] for attributes that do not fit the mesh;
+///   `TensorError::Value` for a tolerance that is not positive.
+pub fn rasterize<'a, 't: 'a, T: Scalar>(
     clip: Var<'t, T>,
     mesh: &Mesh,
-    options: impl Into<RasterOptions>,
+    how: impl Into<Rasterization<'a, 't, T>>,
 ) -> Result<Fragments<'t, T>, RenderError> {
-    record(clip, mesh, options.into(), None)
+    let Rasterization { options, creases } = how.into();
+    if options.sampling != Sampling::Exact {
+        return record(clip, mesh, options, None);
+    }
+    let mut creased = mesh.clone();
+    for &attributes in creases.ok_or(RenderError::UnnamedCreases)? {
+        creased = mark_creases(&creased, clip, attributes, &options)?;
+    }
+    record(clip, &creased, options, None)
 }
 
 /// The fragments of what is seen behind `front`, fragments of the same image with the same `options`:
@@ -305,6 +320,7 @@ impl<T: Scalar> Op<T> for Rasterize {
 
         let Saved { coverage, visibility, .. } = saved;
         let coverage = recycled(coverage, &self.mesh, self.options.size);
+        coverage.antialias = self.options.antialias && self.options.sampling == Sampling::Center;
         coverage.is_outline = self.options.sampling == Sampling::Outline;
         visibility.run(clip, self.options, inputs.needs(0), self.front.as_deref(), coverage);
         let pieces = coverage.count() - coverage.centers();

@@ -3,10 +3,10 @@
 use bokashi_core::Scalar;
 
 use super::culling::{Corner, Verdict};
-use super::options::{Limits, Sampling};
 use super::setup::LANES;
 use crate::coverage::Coverage;
 use crate::mesh::Mesh;
+use crate::raster_options::{Limits, Sampling};
 use crate::size::Size;
 
 /// Stands for "not seen".

@@ -17,12 +17,12 @@ use bokashi_core::parallel::{for_each_item_mut, for_each_piece_mut, threads};
 
 use super::canvas::{Band, Canvas, Draw, resize};
 use super::culling::{Corner, Fate, Verdict, give_one_factor, most_rounding};
-use super::options::RasterOptions;
 use super::prepared::Prepared;
 use super::setup::LANES;
 use crate::coverage::{Coverage, Culled};
 use crate::dispatch::dispatch_256;
 use crate::mesh::Mesh;
+use crate::raster_options::RasterOptions;
 use crate::runs::rows_per_band;
 use crate::size::Size;
 

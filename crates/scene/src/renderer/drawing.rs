@@ -6,8 +6,8 @@ use bokashi_core::{Tape, Tensor, Var};
 use bokashi_fit::FitError;
 use bokashi_render_ops::{
     Background, Blur, Cull, Fragments, Lens, LensOptions, Picture, Radius, RasterOptions,
-    RenderError, Sampling, Size, Surface, antialias, composite, depth_of_field, exposure,
-    eye_depth, gaussian_blur, interpolate, mark_creases_indexed, rasterize, srgb_encode,
+    RenderError, Silhouettes, Size, Surface, depth_of_field, exposure, eye_depth, gaussian_blur,
+    interpolate, rasterize, srgb_encode,
 };
 use glam::{DMat4, DVec3};
 
@@ -18,7 +18,7 @@ use super::looks::{Asked, LookUp, LooksAtVertices};
 use super::normals::{Moved, Normals, NormalsAtVertices};
 use super::parts::Parts;
 use super::sight::Sight;
-use crate::description::{CullName, Silhouettes, SurfaceModel, Tone};
+use crate::description::{CullName, Silhouettes as SilhouettesName, SurfaceModel, Tone};
 use crate::error::SceneError;
 use crate::object::Object;
 use crate::scene::Scene;
@@ -120,6 +120,15 @@ impl Renderer {
         behind
     }
 
+    /// How silhouettes look.
+    fn silhouettes(&self) -> Silhouettes {
+        match self.scene.description.pipeline.silhouettes {
+            SilhouettesName::Aliased => Silhouettes::Aliased,
+            SilhouettesName::Antialias => Silhouettes::Antialias,
+            SilhouettesName::Exact => Silhouettes::Exact,
+        }
+    }
+
     /// How a view is rasterized.
     fn options(&self, size: Size) -> RasterOptions {
         let pipeline = &self.scene.description.pipeline;
@@ -127,11 +136,7 @@ impl Renderer {
             CullName::None => Cull::None,
             CullName::Back => Cull::Back,
         };
-        let sampling = match pipeline.silhouettes {
-            Silhouettes::Exact => Sampling::Exact,
-            _ => Sampling::Center,
-        };
-        RasterOptions::new(size).cull(cull).sampling(sampling)
+        RasterOptions::new(size).cull(cull).silhouettes(self.silhouettes())
     }
 
     /// Draws a view whose image is made smaller `reduce` times along each axis; `with_mask` adds a fourth
@@ -196,7 +201,7 @@ impl Renderer {
     /// Whether neither geometry nor cameras are learnt, nor colours that may have creases.
     fn is_still(&self, values: &Values<'_, '_>) -> bool {
         let moves = |name: &str| values.learnt(name).is_some();
-        let kinds = match self.scene.description.pipeline.silhouettes {
+        let kinds = match self.silhouettes() {
             Silhouettes::Exact => &["vertices", "pose", "colors"][..],
             _ => &["vertices", "pose"],
         };
@@ -220,23 +225,18 @@ impl Renderer {
         })
     }
 
-    /// Fragments of vertices in clip space. With exact silhouettes the edges at which something bends that
-    /// is interpolated are seams.
+    /// Fragments of vertices in clip space, that will show what is at the vertices.
     fn fragments<'t>(
         &self,
         clip: Var<'t, f32>,
         AtVertices { looks, normals }: AtVertices<'t, '_>,
         size: Size,
     ) -> Result<Fragments<'t, f32>, FitError> {
+        let shown = [looks.colors, looks.coordinates, normals.map(|own| own.normals)];
+        let shown: Vec<_> =
+            shown.into_iter().flatten().map(|own| (own.rows, own.indices).into()).collect();
         let options = self.options(size);
-        let mut mesh = self.parts.assembly.mesh().clone();
-        if options.sampling == Sampling::Exact {
-            let normals = normals.map(|own| own.normals);
-            for own in [looks.colors, looks.coordinates, normals].into_iter().flatten() {
-                mesh = mark_creases_indexed(&mesh, clip, own.rows, own.indices, options)?;
-            }
-        }
-        Ok(rasterize(clip, &mesh, options)?)
+        Ok(rasterize(clip, self.parts.assembly.mesh(), options.creases(&shown))?)
     }
 
     /// A view of fragments with this light, `[N, 3]`.
@@ -259,11 +259,7 @@ impl Renderer {
         }
         let behind = self.behind(if with_mask { 4 } else { 3 });
         let background = Background::Color(tape.constant(&Tensor::from(behind.as_slice())));
-        let composite = composite(surface, &fragments, background)?;
-        let light = match self.scene.description.pipeline.silhouettes {
-            Silhouettes::Antialias => antialias(composite)?,
-            _ => composite.into(),
-        };
+        let light = fragments.picture(surface, background)?;
         Ok(Drawn { fragments, light, world })
     }
 

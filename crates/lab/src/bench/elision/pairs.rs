@@ -136,7 +136,7 @@ fn walls(pixels: usize) -> Result<[Scene; 2], FitError> {
             positions: Tensor::new([vertices.len(), 3], positions)?,
             camera,
             size,
-            creases: None,
+            has_creases: false,
         })
     };
     let apart = faces.iter().flatten().map(|&vertex| shared[vertex as usize]).collect();

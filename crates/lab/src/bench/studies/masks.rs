@@ -3,8 +3,7 @@
 use bokashi_core::{Scalar, Tape, Tensor, Var};
 use bokashi_fit::FitError;
 use bokashi_render_ops::{
-    Background, Cull, Picture, RasterOptions, Reference, Sampling, antialias, composite,
-    interpolate, project, rasterize,
+    Background, Cull, Picture, PixelLoss, RasterOptions, Sampling, project, render,
 };
 use glam::DMat4;
 
@@ -47,14 +46,9 @@ fn mask<'t, T: Scalar>(
     camera: &DMat4,
     positions: Var<'t, T>,
 ) -> Result<Picture<'t, T>, FitError> {
-    let fragments = rasterize(project(positions, camera, None)?, &scene.mesh, options)?;
-    let ones = Tensor::full([positions.shape()[0], 1], T::ONE);
-    let surface = interpolate(positions.tape().constant(&ones), &fragments)?;
-    let surface = composite(surface, &fragments, Background::Zero)?;
-    Ok(match options.sampling {
-        Sampling::Center => antialias(surface)?,
-        _ => surface.into(),
-    })
+    let clip = project(positions, camera, None)?;
+    let ones = positions.tape().constant(&Tensor::full([positions.shape()[0], 1], T::ONE));
+    Ok(render(clip, &scene.mesh, ones, options, Background::Zero)?)
 }
 
 /// A fit to masks.
@@ -63,7 +57,7 @@ struct Masks {
     options: RasterOptions,
     cameras: Vec<DMat4>,
     positions: Tensor<f32>,
-    references: Vec<Reference<f32>>,
+    references: Vec<PixelLoss<f32>>,
     tape: Tape<f32>,
 }
 
@@ -84,7 +78,7 @@ impl Masks {
             let tape = Tape::new();
             let positions = tape.constant(&scene.positions.cast());
             let image = mask::<f32>(scene, options, camera, positions)?.image()?.value();
-            Ok::<_, FitError>(Reference::new(&image, &Tensor::zeros([1]))?)
+            Ok::<_, FitError>(PixelLoss::squared(&image, &Tensor::zeros([1]))?)
         };
         let references = cameras.iter().map(reference).collect::<Result<_, _>>()?;
         let (positions, tape) = (scene.jittered(shift, 0).cast(), Tape::new());
@@ -99,7 +93,7 @@ impl Masks {
             let positions = tape.leaf(positions);
             let mut loss: Option<Var<'_, f32>> = None;
             for (camera, reference) in cameras.iter().zip(references) {
-                let own = mask(scene, *options, camera, positions)?.squared_error(reference)?;
+                let own = mask(scene, *options, camera, positions)?.loss(reference)?;
                 loss = Some(loss.map_or(own, |sum| sum + own));
             }
             loss.expect("there is a view").backward()?.get_or_zeros(positions)

@@ -120,7 +120,7 @@ pub(in super::super) fn many_faces_in_a_pixel<T: Scalar>() -> Outcome {
     let (clip, mesh, nearest, _) = many_faces::<T>()?;
     let tape = Tape::<T>::new();
     let positions = tape.leaf(&clip);
-    let fragments = rasterize(positions, &mesh, options(Size::square(3)))?;
+    let fragments = rasterize(positions, &mesh, options(Size::square(3)).creases(&[]))?;
     let weight = fragments.weight.ok_or("exact coverage has weights")?;
     let coverage = &fragments.coverage;
     let wrong = coverage.faces().filter(|&face| face != nearest).count();

@@ -40,7 +40,10 @@ pub(in super::super) fn refused<T: Scalar>() -> Outcome {
     let mut results = Vec::new();
     let empty = Size { width: 0, height: 5 };
     let rule = "an image needs at least one pixel and fewer than 2^32 - 1, got 0 x 5";
-    results.push((told(rasterize(positions, &scene.mesh()?, options(empty))), rule.to_owned()));
+    results.push((
+        told(rasterize(positions, &scene.mesh()?, options(empty).creases(&[]))),
+        rule.to_owned(),
+    ));
     for bad in [f64::NAN, f64::INFINITY] {
         let mut scene = scene.clone();
         scene.clip[1][2] = bad;
@@ -49,7 +52,7 @@ pub(in super::super) fn refused<T: Scalar>() -> Outcome {
         let said = told(Picture::of::<T>(&scene));
         results.push((said, format!("{message} at vertex 1")));
     }
-    let fragments = rasterize(positions, &scene.mesh()?, options(SIZE))?;
+    let fragments = rasterize(positions, &scene.mesh()?, options(SIZE).creases(&[]))?;
     let values = tape.leaf(&Tensor::zeros([fragments.coverage.count(), 1]));
     let pixels = fragments.coverage.boundary_counts().pixels;
     let rule = "antialias needs one fragment per pixel";

@@ -70,7 +70,7 @@ impl Picture {
         let colors = tape.leaf(&Tensor::from_flat_fn([scene.clip.len(), 3], color));
         let behind = [BACKGROUND[0], BACKGROUND[1], 0.0];
         let behind = tape.leaf(&Tensor::from_flat_fn([3], |k| T::from_f64(behind[k])));
-        let fragments = rasterize(clip, &mesh, options)?;
+        let fragments = rasterize(clip, &mesh, options.creases(&[]))?;
         let surface = interpolate(colors, &fragments)?;
         let background = Background::Color(behind);
         let image = composite(surface, &fragments, background)?.image()?;
@@ -196,7 +196,7 @@ impl Checked {
 fn area_gradient<T: Scalar>(scene: &Scene) -> Result<Vec<f64>, Failure> {
     let tape = Tape::<T>::new();
     let clip = scene.leaf(&tape);
-    let fragments = rasterize(clip, &scene.mesh()?, options(scene.size))?;
+    let fragments = rasterize(clip, &scene.mesh()?, options(scene.size).creases(&[]))?;
     let weight = fragments.weight.ok_or("exact coverage has weights")?;
     let coverage = &fragments.coverage;
     let places: Vec<_> = coverage.pixels().zip(coverage.faces()).skip(coverage.centers()).collect();

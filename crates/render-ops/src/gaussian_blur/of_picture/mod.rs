@@ -24,9 +24,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use bokashi_core::parallel::{ENTRIES_PER_PIECE, for_each_item_mut, for_each_zipped_mut, threads};
-use bokashi_core::{
-    Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Tensor, Var, squared_error, sum,
-};
+use bokashi_core::{Accumulators, Inputs, Keep, Kept, Op, Outputs, Scalar, Tensor, Var, sum};
 
 use super::{GaussianBlur, PRODUCTS, dot, gaussian_blur};
 use crate::background::Kind;
@@ -40,8 +38,25 @@ use crate::runs::rows_per_band;
 use crate::scratch::Workbench;
 use crate::taps::{Blur, Kernel, Taps, check_radius};
 
+/// A picture that is seen through a Gaussian blur: [`Picture::blurred`]. Nothing is computed until its image or its
+/// loss is asked for.
+#[derive(Debug, Clone)]
+pub struct Blurred<'t, T: Scalar> {
+    pub(crate) picture: Picture<'t, T>,
+    sigma: Var<'t, T>,
+    blur: Blur,
+}
+
 impl<'t, T: Scalar> Picture<'t, T> {
-    /// The picture's image, blurred: [`gaussian_blur`] of [`Picture::image`], to the same bits.
+    /// The picture through a Gaussian blur with the standard deviation `sigma`, in pixels: [`gaussian_blur`] of
+    /// [`Picture::image`], to the same bits.
+    pub fn blurred(&self, sigma: Var<'t, T>, blur: &Blur) -> Blurred<'t, T> {
+        Blurred { picture: self.clone(), sigma, blur: *blur }
+    }
+}
+
+impl<'t, T: Scalar> Blurred<'t, T> {
+    /// The blurred image, `[H, W, C]`.
     ///
     /// Where the background is a constant colour, the image before the blur takes no memory. So it is
     /// for the sampled and the unnormalized kernel, and for windows of the discrete one, with a zero or
@@ -50,69 +65,51 @@ impl<'t, T: Scalar> Picture<'t, T> {
     /// # Errors
     /// As [`gaussian_blur`].
     #[inline(never)]
-    pub fn blurred(&self, sigma: Var<'t, T>, blur: &Blur) -> Result<Var<'t, T>, RenderError> {
-        if !self.is_blurred_by_rows(sigma, blur)? {
-            return gaussian_blur(self.image()?, sigma, blur);
+    pub fn image(&self) -> Result<Var<'t, T>, RenderError> {
+        if !self.is_blurred_by_rows()? {
+            return gaussian_blur(self.picture.image()?, self.sigma, &self.blur);
         }
-        let op = BlurOfPicture { rows: self.rows_to_blur(blur) };
-        self.values.tape().apply(op, &[self.values, sigma, self.backdrop.values])
+        let op = BlurOfPicture { rows: self.rows_to_blur() };
+        self.picture.values.tape().apply(op, &self.inputs())
     }
 
-    /// The sum of the squared errors of [`Picture::blurred`] against `reference: [H, W, C]`; returns
-    /// `[]`. Where [`Picture::blurred`] does without the image, no image takes memory but the reference.
-    /// The gradients that could be asked for are then computed along with the error.
-    ///
-    /// # Errors
-    /// As [`gaussian_blur`]; [`RenderError::Shape`] unless the reference has the picture's size and
-    /// channels.
-    #[inline(never)]
-    pub fn blurred_squared_error(
-        &self,
-        sigma: Var<'t, T>,
-        blur: &Blur,
-        reference: &Tensor<T>,
-    ) -> Result<Var<'t, T>, RenderError> {
-        let size = self.coverage.size();
-        let expected = [size.height, size.width, self.channels()];
-        if **reference.shape() != expected {
-            let (operation, shape) = (ERROR_NAME, reference.shape().clone());
-            let rule = format!("a reference image of shape {expected:?}");
-            return Err(RenderError::Shape { operation, rule, shape });
-        }
-        let tape = self.values.tape();
-        if !self.is_blurred_by_rows(sigma, blur)? {
-            let image = gaussian_blur(self.image()?, sigma, blur)?;
-            return Ok(squared_error(image, tape.constant(reference))?);
-        }
-        let op =
-            BlurredSquaredError { rows: self.rows_to_blur(blur), reference: reference.clone() };
-        tape.apply(op, &[self.values, sigma, self.backdrop.values])
+    /// The sum of the squared errors of the image against `reference: [H, W, C]`, where it is blurred by rows;
+    /// returns `[]`.
+    pub(crate) fn squared_error(&self, reference: &Tensor<T>) -> Result<Var<'t, T>, RenderError> {
+        let op = BlurredSquaredError { rows: self.rows_to_blur(), reference: reference.clone() };
+        self.picture.values.tape().apply(op, &self.inputs())
+    }
+
+    fn inputs(&self) -> [Var<'t, T>; 3] {
+        [self.picture.values, self.sigma, self.picture.backdrop.values]
     }
 
     /// Whether the picture is blurred without its image.
     ///
     /// # Errors
     /// As [`gaussian_blur`], but for a sigma that it refuses.
-    fn is_blurred_by_rows(&self, sigma: Var<'t, T>, blur: &Blur) -> Result<bool, RenderError> {
+    pub(crate) fn is_blurred_by_rows(&self) -> Result<bool, RenderError> {
+        let Self { picture: Picture { backdrop, coverage, .. }, sigma, blur } = self;
         let shape = sigma.shape();
         if shape.size() != 1 {
             let rule = "a single number for sigma".to_owned();
             return Err(RenderError::Shape { operation: "gaussian_blur", rule, shape });
         }
         check_radius(blur.radius)?;
-        let (sigma, size) = (sigma.item(), self.coverage.size());
+        let (sigma, size) = (sigma.item(), coverage.size());
         let is_identity = blur.kernel != Kernel::Unnormalized && sigma == T::ZERO;
         let order = GaussianBlur { blur: *blur }.order(sigma.to_f64(), [size.width, size.height]);
-        Ok(self.backdrop.kind == Kind::Color
-            && !self.backdrop.values.needs_gradient()
+        Ok(backdrop.kind == Kind::Color
+            && !backdrop.values.needs_gradient()
             // Its adjoint adds what lies beyond the border to far rows.
             && blur.border != Border::Clamp
             && !is_identity
             && order.is_none())
     }
 
-    fn rows_to_blur(&self, blur: &Blur) -> RowsToBlur {
-        RowsToBlur { coverage: Arc::clone(&self.coverage), rim: self.rim.clone(), blur: *blur }
+    fn rows_to_blur(&self) -> RowsToBlur {
+        let Picture { coverage, rim, .. } = &self.picture;
+        RowsToBlur { coverage: Arc::clone(coverage), rim: rim.clone(), blur: self.blur }
     }
 }
 

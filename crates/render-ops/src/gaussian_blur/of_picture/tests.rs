@@ -1,6 +1,6 @@
 //! What is blurred without an image is what is blurred with it.
 
-use bokashi_core::{Tape, Tensor};
+use bokashi_core::{Tape, Tensor, squared_error};
 
 use super::*;
 use crate::antialias::antialias;
@@ -8,7 +8,9 @@ use crate::background::Background;
 use crate::composite::composite;
 use crate::fragments::Fragments;
 use crate::mesh::Mesh;
-use crate::rasterize::{RasterOptions, Sampling, rasterize};
+use crate::pixel_loss::PixelLoss;
+use crate::raster_options::{RasterOptions, Sampling};
+use crate::rasterize::rasterize;
 use crate::size::Size;
 use crate::taps::Radius;
 
@@ -28,7 +30,7 @@ fn fragments<T: Scalar>(tape: &Tape<T>, size: Size, sampling: Sampling) -> Fragm
     ];
     let clip = tape.leaf(&Tensor::from_flat_fn([6, 4], |k| T::from_f64(clip[k / 4][k % 4])));
     let mesh = Mesh::new(vec![[0, 1, 2], [3, 4, 5]], 6).unwrap();
-    rasterize(clip, &mesh, RasterOptions::new(size).sampling(sampling)).unwrap()
+    rasterize(clip, &mesh, RasterOptions::new(size).sampling(sampling).creases(&[])).unwrap()
 }
 
 fn numbers<T: Scalar>(shape: &[usize]) -> Tensor<T> {
@@ -51,6 +53,10 @@ struct Case {
     sigma: f64,
     background: usize,
     learns: [bool; 2],
+}
+
+fn squared_error_against<T: Scalar>(reference: &Tensor<T>) -> PixelLoss<T> {
+    PixelLoss::squared(reference, &Tensor::zeros([reference.shape()[2]])).unwrap()
 }
 
 /// Image and error of a case, each with its gradients: of rows, or of the image.
@@ -77,8 +83,9 @@ fn results<T: Scalar>(case: Case, is_by_rows: bool) -> Bits {
     };
     let upstream = shape.map(|entry: T| entry * entry);
     let (image, error) = if is_by_rows {
-        let error = picture.blurred_squared_error(sigma, &blur, &upstream).unwrap();
-        (picture.blurred(sigma, &blur).unwrap(), error)
+        let blurred = picture.blurred(sigma, &blur);
+        let error = blurred.loss(&squared_error_against(&upstream)).unwrap();
+        (blurred.image().unwrap(), error)
     } else {
         let blurred = || gaussian_blur(picture.image().unwrap(), sigma, &blur).unwrap();
         (blurred(), squared_error(blurred(), tape.constant(&upstream)).unwrap())
@@ -153,14 +160,13 @@ fn what_a_blur_refuses_is_refused_and_so_is_a_reference_of_another_shape() {
     let reference = image.value();
     for sigma in [two, negative] {
         let expected = gaussian_blur(image, sigma, &blur).unwrap_err().to_string();
-        let found = picture.blurred(sigma, &blur).unwrap_err();
-        assert_eq!(found.to_string(), expected);
-        let found = picture.blurred_squared_error(sigma, &blur, &reference).unwrap_err();
+        let blurred = picture.blurred(sigma, &blur);
+        assert_eq!(blurred.image().unwrap_err().to_string(), expected);
+        let found = blurred.loss(&squared_error_against(&reference)).unwrap_err();
         assert_eq!(found.to_string(), expected);
     }
-    let sigma = tape.leaf_scalar(1.0);
-    let wrong = Tensor::zeros([17, 24, 3]);
-    let error = picture.blurred_squared_error(sigma, &blur, &wrong).unwrap_err().to_string();
-    let rule = "blurred_squared_error needs a reference image of shape [17, 24, 2]";
-    assert_eq!(error, format!("{rule}, got shape [17, 24, 3]"));
+    let (blurred, wrong) =
+        (picture.blurred(tape.leaf_scalar(1.0), &blur), Tensor::zeros([17, 24, 3]));
+    let error = blurred.loss(&squared_error_against(&wrong)).unwrap_err().to_string();
+    assert_eq!(error, "pixel_loss needs a background of shape [2], got shape [3]");
 }

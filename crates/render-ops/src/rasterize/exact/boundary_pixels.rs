@@ -17,7 +17,7 @@ use super::planes::Planes;
 use super::polygon::Line;
 use super::regions::Regions;
 use super::resolution::Resolution;
-use crate::rasterize::options::Sampling;
+use crate::raster_options::Sampling;
 
 /// The memory of the search.
 #[derive(Debug, Default)]

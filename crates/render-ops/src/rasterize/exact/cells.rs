@@ -23,7 +23,7 @@ use super::cell::Cell;
 use super::depth_intervals::{DepthInterval, depth_groups, sort_by_depth};
 use super::polygon::value_at;
 use super::visible::{Candidate, Visible, behind};
-use crate::rasterize::options::Limits;
+use crate::raster_options::Limits;
 
 /// Sampled cells are cut this often, so that a pixel has some hundred samples at least.
 const DEPTH_OF_SAMPLES: u32 = 4;

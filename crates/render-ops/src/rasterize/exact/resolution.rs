@@ -13,7 +13,7 @@ use super::pieces::{Piece, Pieces, Segment};
 use super::pixel_border::{WIDER, halves};
 use super::ties::share_planes;
 use super::visible::{Candidate, SMALLEST, Visible};
-use crate::rasterize::options::Limits;
+use crate::raster_options::Limits;
 
 /// Stands for "no piece".
 const NONE: u32 = u32::MAX;

@@ -5,7 +5,7 @@ use super::outline::crumpled;
 use super::*;
 use crate::boundary::BoundaryCounts;
 use crate::interpolate::interpolate;
-use crate::rasterize::options::Limits;
+use crate::raster_options::Limits;
 
 /// More pairs of a pixel and a face in one row than are gathered at once: an edge along all of it,
 /// and thousands of faces behind.
@@ -23,7 +23,7 @@ fn a_row_of_many_faces_is_gathered_in_parts() {
     }
     let mesh = Mesh::new(faces, clip.len()).unwrap();
     let tape = Tape::<f64>::new();
-    let fragments = rasterize(tape.leaf(&tensor(&clip)), &mesh, exact(size)).unwrap();
+    let fragments = rasterize(tape.leaf(&tensor(&clip)), &mesh, exact(size).creases(&[])).unwrap();
     let (weight, coverage) = (fragments.weight.unwrap().value(), &fragments.coverage);
     let found: Vec<_> =
         coverage.boundary().map(|(pixel, fragments)| (pixel, fragments.len())).collect();
@@ -62,7 +62,7 @@ fn a_crowded_pixel_changes_with_its_outline_and_what_is_sampled_is_named() {
         let middle = tape.constant(&Tensor::new([4], vec![0.5, 0.47, 0.0, 1.0]).unwrap());
         let factors = tape.constant(&is_hub) * hub + tape.constant(&is_rim);
         let clip = tape.constant(&tensor(&clip)) * radius + middle * factors;
-        let fragments = rasterize(clip, &mesh, exact(size)).unwrap();
+        let fragments = rasterize(clip, &mesh, exact(size).creases(&[])).unwrap();
         let counts = fragments.coverage.boundary_counts();
         assert_eq!((counts.pixels, counts.crowded), (1, 1));
         assert!(counts.sampled > 0.0 && counts.sampled < 1e-3, "{}", counts.sampled);
@@ -109,7 +109,8 @@ fn what_lies_behind_a_full_pixel_does_not_crowd_it() {
         let mesh =
             Mesh::new(faces, clip.len()).unwrap().with_seams(|face, corner| face + corner == 0);
         let tape = Tape::<f64>::new();
-        let fragments = rasterize(tape.leaf(&tensor(&clip)), &mesh, exact(size)).unwrap();
+        let fragments =
+            rasterize(tape.leaf(&tensor(&clip)), &mesh, exact(size).creases(&[])).unwrap();
         let weight: f64 = fragments.weight.unwrap().value().data().iter().sum();
         (fragments.coverage.clone(), weight)
     };
@@ -166,7 +167,10 @@ impl Scene {
         let tape = Tape::<f64>::new();
         let positions = tape.leaf(&tensor(&self.clip));
         let image = picture(positions, tape.leaf(&colors), &self.mesh, options);
-        let counts = rasterize(positions, &self.mesh, options).unwrap().coverage.boundary_counts();
+        let counts = rasterize(positions, &self.mesh, options.creases(&[]))
+            .unwrap()
+            .coverage
+            .boundary_counts();
         let share = 1.0 / (times * times) as f64;
         let of_mean = |k: usize| {
             let (pixel, channel) = (k / 2, k % 2);
@@ -366,7 +370,8 @@ fn a_tip_within_the_depth_range_takes_its_place_from_a_sheet() {
     }
     let mesh = Mesh::new(faces, clip.len()).unwrap();
     let tape = Tape::<f64>::new();
-    let fragments = rasterize(tape.leaf(&tensor(&clip)), &mesh, exact(Size::square(1))).unwrap();
+    let fragments =
+        rasterize(tape.leaf(&tensor(&clip)), &mesh, exact(Size::square(1)).creases(&[])).unwrap();
     let weights = fragments.weight.unwrap().value();
     let of = |is_tip: bool| -> f64 {
         let pairs = fragments.coverage.faces().zip(weights.data());

@@ -16,7 +16,7 @@ pub(super) fn picture<'t>(
     mesh: &Mesh,
     options: RasterOptions,
 ) -> bokashi_core::Var<'t, f64> {
-    let fragments = rasterize(clip, mesh, options).unwrap();
+    let fragments = rasterize(clip, mesh, options.creases(&[])).unwrap();
     let surface = interpolate(colors, &fragments).unwrap();
     let background = clip.tape().constant(&Tensor::new([2], vec![0.1, 0.9]).unwrap());
     composite(surface, &fragments, Background::Color(background)).unwrap().image().unwrap()
@@ -308,7 +308,8 @@ fn a_pixel_of_extreme_colors_has_their_mean() {
     let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
     let image = |scale: f64| {
         let tape = Tape::<f64>::new();
-        let fragments = rasterize(tape.leaf(&tensor(&clip)), &mesh, exact(size)).unwrap();
+        let fragments =
+            rasterize(tape.leaf(&tensor(&clip)), &mesh, exact(size).creases(&[])).unwrap();
         let surface = interpolate(tape.constant(&Tensor::full([3, 1], scale)), &fragments).unwrap();
         let background = tape.leaf(&Tensor::full([1], -scale));
         let image =
@@ -344,7 +345,7 @@ fn a_needle_before_a_surface_has_its_slope() {
         let mesh = Mesh::new(vec![[0, 1, 2], [3, 4, 5]], 6).unwrap();
         let tape = Tape::<f64>::new();
         let positions = tape.leaf(&tensor(&clip));
-        let fragments = rasterize(positions, &mesh, exact(size)).unwrap();
+        let fragments = rasterize(positions, &mesh, exact(size).creases(&[])).unwrap();
         let is_needle = |face: usize| f64::from(u8::from(face == 0));
         let coverage = &fragments.coverage;
         let of_pieces = coverage.faces().skip(coverage.centers());
@@ -376,7 +377,7 @@ fn a_ground_that_is_clipped_makes_no_boundary_of_its_inside() {
     ];
     let mesh = Mesh::new(vec![[0, 1, 2], [3, 4, 5]], 6).unwrap();
     let tape = Tape::<f64>::new();
-    let fragments = rasterize(tape.leaf(&tensor(&clip)), &mesh, exact(size)).unwrap();
+    let fragments = rasterize(tape.leaf(&tensor(&clip)), &mesh, exact(size).creases(&[])).unwrap();
     let counts = fragments.coverage.boundary_counts();
     // A row of pixels, or two beside its line, and where the ground leaves the near plane.
     let seen = fragments.coverage.faces().filter(|&face| face == 0).count();
@@ -418,4 +419,47 @@ fn the_gradient_of_a_horizon_is_the_difference_quotient() {
         );
         assert!(power <= 10 || (found + 1.667_754_7).abs() < 1e-6, "{far}: {found}");
     }
+}
+
+#[test]
+fn exact_coverage_without_a_word_on_creases_is_refused() {
+    let tape = Tape::<f64>::new();
+    let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
+    let clip = tape.leaf(&Tensor::zeros([3, 4]));
+    let error = rasterize(clip, &mesh, exact(Size::square(4))).unwrap_err();
+    assert_eq!(error, RenderError::UnnamedCreases);
+    assert!(error.to_string().ends_with("got options alone"));
+    // Of other samplings nothing is asked.
+    let outline = exact(Size::square(4)).sampling(Sampling::Outline);
+    rasterize(clip, &mesh, outline).unwrap();
+}
+
+#[test]
+fn pixels_at_the_creases_of_named_attributes_are_resolved_and_at_no_others() {
+    let tape = Tape::<f64>::new();
+    let mesh = Mesh::new(vec![[0, 1, 2], [2, 1, 3]], 4).unwrap();
+    let corners = [[-2.0, -2.0], [2.0, -2.0], [-2.0, 2.0], [2.0, 2.0]];
+    let clip = tape.leaf(&Tensor::from_fn([4, 4], |[vertex, k]| match k {
+        0 | 1 => corners[vertex][k],
+        2 => 0.0,
+        _ => 1.0,
+    }));
+    let attribute = |last: f64| tape.constant(&Tensor::from([[0.0], [1.0], [1.0], [last]]));
+    // Linear over both faces, and bent at the edge between them.
+    let (flat, bent) = (attribute(2.0), attribute(0.0));
+    let options = exact(Size::square(8));
+    let pixels = |attributes: &[_]| {
+        let fragments = rasterize(clip, &mesh, options.creases(attributes)).unwrap();
+        fragments.coverage.boundary_counts().pixels
+    };
+    assert_eq!([pixels(&[]), pixels(&[flat.into()])], [0, 0]);
+    assert!(pixels(&[flat.into(), bent.into()]) >= 8);
+    // They are the seams of the mesh that was rasterized.
+    let seams = mesh.with_seams(|face, corner| mesh.faces()[face][corner].is_multiple_of(3));
+    let by_hand = rasterize(clip, &seams, options.creases(&[])).unwrap();
+    let found = rasterize(clip, &mesh, options.creases(&[bent.into()])).unwrap();
+    assert_eq!(found.barycentrics.value(), by_hand.barycentrics.value());
+    assert!(found.coverage.mesh().is_seam(0, 0) && found.coverage.mesh().is_seam(1, 2));
+    let loose = options.crease_tolerance(10.0).creases(&[]);
+    assert_eq!(rasterize(clip, &mesh, loose).unwrap().coverage.boundary_counts().pixels, 0);
 }

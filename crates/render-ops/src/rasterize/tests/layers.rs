@@ -3,7 +3,8 @@
 use bokashi_core::{Tape, Tensor};
 
 use crate::mesh::Mesh;
-use crate::rasterize::{Cull, RasterOptions, depth_layers, rasterize, rasterize_behind};
+use crate::raster_options::{Cull, RasterOptions};
+use crate::rasterize::{depth_layers, rasterize, rasterize_behind};
 use crate::{depth::depth, size::Size};
 
 const SIZE: Size = Size { width: 150, height: 131 };

@@ -20,6 +20,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::coverage::Culled;
 use crate::depth::depth;
+use crate::raster_options::Cull;
 
 /// What a pixel sees.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -56,7 +57,7 @@ fn try_draw<T: Scalar>(
     let tape = Tape::<T>::new();
     let positions = tape.leaf(&tensor(clip));
     let mesh = Mesh::new(faces.to_vec(), clip.len())?;
-    let fragments = rasterize(positions, &mesh, options)?;
+    let fragments = rasterize(positions, &mesh, options.into().creases(&[]))?;
     let coverage = &fragments.coverage;
     assert_eq!(fragments.barycentrics.shape(), [coverage.count(), 2].into());
     let depth = depth(&fragments)?;

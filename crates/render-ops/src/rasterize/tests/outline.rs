@@ -41,7 +41,7 @@ pub(super) fn crumpled() -> impl Strategy<Value = (Clip, Vec<[u32; 3]>)> {
 fn mask(clip: &Clip, mesh: &Mesh, options: RasterOptions) -> (Vec<f64>, Vec<f64>, BoundaryCounts) {
     let tape = Tape::<f64>::new();
     let positions = tape.leaf(&tensor(clip));
-    let fragments = rasterize(positions, mesh, options).unwrap();
+    let fragments = rasterize(positions, mesh, options.creases(&[])).unwrap();
     let ones = tape.constant(&Tensor::full([clip.len(), 1], 1.0));
     let surface = interpolate(ones, &fragments).unwrap();
     let image = composite(surface, &fragments, Background::Zero).unwrap().image().unwrap();

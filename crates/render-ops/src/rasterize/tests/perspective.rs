@@ -59,7 +59,7 @@ impl Scene {
         let tape = Tape::<f64>::new();
         let [positions, colors] = [tape.leaf(&tensor(clip)), tape.leaf(&self.colors)];
         let image = picture(positions, colors, &self.mesh(), exact(self.size)).value();
-        let fragments = rasterize(positions, &self.mesh(), exact(self.size)).unwrap();
+        let fragments = rasterize(positions, &self.mesh(), exact(self.size).creases(&[])).unwrap();
         let resolved = fragments.coverage.boundary().map(|(pixel, _)| pixel).collect();
         (image, resolved)
     }
@@ -233,7 +233,8 @@ fn the_sum_of_depths_leaps_where_an_edge_comes_to_a_corner() {
         let clip = vec![corner(low, low), corner(high, low), corner(low, high)];
         let tape = Tape::<f64>::new();
         let mesh = Mesh::new(vec![[0, 1, 2]], 3).unwrap();
-        let fragments = rasterize(tape.leaf(&tensor(&clip)), &mesh, exact(size)).unwrap();
+        let fragments =
+            rasterize(tape.leaf(&tensor(&clip)), &mesh, exact(size).creases(&[])).unwrap();
         let coverage = &fragments.coverage;
         let of_middle: Vec<_> =
             (0..coverage.count()).filter(|&at| coverage.pixels().nth(at) == Some(4)).collect();

@@ -31,7 +31,7 @@ fn slope<T: Scalar>(
     let tape = Tape::<T>::new();
     let positions = tape.leaf(&tensor(clip));
     let mesh = Mesh::new(faces.to_vec(), clip.len()).unwrap();
-    let fragments = rasterize(positions, &mesh, exact(size)).unwrap();
+    let fragments = rasterize(positions, &mesh, exact(size).creases(&[])).unwrap();
     let white = tape.constant(&Tensor::full([clip.len(), 1], T::ONE));
     let surface = interpolate(white, &fragments).unwrap();
     let picture = composite(surface, &fragments, Background::Zero).unwrap();
@@ -76,7 +76,7 @@ fn faces_beside_their_pixels_are_not_seen() {
     let clip = rectangle([1.0; 2], [3.0; 2], 0.0, size);
     let tape = Tape::<f64>::new();
     let mesh = Mesh::new(vec![[0, 1, 2], [1, 2, 3]], 4).unwrap();
-    let fragments = rasterize(tape.leaf(&tensor(&clip)), &mesh, exact(size)).unwrap();
+    let fragments = rasterize(tape.leaf(&tensor(&clip)), &mesh, exact(size).creases(&[])).unwrap();
     let coverage = &fragments.coverage;
     let inside = |pixel: usize| (1..3).contains(&(pixel % 4)) && (1..3).contains(&(pixel / 4));
     for (pixel, id) in coverage.triangle_ids().into_iter().enumerate() {

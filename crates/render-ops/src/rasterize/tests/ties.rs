@@ -43,7 +43,7 @@ fn seen<T: Scalar>(clip: &Clip, faces: [u32; 3], shades: [f64; 3], size: Size) -
     let indices = faces.map(|face| [3 * face, 3 * face + 1, 3 * face + 2]);
     let mesh = Mesh::new(indices.to_vec(), 9).unwrap();
     let colors = Tensor::from_flat_fn([9, 1], |k| T::from_f64(shades[k / 3]));
-    let fragments = rasterize(tape.leaf(&tensor(clip)), &mesh, exact(size)).unwrap();
+    let fragments = rasterize(tape.leaf(&tensor(clip)), &mesh, exact(size).creases(&[])).unwrap();
     let surface = interpolate(tape.leaf(&colors), &fragments).unwrap();
     let background = tape.constant(&Tensor::new([1], vec![T::from_f64(-1.0)]).unwrap());
     let background = Background::Color(background);

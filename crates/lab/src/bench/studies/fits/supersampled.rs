@@ -9,8 +9,8 @@ use bokashi_core::{Tape, Tensor, Var};
 use bokashi_fit::{Fit, FitError, FitSettings, Parameters, Pipeline, Variables, squared_error};
 use bokashi_paper::{CubeMeasure, CubePipeline, CubeSettings, FACES, VERTEX_COUNT, View, truth};
 use bokashi_render_ops::{
-    Background, Blur, Border, Filter, Mesh, RasterOptions, Size, antialias, composite, downsample,
-    gaussian_blur, interpolate, project, rasterize,
+    Background, Blur, Border, Filter, Mesh, RasterOptions, Size, downsample, gaussian_blur,
+    project, render,
 };
 
 /// As many pixels along a side make one.
@@ -53,9 +53,7 @@ impl Supersampled {
     fn image<'t>(&self, (vertices, colors, sigma): Cube<'t>) -> Result<Var<'t, f64>, FitError> {
         let clip = project(vertices, &self.view.camera(), None)?;
         let options = RasterOptions::new(Size::square(TIMES * self.settings.resolution));
-        let fragments = rasterize(clip, &self.mesh, options)?;
-        let surface = interpolate(colors, &fragments)?;
-        let large = antialias(composite(surface, &fragments, Background::Zero)?)?.image()?;
+        let large = render(clip, &self.mesh, colors, options, Background::Zero)?.image()?;
         let image = downsample(large, TIMES, &Filter::Box, Border::Clamp)?;
         match (&self.blur, sigma) {
             (Some(blur), Some(sigma)) => Ok(gaussian_blur(image, sigma, blur)?),

@@ -6,10 +6,9 @@ use std::hint::black_box;
 use bokashi_core::{Tape, Tensor, Var};
 use bokashi_fit::FitError;
 use bokashi_render_ops::{
-    Background, Composite, Coverage, Creases, Cull, Detail, Mesh, Picture, RasterOptions,
-    Reference, Sampler, Sampling, Size, Texture, antialias, composite, differentials,
-    interpolate_differentials_indexed, interpolate_indexed, mark_creases_indexed, project,
-    rasterize, sample_texture,
+    Background, Coverage, Cull, Detail, Fragments, Mesh, Picture, PixelLoss, RasterOptions,
+    Sampler, Silhouettes, Size, Texture, differentials, interpolate_differentials_indexed,
+    interpolate_indexed, project, rasterize, sample_texture,
 };
 use glam::DMat4;
 
@@ -52,7 +51,7 @@ impl View<'_> {
             colors: self.file.vertex_colors(),
             camera: self.camera,
             size: self.size,
-            creases: None,
+            has_creases: false,
         }
     }
 
@@ -89,7 +88,7 @@ impl Counts {
 pub(super) struct Stepper {
     mesh: Mesh,
     options: RasterOptions,
-    creases: Option<Creases>,
+    has_creases: bool,
     camera: DMat4,
     positions: Tensor<f32>,
     /// Colours, or none.
@@ -98,7 +97,7 @@ pub(super) struct Stepper {
     indices: Mesh,
     /// Texture coordinates, and the levels of the texture: it is known.
     texture: Option<(Tensor<f32>, Vec<Tensor<f32>>)>,
-    reference: Reference<f32>,
+    reference: PixelLoss<f32>,
     tape: Tape<f32>,
 }
 
@@ -110,7 +109,8 @@ impl Stepper {
         positions: &Tensor<f64>,
     ) -> Result<Self, FitError> {
         let View { file, camera, size, cull } = view;
-        let sampling = if way == Way::Antialias { Sampling::Center } else { Sampling::Exact };
+        let silhouettes =
+            if way == Way::Antialias { Silhouettes::Antialias } else { Silhouettes::Exact };
         let tinted = |texels: &Tensor<f32>| texels.map(|x: f32| (x + TINT).min(1.0));
         let (colors, indices, texture) = match &file.look {
             Look::Colors(rows, indices) => (Some(rows.clone()), indices.clone(), None),
@@ -122,14 +122,14 @@ impl Stepper {
         };
         let mut stepper = Self {
             mesh: file.mesh.clone(),
-            options: RasterOptions::new(*size).cull(*cull).sampling(sampling),
-            creases: (way == Way::Exact).then(|| Creases::new(*size).cull(*cull)),
+            options: RasterOptions::new(*size).cull(*cull).silhouettes(silhouettes),
+            has_creases: way == Way::Exact,
             camera: *camera,
             positions: file.positions.cast(),
             colors: colors.as_ref().map(tinted),
             indices,
             texture,
-            reference: Reference::new(
+            reference: PixelLoss::squared(
                 &Tensor::zeros([size.height, size.width, 3]),
                 &Tensor::zeros([3]),
             )?,
@@ -141,7 +141,7 @@ impl Stepper {
             let colors = stepper.colors.as_ref().map(|colors| tape.constant(colors));
             stepper.picture(positions, colors)?.image()?.value()
         };
-        stepper.reference = Reference::new(&image, &Tensor::zeros([3]))?;
+        stepper.reference = PixelLoss::squared(&image, &Tensor::zeros([3]))?;
         stepper.positions = positions.cast();
         stepper.colors = colors;
         if let (Look::Texture(.., texels), Some((_, own))) = (&file.look, &mut stepper.texture) {
@@ -150,25 +150,27 @@ impl Stepper {
         Ok(stepper)
     }
 
-    /// The mesh, its creases as seams where the way has them.
-    fn marked(&self, clip: Var<'_, f32>, rows: Var<'_, f32>) -> Result<Mesh, FitError> {
-        Ok(match self.creases {
-            Some(creases) => mark_creases_indexed(&self.mesh, clip, rows, &self.indices, creases)?,
-            None => self.mesh.clone(),
-        })
+    /// The fragments of the mesh; its creases are resolved where the way has them.
+    fn fragments<'t>(
+        &self,
+        clip: Var<'t, f32>,
+        rows: Var<'t, f32>,
+    ) -> Result<Fragments<'t, f32>, FitError> {
+        let shown = [(rows, &self.indices).into()];
+        let creases = if self.has_creases { &shown[..] } else { &[] };
+        Ok(rasterize(clip, &self.mesh, self.options.creases(creases))?)
     }
 
-    fn composite<'t>(
+    fn picture<'t>(
         &self,
         positions: Var<'t, f32>,
         colors: Option<Var<'t, f32>>,
-    ) -> Result<Composite<'t, f32>, FitError> {
+    ) -> Result<Picture<'t, f32>, FitError> {
         let tape = positions.tape();
         let clip = project(positions, &self.camera, None)?;
         let coordinates = self.texture.as_ref().map(|(rows, _)| tape.constant(rows));
         let rows = colors.or(coordinates).expect("there are colours or a texture");
-        let marked = self.marked(clip, rows)?;
-        let fragments = rasterize(clip, &marked, self.options)?;
+        let fragments = self.fragments(clip, rows)?;
         let mut surface = interpolate_indexed(rows, &self.indices, &fragments)?;
         if let Some((_, levels)) = &self.texture {
             let levels: Vec<_> = levels.iter().map(|level| tape.constant(level)).collect();
@@ -179,19 +181,7 @@ impl Stepper {
             let detail = Detail::Differentials { differentials, bias: None };
             surface = sample_texture(&texture, surface, detail, Sampler::new())?;
         }
-        Ok(composite(surface, &fragments, Background::Zero)?)
-    }
-
-    fn picture<'t>(
-        &self,
-        positions: Var<'t, f32>,
-        colors: Option<Var<'t, f32>>,
-    ) -> Result<Picture<'t, f32>, FitError> {
-        let composite = self.composite(positions, colors)?;
-        Ok(match self.options.sampling {
-            Sampling::Center => antialias(composite)?,
-            _ => composite.into(),
-        })
+        Ok(fragments.picture(surface, Background::Zero)?)
     }
 
     /// One step of a fit without its optimizer; the loss, and the gradient of the positions.
@@ -200,7 +190,7 @@ impl Stepper {
         let found = {
             let positions = tape.leaf(&self.positions);
             let colors = self.colors.as_ref().map(|colors| tape.leaf(colors));
-            let loss = self.picture(positions, colors)?.squared_error(&self.reference)?;
+            let loss = self.picture(positions, colors)?.loss(&self.reference)?;
             let gradients = loss.backward()?;
             black_box(colors.map(|colors| gradients.get(colors).is_some()));
             (loss.item(), gradients.get_or_zeros(positions))
@@ -219,8 +209,7 @@ impl Stepper {
             (None, Some((coordinates, _))) => tape.constant(coordinates),
             (None, None) => unreachable!("there are colours or a texture"),
         };
-        let mesh = self.marked(clip, rows)?;
-        Ok(Counts::of(&rasterize(clip, &mesh, self.options)?.coverage))
+        Ok(Counts::of(&self.fragments(clip, rows)?.coverage))
     }
 }
 

@@ -10,7 +10,7 @@ use bokashi_fit::{
 };
 use bokashi_render_ops::{
     Background, Blur, Border, CubeMap, DepthImage, Detail, Filter, Fragments, Layer, Lens,
-    LensOptions, Light, Material, RasterOptions, Reference, Sampler, Surface, Texture,
+    LensOptions, Light, Material, PixelLoss, RasterOptions, Sampler, Surface, Texture,
     TextureFilter, Weighting, affine_inverse, antialias, composite, composite_layers, depth,
     depth_layers, depth_of_field, differentials, distort, downsample, eye_depth, face_normals,
     fisheye, gaussian_blur, interpolate, interpolate_differentials, irradiance, orthographic, over,
@@ -244,11 +244,11 @@ pub(super) fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T, Scene>> {
     });
     add("squared_error, a picture", &[surface, clip, aliased], |scene, v| {
         let picture = composite(v[0], &fragments(scene, v[1], None)?, Background::Zero)?;
-        let reference = Reference::new(
+        let reference = PixelLoss::squared(
             &v[2].value().map(|entry| entry + T::from_f64(0.125)),
             &Tensor::zeros([3]),
         )?;
-        Ok(picture.squared_error(&reference)?)
+        Ok(picture.loss(&reference)?)
     });
     add("add", &[signed, positive], |_, v| Ok(v[0].try_add(v[1])?));
     add("sub", &[signed, positive], |_, v| Ok(v[0].try_sub(v[1])?));

@@ -2,7 +2,9 @@
 
 use bokashi_core::{Tape, Tensor};
 use bokashi_fit::FitError;
-use bokashi_render_ops::{Weighting, antialias, differentials, vertex_normals};
+use bokashi_render_ops::{
+    Background, Weighting, antialias, composite, differentials, vertex_normals,
+};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -73,7 +75,8 @@ impl Inputs {
         let (positions, colors) = (scene.positions.cast(), scene.colors.cast());
         let (at, tinted) = (tape.constant(&positions), tape.constant(&colors));
         let drawn = drawn(&scene, scene.size.into(), at, tinted)?;
-        let image = antialias(drawn.composite.clone())?.image()?;
+        let composite = composite(drawn.surface, &drawn.fragments, Background::Zero)?;
+        let image = antialias(composite.clone())?.image()?;
         let rows = pixels * pixels / WIDTH;
         let normals = vertex_normals(at, &scene.mesh, Weighting::Angle)?;
         let vertices = scene.mesh.vertex_count();
@@ -107,7 +110,7 @@ impl Inputs {
             barycentrics: single(drawn.fragments.barycentrics.value()),
             colors: single(colors),
             surface: single(drawn.surface.value()),
-            aliased: single(drawn.composite.image()?.value()),
+            aliased: single(composite.image()?.value()),
             image: single(image.value()),
             distances: Tensor::from_flat_fn([pixels, pixels], |_| uniform(0.5, 2.0)),
             other_distances: Tensor::from_flat_fn([pixels, pixels], |_| uniform(0.5, 2.0)),

@@ -140,14 +140,13 @@ mod tests {
         });
         // `interpolate_indexed` and `interpolate_differentials_indexed` record what those without an
         // index buffer do, `rasterize_behind` and `depth_layers` what `rasterize` does, `composite`
-        // nothing at pixel centres, `exposure` an exponential and a product, `mark_creases` nothing.
+        // nothing at pixel centres, `exposure` an exponential and a product, `render` what these do.
         let others = [
             "interpolate_indexed",
             "interpolate_differentials_indexed",
             "rasterize_behind",
             "depth_layers",
-            "mark_creases",
-            "mark_creases_indexed",
+            "render",
             "composite",
             "exposure",
             "glam",

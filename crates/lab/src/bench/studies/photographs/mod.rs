@@ -10,13 +10,11 @@ mod photograph;
 use std::time::Instant;
 
 use bokashi_core::{Tape, Tensor, Var};
-use bokashi_fit::{
-    Fit, FitError, FitSettings, Parameter, Parameters, Schedule, from_fn, squared_error,
-};
+use bokashi_fit::{Fit, FitError, FitSettings, Parameter, Parameters, Schedule, from_fn};
 use bokashi_render_ops::{
-    Background, Border, Composite, Cull, Detail, Filter, Mesh, RasterOptions, Reference, Sampler,
-    Sampling, Size, Texture, TextureBorder, TextureFilter, antialias, composite, downsample,
-    interpolate_indexed, mark_creases_indexed, project, rasterize, sample_texture, se3,
+    Background, Border, Cull, Detail, Filter, Picture, PixelLoss, RasterOptions, Sampler,
+    Silhouettes, Size, Texture, TextureBorder, TextureFilter, downsample, interpolate_indexed,
+    project, rasterize, sample_texture, se3,
 };
 use bokashi_report::{Curve, Figure, PALETTE, Panel, SIZES, Scale, Stroke, quartiles};
 use glam::DMat4;
@@ -66,25 +64,21 @@ fn drawn<'t>(
     object: &Object,
     pose: Var<'t, f64>,
     size: Size,
-    sampling: Sampling,
-) -> Result<Composite<'t, f64>, FitError> {
+    silhouettes: Silhouettes,
+) -> Result<Picture<'t, f64>, FitError> {
     let tape = pose.tape();
     let camera = camera().transpose().to_cols_array();
     let to_clip = tape.constant(&Tensor::new([4, 4], camera.to_vec())?).matmul(pose)?;
     let clip = project(tape.constant(&object.positions), to_clip, None)?;
     let coordinates = tape.constant(&object.coordinates);
     let Object { mesh, indices, .. } = object;
-    let options = RasterOptions::new(size).cull(Cull::Back).sampling(sampling);
-    let marked: Option<Mesh> = match sampling {
-        Sampling::Exact => Some(mark_creases_indexed(mesh, clip, coordinates, indices, options)?),
-        _ => None,
-    };
-    let fragments = rasterize(clip, marked.as_ref().unwrap_or(mesh), options)?;
+    let options = RasterOptions::new(size).cull(Cull::Back).silhouettes(silhouettes);
+    let fragments = rasterize(clip, mesh, options.creases(&[(coordinates, indices).into()]))?;
     let places = interpolate_indexed(coordinates, indices, &fragments)?;
     let texture = Texture::new(tape.constant(&object.texels))?;
     let sampler = Sampler::new().filter(TextureFilter::Bilinear).border(TextureBorder::Clamp);
     let surface = sample_texture(&texture, places, Detail::Finest, sampler)?;
-    Ok(composite(surface, &fragments, Background::Zero)?)
+    Ok(fragments.picture(surface, Background::Zero)?)
 }
 
 /// The squared error of the cube in `pose` against a photograph.
@@ -92,27 +86,25 @@ fn loss<'t>(
     way: Way,
     object: &Object,
     pose: Var<'t, f64>,
-    reference: &Reference<f64>,
+    reference: &PixelLoss<f64>,
 ) -> Result<Var<'t, f64>, FitError> {
-    let [height, width] = [0, 1].map(|axis| reference.image().shape()[axis]);
+    let [height, width] = [0, 1].map(|axis| reference.reference().shape()[axis]);
     let size = Size { width, height };
     Ok(match way {
-        Way::Antialias => {
-            antialias(drawn(object, pose, size, Sampling::Center)?)?.squared_error(reference)?
-        }
-        Way::Exact => drawn(object, pose, size, Sampling::Exact)?.squared_error(reference)?,
+        Way::Antialias => drawn(object, pose, size, Silhouettes::Antialias)?.loss(reference)?,
+        Way::Exact => drawn(object, pose, size, Silhouettes::Exact)?.loss(reference)?,
         Way::Supersampled => {
             let large = Size { width: TIMES * width, height: TIMES * height };
-            let large = antialias(drawn(object, pose, large, Sampling::Center)?)?.image()?;
+            let large = drawn(object, pose, large, Silhouettes::Antialias)?.image()?;
             let image = downsample(large, TIMES, &Filter::Box, Border::Clamp)?;
-            squared_error(image, pose.tape().constant(reference.image()))?
+            reference.evaluate(image)?
         }
     })
 }
 
 /// What is fitted to, and from where.
 struct Case {
-    reference: Reference<f64>,
+    reference: PixelLoss<f64>,
     start: DMat4,
     truth: DMat4,
 }
@@ -145,7 +137,7 @@ fn moved(increment: &Tensor<f64>, start: &DMat4) -> Result<DMat4, FitError> {
 /// Fits the pose. Errors are measured while the clock stands.
 fn fit(way: Way, object: &Object, case: &Case, steps: u64) -> Result<Run, FitError> {
     let Case { reference, start, truth } = case;
-    let [height, width] = [0, 1].map(|axis| reference.image().shape()[axis]);
+    let [height, width] = [0, 1].map(|axis| reference.reference().shape()[axis]);
     let size = Size { width, height };
     let increment = Parameter::new("increment", Tensor::zeros([6])).rate(RATE);
     let schedule = Schedule::Cosine { steps, floor: 0.0 };
@@ -202,7 +194,7 @@ fn seed(
     let cells: usize = bench.effort.choose(8, 64);
     let case = |cells: [usize; 2], seed: u64| {
         let of = || photograph(object, &(camera() * truth), size, cells, seed);
-        let reference = Reference::new(&bench.widest().install(of), &Tensor::zeros([3]))?;
+        let reference = PixelLoss::squared(&bench.widest().install(of), &Tensor::zeros([3]))?;
         Ok::<_, FitError>(Case { reference, start, truth })
     };
     // Points of their own, so that the difference is that of two pictures that know nothing of each other.
@@ -210,7 +202,7 @@ fn seed(
     let run = |way, case: &Case| bench.one().install(|| fit(way, object, case, steps));
     let runs = [run(WAYS[0], &whole)?, run(WAYS[1], &whole)?, run(WAYS[2], &whole)?];
     let other = run(Way::Exact, &half)?;
-    let pairs = whole.reference.image().data().iter().zip(half.reference.image().data());
+    let pairs = whole.reference.reference().data().iter().zip(half.reference.reference().data());
     Ok(Seed {
         noise: PoseError::of(&other.pose, &runs[2].pose, size).pixels,
         runs,
@@ -379,9 +371,9 @@ mod tests {
         let seen = photograph(&object, &(camera() * truth), size, [48; 2], 0);
         let tape = Tape::new();
         let pose = se3(tape.constant(&Tensor::zeros([6])), &truth).unwrap();
-        let of = |sampling| drawn(&object, pose, size, sampling).unwrap();
-        let exact = of(Sampling::Exact).image().unwrap().value();
-        let centers = of(Sampling::Center).image().unwrap().value();
+        let of = |silhouettes| drawn(&object, pose, size, silhouettes).unwrap();
+        let exact = of(Silhouettes::Exact).image().unwrap().value();
+        let centers = of(Silhouettes::Aliased).image().unwrap().value();
         // The photograph's own error at an edge, and what a wave's mean differs from its centre.
         let found = apart(exact.data(), seen.data());
         assert!(found < 0.02, "{found}");
@@ -393,7 +385,7 @@ mod tests {
         let object = Object::new().unwrap();
         let (size, [truth, start]) = (Size::square(24), poses(0));
         let image = photograph(&object, &(camera() * truth), size, [16; 2], 0);
-        let reference = Reference::new(&image, &Tensor::zeros([3])).unwrap();
+        let reference = PixelLoss::squared(&image, &Tensor::zeros([3])).unwrap();
         let case = Case { reference, start, truth };
         let run = fit(Way::Exact, &object, &case, 150).unwrap();
         assert!(!run.is_stuck() && run.last.pixels < 0.05, "{:?}", run.last);

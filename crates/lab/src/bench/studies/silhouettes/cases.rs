@@ -201,7 +201,7 @@ fn bent(
         colors,
         camera: View::random(seed, 0).camera(),
         size: Size::square(8),
-        creases: None,
+        has_creases: false,
     };
     Ok(Case { scene, target })
 }

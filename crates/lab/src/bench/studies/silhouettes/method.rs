@@ -2,9 +2,9 @@
 
 use bokashi_core::Var;
 use bokashi_fit::FitError;
-use bokashi_render_ops::{Cull, RasterOptions, Sampling};
+use bokashi_render_ops::{Cull, RasterOptions, Silhouettes};
 
-use crate::bench::pipeline::{drawn, render};
+use crate::bench::pipeline::{picture, render};
 use crate::bench::scenes::Scene;
 
 /// Which edges are seams.
@@ -32,7 +32,8 @@ pub(super) type Image =
 /// All methods; another one is another row.
 pub(super) const METHODS: [Method; 7] = [
     method("no antialias", "no_antialias", |scene, cull, p, c| {
-        Ok(drawn(scene, RasterOptions::new(scene.size).cull(cull), p, c)?.composite.image()?)
+        let options = RasterOptions::new(scene.size).cull(cull).silhouettes(Silhouettes::Aliased);
+        Ok(picture(scene, options, p, c)?.image()?)
     }),
     method("antialias", "antialias", render),
     method("antialias, 2x2", "antialias_2x2", |scene, cull, p, c| {
@@ -53,8 +54,8 @@ fn exact<'t>(
     positions: Var<'t, f32>,
     colors: Var<'t, f32>,
 ) -> Result<Var<'t, f32>, FitError> {
-    let options = RasterOptions::new(scene.size).cull(cull).sampling(Sampling::Exact);
-    Ok(drawn(scene, options, positions, colors)?.composite.image()?)
+    let options = RasterOptions::new(scene.size).cull(cull).silhouettes(Silhouettes::Exact);
+    Ok(picture(scene, options, positions, colors)?.image()?)
 }
 
 const fn method(name: &'static str, key: &'static str, image: Image) -> Method {

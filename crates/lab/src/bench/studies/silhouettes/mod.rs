@@ -14,7 +14,7 @@ mod truth;
 
 use bokashi_core::{Tape, Tensor};
 use bokashi_fit::FitError;
-use bokashi_render_ops::{Creases, Cull};
+use bokashi_render_ops::Cull;
 
 use self::cases::{Case, Kind};
 use self::figure::figures;
@@ -45,7 +45,7 @@ impl Subject {
         let mut scene = case.scene.at(truth.pixels);
         match method.seams {
             Seams::None => {}
-            Seams::Creases => scene.creases = Some(Creases::new(scene.size)),
+            Seams::Creases => scene.has_creases = true,
             Seams::All => scene.mesh = scene.mesh.with_seams(|_, _| true),
         }
         let (positions, colors) = (scene.positions.cast(), scene.colors.cast());
