@@ -116,6 +116,11 @@ pub mod prelude {
     };
 }
 
+/// The programs of the tutorial are compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../../../docs/tutorial.md")]
+struct Tutorial;
+
 /// The program in the README is compiled.
 #[cfg(doctest)]
 #[doc = include_str!("../../../README.md")]
