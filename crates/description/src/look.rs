@@ -61,7 +61,7 @@ pub enum Silhouettes {
 pub enum SurfaceModel {
     /// They show their base colour.
     Unlit,
-    /// They are matt.
+    /// They are matte.
     Lambert,
     /// As glTF has it.
     MetallicRoughness,

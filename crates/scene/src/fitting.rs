@@ -13,14 +13,14 @@ use bokashi_fit::{
 use crate::description::{Count, LossKind, Stage};
 use crate::error::{Place, SceneError};
 use crate::given::starts;
-use crate::learning::{Learnt, Regularizer, is_dense};
+use crate::learnables::Values;
+use crate::learning::{Learnt, LearntRate, Regularizer};
 use crate::memory::OF_FITTED_PIXEL;
 use crate::renderer::Renderer;
 use crate::saved_fit::{self, Origin, Progress};
 use crate::scene::{Scene, check_views};
 use crate::stopping::{Seen, StopRules};
 use crate::targets::{HUBER, Targets, fit_error};
-use crate::values::Values;
 
 /// The loss of a view.
 type Loss = Box<
@@ -45,8 +45,7 @@ pub struct SceneFit {
     stage: usize,
     fit: Fit<f32>,
     pipeline: StagePipeline,
-    /// The rate of each parameter, before stages.
-    rates: Vec<(String, f64)>,
+    rates: Vec<LearntRate>,
     ranks: Ranks<f32>,
     /// Where its parameters start in the scene, until the fit begins.
     starts: Given,
@@ -227,9 +226,11 @@ impl SceneFit {
         }
         let renderer = Arc::new(Renderer::new(Arc::new(scene))?);
         let Learnt { mut parameters, rates, regularizers, preconditioners } =
-            Learnt::of(&renderer)?;
-        let targets = Arc::new(Targets::new(Arc::clone(&renderer), is_dense(&renderer)));
+            Learnt::from_scene(renderer.scene())?;
         let description = &renderer.scene().description;
+        let structure = description.loss.ssim.is_some_and(|share| share.0 > 0.0);
+        let is_dense = renderer.is_dense() || structure;
+        let targets = Arc::new(Targets::new(Arc::clone(&renderer), is_dense));
         check_stages(renderer.scene(), &rates)?;
         let stages = match description.stages.as_slice() {
             [] => vec![Stage {
@@ -517,7 +518,7 @@ impl SceneFit {
     pub fn seen(&self, view: usize) -> Result<SeenView, SceneError> {
         let tape = Tape::new();
         let mut still = self.fit.parameters().clone();
-        for (name, _) in &self.rates {
+        for LearntRate { name, .. } in &self.rates {
             still.set_rate(name, 0.0)?;
         }
         let variables = still.record(&tape);
@@ -564,19 +565,9 @@ fn resumed(
     }
 }
 
-/// The part of `learn` that a parameter belongs to.
-fn kind_of(name: &str) -> &str {
-    match name.split('/').next().unwrap_or(name) {
-        "light" => "lights",
-        "light_place" => "light_places",
-        "aperture" | "focus" => "lens",
-        kind => kind,
-    }
-}
-
 /// Stages name what is learnt, and nothing else.
-fn check_stages(scene: &Scene, rates: &[(String, f64)]) -> Result<(), SceneError> {
-    let mut known: Vec<_> = rates.iter().map(|(name, _)| kind_of(name)).collect();
+fn check_stages(scene: &Scene, rates: &[LearntRate]) -> Result<(), SceneError> {
+    let mut known: Vec<_> = rates.iter().map(|rate| rate.key).collect();
     known.dedup();
     let named = scene.description.stages.iter().filter_map(|stage| stage.learn.as_ref()).flatten();
     match named.into_iter().find(|name| !known.contains(&name.as_str())) {
@@ -591,13 +582,12 @@ fn check_stages(scene: &Scene, rates: &[(String, f64)]) -> Result<(), SceneError
 /// Gives the parameters the rates of a stage.
 fn set_rates(
     parameters: &mut Parameters<f32>,
-    rates: &[(String, f64)],
+    rates: &[LearntRate],
     stage: &Stage,
 ) -> Result<(), FitError> {
     let factor = stage.rates.map_or(1.0, |factor| factor.0);
-    for (name, rate) in rates {
-        let kind = kind_of(name);
-        let is_learnt = stage.learn.as_ref().is_none_or(|own| own.iter().any(|own| own == kind));
+    for LearntRate { name, key, rate } in rates {
+        let is_learnt = stage.learn.as_ref().is_none_or(|keys| keys.iter().any(|own| own == key));
         parameters.set_rate(name, if is_learnt { rate * factor } else { 0.0 })?;
     }
     Ok(())
@@ -680,7 +670,6 @@ mod tests {
     use super::*;
     use crate::picture::{Picture, Samples};
     use bokashi_fit::on_ranks;
-    use std::collections::BTreeMap;
     use std::fs;
 
     #[test]
@@ -713,50 +702,6 @@ mod tests {
             assert!(found.iter().all(|(bits, _)| *bits == expected), "{size} ranks");
             // Each image is on one rank.
             assert_eq!(found.into_iter().flat_map(|(_, views)| views).collect::<Vec<_>>(), all);
-        }
-    }
-
-    /// The table of docs/scene.md, against what a fit takes where its scene says nothing.
-    #[test]
-    fn usual_rates_are_those_of_the_page() {
-        let page = include_str!("../../../docs/scene.md");
-        let rows = page.lines().skip_while(|line| !line.contains("| usual rate |")).skip(2);
-        let mut said = BTreeMap::new();
-        for row in rows.take_while(|line| line.starts_with('|')) {
-            let cells: Vec<_> = row.split('|').collect();
-            let first = cells[3].split_whitespace().next().unwrap();
-            let rate: f64 = first.trim_end_matches(';').parse().unwrap();
-            let names = cells[1].split('`').skip(1).step_by(2);
-            said.extend(names.map(|name| (name.to_owned(), rate)));
-        }
-        let place = tempfile::tempdir().unwrap();
-        let samples = Samples::U8(vec![90; 12 * 12 * 3]);
-        let picture = Picture { width: 12, height: 12, channels: 3, samples };
-        let file = place.path().join("a.png");
-        fs::write(&file, picture.encode_png(&Place::of(&file)).unwrap()).unwrap();
-        let mut text = "[[views]]\nimage = \"a.png\"\n\
-             camera = { position = [0, 0, 4], angle = 40.0 }\n[[meshes]]\nshape = \"cube\"\n\
-             material = { vertex_colors = true }\n[environment]\ncolor = [1, 1, 1]\n\
-             [[lights]]\nkind = \"directional\"\ndirection = [0, 0, 1]\ncolor = [1, 1, 1]\n\
-             [pipeline]\nblur = 1.0\nlens = { aperture = 1.0, focus = 4.0 }\n"
-            .to_owned();
-        said.keys().for_each(|key| text += &format!("[learn.{key}]\n"));
-        fs::write(place.path().join("scene.toml"), text).unwrap();
-        let scene = Scene::load(place.path().join("scene.toml")).unwrap();
-        let fit = SceneFit::new(scene).unwrap();
-        let mut found = BTreeMap::new();
-        for (name, rate) in &fit.rates {
-            // Of a cube from -1 to 1.
-            let unit = if kind_of(name) == "vertices" { 3.0_f64.sqrt() } else { 1.0 };
-            found.insert(kind_of(name).to_owned(), rate / unit);
-        }
-        assert_eq!(found.keys().collect::<Vec<_>>(), said.keys().collect::<Vec<_>>());
-        for (key, rate) in said {
-            assert!(
-                (found[&key] / rate - 1.0).abs() < 1e-12,
-                "{key}: {rate} on the page, {}",
-                found[&key]
-            );
         }
     }
 }

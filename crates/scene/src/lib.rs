@@ -33,6 +33,7 @@ mod file_names;
 mod fitting;
 mod folder;
 mod given;
+mod learnables;
 mod learning;
 mod learnt_scene;
 mod loading;
@@ -41,7 +42,6 @@ mod memory;
 mod mesh;
 mod model;
 mod object;
-mod outline;
 mod picture;
 mod rendered;
 mod renderer;
@@ -51,8 +51,8 @@ mod saved_fit;
 mod scene;
 mod shapes;
 mod stopping;
+mod summary;
 mod targets;
-mod values;
 mod viewpoint;
 
 /// What images, positions and parameters are.
@@ -78,6 +78,7 @@ pub use glam;
 /// The images of [`arrays::tensor_of_image`].
 #[cfg(feature = "image")]
 pub use image;
+pub use learnables::{LearntKey, Values, learnt_keys};
 pub use loading::{LoadedMesh, load_image, load_mesh};
 pub use mask_files::find_mask;
 pub use memory::{limit_memory, memory_limit};
@@ -89,14 +90,15 @@ pub use model::{Borders, Geometry, Indexed, MaterialFile, Model, NO_ROW, Placed,
 #[cfg(feature = "ndarray")]
 pub use ndarray;
 pub use object::{Attribute, Object, SurfaceLook};
-pub use outline::{BentEdge, Outline, gaze, lens_note, most_bent_edges, named_files, share_seen};
 pub use picture::{
     ColorSpace, Depth, MOST_SAMPLES, Mask, MaskKind, Picture, Samples, Turn, is_guarded,
 };
 pub use rendered::Rendered;
 pub use renderer::{Drawn, Renderer};
 pub use scene::{Scene, SceneView};
-pub use values::Values;
+pub use summary::{
+    BentEdge, MeshSummary, gaze, lens_note, most_bent_edges, named_files, share_seen,
+};
 
 /// The programs in docs/arrays.md are compiled and run.
 #[cfg(all(doctest, feature = "image"))]

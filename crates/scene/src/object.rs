@@ -12,7 +12,6 @@ use crate::error::SceneError;
 use crate::file_names::is_file_name;
 use crate::model::{Borders, Geometry, Indexed, MaterialFile, Model, NO_ROW, Submesh};
 use crate::picture::{ColorSpace, Picture};
-use crate::values::of_object;
 
 /// Numbers at corners of faces: `[A, C]`, and which of them each corner has.
 #[derive(Debug, Clone)]
@@ -105,12 +104,7 @@ impl Object {
         self.looks.partition_point(|look| look.faces.end <= face)
     }
 
-    /// The name of a look's parameter: the object's, and where it has several looks the look's.
-    pub(crate) fn parameter(&self, kind: &str, look: &SurfaceLook) -> String {
-        of_object(kind, &self.look_name(look))
-    }
-
-    /// What results call a look.
+    /// What parameters and results call a look: the object, and where it has several looks the look's name, too.
     pub(crate) fn look_name(&self, look: &SurfaceLook) -> String {
         match self.looks.len() {
             0 | 1 => self.name.clone(),
@@ -188,10 +182,21 @@ impl Object {
 
     /// The least and the largest coordinates in the world; `None` without vertices.
     pub(crate) fn extent(&self) -> Option<[DVec3; 2]> {
+        bounds(self.places.iter().flat_map(|m| self.points().map(|p| m.transform_point3(p))))
+    }
+
+    /// Half the diagonal of its extent in its own coordinates; 1 where that is 0.
+    pub(crate) fn radius(&self) -> f64 {
+        match bounds(self.points()).map(|[least, largest]| 0.5 * least.distance(largest)) {
+            Some(radius) if radius > 0.0 => radius,
+            _ => 1.0,
+        }
+    }
+
+    /// Its vertices, in its own coordinates.
+    fn points(&self) -> impl Iterator<Item = DVec3> {
         let points = self.positions.data().chunks_exact(3);
-        let points = points.map(|p| DVec3::new(p[0].into(), p[1].into(), p[2].into()));
-        let all = self.places.iter().flat_map(|m| points.clone().map(|p| m.transform_point3(p)));
-        all.map(|p| [p, p]).reduce(|[a, b], [c, d]| [a.min(c), b.max(d)])
+        points.map(|p| DVec3::new(p[0].into(), p[1].into(), p[2].into()))
     }
 }
 
@@ -290,6 +295,11 @@ impl SurfaceLook {
             normal_map_borders: material.normal_borders,
         }
     }
+}
+
+/// The least and the largest coordinates of some points.
+fn bounds(points: impl Iterator<Item = DVec3>) -> Option<[DVec3; 2]> {
+    points.map(|p| [p, p]).reduce(|[a, b], [c, d]| [a.min(c), b.max(d)])
 }
 
 /// The vectors of a normal map `[H, W, 3]`, x and y times `scale`.

@@ -8,10 +8,10 @@ use bokashi_fit::FitError;
 use bokashi_render_ops::{Coverage, eye_depth};
 
 use crate::error::{Place, SceneError};
+use crate::learnables::Values;
 use crate::picture::{Picture, Samples};
 use crate::renderer::Renderer;
 use crate::scene::Scene;
-use crate::values::Values;
 
 /// The files of a view.
 #[derive(Debug, Clone)]

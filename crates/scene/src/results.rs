@@ -17,9 +17,9 @@ use crate::file::{check_results, unwritten, write_result};
 use crate::mesh::{glb, ply};
 use crate::model::Model;
 use crate::object::SurfaceLook;
-use crate::outline::named_files;
 use crate::picture::{ColorSpace, Picture};
 use crate::scene::Scene;
+use crate::summary::named_files;
 
 impl Scene {
     /// Writes the scene's objects to `mesh.glb` and to a PLY file each, and textures to a PNG each. Cameras go to

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use bokashi_scene::{MaterialFile, Model, Outline, Picture, SceneError, Submesh, read_model};
+use bokashi_scene::{MaterialFile, MeshSummary, Model, Picture, SceneError, Submesh, read_model};
 use serde_json::json;
 
 use super::beside::beside;
@@ -53,17 +53,17 @@ fn title(what: &str, k: usize, name: &str) -> String {
 fn inspect_geometry(findings: &mut Findings, model: &Model, k: usize, places: usize) {
     let geometry = &model.geometries[k];
     let title = title("geometry", k, &geometry.name);
-    let outline = Outline::of(geometry);
+    let summary = MeshSummary::new(geometry);
     let mut section = Section::new(&title);
     section.silent("name", geometry.name.as_str());
     section.plain("vertices", geometry.positions.len());
     section.plain("faces", geometry.faces.len());
-    if let Some([least, most]) = outline.extent {
+    if let Some([least, most]) = summary.extent {
         let text = |row: [f32; 3]| numbers(row.map(f64::from));
         section.fact("least", text(least), json!(least));
         section.fact("largest", text(most), json!(most));
     }
-    let closed = match (outline.is_closed(), outline.boundary_edges) {
+    let closed = match (summary.is_closed(), summary.boundary_edges) {
         (true, _) => "closed: each edge has two faces".to_owned(),
         (false, 0) => "not closed".to_owned(),
         (false, edges) => format!("open: {} of one face", count(edges, "edge")),
@@ -72,15 +72,15 @@ fn inspect_geometry(findings: &mut Findings, model: &Model, k: usize, places: us
         "surface",
         closed,
         json!({
-            "closed": outline.is_closed(),
-            "boundary_edges": outline.boundary_edges,
-            "crowded_edges": outline.crowded_edges,
-            "turned_edges": outline.turned_edges,
-            "degenerate_faces": outline.degenerate_faces,
-            "repeated_faces": outline.repeated_faces,
+            "closed": summary.is_closed(),
+            "boundary_edges": summary.boundary_edges,
+            "crowded_edges": summary.crowded_edges,
+            "turned_edges": summary.turned_edges,
+            "degenerate_faces": summary.degenerate_faces,
+            "repeated_faces": summary.repeated_faces,
         }),
     );
-    if let Some(volume) = outline.volume {
+    if let Some(volume) = summary.volume {
         section.fact("volume", number(volume), volume);
     }
     let carried = [
@@ -115,7 +115,7 @@ fn inspect_geometry(findings: &mut Findings, model: &Model, k: usize, places: us
     }
     findings.part("geometries", section);
 
-    let Outline { crowded_edges, turned_edges, degenerate_faces, repeated_faces, .. } = outline;
+    let MeshSummary { crowded_edges, turned_edges, degenerate_faces, repeated_faces, .. } = summary;
     let rules = [
         (crowded_edges, "edge", "three faces or more: a surface has two there at most"),
         (turned_edges, "edge", "two faces that turn opposite sides outwards"),
@@ -126,7 +126,7 @@ fn inspect_geometry(findings: &mut Findings, model: &Model, k: usize, places: us
         let verb = if found == 1 { "has" } else { "have" };
         findings.problem(format!("{title}: {} {verb} {rule}", count(found, what)));
     }
-    if outline.volume.is_some_and(|volume| volume < 0.0) {
+    if summary.volume.is_some_and(|volume| volume < 0.0) {
         findings.problem(format!("{title}: the surface is inside out: its faces turn inwards"));
     }
     if places == 0 {

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use bokashi_scene::description::{
-    Description, Learn, LearnMaps, LearnNumbers, LearnObjects, LearnVertices, Stage,
+use bokashi_scene::description::{Description, Stage};
+use bokashi_scene::{
+    LearntKey, Object, Picture, Scene, SceneError, SceneFit, SurfaceLook, learnt_keys, lens_note,
 };
-use bokashi_scene::{Object, Picture, Scene, SceneError, SceneFit, SurfaceLook, lens_note};
 use glam::DVec3;
 use serde_json::json;
 
@@ -135,71 +135,21 @@ fn inspect_look(section: &mut Section, object: &Object, look: &SurfaceLook) -> s
     value
 }
 
-/// What is learnt, by its key and with the rate that the scene gives.
-fn learnt(learn: &Learn) -> Vec<(&'static str, Option<f64>)> {
-    fn numbers(own: &Option<LearnNumbers>) -> Option<Option<f64>> {
-        own.as_ref().map(|own| own.rate.map(|rate| rate.0))
-    }
-    fn objects(own: &Option<LearnObjects>) -> Option<Option<f64>> {
-        own.as_ref().map(|own| own.rate.map(|rate| rate.0))
-    }
-    fn maps(own: &Option<LearnMaps>) -> Option<Option<f64>> {
-        own.as_ref().map(|own| own.rate.map(|rate| rate.0))
-    }
-    fn vertices(own: &Option<LearnVertices>) -> Option<Option<f64>> {
-        own.as_ref().map(|own| own.rate.map(|rate| rate.0))
-    }
-    // A key that is new is missing here until it is named.
-    let Learn {
-        vertices: places,
-        colors,
-        texture,
-        roughness,
-        metallic,
-        pose,
-        cameras,
-        intrinsics,
-        distortion,
-        lights,
-        light_places,
-        environment,
-        exposure,
-        blur,
-        lens,
-    } = learn;
-    let all = [
-        ("vertices", vertices(places)),
-        ("colors", objects(colors)),
-        ("texture", maps(texture)),
-        ("roughness", maps(roughness)),
-        ("metallic", maps(metallic)),
-        ("pose", objects(pose)),
-        ("cameras", numbers(cameras)),
-        ("intrinsics", numbers(intrinsics)),
-        ("distortion", numbers(distortion)),
-        ("lights", numbers(lights)),
-        ("light_places", numbers(light_places)),
-        ("environment", numbers(environment)),
-        ("exposure", numbers(exposure)),
-        ("blur", numbers(blur)),
-        ("lens", numbers(lens)),
-    ];
-    all.into_iter().filter_map(|(key, own)| own.map(|rate| (key, rate))).collect()
-}
-
 /// Adds what a fit would learn, and its stages.
 fn inspect_fit(findings: &mut Findings, scene: Scene) {
     let description = &scene.description;
-    let keys = learnt(&description.learn);
+    let keys = learnt_keys(&description.learn);
     if keys.is_empty() {
         findings.note("`learn` names nothing: the scene can be rendered, and not fitted");
         return;
     }
     let mut section = Section::new("what is learnt");
-    for (key, rate) in &keys {
-        let text =
-            rate.map_or("at the usual rate".to_owned(), |rate| format!("rate {}", number(rate)));
-        section.fact(*key, text, json!(rate));
+    for LearntKey { key, rate, usual_rate, unit } in keys {
+        let text = match rate {
+            Some(rate) => format!("rate {}", number(rate)),
+            None => format!("at the usual rate, {}", number(usual_rate)),
+        };
+        section.fact(key, format!("{text} (unit: {unit})"), json!(rate));
     }
     findings.named("learnt", section);
     if description.learn.cameras.is_some() && scene.views.iter().any(|view| view.held_out) {

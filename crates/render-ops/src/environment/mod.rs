@@ -54,7 +54,7 @@ impl<'t, T: Scalar> Environment<'t, T> {
     /// The radiance that reaches the eye from `surface`, made of `material`, in the light of the environment:
     /// `[N, 3]`. It is added to that of other lights ([`shade`](crate::shade())).
     ///
-    /// Materials without a roughness mirror nothing: Lambert, Phong and Blinn-Phong reflect as a matt surface
+    /// Materials without a roughness mirror nothing: Lambert, Phong and Blinn-Phong reflect as a matte surface
     /// does. Gradients go to surface, material and environment.
     ///
     /// # Errors

@@ -22,12 +22,12 @@ pub enum Material<'t, T: Scalar> {
         /// once is lost, and smooth dielectrics gain some from the side.
         conserves_energy: bool,
     },
-    /// A matt surface.
+    /// A matte surface.
     Lambert {
         /// The share of the light that is reflected.
         color: Var<'t, T>,
     },
-    /// A matt surface with highlights around the mirrored light.
+    /// A matte surface with highlights around the mirrored light.
     Phong {
         /// The share of the light that is reflected in all directions.
         color: Var<'t, T>,

@@ -1,7 +1,7 @@
 //! Light on surfaces.
 //!
 //! `shade` has the operation, `light` and `material` what it is given. `model` says what a model of
-//! reflection has to know; `metallic_roughness` and `matt` have the formulas, `albedo` the integrals that
+//! reflection has to know; `metallic_roughness` and `matte` have the formulas, `albedo` the integrals that
 //! some of them need. `layout` says which input is what, `blocks` makes vectors of rows, and `lighting`
 //! has the loops over them.
 
@@ -13,7 +13,7 @@ mod layout;
 mod light;
 mod lighting;
 mod material;
-mod matt;
+mod matte;
 mod metallic_roughness;
 mod model;
 mod shade;

@@ -16,7 +16,7 @@ use super::layout::{Layout, NAME};
 use super::light::{Light, Surface};
 use super::lighting::{Lighting, SUMS_OF_LIGHT};
 use super::material::Material;
-use super::matt::{BlinnPhong, Lambert, Phong};
+use super::matte::{BlinnPhong, Lambert, Phong};
 use super::metallic_roughness::MetallicRoughness;
 use super::model::Model;
 use crate::dispatch::{dispatch_256, dispatch_special};

@@ -11,9 +11,9 @@
 //! vertex, and those of OBJ that have one number; [`MeshOptions::weld`] says otherwise. What was left out or
 //! mended stands in [`Model::notes`].
 
-mod beside;
 mod check;
 mod colors;
+mod context;
 mod far;
 mod gltf;
 mod notes;
@@ -37,7 +37,7 @@ pub use self::write_obj::{ObjFiles, obj};
 pub use self::write_ply::ply;
 use crate::error::{Place, SceneError};
 use crate::folder::Folder;
-use crate::mesh::beside::Beside;
+use crate::mesh::context::MeshContext;
 use crate::model::Model;
 
 /// The most notes that an error has.
@@ -125,11 +125,11 @@ pub fn read_model_bytes(
     path: impl AsRef<Path>,
     options: MeshOptions,
 ) -> Result<Model, SceneError> {
-    let mut beside = Beside::new(folder, path.as_ref(), options);
+    let mut context = MeshContext::new(folder, path.as_ref(), options);
     let model = match kind {
-        MeshKind::Obj => obj::read(bytes, &mut beside),
-        MeshKind::Ply => ply::read(bytes, &mut beside),
-        MeshKind::Gltf => gltf::read(bytes, &mut beside),
+        MeshKind::Obj => obj::read(bytes, &mut context),
+        MeshKind::Ply => ply::read(bytes, &mut context),
+        MeshKind::Gltf => gltf::read(bytes, &mut context),
     }?;
     if model.geometries.is_empty() {
         let mut found = "a mesh file has a face with three vertices, and this has none".to_owned();
@@ -140,7 +140,7 @@ pub fn read_model_bytes(
         if model.notes.len() > MOST_NOTES {
             found.push_str("; and more was left out");
         }
-        return Err(SceneError::content(beside.place(), found));
+        return Err(SceneError::content(context.place(), found));
     }
     Ok(model)
 }

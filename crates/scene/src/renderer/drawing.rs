@@ -9,38 +9,38 @@ use bokashi_render_ops::{
     RenderError, Silhouettes, Size, Surface, depth_of_field, exposure, eye_depth, gaussian_blur,
     interpolate, rasterize, srgb_encode,
 };
-use glam::{DMat4, DVec3};
+use glam::DMat4;
 
-use super::frame::Frame;
-use super::kept::Kept;
+use super::fragment_cache::FragmentCache;
 use super::lighting::Lighting;
-use super::looks::{Asked, LookUp, LooksAtVertices};
-use super::normals::{Moved, Normals, NormalsAtVertices};
+use super::materials::{Indexed, MaterialSampler, VertexAttributes, Wanted};
+use super::normals::{MotionContext, Normals, VertexNormals};
 use super::parts::Parts;
-use super::sight::Sight;
+use super::view_camera::ViewCamera;
 use crate::description::{CullName, Silhouettes as SilhouettesName, SurfaceModel, Tone};
 use crate::error::SceneError;
-use crate::object::Object;
+use crate::learnables::{
+    APERTURE, BLUR, EXPOSURE, FOCUS, Frame, Learnable, Moves, Recorded, TABLE, Values,
+};
 use crate::scene::Scene;
-use crate::values::{Recorded, Values, of_object};
 
 /// A scene, ready to be drawn: what no step changes is worked out once.
 pub struct Renderer {
     scene: Arc<Scene>,
     frame: Frame,
     parts: Parts,
-    looks: LookUp,
+    materials: MaterialSampler,
     normals: Normals,
     lighting: Lighting,
-    kept: Kept,
+    cache: FragmentCache,
 }
 
 /// What is interpolated between vertices.
 #[derive(Clone, Copy)]
-struct AtVertices<'t, 'a> {
-    looks: LooksAtVertices<'t, 'a>,
+struct Interpolated<'t, 'a> {
+    attributes: VertexAttributes<'t, 'a>,
     /// Where there is light.
-    normals: Option<NormalsAtVertices<'t, 'a>>,
+    normals: Option<VertexNormals<'t, 'a>>,
 }
 
 /// A view, drawn.
@@ -59,15 +59,15 @@ impl Renderer {
     /// # Errors
     /// [`SceneError::Render`] for meshes or an environment of a size that the engine refuses.
     pub fn new(scene: Arc<Scene>) -> Result<Self, SceneError> {
-        let frame = Frame::of(&scene);
-        let parts = Parts::of(&scene.objects, frame.origin)?;
+        let frame = Frame::new(&scene);
+        let parts = Parts::new(&scene.objects, frame.origin)?;
         let filter = scene.description.pipeline.texture_filter;
         Ok(Self {
             frame,
-            looks: LookUp::of(&parts, &scene.objects, filter)?,
-            normals: Normals::of(&parts, &scene)?,
-            lighting: Lighting::of(&scene)?,
-            kept: Kept::default(),
+            materials: MaterialSampler::new(&parts, &scene.objects, filter)?,
+            normals: Normals::new(&parts, &scene)?,
+            lighting: Lighting::new(&scene)?,
+            cache: FragmentCache::default(),
             parts,
             scene,
         })
@@ -83,14 +83,9 @@ impl Renderer {
         self.frame.radius
     }
 
-    /// The middle of the scene.
-    pub(crate) fn center(&self) -> DVec3 {
-        self.frame.origin + self.frame.center
-    }
-
-    /// The middles of objects in the world.
-    pub(crate) fn middles(&self) -> impl Iterator<Item = DVec3> {
-        self.frame.middles.iter().map(|middle| self.frame.origin + middle)
+    /// The measures of the scene.
+    pub(crate) fn frame(&self) -> &Frame {
+        &self.frame
     }
 
     /// The size of a view whose image is made smaller `reduce` times along each axis.
@@ -104,9 +99,9 @@ impl Renderer {
     /// None: those of tone curves.
     pub fn background(&self, channels: usize) -> Result<Tensor<f32>, SceneError> {
         let tape = Tape::new();
-        let own = self.behind(channels);
+        let light = self.behind(channels);
         Ok(self
-            .toned(tape.constant(&Tensor::new([1, channels], own).map_err(RenderError::from)?))?
+            .toned(tape.constant(&Tensor::new([1, channels], light).map_err(RenderError::from)?))?
             .reshape([channels])
             .map_err(RenderError::from)?
             .value())
@@ -114,8 +109,8 @@ impl Renderer {
 
     /// The light of the background, with 0 in a fourth channel.
     fn behind(&self, channels: usize) -> Vec<f32> {
-        let own = self.scene.description.pipeline.background;
-        let mut behind = own.map_or([0.0; 3], |color| color.map(|x| x.0 as f32)).to_vec();
+        let background = self.scene.description.pipeline.background;
+        let mut behind = background.map_or([0.0; 3], |color| color.map(|x| x.0 as f32)).to_vec();
         behind.resize(channels, 0.0);
         behind
     }
@@ -151,7 +146,7 @@ impl Renderer {
         reduce: usize,
         with_mask: bool,
     ) -> Result<Drawn<'t>, FitError> {
-        self.drawn(values, (view, reduce), with_mask, None)
+        self.draw_cached(values, (view, reduce), with_mask, None)
     }
 
     /// As [`Renderer::draw`], for a step of many: where neither geometry nor cameras are learnt, a view's
@@ -166,61 +161,61 @@ impl Renderer {
         reduce: usize,
         with_mask: bool,
     ) -> Result<Drawn<'t>, FitError> {
-        let kept = self.is_still(values).then_some(&self.kept);
-        self.drawn(values, (view, reduce), with_mask, kept)
+        let cache = self.is_frozen(values).then_some(&self.cache);
+        self.draw_cached(values, (view, reduce), with_mask, cache)
     }
 
-    /// Draws a view, with its fragments from what is kept where there is that.
-    fn drawn<'t>(
+    /// Draws a view, with its fragments from the cache where they are there.
+    fn draw_cached<'t>(
         &self,
         values: &Values<'t, '_>,
         key @ (view, reduce): (usize, usize),
         with_mask: bool,
-        kept: Option<&Kept>,
+        cache: Option<&FragmentCache>,
     ) -> Result<Drawn<'t>, FitError> {
         let world = self.parts.world(&self.scene.objects, &self.frame, values)?;
-        let at_vertices = self.at_vertices(values, world)?;
+        let interpolated = self.interpolated(values, world)?;
         let mut camera = self.scene.views[view].camera.scaled(reduce);
         camera.view *= DMat4::from_translation(self.frame.origin);
-        let seen = Sight { frame: &self.frame, view, camera }.seen(values)?;
-        let fragments = match kept.and_then(|kept| kept.get(key)) {
+        let seen = ViewCamera { frame: &self.frame, view, camera }.in_step(values)?;
+        let fragments = match cache.and_then(|cache| cache.get(key)) {
             Some(still) => still.on(values.tape),
             None => {
                 let clip = seen.clip(world)?;
-                let fragments = self.fragments(clip, at_vertices, camera.size)?;
-                if let Some(kept) = kept {
-                    kept.keep(key, fragments.still());
+                let fragments = self.fragments(clip, interpolated, camera.size)?;
+                if let Some(cache) = cache {
+                    cache.insert(key, fragments.still());
                 }
                 fragments
             }
         };
-        let light = self.light(values, at_vertices, world, seen.eye()?, &fragments)?;
-        self.shown(values, world, light, fragments, with_mask)
+        let light = self.light(values, interpolated, world, seen.eye()?, &fragments)?;
+        self.compose(values, world, light, fragments, with_mask)
     }
 
-    /// Whether neither geometry nor cameras are learnt, nor colours that may have creases.
-    fn is_still(&self, values: &Values<'_, '_>) -> bool {
-        let moves = |name: &str| values.learnt(name).is_some();
-        let kinds = match self.silhouettes() {
-            Silhouettes::Exact => &["vertices", "pose", "colors"][..],
-            _ => &["vertices", "pose"],
+    /// Whether nothing is learnt that changes fragments: where vertices are seen, or with exact silhouettes where
+    /// colours may have creases.
+    fn is_frozen(&self, values: &Values<'_, '_>) -> bool {
+        let sees_creases = self.silhouettes() == Silhouettes::Exact;
+        let changes = |row: &Learnable| match row.moves {
+            Moves::Vertices => true,
+            Moves::Creases => sees_creases,
+            Moves::Nothing => false,
         };
-        let is_moved =
-            |object: &Object| kinds.iter().any(|kind| moves(&of_object(kind, &object.name)));
-        !["cameras", "intrinsics", "distortion"].into_iter().any(moves)
-            && !self.scene.objects.iter().any(is_moved)
+        !TABLE.iter().any(|row| changes(row) && values.learns(row, &self.scene))
     }
 
     /// What is interpolated between vertices.
-    fn at_vertices<'t>(
+    fn interpolated<'t>(
         &self,
         values: &Values<'t, '_>,
         world: Var<'t, f32>,
-    ) -> Result<AtVertices<'t, '_>, FitError> {
-        let moved = Moved { objects: &self.scene.objects, frame: &self.frame, values };
-        let normals = self.lighting.is_lit().then(|| self.normals.at_vertices(world, moved));
-        Ok(AtVertices {
-            looks: self.looks.at_vertices(&self.parts, &self.scene.objects, values)?,
+    ) -> Result<Interpolated<'t, '_>, FitError> {
+        let objects = &self.scene.objects;
+        let context = MotionContext { objects, frame: &self.frame, values };
+        let normals = self.lighting.is_lit().then(|| self.normals.vertex_normals(world, context));
+        Ok(Interpolated {
+            attributes: self.materials.vertex_attributes(&self.parts, objects, values)?,
             normals: normals.transpose()?,
         })
     }
@@ -229,18 +224,18 @@ impl Renderer {
     fn fragments<'t>(
         &self,
         clip: Var<'t, f32>,
-        AtVertices { looks, normals }: AtVertices<'t, '_>,
+        Interpolated { attributes, normals }: Interpolated<'t, '_>,
         size: Size,
     ) -> Result<Fragments<'t, f32>, FitError> {
-        let shown = [looks.colors, looks.coordinates, normals.map(|own| own.normals)];
-        let shown: Vec<_> =
-            shown.into_iter().flatten().map(|own| (own.rows, own.indices).into()).collect();
+        let normals = normals.map(|corners| corners.normals);
+        let shown = [attributes.colors, attributes.coordinates, normals].into_iter().flatten();
+        let shown: Vec<_> = shown.map(|Indexed { rows, indices }| (rows, indices).into()).collect();
         let options = self.options(size);
         Ok(rasterize(clip, self.parts.assembly.mesh(), options.creases(&shown))?)
     }
 
-    /// A view of fragments with this light, `[N, 3]`.
-    fn shown<'t>(
+    /// A view of fragments with this light, `[N, 3]`, before its background.
+    fn compose<'t>(
         &self,
         values: &Values<'t, '_>,
         world: Var<'t, f32>,
@@ -250,8 +245,11 @@ impl Renderer {
     ) -> Result<Drawn<'t>, FitError> {
         let tape = values.tape;
         let mut surface = match self.scene.description.pipeline.exposure {
-            None if values.learnt("exposure").is_none() => light,
-            own => exposure(light, values.number("exposure", own.map_or(0.0, |x| x.0)))?,
+            None if values.learnt(&EXPOSURE, "").is_none() => light,
+            stops => {
+                let stops = stops.map_or(0.0, |stops| stops.0);
+                exposure(light, values.number(&EXPOSURE, "", stops))?
+            }
         };
         if with_mask {
             let ones = tape.constant_full([fragments.coverage.count(), 1], 1.0);
@@ -264,11 +262,9 @@ impl Renderer {
     }
 
     /// Whether a picture goes through operations that see its neighbours: it is then an image.
-    pub fn is_dense(&self, values: &Values<'_, '_>) -> bool {
+    pub fn is_dense(&self) -> bool {
         let pipeline = &self.scene.description.pipeline;
-        let is_learnt =
-            ["blur", "aperture", "focus"].iter().any(|name| values.learnt(name).is_some());
-        pipeline.blur.is_some() || pipeline.lens.is_some() || is_learnt
+        pipeline.blur.is_some() || pipeline.lens.is_some()
     }
 
     /// The picture's light as pixels stand for it; the fourth channel stays as it is.
@@ -297,7 +293,7 @@ impl Renderer {
         reduce: usize,
     ) -> Recorded<'t> {
         let pipeline = &self.scene.description.pipeline;
-        if !self.is_dense(values) {
+        if !self.is_dense() {
             return Ok(drawn.light.map(|light| self.toned(light))?.image()?);
         }
         let mut image = drawn.light.image()?;
@@ -311,13 +307,13 @@ impl Renderer {
                 ..LensOptions::default()
             };
             let lens = Lens {
-                aperture: values.number("aperture", lens.aperture.0) * share,
-                focus: values.number("focus", lens.focus.0),
+                aperture: values.number(&APERTURE, "", lens.aperture.0) * share,
+                focus: values.number(&FOCUS, "", lens.focus.0),
             };
             image = depth_of_field(image, distances, lens, &options)?.image;
         }
         if let Some(blur) = pipeline.blur {
-            let sigma = values.number("blur", blur.0) * share;
+            let sigma = values.number(&BLUR, "", blur.0) * share;
             image = gaussian_blur(image, sigma, &Blur::default())?;
         }
         Ok(self.toned(image)?)
@@ -327,22 +323,23 @@ impl Renderer {
     fn light<'t>(
         &self,
         values: &Values<'t, '_>,
-        at_vertices: AtVertices<'t, '_>,
+        interpolated: Interpolated<'t, '_>,
         world: Var<'t, f32>,
         eye: Var<'t, f32>,
         fragments: &Fragments<'t, f32>,
     ) -> Recorded<'t> {
         let objects = &self.scene.objects;
         let reflection = self.lighting.model == SurfaceModel::MetallicRoughness;
-        let asked = Asked { reflection, normals: self.lighting.is_lit() };
-        let at = at_vertices.looks;
-        let looks = self.looks.at(&self.parts, objects, values, at, fragments, asked)?;
-        let Some(normals) = at_vertices.normals else { return Ok(looks.base_color) };
-        let normals = self.normals.at(normals, fragments, looks.normals)?;
+        let wanted = Wanted { reflection, normals: self.lighting.is_lit() };
+        let Interpolated { attributes, normals } = interpolated;
+        let (parts, sampler) = (&self.parts, &self.materials);
+        let samples = sampler.sample(parts, objects, values, attributes, fragments, wanted)?;
+        let Some(normals) = normals else { return Ok(samples.base_color) };
+        let normals = self.normals.at_fragments(normals, fragments, samples.normals)?;
         let positions = interpolate(world, fragments)?;
         let views = eye.try_sub(positions)?;
         let surface = Surface { normals, views, positions: Some(positions) };
-        self.lighting.of_surface(&self.scene, values, self.frame.origin, &surface, &looks)
+        self.lighting.shade(&self.scene, values, self.frame.origin, &surface, &samples)
     }
 
     /// Normals of the surface at the fragments in the world, `[N, 3]`, of any length, without normal maps.
@@ -352,8 +349,8 @@ impl Renderer {
         world: Var<'t, f32>,
         fragments: &Fragments<'t, f32>,
     ) -> Recorded<'t> {
-        let moved = Moved { objects: &self.scene.objects, frame: &self.frame, values };
-        self.normals.at(self.normals.at_vertices(world, moved)?, fragments, None)
+        let context = MotionContext { objects: &self.scene.objects, frame: &self.frame, values };
+        self.normals.at_fragments(self.normals.vertex_normals(world, context)?, fragments, None)
     }
 
     /// Which of the instances of all objects a face belongs to.

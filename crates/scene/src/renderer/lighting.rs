@@ -5,11 +5,11 @@ use bokashi_fit::FitError;
 use bokashi_render_ops::{Environment, Light, Material, Prefilter, Surface, shade};
 use glam::DVec3;
 
-use super::looks::Looks;
-use crate::description::{Finite, LightEntry, NotNegative, SurfaceModel};
+use super::materials::MaterialSamples;
+use crate::description::{LightEntry, NotNegative, SurfaceModel};
 use crate::error::SceneError;
+use crate::learnables::{ENVIRONMENT, LIGHT_COLORS, LIGHT_PLACES, Recorded, Values};
 use crate::scene::Scene;
-use crate::values::{Recorded, Values, of_object};
 
 /// The coarsest mirror image of an environment is this many halvings smaller.
 const ENVIRONMENT_LEVELS: usize = 4;
@@ -21,7 +21,7 @@ pub(super) struct Lighting {
 }
 
 impl Lighting {
-    pub(super) fn of(scene: &Scene) -> Result<Self, SceneError> {
+    pub(super) fn new(scene: &Scene) -> Result<Self, SceneError> {
         let is_lit = !scene.description.lights.is_empty() || scene.environment.is_some();
         let default = if is_lit { SurfaceModel::MetallicRoughness } else { SurfaceModel::Unlit };
         let side = scene.environment.as_ref().map(|texels| texels.shape()[1]);
@@ -37,20 +37,20 @@ impl Lighting {
     }
 
     /// What a lit surface sends to the eye, `[N, 3]`. `origin` was taken off places in the world.
-    pub(super) fn of_surface<'t>(
+    pub(super) fn shade<'t>(
         &self,
         scene: &Scene,
         values: &Values<'t, '_>,
         origin: DVec3,
         surface: &Surface<'t, f32>,
-        looks: &Looks<'t>,
+        samples: &MaterialSamples<'t>,
     ) -> Recorded<'t> {
         let material = match self.model {
-            SurfaceModel::Lambert => Material::Lambert { color: looks.base_color },
+            SurfaceModel::Lambert => Material::Lambert { color: samples.base_color },
             _ => Material::MetallicRoughness {
-                base_color: looks.base_color,
-                roughness: looks.roughness,
-                metallic: looks.metallic,
+                base_color: samples.base_color,
+                roughness: samples.roughness,
+                metallic: samples.metallic,
                 conserves_energy: false,
             },
         };
@@ -58,15 +58,15 @@ impl Lighting {
         let mut light =
             (!lights.is_empty()).then(|| shade(surface, &material, &lights)).transpose()?;
         if let (Some(texels), Some(prefilter)) = (&scene.environment, &self.prefilter) {
-            let texels = values.tensor("environment", texels);
-            let own = Environment::of_texels(texels, prefilter)?.shade(surface, &material)?;
+            let texels = values.tensor(&ENVIRONMENT, "", texels);
+            let around = Environment::of_texels(texels, prefilter)?.shade(surface, &material)?;
             light = Some(match light {
-                Some(light) => light.try_add(own)?,
-                None => own,
+                Some(light) => light.try_add(around)?,
+                None => around,
             });
         }
         // Without light it is dark.
-        Ok(light.unwrap_or(looks.base_color * 0.0))
+        Ok(light.unwrap_or(samples.base_color * 0.0))
     }
 }
 
@@ -75,26 +75,27 @@ fn lights<'t>(
     values: &Values<'t, '_>,
     origin: DVec3,
 ) -> Result<Vec<Light<'t, f32>>, FitError> {
-    let lights = scene.description.lights.iter().enumerate().map(|(at, light)| {
-        let color = |own: [NotNegative; 3]| {
-            values.triple(&of_object("light", &at.to_string()), own.map(|x| x.0 as f32))
+    let lights = scene.description.lights.iter().enumerate().map(|(index, light)| {
+        let name = index.to_string();
+        let color = |fixed: [NotNegative; 3]| {
+            values.triple(&LIGHT_COLORS, &name, fixed.map(|x| x.0 as f32))
         };
-        let name = of_object("light_place", &at.to_string());
-        let place = |own: [Finite; 3]| values.triple(&name, own.map(|x| x.0 as f32));
-        let near = |own: DVec3| Tensor::from(own.as_vec3().to_array());
+        let constant =
+            |fixed: DVec3| values.tape.constant(&Tensor::from(fixed.as_vec3().to_array()));
         Ok(match *light {
-            LightEntry::Ambient { color: own } => Light::Ambient { radiance: color(own) },
-            LightEntry::Directional { direction, color: own } => {
-                Light::Directional { direction: place(direction), irradiance: color(own) }
+            LightEntry::Ambient { color: fixed } => Light::Ambient { radiance: color(fixed) },
+            LightEntry::Directional { direction, color: fixed } => {
+                let direction = direction.map(|x| x.0 as f32);
+                let direction = values.triple(&LIGHT_PLACES, &name, direction);
+                Light::Directional { direction, irradiance: color(fixed) }
             }
-            LightEntry::Point { position, color: own } => {
-                let own_place = DVec3::from(position.map(|x| x.0));
-                let position = match values.learnt(&name) {
+            LightEntry::Point { position, color: fixed } => {
+                let position = match values.learnt(&LIGHT_PLACES, &name) {
                     Some(learnt) if origin == DVec3::ZERO => learnt,
-                    Some(learnt) => learnt.try_sub(values.tape.constant(&near(origin)))?,
-                    None => values.tape.constant(&near(own_place - origin)),
+                    Some(learnt) => learnt.try_sub(constant(origin))?,
+                    None => constant(DVec3::from(position.map(|x| x.0)) - origin),
                 };
-                Light::Point { position, intensity: color(own) }
+                Light::Point { position, intensity: color(fixed) }
             }
         })
     });

@@ -4,14 +4,13 @@
 //! looked up at its own fragments alone, and light is worked out once for all of them.
 
 mod drawing;
-mod frame;
-mod kept;
+mod fragment_cache;
 mod lighting;
-mod looks;
+mod materials;
 mod normals;
 mod parts;
-mod sight;
 #[cfg(test)]
 mod tests;
+mod view_camera;
 
 pub use drawing::{Drawn, Renderer};

@@ -17,13 +17,12 @@ use bokashi_render_ops::{
 };
 use glam::DMat4;
 
-use super::frame::Frame;
-use super::looks::Indexed;
+use super::materials::Indexed;
 use super::parts::{Part, Parts};
 use crate::error::SceneError;
+use crate::learnables::{Frame, POSE, Recorded, Values};
 use crate::object::{Attribute, Object, SurfaceLook};
 use crate::scene::Scene;
-use crate::values::{Recorded, Values, of_object};
 
 /// How corners share normals, and tangents where some object has a normal map.
 pub(super) struct Normals {
@@ -32,13 +31,13 @@ pub(super) struct Normals {
     /// The vertex of each normal, where these are not the vertices themselves.
     vertices: Option<Arc<[u32]>>,
     /// The normals of each instance, one after another, and those of them that are of a file.
-    pieces: Vec<(Range<usize>, Option<Given>)>,
+    pieces: Vec<(Range<usize>, Option<FileDirections>)>,
     tangents: Option<Tangents>,
 }
 
 /// Normals, `[A, 3]`, and the positions of the corners that have them, `[A, 3]`.
 #[derive(Clone, Copy)]
-pub(super) struct NormalsAtVertices<'t, 'a> {
+pub(super) struct VertexNormals<'t, 'a> {
     corners: Var<'t, f32>,
     pub(super) normals: Indexed<'t, 'a>,
     /// Tangents of files, `[A, 4]`.
@@ -47,7 +46,7 @@ pub(super) struct NormalsAtVertices<'t, 'a> {
 
 /// What moves directions of files into the world.
 #[derive(Clone, Copy)]
-pub(super) struct Moved<'t, 'a> {
+pub(super) struct MotionContext<'t, 'a> {
     pub(super) objects: &'a [Object],
     pub(super) frame: &'a Frame,
     pub(super) values: &'a Values<'t, 'a>,
@@ -64,11 +63,11 @@ struct Tangents {
     indices: Mesh,
     /// The tangents of all faces that are drawn.
     shown: Mesh,
-    given: Vec<Given>,
+    given: Vec<FileDirections>,
 }
 
 /// Directions of an object's file, as an instance has them.
-struct Given {
+struct FileDirections {
     object: usize,
     place: DMat4,
     is_mirrored: bool,
@@ -77,7 +76,7 @@ struct Given {
 }
 
 impl Normals {
-    pub(super) fn of(parts: &Parts, scene: &Scene) -> Result<Self, SceneError> {
+    pub(super) fn new(parts: &Parts, scene: &Scene) -> Result<Self, SceneError> {
         let objects = &scene.objects;
         let mesh = parts.assembly.mesh().clone();
         let mut all = Self { mesh, vertices: None, pieces: Vec::new(), tangents: None };
@@ -85,7 +84,7 @@ impl Normals {
             all.split(parts, scene)?;
         }
         if objects.iter().any(has_map) {
-            all.tangents = Some(Tangents::of(parts, scene, &all.mesh)?);
+            all.tangents = Some(Tangents::new(parts, scene, &all.mesh)?);
         }
         Ok(all)
     }
@@ -97,9 +96,9 @@ impl Normals {
         for part in &parts.all {
             let object = &scene.objects[part.object];
             let corners = corners(part, object)?;
-            let own = object.normals.as_ref().filter(|_| !scene.learns_vertices(object));
+            let of_file = object.normals.as_ref().filter(|_| !scene.learns_vertices(object));
             // Faces of a look without normals have the row beyond the last at their corners.
-            let count = object.normals.as_ref().map_or(0, |own| own.rows.shape()[0]);
+            let count = object.normals.as_ref().map_or(0, |normals| normals.rows.shape()[0]);
             let pairs = || {
                 let faces = part.mesh.faces().iter().zip(corners.faces());
                 faces.flat_map(|(vertex, normal)| [0, 1, 2].map(|k| (vertex[k], normal[k])))
@@ -123,9 +122,9 @@ impl Normals {
                 let all: Vec<u32> = pairs().map(|pair| seen[&pair]).collect();
                 faces.extend_from_slice(all.as_chunks::<3>().0);
                 first += part.mesh.vertex_count() as u32;
-                let given = own.map(|own| {
-                    let number = |k: usize| own.rows.data()[3 * rows[k / 3] + k % 3];
-                    Given::of(part, *place, Tensor::from_flat_fn([rows.len(), 3], number))
+                let given = of_file.map(|normals| {
+                    let number = |k: usize| normals.rows.data()[3 * rows[k / 3] + k % 3];
+                    FileDirections::new(part, *place, Tensor::from_flat_fn([rows.len(), 3], number))
                 });
                 self.pieces.push((start..middle, given));
                 if middle < end {
@@ -139,11 +138,11 @@ impl Normals {
     }
 
     /// Normals at the vertices in the world.
-    pub(super) fn at_vertices<'t>(
+    pub(super) fn vertex_normals<'t>(
         &self,
         world: Var<'t, f32>,
-        moved: Moved<'t, '_>,
-    ) -> Result<NormalsAtVertices<'t, '_>, FitError> {
+        context: MotionContext<'t, '_>,
+    ) -> Result<VertexNormals<'t, '_>, FitError> {
         let corners = match &self.vertices {
             Some(vertices) => world.gather_rows(vertices)?,
             None => world,
@@ -154,16 +153,17 @@ impl Normals {
             true => {
                 let mut others = None;
                 let rows = self.pieces.iter().map(|(range, given)| match (given, others) {
-                    (Some(own), _) => own.normals(moved),
+                    (Some(directions), _) => directions.normals(context),
                     (None, Some(others)) => Ok(Var::slice(others, 0, range.clone())?),
                     (None, None) => Ok(others.insert(of_faces()?).slice(0, range.clone())?),
                 });
                 Var::concat(&rows.collect::<Result<Vec<_>, FitError>>()?, 0)?
             }
         };
-        let given = self.tangents.iter().flat_map(|own| &own.given);
-        let tangents = given.map(|own| own.tangents(moved)).collect::<Result<Vec<_>, _>>()?;
-        Ok(NormalsAtVertices {
+        let given = self.tangents.iter().flat_map(|tangents| &tangents.given);
+        let tangents = given.map(|directions| directions.tangents(context));
+        let tangents = tangents.collect::<Result<Vec<_>, _>>()?;
+        Ok(VertexNormals {
             corners,
             normals: Indexed { rows, indices: &self.mesh },
             tangents: match tangents.as_slice() {
@@ -173,18 +173,18 @@ impl Normals {
         })
     }
 
-    /// Normals at the fragments in the world, `[N, 3]`, of any length. `map` has what normal maps say at the
-    /// fragments, `[N, 3]`.
-    pub(super) fn at<'t>(
+    /// Normals at the fragments in the world, `[N, 3]`, of any length. `map` has the vectors of normal maps at
+    /// the fragments, `[N, 3]`.
+    pub(super) fn at_fragments<'t>(
         &self,
-        NormalsAtVertices { corners, normals, tangents }: NormalsAtVertices<'t, '_>,
+        VertexNormals { corners, normals, tangents }: VertexNormals<'t, '_>,
         fragments: &Fragments<'t, f32>,
         map: Option<Var<'t, f32>>,
     ) -> Recorded<'t> {
         let smooth = interpolate_indexed(normals.rows, normals.indices, fragments)?;
         match (map, &self.tangents) {
-            (Some(map), Some(own)) => {
-                let tangents = own.at(corners, normals.rows, tangents, fragments)?;
+            (Some(map), Some(all)) => {
+                let tangents = all.at_fragments(corners, normals.rows, tangents, fragments)?;
                 Ok(perturbed_normals(smooth, tangents, map)?)
             }
             _ => Ok(smooth),
@@ -193,7 +193,7 @@ impl Normals {
 }
 
 impl Tangents {
-    fn of(parts: &Parts, scene: &Scene, corners: &Mesh) -> Result<Self, SceneError> {
+    fn new(parts: &Parts, scene: &Scene, corners: &Mesh) -> Result<Self, SceneError> {
         let objects = &scene.objects;
         let (mut rows, mut faces, mut indices, mut shown) = (vec![], vec![], vec![], vec![]);
         let (mut given, mut given_rows) = (vec![], 0);
@@ -204,35 +204,37 @@ impl Tangents {
             // Those of the file where it has some, else those that follow from coordinates.
             let of_file = object.tangents.as_ref().filter(|_| has_map(object));
             let of_file = of_file.filter(|_| !scene.learns_vertices(object));
-            let of_file = of_file.map(|own| Ok::<_, SceneError>((part.wound(&own.indices)?, own)));
+            let of_file = of_file
+                .map(|tangents| Ok::<_, SceneError>((part.wound(&tangents.indices)?, tangents)));
             let of_file = of_file.transpose()?;
-            let own = object.coordinates_of_maps().filter(|_| has_map(object));
-            let own = own.map(|own| Ok::<_, SceneError>((part.wound(&own.indices)?, &own.rows)));
-            let own = own.transpose()?;
+            let mapped = object.coordinates_of_maps().filter(|_| has_map(object));
+            let mapped = mapped.map(|uv| Ok::<_, SceneError>((part.wound(&uv.indices)?, &uv.rows)));
+            let mapped = mapped.transpose()?;
             for place in &part.places {
-                let at = &corners.faces()[first..first + count];
+                let faces_of_place = &corners.faces()[first..first + count];
                 first += count;
                 let mut seen = HashMap::new();
-                for (face, corner) in at.iter().enumerate() {
+                for (face, corner) in faces_of_place.iter().enumerate() {
                     let look = &object.looks[object.look_of(face)];
-                    let of_file = of_file.as_ref().filter(|(_, own)| own.covers(&look.faces));
+                    let of_file =
+                        of_file.as_ref().filter(|(_, tangents)| tangents.covers(&look.faces));
                     if let Some((wound, _)) = of_file {
                         // Counted from the end: how many come before is not known yet.
                         let row = |row: u32| u32::MAX - 1 - (given_rows + row);
                         shown.push(wound.faces()[face].map(row));
                         continue;
                     }
-                    let Some((own, values)) = own.as_ref().filter(|_| is_mapped(object, look))
+                    let Some((wound, values)) = mapped.as_ref().filter(|_| is_mapped(object, look))
                     else {
                         // No row: filled in below, when their number is known.
                         shown.push([u32::MAX; 3]);
                         continue;
                     };
-                    let coordinate = own.faces()[face];
+                    let coordinate = wound.faces()[face];
                     let split = [0, 1, 2].map(|k| {
                         *seen.entry((corner[k], coordinate[k])).or_insert_with(|| {
-                            let at = 2 * coordinate[k] as usize;
-                            rows.extend_from_slice(&values.data()[at..at + 2]);
+                            let first = 2 * coordinate[k] as usize;
+                            rows.extend_from_slice(&values.data()[first..first + 2]);
                             rows.len() as u32 / 2 - 1
                         })
                     });
@@ -240,16 +242,16 @@ impl Tangents {
                     shown.push(split);
                     indices.push(split);
                 }
-                if let Some((_, own)) = &of_file {
-                    given_rows += own.rows.shape()[0] as u32;
-                    given.push(Given::of(part, *place, own.rows.clone()));
+                if let Some((_, tangents)) = &of_file {
+                    given_rows += tangents.rows.shape()[0] as u32;
+                    given.push(FileDirections::new(part, *place, tangents.rows.clone()));
                 }
             }
         }
         let count = rows.len() / 2;
         for index in shown.as_flattened_mut() {
             *index = match *index as usize {
-                own if own < count => own as u32,
+                row if row < count => row as u32,
                 _ => count as u32 + (u32::MAX - *index),
             };
         }
@@ -263,7 +265,7 @@ impl Tangents {
     }
 
     /// At the fragments, `[N, 4]`.
-    fn at<'t>(
+    fn at_fragments<'t>(
         &self,
         corners: Var<'t, f32>,
         normals: Var<'t, f32>,
@@ -283,35 +285,35 @@ impl Tangents {
     }
 }
 
-impl Given {
-    fn of(part: &Part, place: DMat4, rows: Tensor<f32>) -> Self {
+impl FileDirections {
+    fn new(part: &Part, place: DMat4, rows: Tensor<f32>) -> Self {
         Self { object: part.object, place, is_mirrored: part.is_mirrored, rows }
     }
 
     /// From the object's own coordinates to the world's.
-    fn matrix<'t>(&self, moved: Moved<'t, '_>) -> Recorded<'t> {
-        let Moved { objects, frame, values } = moved;
+    fn matrix<'t>(&self, context: MotionContext<'t, '_>) -> Recorded<'t> {
+        let MotionContext { objects, frame, values } = context;
         let name = &objects[self.object].name;
-        Ok(match values.learnt(&of_object("pose", name)) {
-            Some(pose) => frame.moved(pose, frame.middles[self.object], &self.place)?,
+        Ok(match values.learnt(&POSE, name) {
+            Some(pose) => frame.object_pivot(self.object).moved(pose, &self.place)?,
             None => values.tape.constant(&to_tensor(&self.place)),
         })
     }
 
     /// Normals in the world, `[A, 3]`.
-    fn normals<'t>(&self, moved: Moved<'t, '_>) -> Recorded<'t> {
-        let own = moved.values.tape.constant(&self.rows);
-        let normals = transform_normals(own, self.matrix(moved)?)?;
+    fn normals<'t>(&self, context: MotionContext<'t, '_>) -> Recorded<'t> {
+        let rows = context.values.tape.constant(&self.rows);
+        let normals = transform_normals(rows, self.matrix(context)?)?;
         // The operation turns them with the corners of faces, which are turned back here.
         Ok(if self.is_mirrored { -normals } else { normals })
     }
 
     /// Tangents in the world, `[A, 4]`.
-    fn tangents<'t>(&self, moved: Moved<'t, '_>) -> Recorded<'t> {
-        let own = moved.values.tape.constant(&self.rows);
-        let linear = self.matrix(moved)?.slice(0, 0..3)?.slice(1, 0..3)?.transpose()?;
-        let directions = own.slice(1, 0..3)?.matmul(linear)?;
-        let signs = own.slice(1, 3..4)?;
+    fn tangents<'t>(&self, context: MotionContext<'t, '_>) -> Recorded<'t> {
+        let rows = context.values.tape.constant(&self.rows);
+        let linear = self.matrix(context)?.slice(0, 0..3)?.slice(1, 0..3)?.transpose()?;
+        let directions = rows.slice(1, 0..3)?.matmul(linear)?;
+        let signs = rows.slice(1, 3..4)?;
         // The bitangent goes with the surface, and the cross product the other way in a mirror.
         let signs = if self.is_mirrored { -signs } else { signs };
         Ok(Var::concat(&[directions, signs], 1)?)
@@ -325,7 +327,7 @@ fn has_map(object: &Object) -> bool {
 
 /// Whether a look has a normal map that can be looked up.
 fn is_mapped(object: &Object, look: &SurfaceLook) -> bool {
-    let covers = |own: &Attribute| own.covers(&look.faces);
+    let covers = |attribute: &Attribute| attribute.covers(&look.faces);
     look.normal_map.is_some() && object.coordinates.as_ref().is_some_and(covers)
 }
 

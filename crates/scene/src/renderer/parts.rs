@@ -6,14 +6,13 @@ use bokashi_render_ops::camera::to_tensor;
 use bokashi_render_ops::{Assembly, Mesh, transform_points};
 use glam::{DMat4, DVec3};
 
-use super::frame::Frame;
 use crate::error::SceneError;
+use crate::learnables::{Frame, POSE, Recorded, VERTICES, Values};
 use crate::object::{Attribute, Object};
-use crate::values::{Recorded, Values, of_object};
 
 /// Instances of an object: those that are mirrored, whose faces are turned around, or those that are not.
 pub(super) struct Part {
-    /// Its number in the scene.
+    /// Its index in the scene.
     pub(super) object: usize,
     pub(super) is_mirrored: bool,
     pub(super) mesh: Mesh,
@@ -35,19 +34,19 @@ impl Part {
 }
 
 impl Parts {
-    /// Of objects in a world whose `origin` was taken off.
-    pub(super) fn of(objects: &[Object], origin: DVec3) -> Result<Self, SceneError> {
+    /// All of `objects` in a world whose `origin` was taken off.
+    pub(super) fn new(objects: &[Object], origin: DVec3) -> Result<Self, SceneError> {
         let moved = DMat4::from_translation(-origin);
         let mut all = Vec::new();
-        for (object, own) in objects.iter().enumerate() {
+        for (index, object) in objects.iter().enumerate() {
             for is_mirrored in [false, true] {
-                let places = own.places.iter().copied();
+                let places = object.places.iter().copied();
                 let places: Vec<_> =
                     places.filter(|place| (place.determinant() < 0.0) == is_mirrored).collect();
                 if !places.is_empty() {
-                    let mesh = wound(&own.mesh, is_mirrored)?;
+                    let mesh = wound(&object.mesh, is_mirrored)?;
                     let places = places.into_iter().map(|place| moved * place).collect();
-                    all.push(Part { object, is_mirrored, mesh, places });
+                    all.push(Part { object: index, is_mirrored, mesh, places });
                 }
             }
         }
@@ -56,7 +55,7 @@ impl Parts {
     }
 
     /// The index buffer of attributes of all parts, one part's after another's; a part whose object has none
-    /// has a row of its own. `None` where no object has them.
+    /// has one row for all corners. `None` where no object has them.
     pub(super) fn indices(
         &self,
         objects: &[Object],
@@ -65,28 +64,28 @@ impl Parts {
         if objects.iter().all(|object| pick(object).is_none()) {
             return Ok(None);
         }
-        let own = self.all.iter().map(|part| match pick(&objects[part.object]) {
+        let meshes = self.all.iter().map(|part| match pick(&objects[part.object]) {
             Some(attribute) => part.wound(&attribute.indices),
             // One row for all corners.
             None => Ok(Mesh::new(vec![[0; 3]; part.mesh.faces().len()], 1)?),
         });
-        let own = own.collect::<Result<Vec<_>, _>>()?;
-        Ok(Some(self.assembly.attributes(&own.iter().collect::<Vec<_>>())?))
+        let meshes = meshes.collect::<Result<Vec<_>, _>>()?;
+        Ok(Some(self.assembly.attributes(&meshes.iter().collect::<Vec<_>>())?))
     }
 
-    /// The attributes that [`Parts::indices`] names: for each part those of its object, which `own` gives
+    /// The attributes that [`Parts::indices`] names: for each part those of its object, which `pick` gives
     /// with their rows, and `none`, `[1, C]`, where the object or some of its faces have none.
     pub(super) fn rows<'t, 'o>(
         &self,
         objects: &'o [Object],
-        own: impl Fn(&'o Object) -> Option<(&'o Attribute, Var<'t, f32>)>,
+        pick: impl Fn(&'o Object) -> Option<(&'o Attribute, Var<'t, f32>)>,
         none: Var<'t, f32>,
     ) -> Recorded<'t> {
         let mut all = Vec::with_capacity(self.all.len());
         for part in &self.all {
-            let found = own(&objects[part.object]);
-            all.extend(found.map(|(_, rows)| rows));
-            if found.is_none_or(|(attribute, _)| attribute.has_gaps()) {
+            let attribute = pick(&objects[part.object]);
+            all.extend(attribute.map(|(_, rows)| rows));
+            if attribute.is_none_or(|(attribute, _)| attribute.has_gaps()) {
                 all.push(none);
             }
         }
@@ -97,7 +96,7 @@ impl Parts {
     }
 
     /// The object that a face belongs to, and the face's number there.
-    pub(super) fn own_face(&self, face: usize) -> [usize; 2] {
+    pub(super) fn face_of_object(&self, face: usize) -> [usize; 2] {
         self.assembly.place(face).map_or([0; 2], |place| [self.all[place.part].object, place.face])
     }
 
@@ -118,14 +117,14 @@ impl Parts {
         let tape = values.tape;
         let mut all = Vec::new();
         for part in &self.all {
-            let (object, middle) = (&objects[part.object], frame.middles[part.object]);
-            let own = values.tensor(&of_object("vertices", &object.name), &object.positions);
-            let pose = values.learnt(&of_object("pose", &object.name));
+            let (object, pivot) = (&objects[part.object], frame.object_pivot(part.object));
+            let positions = values.tensor(&VERTICES, &object.name, &object.positions);
+            let pose = values.learnt(&POSE, &object.name);
             for place in &part.places {
                 all.push(match pose {
-                    Some(pose) => transform_points(own, frame.moved(pose, middle, place)?)?,
-                    None if *place == DMat4::IDENTITY => own,
-                    None => transform_points(own, tape.constant(&to_tensor(place)))?,
+                    Some(pose) => transform_points(positions, pivot.moved(pose, place)?)?,
+                    None if *place == DMat4::IDENTITY => positions,
+                    None => transform_points(positions, tape.constant(&to_tensor(place)))?,
                 });
             }
         }

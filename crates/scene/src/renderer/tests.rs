@@ -8,12 +8,12 @@ use bokashi_render_ops::TextureBorder;
 use glam::{DMat4, DVec3};
 
 use super::Renderer;
+use crate::learnables::Values;
 use crate::mesh::glb;
 use crate::model::{Borders, Geometry, Indexed, MaterialFile, Model, NO_ROW, Placed, Submesh};
 use crate::picture::{Picture, Samples};
 use crate::scene::Scene;
 use crate::shapes;
-use crate::values::Values;
 
 /// The image of the first view of a scene with this model, tone linear, 64 pixels square, from (0, 0, 10)
 /// towards the origin.

@@ -6,7 +6,7 @@ use ::gltf::json::{Index, Root, buffer};
 
 use super::buffers::Buffers;
 use crate::error::SceneError;
-use crate::mesh::beside::Beside;
+use crate::mesh::context::MeshContext;
 
 /// How an accessor's elements lie in bytes.
 #[derive(Debug, Clone, Copy)]
@@ -67,26 +67,26 @@ impl<'r> Named<'r> {
     pub(super) fn of(
         root: &'r Root,
         index: Index<Accessor>,
-        beside: &Beside<'_>,
+        context: &MeshContext<'_>,
     ) -> Result<Self, SceneError> {
         let number = index.value();
         let accessor = root.accessors.get(number).ok_or_else(|| {
             let count = root.accessors.len();
             let found = format!("the file has {count} accessors, and a mesh names {number}");
-            SceneError::content(beside.place(), found)
+            SceneError::content(context.place(), found)
         })?;
         Ok(Self { accessor, number })
     }
 
-    fn refused(self, beside: &Beside<'_>, rule: impl std::fmt::Display) -> SceneError {
-        SceneError::content(beside.place(), format!("accessor {}: {rule}", self.number))
+    fn refused(self, context: &MeshContext<'_>, rule: impl std::fmt::Display) -> SceneError {
+        SceneError::content(context.place(), format!("accessor {}: {rule}", self.number))
     }
 
-    fn layout(self, beside: &Beside<'_>) -> Result<Layout, SceneError> {
+    fn layout(self, context: &MeshContext<'_>) -> Result<Layout, SceneError> {
         let (Checked::Valid(component), Checked::Valid(kind)) =
             (&self.accessor.component_type, &self.accessor.type_)
         else {
-            return Err(self.refused(beside, "its types are those of the specification"));
+            return Err(self.refused(context, "its types are those of the specification"));
         };
         let width = match kind {
             Type::Scalar => 1,
@@ -97,7 +97,7 @@ impl<'r> Named<'r> {
             // Their columns may have bytes between them.
             Type::Mat2 | Type::Mat3 => {
                 let rule = "an element has up to four numbers, or is a matrix of 4 x 4";
-                return Err(self.refused(beside, format!("{rule}, and these are {kind:?}")));
+                return Err(self.refused(context, format!("{rule}, and these are {kind:?}")));
             }
         };
         Ok(Layout { component: component.0, width, normalized: self.accessor.normalized })
@@ -107,18 +107,18 @@ impl<'r> Named<'r> {
     pub(super) fn indices(
         self,
         buffers: &mut Buffers<'_>,
-        beside: &Beside<'_>,
+        context: &MeshContext<'_>,
     ) -> Result<Vec<u32>, SceneError> {
-        let layout = self.layout(beside)?;
+        let layout = self.layout(context)?;
         let unsigned = [ComponentType::U8, ComponentType::U16, ComponentType::U32];
         if layout.width != 1 || !unsigned.contains(&layout.component) {
             let found = format!("{:?} with {} numbers", layout.component, layout.width);
             let rule = format!("an index is an unsigned integer, and this is {found}");
-            return Err(self.refused(beside, rule));
+            return Err(self.refused(context, rule));
         }
-        let mut indices = self.zeros(0_u32, buffers, beside)?;
-        self.dense(layout, buffers, beside, |row, bytes| indices[row] = layout.index(bytes))?;
-        self.sparse(layout, buffers, beside, |row, bytes| indices[row] = layout.index(bytes))?;
+        let mut indices = self.zeros(0_u32, buffers, context)?;
+        self.dense(layout, buffers, context, |row, bytes| indices[row] = layout.index(bytes))?;
+        self.sparse(layout, buffers, context, |row, bytes| indices[row] = layout.index(bytes))?;
         Ok(indices)
     }
 
@@ -126,20 +126,20 @@ impl<'r> Named<'r> {
     pub(super) fn joints(
         self,
         buffers: &mut Buffers<'_>,
-        beside: &Beside<'_>,
+        context: &MeshContext<'_>,
     ) -> Result<Vec<[u32; 4]>, SceneError> {
-        let layout = self.layout(beside)?;
+        let layout = self.layout(context)?;
         let unsigned = [ComponentType::U8, ComponentType::U16, ComponentType::U32];
         if layout.width != 4 || !unsigned.contains(&layout.component) {
             let found = format!("{:?} with {} numbers", layout.component, layout.width);
             let rule = format!("joints are four unsigned integers, and these are {found}");
-            return Err(self.refused(beside, rule));
+            return Err(self.refused(context, rule));
         }
-        let mut rows = self.zeros([0; 4], buffers, beside)?;
+        let mut rows = self.zeros([0; 4], buffers, context)?;
         let size = layout.component.size();
         let row_of = |bytes: &[u8]| [0, 1, 2, 3].map(|k| layout.index(&bytes[k * size..]));
-        self.dense(layout, buffers, beside, |row, bytes| rows[row] = row_of(bytes))?;
-        self.sparse(layout, buffers, beside, |row, bytes| rows[row] = row_of(bytes))?;
+        self.dense(layout, buffers, context, |row, bytes| rows[row] = row_of(bytes))?;
+        self.sparse(layout, buffers, context, |row, bytes| rows[row] = row_of(bytes))?;
         Ok(rows)
     }
 
@@ -150,16 +150,16 @@ impl<'r> Named<'r> {
         widths: &[usize],
         is_fraction: bool,
         buffers: &mut Buffers<'_>,
-        beside: &Beside<'_>,
+        context: &MeshContext<'_>,
     ) -> Result<Vec<[f32; N]>, SceneError> {
-        let mut layout = self.layout(beside)?;
+        let mut layout = self.layout(context)?;
         layout.normalized |= is_fraction;
         if !widths.contains(&layout.width) || layout.width > N {
             let rule =
                 format!("an element has {widths:?} numbers, and these have {}", layout.width);
-            return Err(self.refused(beside, rule));
+            return Err(self.refused(context, rule));
         }
-        let mut rows = self.zeros([0.0; N], buffers, beside)?;
+        let mut rows = self.zeros([0.0; N], buffers, context)?;
         let size = layout.component.size();
         let row_of = |bytes: &[u8]| {
             let mut row = [1.0; N];
@@ -168,8 +168,8 @@ impl<'r> Named<'r> {
             }
             row
         };
-        self.dense(layout, buffers, beside, |row, bytes| rows[row] = row_of(bytes))?;
-        self.sparse(layout, buffers, beside, |row, bytes| rows[row] = row_of(bytes))?;
+        self.dense(layout, buffers, context, |row, bytes| rows[row] = row_of(bytes))?;
+        self.sparse(layout, buffers, context, |row, bytes| rows[row] = row_of(bytes))?;
         Ok(rows)
     }
 
@@ -178,23 +178,23 @@ impl<'r> Named<'r> {
         self,
         zero: R,
         buffers: &mut Buffers<'_>,
-        beside: &Beside<'_>,
+        context: &MeshContext<'_>,
     ) -> Result<Vec<R>, SceneError> {
         let count = self.accessor.count.0;
         if count >= u64::from(u32::MAX) {
             let rule = format!("there are fewer elements than 2^32 - 1, and this has {count}");
-            return Err(self.refused(beside, rule));
+            return Err(self.refused(context, rule));
         }
         // The rest is checked where the elements are read, but no memory is taken before.
         if let Some(view) = self.accessor.buffer_view {
-            let bytes = buffers.view(view, beside)?.bytes().len();
+            let bytes = buffers.view(view, context)?.bytes().len();
             if count > bytes as u64 {
                 let rule =
                     format!("{count} elements lie in as many bytes or more, and here {bytes}");
-                return Err(self.refused(beside, rule));
+                return Err(self.refused(context, rule));
             }
         }
-        buffers.budget.spend(count, size_of::<R>(), &beside.place())?;
+        buffers.budget.spend(count, size_of::<R>(), &context.place())?;
         Ok(vec![zero; count as usize])
     }
 
@@ -203,12 +203,12 @@ impl<'r> Named<'r> {
         self,
         layout: Layout,
         buffers: &mut Buffers<'_>,
-        beside: &Beside<'_>,
+        context: &MeshContext<'_>,
         take: impl FnMut(usize, &[u8]),
     ) -> Result<(), SceneError> {
         let Some(view) = self.accessor.buffer_view else { return Ok(()) };
         let offset = self.accessor.byte_offset.unwrap_or_default().0;
-        self.elements((view, offset), layout, self.accessor.count.0, (buffers, beside), take)
+        self.elements((view, offset), layout, self.accessor.count.0, (buffers, context), take)
     }
 
     /// Gives each replaced element to `take`, with the number of the element in whose place it stands.
@@ -216,31 +216,31 @@ impl<'r> Named<'r> {
         self,
         layout: Layout,
         buffers: &mut Buffers<'_>,
-        beside: &Beside<'_>,
+        context: &MeshContext<'_>,
         mut take: impl FnMut(usize, &[u8]),
     ) -> Result<(), SceneError> {
         let Some(sparse) = &self.accessor.sparse else { return Ok(()) };
         let Checked::Valid(component) = sparse.indices.component_type else {
-            return Err(self.refused(beside, "sparse indices are unsigned integers"));
+            return Err(self.refused(context, "sparse indices are unsigned integers"));
         };
         let (count, all) = (sparse.count.0, self.accessor.count.0);
         if count > all {
             let rule = format!("at most all {all} elements are replaced, and here are {count}");
-            return Err(self.refused(beside, rule));
+            return Err(self.refused(context, rule));
         }
         let of_index = Layout { component: component.0, width: 1, normalized: false };
         let (indices, values) = (&sparse.indices, &sparse.values);
         let from = (indices.buffer_view, indices.byte_offset.0);
         let mut rows = Vec::new();
-        self.elements(from, of_index, count, (&mut *buffers, beside), |_, bytes| {
+        self.elements(from, of_index, count, (&mut *buffers, context), |_, bytes| {
             rows.push(of_index.index(bytes));
         })?;
         if let Some(row) = rows.iter().find(|&&row| u64::from(row) >= all) {
             let rule = format!("one of {all} elements is replaced, and this is number {row}");
-            return Err(self.refused(beside, rule));
+            return Err(self.refused(context, rule));
         }
         let from = (values.buffer_view, values.byte_offset.0);
-        self.elements(from, layout, count, (buffers, beside), |k, bytes| {
+        self.elements(from, layout, count, (buffers, context), |k, bytes| {
             take(rows[k] as usize, bytes);
         })
     }
@@ -251,25 +251,25 @@ impl<'r> Named<'r> {
         (view, offset): (Index<buffer::View>, u64),
         layout: Layout,
         count: u64,
-        (buffers, beside): (&mut Buffers<'_>, &Beside<'_>),
+        (buffers, context): (&mut Buffers<'_>, &MeshContext<'_>),
         mut take: impl FnMut(usize, &[u8]),
     ) -> Result<(), SceneError> {
         if count == 0 {
             return Ok(());
         }
-        let view = buffers.view(view, beside)?;
+        let view = buffers.view(view, context)?;
         let (bytes, size) = (view.bytes(), layout.size() as u64);
         let stride = view.stride.map_or(size, |stride| stride as u64);
         if stride < size {
             let rule = format!("an element has {size} bytes, and the next begins after {stride}");
-            return Err(self.refused(beside, rule));
+            return Err(self.refused(context, rule));
         }
         let end = (count - 1).checked_mul(stride).and_then(|last| last.checked_add(size));
         let end = end.and_then(|length| length.checked_add(offset));
         if end.is_none_or(|end| end > bytes.len() as u64) {
             let found = format!("{count} elements of {stride} bytes from byte {offset} on");
             let rule = format!("elements lie in {} bytes of a view, and these are", bytes.len());
-            return Err(self.refused(beside, format!("{rule} {found}")));
+            return Err(self.refused(context, format!("{rule} {found}")));
         }
         let (offset, stride, size) = (offset as usize, stride as usize, size as usize);
         for (k, element) in bytes[offset..].chunks(stride).take(count as usize).enumerate() {

@@ -9,7 +9,7 @@ use ::gltf::json::{Index, Root, buffer};
 use super::budget::Budget;
 use super::uri::{self, Target};
 use crate::error::SceneError;
-use crate::mesh::beside::Beside;
+use crate::mesh::context::MeshContext;
 
 /// The buffers of a file. Each is read when it is first used.
 #[derive(Debug)]
@@ -51,8 +51,8 @@ impl<'r> Buffers<'r> {
     }
 
     /// The buffer with this number.
-    fn buffer(&mut self, number: usize, beside: &Beside<'_>) -> Result<Rc<[u8]>, SceneError> {
-        let refused = |found: String| SceneError::content(beside.place(), found);
+    fn buffer(&mut self, number: usize, context: &MeshContext<'_>) -> Result<Rc<[u8]>, SceneError> {
+        let refused = |found: String| SceneError::content(context.place(), found);
         let Some(buffer) = self.root.buffers.get(number) else {
             let count = self.read.len();
             return Err(refused(format!(
@@ -65,7 +65,7 @@ impl<'r> Buffers<'r> {
         let bytes: Rc<[u8]> = match (&buffer.uri, self.chunk) {
             (Some(uri), _) => match uri::target(uri).map_err(&refused)? {
                 Target::Data(bytes) => bytes.into(),
-                Target::File(name) => self.file(&name, beside)?,
+                Target::File(name) => self.file(&name, context)?,
             },
             (None, Some(chunk)) if number == 0 => chunk.into(),
             (None, _) => {
@@ -82,13 +82,13 @@ impl<'r> Buffers<'r> {
         Ok(bytes)
     }
 
-    fn file(&mut self, name: &str, beside: &Beside<'_>) -> Result<Rc<[u8]>, SceneError> {
-        let path = beside.find(name)?;
+    fn file(&mut self, name: &str, context: &MeshContext<'_>) -> Result<Rc<[u8]>, SceneError> {
+        let path = context.find(name)?;
         if let Some(bytes) = path.as_ref().and_then(|path| self.files.get(path)) {
             return Ok(bytes.clone());
         }
         // A missing file is an error here.
-        let bytes: Rc<[u8]> = beside.read(name)?.into();
+        let bytes: Rc<[u8]> = context.read(name)?.into();
         self.budget.earn(bytes.len());
         self.files.extend(path.map(|path| (path, bytes.clone())));
         Ok(bytes)
@@ -98,9 +98,9 @@ impl<'r> Buffers<'r> {
     pub(super) fn view(
         &mut self,
         index: Index<buffer::View>,
-        beside: &Beside<'_>,
+        context: &MeshContext<'_>,
     ) -> Result<View, SceneError> {
-        let refused = |found: String| SceneError::content(beside.place(), found);
+        let refused = |found: String| SceneError::content(context.place(), found);
         let number = index.value();
         let Some(view) = self.root.buffer_views.get(number) else {
             let count = self.root.buffer_views.len();
@@ -108,7 +108,7 @@ impl<'r> Buffers<'r> {
                 "the file has {count} buffer views, and one names {number}"
             )));
         };
-        let buffer = self.buffer(view.buffer.value(), beside)?;
+        let buffer = self.buffer(view.buffer.value(), context)?;
         let (begin, length) = (view.byte_offset.unwrap_or_default().0, view.byte_length.0);
         let end = begin.checked_add(length).filter(|&end| end <= buffer.len() as u64);
         let Some(end) = end else {
@@ -124,24 +124,24 @@ impl<'r> Buffers<'r> {
     pub(super) fn image(
         &mut self,
         number: usize,
-        beside: &mut Beside<'_>,
+        context: &mut MeshContext<'_>,
     ) -> Result<Option<usize>, SceneError> {
         let image = &self.root.images[number];
-        let place = beside.place();
+        let place = context.place();
         let refused = |found: String| SceneError::content(place.clone(), found);
         let bytes = match (&image.uri, image.buffer_view) {
             (Some(uri), _) => match uri::target(uri).map_err(&refused)? {
-                Target::File(name) => return beside.image(&name),
+                Target::File(name) => return context.image(&name),
                 Target::Data(bytes) => bytes,
             },
             (None, Some(index)) => {
-                let view = self.view(index, beside)?;
+                let view = self.view(index, context)?;
                 let key = [view.number, view.begin, view.end];
                 if let Some(&found) = self.images.get(&key) {
                     return Ok(found);
                 }
                 self.budget.spend_image(view.bytes().len(), &place)?;
-                let found = beside.decode(view.bytes(), &place, &number.to_string())?;
+                let found = context.decode(view.bytes(), &place, &number.to_string())?;
                 self.images.insert(key, found);
                 return Ok(found);
             }
@@ -150,6 +150,6 @@ impl<'r> Buffers<'r> {
                 return Err(refused(format!("{rule}, and image {number} has neither")));
             }
         };
-        beside.decode(&bytes, &place, &number.to_string())
+        context.decode(&bytes, &place, &number.to_string())
     }
 }

@@ -18,7 +18,7 @@ use bokashi_render_ops::TextureBorder;
 
 use super::buffers::Buffers;
 use crate::error::SceneError;
-use crate::mesh::beside::Beside;
+use crate::mesh::context::MeshContext;
 use crate::mesh::notes::{Notes, name};
 use crate::model::{Borders, MaterialFile, Model};
 
@@ -66,7 +66,7 @@ pub(super) fn read(
     root: &Root,
     buffers: &mut Buffers<'_>,
     model: &mut Model,
-    beside: &mut Beside<'_>,
+    context: &mut MeshContext<'_>,
 ) -> Result<Vec<Mapping>, SceneError> {
     let mut mapped = Vec::with_capacity(root.materials.len());
     let mut used = Vec::with_capacity(root.materials.len());
@@ -77,8 +77,8 @@ pub(super) fn read(
         for (k, texture) in textures.into_iter().enumerate() {
             let Some(texture) = texture else { continue };
             match texture.mapping == mapping {
-                true => (images[k], borders[k]) = image_of(root, texture.texture, beside)?,
-                false => beside.notes.add(
+                true => (images[k], borders[k]) = image_of(root, texture.texture, context)?,
+                false => context.notes.add(
                     "an image was left out: its coordinates are others than those of the base colour",
                 ),
             }
@@ -90,11 +90,11 @@ pub(super) fn read(
         used.iter().flat_map(|(images, _)| images).flatten().copied().collect();
     let mut found = BTreeMap::new();
     for number in numbers {
-        found.insert(number, buffers.image(number, beside)?);
+        found.insert(number, buffers.image(number, context)?);
     }
     for (material, (images, borders)) in root.materials.iter().zip(used) {
         let images = images.map(|number| number.and_then(|number| found[&number]));
-        model.materials.push(material_of(material, images, borders, &mut beside.notes));
+        model.materials.push(material_of(material, images, borders, &mut context.notes));
     }
     Ok(mapped)
 }
@@ -120,9 +120,9 @@ fn textures(material: &Material) -> [Option<Used>; 3] {
 fn image_of(
     root: &Root,
     index: Index<Texture>,
-    beside: &mut Beside<'_>,
+    context: &mut MeshContext<'_>,
 ) -> Result<(Option<usize>, Borders), SceneError> {
-    let refused = |rule: String| Err(SceneError::content(beside.place(), rule));
+    let refused = |rule: String| Err(SceneError::content(context.place(), rule));
     let (number, count) = (index.value(), root.textures.len());
     let Some(texture) = root.textures.get(number) else {
         return refused(format!("the file has {count} textures, and a material names {number}"));
@@ -130,7 +130,7 @@ fn image_of(
     // So the library has a texture without an image.
     let (number, count) = (texture.source.value(), root.images.len());
     if number == u32::MAX as usize {
-        beside.notes.add("a texture has no image that is read, and was left out");
+        context.notes.add("a texture has no image that is read, and was left out");
         return Ok((None, Borders::default()));
     }
     if number >= count {
@@ -156,7 +156,7 @@ fn image_of(
     let finer = sampler.mag_filter.is_none_or(|own| own == Checked::Valid(MagFilter::Linear));
     let coarser = Checked::Valid(MinFilter::LinearMipmapLinear);
     if !finer || sampler.min_filter.is_some_and(|own| own != coarser) {
-        beside
+        context
             .notes
             .add("filters of a texture were left out: `texture_filter` of the scene is for all");
     }

@@ -41,7 +41,7 @@ use self::buffers::Buffers;
 use self::nodes::Nodes;
 use self::poses::Poses;
 use crate::error::{Place, SceneError};
-use crate::mesh::beside::Beside;
+use crate::mesh::context::MeshContext;
 use crate::mesh::notes::name;
 use crate::model::Model;
 
@@ -59,8 +59,8 @@ const KNOWN: [&str; 4] =
     ["KHR_texture_transform", "KHR_mesh_quantization", "KHR_lights_punctual", "KHR_materials_"];
 
 /// The model of a glTF file with these bytes.
-pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Model, SceneError> {
-    let place = beside.place();
+pub(super) fn read(bytes: &[u8], context: &mut MeshContext<'_>) -> Result<Model, SceneError> {
+    let place = context.place();
     let refused = |found: String| SceneError::content(place.clone(), found);
     let is_binary = bytes.starts_with(MAGIC);
     let (text, chunk) = match is_binary {
@@ -105,17 +105,17 @@ pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Model, Scene
     if !is_read(version) {
         return Err(refused(wrong_version(name(version))));
     }
-    check_extensions(&root, beside)?;
-    keys::note(text, &mut beside.notes).map_err(|error| refused(json_message(&error)))?;
+    check_extensions(&root, context)?;
+    keys::note(text, &mut context.notes).map_err(|error| refused(json_message(&error)))?;
     let mut buffers = Buffers::new(&root, chunk.as_deref(), bytes.len());
-    let nodes = Nodes::new(&root, &mut beside.notes).map_err(&refused)?;
+    let nodes = Nodes::new(&root, &mut context.notes).map_err(&refused)?;
     let mut model = Model::default();
-    let mapped = materials::read(&root, &mut buffers, &mut model, beside)?;
-    let poses = Poses::of(&root, &nodes, &mut buffers, beside)?;
-    let geometries = primitives::read(&root, &mut buffers, &mapped, &poses, &mut model, beside)?;
-    poses.place(&nodes, &geometries, &mut buffers.budget, &mut model, beside)?;
-    model.images = std::mem::take(&mut beside.images);
-    model.notes = std::mem::take(&mut beside.notes).finish();
+    let mapped = materials::read(&root, &mut buffers, &mut model, context)?;
+    let poses = Poses::of(&root, &nodes, &mut buffers, context)?;
+    let geometries = primitives::read(&root, &mut buffers, &mapped, &poses, &mut model, context)?;
+    poses.place(&nodes, &geometries, &mut buffers.budget, &mut model, context)?;
+    model.images = std::mem::take(&mut context.images);
+    model.notes = std::mem::take(&mut context.notes).finish();
     Ok(model)
 }
 
@@ -128,13 +128,13 @@ fn wrong_version(found: impl std::fmt::Display) -> String {
     format!("glTF of version 2 is read, and this is of version {found}")
 }
 
-fn check_extensions(root: &json::Root, beside: &Beside<'_>) -> Result<(), SceneError> {
+fn check_extensions(root: &json::Root, context: &MeshContext<'_>) -> Result<(), SceneError> {
     let is_known = |extension: &&String| KNOWN.iter().any(|known| extension.starts_with(known));
     let mut unknown = root.extensions_required.iter().filter(|extension| !is_known(extension));
     if let Some(extension) = unknown.next() {
         let found = format!("the file requires {:?}", name(extension));
         let found = format!("a required extension is one that is read, and {found}");
-        return Err(SceneError::content(beside.place(), found));
+        return Err(SceneError::content(context.place(), found));
     }
     Ok(())
 }

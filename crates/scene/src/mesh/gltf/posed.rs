@@ -14,7 +14,7 @@ use super::buffers::Buffers;
 use super::poses::Pose;
 use super::skins::{Skin, has_joints};
 use crate::error::SceneError;
-use crate::mesh::beside::Beside;
+use crate::mesh::context::MeshContext;
 
 /// The rows of an accessor, which primitives share.
 pub(super) type Rows<const N: usize> = Rc<Vec<[f32; N]>>;
@@ -59,9 +59,9 @@ impl<'r> Posed<'r> {
         self,
         own: Vertices,
         buffers: &mut Buffers<'_>,
-        beside: &mut Beside<'_>,
+        context: &mut MeshContext<'_>,
     ) -> Result<Vertices, SceneError> {
-        self.note(beside);
+        self.note(context);
         if !self.moves() {
             return Ok(own);
         }
@@ -70,18 +70,18 @@ impl<'r> Posed<'r> {
             1 + usize::from(own.normals.is_some()) + 2 * usize::from(own.tangents.is_some());
         // In f64, and rounded again.
         let bytes = attributes * size_of::<[f64; 6]>();
-        buffers.budget.spend(count as u64, bytes, &beside.place())?;
+        buffers.budget.spend(count as u64, bytes, &context.place())?;
         let mut positions = wide(&own.positions);
         let mut normals = own.normals.as_ref().map(|rows| wide(rows));
         let mut tangents = own.tangents.as_ref().map(|rows| wide(rows));
         for (weight, target) in self.weighted() {
-            self.add(weight, target.positions, Some(&mut positions), buffers, beside)?;
-            self.add(weight, target.normals, normals.as_mut(), buffers, beside)?;
-            self.add(weight, target.tangents, tangents.as_mut(), buffers, beside)?;
+            self.add(weight, target.positions, Some(&mut positions), buffers, context)?;
+            self.add(weight, target.normals, normals.as_mut(), buffers, context)?;
+            self.add(weight, target.tangents, tangents.as_mut(), buffers, context)?;
         }
         let mut is_mirrored = false;
         if let Some(skin) = self.pose.skin {
-            let bend = self.skins[skin].bend(self.root, self.primitive, count, buffers, beside)?;
+            let bend = self.skins[skin].bend(self.root, self.primitive, count, buffers, context)?;
             bend.points(&mut positions);
             normals.iter_mut().for_each(|rows| bend.normals(rows));
             tangents.iter_mut().for_each(|rows| bend.tangents(rows));
@@ -105,21 +105,21 @@ impl<'r> Posed<'r> {
         target: Option<Index<Accessor>>,
         rows: Option<&mut Vec<[f64; N]>>,
         buffers: &mut Buffers<'_>,
-        beside: &mut Beside<'_>,
+        context: &mut MeshContext<'_>,
     ) -> Result<(), SceneError> {
         let Some(index) = target else { return Ok(()) };
         let Some(rows) = rows else {
-            beside
+            context
                 .notes
                 .add("what a morph target does to an attribute that a mesh lacks was left out");
             return Ok(());
         };
         let moves: Vec<[f32; 3]> =
-            Named::of(self.root, index, beside)?.rows(&[3], false, buffers, beside)?;
+            Named::of(self.root, index, context)?.rows(&[3], false, buffers, context)?;
         if moves.len() != rows.len() {
             let rule = format!("a morph target has a row for each of {} vertices", rows.len());
             let found = format!("{rule}, and this has {}", moves.len());
-            return Err(SceneError::content(beside.place(), found));
+            return Err(SceneError::content(context.place(), found));
         }
         for (row, moves) in rows.iter_mut().zip(moves) {
             for (x, d) in row.iter_mut().zip(moves) {
@@ -130,20 +130,20 @@ impl<'r> Posed<'r> {
     }
 
     /// Says which targets count, and what of the pose the primitive lacks.
-    fn note(self, beside: &mut Beside<'_>) {
+    fn note(self, context: &mut MeshContext<'_>) {
         let (all, applied) = (self.targets().len(), self.weighted().count());
         if applied > 0 {
-            beside.notes.add(format!(
+            context.notes.add(format!(
                 "{applied} of {all} morph targets were applied, with the weights of the file"
             ));
         }
         let left_out = all - applied;
-        beside.notes.count("a morph target without a weight was left out", left_out);
+        context.notes.count("a morph target without a weight was left out", left_out);
         if self.pose.weights.len() > all {
-            beside.notes.add("weights without a morph target were left out");
+            context.notes.add("weights without a morph target were left out");
         }
         if self.pose.skin.is_none() && has_joints(self.primitive) {
-            beside.notes.add("joints were left out: no node gives the mesh a skin");
+            context.notes.add("joints were left out: no node gives the mesh a skin");
         }
     }
 }

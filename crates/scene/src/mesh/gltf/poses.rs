@@ -13,7 +13,7 @@ use super::buffers::Buffers;
 use super::nodes::Nodes;
 use super::skins::Skin;
 use crate::error::SceneError;
-use crate::mesh::beside::Beside;
+use crate::mesh::context::MeshContext;
 use crate::mesh::notes::name;
 use crate::model::{Model, Placed};
 
@@ -43,9 +43,10 @@ impl Poses {
         root: &Root,
         nodes: &Nodes<'_>,
         buffers: &mut Buffers<'_>,
-        beside: &mut Beside<'_>,
+        context: &mut MeshContext<'_>,
     ) -> Result<Self, SceneError> {
-        let refused = |beside: &Beside<'_>, rule: String| SceneError::content(beside.place(), rule);
+        let refused =
+            |context: &MeshContext<'_>, rule: String| SceneError::content(context.place(), rule);
         let mut poses = Self { all: Vec::new(), of_nodes: HashMap::new(), skins: Vec::new() };
         let (mut numbers, mut skins, mut world) = (HashMap::new(), HashMap::new(), None);
         let mut is_shown = vec![false; root.meshes.len()];
@@ -55,7 +56,7 @@ impl Poses {
             let Some(own) = root.meshes.get(mesh) else {
                 let count = root.meshes.len();
                 let found = format!("the file has {count} meshes, and node {number} has {mesh}");
-                return Err(refused(beside, found));
+                return Err(refused(context, found));
             };
             is_shown[mesh] = true;
             let skin = match node.skin.map(|skin| skin.value()) {
@@ -64,7 +65,7 @@ impl Poses {
                     Some(&found) => found,
                     None => {
                         let world = world.get_or_insert_with(|| nodes.world());
-                        poses.skins.push(Skin::of(root, skin, world, buffers, beside)?);
+                        poses.skins.push(Skin::of(root, skin, world, buffers, context)?);
                         skins.insert(skin, poses.skins.len() - 1);
                         poses.skins.len() - 1
                     }
@@ -118,7 +119,7 @@ impl Poses {
         geometries: &[Option<usize>],
         budget: &mut Budget,
         model: &mut Model,
-        beside: &mut Beside<'_>,
+        context: &mut MeshContext<'_>,
     ) -> Result<(), SceneError> {
         if nodes.root.nodes.is_empty() {
             for (geometry, found) in model.geometries.iter().enumerate() {
@@ -139,17 +140,17 @@ impl Poses {
             if !transform.is_finite() {
                 let rule = "a node's matrix is finite";
                 let found = format!("{rule}, and that of node {number} is not");
-                return Err(SceneError::content(beside.place(), found));
+                return Err(SceneError::content(context.place(), found));
             }
             let name = name(nodes.root.nodes[number].name.as_deref().unwrap_or_default());
             let bytes = size_of::<Placed>() + name.len();
             if let Some(geometry) = geometries[pose] {
-                budget.spend(1, bytes, &beside.place())?;
+                budget.spend(1, bytes, &context.place())?;
                 model.placed.push(Placed { name, geometry, transform });
             }
         }
         if model.placed.is_empty() && !model.geometries.is_empty() {
-            beside.notes.add("no node places a mesh");
+            context.notes.add("no node places a mesh");
         }
         Ok(())
     }

@@ -29,8 +29,8 @@ use super::materials::{Mapping, Transform};
 use super::posed::{Posed, Rows, Vertices};
 use super::poses::Poses;
 use crate::error::SceneError;
-use crate::mesh::beside::Beside;
 use crate::mesh::colors::decoded;
+use crate::mesh::context::MeshContext;
 use crate::mesh::notes::name;
 use crate::mesh::weld::{Corners, Raw, Welder};
 use crate::model::{Geometry, Model, NO_ROW, Submesh};
@@ -92,7 +92,7 @@ pub(super) fn read(
     mapped: &[Mapping],
     poses: &Poses,
     model: &mut Model,
-    beside: &mut Beside<'_>,
+    context: &mut MeshContext<'_>,
 ) -> Result<Vec<Option<usize>>, SceneError> {
     let (mut read, mut welder, mut all) = (Read::default(), Welder::default(), Vec::new());
     for (at, pose) in poses.all.iter().enumerate() {
@@ -101,7 +101,7 @@ pub(super) fn read(
         for (k, primitive) in mesh.primitives.iter().enumerate() {
             let posed = Posed { root, primitive, pose, skins: &poses.skins };
             let of = Of { root, mapped, primitive, posed, pose: at };
-            let key = of.key(beside).map_err(|error| in_mesh(error, number, Some(k)))?;
+            let key = of.key(context).map_err(|error| in_mesh(error, number, Some(k)))?;
             drawn.extend(key.map(|key| (k, of, key)));
         }
         let keys: Vec<Key> = drawn.iter().map(|(.., key)| *key).collect();
@@ -111,13 +111,13 @@ pub(super) fn read(
         }
         let mut pieces = Vec::with_capacity(drawn.len());
         for (k, of, key) in drawn {
-            let piece = of.piece(key, &mut read, buffers, beside);
+            let piece = of.piece(key, &mut read, buffers, context);
             pieces.push(piece.map_err(|error| in_mesh(error, number, Some(k)))?);
         }
         let surface = Surface::from_pieces(&pieces);
-        buffers.budget.spend(surface.copies() as u64, size_of::<f32>(), &beside.place())?;
+        buffers.budget.spend(surface.copies() as u64, size_of::<f32>(), &context.place())?;
         let name = name(mesh.name.as_deref().unwrap_or_default());
-        let welded = surface.weld(name, &mut welder, beside);
+        let welded = surface.weld(name, &mut welder, context);
         let found = welded.map_err(|error| in_mesh(error, number, None))?.map(|geometry| {
             model.geometries.push(geometry);
             model.geometries.len() - 1
@@ -206,7 +206,7 @@ impl Surface {
         self,
         name: String,
         welder: &mut Welder,
-        beside: &mut Beside<'_>,
+        context: &mut MeshContext<'_>,
     ) -> Result<Option<Geometry>, SceneError> {
         let [positions, normals, colors] =
             [&self.positions, &self.normals, &self.colors].map(Joined::rows);
@@ -215,14 +215,14 @@ impl Surface {
         let raw = Raw {
             name,
             submeshes: self.submeshes.clone(),
-            is_welded: beside.options.weld.unwrap_or(true),
+            is_welded: context.options.weld.unwrap_or(true),
             positions: places,
             colors: corners(&colors, &self.colors),
             coordinates: corners(&coordinates, &self.coordinates),
             normals: corners(&normals, &self.normals),
             tangents: corners(&tangents, &self.tangents),
         };
-        welder.weld(raw, &beside.place(), &mut beside.notes)
+        welder.weld(raw, &context.place(), &mut context.notes)
     }
 }
 
@@ -237,37 +237,37 @@ struct Of<'r> {
     pose: usize,
 }
 
-fn refused(beside: &Beside<'_>, rule: String) -> SceneError {
-    SceneError::content(beside.place(), rule)
+fn refused(context: &MeshContext<'_>, rule: String) -> SceneError {
+    SceneError::content(context.place(), rule)
 }
 
 impl Of<'_> {
     /// The coordinates that the primitive's material uses.
-    fn mapping(self, beside: &Beside<'_>) -> Result<Mapping, SceneError> {
+    fn mapping(self, context: &MeshContext<'_>) -> Result<Mapping, SceneError> {
         let Some(material) = self.primitive.material else { return Ok(Mapping::default()) };
         self.mapped.get(material.value()).copied().ok_or_else(|| {
             let (found, number) = (self.mapped.len(), material.value());
-            refused(beside, format!("the file has {found} materials, and this names {number}"))
+            refused(context, format!("the file has {found} materials, and this names {number}"))
         })
     }
 
-    fn mode(self, beside: &Beside<'_>) -> Result<Mode, SceneError> {
+    fn mode(self, context: &MeshContext<'_>) -> Result<Mode, SceneError> {
         match self.primitive.mode {
             Checked::Valid(mode) => Ok(mode),
             Checked::Invalid => {
-                Err(refused(beside, "its mode is one of the specification".to_owned()))
+                Err(refused(context, "its mode is one of the specification".to_owned()))
             }
         }
     }
 
     /// What tells the primitive from others; nothing where it has no faces.
-    fn key(self, beside: &mut Beside<'_>) -> Result<Option<Key>, SceneError> {
-        let mode = self.mode(beside)?;
+    fn key(self, context: &mut MeshContext<'_>) -> Result<Option<Key>, SceneError> {
+        let mode = self.mode(context)?;
         if !matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
-            beside.notes.add("points and lines were left out");
+            context.notes.add("points and lines were left out");
             return Ok(None);
         }
-        let set = self.mapping(beside)?.set;
+        let set = self.mapping(context)?.set;
         let named = |what| self.primitive.attributes.get(&Checked::Valid(what)).copied();
         let accessors = [
             named(Semantic::Positions),
@@ -288,29 +288,32 @@ impl Of<'_> {
         (accessors, _, material, _): Key,
         read: &mut Read,
         buffers: &mut Buffers<'_>,
-        beside: &mut Beside<'_>,
+        context: &mut MeshContext<'_>,
     ) -> Result<Piece, SceneError> {
-        let mapping = self.mapping(beside)?;
+        let mapping = self.mapping(context)?;
         let is_unused = |what: &&Checked<Semantic>| matches!(what, Checked::Valid(Semantic::TexCoords(set)) if *set != mapping.set);
         let unused = self.primitive.attributes.keys().filter(is_unused).count();
-        beside.notes.count("texture coordinates that no image uses were left out", unused);
+        context.notes.count("texture coordinates that no image uses were left out", unused);
         let [Some(positions), normals, tangents, colors, coordinates, indices] = accessors else {
-            return Err(refused(beside, "a primitive has positions, and this has none".to_owned()));
+            return Err(refused(
+                context,
+                "a primitive has positions, and this has none".to_owned(),
+            ));
         };
-        let positions = read.vectors(self.root, positions, buffers, beside)?;
+        let positions = read.vectors(self.root, positions, buffers, context)?;
         let count = positions.len();
-        let normals = normals.map(|index| read.vectors(self.root, index, buffers, beside));
+        let normals = normals.map(|index| read.vectors(self.root, index, buffers, context));
         // So the format has it.
         let tangents = match normals.is_none() && tangents.is_some() {
             true => {
-                beside.notes.add("tangents of a mesh without normals were left out");
+                context.notes.add("tangents of a mesh without normals were left out");
                 None
             }
-            false => tangents.map(|index| read.tangents(self.root, index, buffers, beside)),
+            false => tangents.map(|index| read.tangents(self.root, index, buffers, context)),
         };
-        let colors = colors.map(|index| read.colors(self.root, index, buffers, beside));
+        let colors = colors.map(|index| read.colors(self.root, index, buffers, context));
         let coordinates = coordinates
-            .map(|index| read.coordinates(self.root, index, mapping.transform, buffers, beside));
+            .map(|index| read.coordinates(self.root, index, mapping.transform, buffers, context));
         let (normals, tangents) = (normals.transpose()?, tangents.transpose()?);
         let (colors, coordinates) = (colors.transpose()?, coordinates.transpose()?);
         let counts = [
@@ -322,28 +325,28 @@ impl Of<'_> {
         for (what, found) in counts {
             if let Some(found) = found.filter(|&found| found != count) {
                 let rule = format!("there are as many {what} as positions, {count}");
-                return Err(refused(beside, format!("{rule}, and these are {found}")));
+                return Err(refused(context, format!("{rule}, and these are {found}")));
             }
         }
         let posed = Vertices { positions, normals, tangents, is_mirrored: false };
         let Vertices { positions, normals, tangents, is_mirrored } =
-            self.posed.vertices(posed, buffers, beside)?;
+            self.posed.vertices(posed, buffers, context)?;
         let indices = match indices {
-            Some(index) => Named::of(self.root, index, beside)?.indices(buffers, beside)?,
+            Some(index) => Named::of(self.root, index, context)?.indices(buffers, context)?,
             None => {
-                buffers.budget.spend(count as u64, size_of::<u32>(), &beside.place())?;
+                buffers.budget.spend(count as u64, size_of::<u32>(), &context.place())?;
                 (0..count as u32).collect()
             }
         };
         if let Some(k) = indices.iter().position(|&index| index as usize >= count) {
             let rule = format!("an index is below the number of positions, {count}");
-            return Err(refused(beside, format!("{rule}, and index {k} is {}", indices[k])));
+            return Err(refused(context, format!("{rule}, and index {k} is {}", indices[k])));
         }
         // As many faces as indices where they are a strip; index buffers for each attribute, and the rows.
         let bytes = 4 * size_of::<[u32; 3]>() + size_of::<[f32; 15]>();
-        buffers.budget.spend(indices.len() as u64, bytes, &beside.place())?;
+        buffers.budget.spend(indices.len() as u64, bytes, &context.place())?;
         let mut faces =
-            faces(&indices, self.mode(beside)?).map_err(|rule| refused(beside, rule))?;
+            faces(&indices, self.mode(context)?).map_err(|rule| refused(context, rule))?;
         if is_mirrored {
             faces.iter_mut().for_each(|face| face.swap(1, 2));
         }
@@ -357,12 +360,12 @@ impl Read {
         root: &Root,
         index: Index<Accessor>,
         buffers: &mut Buffers<'_>,
-        beside: &Beside<'_>,
+        context: &MeshContext<'_>,
     ) -> Result<Rows<3>, SceneError> {
         if let Some(rows) = self.vectors.get(&index.value()) {
             return Ok(rows.clone());
         }
-        let rows = Named::of(root, index, beside)?.rows(&[3], false, buffers, beside)?;
+        let rows = Named::of(root, index, context)?.rows(&[3], false, buffers, context)?;
         Ok(self.vectors.entry(index.value()).or_insert(rows.into()).clone())
     }
 
@@ -371,12 +374,12 @@ impl Read {
         root: &Root,
         index: Index<Accessor>,
         buffers: &mut Buffers<'_>,
-        beside: &Beside<'_>,
+        context: &MeshContext<'_>,
     ) -> Result<Rows<4>, SceneError> {
         if let Some(rows) = self.tangents.get(&index.value()) {
             return Ok(rows.clone());
         }
-        let rows = Named::of(root, index, beside)?.rows(&[4], false, buffers, beside)?;
+        let rows = Named::of(root, index, context)?.rows(&[4], false, buffers, context)?;
         Ok(self.tangents.entry(index.value()).or_insert(rows.into()).clone())
     }
 
@@ -385,16 +388,16 @@ impl Read {
         root: &Root,
         index: Index<Accessor>,
         buffers: &mut Buffers<'_>,
-        beside: &mut Beside<'_>,
+        context: &mut MeshContext<'_>,
     ) -> Result<Rows<3>, SceneError> {
         if let Some(rows) = self.colors.get(&index.value()) {
             return Ok(rows.clone());
         }
-        let rows = Named::of(root, index, beside)?.rows::<4>(&[3, 4], true, buffers, beside)?;
+        let rows = Named::of(root, index, context)?.rows::<4>(&[3, 4], true, buffers, context)?;
         if rows.iter().any(|row| row[3] != 1.0) {
-            beside.notes.add("opacities of vertices were left out");
+            context.notes.add("opacities of vertices were left out");
         }
-        let light = |number: f32| match beside.options.vertex_color_space {
+        let light = |number: f32| match context.options.vertex_color_space {
             Some(ColorSpace::Srgb) => decoded(number.into()),
             Some(ColorSpace::Linear) | None => number,
         };
@@ -409,14 +412,14 @@ impl Read {
         index: Index<Accessor>,
         transform: Option<Transform>,
         buffers: &mut Buffers<'_>,
-        beside: &Beside<'_>,
+        context: &MeshContext<'_>,
     ) -> Result<Rows<2>, SceneError> {
         let transform = transform.unwrap_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
         let key = (index.value(), transform.map(|row| row.map(f32::to_bits)));
         if let Some(rows) = self.coordinates.get(&key) {
             return Ok(rows.clone());
         }
-        let mut rows = Named::of(root, index, beside)?.rows::<2>(&[2], false, buffers, beside)?;
+        let mut rows = Named::of(root, index, context)?.rows::<2>(&[2], false, buffers, context)?;
         if transform != [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] {
             for row in &mut rows {
                 *row = transform.map(|[u, v, shift]| u * row[0] + v * row[1] + shift);

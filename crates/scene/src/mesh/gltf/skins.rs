@@ -15,7 +15,7 @@ use glam::{DMat3, DMat4, DVec3};
 use super::accessors::Named;
 use super::buffers::Buffers;
 use crate::error::SceneError;
-use crate::mesh::beside::Beside;
+use crate::mesh::context::MeshContext;
 
 /// So far from 1 a sum of weights may be by rounding to bytes: four halves of a 255th.
 const ROUNDING: f64 = 2.0 / 255.0;
@@ -39,9 +39,9 @@ impl Skin {
         number: usize,
         world: &[DMat4],
         buffers: &mut Buffers<'_>,
-        beside: &Beside<'_>,
+        context: &MeshContext<'_>,
     ) -> Result<Self, SceneError> {
-        let refused = |rule: String| Err(SceneError::content(beside.place(), rule));
+        let refused = |rule: String| Err(SceneError::content(context.place(), rule));
         let Some(skin) = root.skins.get(number) else {
             let count = root.skins.len();
             return refused(format!("the file has {count} skins, and a node names {number}"));
@@ -59,8 +59,8 @@ impl Skin {
             joints.push(*matrix);
         }
         if let Some(index) = skin.inverse_bind_matrices {
-            let of = Named::of(root, index, beside)?;
-            let rows = of.rows::<16>(&[16], false, buffers, beside)?;
+            let of = Named::of(root, index, context)?;
+            let rows = of.rows::<16>(&[16], false, buffers, context)?;
             if rows.len() < joints.len() {
                 let (count, found) = (joints.len(), rows.len());
                 let found = format!("skin {number} has {found} for {count} joints");
@@ -84,12 +84,12 @@ impl Skin {
         primitive: &Primitive,
         count: usize,
         buffers: &mut Buffers<'_>,
-        beside: &mut Beside<'_>,
+        context: &mut MeshContext<'_>,
     ) -> Result<Bend, SceneError> {
-        let refused = |beside: &Beside<'_>, rule: String| {
-            Err(SceneError::content(beside.place(), format!("skin {}: {rule}", self.number)))
+        let refused = |context: &MeshContext<'_>, rule: String| {
+            Err(SceneError::content(context.place(), format!("skin {}: {rule}", self.number)))
         };
-        buffers.budget.spend(count as u64, size_of::<(DMat4, f64)>(), &beside.place())?;
+        buffers.budget.spend(count as u64, size_of::<(DMat4, f64)>(), &context.place())?;
         let mut sums = vec![(DMat4::ZERO, 0.0); count];
         let mut first = Vec::new();
         for set in 0.. {
@@ -101,16 +101,16 @@ impl Skin {
                     (joints, _) => {
                         let lacks = if joints.is_some() { "WEIGHTS" } else { "JOINTS" };
                         let rule = "a primitive that a skin bends has joints and weights";
-                        return refused(beside, format!("{rule}, and this lacks {lacks}_{set}"));
+                        return refused(context, format!("{rule}, and this lacks {lacks}_{set}"));
                     }
                 };
-            let joints = Named::of(root, joints, beside)?.joints(buffers, beside)?;
+            let joints = Named::of(root, joints, context)?.joints(buffers, context)?;
             let weights =
-                Named::of(root, weights, beside)?.rows::<4>(&[4], true, buffers, beside)?;
+                Named::of(root, weights, context)?.rows::<4>(&[4], true, buffers, context)?;
             for (what, found) in [("joints", joints.len()), ("weights", weights.len())] {
                 if found != count {
                     let rule = format!("there are as many {what} as positions, {count}");
-                    return refused(beside, format!("{rule}, and these are {found}"));
+                    return refused(context, format!("{rule}, and these are {found}"));
                 }
             }
             for (vertex, (joints, weights)) in joints.iter().zip(&weights).enumerate() {
@@ -119,7 +119,7 @@ impl Skin {
                     if !(weight >= 0.0 && weight.is_finite()) {
                         let rule = "a weight is finite and not below 0";
                         let found = format!("{rule}, and one of vertex {vertex} is {weight}");
-                        return refused(beside, found);
+                        return refused(context, found);
                     }
                     if weight == 0.0 {
                         continue;
@@ -127,7 +127,7 @@ impl Skin {
                     let Some(matrix) = self.joints.get(joint as usize) else {
                         let rule = format!("it has {} joints", self.joints.len());
                         let found = format!("{rule}, and vertex {vertex} names joint {joint}");
-                        return refused(beside, found);
+                        return refused(context, found);
                     };
                     let (sum, total) = &mut sums[vertex];
                     *sum += *matrix * f64::from(weight);
@@ -148,7 +148,7 @@ impl Skin {
                 *sum = self.joints.get(joint as usize).copied().unwrap_or(self.joints[0]);
             }
         }
-        let notes = &mut beside.notes;
+        let notes = &mut context.notes;
         notes.count(
             "a vertex's weights of joints did not sum to 1, and were divided by their sum",
             scaled,

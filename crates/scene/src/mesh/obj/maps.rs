@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use bokashi_render_ops::TextureBorder;
 
-use crate::mesh::beside::{Beside, unquoted};
+use crate::mesh::context::{MeshContext, unquoted};
 use crate::model::Borders;
 use crate::picture::{Picture, Samples};
 
@@ -111,22 +111,22 @@ impl Packed {
     pub(super) fn of(
         &mut self,
         pair: [Option<usize>; 2],
-        beside: &mut Beside<'_>,
+        context: &mut MeshContext<'_>,
     ) -> Option<usize> {
         if let Some(&number) = self.numbers.get(&pair) {
             return Some(number);
         }
-        let pictures = pair.map(|number| number.map(|number| &beside.images[number]));
+        let pictures = pair.map(|number| number.map(|number| &context.images[number]));
         let first = pictures[0].or(pictures[1])?;
         let [width, height] = [first.width, first.height];
         let fits = |picture: &&Picture| [picture.width, picture.height] == [width, height];
         if !pictures.iter().flatten().all(fits) {
-            beside.notes.add("images of roughness and metallic of different sizes were left out");
+            context.notes.add("images of roughness and metallic of different sizes were left out");
             return None;
         }
         // Pairs could be many more than images.
-        if 2 * self.numbers.len() >= beside.images.len() {
-            beside.notes.add("images of roughness and metallic in further pairs were left out");
+        if 2 * self.numbers.len() >= context.images.len() {
+            context.notes.add("images of roughness and metallic in further pairs were left out");
             return None;
         }
         let samples = match pictures.map(|picture| picture.map(|picture| &picture.samples)) {
@@ -139,9 +139,9 @@ impl Packed {
                 Samples::F32(merged(samples.each_ref().map(Option::as_deref), pictures, 1.0))
             }
         };
-        self.numbers.insert(pair, beside.images.len());
-        beside.images.push(Picture { width, height, channels: 3, samples });
-        Some(beside.images.len() - 1)
+        self.numbers.insert(pair, context.images.len());
+        context.images.push(Picture { width, height, channels: 3, samples });
+        Some(context.images.len() - 1)
     }
 }
 

@@ -27,7 +27,7 @@ use std::path::Path;
 use super::maps::{Map, Packed};
 use super::statements::{Statements, numbers, rest, text};
 use crate::error::{Place, SceneError};
-use crate::mesh::beside::{Beside, unquoted};
+use crate::mesh::context::{MeshContext, unquoted};
 use crate::mesh::notes::{left_out, name};
 use crate::model::MaterialFile;
 
@@ -55,7 +55,7 @@ struct Described {
 pub(super) fn read(
     libraries: &[String],
     used: &[String],
-    beside: &mut Beside<'_>,
+    context: &mut MeshContext<'_>,
 ) -> Result<(Vec<MaterialFile>, Vec<Option<usize>>), SceneError> {
     let mut described = HashMap::new();
     let mut seen = HashSet::new();
@@ -63,17 +63,19 @@ pub(super) fn read(
         // A path may have spaces, and a line several paths.
         let library = unquoted(library);
         let mut names = vec![library];
-        if beside.find(library)?.is_none() && library.contains(char::is_whitespace) {
+        if context.find(library)?.is_none() && library.contains(char::is_whitespace) {
             names = library.split_whitespace().collect();
         }
         for file in names {
-            let Some(path) = beside.find(file)? else {
+            let Some(path) = context.find(file)? else {
                 let file = name(file);
-                beside.notes.add(format!("the material file {file:?} is missing and was left out"));
+                context
+                    .notes
+                    .add(format!("the material file {file:?} is missing and was left out"));
                 continue;
             };
             if seen.insert(path) {
-                read_file(file, &mut described, beside)?;
+                read_file(file, &mut described, context)?;
             }
         }
     }
@@ -84,15 +86,15 @@ pub(super) fn read(
         match described.get(name) {
             Some((folder, described)) => {
                 others.extend(described.others.iter().map(String::as_str));
-                materials.push(material(name, folder, described, &mut packed, beside)?);
+                materials.push(material(name, folder, described, &mut packed, context)?);
             }
             None if name.is_empty() || name == NO_MATERIAL => {}
-            None => beside.notes.add(format!("the material {name:?} is missing and was left out")),
+            None => context.notes.add(format!("the material {name:?} is missing and was left out")),
         }
     }
     if !others.is_empty() {
         let others: Vec<&str> = others.into_iter().collect();
-        beside.notes.add(left_out(["statement", "statements"], &others, " of materials"));
+        context.notes.add(left_out(["statement", "statements"], &others, " of materials"));
     }
     Ok((materials, numbers))
 }
@@ -101,18 +103,18 @@ pub(super) fn read(
 fn read_file(
     file: &str,
     described: &mut HashMap<String, (String, Described)>,
-    beside: &mut Beside<'_>,
+    context: &mut MeshContext<'_>,
 ) -> Result<(), SceneError> {
-    let (bytes, path) = (beside.read(file)?, beside.place_of(file).path);
+    let (bytes, path) = (context.read(file)?, context.place_of(file).path);
     let slashes = file.replace('\\', "/");
     let folder = Path::new(&slashes).parent().unwrap_or(Path::new(""));
     let folder = folder.to_string_lossy().into_owned();
     let mut current = None;
-    let mut finish = |current: Option<(String, Described)>, beside: &mut Beside<'_>| {
+    let mut finish = |current: Option<(String, Described)>, context: &mut MeshContext<'_>| {
         let Some((name, finished)) = current else { return };
         if described.insert(name.clone(), (folder.clone(), finished)).is_some() {
             let note = format!("the material {name:?} is described again: the last time counts");
-            beside.notes.add(note);
+            context.notes.add(note);
         }
     };
     for (number, line) in Statements::of(&text(&bytes, &Place::of(&path))?) {
@@ -120,17 +122,17 @@ fn read_file(
         let arguments = rest(&line, keyword);
         match (&*keyword.to_ascii_lowercase(), &mut current) {
             ("newmtl", current) => {
-                finish(current.take(), beside);
+                finish(current.take(), context);
                 *current = Some((name(arguments), Described::default()));
             }
             (_, Some((_, material))) => {
                 material.set(keyword, arguments, || Place::line(&path, number))?;
             }
             (word, None) if word.starts_with('#') => {}
-            (_, None) => beside.notes.add("statements before the first material were left out"),
+            (_, None) => context.notes.add("statements before the first material were left out"),
         }
     }
-    finish(current, beside);
+    finish(current, context);
     Ok(())
 }
 
@@ -197,17 +199,17 @@ fn material(
     folder: &str,
     described: &Described,
     packed: &mut Packed,
-    beside: &mut Beside<'_>,
+    context: &mut MeshContext<'_>,
 ) -> Result<MaterialFile, SceneError> {
     for what in &described.left_out {
-        beside.notes.add(format!("{what} of a material was left out"));
+        context.notes.add(format!("{what} of a material was left out"));
     }
     let mut image = |map: &Option<Map>| -> Result<Option<usize>, SceneError> {
         let Some(map) = map else { return Ok(None) };
         for option in &map.left_out {
-            beside.notes.add(format!("the option {option} of an image was left out"));
+            context.notes.add(format!("the option {option} of an image was left out"));
         }
-        beside.image(&match folder {
+        context.image(&match folder {
             "" => map.file.clone(),
             _ => format!("{folder}/{}", map.file),
         })
@@ -217,15 +219,15 @@ fn material(
     let (roughness, metallic) = (image(&described.roughness_map)?, image(&described.metallic_map)?);
     if base_color_image.is_some() && described.color == Some([0.0; 3]) {
         let note = format!("the material {name:?} is black: its Kd of 0 multiplies its image");
-        beside.notes.add(note);
+        context.notes.add(note);
     }
-    let metallic_roughness_image = packed.of([roughness, metallic], beside);
+    let metallic_roughness_image = packed.of([roughness, metallic], context);
     let borders = |map: &Option<Map>| map.as_ref().map(|map| map.borders);
     let pair = [borders(&described.roughness_map), borders(&described.metallic_map)];
     if let [Some(roughness), Some(metallic)] = pair
         && roughness != metallic
     {
-        beside
+        context
             .notes
             .add("`-clamp` of an image of metallic was left out: that of roughness is for both");
     }

@@ -34,30 +34,30 @@ pub(super) use self::materials::NO_MATERIAL;
 use self::parts::Parts;
 use self::statements::text;
 use crate::error::SceneError;
-use crate::mesh::beside::Beside;
+use crate::mesh::context::MeshContext;
 use crate::mesh::weld::Welder;
 use crate::model::{Geometry, MaterialFile, Model, Placed};
 use crate::picture::Picture;
 
 /// The model of an OBJ file with these bytes.
-pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Model, SceneError> {
-    let parts = Parts::read(&text(bytes, &beside.place())?, beside)?;
-    let (materials, numbers) = materials::read(&parts.libraries, &parts.materials, beside)?;
+pub(super) fn read(bytes: &[u8], context: &mut MeshContext<'_>) -> Result<Model, SceneError> {
+    let parts = Parts::read(&text(bytes, &context.place())?, context)?;
+    let (materials, numbers) = materials::read(&parts.libraries, &parts.materials, context)?;
     let (mut welder, mut model) = (Welder::default(), Model { materials, ..Model::default() });
-    let place = beside.place();
+    let place = context.place();
     // Vertices have numbers, so that no seam needs several of them.
-    let is_welded = beside.options.weld.unwrap_or(false);
-    for surface in parts.surfaces(&mut beside.notes) {
-        let raw = parts.raw(&surface, &numbers, is_welded, &mut beside.notes);
-        if let Some(geometry) = welder.weld(raw, &place, &mut beside.notes)? {
+    let is_welded = context.options.weld.unwrap_or(false);
+    for surface in parts.surfaces(&mut context.notes) {
+        let raw = parts.raw(&surface, &numbers, is_welded, &mut context.notes);
+        if let Some(geometry) = welder.weld(raw, &place, &mut context.notes)? {
             let offset = parts.near.offset;
             let (name, transform) = (geometry.name.clone(), DMat4::from_translation(offset));
             model.placed.push(Placed { name, geometry: model.geometries.len(), transform });
             model.geometries.push(Geometry { offset, ..geometry });
         }
     }
-    keep_used_images(&mut model, std::mem::take(&mut beside.images));
-    model.notes = std::mem::take(&mut beside.notes).finish();
+    keep_used_images(&mut model, std::mem::take(&mut context.images));
+    model.notes = std::mem::take(&mut context.notes).finish();
     Ok(model)
 }
 

@@ -8,8 +8,8 @@ use std::str::SplitWhitespace;
 
 use super::statements::{Statements, numbers, rest};
 use crate::error::SceneError;
-use crate::mesh::beside::Beside;
 use crate::mesh::colors::{self, Written};
+use crate::mesh::context::MeshContext;
 use crate::mesh::far::Near;
 use crate::mesh::notes::{Notes, left_out, name};
 use crate::mesh::polygons::Polygons;
@@ -61,7 +61,7 @@ pub(super) struct Parts {
 }
 
 impl Parts {
-    pub(super) fn read(text: &str, beside: &mut Beside<'_>) -> Result<Self, SceneError> {
+    pub(super) fn read(text: &str, context: &mut MeshContext<'_>) -> Result<Self, SceneError> {
         let mut parts = Self::default();
         let (mut object, mut objects, mut material) = (String::new(), 0_usize, None);
         let (mut by_name, mut by_object) = (HashMap::new(), HashMap::new());
@@ -69,33 +69,33 @@ impl Parts {
         for (number, line) in Statements::of(text) {
             let mut words = line.split_whitespace();
             match words.next() {
-                Some("v") => parts.vertex(words, number, beside)?,
+                Some("v") => parts.vertex(words, number, context)?,
                 Some("vt") => {
-                    let place = || beside.line(number);
+                    let place = || context.line(number);
                     let ([u, v, w], count) = numbers(words, "a texture coordinate", place)?;
-                    check_count(count, 1, "a texture coordinate", number, beside)?;
+                    check_count(count, 1, "a texture coordinate", number, context)?;
                     if w != 0.0_f32 {
-                        beside.notes.add("third texture coordinates were left out");
+                        context.notes.add("third texture coordinates were left out");
                     }
                     parts.coordinates.push([u, 1.0 - v]);
                 }
                 Some("vn") => {
-                    let (normal, count) = numbers(words, "a normal", || beside.line(number))?;
-                    check_count(count, 3, "a normal", number, beside)?;
+                    let (normal, count) = numbers(words, "a normal", || context.line(number))?;
+                    check_count(count, 3, "a normal", number, context)?;
                     parts.normals.push(normal);
                 }
                 Some("f" | "fo") => {
                     corners.clear();
-                    parts.corners(words, &mut corners, number, beside)?;
+                    parts.corners(words, &mut corners, number, context)?;
                     if corners.len() < 3 {
-                        beside.notes.add("a face with fewer than three corners was left out");
+                        context.notes.add("a face with fewer than three corners was left out");
                         continue;
                     }
                     let next = parts.list.len();
                     let part = *by_object.entry((objects, material)).or_insert(next);
                     if part == next {
                         if next == MOST_PARTS {
-                            let (place, what) = (beside.line(number), "meshes of a file");
+                            let (place, what) = (context.line(number), "meshes of a file");
                             let (most, found) = (MOST_PARTS as u64, next as u64 + 1);
                             return Err(SceneError::TooLarge { place, what, most, found });
                         }
@@ -126,10 +126,10 @@ impl Parts {
                     material = Some(found);
                 }
                 Some("mtllib") => parts.libraries.push(rest(&line, "mtllib").to_owned()),
-                Some("p") => beside.notes.add("points were left out"),
-                Some("l") => beside.notes.add("lines were left out"),
+                Some("p") => context.notes.add("points were left out"),
+                Some("l") => context.notes.add("lines were left out"),
                 Some("curv" | "curv2" | "surf") => {
-                    beside.notes.add("free-form curves and surfaces were left out");
+                    context.notes.add("free-form curves and surfaces were left out");
                 }
                 Some("s") => parts.smoothing(words.next().unwrap_or_default()),
                 // Groups are not told apart.
@@ -140,8 +140,8 @@ impl Parts {
                 }
             }
         }
-        parts.check(beside)?;
-        parts.finish(&mut beside.notes, beside.options.vertex_color_space);
+        parts.check(context)?;
+        parts.finish(&mut context.notes, context.options.vertex_color_space);
         Ok(parts)
     }
 
@@ -179,21 +179,21 @@ impl Parts {
         &mut self,
         words: SplitWhitespace<'_>,
         number: usize,
-        beside: &mut Beside<'_>,
+        context: &mut MeshContext<'_>,
     ) -> Result<(), SceneError> {
         let ([x, y, z, rest @ ..], count) =
-            numbers::<f64, 7>(words, "a vertex", || beside.line(number))?;
-        check_count(count, 3, "a vertex", number, beside)?;
+            numbers::<f64, 7>(words, "a vertex", || context.line(number))?;
+        check_count(count, 3, "a vertex", number, context)?;
         let mut position = [x, y, z];
         match count {
             4 => position = position.map(|x| x / rest[0]),
-            5 => beside.notes.add("of a vertex with five numbers two were left out"),
-            7 if rest[3] != 1.0 => beside.notes.add("opacities of vertices were left out"),
+            5 => context.notes.add("of a vertex with five numbers two were left out"),
+            7 if rest[3] != 1.0 => context.notes.add("opacities of vertices were left out"),
             _ => {}
         }
         if !position.iter().all(|&x| (x as f32).is_finite()) {
             let found = format!("a position is finite, and this is {position:?}");
-            return Err(SceneError::content(beside.line(number), found));
+            return Err(SceneError::content(context.line(number), found));
         }
         // With the first colour the vertices before it turn out to have none.
         if count >= 6 {
@@ -212,11 +212,11 @@ impl Parts {
         words: SplitWhitespace<'_>,
         corners: &mut Vec<[u32; 3]>,
         line: usize,
-        beside: &Beside<'_>,
+        context: &MeshContext<'_>,
     ) -> Result<(), SceneError> {
         let counts = [self.positions.len(), self.coordinates.len(), self.normals.len()];
         for word in words.take_while(|word| !word.starts_with('#')) {
-            let refused = |found: String| SceneError::content(beside.line(line), found);
+            let refused = |found: String| SceneError::content(context.line(line), found);
             let mut corner = [NO_ROW; 3];
             for (k, part) in word.split('/').enumerate() {
                 let Some(slot) = corner.get_mut(k) else {
@@ -254,7 +254,7 @@ impl Parts {
     }
 
     /// Refuses corners that name what the file does not have.
-    fn check(&self, beside: &Beside<'_>) -> Result<(), SceneError> {
+    fn check(&self, context: &MeshContext<'_>) -> Result<(), SceneError> {
         let counts = [self.positions.len(), self.coordinates.len(), self.normals.len()];
         for (k, (row, line)) in self.largest.into_iter().enumerate() {
             // No line has named any where it is 0.
@@ -262,7 +262,7 @@ impl Parts {
                 let (what, count) = (NAMED[k], counts[k]);
                 let found = format!("a face names number {}", u64::from(row) + 1);
                 let found = format!("the file has {count} of the kind {what:?}, and {found}");
-                return Err(SceneError::content(beside.line(line), found));
+                return Err(SceneError::content(context.line(line), found));
             }
         }
         Ok(())
@@ -414,12 +414,12 @@ fn check_count(
     least: usize,
     what: &str,
     line: usize,
-    beside: &Beside<'_>,
+    context: &MeshContext<'_>,
 ) -> Result<(), SceneError> {
     match count < least {
         true => {
             let found = format!("{what} has {least} numbers or more, and this has {count}");
-            Err(SceneError::content(beside.line(line), found))
+            Err(SceneError::content(context.line(line), found))
         }
         false => Ok(()),
     }

@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use crate::error::SceneError;
-use crate::mesh::beside::{Beside, unquoted};
+use crate::mesh::context::{MeshContext, unquoted};
 use crate::mesh::notes::name;
 
 /// The longest header that is read, in bytes.
@@ -102,8 +102,8 @@ pub(super) struct Header {
 
 impl Header {
     /// That of a file with these bytes.
-    pub(super) fn read(bytes: &[u8], beside: &Beside<'_>) -> Result<Self, SceneError> {
-        let refused = |found: String| SceneError::content(beside.place(), found);
+    pub(super) fn read(bytes: &[u8], context: &MeshContext<'_>) -> Result<Self, SceneError> {
+        let refused = |found: String| SceneError::content(context.place(), found);
         if !bytes.starts_with(b"ply") {
             return Err(refused(
                 "a PLY file begins with the line ply, and this does not".to_owned(),
@@ -158,7 +158,7 @@ impl Header {
                     Err(format!("{rule}, and this begins with {:?}", name(other)))
                 }
             };
-            found.map_err(|found| SceneError::content(beside.line(lines), found))?;
+            found.map_err(|found| SceneError::content(context.line(lines), found))?;
         }
         let Some(encoding) = encoding else {
             let rule = "a header has a line that begins with format";

@@ -10,8 +10,8 @@
 use super::header::{Element, Header};
 use super::rows::{Named, Rows};
 use crate::error::SceneError;
-use crate::mesh::beside::Beside;
 use crate::mesh::colors;
+use crate::mesh::context::MeshContext;
 use crate::model::{MaterialFile, Submesh};
 use crate::picture::ColorSpace;
 
@@ -42,15 +42,15 @@ impl Materials {
         &mut self,
         element: &Element,
         rows: &mut Rows<'_>,
-        beside: &mut Beside<'_>,
+        context: &mut MeshContext<'_>,
     ) -> Result<(), SceneError> {
         let mut named = Named::of(element);
-        let color = named.colors(beside);
+        let color = named.colors(context);
         let [roughness, metallic, image] =
             ["roughness", "metallic", "texnumber"].map(|own| named.scalars(&[[own]]));
-        named.note_others(beside);
+        named.note_others(context);
         let (mut found, mut colors) = (Vec::new(), Vec::new());
-        rows.read(element, beside, |row, number| {
+        rows.read(element, context, |row, number| {
             let share = |own: Option<[usize; 1]>, what, usual| match own.map(|k| row.scalars(k)[0])
             {
                 None => Ok(usual),
@@ -72,7 +72,7 @@ impl Materials {
             Ok(())
         })?;
         if let Some((_, written)) = color {
-            let linear = colors::linear(colors, written, ColorSpace::Srgb, &mut beside.notes);
+            let linear = colors::linear(colors, written, ColorSpace::Srgb, &mut context.notes);
             for (own, color) in found.iter_mut().zip(linear) {
                 own.color = color;
             }
@@ -85,11 +85,11 @@ impl Materials {
     pub(super) fn finish(
         self,
         header: &Header,
-        beside: &mut Beside<'_>,
+        context: &mut MeshContext<'_>,
     ) -> Result<Vec<MaterialFile>, SceneError> {
         let mut images = Vec::with_capacity(header.images.len());
         for file in &header.images {
-            images.push(beside.image(file)?);
+            images.push(context.image(file)?);
         }
         let Some(rows) = self.rows else {
             let of_image = |base_color_image: Option<usize>| MaterialFile {
@@ -109,7 +109,7 @@ impl Materials {
                     let count = images.len();
                     let rule = format!("the file names {count} images, and material {number} has");
                     let found = format!("{rule} number {}", image.unwrap_or_default());
-                    return Err(SceneError::content(beside.place(), found));
+                    return Err(SceneError::content(context.place(), found));
                 }
             };
             let base_color = [red, green, blue, 1.0];

@@ -38,8 +38,8 @@ use self::header::{Element, Header, Number};
 use self::materials::{Materials, NO_MATERIAL, NUMBERS, submeshes};
 use self::rows::{Named, Row, Rows};
 use crate::error::SceneError;
-use crate::mesh::beside::Beside;
 use crate::mesh::colors::{self, Written};
+use crate::mesh::context::MeshContext;
 use crate::mesh::far::Near;
 use crate::mesh::notes::name;
 use crate::mesh::polygons::Polygons;
@@ -82,8 +82,8 @@ struct Contents {
 }
 
 /// The model of a PLY file with these bytes.
-pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Model, SceneError> {
-    let header = Header::read(bytes, beside)?;
+pub(super) fn read(bytes: &[u8], context: &mut MeshContext<'_>) -> Result<Model, SceneError> {
+    let header = Header::read(bytes, context)?;
     let is_surface = |own: &&Element| matches!(&*own.name, "face" | "tristrips");
     let found = match header.elements.iter().filter(is_surface).map(|own| own.count).max() {
         None => Some("a mesh has the element face, and this has none: it is a cloud of points"),
@@ -91,42 +91,42 @@ pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Model, Scene
         Some(_) => None,
     };
     if let Some(found) = found {
-        return Err(SceneError::content(beside.place(), found));
+        return Err(SceneError::content(context.place(), found));
     }
     let (mut contents, mut rows) = (Contents::default(), Rows::after(&header, bytes));
     let mut materials = Materials::default();
     for element in &header.elements {
         match &*element.name {
-            "vertex" => contents.read_vertices(element, &mut rows, beside)?,
-            "face" => contents.read_faces(element, &mut rows, beside)?,
-            "tristrips" => contents.read_strips(element, &mut rows, beside)?,
-            "material" => materials.read(element, &mut rows, beside)?,
+            "vertex" => contents.read_vertices(element, &mut rows, context)?,
+            "face" => contents.read_faces(element, &mut rows, context)?,
+            "tristrips" => contents.read_strips(element, &mut rows, context)?,
+            "material" => materials.read(element, &mut rows, context)?,
             other => {
-                rows.read(element, beside, |_, _| Ok(()))?;
-                beside.notes.add(format!("the element {:?} was left out", name(other)));
+                rows.read(element, context, |_, _| Ok(()))?;
+                context.notes.add(format!("the element {:?} was left out", name(other)));
             }
         }
     }
-    contents.finish(beside)?;
-    let materials = materials.finish(&header, beside)?;
+    contents.finish(context)?;
+    let materials = materials.finish(&header, context)?;
     let mut model = Model { materials, ..Model::default() };
     if model.materials.is_empty() {
         // Number 0 alone tells nothing apart.
         if contents.materials.iter().any(|&own| own != NO_MATERIAL && own > 0) {
-            beside.notes.add("faces name materials or images, and the file has none");
+            context.notes.add("faces name materials or images, and the file has none");
         }
         contents.materials.clear();
     }
     let submeshes = contents.submeshes(model.materials.len());
-    let submeshes = submeshes.map_err(|found| SceneError::content(beside.place(), found))?;
-    let raw = contents.raw(submeshes, beside.options.weld.unwrap_or(true));
-    let geometry = Welder::default().weld(raw, &beside.place(), &mut beside.notes)?;
+    let submeshes = submeshes.map_err(|found| SceneError::content(context.place(), found))?;
+    let raw = contents.raw(submeshes, context.options.weld.unwrap_or(true));
+    let geometry = Welder::default().weld(raw, &context.place(), &mut context.notes)?;
     let offset = contents.near.offset;
     model.geometries.extend(geometry.map(|geometry| Geometry { offset, ..geometry }));
     let (name, transform) = (String::new(), DMat4::from_translation(offset));
     model.placed.push(Placed { name, geometry: 0, transform });
-    model.images = mem::take(&mut beside.images);
-    model.notes = mem::take(&mut beside.notes).finish();
+    model.images = mem::take(&mut context.images);
+    model.notes = mem::take(&mut context.notes).finish();
     Ok(model)
 }
 
@@ -152,9 +152,9 @@ impl Opacity {
         self.is_full &= self.property.is_none_or(|own| self.full.contains(&row.scalars(own)[0]));
     }
 
-    fn note(self, of: &str, beside: &mut Beside<'_>) {
+    fn note(self, of: &str, context: &mut MeshContext<'_>) {
         if !self.is_full {
-            beside.notes.add(format!("opacities of {of} were left out"));
+            context.notes.add(format!("opacities of {of} were left out"));
         }
     }
 }
@@ -175,20 +175,20 @@ impl Contents {
         &mut self,
         element: &Element,
         rows: &mut Rows<'_>,
-        beside: &mut Beside<'_>,
+        context: &mut MeshContext<'_>,
     ) -> Result<(), SceneError> {
         let mut named = Named::of(element);
         let Some(position) = named.scalars(&[["x", "y", "z"]]) else {
             let found = "a vertex has the properties x, y and z, and these lack some";
-            return Err(SceneError::content(beside.place(), found));
+            return Err(SceneError::content(context.place(), found));
         };
         let normal = named.scalars(&[["nx", "ny", "nz"]]);
-        let color = named.colors(beside);
+        let color = named.colors(context);
         let coordinate = named.scalars(&COORDINATES);
         let mut opacity = Opacity::of(&mut named);
-        named.note_others(beside);
+        named.note_others(context);
         let mut colors = Vec::new();
-        rows.read(element, beside, |row, _| {
+        rows.read(element, context, |row, _| {
             self.positions.push(row.scalars(position));
             opacity.see(row);
             if let Some(normal) = normal {
@@ -204,7 +204,7 @@ impl Contents {
             Ok(())
         })?;
         self.colors = color.map(|(_, written)| (written, colors));
-        opacity.note("vertices", beside);
+        opacity.note("vertices", context);
         Ok(())
     }
 
@@ -212,21 +212,21 @@ impl Contents {
         &mut self,
         element: &Element,
         rows: &mut Rows<'_>,
-        beside: &mut Beside<'_>,
+        context: &mut MeshContext<'_>,
     ) -> Result<(), SceneError> {
         let mut named = Named::of(element);
         let Some(vertices) = named.list(&VERTICES) else {
             let found = "a face has the property vertex_indices, and these have none";
-            return Err(SceneError::content(beside.place(), found));
+            return Err(SceneError::content(context.place(), found));
         };
         let coordinates = named.list(&["texcoord"]);
         let material = named.scalars(&NUMBERS);
-        let color = named.colors(beside);
+        let color = named.colors(context);
         let mut opacity = Opacity::of(&mut named);
-        named.note_others(beside);
+        named.note_others(context);
         let (mut left_out, mut colors) = (0, Vec::new());
         let mut corners = Vec::new();
-        rows.read(element, beside, |row, number| {
+        rows.read(element, context, |row, number| {
             opacity.see(row);
             corners.clear();
             for &own in row.list(vertices) {
@@ -277,8 +277,8 @@ impl Contents {
             Ok(())
         })?;
         self.polygon_colors = color.map(|(_, written)| (written, colors));
-        opacity.note("faces", beside);
-        beside.notes.count("a face with fewer than three corners was left out", left_out);
+        opacity.note("faces", context);
+        context.notes.count("a face with fewer than three corners was left out", left_out);
         Ok(())
     }
 
@@ -286,16 +286,16 @@ impl Contents {
         &mut self,
         element: &Element,
         rows: &mut Rows<'_>,
-        beside: &mut Beside<'_>,
+        context: &mut MeshContext<'_>,
     ) -> Result<(), SceneError> {
         let mut named = Named::of(element);
         let Some(vertices) = named.list(&VERTICES) else {
             let found = "a strip has the property vertex_indices, and these have none";
-            return Err(SceneError::content(beside.place(), found));
+            return Err(SceneError::content(context.place(), found));
         };
-        named.note_others(beside);
+        named.note_others(context);
         self.has_bare_faces |= element.count > 0;
-        rows.read(element, beside, |row, number| {
+        rows.read(element, context, |row, number| {
             for strip in row.list(vertices).split(|&own| own == -1.0) {
                 let mut last = [0; 2];
                 for (k, &own) in strip.iter().enumerate() {
@@ -313,37 +313,37 @@ impl Contents {
     }
 
     /// Refuses faces that name vertices beyond the last, cuts polygons, and brings numbers into their form.
-    fn finish(&mut self, beside: &mut Beside<'_>) -> Result<(), SceneError> {
+    fn finish(&mut self, context: &mut MeshContext<'_>) -> Result<(), SceneError> {
         let count = self.positions.len();
         if let Some(vertex) = self.faces.iter().flatten().find(|&&own| own as usize >= count) {
             let found = format!("the file has {count} vertices, and a face names vertex {vertex}");
-            return Err(SceneError::content(beside.place(), found));
+            return Err(SceneError::content(context.place(), found));
         }
         if self.has_bare_faces && !self.corner_coordinates.is_empty() {
-            beside.notes.add("coordinates at corners were left out: not all faces have some");
+            context.notes.add("coordinates at corners were left out: not all faces have some");
             self.corner_coordinates.clear();
         }
         let mut faces = vec![&mut self.faces];
         if !self.corner_coordinates.is_empty() {
             faces.push(&mut self.corner_faces);
         }
-        self.polygons.cut(&self.positions, &mut faces, &mut beside.notes);
+        self.polygons.cut(&self.positions, &mut faces, &mut context.notes);
         let named = self.faces.iter().flatten().copied();
-        self.near = Near::of(&mem::take(&mut self.positions), named, &mut beside.notes);
+        self.near = Near::of(&mem::take(&mut self.positions), named, &mut context.notes);
 
         // Colours at vertices come before those of faces.
         if self.polygon_colors.is_some()
             && (self.colors.is_some() || self.polygon_faces.len() < self.faces.len())
         {
-            beside
+            context
                 .notes
                 .add("colours of faces were left out: vertices have some, or strips have none");
             self.polygon_colors = None;
         }
-        let space = beside.options.vertex_color_space.unwrap_or(ColorSpace::Srgb);
+        let space = context.options.vertex_color_space.unwrap_or(ColorSpace::Srgb);
         for own in [&mut self.colors, &mut self.polygon_colors] {
             if let Some((written, rows)) = own.take() {
-                let rows = colors::linear(rows, written, space, &mut beside.notes);
+                let rows = colors::linear(rows, written, space, &mut context.notes);
                 *own = (!rows.is_empty()).then_some((written, rows));
             }
         }

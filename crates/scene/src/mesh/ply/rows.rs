@@ -4,8 +4,8 @@ use std::str;
 
 use super::header::{Element, Encoding, Header, Number, Property};
 use crate::error::{Place, SceneError};
-use crate::mesh::beside::Beside;
 use crate::mesh::colors::Written;
+use crate::mesh::context::MeshContext;
 use crate::mesh::notes::{left_out, name};
 
 /// The names of colours.
@@ -68,7 +68,10 @@ impl<'e> Named<'e> {
     }
 
     /// Colours, and how they are written; nothing where their types differ, which is noted.
-    pub(super) fn colors(&mut self, beside: &mut Beside<'_>) -> Option<([usize; 3], Written)> {
+    pub(super) fn colors(
+        &mut self,
+        context: &mut MeshContext<'_>,
+    ) -> Option<([usize; 3], Written)> {
         let properties = self.scalars(&COLORS)?;
         let written = properties.map(|property| match self.number(property) {
             Number::I8 | Number::U8 => Written::Bytes,
@@ -76,7 +79,7 @@ impl<'e> Named<'e> {
             _ => Written::Fractions,
         });
         if written[0] != written[1] || written[1] != written[2] {
-            beside.notes.add("colours were left out: red, green and blue differ in type");
+            context.notes.add("colours were left out: red, green and blue differ in type");
             return None;
         }
         Some((properties, written[0]))
@@ -88,13 +91,13 @@ impl<'e> Named<'e> {
     }
 
     /// Notes which properties nobody reads.
-    pub(super) fn note_others(self, beside: &mut Beside<'_>) {
+    pub(super) fn note_others(self, context: &mut MeshContext<'_>) {
         let all = self.element.properties.iter().zip(self.is_read);
         let others: Vec<&str> =
             all.filter(|(_, is_read)| !is_read).map(|(own, _)| own.name.as_str()).collect();
         if !others.is_empty() {
             let of = format!(" of the element {:?}", name(&self.element.name));
-            beside.notes.add(left_out(["property", "properties"], &others, &of));
+            context.notes.add(left_out(["property", "properties"], &others, &of));
         }
     }
 }
@@ -118,7 +121,7 @@ impl<'b> Rows<'b> {
     pub(super) fn read(
         &mut self,
         element: &Element,
-        beside: &Beside<'_>,
+        context: &MeshContext<'_>,
         mut take: impl FnMut(&Row, usize) -> Result<(), String>,
     ) -> Result<(), SceneError> {
         let mut row = Row::default();
@@ -129,15 +132,15 @@ impl<'b> Rows<'b> {
             let kind = || format!("{} {number}", name(&element.name));
             read.map_err(|found| format!("{} {found}", kind()))
                 .and_then(|()| take(&row, number))
-                .map_err(|found| SceneError::content(self.place(beside), found))?;
+                .map_err(|found| SceneError::content(self.place(context), found))?;
         }
         Ok(())
     }
 
-    fn place(&self, beside: &Beside<'_>) -> Place {
+    fn place(&self, context: &MeshContext<'_>) -> Place {
         match self.encoding {
-            Encoding::Ascii => beside.line(self.line),
-            _ => beside.place(),
+            Encoding::Ascii => context.line(self.line),
+            _ => context.place(),
         }
     }
 

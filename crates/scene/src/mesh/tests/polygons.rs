@@ -220,7 +220,7 @@ fn any_polygon_is_covered_once_or_counted() {
         let doubled: DVec3 = (0..count).map(|k| points[k].cross(points[(k + 1) % count])).sum();
         let mut obj: String =
             points.iter().map(|p| format!("v {} {} {}\n", p.x, p.y, p.z)).collect();
-        // Beside it a face that is left where the polygon is none.
+        // MeshContext it a face that is left where the polygon is none.
         obj.push_str("v 9 9 0\nv 10 9 0\nv 9 10 0\nf -1 -2 -3\nf");
         (1..=count).for_each(|k| write!(obj, " {k}").unwrap());
         let model = read(Obj, obj).unwrap();

@@ -19,7 +19,7 @@ type Key = (usize, usize);
 
 /// Fragments by view, those of the first views that are drawn. Which of them are kept changes no bit.
 #[derive(Default)]
-pub(super) struct Kept(Mutex<Inner>);
+pub(super) struct FragmentCache(Mutex<Inner>);
 
 #[derive(Default)]
 struct Inner {
@@ -27,12 +27,12 @@ struct Inner {
     views: HashMap<Key, StillFragments<f32>>,
 }
 
-impl Kept {
+impl FragmentCache {
     pub(super) fn get(&self, key: Key) -> Option<StillFragments<f32>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).views.get(&key).cloned()
     }
 
-    pub(super) fn keep(&self, key: Key, still: StillFragments<f32>) {
+    pub(super) fn insert(&self, key: Key, still: StillFragments<f32>) {
         let coverage = still.coverage();
         let bytes = PER_FRAGMENT * coverage.count()
             + PER_VERTEX * coverage.mesh().vertex_count()

@@ -9,7 +9,7 @@ const ROUNDINGS: f64 = 2.0;
 
 /// The surface of a mesh in numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Outline {
+pub struct MeshSummary {
     /// The least and the largest coordinates, in the mesh's own; `None` without vertices.
     pub extent: Option<[[f32; 3]; 2]>,
     /// Edges that one face has alone.
@@ -26,12 +26,12 @@ pub struct Outline {
     pub volume: Option<f64>,
 }
 
-impl Outline {
+impl MeshSummary {
     /// The surface of `geometry`.
     ///
     /// # Panics
     /// Where a face names a vertex that is not there.
-    pub fn of(geometry: &Geometry) -> Self {
+    pub fn new(geometry: &Geometry) -> Self {
         let Geometry { positions, faces, .. } = geometry;
         let place = |vertex: u32| DVec3::from(positions[vertex as usize].map(f64::from));
         let largest = positions.iter().flatten().fold(0.0_f32, |most, x| most.max(x.abs()));
@@ -100,34 +100,34 @@ mod tests {
     use super::*;
     use crate::shapes;
 
-    fn of(faces: &[[u32; 3]]) -> Outline {
-        Outline::of(&Geometry { faces: faces.to_vec(), ..shapes::cube(12) })
+    fn of_faces(faces: &[[u32; 3]]) -> MeshSummary {
+        MeshSummary::new(&Geometry { faces: faces.to_vec(), ..shapes::cube(12) })
     }
 
     #[test]
     fn a_cube_is_closed_and_has_its_volume() {
         let cube = shapes::cube(12);
-        let found = Outline::of(&cube);
+        let found = MeshSummary::new(&cube);
         assert!(found.is_closed());
         assert_eq!(found.extent, Some([[-1.0; 3], [1.0; 3]]));
         assert_eq!(found.volume, Some(8.0));
         let counts = [found.turned_edges, found.degenerate_faces, found.repeated_faces];
         assert_eq!(counts, [0; 3]);
         let turned: Vec<_> = cube.faces.iter().map(|&[a, b, c]| [a, c, b]).collect();
-        assert_eq!(of(&turned).volume, Some(-8.0));
+        assert_eq!(of_faces(&turned).volume, Some(-8.0));
     }
 
     #[test]
     fn what_is_wrong_with_a_surface_is_counted() {
         let cube = shapes::cube(12).faces;
-        let open = of(&cube[1..]);
+        let open = of_faces(&cube[1..]);
         assert_eq!((open.boundary_edges, open.is_closed(), open.volume), (3, false, None));
         let [a, b, c] = cube[0];
         let mut one_turned = cube.clone();
         one_turned[0] = [a, c, b];
-        let found = of(&one_turned);
+        let found = of_faces(&one_turned);
         assert_eq!((found.turned_edges, found.volume), (3, None));
-        let repeated = of(&[cube.as_slice(), &[[b, c, a]]].concat());
+        let repeated = of_faces(&[cube.as_slice(), &[[b, c, a]]].concat());
         assert_eq!((repeated.repeated_faces, repeated.crowded_edges), (1, 3));
     }
 
@@ -138,15 +138,16 @@ mod tests {
         for scale in [1e-12, 1.0, 1e12_f32] {
             let row = |x: f32, y: f32| [scale * x, scale * y, 0.0];
             mesh.positions = vec![row(0.0, 0.0), row(1.0, 1.0), row(0.3, 0.3)];
-            assert_eq!(Outline::of(&mesh).degenerate_faces, 1, "{scale}");
+            assert_eq!(MeshSummary::new(&mesh).degenerate_faces, 1, "{scale}");
             mesh.positions[2] = row(0.3, 0.30001);
-            assert_eq!(Outline::of(&mesh).degenerate_faces, 0, "{scale}");
+            assert_eq!(MeshSummary::new(&mesh).degenerate_faces, 0, "{scale}");
         }
     }
 
     #[test]
     fn nothing_has_no_extent() {
-        let found = Outline::of(&Geometry { positions: vec![], faces: vec![], ..shapes::cube(12) });
+        let found =
+            MeshSummary::new(&Geometry { positions: vec![], faces: vec![], ..shapes::cube(12) });
         assert_eq!((found.extent, found.volume), (None, None));
     }
 }

@@ -1,4 +1,4 @@
-//! Matt surfaces, without highlights and with those of Phong and of Blinn.
+//! Matte surfaces, without highlights and with those of Phong and of Blinn.
 //!
 //! # Forward
 //! With unit vectors n (normal), v (to the eye), l (to the light), and `h = (l + v) / |l + v|`:
@@ -10,7 +10,7 @@
 //!
 //! The factors of e hold the light that highlights reflect: seen along the normal, Phong's reflects the
 //! share `specular` exactly, Blinn's about it. All three obey reciprocity. Light from everywhere is
-//! reflected as by the matt surface alone.
+//! reflected as by the matte surface alone.
 //!
 //! # Backward
 //! By the chain rule; `d(x^e) = x^e (e / x dx + ln x de)`.
@@ -228,7 +228,7 @@ impl<H: Highlight> Model<7> for H {
         let (lobe, logarithm) = power(cosine, e);
         let times = T::from_f64(H::TIMES);
         let factor = (e + T::from_f64(H::SHIFT)) * times;
-        let (matt, glossy) = (nl * T::from_f64(FRAC_1_PI), nl * factor * lobe);
+        let (matte, glossy) = (nl * T::from_f64(FRAC_1_PI), nl * factor * lobe);
         let specular_bar = dot(specular, bar);
         let nl_bar =
             nl_moves * (T::from_f64(FRAC_1_PI) * dot(color, bar) + factor * lobe * specular_bar);
@@ -237,7 +237,7 @@ impl<H: Highlight> Model<7> for H {
         let cosine_bar = if is_lit { lobe_bar * (e * lobe / cosine) } else { T::ZERO };
         let e_bar = e_moves * (nl * times * lobe * specular_bar + lobe_bar * lobe * logarithm);
         let [by_n, by_v, by_l] = H::slopes(n, v, l, cosine);
-        let [r, g, b] = scaled(matt, bar);
+        let [r, g, b] = scaled(matte, bar);
         let [sr, sg, sb] = scaled(glossy, bar);
         let bars = Bars {
             normal: plus(scaled(nl_bar, l), cosine_bar, by_n),
@@ -245,7 +245,7 @@ impl<H: Highlight> Model<7> for H {
             light: plus(scaled(nl_bar, n), cosine_bar, by_l),
             material: [r, g, b, sr, sg, sb, e_bar],
         };
-        (plus(scaled(matt, color), glossy, specular), bars)
+        (plus(scaled(matte, color), glossy, specular), bars)
     }
 
     #[inline(always)]

@@ -12,7 +12,7 @@ use crate::picture::Picture;
 
 /// A mesh file's surroundings: other files, the images that were read, and notes.
 #[derive(Debug)]
-pub(super) struct Beside<'a> {
+pub(super) struct MeshContext<'a> {
     folder: &'a Folder,
     /// The mesh file, as it was given.
     path: PathBuf,
@@ -24,7 +24,7 @@ pub(super) struct Beside<'a> {
     pub(super) options: MeshOptions,
 }
 
-impl<'a> Beside<'a> {
+impl<'a> MeshContext<'a> {
     pub(super) fn new(folder: &'a Folder, path: &Path, options: MeshOptions) -> Self {
         let (images, numbers) = (Vec::new(), HashMap::new());
         Self { folder, path: path.to_owned(), images, numbers, notes: Notes::default(), options }
