@@ -113,6 +113,7 @@ fn assert_no_larger(figures: &[(String, usize)]) {
 
 /// Whoever builds the program and then the laboratory, or an example, compiles the engine once.
 #[test]
+#[ignore = "reads a plan that stable cargo does not promise"]
 fn no_choice_of_packages_compiles_a_crate_of_the_program_anew() {
     let program = plan(&["build", "--release"]);
     let names: BTreeSet<_> = program.iter().map(Unit::name).collect();
@@ -131,6 +132,7 @@ fn no_choice_of_packages_compiles_a_crate_of_the_program_anew() {
 }
 
 #[test]
+#[ignore = "reads a plan that stable cargo does not promise"]
 fn few_units_and_foreign_crates_are_compiled() {
     let mut figures = Vec::new();
     for command in ["build --release", "test --workspace"] {
