@@ -74,7 +74,7 @@ impl Picture {
     ///
     /// # Errors
     /// [`SceneError::Content`] for another format, for a file that is cut short or broken, and for
-    /// samples that are not finite; [`SceneError::TooLarge`] beyond [`MOST_SAMPLES`];
+    /// samples that are not finite; [`SceneError::TooLarge`] beyond [`MOST_SAMPLES`](super::MOST_SAMPLES);
     /// [`SceneError::Memory`] where that is less.
     pub fn decode(bytes: &[u8], place: &Place) -> Result<Self, SceneError> {
         Self::decode_within(bytes, &Memory::default(), place)
@@ -120,7 +120,7 @@ impl Picture {
     ///
     /// # Errors
     /// [`SceneError::Content`] for another format and for a broken header; [`SceneError::TooLarge`]
-    /// beyond [`MOST_SAMPLES`].
+    /// beyond [`MOST_SAMPLES`](super::MOST_SAMPLES).
     pub fn size_of(bytes: &[u8], place: &Place) -> Result<[usize; 2], SceneError> {
         size_of_start(bytes, bytes.len(), place)
     }
