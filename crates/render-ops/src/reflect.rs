@@ -9,7 +9,7 @@
 //! `m_bar = -2 ((d . m) y_bar + (y_bar . m) d)`, and from there to n as for any direction (`vector`).
 //!
 //! # By hand
-//! In `f32` it takes 0.72 of the instructions of a composition (normalized, multiplied, subtracted).
+//! In `f32` it takes 0.75 of the instructions of a composition (normalized, multiplied, subtracted).
 //!
 //! # Where it is not smooth
 //! Where a normal is zero: there is no surface, and the direction goes on.

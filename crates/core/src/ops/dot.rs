@@ -105,6 +105,11 @@ impl<T: Scalar> Op<T> for Dot {
                 for_each_line_mut(x_bar, full[last], [y], |row, x_bar, [y]| {
                     add(x_bar, y, z_bar[row]);
                 });
+            } else if y.len() == full[last] {
+                // One vector for all: no walk finds it.
+                for_each_line_mut(x_bar, full[last], [], |row, x_bar, []| {
+                    add(x_bar, y, z_bar[row]);
+                });
             } else {
                 let y = Vectors::new((y, y_shape), &full);
                 for_each_line_mut(x_bar, full[last], [], |row, x_bar, []| {
