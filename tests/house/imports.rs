@@ -14,6 +14,7 @@ fn root() -> PathBuf {
 /// The crates by name, with their folders.
 fn crates() -> BTreeMap<String, PathBuf> {
     let folders = fs::read_dir(root().join("crates")).unwrap().map(|entry| entry.unwrap().path());
+    let folders = folders.chain([root().join("lab")]);
     let named = folders.map(|folder| {
         let manifest = fs::read_to_string(folder.join("Cargo.toml")).unwrap();
         let name = manifest.lines().find_map(|line| line.strip_prefix("name = ")).unwrap();

@@ -72,7 +72,7 @@ fn every_file_that_a_document_names_exists() {
         let text = fs::read_to_string(&page).unwrap();
         let words = text.split(|c: char| c.is_whitespace() || "`()[],;:".contains(c));
         let is_path = |word: &&str| {
-            ["docs/", "examples/", "tests/", "crates/"]
+            ["docs/", "examples/", "tests/", "crates/", "lab/"]
                 .iter()
                 .any(|folder| word.starts_with(folder))
         };
@@ -87,7 +87,7 @@ fn every_file_that_a_document_names_exists() {
 
 /// The pages in Markdown: those of the project's folder, of `docs` and of the laboratory.
 fn pages(root: &Path) -> Vec<PathBuf> {
-    let folders = [root.to_owned(), root.join("docs"), root.join("crates/lab/docs")];
+    let folders = [root.to_owned(), root.join("docs"), root.join("lab/docs")];
     let entries = folders.iter().flat_map(|folder| fs::read_dir(folder).unwrap());
     let paths = entries.map(|entry| entry.unwrap().path());
     paths.filter(|path| path.extension().is_some_and(|ending| ending == "md")).collect()

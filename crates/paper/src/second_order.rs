@@ -42,7 +42,7 @@ use super::views::CubeViews;
 const FIRST_ORDER: f64 = 0.5;
 /// Poses per step: three see every vertex with near certainty, the fourth averages.
 const POSES: u64 = 4;
-/// How many updates of Adam take about as long as a step: crates/lab/docs/stiff.md compares whole fits.
+/// How many updates of Adam take about as long as a step: lab/docs/stiff.md compares whole fits.
 const UPDATES_PER_STEP: u64 = 150;
 /// Marquardt's first `lambda`, and its factors after a good step and after a bad one.
 const DAMPING: [f64; 3] = [1e-2, 0.1, 4.0];

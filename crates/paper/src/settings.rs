@@ -32,7 +32,7 @@ pub enum Preset {
     /// The first half of the run has the tuned rates. The other half has steps of
     /// Levenberg-Marquardt, in `f64` whatever the fit computes with. Each takes the place, and about
     /// the time, of 150 updates. Made for 32 px: at 16 px its steps can undo what the first half
-    /// learnt, see crates/lab/docs/stiff.md.
+    /// learnt, see lab/docs/stiff.md.
     SecondOrder,
 }
 

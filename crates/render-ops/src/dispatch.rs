@@ -2,7 +2,7 @@
 //!
 //! `pulp::Arch` takes the widest vectors that the processor has. Each width is one more copy of the work to
 //! compile. Where faces have few pixels, and where texels are looked up, the widest one is no faster:
-//! `crates/lab/docs/performance.md` has the figures. Numbers that are not the machine's own, such as dual
+//! `lab/docs/performance.md` has the figures. Numbers that are not the machine's own, such as dual
 //! ones, have no vectors to gain from: their work is compiled once.
 
 use bokashi_core::Scalar;

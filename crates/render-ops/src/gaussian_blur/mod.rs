@@ -17,7 +17,7 @@
 //! of the image decide which takes less time: `rational` from a sigma of 9 to 15 on.
 //!
 //! # Cost and error
-//! `crates/lab/docs/performance.md` has the times, `crates/lab/docs/benchmarks.md` times beside errors.
+//! `lab/docs/performance.md` has the times, `lab/docs/benchmarks.md` times beside errors.
 //!
 //! The share of the weight that a window misses is not the error of its slopes. Summed over taps,
 //! the slopes of a wide window are off by 3e-3 with a tolerance of 1e-4, and by some 5e-5 with
@@ -207,7 +207,7 @@ impl GaussianBlur {
 }
 
 /// How many taps on one side of a window take as long as the systems without a pole, and as long as
-/// each pole. Measured at the sigmas where both ways take the same time: `crates/lab/docs/performance.md`.
+/// each pole. Measured at the sigmas where both ways take the same time: `lab/docs/performance.md`.
 const TAPS_OF_SYSTEMS: f64 = 34.0;
 const TAPS_PER_POLE: f64 = 5.0;
 

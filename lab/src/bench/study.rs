@@ -44,7 +44,7 @@ impl Study {
         result.map_err(|error| self.failures.push(format!("{what}: {error}"))).ok()
     }
 
-    /// What goes to the terminal, and into crates/lab/docs/benchmarks-tables.md.
+    /// What goes to the terminal, and into lab/docs/benchmarks-tables.md.
     pub(crate) fn markdown(&self) -> String {
         let mut text = format!("### {}\n\n{}\n", self.title, wrapped(&self.note));
         for table in self.tables.iter().filter(|table| table.printed) {

@@ -11,7 +11,7 @@ use crate::bench::effort::Effort;
 use crate::bench::machine::Machine;
 use crate::bench::mesh_file::MeshFile;
 
-/// A measurement of someone else's code, as the package `crates/lab/peers` writes it.
+/// A measurement of someone else's code, as the package `lab/peers` writes it.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Peer {
@@ -35,7 +35,7 @@ pub struct Peer {
     pub error: Option<f64>,
 }
 
-/// Reads the measurements that the package `crates/lab/peers` wrote.
+/// Reads the measurements that the package `lab/peers` wrote.
 ///
 /// # Errors
 /// Where the file can't be read, or holds something else.

@@ -77,7 +77,7 @@ pub(crate) struct Learner<T: Scalar> {
 }
 
 /// The standard deviation of how far positions are off in x and in y, as a share of the image: 0.3
-/// pixels at 256 px, as in DEODR's figures (`crates/lab/peers`).
+/// pixels at 256 px, as in DEODR's figures (`lab/peers`).
 const SHIFT: f64 = 0.3 / 256.0;
 /// Colours are this far off.
 const TINT: f64 = 0.05;

@@ -39,9 +39,7 @@ fn studies(arguments: &BenchArguments, writing: &Writing) -> Result<(), Failure>
     for file in &arguments.peers {
         let said = |error: io::Error| {
             let file = file.display();
-            Failure::Use(format!(
-                "--peers needs a file that crates/lab/peers wrote: {file}: {error}"
-            ))
+            Failure::Use(format!("--peers needs a file that lab/peers wrote: {file}: {error}"))
         };
         peers.extend(read_peers(file).map_err(said)?);
     }

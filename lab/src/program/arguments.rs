@@ -89,7 +89,7 @@ pub(crate) struct BenchArguments {
     /// Do this study alone; may be given again
     #[arg(long, value_name = "STUDY", value_parser = PossibleValuesParser::new(STUDIES))]
     pub(crate) only: Vec<String>,
-    /// File of other people's times, as crates/lab/peers writes it, to set beside ours; may be given
+    /// File of other people's times, as lab/peers writes it, to set beside ours; may be given
     /// again
     #[arg(long, value_name = "FILE")]
     pub(crate) peers: Vec<PathBuf>,

@@ -244,8 +244,8 @@ fn bad_use_is_status_2_and_says_what_is_allowed() {
         ("stability --json .", "--json"),
         ("stability --threads 0", "from 1"),
         ("bench --out file", "--out"),
-        ("bench --peers no-such-file", "--peers needs a file that crates/lab/peers wrote"),
-        ("bench --peers file", "--peers needs a file that crates/lab/peers wrote"),
+        ("bench --peers no-such-file", "--peers needs a file that lab/peers wrote"),
+        ("bench --peers file", "--peers needs a file that lab/peers wrote"),
         ("bench elision --json .", "--json"),
         ("bench --peers file --json file", "--json needs another file than --peers"),
         (
