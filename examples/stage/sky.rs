@@ -46,11 +46,11 @@ impl StillLights {
     /// The light of `sky`, `[6, S, S, 3]`, and of a white lamp in this direction.
     ///
     /// # Errors
-    /// As [`Prefilter::new`] with 4 levels, and [`Environment::of_texels`].
+    /// As [`Prefilter::new`] with 4 levels, and [`Environment::from_texels`].
     pub fn new(sky: &Tensor<f32>, direction: DVec3) -> Result<Self, RenderError> {
         let (tape, prefilter) = (Tape::new(), Prefilter::new(sky.shape()[1], 4)?);
         let Environment { harmonics, reflections } =
-            Environment::of_texels(tape.constant(sky), &prefilter)?;
+            Environment::from_texels(tape.constant(sky), &prefilter)?;
         let reflections = reflections.levels().iter().map(|level| level.value()).collect();
         let direction = Tensor::from(direction.as_vec3().to_array());
         Ok(Self { harmonics: harmonics.value(), reflections, direction })
@@ -59,13 +59,13 @@ impl StillLights {
     /// The light on `tape`.
     ///
     /// # Errors
-    /// None: those of [`CubeMap::of_levels`].
+    /// None: those of [`CubeMap::from_levels`].
     pub fn on<'t>(
         &self,
         tape: &'t Tape<f32>,
     ) -> Result<(Environment<'t, f32>, Light<'t, f32>), RenderError> {
         let levels: Vec<_> = self.reflections.iter().map(|level| tape.constant(level)).collect();
-        let reflections = CubeMap::of_levels(&levels)?;
+        let reflections = CubeMap::from_levels(&levels)?;
         let harmonics = tape.constant(&self.harmonics);
         let (direction, irradiance) =
             (tape.constant(&self.direction), tape.constant_full([3], 1.0));

@@ -20,7 +20,7 @@ fn antialias_is_the_sum_of_the_blends_of_its_definition() {
                 let clip = tape.leaf(&clip);
                 let fragments = rasterize(clip, &mesh, size).unwrap();
                 let image = Tensor::from_flat_fn([size.height, size.width, 1], motley);
-                let out = Composite::of_image(tape.leaf(&image), &fragments).unwrap();
+                let out = Composite::from_image(tape.leaf(&image), &fragments).unwrap();
                 let out = antialias(out).unwrap().image().unwrap().value();
                 // Shares that add up to more than 1 are divided by their sum.
                 let mut moved = vec![[0.0; 2]; image.data().len()];

@@ -232,7 +232,7 @@ fn depth_of_field_gives_the_same_bits_on_any_number_of_threads() {
             let image = tape.leaf(&Tensor::from_flat_fn([37, 53, 3], number));
             let depth = tape.leaf(&Tensor::from_flat_fn([37, 53], |k| 0.5 + 4.0 * number(3 * k)));
             let (aperture, focus) = (tape.leaf_scalar(1.3), tape.leaf_scalar(2.0));
-            let (lens, distances) = (Lens { aperture, focus }, DepthImage::of_distances(depth));
+            let (lens, distances) = (Lens { aperture, focus }, DepthImage::from_distances(depth));
             let options = LensOptions::default();
             let out = depth_of_field(image, distances, lens, &options).unwrap().image;
             let gradients = out.square().sum().backward().unwrap();

@@ -40,11 +40,11 @@ impl Check {
     ) -> Self {
         let subject: Arc<dyn AnySubject> = Arc::new(subject);
         let case = move |inputs| Case { subject: Arc::clone(&subject), inputs };
-        Self::of_cases(name, inputs.prop_map(case))
+        Self::from_cases(name, inputs.prop_map(case))
     }
 
     /// A check of subjects that differ from case to case: other options, other meshes.
-    pub fn of_cases(
+    pub fn from_cases(
         name: impl Into<String>,
         strategy: impl Strategy<Value = Case> + 'static,
     ) -> Self {
@@ -182,15 +182,15 @@ impl Check {
     fn trial(&self, points: &mut Points) -> Result<Trial, Box<Failure>> {
         let law = Law::Defined;
         let case = points.next().map_err(|reason| {
-            self.failure(law, Broken::said(format!("no inputs: {reason}")), String::new())
+            self.failure(law, Broken::from_message(format!("no inputs: {reason}")), String::new())
         })?;
         let broken = match caught(|| Trial::new(case.clone(), None)) {
             Ok(Ok(trial)) => return Ok(trial),
             Ok(Err(Unfit::Broken(broken))) => broken,
             Ok(Err(Unfit::Refused(why))) => {
-                Broken::said(format!("it refuses inputs of its strategy: {why}"))
+                Broken::from_message(format!("it refuses inputs of its strategy: {why}"))
             }
-            Err(panic) => Broken::said(format!("it panicked: {panic}")),
+            Err(panic) => Broken::from_message(format!("it panicked: {panic}")),
         };
         Err(self.smallest(law, Found { case, upstream: Vec::new(), broken }))
     }
@@ -200,7 +200,7 @@ impl Check {
         let broken = match caught(|| laws::check(law, trial)) {
             Ok(Ok(tally)) => return Ok(tally),
             Ok(Err(broken)) => broken,
-            Err(panic) => Broken::said(format!("it panicked: {panic}")),
+            Err(panic) => Broken::from_message(format!("it panicked: {panic}")),
         };
         let (case, upstream) = (trial.case.clone(), trial.upstream.clone());
         Err(self.smallest(law, Found { case, upstream, broken }))
@@ -232,7 +232,7 @@ impl Check {
                      out",
                     100.0 * most
                 );
-                return Err(self.failure(law, Broken::said(what), String::new()));
+                return Err(self.failure(law, Broken::from_message(what), String::new()));
             }
         }
         Ok(())

@@ -90,7 +90,7 @@ pub struct Numbers {
 }
 
 impl Broken {
-    pub(crate) fn said(what: impl Into<String>) -> Self {
+    pub(crate) fn from_message(what: impl Into<String>) -> Self {
         Self { what: what.into(), numbers: None }
     }
 

@@ -36,7 +36,7 @@ impl Mutation {
         [Self::Sign, Self::Factor, Self::Dropped, Self::Overwrites, Self::Transposed];
 
     /// The wrong gradient, or `None` for none.
-    fn of<T: Scalar>(self, gradient: &[T], shape: &[usize]) -> Option<Vec<T>> {
+    fn apply<T: Scalar>(self, gradient: &[T], shape: &[usize]) -> Option<Vec<T>> {
         let percent = T::from_f64(1.01);
         match self {
             Self::Sign => Some(gradient.iter().map(|&entry| -entry).collect()),
@@ -85,7 +85,7 @@ impl<T: Scalar> Op<T> for WrongIdentity {
 
     fn backward(&self, kept: &Kept<'_, T>, (): &mut (), gradients: &mut Accumulators<'_, T>) {
         let Some(gradient) = gradients.get(0) else { return };
-        let wrong = self.0.of(kept.only_upstream(), kept.input_shape(0));
+        let wrong = self.0.apply(kept.only_upstream(), kept.input_shape(0));
         match (self.0, wrong) {
             (_, None) => {}
             (Mutation::Overwrites, Some(wrong)) => gradient.entries().copy_from_slice(&wrong),
@@ -197,7 +197,7 @@ pub(crate) fn kills(name: &str, trials: &[Trial], breaks_a_law: impl Fn(Case) ->
 fn is_wrong(mutation: Mutation, gradient: &Tensor<f64>) -> bool {
     // What it overwrites need not be 0.
     mutation == Mutation::Overwrites && gradient.size() > 0
-        || match mutation.of(gradient.data(), gradient.shape()) {
+        || match mutation.apply(gradient.data(), gradient.shape()) {
             None => gradient.data().iter().any(|&entry| entry != 0.0),
             Some(wrong) => wrong != gradient.data(),
         }

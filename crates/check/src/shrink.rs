@@ -34,7 +34,7 @@ fn breaks(
 }
 
 fn panicked(panic: &str) -> Broken {
-    Broken::said(format!("it panicked: {panic}"))
+    Broken::from_message(format!("it panicked: {panic}"))
 }
 
 /// A failure and what leads to it.

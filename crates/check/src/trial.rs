@@ -51,7 +51,7 @@ impl Trial {
         let nominal = run(&*case.subject, &point, &upstream).map_err(refused)?;
         let broken = |what: &str, k: usize| {
             let what = format!("{what}{k} is not finite");
-            Err(Unfit::Broken(Broken::said(what)))
+            Err(Unfit::Broken(Broken::from_message(what)))
         };
         if let Some(j) = nominal.outputs.iter().position(|y| !y.is_finite()) {
             return broken("out", j);
@@ -63,7 +63,7 @@ impl Trial {
                 }
                 Some(_) if !input.differentiable => {
                     let what = format!("in{i} is a constant and got a gradient");
-                    return Err(Unfit::Broken(Broken::said(what)));
+                    return Err(Unfit::Broken(Broken::from_message(what)));
                 }
                 _ => {}
             }
@@ -123,7 +123,10 @@ impl Tally {
     ) -> Result<(), Broken> {
         if got.shape() != expected.shape() {
             let (got, expected) = (got.shape(), expected.shape());
-            return Err(Broken::said(format!("{}: shape {got} instead of {expected}", what())));
+            return Err(Broken::from_message(format!(
+                "{}: shape {got} instead of {expected}",
+                what()
+            )));
         }
         self.compared += got.size() as u64;
         match crate::run::first_difference(got, expected) {

@@ -30,7 +30,7 @@ pub(crate) fn add_over_copies<T: Scalar, const N: usize>(
     if entry_count == 1 {
         let total = match *copies.axes() {
             [(_, steps)] => sum::<T>(copy_count, |copy| term(steps.map(|step| copy * step))),
-            _ => sum::<T>(copy_count, |copy| term(copies.at(copy))),
+            _ => sum::<T>(copy_count, |copy| term(copies.position(copy))),
         };
         sums[0] += T::narrow(total);
     } else if entry_count < copy_count {
@@ -43,7 +43,7 @@ pub(crate) fn add_over_copies<T: Scalar, const N: usize>(
                 sum_rows::<T>(copy_count, entry_count, term, put);
             }
             _ => {
-                let term = |copy, entry| term(both(entries.at(entry), copies.at(copy)));
+                let term = |copy, entry| term(both(entries.position(entry), copies.position(copy)));
                 sum_rows::<T>(copy_count, entry_count, term, put);
             }
         }
@@ -51,7 +51,7 @@ pub(crate) fn add_over_copies<T: Scalar, const N: usize>(
         let piece = (ENTRIES_PER_PIECE / copy_count).max(1);
         for_each_piece_mut(sums, piece, |k, sums| {
             for (entry, sum) in (k * piece..).zip(sums) {
-                let entry = entries.at(entry);
+                let entry = entries.position(entry);
                 let mut total = T::Wide::ZERO;
                 match *copies.axes() {
                     [(count, steps)] => {

@@ -68,7 +68,7 @@ impl<T: Scalar> Accumulator<T> {
                 self.buffer = pool.take(length);
                 self.state = State::Fresh;
             }
-            State::Lent => self.own(pool),
+            State::Lent => self.copy_lent(pool),
             State::Fresh | State::Sum => {}
         }
     }
@@ -86,7 +86,7 @@ impl<T: Scalar> Accumulator<T> {
 
     /// Copies what was lent.
     #[cold]
-    fn own(&mut self, pool: &mut Pool<T>) {
+    fn copy_lent(&mut self, pool: &mut Pool<T>) {
         let Some(lent) = self.lent.take() else { return };
         self.buffer = pool.take(lent.len());
         self.buffer.copy_from_slice(&lent);
@@ -125,7 +125,7 @@ impl<T: Scalar> Accumulator<T> {
 
     /// The sum's buffer, given up, if anything has been added.
     pub(crate) fn take(&mut self, pool: &mut Pool<T>) -> Option<Vec<T>> {
-        self.own(pool);
+        self.copy_lent(pool);
         self.take_own()
     }
 

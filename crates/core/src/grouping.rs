@@ -18,7 +18,7 @@ pub(crate) struct Grouping {
 
 impl Grouping {
     /// The places of each index below `count` in `list`, a list that was checked ([`check`]).
-    pub(crate) fn of(&mut self, list: &Arc<[u32]>, count: usize) -> Lists<'_> {
+    pub(crate) fn lists(&mut self, list: &Arc<[u32]>, count: usize) -> Lists<'_> {
         let is_same = |of: &Weak<[u32]>| std::ptr::eq(of.as_ptr(), Arc::as_ptr(list));
         if !(self.list.as_ref().is_some_and(is_same) && self.starts.len() == count + 1) {
             // Whatever ends this before it is done leaves no list behind.
@@ -84,10 +84,10 @@ mod tests {
     fn places_of_each_index_are_in_order() {
         let list: Arc<[u32]> = Arc::from([2, 0, 2, 5, 0, 2]);
         let mut grouping = Grouping::default();
-        let lists = grouping.of(&list, 7);
+        let lists = grouping.lists(&list, 7);
         assert_eq!(lists.starts, [0, 2, 2, 5, 5, 5, 6, 6]);
         assert_eq!(lists.rows, [1, 4, 0, 2, 5, 3]);
-        let lists = grouping.of(&Arc::from([]), 0);
+        let lists = grouping.lists(&Arc::from([]), 0);
         assert_eq!((lists.starts, lists.rows), (&[0][..], &[][..]));
     }
 
@@ -95,14 +95,14 @@ mod tests {
     fn a_list_is_grouped_once_and_another_one_anew() {
         let list: Arc<[u32]> = Arc::from([1, 0]);
         let mut grouping = Grouping::default();
-        let _ = grouping.of(&list, 2);
+        let _ = grouping.lists(&list, 2);
         grouping.places[0] = 77;
-        assert_eq!(grouping.of(&list, 2).rows, [77, 0]);
-        assert_eq!(grouping.of(&list, 3).rows, [1, 0]);
+        assert_eq!(grouping.lists(&list, 2).rows, [77, 0]);
+        assert_eq!(grouping.lists(&list, 3).rows, [1, 0]);
         // One that may lie where the first one was.
         drop(list);
         let other: Arc<[u32]> = Arc::from([0, 1]);
-        assert_eq!(grouping.of(&other, 3).rows, [0, 1]);
+        assert_eq!(grouping.lists(&other, 3).rows, [0, 1]);
         assert_eq!(Arc::strong_count(&other), 1);
     }
 }

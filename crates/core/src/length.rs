@@ -36,12 +36,12 @@ impl<W: Scalar> Length<W> {
         if (SMALLEST..=f64::MAX).contains(&squares.to_f64()) {
             return Self { size: squares.sqrt(), exponent: 0 };
         }
-        Self::of_extreme(squares, entries)
+        Self::from_extreme(squares, entries)
     }
 
     /// The same where `squares` is not to be trusted.
     #[cold]
-    fn of_extreme<E: Iterator<Item = W>>(squares: W, entries: impl Fn() -> E) -> Self {
+    fn from_extreme<E: Iterator<Item = W>>(squares: W, entries: impl Fn() -> E) -> Self {
         let as_is = |size| Self { size, exponent: 0 };
         let largest = entries().fold(0.0_f64, |a, x| a.maximum_or_nan(x.to_f64().abs()));
         if largest == 0.0 {

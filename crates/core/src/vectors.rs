@@ -77,7 +77,7 @@ impl<'a, T> Vectors<'a, T> {
     /// The vector at `row` of the full shape, of so many components.
     #[inline(always)]
     pub(crate) fn row(&self, row: usize, components: usize) -> &'a [T] {
-        let [start] = self.starts.at(row);
+        let [start] = self.starts.position(row);
         &self.entries[start..][..components]
     }
 }

@@ -162,7 +162,7 @@ impl<const N: usize> Walk<N> {
 
     /// The k-th position in each array.
     #[inline]
-    pub(crate) fn at(&self, k: usize) -> [usize; N] {
+    pub(crate) fn position(&self, k: usize) -> [usize; N] {
         match *self.axes {
             [] => [0; N],
             [(_, steps)] => steps.map(|step| k * step),
@@ -323,7 +323,7 @@ mod tests {
                 assert_eq!(walk.size(), seen.len());
                 walk.for_each(|[k, at]| {
                     assert_eq!(seen[k], at + 1000 * k, "{strides:?} {k}");
-                    assert_eq!(walk.at(k), [k, at], "{strides:?} {k}");
+                    assert_eq!(walk.position(k), [k, at], "{strides:?} {k}");
                 });
             }
         }

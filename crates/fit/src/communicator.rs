@@ -15,7 +15,7 @@ use std::sync::Arc;
 use bokashi_core::Scalar;
 
 use crate::error::FitError;
-use crate::given::{Given, differences, said};
+use crate::given::{Given, described, differences};
 use crate::mixing::mixed;
 use crate::parameter::Parameters;
 
@@ -196,7 +196,7 @@ pub fn check_alike<T>(ranks: &dyn Communicator<T>, own: &Given) -> Result<(), Fi
     let first = first.chunks_exact(2).map(|pair| (pair[0].clone(), pair[1].clone())).collect();
     let found = differences(own, &first);
     let message = found.first().map_or(Vec::new(), |found| {
-        joined(&[&found.name, said(found.own.as_ref()), said(found.other.as_ref())])
+        joined(&[&found.name, described(found.own.as_ref()), described(found.other.as_ref())])
     });
     let all = ranks.gather(&message);
     let Some(rank) = all.iter().position(|message| !message.is_empty()) else { return Ok(()) };

@@ -29,7 +29,7 @@ pub fn differences(own: &Given, other: &Given) -> Vec<Difference> {
 }
 
 /// What a fit has under a name, in words.
-pub fn said(value: Option<&String>) -> &str {
+pub fn described(value: Option<&String>) -> &str {
     value.map_or("nothing", |value| value)
 }
 
@@ -47,7 +47,7 @@ mod tests {
         let found = differences(&own, &given(&[("b", "2"), ("c", "4"), ("d", "5")]));
         let words: Vec<_> = found
             .iter()
-            .map(|own| (&*own.name, said(own.own.as_ref()), said(own.other.as_ref())))
+            .map(|own| (&*own.name, described(own.own.as_ref()), described(own.other.as_ref())))
             .collect();
         let expected = [("a", "1", "nothing"), ("c", "3", "4"), ("d", "nothing", "5")];
         assert_eq!(words, expected);

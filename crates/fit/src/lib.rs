@@ -77,7 +77,7 @@ pub use fit::{
     AfterStep, Answer, BeforeUpdate, Every, Fit, FitSettings, Fitting, Listener, Observer, Rules,
     StepState, Stepped, Steps, after_step, before_update, drive, every,
 };
-pub use given::{Difference, Given, differences, said};
+pub use given::{Difference, Given, described, differences};
 pub use history::{History, Step, Vanished};
 pub use in_memory::on_ranks;
 pub use losses::{

@@ -64,7 +64,7 @@ impl Lists {
         self.starts[list]..self.starts[list + 1]
     }
 
-    fn at(&self, list: usize) -> &[u32] {
+    fn list(&self, list: usize) -> &[u32] {
         &self.entries[self.range(list)]
     }
 }
@@ -148,7 +148,7 @@ impl Topology {
     /// # Panics
     /// Unless there is such a vertex.
     pub fn neighbors(&self, vertex: usize) -> &[u32] {
-        self.0.neighbors.at(vertex)
+        self.0.neighbors.list(vertex)
     }
 
     /// Pairs of faces that share an edge.
@@ -163,7 +163,7 @@ impl Topology {
 
     /// The corners at `vertex`: three times the face, plus the corner's place in it.
     pub(crate) fn corners(&self, vertex: usize) -> &[u32] {
-        self.0.corners.at(vertex)
+        self.0.corners.list(vertex)
     }
 
     pub(crate) fn pairs(&self) -> &[FacePair] {
@@ -172,7 +172,7 @@ impl Topology {
 
     /// Which pairs `face` belongs to.
     pub(crate) fn pairs_of(&self, face: usize) -> &[u32] {
-        self.0.pairs_of_faces.at(face)
+        self.0.pairs_of_faces.list(face)
     }
 
     /// The combinatorial Laplacian `D - A`, `[V, V]`: the number of neighbours on the diagonal, and -1

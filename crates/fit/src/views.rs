@@ -132,7 +132,7 @@ impl<T, F> Views<T, F> {
     }
 
     /// The loss of the k-th view of the step.
-    fn of_view<'p>(
+    fn view_loss<'p>(
         &self,
         k: usize,
         tape: &'p Tape<T>,
@@ -144,7 +144,7 @@ impl<T, F> Views<T, F> {
         F: for<'t> Fn(View, &'t Tape<T>, &Variables<'t, T>) -> Result<Var<'t, T>, FitError> + Sync,
     {
         let view = View { index: self.chosen[k], step: self.step };
-        let variables = Variables::of_leaves(names, inputs);
+        let variables = Variables::from_leaves(names, inputs);
         let loss = (self.loss)(view, tape, &variables).and_then(|loss| {
             // Here its operations are known.
             if loss.shape().size() == 1 && !loss.item().is_finite() {
@@ -229,7 +229,7 @@ where
         let (sum, sent) = match &this.ranks {
             None => {
                 let sum = tape.sum_over(count, &inputs, |k, tape, inputs| {
-                    this.of_view(k, tape, names, inputs)
+                    this.view_loss(k, tape, names, inputs)
                 });
                 (sum?, 0)
             }
@@ -243,7 +243,7 @@ where
                 let bounds: Vec<_> = (0..size).map(first).chain([count]).collect();
                 let own = bounds[ranks.rank()]..bounds[ranks.rank() + 1];
                 let own = tape.partial_sums(count, own, &inputs, |k, tape, inputs| {
-                    this.of_view(k, tape, names, inputs)
+                    this.view_loss(k, tape, names, inputs)
                 });
                 let shape = |x: &Var<'t, T>| x.needs_gradient().then(|| x.shape());
                 let shapes: Vec<_> = inputs.iter().map(shape).collect();

@@ -39,7 +39,7 @@ pub fn composite<'t, T: Scalar>(
     fragments: &Fragments<'t, T>,
     background: Background<'t, T>,
 ) -> Result<Composite<'t, T>, RenderError> {
-    Composite::of_values(values, fragments, background)
+    Composite::from_values(values, fragments, background)
 }
 
 impl<'t, T: Scalar> Composite<'t, T> {
@@ -47,7 +47,7 @@ impl<'t, T: Scalar> Composite<'t, T> {
     ///
     /// # Errors
     /// As [`composite`].
-    pub(crate) fn of_values(
+    pub(crate) fn from_values(
         values: Var<'t, T>,
         fragments: &Fragments<'t, T>,
         background: Background<'t, T>,
@@ -74,7 +74,10 @@ impl<'t, T: Scalar> Composite<'t, T> {
     /// [`RenderError::Shape`] unless the image is `[H, W, C]`, C > 0, of the fragments' size, and for
     /// fragments that are not whole; [`RenderError::ExactCoverage`] for fragments with exact coverage;
     /// `TensorError::ForeignVariable` for variables of several tapes.
-    pub fn of_image(image: Var<'t, T>, fragments: &Fragments<'t, T>) -> Result<Self, RenderError> {
+    pub fn from_image(
+        image: Var<'t, T>,
+        fragments: &Fragments<'t, T>,
+    ) -> Result<Self, RenderError> {
         let coverage = fragments.checked_coverage(NAME, image.tape())?;
         coverage.check_centers(NAME)?;
         let size = coverage.size();
@@ -86,7 +89,7 @@ impl<'t, T: Scalar> Composite<'t, T> {
         }
         let pixels: Arc<[u32]> = coverage.pixels().map(|pixel| pixel as u32).collect();
         let values = image.reshape([size.pixels(), channels])?.gather_rows(&pixels)?;
-        Self::of_values(values, fragments, Background::Image(image))
+        Self::from_values(values, fragments, Background::Image(image))
     }
 }
 
@@ -227,7 +230,7 @@ mod tests {
         let tape = Tape::<f64>::new();
         let (fragments, _) = surface(&tape);
         let image = tape.leaf(&Tensor::from_flat_fn([3, 5, 2], |k| (k as f64).sin()));
-        let picture = Composite::of_image(image, &fragments).unwrap();
+        let picture = Composite::from_image(image, &fragments).unwrap();
         assert_eq!(picture.values().shape()[0], fragments.coverage.count());
         let same = picture.image().unwrap();
         assert_eq!(same.value(), image.value());

@@ -19,7 +19,7 @@ pub(crate) fn add_by_vertex<T: Scalar, const N: usize>(
     for_each_piece_mut(entries, N * VERTICES_PER_PIECE, |piece, entries| {
         for (k, entries) in entries.as_chunks_mut::<N>().0.iter_mut().enumerate() {
             let vertex = piece * VERTICES_PER_PIECE + k;
-            let row = row(vertex, corners.at(vertex)).map(T::narrow);
+            let row = row(vertex, corners.around(vertex)).map(T::narrow);
             if fresh {
                 *entries = row;
             } else {

@@ -14,7 +14,7 @@ pub(crate) struct Corners {
 
 impl Corners {
     /// The corners of `faces` over `vertex_count` vertices.
-    pub(crate) fn of(faces: &[[u32; 3]], vertex_count: usize) -> Self {
+    pub(crate) fn new(faces: &[[u32; 3]], vertex_count: usize) -> Self {
         let mut starts = vec![0; vertex_count + 1];
         for &vertex in faces.as_flattened() {
             starts[vertex as usize + 1] += 1;
@@ -34,7 +34,7 @@ impl Corners {
 
     /// The corners at `vertex`, ascending.
     #[inline(always)]
-    pub(crate) fn at(&self, vertex: usize) -> &[usize] {
+    pub(crate) fn around(&self, vertex: usize) -> &[usize] {
         &self.corners[self.starts[vertex]..self.starts[vertex + 1]]
     }
 }
@@ -46,11 +46,11 @@ mod tests {
     #[test]
     fn every_corner_stands_at_its_vertex_once_and_in_order() {
         let faces = [[4, 0, 2], [2, 2, 0], [0, 4, 1]];
-        let corners = Corners::of(&faces, 6);
+        let corners = Corners::new(&faces, 6);
         let expected: [&[usize]; 6] = [&[1, 5, 6], &[8], &[2, 3, 4], &[], &[0, 7], &[]];
         for (vertex, expected) in expected.into_iter().enumerate() {
-            assert_eq!(corners.at(vertex), expected, "{vertex}");
+            assert_eq!(corners.around(vertex), expected, "{vertex}");
         }
-        assert_eq!(Corners::of(&[], 1).at(0), [0; 0]);
+        assert_eq!(Corners::new(&[], 1).around(0), [0; 0]);
     }
 }

@@ -75,7 +75,7 @@ fn marked<T: Scalar>(
         _ => return refused(format!("attributes of shape [{rows}, C], C > 0"), attributes),
     };
     if tolerance.is_nan() || tolerance <= 0.0 {
-        return Err(RenderError::of_value(NAME, "a positive tolerance of creases", tolerance));
+        return Err(RenderError::value(NAME, "a positive tolerance of creases", tolerance));
     }
     let range = range(attributes.data(), channels);
     if range == 0.0 {

@@ -6,14 +6,14 @@ use bokashi_core::{Scalar, Var};
 /// the scene. It is no image of [`depth`](crate::depth()), which is z / w.
 ///
 /// [`EyeDepth::image`](crate::EyeDepth::image) makes it of what was rasterized,
-/// [`DepthImage::of_distances`] of anything else.
+/// [`DepthImage::from_distances`] of anything else.
 #[derive(Debug, Clone, Copy)]
 pub struct DepthImage<'t, T: Scalar>(Var<'t, T>);
 
 impl<'t, T: Scalar> DepthImage<'t, T> {
     /// Of distances `[H, W]` that come from elsewhere: a sensor, or an orthographic camera, whose w is no
     /// distance. Who takes the image checks shape and numbers.
-    pub fn of_distances(distances: Var<'t, T>) -> Self {
+    pub fn from_distances(distances: Var<'t, T>) -> Self {
         Self(distances)
     }
 

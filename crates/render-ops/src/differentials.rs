@@ -88,9 +88,9 @@ type Weights<S> = ([S; 3], S);
 
 impl<S: Scalar<Wide = S>> Plane<S> {
     #[inline(always)]
-    fn of<T: Scalar<Wide = S>>(coverage: &Coverage, clip: &[T], runs: &Runs, slot: usize) -> Self {
+    fn new<T: Scalar<Wide = S>>(coverage: &Coverage, clip: &[T], runs: &Runs, slot: usize) -> Self {
         let indices = coverage.mesh.faces()[runs.face(slot)];
-        let face = LocalFace::of(clip, indices, runs.first_pixel_of(slot), coverage.size);
+        let face = LocalFace::at_pixel(clip, indices, runs.first_pixel_of(slot), coverage.size);
         let w = indices.map(|index| clip[4 * index as usize + 3].widen());
         let scale = S::ONE / face.determinant();
         let rows: [[S; 3]; 3] = std::array::from_fn(|i| {
@@ -181,7 +181,7 @@ impl<T: Scalar> Op<T> for Differentials {
             out,
             #[inline(always)]
             |runs, slot, fragments, own| {
-                let plane = Plane::of(coverage, clip, runs, slot);
+                let plane = Plane::new(coverage, clip, runs, slot);
                 let (out, uv) = (own.as_chunks_mut::<4>().0, &uv[fragments]);
                 let own = runs.fragments_of(slot..slot + 1);
                 plane.for_each(coverage.size, (runs, slot), own, uv, |k, (b, w)| {
@@ -214,7 +214,7 @@ impl<T: Scalar> Op<T> for Differentials {
                 entries,
                 #[inline(always)]
                 |runs, slot, fragments, own| {
-                    let plane = Plane::of(coverage, clip, runs, slot);
+                    let plane = Plane::new(coverage, clip, runs, slot);
                     let (own, uv) = (own.as_chunks_mut::<2>().0, &uv[fragments.clone()]);
                     let (bars, fragments) = (&bars[fragments], runs.fragments_of(slot..slot + 1));
                     plane.for_each(coverage.size, (runs, slot), fragments, uv, |k, (b, w)| {
@@ -250,7 +250,7 @@ impl<T: Scalar> FaceSums<T::Wide> for PullBack<'_, T> {
     #[inline(always)]
     fn sum(&self, slot: usize, fragments: Range<usize>, rows: &mut [T::Wide]) {
         let Self { coverage, runs, clip, .. } = *self;
-        let plane = Plane::of(coverage, clip, runs, slot);
+        let plane = Plane::new(coverage, clip, runs, slot);
         // Of `F_bar_jk`, and of `W_bar b_i`: times W at centres.
         let (mut slopes_bar, mut w_bars) = ([[T::Wide::ZERO; 2]; 3], [T::Wide::ZERO; 3]);
         let (uv, bars) = (&self.uv[fragments.clone()], &self.bars[fragments.clone()]);

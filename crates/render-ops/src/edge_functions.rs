@@ -80,13 +80,13 @@ impl<S: Scalar<Wide = S>> LocalFace<S> {
     }
 
     /// Of the vertices `indices` of `clip: [V, 4]`, around the centre of pixel `pixel`.
-    pub(crate) fn of<T: Scalar<Wide = S>>(
+    pub(crate) fn at_pixel<T: Scalar<Wide = S>>(
         clip: &[T],
         indices: [u32; 3],
         pixel: usize,
         size: Size,
     ) -> Self {
-        let (vertices, factors) = Vertex::of_face(clip, indices, size);
+        let (vertices, factors) = Vertex::from_face(clip, indices, size);
         Self::new(vertices, factors, pixel, size)
     }
 

@@ -254,7 +254,7 @@ pub enum RenderError {
 
 impl RenderError {
     /// A number that breaks an operation's rule.
-    pub(crate) fn of_value(
+    pub(crate) fn value(
         operation: &'static str,
         rule: impl Into<Cow<'static, str>>,
         value: f64,
@@ -263,11 +263,7 @@ impl RenderError {
     }
 
     /// A shape that breaks an operation's rule.
-    pub(crate) fn of_shape(
-        operation: &'static str,
-        rule: impl Into<String>,
-        shape: &Shape,
-    ) -> Self {
+    pub(crate) fn shape(operation: &'static str, rule: impl Into<String>, shape: &Shape) -> Self {
         Self::Shape { operation, rule: rule.into(), shape: shape.clone() }
     }
 }

@@ -33,7 +33,7 @@ const NAME: &str = "eye_depth";
 /// It is the w of clip space, which is the distance, in units of the scene, for the matrices of
 /// [`pinhole`](crate::pinhole()) and [`perspective`](crate::camera::perspective). An orthographic camera
 /// has w = 1 everywhere. There interpolate the z of the vertices in camera coordinates instead, and make
-/// a [`DepthImage::of_distances`].
+/// a [`DepthImage::from_distances`].
 ///
 /// # Errors
 /// [`RenderError::Shape`] for fragments that are not whole; `TensorError::ForeignVariable` for
@@ -76,13 +76,13 @@ impl<'t, T: Scalar> EyeDepth<'t, T> {
         };
         let is_finite = T::from_f64(far).is_finite() || fragments.weight.is_none();
         if far.is_nan() || T::from_f64(far) <= T::ZERO || !is_finite {
-            return Err(RenderError::of_value(NAME, rule, far));
+            return Err(RenderError::value(NAME, rule, far));
         }
         let far = self.values.tape().constant_full([1], T::from_f64(far));
         let rows = self.values.reshape([self.values.shape().size(), 1])?;
-        let picture = Composite::of_values(rows, fragments, Background::Color(far))?;
+        let picture = Composite::from_values(rows, fragments, Background::Color(far))?;
         let size = picture.size();
-        Ok(DepthImage::of_distances(picture.image()?.reshape([size.height, size.width])?))
+        Ok(DepthImage::from_distances(picture.image()?.reshape([size.height, size.width])?))
     }
 }
 

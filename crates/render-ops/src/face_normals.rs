@@ -75,7 +75,7 @@ impl<T: Scalar> Op<T> for FaceNormals {
         for_each_piece_mut(normals, FACES_PER_PIECE, |piece, normals| {
             let faces = &faces[piece * FACES_PER_PIECE..];
             for (normal, &face) in normals.iter_mut().zip(faces) {
-                let facet = Facet::of(positions, face);
+                let facet = Facet::new(positions, face);
                 *normal = facet.map_or([T::ZERO; 3], |facet| facet.normal.map(T::narrow));
             }
         });
@@ -100,7 +100,7 @@ impl<T: Scalar> Op<T> for FaceNormals {
             let first = piece * FACES_PER_PIECE;
             for (k, bars) in corner_bars.iter_mut().enumerate() {
                 let normal_bar = normals_bar[first + k].map(T::widen);
-                *bars = match Facet::of(positions, faces[first + k]) {
+                *bars = match Facet::new(positions, faces[first + k]) {
                     None => [[T::Wide::ZERO; 3]; 3],
                     Some(facet) => {
                         let c_bar = scaled(facet.factor, facet.pull_back_normal(normal_bar));

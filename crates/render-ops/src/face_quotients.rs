@@ -72,7 +72,7 @@ fn face_of<T: Scalar, Q: Quotient>(
 ) -> (LocalFace<T::Wide>, [[T::Wide; 2]; 3]) {
     let runs = &coverage.centers;
     let indices = coverage.mesh.faces()[runs.face(slot)];
-    let face = LocalFace::of(clip, indices, runs.first_pixel_of(slot), coverage.size);
+    let face = LocalFace::at_pixel(clip, indices, runs.first_pixel_of(slot), coverage.size);
     let terms = std::array::from_fn(|i| Q::terms(&face.vertices[i], face.factors[i]));
     (face, terms)
 }
@@ -104,14 +104,14 @@ impl<T: Scalar, Q: Quotient> Op<T> for OfFragments<Q> {
         let (values, pieces) = values.split_at_mut(coverage.centers());
         if inputs.len() == 2 {
             for (run, piece) in coverage.pieces.runs.iter().zip(pieces) {
-                let Mean { quotient, .. } = Mean::of::<T, Q>(coverage, clip, inputs.data(1), run);
+                let Mean { quotient, .. } = Mean::new::<T, Q>(coverage, clip, inputs.data(1), run);
                 *piece = T::narrow(Q::within_range(quotient));
             }
         }
         coverage.centers.for_each_band_mut(1, values, |slots, first, values| {
             for slot in slots {
                 let (face, terms) = face_of::<T, Q>(coverage, clip, slot);
-                for run in coverage.centers.of(slot) {
+                for run in coverage.centers.in_slot(slot) {
                     let [mut x, y] = face.place(run.pixel as usize, coverage.size);
                     let row = face.row(y);
                     let own = run.fragments().start - first..run.fragments().end - first;
@@ -137,7 +137,7 @@ impl<T: Scalar, Q: Quotient> Op<T> for OfFragments<Q> {
         let pieces = |barycentrics| {
             let mean = move |run: &Run| {
                 let at = coverage.centers() + run.fragment as usize;
-                (Mean::of::<T, Q>(coverage, clip, barycentrics, run), bars[at].widen(), at)
+                (Mean::new::<T, Q>(coverage, clip, barycentrics, run), bars[at].widen(), at)
             };
             coverage.pieces.runs.iter().map(mean)
         };
@@ -185,7 +185,7 @@ struct Mean<S> {
 }
 
 impl<S: Scalar<Wide = S>> Mean<S> {
-    fn of<T: Scalar<Wide = S>, Q: Quotient>(
+    fn new<T: Scalar<Wide = S>, Q: Quotient>(
         coverage: &Coverage,
         clip: &[T],
         barycentrics: &[T],

@@ -50,7 +50,7 @@ pub(crate) struct Facet<S> {
 impl<S: Scalar<Wide = S>> Facet<S> {
     /// The face with these corners in the rows of `positions: [V, 3]`; `None` where it is degenerate.
     #[inline(always)]
-    pub(crate) fn of<T: Scalar<Wide = S>>(positions: &[T], face: [u32; 3]) -> Option<Self> {
+    pub(crate) fn new<T: Scalar<Wide = S>>(positions: &[T], face: [u32; 3]) -> Option<Self> {
         let rows = positions.as_chunks::<3>().0;
         let corners = face.map(|vertex| rows[vertex as usize].map(T::widen));
         let (edges, factor) = edges(corners);
@@ -134,7 +134,7 @@ mod tests {
     const FACE: [f64; 9] = [0.3, -0.2, 0.9, 1.4, 0.1, -0.6, -0.5, 0.8, 0.2];
 
     fn facet(positions: &[f64]) -> Option<Facet<f64>> {
-        Facet::of(positions, [0, 1, 2])
+        Facet::new(positions, [0, 1, 2])
     }
 
     #[test]
@@ -170,7 +170,7 @@ mod tests {
 
     #[test]
     fn turned_corners_give_the_same_normal_and_swapped_ones_its_opposite() {
-        let normal = |face| Facet::of(&FACE, face).unwrap().normal;
+        let normal = |face| Facet::new(&FACE, face).unwrap().normal;
         assert_eq!(normal([1, 2, 0]), normal([0, 1, 2]));
         assert_eq!(normal([2, 0, 1]), normal([0, 1, 2]));
         assert_eq!(normal([0, 2, 1]), normal([0, 1, 2]).map(|entry: f64| -entry));
@@ -188,7 +188,7 @@ mod tests {
                 assert!(facet(&corners.map(|x| size * x)).is_none(), "{size} {corners:?}");
             }
         }
-        assert!(Facet::of(&FACE, [0, 1, 1]).is_none());
+        assert!(Facet::new(&FACE, [0, 1, 1]).is_none());
     }
 
     #[test]

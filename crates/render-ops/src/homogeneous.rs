@@ -29,7 +29,7 @@ impl<S: Scalar<Wide = S>> Vertex<S> {
     /// so it changes no edge's sign, no crossing and no depth. Weights are per vertex, and take the
     /// factor back (see [`missing_factors`]).
     #[inline(always)]
-    pub(crate) fn of<T: Scalar<Wide = S>>(clip: &[T], index: u32, size: Size) -> (Self, S) {
+    pub(crate) fn from_clip<T: Scalar<Wide = S>>(clip: &[T], index: u32, size: Size) -> (Self, S) {
         let [x, y, z, w] = clip.as_chunks::<4>().0[index as usize].map(T::widen);
         let [width, height] = size.extents::<S>();
         let [a, b, c] = [x, y, w].map(|coordinate| coordinate.abs().to_f64());
@@ -52,12 +52,12 @@ impl<S: Scalar<Wide = S>> Vertex<S> {
     }
 
     /// The vertices of a face, and their factors.
-    pub(crate) fn of_face<T: Scalar<Wide = S>>(
+    pub(crate) fn from_face<T: Scalar<Wide = S>>(
         clip: &[T],
         face: [u32; 3],
         size: Size,
     ) -> ([Self; 3], [S; 3]) {
-        let pairs = face.map(|index| Self::of(clip, index, size));
+        let pairs = face.map(|index| Self::from_clip(clip, index, size));
         (pairs.map(|(vertex, _)| vertex), pairs.map(|(_, factor)| factor))
     }
 

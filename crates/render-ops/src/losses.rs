@@ -76,7 +76,7 @@ impl<T: Scalar> PixelLoss<T> {
     pub fn evaluate<'t>(&self, image: Var<'t, T>) -> Result<Var<'t, T>, RenderError> {
         let &[height, width, channels] = &*image.shape() else {
             let rule = "an image of shape [H, W, C]";
-            return Err(RenderError::of_shape("pixel_loss", rule, &image.shape()));
+            return Err(RenderError::shape("pixel_loss", rule, &image.shape()));
         };
         self.check(Size { width, height }, channels)?;
         let reference = image.tape().constant(self.reference());

@@ -8,7 +8,7 @@ use crate::error::RenderError;
 pub(crate) type Matrix4<S> = [[S; 4]; 4];
 
 /// The matrix of 16 entries, row-major, with more digits.
-pub(crate) fn of_entries<T: Scalar>(entries: &[T]) -> Matrix4<T::Wide> {
+pub(crate) fn from_entries<T: Scalar>(entries: &[T]) -> Matrix4<T::Wide> {
     std::array::from_fn(|row| std::array::from_fn(|k| entries[4 * row + k].widen()))
 }
 
@@ -69,7 +69,7 @@ pub(crate) fn check_affine<T: Scalar>(
         None => Ok(()),
         Some((entry, _)) => {
             let rule = "a matrix with the last row (0, 0, 0, 1)";
-            Err(RenderError::of_value(operation, rule, entry.to_f64()))
+            Err(RenderError::value(operation, rule, entry.to_f64()))
         }
     }
 }

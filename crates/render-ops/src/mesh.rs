@@ -45,10 +45,10 @@ impl Mesh {
                 return Err(RenderError::FaceIndex { face, index, vertex_count });
             }
         }
-        Ok(Self::of(faces, vertex_count, Arc::default()))
+        Ok(Self::from_checked(faces, vertex_count, Arc::default()))
     }
 
-    fn of(faces: Vec<[u32; 3]>, vertex_count: usize, seams: Arc<[u8]>) -> Self {
+    fn from_checked(faces: Vec<[u32; 3]>, vertex_count: usize, seams: Arc<[u8]>) -> Self {
         let (adjacency, corners) = (OnceLock::new(), OnceLock::new());
         Self { topology: Arc::new(Topology { faces, vertex_count, adjacency, corners }), seams }
     }
@@ -77,7 +77,7 @@ impl Mesh {
             (0..mesh.faces().len()).map(|face| mesh.seams.get(face).copied().unwrap_or_default())
         };
         let seams = if has_seams { parts.flat_map(seams_of).collect() } else { Arc::default() };
-        Ok(Self::of(faces.collect(), vertex_count, seams))
+        Ok(Self::from_checked(faces.collect(), vertex_count, seams))
     }
 
     /// The same mesh with seams. `is_seam(face, corner)` says whether the edge that faces a corner
@@ -153,14 +153,14 @@ impl Mesh {
 
     /// Which faces share an edge.
     pub fn adjacency(&self) -> &Adjacency {
-        self.topology.adjacency.get_or_init(|| Adjacency::of(&self.topology.faces))
+        self.topology.adjacency.get_or_init(|| Adjacency::new(&self.topology.faces))
     }
 
     /// Which corners stand at each vertex.
     pub(crate) fn corners(&self) -> &Corners {
         self.topology
             .corners
-            .get_or_init(|| Corners::of(&self.topology.faces, self.topology.vertex_count))
+            .get_or_init(|| Corners::new(&self.topology.faces, self.topology.vertex_count))
     }
 }
 
@@ -208,7 +208,7 @@ impl Neighbor {
 const NO_VERTEX: u32 = u32::MAX;
 
 impl Adjacency {
-    fn of(faces: &[[u32; 3]]) -> Self {
+    fn new(faces: &[[u32; 3]]) -> Self {
         // Each face's edges as (smaller vertex, larger vertex, face, facing corner), sorted: equal
         // edges end up side by side, in an order that depends on nothing but the faces.
         let mut edges: Vec<([u32; 2], u32, u8)> = Vec::with_capacity(3 * faces.len());

@@ -92,8 +92,8 @@ type Bars<S> = [Vector3<S>; 3];
 impl<S: Scalar<Wide = S>> Frame<S> {
     /// `None` where the normal is zero.
     #[inline(always)]
-    fn of<T: Scalar<Wide = S>>((normal, tangent, value): Row<'_, T>) -> Option<Self> {
-        let normal = Direction::of(normal.map(T::widen))?;
+    fn new<T: Scalar<Wide = S>>((normal, tangent, value): Row<'_, T>) -> Option<Self> {
+        let normal = Direction::new(normal.map(T::widen))?;
         let m = normal.unit;
         let [x, y, z, w] = tangent.map(T::widen);
         let factor = power_of_two_to_1(largest([x, y, z]));
@@ -107,7 +107,7 @@ impl<S: Scalar<Wide = S>> Frame<S> {
             let value_factor = power_of_two_to_1(largest(value));
             let value = scaled(value_factor, value);
             let in_plane = sum(scaled(value[0], d), scaled(value[1], bitangent));
-            let perturbed = Direction::of(sum(in_plane, scaled(value[2], m)));
+            let perturbed = Direction::new(sum(in_plane, scaled(value[2], m)));
             Tangent { t, factor, direction, bitangent, sign, value, value_factor, perturbed }
         });
         Some(Self { normal, tangent })
@@ -183,7 +183,7 @@ impl<T: Scalar> Op<T> for PerturbedNormals {
         let out = outputs.push(shape).as_chunks_mut::<3>().0;
         for_each_piece_mut(out, ROWS_PER_PIECE, |piece, out| {
             for (k, out) in out.iter_mut().enumerate() {
-                let frame = Frame::of(rows(piece * ROWS_PER_PIECE + k));
+                let frame = Frame::new(rows(piece * ROWS_PER_PIECE + k));
                 let result = frame.and_then(|frame| frame.result());
                 *out = result.map_or([T::ZERO; 3], |result| result.map(T::narrow));
             }
@@ -208,7 +208,7 @@ impl<T: Scalar> Op<T> for PerturbedNormals {
             let first = piece * ROWS_PER_PIECE;
             for (k, bars) in bars.iter_mut().enumerate() {
                 let result_bar = result_bars[first + k].map(T::widen);
-                let all = Frame::of(rows(first + k)).and_then(|frame| frame.pull_back(result_bar));
+                let all = Frame::new(rows(first + k)).and_then(|frame| frame.pull_back(result_bar));
                 *bars = all.map_or([[T::ZERO; 3]; 3], |all| all.map(|bar| bar.map(T::narrow)));
             }
         });
@@ -318,7 +318,7 @@ mod tests {
     fn without_a_tangent_the_normal_stays_and_its_gradient_is_that_of_its_direction() {
         for t in [[0.0, 0.0, 0.0, 1.0], [0.6, -0.4, 1.8, 1.0], [-0.1, 0.2 / 3.0, -0.3, -1.0]] {
             let [out, n_bar, t_bar, v_bar] = run::<f64>([&NORMALS[..3], &t, &VALUES[..3]]);
-            let direction = Direction::of([NORMALS[0], NORMALS[1], NORMALS[2]]).unwrap();
+            let direction = Direction::new([NORMALS[0], NORMALS[1], NORMALS[2]]).unwrap();
             assert_eq!(out, direction.unit);
             assert_eq!(n_bar, direction.pull_back([0, 1, 2].map(number)));
             assert!(t_bar.iter().chain(&v_bar).all(|&bar| bar == 0.0));

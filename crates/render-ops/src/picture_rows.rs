@@ -61,7 +61,7 @@ impl PictureRows<'_> {
         let bands = rows.start / per_band..rows.end.div_ceil(per_band).min(runs.bands());
         let work = |slots: Range<usize>, _: usize, own: &mut [T]| {
             let mut rest = own;
-            for run in runs.of_slots(slots) {
+            for run in runs.in_slots(slots) {
                 let (own, others) = rest.split_at_mut(run.length as usize * channels);
                 let upstream = &image_bar[(run.pixel as usize - pixels.start) * channels..];
                 own.iter_mut().zip(upstream).for_each(|(own, &bar)| *own += bar);

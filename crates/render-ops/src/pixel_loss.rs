@@ -75,7 +75,7 @@ impl<T: Scalar> PixelLoss<T> {
         let channels = checked_channels(NAME, reference)?;
         if **background.shape() != [channels] {
             let rule = format!("a background of shape [{channels}]");
-            return Err(RenderError::of_shape(NAME, rule, background.shape()));
+            return Err(RenderError::shape(NAME, rule, background.shape()));
         }
         Self::with_rule(Rule::Squared, reference.clone(), background.clone(), None)
     }
@@ -103,7 +103,7 @@ impl<T: Scalar> PixelLoss<T> {
         checked_channels(NAME, reference)?;
         if background.shape().len() != 1 {
             let rule = "a background of shape [C]";
-            return Err(RenderError::of_shape(NAME, rule, background.shape()));
+            return Err(RenderError::shape(NAME, rule, background.shape()));
         }
         let rule = Rule::Function(Arc::new(function));
         Self::with_rule(rule, reference.clone(), background.clone(), None)
@@ -119,7 +119,7 @@ impl<T: Scalar> PixelLoss<T> {
         let [height, width] = [reference.shape()[0], reference.shape()[1]];
         if **mask.shape() != [height, width] {
             let rule = format!("a mask of shape [{height}, {width}]");
-            return Err(RenderError::of_shape(NAME, rule, mask.shape()));
+            return Err(RenderError::shape(NAME, rule, mask.shape()));
         }
         let mask = before.as_ref().map_or_else(|| Ok(mask.clone()), |before| before.and(mask))?;
         let channels = reference.shape()[2];
@@ -178,11 +178,11 @@ impl<T: Scalar> PixelLoss<T> {
         let Inner { reference, background, .. } = &*self.0;
         if reference.shape()[..2] != [height, width] {
             let rule = format!("a reference image of shape [{height}, {width}, R]");
-            return Err(RenderError::of_shape(NAME, rule, reference.shape()));
+            return Err(RenderError::shape(NAME, rule, reference.shape()));
         }
         if background.size() != channels {
             let rule = format!("a background of shape [{channels}]");
-            return Err(RenderError::of_shape(NAME, rule, background.shape()));
+            return Err(RenderError::shape(NAME, rule, background.shape()));
         }
         Ok(())
     }
@@ -250,7 +250,7 @@ pub(crate) fn checked_width<T: Scalar>(
         [given, width] if given == rows => Ok(width),
         _ => {
             let rule = format!("a function that returns {rows} rows for as many pixels");
-            Err(RenderError::of_shape(NAME, rule, &losses.shape()))
+            Err(RenderError::shape(NAME, rule, &losses.shape()))
         }
     }
 }

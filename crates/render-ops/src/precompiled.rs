@@ -121,7 +121,7 @@ fn every_operation<T: Scalar>(x: Var<'_, T>) -> Result<(), RenderError> {
         Material::Phong { color, specular, exponent },
         Material::BlinnPhong { color, specular, exponent },
     ];
-    let environment = Environment::of_texels(x, &Prefilter::new(1, 1)?)?;
+    let environment = Environment::from_texels(x, &Prefilter::new(1, 1)?)?;
     for material in materials {
         let light = shade(&surface, &material, &[Light::Ambient { radiance: x }])?;
         let light = light + environment.shade(&surface, &material)?;

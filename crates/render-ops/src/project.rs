@@ -135,7 +135,7 @@ impl<T: Scalar> Op<T> for Project<T::Wide> {
                     return Err(refused(CAMERA_RULE, inputs, at));
                 }
                 matrix::check_finite(inputs.data(at))?;
-                matrix::of_entries(inputs.data(at))
+                matrix::from_entries(inputs.data(at))
             }
         };
         let rotation =
@@ -187,7 +187,7 @@ impl<T: Scalar> Op<T> for Project<T::Wide> {
         let clip_bar = kept.only_upstream();
         let camera = || match (self.fixed, self.camera_input()) {
             (Some(fixed), _) => fixed,
-            (None, at) => matrix::of_entries(kept.input(at.expect("an input"))),
+            (None, at) => matrix::from_entries(kept.input(at.expect("an input"))),
         };
         let rotation = || self.is_posed.then(|| rotation::matrix(widened(kept.input(1))));
         if let Some(positions_bar) = gradients.get(0) {
@@ -261,7 +261,7 @@ fn add_translation_bar<T: Scalar>(
 }
 
 fn refused<T: Scalar>(rule: &'static str, inputs: &Inputs<'_, T>, at: usize) -> RenderError {
-    RenderError::of_shape("project", rule, inputs.shape(at))
+    RenderError::shape("project", rule, inputs.shape(at))
 }
 
 #[cfg(test)]

@@ -118,26 +118,26 @@ impl<T: Scalar> Op<T> for ProjectInstances<T::Wide> {
     ) -> Result<(), RenderError> {
         let &[vertices, 3] = &**inputs.shape(0) else {
             let rule = "positions of shape [V, 3]";
-            return Err(RenderError::of_shape(NAME, rule, inputs.shape(0)));
+            return Err(RenderError::shape(NAME, rule, inputs.shape(0)));
         };
         let &[instances, 4, 4] = &**inputs.shape(1) else {
             let rule = "matrices of shape [I, 4, 4]";
-            return Err(RenderError::of_shape(NAME, rule, inputs.shape(1)));
+            return Err(RenderError::shape(NAME, rule, inputs.shape(1)));
         };
         let camera = match self.fixed {
             Some(fixed) => fixed,
             None if **inputs.shape(2) != [4, 4] => {
-                return Err(RenderError::of_shape(NAME, CAMERA_RULE, inputs.shape(2)));
+                return Err(RenderError::shape(NAME, CAMERA_RULE, inputs.shape(2)));
             }
             None => {
                 matrix::check_finite(inputs.data(2))?;
-                matrix::of_entries(inputs.data(2))
+                matrix::from_entries(inputs.data(2))
             }
         };
         let (positions, matrices) = (inputs.data(0), inputs.data(1));
         if let Some(at) = matrices.iter().position(|entry| !entry.is_finite()) {
             let rule = format!("finite entries of matrix {}", at / 16);
-            return Err(RenderError::of_value(NAME, rule, matrices[at].to_f64()));
+            return Err(RenderError::value(NAME, rule, matrices[at].to_f64()));
         }
         let rows = instances.saturating_mul(vertices);
         if rows >= 1 << 31 {
@@ -146,7 +146,7 @@ impl<T: Scalar> Op<T> for ProjectInstances<T::Wide> {
 
         let Saved { products, .. } = saved;
         products.clear();
-        let models = matrices.chunks_exact(16).map(matrix::of_entries);
+        let models = matrices.chunks_exact(16).map(matrix::from_entries);
         products.extend(models.map(|model| matrix::product(&camera, &model)));
         let (products, points) = (&products[..], positions.as_chunks::<3>().0);
         let clip = outputs.try_push(NAME, [rows, 4])?;
@@ -234,7 +234,7 @@ impl<T: Scalar> Op<T> for ProjectInstances<T::Wide> {
         }
         let of_instances = moments.iter().step_by(pieces.max(1));
         if let Some(matrices_bar) = gradients.get(1) {
-            let camera = self.fixed.unwrap_or_else(|| matrix::of_entries(kept.input(2)));
+            let camera = self.fixed.unwrap_or_else(|| matrix::from_entries(kept.input(2)));
             let entries = matrices_bar.entries().chunks_exact_mut(16);
             for (moments, entries) in of_instances.clone().zip(entries) {
                 let bar = matrix::transposed_product(&camera, moments);
@@ -244,7 +244,7 @@ impl<T: Scalar> Op<T> for ProjectInstances<T::Wide> {
         }
         if needs_camera && let Some(camera_bar) = gradients.get(2) {
             let mut total = [[T::Wide::ZERO; 4]; 4];
-            let models = kept.input(1).chunks_exact(16).map(matrix::of_entries);
+            let models = kept.input(1).chunks_exact(16).map(matrix::from_entries);
             for (moments, model) in of_instances.zip(models) {
                 let term = matrix::product_transposed(moments, &model);
                 let terms = term.iter().flatten();

@@ -68,11 +68,11 @@ impl<T: Scalar> Op<T> for Reflect {
     ) -> Result<(), RenderError> {
         let shape = inputs.shape(0);
         if shape.last() != Some(&3) {
-            return Err(RenderError::of_shape(NAME, "directions of shape [.., 3]", shape));
+            return Err(RenderError::shape(NAME, "directions of shape [.., 3]", shape));
         }
         if inputs.shape(1) != shape {
             let rule = format!("normals of shape {shape}, one for each direction");
-            return Err(RenderError::of_shape(NAME, rule, inputs.shape(1)));
+            return Err(RenderError::shape(NAME, rule, inputs.shape(1)));
         }
         let (directions, _) = inputs.data(0).as_chunks::<3>();
         let (normals, _) = inputs.data(1).as_chunks::<3>();
@@ -80,7 +80,7 @@ impl<T: Scalar> Op<T> for Reflect {
             let first = piece * ROWS_PER_PIECE;
             let rows = directions[first..].iter().zip(&normals[first..]);
             for (out, (d, n)) in out.as_chunks_mut().0.iter_mut().zip(rows) {
-                *out = match Direction::of(n.map(T::widen)) {
+                *out = match Direction::new(n.map(T::widen)) {
                     None => *d,
                     Some(normal) => mirrored(d.map(T::widen), normal.unit).map(T::narrow),
                 };
@@ -103,7 +103,7 @@ impl<T: Scalar> Op<T> for Reflect {
                 let rows = bars[first..].iter().zip(&normals[first..]);
                 for (entry, (bar, n)) in entries.as_chunks_mut().0.iter_mut().zip(rows) {
                     let bar = bar.map(T::widen);
-                    let own = Direction::of(n.map(T::widen))
+                    let own = Direction::new(n.map(T::widen))
                         .map_or(bar, |normal| mirrored(bar, normal.unit));
                     *entry = sum(*entry, own.map(T::narrow));
                 }
@@ -115,7 +115,7 @@ impl<T: Scalar> Op<T> for Reflect {
                 let first = piece * ROWS_PER_PIECE;
                 let rows = bars[first..].iter().zip(&directions[first..]).zip(&normals[first..]);
                 for (entry, ((bar, d), n)) in entries.as_chunks_mut().0.iter_mut().zip(rows) {
-                    let Some(normal) = Direction::of(n.map(T::widen)) else { continue };
+                    let Some(normal) = Direction::new(n.map(T::widen)) else { continue };
                     let (bar, d, m) = (bar.map(T::widen), d.map(T::widen), normal.unit);
                     let half = plus(scaled(dot(d, m), bar), dot(bar, m), d);
                     let own = normal.pull_back(half).map(|bar| T::narrow(bar + bar));
@@ -146,7 +146,7 @@ mod tests {
         let found = reflect(rows(&tape, &DIRECTIONS), rows(&tape, &NORMALS)).unwrap();
         assert_eq!(found.value().data()[..3], [1.0, 2.0, 3.0]);
         for ((d, n), y) in DIRECTIONS.iter().zip(&NORMALS).zip(found.value().data().chunks(3)) {
-            let (y, m) = ([y[0], y[1], y[2]], Direction::of(*n).unwrap().unit);
+            let (y, m) = ([y[0], y[1], y[2]], Direction::new(*n).unwrap().unit);
             let size = dot(*d, *d).sqrt().max(1e-300);
             approx::assert_abs_diff_eq!(dot(y, m) / size, -dot(*d, m) / size, epsilon = 1e-15);
             let (rest, before) = (plus(y, -dot(y, m), m), plus(*d, -dot(*d, m), m));

@@ -125,20 +125,20 @@ impl Runs {
 
     /// The runs of some neighbouring slots.
     #[inline(always)]
-    pub(crate) fn of_slots(&self, slots: Range<usize>) -> &[Run] {
+    pub(crate) fn in_slots(&self, slots: Range<usize>) -> &[Run] {
         &self.runs[self.runs_before(slots.start)..self.runs_before(slots.end)]
     }
 
     /// The runs of slot `slot`.
     #[inline(always)]
-    pub(crate) fn of(&self, slot: usize) -> &[Run] {
-        self.of_slots(slot..slot + 1)
+    pub(crate) fn in_slot(&self, slot: usize) -> &[Run] {
+        self.in_slots(slot..slot + 1)
     }
 
     /// The fragments of some neighbouring slots.
     #[inline(always)]
     pub(crate) fn fragments_of(&self, slots: Range<usize>) -> Range<usize> {
-        match self.of_slots(slots) {
+        match self.in_slots(slots) {
             [first, .., last] => first.fragment as usize..last.fragments().end,
             [only] => only.fragments(),
             [] => 0..0,
@@ -169,7 +169,7 @@ impl Runs {
                 ..*run
             })
         };
-        self.of(slot).iter().filter_map(cut)
+        self.in_slot(slot).iter().filter_map(cut)
     }
 
     /// How many runs come before those of slot `slot`.
@@ -278,7 +278,7 @@ mod tests {
             let fragments = runs.fragments_of(slot..slot + 1);
             assert_eq!(fragments.start, next);
             next = fragments.end;
-            let own: Vec<_> = runs.of(slot).iter().flat_map(Run::pixels).collect();
+            let own: Vec<_> = runs.in_slot(slot).iter().flat_map(Run::pixels).collect();
             assert_eq!(own.len(), fragments.len());
             assert_eq!(runs.first_pixel_of(slot), own[0]);
             let cut = fragments.start + fragments.len() / 3..fragments.end;

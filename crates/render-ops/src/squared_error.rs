@@ -103,7 +103,7 @@ impl<T: Scalar> SquaredError<T> {
                 #[inline(always)]
                 || {
                     let mut at = 0;
-                    for run in runs.of_slots(slots) {
+                    for run in runs.in_slots(slots) {
                         let length = run.length as usize * channels;
                         let reference = &reference[run.pixel as usize * channels..];
                         subtract(length, &mut own[at..], &x[at..], reference);

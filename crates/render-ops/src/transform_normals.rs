@@ -84,7 +84,7 @@ struct Transformed<S> {
 
 impl<S: Scalar<Wide = S>> Linear<S> {
     /// The linear part of the matrix with these entries, in rows of `width`.
-    fn of<T: Scalar<Wide = S>>(matrix: &[T], width: usize) -> Self {
+    fn new<T: Scalar<Wide = S>>(matrix: &[T], width: usize) -> Self {
         let rows = [0, 1, 2].map(|i| [0, 1, 2].map(|j| matrix[i * width + j].widen()));
         let factor = power_of_two_to_1(rows.map(largest).into_iter().fold(S::ZERO, larger));
         let rows = rows.map(|row| scaled(factor, row));
@@ -159,7 +159,7 @@ impl<T: Scalar> Op<T> for TransformNormals {
         }
         let width = width(inputs.shape(1))
             .ok_or_else(|| refused("a matrix of shape [4, 4] or [3, 3]", inputs.shape(1)))?;
-        let linear = Linear::of(inputs.data(1), width);
+        let linear = Linear::new(inputs.data(1), width);
         let normals = inputs.data(0).as_chunks::<3>().0;
         let out = outputs.push(shape).as_chunks_mut::<3>().0;
         for_each_piece_mut(out, ROWS_PER_PIECE, |piece, out| {
@@ -183,7 +183,7 @@ impl<T: Scalar> Op<T> for TransformNormals {
         gradients: &mut Accumulators<'_, T>,
     ) {
         let width = width(kept.input_shape(1)).expect("the forward pass found that it is one");
-        let linear = Linear::of(kept.input(1), width);
+        let linear = Linear::new(kept.input(1), width);
         let normals = kept.input(0).as_chunks::<3>().0;
         let out_bar = kept.only_upstream().as_chunks::<3>().0;
         // The normal times a power of two, that power, and the gradient of its transform.
@@ -346,7 +346,7 @@ mod tests {
         let line = [1., 2., 3., 2., 4., 6., -1., -2., -3.];
         let rounded = [0.1, 0.7, 0.3].map(|x| [x, x / 3.0, x / 7.0]);
         let rounded = std::array::from_fn(|k| rounded[k % 3][k / 3]);
-        let linear = Linear::of(&rounded, 3);
+        let linear = Linear::new(&rounded, 3);
         assert!(linear.cofactors.as_flattened().iter().any(|&entry| entry != 0.0));
         for matrix in [line, rounded, [0.0; 9]] {
             let [out, normals_bar, matrix_bar] = run::<f64>(&NORMALS, &matrix);

@@ -50,14 +50,14 @@ impl<T: Scalar> Op<T> for TransformPoints {
         _saved: &mut (),
     ) -> Result<(), RenderError> {
         if !matches!(**inputs.shape(0), [_, 3]) {
-            return Err(RenderError::of_shape(NAME, "points of shape [V, 3]", inputs.shape(0)));
+            return Err(RenderError::shape(NAME, "points of shape [V, 3]", inputs.shape(0)));
         }
         if **inputs.shape(1) != [4, 4] {
-            return Err(RenderError::of_shape(NAME, "a matrix of shape [4, 4]", inputs.shape(1)));
+            return Err(RenderError::shape(NAME, "a matrix of shape [4, 4]", inputs.shape(1)));
         }
         matrix::check_finite(inputs.data(1))?;
         matrix::check_affine(NAME, inputs.data(1))?;
-        let (points, m) = (inputs.data(0), matrix::of_entries(inputs.data(1)));
+        let (points, m) = (inputs.data(0), matrix::from_entries(inputs.data(1)));
         let out = outputs.push(inputs.shape(0));
         for_each_piece_mut(out, 3 * POINTS_PER_PIECE, |piece, out| {
             let points = &points.as_chunks::<3>().0[piece * POINTS_PER_PIECE..];
@@ -89,7 +89,7 @@ impl<T: Scalar> Op<T> for TransformPoints {
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
         let bars = kept.only_upstream();
         if let Some(points_bar) = gradients.get(0) {
-            let m = matrix::of_entries(kept.input(1));
+            let m = matrix::from_entries(kept.input(1));
             for_each_piece_mut(points_bar.entries(), 3 * POINTS_PER_PIECE, |piece, entries| {
                 let bars = &bars.as_chunks::<3>().0[piece * POINTS_PER_PIECE..];
                 crate::dispatch::dispatch::<T, _>(

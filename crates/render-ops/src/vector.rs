@@ -91,7 +91,7 @@ impl<S: Scalar> Direction<S> {
     /// The direction of `v`; `None` where v is zero. A vector that is not finite has NaN in its
     /// direction.
     #[inline(always)]
-    pub(crate) fn of(v: Vector3<S>) -> Option<Self> {
+    pub(crate) fn new(v: Vector3<S>) -> Option<Self> {
         Self::beyond(v, S::ZERO)
     }
 
@@ -139,28 +139,28 @@ mod tests {
 
     #[test]
     fn directions_have_the_same_bits_at_any_scale() {
-        let unit = Direction::of(A).unwrap().unit;
+        let unit = Direction::new(A).unwrap().unit;
         assert_relative_eq!(dot(unit, unit), 1.0, epsilon = 4e-16);
         for power in [-1000, -500, -1, 1, 500, 1000] {
             let scale = f64::powi(2.0, power);
-            let there = Direction::of(scaled(scale, A)).unwrap();
+            let there = Direction::new(scaled(scale, A)).unwrap();
             assert_eq!(there.unit, unit);
-            assert_eq!(there.length / there.factor, scale * Direction::of(A).unwrap().length);
-            let (bar, plain) = (there.pull_back(B), Direction::of(A).unwrap().pull_back(B));
+            assert_eq!(there.length / there.factor, scale * Direction::new(A).unwrap().length);
+            let (bar, plain) = (there.pull_back(B), Direction::new(A).unwrap().pull_back(B));
             assert_eq!(scaled(scale, bar), plain);
         }
         for tiny in [f64::from_bits(1), f64::MIN_POSITIVE, f64::MAX] {
-            assert_eq!(Direction::of([0.0, -tiny, 0.0]).unwrap().unit, [0.0, -1.0, 0.0]);
+            assert_eq!(Direction::new([0.0, -tiny, 0.0]).unwrap().unit, [0.0, -1.0, 0.0]);
         }
     }
 
     #[test]
     fn nothing_points_nowhere_and_a_nan_is_not_masked() {
-        assert!(Direction::of([0.0, -0.0, 0.0]).is_none());
+        assert!(Direction::new([0.0, -0.0, 0.0]).is_none());
         assert!(Direction::beyond([3e-20, 4e-20, 0.0], 5e-20).is_none());
         assert!(Direction::beyond([3e-20, 4e-20, 0.0], 4e-20).is_some());
         for bad in [f64::NAN, f64::INFINITY] {
-            assert!(Direction::of([1.0, bad, 0.0]).unwrap().unit[1].is_nan());
+            assert!(Direction::new([1.0, bad, 0.0]).unwrap().unit[1].is_nan());
         }
     }
 }

@@ -1,6 +1,6 @@
 //! What is saved with a fit of a scene beside its numbers: how far it is, and what it was given.
 
-use bokashi_fit::{Difference, FitError, Given, differences, said};
+use bokashi_fit::{Difference, FitError, Given, described, differences};
 use serde::{Deserialize, Serialize};
 
 use crate::stopping::Seen;
@@ -48,7 +48,7 @@ impl Origin {
     /// where stages were changed that are done, before `stage`.
     pub(crate) fn changed_to(&self, now: &Self, stage: usize) -> Result<Vec<String>, FitError> {
         let refused = |rule: &str, found: &Difference| {
-            let (own, other) = (said(found.own.as_ref()), said(found.other.as_ref()));
+            let (own, other) = (described(found.own.as_ref()), described(found.other.as_ref()));
             FitError::saved(format!("{rule}: {}, {own}", found.name), other)
         };
         if let Some(found) = differences(&self.starts, &now.starts).first() {
@@ -62,7 +62,7 @@ impl Origin {
             return Err(refused("the stages that are done as they were", found));
         }
         let words = changed.into_iter().map(|found| {
-            let (was, is) = (said(found.own.as_ref()), said(found.other.as_ref()));
+            let (was, is) = (described(found.own.as_ref()), described(found.other.as_ref()));
             format!("{}: {is} from now on, and {was} before", found.name)
         });
         Ok(words.collect())

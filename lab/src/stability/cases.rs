@@ -146,7 +146,7 @@ pub(super) static CASES: &[Case] = cases! {
     132 "distances: background far away", "infinite, or an error", distances::backgrounds_far_away;
     133 "fragments of an earlier step", "the same bits", distances::fragments_of_an_earlier_step;
     141 "normals: faces without an area", "zero, no gradient, no part", surfaces::without_an_area;
-    142 "normals: a mesh times 2^k", "the same bits, gradients / 2^k", surfaces::of_any_size;
+    142 "normals: a mesh times 2^k", "the same bits, gradients / 2^k", surfaces::any_size;
     143 "normals: none, or they cancel", "zero, no gradient", surfaces::no_normal;
     144 "normals: needles and caps", "the plane's normal", surfaces::needles;
     145 "surfaces: refused input", "an error", surfaces::refused;
@@ -182,7 +182,7 @@ pub(super) static CASES: &[Case] = cases! {
     182 "losses: constant images", "0 and no slope; luminance", losses::constant_images;
     183 "losses: nothing shown", "0, no gradient", losses::nothing_shown;
     184 "losses: NaN where nothing is shown", "not read", losses::hidden_numbers;
-    185 "losses: images times 2^k", "scaled, finite gradients", losses::of_any_size;
+    185 "losses: images times 2^k", "scaled, finite gradients", losses::any_size;
     186 "regularizers: degenerate faces", "finite", losses::degenerate_faces;
     187 "regularizers: no face, no vertex", "0, no gradient", losses::meshes_of_nothing;
     188 "losses: refused input", "an error", losses::refused;

@@ -331,7 +331,7 @@ pub(super) fn crossing_faces<T: Scalar>() -> Outcome {
     let fragments = rasterize(clip, &scene.mesh()?, scene.size)?;
     let ids = fragments.coverage.triangle_ids();
     let image = Tensor::from_flat_fn([6, 10, 1], |k| T::from_f64(f64::from(ids[k])));
-    let out = antialias(Composite::of_image(tape.constant(&image), &fragments)?)?.image()?;
+    let out = antialias(Composite::from_image(tape.constant(&image), &fragments)?)?.image()?;
     let unblended = out.value() == image;
     let bars = numbers(&out.sum().backward()?.get_or_zeros(clip));
     let outcome =
@@ -373,7 +373,7 @@ pub(super) fn many_faces_in_a_pixel<T: Scalar>() -> Outcome {
     // Half that of its third vertex.
     let error = (seen_depth.item().to_f64() - 0.5 * depth).abs();
     let image = tape.leaf(&Tensor::from_flat_fn([3, 3, 1], |k| T::from_f64((k == 4) as u8 as f64)));
-    let image = antialias(Composite::of_image(image, &fragments)?)?.image()?;
+    let image = antialias(Composite::from_image(image, &fragments)?)?.image()?;
     wrong += usize::from(!image.value().is_finite());
     let gradients = seen_depth.sum().backward()?;
     let bars = gradients.get_or_zeros(positions);

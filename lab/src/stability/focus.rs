@@ -22,7 +22,7 @@ struct LensView<'t, T: Scalar> {
 impl<'t, T: Scalar> LensView<'t, T> {
     fn focused(&self, options: &LensOptions) -> Result<Focused<'t, T>, RenderError> {
         let lens = Lens { aperture: self.aperture, focus: self.focus };
-        depth_of_field(self.image, DepthImage::of_distances(self.depth), lens, options)
+        depth_of_field(self.image, DepthImage::from_distances(self.depth), lens, options)
     }
 
     fn new(tape: &'t Tape<T>, depth: impl Fn(usize) -> f64) -> Self {

@@ -293,7 +293,7 @@ pub(super) fn environments<T: Scalar>() -> Outcome {
         let tape = Tape::<T>::new();
         let prefilter = Prefilter::new(extent, levels)?;
         let texels = tape.leaf(&Tensor::full([6, extent, extent, 3], T::from_f64(0.75)));
-        let environment = Environment::of_texels(texels, &prefilter)?;
+        let environment = Environment::from_texels(texels, &prefilter)?;
         for level in environment.reflections.levels() {
             let found = numbers(&level.value());
             error = error.maximum_or_nan(difference(&found, &vec![0.75; found.len()]));

@@ -149,7 +149,7 @@ pub(super) fn hidden_numbers<T: Scalar>() -> Outcome {
     Ok(Found::exactly("as if they were any number", wrong))
 }
 
-pub(super) fn of_any_size<T: Scalar>() -> Outcome {
+pub(super) fn any_size<T: Scalar>() -> Outcome {
     let mut error = 0.0_f64;
     let mut wrong = 0;
     let exponents: &[i32] =

@@ -26,7 +26,7 @@ fn antialias_of<T: Scalar>(
     let ids = fragments.coverage.triangle_ids();
     let shape = [scene.size.height, scene.size.width, 1];
     let image = tape.leaf(&Tensor::from_flat_fn(shape, |k| T::from_f64(color(k, ids[k]))));
-    let out = antialias(Composite::of_image(image, &fragments)?)?.image()?;
+    let out = antialias(Composite::from_image(image, &fragments)?)?.image()?;
     Ok(Antialiased {
         covered: ids.iter().map(|&id| id > 0).collect(),
         before: numbers(&image.value()),

@@ -80,7 +80,7 @@ pub(super) fn without_an_area<T: Scalar>() -> Outcome {
     Ok(Found::exactly("zero vectors, zero gradients, the other normals as without", wrong))
 }
 
-pub(super) fn of_any_size<T: Scalar>() -> Outcome {
+pub(super) fn any_size<T: Scalar>() -> Outcome {
     let (positions, faces) = sheet::<T>();
     // Far beyond 1e-30 to 1e30, and 1e-15 to 1e15 in f32.
     let most = if rounding::<T>() < 1e-10 { 900 } else { 80 };

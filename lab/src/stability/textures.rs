@@ -288,7 +288,7 @@ pub(super) fn refused<T: Scalar>() -> Outcome {
     let level = |entry| Detail::Level(leaf(&tape, &[], &[entry]));
     let levels = |shapes: &[&[usize]]| {
         let levels: Vec<_> = shapes.iter().map(|shape| zeros(shape)).collect();
-        told(Texture::of_levels(&levels))
+        told(Texture::from_levels(&levels))
     };
     let sample = "sample_texture needs";
     let texels = "a texture needs texels of shape [H, W, C], at least one entry and less than 2^31 \

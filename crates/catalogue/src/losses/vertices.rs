@@ -58,7 +58,7 @@ pub(crate) fn entry() -> Entry {
             "sparse_product" => "shape [11] or [11, C]",
             _ => "positions of shape [11, 3]",
         };
-        let check = Check::of_cases(name, cases)
+        let check = Check::from_cases(name, cases)
             .large(1, Just(Case::new(large, vec![Input::leaf(positions)])))
             .refuses(format!("{operation} needs {rule}, got shape [10, 3]"), few);
         entry.check(targets.into_iter().fold(check, |check, (target, edges)| {

@@ -28,7 +28,7 @@ pub(crate) fn entry() -> Entry {
     let determinant =
         "affine_inverse needs a linear part whose determinant is not 0 within rounding, got 0";
     entry.check(
-        Check::of_cases("affine_inverse", inverses)
+        Check::from_cases("affine_inverse", inverses)
             .refuses(
                 "affine_inverse needs a matrix of shape [4, 4], got shape [4]",
                 Case::new(Inverse, [leaf([4], 1.0)]),
@@ -54,7 +54,7 @@ pub(crate) fn entry() -> Entry {
         affine_rows().prop_map(move |rows| moved(Tensor::from_flat_fn([20_000, 3], motley), rows));
     let last_row = "transform_points needs a matrix with the last row (0, 0, 0, 1), got";
     entry.check(
-        Check::of_cases("transform_points", some)
+        Check::from_cases("transform_points", some)
             .large(1, many)
             .refuses(format!("{last_row} 0.5"), moved_by(leaf([2, 3], 0.5), with(&[(12, 0.5)])))
             .refuses(format!("{last_row} 2"), moved_by(leaf([2, 3], 0.5), with(&[(15, 2.0)])))

@@ -22,7 +22,7 @@ pub(crate) fn entry() -> Entry {
             })
         });
         let face = scene(vec![[0.0, 0.0, 0.0, 1.0]; 3], vec![[0, 1, 2]], size(4, 4));
-        let check = Check::of_cases(format!("antialias {kind}"), cases);
+        let check = Check::from_cases(format!("antialias {kind}"), cases);
         let shapes = [&[4, 5, 1][..], &[4, 4], &[16, 2], &[4, 4, 0]];
         entry.check(shapes.into_iter().fold(check, |check, shape| {
             let inputs = [face.clip.clone(), Tensor::zeros(shape)].map(Input::leaf);
@@ -45,7 +45,7 @@ impl Subject for Antialias {
     fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let fragments = rasterize(inputs[0], &self.scene.mesh, self.scene.size)?;
         let choices = blends::choices(&fragments, &wide(inputs[0]));
-        let image = antialias(Composite::of_image(inputs[1], &fragments)?)?.image()?;
+        let image = antialias(Composite::from_image(inputs[1], &fragments)?)?.image()?;
         let ids = fragments.coverage.triangle_ids();
         Ok(Outcome::from(image).with_state(ids).with_state(choices))
     }

@@ -71,6 +71,6 @@ fn in_both_ways(entry: &mut Entry, is_error: bool) {
             in_blur(size(width, height), way, is_error, sigma)
         });
         let large = Just(()).prop_map(move |()| in_blur(size(190, 300), way, is_error, 1.3));
-        entry.check(Check::of_cases(format!("blurred picture, {way:?}"), cases).large(1, large));
+        entry.check(Check::from_cases(format!("blurred picture, {way:?}"), cases).large(1, large));
     }
 }

@@ -16,7 +16,7 @@ pub(crate) fn entry() -> Entry {
         let shapes: Vec<&[usize]> = [&fragments[..]].into_iter().chain(background).collect();
         let is_color = shapes.last().is_some_and(|shape| shape.len() == 1);
         let of = move |inputs: Vec<Input>| Case::new(Image { is_color }, inputs);
-        entry.check(refusing(Check::of_cases("image", leaves_of_shapes(&shapes).prop_map(of))));
+        entry.check(refusing(Check::from_cases("image", leaves_of_shapes(&shapes).prop_map(of))));
     }
     entry
 }

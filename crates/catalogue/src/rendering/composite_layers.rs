@@ -35,7 +35,8 @@ pub(crate) fn entry() -> Entry {
                     let inputs: Vec<_> = inputs.into_iter().map(Input::leaf).collect();
                     Case::new(Layers { scene, background }, inputs)
                 });
-            entry.check(Check::of_cases(format!("composite_layers, {kind}, {background}"), cases));
+            entry
+                .check(Check::from_cases(format!("composite_layers, {kind}, {background}"), cases));
         }
     }
     entry

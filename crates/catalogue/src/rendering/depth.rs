@@ -16,7 +16,7 @@ pub(crate) fn entry() -> Entry {
             let clip = Input::leaf(scene.clip.clone());
             Case::new(Depth { scene }, [clip])
         });
-        entry.check(Check::of_cases(format!("depth, {kind}"), cases).refuses(
+        entry.check(Check::from_cases(format!("depth, {kind}"), cases).refuses(
             "rasterize needs clip positions of shape [3, 4], got shape [2, 4]",
             of_one_face(leaf([2, 4], 1.0)),
         ));

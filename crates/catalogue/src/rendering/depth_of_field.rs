@@ -33,7 +33,7 @@ pub(crate) fn entry() -> Entry {
                 Case::new(DepthOfField { options }, inputs.map(Input::leaf))
             },
         );
-        let check = Check::of_cases(format!("depth_of_field, {radius:?}"), cases);
+        let check = Check::from_cases(format!("depth_of_field, {radius:?}"), cases);
         entry.check(refusing(check.large(1, Just(large_view(options))), options));
     }
     entry
@@ -81,7 +81,7 @@ impl Subject for DepthOfField {
     /// An image, its depths, an aperture and a focus.
     fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let lens = Lens { aperture: inputs[2], focus: inputs[3] };
-        let distances = DepthImage::of_distances(inputs[1]);
+        let distances = DepthImage::from_distances(inputs[1]);
         let focused = depth_of_field(inputs[0], distances, lens, &self.options)?;
         let (aperture, focus) = (wide(inputs[2]).item(), wide(inputs[3]).item());
         let is_capped = |z: &f64| aperture * (1.0 - focus / z).abs() > self.options.largest_sigma;

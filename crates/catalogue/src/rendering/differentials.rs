@@ -65,7 +65,7 @@ fn differentials_of_barycentrics(entry: &mut Entry) {
             let clip = Input::leaf(scene.clip.clone());
             Case::new(Differentials { scene, sampling: Sampling::Center }, [clip])
         });
-        entry.check(Check::of_cases(format!("differentials, {kind}"), cases));
+        entry.check(Check::from_cases(format!("differentials, {kind}"), cases));
     }
 }
 
@@ -77,6 +77,6 @@ fn differentials_of_attributes(entry: &mut Entry) {
             let inputs = [scene.clip.clone(), attributes].map(Input::leaf);
             Case::new(Differentials { scene, sampling: Sampling::Center }, inputs)
         });
-        entry.check(Check::of_cases(format!("interpolate_differentials, {kind}"), cases));
+        entry.check(Check::from_cases(format!("interpolate_differentials, {kind}"), cases));
     }
 }

@@ -36,7 +36,7 @@ pub(crate) fn entry() -> Entry {
         };
         let large = Input::leaf(Tensor::from_flat_fn([300, 201, 3], motley));
         entry.check(
-            Check::of_cases(format!("downsample, {filter:?}"), cases)
+            Check::from_cases(format!("downsample, {filter:?}"), cases)
                 .large(1, Just(by(3, large)))
                 .refuses(
                     "downsample needs a factor of at least 1, got 0",
@@ -58,7 +58,7 @@ fn refusing() -> Check {
         let subject = Downsample { k: 2, filter: Filter::Box, border: Border::Mirror };
         Case::new(subject, [Input::leaf(image)])
     });
-    let check = Check::of_cases("downsample", right)
+    let check = Check::from_cases("downsample", right)
         .refuses(
             "downsample needs a filter radius above 0 and up to 64 output pixels, got 0",
             by(2, Filter::Lanczos(0), &[4, 4, 1]),

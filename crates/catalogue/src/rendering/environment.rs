@@ -20,7 +20,7 @@ pub(crate) fn entry() -> Entry {
             let inputs = leaves([texels].into_iter().chain(both).chain(material));
             Case::new(InEnvironment { prefilter, model }, inputs)
         });
-        entry.check(Check::of_cases(format!("environment, {name}"), cases));
+        entry.check(Check::from_cases(format!("environment, {name}"), cases));
     }
     entry
 }
@@ -35,7 +35,7 @@ impl Subject for InEnvironment {
     /// Texels, normals, views and a material.
     fn apply<'t, T: Scalar>(&self, _: &'t Tape<T>, inputs: &[Var<'t, T>]) -> Applied<'t, T> {
         let prefilter = self.prefilter.cast();
-        let environment = Environment::of_texels(inputs[0], &prefilter)?;
+        let environment = Environment::from_texels(inputs[0], &prefilter)?;
         let surface = Surface { normals: inputs[1], views: inputs[2], positions: None };
         let material = self.model.material(&inputs[3..]);
         let out = environment.shade(&surface, &material)?;

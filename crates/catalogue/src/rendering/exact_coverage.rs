@@ -144,7 +144,7 @@ fn exact_coverage_to_barycentrics_weights_and_depths(entry: &mut Entry) {
                 let clip = Input::leaf(scene.clip.clone());
                 Case::new(Pieces { scene, output }, [clip])
             });
-            entry.check(Check::of_cases(format!("exact coverage of {kind} to {what}"), cases));
+            entry.check(Check::from_cases(format!("exact coverage of {kind} to {what}"), cases));
         }
     }
 }
@@ -188,7 +188,7 @@ fn pictures_with_exact_coverage_before_every_background(entry: &mut Entry) {
                     Case::new(Picture { scene: scene.clone(), has_seams }, inputs)
                 })
             });
-            entry.check(Check::of_cases(format!("a picture of {kind} {what}"), cases));
+            entry.check(Check::from_cases(format!("a picture of {kind} {what}"), cases));
         }
     }
 }

@@ -39,7 +39,7 @@ fn eye_depth_of_what_was_rasterized(entry: &mut Entry) {
             let clip = Input::leaf(scene.clip.clone());
             Case::new(OfScene { scene }, [clip])
         });
-        entry.check(Check::of_cases(format!("eye_depth of {kind}"), cases));
+        entry.check(Check::from_cases(format!("eye_depth of {kind}"), cases));
     }
 }
 
@@ -71,7 +71,7 @@ fn eye_depth_by_the_weights_of_pieces(entry: &mut Entry) {
     // Within the face: a distance is not negative.
     let cases = (tensor([count, 2], 0.05..0.45), tensor([pieces], number()));
     entry.check(
-        Check::of_cases(
+        Check::from_cases(
             "eye_depth by the weights of pieces",
             cases.prop_map(move |(b, w)| of([b, w])),
         )

@@ -18,7 +18,7 @@ pub(crate) fn entry() -> Entry {
         let cases = surfaces.prop_map(move |surface| of(&surface, surface.leaf()));
         let (small, large) = (Surface::sheet(1), Surface::sheet(48));
         entry.check(
-            Check::of_cases(format!("face_normals of {kind}"), cases)
+            Check::from_cases(format!("face_normals of {kind}"), cases)
                 .large(1, Just(of(&large, large.leaf())))
                 .refuses(
                     "face_normals needs positions of shape [4, 3], got shape [5, 3]",

@@ -59,7 +59,7 @@ fn gaussian_blur_of_an_image_by_a_sigma(entry: &mut Entry) {
             });
             let blur = Blur { kernel, border: Border::Mirror, radius };
             let name = format!("gaussian_blur, {kernel:?}, {radius:?}");
-            let check = Check::of_cases(name, cases).large(1, Just(large_blur(blur)));
+            let check = Check::from_cases(name, cases).large(1, Just(large_blur(blur)));
             entry.check(refusing(check, blur));
         }
     }
@@ -129,7 +129,7 @@ fn gaussian_blur_by_tridiagonal_systems(entry: &mut Entry) {
     let cases = (borders, tolerances, [1..=5_usize, 1..=5_usize], 1.03..2.0_f64)
         .prop_map(move |(border, tolerance, more, reach)| by(border, tolerance, more, reach));
     entry.check(
-        Check::of_cases("gaussian_blur by tridiagonal systems", cases)
+        Check::from_cases("gaussian_blur by tridiagonal systems", cases)
             .large(1, Just(by(Border::Mirror, (1e-6, 4), [100, 80], 1.5))),
     );
 }

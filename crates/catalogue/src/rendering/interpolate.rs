@@ -19,7 +19,7 @@ pub(crate) fn entry() -> Entry {
         let few = fragments - 1;
         let one_short = of(vec![leaf([4, channels], 1.0), leaf([few, 2], 0.3)]);
         let wrong = of.clone();
-        let check = Check::of_cases("interpolate", inputs.prop_map(of)).refuses_midway(
+        let check = Check::from_cases("interpolate", inputs.prop_map(of)).refuses_midway(
             format!(
                 "interpolate needs barycentrics of shape [{fragments}, 2], got shape [{few}, 2]"
             ),
@@ -44,7 +44,7 @@ pub(crate) fn entry() -> Entry {
     let single = Case::new(single, [leaf([3, 1], 1.0), leaf([fragments, 2], 0.3)]);
     let name = "interpolate with an index buffer of its own";
     entry.check(
-        Check::of_cases(name, inputs.prop_map(of))
+        Check::from_cases(name, inputs.prop_map(of))
             .refuses_midway(
                 "interpolate needs attributes of shape [6, C], C > 0, got shape [5, 2]",
                 of_five,

@@ -24,7 +24,7 @@ pub(crate) fn entry() -> Entry {
         Input::leaf(Tensor::from_flat_fn(extents, move |i| motley(11 * i + k) + 0.2))
     };
     entry.check(
-        Check::of_cases("irradiance", cases)
+        Check::from_cases("irradiance", cases)
             .large(1, Just(of(rows([9, 3], 1), rows([9000, 3], 2))))
             .refuses(
                 "irradiance needs coefficients of shape [9, C], got shape [4, 3]",

@@ -71,12 +71,12 @@ fn distort_points_before_and_behind_a_lens(entry: &mut Entry) {
     let rational = rational.prop_map(|(points, lens)| {
         Case::new(Distort, [Tensor::from(points), lens].map(Input::leaf))
     });
-    entry.check(Check::of_cases("distort by a quotient", rational).refuses(
+    entry.check(Check::from_cases("distort by a quotient", rational).refuses(
         "distort needs coefficients of shape [5] or [8], got shape [7]",
         of(leaf([2, 3], 1.0), leaf([7], 0.1)),
     ));
     entry.check(
-        Check::of_cases("distort", cases)
+        Check::from_cases("distort", cases)
             .large(1, many)
             .refuses(
                 "distort needs coefficients of shape [5] or [8], got shape [4]",
@@ -128,7 +128,7 @@ fn a_fisheye_shows_points_on_all_sides(entry: &mut Entry) {
     });
     let of = |points, lens| Case::new(Fisheye, [points, lens]);
     entry.check(
-        Check::of_cases("fisheye", cases)
+        Check::from_cases("fisheye", cases)
             .large(1, many)
             .refuses(
                 "fisheye needs coefficients of shape [4], got shape [5]",

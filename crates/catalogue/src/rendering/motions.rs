@@ -21,7 +21,7 @@ pub(crate) fn entry() -> Entry {
     let of = |rotation, translation| Case::new(Motion { fixed: None }, [rotation, translation]);
     let far = Input::leaf(Tensor::from([0.0, f64::INFINITY, 0.0]));
     entry.check(
-        Check::of_cases("rigid", turns)
+        Check::from_cases("rigid", turns)
             .refuses(
                 "rigid needs a rotation of shape [4], got shape [3]",
                 of(leaf([3], 1.0), leaf([3], 0.0)),
@@ -56,7 +56,7 @@ pub(crate) fn entry() -> Entry {
     let far = format!("-1{}", "0".repeat(51));
     let range = "se3 needs an increment within -1e50 and 1e50, got";
     entry.check(
-        Check::of_cases("se3", increments)
+        Check::from_cases("se3", increments)
             .refuses(
                 "se3 needs an increment of shape [6], got shape [5]",
                 of(DMat4::IDENTITY, leaf([5], 0.0)),

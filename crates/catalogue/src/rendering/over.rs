@@ -23,7 +23,7 @@ pub(crate) fn entry() -> Entry {
     });
     let large = [3, 9].map(|by| Tensor::from_flat_fn([120, 90, 4], |k| motley(by * k)));
     entry.check(
-        Check::of_cases("over", cases)
+        Check::from_cases("over", cases)
             .large(1, Just(Case::new(Over, large.map(Input::leaf))))
             .refuses(
                 "over needs an image behind of shape [2, 3, 4], got shape [3, 2, 4]",

@@ -41,7 +41,7 @@ pub(crate) fn entry() -> Entry {
         of(Input::leaf(n), Input::leaf(t), Input::leaf(v))
     });
     entry.check(
-        Check::of_cases("perturbed_normals", cases)
+        Check::from_cases("perturbed_normals", cases)
             .large(1, Just(of(rows(3), rows(4), rows(3))))
             .refuses(
                 "perturbed_normals needs normals of shape [.., 3], got shape [2, 4]",

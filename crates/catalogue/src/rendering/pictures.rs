@@ -62,7 +62,7 @@ fn before(entry: &mut Entry, background: usize) {
             in_pictures(Scene { size: size(190, 300), ..scene }, background)
         });
         let name = format!("picture {background}, {kind}");
-        entry.check(Check::of_cases(name, cases).large(1, large));
+        entry.check(Check::from_cases(name, cases).large(1, large));
     }
 }
 

@@ -19,7 +19,7 @@ use crate::scenes::size;
 
 pub(crate) fn entry() -> Entry {
     let mut entry = Entry::new("pipeline");
-    let pipeline = Check::of_cases("the whole pipeline", pipelines(size(11, 8)));
+    let pipeline = Check::from_cases("the whole pipeline", pipelines(size(11, 8)));
     entry.check(pipeline.large(2, pipelines(size(190, 150))));
     entry
 }

@@ -42,7 +42,7 @@ fn project_with_and_without_a_pose(entry: &mut Entry) {
     let mut blind = DMat4::IDENTITY.to_cols_array_2d();
     blind[2][1] = f64::NAN;
     entry.check(
-        Check::of_cases("project", bare)
+        Check::from_cases("project", bare)
             .refuses(
                 "project needs positions of shape [V, 3], got shape [6]",
                 project_by(identity(), &[leaf([6], 0.5)]),
@@ -62,7 +62,7 @@ fn project_with_and_without_a_pose(entry: &mut Entry) {
     let three = [points.clone(), leaf([3], 0.5), leaf([3], 0.0)];
     let no_shift = [points, leaf([4], 0.5), leaf([4], 0.0)];
     entry.check(
-        Check::of_cases("project with a pose", posed)
+        Check::from_cases("project with a pose", posed)
             .refuses(
                 "a rotation needs a finite quaternion other than zero, got (0, 0, 0, 0)",
                 project_by(identity(), &no_rotation),
@@ -114,7 +114,7 @@ fn project_by_a_camera_that_is_learnt(entry: &mut Entry) {
     let points = Tensor::full([2, 3], 0.5);
     let blind = Tensor::from_flat_fn([4, 4], |k| if k == 9 { f64::NAN } else { 0.0 });
     entry.check(
-        Check::of_cases("project by a variable", bare)
+        Check::from_cases("project by a variable", bare)
             .large(1, many)
             .refuses(
                 "project needs a camera matrix of shape [4, 4], got shape [3, 4]",
@@ -129,5 +129,5 @@ fn project_by_a_camera_that_is_learnt(entry: &mut Entry) {
     let posed = posed.prop_map(move |(camera, p, q, t)| {
         of(vec![p, Tensor::from(q.map(|entry| 1.3 * entry)), t, matrix(camera)])
     });
-    entry.check(Check::of_cases("project by a variable, with a pose", posed));
+    entry.check(Check::from_cases("project by a variable, with a pose", posed));
 }

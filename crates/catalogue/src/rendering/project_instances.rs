@@ -41,7 +41,7 @@ pub(crate) fn entry() -> Entry {
     let mut far = DMat4::IDENTITY.to_cols_array_2d();
     far[0][2] = f64::INFINITY;
     entry.check(
-        Check::of_cases("project_instances", fixed)
+        Check::from_cases("project_instances", fixed)
             .large(2, many)
             .refuses(
                 "project_instances needs matrices of shape [I, 4, 4], got shape [4, 4]",
@@ -57,7 +57,7 @@ pub(crate) fn entry() -> Entry {
             ),
     );
     entry.check(
-        Check::of_cases("project_instances by a variable", learnt)
+        Check::from_cases("project_instances by a variable", learnt)
             .refuses(
                 "project_instances needs positions of shape [V, 3], got shape [6]",
                 refused(&[6], &[1, 4, 4], &[4, 4]),

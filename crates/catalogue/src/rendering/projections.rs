@@ -26,7 +26,7 @@ pub(crate) fn entry() -> Entry {
         let refused = if is_pinhole { refused_by_pinhole() } else { refused_by_orthographic() };
         let (three, message) =
             (Tensor::full([3], 5.0), "needs intrinsics of shape [4], got shape [3]");
-        let check = Check::of_cases(name, cases);
+        let check = Check::from_cases(name, cases);
         let check = check.refuses(format!("{name} {message}"), of((0.1, 1.0), three));
         entry.check(refused.into_iter().fold(check, |check, (message, projection, intrinsics)| {
             let case = Case::new(projection, [Input::leaf(Tensor::from(intrinsics))]);

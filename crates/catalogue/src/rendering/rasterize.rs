@@ -19,7 +19,7 @@ pub(crate) fn entry() -> Entry {
                 let clip = Input::leaf(scene.clip.clone());
                 Case::new(Rasterize { scene, outputs: outputs.clone() }, [clip])
             });
-            entry.check(refusing(Check::of_cases(format!("rasterize {kind} to {what}"), cases)));
+            entry.check(refusing(Check::from_cases(format!("rasterize {kind} to {what}"), cases)));
         }
     }
     entry

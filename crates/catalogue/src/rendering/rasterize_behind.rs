@@ -26,7 +26,7 @@ pub(crate) fn entry() -> Entry {
             let scene = Scene { mesh, clip: clip.clone(), size: scene.size };
             Case::new(Behind { scene }, [Input::leaf(clip)])
         });
-        entry.check(Check::of_cases(format!("rasterize_behind, {kind}"), cases));
+        entry.check(Check::from_cases(format!("rasterize_behind, {kind}"), cases));
     }
     entry
 }

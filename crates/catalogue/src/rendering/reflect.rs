@@ -19,7 +19,7 @@ pub(crate) fn entry() -> Entry {
     let rows =
         |k: usize| Input::leaf(Tensor::from_flat_fn([9000, 3], move |i| motley(11 * i + k) + 0.2));
     entry.check(
-        Check::of_cases("reflect", cases)
+        Check::from_cases("reflect", cases)
             .large(1, Just(of(rows(1), rows(2))))
             .refuses(
                 "reflect needs directions of shape [.., 3], got shape [2]",

@@ -39,7 +39,7 @@ pub(crate) fn entry() -> Entry {
             Case::new(SampleCubeMap { sampler, extent: 4 }, inputs)
         };
         entry.check(
-            Check::of_cases(format!("sample_cube_map, {name}"), cases)
+            Check::from_cases(format!("sample_cube_map, {name}"), cases)
                 .refuses_midway(
                     "sample_cube_map needs directions of shape [N, 3], got shape [2, 2]",
                     of(leaf([2, 2], 0.5)),

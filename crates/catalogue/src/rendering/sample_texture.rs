@@ -37,7 +37,7 @@ pub(crate) fn entry() -> Entry {
             Case::new(SampleTexture { sampler, extent: 4 }, inputs)
         };
         entry.check(
-            Check::of_cases(format!("sample_texture, {name}"), cases)
+            Check::from_cases(format!("sample_texture, {name}"), cases)
                 .large(1, Just(many_samples(sampler)))
                 .refuses_midway(
                     "sample_texture needs coordinates of shape [N, 2], got shape [3]",

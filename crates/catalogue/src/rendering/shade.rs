@@ -52,7 +52,7 @@ pub(crate) fn entry() -> Entry {
             _ => "colours",
         };
         entry.check(
-            Check::of_cases(format!("shade, {name}"), cases)
+            Check::from_cases(format!("shade, {name}"), cases)
                 .large(1, Just(many(model)))
                 .refuses(
                     "shade needs normals of shape [N, 3], got shape [3]",

@@ -18,7 +18,7 @@ pub(crate) fn entry() -> Entry {
         Case::new(OfStillFragments, [colors, distances].map(Input::leaf))
     });
     let few = [leaf([3, 3], 0.5), Input::leaf(Tensor::from_flat_fn([2, 3], motley))];
-    entry.check(Check::of_cases("still fragments", cases).refuses_midway(
+    entry.check(Check::from_cases("still fragments", cases).refuses_midway(
         "interpolate needs attributes of shape [4, C], C > 0, got shape [3, 3]",
         Case::new(OfStillFragments, few),
     ));
@@ -35,7 +35,7 @@ impl Subject for OfStillFragments {
         let fragments = fixed_fragments(&elsewhere, None)?.still().on(tape);
         let surface = interpolate(inputs[0], &fragments)?;
         let picture = antialias(composite(surface, &fragments, Background::Zero)?)?;
-        let distances = DepthImage::of_distances(inputs[1]).distances();
+        let distances = DepthImage::from_distances(inputs[1]).distances();
         Ok(vec![picture.image()?, distances * eye_depth(&fragments)?.values().sum()].into())
     }
 }

@@ -38,7 +38,7 @@ pub(crate) fn entry() -> Entry {
         let shared = Mesh::new(vec![first; 2], 8).unwrap();
         let shared = Case::new(Tangents { indices: shared, ..subject.clone() }, right.clone());
         entry.check(
-            Check::of_cases(format!("tangents of {kind}"), cases)
+            Check::from_cases(format!("tangents of {kind}"), cases)
                 .large(1, Just(of(&Surface::sheet(48), &noise)))
                 .refuses(
                     "tangents needs positions of shape [4, 3], got shape [5, 3]",

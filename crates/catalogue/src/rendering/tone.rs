@@ -20,7 +20,7 @@ pub(crate) fn entry() -> Entry {
             Case::new(tone, [Input::leaf(Tensor::new([2, 3], entries).unwrap())])
         });
         let many = Tensor::from_flat_fn([90_000], |k| motley(k) + 0.2);
-        let check_of = Check::of_cases(format!("{tone:?}"), cases);
+        let check_of = Check::from_cases(format!("{tone:?}"), cases);
         entry.check(check_of.large(1, Just(Case::new(tone, [Input::leaf(many)]))));
     }
     let stops = select(&[true, false][..])
@@ -33,7 +33,7 @@ pub(crate) fn entry() -> Entry {
         .prop_map(|(x, stops)| Case::new(Tone::Exposure, [x, stops].map(Input::leaf)));
     let wrong = Case::new(Tone::Exposure, [leaf([2, 3], 1.0), leaf([2], 1.0)]);
     entry.check(
-        Check::of_cases("exposure", cases)
+        Check::from_cases("exposure", cases)
             .refuses_midway("mul needs shapes that broadcast, got [2, 3] and [2]", wrong),
     );
     entry

@@ -22,7 +22,7 @@ pub(crate) fn entry() -> Entry {
         let matrix =
             Tensor::from_flat_fn([side, side], |k| motley(k) + f64::from(k % (side + 1) == 0));
         entry.check(
-            Check::of_cases(format!("transform_normals by {side} x {side}"), cases)
+            Check::from_cases(format!("transform_normals by {side} x {side}"), cases)
                 .large(1, Just(of(Input::leaf(many), Input::leaf(matrix))))
                 .refuses(
                     "transform_normals needs normals of shape [.., 3], got shape [2, 4]",

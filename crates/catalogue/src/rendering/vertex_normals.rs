@@ -19,7 +19,7 @@ pub(crate) fn entry() -> Entry {
             let cases = surfaces.prop_map(move |surface| of(&surface, surface.leaf()));
             let (small, large) = (Surface::sheet(1), Surface::sheet(48));
             entry.check(
-                Check::of_cases(format!("vertex_normals of {kind}, {weighting:?}"), cases)
+                Check::from_cases(format!("vertex_normals of {kind}, {weighting:?}"), cases)
                     .large(1, Just(of(&large, large.leaf())))
                     .refuses(
                         "vertex_normals needs positions of shape [4, 3], got shape [3, 3]",

@@ -34,7 +34,7 @@ fn compare_sums(
 /// An upstream gradient at the inputs themselves is a sum already begun when the subject's backward
 /// pass comes to it.
 fn begun_sums(trial: &Trial, tally: &mut Tally) -> Result<(), Broken> {
-    let refused = |error: &dyn std::fmt::Display| Broken::said(error.to_string());
+    let refused = |error: &dyn std::fmt::Display| Broken::from_message(error.to_string());
     let tape = Tape::new();
     let inputs = place(&tape, &trial.point);
     let outcome = trial.case.subject.apply_f64(&tape, &inputs).map_err(|error| refused(&error))?;
@@ -71,10 +71,11 @@ fn one_variable_as_two_inputs(trial: &Trial, tally: &mut Tally) -> Result<(), Br
             variables[k] = variables[i];
             let outcome = trial.case.subject.apply_f64(&tape, &variables);
             let outcome = outcome.map_err(|error| {
-                Broken::said(format!("refuses one variable as in{i} and in{k}: {error}"))
+                Broken::from_message(format!("refuses one variable as in{i} and in{k}: {error}"))
             })?;
             let seeds: Vec<_> = outcome.outputs.iter().copied().zip(&trial.upstream).collect();
-            let gradients = tape.vjp(&seeds).map_err(|error| Broken::said(error.to_string()))?;
+            let gradients =
+                tape.vjp(&seeds).map_err(|error| Broken::from_message(error.to_string()))?;
             let sum = gradients.get_or_zeros(variables[i]);
             let [Some(first), Some(second)] = [&apart.gradients[i], &apart.gradients[k]] else {
                 continue;
@@ -93,7 +94,7 @@ fn unused_outputs(trial: &Trial, tally: &mut Tally) -> Result<(), Broken> {
     if outputs < 2 {
         return Ok(());
     }
-    let refused = |error: crate::Refusal| Broken::said(error.to_string());
+    let refused = |error: crate::Refusal| Broken::from_message(error.to_string());
     let mut sums: Vec<Option<Tensor<f64>>> = vec![None; trial.point.len()];
     for j in 0..outputs {
         let alone = |k: usize| (k == j).then(|| trial.upstream[k].clone());

@@ -20,7 +20,8 @@ pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
         return Ok(tally);
     }
     let run = along(&trial.case, &trial.upstream, &direction);
-    let run = run.map_err(|error| Broken::said(format!("refused over dual numbers: {error}")))?;
+    let run =
+        run.map_err(|error| Broken::from_message(format!("refused over dual numbers: {error}")))?;
     let parts = run.outputs.iter().map(|output| (output.values(), output.tangents()));
     let (values, tangents): (Vec<_>, Vec<_>) = parts.unzip();
     for (j, (value, expected)) in values.iter().zip(&trial.nominal.outputs).enumerate() {

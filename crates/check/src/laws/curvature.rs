@@ -68,7 +68,8 @@ fn gradient_size(trial: &Trial) -> f64 {
 /// `H v` per input.
 fn products(trial: &Trial, v: &[Tensor<f64>]) -> Result<Vec<Option<Tensor<f64>>>, Broken> {
     let run = along(&trial.case, &trial.upstream, v);
-    let run = run.map_err(|error| Broken::said(format!("refused over dual numbers: {error}")))?;
+    let run =
+        run.map_err(|error| Broken::from_message(format!("refused over dual numbers: {error}")))?;
     Ok(run.gradients.iter().map(|gradient| gradient.as_ref().map(Tensor::tangents)).collect())
 }
 

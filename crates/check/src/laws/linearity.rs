@@ -15,7 +15,7 @@ pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
     let mut tally = Tally::default();
     let with = |upstream: &[Tensor<f64>]| -> Result<Run<f64>, Broken> {
         let run = run(&*trial.case.subject, &trial.point, upstream);
-        run.map_err(|error| Broken::said(error.to_string()))
+        run.map_err(|error| Broken::from_message(error.to_string()))
     };
     let times = |factor: f64| -> Vec<Tensor<f64>> {
         trial.upstream.iter().map(|u| u.map(|u| u * factor)).collect()

@@ -35,7 +35,7 @@ pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
 
 /// A pass to `subset` over a recording that could give all gradients.
 fn pass_to(trial: &Trial, subset: &[usize], tally: &mut Tally) -> Result<(), Broken> {
-    let refused = |error: &dyn std::fmt::Display| Broken::said(error.to_string());
+    let refused = |error: &dyn std::fmt::Display| Broken::from_message(error.to_string());
     let tape = Tape::new();
     let inputs = place(&tape, &trial.point);
     let outcome = trial.case.subject.apply_f64(&tape, &inputs).map_err(|error| refused(&error))?;
@@ -50,7 +50,7 @@ fn pass_to(trial: &Trial, subset: &[usize], tally: &mut Tally) -> Result<(), Bro
             })?;
         } else if gradients.get(inputs[i]).is_some() {
             let what = format!("a pass to inputs {subset:?} alone gave in{i} a gradient");
-            return Err(Broken::said(what));
+            return Err(Broken::from_message(what));
         }
     }
     Ok(())
@@ -64,7 +64,7 @@ fn recording_with(trial: &Trial, subset: &[usize], tally: &mut Tally) -> Result<
     }
     let upstream: Vec<_> = trial.upstream.iter().cloned().map(Some).collect();
     let run = step(&Tape::new(), &*trial.case.subject, &point, &upstream);
-    let run = run.map_err(|error| Broken::said(error.to_string()))?;
+    let run = run.map_err(|error| Broken::from_message(error.to_string()))?;
     for (j, (y, expected)) in run.outputs.iter().zip(&trial.nominal.outputs).enumerate() {
         let what = || format!("with a gradient for inputs {subset:?} alone: out{j}");
         tally.same_bits(y, expected, what)?;
@@ -77,7 +77,9 @@ fn recording_with(trial: &Trial, subset: &[usize], tally: &mut Tally) -> Result<
                 })?;
             }
             (Some(_), _) => {
-                return Err(Broken::said(format!("in{i} is a constant and got a gradient")));
+                return Err(Broken::from_message(format!(
+                    "in{i} is a constant and got a gradient"
+                )));
             }
             (None, _) => {}
         }

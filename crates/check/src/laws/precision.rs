@@ -51,7 +51,7 @@ pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
     let narrow = match run(subject, &narrow_point, &narrow_upstream) {
         Ok(narrow) if narrow.state == wide.state => narrow,
         Ok(_) => return left_out,
-        Err(error) => return Err(Broken::said(format!("refused in f32 alone: {error}"))),
+        Err(error) => return Err(Broken::from_message(format!("refused in f32 alone: {error}"))),
     };
     let narrow = Run {
         outputs: narrow.outputs.iter().map(Tensor::cast).collect(),

@@ -22,7 +22,7 @@ pub(super) fn check(trial: &Trial) -> Result<Tally, Broken> {
         let _ = step(&tape, &*trial.case.subject, &other, &upstream);
         tape.reset();
         let run = step(&tape, &*trial.case.subject, &trial.point, &upstream);
-        let run = run.map_err(|error| Broken::said(format!("step {k}: {error}")))?;
+        let run = run.map_err(|error| Broken::from_message(format!("step {k}: {error}")))?;
         compare(&mut tally, &run, &trial.nominal, &format!("step {k} on one tape"))?;
         tape.reset();
     }
@@ -44,7 +44,7 @@ pub(super) fn compare<T: bokashi_core::Scalar>(
         tally.same_bits(x, expected, || format!("{when}: gradient of in{i}"))?;
     }
     if run.state != expected.state {
-        return Err(Broken::said(format!("{when}: another discrete state")));
+        return Err(Broken::from_message(format!("{when}: another discrete state")));
     }
     Ok(())
 }
@@ -58,7 +58,7 @@ pub(crate) fn refuses(
     is_pipeline: bool,
     right: &Trial,
 ) -> Result<Tally, Broken> {
-    let refused = |error: &dyn std::fmt::Display| Broken::said(error.to_string());
+    let refused = |error: &dyn std::fmt::Display| Broken::from_message(error.to_string());
     let mut tally = Tally::default();
     let tape = Tape::<f64>::new();
     let inputs = place(&tape, &right.point);
@@ -69,17 +69,23 @@ pub(crate) fn refuses(
     match caught(|| wrong.subject.apply_f64(&tape, &wrong_inputs).map(|_| ())) {
         Ok(Err(error)) if error.to_string() == message => tally.compared += 1,
         Ok(Err(error)) => {
-            return Err(Broken::said(format!("the error is \"{error}\", not \"{message}\"")));
+            return Err(Broken::from_message(format!(
+                "the error is \"{error}\", not \"{message}\""
+            )));
         }
-        Ok(Ok(())) => return Err(Broken::said(format!("it was taken, without \"{message}\""))),
+        Ok(Ok(())) => {
+            return Err(Broken::from_message(format!("it was taken, without \"{message}\"")));
+        }
         Err(panic) => {
-            return Err(Broken::said(format!("it panicked, without \"{message}\": {panic}")));
+            return Err(Broken::from_message(format!(
+                "it panicked, without \"{message}\": {panic}"
+            )));
         }
     }
     let after = tape.len();
     if after != before && !is_pipeline {
         let what = format!("the refusal left {after} values on a tape of {before}");
-        return Err(Broken::said(what));
+        return Err(Broken::from_message(what));
     }
 
     let seeds: Vec<_> = outcome.outputs.iter().copied().zip(&right.upstream).collect();

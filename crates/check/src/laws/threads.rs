@@ -41,7 +41,7 @@ fn on_all_pools<T: Number>(trial: &Trial, tally: &mut Tally) -> Result<(), Broke
     let refusals = runs.iter().filter(|run| run.is_err()).count();
     if refusals != 0 && refusals != runs.len() {
         let what = format!("refused on {refusals} of {} numbers of threads", runs.len());
-        return Err(Broken::said(what));
+        return Err(Broken::from_message(what));
     }
     let mut runs = THREADS.iter().zip(runs.into_iter().flatten());
     let Some((_, first)) = runs.next() else { return Ok(()) };

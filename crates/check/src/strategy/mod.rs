@@ -11,7 +11,7 @@ pub use image::{image, image_of, sigma};
 pub use mesh::{ClosedMesh, closed_mesh};
 pub use tensor::{around, broadcasting_shapes, non_zero, number, shape, tensor};
 pub use triangle::{
-    Triangle, aligned, degenerate, of_any_size, sliver, through_the_eye, triangle, well_shaped,
+    Triangle, aligned, any_size, degenerate, sliver, through_the_eye, triangle, well_shaped,
 };
 pub use view::{camera, unit_quaternion};
 

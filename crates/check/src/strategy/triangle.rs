@@ -16,7 +16,7 @@ pub fn triangle() -> BoxedStrategy<Triangle> {
         1 => degenerate(),
         2 => aligned(8),
         2 => through_the_eye(),
-        1 => of_any_size(),
+        1 => any_size(),
     ]
     .boxed()
 }
@@ -101,7 +101,7 @@ pub fn through_the_eye() -> BoxedStrategy<Triangle> {
 }
 
 /// From 1e-12 to 1e12 of the image in size.
-pub fn of_any_size() -> BoxedStrategy<Triangle> {
+pub fn any_size() -> BoxedStrategy<Triangle> {
     (well_shaped(), -12.0..12.0)
         .prop_map(|(triangle, power)| {
             let size = 10.0_f64.powf(power);
@@ -167,7 +167,7 @@ mod tests {
         let triangles = draws(through_the_eye(), 300);
         assert!((0..=3).all(|count| triangles.iter().any(|t| behind(t) == count)));
         assert!(triangles.iter().flatten().any(|p| p[3] == 0.0));
-        let sizes = draws(of_any_size(), 100);
+        let sizes = draws(any_size(), 100);
         let largest = |t: &Triangle| t.iter().fold(0.0, |l: f64, p| l.max(p[0].abs()));
         assert!(sizes.iter().any(|t| largest(t) > 1e9));
         assert!(sizes.iter().any(|t| largest(t) < 1e-9));

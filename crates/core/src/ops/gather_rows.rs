@@ -65,7 +65,7 @@ impl<T: Scalar> Op<T> for GatherRows {
             return;
         }
         let (y_bar, inner) = (kept.only_upstream(), x_bar.len() / shape[0]);
-        let lists = saved.of(&self.rows, shape[0]);
+        let lists = saved.lists(&self.rows, shape[0]);
         let put = |x_bar: &mut T, sum: T::Wide| {
             let sum = T::narrow(sum);
             *x_bar = if fresh { sum } else { *x_bar + sum };

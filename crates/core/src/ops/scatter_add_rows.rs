@@ -51,7 +51,7 @@ impl<T: Scalar> Op<T> for ScatterAddRows {
         if y.is_empty() {
             return Ok(());
         }
-        let lists = saved.of(&self.rows, count);
+        let lists = saved.lists(&self.rows, count);
         sum_listed_rows(lists, None, x, inner, y, |y, sum| *y = T::narrow(sum));
         Ok(())
     }

@@ -37,7 +37,7 @@ impl<'t, T: Scalar> Variables<'t, T> {
     }
 
     /// The parameters `names` with leaves of a tape for values.
-    pub(crate) fn of_leaves(names: &Arc<[String]>, leaves: &[Var<'t, T>]) -> Self {
+    pub(crate) fn from_leaves(names: &Arc<[String]>, leaves: &[Var<'t, T>]) -> Self {
         let list = leaves.iter().map(|&leaf| Variable { raw: leaf, value: leaf }).collect();
         Self { list, names: Arc::clone(names) }
     }

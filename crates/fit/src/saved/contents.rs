@@ -114,7 +114,7 @@ impl Contents {
     }
 
     /// What `text` says.
-    pub(super) fn of(text: &str) -> Result<Self, FitError> {
+    pub(super) fn from_text(text: &str) -> Result<Self, FitError> {
         let unreadable =
             |error: serde_json::Error| FitError::saved("contents that are those of a fit", error);
         // First of all whether it is ours to read.

@@ -281,7 +281,7 @@ impl<'a> Opened<'a> {
     fn new(bytes: &'a [u8]) -> Result<Self, FitError> {
         let (_, header) = SafeTensors::read_metadata(bytes).map_err(foreign)?;
         let text = text_of(&header)?;
-        let contents = Contents::of(text)?;
+        let contents = Contents::from_text(text)?;
         let file = SafeTensors::deserialize(bytes).map_err(foreign)?;
         let tensors: BTreeMap<_, _> = file.tensors().into_iter().collect();
         let begins =

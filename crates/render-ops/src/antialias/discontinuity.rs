@@ -65,7 +65,7 @@ struct Frame<S> {
 
 impl<S: Scalar<Wide = S>> Frame<S> {
     /// `place` is the row and the column of the first pixel.
-    fn of(place: [usize; 2], below: bool, covers_first: bool, size: Size) -> Self {
+    fn new(place: [usize; 2], below: bool, covers_first: bool, size: Size) -> Self {
         let [mut row, mut column] = place;
         if !covers_first {
             if below { row += 1 } else { column += 1 }
@@ -136,13 +136,13 @@ pub(super) struct Outline<S> {
 
 impl<S: Scalar<Wide = S>> Outline<S> {
     /// Of the face of vertices `indices` of `clip: [V, 4]`.
-    pub(super) fn of<T: Scalar<Wide = S>>(
+    pub(super) fn new<T: Scalar<Wide = S>>(
         clip: &[T],
         indices: [u32; 3],
         silhouettes: u8,
         size: Size,
     ) -> Self {
-        let (vertices, _) = Vertex::of_face(clip, indices, size);
+        let (vertices, _) = Vertex::from_face(clip, indices, size);
         let (mut lines, mut across) = ([[S::ZERO; 3]; 3], [0; 2]);
         for corner in (0..3).filter(|corner| silhouettes & 1 << corner != 0) {
             let ends = [vertices[(corner + 1) % 3], vertices[(corner + 2) % 3]];
@@ -219,7 +219,7 @@ fn looked_at<S: Scalar<Wide = S>>(
 ) -> Option<Blend<S>> {
     let &Outline { vertices, indices, silhouettes, .. } = outline;
     let &Pair { row, column, below, .. } = pair;
-    let frame = Frame::<S>::of([row, column], below, covers_first, size);
+    let frame = Frame::<S>::new([row, column], below, covers_first, size);
     // Not by `map`, which would copy them one by one.
     let corners = [frame.local(vertices[0]), frame.local(vertices[1]), frame.local(vertices[2])];
     // The line through the centres meets edges with an end on either side of it.
@@ -280,8 +280,9 @@ impl<S: Scalar<Wide = S>> Blend<S> {
         size: Size,
     ) -> [[S; 3]; 2] {
         let place = size.place(self.pixel as usize);
-        let frame = Frame::of(place, self.below, self.covers_first, size);
-        let [(p, p_factor), (q, q_factor)] = self.edge.map(|index| Vertex::of(clip, index, size));
+        let frame = Frame::new(place, self.below, self.covers_first, size);
+        let [(p, p_factor), (q, q_factor)] =
+            self.edge.map(|index| Vertex::from_clip(clip, index, size));
         let [p, q] = [p, q].map(|vertex| frame.local(vertex));
         let Crossing { x, m } = crossing(p, q);
         let scale = -alpha_bar / m;
@@ -318,7 +319,7 @@ mod tests {
             covers_first: bool,
         ) {
             let size = Size { width: 9, height: 5 };
-            let outline = Outline::of(clip.as_flattened(), [0, 1, 2], silhouettes, size);
+            let outline = Outline::new(clip.as_flattened(), [0, 1, 2], silhouettes, size);
             let pair = Pair { row, column, below, seen: [None; 2] };
             let found = looked_at(&outline, &pair, covers_first, size);
             prop_assert!(found.is_none() || !outline.misses(&pair, size), "{found:?}");
@@ -330,7 +331,7 @@ mod tests {
         let size = Size { width: 9, height: 5 };
         // Upright, between columns 4 and 5.
         let clip = [[0.1, -2.0, 0.0, 1.0], [0.1, 2.0, 0.0, 1.0], [-3.0, 0.0, 0.0, 1.0]];
-        let outline = Outline::of(clip.as_flattened(), [0, 1, 2], 0b100, size);
+        let outline = Outline::new(clip.as_flattened(), [0, 1, 2], 0b100, size);
         for row in 0..4 {
             for column in 0..8 {
                 let misses = [false, true].map(|below| {

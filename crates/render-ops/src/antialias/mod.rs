@@ -414,7 +414,7 @@ impl<S: Scalar<Wide = S>> Outlines<S> {
             let mut of_slot = OfSlot { at: u32::MAX, face: slot.face, counts: 0 };
             if silhouettes != 0 {
                 let indices = coverage.mesh().faces()[face];
-                let outline = Outline::of(clip, indices, silhouettes, coverage.size());
+                let outline = Outline::new(clip, indices, silhouettes, coverage.size());
                 of_slot.at = self.outlines.len() as u32;
                 of_slot.counts = outline.counts();
                 self.outlines.push(outline);
@@ -475,7 +475,7 @@ impl<T: Scalar> Silhouettes<'_, T> {
             return depth_at(&outline.vertices, pixel, size);
         }
         let indices = self.coverage.mesh().faces()[seen.face as usize];
-        depth_at(&Vertex::of_face(self.clip, indices, size).0, pixel, size)
+        depth_at(&Vertex::from_face(self.clip, indices, size).0, pixel, size)
     }
 
     /// The blend at a pair of pixels, where a silhouette passes between them. It is of the nearer of

@@ -21,7 +21,7 @@ struct Scene {
 
 impl Scene {
     /// A scene of points in pixels from the image's top left corner, and their depths.
-    fn of_points(points: &[[f64; 3]], faces: &[[u32; 3]], size: Size) -> Self {
+    fn from_points(points: &[[f64; 3]], faces: &[[u32; 3]], size: Size) -> Self {
         let (width, height) = (size.width as f64, size.height as f64);
         let clip =
             points.iter().map(|&[x, y, z]| [2.0 * x / width - 1.0, 1.0 - 2.0 * y / height, z, 1.0]);
@@ -75,7 +75,7 @@ impl Scene {
 
 /// The antialiased image of `image: [H, W, 1]`, whose uncovered pixels are the background.
 fn antialiased<'t, T: Scalar>(image: Var<'t, T>, fragments: &Fragments<'t, T>) -> Var<'t, T> {
-    antialias(Composite::of_image(image, fragments).unwrap()).unwrap().image().unwrap()
+    antialias(Composite::from_image(image, fragments).unwrap()).unwrap().image().unwrap()
 }
 
 /// Colours that differ from pixel to pixel.
@@ -92,13 +92,13 @@ const SIZE: Size = Size { width: 9, height: 6 };
 /// A face whose only edge in sight runs down the image at `x` px, on the left of it or the right.
 fn upright(x: f64, on_left: bool) -> Scene {
     let far = if on_left { -200.0 } else { 200.0 };
-    Scene::of_points(&[[x, -300.0, 0.0], [x, 300.0, 0.0], [far, 3.0, 0.0]], &[[0, 1, 2]], SIZE)
+    Scene::from_points(&[[x, -300.0, 0.0], [x, 300.0, 0.0], [far, 3.0, 0.0]], &[[0, 1, 2]], SIZE)
 }
 
 /// The same across the image.
 fn level(y: f64, above: bool) -> Scene {
     let far = if above { -200.0 } else { 200.0 };
-    Scene::of_points(&[[-300.0, y, 0.0], [300.0, y, 0.0], [3.0, far, 0.0]], &[[0, 1, 2]], SIZE)
+    Scene::from_points(&[[-300.0, y, 0.0], [300.0, y, 0.0], [3.0, far, 0.0]], &[[0, 1, 2]], SIZE)
 }
 
 /// The image with its rows and columns exchanged.
@@ -197,7 +197,7 @@ fn star() -> Scene {
         [5.9, 2.8, -0.2],
         [0.2, 4.6, -0.4],
     ];
-    Scene::of_points(&points, &[[0, 1, 2], [2, 1, 3], [4, 5, 6]], SIZE)
+    Scene::from_points(&points, &[[0, 1, 2], [2, 1, 3], [4, 5, 6]], SIZE)
 }
 
 #[test]
@@ -232,7 +232,7 @@ fn the_image_gradient_is_the_adjoint_of_the_linear_map() {
 fn a_speck_does_not_leave_the_range_of_its_neighbours() {
     let speck = |shift: f64| {
         let at = |x: f64, y: f64| [4.5 + shift + 0.02 * x, 2.5 + 0.02 * y, 0.0];
-        Scene::of_points(&[at(-1.0, -1.2), at(2.0, -0.9), at(-0.7, 2.1)], &[[0, 1, 2]], SIZE)
+        Scene::from_points(&[at(-1.0, -1.2), at(2.0, -0.9), at(-0.7, 2.1)], &[[0, 1, 2]], SIZE)
     };
     for (inside, outside) in [(1.0, 0.0), (0.0, 1.0)] {
         let color = |_: usize, id: u32| if id > 0 { inside } else { outside };
@@ -275,7 +275,7 @@ fn sums_of_blends_stay_within_the_range_of_what_they_blend_to_the_bit() {
             let reach = radius * (0.6 + share(k + 3));
             [1.5 + reach * angle.cos(), 1.5 + reach * angle.sin(), 0.0]
         };
-        let speck = Scene::of_points(&[corner(0), corner(1), corner(2)], &[[0, 1, 2]], size);
+        let speck = Scene::from_points(&[corner(0), corner(1), corner(2)], &[[0, 1, 2]], size);
         let out = speck.picture::<T>(|k, _| colors(k));
         let own = |k: usize| T::from_f64(colors(k)).to_f64();
         let neighbors = |k: usize| {
@@ -305,7 +305,7 @@ fn an_inner_edge_is_no_silhouette_and_leaves_the_image_itself() {
     // Two faces that cover the image, whichever way they are cut and wound.
     let points = [[-9.0, -9.0, 0.0], [20.0, -8.0, 0.1], [22.0, 18.0, 0.2], [-8.0, 15.0, 0.0]];
     for faces in [[[0, 1, 2], [0, 2, 3]], [[0, 1, 2], [3, 2, 0]], [[1, 2, 3], [0, 1, 3]]] {
-        let scene = Scene::of_points(&points, &faces, SIZE);
+        let scene = Scene::from_points(&points, &faces, SIZE);
         let tape = Tape::<f32>::new();
         let clip = scene.positions(&tape);
         let fragments = scene.rasterized(clip);
@@ -328,8 +328,8 @@ fn where_a_surface_turns_away_its_edge_is_as_good_as_a_boundary() {
     // A roof seen along its ridge: the second face hides behind the first.
     let points = [[4.3, -300.0, 0.0], [4.4, 300.0, 0.0], [-200.0, 3.0, -0.2], [-190.0, 4.0, 0.2]];
     for second in [[0, 3, 1], [1, 0, 3]] {
-        let roof = Scene::of_points(&points, &[[0, 1, 2], second], SIZE);
-        let alone = Scene::of_points(&points, &[[0, 1, 2]], SIZE);
+        let roof = Scene::from_points(&points, &[[0, 1, 2], second], SIZE);
+        let alone = Scene::from_points(&points, &[[0, 1, 2]], SIZE);
         let color = |k: usize, id: u32| motley(k) + f64::from(id);
         assert_eq!(roof.picture::<f64>(color), alone.picture::<f64>(color));
         // With the fourth vertex on the other side the surface goes on.
@@ -344,7 +344,7 @@ fn where_a_surface_turns_away_its_edge_is_as_good_as_a_boundary() {
 fn a_culled_neighbor_makes_a_silhouette() {
     let points = [[1.2, 0.7, 0.0], [7.8, 1.1, 0.0], [1.4, 5.3, 0.0], [7.6, 5.2, 0.0]];
     let picture = |faces: &[[u32; 3]]| {
-        let scene = Scene::of_points(&points, faces, SIZE);
+        let scene = Scene::from_points(&points, faces, SIZE);
         let tape = Tape::<f64>::new();
         let clip = scene.positions(&tape);
         let mesh = Mesh::new(scene.faces.clone(), points.len()).unwrap();
@@ -372,11 +372,11 @@ fn of_two_faces_the_nearer_ones_edge_counts() {
     let points = [[4.3, -300.0, -0.1], [4.4, 300.0, -0.1], [-200.0, 3.0, -0.1]];
     let behind = [[-300.0, -300.0, 0.1], [900.0, -300.0, 0.1], [-300.0, 900.0, 0.1]];
     let both: Vec<_> = points.into_iter().chain(behind).collect();
-    let alone = Scene::of_points(&points, &[[0, 1, 2]], SIZE);
+    let alone = Scene::from_points(&points, &[[0, 1, 2]], SIZE);
     let expected = alone.picture::<f64>(|k, _| motley(k));
     assert!(expected != (0..54).map(motley).collect::<Vec<_>>());
     for faces in [[[0, 1, 2], [3, 4, 5]], [[3, 4, 5], [0, 1, 2]]] {
-        let scene = Scene::of_points(&both, &faces, SIZE);
+        let scene = Scene::from_points(&both, &faces, SIZE);
         assert_eq!(scene.picture::<f64>(|k, _| motley(k)), expected);
     }
 }
@@ -425,7 +425,7 @@ fn an_edge_half_way_between_centres_moves_nothing_but_has_a_gradient() {
 fn an_edge_at_45_degrees_keeps_every_blend_within_its_two_pixels() {
     for shift in [0.0, 0.25, 0.5, 0.75] {
         let points = [[-10.0 + shift, -10.0, 0.0], [20.0 + shift, 20.0, 0.0], [-30.0, 20.0, 0.0]];
-        let scene = Scene::of_points(&points, &[[0, 1, 2]], Size::square(8));
+        let scene = Scene::from_points(&points, &[[0, 1, 2]], Size::square(8));
         for image in [scene.picture::<f64>(is_covered), scene.picture::<f32>(is_covered)] {
             assert!(image.iter().all(|entry| (0.0..=1.0).contains(entry)));
         }
@@ -513,7 +513,7 @@ fn between_two_silhouettes_the_nearer_faces_one_counts_and_of_equally_near_ones_
         let z = |x: f64| depth + slope * (x - 4.5);
         let left = [[3.8, -300.0, 0.0], [3.8, 300.0, 0.0], [-200.0, 3.0, 0.0]];
         let right = [[4.1, -300.0, z(4.1)], [4.1, 300.0, z(4.1)], [200.0, 3.0, z(200.0)]];
-        Scene::of_points(&[left, right].concat(), &[[0, 1, 2], [3, 4, 5]], SIZE)
+        Scene::from_points(&[left, right].concat(), &[[0, 1, 2], [3, 4, 5]], SIZE)
     };
     let color = |_: usize, id: u32| f64::from(id);
     for (depth, slope, expected) in [
@@ -534,7 +534,7 @@ fn between_two_silhouettes_the_nearer_faces_one_counts_and_of_equally_near_ones_
 #[test]
 fn an_edge_is_blended_across_and_not_along() {
     // It rises by a third of a pixel per column: steep enough for pairs of rows alone.
-    let scene = Scene::of_points(
+    let scene = Scene::from_points(
         &[[-30.0, 13.1, 0.0], [39.0, -9.9, 0.0], [9.0, 90.0, 0.0]],
         &[[0, 1, 2]],
         SIZE,
@@ -578,7 +578,7 @@ fn outlines_that_are_found_in_pieces_are_those_found_at_once() {
         })
         .collect();
     let faces: Vec<_> = (0..count as u32).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
-    let scene = Scene::of_points(&points, &faces, size);
+    let scene = Scene::from_points(&points, &faces, size);
     let picture = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| scene.picture::<f64>(|k, id| motley(k) + f64::from(id)))

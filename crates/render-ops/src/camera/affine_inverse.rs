@@ -82,15 +82,15 @@ impl<T: Scalar> Op<T> for AffineInverse {
     ) -> Result<(), RenderError> {
         if **inputs.shape(0) != [4, 4] {
             let rule = "a matrix of shape [4, 4]";
-            return Err(RenderError::of_shape(NAME, rule, inputs.shape(0)));
+            return Err(RenderError::shape(NAME, rule, inputs.shape(0)));
         }
         matrix::check_finite(inputs.data(0))?;
         matrix::check_affine(NAME, inputs.data(0))?;
-        let m = matrix::of_entries(inputs.data(0));
+        let m = matrix::from_entries(inputs.data(0));
         let linear = std::array::from_fn(|i| std::array::from_fn(|j| m[i][j]));
         let inverse: Matrix3<T::Wide> = inverse(linear).map_err(|determinant| {
             let rule = "a linear part whose determinant is not 0 within rounding";
-            RenderError::of_value(NAME, rule, determinant)
+            RenderError::value(NAME, rule, determinant)
         })?;
         let mut rows = m;
         for (row, b) in rows.iter_mut().zip(inverse) {
@@ -109,7 +109,7 @@ impl<T: Scalar> Op<T> for AffineInverse {
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
         let Some(matrix_bar) = gradients.get(0) else { return };
         let (n, n_bar) =
-            (matrix::of_entries(kept.output(0)), matrix::of_entries(kept.only_upstream()));
+            (matrix::from_entries(kept.output(0)), matrix::from_entries(kept.only_upstream()));
         // [B_bar B^T + c_bar c^T, c_bar].
         let inner: [[T::Wide; 4]; 3] = std::array::from_fn(|i| {
             std::array::from_fn(|j| match j {

@@ -21,7 +21,7 @@ const LARGEST: f64 = 1e100;
 /// A lens of `N` coefficients, as a map of points.
 pub(super) trait LensMap<S, const N: usize>: Copy + Send + Sync {
     /// The lens of these coefficients.
-    fn of(coefficients: [S; N]) -> Self;
+    fn from_coefficients(coefficients: [S; N]) -> Self;
 
     /// Where a point goes.
     fn apply(&self, point: [S; 3]) -> [S; 3];
@@ -55,7 +55,7 @@ pub(super) struct Bend<K, const N: usize>(pub(super) K);
 
 impl<K: LensKind<N>, const N: usize> Bend<K, N> {
     fn lens<T: Scalar>(coefficients: &[T]) -> K::Lens<T::Wide> {
-        K::Lens::of(std::array::from_fn(|k| coefficients[k].widen()))
+        K::Lens::from_coefficients(std::array::from_fn(|k| coefficients[k].widen()))
     }
 }
 
@@ -74,16 +74,16 @@ impl<T: Scalar, K: LensKind<N>, const N: usize> Op<T> for Bend<K, N> {
         _saved: &mut (),
     ) -> Result<(), RenderError> {
         if !matches!(**inputs.shape(0), [_, 3]) {
-            return Err(RenderError::of_shape(K::NAME, "points of shape [V, 3]", inputs.shape(0)));
+            return Err(RenderError::shape(K::NAME, "points of shape [V, 3]", inputs.shape(0)));
         }
         if **inputs.shape(1) != [N] {
-            return Err(RenderError::of_shape(K::NAME, K::RULE, inputs.shape(1)));
+            return Err(RenderError::shape(K::NAME, K::RULE, inputs.shape(1)));
         }
         let (points, coefficients) = (inputs.data(0), inputs.data(1));
         let is_lost = |entry: &&T| !(-LARGEST..=LARGEST).contains(&entry.to_f64());
         if let Some(lost) = coefficients.iter().find(is_lost) {
             let rule = "coefficients within -1e100 and 1e100";
-            return Err(RenderError::of_value(K::NAME, rule, lost.to_f64()));
+            return Err(RenderError::value(K::NAME, rule, lost.to_f64()));
         }
         let is_zero = || coefficients.iter().all(|entry| entry.is_same(T::ZERO));
         if K::HAS_IDENTITY && !inputs.needs(1) && is_zero() {

@@ -64,7 +64,7 @@ pub fn to_tensor<T: Scalar>(matrix: &DMat4) -> Tensor<T> {
 pub fn from_tensor<T: Scalar>(tensor: &Tensor<T>) -> Result<DMat4, RenderError> {
     if **tensor.shape() != [4, 4] {
         let rule = "a tensor of shape [4, 4]";
-        return Err(RenderError::of_shape("a matrix", rule, tensor.shape()));
+        return Err(RenderError::shape("a matrix", rule, tensor.shape()));
     }
     let entry = |k: usize| tensor.data()[k].to_f64();
     Ok(DMat4::from_cols_array(&std::array::from_fn(|k| entry(k % 4 * 4 + k / 4))))

@@ -43,7 +43,7 @@ const LEAST: f64 = 0.05;
 /// the angle off the axis. It is the first radius r at which the radial part `r f(r^2)` stops to grow, or at which
 /// its denominator falls below 0.05, and at most 16.
 pub fn distortion_radius<const N: usize>(coefficients: [f64; N]) -> f64 {
-    Distortion::of(all(coefficients)).rim
+    Distortion::new(all(coefficients)).rim
 }
 
 /// All eight coefficients of a lens: those that it lacks are 0.
@@ -82,7 +82,7 @@ enum Place<S> {
 }
 
 impl<S: Scalar> Distortion<S> {
-    pub(super) fn of([k1, k2, p1, p2, k3, k4, k5, k6]: [S; 8]) -> Self {
+    pub(super) fn new([k1, k2, p1, p2, k3, k4, k5, k6]: [S; 8]) -> Self {
         let parts = [[S::ONE, k1, k2, k3], [S::ONE, k4, k5, k6]];
         let mut lens = Self {
             parts,
@@ -99,7 +99,7 @@ impl<S: Scalar> Distortion<S> {
         let mut above = lower;
         above[0] = S::from_f64(1.0 - LEAST);
         let end = FARTHEST * FARTHEST;
-        let turns = [Turn::of(&growth, end), Turn::of(&above, end)];
+        let turns = [Turn::new(&growth, end), Turn::new(&above, end)];
         let is_first = match &turns {
             [Some(turn), Some(fall)] => turn.at <= fall.at,
             [turn, _] => turn.is_some(),
@@ -257,11 +257,11 @@ impl<S: Scalar> Distortion<S> {
     }
 }
 
-macro_rules! of_coefficients {
+macro_rules! lens_maps {
     ($($count:literal),*) => { $(
         impl<S: Scalar> LensMap<S, $count> for Distortion<S> {
-            fn of(coefficients: [S; $count]) -> Self {
-                Self::of(all(coefficients))
+            fn from_coefficients(coefficients: [S; $count]) -> Self {
+                Self::new(all(coefficients))
             }
 
             fn apply(&self, point: [S; 3]) -> [S; 3] {
@@ -281,7 +281,7 @@ macro_rules! of_coefficients {
     )* };
 }
 
-of_coefficients!(5, 8);
+lens_maps!(5, 8);
 
 impl Distortion<f64> {
     /// A point that the lens, without p1 and p2, shows at the radius `shown`: its radius.

@@ -48,20 +48,20 @@ const FAR: f64 = 1e100;
 /// `coefficients` = (k1, k2, k3, k4). It is the first angle at which the radius that is shown stops to grow, and
 /// at most 150 degrees.
 pub fn fisheye_limit(coefficients: [f64; 4]) -> f64 {
-    Equidistant::of(coefficients).rim
+    Equidistant::new(coefficients).rim
 }
 
 /// The radius, in normalized coordinates, at which a fisheye of `coefficients` = (k1, k2, k3, k4) shows what lies
 /// `angle` radians off the axis.
 pub fn fisheye_radius(angle: f64, coefficients: [f64; 4]) -> f64 {
-    let lens = Equidistant::of(coefficients);
+    let lens = Equidistant::new(coefficients);
     angle * polynomial(&lens.coefficients, angle * angle)
 }
 
 /// The angle off the axis, in radians, of what a fisheye of `coefficients` = (k1, k2, k3, k4) shows at `radius`,
 /// in normalized coordinates. `None` where it shows nothing: see [`fisheye_limit`].
 pub fn fisheye_angle(radius: f64, coefficients: [f64; 4]) -> Option<f64> {
-    let lens = Equidistant::of(coefficients);
+    let lens = Equidistant::new(coefficients);
     let radius_at = |angle: f64| angle * polynomial(&lens.coefficients, angle * angle);
     let is_shown = (0.0..=radius_at(lens.rim)).contains(&radius);
     is_shown.then(|| bisected(0.0, lens.rim, |angle| radius_at(angle) <= radius))
@@ -113,12 +113,12 @@ fn ratio<S: Scalar>(square: S) -> [S; 3] {
 }
 
 impl<S: Scalar> Equidistant<S> {
-    fn of([k1, k2, k3, k4]: [S; 4]) -> Self {
+    fn new([k1, k2, k3, k4]: [S; 4]) -> Self {
         let coefficients = [S::ONE, k1, k2, k3, k4];
         let odd = |k: usize| S::from_f64(2.0 * k as f64 + 1.0);
         let growth: [S; 5] = std::array::from_fn(|k| odd(k) * coefficients[k]);
         let (mut rim, mut scale) = (S::from_f64(WIDEST), S::ZERO);
-        if let Some(turn) = Turn::of(&growth, WIDEST * WIDEST) {
+        if let Some(turn) = Turn::new(&growth, WIDEST * WIDEST) {
             rim = turn.at.sqrt();
             scale = turn.scale.map_or(S::ZERO, |scale| scale / (rim + rim));
         }
@@ -197,8 +197,8 @@ impl<S: Scalar> Equidistant<S> {
 }
 
 impl<S: Scalar> LensMap<S, 4> for Equidistant<S> {
-    fn of(coefficients: [S; 4]) -> Self {
-        Self::of(coefficients)
+    fn from_coefficients(coefficients: [S; 4]) -> Self {
+        Self::new(coefficients)
     }
 
     fn apply(&self, point: [S; 3]) -> [S; 3] {

@@ -39,11 +39,11 @@ pub fn orthographic<'t, T: Scalar>(
 ) -> Result<Var<'t, T>, RenderError> {
     let size = size.checked()?;
     if !near.is_finite() {
-        return Err(RenderError::of_value(NAME, "a finite near plane", near));
+        return Err(RenderError::value(NAME, "a finite near plane", near));
     }
     if !(far > near && far.is_finite()) {
         let rule = format!("a finite far plane beyond the near plane at {near}");
-        return Err(RenderError::of_value(NAME, rule, far));
+        return Err(RenderError::value(NAME, rule, far));
     }
     // Halved first: the difference of two numbers may be too large.
     let half = 0.5 * far - 0.5 * near;

@@ -45,11 +45,11 @@ pub fn pinhole<'t, T: Scalar>(
     let seen = T::from_f64(near).to_f64();
     if !(seen > 0.0 && seen.is_finite()) {
         let rule = "a near plane at a finite distance above 0";
-        return Err(RenderError::of_value(NAME, rule, seen));
+        return Err(RenderError::value(NAME, rule, seen));
     }
     if far.partial_cmp(&near) != Some(std::cmp::Ordering::Greater) {
         let rule = format!("a far plane beyond the near plane at {near}");
-        return Err(RenderError::of_value(NAME, rule, far));
+        return Err(RenderError::value(NAME, rule, far));
     }
     let ratio = near / far;
     let depth = [(1.0 + ratio) / (1.0 - ratio), -2.0 * near / (1.0 - ratio)];

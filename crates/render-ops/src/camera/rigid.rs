@@ -50,12 +50,12 @@ impl<T: Scalar> Op<T> for Rigid {
             ["a rotation of shape [4]", "a translation of shape [3]"].iter().enumerate()
         {
             if **inputs.shape(i) != [4 - i] {
-                return Err(RenderError::of_shape(NAME, *rule, inputs.shape(i)));
+                return Err(RenderError::shape(NAME, *rule, inputs.shape(i)));
             }
         }
         let t = inputs.data(1);
         if let Some(lost) = t.iter().find(|t| !t.is_finite()) {
-            return Err(RenderError::of_value(NAME, "a finite translation", lost.to_f64()));
+            return Err(RenderError::value(NAME, "a finite translation", lost.to_f64()));
         }
         let r = rotation::checked_matrix(inputs.data(0))?;
         let entries = outputs.push([4, 4]);

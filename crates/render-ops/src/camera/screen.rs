@@ -55,10 +55,10 @@ impl<T: Scalar> Op<T> for Screen {
         outputs: &mut Outputs<'_, T>,
         _saved: &mut (),
     ) -> Result<(), RenderError> {
-        let refused = |rule, value: f64| Err(RenderError::of_value(self.operation, rule, value));
+        let refused = |rule, value: f64| Err(RenderError::value(self.operation, rule, value));
         if **inputs.shape(0) != [4] {
             let rule = "intrinsics of shape [4]";
-            return Err(RenderError::of_shape(self.operation, rule, inputs.shape(0)));
+            return Err(RenderError::shape(self.operation, rule, inputs.shape(0)));
         }
         let wide: [T::Wide; 4] = std::array::from_fn(|k| inputs.data(0)[k].widen());
         let (scales, centers) = ([wide[0], wide[1]], [wide[2], wide[3]]);

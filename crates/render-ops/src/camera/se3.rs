@@ -96,14 +96,14 @@ impl<T: Scalar> Op<T> for Se3<T::Wide> {
     ) -> Result<(), RenderError> {
         if **inputs.shape(0) != [6] {
             let rule = "an increment of shape [6]";
-            return Err(RenderError::of_shape(NAME, rule, inputs.shape(0)));
+            return Err(RenderError::shape(NAME, rule, inputs.shape(0)));
         }
         let increment = inputs.data(0);
         if let Some(lost) =
             increment.iter().find(|entry| !(-LARGEST..=LARGEST).contains(&entry.to_f64()))
         {
             let rule = "an increment within -1e50 and 1e50";
-            return Err(RenderError::of_value(NAME, rule, lost.to_f64()));
+            return Err(RenderError::value(NAME, rule, lost.to_f64()));
         }
         let [rho, phi] = halves(increment);
         let [c1, c2, c3, ..] = stumpff(dot(phi, phi));
@@ -125,7 +125,7 @@ impl<T: Scalar> Op<T> for Se3<T::Wide> {
     fn backward(&self, kept: &Kept<'_, T>, _saved: &mut (), gradients: &mut Accumulators<'_, T>) {
         let Some(increment_bar) = gradients.get(0) else { return };
         let [rho, phi] = halves(kept.input(0));
-        let m_bar = matrix::of_entries(kept.only_upstream());
+        let m_bar = matrix::from_entries(kept.only_upstream());
         let e_bar = matrix::product_transposed(&m_bar, &self.fixed);
         let r_bar: Matrix3<T::Wide> = std::array::from_fn(|i| std::array::from_fn(|k| e_bar[i][k]));
         let t_bar: [T::Wide; 3] = std::array::from_fn(|i| e_bar[i][3]);
@@ -135,7 +135,7 @@ impl<T: Scalar> Op<T> for Se3<T::Wide> {
         let rho_bar: [T::Wide; 3] =
             std::array::from_fn(|k| (0..3).map(|i| j[i][k] * t_bar[i]).sum());
         let j_bar = t_bar.map(|t_bar| rho.map(|rho| t_bar * rho));
-        let (of_r, of_j) = (Pulled::of(&r_bar, phi), Pulled::of(&j_bar, phi));
+        let (of_r, of_j) = (Pulled::new(&r_bar, phi), Pulled::new(&j_bar, phi));
         let two = T::Wide::from_f64(2.0);
         let along = d1 * dot(of_r.linear, phi)
             + d2 * (of_r.square + dot(of_j.linear, phi))
@@ -161,7 +161,7 @@ struct Pulled<S> {
 }
 
 impl<S: Scalar> Pulled<S> {
-    fn of(g: &Matrix3<S>, phi: [S; 3]) -> Self {
+    fn new(g: &Matrix3<S>, phi: [S; 3]) -> Self {
         // Without the trace's own terms, whose difference would cancel: sum_(i != j) G_ij phi_i phi_j
         // - sum_i G_ii (s - phi_i^2).
         let off = |i: usize, j: usize| g[i][j] + g[j][i];

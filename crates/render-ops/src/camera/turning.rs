@@ -27,7 +27,7 @@ pub(super) struct Turn<S> {
 }
 
 impl<S: Scalar> Turn<S> {
-    pub(super) fn of(coefficients: &[S], end: f64) -> Option<Self> {
+    pub(super) fn new(coefficients: &[S], end: f64) -> Option<Self> {
         let numbers: Few = coefficients.iter().map(|own| own.to_f64()).collect();
         let found = *sign_changes(&numbers, end).first()?;
         let s = S::from_f64(found);
@@ -109,7 +109,7 @@ mod tests {
     #[test]
     fn a_turn_moves_with_the_coefficients() {
         // 2 - s^2 c, at sqrt(2 / c).
-        let at = |c: f64| Turn::of(&[2.0, 0.0, -c], 10.0).unwrap();
+        let at = |c: f64| Turn::new(&[2.0, 0.0, -c], 10.0).unwrap();
         let slope = -(2.0_f64).sqrt() / 2.0 * 0.5_f64.powf(1.5);
         let found = at(2.0);
         assert!((found.at - 1.0).abs() < 1e-15);

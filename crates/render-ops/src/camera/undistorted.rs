@@ -21,7 +21,7 @@ const TOLERANCE: f64 = 1e-12;
 /// finds none: for numbers that are not finite, and where p1 and p2 are so large that the lens shows nothing
 /// there.
 pub fn undistorted<const N: usize>(point: DVec2, coefficients: [f64; N]) -> Option<DVec2> {
-    let lens = Distortion::of(all(coefficients));
+    let lens = Distortion::new(all(coefficients));
     let residual = |at: DVec2| DVec2::from(lens.shown([at.x, at.y, 1.0])) - point;
     let length = point.length();
     let mut at = if length == 0.0 { point } else { point * (lens.radius_of(length) / length) };

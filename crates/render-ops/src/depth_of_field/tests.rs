@@ -31,7 +31,7 @@ fn focused(
     let (image, depth) = (tape.leaf(image), tape.leaf(depth));
     let (aperture, focus) = (tape.leaf_scalar(aperture), tape.leaf_scalar(focus));
     let lens = Lens { aperture, focus };
-    let found = depth_of_field(image, DepthImage::of_distances(depth), lens, options).unwrap();
+    let found = depth_of_field(image, DepthImage::from_distances(depth), lens, options).unwrap();
     let value = found.image.value();
     let product = value.data().iter().zip(upstream().data()).map(|(b, u)| b * u).sum();
     (value, product, found.capped)
@@ -45,7 +45,7 @@ fn of<'t>(
     focus: Var<'t, f64>,
     options: &LensOptions,
 ) -> Result<Focused<'t, f64>, RenderError> {
-    depth_of_field(image, DepthImage::of_distances(depth), Lens { aperture, focus }, options)
+    depth_of_field(image, DepthImage::from_distances(depth), Lens { aperture, focus }, options)
 }
 
 fn upstream() -> Tensor<f64> {
@@ -100,7 +100,7 @@ fn a_ladder_is_within_its_tolerance_of_windows() {
                 let tape = Tape::<f64>::new();
                 let lens =
                     Lens { aperture: tape.leaf_scalar(aperture), focus: tape.leaf_scalar(1.0) };
-                let depth = DepthImage::of_distances(tape.leaf(&depth));
+                let depth = DepthImage::from_distances(tape.leaf(&depth));
                 let out = depth_of_field(tape.leaf(&image), depth, lens, &options).unwrap().image;
                 let bars = tape.vjp(&[(out, &image)]).unwrap();
                 (out.value(), bars.get(lens.aperture).unwrap().item())
@@ -123,7 +123,7 @@ fn a_step_back_through_a_ladder_is_its_transpose() {
     let tape = Tape::<f64>::new();
     let lens = Lens { aperture: tape.leaf_scalar(2.0), focus: tape.leaf_scalar(2.0) };
     let (image, u) = (tape.leaf(&entry(1)), entry(2));
-    let depth = DepthImage::of_distances(tape.leaf(&depth));
+    let depth = DepthImage::from_distances(tape.leaf(&depth));
     let out = depth_of_field(image, depth, lens, &LensOptions::default()).unwrap().image;
     let image_bar = tape.vjp(&[(out, &u)]).unwrap().get(image).unwrap().clone();
     let dot = |a: &Tensor<f64>, b: &Tensor<f64>| -> f64 {

@@ -200,7 +200,7 @@ impl<T: Scalar> pulp::WithSimd for Gather<'_, T> {
         let Self { lines: Lines { window, width, channels }, rows, image, first, band, out } = self;
         let row = window.count(width) * channels;
         for (j, out) in out.chunks_exact_mut(row).enumerate() {
-            weigh(rows.of(first + j), image, band.line(window, width, channels));
+            weigh(rows.row(first + j), image, band.line(window, width, channels));
             band.gather(window, width, channels, out);
         }
     }
@@ -245,7 +245,7 @@ impl<T: Scalar> pulp::WithSimd for Add<'_, T> {
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
         for (i, entries) in self.entries.chunks_exact_mut(self.row).enumerate() {
-            let list = self.by_row.of(self.first + i);
+            let list = self.by_row.row(self.first + i);
             if self.fresh {
                 weigh(list, self.spread, entries);
             } else {

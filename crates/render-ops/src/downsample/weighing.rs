@@ -119,7 +119,7 @@ impl<T: Scalar> Lists<T> {
         self.entries.clear();
         self.entries.resize(other.entries.len(), (0, T::ZERO));
         for j in 0..other.starts.len() - 1 {
-            for &(row, weight) in other.of(j) {
+            for &(row, weight) in other.row(j) {
                 // Each start moves to the next one's place, and all of them back below.
                 let place = &mut self.starts[row as usize];
                 self.entries[*place] = (j as u32, weight);
@@ -130,7 +130,7 @@ impl<T: Scalar> Lists<T> {
         self.starts[0] = 0;
     }
 
-    pub(super) fn of(&self, row: usize) -> &[(u32, T)] {
+    pub(super) fn row(&self, row: usize) -> &[(u32, T)] {
         &self.entries[self.starts[row]..self.starts[row + 1]]
     }
 

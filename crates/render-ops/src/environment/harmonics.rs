@@ -106,7 +106,7 @@ type Weights<S> = (Direction<S>, [S; HARMONICS]);
 /// `None` where the normal is zero.
 #[inline(always)]
 fn weights<T: Scalar>(normal: &[T; 3]) -> Option<Weights<T::Wide>> {
-    let direction = Direction::of(normal.map(T::widen))?;
+    let direction = Direction::new(normal.map(T::widen))?;
     let functions = harmonics(direction.unit);
     let weights = std::array::from_fn(|i| T::Wide::from_f64(COSINE[i]) * functions[i]);
     Some((direction, weights))
@@ -129,10 +129,10 @@ impl<T: Scalar> Op<T> for Irradiance {
     ) -> Result<(), RenderError> {
         let &[HARMONICS, channels] = &**inputs.shape(0) else {
             let rule = "coefficients of shape [9, C]";
-            return Err(RenderError::of_shape(NAME, rule, inputs.shape(0)));
+            return Err(RenderError::shape(NAME, rule, inputs.shape(0)));
         };
         let &[count, 3] = &**inputs.shape(1) else {
-            return Err(RenderError::of_shape(NAME, "normals of shape [N, 3]", inputs.shape(1)));
+            return Err(RenderError::shape(NAME, "normals of shape [N, 3]", inputs.shape(1)));
         };
         let (coefficients, (normals, _)) = (inputs.data(0), inputs.data(1).as_chunks::<3>());
         check(normals)?;
@@ -200,7 +200,7 @@ impl<T: Scalar> Op<T> for Irradiance {
                 let first = piece * ROWS_PER_PIECE;
                 let rows = normals[first..].iter().zip(bars[first * channels..].chunks(channels));
                 for (entry, (normal, bar)) in entries.as_chunks_mut::<3>().0.iter_mut().zip(rows) {
-                    let Some(direction) = Direction::of(normal.map(T::widen)) else { continue };
+                    let Some(direction) = Direction::new(normal.map(T::widen)) else { continue };
                     let of_function = std::array::from_fn(|i| {
                         let coefficients = &coefficients[i * channels..][..channels];
                         let terms = coefficients.iter().zip(bar);

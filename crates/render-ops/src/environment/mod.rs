@@ -44,7 +44,7 @@ impl<'t, T: Scalar> Environment<'t, T> {
     ///
     /// # Errors
     /// [`RenderError::Shape`] for texels of another shape.
-    pub fn of_texels(texels: Var<'t, T>, prefilter: &Prefilter<T>) -> Result<Self, RenderError> {
+    pub fn from_texels(texels: Var<'t, T>, prefilter: &Prefilter<T>) -> Result<Self, RenderError> {
         Ok(Self {
             harmonics: prefilter.harmonics(texels)?,
             reflections: prefilter.cube_map(texels)?,

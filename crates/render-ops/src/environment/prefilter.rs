@@ -73,7 +73,7 @@ impl Block {
         (self.face * self.extent + self.row) * self.extent + self.column
     }
 
-    fn of_index(index: usize, extent: usize) -> Self {
+    fn from_index(index: usize, extent: usize) -> Self {
         let (rest, column) = (index / extent, index % extent);
         Self { face: rest / extent, row: rest % extent, column, extent }
     }
@@ -98,7 +98,7 @@ impl Block {
     fn unit(self, [x, y]: [f64; 2]) -> Vector3<f64> {
         let place = [self.column as f64 + x, self.row as f64 + y];
         let towards = direction(self.face, place.map(|at| ratio(at, self.extent)));
-        Direction::of(towards).map_or(towards, |found| found.unit)
+        Direction::new(towards).map_or(towards, |found| found.unit)
     }
 
     fn middle(self) -> Vector3<f64> {
@@ -171,7 +171,7 @@ fn level<T: Scalar>(
 ) -> Result<SparseMatrix<T>, TensorError> {
     let mut rows: Vec<Vec<(u32, f64)>> = vec![Vec::new(); 6 * extent * extent];
     for_each_item_mut(&mut rows, |index, row| {
-        let towards = Block::of_index(index, extent).middle();
+        let towards = Block::from_index(index, extent).middle();
         let lobe = Lobe::new(towards, roughness);
         let mut sum = 0.0;
         for face in 0..6 {
@@ -205,16 +205,16 @@ impl<T: Scalar> Prefilter<T> {
     pub fn new(extent: usize, levels: usize) -> Result<Self, RenderError> {
         if !extent.is_power_of_two() || extent > MOST_TEXELS {
             let rule = "an extent that is a power of two up to 256";
-            return Err(RenderError::of_value(NAME, rule, extent as f64));
+            return Err(RenderError::value(NAME, rule, extent as f64));
         }
         let most = extent.ilog2() as usize + 1;
         if !(1..=most).contains(&levels) {
             let rule = format!("from 1 to {most} levels for an extent of {extent}");
-            return Err(RenderError::of_value(NAME, rule, levels as f64));
+            return Err(RenderError::value(NAME, rule, levels as f64));
         }
         let rough = 1..levels;
         let matrix = |k: usize| level(extent >> k, extent, k as f64 / (levels - 1) as f64);
-        let texel = |k: usize| Block::of_index(k, extent);
+        let texel = |k: usize| Block::from_index(k, extent);
         let count = 6 * extent * extent;
         let mut of_texels: Vec<[f64; HARMONICS]> = vec![[0.0; HARMONICS]; count];
         for_each_item_mut(&mut of_texels, |k, sums| {
@@ -256,7 +256,7 @@ impl<T: Scalar> Prefilter<T> {
             }
             _ => {
                 let rule = format!("texels of shape [6, {0}, {0}, C], with a channel", self.extent);
-                Err(RenderError::of_shape(NAME, rule, &texels.shape()))
+                Err(RenderError::shape(NAME, rule, &texels.shape()))
             }
         }
     }
@@ -287,7 +287,7 @@ impl<T: Scalar> Prefilter<T> {
                 levels.push(matrix.product(blocks)?.reshape([6, extent, extent, channels])?);
             }
         }
-        CubeMap::of_levels(&levels)
+        CubeMap::from_levels(&levels)
     }
 
     /// The radiance of all blocks times their solid angles, `[blocks, C]`: the smallest blocks first.

@@ -15,7 +15,7 @@ fn texel(k: usize, size: usize) -> (Vector3<f64>, f64) {
     let (face, row, column) = (k / size / size, k / size % size, k % size);
     let middle = towards_texel(face, [row as isize, column as isize], size);
     let side = |k: usize| [k, k + 1].map(|k| ratio(k as f64, size));
-    (Direction::of(middle).unwrap().unit, solid_angle(side(column), side(row)))
+    (Direction::new(middle).unwrap().unit, solid_angle(side(column), side(row)))
 }
 
 /// A cube map of one channel.
@@ -36,7 +36,7 @@ fn an_environment_that_is_the_same_everywhere_is_an_ambient_light() {
     let radiance = [0.5, 1.0, 2.0];
     let texels = Tensor::from_flat_fn([6, SIZE, SIZE, 3], |k| radiance[k % 3]);
     let prefilter = Prefilter::new(SIZE, 3).unwrap();
-    let environment = Environment::of_texels(tape.leaf(&texels), &prefilter).unwrap();
+    let environment = Environment::from_texels(tape.leaf(&texels), &prefilter).unwrap();
     for level in environment.reflections.levels() {
         for (k, found) in level.value().data().iter().enumerate() {
             assert_relative_eq!(*found, radiance[k % 3], max_relative = 1e-13);
@@ -87,7 +87,7 @@ fn irradiance_of_the_first_bands_is_the_integral() {
     let harmonics = prefilter.harmonics(tape.leaf(&texels)).unwrap();
     let found = irradiance(harmonics, rows(&tape, &NORMALS)).unwrap().value();
     for (found, normal) in found.data().iter().zip(NORMALS) {
-        let n = Direction::of(normal).unwrap().unit;
+        let n = Direction::new(normal).unwrap().unit;
         let cosines = (0..texels.size()).map(|k| {
             let (l, angle) = texel(k, size);
             angle * dot(n, l).max(0.0) * texels.data()[k]
@@ -102,7 +102,7 @@ fn irradiance_of_the_first_bands_is_the_integral() {
 
 /// GGX's `D(h) (r . l)`, but for a factor, of a surface whose normal and view are `r`.
 fn lobe(r: Vector3<f64>, l: Vector3<f64>, alpha: f64) -> f64 {
-    let h = Direction::of([0, 1, 2].map(|k| r[k] + l[k])).map_or(r, |h| h.unit);
+    let h = Direction::new([0, 1, 2].map(|k| r[k] + l[k])).map_or(r, |h| h.unit);
     let d = dot(r, h).powi(2) * (alpha * alpha - 1.0) + 1.0;
     dot(r, l).max(0.0) / (d * d)
 }
@@ -234,7 +234,7 @@ fn what_nothing_can_be_made_of_is_refused() {
     let texels = |shape: &[usize]| tape.leaf(&Tensor::zeros(shape));
     let rule = "prefilter needs texels of shape [6, 4, 4, C], with a channel, got shape";
     for shape in [&[6, 8, 8, 3][..], &[6, 4, 4, 0], &[4, 4, 3]] {
-        let found = Environment::of_texels(texels(shape), &prefilter).unwrap_err().to_string();
+        let found = Environment::from_texels(texels(shape), &prefilter).unwrap_err().to_string();
         assert_eq!(found, format!("{rule} {}", texels(shape).shape()));
         assert_eq!(prefilter.cube_map(texels(shape)).unwrap_err().to_string(), found);
     }

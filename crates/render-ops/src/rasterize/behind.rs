@@ -99,7 +99,7 @@ impl<S: Scalar<Wide = S>> Peeling<S> {
         for slot in front.centers.slots_of(band..band + 1) {
             let face = front.centers.face(slot);
             let mut setup = setup_of(view, face);
-            for run in front.centers.of(slot) {
+            for run in front.centers.in_slot(slot) {
                 let pixels = run.pixels();
                 let (row, column) = (pixels.start / width, pixels.start % width);
                 let columns = [column, column + pixels.len()];
@@ -167,5 +167,5 @@ impl<S: Scalar<Wide = S>> Peeling<S> {
 }
 
 fn setup_of<T: Scalar>(view: &Prepared<'_, T>, face: usize) -> Setup<T::Wide> {
-    Setup::of(view.corners_of(face), view.verdicts[face].orientation, view.size)
+    Setup::new(view.corners_of(face), view.verdicts[face].orientation, view.size)
 }

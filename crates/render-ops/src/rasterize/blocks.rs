@@ -38,7 +38,7 @@ pub(super) struct SmallFace<S> {
 impl<S: Scalar<Wide = S>> SmallFace<S> {
     /// Of a face of that orientation, 1 or -1; `None` where it has to be drawn in spans.
     #[inline(always)]
-    pub(super) fn of(corners: [&Corner<S>; 3], orientation: i8, size: Size) -> Option<Self> {
+    pub(super) fn new(corners: [&Corner<S>; 3], orientation: i8, size: Size) -> Option<Self> {
         if !are_tame(corners) {
             return None;
         }

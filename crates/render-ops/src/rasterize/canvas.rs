@@ -144,7 +144,7 @@ impl<T: Scalar> pulp::WithSimd for DrawSpans<'_, T> {
         let Self { canvas, view, face, touched, ys, local } = self;
         let at = canvas.weights.len() as u64;
         let orientation = view.verdicts[face].orientation;
-        let mut setup = Setup::of(view.corners_of(face), orientation, view.size);
+        let mut setup = Setup::new(view.corners_of(face), orientation, view.size);
         let per_row = view.blocks_per_row();
         let reached = &mut canvas.reached[local.clone()];
         let stored = local.start * per_row..local.end * per_row;
@@ -227,7 +227,7 @@ impl<T: Scalar> Canvas<T> {
         let corners = view.corners_of(face);
         let blocks = left as usize / LANES..right as usize / LANES + 1;
         if blocks.len() * LANES * ys.len() <= PIXELS_PER_BLOCK
-            && let Some(small) = SmallFace::of(corners, orientation, view.size)
+            && let Some(small) = SmallFace::new(corners, orientation, view.size)
         {
             let centers = &view.centers.as_chunks().0[blocks.clone()];
             let first = local.start * per_row + blocks.start;
@@ -395,7 +395,7 @@ impl<T: Scalar> Band<T> {
                 } else {
                     let face = slot.face as usize;
                     let orientation = view.verdicts[face].orientation;
-                    let setup = Setup::of(view.corners_of(face), orientation, view.size);
+                    let setup = Setup::new(view.corners_of(face), orientation, view.size);
                     let own = &mut barycentrics[..2 * length];
                     setup.weigh_one_by_one(y, &centers[..length], own);
                 }

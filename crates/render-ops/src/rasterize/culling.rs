@@ -48,8 +48,8 @@ pub(super) fn are_tame<S>([a, b, c]: [&Corner<S>; 3]) -> bool {
 impl<S: Scalar<Wide = S>> Corner<S> {
     /// Vertex `index` of `clip: [V, 4]`.
     #[inline(always)]
-    pub(super) fn of<T: Scalar<Wide = S>>(clip: &[T], index: u32, size: Size) -> Self {
-        let (vertex, factor) = Vertex::of(clip, index, size);
+    pub(super) fn new<T: Scalar<Wide = S>>(clip: &[T], index: u32, size: Size) -> Self {
+        let (vertex, factor) = Vertex::from_clip(clip, index, size);
         let Vertex { x, y, z, w } = vertex;
         let [width, height] = size.extents::<S>();
         let (right, top) = (width * w, height * w);
@@ -148,7 +148,7 @@ impl Verdict {
 
     /// On the face of these vertices.
     #[inline(always)]
-    pub(super) fn of<S: Scalar<Wide = S>>(
+    pub(super) fn from_corners<S: Scalar<Wide = S>>(
         corners: [&Corner<S>; 3],
         vertices: [u32; 3],
         options: RasterOptions,

@@ -79,7 +79,7 @@ pub(super) struct Row<S> {
 
 impl<S: Scalar<Wide = S>> Row<S> {
     #[inline(always)]
-    fn of([a, b, c]: &[[S; 3]; 3], y: S) -> Self {
+    fn new([a, b, c]: &[[S; 3]; 3], y: S) -> Self {
         Self {
             y,
             starts: [a[0] + a[2] * y, b[0] + b[2] * y, c[0] + c[2] * y],
@@ -101,7 +101,7 @@ impl<S: Scalar<Wide = S>> Row<S> {
 impl<S: Scalar<Wide = S>> Setup<S> {
     /// Of a face of that orientation, 1 or -1.
     #[inline(always)]
-    pub(super) fn of(corners: [&Corner<S>; 3], orientation: i8, size: Size) -> Self {
+    pub(super) fn new(corners: [&Corner<S>; 3], orientation: i8, size: Size) -> Self {
         let vertices = corners.map(|corner| corner.vertex);
         let sign = S::from_f64(f64::from(orientation));
         let [p, q, r] = vertices;
@@ -119,7 +119,7 @@ impl<S: Scalar<Wide = S>> Setup<S> {
     /// The edge functions along the row of pixel centres at `y`.
     #[inline(always)]
     pub(super) fn row(&self, y: S) -> Row<S> {
-        Row::of(&self.edges, y)
+        Row::new(&self.edges, y)
     }
 
     /// Of `columns`, first and end, those that the face may cover in a row: where each edge
@@ -307,7 +307,7 @@ impl<S: Scalar<Wide = S>> Weights<S> {
         centers: &[S],
         barycentrics: &mut [T],
     ) {
-        let row = Row::of(&self.edges, y);
+        let row = Row::new(&self.edges, y);
         let weights = |x: S| {
             let a = row.at(x);
             let scale = S::ONE / (a[0] + a[1] + a[2]);

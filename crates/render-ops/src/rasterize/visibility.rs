@@ -78,14 +78,14 @@ impl<T: Scalar> Visibility<T> {
     }
 
     fn prepare_vertices(&mut self, clip: &[T], count: usize, size: Size) {
-        resize(&mut self.corners, count, || Corner::of(&[T::ZERO; 4], 0, size));
+        resize(&mut self.corners, count, || Corner::new(&[T::ZERO; 4], 0, size));
         for_each_piece_mut(&mut self.corners, ITEMS_PER_PIECE, |piece, corners| {
             let first = piece * ITEMS_PER_PIECE;
             dispatch_256::<T, _>(
                 #[inline(always)]
                 || {
                     for (index, corner) in (first as u32..).zip(corners) {
-                        *corner = Corner::of(clip, index, size);
+                        *corner = Corner::new(clip, index, size);
                     }
                 },
             );
@@ -109,7 +109,7 @@ impl<T: Scalar> Visibility<T> {
                     let (options, most_noise) = (options, most_noise);
                     for (&face, verdict) in faces.iter().zip(verdicts) {
                         let of_face = face.map(|vertex| &corners[vertex as usize]);
-                        *verdict = Verdict::of(of_face, face, options, most_noise);
+                        *verdict = Verdict::from_corners(of_face, face, options, most_noise);
                     }
                 },
             );

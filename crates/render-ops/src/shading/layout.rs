@@ -123,7 +123,7 @@ impl Layout {
     /// at.
     pub(super) fn check<T: Scalar>(&self, inputs: &Inputs<'_, T>) -> Result<usize, RenderError> {
         let &[count, 3] = &**inputs.shape(0) else {
-            return Err(RenderError::of_shape(NAME, "normals of shape [N, 3]", inputs.shape(0)));
+            return Err(RenderError::shape(NAME, "normals of shape [N, 3]", inputs.shape(0)));
         };
         for Part { input, what, first, width } in self.parts() {
             // Where each fragment has a place, each has a position and a normal of its own.
@@ -136,7 +136,7 @@ impl Layout {
                         (true, 1) => format!("{what} of shape [{count}] or []"),
                         (true, _) => format!("{what} of shape [{count}, {width}] or [{width}]"),
                     };
-                    return Err(RenderError::of_shape(NAME, rule, inputs.shape(input)));
+                    return Err(RenderError::shape(NAME, rule, inputs.shape(input)));
                 }
             }
         }
@@ -145,13 +145,13 @@ impl Layout {
                 let entries = vector_of(inputs, input, what)?;
                 if kind == Kind::Directional && entries.iter().all(|&entry| entry == T::ZERO) {
                     let rule = format!("{what} other than zero");
-                    return Err(RenderError::of_value(NAME, rule, 0.0));
+                    return Err(RenderError::value(NAME, rule, 0.0));
                 }
             }
             let entries = vector_of(inputs, strength, kind.strength())?;
             if let Some(entry) = entries.iter().find(|&&entry| entry < T::ZERO) {
                 let rule = format!("{} of 0 or more", kind.strength());
-                return Err(RenderError::of_value(NAME, rule, entry.to_f64()));
+                return Err(RenderError::value(NAME, rule, entry.to_f64()));
             }
         }
         Ok(count)
@@ -194,11 +194,7 @@ fn vector_of<'a, T: Scalar>(
     what: &str,
 ) -> Result<&'a [T], RenderError> {
     if **inputs.shape(input) != [3] {
-        return Err(RenderError::of_shape(
-            NAME,
-            format!("{what} of shape [3]"),
-            inputs.shape(input),
-        ));
+        return Err(RenderError::shape(NAME, format!("{what} of shape [3]"), inputs.shape(input)));
     }
     let entries = inputs.data(input);
     match entries.iter().find(|entry| !entry.is_finite()) {

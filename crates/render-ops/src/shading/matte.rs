@@ -57,10 +57,7 @@ fn incident<T: Scalar>(n: [T; 3], l: [T; 3]) -> (T, T) {
 /// A colour below a surface that mirrors nothing, seen in light from everywhere; and where gradients of
 /// that lead.
 #[inline(always)]
-fn of_everywhere<T: Scalar, const M: usize>(
-    color: [T; 3],
-    bars: Layers<T>,
-) -> (Layers<T>, Bars<T, M>) {
+fn ambient<T: Scalar, const M: usize>(color: [T; 3], bars: Layers<T>) -> (Layers<T>, Bars<T, M>) {
     let zeros = [T::ZERO; 3];
     let mut material = [T::ZERO; M];
     material[..3].copy_from_slice(&bars.below);
@@ -106,7 +103,7 @@ impl Model<3> for Lambert {
         seen: Seen<T, 3>,
         bars: Layers<T>,
     ) -> (Layers<T>, Bars<T, 3>) {
-        of_everywhere(seen.material, bars)
+        ambient(seen.material, bars)
     }
 }
 
@@ -259,6 +256,6 @@ impl<H: Highlight> Model<7> for H {
         seen: Seen<T, 7>,
         bars: Layers<T>,
     ) -> (Layers<T>, Bars<T, 7>) {
-        of_everywhere(split(seen.material).0, bars)
+        ambient(split(seen.material).0, bars)
     }
 }

@@ -143,7 +143,7 @@ impl Tangents {
     /// A face with its texture.
     #[inline(always)]
     fn textured<T: Scalar>(&self, inputs: [&[T]; 3], face: usize) -> Option<Textured<T::Wide>> {
-        Textured::of(inputs, self.mesh.faces()[face], self.indices.faces()[face])
+        Textured::new(inputs, self.mesh.faces()[face], self.indices.faces()[face])
     }
 
     fn part<T: Scalar>(&self, inputs: [&[T]; 3], face: usize) -> Part<T::Wide> {
@@ -275,7 +275,7 @@ impl<T: Scalar> Op<T> for Tangents {
         sums.resize(count, Sum::nothing());
         for_each_two_pieces_mut(tangents, sums, [PER_PIECE; 2], |piece, tangents, sums| {
             for (k, (tangent, sum)) in tangents.iter_mut().zip(sums).enumerate() {
-                *sum = Sum::over(corners.at(piece * PER_PIECE + k), parts);
+                *sum = Sum::over(corners.around(piece * PER_PIECE + k), parts);
                 *tangent = sum.row();
             }
         });
@@ -319,7 +319,7 @@ impl<T: Scalar> Op<T> for Tangents {
             let normals = data[1].as_chunks::<3>().0;
             add_by_vertex(normals_bar, self.mesh.corners(), |vertex, corners| {
                 let bar = sum_over(corners, |corner| bars[corner / 3].normals[corner % 3]);
-                let direction = Direction::of(normals[vertex].map(T::widen));
+                let direction = Direction::new(normals[vertex].map(T::widen));
                 direction.map_or([T::Wide::ZERO; 3], |direction| direction.pull_back(bar))
             });
         }

@@ -95,12 +95,12 @@ impl<S: Scalar<Wide = S>> Textured<S> {
     /// The face with these corners in the rows of positions and normals, `[V, 3]`, and of coordinates,
     /// `[A, 2]`; `None` where it is degenerate.
     #[inline(always)]
-    pub(super) fn of<T: Scalar<Wide = S>>(
+    pub(super) fn new<T: Scalar<Wide = S>>(
         [positions, normals, coordinates]: [&[T]; 3],
         face: [u32; 3],
         named: [u32; 3],
     ) -> Option<Self> {
-        let facet = Facet::of(positions, face)?;
+        let facet = Facet::new(positions, face)?;
         let rows = coordinates.as_chunks::<2>().0;
         let corners = named.map(|index| rows[index as usize].map(T::widen));
         let ([[du, dv], [eu, ev]], factor) = differences(corners, facet.apex);
@@ -119,7 +119,7 @@ impl<S: Scalar<Wide = S>> Textured<S> {
         let rows = normals.as_chunks::<3>().0;
         let unit = |direction: Direction<S>| direction.unit;
         let normals =
-            face.map(|vertex| Direction::of(rows[vertex as usize].map(T::widen)).map(unit));
+            face.map(|vertex| Direction::new(rows[vertex as usize].map(T::widen)).map(unit));
         Some(Self { dv, factor, is_mirrored, t: sum(by_next, by_last), error, normals, facet })
     }
 

@@ -47,7 +47,7 @@ pub(super) struct Footprint<T> {
 impl<T: Scalar> Footprint<T> {
     /// Of J, with at most `most` probes.
     #[inline(always)]
-    pub(super) fn of([[sx, sy], [tx, ty]]: [[T; 2]; 2], most: usize) -> Self {
+    pub(super) fn new([[sx, sy], [tx, ty]]: [[T; 2]; 2], most: usize) -> Self {
         let half = T::from_f64(0.5);
         let (xx, yy, xy) = (sx * sx + tx * tx, sy * sy + ty * ty, sx * sy + tx * ty);
         let (mean, apart) = (half * (xx + yy), half * (xx - yy));
@@ -168,7 +168,7 @@ mod tests {
     fn the_longer_axis_is_the_longest_that_a_pixel_reaches() {
         for j in all() {
             let [longest, shortest] = extremes(j);
-            let footprint = Footprint::of(j, 8);
+            let footprint = Footprint::new(j, 8);
             approx::assert_relative_eq!(footprint.square.sqrt(), longest, max_relative = 1e-9);
             let v = footprint.direction();
             let along = j.map(|row| row[0] * v[0] + row[1] * v[1]);
@@ -177,7 +177,7 @@ mod tests {
             assert_eq!(footprint.probes, probes, "{j:?}");
             let level = (longest / probes as f64).log2();
             approx::assert_relative_eq!(footprint.level(), level, epsilon = 1e-9);
-            let isotropic = Footprint::of(j, 1);
+            let isotropic = Footprint::new(j, 1);
             assert_eq!(isotropic.probes, 1);
             approx::assert_relative_eq!(isotropic.level(), longest.log2(), epsilon = 1e-9);
         }
@@ -187,9 +187,9 @@ mod tests {
     fn gradients_of_level_and_direction_are_difference_quotients() {
         for j in all().into_iter().skip(1) {
             for (most, level_bar, v_bar) in [(1, 0.7, [0.0; 2]), (8, 0.7, [0.3, -1.1])] {
-                let here = Footprint::of(j, most);
+                let here = Footprint::new(j, most);
                 let value = |j: [[f64; 2]; 2]| {
-                    let footprint = Footprint::of(j, most);
+                    let footprint = Footprint::new(j, most);
                     // Either end of the axis will do.
                     let ([x, y], [x0, y0]) = (footprint.direction(), here.direction());
                     let sign = (x * x0 + y * y0).signum();
@@ -221,7 +221,7 @@ mod tests {
             for j in
                 [[[0.0; 2]; 2], [[1e-300; 2]; 2], [[1e300, 0.0], [0.0, 1e300]], [[1e200; 2]; 2]]
             {
-                let footprint = Footprint::<f64>::of(j, most);
+                let footprint = Footprint::<f64>::new(j, most);
                 assert!((1..=most).contains(&footprint.probes));
                 assert!(
                     !footprint.level().is_nan()

@@ -120,7 +120,7 @@ impl<'t, T: Scalar> Texture<'t, T> {
     /// # Errors
     /// [`RenderError::Shape`] where a level has another shape; `TensorError::Inputs` without a level;
     /// `TensorError::ForeignVariable` for variables of several tapes.
-    pub fn of_levels(levels: &[Var<'t, T>]) -> Result<Self, RenderError> {
+    pub fn from_levels(levels: &[Var<'t, T>]) -> Result<Self, RenderError> {
         if let Some(&first) = levels.first() {
             Self::check(first)?;
         }
@@ -171,12 +171,12 @@ impl<'t, T: Scalar> CubeMap<'t, T> {
         Ok(Self { levels: all_levels(texels)? })
     }
 
-    /// The cube map of `levels` of the caller's own, as in [`Texture::of_levels`]: light that was
+    /// The cube map of `levels` of the caller's own, as in [`Texture::from_levels`]: light that was
     /// filtered for each roughness, say.
     ///
     /// # Errors
-    /// As [`Texture::of_levels`].
-    pub fn of_levels(levels: &[Var<'t, T>]) -> Result<Self, RenderError> {
+    /// As [`Texture::from_levels`].
+    pub fn from_levels(levels: &[Var<'t, T>]) -> Result<Self, RenderError> {
         if let Some(&first) = levels.first() {
             Self::check(first)?;
         }

@@ -178,12 +178,12 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Lookup<'_, T, C, K> {
         if self.filter.probes() == 1 {
             for i in 0..count {
                 let slopes = in_texels(scale, self.chart.slopes(coordinates[i], slopes[i]));
-                levels[i] = Footprint::of(slopes, 1).level();
+                levels[i] = Footprint::new(slopes, 1).level();
             }
         } else {
             for i in 0..count {
                 let slopes = in_texels(scale, self.chart.slopes(coordinates[i], slopes[i]));
-                levels[i] = Footprint::of(slopes, self.filter.probes()).level();
+                levels[i] = Footprint::new(slopes, self.filter.probes()).level();
             }
         }
         if let Some(bias) = self.bias {
@@ -246,7 +246,7 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Lookup<'_, T, C, K> {
             let n = next.sample;
             let (coordinates, slopes) =
                 (self.coordinates[n], self.differentials.map_or([[T::ZERO; 2]; K], |all| all[n]));
-            let footprint = Footprint::of(self.slopes(coordinates, slopes), self.filter.probes());
+            let footprint = Footprint::new(self.slopes(coordinates, slopes), self.filter.probes());
             let level = match (self.known, self.bias) {
                 (Some(known), _) => known[n],
                 (None, None) => footprint.level(),

@@ -276,7 +276,7 @@ fn pull_back_footprint<T: Scalar, C: Chart<K>, const K: usize>(
     level_bar: T,
 ) -> [[T; K]; 3] {
     let j = lookup.slopes(coordinates, slopes);
-    let footprint = Footprint::of(j, most);
+    let footprint = Footprint::new(j, most);
     let several = footprint.probes > 1;
     let direction = footprint.direction();
     let mut v_bar = [T::ZERO; 2];

@@ -310,10 +310,10 @@ fn held_samples<'t>(
         bias: Some(tape.leaf(&motley([count], 7))),
     };
     if is_cube {
-        let map = CubeMap::of_levels(levels).unwrap();
+        let map = CubeMap::from_levels(levels).unwrap();
         sample_cube_map(&map, tape.leaf(&motley([count, 3], 6)), detail, sampler).unwrap()
     } else {
-        let texture = Texture::of_levels(levels).unwrap();
+        let texture = Texture::from_levels(levels).unwrap();
         sample_texture(&texture, tape.leaf(&coordinates(count)), detail, sampler).unwrap()
     }
 }
@@ -480,7 +480,7 @@ fn wrong_input_is_refused_with_rule_and_value() {
     );
     let levels = [zeros(&[4, 6, 2]), zeros(&[2, 2, 2])];
     assert_eq!(
-        Texture::of_levels(&levels).unwrap_err().to_string(),
+        Texture::from_levels(&levels).unwrap_err().to_string(),
         "a texture needs a level 1 of shape [2, 3, 2], got shape [2, 2, 2]"
     );
     assert_eq!(
@@ -489,7 +489,7 @@ fn wrong_input_is_refused_with_rule_and_value() {
          got shape [4, 0, 2]"
     );
     assert!(CubeMap::new(zeros(&[6, 2, 3, 1])).is_err());
-    assert!(Texture::<f64>::of_levels(&[]).is_err());
+    assert!(Texture::<f64>::from_levels(&[]).is_err());
 }
 
 #[test]

@@ -194,7 +194,7 @@ impl Piece {
     }
 
     /// The runs of the tile at `place`.
-    fn of(&self, place: usize) -> &[Run] {
+    fn runs(&self, place: usize) -> &[Run] {
         let start = place.checked_sub(1).map_or(0, |before| self.tiles[before].end);
         &self.runs[start as usize..self.tiles[place].end as usize]
     }
@@ -303,7 +303,7 @@ impl Runs {
     pub(super) fn runs(&self, pieces: Range<usize>) -> impl Iterator<Item = (Probe, usize)> {
         self.touched[pieces].iter().flat_map(move |touched| {
             let [piece, place] = touched.map(|k| k as usize);
-            self.pieces[piece].of(place).iter().map(move |run| {
+            self.pieces[piece].runs(place).iter().map(move |run| {
                 let sample = piece * SAMPLES_PER_PIECE + run.sample as usize;
                 (Probe { sample, number: run.number as usize }, run.count as usize)
             })

@@ -115,7 +115,7 @@ struct Saved<S> {
 impl VertexNormals {
     fn part<T: Scalar>(&self, positions: &[T], face: [u32; 3]) -> Part<T::Wide> {
         let (zero, one) = (T::Wide::ZERO, T::Wide::ONE);
-        let Some(facet) = Facet::of(positions, face) else {
+        let Some(facet) = Facet::new(positions, face) else {
             return Part { normal: [zero; 3], weights: [zero; 3], factor: one, doubt: zero };
         };
         let Facet { normal, doubt, .. } = facet;
@@ -196,7 +196,7 @@ impl<T: Scalar> Op<T> for VertexNormals {
             }
         });
         let normals = outputs.push(shape).as_chunks_mut::<3>().0;
-        let sum = |vertex| Sum::over(corners.at(vertex), parts);
+        let sum = |vertex| Sum::over(corners.around(vertex), parts);
         if !inputs.needs(0) {
             sums.clear();
             for_each_piece_mut(normals, PER_PIECE, |piece, normals| {
@@ -244,7 +244,7 @@ impl<T: Scalar> Op<T> for VertexNormals {
                 let face = piece * PER_PIECE + k;
                 let vertices = faces[face].map(|vertex| vertex as usize);
                 let around = vertices.map(|vertex| (sums[vertex].factor, sum_bars[vertex]));
-                *bars = match Facet::of(positions, faces[face]) {
+                *bars = match Facet::new(positions, faces[face]) {
                     None => [none; 3],
                     Some(facet) => self.corner_bars(&facet, &parts[face], around),
                 };

@@ -59,7 +59,7 @@ impl Lighting {
             (!lights.is_empty()).then(|| shade(surface, &material, &lights)).transpose()?;
         if let (Some(texels), Some(prefilter)) = (&scene.environment, &self.prefilter) {
             let texels = values.tensor(&ENVIRONMENT, "", texels);
-            let around = Environment::of_texels(texels, prefilter)?.shade(surface, &material)?;
+            let around = Environment::from_texels(texels, prefilter)?.shade(surface, &material)?;
             light = Some(match light {
                 Some(light) => light.try_add(around)?,
                 None => around,

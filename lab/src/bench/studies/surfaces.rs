@@ -30,7 +30,7 @@ const APERTURE: f64 = 6.0;
 fn through_lens<'t, T: Scalar>(v: &[Var<'t, T>], tolerance: f64) -> Result<Var<'t, T>, FitError> {
     let lens = Lens { aperture: v[2], focus: v[3] };
     let options = LensOptions { radius: Radius::Tolerance(tolerance), ..LensOptions::default() };
-    Ok(depth_of_field(v[0], DepthImage::of_distances(v[1]), lens, &options)?.image)
+    Ok(depth_of_field(v[0], DepthImage::from_distances(v[1]), lens, &options)?.image)
 }
 
 fn cases<T: Scalar>(pixels: usize) -> Vec<Case<T, ()>> {

@@ -47,7 +47,7 @@ pub(super) struct Extent<S> {
 
 impl<S: Scalar> Extent<S> {
     /// Of what has no size.
-    pub(super) fn at(place: [S; 2]) -> Self {
+    pub(super) fn from_point(place: [S; 2]) -> Self {
         Self { centroid: place, spread: [S::ZERO; 3], drift: [S::ZERO; 2], is_raised: false }
     }
 }

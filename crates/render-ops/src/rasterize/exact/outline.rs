@@ -131,7 +131,7 @@ impl<S: Scalar<Wide = S>> Outline<S> {
         if area > S::from_f64(4.0 * SMALLEST) {
             let Face { band_face, edges, .. } = self.faces[face];
             let corners = band.view.corners_of(band.faces[band_face as usize] as usize);
-            let extent = Extent::at(place);
+            let extent = Extent::from_point(place);
             let barycentrics = barycentrics(&edges, corners.map(|corner| corner.factor), &extent);
             pieces.pieces.push(Piece { band_face, area, extent, moves: false, barycentrics });
             if band.view.needs {

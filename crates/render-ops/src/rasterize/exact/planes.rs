@@ -52,7 +52,7 @@ impl<S: Scalar<Wide = S>> Planes<S> {
         let at = &mut self.of_band_face[band_face as usize];
         if *at == NONE {
             *at = self.planes.len() as u32;
-            self.planes.push(Plane::of(band, band_face));
+            self.planes.push(Plane::new(band, band_face));
         }
         &self.planes[*at as usize]
     }
@@ -127,7 +127,7 @@ impl<S: Scalar<Wide = S>> Planes<S> {
 impl<S: Scalar<Wide = S>> Plane<S> {
     /// Of a face of the band.
     #[inline(always)]
-    fn of<T: Scalar<Wide = S>>(band: &BandFaces<'_, '_, T>, band_face: u32) -> Self {
+    fn new<T: Scalar<Wide = S>>(band: &BandFaces<'_, '_, T>, band_face: u32) -> Self {
         let corners = band.view.corners_of(band.faces[band_face as usize] as usize);
         let vertices = corners.map(|corner| corner.vertex);
         let edges = &band.weights[band_face as usize].edges;

@@ -200,7 +200,8 @@ impl<S: Scalar<Wide = S>> Resolution<S> {
             for (ends, place) in halves(side.ends) {
                 keep(count, Side { ends, ..side });
                 count += 1;
-                let (factors, extent) = (corners.map(|corner| corner.factor), Extent::at(place));
+                let (factors, extent) =
+                    (corners.map(|corner| corner.factor), Extent::from_point(place));
                 let barycentrics = barycentrics(edges, factors, &extent);
                 pieces.pieces.push(Piece {
                     band_face: *band_face,

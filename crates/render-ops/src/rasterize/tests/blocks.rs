@@ -10,12 +10,12 @@ use crate::rasterize::blocks::SmallFace;
 
 /// A face's setup, and what draws it in blocks if that can be; `None` where it is not drawn.
 fn prepared(clip: &[[f64; 4]; 3], size: Size) -> Option<(Setup<f64>, Option<SmallFace<f64>>)> {
-    let corners = [0, 1, 2].map(|index| Corner::of(clip.as_flattened(), index, size));
+    let corners = [0, 1, 2].map(|index| Corner::new(clip.as_flattened(), index, size));
     let corners = corners.each_ref();
     let Verdict { orientation, fate, .. } =
-        Verdict::of(corners, [0, 1, 2], size.into(), f64::INFINITY);
-    let small = SmallFace::of(corners, orientation, size);
-    matches!(fate, Fate::Drawn { .. }).then(|| (Setup::of(corners, orientation, size), small))
+        Verdict::from_corners(corners, [0, 1, 2], size.into(), f64::INFINITY);
+    let small = SmallFace::new(corners, orientation, size);
+    matches!(fate, Fate::Drawn { .. }).then(|| (Setup::new(corners, orientation, size), small))
 }
 
 fn setup(clip: &[[f64; 4]; 3], size: Size) -> Option<Setup<f64>> {

@@ -146,7 +146,7 @@ struct Drawing {
 
 impl Scene {
     /// A picture whose edges are all seams.
-    fn of(clip: Clip, faces: Vec<[u32; 3]>, size: Size) -> Self {
+    fn new(clip: Clip, faces: Vec<[u32; 3]>, size: Size) -> Self {
         let mesh = Mesh::new(faces, clip.len()).unwrap().with_seams(|_, _| true);
         Self { clip, mesh, size, cull: Cull::None }
     }
@@ -154,7 +154,7 @@ impl Scene {
     /// Triangles that have no vertices in common.
     fn loose(clip: Clip, size: Size) -> Self {
         let faces = (0..clip.len() as u32 / 3).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
-        Self::of(clip, faces, size)
+        Self::new(clip, faces, size)
     }
 
     /// With each pixel as the mean of `times` by `times` pixels.
@@ -250,7 +250,7 @@ fn sphere(rows: u32, size: usize) -> Scene {
             }
         }
     }
-    Scene::of(clip, faces, Size::square(size))
+    Scene::new(clip, faces, Size::square(size))
 }
 
 #[test]

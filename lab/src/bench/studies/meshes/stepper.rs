@@ -174,7 +174,7 @@ impl Stepper {
         let mut surface = interpolate_indexed(rows, &self.indices, &fragments)?;
         if let Some((_, levels)) = &self.texture {
             let levels: Vec<_> = levels.iter().map(|level| tape.constant(level)).collect();
-            let texture = Texture::of_levels(&levels)?;
+            let texture = Texture::from_levels(&levels)?;
             let bends = differentials(&fragments)?;
             let differentials =
                 interpolate_differentials_indexed(rows, &self.indices, &fragments, bends)?;

@@ -212,7 +212,7 @@ pub(super) fn cases<T: Scalar>(inputs: &Inputs) -> Vec<Case<T, Scene>> {
     let lens = [Tensor::scalar(2.0), Tensor::scalar(1.25)];
     add("depth_of_field", &[image, &inputs.distances, &lens[0], &lens[1]], |_, v| {
         let (lens, distances) =
-            (Lens { aperture: v[2], focus: v[3] }, DepthImage::of_distances(v[1]));
+            (Lens { aperture: v[2], focus: v[3] }, DepthImage::from_distances(v[1]));
         Ok(depth_of_field(v[0], distances, lens, &LensOptions::default())?.image)
     });
     add("gaussian_blur", &[image, &Tensor::scalar(2.0)], |_, v| {
