@@ -1,8 +1,8 @@
 //! Every operation of Bokashi once: its subjects, strategies for their inputs, and what it refuses.
 //!
-//! Whoever examines operations walks this list: laws of gradients, of threads, of precision, and of
-//! refusals, times, and what is compiled ahead. An operation that is new gets an entry here, and
-//! with it all of them. [`for_each_operation!`] has the names.
+//! All that examines operations walks this list: the laws of gradients, threads, precision and refusals,
+//! benchmarks, and the test of what is compiled ahead. With its entry a new operation gets all of them.
+//! [`for_each_operation!`] has the names.
 //!
 //! ```
 //! let over = bokashi_catalogue::ENTRIES.iter().map(|entry| entry()).find(|entry| entry.name() == "over");

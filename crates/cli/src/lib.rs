@@ -1,8 +1,8 @@
 //! The program `bokashi`: fits of scenes and of the paper's experiments from the command line.
 //!
 //! `cargo install --path crates/cli --locked` installs it from a clone, and `bokashi --help` lists its commands.
-//! This library is for programs of the same house, which share arguments, signals and output with it. It promises
-//! no stable interface.
+//! This library is for the other programs of the workspace, which share arguments, signals and output with it. It
+//! promises no stable interface.
 
 pub mod about;
 pub mod arguments;

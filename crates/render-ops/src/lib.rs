@@ -1,7 +1,7 @@
 //! Differentiable rendering operations on the Bokashi tape.
 //!
-//! Each operation has a hand-written backward pass, registered on the tape through the same trait that
-//! is open to everyone. Surface first, image last:
+//! An operation has a backward pass of its own, recorded through the same trait that is open to everyone, or is
+//! composed of such operations. Surface first, image last:
 //!
 //! ```
 //! use bokashi_core::{Tape, Tensor};

@@ -171,6 +171,7 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         let vertices = self.view.corners_of(face).map(|corner| corner.vertex);
         let (adjacency, ends) = (self.view.mesh.adjacency(), bits & !(bits >> INNER_SEAM));
         let neighbors = [0, 1, 2].map(|k| match adjacency.neighbor(face, k) {
+            // Across a seam inside the surface both faces still lie side by side.
             Some(neighbor) if ends >> k & 1 == 0 => neighbor.face,
             _ => NO_FACE,
         });
@@ -206,6 +207,7 @@ impl<T: Scalar> BandFaces<'_, '_, T> {
         let sign = T::Wide::from_f64(f64::from(self.view.verdicts[face].orientation));
         let mut edges = self.weights[band_face as usize].edges;
         for (k, edge) in edges.iter_mut().enumerate() {
+            // From vertices relative to the pixel: `one + x X + y Y` of the image would cancel.
             edge[0] = sign * cross(q[(k + 1) % 3], q[(k + 2) % 3]);
         }
         edges

@@ -48,6 +48,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
     ) {
         pieces.clear();
         self.mark(band);
+        // A mask needs no crossings of surfaces: whatever is in front, the pixel is covered.
         if band.view.sampling == Sampling::Exact {
             self.mark_crossings(band);
         }
@@ -88,6 +89,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
                 | FaceBits::from(is_beyond) << BEYOND_DEPTHS;
             face_bits.push(bits);
             for corner in (0..3).filter(|k| own_edges(bits) >> k & 1 == 1) {
+                // An edge of two faces is marked once, by the face that stands for it.
                 let [rows, columns] = band.reach_of_edge(face, corner);
                 let [one, x, y] = weights.edges[corner];
                 let start = one + x * view.centers[0];
@@ -100,6 +102,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
                 let [rows, columns] = band.reach(face);
                 for row in rows {
                     let [depth, x, y] = band.depth(at, view.centers[0], view.ys[row]);
+                    // Where depth = +-1 crosses the face's pixels.
                     for end in [-S::ONE, S::ONE] {
                         let near = near_line([depth - end, x, y], columns.clone());
                         marks.mark(row - band.rows.start, near);
@@ -129,6 +132,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
             });
             true
         });
+        // Surfaces meet only where there are two.
         if layers.iter().all(|&layers| layers < 2) {
             return;
         }
@@ -177,6 +181,7 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         intervals.clear();
         intervals.extend(faces.iter().map(|&face| planes.interval(band, face, center, 1)));
         let at = |face| planes.at(band, face, face_bits[face as usize], center, 1);
+        // All edges lie behind a single layer that fills the pixel.
         if front_layers(intervals, at) == Some(1) {
             return;
         }

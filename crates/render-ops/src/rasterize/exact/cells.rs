@@ -72,6 +72,8 @@ impl<S: Scalar> Crowd<'_, S> {
         let end = self.faces.len();
         let mut quarters =
             cell.quarters().map(|quarter| (quarter, self.gather(&quarter, faces.clone())));
+        // The least crowded first. Each may spend an equal share of what is left, and what it does not spend is
+        // for the others.
         quarters.sort_by_key(|(_, faces)| faces.len());
         let mut work = work - own;
         for (left, (quarter, faces)) in (1..=quarters.len()).rev().zip(quarters) {
@@ -88,6 +90,7 @@ impl<S: Scalar> Crowd<'_, S> {
         for at in faces {
             let interval = self.faces[at];
             let candidate = &self.candidates[interval.face as usize];
+            // A face that lies outside of the cell beyond one of its edges does not reach into it.
             let [p, q, r] = candidate.edges.map(|edge| cell.range(edge)[1] < S::ZERO);
             if p | q | r {
                 continue;

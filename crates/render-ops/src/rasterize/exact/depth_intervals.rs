@@ -80,6 +80,7 @@ pub(super) fn front_layers<S: Scalar>(
     sort_by_depth(intervals);
     let (mut farthest, mut layers) = (-S::from_f64(f64::INFINITY), 0);
     for interval in intervals.iter().filter(|interval| !interval.is_out()) {
+        // A gap behind whole layers: they hide the rest.
         if interval.nearest > farthest && layers > 0 {
             break;
         }

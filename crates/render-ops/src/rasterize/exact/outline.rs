@@ -268,6 +268,8 @@ impl<S: Scalar<Wide = S>> Outline<S> {
                 let between =
                     [other.ends[0][0] - one.ends[0][0], other.ends[0][1] - one.ends[0][1]];
                 let angle = cross(own, others);
+                // They meet where `p + s own = p' + t others`: the cross product with a direction leaves one
+                // unknown.
                 let shares = [cross(between, others) / angle, cross(between, own) / angle];
                 // Of parallel stretches no share is a number within the range.
                 if shares.iter().all(|&share| share > S::ZERO && share < S::ONE) {
@@ -308,7 +310,9 @@ impl<S: Scalar<Wide = S>> Outline<S> {
                 if !is_rim(faces, stretch, middle) {
                     continue;
                 }
+                // int x dy along a straight part: x at its middle times dy, exactly.
                 area += middle[0] * (q[1] - p[1]);
+                // A way that closes ends where it began: the sum of all its steps is 0.
                 gap = [gap[0] + q[0] - p[0], gap[1] + q[1] - p[1]];
                 gates.extend(from.map(|place| (place, true)));
                 gates.extend(to.map(|place| (place, false)));

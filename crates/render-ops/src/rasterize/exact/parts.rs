@@ -77,6 +77,7 @@ impl<S: Scalar> Parts<S> {
             let polygon = polygons.copy_of(&others.polygons, part.polygon, |line| {
                 let line = line as usize;
                 if names[line] == BORDER {
+                    // Lines of polygons that are not kept stay behind.
                     names[line] = lines.len() as u32;
                     lines.push(others.lines[line]);
                     sources.push(others.sources[line]);

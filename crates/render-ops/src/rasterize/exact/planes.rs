@@ -51,6 +51,7 @@ impl<S: Scalar<Wide = S>> Planes<S> {
     ) -> &Plane<S> {
         let at = &mut self.of_band_face[band_face as usize];
         if *at == NONE {
+            // Worked out when a pixel asks first.
             *at = self.planes.len() as u32;
             self.planes.push(Plane::new(band, band_face));
         }
@@ -75,8 +76,11 @@ impl<S: Scalar<Wide = S>> Planes<S> {
         } = *self.of(band, face);
         let depth = value_at([one, x, y], center);
         let width = S::from_f64(width as f64);
+        // From the centre of the block: `width` units to its left and right ends, and 1 up and down.
         let reach = width * x.abs() + y.abs();
         if least < -S::from_f64(f64::MAX) {
+            // This face may reach out of the depth range: what its vertices' rounding does grows with the edge
+            // functions, and is not bounded by what it does at the vertices.
             let edges = &band.weights[face as usize].edges;
             error_bound += (0..3)
                 .map(|k| {
@@ -146,6 +150,7 @@ impl<S: Scalar<Wide = S>> Plane<S> {
             unit * (z.abs() + one * w.abs() + by_x * x.abs() + by_y * y.abs())
         });
         let vertex_rounding = missing.map(|missing| missing / total);
+        // Within the depth range the depth of a point of the face lies between those of its vertices.
         let range = if corners.iter().any(|corner| corner.is_beyond_depths()) {
             let infinity = S::from_f64(f64::INFINITY);
             [-infinity, infinity]

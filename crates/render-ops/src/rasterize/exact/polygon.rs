@@ -201,12 +201,14 @@ impl<S: Scalar> Polygons<S> {
         let corners = self.corners(polygon);
         let (xs, ys) = (&self.xs[corners.clone()], &self.ys[corners]);
         let values = &mut self.values[..xs.len()];
+        // A NaN is neither less nor more, so it lies on no side.
         let (mut least, mut most) = (S::ZERO, S::ZERO);
         for ((value, &x), &y) in values.iter_mut().zip(xs).zip(ys) {
             *value = value_at(line, [x, y]);
             least = if *value < least { *value } else { least };
             most = if *value > most { *value } else { most };
         }
+        // Corners lie in the pixel, where no term of the value is larger than the line's size.
         let error_bound = S::from_f64(16.0 * f64::EPSILON) * size(line);
         [most > error_bound, least < -error_bound]
     }
@@ -217,6 +219,7 @@ impl<S: Scalar> Polygons<S> {
     fn part(&mut self, polygon: Polygon, cut: Bound) -> Option<Polygon> {
         let own = self.corners(polygon);
         let count = own.len();
+        // A corner is followed by one crossing at most.
         self.reserve(2 * count);
         let (xs, new_xs) = self.xs.split_at_mut(self.len);
         let (ys, new_ys) = self.ys.split_at_mut(self.len);
@@ -229,6 +232,12 @@ impl<S: Scalar> Polygons<S> {
             (new_xs[new], new_ys[new], new_bounds[new]) = (x, y, bound);
             new += 1;
         };
+        // Around the polygon, with a and b the distances of corner k and of the next one from the line, up to a
+        // factor. A side keeps its bound where its part stays; where the part leaves over the line, `cut`
+        // begins.
+        //      a > 0, b < 0: corner k, and the crossing, at which `cut` begins
+        //      a < 0, b > 0: the crossing, from which the rest of the old side goes on
+        //      a = 0, b < 0: corner k lies on the line, and `cut` begins there
         for k in 0..count {
             let next = if k + 1 < count { k + 1 } else { 0 };
             let (a, b) = (sign * values[k], sign * values[next]);
@@ -276,6 +285,7 @@ impl<S: Scalar> Polygons<S> {
     ) -> ([S; 2], impl Iterator<Item = Triangle<S>> + Clone) {
         let corners = self.corners(polygon);
         let (xs, ys) = (&self.xs[corners.clone()], &self.ys[corners]);
+        // Relative to a corner: far from the centre the products of a small polygon would cancel.
         let first = [xs[0], ys[0]];
         let mut p = [xs[1] - first[0], ys[1] - first[1]];
         let triangles = xs[2..].iter().zip(&ys[2..]).map(move |(x, y)| {

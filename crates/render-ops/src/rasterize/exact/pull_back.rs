@@ -82,6 +82,8 @@ impl<S: Scalar<Wide = S>> Adjoint<S> {
     /// that faces corner k.
     #[inline(always)]
     fn add_edge(&mut self, k: usize, [one, x, y]: [S; 3], place: [S; 2]) {
+        // The value at `place` is that at the origin plus `x place_x + y place_y`: so its gradient goes on to
+        // the slopes.
         let one = self.sign * one;
         self.edges.ones[k] += one;
         self.edges.xs[k] += self.sign * x + place[0] * one;
@@ -179,6 +181,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
         for (piece, &fragment) in band.pieces.pieces[own.clone()].iter().zip(&band.fragments[own]) {
             let fragment = fragment as usize;
             let weight_bar = band.weights_bar.map_or(S::ZERO, |bars| bars[fragment].widen());
+            // The weight is A / 4.
             let area_bar = S::from_f64(0.25) * weight_bar;
             let mut of_mean = None;
             if let Some(bars) = band.barycentrics_bar {
@@ -190,6 +193,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
             }
             growths.push(Growth { area: piece.area, area_bar, of_mean });
         }
+        // Each side: worth per unit of area along it, then the line that it lies on, then that line's source.
         for segment in segments {
             let Side { source, normal, ends, .. } = segment.side;
             let integrals = growths[segment.piece as usize].along(ends);
@@ -211,6 +215,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
                 Source::End { band_face, is_far } => {
                     add_depth(band_face, if is_far { -S::ONE } else { S::ONE });
                 }
+                // The line is the depth of the second minus that of the first.
                 Source::Between { first, second } => {
                     add_depth(second, S::ONE);
                     add_depth(first, -S::ONE);

@@ -68,6 +68,7 @@ impl<S: Scalar<Wide = S>> Resolution<S> {
             let face = band.faces[candidate.band_face as usize] as usize;
             band.view.corners_of(face).map(|corner| corner.factor)
         };
+        // A pixel has 4 units of area.
         let smallest = S::from_f64(4.0 * SMALLEST);
         seen.clear();
         for own in visible.parts.by_candidate() {
@@ -89,6 +90,7 @@ impl<S: Scalar<Wide = S>> Resolution<S> {
         });
         pieces.pixels.push(pixel);
         let first = pieces.pieces.len();
+        // Sides know candidates; gradients need the pieces, which are sorted.
         piece_of.clear();
         piece_of.resize(candidates.len(), NONE);
         for (at, &Seen { candidate, area, extent }) in (0..).zip(&*seen) {
@@ -142,6 +144,7 @@ impl<S: Scalar<Wide = S>> Resolution<S> {
         for group in depth_groups(intervals) {
             let first = end;
             end += group.len();
+            // The time for a group goes with the square of its faces.
             is_crowded = group.len() > limits.faces;
             if !is_crowded {
                 gather(candidates, end);
@@ -157,6 +160,7 @@ impl<S: Scalar<Wide = S>> Resolution<S> {
         if !is_crowded {
             return None;
         }
+        // The cells start anew, with all faces: what groups have given so far is forgotten.
         gather(candidates, intervals.len());
         Some(find_in_cells(cell, intervals, candidates, visible, cell_faces, limits))
     }

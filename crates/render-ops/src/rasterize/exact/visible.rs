@@ -153,6 +153,7 @@ impl<S: Scalar> Visible<S> {
     ) -> bool {
         let first = self.whole.len();
         let cell = self.parts.polygons.rectangle(self.cell.low, self.cell.high);
+        // All of the group are cut to the cell first, since each is then compared with each.
         for at in some {
             self.cut_to_cell(cell, at, &candidates[at as usize]);
         }
@@ -199,6 +200,7 @@ impl<S: Scalar> Visible<S> {
             let is_near = value_at(line, center) < self.cell.change(line);
             let Some(before) = polygon.filter(|_| is_near) else { return };
             polygon = polygons.inside(before, line, lines.len() as u32);
+            // Only a line that cut something off is kept: its index stands at a side by then.
             if polygon != Some(before) {
                 lines.push(line);
                 sources.push((source, is_on_border));
@@ -222,6 +224,7 @@ impl<S: Scalar> Visible<S> {
         let Some(polygon) = polygon else { return };
         let infinity = S::from_f64(f64::INFINITY);
         let (mut least, mut most) = ([infinity; 3], [-infinity; 3]);
+        // A plane over a convex polygon has its least and its largest depth at corners.
         for point in polygons.points(polygon) {
             let place = [point[0], point[1], value_at(candidate.depth, point)];
             least = std::array::from_fn(|k| least[k].minimum_or_nan(place[k]));
@@ -243,10 +246,20 @@ impl<S: Scalar> Visible<S> {
     ) -> bool {
         let Self { parts, area, cuts, most_cuts, whole, left, next, .. } = self;
         let Parts { parts, polygons, lines, sources, touches_border } = parts;
+        // What is left of the candidate is a list of convex polygons that share no area. Each rival takes its
+        // part of them:
+        //      +--------------+  The rival's edges, one after another, split off what lies outside: 1, 2, 3.
+        //      |  1  / \  2   |  What is inside all of them, `overlap`, is cut where the planes of both faces
+        //      |    /   \     |  meet, and the part in front stays. Where that is all of the overlap, the
+        //      |   /  o  \    |  polygon stays whole: pieces without need would be cut again and again.
+        //      |--/-------\---|
+        //      |      3       |
+        //      +--------------+
         left.clear();
         left.push(whole[at].polygon);
         let (candidate, mut boxes) = (whole[at].candidate, 0);
         let neighbors = candidates[candidate as usize].neighbors;
+        // Side by side no face of the group hides another, but those of earlier groups still may.
         let rivals = if are_side_by_side { group } else { whole.len() };
         for other in 0..rivals {
             boxes += 1;
@@ -264,7 +277,9 @@ impl<S: Scalar> Visible<S> {
                 return false;
             }
             let [own, rival] = [this, that].map(|face| &candidates[face.candidate as usize]);
+            // Positive where the rival lies behind. One of an earlier group lies in front everywhere.
             let behind = if is_before { [-S::ONE, S::ZERO, S::ZERO] } else { behind(own, rival) };
+            // The line between both planes is added once for all polygons, and only if it is needed.
             let mut between = None;
             next.clear();
             for &polygon in &*left {
@@ -311,6 +326,7 @@ impl<S: Scalar> Visible<S> {
                 }
             }
             std::mem::swap(left, next);
+            // All of it is hidden.
             if left.is_empty() {
                 break;
             }
