@@ -179,6 +179,7 @@ impl<T: Scalar> Inner<T> {
         gradients.resize_with(values.len(), Accumulator::vacant);
         wanted.clear();
         let Some(wrt) = wrt else {
+            // Every value that needs a gradient leads to some leaf.
             wanted.extend(values.iter().map(|value| match (value.needs, value.entry) {
                 (false, _) => Wanted::Nothing,
                 (true, Some(_)) => Wanted::Through,
@@ -195,6 +196,7 @@ impl<T: Scalar> Inner<T> {
         }
         results.sort_unstable_by_key(|&(index, _)| index);
         results.dedup_by_key(|&mut (index, _)| index);
+        // Inputs were recorded before outputs, so one walk forward finds all that leads to a result.
         for node in &*nodes {
             let mut inputs = links[node.links()].iter();
             if inputs.any(|&input| wanted[input as usize] != Wanted::Nothing) {
@@ -286,6 +288,7 @@ impl<T: Scalar> Inner<T> {
             if let Some(left) = sums.upstream {
                 pool.give(left);
             }
+            // All that used these outputs has run before: their gradients have done their work.
             for (gradient, wanted) in upstream.iter_mut().zip(&wanted[start..]) {
                 if *wanted != Wanted::Result {
                     gradient.release(pool);

@@ -96,6 +96,7 @@ impl<T: Scalar> Tape<T> {
         let (output_count, passed) = outputs.check(name, &view, is_single);
         look(&slot.saved);
         let saved_bytes = op.saved_bytes(&slot.saved) as u64;
+        // The first mask: where no input leads to a leaf nothing is kept, and no node is left.
         let needs = passed.is_none() && view.any_needs();
         let keep = if needs { op.keeps(&view) } else { Keep::NOTHING };
         if needs {
@@ -242,6 +243,7 @@ impl<T: Scalar> Inner<T> {
             value.parting = Parting::None;
             count.operation.bytes += size_of_val(value.data()) as u64;
         }
+        // An output that only has another shape shares its input's buffer.
         while let Some(Renamed { output, shape, input }) = self.renamed.pop() {
             let data = values[links[first_input + input] as usize].share(pool);
             values[first_output + output].rename(shape, data, pool);

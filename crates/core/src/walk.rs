@@ -46,6 +46,8 @@ impl<const N: usize> Walk<N> {
         from: [&[T]; N],
         work: impl Fn(&mut D, [T; N]) + Send + Sync,
     ) {
+        // Entries of an array that do not lie side by side are copied to a buffer, a block at a time. So the
+        // loop that works sees slices alone, and the compiler makes vectors of it.
         let columns = self.columns().max(1);
         let rows = ENTRIES_PER_PIECE / columns;
         if rows == 0 {
@@ -99,6 +101,7 @@ impl<const N: usize> Walk<N> {
     ) -> &'a [T] {
         let (columns, step) = (self.columns(), self.axes.first().map_or(0, |axis| axis.1[i]));
         let start = self.start(row, i) + column * step;
+        // Rows follow each other without a gap where a step along an axis skips all of the axis within it.
         let in_one_piece = |pair: &[(usize, [usize; N])]| pair[1].1[i] == pair[0].0 * pair[0].1[i];
         let is_whole = columns - column >= buffer.len();
         if step == 1 && (is_whole || self.axes.windows(2).all(in_one_piece)) {
@@ -208,6 +211,7 @@ impl<const N: usize> Walk<N> {
             return;
         }
         let mut start = [0; N];
+        // As an odometer: an axis that is through goes back to its start, and the next one takes a step.
         let mut counts: SmallVec<[usize; 4]> = SmallVec::from_elem(0, outer.len());
         loop {
             let mut at = start;

@@ -147,7 +147,9 @@ impl<S: Scalar<Wide = S>> Peeling<S> {
             }
             let depth = self.depths[column];
             let (front, before) = (self.front[within + column], self.front_faces[within + column]);
+            // Of equal depths the lower face was seen in front.
             let is_behind = depth > front || depth == front && face > before;
+            // Faces come in order, so of equal depths the lower one stays.
             if is_behind && depth < found.depths[stored + column] {
                 found.depths[stored + column] = depth;
                 found.faces[stored + column] = at;

@@ -235,6 +235,7 @@ impl<T: Scalar> Canvas<T> {
             let is_uncertain = small.cover(ys, centers, stored, per_row, at);
             let [first, end] = &mut self.reached_by_blocks;
             (*first, *end) = ((*first).min(blocks.start), (*end).max(blocks.end));
+            // Otherwise the face is drawn once more, in spans: a pixel that has its depth keeps it.
             if !is_uncertain {
                 self.weights.push(small.weights());
                 return;
@@ -340,6 +341,7 @@ impl<T: Scalar> Canvas<T> {
         own_weights.extend(seen.iter().map(|&drawn| weights[drawn as usize]));
         let Runs { runs: sorted, slots, count, .. } = runs;
         slots.clear();
+        // A counting sort: counts of runs become the places where each slot's first run goes.
         let mut first_run = 0;
         slots.extend(seen.iter().zip(&mut *places).map(|(&drawn, place)| {
             let slot = Slot { face: faces[drawn as usize], first_run };
@@ -354,6 +356,7 @@ impl<T: Scalar> Canvas<T> {
             *index = *place;
             *place += 1;
         }
+        // In this order a face's fragments in the band lie side by side.
         let mut fragment = 0;
         for run in sorted {
             run.fragment = fragment;

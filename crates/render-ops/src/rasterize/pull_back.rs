@@ -109,6 +109,7 @@ impl<T: Scalar> WeightPullBack<'_, T> {
                     ones[i] += a_bar;
                     xs[i] += x * a_bar;
                 }
+                // A pixel is two units wide.
                 x += T::Wide::from_f64(2.0);
             }
             sums.add_row(ones, xs, y);

@@ -184,6 +184,7 @@ impl<S: Scalar<Wide = S>> Setup<S> {
             if a[k] <= self.error_bound {
                 a[k] = self.sign * cross(q[(k + 1) % 3], q[(k + 2) % 3]);
             }
+            // On the edge: whether a little to the right, and far less downwards, is inside.
             let [_, ex, ey] = self.edges[k];
             let owns_edge = ex > S::ZERO || ex == S::ZERO && ey < S::ZERO;
             let inside = a[k] > S::ZERO || a[k] == S::ZERO && owns_edge;
@@ -229,6 +230,7 @@ impl<S: Scalar<Wide = S>> Setup<S> {
             }
             None => cover(pixels, centers_within, face, |x| self.depth(row.at(x))),
         }
+        // The few at both ends where an edge function may be rounding alone.
         for column in (first..inside).chain(inside_end..end) {
             let pixel = (&mut depths[column], &mut faces[column]);
             self.cover_settled(row, centers[column], pixel, face);

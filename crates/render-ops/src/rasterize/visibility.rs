@@ -172,6 +172,7 @@ impl<T: Scalar> Visibility<T> {
     /// The bands, from the top.
     pub(super) fn bands(&self) -> impl Iterator<Item = &Band<T>> + Clone {
         let count = self.canvases.len();
+        // Canvas k has drawn the bands k, k + count, k + 2 count, ..
         (0..self.faces.len()).map(move |band| &self.canvases[band % count].bands[band / count])
     }
 }
@@ -191,6 +192,7 @@ fn sort_into_bands(verdicts: &[Verdict], faces: &mut [Vec<u32>], rows: usize) ->
                 reaches_behind |= verdict.reaches_behind;
                 if left <= right && top <= bottom {
                     let [first, last] = [top, bottom].map(|row| (row / rows) as usize);
+                    // In the order of their indices, on which ties of depths rely.
                     for list in &mut faces[first..=last] {
                         list.push(face);
                     }

@@ -333,6 +333,7 @@ impl Cube {
     #[inline(always)]
     fn face<T: Scalar>(direction: [T; 3]) -> (usize, T) {
         let [x, y, z] = direction.map(T::abs);
+        // Of components of one size the first counts, so each direction has one face.
         let axis = if x >= y && x >= z { 0 } else { 1 + usize::from(z > y) };
         let major = direction[axis];
         (2 * axis + usize::from(major < T::ZERO), major)
@@ -371,6 +372,8 @@ impl Chart<3> for Cube {
         let (face, major) = Self::face(direction);
         let ratios = Self::ratios(direction, face, major);
         let mut bar = [T::ZERO; 3];
+        // A ratio `sign d / |m|` of a component d to the major one m has the slopes `sign / |m|` with d and
+        // `-ratio m / |m|^2` with m.
         for (k, (axis, sign)) in AXES[face].into_iter().enumerate() {
             let ratio_bar = T::from_f64(0.5) * at_bar[k] / major.abs();
             bar[axis] += T::from_f64(sign) * ratio_bar;

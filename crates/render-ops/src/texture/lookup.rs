@@ -296,6 +296,8 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Lookup<'_, T, C, K> {
                 let finer = level.to_f64().floor();
                 levels[i] = level;
                 fractions[i] = level - T::from_f64(finer);
+                // Neighbours with one key are worked on together: the same finer level, with or without the
+                // coarser one.
                 keys[i] = 2 * integer(finer) as u32 + u32::from(is_free);
             }
         } else {

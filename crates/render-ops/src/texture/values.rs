@@ -110,6 +110,7 @@ impl<'a, T: Scalar> Level<'a, T> {
                 let texel = &self.texels[texel * self.channels + channel..][..N];
                 sum.iter_mut().zip(texel).for_each(|(sum, &texel)| *sum += texel);
             }
+            // Beyond a cube's corner three texels stand for a fourth; beyond a border of zeros there is none.
             match beyond.count {
                 0 | 1 => sum,
                 count => sum.map(|sum| sum / T::from_f64(count as f64)),
@@ -302,6 +303,7 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Values<'_, T, C, K> {
                 lane = lanes.end;
                 for channel in part.groups::<N>() {
                     part.mix::<N, L>(channel, &mut found);
+                    // One probe per sample: neighbours in the block are neighbours in `out`.
                     if !are_sums {
                         let at = (probes.samples[lanes.start] - start) * channels + channel;
                         let out = out[at..].chunks_mut(channels);

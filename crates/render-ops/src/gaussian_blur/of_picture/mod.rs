@@ -339,6 +339,13 @@ impl<T: Scalar> Op<T> for BlurredSquaredError<T> {
         let values_bar = fresh(values_bar, if with_values { values.len() } else { 0 });
         values_bar.fill(T::ZERO);
         let two = T::from_f64(2.0);
+        // Windows of rows move down with the chunks. The blur sees `reach` rows to either side:
+        //   image             chunk.start - reach  .....................  chunk.end + reach   c
+        //   blurred, slopes             start / length  .....  chunk.end                      b, db/dsigma
+        //   b_bar        pulled - reach  ....................  chunk.end                      2 (b - r)
+        //   image_bar           pulled  .....  known                                          K^T b_bar
+        // A row's gradient is known once b_bar is known `reach` rows below it: up to chunk.end - reach, in
+        // whole bands.
         image.forget();
         b_bar.forget();
         sums.clear();
@@ -374,6 +381,7 @@ impl<T: Scalar> Op<T> for BlurredSquaredError<T> {
                 pulled = known;
             }
 
+            // Sums are taken of whole pieces, as `sum` cuts them; the rest waits for the next chunk.
             let done = if chunk.end == height { end } else { end / PIECE * PIECE };
             let first = sums.len();
             sums.resize(first + (done - start).div_ceil(PIECE), [T::Wide::ZERO; 2]);
