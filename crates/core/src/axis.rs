@@ -181,13 +181,13 @@ fn lanes<const W: usize, T: Scalar>(
     sums: &mut [T::Wide; LANES],
 ) {
     // A local array of known length stays in registers.
-    let mut own = [T::Wide::ZERO; W];
+    let mut columns = [T::Wide::ZERO; W];
     for row in rows {
-        for (c, sum) in own.iter_mut().enumerate() {
+        for (c, sum) in columns.iter_mut().enumerate() {
             *sum += term(row, c);
         }
     }
-    sums[..W].copy_from_slice(&own);
+    sums[..W].copy_from_slice(&columns);
 }
 
 /// The adjoint of [`sum_along`]: adds `entry(sums_bar)`, with `sums_bar: [outer, inner]`, to

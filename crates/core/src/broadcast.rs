@@ -111,39 +111,40 @@ fn arguments<'a, T: Scalar>(kept: &'a Kept<'_, T>, used: [bool; 2]) -> (&'a [T],
     (argument(0), argument(1), z_bar)
 }
 
-/// Adds `term(own, other, z_bar)` over all pairs to the gradient of one side, `own`.
+/// Adds `term(input, other, z_bar)` over all pairs to the gradient of one side, `input`.
 fn add_terms<T: Scalar>(
-    own_bar: &mut Accumulator<T>,
-    [full, own_shape, other_shape]: [&Shape; 3],
-    [z_bar, own, other]: [&[T]; 3],
+    input_bar: &mut Accumulator<T>,
+    [full, input_shape, other_shape]: [&Shape; 3],
+    [z_bar, input, other]: [&[T]; 3],
     term: impl Fn(T, T, T) -> T + Send + Sync,
 ) {
     if z_bar.is_empty() {
         return;
     }
-    if own_shape == other_shape {
-        own_bar.add_zipped([own, other, z_bar], |[own, other, z_bar]| term(own, other, z_bar));
-    } else if own_shape == full && other_shape.size() == 1 {
+    if input_shape == other_shape {
+        input_bar
+            .add_zipped([input, other, z_bar], |[input, other, z_bar]| term(input, other, z_bar));
+    } else if input_shape == full && other_shape.size() == 1 {
         let other = other[0];
-        own_bar.add_zipped([own, z_bar], |[own, z_bar]| term(own, other, z_bar));
-    } else if own_shape == full {
+        input_bar.add_zipped([input, z_bar], |[input, z_bar]| term(input, other, z_bar));
+    } else if input_shape == full {
         let walk = Walk::new(axes([full, other_shape]).map(|(n, [k, j])| (n, [k, j, k])));
-        let add = |sum: &mut T, [own, other, z_bar]: [T; 3]| *sum += term(own, other, z_bar);
-        walk.zip_mut(own_bar.entries(), [own, other, z_bar], add);
-    } else if own_shape.size() == 1 && other_shape == full {
-        let own = own[0];
-        let total = sum::<T>(z_bar.len(), |k| term(own, other[k], z_bar[k]).widen());
-        own_bar.entries()[0] += T::narrow(total);
+        let add = |sum: &mut T, [input, other, z_bar]: [T; 3]| *sum += term(input, other, z_bar);
+        walk.zip_mut(input_bar.entries(), [input, other, z_bar], add);
+    } else if input_shape.size() == 1 && other_shape == full {
+        let input = input[0];
+        let total = sum::<T>(z_bar.len(), |k| term(input, other[k], z_bar[k]).widen());
+        input_bar.entries()[0] += T::narrow(total);
     } else {
-        let own_bar = own_bar.entries();
-        match *Walk::new(axes([full, own_shape, other_shape])).axes() {
+        let input_bar = input_bar.entries();
+        match *Walk::new(axes([full, input_shape, other_shape])).axes() {
             // A row beside each row, short enough for a piece.
             [(columns, [1, 1, step]), (rows, [_, 0, stride])] if columns <= ENTRIES_PER_PIECE => {
                 let term = |row: usize, column: usize| {
                     let other = other[row * stride + column * step];
-                    term(own[column], other, z_bar[row * columns + column]).widen()
+                    term(input[column], other, z_bar[row * columns + column]).widen()
                 };
-                let put = |column, total| own_bar[column] += T::narrow(total);
+                let put = |column, total| input_bar[column] += T::narrow(total);
                 sum_rows::<T>(rows, columns, term, put);
             }
             // One entry beside each row.
@@ -152,21 +153,21 @@ fn add_terms<T: Scalar>(
                     let total: T::Wide = (0..columns)
                         .map(|column| {
                             let other = other[row * stride + column * step];
-                            term(own[row], other, z_bar[row * columns + column]).widen()
+                            term(input[row], other, z_bar[row * columns + column]).widen()
                         })
                         .sum();
                     *sum += T::narrow(total);
                 };
                 let piece = (ENTRIES_PER_PIECE / columns).max(1);
-                for_each_piece_mut(&mut own_bar[..rows], piece, |k, sums| {
+                for_each_piece_mut(&mut input_bar[..rows], piece, |k, sums| {
                     (k * piece..).zip(sums).for_each(|(row, sum)| add(row, sum));
                 });
             }
             _ => {
-                let all = axes([full, own_shape, other_shape]);
+                let all = axes([full, input_shape, other_shape]);
                 let all = all.map(|(extent, [k, i, j])| (extent, [i, j, k]));
-                let term = |[i, j, k]: [usize; 3]| term(own[i], other[j], z_bar[k]).widen();
-                add_over_copies(own_bar, all, term);
+                let term = |[i, j, k]: [usize; 3]| term(input[i], other[j], z_bar[k]).widen();
+                add_over_copies(input_bar, all, term);
             }
         }
     }

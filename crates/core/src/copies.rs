@@ -82,8 +82,8 @@ mod tests {
             for repeated in 0..8 {
                 let kept: [usize; 3] =
                     array::from_fn(|k| if repeated >> k & 1 == 1 { 1 } else { extents[k] });
-                let own = [kept[1] * kept[2], kept[2], 1];
-                let step = |k: usize| if kept[k] == extents[k] { own[k] } else { 0 };
+                let steps = [kept[1] * kept[2], kept[2], 1];
+                let step = |k: usize| if kept[k] == extents[k] { steps[k] } else { 0 };
                 let axes = (0..3).map(|k| (extents[k], [step(k), full[k]]));
                 let mut expected = vec![1.0; kept.iter().product()];
                 let mut sums = expected.clone();

@@ -112,8 +112,8 @@ impl<'t, T: Scalar> Var<'t, T> {
                 continue;
             }
             last = Some(outputs[0]);
-            let own = self.tape.vjp_to(&upstream, &[value])?;
-            if own.get(value).is_some_and(|gradient| !gradient.is_finite()) {
+            let gradients = self.tape.vjp_to(&upstream, &[value])?;
+            if gradients.get(value).is_some_and(|gradient| !gradient.is_finite()) {
                 break;
             }
         }

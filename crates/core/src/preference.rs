@@ -4,16 +4,16 @@ use std::cmp::Ordering;
 
 use crate::scalar::Scalar;
 
-/// The share of the upstream gradient that goes to `own`: all of it where `own` compares to
+/// The share of the upstream gradient that goes to `input`: all of it where `own` compares to
 /// `other` as `preferred`, half where they are equal, NaN where one is NaN.
 #[inline(always)]
-pub(crate) fn share<T: Scalar>(own: T, other: T, preferred: Ordering) -> T {
-    let is_preferred = if preferred == Ordering::Less { own < other } else { own > other };
+pub(crate) fn share<T: Scalar>(input: T, other: T, preferred: Ordering) -> T {
+    let is_preferred = if preferred == Ordering::Less { input < other } else { input > other };
     // Three choices side by side, of which one at most is not zero: comparisons can't be foretold.
     let all = if is_preferred { T::ONE } else { T::ZERO };
-    let half = if own == other { T::from_f64(0.5) } else { T::ZERO };
-    let nan = own + other;
-    let nan = if (own <= other) | (own > other) { T::ZERO } else { nan };
+    let half = if input == other { T::from_f64(0.5) } else { T::ZERO };
+    let nan = input + other;
+    let nan = if (input <= other) | (input > other) { T::ZERO } else { nan };
     all + half + nan
 }
 

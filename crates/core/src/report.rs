@@ -43,9 +43,9 @@ impl OperationReport {
 
 /// Adds to the entry of the same work, or makes one.
 fn add_left_out(entries: &mut Vec<LeftOut>, more: LeftOut) {
-    let is_same = |own: &&mut LeftOut| own.name == more.name && own.reason == more.reason;
+    let is_same = |known: &&mut LeftOut| known.name == more.name && known.reason == more.reason;
     match entries.iter_mut().find(is_same) {
-        Some(own) => own.count += more.count,
+        Some(known) => known.count += more.count,
         None => entries.push(more),
     }
 }
@@ -75,8 +75,8 @@ impl TapeReport {
     /// Adds what another tape did.
     pub(crate) fn absorb(&mut self, other: Self) {
         for operation in other.operations {
-            match self.operations.iter_mut().find(|own| own.name == operation.name) {
-                Some(own) => own.absorb(&operation),
+            match self.operations.iter_mut().find(|known| known.name == operation.name) {
+                Some(known) => known.absorb(&operation),
                 None => self.operations.push(operation),
             }
         }
@@ -107,8 +107,8 @@ impl TapeReport {
         column: impl Fn(&mut OperationReport) -> &mut Option<f64>,
     ) {
         for entry in &mut self.operations {
-            let own = errors.iter().filter(|error| error.operation == Some(entry.name));
-            *column(entry) = own.filter_map(|error| error.error).reduce(f64::max);
+            let matching = errors.iter().filter(|error| error.operation == Some(entry.name));
+            *column(entry) = matching.filter_map(|error| error.error).reduce(f64::max);
         }
     }
 }
@@ -405,8 +405,8 @@ mod tests {
         let report = report.with_errors(&values).with_gradient_errors(&slopes);
         for of in &report.operations {
             let largest = |errors: &[ValueError]| {
-                let own = errors.iter().filter(|error| error.operation == Some(of.name));
-                own.map(|error| error.error.unwrap()).fold(0.0, f64::max)
+                let matching = errors.iter().filter(|error| error.operation == Some(of.name));
+                matching.map(|error| error.error.unwrap()).fold(0.0, f64::max)
             };
             assert_eq!(of.error, Some(largest(&values)));
             assert_eq!(of.gradient_error, Some(largest(&slopes)));

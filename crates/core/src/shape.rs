@@ -61,8 +61,8 @@ impl Shape {
     #[inline]
     pub(crate) fn is(&self, axes: &[usize]) -> bool {
         // Not `==`, which calls a comparison of memory.
-        let own: &[usize] = &self.0;
-        own.len() == axes.len() && own.iter().zip(axes).all(|(a, b)| a == b)
+        let extents: &[usize] = &self.0;
+        extents.len() == axes.len() && extents.iter().zip(axes).all(|(a, b)| a == b)
     }
 
     /// The number of axes.
@@ -108,7 +108,7 @@ impl Shape {
 
     /// The extent of `axis` once the shape is padded with leading 1s to `rank` axes.
     fn extent_of(&self, axis: usize, rank: usize) -> usize {
-        (axis + self.rank()).checked_sub(rank).map_or(1, |own| self.0[own])
+        (axis + self.rank()).checked_sub(rank).map_or(1, |axis| self.0[axis])
     }
 
     /// How far one step along each axis of `full` moves in an array of this shape: its row-major

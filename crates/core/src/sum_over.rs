@@ -35,17 +35,17 @@ pub fn halves(range: &Range<usize>) -> Option<[Range<usize>; 2]> {
     Some([range.start..middle, middle..range.end])
 }
 
-/// The largest ranges of the tree over `range` that lie in `own`, in their order.
-pub fn covered(range: Range<usize>, own: &Range<usize>) -> Vec<Range<usize>> {
-    let is_apart = range.end <= own.start || own.end <= range.start;
+/// The largest ranges of the tree over `range` that lie in `share`, in their order.
+pub fn covered(range: Range<usize>, share: &Range<usize>) -> Vec<Range<usize>> {
+    let is_apart = range.end <= share.start || share.end <= range.start;
     if is_apart || range.is_empty() {
         return Vec::new();
     }
-    if own.start <= range.start && range.end <= own.end {
+    if share.start <= range.start && range.end <= share.end {
         return vec![range];
     }
     let halves = halves(&range).into_iter().flatten();
-    halves.flat_map(|half| covered(half, own)).collect()
+    halves.flat_map(|half| covered(half, share)).collect()
 }
 
 /// The sum over a range of the tree of parts: see [`Tape::partial_sums`].
@@ -67,12 +67,12 @@ impl<T: Scalar> PartialSum<T> {
     /// Adds the sum over the parts that come next.
     fn add(&mut self, next: Self) {
         self.value += next.value;
-        for (own, next) in self.gradients.iter_mut().zip(next.gradients) {
-            match (own.as_mut(), next) {
-                (Some(own), Some(next)) => {
-                    for_each_zipped_mut(own.data_mut(), [next.data()], |own, [next]| *own += next);
+        for (sum, next) in self.gradients.iter_mut().zip(next.gradients) {
+            match (sum.as_mut(), next) {
+                (Some(sum), Some(next)) => {
+                    for_each_zipped_mut(sum.data_mut(), [next.data()], |sum, [next]| *sum += next);
                 }
-                (None, Some(next)) => *own = Some(next),
+                (None, Some(next)) => *sum = Some(next),
                 (_, None) => {}
             }
         }
@@ -257,8 +257,8 @@ impl<T: Scalar> Tape<T> {
         Ok(self.sum_of(inputs, all.swap_remove(0))?)
     }
 
-    /// The sums over the parts `own` of `count`, where others compute the other parts: those of the
-    /// largest ranges of the tree that lie in `own`, in their order. Parts are as in [`Tape::sum_over`].
+    /// The sums over the parts `share` of `count`, where others compute the other parts: those of the
+    /// largest ranges of the tree that lie in `share`, in their order. Parts are as in [`Tape::sum_over`].
     ///
     /// ```
     /// use bokashi_core::{Tape, TensorError, covered};
@@ -278,7 +278,7 @@ impl<T: Scalar> Tape<T> {
     pub fn partial_sums<'t, E: From<TensorError> + Send>(
         &'t self,
         count: usize,
-        own: Range<usize>,
+        share: Range<usize>,
         inputs: &[Var<'t, T>],
         part: impl for<'p> Fn(usize, &'p Tape<T>, &[Var<'p, T>]) -> Result<Var<'p, T>, E> + Sync,
     ) -> Result<Vec<PartialSum<T>>, E> {
@@ -289,11 +289,11 @@ impl<T: Scalar> Tape<T> {
             tape: &self.spare,
             inputs: &values,
             part: &part,
-            is_shared: own.len() < threads(),
+            is_shared: share.len() < threads(),
             is_timed: self.inner.borrow().timed,
         };
         // Ranges are of different lengths: threads that are done with one go on with the next.
-        let mut sums = parts.all(&covered(0..count, &own))?;
+        let mut sums = parts.all(&covered(0..count, &share))?;
         let mut inner = self.inner.borrow_mut();
         sums.iter_mut().for_each(|sum| inner.tally.absorb(std::mem::take(&mut sum.report)));
         Ok(sums)
@@ -382,7 +382,7 @@ mod tests {
             range: Range<usize>,
             known: &mut Vec<(Range<usize>, PartialSum<f32>)>,
         ) -> PartialSum<f32> {
-            if let Some(at) = known.iter().position(|(own, _)| *own == range) {
+            if let Some(at) = known.iter().position(|(part, _)| *part == range) {
                 return known.swap_remove(at).1;
             }
             let [first, second] = halves(&range).unwrap().map(|half| whole(half, known));
@@ -395,11 +395,11 @@ mod tests {
             let x = tape.leaf(&Tensor::from_flat_fn([300], |k| 0.3 + k as f32 / 300.0));
             let bounds: Vec<_> = [0].iter().chain(cuts).chain([&count]).copied().collect();
             let mut known = Vec::new();
-            for own in bounds.windows(2).map(|pair| pair[0]..pair[1]) {
-                let sums = tape.partial_sums(count, own.clone(), &[x], |k, _, inputs| {
+            for share in bounds.windows(2).map(|pair| pair[0]..pair[1]) {
+                let sums = tape.partial_sums(count, share.clone(), &[x], |k, _, inputs| {
                     Ok::<_, TensorError>((inputs[0] * (1.0 + (k % 17) as f32)).exp().sum())
                 });
-                known.extend(covered(0..count, &own).into_iter().zip(sums.unwrap()));
+                known.extend(covered(0..count, &share).into_iter().zip(sums.unwrap()));
             }
             let sum = tape.sum_of(&[x], whole(0..count, &mut known)).unwrap();
             assert!(known.is_empty());

@@ -189,9 +189,9 @@ mod tests {
             for instance in 0..instances {
                 let vertices = assembly.vertices(part, instance).unwrap();
                 assert_eq!(vertices, vertex..vertex + mesh.vertex_count());
-                for (k, own) in mesh.faces().iter().enumerate() {
+                for (k, corners) in mesh.faces().iter().enumerate() {
                     assert_eq!(assembly.place(face), Some(Place { part, instance, face: k }));
-                    let expected = own.map(|index| index + vertex as u32);
+                    let expected = corners.map(|index| index + vertex as u32);
                     assert_eq!(assembly.mesh().faces()[face], expected);
                     face += 1;
                 }
@@ -210,13 +210,13 @@ mod tests {
         let assembly = Assembly::new(&[(&triangle(), 1), (&marked, 2), (&square(), 1)]).unwrap();
         let mesh = assembly.mesh();
         for face in 0..mesh.faces().len() {
-            let Place { part, instance, face: own } = assembly.place(face).unwrap();
+            let Place { part, instance, face: local } = assembly.place(face).unwrap();
             let first = assembly.vertices(part, instance).unwrap().start as u32;
             let alone = &[triangle(), marked.clone(), square()][part];
             for corner in 0..3 {
-                let across = alone.adjacency().across(own, corner).map(|vertex| vertex + first);
+                let across = alone.adjacency().across(local, corner).map(|vertex| vertex + first);
                 assert_eq!(mesh.adjacency().across(face, corner), across);
-                assert_eq!(mesh.is_seam(face, corner), alone.is_seam(own, corner));
+                assert_eq!(mesh.is_seam(face, corner), alone.is_seam(local, corner));
             }
         }
         assert_eq!(mesh.adjacency().boundary_edges(), 3 + 3 * 4);
@@ -258,8 +258,8 @@ mod tests {
             epsilon = 1e-12
         );
 
-        let own = tape.leaf(&Tensor::new([3, 1], vec![1.0, 3.0, 4.0]).unwrap());
-        let values = interpolate_indexed(own, &assembly.instances(), &fragments).unwrap();
+        let weights = tape.leaf(&Tensor::new([3, 1], vec![1.0, 3.0, 4.0]).unwrap());
+        let values = interpolate_indexed(weights, &assembly.instances(), &fragments).unwrap();
         let expected: Vec<_> =
             places.iter().map(|place| [1.0, 3.0, 4.0][place.part + place.instance]).collect();
         assert_eq!(values.value().data(), expected);

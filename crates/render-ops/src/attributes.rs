@@ -61,9 +61,9 @@ impl Attributes {
         self.coverage.for_each_slot_mut(
             entries,
             #[inline(always)]
-            |runs, slot, fragments, own| {
+            |runs, slot, fragments, entries| {
                 let corners = self.corners(attributes, channels, runs.face(slot));
-                work(fragments, corners, own);
+                work(fragments, corners, entries);
             },
         );
     }

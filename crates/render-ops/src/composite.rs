@@ -126,8 +126,8 @@ impl<T: Scalar> Op<T> for MixPieces {
         }
         let centers = coverage.centers();
         let out = outputs.push([centers + coverage.boundary.pixels.len(), channels]);
-        let (own, mixed) = out.split_at_mut(centers * channels);
-        own.copy_from_slice(&values[..centers * channels]);
+        let (centered, mixed) = out.split_at_mut(centers * channels);
+        centered.copy_from_slice(&values[..centers * channels]);
         for ((pixel, fragments), mixed) in coverage.boundary().zip(mixed.chunks_exact_mut(channels))
         {
             self.kind.fill(mixed, background, channels, pixel);
@@ -157,12 +157,12 @@ impl<T: Scalar> Op<T> for MixPieces {
         let pixels = || coverage.boundary().zip(mixed_bar.chunks_exact(channels));
         if let Some(values_bar) = gradients.get(0) {
             let (entries, is_fresh) = values_bar.entries_or_fresh();
-            let (own, pieces) = entries.split_at_mut(own_bar.len());
+            let (centered, pieces) = entries.split_at_mut(own_bar.len());
             if is_fresh {
-                own.copy_from_slice(own_bar);
+                centered.copy_from_slice(own_bar);
                 pieces.fill(T::ZERO);
             } else {
-                own.iter_mut().zip(own_bar).for_each(|(own, &bar)| *own += bar);
+                centered.iter_mut().zip(own_bar).for_each(|(centered, &bar)| *centered += bar);
             }
             for ((_, fragments), bar) in pixels() {
                 for &fragment in fragments {

@@ -180,11 +180,11 @@ impl<T: Scalar> Op<T> for CompositeLayers {
         alphas.resize_with(self.coverages.len(), Vec::new);
         for (k, coverage) in self.coverages.iter().enumerate().rev() {
             let (colors, alpha) = (inputs.data(1 + 2 * k), inputs.data(2 + 2 * k));
-            let (own, behind) = seen.split_at_mut(k + 1);
-            let own = &mut own[k];
-            own.clear();
-            own.extend_from_slice(colors);
-            let rows = own.chunks_exact_mut(channels).zip(alpha).zip(&next[k]);
+            let (front, behind) = seen.split_at_mut(k + 1);
+            let front = &mut front[k];
+            front.clear();
+            front.extend_from_slice(colors);
+            let rows = front.chunks_exact_mut(channels).zip(alpha).zip(&next[k]);
             for (((row, &alpha), &next), pixel) in rows.zip(coverage.pixels()) {
                 let behind = match next {
                     NONE => &background[self.kind.entry(channels, pixel)..][..channels],

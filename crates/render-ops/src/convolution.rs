@@ -368,10 +368,10 @@ fn put<T: Copy>(to: &mut [T], block: &[T; BLOCK]) {
 /// tap to tap the entries p lie `step` apart.
 #[inline(always)]
 fn window_sum<T: Scalar>(entries: &[T], center: usize, step: usize, weights: &[T]) -> [T; BLOCK] {
-    let own = block(entries, center);
+    let middle = block(entries, center);
     let mut sums = [T::ZERO; BLOCK];
     for i in 0..BLOCK {
-        sums[i] = weights[0] * own[i];
+        sums[i] = weights[0] * middle[i];
     }
     let mut offset = 0;
     for &weight in &weights[1..] {
@@ -393,12 +393,12 @@ fn window_sums<T: Scalar>(
     weights: &[T],
     window: &Window<'_, T>,
 ) -> [[T; BLOCK]; 2] {
-    let own = block(entries, center);
+    let middle = block(entries, center);
     let (mut sums, mut slopes, mut twice) = ([T::ZERO; BLOCK], [T::ZERO; BLOCK], [T::ZERO; BLOCK]);
     for i in 0..BLOCK {
-        sums[i] = weights[0] * own[i];
-        slopes[i] = window.slope_sum * own[i];
-        twice[i] = own[i] + own[i];
+        sums[i] = weights[0] * middle[i];
+        slopes[i] = window.slope_sum * middle[i];
+        twice[i] = middle[i] + middle[i];
     }
     let mut offset = 0;
     for (&weight, &slope) in weights[1..].iter().zip(&window.slopes[1..]) {

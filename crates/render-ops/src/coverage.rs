@@ -203,8 +203,9 @@ impl Coverage {
                     || {
                         for slot in slots {
                             let Range { start, end } = runs.fragments_of(slot..slot + 1);
-                            let own = &mut entries[(start - first) * width..(end - first) * width];
-                            work(runs, slot, before + start..before + end, own);
+                            let target =
+                                &mut entries[(start - first) * width..(end - first) * width];
+                            work(runs, slot, before + start..before + end, target);
                         }
                     },
                 );

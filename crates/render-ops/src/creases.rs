@@ -102,8 +102,8 @@ fn marked<T: Scalar>(
     });
     let mut has_creases = false;
     for face in 0..expected {
-        let own = seams[face];
-        for corner in (0..3).filter(|corner| own >> corner & 1 == 1) {
+        let bits = seams[face];
+        for corner in (0..3).filter(|corner| bits >> corner & 1 == 1) {
             if let Some(Beyond { face, corners: [.., across], .. }) = surface.beyond(face, corner) {
                 has_creases = true;
                 seams[face] |= 1 << across;
@@ -166,7 +166,7 @@ struct Beyond {
 /// An edge from p to q.
 struct SharedEdge {
     /// The corners p, q and s of a face at it, and their determinant.
-    own: [Vertex<f64>; 3],
+    corners: [Vertex<f64>; 3],
     size: f64,
     /// The edge function from p to q.
     line: [f64; 3],
@@ -191,15 +191,15 @@ impl<'a, T: Scalar> Surface<'a, T> {
             let Some(beyond) = self.beyond(face, corner) else { return false };
             let Beyond { face: other, is_opposite, corners: [p, q, third] } = beyond;
             let turned = [1, 2, 0].map(|k| (corner + k) % 3);
-            let own = turned.map(|k| vertices[k]);
-            let line = edge(own[0], own[1]);
+            let corners = turned.map(|k| vertices[k]);
+            let line = edge(corners[0], corners[1]);
             let r = self.vertex(self.mesh.faces()[other][third]);
             let r_size = determinant(r, line);
             if is_culled(size) && is_culled(if is_opposite { -r_size } else { r_size }) {
                 return false;
             }
             let others = [p, q, third].map(|k| self.row(self.indices.faces()[other][k]));
-            let shared = SharedEdge { own, size, line, r, r_size };
+            let shared = SharedEdge { corners, size, line, r, r_size };
             self.bends_or_jumps(&shared, turned.map(|k| rows[k]), others)
         };
         (0..3).filter(is_crease).map(|corner| 1 << corner).sum()
@@ -207,12 +207,12 @@ impl<'a, T: Scalar> Surface<'a, T> {
 
     /// Whether attributes bend or jump at an edge, from the rows of p, q and s, and of p, q and r.
     #[inline(always)]
-    fn bends_or_jumps(&self, edge_of: &SharedEdge, own: [&[T]; 3], others: [&[T]; 3]) -> bool {
-        let &SharedEdge { own: [p, q, s], size, line, r, r_size } = edge_of;
+    fn bends_or_jumps(&self, edge_of: &SharedEdge, values: [&[T]; 3], others: [&[T]; 3]) -> bool {
+        let &SharedEdge { corners: [p, q, s], size, line, r, r_size } = edge_of;
         // Of what is no number nothing is known.
         let is_most = |change: f64, most: f64| change.abs() <= most;
         let jumps = (0..2).any(|end| {
-            let mut pairs = own[end].iter().zip(others[end]);
+            let mut pairs = values[end].iter().zip(others[end]);
             pairs.any(|(a, b)| !is_most(a.to_f64() - b.to_f64(), self.most_jump))
         });
         let inverse = 1.0 / size;
@@ -225,7 +225,8 @@ impl<'a, T: Scalar> Surface<'a, T> {
                     let beyond = |rows: [&[T]; 3], k: usize| {
                         rows[k][channel].to_f64() - rows[end][channel].to_f64()
                     };
-                    let continued = shares[1 - end] * beyond(own, 1 - end) + share * beyond(own, 2);
+                    let continued =
+                        shares[1 - end] * beyond(values, 1 - end) + share * beyond(values, 2);
                     !is_most(slope * w * (beyond(others, 2) - continued), self.most_bend)
                 })
             })
@@ -240,7 +241,7 @@ impl<'a, T: Scalar> Surface<'a, T> {
         if other < face {
             return None;
         }
-        let place = |k: usize| (0..3).find(|&own| faces[other][own] == faces[face][k % 3]);
+        let place = |k: usize| (0..3).find(|&corner| faces[other][corner] == faces[face][k % 3]);
         let (p, q) = (place(corner + 1)?, place(corner + 2)?);
         Some(Beyond { face: other, is_opposite, corners: [p, q, 3 - p - q] })
     }
@@ -312,8 +313,9 @@ mod tests {
 
         fn range(&self) -> f64 {
             let ends = |channel: usize| {
-                let own = self.colors.map(|color| color[channel]);
-                own.into_iter().fold(f64::MIN, f64::max) - own.into_iter().fold(f64::MAX, f64::min)
+                let values = self.colors.map(|color| color[channel]);
+                values.into_iter().fold(f64::MIN, f64::max)
+                    - values.into_iter().fold(f64::MAX, f64::min)
             };
             ends(0).max(ends(1))
         }

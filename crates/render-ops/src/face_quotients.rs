@@ -114,8 +114,8 @@ impl<T: Scalar, Q: Quotient> Op<T> for OfFragments<Q> {
                 for run in coverage.centers.in_slot(slot) {
                     let [mut x, y] = face.place(run.pixel as usize, coverage.size);
                     let row = face.row(y);
-                    let own = run.fragments().start - first..run.fragments().end - first;
-                    for value in &mut values[own] {
+                    let range = run.fragments().start - first..run.fragments().end - first;
+                    for value in &mut values[range] {
                         let a = row.map(|[start, slope]| start + slope * x);
                         let [found, _] = quotient(&terms, a);
                         *value = T::narrow(Q::within_range(found));

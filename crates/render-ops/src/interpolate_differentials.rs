@@ -131,11 +131,11 @@ impl<T: Scalar> Op<T> for InterpolateDifferentials {
                 entries,
                 channels,
                 #[inline(always)]
-                |fragments, [a0, a1, a2], own| {
+                |fragments, [a0, a1, a2], row| {
                     let bars = bars[fragments.start * channels..fragments.end * channels]
                         .chunks_exact(channels);
-                    for (own, bars) in own.as_chunks_mut::<4>().0.iter_mut().zip(bars) {
-                        let mut sums = if is_fresh { [T::ZERO; 4] } else { *own };
+                    for (row, bars) in row.as_chunks_mut::<4>().0.iter_mut().zip(bars) {
+                        let mut sums = if is_fresh { [T::ZERO; 4] } else { *row };
                         for (c, &[x, y]) in bars.iter().enumerate() {
                             let [first, second] = [a0[c] - a2[c], a1[c] - a2[c]];
                             sums[0] += x * first;
@@ -143,7 +143,7 @@ impl<T: Scalar> Op<T> for InterpolateDifferentials {
                             sums[2] += x * second;
                             sums[3] += y * second;
                         }
-                        *own = sums;
+                        *row = sums;
                     }
                 },
             );

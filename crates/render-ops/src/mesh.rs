@@ -108,8 +108,8 @@ impl Mesh {
     /// The same mesh whose seams are its own and `more`: per face, a bit for each corner whose edge is a
     /// seam.
     pub(crate) fn with_more_seams(&self, more: &[u8]) -> Self {
-        let own = |face: usize| self.seams.get(face).copied().unwrap_or_default();
-        let seams = more.iter().enumerate().map(|(face, more)| own(face) | more).collect();
+        let bits = |face: usize| self.seams.get(face).copied().unwrap_or_default();
+        let seams = more.iter().enumerate().map(|(face, more)| bits(face) | more).collect();
         Self { topology: Arc::clone(&self.topology), seams }
     }
 
@@ -198,8 +198,8 @@ impl Neighbor {
     /// Whether both faces, of these orientations, lie on the same side of the edge in the image, or
     /// one of them covers neither.
     #[inline]
-    pub(crate) fn is_turned(self, own: i8, other: i8) -> bool {
-        let product = own * other;
+    pub(crate) fn is_turned(self, orientation: i8, other: i8) -> bool {
+        let product = orientation * other;
         if self.is_opposite { product <= 0 } else { product >= 0 }
     }
 }

@@ -296,9 +296,10 @@ mod tests {
             if let &[faces, height, width, channels] = shape {
                 let size = height * width * channels;
                 for face in 0..faces {
-                    let own = fine.value().data()[face * size..][..size].to_vec();
-                    let own = tape.leaf(&Tensor::new([height, width, channels], own).unwrap());
-                    let alone = halved(own).unwrap().value();
+                    let face_texels = fine.value().data()[face * size..][..size].to_vec();
+                    let face_texels =
+                        tape.leaf(&Tensor::new([height, width, channels], face_texels).unwrap());
+                    let alone = halved(face_texels).unwrap().value();
                     let count = alone.size();
                     assert_eq!(alone.data(), &coarse.value().data()[face * count..][..count]);
                 }

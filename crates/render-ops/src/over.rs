@@ -81,19 +81,19 @@ impl<T: Scalar> Op<T> for Over {
         let bars = kept.only_upstream();
         if let Some(front_bar) = gradients.get(0) {
             let behind = kept.input(1);
-            for_each_pixel(front_bar.entries(), channels, |entries, own| {
+            for_each_pixel(front_bar.entries(), channels, |entries, pixel| {
                 let (bars, behind) = (&bars[entries.clone()], &behind[entries]);
-                own.iter_mut().zip(bars).for_each(|(own, &bar)| *own += bar);
+                pixel.iter_mut().zip(bars).for_each(|(pixel, &bar)| *pixel += bar);
                 let pairs = bars.iter().zip(behind);
                 let dot: T::Wide = pairs.map(|(a, b)| a.widen() * b.widen()).sum();
-                own[channels - 1] -= T::narrow(dot);
+                pixel[channels - 1] -= T::narrow(dot);
             });
         }
         if let Some(behind_bar) = gradients.get(1) {
             let front = kept.input(0);
-            for_each_pixel(behind_bar.entries(), channels, |entries, own| {
+            for_each_pixel(behind_bar.entries(), channels, |entries, pixel| {
                 let left = T::ONE - front[entries.end - 1];
-                own.iter_mut().zip(&bars[entries]).for_each(|(own, &bar)| *own += left * bar);
+                pixel.iter_mut().zip(&bars[entries]).for_each(|(pixel, &bar)| *pixel += left * bar);
             });
         }
     }
@@ -108,8 +108,8 @@ fn for_each_pixel<T: Scalar>(
     let pixels = (ENTRIES_PER_PIECE / channels).max(1);
     for_each_piece_mut(image, pixels * channels, |piece, image| {
         let starts = (piece * pixels * channels..).step_by(channels);
-        for (start, own) in starts.zip(image.chunks_exact_mut(channels)) {
-            work(start..start + channels, own);
+        for (start, pixel) in starts.zip(image.chunks_exact_mut(channels)) {
+            work(start..start + channels, pixel);
         }
     });
 }

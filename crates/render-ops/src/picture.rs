@@ -149,7 +149,7 @@ impl<'t, T: Scalar> Picture<'t, T> {
             return false;
         }
         let values = values.value();
-        values.data().iter().zip(color).all(|(own, other)| own.is_same(*other))
+        values.data().iter().zip(color).all(|(value, other)| value.is_same(*other))
     }
 }
 
@@ -280,7 +280,7 @@ mod tests {
             Tensor::from_flat_fn([SIZE.height, SIZE.width, 2], |k| (k * 13 % 29) as f64 / 29.0);
         let constant = Tensor::new([2], vec![0.25, 0.75]).unwrap();
         let zero = Tensor::zeros([2]);
-        let own = Background::Color(tape.constant(&constant));
+        let constant_color = Background::Color(tape.constant(&constant));
         let learnt = Background::Color(tape.leaf(&constant));
         for sampling in [Sampling::Center, Sampling::Exact, Sampling::Outline] {
             let fragments = fragments(&tape, sampling);
@@ -288,8 +288,11 @@ mod tests {
             for (background, color) in backgrounds(&tape)
                 .map(|background| (background, &zero))
                 .into_iter()
-                .chain([own, learnt, Background::Zero].map(|background| (background, &constant)))
-                .chain([(own, &zero)])
+                .chain(
+                    [constant_color, learnt, Background::Zero]
+                        .map(|background| (background, &constant)),
+                )
+                .chain([(constant_color, &zero)])
             {
                 let reference = PixelLoss::squared(&goal, color).unwrap();
                 let picture = composite(values, &fragments, background).unwrap();

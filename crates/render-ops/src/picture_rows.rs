@@ -57,23 +57,23 @@ impl PictureRows<'_> {
         debug_assert!(rows.start.is_multiple_of(per_band));
         let pixels = rows.start * size.width..rows.end * size.width;
         let runs = &coverage.centers;
-        let (own, rim_bar) = values_bar.split_at_mut(coverage.centers() * channels);
+        let (centers_bar, rim_bar) = values_bar.split_at_mut(coverage.centers() * channels);
         let bands = rows.start / per_band..rows.end.div_ceil(per_band).min(runs.bands());
-        let work = |slots: Range<usize>, _: usize, own: &mut [T]| {
-            let mut rest = own;
+        let work = |slots: Range<usize>, _: usize, entries: &mut [T]| {
+            let mut rest = entries;
             for run in runs.in_slots(slots) {
-                let (own, others) = rest.split_at_mut(run.length as usize * channels);
+                let (bars, others) = rest.split_at_mut(run.length as usize * channels);
                 let upstream = &image_bar[(run.pixel as usize - pixels.start) * channels..];
-                own.iter_mut().zip(upstream).for_each(|(own, &bar)| *own += bar);
+                bars.iter_mut().zip(upstream).for_each(|(bars, &bar)| *bars += bar);
                 rest = others;
             }
         };
-        runs.merge_some_bands_mut(bands, channels, own, work, |()| {});
+        runs.merge_some_bands_mut(bands, channels, centers_bar, work, |()| {});
         let rim = self.rim_within(pixels.clone());
         let rim_bar = rim_bar[rim.start * channels..].chunks_exact_mut(channels);
-        for (&pixel, own) in self.rim[rim].iter().zip(rim_bar) {
+        for (&pixel, bars) in self.rim[rim].iter().zip(rim_bar) {
             let upstream = &image_bar[(pixel as usize - pixels.start) * channels..];
-            own.iter_mut().zip(upstream).for_each(|(own, &bar)| *own += bar);
+            bars.iter_mut().zip(upstream).for_each(|(bars, &bar)| *bars += bar);
         }
     }
 

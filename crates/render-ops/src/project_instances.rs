@@ -153,12 +153,12 @@ impl<T: Scalar> Op<T> for ProjectInstances<T::Wide> {
         for_each_piece_mut(clip, 4 * POINTS_PER_PIECE, |piece, clip| {
             let clip = clip.as_chunks_mut::<4>().0;
             let first = piece * POINTS_PER_PIECE;
-            for_each_instance(first..first + clip.len(), vertices, |instance, own, place| {
+            for_each_instance(first..first + clip.len(), vertices, |instance, range, place| {
                 let a = products[instance];
                 crate::dispatch::dispatch::<T, _>(
                     #[inline(always)]
                     || {
-                        for (p, clip) in points[own].iter().zip(&mut clip[place]) {
+                        for (p, clip) in points[range].iter().zip(&mut clip[place]) {
                             let p = p.map(T::widen);
                             *clip = [0, 1, 2, 3].map(|row| {
                                 let a = a[row];
@@ -219,9 +219,9 @@ impl<T: Scalar> Op<T> for ProjectInstances<T::Wide> {
             for (at, moments) in (group * together..).zip(moments) {
                 let (instance, piece) = (at / pieces, at % pieces);
                 let first = piece * POINTS_PER_PIECE;
-                let own = first..(first + POINTS_PER_PIECE).min(vertices);
-                let rows = instance * vertices + own.start..instance * vertices + own.end;
-                *moments = piece_moments(&points[own], &bars[rows]);
+                let range = first..(first + POINTS_PER_PIECE).min(vertices);
+                let rows = instance * vertices + range.start..instance * vertices + range.end;
+                *moments = piece_moments(&points[range], &bars[rows]);
             }
         });
         // The sum of an instance's pieces, in the place of its first.

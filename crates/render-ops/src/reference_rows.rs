@@ -56,10 +56,10 @@ impl<T: Scalar> Op<T> for ReferenceRows<T> {
         let rim = self.rim.as_deref().map_or(&[][..], Vec::as_slice);
         let entries = |pixels: Range<usize>| pixels.start * channels..pixels.end * channels;
         let rows = outputs.push([coverage.centers() + rim.len(), channels]);
-        let (own, of_rim) = rows.split_at_mut(coverage.centers() * channels);
+        let (centers, of_rim) = rows.split_at_mut(coverage.centers() * channels);
         for run in &coverage.centers.runs {
             let from = &reference.data()[entries(run.pixels())];
-            own[entries(run.fragments())].copy_from_slice(from);
+            centers[entries(run.fragments())].copy_from_slice(from);
         }
         for (row, &pixel) in of_rim.chunks_exact_mut(channels).zip(rim) {
             row.copy_from_slice(&reference.data()[pixel as usize * channels..][..channels]);

@@ -79,12 +79,14 @@ impl Runs {
         let Self { runs, slots, band_ends, count } = self;
         let [run, slot] = [runs.len() as u32, slots.len() as u32];
         let fragment = *count as u32;
-        runs.extend(band.runs.iter().map(|own| Run {
-            slot: slot + own.slot,
-            fragment: fragment + own.fragment,
-            ..*own
+        runs.extend(band.runs.iter().map(|run| Run {
+            slot: slot + run.slot,
+            fragment: fragment + run.fragment,
+            ..*run
         }));
-        slots.extend(band.slots.iter().map(|own| Slot { first_run: run + own.first_run, ..*own }));
+        slots.extend(
+            band.slots.iter().map(|slot| Slot { first_run: run + slot.first_run, ..*slot }),
+        );
         band_ends.push(slots.len() as u32);
         *count += band.count;
     }
@@ -216,17 +218,17 @@ impl Runs {
         let bands = bands.map(|band| {
             let slots = self.slots_of(band..band + 1);
             let count = self.fragments_of(slots.clone()).len();
-            let (own, others) = std::mem::take(&mut rest).split_at_mut(count * width);
+            let (entries, others) = std::mem::take(&mut rest).split_at_mut(count * width);
             rest = others;
             first += count;
-            (slots, first - count, own)
+            (slots, first - count, entries)
         });
         if !is_shared {
-            return bands.for_each(|(slots, first, own)| merge(work(slots, first, own)));
+            return bands.for_each(|(slots, first, entries)| merge(work(slots, first, entries)));
         }
         let mut pieces: Vec<_> = bands.map(|band| (band, None)).collect();
-        for_each_item_mut(&mut pieces, |_, ((slots, first, own), result)| {
-            *result = Some(work(slots.clone(), *first, own));
+        for_each_item_mut(&mut pieces, |_, ((slots, first, entries), result)| {
+            *result = Some(work(slots.clone(), *first, entries));
         });
         pieces.into_iter().filter_map(|(_, result)| result).for_each(merge);
     }
@@ -253,13 +255,15 @@ mod tests {
             let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let (mut merged, mut entries) = (Vec::new(), vec![0; 2 * runs.count]);
             pool.install(|| {
-                let work = |slots: Range<usize>, first: usize, own: &mut [usize]| {
-                    (first..).zip(own.chunks_exact_mut(2)).for_each(|(n, own)| own.fill(n));
-                    (slots, first, own.len())
+                let work = |slots: Range<usize>, first: usize, entries: &mut [usize]| {
+                    (first..)
+                        .zip(entries.chunks_exact_mut(2))
+                        .for_each(|(n, entries)| entries.fill(n));
+                    (slots, first, entries.len())
                 };
                 runs.merge_bands_mut(2, &mut entries, work, |band| merged.push(band));
             });
-            assert!((0..).zip(entries.chunks_exact(2)).all(|(n, own)| own == [n, n]));
+            assert!((0..).zip(entries.chunks_exact(2)).all(|(n, pair)| pair == [n, n]));
             merged
         };
         let alone = merged(1);
@@ -278,12 +282,12 @@ mod tests {
             let fragments = runs.fragments_of(slot..slot + 1);
             assert_eq!(fragments.start, next);
             next = fragments.end;
-            let own: Vec<_> = runs.in_slot(slot).iter().flat_map(Run::pixels).collect();
-            assert_eq!(own.len(), fragments.len());
-            assert_eq!(runs.first_pixel_of(slot), own[0]);
+            let pixels: Vec<_> = runs.in_slot(slot).iter().flat_map(Run::pixels).collect();
+            assert_eq!(pixels.len(), fragments.len());
+            assert_eq!(runs.first_pixel_of(slot), pixels[0]);
             let cut = fragments.start + fragments.len() / 3..fragments.end;
             let within = runs.within(slot, cut.clone()).flat_map(|run| run.pixels());
-            assert!(within.eq(own[cut.start - fragments.start..].iter().copied()));
+            assert!(within.eq(pixels[cut.start - fragments.start..].iter().copied()));
         }
         assert_eq!(next, runs.count);
     }

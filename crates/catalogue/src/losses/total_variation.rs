@@ -19,9 +19,9 @@ pub(crate) fn entry() -> Entry {
         for i in 0..height {
             for j in 0..width {
                 for c in 0..channels {
-                    let own = texture[[i, j, c]];
-                    rises.push(i + 1 < height && texture[[i + 1, j, c]] > own);
-                    rises.push(j + 1 < width && texture[[i, j + 1, c]] > own);
+                    let texel = texture[[i, j, c]];
+                    rises.push(i + 1 < height && texture[[i + 1, j, c]] > texel);
+                    rises.push(j + 1 < width && texture[[i, j + 1, c]] > texel);
                 }
             }
         }

@@ -42,7 +42,8 @@ impl Subject for Differentials {
                 )?,
             ],
         };
-        let pieces: Vec<_> = fragments.coverage.boundary().map(|(_, own)| own.len()).collect();
+        let pieces: Vec<_> =
+            fragments.coverage.boundary().map(|(_, pieces)| pieces.len()).collect();
         let ids: Vec<_> = fragments.coverage.faces().zip(fragments.coverage.pixels()).collect();
         Ok(Outcome::from(out).with_state(ids).with_state(pieces))
     }

@@ -54,9 +54,10 @@ fn options(scene: &Scene) -> RasterOptions {
 fn state(coverage: &Coverage, clip: &Tensor<f64>) -> Vec<usize> {
     let faces: Vec<_> = coverage.faces().collect();
     let pieces = coverage.boundary().flat_map(|(pixel, fragments)| {
-        let mut own: Vec<_> = fragments.iter().map(|&fragment| faces[fragment as usize]).collect();
-        own.sort_unstable();
-        std::iter::once(pixel).chain(own).chain([usize::MAX]).collect::<Vec<_>>()
+        let mut visible: Vec<_> =
+            fragments.iter().map(|&fragment| faces[fragment as usize]).collect();
+        visible.sort_unstable();
+        std::iter::once(pixel).chain(visible).chain([usize::MAX]).collect::<Vec<_>>()
     });
     let centers = coverage.pixels().take(coverage.centers());
     centers.chain(pieces).chain(shapes(coverage, clip)).collect()

@@ -34,17 +34,17 @@ impl Select {
         common(&common(self.mask.shape(), sides[0])?, sides[1])
     }
 
-    /// Adds `z_bar` where the mask is `side` to the gradient of the side of shape `own`.
+    /// Adds `z_bar` where the mask is `side` to the gradient of the side of shape `branch`.
     fn add<T: Scalar>(
         &self,
         own_bar: &mut Accumulator<T>,
-        own: &Shape,
+        branch: &Shape,
         (z_bar, full): (&[T], &Shape),
         side: bool,
     ) {
         let truth = self.mask.data();
-        let all = axes([full, own, self.mask.shape()]);
-        if own != full {
+        let all = axes([full, branch, self.mask.shape()]);
+        if branch != full {
             let all = all.map(|(extent, [k, i, m])| (extent, [i, k, m]));
             return add_over_copies(own_bar.entries(), all, |[_, k, m]| {
                 if truth[m] == side { z_bar[k].widen() } else { T::Wide::ZERO }
@@ -70,10 +70,10 @@ impl Select {
         walk.rows_mut(own_bar, |own_bar, [k, m]| {
             let own_bar = own_bar.iter_mut().zip(&z_bar[k..]);
             if step == 1 {
-                own_bar.zip(&truth[m..]).for_each(|((own, &z_bar), &t)| add(own, t, z_bar));
+                own_bar.zip(&truth[m..]).for_each(|((bar, &z_bar), &t)| add(bar, t, z_bar));
             } else {
                 let own_bar = own_bar.enumerate();
-                own_bar.for_each(|(k, (own, &z_bar))| add(own, truth[m + k * step], z_bar));
+                own_bar.for_each(|(k, (bar, &z_bar))| add(bar, truth[m + k * step], z_bar));
             }
         });
     }
@@ -205,14 +205,16 @@ mod tests {
         let shapes: [&[usize]; 7] =
             [&[4, 2, 3], &[2, 3], &[4, 1, 3], &[3], &[2, 1], &[], &[4, 2, 1]];
         for (k, &left) in shapes.iter().enumerate() {
-            for (&right, &own) in shapes.iter().flat_map(|r| shapes.iter().map(move |m| (r, m))) {
+            for (&right, &mask_shape) in
+                shapes.iter().flat_map(|r| shapes.iter().map(move |m| (r, m)))
+            {
                 let tape = Tape::new();
                 let x = tape.leaf(&Tensor::from_flat_fn(left, |k| k as f64));
                 let y = tape.leaf(&Tensor::from_flat_fn(right, |k| 0.5 - k as f64));
-                let mask = Mask::from_flat_fn(own, |at| (at + k) % 3 > 0);
+                let mask = Mask::from_flat_fn(mask_shape, |at| (at + k) % 3 > 0);
                 let z = mask.select(x, y).unwrap();
                 let numbers = mask.data().iter().map(|&truth| f64::from(truth)).collect();
-                let numbers = tape.constant(&Tensor::new(own, numbers).unwrap());
+                let numbers = tape.constant(&Tensor::new(mask_shape, numbers).unwrap());
                 let mixed = numbers * x + (1.0 - numbers) * y;
                 let upstream = Tensor::from_flat_fn(mixed.shape(), |k| 1.0 + k as f64);
                 let of = |z| {
@@ -220,7 +222,7 @@ mod tests {
                     (z.value(), gradients.get_or_zeros(x), gradients.get_or_zeros(y))
                 };
                 let expected = of(mixed);
-                assert_eq!(of(z), expected, "{left:?} {right:?} {own:?}");
+                assert_eq!(of(z), expected, "{left:?} {right:?} {mask_shape:?}");
                 assert_eq!(of((!mask).select(y, x).unwrap()), expected);
             }
         }

@@ -76,7 +76,7 @@ pub fn antialias<'t, T: Scalar>(
     let op = Antialias { coverage: Arc::clone(coverage), kind: backdrop.kind };
     let inputs = [*clip, *values, backdrop.values];
     let (outputs, rim) =
-        values.tape().record_with(op, &inputs, |found: &Found<T>| found.rim.clone())?;
+        values.tape().record_with(op, &inputs, |saved: &Found<T>| saved.rim.clone())?;
     Ok(Picture { values: outputs[0], rim, ..picture })
 }
 
@@ -320,13 +320,13 @@ impl<T: Scalar> Found<T> {
             if same[0].sum <= T::Wide::ONE {
                 continue;
             }
-            let own = |joint: &Joint<_>| &self.blends[joint.blend as usize];
+            let blend = |joint: &Joint<_>| &self.blends[joint.blend as usize];
             for c in 0..channels {
                 let at = |joint: &Joint<_>| joint.blend as usize * channels + c;
-                let moved = same.iter().map(|k| own(k).alpha * steps[at(k)].widen());
+                let moved = same.iter().map(|k| blend(k).alpha * steps[at(k)].widen());
                 let moved: T::Wide = moved.sum();
                 for k in same {
-                    let moved = if own(k).target() == 0 { moved } else { -moved };
+                    let moved = if blend(k).target() == 0 { moved } else { -moved };
                     steps[at(k)] = T::narrow((steps[at(k)].widen() - moved) / k.sum);
                 }
             }
@@ -340,8 +340,8 @@ impl<T: Scalar> Found<T> {
         ranges.clear();
         for same in self.joint.chunk_by(|one, other| one.row == other.row) {
             let first = ranges.len();
-            let own = &out[same[0].row as usize * channels..][..channels];
-            ranges.extend(own.iter().map(|&own| [own; 2]));
+            let values = &out[same[0].row as usize * channels..][..channels];
+            ranges.extend(values.iter().map(|&value| [value; 2]));
             for joint in same {
                 let (blend, rows) =
                     (&self.blends[joint.blend as usize], self.rows[joint.blend as usize]);
@@ -512,27 +512,27 @@ impl<T: Scalar> Op<T> for Antialias {
         &self,
         inputs: &Inputs<'_, T>,
         outputs: &mut Outputs<'_, T>,
-        found: &mut Self::Saved,
+        saved: &mut Self::Saved,
     ) -> Result<(), RenderError> {
         let coverage = &*self.coverage;
-        found.find(coverage, inputs.data(0));
-        if found.blends.is_empty() {
-            found.rim = None;
+        saved.find(coverage, inputs.data(0));
+        if saved.blends.is_empty() {
+            saved.rim = None;
             outputs.pass(1, "no discontinuities");
             return Ok(());
         }
-        found.place(coverage);
-        found.divide();
+        saved.place(coverage);
+        saved.divide();
         let (input, background) = (inputs.data(1), inputs.data(2));
         let channels = inputs.shape(1)[1];
-        let rim = found.rim.as_deref().expect("it was just found");
+        let rim = saved.rim.as_deref().expect("it was just found");
         let out = outputs.push([coverage.count() + rim.len(), channels]);
         let (values, rim_values) = out.split_at_mut(input.len());
         for_each_zipped_mut(values, [input], |value, [input]| *value = input);
         for (value, &pixel) in rim_values.chunks_exact_mut(channels).zip(rim) {
             self.kind.fill(value, background, channels, pixel as usize);
         }
-        found.blend(out, channels);
+        saved.blend(out, channels);
         Ok(())
     }
 
@@ -544,18 +544,18 @@ impl<T: Scalar> Op<T> for Antialias {
     fn backward(
         &self,
         kept: &Kept<'_, T>,
-        found: &mut Self::Saved,
+        saved: &mut Self::Saved,
         gradients: &mut Accumulators<'_, T>,
     ) {
         let taken = gradients.take_upstream();
         let out_bar = taken.as_deref().unwrap_or_else(|| kept.only_upstream());
         let channels = kept.input_shape(1)[1];
-        let own = self.coverage.count() * channels;
+        let covered = self.coverage.count() * channels;
         if let Some(clip_bar) = gradients.get(0) {
             let (clip, clip_bar) = (kept.input(0), clip_bar.entries());
-            let mut bars = std::mem::take(&mut found.bars);
-            found.pull_back(out_bar, channels, clip, self.coverage.size(), &mut bars);
-            for (blend, bars) in found.blends.iter().zip(&bars).filter(|(blend, _)| !blend.clamped)
+            let mut bars = std::mem::take(&mut saved.bars);
+            saved.pull_back(out_bar, channels, clip, self.coverage.size(), &mut bars);
+            for (blend, bars) in saved.blends.iter().zip(&bars).filter(|(blend, _)| !blend.clamped)
             {
                 for (&vertex, &[x_bar, y_bar, w_bar]) in blend.edge.iter().zip(bars) {
                     let row = &mut clip_bar[4 * vertex as usize..][..4];
@@ -564,19 +564,19 @@ impl<T: Scalar> Op<T> for Antialias {
                     add_term(&mut row[3], w_bar);
                 }
             }
-            found.bars = bars;
+            saved.bars = bars;
         }
-        if let (Some(rim), Some(background_bar)) = (&found.rim, gradients.get(2)) {
+        if let (Some(rim), Some(background_bar)) = (&saved.rim, gradients.get(2)) {
             let background_bar = background_bar.entries();
-            for (bar, &pixel) in out_bar[own..].chunks_exact(channels).zip(rim.iter()) {
+            for (bar, &pixel) in out_bar[covered..].chunks_exact(channels).zip(rim.iter()) {
                 let at = self.kind.entry(channels, pixel as usize);
                 let entries = &mut background_bar[at..at + channels];
                 entries.iter_mut().zip(bar).for_each(|(entry, &bar)| *entry += bar);
             }
-            for (blend, entries, target) in found.placed(channels) {
+            for (blend, entries, target) in saved.placed(channels) {
                 let alpha = T::narrow(blend.alpha);
                 for (entry, sign) in entries.into_iter().zip([-T::ONE, T::ONE]) {
-                    let Some(rim_entry) = entry.checked_sub(own) else { continue };
+                    let Some(rim_entry) = entry.checked_sub(covered) else { continue };
                     let at = self.kind.entry(channels, rim[rim_entry / channels] as usize);
                     for c in 0..channels {
                         background_bar[at + c] += sign * (alpha * out_bar[target + c]);
@@ -592,24 +592,24 @@ impl<T: Scalar> Op<T> for Antialias {
             return;
         }
         // Last, since here the upstream gradient is changed in place, if nobody else reads it.
-        let mut shares = std::mem::take(&mut found.shares);
+        let mut shares = std::mem::take(&mut saved.shares);
         shares.clear();
-        for (blend, _, target) in found.placed(channels) {
+        for (blend, _, target) in saved.placed(channels) {
             let alpha = T::narrow(blend.alpha);
             shares.extend(out_bar[target..target + channels].iter().map(|&bar| alpha * bar));
         }
         match taken {
             Some(mut out_bar) => {
-                out_bar.truncate(own);
+                out_bar.truncate(covered);
                 gradients.give(1, out_bar);
             }
             None => {
                 let values_bar = gradients.get(1).expect("it is wanted");
-                values_bar.add(&kept.only_upstream()[..own]);
+                values_bar.add(&kept.only_upstream()[..covered]);
             }
         }
         let values_bar = gradients.get(1).expect("it is wanted").entries();
-        for ((_, entries, _), shares) in found.placed(channels).zip(shares.chunks_exact(channels)) {
+        for ((_, entries, _), shares) in saved.placed(channels).zip(shares.chunks_exact(channels)) {
             for (entry, sign) in entries.into_iter().zip([-T::ONE, T::ONE]) {
                 // What leads to the background is above.
                 let Some(values_bar) = values_bar.get_mut(entry..entry + channels) else {
@@ -618,16 +618,16 @@ impl<T: Scalar> Op<T> for Antialias {
                 values_bar.iter_mut().zip(shares).for_each(|(bar, &share)| *bar += sign * share);
             }
         }
-        found.shares = shares;
+        saved.shares = shares;
     }
 
-    fn saved_bytes(&self, found: &Self::Saved) -> usize {
-        size_of_val(found.blends.as_slice())
-            + size_of_val(found.rows.as_slice())
-            + size_of_val(found.steps.as_slice())
-            + size_of_val(found.joint.as_slice())
-            + size_of_val(found.outlines.outlines.as_slice())
-            + size_of_val(found.outlines.of_slot.as_slice())
-            + found.rim.as_ref().map_or(0, |rim| size_of_val(rim.as_slice()))
+    fn saved_bytes(&self, saved: &Self::Saved) -> usize {
+        size_of_val(saved.blends.as_slice())
+            + size_of_val(saved.rows.as_slice())
+            + size_of_val(saved.steps.as_slice())
+            + size_of_val(saved.joint.as_slice())
+            + size_of_val(saved.outlines.outlines.as_slice())
+            + size_of_val(saved.outlines.of_slot.as_slice())
+            + saved.rim.as_ref().map_or(0, |rim| size_of_val(rim.as_slice()))
     }
 }

@@ -126,25 +126,25 @@ impl Rows {
             // Which of the two walks finds a pair does not depend on `BELOW`: the order of blends, and
             // of all sums over them, is the same as if all pairs were visited.
             if (any | any_below) & BELOW != 0 {
-                for_each_overlap(upper, lower, BESIDE | BELOW, |columns, own, below| {
-                    let is_edge = below.is_none_or(|below| below.face != own.face);
-                    if is_edge && (own.counts(BELOW) || below.is_some_and(|it| it.counts(BELOW))) {
+                for_each_overlap(upper, lower, BESIDE | BELOW, |columns, run, below| {
+                    let is_edge = below.is_none_or(|below| below.face != run.face);
+                    if is_edge && (run.counts(BELOW) || below.is_some_and(|it| it.counts(BELOW))) {
                         columns.for_each(|column| {
                             pair(
                                 column,
-                                [Some(own), below].map(|run| run.map(|run| run.seen(column))),
+                                [Some(run), below].map(|run| run.map(|run| run.seen(column))),
                             )
                         });
                     }
                 });
             }
             if any_below & BELOW != 0 {
-                for_each_overlap(lower, upper, BELOW, |columns, own, above| {
-                    if above.is_none_or(|above| above.face != own.face && above.counts == 0) {
+                for_each_overlap(lower, upper, BELOW, |columns, run, above| {
+                    if above.is_none_or(|above| above.face != run.face && above.counts == 0) {
                         columns.for_each(|column| {
                             pair(
                                 column,
-                                [above, Some(own)].map(|run| run.map(|run| run.seen(column))),
+                                [above, Some(run)].map(|run| run.map(|run| run.seen(column))),
                             )
                         });
                     }

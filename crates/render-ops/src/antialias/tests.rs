@@ -277,15 +277,15 @@ fn sums_of_blends_stay_within_the_range_of_what_they_blend_to_the_bit() {
         };
         let speck = Scene::from_points(&[corner(0), corner(1), corner(2)], &[[0, 1, 2]], size);
         let out = speck.picture::<T>(|k, _| colors(k));
-        let own = |k: usize| T::from_f64(colors(k)).to_f64();
+        let value = |k: usize| T::from_f64(colors(k)).to_f64();
         let neighbors = |k: usize| {
             let (row, column) = (k / 3, k % 3);
             let beside = [(k + 1, column < 2), (k + 3, row < 2)];
             let before = [(k.wrapping_sub(1), column > 0), (k.wrapping_sub(3), row > 0)];
-            beside.into_iter().chain(before).filter(|own| own.1).map(|own| own.0)
+            beside.into_iter().chain(before).filter(|value| value.1).map(|value| value.0)
         };
         for (k, &found) in out.iter().enumerate() {
-            let all = || neighbors(k).chain([k]).map(own);
+            let all = || neighbors(k).chain([k]).map(value);
             let (least, most) = (all().fold(f64::MAX, f64::min), all().fold(f64::MIN, f64::max));
             assert!(least <= found && found <= most, "{seed}: {k}: {found:e} {least:e} {most:e}");
         }

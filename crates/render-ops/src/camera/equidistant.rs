@@ -141,7 +141,7 @@ impl<S: Scalar> Equidistant<S> {
             rim_radius,
             turn,
             stretch: one_and_square.sqrt(),
-            rim_slopes: [0, 1].map(|of| slopes.map(|own| own[of])),
+            rim_slopes: [0, 1].map(|of| slopes.map(|slope| slope[of])),
         }
     }
 
@@ -168,19 +168,19 @@ impl<S: Scalar> Equidistant<S> {
         let is_inside = before <= self.rim * self.rim;
         let side = if is_inside { S::ONE } else { -S::ONE };
         let square = if is_inside { before } else { square(-z) };
-        let [own, own_slope, _] = ratio(square);
+        let [sinc, sinc_slope, _] = ratio(square);
         let two = S::from_f64(2.0);
         let (scale, scale_slopes) = if is_inside {
             let p = polynomial(&self.coefficients, square);
             let p_slope = polynomial_slope(&self.coefficients, square);
-            let g = p / own;
-            ([g, S::ONE], [two * (p_slope - g * own_slope) / (own * own), S::ZERO])
+            let g = p / sinc;
+            ([g, S::ONE], [two * (p_slope - g * sinc_slope) / (sinc * sinc), S::ZERO])
         } else {
             let (c, stretch) = (self.turn, self.stretch);
             let [turned, turned_slope, cosine] = ratio(c * c * square);
-            let g = c * stretch * turned / own;
-            let g_slope = (c * c * c * stretch * turned_slope - g * own_slope) / own;
-            ([g, -(cosine * stretch)], [two * g_slope / own, c * g])
+            let g = c * stretch * turned / sinc;
+            let g_slope = (c * c * c * stretch * turned_slope - g * sinc_slope) / sinc;
+            ([g, -(cosine * stretch)], [two * g_slope / sinc, c * g])
         };
         let distance = (across + z * z).sqrt();
         Some(Shown {
@@ -189,7 +189,7 @@ impl<S: Scalar> Equidistant<S> {
             point: [x, y, z],
             distance,
             square,
-            ratio: own,
+            ratio: sinc,
             scale,
             scale_slopes,
         })
@@ -206,7 +206,7 @@ impl<S: Scalar> LensMap<S, 4> for Equidistant<S> {
         else {
             return [S::ZERO; 3];
         };
-        [g * x, g * y, distance * h].map(|own| unit * own)
+        [g * x, g * y, distance * h].map(|coordinate| unit * coordinate)
     }
 
     fn slopes(&self, point: [S; 3]) -> Slopes<S, 4> {
@@ -236,7 +236,7 @@ impl<S: Scalar> LensMap<S, 4> for Equidistant<S> {
             let by_angle = self.rim_radius * angles[k];
             [g * by_angle - h / ratio * turns[k], h * by_angle + square * g * ratio * turns[k]]
         });
-        let of = |along: S, which: usize| moves.map(|own| unit * along * own[which]);
+        let of = |along: S, which: usize| moves.map(|slopes| unit * along * slopes[which]);
         Slopes { by_point, by_coefficient: [of(x, 0), of(y, 0), of(d, 1)] }
     }
 }

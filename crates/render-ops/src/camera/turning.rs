@@ -8,13 +8,13 @@ type Few = SmallVec<[f64; 8]>;
 
 /// `sum_k c_k s^k`.
 pub(super) fn polynomial<S: Scalar>(coefficients: &[S], s: S) -> S {
-    coefficients.iter().rev().fold(S::ZERO, |sum, &own| sum * s + own)
+    coefficients.iter().rev().fold(S::ZERO, |sum, &coefficient| sum * s + coefficient)
 }
 
 /// Its slope by s.
 pub(super) fn polynomial_slope<S: Scalar>(coefficients: &[S], s: S) -> S {
     let terms = coefficients.iter().enumerate().skip(1).rev();
-    terms.fold(S::ZERO, |sum, (k, &own)| sum * s + S::from_f64(k as f64) * own)
+    terms.fold(S::ZERO, |sum, (k, &coefficient)| sum * s + S::from_f64(k as f64) * coefficient)
 }
 
 /// The first place from 0 to `end` at which a polynomial, above 0 at 0, falls below 0. It carries the derivatives
@@ -28,13 +28,14 @@ pub(super) struct Turn<S> {
 
 impl<S: Scalar> Turn<S> {
     pub(super) fn new(coefficients: &[S], end: f64) -> Option<Self> {
-        let numbers: Few = coefficients.iter().map(|own| own.to_f64()).collect();
+        let numbers: Few = coefficients.iter().map(|coefficient| coefficient.to_f64()).collect();
         let found = *sign_changes(&numbers, end).first()?;
         let s = S::from_f64(found);
         let slope = polynomial_slope(coefficients, s);
         let terms = numbers.iter().enumerate().skip(1);
-        let size: f64 =
-            terms.map(|(k, own)| (k as f64 * own * found.powi(k as i32 - 1)).abs()).sum();
+        let size: f64 = terms
+            .map(|(k, coefficient)| (k as f64 * coefficient * found.powi(k as i32 - 1)).abs())
+            .sum();
         if slope.to_f64().abs() <= f64::EPSILON * size {
             return Some(Self { at: s, scale: None });
         }
@@ -51,7 +52,8 @@ fn sign_changes(coefficients: &[f64], end: f64) -> Few {
     if coefficients.len() < 2 {
         return Few::new();
     }
-    let slopes = coefficients.iter().enumerate().skip(1).map(|(k, own)| k as f64 * own);
+    let slopes =
+        coefficients.iter().enumerate().skip(1).map(|(k, coefficient)| k as f64 * coefficient);
     let bends = sign_changes(&slopes.collect::<Few>(), end);
     let is_above = |s: f64| polynomial(coefficients, s) >= 0.0;
     let mut found = Few::new();
@@ -87,9 +89,9 @@ mod tests {
         let with_roots = |roots: &[f64]| {
             roots.iter().fold(vec![1.0], |all: Vec<f64>, root| {
                 let mut product = vec![0.0; all.len() + 1];
-                for (k, own) in all.iter().enumerate() {
-                    product[k] -= root * own;
-                    product[k + 1] += own;
+                for (k, coefficient) in all.iter().enumerate() {
+                    product[k] -= root * coefficient;
+                    product[k + 1] += coefficient;
                 }
                 product
             })

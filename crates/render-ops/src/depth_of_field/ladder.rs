@@ -159,9 +159,9 @@ impl<T: Scalar> Ladder<T> {
                 if place < T::from_f64(2.0) {
                     let rungs =
                         [1.0, 2.0, 3.0].map(|rung| weight_or_zero(place - T::from_f64(rung)));
-                    let own = T::ONE - rungs.into_iter().sum();
+                    let sharp = T::ONE - rungs.into_iter().sum();
                     for (to, &b_bar) in to.iter_mut().zip(b_bar) {
-                        *to += own * b_bar;
+                        *to += sharp * b_bar;
                     }
                 }
             }

@@ -25,18 +25,18 @@ pub(super) fn blur<T: Scalar>(
         let mut windows = Windows::<T>::new(shape, radius);
         let mut sums = vec![[T::Wide::ZERO; 2]; channels];
         for (k, pixel) in (k * PIXELS_PER_PIECE..).take(out.len() / channels).enumerate() {
-            let own = &image[pixel * channels..][..channels];
+            let center = &image[pixel * channels..][..channels];
             sums.fill([T::Wide::ZERO; 2]);
             windows.for_each_tap(pixel, sigmas[pixel], |j, w, slope| {
                 let other = &image[j * channels..][..channels];
                 for c in 0..channels {
-                    let step = other[c].widen() - own[c].widen();
+                    let step = other[c].widen() - center[c].widen();
                     sums[c][0] += w.widen() * step;
                     sums[c][1] += slope.widen() * step;
                 }
             });
             for c in 0..channels {
-                out[k * channels + c] = T::narrow(own[c].widen() + sums[c][0]);
+                out[k * channels + c] = T::narrow(center[c].widen() + sums[c][0]);
                 if let Some(to) = slopes.get_mut(k * channels + c) {
                     *to = T::narrow(sums[c][1]);
                 }

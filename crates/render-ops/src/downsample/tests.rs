@@ -178,8 +178,9 @@ fn two_boxes_in_a_row_are_one() {
 fn a_factor_of_1_is_the_identity_where_the_filter_interpolates() {
     let tape = Tape::<f64>::new();
     let image = tape.leaf(&Tensor::from_flat_fn([3, 5, 2], number));
-    let own = Filter::custom(1.7, |x| (1.0 - x * x).max(0.0));
-    for filter in [Filter::Box, Filter::Triangle, Filter::Lanczos(2), Filter::Lanczos(5), own] {
+    let parabola = Filter::custom(1.7, |x| (1.0 - x * x).max(0.0));
+    for filter in [Filter::Box, Filter::Triangle, Filter::Lanczos(2), Filter::Lanczos(5), parabola]
+    {
         for border in BORDERS {
             let before = tape.len();
             let out = downsample(image, 1, &filter, border).unwrap();

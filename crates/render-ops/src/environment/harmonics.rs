@@ -207,9 +207,9 @@ impl<T: Scalar> Op<T> for Irradiance {
                         let sum: T::Wide = terms.map(|(l, bar)| l.widen() * bar.widen()).sum();
                         T::Wide::from_f64(COSINE[i]) * sum
                     });
-                    let own = direction.pull_back(slope(direction.unit, of_function));
-                    for (entry, own) in entry.iter_mut().zip(own) {
-                        *entry += T::narrow(own);
+                    let bar = direction.pull_back(slope(direction.unit, of_function));
+                    for (entry, bar) in entry.iter_mut().zip(bar) {
+                        *entry += T::narrow(bar);
                     }
                 }
             });

@@ -144,8 +144,8 @@ impl Lobe {
             }
             return;
         }
-        let weight =
-            0.25 * block.quarters().map(|own| self.weight(own.middle())).iter().sum::<f64>();
+        let weight = 0.25
+            * block.quarters().map(|quarter| self.weight(quarter.middle())).iter().sum::<f64>();
         if weight > 0.0 {
             visit(block, weight);
         }
@@ -155,10 +155,10 @@ impl Lobe {
 /// Where the blocks with `extent` along a side begin in the list of all, the smallest first.
 fn first_block(extent: usize, texels: usize) -> usize {
     let mut first = 0;
-    let mut own = texels;
-    while own > extent {
-        first += 6 * own * own;
-        own /= 2;
+    let mut side = texels;
+    while side > extent {
+        first += 6 * side * side;
+        side /= 2;
     }
     first
 }
@@ -292,16 +292,16 @@ impl<T: Scalar> Prefilter<T> {
 
     /// The radiance of all blocks times their solid angles, `[blocks, C]`: the smallest blocks first.
     fn blocks<'t>(&self, texels: Var<'t, T>, channels: usize) -> Result<Var<'t, T>, RenderError> {
-        let mut own = texels.try_mul(texels.tape().constant(&self.solid_angles))?;
+        let mut light = texels.try_mul(texels.tape().constant(&self.solid_angles))?;
         let mut extent = self.extent;
         let mut all = Vec::new();
         loop {
-            all.push(own.reshape([6 * extent * extent, channels])?);
+            all.push(light.reshape([6 * extent * extent, channels])?);
             if extent == 1 {
                 return Ok(Var::concat(&all, 0)?);
             }
             // Sums of four, which are four means.
-            own = halved(own)? * T::from_f64(4.0);
+            light = halved(light)? * T::from_f64(4.0);
             extent /= 2;
         }
     }

@@ -132,10 +132,10 @@ fn mirror_images_are_means_over_the_lobe() {
         .collect();
     for (k, level) in (1..).zip(&found.levels()[1..]) {
         let alpha = (f64::from(k) / (levels - 1) as f64).powi(2);
-        let own = size >> k;
+        let side = size >> k;
         let mut most = [0.0_f64; 3];
-        for index in (0..6 * own * own).step_by(7) {
-            let (r, _) = texel(index, own);
+        for index in (0..6 * side * side).step_by(7) {
+            let (r, _) = texel(index, side);
             let (mut sums, mut total) = ([0.0; 3], 0.0);
             for &((l, angle), texel) in places.iter().filter(|((l, _), _)| dot(r, *l) > 0.0) {
                 let weight = angle * lobe(r, l, alpha);
@@ -180,9 +180,9 @@ fn mirror_images_of_a_smooth_sky_are_its_integrals() {
     }
     for (k, level) in (1..).zip(&found.levels()[1..]) {
         let [one, two] = factors((f64::from(k) / (levels - 1) as f64).powi(2));
-        let own = size >> k;
+        let side = size >> k;
         for (index, found) in level.value().data().iter().enumerate() {
-            let ([x, _, z], _) = texel(index, own);
+            let ([x, _, z], _) = texel(index, side);
             let expected = 4.0 / 3.0 + one * x + two * (z * z - 1.0 / 3.0);
             // The sky's contrast is 9/4.
             let error = (found - expected).abs() / 2.25;

@@ -376,11 +376,11 @@ impl<T: Scalar> Band<T> {
         let two = T::Wide::from_f64(2.0);
         let ends = slots.iter().skip(1).map(|next| next.first_run as usize).chain([runs.len()]);
         for ((slot, end), &weights) in slots.iter().zip(ends).zip(&self.weights) {
-            let own = &runs[slot.first_run as usize..end];
-            let [row, column] = view.size.place(own[0].pixel as usize);
-            let mut start = own[0].pixel as usize - column;
+            let of_slot = &runs[slot.first_run as usize..end];
+            let [row, column] = view.size.place(of_slot[0].pixel as usize);
+            let mut start = of_slot[0].pixel as usize - column;
             let mut y = ys[row];
-            for run in own {
+            for run in of_slot {
                 let (pixel, length) = (run.pixel as usize, run.length as usize);
                 // Runs of a face come row after row, so that few are looked up by a division.
                 if pixel >= start + width {
@@ -399,8 +399,8 @@ impl<T: Scalar> Band<T> {
                     let face = slot.face as usize;
                     let orientation = view.verdicts[face].orientation;
                     let setup = Setup::new(view.corners_of(face), orientation, view.size);
-                    let own = &mut barycentrics[..2 * length];
-                    setup.weigh_one_by_one(y, &centers[..length], own);
+                    let target = &mut barycentrics[..2 * length];
+                    setup.weigh_one_by_one(y, &centers[..length], target);
                 }
             }
         }

@@ -225,15 +225,15 @@ fn fill_parts<T: Scalar, P: Send + Sync>(
 ) -> &mut [T] {
     let mut left = whole;
     let pairs = parts.map(|(length, part)| {
-        let (own, rest) = std::mem::take(&mut left).split_at_mut(length);
+        let (target, rest) = std::mem::take(&mut left).split_at_mut(length);
         left = rest;
-        (own, part)
+        (target, part)
     });
     if are_shared {
         let mut pairs: Vec<_> = pairs.collect();
-        for_each_item_mut(&mut pairs, |_, (own, part)| work(own, part));
+        for_each_item_mut(&mut pairs, |_, (target, part)| work(target, part));
     } else {
-        pairs.for_each(|(own, part)| work(own, &part));
+        pairs.for_each(|(target, part)| work(target, &part));
     }
     left
 }
@@ -258,8 +258,8 @@ impl Rasterize {
         let mut first = coverage.centers();
         let bands = visibility.bands().zip(visibility.faces()).map(|(band, faces)| {
             let count = band.piece_fragments.fragments.len();
-            let (own, weights) = (first..first + count, first - coverage.centers());
-            first = own.end;
+            let (pieces, weights) = (first..first + count, first - coverage.centers());
+            first = pieces.end;
             exact::PiecePullBack {
                 mesh: &self.mesh,
                 size: self.options.size,
@@ -267,7 +267,9 @@ impl Rasterize {
                 faces,
                 pieces: &band.pieces,
                 fragments: &band.piece_fragments.fragments,
-                barycentrics_bar: kept.upstream(0).map(|bars| &bars[2 * own.start..2 * own.end]),
+                barycentrics_bar: kept
+                    .upstream(0)
+                    .map(|bars| &bars[2 * pieces.start..2 * pieces.end]),
                 weights_bar: kept.upstream(1).map(|bars| &bars[weights..weights + count]),
             }
         });
@@ -276,9 +278,10 @@ impl Rasterize {
             return bands.for_each(|band| adjoints[0].sum(&band, &mut add));
         }
         let bands: Vec<_> = bands.collect();
-        let work = |band: Range<usize>, own: &mut Adjoints<_>| own.keep(&bands[band.start]);
-        merge_ranges_into(adjoints, bands.len(), 1, work, |own| {
-            own.rows.iter().for_each(|(face, rows)| add(*face, rows));
+        let work =
+            |band: Range<usize>, adjoints: &mut Adjoints<_>| adjoints.keep(&bands[band.start]);
+        merge_ranges_into(adjoints, bands.len(), 1, work, |adjoints| {
+            adjoints.rows.iter().for_each(|(face, rows)| add(*face, rows));
         });
     }
 }
@@ -339,7 +342,7 @@ impl<T: Scalar> Op<T> for Rasterize {
             crate::dispatch::dispatch::<T, _>(Weigh { view, band, barycentrics });
         });
         if let Some(weights) = weights {
-            let copy = |own: &mut [T], part: &&[T]| own.copy_from_slice(part);
+            let copy = |target: &mut [T], part: &&[T]| target.copy_from_slice(part);
             let of_pieces = visibility.bands().map(|band| &band.piece_fragments);
             let means = of_pieces.clone().map(|of| (of.barycentrics.len(), &*of.barycentrics));
             fill_parts(rest, means, are_shared, copy);

@@ -270,8 +270,8 @@ impl<T: Scalar> Written<'_, T> {
         let mut first = Self { targets: SmallVec::new(), sums, width };
         let mut later = Self { targets: SmallVec::new(), sums: later_sums, width };
         for target in targets {
-            let (own, others) = target.entries.split_at_mut(pieces * PIECE * target.width);
-            first.targets.push(Target { entries: own, ..target });
+            let (entries, others) = target.entries.split_at_mut(pieces * PIECE * target.width);
+            first.targets.push(Target { entries: entries, ..target });
             later.targets.push(Target { entries: others, ..target });
         }
         (first, later)

@@ -95,11 +95,11 @@ impl<T: Scalar, M> Lighting<'_, T, M> {
     {
         let start = rows.start;
         for first in rows.clone().step_by(BLOCK) {
-            let own = first..(first + BLOCK).min(rows.end);
-            let bars = self.pull_back_block::<K, GEOMETRY>(upstream, &own, written);
+            let range = first..(first + BLOCK).min(rows.end);
+            let bars = self.pull_back_block::<K, GEOMETRY>(upstream, &range, written);
             for Target { first, width, entries, is_fresh } in &mut written.targets {
                 let entries =
-                    &mut entries[(own.start - start) * *width..(own.end - start) * *width];
+                    &mut entries[(range.start - start) * *width..(range.end - start) * *width];
                 store(bars.part(*first, *width), entries, *is_fresh);
             }
         }
@@ -144,12 +144,12 @@ impl<T: Scalar, M> Lighting<'_, T, M> {
                 Kind::Directional => {
                     for k in 0..BLOCK {
                         let bar = row(&upstream_bars, k);
-                        let (value, own) =
+                        let (value, lamp_bars) =
                             model.pull_back(block.seen(k), lamp.place, times(bar, strength));
-                        bars.add::<GEOMETRY>(k, &own);
+                        bars.add::<GEOMETRY>(k, &lamp_bars);
                         set_row(&mut strength_bars, k, times(bar, value));
                         if GEOMETRY {
-                            set_row(&mut place_bars, k, own.light);
+                            set_row(&mut place_bars, k, lamp_bars.light);
                         }
                     }
                 }
@@ -158,13 +158,14 @@ impl<T: Scalar, M> Lighting<'_, T, M> {
                         let (l, distance, inverse) = lamp.seen_from(block.position(k));
                         let bar = scaled(inverse, row(&upstream_bars, k));
                         let strong = times(bar, strength);
-                        let (value, own) = model.pull_back(block.seen(k), l, strong);
-                        bars.add::<GEOMETRY>(k, &own);
+                        let (value, lamp_bars) = model.pull_back(block.seen(k), l, strong);
+                        bars.add::<GEOMETRY>(k, &lamp_bars);
                         set_row(&mut strength_bars, k, times(bar, value));
                         if GEOMETRY {
                             // The light falls as 1 / r^2: its slope is -2 / r.
                             let fall = T::from_f64(-2.0) * dot(strong, value) / distance;
-                            let place_bar = plus(pull_back_unit(l, distance, own.light), fall, l);
+                            let place_bar =
+                                plus(pull_back_unit(l, distance, lamp_bars.light), fall, l);
                             add_row(&mut bars.positions, k, scaled(-T::ONE, place_bar));
                             set_row(&mut place_bars, k, place_bar);
                         }
@@ -179,8 +180,8 @@ impl<T: Scalar, M> Lighting<'_, T, M> {
                             below: scaled(weights[0], strong),
                             above: scaled(weights[1], strong),
                         };
-                        let (value, own) = model.pull_back_everywhere(block.seen(k), layers);
-                        bars.add::<GEOMETRY>(k, &own);
+                        let (value, lamp_bars) = model.pull_back_everywhere(block.seen(k), layers);
+                        bars.add::<GEOMETRY>(k, &lamp_bars);
                         set_row(&mut strength_bars, k, times(bar, counted(value, weights)));
                     }
                 }

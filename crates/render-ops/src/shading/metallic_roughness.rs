@@ -303,16 +303,16 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
         let mut shares_bars = [T::ZERO; 3];
         for c in 0..3 {
             let base = of.base[c];
-            let own = fresnel(base, t.p);
+            let reflected = fresnel(base, t.p);
             let factor = shares.as_ref().map_or(one, |shares| shares.factor(base));
-            value[c] = of.dielectric * (base * below + above) + metal * own * factor;
-            metal_bar += bar[c] * own * factor;
+            value[c] = of.dielectric * (base * below + above) + metal * reflected * factor;
+            metal_bar += bar[c] * reflected * factor;
             more += bar[c] * (base - glass) * ((one - t.p) * factor + of_factor);
             let f_bar = bar[c] * metal * factor;
             p_bar += f_bar * (one - base);
             base_bar[c] = bar[c] * of.dielectric * below + f_bar * (one - t.p);
             if let Some(shares) = &shares {
-                let factor_bar = bar[c] * metal * own;
+                let factor_bar = bar[c] * metal * reflected;
                 base_bar[c] += shares.pull_back(base, T::ZERO, factor_bar, &mut shares_bars);
             }
         }

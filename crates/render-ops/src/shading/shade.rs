@@ -228,7 +228,9 @@ impl<T: Scalar, M: Model<K>, const K: usize> Op<T> for Shade<M, K> {
         // Gradients of rows are written at the same time, and so taken out for as long.
         let mut taken: SmallVec<[(usize, Accumulator<T>); MOST_PARTS]> = SmallVec::new();
         let mut places: SmallVec<[&Column<'_, T>; MOST_PARTS]> = SmallVec::new();
-        for (input, column) in rows.columns.iter().enumerate().filter(|(_, own)| !own.is_uniform) {
+        for (input, column) in
+            rows.columns.iter().enumerate().filter(|(_, column)| !column.is_uniform)
+        {
             if let Some(gradient) = gradients.take(input) {
                 taken.push((input, gradient));
                 places.push(column);
@@ -310,7 +312,9 @@ impl<M: Model<K>, const K: usize> Shade<M, K> {
         for piece in pieces.chunks_exact(totals.len()) {
             totals.iter_mut().zip(piece).for_each(|(total, &sum)| *total += sum);
         }
-        for (input, column) in rows.columns.iter().enumerate().filter(|(_, own)| own.is_uniform) {
+        for (input, column) in
+            rows.columns.iter().enumerate().filter(|(_, column)| column.is_uniform)
+        {
             if let Some(bar) = gradients.get(input) {
                 bar.add_each(|k| T::narrow(totals[column.first + k]));
             }
@@ -320,8 +324,8 @@ impl<M: Model<K>, const K: usize> Shade<M, K> {
             self.layout.lights().zip(lamps).zip(of_lights)
         {
             if let Some(bar) = light.place.and_then(|input| gradients.get(input)) {
-                let own = lamp.pull_back_place([x, y, z]);
-                bar.add_each(|k| T::narrow(own[k]));
+                let place_bar = lamp.pull_back_place([x, y, z]);
+                bar.add_each(|k| T::narrow(place_bar[k]));
             }
             if let Some(bar) = gradients.get(light.strength) {
                 bar.add_each(|k| T::narrow(strength[k]));

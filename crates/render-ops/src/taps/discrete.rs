@@ -63,8 +63,8 @@ impl<T: Scalar> Taps<T> {
         }
         let radius = radius.min(longest.max(1));
         let slope = |k: usize| {
-            let (before, own, after) = (wide[k.abs_diff(1)], wide[k], wide[k + 1]);
-            sigma * ((before - own) + (after - own))
+            let (before, middle, after) = (wide[k.abs_diff(1)], wide[k], wide[k + 1]);
+            sigma * ((before - middle) + (after - middle))
         };
         let sum: T::Wide = (0..=radius).map(|k| count(k) * wide[k]).sum();
         let slope_of_sum: T::Wide = (0..=radius).map(|k| count(k) * slope(k)).sum();

@@ -83,11 +83,11 @@ pub(super) trait Chart<const K: usize>: Copy + Send + Sync + 'static {
     fn places<T: Scalar>(self, coordinates: &[Lanes<T>; K], count: usize, places: &mut Places<T>) {
         let count = count.min(LANES);
         for i in 0..count {
-            let mut own = [T::ZERO; K];
+            let mut point = [T::ZERO; K];
             for k in 0..K {
-                own[k] = coordinates[k][i];
+                point[k] = coordinates[k][i];
             }
-            let Place { face, at } = self.place(own);
+            let Place { face, at } = self.place(point);
             places.faces[i] = face as u8;
             places.at[0][i] = at[0];
             places.at[1][i] = at[1];
@@ -107,13 +107,13 @@ pub(super) trait Chart<const K: usize>: Copy + Send + Sync + 'static {
         bars: &mut [Lanes<T>; K],
     ) {
         for i in 0..count.min(LANES) {
-            let mut own = [T::ZERO; K];
+            let mut point = [T::ZERO; K];
             for k in 0..K {
-                own[k] = coordinates[k][i];
+                point[k] = coordinates[k][i];
             }
-            let own = self.pull_back(own, [at_bars[0][i], at_bars[1][i]]);
+            let point = self.pull_back(point, [at_bars[0][i], at_bars[1][i]]);
             for k in 0..K {
-                bars[k][i] = own[k];
+                bars[k][i] = point[k];
             }
         }
     }

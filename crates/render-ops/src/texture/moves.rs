@@ -56,20 +56,22 @@ pub(super) fn add_moves<T: Scalar, C: Chart<K>, const K: usize, const N: usize, 
     match wanted.coordinates.and_then(|input| gradients.get(input)) {
         None => for_each_piece_mut(rows, lengths[1], |piece, rows| pull_back(piece, &mut [], rows)),
         Some(coordinates_bar) => {
-            let (own, is_fresh) = coordinates_bar.entries_or_fresh();
-            let pull_back = |piece: usize, own: &mut [T], rows: &mut [T]| {
+            let (entries, is_fresh) = coordinates_bar.entries_or_fresh();
+            let pull_back = |piece: usize, entries: &mut [T], rows: &mut [T]| {
                 if is_fresh {
-                    own.fill(T::ZERO);
+                    entries.fill(T::ZERO);
                 }
-                pull_back(piece, own, rows);
+                pull_back(piece, entries, rows);
             };
             if rows.is_empty() {
-                for_each_piece_mut(own, lengths[0], |piece, own| pull_back(piece, own, &mut []));
+                for_each_piece_mut(entries, lengths[0], |piece, entries| {
+                    pull_back(piece, entries, &mut [])
+                });
             } else {
-                for_each_two_pieces_mut(own, rows, lengths, pull_back);
+                for_each_two_pieces_mut(entries, rows, lengths, pull_back);
             }
             if is_bent {
-                Footprints { lookup: values.lookup, rows }.add_to_coordinates(own);
+                Footprints { lookup: values.lookup, rows }.add_to_coordinates(entries);
             }
         }
     }
@@ -136,14 +138,14 @@ fn add_probes<T: Scalar, C: Chart<K>, const K: usize, const N: usize, const L: u
         !rows.is_empty(),
         #[inline(always)]
         |probes, moves| {
-            let mut own = [[T::ZERO; LANES]; K];
-            chart.pull_back_all(&probes.coordinates, probes.count, &moves.at, &mut own);
+            let mut place_bars = [[T::ZERO; LANES]; K];
+            chart.pull_back_all(&probes.coordinates, probes.count, &moves.at, &mut place_bars);
             let first = probes.samples[0] - start;
             if width == 1 {
                 // Each sample has a single probe.
                 for (i, row) in coordinates.iter_mut().skip(first).take(LANES).enumerate() {
                     for k in 0..K {
-                        row[k] += own[k][i];
+                        row[k] += place_bars[k][i];
                     }
                 }
                 for (i, level) in rows.iter_mut().skip(first).take(LANES).enumerate() {
@@ -155,12 +157,12 @@ fn add_probes<T: Scalar, C: Chart<K>, const K: usize, const N: usize, const L: u
                 let n = probes.samples[i] - start;
                 if let Some(row) = coordinates.get_mut(n) {
                     for k in 0..K {
-                        row[k] += own[k][i];
+                        row[k] += place_bars[k][i];
                     }
                 }
                 if let Some(row) = rows.get_mut(n * width..(n + 1) * width) {
                     for k in 0..K {
-                        row[k] += probes.offsets[i] * own[k][i];
+                        row[k] += probes.offsets[i] * place_bars[k][i];
                     }
                     row[K] += moves.levels[i];
                 }
@@ -186,9 +188,9 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Footprints<'_, T, C, K> {
                 piece * SAMPLES_PER_PIECE,
                 all,
                 #[inline(always)]
-                |own, [bar, _, _]| {
+                |row, [bar, _, _]| {
                     for k in 0..K {
-                        own[k] += bar[k];
+                        row[k] += bar[k];
                     }
                 },
             );
@@ -207,10 +209,10 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Footprints<'_, T, C, K> {
                 piece * SAMPLES_PER_PIECE,
                 all,
                 #[inline(always)]
-                |own, [_, along_x, along_y]| {
+                |row, [_, along_x, along_y]| {
                     for i in 0..K {
-                        own[i][0] += along_x[i];
-                        own[i][1] += along_y[i];
+                        row[i][0] += along_x[i];
+                        row[i][1] += along_y[i];
                     }
                 },
             );
@@ -286,8 +288,8 @@ fn pull_back_footprint<T: Scalar, C: Chart<K>, const K: usize>(
         }
     }
     let j_bar = lookup.along_face(footprint.pull_back(j, level_bar, v_bar));
-    let (own, slopes_bar) = lookup.chart.pull_back_slopes(coordinates, slopes, j_bar);
-    let mut bars = [own, [T::ZERO; K], [T::ZERO; K]];
+    let (direct, slopes_bar) = lookup.chart.pull_back_slopes(coordinates, slopes, j_bar);
+    let mut bars = [direct, [T::ZERO; K], [T::ZERO; K]];
     for i in 0..K {
         for k in 0..2 {
             let by_axis = if several { axis_bar[i] * direction[k] } else { T::ZERO };

@@ -283,9 +283,11 @@ fn backward_is_the_adjoint_of_forward_in_the_texels_of_all_levels() {
                 // What later levels say of earlier levels is not theirs.
                 let held: Vec<_> = levels.iter().map(|level| tape.leaf(&level.value())).collect();
                 let again = held_samples(&tape, is_cube, size, sampler, &held);
-                let own = tape.vjp_to(&[(again, &upstream)], &held).unwrap();
-                let back: f64 =
-                    held.iter().map(|&level| dot(&own.get_or_zeros(level), &level.value())).sum();
+                let gradients = tape.vjp_to(&[(again, &upstream)], &held).unwrap();
+                let back: f64 = held
+                    .iter()
+                    .map(|&level| dot(&gradients.get_or_zeros(level), &level.value()))
+                    .sum();
                 let there = dot(&again.value(), &upstream);
                 assert_eq!(again.value(), out.value());
                 approx::assert_relative_eq!(there, back, max_relative = 1e-10, epsilon = 1e-11);
@@ -506,9 +508,9 @@ fn coordinates_have_the_slopes_of_the_borders_along_their_axes() {
         };
         let tape = Tape::<f64>::new();
         let texture = Texture::new(tape.constant(&texels)).unwrap();
-        let own = tape.leaf(&uv);
-        let out = sample_texture(&texture, own, Detail::Finest, sampler).unwrap();
-        let bars = tape.vjp_to(&[(out, &upstream)], &[own]).unwrap().get_or_zeros(own);
+        let leaf = tape.leaf(&uv);
+        let out = sample_texture(&texture, leaf, Detail::Finest, sampler).unwrap();
+        let bars = tape.vjp_to(&[(out, &upstream)], &[leaf]).unwrap().get_or_zeros(leaf);
         // Two quotients agree where no kink lies between.
         let step = 1e-6;
         let mut compared = 0;

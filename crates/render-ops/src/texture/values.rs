@@ -244,18 +244,18 @@ impl<T: Scalar, C: Chart<K>, const K: usize> Part<'_, T, C, K> {
         for i in self.segment.lanes.clone() {
             let [of_fine, of_coarse] = &mut spare;
             let (fine, at) = self.corners::<N, L>(0, i, channel, of_fine);
-            let mut own = self.levels[0].along_face(slopes(fine, at));
+            let mut fine_slopes = self.levels[0].along_face(slopes(fine, at));
             if self.segment.is_free {
                 let (coarse, at_coarse) = self.corners::<N, L>(1, i, channel, of_coarse);
                 let others = self.levels[1].along_face(slopes(coarse, at_coarse));
                 for k in 0..2 {
-                    own[k] = mix(own[k], others[k], self.probes.fractions[i]);
+                    fine_slopes[k] = mix(fine_slopes[k], others[k], self.probes.fractions[i]);
                 }
                 if with_levels {
                     coarser[i] = from_to(sample(fine, at), sample(coarse, at_coarse));
                 }
             }
-            [right[i], down[i]] = own;
+            [right[i], down[i]] = fine_slopes;
         }
     }
 }

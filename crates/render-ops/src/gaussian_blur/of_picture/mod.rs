@@ -356,12 +356,12 @@ impl<T: Scalar> Op<T> for BlurredSquaredError<T> {
             image.move_to(around(&chunk, reach, height), length, |first, rows| {
                 picture.fill(values, color, first, rows);
             });
-            let (own, end) = (chunk.start * length - start, chunk.end * length);
+            let (offset, end) = (chunk.start * length - start, chunk.end * length);
             let blurred = enough(memory, end - start);
             let slopes = enough(slopes, if with_slope { end - start } else { 0 });
-            let of_chunk = own.min(slopes.len());
-            let (of_chunk, own) = (&mut slopes[of_chunk..], &mut blurred[own..]);
-            convolution.apply_from(image.view(), chunk.start, bands, own, of_chunk);
+            let of_chunk = offset.min(slopes.len());
+            let (of_chunk, blurred_here) = (&mut slopes[of_chunk..], &mut blurred[offset..]);
+            convolution.apply_from(image.view(), chunk.start, bands, blurred_here, of_chunk);
 
             if with_values {
                 let is_last = chunk.end == height;
@@ -371,7 +371,7 @@ impl<T: Scalar> Op<T> for BlurredSquaredError<T> {
                 b_bar.move_to(seen, length, |first, b_bar| {
                     debug_assert_eq!(first, chunk.start);
                     let reference = &reference[first * length..];
-                    for_each_zipped_mut(b_bar, [own, reference], |bar, [b, r]| {
+                    for_each_zipped_mut(b_bar, [blurred_here, reference], |bar, [b, r]| {
                         *bar = two * (b - r)
                     });
                 });

@@ -124,10 +124,10 @@ impl<S: Scalar<Wide = S>> BoundarySearch<S> {
         regions.mark_first(firsts);
         layers.clear();
         layers.resize(firsts.count(), 0);
-        band.for_each_face(firsts, 1, [0..rows, 0..width], |face, own| {
+        band.for_each_face(firsts, 1, [0..rows, 0..width], |face, reach| {
             // One too many does no harm.
             let bounds = band.edge_error_bounds(face);
-            band.for_each_block(firsts, 1, own, |number, a| {
+            band.for_each_block(firsts, 1, reach, |number, a| {
                 layers[number] += u32::from((0..3).all(|k| a[k] >= -bounds[k]));
             });
             true

@@ -64,8 +64,8 @@ impl<S: Scalar> Crowd<'_, S> {
         faces: Range<usize>,
         work: usize,
     ) -> usize {
-        let own = faces.len();
-        if depth == self.limits.depth || work < own {
+        let count = faces.len();
+        if depth == self.limits.depth || work < count {
             self.sample(cell, depth, faces);
             return work;
         }
@@ -75,7 +75,7 @@ impl<S: Scalar> Crowd<'_, S> {
         // The least crowded first. Each may spend an equal share of what is left, and what it does not spend is
         // for the others.
         quarters.sort_by_key(|(_, faces)| faces.len());
-        let mut work = work - own;
+        let mut work = work - count;
         for (left, (quarter, faces)) in (1..=quarters.len()).rev().zip(quarters) {
             let share = work / left;
             work -= share - self.find(quarter, depth + 1, faces, share);
@@ -118,11 +118,11 @@ impl<S: Scalar> Crowd<'_, S> {
         let Self { limits, candidates, visible, .. } = self;
         visible.begin(cell, limits.cuts.min(work));
         for group in depth_groups(&self.faces[faces]) {
-            let (count, own) = (group.len(), group.iter().map(|interval| interval.face));
+            let (count, members) = (group.len(), group.iter().map(|interval| interval.face));
             // With less work than that there is no hope.
             let is_crowded = count > limits.faces_of_cell || count * count > 16 * work;
             // Planes that were shared may have parted a face from its neighbours.
-            if is_crowded || !visible.add(candidates, own, false) {
+            if is_crowded || !visible.add(candidates, members, false) {
                 return false;
             }
             if visible.fills_cell() {

@@ -49,13 +49,13 @@ pub(super) fn sort_by_depth<S: Scalar>(intervals: &mut [DepthInterval<S>]) {
     }
     // By insertion; no depth is NaN.
     for end in 1..intervals.len() {
-        let own = intervals[end];
+        let interval = intervals[end];
         let mut at = end;
-        while at > 0 && own.nearest < intervals[at - 1].nearest {
+        while at > 0 && interval.nearest < intervals[at - 1].nearest {
             intervals[at] = intervals[at - 1];
             at -= 1;
         }
-        intervals[at] = own;
+        intervals[at] = interval;
     }
 }
 

@@ -48,12 +48,12 @@ impl FacesByPixel {
             block,
             [top..bottom + 1, columns],
             #[inline(always)]
-            |face, own| {
-                let reach = own.reach;
+            |face, weights| {
+                let reach = weights.reach;
                 band.for_each_block(
                     marks,
                     block,
-                    own,
+                    weights,
                     #[inline(always)]
                     |number, a| {
                         let reaches = |k: usize| a[k] + reach[k] >= T::Wide::ZERO;

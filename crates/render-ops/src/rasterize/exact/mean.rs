@@ -260,8 +260,8 @@ mod tests {
             for &[u, rest, weight] in nodes {
                 let [u, rest] = [u, rest].map(S::from_f64);
                 let far = [0, 1, 2].map(|i| rest * of_p[i] + u * of_q[i]);
-                for &[s, before, own] in nodes {
-                    let weight = twice * S::from_f64(weight * own * s);
+                for &[s, before, after] in nodes {
+                    let weight = twice * S::from_f64(weight * after * s);
                     let [s, before] = [s, before].map(S::from_f64);
                     let n = [0, 1, 2].map(|i| before * first[i] + s * far[i]);
                     let share = weight / (n[0] + n[1] + n[2]);

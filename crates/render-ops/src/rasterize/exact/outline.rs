@@ -160,9 +160,10 @@ impl<S: Scalar<Wide = S>> Outline<S> {
         let mut bits = 0;
         self.sheet.clear();
         self.sheet.extend(some_faces.iter().map(|&band_face| {
-            let (number, own) = (band.faces[band_face as usize], face_bits[band_face as usize]);
-            bits |= own;
-            SheetFace { band_face, number, bits: own, reached_by: 0 }
+            let (number, bits_here) =
+                (band.faces[band_face as usize], face_bits[band_face as usize]);
+            bits |= bits_here;
+            SheetFace { band_face, number, bits: bits_here, reached_by: 0 }
         }));
         let is_left_out = |face: &SheetFace| {
             face.bits >> BEYOND_DEPTHS != 0
@@ -180,8 +181,8 @@ impl<S: Scalar<Wide = S>> Outline<S> {
         );
         self.stretches.clear();
         for (at, face) in (0..).zip(&self.faces) {
-            let own = (0..3).filter(|k| face.ends >> k & 1 == 1);
-            self.stretches.extend(own.filter_map(|k| face.stretch(at, k)));
+            let ending = (0..3).filter(|k| face.ends >> k & 1 == 1);
+            self.stretches.extend(ending.filter_map(|k| face.stretch(at, k)));
         }
         if self.stretches.len() > MOST_STRETCHES {
             return None;
@@ -264,16 +265,16 @@ impl<S: Scalar<Wide = S>> Outline<S> {
                     let [p, q] = stretch.ends;
                     [q[0] - p[0], q[1] - p[1]]
                 };
-                let (own, others) = (along(one), along(other));
+                let (direction, others) = (along(one), along(other));
                 let between =
                     [other.ends[0][0] - one.ends[0][0], other.ends[0][1] - one.ends[0][1]];
-                let angle = cross(own, others);
-                // They meet where `p + s own = p' + t others`: the cross product with a direction leaves one
+                let angle = cross(direction, others);
+                // They meet where `p + s direction = p' + t others`: the cross product with a direction leaves one
                 // unknown.
-                let shares = [cross(between, others) / angle, cross(between, own) / angle];
+                let shares = [cross(between, others) / angle, cross(between, direction) / angle];
                 // Of parallel stretches no share is a number within the range.
                 if shares.iter().all(|&share| share > S::ZERO && share < S::ONE) {
-                    let place = [0, 1].map(|axis| one.ends[0][axis] + shares[0] * own[axis]);
+                    let place = [0, 1].map(|axis| one.ends[0][axis] + shares[0] * direction[axis]);
                     let pair = [at, other_at].into_iter().zip(shares);
                     crossings.extend(pair.map(|(at, share)| Crossing {
                         stretch: at as u32,
@@ -298,9 +299,9 @@ impl<S: Scalar<Wide = S>> Outline<S> {
         let mut crossings = &crossings[..];
         for (at, stretch) in (0..).zip(&*stretches) {
             let count = crossings.iter().take_while(|crossing| crossing.stretch == at).count();
-            let own;
-            (own, crossings) = crossings.split_at(count);
-            let places = || own.iter().map(|crossing| (crossing.place, None));
+            let of_stretch;
+            (of_stretch, crossings) = crossings.split_at(count);
+            let places = || of_stretch.iter().map(|crossing| (crossing.place, None));
             let [start, end] = [0, 1].map(|k| (stretch.ends[k], stretch.borders[k]));
             let starts = std::iter::once(start).chain(places());
             let ends = places().chain(std::iter::once(end));
@@ -375,16 +376,16 @@ fn add_border<S: Scalar>([from, to]: [S; 2], area: &mut S, gap: &mut [S; 2]) {
 /// The faces but that of a stretch.
 #[inline(always)]
 fn others<'a, S>(faces: &'a [Face<S>], stretch: &Stretch<S>) -> impl Iterator<Item = &'a Face<S>> {
-    let own = stretch.face as usize;
-    faces[..own].iter().chain(&faces[own + 1..])
+    let face = stretch.face as usize;
+    faces[..face].iter().chain(&faces[face + 1..])
 }
 
 /// Whether no face covers the outer side of a stretch at its point `middle`, and no other stretch along it
 /// counts there: that of the nearest face does, or of the lowest one.
 #[inline(always)]
 fn is_rim<S: Scalar>(faces: &[Face<S>], stretch: &Stretch<S>, middle: [S; 2]) -> bool {
-    let own = &faces[stretch.face as usize];
-    let [_, x, y] = own.edges[usize::from(stretch.k)];
+    let owner = &faces[stretch.face as usize];
+    let [_, x, y] = owner.edges[usize::from(stretch.k)];
     others(faces, stretch).all(|face| {
         let mut is_beyond = true;
         let mut is_along = false;
@@ -403,7 +404,7 @@ fn is_rim<S: Scalar>(faces: &[Face<S>], stretch: &Stretch<S>, middle: [S; 2]) ->
                 is_along |= face.outline >> k & 1 == 1;
             }
         }
-        !is_beyond && (!is_along || !face.is_before(own, middle))
+        !is_beyond && (!is_along || !face.is_before(owner, middle))
     })
 }
 
@@ -435,12 +436,12 @@ fn place_of(sheet: &[SheetFace], number: u32) -> Option<usize> {
 /// Which lines of a face's edges may cross the pixel: a bit for each.
 #[inline(always)]
 fn crossing<S: Scalar>(edges: &[Line<S>; 3]) -> FaceBits {
-    let own = |k: usize| {
+    let bit = |k: usize| {
         let [one, x, y] = edges[k];
         let reach = S::from_f64(REACH) * (x.abs() + y.abs());
         FaceBits::from(one.abs() <= reach) << k
     };
-    own(0) | own(1) | own(2)
+    bit(0) | bit(1) | bit(2)
 }
 
 impl<S: Scalar> Face<S> {
@@ -522,7 +523,7 @@ impl<S: Scalar> Face<S> {
                 depth_and_w(&face.vertices, face.edges.map(|edge| value_at(edge, point)));
             depth
         };
-        let (own, others) = (depth(self), depth(other));
-        own < others || own == others && self.band_face < other.band_face
+        let (this, others) = (depth(self), depth(other));
+        this < others || this == others && self.band_face < other.band_face
     }
 }

@@ -135,26 +135,26 @@ impl<S: Scalar> Parts<S> {
         });
     }
 
-    /// The extent of the parts `own`, of the area `area`, under the density 1 / t; where it `spreads`,
+    /// The extent of the parts `parts`, of the area `area`, under the density 1 / t; where it `spreads`,
     /// all of it.
     #[inline(always)]
     pub(super) fn extent(
         &self,
-        own: &[Part<S>],
+        parts: &[Part<S>],
         area: S,
         t: Line<S>,
         spreads: bool,
     ) -> Option<Extent<S>> {
-        let spread = self.spread(own, Spread::new(t), spreads);
+        let spread = self.spread(parts, Spread::new(t), spreads);
         if spread.reaches_far {
-            return self.spread(own, Spread::raised(t), spreads).extent(area);
+            return self.spread(parts, Spread::raised(t), spreads).extent(area);
         }
         spread.extent(area)
     }
 
     #[inline(always)]
-    fn spread(&self, own: &[Part<S>], mut spread: Spread<S>, spreads: bool) -> Spread<S> {
-        for part in own {
+    fn spread(&self, parts: &[Part<S>], mut spread: Spread<S>, spreads: bool) -> Spread<S> {
+        for part in parts {
             let (corner, fan) = self.polygons.fan(part.polygon);
             if spreads {
                 spread.add_fan::<true>(corner, fan, part.area);

@@ -217,14 +217,14 @@ impl<S: Scalar> Polygons<S> {
     /// the side `cut`.
     #[inline(always)]
     fn part(&mut self, polygon: Polygon, cut: Bound) -> Option<Polygon> {
-        let own = self.corners(polygon);
-        let count = own.len();
+        let corners = self.corners(polygon);
+        let count = corners.len();
         // A corner is followed by one crossing at most.
         self.reserve(2 * count);
         let (xs, new_xs) = self.xs.split_at_mut(self.len);
         let (ys, new_ys) = self.ys.split_at_mut(self.len);
         let (bounds, new_bounds) = self.bounds.split_at_mut(self.len);
-        let (xs, ys, bounds) = (&xs[own.clone()], &ys[own.clone()], &bounds[own]);
+        let (xs, ys, bounds) = (&xs[corners.clone()], &ys[corners.clone()], &bounds[corners]);
         let values = &self.values[..count];
         let sign = if cut.is_inside { S::ONE } else { -S::ONE };
         let mut new = 0;

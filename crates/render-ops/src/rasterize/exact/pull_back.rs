@@ -146,10 +146,10 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
             #[inline(always)]
             || {
                 for ((&pixel, &end), &segment_end) in of_pixels {
-                    let own = first..end as usize;
+                    let range = first..end as usize;
                     let segments = &pieces.segments[first_segment..segment_end as usize];
-                    (first, first_segment) = (own.end, segment_end as usize);
-                    self.sum_pixel(band, pixel as usize, own, segments);
+                    (first, first_segment) = (range.end, segment_end as usize);
+                    self.sum_pixel(band, pixel as usize, range, segments);
                 }
             },
         );
@@ -163,7 +163,7 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
     pub(in crate::rasterize) fn keep<T: Scalar<Wide = S>>(&mut self, band: &PiecePullBack<'_, T>) {
         let mut rows = std::mem::take(&mut self.rows);
         rows.clear();
-        self.sum(band, |face, own| rows.push((face, *own)));
+        self.sum(band, |face, row| rows.push((face, *row)));
         self.rows = rows;
     }
 
@@ -172,13 +172,15 @@ impl<S: Scalar<Wide = S>> Adjoints<S> {
         &mut self,
         band: &PiecePullBack<'_, T>,
         pixel: usize,
-        own: Range<usize>,
+        pieces: Range<usize>,
         segments: &[Segment<S>],
     ) {
         let mut growths = std::mem::take(&mut self.growths);
         growths.clear();
         let center = band.size.center::<S>(pixel);
-        for (piece, &fragment) in band.pieces.pieces[own.clone()].iter().zip(&band.fragments[own]) {
+        for (piece, &fragment) in
+            band.pieces.pieces[pieces.clone()].iter().zip(&band.fragments[pieces])
+        {
             let fragment = fragment as usize;
             let weight_bar = band.weights_bar.map_or(S::ZERO, |bars| bars[fragment].widen());
             // The weight is A / 4.

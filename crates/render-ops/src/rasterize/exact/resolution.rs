@@ -71,13 +71,13 @@ impl<S: Scalar<Wide = S>> Resolution<S> {
         // A pixel has 4 units of area.
         let smallest = S::from_f64(4.0 * SMALLEST);
         seen.clear();
-        for own in visible.parts.by_candidate() {
-            let candidate = own[0].candidate;
-            let area = own.iter().map(|part| part.area).sum();
+        for parts in visible.parts.by_candidate() {
+            let candidate = parts[0].candidate;
+            let area = parts.iter().map(|part| part.area).sum();
             if area > smallest {
                 let face = &candidates[candidate as usize];
                 let t = total(&face.edges, factors_of(face));
-                let extent = visible.parts.extent(own, area, t, needs);
+                let extent = visible.parts.extent(parts, area, t, needs);
                 seen.extend(extent.map(|extent| Seen { candidate, area, extent }));
             } else if area > S::ZERO {
                 pieces.dropped += 1;

@@ -45,18 +45,19 @@ pub(super) fn lie_side_by_side<'a, S: Scalar>(
         return false;
     }
     let mut has_outline = false;
-    for (at, own) in faces.clone().enumerate().filter(|(_, face)| face.neighbors.contains(&NO_FACE))
+    for (at, face) in
+        faces.clone().enumerate().filter(|(_, face)| face.neighbors.contains(&NO_FACE))
     {
-        for (bound, ends) in polygons.segments(own.polygon) {
+        for (bound, ends) in polygons.segments(face.polygon) {
             let Some(Source::Edge { k, .. }) = source(bound) else { continue };
-            if own.neighbors[usize::from(k)] != NO_FACE {
+            if face.neighbors[usize::from(k)] != NO_FACE {
                 continue;
             }
             has_outline = true;
             let mut others = faces.clone().enumerate().filter(|&(other, _)| other != at);
             let is_beside = |(_, other): (usize, FaceInCell<'_, S>)| {
                 ends_beside(ends, other.edges)
-                    || lies_off(own.edges[usize::from(k)], polygons.points(other.polygon))
+                    || lies_off(face.edges[usize::from(k)], polygons.points(other.polygon))
             };
             if !others.all(is_beside) {
                 return false;

@@ -276,9 +276,9 @@ impl<S: Scalar> Visible<S> {
             if *cuts > *most_cuts || polygons.len() > MOST_CORNERS {
                 return false;
             }
-            let [own, rival] = [this, that].map(|face| &candidates[face.candidate as usize]);
+            let [one, rival] = [this, that].map(|face| &candidates[face.candidate as usize]);
             // Positive where the rival lies behind. One of an earlier group lies in front everywhere.
-            let behind = if is_before { [-S::ONE, S::ZERO, S::ZERO] } else { behind(own, rival) };
+            let behind = if is_before { [-S::ONE, S::ZERO, S::ZERO] } else { behind(one, rival) };
             // The line between both planes is added once for all polygons, and only if it is needed.
             let mut between = None;
             next.clear();
@@ -305,9 +305,9 @@ impl<S: Scalar> Visible<S> {
                 let index = match between {
                     Some(index) => index,
                     None => {
-                        let (first, second) = (own.band_face, rival.band_face);
+                        let (first, second) = (one.band_face, rival.band_face);
                         let source = Source::Between { first, second };
-                        let error_bound = own.depth_error_bound + rival.depth_error_bound;
+                        let error_bound = one.depth_error_bound + rival.depth_error_bound;
                         let is_on_border = lies_on_border(behind, [S::ZERO; 2], error_bound);
                         *touches_border |= is_on_border;
                         lines.push(behind);
@@ -333,23 +333,23 @@ impl<S: Scalar> Visible<S> {
         }
         *cuts += boxes / BOXES_PER_CUT;
         for &polygon in &*left {
-            let own = polygons.area(polygon);
-            *area += own;
-            parts.push(Part { candidate, polygon, area: own });
+            let part_area = polygons.area(polygon);
+            *area += part_area;
+            parts.push(Part { candidate, polygon, area: part_area });
         }
         *cuts <= *most_cuts
     }
 }
 
-/// How far `rival` lies behind `own`. Of depths that are equal, for all that is known of them, the
+/// How far `rival` lies behind `one`. Of depths that are equal, for all that is known of them, the
 /// first face is in front: the order of two faces in one plane is no accident of rounding.
 #[inline(always)]
-pub(super) fn behind<S: Scalar>(own: &Candidate<S>, rival: &Candidate<S>) -> Line<S> {
-    let behind = [0, 1, 2].map(|c| rival.depth[c] - own.depth[c]);
-    if size(behind) > own.tie_bound + rival.tie_bound {
+pub(super) fn behind<S: Scalar>(one: &Candidate<S>, rival: &Candidate<S>) -> Line<S> {
+    let behind = [0, 1, 2].map(|c| rival.depth[c] - one.depth[c]);
+    if size(behind) > one.tie_bound + rival.tie_bound {
         return behind;
     }
-    [if own.band_face < rival.band_face { S::ONE } else { -S::ONE }, S::ZERO, S::ZERO]
+    [if one.band_face < rival.band_face { S::ONE } else { -S::ONE }, S::ZERO, S::ZERO]
 }
 
 #[cfg(test)]

@@ -92,8 +92,8 @@ proptest! {
             if is_uncertain {
                 in_spans(&mut setup, &mut blocks, face);
             } else {
-                let (own, expected) = (small.weights(), setup.weights());
-                prop_assert_eq!((own.edges, own.is_plain), (expected.edges, expected.is_plain));
+                let (weights, expected) = (small.weights(), setup.weights());
+                prop_assert_eq!((weights.edges, weights.is_plain), (expected.edges, expected.is_plain));
             }
         }
         // What lies in the padding means nothing.
@@ -147,13 +147,13 @@ fn a_sliver_is_seen_where_it_is_the_nearer_one() {
             clip.extend([[-9.0, -9.0, 0.0, 1.0], [9.0, -9.0, 0.0, 1.0], [0.0, 9.0, 0.0, 1.0]]);
             for faces in [[[0, 1, 2], [3, 4, 5]], [[3, 4, 5], [1, 2, 0]]] {
                 let both = draw::<f64>(&clip, &faces, size);
-                let own = u32::from(faces[0][0] == 3);
+                let nearer = u32::from(faces[0][0] == 3);
                 for (k, (seen, alone)) in both.pixels.iter().zip(&alone.pixels).enumerate() {
                     let along = ((k % size.width) as f64 - 2.0) / (end - 2.5);
                     let is_close = (along - 0.75).abs() < 0.01;
                     let is_near = alone.is_some() && along > 0.75;
                     let face = seen.unwrap().face;
-                    assert!(is_close || (face == own) == is_near, "pixel {k}, {width} px");
+                    assert!(is_close || (face == nearer) == is_near, "pixel {k}, {width} px");
                 }
             }
         }

@@ -130,9 +130,9 @@ impl Scene {
                 let [a, b, c] = [a, b, c].map(weights);
                 for &[u, rest, weight] in nodes {
                     let far = [0, 1, 2].map(|i| rest * b[i] + u * c[i]);
-                    for &[s, before, own] in nodes {
+                    for &[s, before, after] in nodes {
                         let n = [0, 1, 2].map(|i| before * a[i] + s * far[i]);
-                        let share = share * weight * own * s;
+                        let share = share * weight * after * s;
                         for (channel, mean) in mean.iter_mut().enumerate() {
                             let sum: f64 = (0..3).map(|i| n[i] * color(face[i], channel)).sum();
                             let color = sum / (n[0] + n[1] + n[2]);

@@ -169,9 +169,9 @@ fn rectangles() -> impl Strategy<Value = Scene> {
                     .zip(inwards)
                     .map(|(&border, inwards)| (border + inwards).min(extent as f64))
                     .collect();
-                let own = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]][which];
+                let pair = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]][which];
                 let other = [[2, 3], [1, 3], [1, 2], [0, 3], [0, 2], [0, 1]][which];
-                [own, other].map(|pair| pair.map(|at| places[at]))
+                [pair, other].map(|pair| pair.map(|at| places[at]))
             },
         )
     };
@@ -216,9 +216,9 @@ fn rectangles() -> impl Strategy<Value = Scene> {
         }
         colors.truncate(2 * clip.len());
         if is_flat {
-            for own in colors.chunks_exact_mut(8) {
-                let [a, b] = [own[0], own[1]];
-                own.chunks_exact_mut(2).for_each(|color| color.copy_from_slice(&[a, b]));
+            for vertices in colors.chunks_exact_mut(8) {
+                let [a, b] = [vertices[0], vertices[1]];
+                vertices.chunks_exact_mut(2).for_each(|color| color.copy_from_slice(&[a, b]));
             }
         }
         Scene { size, clip, colors, faces, upstream, is_flat }
