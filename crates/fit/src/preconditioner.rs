@@ -114,6 +114,8 @@ impl Factor {
         let mut ends = starts[..count].to_vec();
         let (mut row, mut columns) = (vec![0.0; count], Vec::new());
         let mut visited = vec![usize::MAX; count];
+        // Row by row, "up-looking". Of row k only those columns have an entry that lie on the ways from its
+        // entries in A to the root of the elimination tree.
         for k in 0..count {
             columns.clear();
             tree.parents
@@ -235,6 +237,7 @@ impl Parents {
         mut visit: impl FnMut(usize),
     ) {
         for mut column in columns {
+            // Where another entry's way has come by, the rest of the way is known.
             while column < k && visited[column] != k {
                 visited[column] = k;
                 visit(column);
@@ -254,6 +257,7 @@ impl Factor {
             let below = rows.iter().zip(values).skip(1);
             (S::from_f64(values[0]), below.map(|(&row, &value)| (row as usize, S::from_f64(value))))
         };
+        // C y = b from the top: once x_j is known, all rows below take their share of it off.
         for j in 0..count {
             let (own, below) = column(j);
             let known = x[j].map(|x| x / own);
@@ -262,6 +266,7 @@ impl Factor {
                 x[row].iter_mut().zip(known).for_each(|(x, known)| *x -= value * known);
             }
         }
+        // C' x = y from the bottom: all that row j needs from below is known.
         for j in (0..count).rev() {
             let (own, below) = column(j);
             let mut sum = x[j];
@@ -282,6 +287,7 @@ impl Factor {
         mut put: impl FnMut(usize, T),
     ) {
         memory.clear();
+        // All W columns at once, so that the factor is read once for them.
         let entries = self.order.iter().flat_map(|&vertex| {
             let row = &b[vertex as usize * inner + first..][..W];
             row.iter().map(|entry| entry.widen())
@@ -350,6 +356,7 @@ impl Preconditioner {
     pub fn raw<T: Scalar>(&self, v: &Tensor<T>) -> Result<Tensor<T>, TensorError> {
         let inner = self.inner(v.shape())?;
         let lambda = T::Wide::from_f64(self.0.lambda);
+        // u_i = v_i + lambda sum_j (v_i - v_j) over the neighbours j of i
         let entry = |k: usize| {
             let (vertex, column) = (k / inner, k % inner);
             let own = v.data()[k].widen();

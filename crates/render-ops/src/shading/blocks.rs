@@ -291,6 +291,7 @@ pub(super) fn for_each_piece<T: Scalar>(
         }
         return;
     }
+    // Each half has entries of its own, so both can be worked on at the same time.
     let middle = rows.start + pieces / 2 * PIECE;
     let (first, second) = written.split(pieces / 2);
     join(

@@ -207,6 +207,7 @@ impl<T: Scalar, M> Lighting<'_, T, M> {
 #[inline(always)]
 fn add_totals<T: Scalar>(lanes: &[[T; BLOCK]], count: usize, totals: &mut [T::Wide]) {
     for (lane, total) in lanes.iter().zip(totals) {
+        // Eight sums side by side, for vectors.
         let (whole, rest) = lane[..count].as_chunks::<8>();
         let mut parts = [T::Wide::ZERO; 8];
         for chunk in whole {

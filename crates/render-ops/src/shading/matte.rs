@@ -170,6 +170,7 @@ impl Highlight for BlinnPhong {
     fn slopes<T: Scalar>(n: [T; 3], v: [T; 3], l: [T; 3], cosine: T) -> [[T; 3]; 3] {
         let (middle, length, moves) = Self::middle(v, l);
         let h = middle.map(|entry| entry / length);
+        // A change of l or v moves h by its part across h, over |l + v|.
         let of_middle = plus(n, -moves * cosine, h).map(|entry| entry / length);
         [h, of_middle, of_middle]
     }
@@ -230,6 +231,7 @@ impl<H: Highlight> Model<7> for H {
         let nl_bar =
             nl_moves * (T::from_f64(FRAC_1_PI) * dot(color, bar) + factor * lobe * specular_bar);
         let lobe_bar = nl * factor * specular_bar;
+        // d x^e = e x^(e - 1) dx + x^e ln x de
         let is_lit = cosine > T::ZERO;
         let cosine_bar = if is_lit { lobe_bar * (e * lobe / cosine) } else { T::ZERO };
         let e_bar = e_moves * (nl * times * lobe * specular_bar + lobe_bar * lobe * logarithm);

@@ -334,6 +334,7 @@ impl<const CONSERVING: bool> Model<5> for MetallicRoughness<CONSERVING> {
         };
         p_bar += f_bar * (one - glass);
 
+        // p = x^5, and D = a^2 / (pi d^2) with d = (1 - a^2) q + a^2.
         let square = t.x * t.x;
         let x_bar = T::from_f64(5.0) * square * square * p_bar;
         let rest = one - of.a2;

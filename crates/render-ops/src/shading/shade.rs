@@ -308,6 +308,7 @@ impl<M: Model<K>, const K: usize> Shade<M, K> {
         sums: &mut [T::Wide],
         gradients: &mut Accumulators<'_, T>,
     ) {
+        // The sums of the first piece become the totals.
         let (totals, pieces) = sums.split_at_mut(MATERIAL + K + SUMS_OF_LIGHT * lamps.len());
         for piece in pieces.chunks_exact(totals.len()) {
             totals.iter_mut().zip(piece).for_each(|(total, &sum)| *total += sum);
