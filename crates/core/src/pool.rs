@@ -98,6 +98,7 @@ impl<T: Scalar> Pool<T> {
     fn drop_smaller(&mut self, class: usize) {
         let mut missing = 1 << class;
         for smaller in (LARGE..class.min(self.classes.len())).rev() {
+            // Otherwise buffers of earlier, smaller steps would wait beside the large one.
             while missing >= 1 << smaller && self.classes[smaller].pop().is_some() {
                 missing -= 1 << smaller;
             }

@@ -167,6 +167,7 @@ impl<T: Scalar, F> Parts<'_, T, F> {
             return Err(TensorError::NotScalar { shape: out.shape() }.into());
         }
         let wanted: Vec<_> = inputs.iter().copied().filter(|x| x.needs_gradient()).collect();
+        // At once, while its values are there: then the tape is free for another part.
         let results = out.backward_to(&wanted)?;
         let gradients = inputs.iter().map(|&input| results.get(input).cloned()).collect();
         Ok(PartialSum::new(out.item().widen(), gradients))

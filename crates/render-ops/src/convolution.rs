@@ -197,6 +197,8 @@ impl<'a, T: Scalar> Convolution<'a, T> {
             let end = row.min(start + STRIP);
             let width = (end - start).next_multiple_of(BLOCK);
             let strip = aligned(strip, (rows + 2 * reach) * width);
+            // The strip: these columns of the band's rows, and of as many rows as the window sees above and
+            // below.
             for (k, to) in strip.chunks_exact_mut(width).enumerate() {
                 let position = (first + k) as isize - reach as isize;
                 match self.border.source(position, self.height) {
@@ -287,6 +289,7 @@ impl<'a, T: Scalar> Convolution<'a, T> {
                 } else {
                     let [sums, mut by_sigma] =
                         window_sums(&memory.rows, center, self.channels, weights, &window);
+                    // The other term of the product rule: `K_x K'_y c`.
                     let rest = window_sum(&memory.slopes, center, self.channels, weights);
                     for i in 0..BLOCK {
                         by_sigma[i] += rest[i];

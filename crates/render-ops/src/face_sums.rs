@@ -3,6 +3,17 @@
 //! A backward pass sums the terms of all fragments of a face in a band first, and adds the sum to
 //! the face's three vertices once. Bands are cut by the image's size and added in their order, so
 //! the result is bitwise the same for any number of threads.
+//!
+//! ```text
+//! Layout::add_to, add_to_beside          with 3 or 4 numbers per vertex as arrays, otherwise as slices
+//!   |-- one thread:       walk(all slots), and each face's rows go to its vertices at once
+//!   `-- several threads:  walk(slots of a band) into a list of rows; lists are added in the order of bands
+//!
+//! walk, for each slot                    a face with its fragments in a band
+//!   |-- beside            what else the caller does with them, while they are in the cache
+//!   |-- FaceSums::sum     the sums over the fragments as rows, one per vertex; most by sum_weighted
+//!   `-- emit              the face and its rows
+//! ```
 
 use std::ops::Range;
 

@@ -36,6 +36,7 @@ impl<T: Scalar> Op<T> for MatrixProduct {
         let z = outputs.try_push("matmul", [m, n])?;
         z.fill(T::ZERO);
         for_each_row(z, n, k, |i, z| {
+            // Row by row of y, as it lies in memory: a column of y would be a walk with long steps.
             for p in 0..k {
                 add_scaled(z, x[i * k + p], &y[p * n..][..n]);
             }

@@ -212,6 +212,7 @@ impl<T: Scalar> Found<T> {
         for_each_missing(&mut |pixel, row| {
             let (word, bit) = place(pixel);
             let (bits, before) = marks[word];
+            // Its place in the order of pixels: marks before its word, and before its bit.
             let at = before + (bits & ((1 << bit) - 1)).count_ones();
             *row = coverage.count() as u32 + at;
         });
@@ -321,6 +322,8 @@ impl<T: Scalar> Found<T> {
                 continue;
             }
             let blend = |joint: &Joint<_>| &self.blends[joint.blend as usize];
+            // A share a_k was divided by S, the sum of all |a_k| here. So with a_k the pixel changes by
+            // `(step_k - sign(a_k) moved) / S`, where `moved` is by how much it was moved in all.
             for c in 0..channels {
                 let at = |joint: &Joint<_>| joint.blend as usize * channels + c;
                 let moved = same.iter().map(|k| blend(k).alpha * steps[at(k)].widen());

@@ -182,6 +182,8 @@ fn level<T: Scalar>(
                 row.push((column as u32, weight));
             });
         }
+        // The columns hold radiance times solid angle: of the same radiance everywhere the mean is that
+        // radiance.
         row.iter_mut().for_each(|(_, weight)| *weight /= sum);
     });
     let columns = first_block(1, texels) + 6;

@@ -107,6 +107,7 @@ impl<S: Scalar<Wide = S>> Weights<S> {
         for i in 0..self.count {
             let [f, g] = cells.fractions_of(i);
             let weight = probes.shares[i] * (T::ONE - (probes.levels[i] - level).abs());
+            // By differences, so that all of the weight is given away.
             let lower = weight * g;
             let upper = weight - lower;
             let rights = [upper * f, lower * f];
@@ -254,6 +255,8 @@ impl<T: Scalar> TexelSums<T> {
         rows.resize_with(tiles.rows().max(rows.len()), Row::default);
         let own = &*self;
         let line = tiles.extents[1] * channels;
+        // Rows of tiles overlap by a row of texels. So even rows are added first, at the same time, and then
+        // odd ones: no two at work share a texel, and the order of sums is fixed.
         for round in 0..2 {
             let (mut rest, mut start) = (&mut *gradient, 0);
             let work = rows[..tiles.rows()].iter_mut().enumerate().filter_map(|(k, row)| {

@@ -200,6 +200,7 @@ impl<T: Scalar> Line<T> {
             if task == Task::Blur {
                 pole.substitute(partial, lines);
             } else {
+                // One walk ends the lines' system and begins that of the slopes.
                 pole.substitute_and_eliminate(partial, lines, sides_of_slopes);
                 pole.substitute_slopes(partial, slopes);
             }

@@ -131,6 +131,7 @@ impl<S: Scalar> Sums<S> {
             let (mut square, mut uv) = ([S::from_f64(OF_SECOND[0]); 2], S::from_f64(OF_SECOND[0]));
             let mut power = largest;
             for (&of_first, &of_second) in OF_FIRST[1..].iter().zip(&OF_SECOND[1..]) {
+                // With one factor c more, the sums of all products obey `H_n = H_n without c + c H_(n-1)`.
                 b_n *= b;
                 h = b_n + a * h;
                 h_first = [0, 1].map(|k| h + ab[k] * h_first[k]);
@@ -198,6 +199,11 @@ impl<S: Scalar> Sums<S> {
             }
         }
         let [(least, low), (middle, corner), (most, high)] = corners;
+        //          high       From `corner` to `end` t is the same. This base cuts the triangle into two parts,
+        //         /    \      with the apexes `low` and `high`. At the share u of the way from an apex to the base
+        //  corner +----+ end  t is linear in u, and the part is u times as broad as at the base.
+        //         \    /
+        //          low
         let share = if least < most { (middle - least) / (most - least) } else { S::ZERO };
         // The base: from the middle corner to where t is as there on the longest side.
         let end = [0, 1].map(|axis| low[axis] + share * (high[axis] - low[axis]));

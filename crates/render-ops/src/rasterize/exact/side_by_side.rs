@@ -49,6 +49,7 @@ pub(super) fn lie_side_by_side<'a, S: Scalar>(
         faces.clone().enumerate().filter(|(_, face)| face.neighbors.contains(&NO_FACE))
     {
         for (bound, ends) in polygons.segments(face.polygon) {
+            // Of the outline only: across any other edge the neighbour begins where the face ends.
             let Some(Source::Edge { k, .. }) = source(bound) else { continue };
             if face.neighbors[usize::from(k)] != NO_FACE {
                 continue;
