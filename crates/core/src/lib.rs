@@ -78,7 +78,8 @@ mod node;
 mod op;
 mod pool;
 mod power;
-#[cfg(feature = "precompiled")]
+// Unit tests compile what they call.
+#[cfg(all(feature = "precompiled", not(test)))]
 #[doc(hidden)]
 pub mod precompiled;
 mod preference;

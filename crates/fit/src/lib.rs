@@ -56,7 +56,8 @@ mod mixing;
 mod optimizer;
 mod parameter;
 mod pipeline;
-#[cfg(feature = "precompiled")]
+// Unit tests compile what they call.
+#[cfg(all(feature = "precompiled", not(test)))]
 #[doc(hidden)]
 pub mod precompiled;
 mod preconditioner;

@@ -96,7 +96,8 @@ mod perturbed_normals;
 mod picture;
 mod picture_rows;
 mod pixel_loss;
-#[cfg(feature = "precompiled")]
+// Unit tests compile what they call.
+#[cfg(all(feature = "precompiled", not(test)))]
 #[doc(hidden)]
 pub mod precompiled;
 mod project;

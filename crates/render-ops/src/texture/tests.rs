@@ -283,10 +283,10 @@ fn backward_is_the_adjoint_of_forward_in_the_texels_of_all_levels() {
                 // What later levels say of earlier levels is not theirs.
                 let held: Vec<_> = levels.iter().map(|level| tape.leaf(&level.value())).collect();
                 let again = held_samples(&tape, is_cube, size, sampler, &held);
-                let gradients = tape.vjp_to(&[(again, &upstream)], &held).unwrap();
+                let held_gradients = tape.vjp_to(&[(again, &upstream)], &held).unwrap();
                 let back: f64 = held
                     .iter()
-                    .map(|&level| dot(&gradients.get_or_zeros(level), &level.value()))
+                    .map(|&level| dot(&held_gradients.get_or_zeros(level), &level.value()))
                     .sum();
                 let there = dot(&again.value(), &upstream);
                 assert_eq!(again.value(), out.value());
