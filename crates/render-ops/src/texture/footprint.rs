@@ -102,6 +102,7 @@ impl<T: Scalar> Footprint<T> {
         let (v1, v2) = ([c, s], [-s, c]);
         let along = |v: [T; 2]| j.map(|row| row[0] * v[0] + row[1] * v[1]);
         let (first, second) = (along(v1), along(v2));
+        // lambda = log2(sigma_1^2) / 2, and sigma_1^2 changes by 2 (J v_1) . dJ v_1.
         let by_level = level_bar * T::from_f64(std::f64::consts::LOG2_E) / self.square;
         let turn = v_bar[0] * v2[0] + v_bar[1] * v2[1];
         // The gap of a footprint whose squares overflow is 0.

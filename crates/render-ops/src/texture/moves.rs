@@ -160,6 +160,7 @@ fn add_probes<T: Scalar, C: Chart<K>, const K: usize, const N: usize, const L: u
                         row[k] += place_bars[k][i];
                     }
                 }
+                // A probe lies at `u + t_k D v_1`: its gradient goes on to the axis, times t_k.
                 if let Some(row) = rows.get_mut(n * width..(n + 1) * width) {
                     for k in 0..K {
                         row[k] += probes.offsets[i] * place_bars[k][i];
@@ -281,6 +282,7 @@ fn pull_back_footprint<T: Scalar, C: Chart<K>, const K: usize>(
     let footprint = Footprint::new(j, most);
     let several = footprint.probes > 1;
     let direction = footprint.direction();
+    // The axis is `D v_1`: v_1_bar = D' axis_bar, and D_bar has axis_bar v_1'.
     let mut v_bar = [T::ZERO; 2];
     for i in 0..K {
         for k in 0..2 {

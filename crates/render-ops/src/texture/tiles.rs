@@ -267,6 +267,7 @@ impl Runs {
             |range, piece| piece.find(lookup, levels, &is_wanted, range),
             |piece| piece.tiles.iter().for_each(|touched| ends[touched.tile as usize + 1] += 1),
         );
+        // By tile, the pieces in their order: so a tile's sum has the same order for any number of threads.
         for tile in 0..tiles {
             ends[tile + 1] += ends[tile];
         }

@@ -105,6 +105,7 @@ impl FacesByPixel {
         self.open.push(0..self.blocks.len());
         while let Some(some) = self.open.pop() {
             if !self.find(band, marks, block, some.clone()) {
+                // The first half is on top, so blocks are visited in their order.
                 let middle = some.start + some.len() / 2;
                 self.open.extend([middle..some.end, some.start..middle]);
                 continue;

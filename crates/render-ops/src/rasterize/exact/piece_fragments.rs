@@ -46,6 +46,7 @@ impl<T: Scalar> PieceFragments<T> {
             }
             places[*slot as usize] += 1;
         }
+        // A counting sort, as in `canvas`: counts become the places where each slot begins.
         let mut before = 0;
         for (slot, place) in slots.iter_mut().zip(places.iter_mut()) {
             slot.first_run = before;

@@ -174,6 +174,7 @@ impl Marked {
     #[inline(always)]
     pub(super) fn for_each(&self, mut visit: impl FnMut(usize)) {
         let mut bits = self.bits;
+        // `bits & (bits - 1)` clears the lowest bit that is set.
         while bits != 0 {
             visit(self.first_column + bits.trailing_zeros() as usize);
             bits &= bits - 1;

@@ -31,6 +31,10 @@ impl Regions {
     pub(super) fn find(&mut self, marks: &PixelMask, rows: usize, width: usize) {
         self.runs.clear();
         let mut above = 0;
+        // Union-find; the root of a region is its first run. Runs that touch one of the row above join its region:
+        //
+        //     row - 1   |---a---|     |----b----|      a, b, c and d are one region: b touches c and d
+        //     row           |----c----|     |--d--|
         for row in 0..rows {
             let first = self.runs.len();
             marks.for_each_gap(row, width, |columns| {
@@ -56,6 +60,7 @@ impl Regions {
     fn root(&mut self, mut at: usize) -> usize {
         while self.runs[at].root != at {
             let next = self.runs[at].root;
+            // Halves the way for the next time.
             self.runs[at].root = self.runs[next].root;
             at = next;
         }
