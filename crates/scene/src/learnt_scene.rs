@@ -8,8 +8,8 @@ use bokashi_fit::Parameters;
 use crate::cameras::NamedView;
 use crate::error::SceneError;
 use crate::learnables::TABLE;
-use crate::model::{Geometry, Indexed, MaterialFile, Model, NO_ROW, Placed, Submesh};
-use crate::object::{Attribute, Object, SurfaceLook};
+use crate::model::{Geometry, Indexed, MaterialFile, MaterialMap, Model, NO_ROW, Placed, Submesh};
+use crate::object::{Attribute, Object, SurfaceMap, SurfaceMaterial};
 use crate::picture::{ColorSpace, Picture, Samples};
 use crate::renderer::Renderer;
 use crate::scene::Scene;
@@ -38,13 +38,14 @@ impl Scene {
     pub fn model(&self) -> Result<Model, SceneError> {
         let mut model = Model::default();
         for (index, object) in self.objects.iter().enumerate() {
-            // Looks of one name are one material.
+            // Materials of one name are one.
             let mut numbers = HashMap::new();
-            for look in &object.looks {
-                if !numbers.contains_key(look.name.as_str()) {
-                    numbers.insert(look.name.as_str(), model.materials.len());
-                    let name = if object.looks.len() > 1 { &look.name } else { &object.name };
-                    model.materials.push(look.material(name, &mut model.images)?);
+            for material in &object.materials {
+                if !numbers.contains_key(material.name.as_str()) {
+                    numbers.insert(material.name.as_str(), model.materials.len());
+                    let name =
+                        if object.materials.len() > 1 { &material.name } else { &object.name };
+                    model.materials.push(material.to_file(name, &mut model.images)?);
                 }
             }
             // Those of the file were of the surface as it was.
@@ -72,11 +73,11 @@ impl Scene {
 }
 
 impl Object {
-    /// The geometry; `materials` has the numbers of its looks by name. `keeps_normals` keeps normals and tangents.
+    /// The geometry; `materials` has the numbers of its materials by name. `keeps_normals` keeps normals and tangents.
     fn geometry(&self, materials: &HashMap<&str, usize>, keeps_normals: bool) -> Geometry {
-        let submeshes = self.looks.iter().map(|look| Submesh {
-            material: materials.get(look.name.as_str()).copied(),
-            faces: look.faces.clone(),
+        let submeshes = self.materials.iter().map(|material| Submesh {
+            material: materials.get(material.name.as_str()).copied(),
+            faces: material.faces.clone(),
         });
         Geometry {
             name: self.name.clone(),
@@ -92,43 +93,44 @@ impl Object {
     }
 }
 
-impl SurfaceLook {
-    fn material(&self, name: &str, images: &mut Vec<Picture>) -> Result<MaterialFile, SceneError> {
-        let mut add = |picture: Picture| {
-            images.push(picture);
-            images.len() - 1
+impl SurfaceMaterial {
+    fn to_file(&self, name: &str, images: &mut Vec<Picture>) -> Result<MaterialFile, SceneError> {
+        let mut add = |map: &SurfaceMap, picture: Option<Picture>| {
+            let image = picture.map(|picture| {
+                images.push(picture);
+                images.len() - 1
+            });
+            MaterialMap { image, borders: map.borders, is_missing: false }
         };
-        let color = match &self.texture {
-            Some(texels) => Some(add(Picture::of_color(texels, ColorSpace::Srgb)?)),
-            None => None,
+        let bytes = |texels: &Tensor<f32>, samples: Vec<u8>| {
+            let [height, width] = [texels.shape()[0], texels.shape()[1]];
+            Picture { width, height, channels: 3, samples: Samples::U8(samples) }
         };
+        let Self { texture, roughness_metallic, normal_map, .. } = self;
+        let color = texture.texels.as_ref();
         let [red, green, blue] = if color.is_some() { [1.0; 3] } else { self.base_color };
-        let maps = self.roughness_metallic.as_ref().map(|maps| {
+        let color = color.map(|texels| Picture::of_color(texels, ColorSpace::Srgb)).transpose()?;
+        let base_color_map = add(texture, color);
+        let maps = roughness_metallic.texels.as_ref().map(|maps| {
             let byte = |x: f32| (255.0 * x.clamp(0.0, 1.0)).round() as u8;
             let texels = maps.data().chunks_exact(2);
-            let samples = texels.flat_map(|texel| [0, byte(texel[0]), byte(texel[1])]).collect();
-            let [height, width] = [maps.shape()[0], maps.shape()[1]];
-            add(Picture { width, height, channels: 3, samples: Samples::U8(samples) })
+            bytes(maps, texels.flat_map(|texel| [0, byte(texel[0]), byte(texel[1])]).collect())
         });
-        let normals = self.normal_map.as_ref().map(|map| {
+        let [metallic, roughness] =
+            if maps.is_some() { [1.0; 2] } else { [self.metallic, self.roughness] };
+        let metallic_roughness_map = add(roughness_metallic, maps);
+        let normals = normal_map.texels.as_ref().map(|map| {
             let byte = |x: f32| (127.5 * (x.clamp(-1.0, 1.0) + 1.0)).round() as u8;
-            let samples = map.data().iter().map(|&x| byte(x)).collect();
-            let [height, width] = [map.shape()[0], map.shape()[1]];
-            add(Picture { width, height, channels: 3, samples: Samples::U8(samples) })
+            bytes(map, map.data().iter().map(|&x| byte(x)).collect())
         });
         Ok(MaterialFile {
             name: name.to_owned(),
             base_color: [red, green, blue, 1.0],
-            base_color_image: color,
-            lacks_base_color_image: false,
-            base_color_borders: self.texture_borders,
-            metallic: if maps.is_some() { 1.0 } else { self.metallic },
-            roughness: if maps.is_some() { 1.0 } else { self.roughness },
-            metallic_roughness_image: maps,
-            metallic_roughness_borders: self.roughness_metallic_borders,
-            lacks_metallic_roughness_image: false,
-            normal_image: normals,
-            normal_borders: self.normal_map_borders,
+            base_color_map,
+            metallic,
+            roughness,
+            metallic_roughness_map,
+            normal_map: add(normal_map, normals),
             normal_scale: 1.0,
         })
     }

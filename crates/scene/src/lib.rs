@@ -85,11 +85,13 @@ pub use memory::{limit_memory, memory_limit};
 pub use mesh::{
     MeshKind, MeshOptions, ObjFiles, glb, obj, ply, read_model, read_model_bytes, read_model_with,
 };
-pub use model::{Borders, Geometry, Indexed, MaterialFile, Model, NO_ROW, Placed, Submesh};
+pub use model::{
+    Borders, Geometry, Indexed, MaterialFile, MaterialMap, Model, NO_ROW, Placed, Submesh,
+};
 /// The arrays of [`arrays::tensor_of_ndarray`].
 #[cfg(feature = "ndarray")]
 pub use ndarray;
-pub use object::{Attribute, Object, SurfaceLook};
+pub use object::{Attribute, Object, SurfaceMap, SurfaceMaterial};
 pub use picture::{
     ColorSpace, Depth, MOST_SAMPLES, Mask, MaskKind, Picture, Samples, Turn, is_guarded,
 };

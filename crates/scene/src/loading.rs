@@ -12,7 +12,7 @@ use crate::folder::Folder;
 use crate::memory::Memory;
 use crate::mesh::read_model;
 use crate::model::{Geometry, Indexed, MaterialFile, Model, Submesh, far_offset};
-use crate::object::{Attribute, SurfaceLook};
+use crate::object::{Attribute, SurfaceMaterial};
 use crate::picture::{ColorSpace, Picture};
 
 /// Bytes of a vertex and of a face, with what may be at them, as they are joined.
@@ -70,9 +70,9 @@ type Part<'m> = (&'m Geometry, DMat4);
 
 impl LoadedMesh {
     fn of(model: &Model, place: &Place) -> Result<Self, SceneError> {
-        let part =
-            |placed: &crate::model::Placed| (&model.geometries[placed.geometry], placed.transform);
-        let parts: Vec<Part<'_>> = model.placed.iter().map(part).collect();
+        let parts = model.placed.iter();
+        let parts: Vec<Part<'_>> =
+            parts.map(|own| (&model.geometries[own.geometry], own.transform)).collect();
         let corners = parts.iter().map(|(own, _)| own.positions.len() + own.faces.len());
         let corners = corners.map(|count| count as u64).sum::<u64>();
         let what = || format!("a mesh of {corners} vertices and faces");
@@ -108,38 +108,36 @@ impl LoadedMesh {
         };
         let normals = joined(&parts, "normals", |own| own.normals.as_ref(), turn, &mut notes)?;
 
-        let looks = parts.iter().flat_map(|(own, _)| {
-            own.submeshes.iter().map(move |submesh| Look::of(own, submesh, model))
+        let colors_of_parts = parts.iter().flat_map(|(own, _)| {
+            own.submeshes.iter().map(move |submesh| BaseColor::new(own, submesh, model))
         });
-        let mut looks: Vec<Look> = looks.collect();
-        looks.dedup();
-        let look = match looks[..] {
+        let mut base_colors: Vec<BaseColor> = colors_of_parts.collect();
+        base_colors.dedup();
+        let BaseColor { base_color, image } = match base_colors[..] {
             [only] => only,
             _ => {
                 notes.push("surfaces have several materials, which were left out".to_owned());
-                Look { base_color: [1.0; 3], image: None }
+                BaseColor { base_color: [1.0; 3], image: None }
             }
         };
         if materials(&parts, model).any(says_more) {
             let rest = "roughness, metallic, normal maps and opacity of materials were left out";
             notes.push(format!("{rest}: a loaded mesh has its base colour alone"));
         }
-        let texture =
-            look.image.filter(|_| coordinates.is_some()).and_then(|k| model.images.get(k));
+        let texture = image.filter(|_| coordinates.is_some()).and_then(|k| model.images.get(k));
         let texture = texture.map(|image| {
             let texels = image.color(ColorSpace::Srgb);
-            Tensor::from_flat_fn(texels.shape(), |k| texels.data()[k] * look.base_color[k % 3])
+            Tensor::from_flat_fn(texels.shape(), |k| texels.data()[k] * base_color[k % 3])
         });
-        let flat = positions.as_flattened();
         Ok(Self {
             mesh: Mesh::new(faces, positions.len())?,
-            positions: Tensor::from_flat_fn([positions.len(), 3], |k| flat[k]),
+            positions: positions.into(),
             offset,
             colors,
             coordinates,
             normals,
             texture,
-            base_color: look.base_color,
+            base_color,
             notes,
         })
     }
@@ -153,33 +151,33 @@ fn materials<'m>(parts: &[Part<'m>], model: &'m Model) -> impl Iterator<Item = &
 
 /// Whether a material says more than its base colour.
 fn says_more(material: &MaterialFile) -> bool {
-    let MaterialFile { metallic, roughness, metallic_roughness_image, normal_image, .. } = material;
+    let MaterialFile {
+        base_color, metallic, roughness, metallic_roughness_map, normal_map, ..
+    } = material;
     // A dielectric of roughness 1 is what a file without a word is.
-    let is_plain = (*metallic, *roughness) == (0.0, 1.0);
-    !is_plain
-        || metallic_roughness_image.is_some()
-        || normal_image.is_some()
-        || material.base_color[3] != 1.0
+    (*metallic, *roughness, base_color[3]) != (0.0, 1.0, 1.0)
+        || metallic_roughness_map.image.is_some()
+        || normal_map.image.is_some()
 }
 
 /// The base colour of a surface, and the number of its texture.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Look {
+struct BaseColor {
     base_color: [f32; 3],
     image: Option<usize>,
 }
 
-impl Look {
-    fn of(own: &Geometry, submesh: &Submesh, model: &Model) -> Self {
+impl BaseColor {
+    fn new(own: &Geometry, submesh: &Submesh, model: &Model) -> Self {
         let has_colors = own.colors.as_ref().is_some_and(|own| own.covers(&submesh.faces));
         match submesh.material.and_then(|k| model.materials.get(k)) {
             Some(material) => {
                 let [red, green, blue, _] = material.base_color;
-                Self { base_color: [red, green, blue], image: material.base_color_image }
+                Self { base_color: [red, green, blue], image: material.base_color_map.image }
             }
             // Colours stand for themselves.
             None if has_colors => Self { base_color: [1.0; 3], image: None },
-            None => Self { base_color: SurfaceLook::plain().base_color, image: None },
+            None => Self { base_color: SurfaceMaterial::plain().base_color, image: None },
         }
     }
 }
@@ -219,9 +217,8 @@ fn joined<'m, const N: usize>(
         rows.extend(own.rows.iter().map(|&row| moved(matrix, row)));
         faces.extend(turned(&own.faces, matrix).map(|face| face.map(|k| first + k)));
     }
-    let (count, flat) = (rows.len(), rows.as_flattened());
-    let rows = Tensor::from_flat_fn([count, N], |k| flat[k]);
-    Ok(Some(Attribute { rows, indices: Mesh::new(faces, count)? }))
+    let indices = Mesh::new(faces, rows.len())?;
+    Ok(Some(Attribute { rows: rows.into(), indices }))
 }
 
 #[cfg(test)]

@@ -92,42 +92,50 @@ impl Geometry {
     }
 }
 
-/// How a surface looks, as in glTF.
+/// An image of a material, and how it goes on.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct MaterialMap {
+    /// The image's number.
+    pub image: Option<usize>,
+    /// How it goes on.
+    pub borders: Borders,
+    /// Whether the file names an image that was left out: it is missing, or can't be read.
+    pub is_missing: bool,
+}
+
+impl MaterialMap {
+    /// The map of an image.
+    pub fn new(image: usize, borders: Borders) -> Self {
+        Self { image: Some(image), borders, is_missing: false }
+    }
+}
+
+/// What a surface is made of, as in glTF.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MaterialFile {
     /// Its name in the file; may be empty.
     pub name: String,
     /// Linear colour and opacity, times the image.
     pub base_color: [f32; 4],
-    /// An image of sRGB colours, by its number.
-    pub base_color_image: Option<usize>,
-    /// How that image goes on.
-    pub base_color_borders: Borders,
-    /// Whether the file names such an image that was left out: it is missing, or can't be read.
-    pub lacks_base_color_image: bool,
+    /// sRGB colours.
+    pub base_color_map: MaterialMap,
     /// 0 for dielectrics, 1 for metals.
     pub metallic: f32,
     /// Perceptual roughness from 0 to 1.
     pub roughness: f32,
-    /// An image with roughness in green and metallic in blue, by its number.
-    pub metallic_roughness_image: Option<usize>,
-    /// How that image goes on.
-    pub metallic_roughness_borders: Borders,
-    /// Whether the file names such an image that was left out.
-    pub lacks_metallic_roughness_image: bool,
-    /// A normal map, by its number.
-    pub normal_image: Option<usize>,
-    /// How that image goes on.
-    pub normal_borders: Borders,
+    /// Roughness in green and metallic in blue.
+    pub metallic_roughness_map: MaterialMap,
+    /// A normal map.
+    pub normal_map: MaterialMap,
     /// What x and y of the normal map are multiplied by.
     pub normal_scale: f32,
 }
 
 impl MaterialFile {
-    /// Whether anything of it is looked up by texture coordinates.
-    pub(crate) fn has_images(&self) -> bool {
-        let maps = [self.base_color_image, self.metallic_roughness_image, self.normal_image];
-        maps != [None; 3]
+    /// The images that are looked up by texture coordinates.
+    pub fn images(&self) -> impl Iterator<Item = usize> {
+        let maps = [self.base_color_map, self.metallic_roughness_map, self.normal_map];
+        maps.into_iter().filter_map(|map| map.image)
     }
 }
 
@@ -136,16 +144,11 @@ impl Default for MaterialFile {
         Self {
             name: String::new(),
             base_color: [1.0; 4],
-            base_color_image: None,
-            base_color_borders: Borders::default(),
-            lacks_base_color_image: false,
+            base_color_map: MaterialMap::default(),
             metallic: 1.0,
             roughness: 1.0,
-            metallic_roughness_image: None,
-            metallic_roughness_borders: Borders::default(),
-            lacks_metallic_roughness_image: false,
-            normal_image: None,
-            normal_borders: Borders::default(),
+            metallic_roughness_map: MaterialMap::default(),
+            normal_map: MaterialMap::default(),
             normal_scale: 1.0,
         }
     }

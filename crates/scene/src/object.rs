@@ -1,5 +1,5 @@
 //! A mesh of a scene as the engine takes it: tensors and index buffers, where it stands, and what it is made of,
-//! a look for each material.
+//! one material or several.
 
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
@@ -10,7 +10,7 @@ use glam::{DMat4, DVec3};
 
 use crate::error::SceneError;
 use crate::file_names::is_file_name;
-use crate::model::{Borders, Geometry, Indexed, MaterialFile, Model, NO_ROW, Submesh};
+use crate::model::{Borders, Geometry, Indexed, MaterialFile, MaterialMap, Model, NO_ROW, Submesh};
 use crate::picture::{ColorSpace, Picture};
 
 /// Numbers at corners of faces: `[A, C]`, and which of them each corner has.
@@ -18,39 +18,40 @@ use crate::picture::{ColorSpace, Picture};
 pub struct Attribute {
     /// The numbers.
     pub rows: Tensor<f32>,
-    /// As many faces as the object's mesh. Those of a look that has none name a row beyond the last, row A.
+    /// As many faces as the object's mesh. Those of a material that has none name a row beyond the last, row A.
     pub indices: Mesh,
 }
 
+/// A map of a material.
+#[derive(Debug, Clone, Default)]
+pub struct SurfaceMap {
+    /// Its texels, `[H, W, C]`.
+    pub texels: Option<Tensor<f32>>,
+    /// How it goes on beyond its edges.
+    pub borders: Borders,
+    /// Whether its file names an image that was left out: it is missing, or can't be read.
+    pub is_missing: bool,
+}
+
 /// What a surface is made of. A map stands in the place of its number, which it was multiplied by.
-#[derive(Debug, Clone)]
-pub struct SurfaceLook {
+#[derive(Debug, Clone, Default)]
+pub struct SurfaceMaterial {
     /// What parameters and results call it, where its object has several.
     pub name: String,
-    /// The faces that have it: they follow those of the look before.
+    /// The faces that have it: they follow those of the material before.
     pub faces: Range<usize>,
     /// A linear colour.
     pub base_color: [f32; 3],
     /// Base colours `[H, W, 3]`, linear.
-    pub texture: Option<Tensor<f32>>,
-    /// Whether its file names a texture that was left out: it is missing, or can't be read.
-    pub lacks_texture: bool,
-    /// Likewise of a map of roughness and metallic.
-    pub lacks_roughness_metallic: bool,
-    /// How the texture goes on beyond its edges.
-    pub texture_borders: Borders,
+    pub texture: SurfaceMap,
     /// From 0 to 1.
     pub roughness: f32,
     /// From 0 to 1.
     pub metallic: f32,
     /// Roughness and metallic, `[H, W, 2]`.
-    pub roughness_metallic: Option<Tensor<f32>>,
-    /// How these maps go on beyond their edges.
-    pub roughness_metallic_borders: Borders,
+    pub roughness_metallic: SurfaceMap,
     /// Vectors in tangent space, `[H, W, 3]`.
-    pub normal_map: Option<Tensor<f32>>,
-    /// How the normal map goes on beyond its edges.
-    pub normal_map_borders: Borders,
+    pub normal_map: SurfaceMap,
 }
 
 /// A mesh and where it stands.
@@ -77,7 +78,7 @@ pub struct Object {
     /// From its own coordinates to the world's, once for each instance.
     pub places: Vec<DMat4>,
     /// What its faces are made of: one for each of its materials, or one.
-    pub looks: Vec<SurfaceLook>,
+    pub materials: Vec<SurfaceMaterial>,
 }
 
 impl Attribute {
@@ -96,19 +97,19 @@ impl Attribute {
 impl Object {
     /// The texture coordinates, where something is looked up by them.
     pub(crate) fn coordinates_of_maps(&self) -> Option<&Attribute> {
-        self.coordinates.as_ref().filter(|_| self.looks.iter().any(SurfaceLook::has_maps))
+        self.coordinates.as_ref().filter(|_| self.materials.iter().any(SurfaceMaterial::has_maps))
     }
 
-    /// The number of a face's look.
-    pub(crate) fn look_of(&self, face: usize) -> usize {
-        self.looks.partition_point(|look| look.faces.end <= face)
+    /// The number of a face's material.
+    pub(crate) fn material_of(&self, face: usize) -> usize {
+        self.materials.partition_point(|material| material.faces.end <= face)
     }
 
-    /// What parameters and results call a look: the object, and where it has several looks the look's name, too.
-    pub(crate) fn look_name(&self, look: &SurfaceLook) -> String {
-        match self.looks.len() {
+    /// What parameters and results call a material: the object, and where it has several the material's name, too.
+    pub(crate) fn material_name(&self, material: &SurfaceMaterial) -> String {
+        match self.materials.len() {
             0 | 1 => self.name.clone(),
-            _ => format!("{}/{}", self.name, look.name),
+            _ => format!("{}/{}", self.name, material.name),
         }
     }
 
@@ -116,7 +117,7 @@ impl Object {
     ///
     /// # Errors
     /// [`SceneError::Render`] for a face that names a vertex that is not there.
-    pub(crate) fn of_geometry(
+    pub(crate) fn from_geometry(
         name: String,
         geometry: &Geometry,
         model: &Model,
@@ -125,22 +126,23 @@ impl Object {
         let mesh = Mesh::new(geometry.faces.clone(), geometry.positions.len())?;
         let coordinates = geometry.coordinates.as_ref();
         let coordinates = coordinates.map(|own| of_vertices(own, &geometry.faces));
-        // Faces of one material are one look to whoever learns it, whatever else they carry.
+        // Faces of one material of the file are one to whoever learns it, whatever else they carry.
         let (mut names, mut of_kinds) = (HashSet::new(), HashMap::new());
-        let looks = geometry.submeshes.iter().enumerate().map(|(k, submesh)| {
-            let look = SurfaceLook::of_submesh(submesh, geometry, model);
-            let kind = (submesh.material, look.has_maps(), look.base_color.map(f32::to_bits));
+        let materials = geometry.submeshes.iter().enumerate().map(|(k, submesh)| {
+            let material = SurfaceMaterial::from_submesh(submesh, geometry, model);
+            let kind =
+                (submesh.material, material.has_maps(), material.base_color.map(f32::to_bits));
             if let Some(name) = of_kinds.get(&kind).cloned() {
-                return SurfaceLook { name, ..look };
+                return SurfaceMaterial { name, ..material };
             }
             let number = (k + 1).to_string();
             let mut name =
-                if is_file_name(&look.name) { look.name.clone() } else { number.clone() };
+                if is_file_name(&material.name) { material.name.clone() } else { number.clone() };
             while !names.insert(name.clone()) {
                 name = format!("{name}-{number}");
             }
             of_kinds.insert(kind, name.clone());
-            SurfaceLook { name, ..look }
+            SurfaceMaterial { name, ..material }
         });
         Ok(Self {
             name,
@@ -152,21 +154,22 @@ impl Object {
             tangents: geometry.tangents.as_ref().map(attribute).transpose()?,
             mesh,
             places,
-            looks: looks.collect(),
+            materials: materials.collect(),
         })
     }
 
-    /// Gives each vertex a colour, that of its look: where looks meet, one for each.
+    /// Gives each vertex a colour, that of its material: where materials meet, one for each.
     ///
     /// # Errors
     /// [`SceneError::Render`] for too many of them.
     pub(crate) fn color_vertices(&mut self) -> Result<(), SceneError> {
         let (mut colors, mut faces) = (Vec::new(), Vec::with_capacity(self.mesh.faces().len()));
-        for look in &mut self.looks {
+        for material in &mut self.materials {
             // A texture is multiplied by them.
-            let color = if look.texture.is_some() { [1.0; 3] } else { look.base_color };
-            look.base_color = [1.0; 3];
-            let own = &self.mesh.faces()[look.faces.clone()];
+            let color =
+                if material.texture.texels.is_some() { [1.0; 3] } else { material.base_color };
+            material.base_color = [1.0; 3];
+            let own = &self.mesh.faces()[material.faces.clone()];
             let mut rows = vec![NO_ROW; self.mesh.vertex_count()];
             own.as_flattened().iter().for_each(|&vertex| rows[vertex as usize] = 0);
             for row in rows.iter_mut().filter(|row| **row != NO_ROW) {
@@ -194,105 +197,86 @@ impl Object {
     }
 
     /// Its vertices, in its own coordinates.
-    fn points(&self) -> impl Iterator<Item = DVec3> {
+    pub(crate) fn points(&self) -> impl Iterator<Item = DVec3> + Clone {
         let points = self.positions.data().chunks_exact(3);
         points.map(|p| DVec3::new(p[0].into(), p[1].into(), p[2].into()))
     }
 }
 
-impl SurfaceLook {
+impl SurfaceMaterial {
     /// A rough dielectric of half the light.
     pub(crate) fn plain() -> Self {
-        Self {
-            name: String::new(),
-            faces: 0..0,
-            base_color: [0.5; 3],
-            texture: None,
-            lacks_texture: false,
-            lacks_roughness_metallic: false,
-            texture_borders: Borders::default(),
-            roughness: 1.0,
-            metallic: 0.0,
-            roughness_metallic: None,
-            roughness_metallic_borders: Borders::default(),
-            normal_map: None,
-            normal_map_borders: Borders::default(),
-        }
+        Self { base_color: [0.5; 3], roughness: 1.0, ..Self::default() }
     }
 
-    /// The numbers without the maps.
-    fn without_maps(self) -> Self {
-        Self { texture: None, roughness_metallic: None, normal_map: None, ..self }
+    /// Its maps.
+    fn maps(&mut self) -> [&mut SurfaceMap; 3] {
+        [&mut self.texture, &mut self.roughness_metallic, &mut self.normal_map]
     }
 
     /// Whether anything is looked up by texture coordinates.
-    fn has_maps(&self) -> bool {
-        self.texture.is_some() || self.roughness_metallic.is_some() || self.normal_map.is_some()
+    pub(crate) fn has_maps(&self) -> bool {
+        let maps = [&self.texture, &self.roughness_metallic, &self.normal_map];
+        maps.iter().any(|map| map.texels.is_some())
     }
 
     /// The map of roughness, channel 0, or metallic, channel 1: `[H, W, 1]`.
     pub(crate) fn roughness_metallic_map(&self, channel: usize) -> Option<Tensor<f32>> {
-        let maps = self.roughness_metallic.as_ref()?;
+        let maps = self.roughness_metallic.texels.as_ref()?;
         let [height, width] = [maps.shape()[0], maps.shape()[1]];
         Some(Tensor::from_flat_fn([height, width, 1], |k| maps.data()[2 * k + channel]))
     }
 
-    fn of_submesh(submesh: &Submesh, geometry: &Geometry, model: &Model) -> Self {
+    fn from_submesh(submesh: &Submesh, geometry: &Geometry, model: &Model) -> Self {
         let faces = submesh.faces.clone();
-        let has_colors = geometry.colors.as_ref().is_some_and(|own| own.covers(&faces));
-        let has_coordinates = geometry.coordinates.as_ref().is_some_and(|own| own.covers(&faces));
-        let material = submesh.material.and_then(|k| model.materials.get(k));
-        let look = match material {
-            Some(material) => Self::of_file(material, &model.images),
+        let has_colors = geometry.colors.as_ref().is_some_and(|rows| rows.covers(&faces));
+        let has_coordinates = geometry.coordinates.as_ref().is_some_and(|uv| uv.covers(&faces));
+        let mut material = match submesh.material.and_then(|k| model.materials.get(k)) {
+            Some(material) => Self::from_file(material, &model.images),
             // Colours stand for themselves.
             None if has_colors => Self { base_color: [1.0; 3], ..Self::plain() },
             None => Self::plain(),
         };
-        // Maps are looked up by texture coordinates.
-        let look = if has_coordinates { look } else { look.without_maps() };
-        Self { faces, ..look }
+        if !has_coordinates {
+            // Maps are looked up by texture coordinates.
+            material.maps().into_iter().for_each(|map| map.texels = None);
+        }
+        Self { faces, ..material }
     }
 
-    /// The texels that [`SurfaceLook::of_file`] makes.
+    /// The texels that [`SurfaceMaterial::from_file`] makes.
     pub(crate) fn texels_of_file(material: &MaterialFile, images: &[Picture]) -> u64 {
-        let maps =
-            [material.base_color_image, material.metallic_roughness_image, material.normal_image];
-        let images = maps.into_iter().flatten().filter_map(|k| images.get(k));
+        let images = material.images().filter_map(|k| images.get(k));
         images.map(|image| image.pixels() as u64).sum()
     }
 
-    fn of_file(material: &MaterialFile, images: &[Picture]) -> Self {
-        let image = |k: Option<usize>| k.and_then(|k| images.get(k));
+    fn from_file(material: &MaterialFile, images: &[Picture]) -> Self {
+        let map = |map: MaterialMap, texels: &dyn Fn(&Picture) -> Tensor<f32>| {
+            let MaterialMap { image, borders, is_missing } = map;
+            let texels = image.and_then(|k| images.get(k)).map(texels);
+            SurfaceMap { texels, borders, is_missing }
+        };
         let [red, green, blue, _] = material.base_color;
         let base_color = [red, green, blue];
-        let color = image(material.base_color_image).map(|image| {
-            // Texels of light: factors are linear, and so are means of texels.
-            let texels = image.color(ColorSpace::Srgb);
-            Tensor::from_flat_fn(texels.shape(), |k| texels.data()[k] * base_color[k % 3])
-        });
-        let roughness_metallic = image(material.metallic_roughness_image).map(|image| {
-            let maps = [image.primary(1), image.primary(2)];
-            let factors = [material.roughness, material.metallic];
-            Tensor::from_flat_fn([image.height, image.width, 2], |k| {
-                maps[k % 2].data()[k / 2] * factors[k % 2]
-            })
-        });
-        let normal_map = image(material.normal_image);
-        let normal_map = normal_map.map(|image| vectors(image, material.normal_scale));
+        let MaterialFile { roughness, metallic, .. } = *material;
         Self {
             name: material.name.clone(),
             faces: 0..0,
             base_color,
-            texture: color,
-            lacks_texture: material.lacks_base_color_image,
-            lacks_roughness_metallic: material.lacks_metallic_roughness_image,
-            texture_borders: material.base_color_borders,
-            roughness: material.roughness,
-            metallic: material.metallic,
-            roughness_metallic,
-            roughness_metallic_borders: material.metallic_roughness_borders,
-            normal_map,
-            normal_map_borders: material.normal_borders,
+            texture: map(material.base_color_map, &|image| {
+                // Texels of light: factors are linear, and so are means of texels.
+                let texels = image.color(ColorSpace::Srgb);
+                Tensor::from_flat_fn(texels.shape(), |k| texels.data()[k] * base_color[k % 3])
+            }),
+            roughness,
+            metallic,
+            roughness_metallic: map(material.metallic_roughness_map, &|image| {
+                let (maps, factors) = ([image.primary(1), image.primary(2)], [roughness, metallic]);
+                Tensor::from_flat_fn([image.height, image.width, 2], |k| {
+                    maps[k % 2].data()[k / 2] * factors[k % 2]
+                })
+            }),
+            normal_map: map(material.normal_map, &|image| vectors(image, material.normal_scale)),
         }
     }
 }
@@ -310,8 +294,7 @@ pub(crate) fn vectors(image: &Picture, scale: f32) -> Tensor<f32> {
 }
 
 fn rows<const N: usize>(rows: &[[f32; N]]) -> Tensor<f32> {
-    let flat = rows.as_flattened();
-    Tensor::from_flat_fn([rows.len(), N], |k| flat[k])
+    Tensor::from(rows)
 }
 
 fn attribute<const N: usize>(own: &Indexed<N>) -> Result<Attribute, SceneError> {
@@ -349,6 +332,10 @@ mod tests {
         Picture { width: 1, height: 1, channels: 3, samples: Samples::U8(bytes.to_vec()) }
     }
 
+    fn map(image: usize) -> MaterialMap {
+        MaterialMap { image: Some(image), ..MaterialMap::default() }
+    }
+
     #[test]
     fn coordinates_at_two_vertices_become_two() {
         let own = Indexed { rows: vec![[0.0, 0.0], [1.0, 1.0]], faces: vec![[0, 0, 1], [1, 0, 0]] };
@@ -362,48 +349,49 @@ mod tests {
         let images = vec![picture([255, 0, 188]), picture([0, 128, 255])];
         let material = MaterialFile {
             base_color: [0.5, 1.0, 1.0, 1.0],
-            base_color_image: Some(0),
+            base_color_map: map(0),
             metallic: 0.5,
             roughness: 1.0,
-            metallic_roughness_image: Some(1),
-            normal_image: Some(1),
+            metallic_roughness_map: map(1),
+            normal_map: map(1),
             normal_scale: 2.0,
             ..MaterialFile::default()
         };
         let model = Model { images, materials: vec![material], ..Model::default() };
         let submeshes = vec![Submesh { material: Some(0), faces: 0..2 }];
         let geometry = Geometry { submeshes, ..shapes::plane(2) };
-        let mut object = Object::of_geometry("a".to_owned(), &geometry, &model, vec![]).unwrap();
-        let look = object.looks.remove(0);
-        let texture = look.texture.unwrap();
+        let mut object = Object::from_geometry("a".to_owned(), &geometry, &model, vec![]).unwrap();
+        let material = object.materials.remove(0);
+        let texture = material.texture.texels.unwrap();
         approx::assert_abs_diff_eq!(texture.data(), &[0.5, 0.0, 0.5029][..], epsilon = 1e-4);
-        let map = look.roughness_metallic.unwrap();
+        let map = material.roughness_metallic.texels.unwrap();
         approx::assert_abs_diff_eq!(map.data(), &[0.50196, 0.5][..], epsilon = 1e-5);
-        let normals = look.normal_map.unwrap();
+        let normals = material.normal_map.texels.unwrap();
         approx::assert_abs_diff_eq!(normals.data(), &[-2.0, 0.00784, 1.0][..], epsilon = 1e-4);
     }
 
     #[test]
     fn gray_is_red_green_and_blue() {
-        let look = |channels: usize, bytes: &[u8]| {
+        let material = |channels: usize, bytes: &[u8]| {
             let samples = Samples::U8(bytes.to_vec());
             let images = vec![Picture { width: 1, height: 2, channels, samples }];
             let material =
-                MaterialFile { metallic_roughness_image: Some(0), ..MaterialFile::default() };
-            SurfaceLook::of_file(&material, &images).roughness_metallic.unwrap()
+                MaterialFile { metallic_roughness_map: map(0), ..MaterialFile::default() };
+            SurfaceMaterial::from_file(&material, &images).roughness_metallic.texels.unwrap()
         };
-        let expected = look(3, &[77, 77, 77, 9, 9, 9]);
+        let expected = material(3, &[77, 77, 77, 9, 9, 9]);
         assert_eq!(expected.data(), [77.0, 77.0, 9.0, 9.0].map(|x: f32| x / 255.0));
-        assert_eq!(look(1, &[77, 9]), expected);
-        assert_eq!(look(2, &[77, 0, 9, 255]), expected);
-        assert_eq!(look(4, &[0, 77, 77, 1, 255, 9, 9, 2]), expected);
+        assert_eq!(material(1, &[77, 9]), expected);
+        assert_eq!(material(2, &[77, 0, 9, 255]), expected);
+        assert_eq!(material(4, &[0, 77, 77, 1, 255, 9, 9, 2]), expected);
     }
 
     #[test]
     fn the_extent_is_that_of_all_instances() {
         let places = [0.0, 3.0].map(|x| DMat4::from_translation(DVec3::new(x, 0.0, 0.0)));
         let (name, model) = ("a".to_owned(), Model::default());
-        let object = Object::of_geometry(name, &shapes::cube(12), &model, places.to_vec()).unwrap();
+        let object =
+            Object::from_geometry(name, &shapes::cube(12), &model, places.to_vec()).unwrap();
         assert_eq!(object.extent(), Some([DVec3::NEG_ONE, DVec3::new(4.0, 1.0, 1.0)]));
     }
 }

@@ -16,7 +16,7 @@ use crate::error::{Place, SceneError};
 use crate::file::{check_results, unwritten, write_result};
 use crate::mesh::{glb, ply};
 use crate::model::Model;
-use crate::object::SurfaceLook;
+use crate::object::SurfaceMaterial;
 use crate::picture::{ColorSpace, Picture};
 use crate::scene::Scene;
 use crate::summary::named_files;
@@ -87,20 +87,21 @@ impl Scene {
 
     /// Of each texture the name of its file, and its texels.
     fn textures(&self) -> impl Iterator<Item = (String, &Tensor<f32>)> {
-        let looks = self.objects.iter();
-        let looks = looks.flat_map(|object| object.looks.iter().map(move |look| (object, look)));
-        // Looks of one name are one material.
+        let materials = self.objects.iter();
+        let materials = materials
+            .flat_map(|object| object.materials.iter().map(move |material| (object, material)));
+        // Materials of one name are one.
         let mut seen = HashSet::new();
-        looks.filter_map(move |(object, look)| {
-            let name = object.look_name(look);
-            let texels = look.texture.as_ref()?;
+        materials.filter_map(move |(object, material)| {
+            let name = object.material_name(material);
+            let texels = material.texture.texels.as_ref()?;
             seen.insert(name.clone()).then(|| (texture_name(&name), texels))
         })
     }
 
     /// The names of the files of textures, by the numbers of their images in `model`, which is the scene's.
     fn texture_names(&self, model: &Model) -> HashMap<usize, String> {
-        let images = model.materials.iter().filter_map(|material| material.base_color_image);
+        let images = model.materials.iter().filter_map(|material| material.base_color_map.image);
         images.zip(self.textures().map(|(name, _)| name)).collect()
     }
 
@@ -178,8 +179,8 @@ impl Scene {
         });
         numbers.insert("lights".to_owned(), lights.collect());
         let objects = self.objects.iter().map(|object| {
-            let looks = object.looks.iter().map(|look| {
-                let SurfaceLook { name, base_color, roughness, metallic, .. } = look;
+            let materials = object.materials.iter().map(|material| {
+                let SurfaceMaterial { name, base_color, roughness, metallic, .. } = material;
                 json!({
                     "name": name, "base_color": base_color, "roughness": roughness, "metallic": metallic
                 })
@@ -188,7 +189,7 @@ impl Scene {
             let back = DMat4::from_translation(-object.offset);
             let places = object.places.iter().map(|place| rows(&(*place * back)));
             let own = json!({
-                "materials": looks.collect::<Value>(),
+                "materials": materials.collect::<Value>(),
                 "places": places.collect::<Value>(),
             });
             (object.name.clone(), own)
@@ -212,8 +213,8 @@ impl Scene {
 }
 
 /// What the file of a texture is called.
-fn texture_name(look: &str) -> String {
-    format!("{}-texture.png", look.replace('/', "-"))
+fn texture_name(material: &str) -> String {
+    format!("{}-texture.png", material.replace('/', "-"))
 }
 
 /// Linear texels `[H, W, 3]` as a PNG of sRGB colours. `name` names it in errors.
@@ -263,7 +264,7 @@ mod tests {
         let place = tempfile::tempdir().unwrap();
         let mut scene = textured(place.path());
         let texels = Tensor::from_flat_fn([2, 2, 3], |k| k as f32 / 11.0);
-        scene.objects[0].looks[0].texture = Some(texels.clone());
+        scene.objects[0].materials[0].texture.texels = Some(texels.clone());
         let out = place.path().join("out");
         let written = scene.save_results(&out).unwrap();
         assert!(written.contains(&out.join("a-texture.png")));

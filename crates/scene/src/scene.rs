@@ -23,8 +23,8 @@ use crate::folder::Folder;
 use crate::mask_files::{find_mask, usual_mask};
 use crate::memory::{OF_DRAWN_PIXEL, OF_FACE, OF_NEW_TEXEL, OF_TEXEL};
 use crate::mesh::{MeshKind, MeshOptions, read_counted};
-use crate::model::{Borders, MaterialFile, Model, Placed, Submesh};
-use crate::object::{Object, SurfaceLook, vectors};
+use crate::model::{Model, Placed, Submesh};
+use crate::object::{Object, SurfaceMap, SurfaceMaterial, vectors};
 use crate::picture::{ColorSpace, MOST_SAMPLES, Picture};
 use crate::shapes;
 use crate::viewpoint::camera;
@@ -158,7 +158,7 @@ impl Scene {
         let mut scene =
             Self { path, folder, description, objects, views, environment, notes, files };
         for object in &scene.objects {
-            let has_map = object.looks.iter().any(|look| look.normal_map.is_some());
+            let has_map = object.materials.iter().any(|own| own.normal_map.texels.is_some());
             if has_map && object.tangents.is_some() && scene.learns_vertices(object) {
                 let found = "its vertices are learnt, so tangents follow from its coordinates";
                 let note = format!("{}: {found}, not from its file", object.name);
@@ -304,11 +304,12 @@ impl Source {
             let places = instances.iter().flat_map(|&m| places.iter().map(move |&own| m * own));
             let geometry = &model.geometries[*k];
             let materials = geometry.materials().flatten().filter_map(|k| model.materials.get(k));
-            let texels = materials.map(|own| SurfaceLook::texels_of_file(own, &model.images)).sum();
+            let texels =
+                materials.map(|own| SurfaceMaterial::texels_of_file(own, &model.images)).sum();
             self.claim_texels(texels, entry)?;
             for submesh in &geometry.submeshes {
                 let material = submesh.material.and_then(|k| model.materials.get(k));
-                let is_mapped = material.is_some_and(MaterialFile::has_images);
+                let is_mapped = material.is_some_and(|own| own.images().next().is_some());
                 let is_placed =
                     geometry.coordinates.as_ref().is_some_and(|own| own.covers(&submesh.faces));
                 if is_mapped && !is_placed {
@@ -325,7 +326,7 @@ impl Source {
                 let found = "its file has no normals: they are smooth, where glTF has flat ones";
                 notes.push(format!("{name}: {found}"));
             }
-            let mut object = Object::of_geometry(name, geometry, &model, places.collect())?;
+            let mut object = Object::from_geometry(name, geometry, &model, places.collect())?;
             self.dress(&mut object, &own.material, entry)?;
             objects.push(object);
         }
@@ -347,75 +348,70 @@ impl Source {
     fn dress(
         &self,
         object: &mut Object,
-        material: &MaterialEntry,
+        given: &MaterialEntry,
         entry: &Spanned<MeshEntry>,
     ) -> Result<(), SceneError> {
-        for look in &mut object.looks {
-            self.dress_look(look, material, entry)?;
+        for material in &mut object.materials {
+            self.dress_material(material, given, entry)?;
         }
-        if material.vertex_colors && object.colors.is_none() {
+        if given.vertex_colors && object.colors.is_none() {
             object.color_vertices()?;
         }
-        for look in &object.looks {
-            let maps = [&look.texture, &look.roughness_metallic, &look.normal_map];
-            let is_placed = object.coordinates.as_ref().is_some_and(|own| own.covers(&look.faces));
-            if !is_placed && maps.iter().any(|map| map.is_some()) {
+        for material in &object.materials {
+            let is_placed =
+                object.coordinates.as_ref().is_some_and(|own| own.covers(&material.faces));
+            if !is_placed && material.has_maps() {
                 let rule = "a mesh with a texture has texture coordinates";
-                let found = format!("{rule}, and {:?} has none", object.look_name(look));
+                let found = format!("{rule}, and {:?} has none", object.material_name(material));
                 return Err(self.wrong(entry, found));
             }
         }
         Ok(())
     }
 
-    fn dress_look(
+    fn dress_material(
         &self,
-        look: &mut SurfaceLook,
-        material: &MaterialEntry,
+        material: &mut SurfaceMaterial,
+        given: &MaterialEntry,
         entry: &Spanned<MeshEntry>,
     ) -> Result<(), SceneError> {
-        if let Some(color) = material.base_color {
-            look.base_color = color.map(|x| x.0 as f32);
-            look.texture = None;
+        if let Some(color) = given.base_color {
+            material.base_color = color.map(|x| x.0 as f32);
+            material.texture = SurfaceMap::default();
         }
-        let says = [material.base_color.is_some(), material.texture.is_some()];
-        if says.contains(&true) || material.texture_size.is_some() {
-            look.lacks_texture = false;
+        if let Some(roughness) = given.roughness {
+            material.roughness = roughness.0 as f32;
+            material.roughness_metallic = SurfaceMap::default();
         }
-        if let Some(roughness) = material.roughness {
-            (look.roughness, look.roughness_metallic) = (roughness.0 as f32, None);
-            look.lacks_roughness_metallic = false;
+        if let Some(metallic) = given.metallic {
+            material.metallic = metallic.0 as f32;
+            material.roughness_metallic = SurfaceMap::default();
         }
-        if let Some(metallic) = material.metallic {
-            (look.metallic, look.roughness_metallic) = (metallic.0 as f32, None);
-            look.lacks_roughness_metallic = false;
-        }
-        look.texture = match (&material.texture, material.texture_size) {
-            (None, None) => look.texture.take(),
+        let map = |texels| SurfaceMap { texels: Some(texels), ..SurfaceMap::default() };
+        match (&given.texture, given.texture_size) {
+            (None, None) => {}
             (Some(file), None) => {
                 let image = self.image(file)?;
                 self.claim_texels(image.pixels() as u64, entry)?;
-                look.texture_borders = Borders::default();
-                Some(image.color(ColorSpace::of(&image)))
+                material.texture = map(image.color(ColorSpace::of(&image)));
             }
             (None, Some(size)) => {
                 let samples = (3 * size.0 as u64).saturating_mul(size.0 as u64);
                 self.at_most(entry, "samples of an image", MOST_SAMPLES, samples)?;
                 self.claim_texels(samples / 3, entry)?;
-                let color = look.base_color;
-                look.texture_borders = Borders::default();
-                Some(Tensor::from_flat_fn([size.0, size.0, 3], |k| color[k % 3]))
+                let color = material.base_color;
+                let texels = Tensor::from_flat_fn([size.0, size.0, 3], |k| color[k % 3]);
+                material.texture = map(texels);
             }
             _ => {
                 let rule = "a material has either `texture` or `texture_size`";
                 return Err(self.wrong(entry, rule));
             }
-        };
-        if let Some(file) = &material.normals {
+        }
+        if let Some(file) = &given.normals {
             let image = self.image(file)?;
             self.claim_texels(image.pixels() as u64, entry)?;
-            look.normal_map = Some(vectors(&image, 1.0));
-            look.normal_map_borders = Borders::default();
+            material.normal_map = map(vectors(&image, 1.0));
         }
         Ok(())
     }

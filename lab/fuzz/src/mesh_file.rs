@@ -53,9 +53,7 @@ fn check(model: &Model, folder: &Folder) {
         assert!(materials.all(|material| material < model.materials.len()));
     }
     for material in &model.materials {
-        let images =
-            [material.base_color_image, material.metallic_roughness_image, material.normal_image];
-        assert!(images.into_iter().flatten().all(|image| image < model.images.len()));
+        assert!(material.images().all(|image| image < model.images.len()));
     }
     for placed in &model.placed {
         assert!(placed.geometry < model.geometries.len() && placed.transform.is_finite());

@@ -153,9 +153,9 @@ fn what_label(what: &str) -> &'static str {
 
 fn maps(material: &MaterialFile) -> [(&'static str, Option<usize>); 3] {
     [
-        ("colour map", material.base_color_image),
-        ("metal map", material.metallic_roughness_image),
-        ("normal map", material.normal_image),
+        ("colour map", material.base_color_map.image),
+        ("metal map", material.metallic_roughness_map.image),
+        ("normal map", material.normal_map.image),
     ]
 }
 

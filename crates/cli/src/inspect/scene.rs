@@ -4,7 +4,8 @@ use std::path::Path;
 
 use bokashi_scene::description::{Description, Stage};
 use bokashi_scene::{
-    LearntKey, Object, Picture, Scene, SceneError, SceneFit, SurfaceLook, learnt_keys, lens_note,
+    LearntKey, Object, Picture, Scene, SceneError, SceneFit, SurfaceMaterial, learnt_keys,
+    lens_note,
 };
 use glam::DVec3;
 use serde_json::json;
@@ -99,9 +100,10 @@ fn inspect_object(object: &Object) -> Section {
     for (label, at) in ["least", "largest"].into_iter().zip(extent.into_iter().flatten()) {
         section.fact(label, numbers(at.to_array()), json!(at.to_array()));
     }
-    let looks = object.looks.iter().map(|look| inspect_look(&mut section, object, look));
-    let looks: Vec<serde_json::Value> = looks.collect();
-    section.silent("materials", json!(looks));
+    let materials =
+        object.materials.iter().map(|material| inspect_material(&mut section, object, material));
+    let materials: Vec<serde_json::Value> = materials.collect();
+    section.silent("materials", json!(materials));
     if let Some(colors) = &object.colors {
         section.fact("colours", "at vertices", colors.rows.shape()[0]);
     }
@@ -109,25 +111,29 @@ fn inspect_object(object: &Object) -> Section {
 }
 
 /// Adds what an object, or one of its materials, is made of.
-fn inspect_look(section: &mut Section, object: &Object, look: &SurfaceLook) -> serde_json::Value {
-    let of = |label: &str| match object.looks.len() {
+fn inspect_material(
+    section: &mut Section,
+    object: &Object,
+    material: &SurfaceMaterial,
+) -> serde_json::Value {
+    let of = |label: &str| match object.materials.len() {
         1 => label.to_owned(),
-        _ => format!("{label} of {:?}", look.name),
+        _ => format!("{label} of {:?}", material.name),
     };
-    let mut value = json!({ "name": look.name, "faces": look.faces.len() });
-    if look.texture.is_none() {
-        let color = look.base_color;
+    let mut value = json!({ "name": material.name, "faces": material.faces.len() });
+    if material.texture.texels.is_none() {
+        let color = material.base_color;
         section.fact(of("base colour"), numbers(color.map(f64::from)), json!(color));
         value["base_color"] = json!(color);
     }
     let maps = [
-        ("texture", &look.texture),
-        ("rough map", &look.roughness_metallic),
-        ("normal map", &look.normal_map),
+        ("texture", &material.texture),
+        ("rough map", &material.roughness_metallic),
+        ("normal map", &material.normal_map),
     ];
     for (label, map) in maps {
-        if let Some(map) = map {
-            let [height, width] = [map.shape()[0], map.shape()[1]];
+        if let Some(texels) = &map.texels {
+            let [height, width] = [texels.shape()[0], texels.shape()[1]];
             section.fact(of(label), format!("{width} x {height} texels"), json!([width, height]));
             value[label] = json!([width, height]);
         }

@@ -55,7 +55,7 @@ impl Start {
         let all = model.geometries.iter().enumerate();
         let drawn: Vec<_> = all.filter(|(k, _)| shown(*k).next().is_some()).collect();
         let material = |own: Option<usize>| own.and_then(|own| model.materials.get(own));
-        let has_image = |own| material(own).is_some_and(|own| own.base_color_image.is_some());
+        let has_image = |own| material(own).is_some_and(|own| own.base_color_map.image.is_some());
         let covered = drawn.iter().flat_map(|(_, own)| own.submeshes.iter().map(move |k| (own, k)));
         let colored = |(own, part): (&&Geometry, &Submesh)| covers(own.colors.as_ref(), part);
         let charted = |(own, part): (&&Geometry, &Submesh)| covers(own.coordinates.as_ref(), part);

@@ -82,7 +82,7 @@ struct Shown {
 impl Shown {
     fn new(model: &Model, geometry: &Geometry, submesh: &Submesh, place: &DMat4) -> Self {
         let material = submesh.material.and_then(|k| model.materials.get(k));
-        let image = material.and_then(|own| own.base_color_image);
+        let image = material.and_then(|own| own.base_color_map.image);
         let image = image.and_then(|k| model.images.get(k));
         let base = material.map_or([1.0; 3], |own| {
             let [red, green, blue, _] = own.base_color;

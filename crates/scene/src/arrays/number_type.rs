@@ -4,6 +4,7 @@ use std::fmt;
 
 use bokashi_fit::Stored;
 use half::{bf16, f16};
+use safetensors::Dtype;
 
 /// The type of the numbers of an array.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -47,21 +48,29 @@ pub(super) enum Refused {
 
 impl NumberType {
     /// All of them.
-    pub const ALL: [Self; 13] = [
-        Self::Bool,
-        Self::U8,
-        Self::U16,
-        Self::U32,
-        Self::U64,
-        Self::I8,
-        Self::I16,
-        Self::I32,
-        Self::I64,
-        Self::F16,
-        Self::Bf16,
-        Self::F32,
-        Self::F64,
-    ];
+    pub const ALL: [Self; 13] = {
+        use NumberType::*;
+        [Bool, U8, U16, U32, U64, I8, I16, I32, I64, F16, Bf16, F32, F64]
+    };
+
+    /// The name, the bytes of a number, what safetensors calls it, and what NumPy does.
+    const fn row(self) -> (&'static str, usize, Dtype, Option<&'static str>) {
+        match self {
+            Self::Bool => ("bool", 1, Dtype::BOOL, Some("b1")),
+            Self::U8 => ("u8", 1, Dtype::U8, Some("u1")),
+            Self::U16 => ("u16", 2, Dtype::U16, Some("u2")),
+            Self::U32 => ("u32", 4, Dtype::U32, Some("u4")),
+            Self::U64 => ("u64", 8, Dtype::U64, Some("u8")),
+            Self::I8 => ("i8", 1, Dtype::I8, Some("i1")),
+            Self::I16 => ("i16", 2, Dtype::I16, Some("i2")),
+            Self::I32 => ("i32", 4, Dtype::I32, Some("i4")),
+            Self::I64 => ("i64", 8, Dtype::I64, Some("i8")),
+            Self::F16 => ("f16", 2, Dtype::F16, Some("f2")),
+            Self::Bf16 => ("bf16", 2, Dtype::BF16, None),
+            Self::F32 => ("f32", 4, Dtype::F32, Some("f4")),
+            Self::F64 => ("f64", 8, Dtype::F64, Some("f8")),
+        }
+    }
 
     /// The type of the numbers `T`.
     pub(super) fn of<T: Stored>() -> Self {
@@ -70,31 +79,22 @@ impl NumberType {
 
     /// The bytes of a number.
     pub const fn bytes(self) -> usize {
-        match self {
-            Self::Bool | Self::U8 | Self::I8 => 1,
-            Self::U16 | Self::I16 | Self::F16 | Self::Bf16 => 2,
-            Self::U32 | Self::I32 | Self::F32 => 4,
-            Self::U64 | Self::I64 | Self::F64 => 8,
-        }
+        self.row().1
     }
 
     /// The name in Rust; that of `Bf16` is `bf16`.
     pub const fn name(self) -> &'static str {
-        match self {
-            Self::Bool => "bool",
-            Self::U8 => "u8",
-            Self::U16 => "u16",
-            Self::U32 => "u32",
-            Self::U64 => "u64",
-            Self::I8 => "i8",
-            Self::I16 => "i16",
-            Self::I32 => "i32",
-            Self::I64 => "i64",
-            Self::F16 => "f16",
-            Self::Bf16 => "bf16",
-            Self::F32 => "f32",
-            Self::F64 => "f64",
-        }
+        self.row().0
+    }
+
+    /// What NumPy calls it after the order of bytes, as `f4`; nothing for `bf16`.
+    pub(super) const fn numpy(self) -> Option<&'static str> {
+        self.row().3
+    }
+
+    /// What safetensors calls it.
+    pub(super) const fn dtype(self) -> Dtype {
+        self.row().2
     }
 
     /// The numbers of `bytes`, the lowest byte of each first, where `T` has them all.

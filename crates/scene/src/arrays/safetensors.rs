@@ -20,7 +20,6 @@
 use std::path::Path;
 
 use bokashi_core::Shape;
-use safetensors::Dtype;
 use safetensors::tensor::{Metadata, SafeTensors, TensorInfo};
 use serde::ser::{Serialize, SerializeMap as _, Serializer};
 
@@ -59,7 +58,7 @@ pub fn read_safetensors_bytes(bytes: &[u8], place: &Place) -> Result<ArrayFile, 
     all.sort_by(|(a, own), (b, other)| (own.data_offsets, a).cmp(&(other.data_offsets, b)));
     let mut file = ArrayFile::of_file(place.clone());
     for (name, info) in all {
-        let entry = match number_type(info.dtype) {
+        let entry = match NumberType::ALL.into_iter().find(|kind| kind.dtype() == info.dtype) {
             Some(kind) => {
                 let own = place_of(place, &name);
                 let (from, to) = info.data_offsets;
@@ -102,7 +101,7 @@ pub fn safetensors(arrays: &ArrayFile) -> Result<Vec<u8>, SceneError> {
         }
         let start = end;
         end += array.bytes().len();
-        let (dtype, shape) = (dtype(array.number_type()), array.shape().to_vec());
+        let (dtype, shape) = (array.number_type().dtype(), array.shape().to_vec());
         infos.push((name.to_owned(), TensorInfo { dtype, shape, data_offsets: (start, end) }));
     }
     // As readers will check it.
@@ -131,27 +130,5 @@ impl Serialize for Header<'_> {
         }
         self.infos.iter().try_for_each(|(name, info)| map.serialize_entry(name, info))?;
         map.end()
-    }
-}
-
-fn number_type(dtype: Dtype) -> Option<NumberType> {
-    NumberType::ALL.into_iter().find(|&own| self::dtype(own) == dtype)
-}
-
-fn dtype(kind: NumberType) -> Dtype {
-    match kind {
-        NumberType::Bool => Dtype::BOOL,
-        NumberType::U8 => Dtype::U8,
-        NumberType::U16 => Dtype::U16,
-        NumberType::U32 => Dtype::U32,
-        NumberType::U64 => Dtype::U64,
-        NumberType::I8 => Dtype::I8,
-        NumberType::I16 => Dtype::I16,
-        NumberType::I32 => Dtype::I32,
-        NumberType::I64 => Dtype::I64,
-        NumberType::F16 => Dtype::F16,
-        NumberType::Bf16 => Dtype::BF16,
-        NumberType::F32 => Dtype::F32,
-        NumberType::F64 => Dtype::F64,
     }
 }

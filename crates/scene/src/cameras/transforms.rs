@@ -297,33 +297,18 @@ impl Lens {
     /// What is said here, and where nothing is, what is said of all frames.
     fn or(self, all: &Self) -> Self {
         // A focal length of all frames does not go before an angle of this one.
-        let has_own_x = self.fl_x.is_some() || self.camera_angle_x.is_some();
-        let has_own_y = self.fl_y.is_some() || self.camera_angle_y.is_some();
-        let [all_x, all_y] = [!has_own_x, !has_own_y];
-        Self {
-            camera_model: self.camera_model.or_else(|| all.camera_model.clone()),
-            is_fisheye: self.is_fisheye.or(all.is_fisheye),
-            camera_angle_x: self.camera_angle_x.or(all.camera_angle_x.filter(|_| all_x)),
-            camera_angle_y: self.camera_angle_y.or(all.camera_angle_y.filter(|_| all_y)),
-            w: self.w.or(all.w),
-            h: self.h.or(all.h),
-            fl_x: self.fl_x.or(all.fl_x.filter(|_| all_x)),
-            fl_y: self.fl_y.or(all.fl_y.filter(|_| all_y)),
-            cx: self.cx.or(all.cx),
-            cy: self.cy.or(all.cy),
-            k1: self.k1.or(all.k1),
-            k2: self.k2.or(all.k2),
-            p1: self.p1.or(all.p1),
-            p2: self.p2.or(all.p2),
-            k3: self.k3.or(all.k3),
-            k4: self.k4.or(all.k4),
-            k5: self.k5.or(all.k5),
-            k6: self.k6.or(all.k6),
-            latlong: self.latlong.or_else(|| all.latlong.clone()),
-            rolling_shutter: self.rolling_shutter.or_else(|| all.rolling_shutter.clone()),
-            from_mitsuba: self.from_mitsuba.or_else(|| all.from_mitsuba.clone()),
-            from_na: self.from_na.or_else(|| all.from_na.clone()),
+        let mut all = all.clone();
+        if self.fl_x.is_some() || self.camera_angle_x.is_some() {
+            (all.fl_x, all.camera_angle_x) = (None, None);
         }
+        if self.fl_y.is_some() || self.camera_angle_y.is_some() {
+            (all.fl_y, all.camera_angle_y) = (None, None);
+        }
+        macro_rules! first {
+            ($($key:ident)*) => { Self { $($key: self.$key.or(all.$key),)* } };
+        }
+        first!(camera_model is_fisheye camera_angle_x camera_angle_y w h fl_x fl_y cx cy
+            k1 k2 p1 p2 k3 k4 k5 k6 latlong rolling_shutter from_mitsuba from_na)
     }
 
     /// The lens by its model and coefficients.

@@ -109,7 +109,7 @@ impl Learnable {
             Subjects::Meshes => scene.objects.iter().map(|object| object.name.clone()).collect(),
             Subjects::Materials => {
                 let names = |object: &Object| -> Vec<_> {
-                    object.looks.iter().map(|look| object.look_name(look)).collect()
+                    object.materials.iter().map(|material| object.material_name(material)).collect()
                 };
                 scene.objects.iter().flat_map(names).collect()
             }

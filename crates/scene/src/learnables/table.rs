@@ -7,7 +7,7 @@ use super::frame::scaled_intrinsics;
 use super::learnable::{Entry, Learnable, Moves, Subjects};
 use crate::cameras::Distortion;
 use crate::description::{Finite, Learn, LensEntry, LightEntry, LightPlace, NotNegative, Positive};
-use crate::object::SurfaceLook;
+use crate::object::SurfaceMaterial;
 use crate::scene::Scene;
 
 /// All rows.
@@ -91,17 +91,17 @@ pub(crate) static COLORS: Learnable = Learnable {
 /// A material's texture, `[H, W, 3]`, or without one its base colour, `[3]`.
 pub(crate) static TEXTURE: Learnable = Learnable {
     entry: |learn| learn.texture.as_ref().map(Entry::from),
-    refusal: |scene, material, name| {
-        look(scene, material)?.lacks_texture.then(|| missing_image("texture", name))
+    refusal: |scene, index, name| {
+        material(scene, index)?.texture.is_missing.then(|| missing_image("texture", name))
     },
-    start: |scene, material| {
-        let look = look(scene, material)?;
-        Some(look.texture.clone().unwrap_or(Tensor::from(look.base_color)))
+    start: |scene, index| {
+        let material = material(scene, index)?;
+        Some(material.texture.texels.clone().unwrap_or(Tensor::from(material.base_color)))
     },
-    apply: |scene, material, color, _| {
-        set_look(scene, material, |look| match color.shape().len() {
-            1 => look.base_color = std::array::from_fn(|k| color.data()[k]),
-            _ => look.texture = Some(color.clone()),
+    apply: |scene, index, color, _| {
+        set_material(scene, index, |material| match color.shape().len() {
+            1 => material.base_color = std::array::from_fn(|k| color.data()[k]),
+            _ => material.texture.texels = Some(color.clone()),
         });
         Ok(())
     },
@@ -323,18 +323,18 @@ const LENS: Learnable = Learnable {
 /// A channel of materials' maps of roughness and metallic.
 const fn channel<const CHANNEL: usize>(key: &'static str) -> Learnable {
     Learnable {
-        refusal: |scene, material, name| {
+        refusal: |scene, index, name| {
             let key = ["roughness", "metallic"][CHANNEL];
-            let lacks_map = look(scene, material)?.lacks_roughness_metallic;
+            let lacks_map = material(scene, index)?.roughness_metallic.is_missing;
             lacks_map.then(|| missing_image(key, name))
         },
-        start: |scene, material| {
-            let look = look(scene, material)?;
-            let number = [look.roughness, look.metallic][CHANNEL];
-            look.roughness_metallic_map(CHANNEL).or(Some(Tensor::scalar(number)))
+        start: |scene, index| {
+            let material = material(scene, index)?;
+            let number = [material.roughness, material.metallic][CHANNEL];
+            material.roughness_metallic_map(CHANNEL).or(Some(Tensor::scalar(number)))
         },
-        apply: |scene, material, map, _| {
-            set_look(scene, material, |look| set_channel(look, CHANNEL, map));
+        apply: |scene, index, map, _| {
+            set_material(scene, index, |material| set_channel(material, CHANNEL, map));
             Ok(())
         },
         ..share(key, Subjects::Materials)
@@ -357,13 +357,13 @@ fn number(number: f64) -> Option<Tensor<f32>> {
     Some(Tensor::scalar(number as f32))
 }
 
-fn look(scene: &Scene, index: usize) -> Option<&SurfaceLook> {
-    scene.objects.iter().flat_map(|object| &object.looks).nth(index)
+fn material(scene: &Scene, index: usize) -> Option<&SurfaceMaterial> {
+    scene.objects.iter().flat_map(|object| &object.materials).nth(index)
 }
 
-fn set_look(scene: &mut Scene, index: usize, set: impl Fn(&mut SurfaceLook)) {
-    let mut looks = scene.objects.iter_mut().flat_map(|object| &mut object.looks);
-    looks.nth(index).into_iter().for_each(set);
+fn set_material(scene: &mut Scene, index: usize, set: impl Fn(&mut SurfaceMaterial)) {
+    let mut materials = scene.objects.iter_mut().flat_map(|object| &mut object.materials);
+    materials.nth(index).into_iter().for_each(set);
 }
 
 fn set_lens(scene: &mut Scene, set: impl Fn(&mut LensEntry)) {
@@ -371,17 +371,17 @@ fn set_lens(scene: &mut Scene, set: impl Fn(&mut LensEntry)) {
 }
 
 /// Sets roughness, channel 0, or metallic, channel 1.
-fn set_channel(look: &mut SurfaceLook, channel: usize, learnt: &Tensor<f32>) {
+fn set_channel(material: &mut SurfaceMaterial, channel: usize, learnt: &Tensor<f32>) {
     let number = match channel {
-        0 => &mut look.roughness,
-        _ => &mut look.metallic,
+        0 => &mut material.roughness,
+        _ => &mut material.metallic,
     };
-    match &look.roughness_metallic {
+    match &material.roughness_metallic.texels {
         Some(maps) => {
             let both = Tensor::from_flat_fn(maps.shape(), |k| {
                 if k % 2 == channel { learnt.data()[k / 2] } else { maps.data()[k] }
             });
-            look.roughness_metallic = Some(both);
+            material.roughness_metallic.texels = Some(both);
         }
         None => *number = learnt.data()[0],
     }

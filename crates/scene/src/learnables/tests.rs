@@ -120,10 +120,11 @@ fn numbers(scene: &Scene) -> Vec<f64> {
     for object in &scene.objects {
         add(&object.positions);
         object.colors.iter().for_each(|colors| add(&colors.rows));
-        for look in &object.looks {
-            add(&Tensor::from(look.base_color));
-            add(&Tensor::from([look.roughness, look.metallic]));
-            [&look.texture, &look.roughness_metallic].into_iter().flatten().for_each(&mut add);
+        for material in &object.materials {
+            add(&Tensor::from(material.base_color));
+            add(&Tensor::from([material.roughness, material.metallic]));
+            let maps = [&material.texture, &material.roughness_metallic];
+            maps.into_iter().flat_map(|map| &map.texels).for_each(&mut add);
         }
     }
     scene.environment.iter().for_each(&mut add);

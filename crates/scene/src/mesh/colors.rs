@@ -63,12 +63,10 @@ pub(super) fn linear(
     rows
 }
 
-/// The light of a number of a file, both from 0 to 1.
+/// The light of a number of a file, both from 0 to 1. Numbers below 0, which no rule has, stay on the curve's
+/// first line.
 pub(super) fn decoded(number: f64) -> f32 {
-    (match number <= 0.04045 {
-        true => number / 12.92,
-        false => ((number + 0.055) / 1.055).powf(2.4),
-    }) as f32
+    (if number < 0.0 { number / 12.92 } else { ColorSpace::Srgb.decode(number) }) as f32
 }
 
 /// The number of a file, from 0 to 255, of light from 0 to 1. Light beyond is cut.
@@ -78,11 +76,7 @@ pub(super) fn encoded(light: f32) -> u8 {
 
 /// The number of a file, from 0 to 1, of light from 0 to 1. Light beyond is cut.
 pub(super) fn share(light: f32) -> f64 {
-    let light = f64::from(light.clamp(0.0, 1.0));
-    match light <= 0.003_130_8 {
-        true => 12.92 * light,
-        false => 1.055 * light.powf(1.0 / 2.4) - 0.055,
-    }
+    ColorSpace::Srgb.encode(light.clamp(0.0, 1.0).into())
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! The files that a mesh file names: they lie beside it, and in the scene's folder.
 
 use std::collections::HashMap;
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Place, SceneError};
@@ -43,6 +44,16 @@ impl<'a> MeshContext<'a> {
     /// A line of the mesh file.
     pub(super) fn line(&self, line: usize) -> Place {
         Place::line(self.folder.join(&self.path), line)
+    }
+
+    /// An error of the mesh file.
+    pub(super) fn error(&self, message: impl fmt::Display) -> SceneError {
+        SceneError::content(self.place(), message)
+    }
+
+    /// An error in a line of the mesh file.
+    pub(super) fn error_in(&self, line: usize, message: impl fmt::Display) -> SceneError {
+        SceneError::content(self.line(line), message)
     }
 
     /// The path of the file that the mesh file calls `name`, for messages and for reading. A backslash

@@ -31,6 +31,7 @@ mod write_ply;
 
 use std::path::Path;
 
+pub(crate) use self::gltf::unescaped;
 pub use self::options::MeshOptions;
 pub use self::write_glb::glb;
 pub use self::write_obj::{ObjFiles, obj};
@@ -140,7 +141,7 @@ pub fn read_model_bytes(
         if model.notes.len() > MOST_NOTES {
             found.push_str("; and more was left out");
         }
-        return Err(SceneError::content(context.place(), found));
+        return Err(context.error(found));
     }
     Ok(model)
 }

@@ -20,7 +20,7 @@ use serde_json::{Value, json};
 use super::check::{check, check_number, place};
 use super::unweld::{Unwelded, row_or};
 use crate::error::SceneError;
-use crate::model::{Borders, Geometry, Indexed, MaterialFile, Model, Placed, Submesh};
+use crate::model::{Borders, Geometry, Indexed, MaterialFile, MaterialMap, Model, Placed, Submesh};
 
 /// Targets of buffer views and types of components, as the specification numbers them.
 const ARRAY_BUFFER: u32 = 34962;
@@ -137,6 +137,21 @@ impl File {
         self.accessors.len() - 1
     }
 
+    /// Adds the rows of an attribute that vertices have, `none` where they have none: the number of their accessor,
+    /// and which submeshes have the attribute.
+    fn attribute<const N: usize>(
+        &mut self,
+        indexed: &Option<Indexed<N>>,
+        vertices: impl Iterator<Item = u32> + Clone,
+        none: [f32; N],
+        submeshes: &[Submesh],
+    ) -> Option<(usize, Vec<bool>)> {
+        let indexed = indexed.as_ref()?;
+        let accessor = self.rows(vertices.map(|row| row_or(indexed, row, none)), false);
+        let covered = submeshes.iter().map(|submesh| indexed.covers(&submesh.faces));
+        Some((accessor, covered.collect()))
+    }
+
     fn mesh(&mut self, geometry: &Geometry, materials: usize) -> Result<Value, SceneError> {
         check(geometry)?;
         let Geometry { name, positions, colors, coordinates, normals, tangents, submeshes, .. } =
@@ -146,31 +161,11 @@ impl File {
         let rows = named(0).map(|row| positions[row as usize]);
         let positions = self.rows(rows, true);
         // What stands where a vertex has no row is named by no primitive.
-        let colors = colors.as_ref().map(|own| {
-            (
-                self.rows(named(1).map(|row| row_or(own, row, [1.0; 3])), false),
-                covered(own, submeshes),
-            )
-        });
-        let coordinates = coordinates.as_ref().map(|own| {
-            (
-                self.rows(named(2).map(|row| row_or(own, row, [0.0; 2])), false),
-                covered(own, submeshes),
-            )
-        });
-        let normals = normals.as_ref().map(|own| {
-            let rows = named(3).map(|row| row_or(own, row, [0.0, 0.0, 1.0]));
-            (self.rows(rows, false), covered(own, submeshes))
-        });
-        let tangents = tangents.as_ref().map(|own| {
-            let rows = named(4).map(|row| row_or(own, row, [1.0, 0.0, 0.0, 1.0]));
-            (self.rows(rows, false), covered(own, submeshes))
-        });
         let attributes = [
-            ("COLOR_0", colors),
-            ("TEXCOORD_0", coordinates),
-            ("NORMAL", normals),
-            ("TANGENT", tangents),
+            ("COLOR_0", self.attribute(colors, named(1), [1.0; 3], submeshes)),
+            ("TEXCOORD_0", self.attribute(coordinates, named(2), [0.0; 2], submeshes)),
+            ("NORMAL", self.attribute(normals, named(3), [0.0, 0.0, 1.0], submeshes)),
+            ("TANGENT", self.attribute(tangents, named(4), [1.0, 0.0, 0.0, 1.0], submeshes)),
         ];
         let mut primitives = Vec::with_capacity(submeshes.len());
         for (k, Submesh { material, faces: own }) in submeshes.iter().enumerate() {
@@ -196,11 +191,6 @@ impl File {
         }
         Ok(named_value(json!({"primitives": primitives}), name))
     }
-}
-
-/// Which submeshes have an attribute.
-fn covered<const N: usize>(own: &Indexed<N>, submeshes: &[Submesh]) -> Vec<bool> {
-    submeshes.iter().map(|submesh| own.covers(&submesh.faces)).collect()
 }
 
 fn node(placed: &Placed, meshes: usize) -> Result<Value, SceneError> {
@@ -231,8 +221,8 @@ struct Textures {
 
 impl Textures {
     /// The texture of an image that goes on so.
-    fn of(&mut self, image: Option<usize>, borders: Borders) -> Result<Option<Value>, SceneError> {
-        let Some(image) = image else { return Ok(None) };
+    fn texture(&mut self, map: &MaterialMap) -> Result<Option<Value>, SceneError> {
+        let MaterialMap { image: Some(image), borders, .. } = *map else { return Ok(None) };
         check_number("image", image, self.images)?;
         let sampler = self.borders.iter().position(|own| *own == borders).unwrap_or_else(|| {
             self.borders.push(borders);
@@ -271,16 +261,14 @@ fn material_of(material: &MaterialFile, textures: &mut Textures) -> Result<Value
     let mut surface = json!({
         "baseColorFactor": base_color, "metallicFactor": metallic, "roughnessFactor": roughness
     });
-    if let Some(texture) = textures.of(material.base_color_image, material.base_color_borders)? {
+    if let Some(texture) = textures.texture(&material.base_color_map)? {
         surface["baseColorTexture"] = texture;
     }
-    if let Some(texture) =
-        textures.of(material.metallic_roughness_image, material.metallic_roughness_borders)?
-    {
+    if let Some(texture) = textures.texture(&material.metallic_roughness_map)? {
         surface["metallicRoughnessTexture"] = texture;
     }
     let mut value = json!({"pbrMetallicRoughness": surface});
-    if let Some(mut texture) = textures.of(material.normal_image, material.normal_borders)? {
+    if let Some(mut texture) = textures.texture(&material.normal_map)? {
         texture["scale"] = json!(normal_scale);
         value["normalTexture"] = texture;
     }

@@ -16,8 +16,8 @@ use super::check::{check, check_number, place};
 use super::colors::share;
 use super::obj::NO_MATERIAL;
 use crate::error::SceneError;
-use crate::model::{Borders, MaterialFile, Model, NO_ROW};
-use crate::picture::{Picture, Samples};
+use crate::model::{MaterialFile, MaterialMap, Model, NO_ROW};
+use crate::picture::Picture;
 
 /// The files of a model, which lie side by side.
 #[derive(Debug, Clone, PartialEq)]
@@ -92,34 +92,28 @@ impl ObjFiles {
             self.images.push((file.clone(), picture.encode_png(&place())?));
             Ok::<_, SceneError>(file)
         };
-        let found = |number: Option<usize>| {
-            number.map_or(Ok(None), |number| {
-                check_number("image", number, model.images.len())?;
-                Ok::<_, SceneError>(Some(&model.images[number]))
-            })
+        // The image of a map, and its options. MTL has no mirrored images, and one border for both axes.
+        let found = |map: &MaterialMap| {
+            let Some(number) = map.image else { return Ok(None) };
+            check_number("image", number, model.images.len())?;
+            let is_clamped = map.borders == [TextureBorder::Clamp; 2];
+            let clamp = if is_clamped { "-clamp on " } else { "" };
+            Ok::<_, SceneError>(Some((&model.images[number], clamp)))
         };
         let mut text = format!("newmtl {own}\n");
         // Writing to a string cannot fail.
         let _ =
             writeln!(text, "Kd {red} {green} {blue}\nd {opacity}\nPr {roughness}\nPm {metallic}");
-        // MTL has no mirrored images, and one border for both axes.
-        let clamp = |borders: Borders| match borders == [TextureBorder::Clamp; 2] {
-            true => "-clamp on ",
-            false => "",
-        };
-        if let Some(picture) = found(material.base_color_image)? {
-            let _ =
-                writeln!(text, "map_Kd {}{}", clamp(material.base_color_borders), image(picture)?);
+        if let Some((picture, clamp)) = found(&material.base_color_map)? {
+            let _ = writeln!(text, "map_Kd {clamp}{}", image(picture)?);
         }
-        if let Some(picture) = found(material.metallic_roughness_image)? {
+        if let Some((picture, clamp)) = found(&material.metallic_roughness_map)? {
             for (key, channel) in [("map_Pr", 1), ("map_Pm", 2)] {
-                let clamp = clamp(material.metallic_roughness_borders);
                 let _ = writeln!(text, "{key} {clamp}{}", image(&gray(picture, channel))?);
             }
         }
-        if let Some(picture) = found(material.normal_image)? {
-            let (clamp, scale) = (clamp(material.normal_borders), material.normal_scale);
-            let _ = writeln!(text, "norm {clamp}-bm {scale} {}", image(picture)?);
+        if let Some((picture, clamp)) = found(&material.normal_map)? {
+            let _ = writeln!(text, "norm {clamp}-bm {} {}", material.normal_scale, image(picture)?);
         }
         self.mtl.push_str(&text);
         Ok(())
@@ -221,15 +215,8 @@ impl ObjFiles {
 
 /// A channel of a picture as a gray one; of a gray one that channel.
 fn gray(picture: &Picture, channel: usize) -> Picture {
-    fn picked<S: Copy>(samples: &[S], channels: usize, channel: usize) -> Vec<S> {
-        samples.chunks_exact(channels).map(|pixel| pixel[channel]).collect()
-    }
     let Picture { width, height, channels, .. } = *picture;
     let channel = if channels < 3 { 0 } else { channel };
-    let samples = match &picture.samples {
-        Samples::U8(own) => Samples::U8(picked(own, channels, channel)),
-        Samples::U16(own) => Samples::U16(picked(own, channels, channel)),
-        Samples::F32(own) => Samples::F32(picked(own, channels, channel)),
-    };
+    let samples = picture.samples.picked((0..width * height).map(|k| k * channels + channel));
     Picture { width, height, channels: 1, samples }
 }

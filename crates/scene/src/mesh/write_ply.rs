@@ -39,7 +39,7 @@ pub fn ply(
         }
         numbers[number] = used.len() as i32;
         let material = &materials[number];
-        let file = material.base_color_image.and_then(&image);
+        let file = material.base_color_map.image.and_then(&image);
         // A line feed would begin another line of the header.
         let file = file.filter(|file| !file.contains(char::is_control));
         used.push((material, if file.is_some() { count } else { -1 }));

@@ -3,7 +3,7 @@
 //! The curve of sRGB is that of IEC 61966-2-1: `x = y / 12.92` up to `y = 0.04045`, and
 //! `x = ((y + 0.055) / 1.055)^2.4` from there on; with the sign below 0.
 
-use bokashi_core::Tensor;
+use bokashi_core::{Shape, Tensor};
 use bokashi_render_ops::RenderError;
 
 use super::samples::{Picture, Samples};
@@ -28,7 +28,7 @@ impl ColorSpace {
     }
 
     /// The light that a file's number stands for.
-    fn decode(self, y: f64) -> f64 {
+    pub(crate) fn decode(self, y: f64) -> f64 {
         let size = y.abs();
         match self {
             Self::Linear => y,
@@ -38,12 +38,12 @@ impl ColorSpace {
     }
 
     /// The light that each byte stands for.
-    fn of_bytes(self) -> [f32; 256] {
+    fn decoded_bytes(self) -> [f32; 256] {
         std::array::from_fn(|byte| self.decode(byte as f64 / 255.0) as f32)
     }
 
     /// The number of a file that stands for light.
-    fn encode(self, x: f64) -> f64 {
+    pub(crate) fn encode(self, x: f64) -> f64 {
         let size = x.abs();
         match self {
             Self::Linear => x,
@@ -64,33 +64,22 @@ pub enum Depth {
     ThirtyTwo,
 }
 
+/// The space of each sample of pixels with so many channels. No curve changes opacity, the last of two or four.
+fn spaces(channels: usize, space: ColorSpace) -> impl Fn(usize) -> ColorSpace {
+    move |index| match matches!(channels, 2 | 4) && index % channels == channels - 1 {
+        true => ColorSpace::Linear,
+        false => space,
+    }
+}
+
 impl Picture {
     /// All channels as linear light: `[H, W, C]`. No curve changes opacity.
     ///
     /// # Panics
     /// Where there are fewer samples than the size says.
     pub fn light(&self, space: ColorSpace) -> Tensor<f32> {
-        let (channels, opacity) = (self.channels, self.opacity_channel());
-        let space = |at: usize| match opacity {
-            Some(k) if at % channels == k => ColorSpace::Linear,
-            _ => space,
-        };
-        let shape = [self.height, self.width, channels];
-        match &self.samples {
-            Samples::U8(samples) => {
-                let table = [ColorSpace::Srgb, ColorSpace::Linear].map(ColorSpace::of_bytes);
-                Tensor::from_flat_fn(shape, |at| {
-                    table[usize::from(space(at) == ColorSpace::Linear)][usize::from(samples[at])]
-                })
-            }
-            Samples::U16(samples) => Tensor::from_flat_fn(shape, |at| {
-                space(at).decode(f64::from(samples[at]) / 65535.0) as f32
-            }),
-            Samples::F32(samples) => Tensor::from_flat_fn(shape, |at| match space(at) {
-                ColorSpace::Linear => samples[at],
-                space => space.decode(f64::from(samples[at])) as f32,
-            }),
-        }
+        let shape = [self.height, self.width, self.channels];
+        self.decoded(shape, |k| k, spaces(self.channels, space))
     }
 
     /// The colours as linear light: `[H, W, 3]`, red, green, blue. Gray is repeated.
@@ -98,26 +87,37 @@ impl Picture {
     /// # Panics
     /// Where there are fewer samples than the size says.
     pub fn color(&self, space: ColorSpace) -> Tensor<f32> {
-        let from =
-            |pixel: usize, k: usize| pixel * self.channels + if self.channels < 3 { 0 } else { k };
-        let shape = [self.height, self.width, 3];
+        let channel = |k: usize| if self.channels < 3 { 0 } else { k % 3 };
+        let index = |k: usize| k / 3 * self.channels + channel(k);
+        self.decoded([self.height, self.width, 3], index, |_| space)
+    }
+
+    /// The light of the samples with these indices, in the space that each has.
+    fn decoded(
+        &self,
+        shape: impl Into<Shape>,
+        index: impl Fn(usize) -> usize,
+        space: impl Fn(usize) -> ColorSpace,
+    ) -> Tensor<f32> {
         match &self.samples {
             Samples::U8(samples) => {
-                let table = space.of_bytes();
-                let light = |at: usize| table[usize::from(samples[at])];
-                Tensor::from_flat_fn(shape, |at| light(from(at / 3, at % 3)))
+                let [srgb, linear] =
+                    [ColorSpace::Srgb, ColorSpace::Linear].map(ColorSpace::decoded_bytes);
+                Tensor::from_flat_fn(shape, |k| {
+                    let byte = usize::from(samples[index(k)]);
+                    match space(index(k)) {
+                        ColorSpace::Srgb => srgb[byte],
+                        ColorSpace::Linear => linear[byte],
+                    }
+                })
             }
-            Samples::U16(samples) => {
-                let light = |at: usize| space.decode(f64::from(samples[at]) / 65535.0) as f32;
-                Tensor::from_flat_fn(shape, |at| light(from(at / 3, at % 3)))
-            }
-            Samples::F32(samples) if space == ColorSpace::Linear => {
-                Tensor::from_flat_fn(shape, |at| samples[from(at / 3, at % 3)])
-            }
-            Samples::F32(samples) => {
-                let light = |at: usize| space.decode(f64::from(samples[at])) as f32;
-                Tensor::from_flat_fn(shape, |at| light(from(at / 3, at % 3)))
-            }
+            Samples::U16(samples) => Tensor::from_flat_fn(shape, |k| {
+                space(index(k)).decode(f64::from(samples[index(k)]) / 65535.0) as f32
+            }),
+            Samples::F32(samples) => Tensor::from_flat_fn(shape, |k| match space(index(k)) {
+                ColorSpace::Linear => samples[index(k)],
+                ColorSpace::Srgb => ColorSpace::Srgb.decode(samples[index(k)].into()) as f32,
+            }),
         }
     }
 
@@ -165,20 +165,9 @@ impl Picture {
     /// # Panics
     /// As [`Picture::color`].
     pub fn channel(&self, k: usize) -> Option<Tensor<f32>> {
-        if k >= self.channels {
-            return None;
-        }
+        let index = |pixel: usize| pixel * self.channels + k;
         let shape = [self.height, self.width];
-        let at = |pixel: usize| pixel * self.channels + k;
-        Some(match &self.samples {
-            Samples::U8(samples) => {
-                Tensor::from_flat_fn(shape, |pixel| f32::from(samples[at(pixel)]) / 255.0)
-            }
-            Samples::U16(samples) => {
-                Tensor::from_flat_fn(shape, |pixel| f32::from(samples[at(pixel)]) / 65535.0)
-            }
-            Samples::F32(samples) => Tensor::from_flat_fn(shape, |pixel| samples[at(pixel)]),
-        })
+        (k < self.channels).then(|| self.decoded(shape, index, |_| ColorSpace::Linear))
     }
 
     /// The image of 8 bits of linear light `color: [H, W, C]`, clamped to 0 .. 1 and rounded; a NaN
@@ -201,10 +190,7 @@ impl Picture {
         depth: Depth,
     ) -> Result<Self, SceneError> {
         let [height, width, channels] = extents("an image of colours", light)?;
-        let spaces = |at: usize| {
-            let is_opacity = matches!(channels, 2 | 4) && at % channels == channels - 1;
-            if is_opacity { ColorSpace::Linear } else { space }
-        };
+        let spaces = spaces(channels, space);
         let all = light.data().iter().copied().enumerate();
         let whole = all.clone().map(|(at, light)| spaces(at).encode(light.clamp(0.0, 1.0).into()));
         let samples = match depth {

@@ -37,6 +37,15 @@ impl Samples {
             Self::F32(samples) => samples.len(),
         }
     }
+
+    /// Those with these indices.
+    pub(crate) fn picked(&self, indices: impl Iterator<Item = usize>) -> Self {
+        match self {
+            Self::U8(samples) => Self::U8(indices.map(|index| samples[index]).collect()),
+            Self::U16(samples) => Self::U16(indices.map(|index| samples[index]).collect()),
+            Self::F32(samples) => Self::F32(indices.map(|index| samples[index]).collect()),
+        }
+    }
 }
 
 /// An image in memory, row by row from the top.

@@ -6,7 +6,7 @@
 use std::fmt;
 use std::path::Path;
 
-use super::samples::{Picture, Samples};
+use super::samples::Picture;
 use crate::error::{Place, SceneError};
 use crate::folder::Folder;
 
@@ -32,30 +32,21 @@ impl Turn {
 
     /// The image once it is turned.
     pub(super) fn apply(self, picture: &Picture) -> Picture {
-        let size = [picture.width, picture.height];
-        let samples = match &picture.samples {
-            Samples::U8(samples) => Samples::U8(self.turned(samples, size, picture.channels)),
-            Samples::U16(samples) => Samples::U16(self.turned(samples, size, picture.channels)),
-            Samples::F32(samples) => Samples::F32(self.turned(samples, size, picture.channels)),
-        };
-        let [width, height] = self.size(size);
-        Picture { width, height, channels: picture.channels, samples }
-    }
-
-    fn turned<S: Copy>(self, samples: &[S], size: [usize; 2], channels: usize) -> Vec<S> {
-        let ([width, height], [new_width, new_height]) = (size, self.size(size));
+        let Picture { width, height, channels, .. } = *picture;
+        let [new_width, new_height] = self.size([width, height]);
         // Counted from the right or from below, in the image as it is stored.
         let [from_right, from_below] =
             [matches!(self.0, 2 | 3 | 7 | 8), matches!(self.0, 3 | 4 | 6 | 7)];
-        let mut turned = Vec::with_capacity(samples.len());
-        for (row, column) in (0..new_height).flat_map(|row| (0..new_width).map(move |x| (row, x))) {
+        let indices = (0..width * height * channels).map(|index| {
+            let (pixel, channel) = (index / channels, index % channels);
+            let (row, column) = (pixel / new_width, pixel % new_width);
             let [y, x] = if self.swaps() { [column, row] } else { [row, column] };
             let y = if from_below { height - 1 - y } else { y };
             let x = if from_right { width - 1 - x } else { x };
-            let start = (y * width + x) * channels;
-            turned.extend_from_slice(&samples[start..start + channels]);
-        }
-        turned
+            (y * width + x) * channels + channel
+        });
+        let samples = picture.samples.picked(indices);
+        Picture { width: new_width, height: new_height, channels, samples }
     }
 }
 
@@ -116,6 +107,7 @@ impl Picture {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::picture::Samples;
 
     #[test]
     fn each_turn_puts_each_pixel_where_viewers_show_it() {

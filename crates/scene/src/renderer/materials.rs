@@ -14,7 +14,7 @@ use crate::description::FilterName;
 use crate::error::SceneError;
 use crate::learnables::{COLORS, Learnable, METALLIC, ROUGHNESS, Recorded, TEXTURE, Values};
 use crate::model::Borders;
-use crate::object::{Attribute, Object, SurfaceLook};
+use crate::object::{Attribute, Object, SurfaceMap, SurfaceMaterial};
 
 /// Numbers of materials at the fragments of a view.
 pub(super) struct MaterialSamples<'t> {
@@ -126,16 +126,18 @@ impl MaterialSampler {
     ) -> Result<MaterialSamples<'t>, FitError> {
         let all = self.fragment_attributes(attributes, fragments)?;
         let groups = Groups::new(parts, objects, fragments);
-        let looks =
-            || objects.iter().flat_map(|object| object.looks.iter().map(move |k| (object, k)));
-        let with_maps = wanted.normals && looks().any(|(_, look)| look.normal_map.is_some());
+        let materials =
+            || objects.iter().flat_map(|object| object.materials.iter().map(move |k| (object, k)));
+        let has_map = |(_, material): (_, &SurfaceMaterial)| material.normal_map.texels.is_some();
+        let with_maps = wanted.normals && materials().any(has_map);
         let wanted = Wanted { normals: with_maps, ..wanted };
-        let samples = looks().zip(&groups.rows).filter_map(|((object, look), rows)| {
+        let samples = materials().zip(&groups.rows).filter_map(|((object, material), rows)| {
             let is_seen = rows.as_ref().is_none_or(|rows| !rows.is_empty());
             is_seen.then(|| {
-                let attributes = all.of_look(object, look, rows.as_ref())?;
-                let name = object.look_name(look);
-                let material = Material { name, look, values, attributes, filter: self.filter };
+                let attributes = all.for_material(object, material, rows.as_ref())?;
+                let name = object.material_name(material);
+                let material =
+                    SampledMaterial { name, material, values, attributes, filter: self.filter };
                 material.sample(wanted)
             })
         });
@@ -154,13 +156,17 @@ impl MaterialSampler {
         let join = |pick: fn(&MaterialSamples<'t>) -> Var<'t, f32>| {
             groups.join(&samples.iter().map(pick).collect::<Vec<_>>())
         };
-        let normals: Vec<_> = samples.iter().filter_map(|look| look.normals).collect();
+        let normals: Vec<_> = samples.iter().filter_map(|material| material.normals).collect();
         // Nobody wants the others.
         let is_plain = !wanted.reflection;
         Ok(MaterialSamples {
-            base_color: join(|look| look.base_color)?,
-            roughness: if is_plain { first.roughness } else { join(|look| look.roughness)? },
-            metallic: if is_plain { first.metallic } else { join(|look| look.metallic)? },
+            base_color: join(|material| material.base_color)?,
+            roughness: if is_plain {
+                first.roughness
+            } else {
+                join(|material| material.roughness)?
+            },
+            metallic: if is_plain { first.metallic } else { join(|material| material.metallic)? },
             normals: with_maps.then(|| groups.join(&normals)).transpose()?,
         })
     }
@@ -188,11 +194,11 @@ impl MaterialSampler {
 }
 
 impl<'t> FragmentAttributes<'t> {
-    /// At the fragments of a look; without what its faces have none of.
-    fn of_look(
+    /// At the fragments of a material; without what its faces have none of.
+    fn for_material(
         &self,
         object: &Object,
-        look: &SurfaceLook,
+        material: &SurfaceMaterial,
         rows: Option<&Arc<[u32]>>,
     ) -> Result<Self, TensorError> {
         let gather = |all: Option<Var<'t, f32>>, is_there: bool| match (all, rows) {
@@ -201,7 +207,7 @@ impl<'t> FragmentAttributes<'t> {
             _ => Ok(None),
         };
         let covers = |attribute: Option<&Attribute>| {
-            attribute.is_some_and(|attribute| attribute.covers(&look.faces))
+            attribute.is_some_and(|attribute| attribute.covers(&material.faces))
         };
         let is_placed = covers(object.coordinates_of_maps());
         Ok(Self {
@@ -214,34 +220,35 @@ impl<'t> FragmentAttributes<'t> {
 }
 
 /// A material at its fragments.
-struct Material<'t, 'a> {
+struct SampledMaterial<'t, 'a> {
     /// What parameters call it.
     name: String,
-    look: &'a SurfaceLook,
+    material: &'a SurfaceMaterial,
     values: &'a Values<'t, 'a>,
     attributes: FragmentAttributes<'t>,
     filter: FilterName,
 }
 
-impl<'t> Material<'t, '_> {
+impl<'t> SampledMaterial<'t, '_> {
     fn sample(&self, wanted: Wanted) -> Result<MaterialSamples<'t>, FitError> {
         let number = |row, channel, fixed| match wanted.reflection {
             true => self.number(row, channel, fixed),
             false => Ok(self.values.tape.constant_scalar(0.0)),
         };
-        let look = self.look;
+        let material = self.material;
         Ok(MaterialSamples {
             base_color: self.base_color()?,
-            roughness: number(&ROUGHNESS, 0, look.roughness)?,
-            metallic: number(&METALLIC, 1, look.metallic)?,
+            roughness: number(&ROUGHNESS, 0, material.roughness)?,
+            metallic: number(&METALLIC, 1, material.metallic)?,
             normals: wanted.normals.then(|| self.normals()).transpose()?,
         })
     }
 
     fn base_color(&self) -> Recorded<'t> {
-        let SurfaceLook { texture, texture_borders, base_color, .. } = self.look;
-        let texels = texture.as_ref().map(|fixed| self.values.tensor(&TEXTURE, &self.name, fixed));
-        let texture = self.sample_map(texels, *texture_borders)?;
+        let SurfaceMaterial { texture: SurfaceMap { texels, borders, .. }, base_color, .. } =
+            self.material;
+        let texels = texels.as_ref().map(|fixed| self.values.tensor(&TEXTURE, &self.name, fixed));
+        let texture = self.sample_map(texels, *borders)?;
         let color = || self.values.triple(&TEXTURE, &self.name, *base_color);
         Ok(match (texture, self.attributes.colors) {
             (Some(texture), Some(colors)) => texture.try_mul(colors)?,
@@ -253,10 +260,10 @@ impl<'t> Material<'t, '_> {
 
     /// Roughness or metallic: a channel of their map, or a number.
     fn number(&self, row: &Learnable, channel: usize, fixed: f32) -> Recorded<'t> {
-        let map = self.look.roughness_metallic_map(channel);
+        let map = self.material.roughness_metallic_map(channel);
         let texels = map.map(|fixed| self.values.tensor(row, &self.name, &fixed));
         let count = self.attributes.count;
-        Ok(match self.sample_map(texels, self.look.roughness_metallic_borders)? {
+        Ok(match self.sample_map(texels, self.material.roughness_metallic.borders)? {
             Some(samples) => samples.reshape([count])?,
             None => {
                 let number = self.values.number(row, &self.name, fixed.into());
@@ -268,9 +275,9 @@ impl<'t> Material<'t, '_> {
     /// Vectors of the normal map; straight up without one.
     fn normals(&self) -> Recorded<'t> {
         let up = Tensor::from_flat_fn([1, 3], |k| [0.0, 0.0, 1.0][k]);
-        let SurfaceLook { normal_map, normal_map_borders, .. } = self.look;
-        let texels = normal_map.as_ref().map(|fixed| self.values.tape.constant(fixed));
-        Ok(match self.sample_map(texels, *normal_map_borders)? {
+        let SurfaceMap { texels, borders, .. } = &self.material.normal_map;
+        let texels = texels.as_ref().map(|fixed| self.values.tape.constant(fixed));
+        Ok(match self.sample_map(texels, *borders)? {
             Some(samples) => samples,
             None => self.ones().try_mul(self.values.tape.constant(&up))?,
         })
@@ -307,7 +314,7 @@ impl<'t> Material<'t, '_> {
     }
 }
 
-/// The fragments of each look, all of them where there is one; and where each fragment then is.
+/// The fragments of each material, all of them where there is one; and where each fragment then is.
 struct Groups {
     rows: Vec<Option<Arc<[u32]>>>,
     back: Option<Arc<[u32]>>,
@@ -319,7 +326,7 @@ impl Groups {
         let mut firsts = Vec::with_capacity(objects.len());
         for object in objects {
             firsts.push(count);
-            count += object.looks.len();
+            count += object.materials.len();
         }
         if count <= 1 {
             return Self { rows: vec![None; count], back: None };
@@ -327,7 +334,7 @@ impl Groups {
         let mut rows = vec![Vec::new(); count];
         for (fragment, face) in fragments.coverage.faces().enumerate() {
             let [object, face] = parts.face_of_object(face);
-            rows[firsts[object] + objects[object].look_of(face)].push(fragment as u32);
+            rows[firsts[object] + objects[object].material_of(face)].push(fragment as u32);
         }
         let mut back = vec![0; fragments.coverage.count()];
         for (row, &fragment) in rows.iter().flatten().enumerate() {
@@ -337,7 +344,7 @@ impl Groups {
         Self { rows, back: Some(back.into()) }
     }
 
-    /// Rows of the looks that are seen, one after another, as rows of fragments.
+    /// Rows of the materials that are seen, one after another, as rows of fragments.
     fn join<'t>(&self, samples: &[Var<'t, f32>]) -> Recorded<'t> {
         let all = match samples {
             [only] => *only,

@@ -21,7 +21,7 @@ use super::materials::Indexed;
 use super::parts::{Part, Parts};
 use crate::error::SceneError;
 use crate::learnables::{Frame, POSE, Recorded, Values};
-use crate::object::{Attribute, Object, SurfaceLook};
+use crate::object::{Attribute, Object, SurfaceMaterial};
 use crate::scene::Scene;
 
 /// How corners share normals, and tangents where some object has a normal map.
@@ -97,7 +97,7 @@ impl Normals {
             let object = &scene.objects[part.object];
             let corners = corners(part, object)?;
             let of_file = object.normals.as_ref().filter(|_| !scene.learns_vertices(object));
-            // Faces of a look without normals have the row beyond the last at their corners.
+            // Faces of a material without normals have the row beyond the last at their corners.
             let count = object.normals.as_ref().map_or(0, |normals| normals.rows.shape()[0]);
             let pairs = || {
                 let faces = part.mesh.faces().iter().zip(corners.faces());
@@ -215,16 +215,17 @@ impl Tangents {
                 first += count;
                 let mut seen = HashMap::new();
                 for (face, corner) in faces_of_place.iter().enumerate() {
-                    let look = &object.looks[object.look_of(face)];
+                    let material = &object.materials[object.material_of(face)];
                     let of_file =
-                        of_file.as_ref().filter(|(_, tangents)| tangents.covers(&look.faces));
+                        of_file.as_ref().filter(|(_, tangents)| tangents.covers(&material.faces));
                     if let Some((wound, _)) = of_file {
                         // Counted from the end: how many come before is not known yet.
                         let row = |row: u32| u32::MAX - 1 - (given_rows + row);
                         shown.push(wound.faces()[face].map(row));
                         continue;
                     }
-                    let Some((wound, values)) = mapped.as_ref().filter(|_| is_mapped(object, look))
+                    let Some((wound, values)) =
+                        mapped.as_ref().filter(|_| is_mapped(object, material))
                     else {
                         // No row: filled in below, when their number is known.
                         shown.push([u32::MAX; 3]);
@@ -322,13 +323,13 @@ impl FileDirections {
 
 /// Whether a normal map can be looked up anywhere.
 fn has_map(object: &Object) -> bool {
-    object.looks.iter().any(|look| is_mapped(object, look))
+    object.materials.iter().any(|material| is_mapped(object, material))
 }
 
-/// Whether a look has a normal map that can be looked up.
-fn is_mapped(object: &Object, look: &SurfaceLook) -> bool {
-    let covers = |attribute: &Attribute| attribute.covers(&look.faces);
-    look.normal_map.is_some() && object.coordinates.as_ref().is_some_and(covers)
+/// Whether a material has a normal map that can be looked up.
+fn is_mapped(object: &Object, material: &SurfaceMaterial) -> bool {
+    let covers = |attribute: &Attribute| attribute.covers(&material.faces);
+    material.normal_map.texels.is_some() && object.coordinates.as_ref().is_some_and(covers)
 }
 
 /// The normals of a part's corners in its object's file, or its vertices.

@@ -10,7 +10,9 @@ use glam::{DMat4, DVec3};
 use super::Renderer;
 use crate::learnables::Values;
 use crate::mesh::glb;
-use crate::model::{Borders, Geometry, Indexed, MaterialFile, Model, NO_ROW, Placed, Submesh};
+use crate::model::{
+    Borders, Geometry, Indexed, MaterialFile, MaterialMap, Model, NO_ROW, Placed, Submesh,
+};
 use crate::picture::{Picture, Samples};
 use crate::scene::Scene;
 use crate::shapes;
@@ -94,7 +96,10 @@ fn walls(bytes: [u8; 3], placed: &[(usize, DMat4)]) -> Model {
     });
     Model {
         geometries: vec![wall(0), wall(1)],
-        materials: vec![grey.clone(), MaterialFile { normal_image: Some(0), ..grey }],
+        materials: vec![
+            grey.clone(),
+            MaterialFile { normal_map: MaterialMap::new(0, Borders::default()), ..grey },
+        ],
         images: vec![map],
         placed: placed.collect(),
         notes: vec![],
@@ -279,8 +284,7 @@ fn textures_go_on_beyond_their_edges_as_their_files_say() {
             let mut model = walls([0; 3], &[(0, DMat4::IDENTITY)]);
             model.images = vec![texture.clone()];
             model.materials = vec![MaterialFile {
-                base_color_image: Some(0),
-                base_color_borders: borders,
+                base_color_map: MaterialMap::new(0, borders),
                 ..MaterialFile::default()
             }];
             model.geometries.truncate(1);
@@ -363,7 +367,7 @@ fn texture_base_colour_and_colours_at_vertices_are_multiplied() {
         for has_colors in [false, true] {
             let mut model = walls([128, 128, 255], &[(0, DMat4::IDENTITY)]);
             model.images.push(image.clone());
-            model.materials[0].base_color_image = has_image.then_some(1);
+            model.materials[0].base_color_map.image = has_image.then_some(1);
             let wall = &mut model.geometries[0];
             let faces = wall.faces.clone();
             wall.colors = has_colors.then(|| Indexed { rows: vec![[0.25, 0.5, 0.75]; 4], faces });
@@ -412,14 +416,14 @@ fn maps_of_normals_and_roughness_go_on_as_their_files_say() {
     let rest = "surface = \"metallic-roughness\"\ntexture_filter = \"bilinear\"\n\
                 silhouettes = \"aliased\"\n[[lights]]\nkind = \"directional\"\n\
                 direction = [1, 2, 9]\ncolor = [3, 3, 3]\n";
-    let drawn = |images: [Picture; 2], material: MaterialFile, is_wide: bool| {
+    let drawn = |images: [Picture; 2], [normals, roughness]: [Borders; 2], is_wide: bool| {
         let mut model = walls([0; 3], &[(0, DMat4::IDENTITY)]);
         model.images = images.to_vec();
         model.materials = vec![MaterialFile {
             base_color: [0.8, 0.8, 0.8, 1.0],
-            normal_image: Some(0),
-            metallic_roughness_image: Some(1),
-            ..material
+            normal_map: MaterialMap::new(0, normals),
+            metallic_roughness_map: MaterialMap::new(1, roughness),
+            ..MaterialFile::default()
         }];
         model.geometries.truncate(1);
         if is_wide {
@@ -429,14 +433,9 @@ fn maps_of_normals_and_roughness_go_on_as_their_files_say() {
         image(&model, rest)
     };
     for (own, other) in [([Clamp, Mirror], [Wrap, Clamp]), ([Mirror, Wrap], [Clamp, Wrap])] {
-        let material = MaterialFile {
-            normal_borders: own,
-            metallic_roughness_borders: other,
-            ..MaterialFile::default()
-        };
-        let found = drawn([normals.clone(), roughness.clone()], material, true);
+        let found = drawn([normals.clone(), roughness.clone()], [own, other], true);
         let images = [continued(&normals, own), continued(&roughness, other)];
-        let expected = drawn(images, MaterialFile::default(), false);
+        let expected = drawn(images, [Borders::default(); 2], false);
         let mut lit = 0;
         for (pixel, (found, expected)) in
             found.data().chunks(3).zip(expected.data().chunks(3)).enumerate()

@@ -22,10 +22,8 @@ pub fn share_seen(object: &Object, camera: &Camera) -> f64 {
             (-HALF..width - HALF).contains(&at.x) && (-HALF..height - HALF).contains(&at.y)
         })
     };
-    let vertices = object.positions.data().chunks_exact(3);
-    let vertices = vertices.map(|p| DVec3::new(p[0].into(), p[1].into(), p[2].into()));
-    let places = object.places.iter();
-    let all = places.flat_map(|place| vertices.clone().map(|at| place.transform_point3(at)));
+    let all = object.places.iter();
+    let all = all.flat_map(|place| object.points().map(|point| place.transform_point3(point)));
     let (mut seen, mut count) = (0_usize, 0_usize);
     for place in all {
         seen += usize::from(is_seen(place));
@@ -103,7 +101,7 @@ mod tests {
 
     fn cube(place: DMat4) -> Object {
         let (name, model) = ("cube".to_owned(), Model::default());
-        Object::of_geometry(name, &shapes::cube(12), &model, vec![place]).unwrap()
+        Object::from_geometry(name, &shapes::cube(12), &model, vec![place]).unwrap()
     }
 
     #[test]

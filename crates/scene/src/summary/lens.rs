@@ -95,12 +95,7 @@ fn most_bent(
     let [fx, fy, cx, cy] = camera.intrinsics;
     let [width, height] = [camera.size.width, camera.size.height].map(|extent| extent as f64);
     let seen = camera.view * *place;
-    let points: Vec<_> = object
-        .positions
-        .data()
-        .chunks_exact(3)
-        .map(|p| seen.transform_point3(DVec3::new(p[0].into(), p[1].into(), p[2].into())))
-        .collect();
+    let points: Vec<_> = object.points().map(|point| seen.transform_point3(point)).collect();
     let is_long = |&&[a, b]: &&[u32; 2]| {
         let [a, b] = [a, b].map(|k| points[k as usize]);
         let near = a.length_squared().min(b.length_squared());

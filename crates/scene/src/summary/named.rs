@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use crate::error::SceneError;
 use crate::folder::Folder;
-use crate::mesh::MeshKind;
+use crate::mesh::{MeshKind, unescaped};
 
 /// The most bytes of a PLY file that are searched: its header stands there.
 const LONGEST_HEADER: usize = 1 << 20;
@@ -50,7 +50,9 @@ pub fn named_files(folder: &Folder, path: impl AsRef<Path>) -> Result<Vec<PathBu
         }
         MeshKind::Gltf => {
             for uri in uris(&bytes) {
-                found.add(beside, &unescaped(&uri))?;
+                // Readers refuse what can't be unescaped.
+                let name = unescaped(&uri).unwrap_or(uri.as_bytes().into());
+                found.add(beside, &String::from_utf8_lossy(&name))?;
             }
         }
     }
@@ -139,27 +141,6 @@ fn uris(bytes: &[u8]) -> Vec<String> {
     let lists = ["buffers", "images"].map(|list| root[list].as_array().cloned());
     let uris = lists.iter().flatten().flatten().filter_map(|own| own["uri"].as_str());
     uris.filter(|uri| !uri.starts_with("data:")).map(str::to_owned).collect()
-}
-
-/// A text with `%20` and its like as what they stand for.
-fn unescaped(text: &str) -> String {
-    let mut bytes = Vec::with_capacity(text.len());
-    let mut left = text.as_bytes();
-    while let Some((&byte, rest)) = left.split_first() {
-        let digits = rest.get(..2).and_then(|digits| std::str::from_utf8(digits).ok());
-        let code = digits.and_then(|digits| u8::from_str_radix(digits, 16).ok());
-        match code.filter(|_| byte == b'%') {
-            Some(code) => {
-                bytes.push(code);
-                left = &rest[2..];
-            }
-            None => {
-                bytes.push(byte);
-                left = rest;
-            }
-        }
-    }
-    String::from_utf8_lossy(&bytes).into_owned()
 }
 
 #[cfg(test)]

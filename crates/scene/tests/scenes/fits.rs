@@ -77,7 +77,7 @@ fn paint(scene: &mut Scene, balls: &[Ball]) {
         let colors: Vec<_> = colors.map(|x| x as f32).collect();
         let rows = Tensor::from_flat_fn([colors.len() / 3, 3], |k| colors[k]);
         object.colors = Some(Attribute { rows, indices: object.mesh.clone() });
-        object.looks[0].base_color = [1.0; 3];
+        object.materials[0].base_color = [1.0; 3];
     }
 }
 
@@ -143,7 +143,7 @@ views_per_step = 4
     let vertices = scene.objects[0].positions.shape()[0];
     let rows = Tensor::full([vertices, 3], 0.5);
     scene.objects[0].colors = Some(Attribute { rows, indices: scene.objects[0].mesh.clone() });
-    scene.objects[0].looks[0].base_color = [1.0; 3];
+    scene.objects[0].materials[0].base_color = [1.0; 3];
     let [psnr, iou] = held_out(&fitted(scene));
     assert!(iou > 0.97, "{iou}");
     assert!(psnr > 25.0, "{psnr} dB");

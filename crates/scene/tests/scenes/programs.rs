@@ -7,8 +7,8 @@ use std::sync::Arc;
 use bokashi_core::{Tape, Tensor};
 use bokashi_scene::glam::{DMat4, DVec3};
 use bokashi_scene::{
-    Folder, Geometry, Indexed, MaterialFile, Model, Picture, Place, Placed, Renderer, Samples,
-    Scene, SceneFit, Submesh, Values, glb, most_bent_edges, read_model,
+    Borders, Folder, Geometry, Indexed, MaterialFile, MaterialMap, Model, Picture, Place, Placed,
+    Renderer, Samples, Scene, SceneFit, Submesh, Values, glb, most_bent_edges, read_model,
 };
 
 /// Columns and rows of all images here.
@@ -566,7 +566,10 @@ fn what_a_scene_does_not_do_of_its_meshes_is_noted() {
         submeshes: vec![Submesh { material: Some(0), faces: 0..1 }],
     };
     let notes = |geometry: Geometry, rest: &str| {
-        let material = MaterialFile { normal_image: Some(0), ..MaterialFile::default() };
+        let material = MaterialFile {
+            normal_map: MaterialMap::new(0, Borders::default()),
+            ..MaterialFile::default()
+        };
         let placed = Placed { name: String::new(), geometry: 0, transform: DMat4::IDENTITY };
         let model = Model {
             geometries: vec![geometry],
@@ -663,8 +666,11 @@ fn a_surface_of_several_materials_is_learnt_as_one() {
     let [left, right] = ["texture/ball/a", "texture/ball/b"].map(|name| value(&both, name));
     assert_ne!(left, right);
     let learnt = both.learnt().unwrap();
-    let looks = &learnt.objects[0].looks;
-    assert_eq!([&looks[0].base_color[..], &looks[1].base_color[..]], [&left[..], &right[..]]);
+    let materials = &learnt.objects[0].materials;
+    assert_eq!(
+        [&materials[0].base_color[..], &materials[1].base_color[..]],
+        [&left[..], &right[..]]
+    );
     // What is written has them, and one set of vertices.
     let out = folder.join("out");
     learnt.save_results(&out).unwrap();

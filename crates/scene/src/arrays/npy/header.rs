@@ -170,30 +170,17 @@ fn element(code: &str) -> Element {
     let mut letters = code.chars();
     let order = letters.next();
     let is_big_endian = order == Some('>');
-    let kind = match letters.as_str() {
-        "b1" => NumberType::Bool,
-        "u1" => NumberType::U8,
-        "u2" => NumberType::U16,
-        "u4" => NumberType::U32,
-        "u8" => NumberType::U64,
-        "i1" => NumberType::I8,
-        "i2" => NumberType::I16,
-        "i4" => NumberType::I32,
-        "i8" => NumberType::I64,
-        "f2" => NumberType::F16,
-        "f4" => NumberType::F32,
-        "f8" => NumberType::F64,
-        other => {
-            let what = match other.chars().next() {
-                Some('O') => "Python objects",
-                Some('c') => "complex numbers",
-                Some('U' | 'S' | 'a') => "texts",
-                Some('M' | 'm') => "times",
-                Some('V') => "raw bytes",
-                _ => "none that is known",
-            };
-            return Element::Foreign(foreign(format!("{what}, {code:?}")));
-        }
+    let letters = letters.as_str();
+    let Some(kind) = NumberType::ALL.into_iter().find(|kind| kind.numpy() == Some(letters)) else {
+        let what = match letters.chars().next() {
+            Some('O') => "Python objects",
+            Some('c') => "complex numbers",
+            Some('U' | 'S' | 'a') => "texts",
+            Some('M' | 'm') => "times",
+            Some('V') => "raw bytes",
+            _ => "none that is known",
+        };
+        return Element::Foreign(foreign(format!("{what}, {code:?}")));
     };
     match order {
         Some('<' | '>') => Element::Number { kind, is_big_endian },
@@ -203,20 +190,7 @@ fn element(code: &str) -> Element {
 }
 
 /// What NumPy calls numbers of this type, the lowest byte first; it has no `bf16`.
-pub(super) fn code(kind: NumberType) -> Option<&'static str> {
-    Some(match kind {
-        NumberType::Bool => "|b1",
-        NumberType::U8 => "|u1",
-        NumberType::U16 => "<u2",
-        NumberType::U32 => "<u4",
-        NumberType::U64 => "<u8",
-        NumberType::I8 => "|i1",
-        NumberType::I16 => "<i2",
-        NumberType::I32 => "<i4",
-        NumberType::I64 => "<i8",
-        NumberType::F16 => "<f2",
-        NumberType::F32 => "<f4",
-        NumberType::F64 => "<f8",
-        NumberType::Bf16 => return None,
-    })
+pub(super) fn code(kind: NumberType) -> Option<String> {
+    let order = if kind.bytes() == 1 { '|' } else { '<' };
+    Some(format!("{order}{}", kind.numpy()?))
 }

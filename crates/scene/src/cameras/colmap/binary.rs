@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
-use super::records::{ColmapPoint, Lens, MODELS, Numbered, Shot, camera, parameters_of};
+use super::records::{self, ColmapPoint, Lens, MODELS, Numbered, Shot, camera};
 use crate::error::{Place, SceneError};
 
 /// The least bytes of a record of each file.
@@ -94,9 +94,9 @@ pub(super) fn lenses(bytes: &[u8], place: &Place) -> Result<Vec<Lens>, SceneErro
         let known = usize::try_from(model).ok().and_then(|model| MODELS.get(model));
         let model = known.map_or_else(|| format!("number {model}"), |(name, _)| (*name).to_owned());
         let size = [bytes.u64()?, bytes.u64()?];
-        let count = parameters_of(&model).map_err(|found| bytes.error(found))?;
+        let count = records::model(&model).map_err(|rule| bytes.error(rule))?.parameters();
         let parameters: Result<Vec<f64>, _> = (0..count).map(|_| bytes.f64()).collect();
-        let camera = camera(&model, size, &parameters?).map_err(|found| bytes.error(found))?;
+        let camera = camera(&model, size, &parameters?).map_err(|rule| bytes.error(rule))?;
         Ok(Lens { number, camera })
     };
     let count = bytes.count(LEAST_OF_CAMERA)?;

@@ -7,34 +7,30 @@ use super::{binary, text};
 use crate::error::{Place, SceneError};
 use crate::folder::Folder;
 
-/// A file's contents.
-pub(super) enum Found {
-    Binary(Vec<u8>),
-    Text(String),
-}
-
-/// The file `name`, binary or text, and where it lies.
+/// The records of the file `name`, whose form, binary or text, says what reads it; and where it lies.
 ///
 /// # Errors
-/// What keeps it from being read.
-pub(super) fn read(folder: &Folder, path: &Path, name: &str) -> Result<(Found, Place), SceneError> {
-    let binary = path.join(format!("{name}.bin"));
-    if folder.find(&binary).is_ok() {
-        return Ok((Found::Binary(folder.read(&binary)?), Place::of(folder.join(binary))));
+/// What keeps it from being read, and what is wrong with it.
+pub(super) fn read<R>(
+    folder: &Folder,
+    path: &Path,
+    name: &str,
+    binary: impl Fn(&[u8], &Place) -> Result<Vec<R>, SceneError>,
+    text: impl Fn(&str, &Place) -> Result<Vec<R>, SceneError>,
+) -> Result<(Vec<R>, Place), SceneError> {
+    let [file, other] = ["bin", "txt"].map(|ending| path.join(format!("{name}.{ending}")));
+    if folder.find(&file).is_ok() {
+        let (bytes, place) = (folder.read(&file)?, Place::of(folder.join(file)));
+        return Ok((binary(&bytes, &place)?, place));
     }
-    let text = path.join(format!("{name}.txt"));
-    Ok((Found::Text(folder.read_text(&text)?), Place::of(folder.join(text))))
+    let (words, place) = (folder.read_text(&other)?, Place::of(folder.join(other)));
+    Ok((text(&words, &place)?, place))
 }
 
 /// The images of a model, and where they are.
 ///
 /// # Errors
-/// What is wrong with the file.
+/// As [`read`].
 pub(super) fn shots(folder: &Folder, path: &Path) -> Result<(Vec<Shot>, Place), SceneError> {
-    let (found, place) = read(folder, path, "images")?;
-    let shots = match found {
-        Found::Binary(bytes) => binary::shots(&bytes, &place)?,
-        Found::Text(text) => text::shots(&text, &place)?,
-    };
-    Ok((shots, place))
+    read(folder, path, "images", binary::shots, text::shots)
 }

@@ -20,7 +20,7 @@
 
 mod binary;
 mod files;
-mod found;
+mod models;
 mod records;
 #[cfg(test)]
 mod tests;
@@ -29,8 +29,8 @@ mod text;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use self::files::{Found, read, shots};
-pub use self::found::find_colmap;
+use self::files::{read, shots};
+pub use self::models::find_colmap;
 pub use self::records::ColmapPoint;
 use self::records::{Lens, Shot};
 use crate::cameras::camera::NamedView;
@@ -57,11 +57,7 @@ pub fn read_colmap(
 ) -> Result<CameraFile, SceneError> {
     let (path, note) = find_colmap(folder, path);
     let mut notes: Vec<_> = note.into_iter().collect();
-    let (found, place) = read(folder, &path, "cameras")?;
-    let lenses = match found {
-        Found::Binary(bytes) => binary::lenses(&bytes, &place)?,
-        Found::Text(text) => text::lenses(&text, &place)?,
-    };
+    let (lenses, place) = read(folder, &path, "cameras", binary::lenses, text::lenses)?;
     let mut cameras = BTreeMap::new();
     for Lens { number, camera } in lenses {
         if cameras.insert(number, camera).is_some() {
@@ -101,7 +97,7 @@ pub fn read_colmap(
         }
     }
     let views: Vec<_> = views.into_values().collect();
-    notes.extend(found::without_camera(folder, images.as_ref(), &views));
+    notes.extend(models::without_camera(folder, images.as_ref(), &views));
     Ok(CameraFile { views, notes }.sized(folder))
 }
 
@@ -116,11 +112,7 @@ pub fn read_colmap_points(
     path: impl AsRef<Path>,
 ) -> Result<Vec<ColmapPoint>, SceneError> {
     let (path, _) = find_colmap(folder, path);
-    let (found, place) = read(folder, &path, "points3D")?;
-    let mut points = match found {
-        Found::Binary(bytes) => binary::points(&bytes, &place)?,
-        Found::Text(text) => text::points(&text, &place)?,
-    };
+    let (mut points, place) = read(folder, &path, "points3D", binary::points, text::points)?;
     points.sort_by_key(|point| point.number);
     if let Some(pair) = points.windows(2).find(|pair| pair[0].number == pair[1].number) {
         let found = format!("points have numbers of their own, and {} is repeated", pair[0].number);

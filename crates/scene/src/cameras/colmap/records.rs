@@ -6,20 +6,41 @@ use glam::{DQuat, DVec3};
 use crate::cameras::camera::{Camera, from_corner};
 use crate::cameras::distortion::Distortion;
 
-/// COLMAP's models by their numbers in binary files, and the parameters of those that are read.
-pub(super) const MODELS: [(&str, Option<usize>); 11] = [
-    ("SIMPLE_PINHOLE", Some(3)),
-    ("PINHOLE", Some(4)),
-    ("SIMPLE_RADIAL", Some(4)),
-    ("RADIAL", Some(5)),
-    ("OPENCV", Some(8)),
-    ("OPENCV_FISHEYE", Some(8)),
-    ("FULL_OPENCV", Some(12)),
+/// How the parameters of a model are read: the number of focal lengths, the principal point after them, and
+/// coefficients of the lens in OpenCV's order.
+pub(super) struct Model {
+    focal_lengths: usize,
+    coefficients: usize,
+    /// The lens without coefficients.
+    lens: Distortion,
+}
+
+impl Model {
+    const fn new(focal_lengths: usize, coefficients: usize, lens: Distortion) -> Option<Self> {
+        Some(Self { focal_lengths, coefficients, lens })
+    }
+
+    /// The number of parameters.
+    pub(super) fn parameters(&self) -> usize {
+        self.focal_lengths + 2 + self.coefficients
+    }
+}
+
+/// COLMAP's models by their numbers in binary files; those without a [`Model`] are not read.
+pub(super) const MODELS: [(&str, Option<Model>); 11] = [
+    ("SIMPLE_PINHOLE", Model::new(1, 0, Distortion::NONE)),
+    ("PINHOLE", Model::new(2, 0, Distortion::NONE)),
+    ("SIMPLE_RADIAL", Model::new(1, 1, Distortion::NONE)),
+    ("RADIAL", Model::new(1, 2, Distortion::NONE)),
+    ("OPENCV", Model::new(2, 4, Distortion::NONE)),
+    ("OPENCV_FISHEYE", Model::new(2, 4, Distortion::Fisheye([0.0; 4]))),
+    ("FULL_OPENCV", Model::new(2, 8, Distortion::Rational([0.0; 8]))),
     ("FOV", None),
-    ("SIMPLE_RADIAL_FISHEYE", Some(4)),
-    ("RADIAL_FISHEYE", Some(5)),
+    ("SIMPLE_RADIAL_FISHEYE", Model::new(1, 1, Distortion::Fisheye([0.0; 4]))),
+    ("RADIAL_FISHEYE", Model::new(1, 2, Distortion::Fisheye([0.0; 4]))),
     ("THIN_PRISM_FISHEYE", None),
 ];
+
 /// The most columns or rows of an image.
 const LONGEST: u64 = 65535;
 
@@ -53,16 +74,16 @@ pub(super) struct Numbered {
     pub(super) point: ColmapPoint,
 }
 
-/// The number of parameters of a model.
+/// The model of this name.
 ///
 /// # Errors
 /// The rule, for a model that is not read.
-pub(super) fn parameters_of(model: &str) -> Result<usize, String> {
-    let known = MODELS.iter().find(|(name, _)| *name == model);
-    known.and_then(|(_, count)| *count).ok_or_else(|| {
-        let read: Vec<&str> =
-            MODELS.iter().filter(|(_, count)| count.is_some()).map(|(name, _)| *name).collect();
-        format!("a camera has a model of {}, and this is {model}", read.join(", "))
+pub(super) fn model(name: &str) -> Result<&'static Model, String> {
+    let known = MODELS.iter().find(|(known, _)| *known == name);
+    known.and_then(|(_, model)| model.as_ref()).ok_or_else(|| {
+        let read = MODELS.iter().filter_map(|(name, model)| model.as_ref().map(|_| *name));
+        let read = read.collect::<Vec<_>>().join(", ");
+        format!("a camera has a model of {read}, and this is {name}")
     })
 }
 
@@ -71,53 +92,28 @@ pub(super) fn parameters_of(model: &str) -> Result<usize, String> {
 /// # Errors
 /// The rule that is broken, and what broke it.
 pub(super) fn camera(
-    model: &str,
+    name: &str,
     [width, height]: [u64; 2],
     parameters: &[f64],
 ) -> Result<Camera, String> {
-    let count = parameters_of(model)?;
+    let model = model(name)?;
     if !(1..=LONGEST).contains(&width) || !(1..=LONGEST).contains(&height) {
         let rule = format!("an image has from 1 to {LONGEST} columns and rows");
         return Err(format!("{rule}, and this is {width} x {height}"));
     }
-    // The rest of the parameters: those of the lens in OpenCV's order.
-    let (intrinsics, kind, rest) = match (model, parameters) {
-        ("SIMPLE_PINHOLE", &[f, cx, cy]) => ([f, f, cx, cy], Distortion::NONE, &[][..]),
-        ("PINHOLE", &[fx, fy, cx, cy]) => ([fx, fy, cx, cy], Distortion::NONE, &[][..]),
-        ("SIMPLE_RADIAL", [f, cx, cy, rest @ ..]) if rest.len() == 1 => {
-            ([*f, *f, *cx, *cy], Distortion::NONE, rest)
-        }
-        ("RADIAL", [f, cx, cy, rest @ ..]) if rest.len() == 2 => {
-            ([*f, *f, *cx, *cy], Distortion::NONE, rest)
-        }
-        ("OPENCV", [fx, fy, cx, cy, rest @ ..]) if rest.len() == 4 => {
-            ([*fx, *fy, *cx, *cy], Distortion::NONE, rest)
-        }
-        ("FULL_OPENCV", [fx, fy, cx, cy, rest @ ..]) if rest.len() == 8 => {
-            ([*fx, *fy, *cx, *cy], Distortion::Rational([0.0; 8]), rest)
-        }
-        ("OPENCV_FISHEYE", [fx, fy, cx, cy, rest @ ..]) if rest.len() == 4 => {
-            ([*fx, *fy, *cx, *cy], Distortion::Fisheye([0.0; 4]), rest)
-        }
-        ("SIMPLE_RADIAL_FISHEYE", [f, cx, cy, rest @ ..]) if rest.len() == 1 => {
-            ([*f, *f, *cx, *cy], Distortion::Fisheye([0.0; 4]), rest)
-        }
-        ("RADIAL_FISHEYE", [f, cx, cy, rest @ ..]) if rest.len() == 2 => {
-            ([*f, *f, *cx, *cy], Distortion::Fisheye([0.0; 4]), rest)
-        }
-        _ => {
-            let rule = format!("a camera of the model {model} has {count} parameters");
-            return Err(format!("{rule}, and this has {}", parameters.len()));
-        }
-    };
+    if parameters.len() != model.parameters() {
+        let rule = format!("a camera of the model {name} has {} parameters", model.parameters());
+        return Err(format!("{rule}, and this has {}", parameters.len()));
+    }
     if let Some(number) = parameters.iter().find(|number| !number.is_finite()) {
         return Err(format!("parameters of a camera are finite, and this has {number}"));
     }
-    let [fx, fy, ..] = intrinsics;
+    let (focal_lengths, rest) = parameters.split_at(model.focal_lengths);
+    let [fx, fy] = [focal_lengths[0], focal_lengths[model.focal_lengths - 1]];
     if !(fx > 0.0 && fy > 0.0) {
         return Err(format!("focal lengths are above 0, and these are {fx} and {fy}"));
     }
     let size = Size { width: width as usize, height: height as usize };
-    let distortion = kind.with_coefficients(rest);
-    Ok(Camera { distortion, ..Camera::new(size, from_corner(intrinsics)) })
+    let distortion = model.lens.with_coefficients(&rest[2..]);
+    Ok(Camera { distortion, ..Camera::new(size, from_corner([fx, fy, rest[0], rest[1]])) })
 }

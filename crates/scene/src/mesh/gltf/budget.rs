@@ -22,7 +22,7 @@ pub(super) struct Budget {
 
 impl Budget {
     /// That of a file of so many bytes.
-    pub(super) fn of(bytes: usize) -> Self {
+    pub(super) fn new(bytes: usize) -> Self {
         let mut budget = Self { most: BASE, spent: 0, read: 0, of_images: 0 };
         budget.earn(bytes);
         budget
@@ -42,29 +42,20 @@ impl Budget {
         place: &Place,
     ) -> Result<(), SceneError> {
         self.spent = self.spent.saturating_add(count.saturating_mul(bytes as u64));
-        match self.spent > self.most {
-            true => Err(SceneError::TooLarge {
-                place: place.clone(),
-                what: "bytes of meshes in a file of this length",
-                most: self.most,
-                found: self.spent,
-            }),
-            false => Ok(()),
-        }
+        check("bytes of meshes in a file of this length", self.most, self.spent, place)
     }
 
     /// Refuses images that together have more bytes than were read: they overlap. A few bytes of an image
     /// may be very many pixels.
     pub(super) fn spend_image(&mut self, bytes: usize, place: &Place) -> Result<(), SceneError> {
         self.of_images = self.of_images.saturating_add(bytes as u64);
-        match self.of_images > self.read {
-            true => Err(SceneError::TooLarge {
-                place: place.clone(),
-                what: "bytes of images in a file of this length",
-                most: self.read,
-                found: self.of_images,
-            }),
-            false => Ok(()),
-        }
+        check("bytes of images in a file of this length", self.read, self.of_images, place)
+    }
+}
+
+fn check(what: &'static str, most: u64, found: u64, place: &Place) -> Result<(), SceneError> {
+    match found > most {
+        true => Err(SceneError::TooLarge { place: place.clone(), what, most, found }),
+        false => Ok(()),
     }
 }

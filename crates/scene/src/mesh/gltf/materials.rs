@@ -9,18 +9,17 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use ::gltf::json::Index;
 use ::gltf::json::extensions::texture::{Info, TextureTransform};
 use ::gltf::json::material::{AlphaMode, Material};
 use ::gltf::json::texture::{MagFilter, MinFilter, Texture, WrappingMode};
 use ::gltf::json::validation::Checked;
-use ::gltf::json::{Index, Root};
 use bokashi_render_ops::TextureBorder;
 
-use super::buffers::Buffers;
+use super::file::GltfFile;
 use crate::error::SceneError;
-use crate::mesh::context::MeshContext;
 use crate::mesh::notes::{Notes, name};
-use crate::model::{Borders, MaterialFile, Model};
+use crate::model::{Borders, MaterialFile, MaterialMap, Model};
 
 /// From the coordinates of a file to those of an image: u' = a u + b v + c, v' = d u + e v + f, as rows.
 pub(super) type Transform = [[f32; 3]; 2];
@@ -34,7 +33,7 @@ pub(super) struct Mapping {
 }
 
 impl Mapping {
-    fn of(set: u32, transform: Option<&TextureTransform>) -> Self {
+    fn new(set: u32, transform: Option<&TextureTransform>) -> Self {
         let set = transform.and_then(|transform| transform.tex_coord).unwrap_or(set);
         let transform = transform.map(|transform| {
             let (sin, cos) = transform.rotation.0.sin_cos();
@@ -54,47 +53,52 @@ struct Used {
 }
 
 impl Used {
-    fn of(info: &::gltf::json::texture::Info) -> Self {
+    fn new(info: &::gltf::json::texture::Info) -> Self {
         let transform = |extensions: &Info| extensions.texture_transform.clone();
         let transform = info.extensions.as_ref().and_then(transform);
-        Self { texture: info.index, mapping: Mapping::of(info.tex_coord, transform.as_ref()) }
+        Self { texture: info.index, mapping: Mapping::new(info.tex_coord, transform.as_ref()) }
     }
 }
 
 /// Reads the materials and their images into the model. Of each material, the coordinates that it uses.
 pub(super) fn read(
-    root: &Root,
-    buffers: &mut Buffers<'_>,
+    file: &mut GltfFile<'_, '_>,
     model: &mut Model,
-    context: &mut MeshContext<'_>,
 ) -> Result<Vec<Mapping>, SceneError> {
+    let root = file.root;
     let mut mapped = Vec::with_capacity(root.materials.len());
+    // Of each material the images, by their numbers in the file.
     let mut used = Vec::with_capacity(root.materials.len());
     for material in &root.materials {
         let textures = textures(material);
         let mapping = textures.iter().flatten().map(|used| used.mapping).next().unwrap_or_default();
-        let (mut images, mut borders) = ([None; 3], [Borders::default(); 3]);
-        for (k, texture) in textures.into_iter().enumerate() {
+        let mut maps = [MaterialMap::default(); 3];
+        for (map, texture) in maps.iter_mut().zip(textures) {
             let Some(texture) = texture else { continue };
             match texture.mapping == mapping {
-                true => (images[k], borders[k]) = image_of(root, texture.texture, context)?,
-                false => context.notes.add(
+                true => (map.image, map.borders) = image_of(texture.texture, file)?,
+                false => file.note(
                     "an image was left out: its coordinates are others than those of the base colour",
                 ),
             }
+            map.is_missing = map.image.is_none();
         }
         mapped.push(mapping);
-        used.push((images, borders));
+        used.push(maps);
     }
-    let numbers: BTreeSet<usize> =
-        used.iter().flat_map(|(images, _)| images).flatten().copied().collect();
-    let mut found = BTreeMap::new();
+    let numbers: BTreeSet<usize> = used.iter().flatten().filter_map(|map| map.image).collect();
+    let mut images = BTreeMap::new();
     for number in numbers {
-        found.insert(number, buffers.image(number, context)?);
+        images.insert(number, file.image(number)?);
     }
-    for (material, (images, borders)) in root.materials.iter().zip(used) {
-        let images = images.map(|number| number.and_then(|number| found[&number]));
-        model.materials.push(material_of(material, images, borders, &mut context.notes));
+    for (material, mut maps) in root.materials.iter().zip(used) {
+        for map in &mut maps {
+            if let Some(number) = map.image {
+                map.image = images[&number];
+                map.is_missing = map.image.is_none();
+            }
+        }
+        model.materials.push(material_of(material, maps, &mut file.context.notes));
     }
     Ok(mapped)
 }
@@ -107,39 +111,43 @@ fn textures(material: &Material) -> [Option<Used>; 3] {
         let value =
             info.extensions.as_ref().and_then(|all| all.others.get("KHR_texture_transform"));
         let transform = value.and_then(|value| serde_json::from_value(value.clone()).ok());
-        Used { texture: info.index, mapping: Mapping::of(info.tex_coord, transform.as_ref()) }
+        Used { texture: info.index, mapping: Mapping::new(info.tex_coord, transform.as_ref()) }
     });
     [
-        surface.base_color_texture.as_ref().map(Used::of),
-        surface.metallic_roughness_texture.as_ref().map(Used::of),
+        surface.base_color_texture.as_ref().map(Used::new),
+        surface.metallic_roughness_texture.as_ref().map(Used::new),
         normal,
     ]
 }
 
 /// The number of a texture's image in the file, where it has one, and how the image goes on.
 fn image_of(
-    root: &Root,
     index: Index<Texture>,
-    context: &mut MeshContext<'_>,
+    file: &mut GltfFile<'_, '_>,
 ) -> Result<(Option<usize>, Borders), SceneError> {
-    let refused = |rule: String| Err(SceneError::content(context.place(), rule));
+    let root = file.root;
     let (number, count) = (index.value(), root.textures.len());
     let Some(texture) = root.textures.get(number) else {
-        return refused(format!("the file has {count} textures, and a material names {number}"));
+        let found = format!("the file has {count} textures, and a material names {number}");
+        return Err(file.error(found));
     };
     // So the library has a texture without an image.
     let (number, count) = (texture.source.value(), root.images.len());
     if number == u32::MAX as usize {
-        context.notes.add("a texture has no image that is read, and was left out");
+        file.note("a texture has no image that is read, and was left out");
         return Ok((None, Borders::default()));
     }
     if number >= count {
-        return refused(format!("the file has {count} images, and a texture names {number}"));
+        return Err(
+            file.error(format!("the file has {count} images, and a texture names {number}"))
+        );
     }
     let Some(sampler) = texture.sampler else { return Ok((Some(number), Borders::default())) };
-    let (at, count) = (sampler.value(), root.samplers.len());
-    let Some(sampler) = root.samplers.get(at) else {
-        return refused(format!("the file has {count} samplers, and a texture names {at}"));
+    let (index, count) = (sampler.value(), root.samplers.len());
+    let Some(sampler) = root.samplers.get(index) else {
+        return Err(
+            file.error(format!("the file has {count} samplers, and a texture names {index}"))
+        );
     };
     let mut borders = Borders::default();
     for (border, mode) in borders.iter_mut().zip([sampler.wrap_s, sampler.wrap_t]) {
@@ -149,28 +157,21 @@ fn image_of(
             Checked::Valid(WrappingMode::ClampToEdge) => TextureBorder::Clamp,
             Checked::Invalid => {
                 let rule = "a wrap mode is 10497, 33071 or 33648";
-                return refused(format!("{rule}, and one of sampler {at} is another"));
+                return Err(file.error(format!("{rule}, and one of sampler {index} is another")));
             }
         };
     }
-    let finer = sampler.mag_filter.is_none_or(|own| own == Checked::Valid(MagFilter::Linear));
+    let finer = sampler.mag_filter.is_none_or(|filter| filter == Checked::Valid(MagFilter::Linear));
     let coarser = Checked::Valid(MinFilter::LinearMipmapLinear);
-    if !finer || sampler.min_filter.is_some_and(|own| own != coarser) {
-        context
-            .notes
-            .add("filters of a texture were left out: `texture_filter` of the scene is for all");
+    if !finer || sampler.min_filter.is_some_and(|filter| filter != coarser) {
+        file.note("filters of a texture were left out: `texture_filter` of the scene is for all");
     }
     Ok((Some(number), borders))
 }
 
-fn material_of(
-    material: &Material,
-    images: [Option<usize>; 3],
-    borders: [Borders; 3],
-    notes: &mut Notes,
-) -> MaterialFile {
+fn material_of(material: &Material, maps: [MaterialMap; 3], notes: &mut Notes) -> MaterialFile {
     let surface = &material.pbr_metallic_roughness;
-    let [base_color_image, metallic_roughness_image, normal_image] = images;
+    let [base_color_map, metallic_roughness_map, normal_map] = maps;
     let mut base_color = surface.base_color_factor.0;
     match material.alpha_mode {
         Checked::Valid(AlphaMode::Opaque) => base_color[3] = 1.0,
@@ -195,17 +196,11 @@ fn material_of(
     MaterialFile {
         name: name(material.name.as_deref().unwrap_or_default()),
         base_color,
-        base_color_image,
-        base_color_borders: borders[0],
-        lacks_base_color_image: base_color_image.is_none() && surface.base_color_texture.is_some(),
+        base_color_map,
         metallic: surface.metallic_factor.0,
         roughness: surface.roughness_factor.0,
-        metallic_roughness_image,
-        metallic_roughness_borders: borders[1],
-        lacks_metallic_roughness_image: metallic_roughness_image.is_none()
-            && surface.metallic_roughness_texture.is_some(),
-        normal_image,
-        normal_borders: borders[2],
+        metallic_roughness_map,
+        normal_map,
         normal_scale: material.normal_texture.as_ref().map_or(1.0, |texture| texture.scale),
     }
 }

@@ -22,7 +22,7 @@
 
 mod accessors;
 mod budget;
-mod buffers;
+mod file;
 mod keys;
 mod materials;
 mod nodes;
@@ -37,9 +37,10 @@ use bokashi_description::{gltf_root, gltf_version, json_message};
 use serde_json::error::Category;
 
 use self::budget::Budget;
-use self::buffers::Buffers;
+use self::file::GltfFile;
 use self::nodes::Nodes;
 use self::poses::Poses;
+pub(crate) use self::uri::unescaped;
 use crate::error::{Place, SceneError};
 use crate::mesh::context::MeshContext;
 use crate::mesh::notes::name;
@@ -86,7 +87,7 @@ pub(super) fn read(bytes: &[u8], context: &mut MeshContext<'_>) -> Result<Model,
     };
     let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&text);
     let objects = text.iter().filter(|&&byte| byte == b'{').count();
-    Budget::of(bytes.len()).spend(objects as u64, BYTES_OF_AN_OBJECT, &place)?;
+    Budget::new(bytes.len()).spend(objects as u64, BYTES_OF_AN_OBJECT, &place)?;
     let root = gltf_root(text).map_err(|error| {
         // A file of version 1 has other parts altogether.
         if let Some(version) = gltf_version(text).filter(|version| !is_read(version)) {
@@ -107,13 +108,13 @@ pub(super) fn read(bytes: &[u8], context: &mut MeshContext<'_>) -> Result<Model,
     }
     check_extensions(&root, context)?;
     keys::note(text, &mut context.notes).map_err(|error| refused(json_message(&error)))?;
-    let mut buffers = Buffers::new(&root, chunk.as_deref(), bytes.len());
     let nodes = Nodes::new(&root, &mut context.notes).map_err(&refused)?;
+    let mut file = GltfFile::new(&root, chunk.as_deref(), bytes.len(), context);
     let mut model = Model::default();
-    let mapped = materials::read(&root, &mut buffers, &mut model, context)?;
-    let poses = Poses::of(&root, &nodes, &mut buffers, context)?;
-    let geometries = primitives::read(&root, &mut buffers, &mapped, &poses, &mut model, context)?;
-    poses.place(&nodes, &geometries, &mut buffers.budget, &mut model, context)?;
+    let mapped = materials::read(&mut file, &mut model)?;
+    let poses = Poses::new(&nodes, &mut file)?;
+    let geometries = primitives::read(&mut file, &mapped, &poses, &mut model)?;
+    poses.place(&nodes, &geometries, &mut model, &mut file)?;
     model.images = std::mem::take(&mut context.images);
     model.notes = std::mem::take(&mut context.notes).finish();
     Ok(model)
@@ -134,7 +135,7 @@ fn check_extensions(root: &json::Root, context: &MeshContext<'_>) -> Result<(), 
     if let Some(extension) = unknown.next() {
         let found = format!("the file requires {:?}", name(extension));
         let found = format!("a required extension is one that is read, and {found}");
-        return Err(SceneError::content(context.place(), found));
+        return Err(context.error(found));
     }
     Ok(())
 }

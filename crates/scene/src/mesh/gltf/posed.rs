@@ -5,16 +5,14 @@
 
 use std::rc::Rc;
 
+use ::gltf::json::Index;
 use ::gltf::json::accessor::Accessor;
 use ::gltf::json::mesh::{MorphTarget, Primitive};
-use ::gltf::json::{Index, Root};
 
-use super::accessors::Named;
-use super::buffers::Buffers;
+use super::file::GltfFile;
 use super::poses::Pose;
 use super::skins::{Skin, has_joints};
 use crate::error::SceneError;
-use crate::mesh::context::MeshContext;
 
 /// The rows of an accessor, which primitives share.
 pub(super) type Rows<const N: usize> = Rc<Vec<[f32; N]>>;
@@ -32,7 +30,6 @@ pub(super) struct Vertices {
 /// A primitive of a file in a pose.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Posed<'r> {
-    pub(super) root: &'r Root,
     pub(super) primitive: &'r Primitive,
     pub(super) pose: &'r Pose,
     pub(super) skins: &'r [Skin],
@@ -58,10 +55,9 @@ impl<'r> Posed<'r> {
     pub(super) fn vertices(
         self,
         own: Vertices,
-        buffers: &mut Buffers<'_>,
-        context: &mut MeshContext<'_>,
+        file: &mut GltfFile<'_, '_>,
     ) -> Result<Vertices, SceneError> {
-        self.note(context);
+        self.note(file);
         if !self.moves() {
             return Ok(own);
         }
@@ -69,19 +65,18 @@ impl<'r> Posed<'r> {
         let attributes =
             1 + usize::from(own.normals.is_some()) + 2 * usize::from(own.tangents.is_some());
         // In f64, and rounded again.
-        let bytes = attributes * size_of::<[f64; 6]>();
-        buffers.budget.spend(count as u64, bytes, &context.place())?;
+        file.spend(count as u64, attributes * size_of::<[f64; 6]>())?;
         let mut positions = wide(&own.positions);
         let mut normals = own.normals.as_ref().map(|rows| wide(rows));
         let mut tangents = own.tangents.as_ref().map(|rows| wide(rows));
         for (weight, target) in self.weighted() {
-            self.add(weight, target.positions, Some(&mut positions), buffers, context)?;
-            self.add(weight, target.normals, normals.as_mut(), buffers, context)?;
-            self.add(weight, target.tangents, tangents.as_mut(), buffers, context)?;
+            add(weight, target.positions, Some(&mut positions), file)?;
+            add(weight, target.normals, normals.as_mut(), file)?;
+            add(weight, target.tangents, tangents.as_mut(), file)?;
         }
         let mut is_mirrored = false;
         if let Some(skin) = self.pose.skin {
-            let bend = self.skins[skin].bend(self.root, self.primitive, count, buffers, context)?;
+            let bend = self.skins[skin].bend(self.primitive, count, file)?;
             bend.points(&mut positions);
             normals.iter_mut().for_each(|rows| bend.normals(rows));
             tangents.iter_mut().for_each(|rows| bend.tangents(rows));
@@ -98,54 +93,47 @@ impl<'r> Posed<'r> {
         Ok(Vertices { positions: narrow(&positions), normals, tangents, is_mirrored })
     }
 
-    /// Adds what a target has, times its weight.
-    fn add<const N: usize>(
-        self,
-        weight: f64,
-        target: Option<Index<Accessor>>,
-        rows: Option<&mut Vec<[f64; N]>>,
-        buffers: &mut Buffers<'_>,
-        context: &mut MeshContext<'_>,
-    ) -> Result<(), SceneError> {
-        let Some(index) = target else { return Ok(()) };
-        let Some(rows) = rows else {
-            context
-                .notes
-                .add("what a morph target does to an attribute that a mesh lacks was left out");
-            return Ok(());
-        };
-        let moves: Vec<[f32; 3]> =
-            Named::of(self.root, index, context)?.rows(&[3], false, buffers, context)?;
-        if moves.len() != rows.len() {
-            let rule = format!("a morph target has a row for each of {} vertices", rows.len());
-            let found = format!("{rule}, and this has {}", moves.len());
-            return Err(SceneError::content(context.place(), found));
-        }
-        for (row, moves) in rows.iter_mut().zip(moves) {
-            for (x, d) in row.iter_mut().zip(moves) {
-                *x += weight * f64::from(d);
-            }
-        }
-        Ok(())
-    }
-
     /// Says which targets count, and what of the pose the primitive lacks.
-    fn note(self, context: &mut MeshContext<'_>) {
+    fn note(self, file: &mut GltfFile<'_, '_>) {
+        let notes = &mut file.context.notes;
         let (all, applied) = (self.targets().len(), self.weighted().count());
         if applied > 0 {
-            context.notes.add(format!(
-                "{applied} of {all} morph targets were applied, with the weights of the file"
-            ));
+            let rule = "morph targets were applied, with the weights of the file";
+            notes.add(format!("{applied} of {all} {rule}"));
         }
-        let left_out = all - applied;
-        context.notes.count("a morph target without a weight was left out", left_out);
+        notes.count("a morph target without a weight was left out", all - applied);
         if self.pose.weights.len() > all {
-            context.notes.add("weights without a morph target were left out");
+            notes.add("weights without a morph target were left out");
         }
         if self.pose.skin.is_none() && has_joints(self.primitive) {
-            context.notes.add("joints were left out: no node gives the mesh a skin");
+            notes.add("joints were left out: no node gives the mesh a skin");
         }
     }
+}
+
+/// Adds what a target has, times its weight, to rows.
+fn add<const N: usize>(
+    weight: f64,
+    target: Option<Index<Accessor>>,
+    rows: Option<&mut Vec<[f64; N]>>,
+    file: &mut GltfFile<'_, '_>,
+) -> Result<(), SceneError> {
+    let Some(index) = target else { return Ok(()) };
+    let Some(rows) = rows else {
+        file.note("what a morph target does to an attribute that a mesh lacks was left out");
+        return Ok(());
+    };
+    let moves: Vec<[f32; 3]> = file.rows(index, &[3], false)?;
+    if moves.len() != rows.len() {
+        let rule = format!("a morph target has a row for each of {} vertices", rows.len());
+        return Err(file.error(format!("{rule}, and this has {}", moves.len())));
+    }
+    for (row, moves) in rows.iter_mut().zip(moves) {
+        for (x, d) in row.iter_mut().zip(moves) {
+            *x += weight * f64::from(d);
+        }
+    }
+    Ok(())
 }
 
 fn wide<const N: usize>(rows: &[[f32; N]]) -> Vec<[f64; N]> {

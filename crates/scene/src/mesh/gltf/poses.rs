@@ -5,15 +5,12 @@
 
 use std::collections::HashMap;
 
-use ::gltf::json::Root;
 use glam::DMat4;
 
-use super::budget::Budget;
-use super::buffers::Buffers;
+use super::file::GltfFile;
 use super::nodes::Nodes;
 use super::skins::Skin;
 use crate::error::SceneError;
-use crate::mesh::context::MeshContext;
 use crate::mesh::notes::name;
 use crate::model::{Model, Placed};
 
@@ -39,14 +36,8 @@ pub(super) struct Poses {
 
 impl Poses {
     /// The poses in which nodes show meshes. A mesh that no node shows has its own weights.
-    pub(super) fn of(
-        root: &Root,
-        nodes: &Nodes<'_>,
-        buffers: &mut Buffers<'_>,
-        context: &mut MeshContext<'_>,
-    ) -> Result<Self, SceneError> {
-        let refused =
-            |context: &MeshContext<'_>, rule: String| SceneError::content(context.place(), rule);
+    pub(super) fn new(nodes: &Nodes<'_>, file: &mut GltfFile<'_, '_>) -> Result<Self, SceneError> {
+        let root = file.root;
         let mut poses = Self { all: Vec::new(), of_nodes: HashMap::new(), skins: Vec::new() };
         let (mut numbers, mut skins, mut world) = (HashMap::new(), HashMap::new(), None);
         let mut is_shown = vec![false; root.meshes.len()];
@@ -56,7 +47,7 @@ impl Poses {
             let Some(own) = root.meshes.get(mesh) else {
                 let count = root.meshes.len();
                 let found = format!("the file has {count} meshes, and node {number} has {mesh}");
-                return Err(refused(context, found));
+                return Err(file.error(found));
             };
             is_shown[mesh] = true;
             let skin = match node.skin.map(|skin| skin.value()) {
@@ -65,7 +56,7 @@ impl Poses {
                     Some(&found) => found,
                     None => {
                         let world = world.get_or_insert_with(|| nodes.world());
-                        poses.skins.push(Skin::of(root, skin, world, buffers, context)?);
+                        poses.skins.push(Skin::new(skin, world, file)?);
                         skins.insert(skin, poses.skins.len() - 1);
                         poses.skins.len() - 1
                     }
@@ -117,9 +108,8 @@ impl Poses {
         &self,
         nodes: &Nodes<'_>,
         geometries: &[Option<usize>],
-        budget: &mut Budget,
         model: &mut Model,
-        context: &mut MeshContext<'_>,
+        file: &mut GltfFile<'_, '_>,
     ) -> Result<(), SceneError> {
         if nodes.root.nodes.is_empty() {
             for (geometry, found) in model.geometries.iter().enumerate() {
@@ -139,18 +129,17 @@ impl Poses {
         for (number, pose, transform) in found {
             if !transform.is_finite() {
                 let rule = "a node's matrix is finite";
-                let found = format!("{rule}, and that of node {number} is not");
-                return Err(SceneError::content(context.place(), found));
+                return Err(file.error(format!("{rule}, and that of node {number} is not")));
             }
             let name = name(nodes.root.nodes[number].name.as_deref().unwrap_or_default());
             let bytes = size_of::<Placed>() + name.len();
             if let Some(geometry) = geometries[pose] {
-                budget.spend(1, bytes, &context.place())?;
+                file.spend(1, bytes)?;
                 model.placed.push(Placed { name, geometry, transform });
             }
         }
         if model.placed.is_empty() && !model.geometries.is_empty() {
-            context.notes.add("no node places a mesh");
+            file.note("no node places a mesh");
         }
         Ok(())
     }

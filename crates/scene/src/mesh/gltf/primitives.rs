@@ -15,16 +15,17 @@
 
 use std::borrow::Cow;
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+use std::hash::Hash;
 use std::iter::repeat_n;
 use std::rc::Rc;
 
+use ::gltf::json::Index;
 use ::gltf::json::accessor::Accessor;
 use ::gltf::json::mesh::{Mode, Primitive, Semantic};
 use ::gltf::json::validation::Checked;
-use ::gltf::json::{Index, Root};
 
-use super::accessors::Named;
-use super::buffers::Buffers;
+use super::file::GltfFile;
 use super::materials::{Mapping, Transform};
 use super::posed::{Posed, Rows, Vertices};
 use super::poses::Poses;
@@ -87,43 +88,42 @@ struct Surface {
 /// Reads the meshes into the model, in all of their poses. Of each pose, the number of its geometry, where it has
 /// a face.
 pub(super) fn read(
-    root: &Root,
-    buffers: &mut Buffers<'_>,
+    file: &mut GltfFile<'_, '_>,
     mapped: &[Mapping],
     poses: &Poses,
     model: &mut Model,
-    context: &mut MeshContext<'_>,
 ) -> Result<Vec<Option<usize>>, SceneError> {
     let (mut read, mut welder, mut all) = (Read::default(), Welder::default(), Vec::new());
-    for (at, pose) in poses.all.iter().enumerate() {
-        let (number, mesh) = (pose.mesh, &root.meshes[pose.mesh]);
+    for (index, pose) in poses.all.iter().enumerate() {
+        let (number, mesh) = (pose.mesh, &file.root.meshes[pose.mesh]);
         let mut drawn = Vec::new();
         for (k, primitive) in mesh.primitives.iter().enumerate() {
-            let posed = Posed { root, primitive, pose, skins: &poses.skins };
-            let of = Of { root, mapped, primitive, posed, pose: at };
-            let key = of.key(context).map_err(|error| in_mesh(error, number, Some(k)))?;
-            drawn.extend(key.map(|key| (k, of, key)));
+            let posed = Posed { primitive, pose, skins: &poses.skins };
+            let found = Drawn::new(posed, index, mapped, file);
+            drawn.extend(
+                found.map_err(|error| in_mesh(error, number, Some(k)))?.map(|own| (k, own)),
+            );
         }
-        let keys: Vec<Key> = drawn.iter().map(|(.., key)| *key).collect();
-        if let Some(found) = read.geometries.get(&keys) {
-            all.push(*found);
+        let keys: Vec<Key> = drawn.iter().map(|(_, drawn)| drawn.key).collect();
+        if let Some(geometry) = read.geometries.get(&keys) {
+            all.push(*geometry);
             continue;
         }
         let mut pieces = Vec::with_capacity(drawn.len());
-        for (k, of, key) in drawn {
-            let piece = of.piece(key, &mut read, buffers, context);
+        for (k, drawn) in drawn {
+            let piece = drawn.piece(&mut read, file);
             pieces.push(piece.map_err(|error| in_mesh(error, number, Some(k)))?);
         }
         let surface = Surface::from_pieces(&pieces);
-        buffers.budget.spend(surface.copies() as u64, size_of::<f32>(), &context.place())?;
+        file.spend(surface.copies() as u64, size_of::<f32>())?;
         let name = name(mesh.name.as_deref().unwrap_or_default());
-        let welded = surface.weld(name, &mut welder, context);
-        let found = welded.map_err(|error| in_mesh(error, number, None))?.map(|geometry| {
+        let welded = surface.weld(name, &mut welder, file.context);
+        let geometry = welded.map_err(|error| in_mesh(error, number, None))?.map(|geometry| {
             model.geometries.push(geometry);
             model.geometries.len() - 1
         });
-        read.geometries.insert(keys, found);
-        all.push(found);
+        read.geometries.insert(keys, geometry);
+        all.push(geometry);
     }
     Ok(all)
 }
@@ -226,96 +226,79 @@ impl Surface {
     }
 }
 
-/// A primitive of a file.
+/// A primitive with faces, whose rows are not read yet.
 #[derive(Debug, Clone, Copy)]
-struct Of<'r> {
-    root: &'r Root,
-    mapped: &'r [Mapping],
-    primitive: &'r Primitive,
+struct Drawn<'r> {
     posed: Posed<'r>,
-    /// The pose's number.
-    pose: usize,
+    mode: Mode,
+    mapping: Mapping,
+    key: Key,
 }
 
-fn refused(context: &MeshContext<'_>, rule: String) -> SceneError {
-    SceneError::content(context.place(), rule)
-}
-
-impl Of<'_> {
-    /// The coordinates that the primitive's material uses.
-    fn mapping(self, context: &MeshContext<'_>) -> Result<Mapping, SceneError> {
-        let Some(material) = self.primitive.material else { return Ok(Mapping::default()) };
-        self.mapped.get(material.value()).copied().ok_or_else(|| {
-            let (found, number) = (self.mapped.len(), material.value());
-            refused(context, format!("the file has {found} materials, and this names {number}"))
-        })
-    }
-
-    fn mode(self, context: &MeshContext<'_>) -> Result<Mode, SceneError> {
-        match self.primitive.mode {
-            Checked::Valid(mode) => Ok(mode),
-            Checked::Invalid => {
-                Err(refused(context, "its mode is one of the specification".to_owned()))
-            }
-        }
-    }
-
-    /// What tells the primitive from others; nothing where it has no faces.
-    fn key(self, context: &mut MeshContext<'_>) -> Result<Option<Key>, SceneError> {
-        let mode = self.mode(context)?;
+impl<'r> Drawn<'r> {
+    /// That of a primitive in the pose with this number; nothing for points and lines.
+    fn new(
+        posed: Posed<'r>,
+        pose: usize,
+        mapped: &[Mapping],
+        file: &mut GltfFile<'_, '_>,
+    ) -> Result<Option<Self>, SceneError> {
+        let Primitive { attributes, indices, material, mode, .. } = posed.primitive;
+        let Checked::Valid(mode) = *mode else {
+            return Err(file.error("its mode is one of the specification"));
+        };
         if !matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
-            context.notes.add("points and lines were left out");
+            file.note("points and lines were left out");
             return Ok(None);
         }
-        let set = self.mapping(context)?.set;
-        let named = |what| self.primitive.attributes.get(&Checked::Valid(what)).copied();
+        let material = material.map(|material| material.value());
+        let mapping = match material {
+            None => Mapping::default(),
+            Some(number) => *mapped.get(number).ok_or_else(|| {
+                let count = mapped.len();
+                file.error(format!("the file has {count} materials, and this names {number}"))
+            })?,
+        };
+        let named = |what| attributes.get(&Checked::Valid(what)).copied();
         let accessors = [
             named(Semantic::Positions),
             named(Semantic::Normals),
             named(Semantic::Tangents),
             named(Semantic::Colors(0)),
-            named(Semantic::TexCoords(set)),
-            self.primitive.indices,
+            named(Semantic::TexCoords(mapping.set)),
+            *indices,
         ];
-        let material = self.primitive.material.map(|material| material.value());
-        let pose = self.posed.moves().then_some(self.pose);
-        Ok(Some((accessors, mode.as_gl_enum(), material, pose)))
+        let pose = posed.moves().then_some(pose);
+        let key = (accessors, mode.as_gl_enum(), material, pose);
+        Ok(Some(Self { posed, mode, mapping, key }))
     }
 
-    /// The primitive with its rows. `key` is its own.
-    fn piece(
-        self,
-        (accessors, _, material, _): Key,
-        read: &mut Read,
-        buffers: &mut Buffers<'_>,
-        context: &mut MeshContext<'_>,
-    ) -> Result<Piece, SceneError> {
-        let mapping = self.mapping(context)?;
+    /// The primitive with its rows.
+    fn piece(self, read: &mut Read, file: &mut GltfFile<'_, '_>) -> Result<Piece, SceneError> {
+        let Self { posed, mode, mapping, key: (accessors, _, material, _) } = self;
         let is_unused = |what: &&Checked<Semantic>| matches!(what, Checked::Valid(Semantic::TexCoords(set)) if *set != mapping.set);
-        let unused = self.primitive.attributes.keys().filter(is_unused).count();
-        context.notes.count("texture coordinates that no image uses were left out", unused);
+        let unused = posed.primitive.attributes.keys().filter(is_unused).count();
+        let note = "texture coordinates that no image uses were left out";
+        file.context.notes.count(note, unused);
         let [Some(positions), normals, tangents, colors, coordinates, indices] = accessors else {
-            return Err(refused(
-                context,
-                "a primitive has positions, and this has none".to_owned(),
-            ));
+            return Err(file.error("a primitive has positions, and this has none"));
         };
-        let positions = read.vectors(self.root, positions, buffers, context)?;
+        let positions = read.vectors(positions, file)?;
         let count = positions.len();
-        let normals = normals.map(|index| read.vectors(self.root, index, buffers, context));
+        let normals = normals.map(|index| read.vectors(index, file)).transpose();
         // So the format has it.
-        let tangents = match normals.is_none() && tangents.is_some() {
+        let tangents = match accessors[1].is_none() && tangents.is_some() {
             true => {
-                context.notes.add("tangents of a mesh without normals were left out");
+                file.note("tangents of a mesh without normals were left out");
                 None
             }
-            false => tangents.map(|index| read.tangents(self.root, index, buffers, context)),
+            false => tangents,
         };
-        let colors = colors.map(|index| read.colors(self.root, index, buffers, context));
-        let coordinates = coordinates
-            .map(|index| read.coordinates(self.root, index, mapping.transform, buffers, context));
-        let (normals, tangents) = (normals.transpose()?, tangents.transpose()?);
-        let (colors, coordinates) = (colors.transpose()?, coordinates.transpose()?);
+        let tangents = tangents.map(|index| read.tangents(index, file)).transpose();
+        let colors = colors.map(|index| read.colors(index, file)).transpose();
+        let coordinates =
+            coordinates.map(|index| read.coordinates(index, mapping.transform, file)).transpose();
+        let (normals, tangents, colors, coordinates) = (normals?, tangents?, colors?, coordinates?);
         let counts = [
             ("normals", normals.as_ref().map(|rows| rows.len())),
             ("tangents", tangents.as_ref().map(|rows| rows.len())),
@@ -325,28 +308,27 @@ impl Of<'_> {
         for (what, found) in counts {
             if let Some(found) = found.filter(|&found| found != count) {
                 let rule = format!("there are as many {what} as positions, {count}");
-                return Err(refused(context, format!("{rule}, and these are {found}")));
+                return Err(file.error(format!("{rule}, and these are {found}")));
             }
         }
-        let posed = Vertices { positions, normals, tangents, is_mirrored: false };
+        let vertices = Vertices { positions, normals, tangents, is_mirrored: false };
         let Vertices { positions, normals, tangents, is_mirrored } =
-            self.posed.vertices(posed, buffers, context)?;
+            posed.vertices(vertices, file)?;
         let indices = match indices {
-            Some(index) => Named::of(self.root, index, context)?.indices(buffers, context)?,
+            Some(index) => file.indices(index)?,
             None => {
-                buffers.budget.spend(count as u64, size_of::<u32>(), &context.place())?;
+                file.spend(count as u64, size_of::<u32>())?;
                 (0..count as u32).collect()
             }
         };
         if let Some(k) = indices.iter().position(|&index| index as usize >= count) {
             let rule = format!("an index is below the number of positions, {count}");
-            return Err(refused(context, format!("{rule}, and index {k} is {}", indices[k])));
+            return Err(file.error(format!("{rule}, and index {k} is {}", indices[k])));
         }
         // As many faces as indices where they are a strip; index buffers for each attribute, and the rows.
         let bytes = 4 * size_of::<[u32; 3]>() + size_of::<[f32; 15]>();
-        buffers.budget.spend(indices.len() as u64, bytes, &context.place())?;
-        let mut faces =
-            faces(&indices, self.mode(context)?).map_err(|rule| refused(context, rule))?;
+        file.spend(indices.len() as u64, bytes)?;
+        let mut faces = faces(&indices, mode).map_err(|rule| file.error(rule))?;
         if is_mirrored {
             faces.iter_mut().for_each(|face| face.swap(1, 2));
         }
@@ -357,76 +339,67 @@ impl Of<'_> {
 impl Read {
     fn vectors(
         &mut self,
-        root: &Root,
         index: Index<Accessor>,
-        buffers: &mut Buffers<'_>,
-        context: &MeshContext<'_>,
+        file: &mut GltfFile<'_, '_>,
     ) -> Result<Rows<3>, SceneError> {
-        if let Some(rows) = self.vectors.get(&index.value()) {
-            return Ok(rows.clone());
-        }
-        let rows = Named::of(root, index, context)?.rows(&[3], false, buffers, context)?;
-        Ok(self.vectors.entry(index.value()).or_insert(rows.into()).clone())
+        once(&mut self.vectors, index.value(), || file.rows(index, &[3], false))
     }
 
     fn tangents(
         &mut self,
-        root: &Root,
         index: Index<Accessor>,
-        buffers: &mut Buffers<'_>,
-        context: &MeshContext<'_>,
+        file: &mut GltfFile<'_, '_>,
     ) -> Result<Rows<4>, SceneError> {
-        if let Some(rows) = self.tangents.get(&index.value()) {
-            return Ok(rows.clone());
-        }
-        let rows = Named::of(root, index, context)?.rows(&[4], false, buffers, context)?;
-        Ok(self.tangents.entry(index.value()).or_insert(rows.into()).clone())
+        once(&mut self.tangents, index.value(), || file.rows(index, &[4], false))
     }
 
     fn colors(
         &mut self,
-        root: &Root,
         index: Index<Accessor>,
-        buffers: &mut Buffers<'_>,
-        context: &mut MeshContext<'_>,
+        file: &mut GltfFile<'_, '_>,
     ) -> Result<Rows<3>, SceneError> {
-        if let Some(rows) = self.colors.get(&index.value()) {
-            return Ok(rows.clone());
-        }
-        let rows = Named::of(root, index, context)?.rows::<4>(&[3, 4], true, buffers, context)?;
-        if rows.iter().any(|row| row[3] != 1.0) {
-            context.notes.add("opacities of vertices were left out");
-        }
-        let light = |number: f32| match context.options.vertex_color_space {
-            Some(ColorSpace::Srgb) => decoded(number.into()),
-            Some(ColorSpace::Linear) | None => number,
-        };
-        let rows: Vec<[f32; 3]> =
-            rows.into_iter().map(|[r, g, b, _]| [r, g, b].map(light)).collect();
-        Ok(self.colors.entry(index.value()).or_insert(rows.into()).clone())
+        once(&mut self.colors, index.value(), || {
+            let rows = file.rows::<4>(index, &[3, 4], true)?;
+            if rows.iter().any(|row| row[3] != 1.0) {
+                file.note("opacities of vertices were left out");
+            }
+            let light = |number: f32| match file.context.options.vertex_color_space {
+                Some(ColorSpace::Srgb) => decoded(number.into()),
+                Some(ColorSpace::Linear) | None => number,
+            };
+            Ok(rows.into_iter().map(|[r, g, b, _]| [r, g, b].map(light)).collect())
+        })
     }
 
     fn coordinates(
         &mut self,
-        root: &Root,
         index: Index<Accessor>,
         transform: Option<Transform>,
-        buffers: &mut Buffers<'_>,
-        context: &MeshContext<'_>,
+        file: &mut GltfFile<'_, '_>,
     ) -> Result<Rows<2>, SceneError> {
-        let transform = transform.unwrap_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+        const IDENTITY: Transform = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        let transform = transform.unwrap_or(IDENTITY);
         let key = (index.value(), transform.map(|row| row.map(f32::to_bits)));
-        if let Some(rows) = self.coordinates.get(&key) {
-            return Ok(rows.clone());
-        }
-        let mut rows = Named::of(root, index, context)?.rows::<2>(&[2], false, buffers, context)?;
-        if transform != [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] {
-            for row in &mut rows {
+        once(&mut self.coordinates, key, || {
+            let mut rows = file.rows::<2>(index, &[2], false)?;
+            for row in rows.iter_mut().filter(|_| transform != IDENTITY) {
                 *row = transform.map(|[u, v, shift]| u * row[0] + v * row[1] + shift);
             }
-        }
-        Ok(self.coordinates.entry(key).or_insert(rows.into()).clone())
+            Ok(rows)
+        })
     }
+}
+
+/// The rows with this key, which are read the first time.
+fn once<K: Eq + Hash, const N: usize>(
+    all: &mut HashMap<K, Rows<N>>,
+    key: K,
+    read: impl FnOnce() -> Result<Vec<[f32; N]>, SceneError>,
+) -> Result<Rows<N>, SceneError> {
+    Ok(match all.entry(key) {
+        Entry::Occupied(entry) => entry.get().clone(),
+        Entry::Vacant(entry) => entry.insert(read()?.into()).clone(),
+    })
 }
 
 /// The triangles of a primitive, in the order of the specification.

@@ -7,15 +7,12 @@
 //! # Source
 //! Khronos Group, glTF 2.0 Specification, section 3.7.3.
 
-use ::gltf::json::Root;
 use ::gltf::json::mesh::{Primitive, Semantic};
 use ::gltf::json::validation::Checked;
 use glam::{DMat3, DMat4, DVec3};
 
-use super::accessors::Named;
-use super::buffers::Buffers;
+use super::file::GltfFile;
 use crate::error::SceneError;
-use crate::mesh::context::MeshContext;
 
 /// So far from 1 a sum of weights may be by rounding to bytes: four halves of a 255th.
 const ROUNDING: f64 = 2.0 / 255.0;
@@ -34,37 +31,39 @@ pub(super) struct Bend(Vec<DMat4>);
 
 impl Skin {
     /// The skin with this number. `world` has the matrix of each node to the world.
-    pub(super) fn of(
-        root: &Root,
+    pub(super) fn new(
         number: usize,
         world: &[DMat4],
-        buffers: &mut Buffers<'_>,
-        context: &MeshContext<'_>,
+        file: &mut GltfFile<'_, '_>,
     ) -> Result<Self, SceneError> {
-        let refused = |rule: String| Err(SceneError::content(context.place(), rule));
-        let Some(skin) = root.skins.get(number) else {
-            let count = root.skins.len();
-            return refused(format!("the file has {count} skins, and a node names {number}"));
+        let count = file.root.skins.len();
+        let Some(skin) = file.root.skins.get(number) else {
+            return Err(
+                file.error(format!("the file has {count} skins, and a node names {number}"))
+            );
         };
         if skin.joints.is_empty() {
-            return refused(format!("a skin has a joint or more, and skin {number} has none"));
+            return Err(
+                file.error(format!("a skin has a joint or more, and skin {number} has none"))
+            );
         }
         let mut joints = Vec::with_capacity(skin.joints.len());
         for joint in &skin.joints {
             let Some(matrix) = world.get(joint.value()) else {
                 let (count, joint) = (world.len(), joint.value());
                 let found = format!("skin {number} has the joint {joint}");
-                return refused(format!("the file has {count} nodes, and {found}"));
+                return Err(file.error(format!("the file has {count} nodes, and {found}")));
             };
             joints.push(*matrix);
         }
         if let Some(index) = skin.inverse_bind_matrices {
-            let of = Named::of(root, index, context)?;
-            let rows = of.rows::<16>(&[16], false, buffers, context)?;
+            let rows = file.rows::<16>(index, &[16], false)?;
             if rows.len() < joints.len() {
                 let (count, found) = (joints.len(), rows.len());
                 let found = format!("skin {number} has {found} for {count} joints");
-                return refused(format!("each joint has an inverse bind matrix, and {found}"));
+                return Err(
+                    file.error(format!("each joint has an inverse bind matrix, and {found}"))
+                );
             }
             for (joint, row) in joints.iter_mut().zip(rows) {
                 *joint *= DMat4::from_cols_array(&row.map(f64::from));
@@ -72,7 +71,7 @@ impl Skin {
         }
         if let Some(joint) = joints.iter().position(|joint| !joint.is_finite()) {
             let found = format!("that of joint {joint} of skin {number} is not");
-            return refused(format!("the matrix of a joint is finite, and {found}"));
+            return Err(file.error(format!("the matrix of a joint is finite, and {found}")));
         }
         Ok(Self { number, joints })
     }
@@ -80,16 +79,15 @@ impl Skin {
     /// What the skin does to the `count` vertices of a primitive.
     pub(super) fn bend(
         &self,
-        root: &Root,
         primitive: &Primitive,
         count: usize,
-        buffers: &mut Buffers<'_>,
-        context: &mut MeshContext<'_>,
+        file: &mut GltfFile<'_, '_>,
     ) -> Result<Bend, SceneError> {
-        let refused = |context: &MeshContext<'_>, rule: String| {
-            Err(SceneError::content(context.place(), format!("skin {}: {rule}", self.number)))
+        let number = self.number;
+        let error = |file: &GltfFile<'_, '_>, rule: String| {
+            Err(file.error(format!("skin {number}: {rule}")))
         };
-        buffers.budget.spend(count as u64, size_of::<(DMat4, f64)>(), &context.place())?;
+        file.spend(count as u64, size_of::<(DMat4, f64)>())?;
         let mut sums = vec![(DMat4::ZERO, 0.0); count];
         let mut first = Vec::new();
         for set in 0.. {
@@ -101,16 +99,15 @@ impl Skin {
                     (joints, _) => {
                         let lacks = if joints.is_some() { "WEIGHTS" } else { "JOINTS" };
                         let rule = "a primitive that a skin bends has joints and weights";
-                        return refused(context, format!("{rule}, and this lacks {lacks}_{set}"));
+                        return error(file, format!("{rule}, and this lacks {lacks}_{set}"));
                     }
                 };
-            let joints = Named::of(root, joints, context)?.joints(buffers, context)?;
-            let weights =
-                Named::of(root, weights, context)?.rows::<4>(&[4], true, buffers, context)?;
+            let joints = file.joints(joints)?;
+            let weights = file.rows::<4>(weights, &[4], true)?;
             for (what, found) in [("joints", joints.len()), ("weights", weights.len())] {
                 if found != count {
                     let rule = format!("there are as many {what} as positions, {count}");
-                    return refused(context, format!("{rule}, and these are {found}"));
+                    return error(file, format!("{rule}, and these are {found}"));
                 }
             }
             for (vertex, (joints, weights)) in joints.iter().zip(&weights).enumerate() {
@@ -119,7 +116,7 @@ impl Skin {
                     if !(weight >= 0.0 && weight.is_finite()) {
                         let rule = "a weight is finite and not below 0";
                         let found = format!("{rule}, and one of vertex {vertex} is {weight}");
-                        return refused(context, found);
+                        return error(file, found);
                     }
                     if weight == 0.0 {
                         continue;
@@ -127,7 +124,7 @@ impl Skin {
                     let Some(matrix) = self.joints.get(joint as usize) else {
                         let rule = format!("it has {} joints", self.joints.len());
                         let found = format!("{rule}, and vertex {vertex} names joint {joint}");
-                        return refused(context, found);
+                        return error(file, found);
                     };
                     let (sum, total) = &mut sums[vertex];
                     *sum += *matrix * f64::from(weight);
@@ -148,7 +145,7 @@ impl Skin {
                 *sum = self.joints.get(joint as usize).copied().unwrap_or(self.joints[0]);
             }
         }
-        let notes = &mut context.notes;
+        let notes = &mut file.context.notes;
         notes.count(
             "a vertex's weights of joints did not sum to 1, and were divided by their sum",
             scaled,

@@ -53,7 +53,7 @@ pub(super) fn target(uri: &str) -> Result<Target, String> {
 }
 
 /// Bytes with `%20` and its like as what they stand for.
-fn unescaped(text: &str) -> Result<Cow<'_, [u8]>, String> {
+pub(crate) fn unescaped(text: &str) -> Result<Cow<'_, [u8]>, String> {
     if !text.contains('%') {
         return Ok(Cow::Borrowed(text.as_bytes()));
     }

@@ -108,7 +108,7 @@ pub(super) struct Packed {
 impl Packed {
     /// The number of an image with the first channels of the images with these numbers: roughness in green
     /// and metallic in blue. What is missing is 1. Images of different sizes are noted and left out.
-    pub(super) fn of(
+    pub(super) fn image(
         &mut self,
         pair: [Option<usize>; 2],
         context: &mut MeshContext<'_>,
@@ -129,43 +129,19 @@ impl Packed {
             context.notes.add("images of roughness and metallic in further pairs were left out");
             return None;
         }
-        let samples = match pictures.map(|picture| picture.map(|picture| &picture.samples)) {
-            [None | Some(Samples::U8(_)), None | Some(Samples::U8(_))] => {
-                let samples = pictures.map(|picture| picture.and_then(bytes));
-                Samples::U8(merged(samples, pictures, u8::MAX))
-            }
-            _ => {
-                let samples = pictures.map(|picture| picture.map(floats));
-                Samples::F32(merged(samples.each_ref().map(Option::as_deref), pictures, 1.0))
-            }
+        let are_bytes =
+            pictures.iter().flatten().all(|picture| matches!(picture.samples, Samples::U8(_)));
+        let channels = pictures.map(|picture| picture.and_then(|picture| picture.channel(0)));
+        let numbers = (0..3 * width * height).map(|k| match k % 3 {
+            0 => 1.0,
+            channel => channels[channel - 1].as_ref().map_or(1.0, |channel| channel.data()[k / 3]),
+        });
+        let samples = match are_bytes {
+            true => Samples::U8(numbers.map(|x| (255.0 * x).round() as u8).collect()),
+            false => Samples::F32(numbers.collect()),
         };
         self.numbers.insert(pair, context.images.len());
         context.images.push(Picture { width, height, channels: 3, samples });
         Some(context.images.len() - 1)
     }
-}
-
-fn bytes(picture: &Picture) -> Option<&[u8]> {
-    match &picture.samples {
-        Samples::U8(samples) => Some(samples),
-        _ => None,
-    }
-}
-
-fn floats(picture: &Picture) -> Vec<f32> {
-    match &picture.samples {
-        Samples::U8(samples) => samples.iter().map(|&x| f32::from(x) / 255.0).collect(),
-        Samples::U16(samples) => samples.iter().map(|&x| f32::from(x) / 65535.0).collect(),
-        Samples::F32(samples) => samples.clone(),
-    }
-}
-
-/// The pixels [1, green, blue], with `one` as 1.
-fn merged<S: Copy>(samples: [Option<&[S]>; 2], pair: [Option<&Picture>; 2], one: S) -> Vec<S> {
-    let pixels = pair.into_iter().flatten().map(Picture::pixels).next().unwrap_or(0);
-    let sample = |k: usize, pixel: usize| match (samples[k], pair[k]) {
-        (Some(samples), Some(picture)) => samples[pixel * picture.channels],
-        _ => one,
-    };
-    (0..pixels).flat_map(|pixel| [one, sample(0, pixel), sample(1, pixel)]).collect()
 }

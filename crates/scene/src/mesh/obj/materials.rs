@@ -29,7 +29,7 @@ use super::statements::{Statements, numbers, rest, text};
 use crate::error::{Place, SceneError};
 use crate::mesh::context::{MeshContext, unquoted};
 use crate::mesh::notes::{left_out, name};
-use crate::model::MaterialFile;
+use crate::model::{MaterialFile, MaterialMap};
 
 /// What programs, and we, write for faces without a material.
 pub(in crate::mesh) const NO_MATERIAL: &str = "(null)";
@@ -204,50 +204,44 @@ fn material(
     for what in &described.left_out {
         context.notes.add(format!("{what} of a material was left out"));
     }
-    let mut image = |map: &Option<Map>| -> Result<Option<usize>, SceneError> {
-        let Some(map) = map else { return Ok(None) };
+    let mut read = |map: &Option<Map>| -> Result<MaterialMap, SceneError> {
+        let Some(map) = map else { return Ok(MaterialMap::default()) };
         for option in &map.left_out {
             context.notes.add(format!("the option {option} of an image was left out"));
         }
-        context.image(&match folder {
+        let image = context.image(&match folder {
             "" => map.file.clone(),
             _ => format!("{folder}/{}", map.file),
-        })
+        })?;
+        Ok(MaterialMap { image, borders: map.borders, is_missing: image.is_none() })
     };
-    let base_color_image = image(&described.color_map)?;
-    let normal_image = image(&described.normal_map)?;
-    let (roughness, metallic) = (image(&described.roughness_map)?, image(&described.metallic_map)?);
-    if base_color_image.is_some() && described.color == Some([0.0; 3]) {
+    let (base_color_map, normal_map) = (read(&described.color_map)?, read(&described.normal_map)?);
+    let (roughness, metallic) = (read(&described.roughness_map)?, read(&described.metallic_map)?);
+    if base_color_map.image.is_some() && described.color == Some([0.0; 3]) {
         let note = format!("the material {name:?} is black: its Kd of 0 multiplies its image");
         context.notes.add(note);
     }
-    let metallic_roughness_image = packed.of([roughness, metallic], context);
-    let borders = |map: &Option<Map>| map.as_ref().map(|map| map.borders);
-    let pair = [borders(&described.roughness_map), borders(&described.metallic_map)];
-    if let [Some(roughness), Some(metallic)] = pair
-        && roughness != metallic
-    {
-        context
-            .notes
-            .add("`-clamp` of an image of metallic was left out: that of roughness is for both");
+    let are_named = [&described.roughness_map, &described.metallic_map].map(Option::is_some);
+    let metallic_roughness_map = MaterialMap {
+        image: packed.image([roughness.image, metallic.image], context),
+        borders: if are_named[0] { roughness.borders } else { metallic.borders },
+        is_missing: roughness.is_missing || metallic.is_missing,
+    };
+    if are_named == [true; 2] && roughness.borders != metallic.borders {
+        let note = "`-clamp` of an image of metallic was left out: that of roughness is for both";
+        context.notes.add(note);
     }
     // Where an image says it, the factor is 1.
-    let factor = |image: Option<usize>| image.map(|_| 1.0);
+    let factor = |map: MaterialMap| map.image.map(|_| 1.0);
     let [r, g, b] = described.color.unwrap_or([1.0; 3]);
     Ok(MaterialFile {
         name: name.to_owned(),
         base_color: [r, g, b, described.opacity.unwrap_or(1.0)],
-        base_color_image,
-        base_color_borders: borders(&described.color_map).unwrap_or_default(),
-        lacks_base_color_image: base_color_image.is_none() && described.color_map.is_some(),
+        base_color_map,
         metallic: described.metallic.or(factor(metallic)).unwrap_or(0.0),
         roughness: described.roughness.or(factor(roughness)).unwrap_or(1.0),
-        metallic_roughness_image,
-        metallic_roughness_borders: pair[0].or(pair[1]).unwrap_or_default(),
-        lacks_metallic_roughness_image: (roughness.is_none() && described.roughness_map.is_some())
-            || (metallic.is_none() && described.metallic_map.is_some()),
-        normal_image,
-        normal_borders: borders(&described.normal_map).unwrap_or_default(),
+        metallic_roughness_map,
+        normal_map,
         normal_scale: described.normal_map.as_ref().map_or(1.0, |map| map.factor),
     })
 }

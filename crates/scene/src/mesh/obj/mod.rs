@@ -65,14 +65,8 @@ pub(super) fn read(bytes: &[u8], context: &mut MeshContext<'_>) -> Result<Model,
 /// one nothing is left.
 fn keep_used_images(model: &mut Model, images: Vec<Picture>) {
     let mut numbers = vec![None; images.len()];
-    for material in &mut model.materials {
-        let MaterialFile { base_color_image, metallic_roughness_image, normal_image, .. } =
-            material;
-        let used = [base_color_image, metallic_roughness_image, normal_image];
-        for &mut number in used.into_iter().flatten() {
-            numbers[number] = Some(0);
-        }
-    }
+    let used = model.materials.iter().flat_map(MaterialFile::images);
+    used.for_each(|number| numbers[number] = Some(0));
     for (number, image) in images.into_iter().enumerate() {
         if numbers[number].is_some() {
             numbers[number] = Some(model.images.len());
@@ -80,10 +74,9 @@ fn keep_used_images(model: &mut Model, images: Vec<Picture>) {
         }
     }
     for material in &mut model.materials {
-        let MaterialFile { base_color_image, metallic_roughness_image, normal_image, .. } =
-            material;
-        for number in [base_color_image, metallic_roughness_image, normal_image] {
-            *number = number.and_then(|number| numbers[number]);
+        let MaterialFile { base_color_map, metallic_roughness_map, normal_map, .. } = material;
+        for map in [base_color_map, metallic_roughness_map, normal_map] {
+            map.image = map.image.and_then(|number| numbers[number]);
         }
     }
 }

@@ -193,7 +193,7 @@ impl Parts {
         }
         if !position.iter().all(|&x| (x as f32).is_finite()) {
             let found = format!("a position is finite, and this is {position:?}");
-            return Err(SceneError::content(context.line(number), found));
+            return Err(context.error_in(number, found));
         }
         // With the first colour the vertices before it turn out to have none.
         if count >= 6 {
@@ -216,7 +216,7 @@ impl Parts {
     ) -> Result<(), SceneError> {
         let counts = [self.positions.len(), self.coordinates.len(), self.normals.len()];
         for word in words.take_while(|word| !word.starts_with('#')) {
-            let refused = |found: String| SceneError::content(context.line(line), found);
+            let refused = |found: String| context.error_in(line, found);
             let mut corner = [NO_ROW; 3];
             for (k, part) in word.split('/').enumerate() {
                 let Some(slot) = corner.get_mut(k) else {
@@ -262,7 +262,7 @@ impl Parts {
                 let (what, count) = (NAMED[k], counts[k]);
                 let found = format!("a face names number {}", u64::from(row) + 1);
                 let found = format!("the file has {count} of the kind {what:?}, and {found}");
-                return Err(SceneError::content(context.line(line), found));
+                return Err(context.error_in(line, found));
             }
         }
         Ok(())
@@ -419,7 +419,7 @@ fn check_count(
     match count < least {
         true => {
             let found = format!("{what} has {least} numbers or more, and this has {count}");
-            Err(SceneError::content(context.line(line), found))
+            Err(context.error_in(line, found))
         }
         false => Ok(()),
     }

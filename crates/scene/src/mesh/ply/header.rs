@@ -103,7 +103,7 @@ pub(super) struct Header {
 impl Header {
     /// That of a file with these bytes.
     pub(super) fn read(bytes: &[u8], context: &MeshContext<'_>) -> Result<Self, SceneError> {
-        let refused = |found: String| SceneError::content(context.place(), found);
+        let refused = |found: String| context.error(found);
         if !bytes.starts_with(b"ply") {
             return Err(refused(
                 "a PLY file begins with the line ply, and this does not".to_owned(),
@@ -158,7 +158,7 @@ impl Header {
                     Err(format!("{rule}, and this begins with {:?}", name(other)))
                 }
             };
-            found.map_err(|found| SceneError::content(context.line(lines), found))?;
+            found.map_err(|found| context.error_in(lines, found))?;
         }
         let Some(encoding) = encoding else {
             let rule = "a header has a line that begins with format";

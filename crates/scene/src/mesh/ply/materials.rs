@@ -12,7 +12,7 @@ use super::rows::{Named, Rows};
 use crate::error::SceneError;
 use crate::mesh::colors;
 use crate::mesh::context::MeshContext;
-use crate::model::{MaterialFile, Submesh};
+use crate::model::{MaterialFile, MaterialMap, Submesh};
 use crate::picture::ColorSpace;
 
 /// Stands for a face without a material.
@@ -92,31 +92,28 @@ impl Materials {
             images.push(context.image(file)?);
         }
         let Some(rows) = self.rows else {
-            let of_image = |base_color_image: Option<usize>| MaterialFile {
-                base_color_image,
-                lacks_base_color_image: base_color_image.is_none(),
+            let material = |image| MaterialFile {
+                base_color_map: base_color_map(image, true),
                 metallic: 0.0,
                 ..MaterialFile::default()
             };
-            return Ok(images.into_iter().map(of_image).collect());
+            return Ok(images.into_iter().map(material).collect());
         };
-        let material = |(number, own): (usize, Described)| {
-            let Described { color: [red, green, blue], roughness, metallic, image } = own;
-            let base_color_image = match image.map(|image| images.get(image)) {
+        let material = |(number, row): (usize, Described)| {
+            let Described { color: [red, green, blue], roughness, metallic, image } = row;
+            let found = match image.map(|image| images.get(image)) {
                 None => None,
                 Some(Some(found)) => *found,
                 Some(None) => {
                     let count = images.len();
                     let rule = format!("the file names {count} images, and material {number} has");
                     let found = format!("{rule} number {}", image.unwrap_or_default());
-                    return Err(SceneError::content(context.place(), found));
+                    return Err(context.error(found));
                 }
             };
-            let base_color = [red, green, blue, 1.0];
             Ok(MaterialFile {
-                base_color,
-                base_color_image,
-                lacks_base_color_image: base_color_image.is_none() && image.is_some(),
+                base_color: [red, green, blue, 1.0],
+                base_color_map: base_color_map(found, image.is_some()),
                 metallic,
                 roughness,
                 ..MaterialFile::default()
@@ -124,6 +121,11 @@ impl Materials {
         };
         rows.into_iter().enumerate().map(material).collect()
     }
+}
+
+/// A base colour's map, whose image the file names or not.
+fn base_color_map(image: Option<usize>, is_named: bool) -> MaterialMap {
+    MaterialMap { image, is_missing: is_named && image.is_none(), ..MaterialMap::default() }
 }
 
 /// The submeshes of faces: those of one material in a row. `numbers` has the material of each face; where it is empty

@@ -91,7 +91,7 @@ pub(super) fn read(bytes: &[u8], context: &mut MeshContext<'_>) -> Result<Model,
         Some(_) => None,
     };
     if let Some(found) = found {
-        return Err(SceneError::content(context.place(), found));
+        return Err(context.error(found));
     }
     let (mut contents, mut rows) = (Contents::default(), Rows::after(&header, bytes));
     let mut materials = Materials::default();
@@ -118,7 +118,7 @@ pub(super) fn read(bytes: &[u8], context: &mut MeshContext<'_>) -> Result<Model,
         contents.materials.clear();
     }
     let submeshes = contents.submeshes(model.materials.len());
-    let submeshes = submeshes.map_err(|found| SceneError::content(context.place(), found))?;
+    let submeshes = submeshes.map_err(|found| context.error(found))?;
     let raw = contents.raw(submeshes, context.options.weld.unwrap_or(true));
     let geometry = Welder::default().weld(raw, &context.place(), &mut context.notes)?;
     let offset = contents.near.offset;
@@ -180,7 +180,7 @@ impl Contents {
         let mut named = Named::of(element);
         let Some(position) = named.scalars(&[["x", "y", "z"]]) else {
             let found = "a vertex has the properties x, y and z, and these lack some";
-            return Err(SceneError::content(context.place(), found));
+            return Err(context.error(found));
         };
         let normal = named.scalars(&[["nx", "ny", "nz"]]);
         let color = named.colors(context);
@@ -217,7 +217,7 @@ impl Contents {
         let mut named = Named::of(element);
         let Some(vertices) = named.list(&VERTICES) else {
             let found = "a face has the property vertex_indices, and these have none";
-            return Err(SceneError::content(context.place(), found));
+            return Err(context.error(found));
         };
         let coordinates = named.list(&["texcoord"]);
         let material = named.scalars(&NUMBERS);
@@ -291,7 +291,7 @@ impl Contents {
         let mut named = Named::of(element);
         let Some(vertices) = named.list(&VERTICES) else {
             let found = "a strip has the property vertex_indices, and these have none";
-            return Err(SceneError::content(context.place(), found));
+            return Err(context.error(found));
         };
         named.note_others(context);
         self.has_bare_faces |= element.count > 0;
@@ -317,7 +317,7 @@ impl Contents {
         let count = self.positions.len();
         if let Some(vertex) = self.faces.iter().flatten().find(|&&own| own as usize >= count) {
             let found = format!("the file has {count} vertices, and a face names vertex {vertex}");
-            return Err(SceneError::content(context.place(), found));
+            return Err(context.error(found));
         }
         if self.has_bare_faces && !self.corner_coordinates.is_empty() {
             context.notes.add("coordinates at corners were left out: not all faces have some");

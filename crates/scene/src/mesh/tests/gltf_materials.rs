@@ -43,9 +43,9 @@ fn materials_have_factors_and_images_each_once() {
         Samples::U8(samples) => samples[0],
         other => panic!("{other:?}"),
     };
-    assert_eq!(bytes(material.base_color_image), 8);
-    assert_eq!(bytes(material.metallic_roughness_image), 8);
-    assert_eq!(bytes(material.normal_image), 7);
+    assert_eq!(bytes(material.base_color_map.image), 8);
+    assert_eq!(bytes(material.metallic_roughness_map.image), 8);
+    assert_eq!(bytes(material.normal_map.image), 7);
     assert_eq!(model.images.len(), 2);
     assert!(only(&model).materials().eq([Some(0)]));
     let opaque =
@@ -81,8 +81,8 @@ fn coordinates_are_those_of_the_images_with_their_transform() {
         assert!((found - expected).abs() < 1e-6, "{found} {expected}");
     }
     let material = &model.materials[0];
-    assert!(material.base_color_image.is_some() && material.normal_image.is_some());
-    assert!(material.metallic_roughness_image.is_none());
+    assert!(material.base_color_map.image.is_some() && material.normal_map.image.is_some());
+    assert!(material.metallic_roughness_map.image.is_none());
     assert!(model.notes[0].contains("its coordinates are others"), "{:?}", model.notes);
 }
 
@@ -164,9 +164,9 @@ fn images_go_on_as_their_samplers_say() {
         json!([{"wrapS": 10497, "wrapT": 33071}, {"wrapS": 33648, "minFilter": 9987}]);
     let model = file.read().unwrap();
     let material = &model.materials[0];
-    assert_eq!(material.base_color_borders, [TextureBorder::Mirror, TextureBorder::Wrap]);
-    assert_eq!(material.normal_borders, [TextureBorder::Wrap, TextureBorder::Clamp]);
-    assert_eq!(material.metallic_roughness_borders, [TextureBorder::Wrap; 2]);
+    assert_eq!(material.base_color_map.borders, [TextureBorder::Mirror, TextureBorder::Wrap]);
+    assert_eq!(material.normal_map.borders, [TextureBorder::Wrap, TextureBorder::Clamp]);
+    assert_eq!(material.metallic_roughness_map.borders, [TextureBorder::Wrap; 2]);
     assert_eq!(model.images.len(), 1);
     assert!(model.notes.is_empty(), "{:?}", model.notes);
 }

@@ -170,15 +170,15 @@ fn materials_have_images_and_factors() {
     let [a, packed, same] = &model.materials[..] else { panic!("{:?}", model.materials) };
     assert_eq!(a.base_color, [0.5, 0.25, 1.0, 0.75]);
     assert_eq!([a.roughness, a.metallic, a.normal_scale], [0.5, 0.75, 2.0]);
-    assert_eq!(image(a.base_color_image), [1, 2, 3]);
-    assert_eq!(a.base_color_borders, [TextureBorder::Clamp; 2]);
-    assert_eq!(a.normal_borders, [TextureBorder::Wrap; 2]);
-    assert_eq!(image(a.normal_image), [4, 5, 6]);
+    assert_eq!(image(a.base_color_map.image), [1, 2, 3]);
+    assert_eq!(a.base_color_map.borders, [TextureBorder::Clamp; 2]);
+    assert_eq!(a.normal_map.borders, [TextureBorder::Wrap; 2]);
+    assert_eq!(image(a.normal_map.image), [4, 5, 6]);
     // Roughness in green, metallic in blue: the first channels of both.
-    assert_eq!(image(packed.metallic_roughness_image), [255, 7, 4]);
+    assert_eq!(image(packed.metallic_roughness_map.image), [255, 7, 4]);
     assert_eq!([packed.roughness, packed.metallic], [1.0, 1.0]);
-    assert_eq!(image(same.base_color_image), [7, 8, 9]);
-    assert_eq!(same.base_color_borders, [TextureBorder::Wrap; 2]);
+    assert_eq!(image(same.base_color_map.image), [7, 8, 9]);
+    assert_eq!(same.base_color_map.borders, [TextureBorder::Wrap; 2]);
     assert_eq!([same.roughness, same.metallic], [1.0, 0.0]);
     assert_eq!(model.images.len(), 4);
     let notes = model.notes.join("; ");
@@ -194,7 +194,7 @@ fn missing_and_broken_images_are_notes_and_those_outside_are_errors() {
     let mtl: (&str, &[u8]) = ("m.mtl", b"newmtl m\nmap_Kd a.png\n");
     let model = read_with(Obj, &text, &[mtl], folder.path()).unwrap();
     assert_eq!(model.notes, ["the image \"a.png\" is missing and was left out"]);
-    assert_eq!(model.materials[0].base_color_image, None);
+    assert_eq!(model.materials[0].base_color_map.image, None);
     // TGA and WebP, which are not read, and a PNG that is cut short.
     let webp = b"RIFF\x1a\0\0\0WEBPVP8L";
     for broken in [&b"\0\0\x02\0"[..], webp, &png(&[1, 2, 3])[..40]] {
@@ -302,7 +302,7 @@ fn keywords_are_of_any_case_and_options_may_follow_the_path() {
         let mtl = format!("# by hand\nNewMtl m\n{line}\n");
         let files: [(&str, &[u8]); 2] = [("a m.mtl", mtl.as_bytes()), ("a -b c.png", &image)];
         let model = read_with(Obj, &text, &files, folder.path()).unwrap();
-        assert_eq!(model.materials[0].base_color_image, Some(0), "{line}: {:?}", model.notes);
+        assert_eq!(model.materials[0].base_color_map.image, Some(0), "{line}: {:?}", model.notes);
         model.notes
     };
     let none: [&str; 0] = [];

@@ -403,7 +403,7 @@ fn the_image_of_the_header_is_the_base_colour() {
     let folder = tempfile::tempdir().unwrap();
     let model = read_with(Ply, &text, &[("the image.png", &png)], folder.path()).unwrap();
     assert_eq!(model.images, [picture]);
-    assert_eq!(model.materials[0].base_color_image, Some(0));
+    assert_eq!(model.materials[0].base_color_map.image, Some(0));
     assert!(only(&model).materials().eq([Some(0)]));
     let model = read(Ply, &text).unwrap();
     assert!(model.images.is_empty() && model.notes[0].contains("missing"), "{:?}", model.notes);

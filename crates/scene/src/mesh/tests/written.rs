@@ -7,7 +7,7 @@ use super::{read, read_with, said};
 use crate::error::SceneError;
 use crate::mesh::MeshKind::{Gltf, Obj, Ply};
 use crate::mesh::{glb, obj, ply};
-use crate::model::{Geometry, Indexed, MaterialFile, Model, NO_ROW, Placed, Submesh};
+use crate::model::{Geometry, Indexed, MaterialFile, MaterialMap, Model, NO_ROW, Placed, Submesh};
 use crate::picture::{Picture, Samples};
 
 /// A pyramid with a seam: attributes are indexed each in its own way, as welding numbers them.
@@ -75,16 +75,11 @@ fn model() -> Model {
     let painted = MaterialFile {
         name: "painted".to_owned(),
         base_color: [0.1, 0.2, 0.3, 0.4],
-        base_color_image: Some(1),
-        lacks_base_color_image: false,
-        lacks_metallic_roughness_image: false,
-        base_color_borders: [TextureBorder::Clamp, TextureBorder::Mirror],
+        base_color_map: MaterialMap::new(1, [TextureBorder::Clamp, TextureBorder::Mirror]),
         metallic: 0.25,
         roughness: 0.75,
-        metallic_roughness_image: Some(0),
-        metallic_roughness_borders: [TextureBorder::Wrap; 2],
-        normal_image: Some(0),
-        normal_borders: [TextureBorder::Wrap, TextureBorder::Clamp],
+        metallic_roughness_map: MaterialMap::new(0, [TextureBorder::Wrap; 2]),
+        normal_map: MaterialMap::new(0, [TextureBorder::Wrap, TextureBorder::Clamp]),
         normal_scale: 0.5,
     };
     let images = vec![
@@ -252,8 +247,8 @@ fn materials_come_back_from_ply_and_obj() {
     assert_eq!([painted.roughness, painted.metallic], [own.roughness, own.metallic]);
     assert_eq!(painted.normal_scale, own.normal_scale);
     let image = |own: Option<usize>, of: &Model| of.images[own.unwrap()].clone();
-    assert_eq!(image(painted.base_color_image, &back), image(own.base_color_image, &model));
-    assert_eq!(image(painted.normal_image, &back), image(own.normal_image, &model));
+    assert_eq!(image(painted.base_color_map.image, &back), image(own.base_color_map.image, &model));
+    assert_eq!(image(painted.normal_map.image, &back), image(own.normal_map.image, &model));
     assert!(obj(&model, "a\nb").is_err());
 }
 
@@ -273,7 +268,7 @@ fn models_that_break_a_rule_are_not_written() {
         (|model| model.placed[0].geometry = 3, "has 3 of the kind \"geometry\""),
         (|model| model.placed[0].transform.x_axis.x = 1e300, "a matrix is finite"),
         (|model| model.materials[0].roughness = f32::NAN, "the numbers of the material"),
-        (|model| model.materials[0].normal_image = Some(2), "has 2 of the kind \"image\""),
+        (|model| model.materials[0].normal_map.image = Some(2), "has 2 of the kind \"image\""),
         (|model| model.images[0].samples = Samples::F32(vec![0.0; 6]), "8 or 16 bits"),
         (|model| model.images[0].width = 3, "an image of 3 x 1"),
         (
